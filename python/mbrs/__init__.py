@@ -1,0 +1,1 @@
+"""Vibration and motion of spatial multibody systems. ``import mbrs as mb``."""

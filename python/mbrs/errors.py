@@ -1,0 +1,49 @@
+"""What can go wrong, each with a class of its own. Every message names the object and the remedy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class MbrsError(Exception):
+    """Base of all errors raised by mbrs."""
+
+
+class ModelError(MbrsError, ValueError):
+    """The model, or an argument of an analysis, is wrong: a name, a shape, a value."""
+
+
+class NameNotFoundError(ModelError):
+    """A name or address that the model does not know; the message proposes the nearest known one."""
+
+
+class DuplicateNameError(ModelError):
+    """A name that is already taken in this model."""
+
+
+class InertiaError(ModelError):
+    """A mass or an inertia that no body can have."""
+
+
+class AssemblyError(MbrsError):
+    """Loops that cannot close, or joints that contradict each other; the message says by how much."""
+
+
+class SingularError(MbrsError):
+    """A mass matrix, a stiffness or a constraint matrix is singular where it must not be."""
+
+
+class ConvergenceError(MbrsError):
+    """An iteration gave up. ``result`` carries what it had reached, or None."""
+
+    def __init__(self, message: str, result: Any = None) -> None:
+        super().__init__(message)
+        self.result = result
+
+
+class NotDifferentiableError(MbrsError):
+    """A derivative that does not exist, such as that of a redundant loop which the parameter breaks open."""
+
+
+class MbrsWarning(UserWarning):
+    """Base of all warnings of mbrs."""

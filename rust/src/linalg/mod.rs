@@ -1,0 +1,1 @@
+//! Dense and sparse linear algebra that faer does not bring ready-made.
