@@ -25,8 +25,8 @@ _INERTIA_INDEX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 class Target:
     """What an address means.
 
-    For a parameter ``item`` and ``field`` are None and ``components`` are places in V. Otherwise ``components`` count within the
-    field (for axes and orientations: the world axis to turn about). ``shape`` is () for one number.
+    For a parameter ``item`` and ``field`` are None and ``components`` are places in V. Otherwise ``components`` count
+    within the field (for axes and orientations: the world axis to turn about). ``shape`` is () for one number.
     """
 
     address: str

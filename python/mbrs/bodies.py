@@ -57,7 +57,9 @@ class Body(Ported):
         return self.name, None
 
     def force(self, direction: Any, at: Any = None) -> Port:
-        """A unit force along "x", "-y", ... or a vector (3,), world axes, at the body's origin or the world point ``at``."""
+        """A unit force along "x", "-y", ... or a vector (3,), world axes, at the body's origin or the world point
+        ``at``.
+        """
         return self._port("force", direction, at)
 
     def torque(self, direction: Any) -> Port:
@@ -65,7 +67,9 @@ class Body(Ported):
         return self._port("torque", direction, None)
 
     def motion(self, direction: Any, at: Any = None) -> Port:
-        """Displacement along "x", ... or rotation about "rx", ..., world axes, of the origin or of the material point ``at``."""
+        """Displacement along "x", ... or rotation about "rx", ..., world axes, of the origin or of the material point
+        ``at``.
+        """
         return self._port("motion", direction, at)
 
     def check(self, values: Sequence[float]) -> None:
@@ -122,6 +126,7 @@ class Marker(Ported):
     """Handle of a named point (with axes) of a body; see `Model.marker`."""
 
     __slots__ = ("body",)
+    body: int
     store = "marker"
     kind = "marker"
 
@@ -159,6 +164,7 @@ class Pose(Item):
     """A first guess of where assembly puts a body: origin (3) and orientation (4)."""
 
     __slots__ = ("body",)
+    body: int
     store = "pose"
     kind = "pose"
 
@@ -235,8 +241,8 @@ def _check_inertia(where: str, j: Sequence[float]) -> None:
         return
     raise problem(
         where,
-        f"has principal moments {low:g}, {middle:g}, {high:g}: the largest exceeds the sum of the others, which no body can "
-        "have. Check units, the sign of products of inertia, and that it is about the centre of mass",
+        f"has principal moments {low:g}, {middle:g}, {high:g}: the largest exceeds the sum of the others, which no "
+        "body can have. Check units, the sign of products of inertia, and that it is about the centre of mass",
         InertiaError,
     )
 

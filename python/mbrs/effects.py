@@ -174,7 +174,7 @@ def _loads(m: Model) -> list[str]:
 
 def _prestress(m: Model) -> list[str]:
     out = []
-    owners = [*m.joints, *m.elements]
+    owners: list[Any] = [*m.joints, *m.elements]
     preloaded = [o.name for o in owners if o.flags & 4]
     lengths = [o.name for o in m.elements if o.flags & 16]
     angles = [o.name for o in m.elements if o.type == "torsion" and o.values(8, 1)[0] != 0.0]

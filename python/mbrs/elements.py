@@ -28,6 +28,12 @@ class Element(Item):
     """Handle of a spring-damper, bushing or torsion spring; see `Model.spring_damper` and its siblings."""
 
     __slots__ = ("a", "b", "flags", "one_point", "shapes", "type")
+    a: int
+    b: int
+    flags: int
+    one_point: bool
+    shapes: dict[str, tuple[int, ...]]  # of k, c and preload as they were given
+    type: str
     store = "element"
     kind = "element"
 
@@ -110,6 +116,9 @@ class Load(Item):
     """Handle of a constant force or torque; see `Model.force` and `Model.torque`."""
 
     __slots__ = ("body", "frame", "type")
+    body: int
+    frame: str
+    type: str
     store = "load"
     kind = "load"
 
@@ -126,6 +135,10 @@ class LawItem(Item):
     """One law on one relative coordinate of an element or a joint."""
 
     __slots__ = ("code", "component", "n", "owner")
+    code: int
+    component: int
+    n: int
+    owner: Any
     kind = "law"
 
     @property
@@ -261,7 +274,7 @@ def _finish(e: Element, entries: list[Number], laws: NewLaws) -> Element:
 
 
 class ElementMethods:
-    """The springs and loads of a model. Forces are preload + k e + c e', resisting the elongation e (docs/tables.md)."""
+    """The springs and loads of a model. Forces are preload + k e + c e', against the elongation e (docs/tables.md)."""
 
     def spring_damper(  # type: ignore[misc]
         self: Model,
@@ -276,7 +289,8 @@ class ElementMethods:
         preload: Any = None,
         law: Any = None,
     ) -> Element:
-        """A spring and damper between two points: tension f = preload + k (d - L0) + c d', d the distance of the points.
+        """A spring and damper between two points: tension f = preload + k (d - L0) + c d', d the distance of the
+        points.
 
         Parameters
         ----------
@@ -339,11 +353,12 @@ class ElementMethods:
         preload: Any = None,
         law: Any = None,
     ) -> Element:
-        """A six-component spring and damper: f = preload + k e + c e', e = (displacement, rotation vector) of b, frame of a.
+        """A six-component spring and damper: f = preload + k e + c e', e = (displacement, rotation vector) of b, frame
+        of a.
 
-        ``at``: a point (3,) or two (P_a, P_b), world, m. ``k``, ``c``: (6,) or (6, 6), translation first (N/m, N m/rad; N s/m,
-        N m s/rad). ``orientation``: of its frame as drawn (world axes by default), carried along by a. ``preload``: (6,) N,
-        N m. ``law``: six laws or None, or {"x": law, "rz": law}.
+        ``at``: a point (3,) or two (P_a, P_b), world, m. ``k``, ``c``: (6,) or (6, 6), translation first (N/m, N m/rad;
+        N s/m, N m s/rad). ``orientation``: of its frame as drawn (world axes by default), carried along by a.
+        ``preload``: (6,) N, N m. ``law``: six laws or None, or {"x": law, "rz": law}.
 
         >>> import mbrs as mb
         >>> m = mb.Model("mount"); p = m.body("plate", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
@@ -379,8 +394,8 @@ class ElementMethods:
     ) -> Element:
         """A torsion spring about ``axis`` (fixed in a): moment preload + k (phi - angle) + c phi', phi = 0 as drawn.
 
-        ``at``: one point (3,), world, where it is drawn; the moment does not depend on it. ``angle``: unstretched angle, rad.
-        ``k``, ``c``, ``preload``: N m/rad, N m s/rad, N m.
+        ``at``: one point (3,), world, where it is drawn; the moment does not depend on it. ``angle``: unstretched
+        angle, rad. ``k``, ``c``, ``preload``: N m/rad, N m s/rad, N m.
         """
         e = _new_element(self, "torsion", name, a, b, k, c, preload, law)
         if is_pair(at):
@@ -400,7 +415,8 @@ class ElementMethods:
     ) -> Load:
         """A constant force ``value`` (3,), N, at the world point ``at`` of the body (its origin by default).
 
-        ``frame="world"``: keeps its direction; ``"body"``: turns with the body (a follower), value in world axes as drawn.
+        ``frame="world"``: keeps its direction; ``"body"``: turns with the body (a follower), value in world axes as
+        drawn.
         """
         return _add_load(self, "force", name, body, at, value, frame)
 

@@ -1,7 +1,7 @@
 """Scalar expressions of design parameters: a graph that is evaluated and differentiated exactly.
 
-A node is an operation on nodes and numbers, or a symbol: one entry of the flat vector V of parameter values. `Program` lists the
-nodes of many expressions once, children first, so that new values cost one pass without recursion.
+A node is an operation on nodes and numbers, or a symbol: one entry of the flat vector V of parameter values. `Program`
+lists the nodes of many expressions once, children first, so that new values cost one pass without recursion.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Op(NamedTuple):
-    """An operation: its NumPy name, its value, its partial derivatives, and how it is written (operator, precedence)."""
+    """An operation: its NumPy name, its value, its partial derivatives, its symbol and precedence in text."""
 
     name: str
     value: Callable[..., float]
@@ -102,7 +102,9 @@ _UFUNC_ALIAS = {
 
 
 class Expression:
-    """A number that depends on parameters. Arithmetic and NumPy functions of it give expressions; ``.value`` is its number now."""
+    """A number that depends on parameters. Arithmetic and NumPy functions of it give expressions; ``.value`` is its
+    number now.
+    """
 
     __slots__ = ("_value", "_version", "args", "op", "space")
     # Identity, not value: two equal expressions may differ after the next m.set.
@@ -123,7 +125,7 @@ class Expression:
 
     def __float__(self) -> float:
         raise TypeError(
-            f"float() would cut the expression {self} off from its parameters: use np.sin instead of math.sin, or .value"
+            f"float() would cut the expression {self} off from its parameters: use np.sin, not math.sin, or .value"
         )
 
     def __bool__(self) -> bool:
@@ -285,7 +287,8 @@ def apply_ufunc(ufunc: np.ufunc, method: str, inputs: Sequence[Any], options: di
 class Program:
     """The nodes of some expressions, each once and children first.
 
-    ``nodes[i]`` is ``(None, number)`` for a constant, ``(index, label)`` for a symbol and ``(name, children)`` for an operation.
+    ``nodes[i]`` is ``(None, number)`` for a constant, ``(index, label)`` for a symbol and ``(name, children)`` for an
+    operation.
     """
 
     def __init__(self, roots: Iterable[Expression]) -> None:
@@ -355,7 +358,7 @@ class Program:
         order = self._below(root)
         for i in order:
             seed = adjoint.pop(i, 0.0)
-            name, args = self.nodes[i]
+            name, _ = self.nodes[i]
             if isinstance(name, int):
                 out[name] = out.get(name, 0.0) + seed
             elif name is not None:
@@ -383,7 +386,7 @@ class Program:
                 slope = partial(*numbers, w[i])
             except (ValueError, ArithmeticError) as reason:
                 raise NotDifferentiableError(
-                    f"{self.text()[i]} has no derivative at the current values of its parameters; move them off this point"
+                    f"{self.text()[i]} has no derivative at the present values of its parameters; move them off it"
                 ) from reason
             adjoint[a] = adjoint.get(a, 0.0) + seed * slope
 

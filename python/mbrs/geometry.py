@@ -49,12 +49,10 @@ def rotation(axis_: Any = "z", angle: Any = 0.0) -> np.ndarray:
     a = axis(axis_, "the axis of a rotation")
     half = scalar(angle, "the angle of a rotation") * 0.5
     plain = not isinstance(half, Expression) and not any(isinstance(v, Expression) for v in a)
-    if plain:
-        length = math.hypot(*a)  # type: ignore[arg-type]
-    else:
-        length = np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+    length: Any = math.hypot(*a) if plain else np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])  # type: ignore[arg-type]
     sine = np.sin(half)
-    entries = [np.cos(half), *(sine * (v / length) for v in a)]
+    # A plain zero stays one: it depends on no parameter.
+    entries = [np.cos(half), *(sine * (v / length) if isinstance(v, Expression) or v else 0.0 for v in a)]
     return np.array(entries, dtype=float if plain else object)
 
 

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 FRAME_GIVEN = 8
 _PERPENDICULAR = 1e-6
 _ZEROS = (0.0,) * 6
+_NONE: tuple[Number, ...] = (0.0, 0.0, 0.0)
+_Z: tuple[Number, ...] = (0.0, 0.0, 1.0)
+_NO_ROTATION: tuple[Number, ...] = (1.0, 0.0, 0.0, 0.0)
 
 
 class JointKind(NamedTuple):
@@ -50,6 +53,12 @@ class Joint(Item):
     """Handle of a joint; see `Model.revolute` and its siblings."""
 
     __slots__ = ("a", "b", "flags", "one_point", "shapes", "type")
+    a: int
+    b: int
+    flags: int
+    one_point: bool
+    shapes: dict[str, tuple[int, ...]]  # of k, c and preload as they were given
+    type: str
     store = "joint"
     kind = "joint"
 
@@ -128,7 +137,7 @@ def _frame(
     if orientation is not None:
         if axis_ is not None or axis2 is not None:
             raise problem(where, "and orientation are both given; give one of them")
-        return [0.0, 0.0, 1.0], [0.0, 0.0, 0.0], quaternion(orientation, name + ".orientation")
+        return list(_Z), list(_NONE), quaternion(orientation, name + ".orientation")
     if axis_ is None and kind.needs_axis:
         raise problem(where, f"is missing: a {type_} joint needs axis= (a direction in the world) or orientation=")
     if axis2 is None and kind.two_axes:
@@ -136,9 +145,9 @@ def _frame(
         raise problem(name + ".axis2", f"is missing: a {type_} joint needs axis2=, {what}")
     if axis2 is not None and not kind.two_axes:
         raise problem(name + ".axis2", f"is not used by a {type_} joint; only universal and rolling_disc have two axes")
-    first = [0.0, 0.0, 1.0] if axis_ is None else axis(axis_, where)
-    second = [0.0, 0.0, 0.0] if axis2 is None else axis(axis2, name + ".axis2")
-    return first, second, [1.0, 0.0, 0.0, 0.0]
+    first = list(_Z) if axis_ is None else axis(axis_, where)
+    second = list(_NONE) if axis2 is None else axis(axis2, name + ".axis2")
+    return first, second, list(_NO_ROTATION)
 
 
 def _coordinate_numbers(joint: Joint, field: str, value: Any, kind: JointKind) -> Sequence[Number]:
@@ -216,14 +225,15 @@ def add_joint(
 
 
 class JointMethods:
-    """The joints of a model. ``a`` and ``b`` are bodies (handles or names, or ground); rows and coordinates: docs/tables.md.
+    """The joints of a model. ``a`` and ``b`` are bodies (handles or names, or ground); rows and coordinates:
+    docs/tables.md.
 
-    All of them take ``at``: the joint's point (3,), world coordinates as drawn, or two points ``(P_a, P_b)`` that assembly
-    brings together; ``axis``: "x", "-y", ... or a vector (3,), world, the joint frame's z axis; or ``orientation``: quaternion
-    (4,), scalar first, or matrix (3, 3), the joint frame in the world. ``k`` (N/m, N m/rad), ``c`` (N s/m, N m s/rad) and
-    ``preload`` (N, N m) act on the free coordinates in their order: one number where there is one, else one for each.
-    ``law`` adds a nonlinear law. Each returns its `Joint`; a wrong argument raises `ModelError` (`NameNotFoundError`,
-    `DuplicateNameError`) that names it. Cost O(1).
+    All of them take ``at``: the joint's point (3,), world coordinates as drawn, or two points ``(P_a, P_b)`` that
+    assembly brings together; ``axis``: "x", "-y", ... or a vector (3,), world, the joint frame's z axis; or
+    ``orientation``: quaternion (4,), scalar first, or matrix (3, 3), the joint frame in the world. ``k`` (N/m, N
+    m/rad), ``c`` (N s/m, N m s/rad) and ``preload`` (N, N m) act on the free coordinates in their order: one number
+    where there is one, else one for each. ``law`` adds a nonlinear law. Each returns its `Joint`; a wrong argument
+    raises `ModelError` (`NameNotFoundError`, `DuplicateNameError`) that names it. Cost O(1).
     """
 
     def fixed(self: Model, name: str, a: Any, b: Any, *, at: Any, orientation: Any = None) -> Joint:  # type: ignore[misc]
@@ -347,7 +357,8 @@ class JointMethods:
         preload: Any = None,
         law: Any = None,
     ) -> Joint:
-        """A cross: free are the angle about ``axis``, fixed in a, and that about ``axis2``, fixed in b and perpendicular to it.
+        """A cross: free are the angle about ``axis``, fixed in a, and that about ``axis2``, fixed in b and
+        perpendicular to it.
 
         With ``orientation`` the frame's z is the first axis and its x the second.
         """
@@ -411,7 +422,9 @@ class JointMethods:
         preload: Any = None,
         law: Any = None,
     ) -> Joint:
-        """Motion in the plane normal to ``axis``: free are x, y of the joint frame (m) and the angle about its z (rad)."""
+        """Motion in the plane normal to ``axis``: free are x, y of the joint frame (m) and the angle about its z
+        (rad).
+        """
         return add_joint(
             self,
             "planar",
@@ -441,7 +454,9 @@ class JointMethods:
         preload: Any = None,
         law: Any = None,
     ) -> Joint:
-        """No constraint: names the six coordinates of b relative to a (translation, then rotation vector, joint frame)."""
+        """No constraint: names the six coordinates of b relative to a (translation, then rotation vector, joint
+        frame).
+        """
         return add_joint(
             self,
             "free",
@@ -458,7 +473,9 @@ class JointMethods:
         )
 
     def distance(self: Model, name: str, a: Any, b: Any, *, at: Any, length: Any = None) -> Joint:  # type: ignore[misc]
-        """A massless rod: the distance of ``at=(P_a, P_b)`` stays as drawn, or is ``length`` (m), to which assembly goes."""
+        """A massless rod: the distance of ``at=(P_a, P_b)`` stays as drawn, or is ``length`` (m), to which assembly
+        goes.
+        """
         return add_joint(self, "distance", name, a, b, at=at, length=length)
 
     def knife_edge(  # type: ignore[misc]
@@ -479,7 +496,8 @@ class JointMethods:
         orientation: Any = None,
         radius: Any = None,
     ) -> Joint:
-        """Nonholonomic: a disc of ``radius`` (m) about ``axis2`` (fixed in b) rolls on a plane of a with the normal ``axis``.
+        """Nonholonomic: a disc of ``radius`` (m) about ``axis2`` (fixed in b) rolls on a plane of a with the normal
+        ``axis``.
 
         ``at=(P_a, P_b)``: any point of the plane and the disc's centre.
         """

@@ -174,7 +174,9 @@ class Model(JointMethods, ElementMethods):
         )
 
     def marker(self, name: str, body: Any, *, at: Any, orientation: Any = None) -> Marker:
-        """A named point of a body (or of ground) at ``at`` (3,), world, m, as drawn: for inputs, outputs and trajectories."""
+        """A named point of a body (or of ground) at ``at`` (3,), world, m, as drawn: for inputs, outputs and
+        trajectories.
+        """
         return add_marker(self, name, body, at, orientation)
 
     def parameter(self, name: str, value: Any) -> Any:
@@ -243,9 +245,9 @@ class Model(JointMethods, ElementMethods):
     def set(self, changes: Mapping[str, Any]) -> None:
         """Change numbers by address, keeping what was compiled: ``{"k_leg": 2e5, "payload.mass": 21.0}``.
 
-        All changes are made or, where one is impossible, none. Numbers that a parameter drives change through the parameter. Setting
-        the ``length`` of a spring gives it a natural length of its own. A new axis or orientation is set whole. Cost: O(changed
-        numbers), plus one pass over the expressions where parameters change.
+        All changes are made or, where one is impossible, none. Numbers that a parameter drives change through the
+        parameter. Setting the ``length`` of a spring gives it a natural length of its own. A new axis or orientation is
+        set whole. Cost: O(changed numbers), plus one pass over the expressions where parameters change.
 
         Raises
         ------
@@ -336,7 +338,9 @@ class Model(JointMethods, ElementMethods):
         return i, j
 
     def save(self, path: str | Path) -> Path:
-        """Save as TOML; `load` brings back a model with identical Tables. Expressions stay expressions. Returns the path."""
+        """Save as TOML; `load` brings back a model with identical Tables. Expressions stay expressions. Returns the
+        path.
+        """
         from .io.toml import save
 
         return save(self, path)

@@ -70,7 +70,8 @@ def _label(kind: Kind, owner: str, direction: Any, point: tuple[float, ...] | No
 
 
 def base_motion(direction: Any) -> Port:
-    """Motion of ground as a whole, as an input: translation "x", "y", "z" (or a vector (3,)), rotation "rx", "ry", "rz".
+    """Motion of ground as a whole, as an input: translation "x", "y", "z" (or a vector (3,)), rotation "rx", "ry",
+    "rz".
 
     A rotation turns ground about the world origin. The amplitude is a displacement in m or an angle in rad.
 

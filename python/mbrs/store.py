@@ -1,4 +1,6 @@
-"""Where a model keeps its numbers: one growing vector per kind of object, with the expressions that drive some of them."""
+"""Where a model keeps its numbers: one growing vector per kind of object, with the expressions that drive some of
+them.
+"""
 
 from __future__ import annotations
 
@@ -46,8 +48,8 @@ class Store:
 class Field:
     """A named group of numbers of one object.
 
-    ``slots[c]`` are the places of component c in the object's store: several where one number stands for more (``at`` of a joint
-    drawn with one point). ``kind``: "axis" and "orientation" are varied by a world rotation vector.
+    ``slots[c]`` are the places of component c in the object's store: several where one number stands for more (``at``
+    of a joint drawn with one point). ``kind``: "axis" and "orientation" are varied by a world rotation vector.
     """
 
     slots: tuple[tuple[int, ...], ...]
@@ -72,6 +74,10 @@ class Item:
     """Base of all handles: an object of a model, its name, its place."""
 
     __slots__ = ("index", "model", "name", "start")
+    model: Model
+    name: str
+    index: int
+    start: int
     store: ClassVar[str]
     kind: ClassVar[str]
 

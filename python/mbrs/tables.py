@@ -1,4 +1,6 @@
-"""Tables: the flat arrays that the core and the reference read (docs/tables.md), and directions in their number vector x."""
+"""Tables: the flat arrays that the core and the reference read (docs/tables.md), and directions in their number
+vector x.
+"""
 
 from __future__ import annotations
 
@@ -182,8 +184,8 @@ def directions(model: Model, addresses: str | Sequence[str]) -> Directions:
     model
         The values are taken as they are now.
     addresses
-        One or more: "k_leg", "V" (all its entries), "V[0,1]", "payload.mass", "leg0.at_b[2]", "A.axis" (three columns: turning
-        about world x, y, z). Each is a direction by itself, also where parameters drive the number.
+        One or more: "k_leg", "V" (all its entries), "V[0,1]", "payload.mass", "leg0.at_b[2]", "A.axis" (three columns:
+        turning about world x, y, z). Each is a direction by itself, also where parameters drive the number.
 
     Returns
     -------
@@ -267,7 +269,9 @@ def _column(model: Model, target: Target, component: int) -> tuple[Sequence[int]
 
 
 def dx_dV(model: Model) -> Any:
-    """(n_x, n_V) `scipy.sparse.csc_array`: exact derivative of all numbers by all parameters, in the order of definition."""
+    """(n_x, n_V) `scipy.sparse.csc_array`: exact derivative of all numbers by all parameters, in the order of
+    definition.
+    """
     from scipy.sparse import csc_array
 
     n_x, n_v = sum(len(s.x) for s in model.stores.values()), len(model.space.values)

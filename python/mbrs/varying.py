@@ -109,13 +109,13 @@ def assign(model: Model, changes: Sequence[tuple[Target, Any]]) -> bool:
         if space.values != before:
             driver.run(model)
             touched.extend(item for item in driver.recheck if item not in touched)
-        given = [t.item for t, _ in changes if t.name == "length"]
         for item in touched:
             item.recheck()
-        for item in given:
-            length = model.stores[item.store].x[_slot_of_length(item)]  # type: ignore[union-attr]
+        given: list[Any] = [t.item for t, _ in changes if t.name == "length"]
+        for owner in given:
+            length = model.stores[owner.store].x[owner.fields()["length"].slots[0][0]]
             if length < 0.0:
-                raise problem(f"{item.name}.length", f"must not be negative, got {length:g}")  # type: ignore[union-attr]
+                raise problem(f"{owner.name}.length", f"must not be negative, got {length:g}")
     except BaseException:
         for kind, slot, old in reversed(undo):
             model.stores[kind].x[slot] = old
@@ -124,10 +124,6 @@ def assign(model: Model, changes: Sequence[tuple[Target, Any]]) -> bool:
             driver.run(model)
         raise
     return _flag_lengths(given)
-
-
-def _slot_of_length(item: Any) -> int:
-    return item.fields()["length"].slots[0][0]
 
 
 def _flag_lengths(items: Sequence[Any]) -> bool:
@@ -182,5 +178,6 @@ def _writes(model: Model, target: Target, value: Any) -> list[tuple[int, float]]
 def _is_driven(target: Target, expression: Expression) -> ModelError:
     names = sorted({arg for op, arg in Program([expression]).nodes if isinstance(op, int)})
     return ModelError(
-        f"{target.address} is driven by the expression {expression} and cannot be set; set {', '.join(map(repr, names))} instead"
+        f"{target.address} is driven by the expression {expression} and cannot be set; "
+        f"set {', '.join(map(repr, names))} instead"
     )

@@ -1,7 +1,7 @@
 """Expressions as text: "2*k_leg + 1", "V[0,1]*sin(angle)"; names that are no identifiers are quoted: "2*'leg k'".
 
-Numbers, parameters, + - * / **, unary minus, parentheses and the NumPy functions of `mbrs.expressions`; nothing else is read, and
-nothing is ever executed.
+Numbers, parameters, + - * / **, unary minus, parentheses and the NumPy functions of `mbrs.expressions`; nothing else is
+read, and nothing is ever executed.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ def load(path: str | Path) -> Model:
 
 def dumps(model: Model) -> str:
     """The TOML text of a model."""
-    lines = []
+    lines: list[str] = []
     for heading, table in describe(model):
         lines += ["", heading] if lines else [heading]
         lines += [f"{_key(key)} = {_value(value)}" for key, value in table.items()]
