@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-JOINTS = "fixed revolute prismatic cylindrical universal spherical planar free distance knife_edge rolling_disc".split()
+JOINTS = ["fixed", "revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "free"]
+JOINTS += ["distance", "knife_edge", "rolling_disc"]
 ELEMENTS = ["spring_damper", "bushing", "torsion"]
 
 
@@ -57,17 +58,59 @@ class Builder:
     def index(self, body):
         return -1 if body is None else self.t["body_name"].index(body)
 
-    def body(self, name, mass=1.0, inertia=(1, 1, 1, 0, 0, 0), at=(0, 0, 0), q=(1, 0, 0, 0), com=(0, 0, 0), v=(0, 0, 0), w=(0, 0, 0)):
+    def body(
+        self,
+        name,
+        mass=1.0,
+        inertia=(1, 1, 1, 0, 0, 0),
+        at=(0, 0, 0),
+        q=(1, 0, 0, 0),
+        com=(0, 0, 0),
+        v=(0, 0, 0),
+        w=(0, 0, 0),
+    ):
         inertia = np.r_[np.asarray(inertia, float), np.zeros(6)][:6]
         self._append("body", name=name, x=self._numbers(name, at, q, com, mass, inertia, v, w))
         return name
 
-    def joint(self, name, kind, a, b, at, axis=(0, 0, 1), axis2=(1, 0, 0), q=None, k=None, c=None, preload=None, length=None, at_b=None):
+    def joint(
+        self,
+        name,
+        kind,
+        a,
+        b,
+        at,
+        axis=(0, 0, 1),
+        axis2=(1, 0, 0),
+        q=None,
+        k=None,
+        c=None,
+        preload=None,
+        length=None,
+        at_b=None,
+    ):
         pad = lambda v: np.r_[np.zeros(0) if v is None else np.atleast_1d(v), np.zeros(6)][:6]  # noqa: E731
-        flags = (k is not None) + 2 * (c is not None) + 4 * (preload is not None) + 8 * (q is not None) + 16 * (length is not None)
-        numbers = (at, at if at_b is None else at_b, axis, axis2, (1, 0, 0, 0) if q is None else q, pad(k), pad(c), pad(preload))
+        flags = (
+            (k is not None)
+            + 2 * (c is not None)
+            + 4 * (preload is not None)
+            + 8 * (q is not None)
+            + 16 * (length is not None)
+        )
+        numbers = (
+            at,
+            at if at_b is None else at_b,
+            axis,
+            axis2,
+            (1, 0, 0, 0) if q is None else q,
+            pad(k),
+            pad(c),
+            pad(preload),
+        )
         start = self._numbers(name, *numbers, 0.0 if length is None else length, 0.0)
-        self._append("joint", name=name, type=JOINTS.index(kind), a=self.index(a), b=self.index(b), flags=flags, x=start)
+        self._append(
+            "joint", name=name, type=JOINTS.index(kind), a=self.index(a), b=self.index(b), flags=flags, x=start
+        )
 
     def spring(self, name, a, b, at_a, at_b, k=None, c=None, length=None, preload=None):
         flags = (k is not None) + 2 * (c is not None) + 4 * (preload is not None) + 16 * (length is not None)
@@ -113,7 +156,9 @@ def hanging_four_bar(kind="revolute"):
 
 
 def cubic_hexapod_points(edge=0.2, centre=(0, 0, 0.1)):
-    """Six edges of a cube that run between the two corners on its diagonal (the platform's three corners to the base's three)."""
+    """Six edges of a cube that run between the two corners on its diagonal (the platform's three corners to the
+    base's three).
+    """
     corners = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)], float)
     z = np.ones(3) / np.sqrt(3)
     x = np.array([1, -1, 0]) / np.sqrt(2)

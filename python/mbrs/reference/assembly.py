@@ -101,7 +101,9 @@ def null_space(Jt: Jet, part: Partition) -> Jet:
 
 
 def twist_map(sys: System, bodies: Motion, part: Partition) -> Jet:
-    """T = B' B'' (6 nb, dof) with its derivatives: per body the centre of mass's translation, then the rotation, world axes."""
+    """T = B' B'' (6 nb, dof) with its derivatives: per body the centre of mass's translation, then the rotation,
+    world axes.
+    """
     twists = tree_twists(sys, bodies)
     B1 = stack([half.T for body in twists[:-1] for half in body])
     if len(part.dependent) == 0:
@@ -110,7 +112,8 @@ def twist_map(sys: System, bodies: Motion, part: Partition) -> Jet:
 
 
 def assemble(sys: System, state: State, tolerance: float = 1e-13) -> State:
-    """Bring the joints together: tree joints exactly, then cut ones by Newton steps of least norm in (length / L_c, angle).
+    """Bring the joints together: tree joints exactly, then cut ones by Newton steps of least norm in (length / L_c,
+    angle).
 
     The Jacobian's real part serves for the steps, so an imaginary part converges as well; both must before it ends.
     """
@@ -123,7 +126,7 @@ def assemble(sys: System, state: State, tolerance: float = 1e-13) -> State:
     return close_loops(sys, State(r, R, state.v, state.w), tolerance)
 
 
-def close_loops(sys: System, state: State, tolerance: float = 1e-13, fixed: Sequence[int] = ()) -> State:
+def close_loops(sys: System, state: State, tolerance: float = 1e-13, fixed: Sequence[int] | Array = ()) -> State:
     """Newton on the cut rows; the tree coordinates in ``fixed`` stay where they are."""
     if not any(jt.CONSTRAINTS[link.kind] for link in sys.cut):
         return state
@@ -141,4 +144,6 @@ def close_loops(sys: System, state: State, tolerance: float = 1e-13, fixed: Sequ
         y = np.zeros(sys.ny, dtype=phi.dtype)
         y[movable] = column_scale[movable] * minimum_norm(J, -phi)
         state = advance(sys, state, y)
-    raise AssemblyError(f"the loops do not close: gap {gap:.3g} (in units of {sys.length:.3g} m); check the joints' points")
+    raise AssemblyError(
+        f"the loops do not close: gap {gap:.3g} (in units of {sys.length:.3g} m); check the joints' points"
+    )

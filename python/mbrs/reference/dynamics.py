@@ -1,6 +1,8 @@
-"""Forces and tangents in absolute coordinates: r = M a + h - Q + Phi_q^T lam, increments (dr, dtheta) per body at the centre of mass.
+"""Forces and tangents in absolute coordinates: r = M a + h - Q + Phi_q^T lam, increments (dr, dtheta) per body at the
+centre of mass.
 
-Tangents are partial derivatives at fixed world components of v and a: K by (dr, dtheta), C by (dv, dw), M by (da, dalpha).
+Tangents are partial derivatives at fixed world components of v and a: K by (dr, dtheta), C by (dv, dw), M by (da,
+dalpha).
 """
 
 from __future__ import annotations
@@ -47,7 +49,7 @@ def law_numbers(link: Link) -> tuple[Array, Array, Array]:
     return link.k[:n, :n], link.c[:n, :n], link.preload[:n]
 
 
-# --- inertia -----------------------------------------------------------------------------------------------------------------
+# --- inertia -----
 
 
 def world_inertia(sys: System, state: State, i: int) -> Array:
@@ -82,7 +84,7 @@ def inertia_tangents(sys: System, state: State, a: Array) -> tuple[Array, Array,
     return K, C, M
 
 
-# --- given loads -------------------------------------------------------------------------------------------------------------
+# --- given loads -----
 
 
 def load_forces(sys: System, state: State, gravity: bool = True) -> tuple[Array, Array]:
@@ -111,12 +113,14 @@ def load_forces(sys: System, state: State, gravity: bool = True) -> tuple[Array,
     return Q, K
 
 
-# --- elements and constraints ------------------------------------------------------------------------------------------------
+# --- elements and constraints -----
 
 
 @dataclass
 class Reach:
-    """What a link does to its two bodies: J^T (12, n) and its derivative (12 directions, 12, n), and the rows' place in 6 nb."""
+    """What a link does to its two bodies: J^T (12, n) and its derivative (12 directions, 12, n), and the rows'
+    place in 6 nb.
+    """
 
     J: Jet
     columns: Array

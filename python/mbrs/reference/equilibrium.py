@@ -19,9 +19,9 @@ def equilibrium(
 ) -> tuple[State, Array, float]:
     """T^T (Q - elements) = 0 at rest, from ``state0`` (the assembled drawn state by default).
 
-    Returns the state, the multipliers of all joint rows (least norm for redundant sets) and the largest scaled generalised force
-    that is left. Steps use the real part of S, its least-norm inverse where directions are unrestrained; an imaginary part (a complex
-    step) converges by the same steps and is waited for.
+    Returns the state, the multipliers of all joint rows (least norm for redundant sets) and the largest scaled
+    generalised force that is left. Steps use the real part of S, its least-norm inverse where directions are
+    unrestrained; an imaginary part (a complex step) converges by the same steps and is waited for.
     """
     from .kinematics import drawn_state
 

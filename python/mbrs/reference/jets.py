@@ -1,7 +1,8 @@
 """Values with their first and second derivative along one motion (or along many directions), by the product rule.
 
-A jet holds [value, first, second] derivative (not divided by factorials); None stands for zero. Vectors are rows (k, 3) and frames
-(3, 3); a first-order jet along m directions has a leading axis m in its derivative, so every operation must broadcast over it.
+A jet holds [value, first, second] derivative (not divided by factorials); None stands for zero. Vectors are rows (k,
+3) and frames (3, 3); a first-order jet along m directions has a leading axis m in its derivative, so every operation
+must broadcast over it.
 """
 
 from __future__ import annotations
@@ -39,7 +40,11 @@ class Jet:
 
     def derivative_along(self, m: int) -> Array:
         """The first derivative along m directions, (m, ...)."""
-        return np.zeros((m, *self.value.shape)) if self.c[1] is None else np.broadcast_to(self.c[1], (m, *self.value.shape))
+        return (
+            np.zeros((m, *self.value.shape))
+            if self.c[1] is None
+            else np.broadcast_to(self.c[1], (m, *self.value.shape))
+        )
 
     def map(self, f: Callable[[Array], Array]) -> Jet:
         """A linear function of the jet."""

@@ -1,7 +1,7 @@
 """Constraint rows and free coordinates of joints, as functions of the relative pose u = A^T (p_B - p_A), R = A^T B.
 
-Every coordinate's rate is a row G times the relative twist xi = (A^T (v_B - v_A at p_B), A^T (w_B - w_A)), so that a force f along
-it is the wrench -G^T f on the second body at p_B in the first marker's axes.
+Every coordinate's rate is a row G times the relative twist xi = (A^T (v_B - v_A at p_B), A^T (w_B - w_A)), so that a
+force f along it is the wrench -G^T f on the second body at p_B in the first marker's axes.
 """
 
 from __future__ import annotations
@@ -60,7 +60,9 @@ FREE: dict[str, list[tuple[str, int]]] = {
 
 @dataclass
 class Pair:
-    """Two markers in motion: jets of u (1, 3), R and the first frame A (3, 3), the second point and both centres of mass (1, 3)."""
+    """Two markers in motion: jets of u (1, 3), R and the first frame A (3, 3), the second point and both centres
+    of mass (1, 3).
+    """
 
     u: Jet
     R: Jet
@@ -70,7 +72,9 @@ class Pair:
     centre_b: Jet
 
     def twist(self, a: tuple[Jet, Jet], b: tuple[Jet, Jet]) -> Jet:
-        """Relative twists (m, 6) for m motions of the two bodies: rows of (velocity of the centre of mass, angular velocity)."""
+        """Relative twists (m, 6) for m motions of the two bodies: rows of (velocity of the centre of mass, angular
+        velocity).
+        """
         (va, wa), (vb, wb) = a, b
         slip = vb + cross(wb, self.point - self.centre_b) - va - cross(wa, self.point - self.centre_a)
         turn = wb - wa

@@ -19,7 +19,9 @@ from .topology import TreeJoint, spanning_tree
 
 @dataclass
 class State:
-    """Centres of mass (nb, 3) in the world, rotation matrices (nb, 3, 3), velocities and angular velocities (nb, 3) in the world."""
+    """Centres of mass (nb, 3) in the world, rotation matrices (nb, 3, 3), velocities and angular velocities (nb,
+    3) in the world.
+    """
 
     r: Array
     R: Array
@@ -43,8 +45,10 @@ class System:
 
     Examples
     --------
+    >>> import numpy as np
     >>> from mbrs.reference import System
-    >>> System(dict(x=np.r_[np.zeros(3), 1, np.zeros(6), 1, 1, 1, 1, np.zeros(9)], body_name=["b"], body_x=[0])).coordinates[:2]
+    >>> x = np.r_[np.zeros(3), 1, np.zeros(6), 1, 1, 1, 1, np.zeros(9)]  # at rest at the origin, 1 kg
+    >>> System(dict(x=x, body_name=["b"], body_x=[0])).coordinates[:2]
     ['b.x', 'b.y']
     """
 
@@ -106,11 +110,20 @@ class System:
 def drawn_state(sys: System) -> State:
     """The state as drawn, velocities included, with nothing assembled or projected."""
     b = sys.bodies
-    return State(*(np.array(v) for v in ([o.centre for o in b], [o.R for o in b], [o.velocity for o in b], [o.angular_velocity for o in b])))
+    return State(
+        *(
+            np.array(v)
+            for v in ([o.centre for o in b], [o.R for o in b], [o.velocity for o in b], [o.angular_velocity for o in b])
+        )
+    )
 
 
-def from_poses(sys: System, position: Array, quaternion: Array, v: Array | None = None, w: Array | None = None) -> State:
-    """A state from centres of mass (nb, 3), quaternions (nb, 4) and velocities of the centres of mass and of rotation (nb, 3), world."""
+def from_poses(
+    sys: System, position: Array, quaternion: Array, v: Array | None = None, w: Array | None = None
+) -> State:
+    """A state from centres of mass (nb, 3), quaternions (nb, 4) and velocities of the centres of mass and of
+    rotation (nb, 3), world.
+    """
     position = np.asarray(position)
     zero = np.zeros_like(position)
     R = np.array([so3.from_quaternion(np.asarray(q)) for q in quaternion])
@@ -124,7 +137,8 @@ GROUND_MOTION = (jet(np.zeros((1, 3))), jet(np.eye(3)))
 def motion(state: State, *derivatives: tuple[Array, Array]) -> Motion:
     """Jets of every body's (centre of mass (1, 3), rotation matrix), ground last so that index -1 finds it.
 
-    No derivative: the pose alone. One, (velocities, angular velocities), (nb, 3) or (m, nb, 3) for m directions. Two: their rates too.
+    No derivative: the pose alone. One, (velocities, angular velocities), (nb, 3) or (m, nb, 3) for m directions. Two:
+    their rates too.
     """
     out = []
     for i in range(len(state.r)):

@@ -10,7 +10,9 @@ RANK_TOLERANCE = 1e-9
 
 
 def pivots(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
-    """Columns that a column-pivoted QR factorisation of the real part takes before the diagonal falls below tolerance |R_00|."""
+    """Columns that a column-pivoted QR factorisation of the real part takes before the diagonal falls below
+    tolerance |R_00|.
+    """
     import scipy.linalg
 
     if A.size == 0:
@@ -22,7 +24,9 @@ def pivots(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
 
 
 def orthogonal(A: Array) -> tuple[Array, Array]:
-    """A = Q R with Q^T Q = 1 (transpose, also for complex A), by Gram and Schmidt, twice for orthogonality; full column rank."""
+    """A = Q R with Q^T Q = 1 (transpose, also for complex A), by Gram and Schmidt, twice for orthogonality; full
+    column rank.
+    """
     Q, n = np.array(A, dtype=np.result_type(A, float)), A.shape[1]
     R = np.zeros((n, n), dtype=Q.dtype)
     for j in range(n):

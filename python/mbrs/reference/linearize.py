@@ -1,8 +1,8 @@
 """M y" + (C + G) y' + (K + N) y about a state, by congruence with T = B' B'' from the absolute tangents.
 
 The perturbed motion is q0(t) + T(t) y(t). World components of the twist and its rate change by
-dv = T y' + (T' - W T) y and da = T y" + (2 T' - W T) y' + (T" - W T' - A T) y with W = w0 x, A = alpha0 x on rotation rows,
-because d(omega) = d/dt dtheta - omega0 x dtheta.
+dv = T y' + (T' - W T) y and da = T y" + (2 T' - W T) y' + (T" - W T' - A T) y with W = w0 x, A = alpha0 x on rotation
+rows, because d(omega) = d/dt dtheta - omega0 x dtheta.
 """
 
 from __future__ import annotations
@@ -21,9 +21,11 @@ from .so3 import Array, skew
 
 @dataclass
 class Linearization:
-    """M, C = sym D, G = skew D, K = sym S, N = skew S (dof, dof); T (6 nb, dof): twists of the body origins, world axes.
+    """M, C = sym D, G = skew D, K = sym S, N = skew S (dof, dof); T (6 nb, dof): twists of the body origins, world
+    axes.
 
-    ``residual`` (dof,) is T^T f with y" = 0: zero at an equilibrium or in a steady motion. ``lam``: multipliers of all joint rows.
+    ``residual`` (dof,) is T^T f with y" = 0: zero at an equilibrium or in a steady motion. ``lam``: multipliers of
+    all joint rows.
     """
 
     M: Array
@@ -114,7 +116,8 @@ def linearize(
     Parameters
     ----------
     independent
-        Tree coordinates to keep, so that another program's choice can be compared; by default column-pivoted QR decides.
+        Tree coordinates to keep, so that another program's choice can be compared; by default column-pivoted QR
+        decides.
     without
         Effects to leave out: gravity, gyroscopic, centrifugal, preload-stiffness, constraint-force-stiffness, damping.
 
@@ -130,8 +133,8 @@ def linearize(
     G_all, _ = dyn.constraint_jacobian(sys, state)
     S = S + turning_of_columns(sys, state, part, T, f + G_all.T @ lam)
     names = [sys.coordinates[i] for i in part.independent]
-    halves = [0.5 * (X + s * X.T) for X in (D, S) for s in (1, -1)]
-    return Linearization(M, *halves, origin_map(sys, state, T), names, T.T @ f, lam, state, part)
+    C, G, K, N = (0.5 * (X + s * X.T) for X in (D, S) for s in (1, -1))
+    return Linearization(M, C, G, K, N, origin_map(sys, state, T), names, T.T @ f, lam, state, part)
 
 
 def _congruence(sys: System, base: Nominal, lam: Array, without: Collection[str]) -> tuple[Array, Array, Array]:

@@ -1,4 +1,6 @@
-"""Tables to plain objects: the numbers of each body, joint, element and load, taken out of the one vector x (docs/tables.md)."""
+"""Tables to plain objects: the numbers of each body, joint, element and load, taken out of the one vector x
+(docs/tables.md).
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,8 @@ from ..errors import ModelError
 from . import so3
 from .so3 import Array
 
-JOINTS = ("fixed revolute prismatic cylindrical universal spherical planar free distance knife_edge rolling_disc").split()
+JOINTS = ["fixed", "revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "free"]
+JOINTS += ["distance", "knife_edge", "rolling_disc"]
 ELEMENTS = ("spring_damper", "bushing", "torsion")
 HAS_K, HAS_C, HAS_PRELOAD, OWN_FRAME, OWN_LENGTH = 1, 2, 4, 8, 16
 
@@ -78,7 +81,9 @@ def read_bodies(t: Mapping[str, Any], x: Array) -> list[Body]:
         xx, yy, zz, xy, xz, yz = x[i + 11 : i + 17]
         inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         arm = R @ com
-        bodies.append(Body(name, x[i : i + 3] + arm, R, com, x[i + 10], inertia, x[i + 17 : i + 20] + np.cross(w, arm), w))
+        bodies.append(
+            Body(name, x[i : i + 3] + arm, R, com, x[i + 10], inertia, x[i + 17 : i + 20] + np.cross(w, arm), w)
+        )
     return bodies
 
 

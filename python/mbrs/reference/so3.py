@@ -1,11 +1,15 @@
-"""Rotations, written so that a complex step passes through: branches look at real parts, squares are products, never moduli."""
+"""Rotations, written so that a complex step passes through: branches look at real parts, squares are products,
+never moduli.
+"""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.generic]
+Array = NDArray[Any]
 
 # |B_2k| / (2k)! = 2 zeta(2k) / (2 pi)^2k, the series of 1/t^2 - (1 + cos t) / (2 t sin t) in powers of t^2
 _COTANGENT_SERIES = [
@@ -103,7 +107,7 @@ def cotangent_coefficient(square: Array) -> tuple[Array, Array]:
     if abs(square) < 1.0:
         g = sum(c * square**k for k, c in enumerate(_COTANGENT_SERIES))
         dg = sum(k * c * square ** (k - 1) for k, c in enumerate(_COTANGENT_SERIES) if k > 0)
-        return g, dg
+        return np.asarray(g), np.asarray(dg)
     t = np.sqrt(square)
     half_cotangent = (1 + np.cos(t)) / (2 * np.sin(t))
     g = 1 / square - half_cotangent / t
