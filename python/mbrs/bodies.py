@@ -118,6 +118,18 @@ class Ground(Ported):
     def _home(self) -> tuple[str, str | None]:
         return GROUND, None
 
+    def force(self, direction: Any, at: Any = None) -> Port:
+        """An error: ground does not move."""
+        return self._port("force", direction, at)
+
+    def torque(self, direction: Any) -> Port:
+        """An error: ground does not move."""
+        return self._port("torque", direction, None)
+
+    def motion(self, direction: Any, at: Any = None) -> Port:
+        """An error that points to `mbrs.base_motion`."""
+        return self._port("motion", direction, at)
+
     def __repr__(self) -> str:
         return f"<ground of {self.model.name!r}>"
 

@@ -15,7 +15,7 @@ from .elements import LENGTH_GIVEN, Element, ElementMethods, LawItem, Load
 from .errors import ModelError
 from .expressions import Program, rebuild_all
 from .joints import Joint, JointMethods
-from .names import GROUND, check_name, not_found, problem
+from .names import GROUND, check_name, located, not_found, problem
 from .parameters import ArrayParameter, ParameterSpace
 from .parameters import Symbol as Parameter
 from .store import Field, Item, Store, plain
@@ -310,21 +310,24 @@ class Model(JointMethods, ElementMethods):
             self.marker_index[item.name] = item.index
         self.structure_version += 1
 
-    def find_body(self, body: Any, where: str) -> int:
-        """Index of a body given by handle or name; -1 is ground."""
-        if isinstance(body, (Body, Ground)):
-            if body.model is not self:
-                raise ModelError(f"{where} names {body!r}, which belongs to another model; use this model's own")
+    def find_body(self, body: Any, where: str, key: str = "body") -> int:
+        """Index of a body given by handle or name; -1 is ground. ``key`` is the argument that named it."""
+        if isinstance(body, (Body, Ground)) and body.model is self:
             return body.index
-        if isinstance(body, str):
-            if body == GROUND:
-                return -1
-            if body in self.body_index:
-                return self.body_index[body]
-            if body in self.items:
-                raise ModelError(f"{where} needs a body, but {body!r} is a {self.items[body].kind}")
-            raise not_found(f"{where}: no body", body, [*self.body_index, GROUND])
-        raise ModelError(f"{where} needs a body (its handle or name, or m.ground), got {body!r}")
+        if isinstance(body, str) and body in self.body_index:
+            return self.body_index[body]
+        if isinstance(body, str) and body == GROUND:
+            return -1
+        raise located(self._no_body(body, where), f"{where}.{key}")
+
+    def _no_body(self, body: Any, where: str) -> ModelError:
+        if isinstance(body, (Body, Ground)):
+            return ModelError(f"{where} names {body!r}, which belongs to another model; use this model's own")
+        if not isinstance(body, str):
+            return ModelError(f"{where} needs a body (its handle or name, or m.ground), got {body!r}")
+        if body in self.items:
+            return ModelError(f"{where} needs a body, but {body!r} is a {self.items[body].kind}")
+        return not_found(f"{where}: no body", body, [*self.body_index, GROUND])
 
     def body_name(self, index: int) -> str:
         """Name of a body by index."""
@@ -332,7 +335,7 @@ class Model(JointMethods, ElementMethods):
 
     def two_bodies(self, where: str, a: Any, b: Any) -> tuple[int, int]:
         """Indices of two different bodies."""
-        i, j = self.find_body(a, where), self.find_body(b, where)
+        i, j = self.find_body(a, where, "a"), self.find_body(b, where, "b")
         if i == j:
             raise problem(where, f"connects {self.body_name(i)!r} with itself; name two different bodies")
         return i, j

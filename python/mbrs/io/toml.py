@@ -189,8 +189,6 @@ class _Reader:
 def _field_of(reason: MbrsError) -> str:
     address = getattr(reason, "address", "")
     field = address.rpartition(".")[2] if "." in address else ""
-    if isinstance(reason, DuplicateNameError):
-        field = "name"
     return field.removesuffix("_a").removesuffix("_b") if field.startswith("at_") else field
 
 
