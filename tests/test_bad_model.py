@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import warnings
+from fractions import Fraction
 
 import numpy as np
 import pytest
 from mbrs import examples
-from mbrs.errors import DuplicateNameError, InertiaError, MbrsWarning, ModelError, NameNotFoundError
+from mbrs.errors import DuplicateNameError, InertiaError, MbrsError, MbrsWarning, ModelError, NameNotFoundError
 from mbrs.geometry import rotation
+from mbrs.io.toml import dumps, loads
 from mbrs.model import Model
 from mbrs.tables import directions, tables
 from scenes import FakeLaw, everything, same_tables
@@ -227,6 +230,104 @@ def test_a_set_may_not_collapse_a_spring(m):
     with pytest.raises(ModelError, match="coincident"):
         m.set({"s.at_b": (0, 0, 0)})
     assert m.value("s.at_b").tolist() == [0, 0, 1]
+
+
+JUNK = [
+    *(
+        None,
+        "",
+        "x",
+        "ground",
+        b"x",
+        object(),
+        math.nan,
+        -math.inf,
+        1j,
+        True,
+        10**400,
+        1e308,
+        -0.0,
+        5e-324,
+        Fraction(1, 3),
+    ),
+    *([], {}, set(), (1, 2), [[1, 2], [3]], [[[]]], {"x": 1}, {"x": FakeLaw(1)}, range(3), iter([1, 2, 3]), lambda: 1),
+    *(np.zeros((0, 3)), np.array(None), np.array("x"), np.full((3, 3), np.nan), np.zeros((2, 3)), np.eye(6) * 1j),
+    *(np.array([1, None, "x"], dtype=object), np.float32(2), np.int8(3), np.bool_(True), np.datetime64("2020-01-01")),
+    *(Model, Model("other"), Model("other").parameter("p", 1.0), Model("other").parameter("P", [1.0, 2.0, 3.0])),
+    *((1e308,) * 3, (1e-320,) * 3, ((0, 0, 0), None), (None, None), ((1, 2, 3), (1, 2, 3)), "a\0b", "\ud800"),
+]
+CORRECT = {
+    "body": BODY,
+    "marker": {"body": "a", "at": (0, 0, 0)},
+    "parameter": {"value": 1.0},
+    **{joint: {"a": "a", "b": "b", "at": (0, 0, 0)} for joint in ("fixed", "spherical", "free")},
+    **{
+        joint: {"a": "a", "b": "b", "at": (0, 0, 0), "axis": "z"}
+        for joint in ("revolute", "prismatic", "cylindrical", "planar", "knife_edge")
+    },
+    "universal": {"a": "a", "b": "b", "at": (0, 0, 0), "axis": "z", "axis2": "x"},
+    "distance": {"a": "a", "b": "b", "at": PAIR},
+    "rolling_disc": {"a": "a", "b": "b", "at": PAIR, "axis": "z", "axis2": "x", "radius": 0.1},
+    "spring_damper": {"a": "a", "b": "b", "at": PAIR, "k": 1.0},
+    "bushing": {"a": "a", "b": "b", "at": (0, 0, 0), "k": (1,) * 6},
+    "torsion": {"a": "a", "b": "b", "at": (0, 0, 0), "axis": "z", "k": 1.0},
+    "force": {"body": "a", "value": (1, 0, 0)},
+    "torque": {"body": "a", "value": (1, 0, 0)},
+}
+
+
+@pytest.mark.parametrize("method", CORRECT)
+def test_junk_in_any_argument_is_refused_in_words_or_fits(method):
+    """Nothing but our own errors may come out, and what is taken must give finite Tables that survive a file."""
+    refused = taken = 0
+    for argument in inspect.signature(getattr(Model, method)).parameters:
+        for junk in JUNK:
+            if argument == "self":
+                continue
+            m = Model("m")
+            m.body("a", **BODY)
+            m.body("b", **BODY)
+            before = tables(m)
+            given = {"name": "new", **CORRECT[method], argument: junk}
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", MbrsWarning)
+                    getattr(m, method)(**given)
+            except MbrsError:
+                refused += 1
+                assert not same_tables(before, tables(m)), (argument, junk)
+            else:
+                taken += 1
+                assert np.isfinite(tables(m)["x"]).all(), (argument, junk)
+                if argument != "name":
+                    with warnings.catch_warnings():
+                        warnings.simplefilter("ignore", MbrsWarning)
+                        assert not same_tables(tables(m), tables(loads(dumps(m)))), (argument, junk)
+    assert refused > 50 and taken > 2
+
+
+@pytest.mark.parametrize(
+    "address", ["a.mass", "a.at", "a.at[0]", "a.inertia", "a.orientation", "k", "V", "s.length", "gravity"]
+)
+def test_junk_in_set_is_refused_in_words_or_fits(address):
+    for junk in JUNK:
+        m = Model("m", gravity=(0, 0, 1))
+        m.body("a", **BODY)
+        m.parameter("k", 1.0)
+        m.parameter("V", (1.0, 2.0, 3.0))
+        m.spring_damper("s", m.ground, "a", at=PAIR, k=m["k"])
+        before = tables(m)
+        try:
+            m.set({address: junk})
+        except MbrsError:
+            assert not same_tables(before, tables(m)), junk
+        else:
+            assert np.isfinite(tables(m)["x"]).all(), junk
+        for wrong in (junk, f"a.{junk}", f"a.at[{junk}]"):
+            try:
+                m.set({wrong: 1.0})
+            except (MbrsError, TypeError) as error:
+                assert isinstance(error, MbrsError) or "unhashable" in str(error)
 
 
 def test_unknown_names_among_many_are_found_quickly():

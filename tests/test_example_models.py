@@ -1,4 +1,4 @@
-"""The example models: closed form of the hexapod, counts of bodies and degrees of freedom, geometry of METHODS.md a.1."""
+"""The example models: the hexapod's closed form, bodies and degrees of freedom, geometry of METHODS.md a.1."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 from absolute import Absolute
-
 from mbrs import examples
 from mbrs.geometry import quaternion_to_matrix
 from mbrs.tables import tables

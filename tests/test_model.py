@@ -406,8 +406,9 @@ def test_without_is_checked():
         check_without(("gyroscopc",))
     with pytest.raises(ModelError, match="cannot be switched off"):
         check_without(("loops",))
-    with pytest.raises(ModelError):
-        check_without(3)
+    for junk in (3, [["damping"]], (None,), (np.zeros(2),)):
+        with pytest.raises(ModelError):
+            check_without(junk)
 
 
 def test_rotations():

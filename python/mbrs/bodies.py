@@ -12,7 +12,7 @@ import numpy as np
 from .errors import InertiaError, MbrsWarning, ModelError
 from .expressions import Expression
 from .geometry import quaternion
-from .names import GROUND, problem
+from .names import GROUND, problem, shown
 from .ports import Port, make_port
 from .store import Field, Item, plain, single
 from .values import Number, array, numbers, scalar, shape_of, vector
@@ -212,7 +212,7 @@ def inertia_numbers(value: Any, where: str) -> list[Number]:
         return [*array(value, (3,), where), *_NO]
     if shape != (3, 3):
         raise problem(
-            where, f"must be (3,) principal moments or a symmetric (3, 3) tensor, got {value!r}", InertiaError
+            where, f"must be (3,) principal moments or a symmetric (3, 3) tensor, got {shown(value)}", InertiaError
         )
     flat = array(value, (3, 3), where)
     plain_ = np.array(numbers(flat)).reshape(3, 3)

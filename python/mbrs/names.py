@@ -11,6 +11,7 @@ GROUND = "ground"
 _FORBIDDEN = frozenset(".[]")
 # Comparing with every name of a model of 1e5 bodies would take seconds, so large sets are narrowed first.
 _LARGE = 2000
+_SHOWN = 80
 
 
 def problem(address: str, text: str, error: type[MbrsError] = ModelError) -> MbrsError:
@@ -24,20 +25,29 @@ def located(error: MbrsError, address: str) -> MbrsError:
     return error
 
 
+def shown(value: object) -> str:
+    """Anything as short text for a message, whatever its repr does."""
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:
+        text = f"<{type(value).__name__}>"
+    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
+
+
 def check_name(kind: str, name: object, taken: Collection[str]) -> str:
     """The name if a new object may have it, else the error that says why not."""
     if isinstance(name, str) and name and name not in taken and name != GROUND and _FORBIDDEN.isdisjoint(name):
         return name
     error: type[ModelError] = ModelError
     if not isinstance(name, str):
-        text = f"the name of a {kind} must be a string, got {name!r} ({type(name).__name__})"
+        text = f"the name of a {kind} must be a string, got {shown(name)} ({type(name).__name__})"
     elif not name:
         text = f"the name of a {kind} must not be empty"
     elif not _FORBIDDEN.isdisjoint(name):
-        text = f"the name {name!r} of a {kind} must not contain '.', '[' or ']', which addresses use"
+        text = f"the name {shown(name)} of a {kind} must not contain '.', '[' or ']', which addresses use"
     else:
         text, error = (
-            f"the name {name!r} of a {kind} is already taken in this model; choose another",
+            f"the name {shown(name)} of a {kind} is already taken in this model; choose another",
             DuplicateNameError,
         )
     raise located(error(text), f"{name}.name")
@@ -67,4 +77,4 @@ def not_found(what: str, name: str, known: Iterable[str]) -> NameNotFoundError:
         hint = "; known: " + ", ".join(repr(other) for other in pool)
     else:
         hint = ""
-    return NameNotFoundError(f"{what} is called {name!r}{hint}")
+    return NameNotFoundError(f"{what} is called {shown(name)}{hint}")
