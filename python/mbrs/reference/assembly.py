@@ -127,7 +127,7 @@ def assemble(sys: System, state: State, tolerance: float = 1e-13) -> State:
 
 
 def close_loops(sys: System, state: State, tolerance: float = 1e-13, fixed: Sequence[int] | Array = ()) -> State:
-    """Newton on the cut rows; the tree coordinates in ``fixed`` stay where they are."""
+    """Newton on the cut rows; the tree coordinates in ``fixed`` get no increments."""
     if not any(jt.CONSTRAINTS[link.kind] for link in sys.cut):
         return state
     row_scale, column_scale = scales(sys)
