@@ -1,4 +1,4 @@
-"""Small results made by hand for the tests of tables, plots, pages and studies. Invented data, or closed forms where a test says so."""
+"""Small results made by hand for the tests of tables, plots, pages and studies: invented data or closed forms."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import itertools
 from types import SimpleNamespace
 
 import numpy as np
-
 from mbrs.animate import BodyGeometry, JointGeometry, LinkGeometry, SceneGeometry
 
 

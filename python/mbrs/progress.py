@@ -16,8 +16,8 @@ _EVERY = 0.1
 class Progress:
     """Shows ``label  42 % (420/1000), 3 s left`` once the work has lasted a second; silent otherwise.
 
-    It writes only where standard error is a terminal or ``MBRS_PROGRESS=1`` is set (``MBRS_PROGRESS=0`` silences it), and
-    never raises because of the terminal. O(1) per `advance`.
+    It writes only where standard error is a terminal or ``MBRS_PROGRESS=1`` is set (``MBRS_PROGRESS=0`` silences it),
+    and never raises because of the terminal. O(1) per `advance`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Tables as readable text and as HTML for notebooks. Plain functions of columns and rows; nothing here knows an analysis."""
+"""Tables as readable text and as HTML for notebooks. Functions of columns and rows; nothing here knows an analysis."""
 
 from __future__ import annotations
 
@@ -128,9 +128,9 @@ def table(
 ) -> str:
     """Columns and rows as plain text.
 
-    A column of numbers is right-aligned with one number of decimals, so that magnitudes can be compared by eye; where its values
-    span too many decades it falls back to scientific notation. nan and None print as ``-``. A table wider than the terminal has
-    its long texts shortened, then is folded into blocks that repeat the first column.
+    A column of numbers is right-aligned with one number of decimals, so that magnitudes can be compared by eye; where
+    its values span too many decades it falls back to scientific notation. nan and None print as ``-``. A table wider
+    than the terminal has its long texts shortened, then is folded into blocks that repeat the first column.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def html_table(
     digits: int = 6,
     max_rows: int | None = 200,
 ) -> str:
-    """The same table as an HTML fragment (for ``_repr_html_`` and report pages). Arguments as in `table`; all text is escaped.
+    """The same table as an HTML fragment (for ``_repr_html_`` and pages). Arguments as in `table`; text is escaped.
 
     Examples
     --------
@@ -277,6 +277,11 @@ def _fixed(value: Any, decimals: int) -> str:
 def _shortened(columns: list[_Column], width: int) -> list[_Column]:
     """Cut the longest texts while the table is wider than the line; numbers are never cut."""
     limits = [c.width() for c in columns]
+    least = sum(limit if c.right else min(limit, _MIN_TEXT) for c, limit in zip(columns, limits, strict=True))
+    if least + _GAP * (len(limits) - 1) > width:
+        # it has to be folded anyway, so the texts may stay readable
+        limits = [limit if c.right else min(limit, max(width // 3, _MIN_TEXT)) for c, limit in zip(columns, limits, strict=True)]
+        return [_clipped(c, limit) for c, limit in zip(columns, limits, strict=True)]
     while sum(limits) + _GAP * (len(limits) - 1) > width:
         texts = [j for j, c in enumerate(columns) if not c.right and limits[j] > _MIN_TEXT]
         if not texts:

@@ -1,4 +1,4 @@
-"""What there is to draw of a model: bodies with their attachment points, springs, joints. World coordinates of the drawn state, metres."""
+"""What there is to draw of a model: bodies, springs, joints. World coordinates of the drawn state, metres."""
 
 from __future__ import annotations
 
@@ -12,15 +12,25 @@ from ..errors import ModelError
 
 __all__ = ["BodyGeometry", "JointGeometry", "LinkGeometry", "SceneGeometry", "scene_from_tables"]
 
-_JOINTS = (
-    "fixed revolute prismatic cylindrical universal spherical planar free distance knife_edge rolling_disc".split()
-)
+_JOINTS = [
+    "fixed",
+    "revolute",
+    "prismatic",
+    "cylindrical",
+    "universal",
+    "spherical",
+    "planar",
+    "free",
+    "distance",
+    "knife_edge",
+    "rolling_disc",
+]
 _ELEMENTS = ("spring_damper", "bushing", "torsion")
 
 
 @dataclass(frozen=True, eq=False)
 class BodyGeometry:
-    """A rigid body: ``origin`` (3,), ``rotation`` (3, 3) body to world, ``points`` (k, 3) where something is attached to it."""
+    """A rigid body: ``origin`` (3,), ``rotation`` (3, 3) body to world, ``points`` (k, 3) where things are attached."""
 
     name: str
     origin: Any
@@ -69,7 +79,7 @@ class JointGeometry:
 
 @dataclass(frozen=True, eq=False)
 class SceneGeometry:
-    """All that a viewer draws. Names of bodies are unique; links and joints name bodies of the scene or None for ground."""
+    """What a viewer draws. Names of bodies are unique; links and joints name bodies of the scene or None for ground."""
 
     bodies: tuple[BodyGeometry, ...]
     links: tuple[LinkGeometry, ...] = ()
@@ -81,7 +91,8 @@ class SceneGeometry:
         index = self.index
         if len(index) != len(self.bodies):
             raise ModelError("two bodies of the scene have the same name; give each body its own")
-        for one in (*self.links, *self.joints):
+        attached: tuple[LinkGeometry | JointGeometry, ...] = (*self.links, *self.joints)
+        for one in attached:
             for body in (one.a, one.b):
                 if body is not None and body not in index:
                     raise ModelError(f"{one.name!r} refers to body {body!r}, which the scene does not contain")

@@ -1,4 +1,4 @@
-"""Solids that stand for bodies: the hull of what is attached to them, thickened so that links and plates are visible."""
+"""Solids that stand for bodies: the hull of what is attached to them, thickened so that links and plates show."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ def body_solid(
 ) -> tuple[np.ndarray, list[list[int]]]:
     """Vertices relative to the origin, world axes, (n, 3), and faces as loops of vertex indices seen from outside.
 
-    A body with nothing attached away from its origin is a cube in its own axes; two points make a slender box, points in a
-    plane a plate, others their convex hull. ``detailed=False`` always takes the box along principal axes: cheap for large scenes.
+    A body with nothing attached away from its origin is a cube in its own axes; two points make a slender box, points
+    in a plane a plate, others their convex hull. ``detailed=False`` always takes the box along principal axes: cheap
+    for large scenes.
     """
     local = np.vstack([np.zeros(3), np.reshape(points, (-1, 3)) - origin])
     local = np.unique(np.round(local / thickness, 6), axis=0) * thickness

@@ -65,7 +65,8 @@ class Viewer:
     def _repr_html_(self) -> str:
         import html
 
-        return f'<iframe style="width:100%;height:520px;border:0" srcdoc="{html.escape(self.html(), quote=True)}"></iframe>'
+        style = "width:100%;height:520px;border:0"
+        return f'<iframe style="{style}" srcdoc="{html.escape(self.html(), quote=True)}"></iframe>'
 
 
 def modes(
@@ -85,8 +86,8 @@ def modes(
     Parameters
     ----------
     result
-        A `ModalResult` of a model: ``geometry`` (a `SceneGeometry`), ``body_shape(name)`` (6, n_modes) complex motion of the
-        body's origin (x y z rx ry rz, world, m and rad), ``frequency`` (Hz), ``damping``.
+        A `ModalResult` of a model: ``geometry`` (a `SceneGeometry`), ``body_shape(name)`` (6, n_modes) complex motion
+        of the body's origin (x y z rx ry rz, world, m and rad), ``frequency`` (Hz), ``damping``.
     path
         File to write; None returns the `Viewer` instead, to be put on a page.
     n
@@ -149,7 +150,9 @@ def _bodies(scene: SceneGeometry) -> tuple[list[dict[str, Any]], list[list[list[
     """Drawn bodies, the distinct lists of faces they share, and the vertices of each relative to its origin."""
     detailed = len(scene.bodies) <= _DETAILED_BODIES
     thickness = _thickness(scene)
-    drawn, known, solids = [], {}, []
+    drawn: list[dict[str, Any]] = []
+    known: dict[str, tuple[int, list[list[int]]]] = {}
+    solids: list[np.ndarray] = []
     size = scene.size
     for body in scene.bodies:
         vertices, loops = body_solid(body.origin, body.rotation, body.points, thickness, detailed)
@@ -197,7 +200,7 @@ def _mode(result: Any, i: int, shape: np.ndarray) -> dict[str, Any]:
     values = np.empty((*shape.shape, 2), dtype="<f4")
     values[..., 0], values[..., 1] = shape.real, shape.imag
     damping = np.asarray(getattr(result, "damping", np.full(i + 1, math.nan)), dtype=float)[i]
-    kind = getattr(result, "kind", None)
+    kind: Any = getattr(result, "kind", None)
     return {
         "label": str(i + 1),
         "f": number(float(np.asarray(result.frequency)[i]), 5),

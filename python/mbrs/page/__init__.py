@@ -19,7 +19,7 @@ _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inl
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and what stands under it: strings of HTML, matplotlib figures, viewers, results with a table, or plain text.
+    """A heading and what stands under it: HTML, matplotlib figures, viewers, results with a table, or plain text.
 
     ``text`` is a paragraph of plain text under the heading (escaped); ``content`` one object or a sequence of them.
     """
@@ -64,7 +64,7 @@ def page(title: str, sections: Iterable[Section | tuple[str, Any]], *, intro: st
     Examples
     --------
     >>> text = page("Report", [("Modes", "<p>none</p>"), Section("Notes", "a < b")])
-    >>> "a &lt; b" in text and "http" not in text
+    >>> "a &lt; b" in text and "://" not in text
     True
     """
     built = [one if isinstance(one, Section) else Section(*one) for one in sections]

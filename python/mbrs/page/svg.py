@@ -1,4 +1,4 @@
-"""Charts as inline SVG with nothing but the standard library and NumPy, so that `mbrs demo` needs no plotting package."""
+"""Charts as inline SVG with nothing but the standard library and NumPy, so that `mbrs demo` needs no more."""
 
 from __future__ import annotations
 
@@ -245,7 +245,8 @@ def _frame(
 
 
 def _mark(at: float, top: int, height: int) -> str:
-    return f'<line x1="{at:.1f}" y1="{top}" x2="{at:.1f}" y2="{height - _BOTTOM}" stroke="#9aa7b5" stroke-dasharray="3 4"/>'
+    ends = f'x1="{at:.1f}" y1="{top}" x2="{at:.1f}" y2="{height - _BOTTOM}"'
+    return f'<line {ends} stroke="#9aa7b5" stroke-dasharray="3 4"/>'
 
 
 def _path(line: Line, x_axis: _Axis, y_axis: _Axis, colour: str) -> str:
@@ -302,7 +303,8 @@ def _legend(row: list[tuple[int, str, float]], y: float) -> str:
     for i, text, width in row:
         colour = PALETTE[i % len(PALETTE)]
         parts.append(
-            f'<line x1="{at + 8:.1f}" y1="{y - 4}" x2="{at + 28:.1f}" y2="{y - 4}" stroke="{colour}" stroke-width="2.5"/>'
+            f'<line x1="{at + 8:.1f}" y1="{y - 4}" x2="{at + 28:.1f}" y2="{y - 4}" '
+            f'stroke="{colour}" stroke-width="2.5"/>'
         )
         parts.append(_text(at + 33, y, text))
         at += width
@@ -333,7 +335,8 @@ def _cut(text: str, most: int) -> str:
 
 
 def _svg(height: int, name: str, parts: Iterable[str]) -> str:
+    label = html.escape(name, quote=True)
     return (
-        f'<svg class="mbrs-chart" viewBox="0 0 {_WIDTH} {height}" role="img" aria-label="{html.escape(name, quote=True)}" '
+        f'<svg class="mbrs-chart" viewBox="0 0 {_WIDTH} {height}" role="img" aria-label="{label}" '
         f'font-family="system-ui, sans-serif">{"".join(parts)}</svg>'
     )

@@ -1,4 +1,4 @@
-"""Figures of results. Each function returns a matplotlib ``Figure`` and needs no display; matplotlib is imported when used."""
+"""Figures of results. Each function returns a matplotlib ``Figure`` without a display; it is imported when used."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is drawn, as plain arrays and labels: shared by the matplotlib figures and by the charts of pages that do without."""
+"""What is drawn, as plain arrays and labels: shared by matplotlib figures and by the charts of pages."""
 
 from __future__ import annotations
 
@@ -95,8 +95,8 @@ def mode_index(mode: int, n: int) -> int:
 def tornado_bars(sensitivity: Any, mode: int = 0, most: int = 20, quantity: str = "frequency") -> list[TornadoBar]:
     """First-order changes of one mode, the largest first.
 
-    Each parameter is changed by +1 % of its value; lengths by 1 mm and angles by 1 mrad, since a share of a coordinate would
-    depend on where the origin lies. A parameter whose value is 0 or unknown is left out.
+    Each parameter is changed by +1 % of its value; lengths by 1 mm and angles by 1 mrad, since a share of a coordinate
+    would depend on where the origin lies. A parameter whose value is 0 or unknown is left out.
     """
     derivative = np.atleast_2d(np.asarray(getattr(sensitivity, quantity), dtype=float))
     i = mode_index(mode, derivative.shape[0])

@@ -44,10 +44,13 @@ def style() -> Iterator[None]:
         yield
 
 
-def figure(rows: int = 1, columns: int = 1, *, size: tuple[float, float] = (8.0, 4.5), **options: Any) -> tuple[Any, Any]:
-    """A figure and its axes (one, or an array as from ``subplots``). ``size`` in inches; ``options`` go to ``subplots``.
+def figure(
+    rows: int = 1, columns: int = 1, *, size: tuple[float, float] = (8.0, 4.5), **options: Any
+) -> tuple[Any, Any]:
+    """A figure and its axes (one, or an array as from ``subplots``, which ``options`` go to). ``size`` in inches.
 
-    In an interactive session with pyplot in use the figure is pyplot's, so that it shows; otherwise it has a canvas of its own.
+    In an interactive session with pyplot in use the figure is pyplot's, so that it shows; otherwise it has a canvas of
+    its own.
     """
     matplotlib = _matplotlib()
     if "matplotlib.pyplot" in sys.modules and matplotlib.is_interactive():

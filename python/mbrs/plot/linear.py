@@ -22,7 +22,8 @@ def modes(result: Any, *, n: int = 40) -> Any:
     Parameters
     ----------
     result
-        A `ModalResult`: ``eigenvalue`` (n,) rad/s, ``shape`` (dof, n), ``frequency`` (n,) Hz, ``coordinates`` (dof names).
+        A `ModalResult`: ``eigenvalue`` (n,) rad/s, ``shape`` (dof, n), ``frequency`` (n,) Hz, ``coordinates`` (dof
+        names).
     n
         How many modes at most, from the first.
 
@@ -38,7 +39,9 @@ def modes(result: Any, *, n: int = 40) -> Any:
         kinds = np.asarray(getattr(result, "kind", np.array(["mode"] * s.size))).astype(str)[:n]
         for i, kind in enumerate(dict.fromkeys(kinds)):
             chosen = s[kinds == kind]
-            left.plot(chosen.real, chosen.imag / (2 * np.pi), "o", color=PALETTE[i % len(PALETTE)], ms=6, mew=0, label=kind)
+            left.plot(
+                chosen.real, chosen.imag / (2 * np.pi), "o", color=PALETTE[i % len(PALETTE)], ms=6, mew=0, label=kind
+            )
         left.axvline(0.0, color="#9aa7b5", lw=0.8)
         left.set(xlabel="Re s [rad/s]", ylabel="Im s / 2 pi [Hz]", title="eigenvalues")
         left.margins(0.12)
@@ -52,7 +55,12 @@ def _participation(made: Any, axes: Any, result: Any, n: int) -> None:
     shape = np.abs(np.asarray(result.shape)[:, :n])
     largest = shape.max(axis=0)
     picture = axes.imshow(
-        shape / np.where(largest > 0.0, largest, 1.0), aspect="auto", cmap="Blues", vmin=0.0, vmax=1.0, interpolation="nearest"
+        shape / np.where(largest > 0.0, largest, 1.0),
+        aspect="auto",
+        cmap="Blues",
+        vmin=0.0,
+        vmax=1.0,
+        interpolation="nearest",
     )
     axes.grid(False)
     names = list(getattr(result, "coordinates", None) or [])
@@ -75,9 +83,11 @@ def frf(result: Any, kind: str = "bode", *, marks: Any = ()) -> Any:
     Parameters
     ----------
     result
-        An `FrfResult`: ``value`` (n_out, n_in, n_freq) complex, ``frequency`` (n_freq,) Hz, ``kind``, ``inputs``, ``outputs``.
+        An `FrfResult`: ``value`` (n_out, n_in, n_freq) complex, ``frequency`` (n_freq,) Hz, ``kind``, ``inputs``,
+        ``outputs``.
     kind
-        ``"bode"``: magnitude (logarithmic) and phase in degrees of exp(+i omega t); ``"nyquist"``: imaginary over real part.
+        ``"bode"``: magnitude (logarithmic) and phase in degrees of exp(+i omega t); ``"nyquist"``: imaginary over real
+        part.
     marks
         Frequencies in Hz to mark by vertical lines in the Bode plot, such as natural frequencies.
 
@@ -176,13 +186,14 @@ def response(result: Any) -> Any:
 
 
 def campbell(result: Any, *, orders: tuple[float, ...] = (1.0, 2.0), most: int = 16) -> Any:
-    """Natural frequencies over the speed of rotation, with lines of engine order and forward or backward whirl told apart.
+    """Natural frequencies over the speed of rotation, with engine orders and forward or backward whirl.
 
     Parameters
     ----------
     result
-        A `CampbellResult`: ``speed`` (n_s,) in ``unit`` (rad/s unless it says otherwise), ``frequency`` (n_s, n) Hz, ``whirl``
-        (n_s, n) or (n,): +1 forward, -1 backward, 0 none; ``damping`` (n_s, n), of which negative values are marked unstable.
+        A `CampbellResult`: ``speed`` (n_s,) in ``unit`` (rad/s unless it says otherwise), ``frequency`` (n_s, n) Hz,
+        ``whirl`` (n_s, n) or (n,): +1 forward, -1 backward, 0 none; ``damping`` (n_s, n), of which negative values are
+        marked unstable.
     orders
         Multiples of the speed drawn as dashed lines.
     most
@@ -194,14 +205,20 @@ def campbell(result: Any, *, orders: tuple[float, ...] = (1.0, 2.0), most: int =
     """
     speed, frequency = np.asarray(result.speed, dtype=float), np.asarray(result.frequency, dtype=float)
     if frequency.ndim != 2 or frequency.shape[0] != speed.size or frequency.size == 0:
-        raise ModelError(f"a Campbell diagram needs frequencies of shape (n_s = {speed.size}, n), got {frequency.shape}")
+        raise ModelError(
+            f"a Campbell diagram needs frequencies of shape (n_s = {speed.size}, n), got {frequency.shape}"
+        )
     frequency = frequency[:, :most]
     whirl = np.broadcast_to(np.asarray(getattr(result, "whirl", 0)), np.asarray(result.frequency).shape)[:, :most]
     unit = str(getattr(result, "unit", "") or "rad/s")
-    hertz = {"rad/s": speed / (2 * np.pi), "rpm": speed / 60.0, "1/min": speed / 60.0, "Hz": speed}.get(unit)
+    hertz: Any = {"rad/s": speed / (2 * np.pi), "rpm": speed / 60.0, "1/min": speed / 60.0, "Hz": speed}.get(unit)
     with style():
         made, axes = figure(size=(8.0, 5.0))
-        for value, colour, name in ((1, PALETTE[0], "forward"), (-1, PALETTE[1], "backward"), (0, PALETTE[7], "no whirl")):
+        for value, colour, name in (
+            (1, PALETTE[0], "forward"),
+            (-1, PALETTE[1], "backward"),
+            (0, PALETTE[7], "no whirl"),
+        ):
             shown = np.where(whirl == value, frequency, np.nan)
             used = [j for j in range(shown.shape[1]) if np.isfinite(shown[:, j]).any()]
             for place, j in enumerate(used):

@@ -53,8 +53,8 @@ def tornado(sensitivity: Any, mode: int = 0, *, most: int = 20) -> Any:
 def accuracy(study: Any) -> Any:
     """Measured error against measured time, both logarithmic, one line for each categorical setting of the study.
 
-    ``study``: an `AccuracyStudy`; its ``lines()`` gives (label, points), each point with ``time`` (s), ``error`` and ``text``.
-    Points with error 0 are drawn on the lower edge, hollow. Returns a Figure.
+    ``study``: an `AccuracyStudy`; its ``lines()`` gives (label, points), each point with ``time`` (s), ``error`` and
+    ``text``. Points with error 0 are drawn on the lower edge, hollow. Returns a Figure.
     """
     lines = [(label, [p for p in points if np.isfinite(p.error)]) for label, points in study.lines()]
     lines = [(label, points) for label, points in lines if points]
