@@ -11,12 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from presentation_standins import Modes, chain_modes, hexapod_modes
-
 from mbrs import animate
 from mbrs.animate import BodyGeometry, JointGeometry, LinkGeometry, SceneGeometry, scene_from_tables
 from mbrs.animate.shapes import body_solid
 from mbrs.errors import ModelError
+from presentation_standins import Modes, chain_modes, hexapod_modes
 
 
 def _volume(vertices: np.ndarray, faces: list[list[int]]) -> float:
@@ -81,7 +80,8 @@ def _tables() -> dict[str, object]:
     return {
         "x": np.concatenate(parts),
         "body_name": ["a", "b"], "body_x": start[0:2],
-        "joint_name": ["J"], "joint_type": [1], "joint_a": [0], "joint_b": [1], "joint_flags": [0], "joint_x": start[2:3],
+        "joint_name": ["J"], "joint_type": [1], "joint_a": [0], "joint_b": [1],
+        "joint_flags": [0], "joint_x": start[2:3],
         "element_name": ["k", "t"], "element_type": [0, 2], "element_a": [-1, 0], "element_b": [1, 1],
         "element_flags": [1, 1], "element_x": start[3:5],
         "marker_name": ["P"], "marker_body": [1], "marker_x": start[5:6],
@@ -114,7 +114,9 @@ def test_scenes_refuse_what_cannot_be_drawn() -> None:
 
 
 def _data(text: str) -> dict:
-    return json.loads(re.search(r'<script type="application/json">(.*?)</script>', text, re.S).group(1))  # type: ignore[union-attr]
+    found = re.search(r'<script type="application/json">(.*?)</script>', text, re.S)
+    assert found
+    return json.loads(found.group(1))
 
 
 def _shape(mode: dict) -> np.ndarray:
@@ -148,7 +150,9 @@ def test_phase_differences_survive_scaling() -> None:
     shape = np.array([1.0, 0.5j, -0.25, 0, 0, 0]) * np.exp(1.1j)
     modes.shapes["payload"][:, 0] = shape
     drawn = _shape(animate.modes(modes).data["modes"][0])[0]
-    assert drawn[1] / drawn[0] == pytest.approx(0.5j, abs=1e-6) and drawn[2] / drawn[0] == pytest.approx(-0.25, abs=1e-6)
+    assert drawn[1] / drawn[0] == pytest.approx(0.5j, abs=1e-6) and drawn[2] / drawn[0] == pytest.approx(
+        -0.25, abs=1e-6
+    )
     assert drawn[0].imag == pytest.approx(0.0, abs=1e-9) and drawn[0].real > 0.0
 
 
@@ -197,7 +201,8 @@ def test_viewer_arithmetic_agrees_with_numpy() -> None:
     code = f"""
     const v = require({json.dumps(str(script))});
     const state = v.pose({json.dumps(flat)}, 3, 0.7, 1.3), origins = {json.dumps(origins.tolist())};
-    console.log(JSON.stringify([Array.from(state), v.moved([1, 2, 3], 1, state, origins), v.moved([1, 2, 3], -1, state, origins)]));
+    const moved = [1, -1].map((body) => v.moved([1, 2, 3], body, state, origins));
+    console.log(JSON.stringify([Array.from(state), ...moved]));
     """
     state, moved, ground = json.loads(subprocess.run(["node", "-e", code], capture_output=True, check=True).stdout)
     expected = 1.3 * np.real(shape * np.exp(0.7j))

@@ -9,14 +9,13 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from presentation_standins import hexapod_modes, oscillator_frf, sensitivity
-
 from mbrs import animate
 from mbrs.errors import ModelError
 from mbrs.jsonable import dumps, result_data
 from mbrs.page import Section, page, svg
 from mbrs.progress import Progress
 from mbrs.report import html_table, number, si, table
+from presentation_standins import hexapod_modes, oscillator_frf, sensitivity
 
 
 def test_numbers_line_up_at_the_decimal_point() -> None:
@@ -37,7 +36,9 @@ def test_a_wide_range_keeps_the_digits_of_small_values() -> None:
     assert "1.23456e-09" in text and "4.56789e+06" in text
 
 
-@pytest.mark.parametrize("value", [1e300, 1e-300, np.inf, -np.inf, -0.0, np.float32(0.1), np.int64(7), True, [1.0, 2.0]])
+@pytest.mark.parametrize(
+    "value", [1e300, 1e-300, np.inf, -np.inf, -0.0, np.float32(0.1), np.int64(7), True, [1.0, 2.0]]
+)
 def test_every_value_prints(value: object) -> None:
     assert number(value)
     assert table(["v"], [[value]]).splitlines()[-1].strip()

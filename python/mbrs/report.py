@@ -280,7 +280,10 @@ def _shortened(columns: list[_Column], width: int) -> list[_Column]:
     least = sum(limit if c.right else min(limit, _MIN_TEXT) for c, limit in zip(columns, limits, strict=True))
     if least + _GAP * (len(limits) - 1) > width:
         # it has to be folded anyway, so the texts may stay readable
-        limits = [limit if c.right else min(limit, max(width // 3, _MIN_TEXT)) for c, limit in zip(columns, limits, strict=True)]
+        limits = [
+            limit if c.right else min(limit, max(width // 3, _MIN_TEXT))
+            for c, limit in zip(columns, limits, strict=True)
+        ]
         return [_clipped(c, limit) for c, limit in zip(columns, limits, strict=True)]
     while sum(limits) + _GAP * (len(limits) - 1) > width:
         texts = [j for j, c in enumerate(columns) if not c.right and limits[j] > _MIN_TEXT]

@@ -117,16 +117,17 @@ class AccuracyStudy(Result):
         return Recommendation(best.arguments, best.time, best.error, bool(good), _reason(best, good, known, error))
 
     def _rows(self) -> tuple[list[str], list[list[Any]]]:
-        columns = [*self.axes, "time [s]", "error", "estimate", "status"]
+        columns = [*self.axes, "time [ms]", "error", "estimate", "status"]
         rows = []
         for p in self.points:
             status = p.status + (" (reference)" if p.is_reference else "")
             error = math.nan if p.is_reference else p.error
-            rows.append([*(p.settings[a] for a in self.axes), p.time, _short(error), _short(p.estimate), status])
+            rows.append([*(p.settings[a] for a in self.axes), 1e3 * p.time, _short(error), _short(p.estimate), status])
         return columns, rows
 
     def _footer(self) -> str:
-        return f"error: {self.measure}; reference: {self.reference}; estimate: the largest .error of the result itself"
+        estimate = "estimate: the largest .error of the result itself"
+        return f"error: {self.measure}\nreference: {self.reference}\n{estimate}"
 
     def __str__(self) -> str:
         return table(*self._rows(), title="accuracy study", footer=self._footer(), digits=4)
@@ -433,9 +434,9 @@ class EffectStudy(Result):
     time: float
 
     def _table(self) -> tuple[list[str], list[list[Any]]]:
-        columns = ["without", "change", "time [s]", "saved [%]", "less work", "status"]
+        columns = ["without", "change", "time [ms]", "saved [%]", "less work", "status"]
         rows = [
-            [r.effect, _short(r.change), r.time, round(100.0 * r.saved) if math.isfinite(r.saved) else None,
+            [r.effect, _short(r.change), 1e3 * r.time, round(100.0 * r.saved) if math.isfinite(r.saved) else None,
              ", ".join(f"{n:+d} {name}" for name, n in r.fewer.items()) or "-", r.status]
             for r in self.rows
         ]  # fmt: skip

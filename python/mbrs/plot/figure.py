@@ -9,7 +9,7 @@ from typing import Any
 
 from ..errors import MbrsError
 
-__all__ = ["FADED", "PALETTE", "MissingExtraError", "figure", "legend", "style"]
+__all__ = ["FADED", "PALETTE", "MissingExtraError", "figure", "legend", "log_frequencies", "style"]
 
 PALETTE = ("#1f5fa8", "#d9662b", "#2e8b57", "#8e4fa8", "#b8860b", "#c2334d", "#3a9bb3", "#6b7280", "#5b7f1e", "#a0522d")
 FADED = "#b8c2cc"
@@ -64,14 +64,26 @@ def figure(
     return made, made.subplots(rows, columns, **options)
 
 
-def legend(axes: Any, labels: Sequence[str], *, outside_above: int = 4) -> None:
+def legend(axes: Any, labels: Sequence[str], *, inside: int = 4) -> None:
     """A legend for the labelled curves: inside for a few short ones, beside the axes for more."""
     if len(labels) == 0:
         return
-    if len(labels) > outside_above or max(len(label) for label in labels) > 28:
+    if len(labels) > inside or max(len(label) for label in labels) > 28:
         axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
     else:
         axes.legend(loc="best")
+
+
+def log_frequencies(axes: Any) -> None:
+    """A logarithmic x axis whose ticks read 1, 2, 5, 10 instead of powers, as long as there are few decades."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set_xscale("log")
+    low, high = axes.get_xlim()
+    if high <= 5e3 * low:
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _matplotlib() -> Any:

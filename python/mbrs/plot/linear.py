@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import ModelError
 from .data import Curve, breaks_at_jumps, curves, frf_unit
-from .figure import FADED, PALETTE, figure, legend, style
+from .figure import FADED, PALETTE, figure, legend, log_frequencies, style
 
 __all__ = ["campbell", "frf", "modes", "response"]
 
@@ -122,9 +122,9 @@ def _bode(result: Any, named: list[Curve], rest: list[Curve], marks: Any) -> Any
         for axes in (above, below):
             axes.axvline(mark, color="#9aa7b5", lw=0.8, ls=":")
     above.set_yscale("log")
-    if frequency.min() > 0.0 and frequency.max() > 20.0 * frequency.min():
-        below.set_xscale("log")
     below.set_xlim(frequency.min(), frequency.max() if frequency.size > 1 else None)
+    if frequency.min() > 0.0 and frequency.max() > 20.0 * frequency.min():
+        log_frequencies(below)
     title = str(getattr(result, "kind", "")) + (f" ({len(rest)} smaller curves in grey, no phase)" if rest else "")
     above.set(ylabel=f"|H| [{unit}]" if unit else "|H|", title=title)
     below.set(xlabel="frequency [Hz]", ylabel="phase [deg]", ylim=(-190, 190), yticks=(-180, -90, 0, 90, 180))
@@ -148,7 +148,8 @@ def _nyquist(result: Any, named: list[Curve], rest: list[Curve]) -> Any:
     suffix = f" [{unit}]" if unit else ""
     axes.set(xlabel=f"Re H{suffix}", ylabel=f"Im H{suffix}", title=str(getattr(result, "kind", "")))
     axes.ticklabel_format(style="sci", scilimits=(-3, 4))
-    legend(axes, [curve.label for curve in named])
+    axes.margins(0.1)
+    legend(axes, [curve.label for curve in named], inside=1)
     return made
 
 

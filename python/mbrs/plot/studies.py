@@ -74,8 +74,9 @@ def accuracy(study: Any) -> Any:
                     axes.plot([p.time], [floor], "o", color="white", mec=colour, ms=5, zorder=3)
             for p, e in zip(points, error, strict=True):
                 axes.annotate(p.text, (p.time, e), (5, 4), textcoords="offset points", fontsize=7.5, color=colour)
-        axes.set(xscale="log", yscale="log", xlabel="wall time [s], best of the repeats", title="what accuracy costs")
-        axes.set_ylabel(f"error: {study.measure}" if getattr(study, "measure", "") else "error")
+        axes.set(xscale="log", yscale="log", xlabel="wall time [s], best of the repeats", ylabel="error")
+        axes.set_title("what accuracy costs", pad=20)
+        axes.text(0.0, 1.015, study.measure, transform=axes.transAxes, fontsize=8.5, color="#4b5968")
         axes.margins(0.1)
         legend(axes, [label for label, _ in lines if label])
     return made
