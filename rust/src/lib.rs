@@ -8,8 +8,12 @@
 //! `python` is the only door to Python.
 pub mod analysis;
 pub mod error;
+pub mod kinematics;
 pub mod linalg;
+pub mod model;
 pub mod run;
+pub mod spatial;
+pub mod system;
 
 #[cfg(feature = "python")]
 mod python;

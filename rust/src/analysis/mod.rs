@@ -1,1 +1,5 @@
 //! One file per analysis.
+pub mod assembly;
+pub mod equilibrium;
+pub mod linearize;
+pub mod reactions;

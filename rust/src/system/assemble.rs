@@ -1,0 +1,300 @@
+//! Residual and tangent of the whole model in tree coordinates.
+//!
+//! ```text
+//! rho(y, y', y") = inertia - applied + J^T lam,   M = d rho/dy",  D = d rho/dy',  K = d rho/dy at constant lam
+//! ```
+use nalgebra::{DMatrix, DVector};
+
+use crate::model::geometry::Geometry;
+use crate::model::joint::{Coordinate, JointKind};
+use crate::model::tables::LENGTH_GIVEN;
+use crate::run::Counts;
+use crate::spatial::{Real, Six};
+use crate::system::connector::{Wanted, add_tangent, add_wrench, constraint_interaction, constraint_rows, interaction, load_interaction, path};
+use crate::system::inertia::{InertiaInput, add_inertia};
+use crate::system::placement::Placement;
+use crate::system::topology::{Level, Topology};
+
+/// What is computed: an effect that a model does not contain costs nothing anyway; these switch off what it contains.
+#[derive(Debug, Clone, Copy)]
+pub struct Effects {
+    pub gravity: bool,
+    pub damping: bool,
+    pub gyroscopic: bool,
+    pub centrifugal: bool,
+    pub preload_stiffness: bool,
+    pub constraint_force_stiffness: bool,
+}
+
+impl Effects {
+    pub const ALL: Effects = Effects {
+        gravity: true,
+        damping: true,
+        gyroscopic: true,
+        centrifugal: true,
+        preload_stiffness: true,
+        constraint_force_stiffness: true,
+    };
+}
+
+/// Everything the assembly reads, over T.
+pub struct Scene<'a, T: Real> {
+    pub topology: &'a Topology,
+    pub geometry: &'a Geometry<T>,
+    pub x: &'a [T],
+    pub placement: &'a Placement<T>,
+    pub rate: Option<&'a [T]>,
+    pub acceleration: Option<&'a [T]>,
+    pub effects: Effects,
+}
+
+#[derive(Debug, Clone)]
+pub struct Tangent<T: Real> {
+    pub mass: DMatrix<T>,
+    pub damping: Option<DMatrix<T>>,
+    pub gyroscopic: Option<DMatrix<T>>,
+    pub stiffness: DMatrix<T>,
+}
+
+impl<T: Real> Scene<'_, T> {
+    fn inertia(&self, with_rates: bool) -> InertiaInput<'_, T> {
+        InertiaInput {
+            topology: self.topology,
+            geometry: self.geometry,
+            placement: self.placement,
+            rate: self.rate.filter(|_| with_rates),
+            acceleration: self.acceleration,
+            gravity: self.geometry.gravity.filter(|_| self.effects.gravity),
+        }
+    }
+
+    fn damped(&self) -> bool {
+        self.effects.damping && self.topology.connectors.iter().any(|c| c.c.is_some())
+    }
+
+    /// Per node: applied wrenches about the centre of mass, without inertia and multipliers.
+    fn applied(&self) -> Vec<Six<T>> {
+        let mut sums = vec![Six::zero(); self.topology.nodes.len()];
+        let wanted = Wanted { tangent: false, geometric: false, damping: self.effects.damping };
+        for c in &self.topology.connectors {
+            let acting = interaction(self.topology, self.geometry, self.placement, self.x, c, wanted);
+            add_wrench(self.topology, self.placement, &acting, &mut sums);
+        }
+        for load in 0..self.topology.tables.loads.len() {
+            let acting = load_interaction(self.topology, self.geometry, self.placement, load, wanted);
+            add_wrench(self.topology, self.placement, &acting, &mut sums);
+        }
+        sums
+    }
+
+    /// Wrench of every body, inertia - applied (+ constraints of cut joints if `lam` is given), about its centre of mass.
+    pub fn body_wrenches(&self, lam: Option<&[T]>) -> Vec<Six<T>> {
+        let mut sums: Vec<_> = self.applied().into_iter().map(|w| -w).collect();
+        if let Some(forces) = self.inertia(self.effects.centrifugal).forces() {
+            for (sum, f) in sums.iter_mut().zip(forces) {
+                *sum += f;
+            }
+        }
+        if let Some(lam) = lam {
+            for (sum, w) in sums.iter_mut().zip(self.multiplier_wrenches(lam)) {
+                *sum += w;
+            }
+        }
+        sums
+    }
+
+    /// J^T lam as wrenches on the bodies, with the sign they have in rho.
+    pub fn multiplier_wrenches(&self, lam: &[T]) -> Vec<Six<T>> {
+        let mut sums = vec![Six::zero(); self.topology.nodes.len()];
+        let wanted = Wanted { tangent: false, geometric: false, damping: false };
+        for (joint, rows) in self.cut_multipliers(lam) {
+            let acting = constraint_interaction(self.topology, self.geometry, self.placement, joint, &rows, wanted);
+            add_wrench(self.topology, self.placement, &acting, &mut sums);
+        }
+        sums.into_iter().map(|w| -w).collect()
+    }
+
+    /// The sum of the sizes of all connector forces, moments over the characteristic length.
+    pub fn connector_sizes(&self, length: f64) -> f64 {
+        let wanted = Wanted { tangent: false, geometric: false, damping: false };
+        let acting = self.topology.connectors.iter().map(|c| interaction(self.topology, self.geometry, self.placement, self.x, c, wanted));
+        acting.map(|w| w.wrench.l.map(|v| v.re()).norm() * length + w.wrench.a.map(|v| v.re()).norm()).sum()
+    }
+
+    /// Position-level multipliers grouped by cut joint.
+    pub fn cut_multipliers(&self, lam: &[T]) -> Vec<(usize, Vec<(Coordinate, T)>)> {
+        let mut grouped: Vec<(usize, Vec<(Coordinate, T)>)> = Vec::new();
+        for (row, l) in self.topology.rows.iter().zip(lam) {
+            if row.level != Level::Position {
+                continue;
+            }
+            match grouped.last_mut().filter(|(joint, _)| *joint == row.joint) {
+                Some((_, rows)) => rows.push((row.coordinate, *l)),
+                None => grouped.push((row.joint, vec![(row.coordinate, *l)])),
+            }
+        }
+        grouped
+    }
+
+    /// Sum body wrenches to subtrees, about each node's centre of mass.
+    pub fn subtree_wrenches(&self, mut sums: Vec<Six<T>>) -> Vec<Six<T>> {
+        for node in (0..sums.len()).rev() {
+            if let Some(parent) = self.topology.nodes[node].parent {
+                let moved = sums[node].wrench_at(&(self.placement.pose[parent].p - self.placement.pose[node].p));
+                sums[parent] += moved;
+            }
+        }
+        sums
+    }
+
+    /// rho in tree coordinates; without `lam` the multipliers are left out.
+    pub fn residual(&self, lam: Option<&[T]>) -> DVector<T> {
+        let sums = self.subtree_wrenches(self.body_wrenches(lam));
+        DVector::from_iterator(self.topology.dofs.len(), self.topology.dofs.iter().zip(&self.placement.column).map(|(dof, s)| s.dot(&sums[dof.node])))
+    }
+
+    /// Values Phi and Jacobian J of the rows of cut joints; a velocity row has value zero and its D for Jacobian.
+    pub fn constraints(&self) -> (DVector<T>, DMatrix<T>) {
+        let rows = &self.topology.rows;
+        let mut phi = DVector::zeros(rows.len());
+        let mut jacobian = DMatrix::zeros(rows.len(), self.topology.dofs.len());
+        let mut start = 0;
+        while start < rows.len() {
+            let joint = rows[start].joint;
+            let end = start + rows[start..].iter().take_while(|r| r.joint == joint).count();
+            self.joint_rows(joint, start, end, &mut phi, &mut jacobian);
+            start = end;
+        }
+        (phi, jacobian)
+    }
+
+    fn joint_rows(&self, joint: usize, start: usize, end: usize, phi: &mut DVector<T>, jacobian: &mut DMatrix<T>) {
+        let spec = &self.topology.tables.joints[joint];
+        let coordinates: Vec<_> = self.topology.rows[start..end].iter().map(|r| r.coordinate).collect();
+        let (point, rows) = if spec.kind == JointKind::KnifeEdge {
+            self.knife_edge(joint)
+        } else {
+            constraint_rows(self.topology, self.geometry, self.placement, joint, &coordinates)
+        };
+        let entries = path(self.topology, self.placement, spec.a, spec.b, &point);
+        for (i, (value, g)) in rows.iter().enumerate() {
+            let length = if spec.kind == JointKind::Distance { self.distance(joint) } else { T::zero() };
+            phi[start + i] = *value - length;
+            for entry in &entries {
+                jacobian[(start + i, entry.dof)] = g.dot(&entry.signed());
+            }
+        }
+    }
+
+    fn distance(&self, joint: usize) -> T {
+        let spec = &self.topology.tables.joints[joint];
+        let x = self.x[spec.x + 34];
+        if spec.flags & LENGTH_GIVEN != 0 { x } else { self.geometry.joint_length[joint] + x }
+    }
+
+    // the forbidden direction is the z axis of the second body's marker
+    fn knife_edge(&self, joint: usize) -> (crate::spatial::V3<T>, Vec<(T, Six<T>)>) {
+        let spec = &self.topology.tables.joints[joint];
+        let pair = &self.geometry.joints[joint];
+        let b = crate::system::placement::marker_pose(self.topology, &self.placement.pose, spec.b, &pair.b);
+        (b.p, vec![(T::zero(), Six::new(b.r.column(2).into_owned(), crate::spatial::V3::zeros()))])
+    }
+
+    pub fn tangent(&self, lam: Option<&[T]>, counts: &mut Counts) -> Tangent<T> {
+        let n = self.topology.dofs.len();
+        let mut mass = DMatrix::zeros(n, n);
+        let mut stiffness = DMatrix::zeros(n, n);
+        let moving = self.rate.is_some();
+        let mut gyroscopic = (moving && self.effects.gyroscopic).then(|| DMatrix::zeros(n, n));
+        add_inertia(&self.inertia(self.effects.centrifugal || gyroscopic.is_some()), &mut mass, &mut stiffness, gyroscopic.as_mut());
+        if moving && !self.effects.centrifugal {
+            // the velocity terms of K came along with the gyroscopic ones: take them out again
+            let mut unused = DMatrix::zeros(n, n);
+            stiffness = DMatrix::zeros(n, n);
+            add_inertia(&self.inertia(false), &mut unused, &mut stiffness, None);
+        }
+        if self.geometry.gravity.is_some() && self.effects.gravity {
+            counts.add("gravity stiffness", 1);
+        }
+        if moving {
+            counts.add("velocity terms", 1);
+        }
+        let mut damping = self.damped().then(|| DMatrix::zeros(n, n));
+        self.add_connectors(&mut stiffness, damping.as_mut(), counts);
+        if let Some(lam) = lam.filter(|_| self.effects.constraint_force_stiffness) {
+            self.add_multiplier_stiffness(lam, &mut stiffness, counts);
+        }
+        self.add_switched(&mut stiffness);
+        Tangent { mass, damping, gyroscopic, stiffness }
+    }
+
+    fn add_connectors(&self, stiffness: &mut DMatrix<T>, mut damping: Option<&mut DMatrix<T>>, counts: &mut Counts) {
+        let geometric = self.effects.preload_stiffness;
+        let wanted = Wanted { tangent: true, geometric, damping: self.effects.damping };
+        for c in &self.topology.connectors {
+            let acting = interaction(self.topology, self.geometry, self.placement, self.x, c, wanted);
+            let own = damping.as_deref_mut().filter(|_| c.c.is_some());
+            add_tangent(self.topology, self.placement, &acting, geometric, stiffness, own);
+            counts.add("connector tangents", 1);
+            if c.c.is_some() && self.effects.damping {
+                counts.add("damper tangents", 1);
+            }
+            if geometric && !acting.wrench.is_zero() {
+                counts.add("preload stiffness", 1);
+            }
+        }
+        if geometric {
+            for load in 0..self.topology.tables.loads.len() {
+                let acting = load_interaction(self.topology, self.geometry, self.placement, load, wanted);
+                add_tangent(self.topology, self.placement, &acting, true, stiffness, None);
+                counts.add("load tangents", 1);
+            }
+        }
+    }
+
+    /// d(J^T lam)/dy of the cut joints.
+    pub fn add_multiplier_stiffness(&self, lam: &[T], stiffness: &mut DMatrix<T>, counts: &mut Counts) {
+        let wanted = Wanted { tangent: true, geometric: true, damping: false };
+        for (joint, rows) in self.cut_multipliers(lam) {
+            if rows.iter().all(|(_, l)| l.is_zero()) {
+                continue;
+            }
+            let acting = constraint_interaction(self.topology, self.geometry, self.placement, joint, &rows, wanted);
+            add_tangent(self.topology, self.placement, &acting, true, stiffness, None);
+            counts.add("constraint-force stiffness", 1);
+        }
+    }
+
+    /// In tree coordinates the forces of tree joints act through the change of the motion columns, (S_j x S_i) . f_i summed over
+    /// the subtree of i. Switching an effect off in the sense of absolute coordinates takes its part of these terms out or in.
+    fn add_switched(&self, stiffness: &mut DMatrix<T>) {
+        if !self.effects.constraint_force_stiffness {
+            let subtree = self.subtree_wrenches(self.body_wrenches(None));
+            self.add_column_changes(&subtree, -T::one(), stiffness);
+        }
+        if !self.effects.preload_stiffness {
+            let applied = self.applied().into_iter().map(|w| -w).collect();
+            self.add_column_changes(&self.subtree_wrenches(applied), T::one(), stiffness);
+        }
+    }
+
+    fn add_column_changes(&self, subtree: &[Six<T>], factor: T, stiffness: &mut DMatrix<T>) {
+        for i in 0..self.topology.dofs.len() {
+            let node = self.topology.dofs[i].node;
+            let s_i = &self.placement.column[i];
+            let mut at = Some(node);
+            while let Some(n) = at {
+                let spec = &self.topology.nodes[n];
+                let arm = self.placement.pose[node].p - self.placement.pose[n].p;
+                for j in spec.first..spec.first + spec.n {
+                    let carries = n != node || self.topology.dofs[j].freedom.stage < self.topology.dofs[i].freedom.stage;
+                    if carries {
+                        let change = self.placement.column[j].motion_at(&arm).cross_motion(s_i);
+                        stiffness[(i, j)] += change.dot(&subtree[node]) * factor;
+                    }
+                }
+                at = spec.parent;
+            }
+        }
+    }
+}
