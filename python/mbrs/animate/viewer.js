@@ -95,7 +95,8 @@ const mbrsViewer = (() => {
   }
 
   function drawGrid(ctx, cam, scene) {
-    const { size, floor } = scene, step = 10 ** Math.floor(Math.log10(size / 2)), n = Math.ceil(0.75 * size / step);
+    const { size, floor } = scene, power = 10 ** Math.floor(Math.log10(size / 8));
+    const step = power * [1, 2, 5, 10].find((k) => k * power >= size / 8), n = Math.ceil(0.75 * size / step);
     const x0 = Math.round(scene.centre[0] / step) * step, y0 = Math.round(scene.centre[1] / step) * step;
     ctx.strokeStyle = "#dde3ea";
     ctx.lineWidth = 1;
@@ -131,7 +132,7 @@ const mbrsViewer = (() => {
   }
 
   // Faces of all bodies that look towards the viewer, as [depth, painter]; bodies are convex, so the others are hidden.
-  function bodyItems(ctx, scene, state, cam, items, outline) {
+  function bodyItems(ctx, scene, state, cam, items, outline, alpha) {
     const light = [-0.4, 0.5, 0.77], byBody = scene.bodies.length > 800;
     scene.bodies.forEach((body, b) => {
       const o = scene.origins[b], k = 12 * b, n = body.v.length / 3, screen = [], level = [];
@@ -172,7 +173,9 @@ const mbrsViewer = (() => {
             ctx.fillStyle = fill;
             ctx.strokeStyle = edge;
             ctx.lineWidth = 0.7;
+            ctx.globalAlpha = alpha;
             ctx.fill();
+            ctx.globalAlpha = 1;
           }
           ctx.stroke();
         }]);
@@ -274,6 +277,7 @@ const mbrsViewer = (() => {
     const play = make(bar, "button", { type: "button", textContent: "Pause" });
     const amplitude = slider(bar, "amplitude", 0, 3, 1), speed = slider(bar, "speed", 0.05, 2, 0.5);
     const ghost = checkbox(bar, "rest position", scene.bodies.length <= 200), names = checkbox(bar, "names", false);
+    const clear = checkbox(bar, "see through", false);
     const reset = make(bar, "button", { type: "button", textContent: "Reset view" });
     const ctx = canvas.getContext("2d");
 
@@ -310,9 +314,9 @@ const mbrsViewer = (() => {
       const cam = camera(view, width, height, scene), n = scene.bodies.length;
       const step = drawGrid(ctx, cam, scene);
       const state = pose(shapes[current], n, phase, Number(amplitude.value)), items = [];
-      if (ghost.checked) bodyItems(ctx, scene, pose(shapes[current], n, 0, 0), cam, items, true);
+      if (ghost.checked) bodyItems(ctx, scene, pose(shapes[current], n, 0, 0), cam, items, true, 1);
       items.splice(0).forEach((item) => item[1]());
-      bodyItems(ctx, scene, state, cam, items, false);
+      bodyItems(ctx, scene, state, cam, items, false, clear.checked ? 0.45 : 1);
       linkItems(ctx, scene, state, cam, items);
       jointItems(ctx, scene, state, cam, items);
       items.sort((p, q) => p[0] - q[0]).forEach((item) => item[1]());
@@ -374,7 +378,7 @@ const mbrsViewer = (() => {
       view = home();
       dirty = true;
     };
-    [amplitude, speed, ghost, names].forEach((input) => input.addEventListener("input", () => { dirty = true; }));
+    [amplitude, speed, ghost, names, clear].forEach((input) => input.addEventListener("input", () => { dirty = true; }));
     new ResizeObserver(() => { dirty = true; }).observe(canvas);
     if (scene.phase !== null) {
       phase = scene.phase;
