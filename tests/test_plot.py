@@ -103,10 +103,24 @@ def test_nyquist_is_square_and_marks_the_peak() -> None:
         ("accelerance", ["a.motion.rx"], ["a.torque.x"], "rad/s^2/(N m)"),
         ("receptance", ["a.motion.rx", "a.motion.z"], ["a.force.x"], ""),
         ("transmissibility", ["a.motion.z"], ["base.z"], "1"),
+        ("transmissibility", ["a.motion.-ry"], ["base.z"], "rad/m"),
+        ("receptance", ["a.motion.z@(0,0,0.5)"], ["a.torque.(1,0.5,0)"], "m/(N m)"),
+        ("accelerance", ["a.motion.z"], ["base.z"], "m/s^2/m"),
     ],
 )
 def test_units_follow_kind_and_ports(kind: str, outputs: list[str], inputs: list[str], unit: str) -> None:
     assert frf_unit(SimpleNamespace(kind=kind, outputs=outputs, inputs=inputs)) == unit
+
+
+def test_infinite_resonances_and_nan_do_not_spoil_the_plot() -> None:
+    result = oscillator_frf(2, 1)
+    result.value[0, 0, 100] = complex(np.inf, 0)
+    result.value[1, 0, 50:60] = np.nan
+    for kind in ("bode", "nyquist"):
+        figure = plot.frf(result, kind=kind)
+        low, high = figure.axes[0].get_ylim()
+        assert np.isfinite([low, high]).all() and high < 0.1
+        _no_text_is_cut(figure)
 
 
 def test_wrapped_phase_draws_no_vertical_line() -> None:
@@ -134,9 +148,11 @@ def test_wrong_input_is_named() -> None:
 def test_response_names_the_largest_curves() -> None:
     t = np.linspace(0, 1, 50)
     value = np.arange(1, 13)[:, None] * np.sin(20 * t)
-    figure = plot.response(SimpleNamespace(t=t, value=value, outputs=[f"b{i}.motion.z" for i in range(12)]))
+    figure = plot.response(
+        SimpleNamespace(t=t, value=value, kind="velocity", outputs=[f"b{i}.motion.z" for i in range(12)])
+    )
     axes = figure.axes[0]
-    assert axes.get_xlabel() == "t [s]" and len(axes.get_lines()) == 12
+    assert _labels(axes) == ("t [s]", "velocity [m/s]") and len(axes.get_lines()) == 12
     assert [text.get_text() for text in axes.get_legend().get_texts()] == [f"b{i}.motion.z" for i in range(11, 1, -1)]
     _no_text_is_cut(figure)
 

@@ -259,6 +259,12 @@ def test_bode_marks_peak_of_the_closed_form() -> None:
     assert peak == pytest.approx(92 + 884 * np.log(resonance) / np.log(60.0), abs=2.0)
 
 
+def test_bode_of_an_infinite_resonance() -> None:
+    result = oscillator_frf()
+    result.value[0, 0, 10] = complex(np.inf, 0)
+    assert "inf" not in svg.bode(result).replace("sans-serif", "") and "nan" not in svg.bode(result)
+
+
 def test_tornado_is_sorted_and_leaves_out_what_has_no_size() -> None:
     given = sensitivity()
     given.values = np.array([1e5, 0.0, 20.0, 0.2])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .page import Section, page, write_page
+from .report import html_table
 
 __all__ = ["result_page", "run"]
 
@@ -45,7 +46,8 @@ def run(out: str | Path) -> str:
 
 def modes_section(modes: Any, title: str = "Modes") -> Section:
     """Table of modes, and the shapes in motion where there is geometry."""
-    content: list[Any] = [modes]
+    rows = getattr(modes, "rows", None)
+    content: list[Any] = [html_table(*rows()) if callable(rows) else modes]
     text = ""
     if getattr(modes, "geometry", None) is not None:
         from .animate import modes as animate

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,9 +12,20 @@ import numpy as np
 from ..errors import ModelError
 from ..report import number, si
 
-__all__ = ["Curve", "TornadoBar", "breaks_at_jumps", "curves", "frf_unit", "mode_index", "tornado_bars"]
+__all__ = [
+    "Curve",
+    "TornadoBar",
+    "breaks_at_jumps",
+    "curves",
+    "frf_unit",
+    "mode_index",
+    "port_unit",
+    "response_unit",
+    "tornado_bars",
+]
 
-_TIME_POWER = {"receptance": 0, "mobility": 1, "accelerance": 2}
+_RATE = {"receptance": "", "transmissibility": "", "mobility": "/s", "accelerance": "/s^2"}
+_ROTATION = re.compile(r"\.[+-]?r[xyz](@|$)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,27 +57,38 @@ def _names(names: Sequence[Any], count: int, default: str) -> list[str]:
 
 
 def frf_unit(result: Any) -> str:
-    """Unit of the magnitude from the kind and from what the inputs and outputs are called; "" where they are mixed."""
+    """Unit of the magnitude from the kind and the names of the ports; "1" for a ratio, "" where they are mixed."""
     stated = getattr(result, "unit", None)
     if isinstance(stated, str):
         return stated
     kind = str(getattr(result, "kind", ""))
-    if kind == "transmissibility":
-        return "1"
-    if kind not in _TIME_POWER:
+    if kind not in _RATE:
         return ""
-    outputs = {"rad" if _rotates(name) else "m" for name in getattr(result, "outputs", ())} or {"m"}
-    inputs = {"N m" if _rotates(name) else "N" for name in getattr(result, "inputs", ())} or {"N"}
+    outputs = {port_unit(name) for name in getattr(result, "outputs", ())} or {"m"}
+    inputs = {port_unit(name) for name in getattr(result, "inputs", ())} or {"N"}
     if len(outputs) > 1 or len(inputs) > 1:
         return ""
-    rate = ("", "/s", "/s^2")[_TIME_POWER[kind]]
-    force = inputs.pop()
-    return f"{outputs.pop()}{rate}/{force if ' ' not in force else f'({force})'}"
+    above, below = outputs.pop() + _RATE[kind], inputs.pop()
+    if above == below:
+        return "1"
+    return f"{above}/{below}" if " " not in below else f"{above}/({below})"
 
 
-def _rotates(name: Any) -> bool:
-    parts = str(name).split(".")
-    return parts[-1] in ("rx", "ry", "rz") or "torque" in parts
+def port_unit(name: Any) -> str:
+    """Unit of a port by its name (``payload.force.z``, ``base.rx``, ``payload.motion.z@(0,0,1)``): N, N m, m or rad."""
+    text = str(name)
+    if ".force." in text:
+        return "N"
+    if ".torque." in text:
+        return "N m"
+    return "rad" if _ROTATION.search(text) else "m"
+
+
+def response_unit(result: Any) -> str:
+    """Unit of the outputs of a response, or "SI units" where lengths and angles are mixed."""
+    units = {port_unit(name) for name in getattr(result, "outputs", ())} or {"m"}
+    rate = {"velocity": "/s", "acceleration": "/s^2"}.get(str(getattr(result, "kind", "")), "")
+    return units.pop() + rate if len(units) == 1 else "SI units"
 
 
 def breaks_at_jumps(values: np.ndarray, limit: float) -> np.ndarray:

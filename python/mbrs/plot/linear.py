@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from .data import Curve, breaks_at_jumps, curves, frf_unit
+from .data import Curve, breaks_at_jumps, curves, frf_unit, response_unit
 from .figure import FADED, PALETTE, figure, legend, log_frequencies, style
 
 __all__ = ["campbell", "frf", "modes", "response"]
@@ -173,6 +173,7 @@ def response(result: Any) -> Any:
         raise ModelError(f"a response must be (n_out, n_t) with n_t = {t.size}, got {value.shape}")
     outputs = [str(name) for name in getattr(result, "outputs", ())]
     names = outputs if len(outputs) == value.shape[0] else [f"out{i}" for i in range(value.shape[0])]
+    kind = str(getattr(result, "kind", "") or "response")
     order = sorted(range(value.shape[0]), key=lambda i: -_peak(value[i]))
     with style():
         made, axes = figure(size=(8.5, 4.2))
@@ -180,7 +181,7 @@ def response(result: Any) -> Any:
             axes.plot(t, value[i], color=FADED, lw=0.7, zorder=1.5)
         for place, i in enumerate(order[:_MOST_NAMED]):
             axes.plot(t, value[i], color=PALETTE[place % len(PALETTE)], label=names[i])
-        axes.set(xlabel="t [s]", ylabel="response [SI units]", xlim=(t[0], t[-1]) if t.size > 1 else None)
+        axes.set(xlabel="t [s]", ylabel=f"{kind} [{response_unit(result)}]", xlim=(t[0], t[-1]) if t.size > 1 else None)
         axes.set_title("time response")
         legend(axes, [names[i] for i in order[:_MOST_NAMED]])
     return made
