@@ -17,7 +17,7 @@ from mbrs.study import accuracy_study, effect_study
 
 
 class _Clock:
-    """Stands in for the module `time` in mbrs.study, so that no test depends on how fast the machine is."""
+    """Stands in for the module `time` in mbrs._timing, so that no test depends on how fast the machine is."""
 
     now = 0.0
 
@@ -28,7 +28,7 @@ class _Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> _Clock:
     made = _Clock()
-    monkeypatch.setattr("mbrs.study.time", made)
+    monkeypatch.setattr("mbrs._timing.time", made)
     return made
 
 

@@ -1,19 +1,17 @@
-"""What accuracy costs, and which effects matter: one analysis over a grid of settings, or with effects off in turn."""
+"""What accuracy costs: one analysis over a grid of settings. (`effect_study` stands beside it.)"""
 
 from __future__ import annotations
 
-import importlib
 import itertools
 import math
-import time
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ._effect_study import EffectStudy, effect_study
+from ._timing import name_of, short, timed
 from .errors import MbrsError, ModelError
 from .measures import measure_for
 from .progress import Progress
@@ -122,7 +120,7 @@ class AccuracyStudy(Result):
         for p in self.points:
             status = p.status + (" (reference)" if p.is_reference else "")
             error = math.nan if p.is_reference else p.error
-            rows.append([*(p.settings[a] for a in self.axes), 1e3 * p.time, _short(error), _short(p.estimate), status])
+            rows.append([*(p.settings[a] for a in self.axes), 1e3 * p.time, short(error), short(p.estimate), status])
         return columns, rows
 
     def _footer(self) -> str:
@@ -237,7 +235,7 @@ def accuracy_study(
     errors = np.array([p.error for p in points])
     names = tuple(axis.name for axis in axes)
     status = "converged" if len(done) == len(runs) else "stopped"
-    return AccuracyStudy(points, names, _name(measure), why, stats=stats, error=errors, status=status)
+    return AccuracyStudy(points, names, name_of(measure), why, stats=stats, error=errors, status=status)
 
 
 @dataclass(frozen=True)
@@ -305,28 +303,10 @@ def _run_all(
             own: dict[str, Any] = {}
             for axis, i in zip(axes, place, strict=True):
                 own |= axis.keywords[i]
-            result, best, spent, status = _timed(fun, args, {**fixed, **own}, repeat)
+            result, best, spent, status = timed(fun, args, {**fixed, **own}, repeat)
             runs.append(_Run(place, own, result, best, spent, status))
             progress.advance(note=", ".join(axis.labels[i] for axis, i in zip(axes, place, strict=True)))
     return runs
-
-
-def _timed(
-    fun: Callable[..., Any], args: Any, keywords: Mapping[str, Any], repeat: int
-) -> tuple[Any, float, float, str]:
-    """The last result, the best and the total wall time, and how it ended. Errors of mbrs are kept, others are bugs."""
-    best, spent, result = math.inf, 0.0, None
-    for _ in range(repeat):
-        start = time.perf_counter()
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # one warning per repeat and setting would drown the table
-                result = fun(*args, **keywords)
-        except MbrsError as problem:
-            return None, time.perf_counter() - start, spent + time.perf_counter() - start, f"failed: {problem}"
-        one = time.perf_counter() - start
-        best, spent = min(best, one), spent + one
-    return result, best, spent, str(getattr(result, "status", "done"))
 
 
 def _self_made(done: list[_Run], axes: list[_Axis], measure: Callable[[Any, Any], float]) -> tuple[_Run, str]:
@@ -402,157 +382,3 @@ def _reason(best: StudyPoint, good: list[StudyPoint], known: list[StudyPoint], e
     ratio = second.time / best.time if best.time > 0.0 else math.inf
     cheapest = f"the cheapest of {len(good)} settings within {error:.1e}"
     return f"{cost}; {cheapest}, the next ({rival}) takes {ratio:.2g} times as long"
-
-
-def _short(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.1e}"
-
-
-def _name(measure: Callable[..., Any]) -> str:
-    lines = (measure.__doc__ or "").strip().splitlines()
-    return lines[0].rstrip(".") if lines else getattr(measure, "__name__", "given measure")
-
-
-@dataclass(frozen=True)
-class EffectRow:
-    """One effect left out: relative ``change`` (nan: unknown), share of time ``saved``, ``fewer`` work counts."""
-
-    effect: str
-    change: float
-    time: float
-    saved: float
-    fewer: Mapping[str, int]
-    status: str
-
-
-@dataclass(frozen=True, eq=False)
-class EffectStudy(Result):
-    """What each effect of a model does to a result and what it costs; see `effect_study`. ``time``: the full run."""
-
-    rows: tuple[EffectRow, ...]
-    measure: str
-    time: float
-
-    def _table(self) -> tuple[list[str], list[list[Any]]]:
-        columns = ["without", "change", "time [ms]", "saved [%]", "less work", "status"]
-        rows = [
-            [r.effect, _short(r.change), 1e3 * r.time, round(100.0 * r.saved) if math.isfinite(r.saved) else None,
-             ", ".join(f"{n:+d} {name}" for name, n in r.fewer.items()) or "-", r.status]
-            for r in self.rows
-        ]  # fmt: skip
-        return columns, rows
-
-    def _footer(self) -> str:
-        return f"change: {self.measure}; all effects on: {si(self.time, 's')}, best of the repeats"
-
-    def __str__(self) -> str:
-        if not self.rows:
-            return "effect study: no effect of this model can be switched off"
-        return table(*self._table(), title="effect study", footer=self._footer(), digits=4)
-
-    def _repr_html_(self) -> str:
-        return html_table(*self._table(), title="effect study", footer=self._footer(), digits=4)
-
-    def plot(self) -> Any:
-        """Change and time saved as bars (a matplotlib Figure)."""
-        from .plot import effects
-
-        return effects(self)
-
-    def save(self, path: str | Path) -> Path:
-        """Save as a pickle."""
-        return super().save(Path(path))
-
-
-def effect_study(
-    fun: Callable[..., Any],
-    model: Any,
-    *args: Any,
-    repeat: int = 3,
-    measure: Callable[[Any, Any], float] | None = None,
-    effects: Sequence[str] | None = None,
-    **settings: Any,
-) -> EffectStudy:
-    """Run an analysis with each effect that is on switched off in turn: what changes, and what it saves.
-
-    Parameters
-    ----------
-    fun
-        An analysis with ``without=``, such as ``mb.modes``.
-    model, args, settings
-        What it takes; ``without`` among the settings is off in every run.
-    repeat
-        Times are the best of this many runs.
-    measure
-        ``measure(result, reference) -> float``; None chooses by the kind of result (`mbrs.measures`).
-    effects
-        Names of effects to try; None takes those that ``mb.effects(model)`` lists as on and that can be switched off.
-
-    Returns
-    -------
-    EffectStudy
-        Rows from the largest change to the smallest. An effect whose absence makes the analysis fail is recorded.
-
-    Raises
-    ------
-    ModelError
-        The analysis fails with all effects on.
-
-    Notes
-    -----
-    Cost: ``repeat`` x (number of effects + 1) runs.
-    """
-    off = tuple(settings.pop("without", ()))
-    names = tuple(effects) if effects is not None else _effects_on(model)
-    whole, full, spent, status = _timed(fun, (model, *args), {**settings, **({"without": off} if off else {})}, repeat)
-    if whole is None:
-        raise ModelError(f"the analysis fails with all effects on, so there is nothing to compare with: {status}")
-    measure = measure or measure_for(whole)
-    rows = []
-    with Progress("effect study", len(names)) as progress:
-        for name in names:
-            if name not in off:
-                row, cost = _effect_row(fun, (model, *args), settings, (*off, name), repeat, measure, (whole, full))
-                rows.append(row)
-                spent += cost
-            progress.advance(note=name)
-    rows.sort(key=lambda row: -row.change if math.isfinite(row.change) else math.inf)
-    stats = Stats(wall_time=spent, counts={"runs": repeat * (len(rows) + 1)})
-    return EffectStudy(tuple(rows), _name(measure), full, stats=stats, error=None, status="converged")
-
-
-def _effect_row(
-    fun: Callable[..., Any],
-    args: Any,
-    settings: Any,
-    off: tuple[str, ...],
-    repeat: int,
-    measure: Any,
-    whole: tuple[Any, float],
-) -> tuple[EffectRow, float]:
-    result, best, spent, status = _timed(fun, args, {**settings, "without": off}, repeat)
-    reference, full = whole
-    if result is None:
-        return EffectRow(off[-1], math.nan, best, math.nan, {}, status), spent
-    try:
-        change = float(measure(result, reference))
-    except MbrsError as problem:
-        change, status = math.nan, f"not comparable: {problem}"
-    saved = 1.0 - best / full if full > 0.0 else math.nan
-    return EffectRow(off[-1], change, best, saved, _fewer(reference, result), status), spent
-
-
-def _fewer(whole: Any, part: Any) -> dict[str, int]:
-    """Differences of the work counts, part - whole, where they are not zero."""
-    before = dict(getattr(getattr(whole, "stats", None), "counts", {}) or {})
-    after = dict(getattr(getattr(part, "stats", None), "counts", {}) or {})
-    changes = {name: int(after.get(name, 0)) - int(before.get(name, 0)) for name in sorted({*before, *after})}
-    return {name: change for name, change in changes.items() if change}
-
-
-def _effects_on(model: Any) -> tuple[str, ...]:
-    listed = importlib.import_module("mbrs").effects(model)
-    entries = listed.items() if isinstance(listed, Mapping) else [(getattr(e, "name", None), e) for e in listed]
-    return tuple(
-        str(name) for name, entry in entries if getattr(entry, "on", entry) and getattr(entry, "switchable", True)
-    )
