@@ -10,6 +10,7 @@ pub mod analysis;
 pub mod error;
 pub mod linalg;
 pub mod run;
+pub mod second_order;
 
 #[cfg(feature = "python")]
 mod python;
