@@ -1,5 +1,9 @@
 """The Rust core: typed by hand and checked by stubtest. Not public; its results are wrapped by the modules of mbrs."""
 
+from typing import Any
+
+import numpy as np
+
 __version__: str
 
 class CoreError(Exception): ...
@@ -8,3 +12,12 @@ class CoreAssemblyError(CoreError): ...
 class CoreSingularError(CoreError): ...
 class CoreConvergenceError(CoreError): ...
 class CoreNotDifferentiableError(CoreError): ...
+
+def dense_modes(
+    m: np.ndarray | None,
+    c: np.ndarray | None,
+    g: np.ndarray | None,
+    k: np.ndarray | None,
+    n: np.ndarray | None,
+    kf: np.ndarray | None,
+) -> dict[str, Any]: ...

@@ -14,6 +14,7 @@ pub mod model;
 pub mod run;
 pub mod spatial;
 pub mod system;
+pub mod second_order;
 
 #[cfg(feature = "python")]
 mod python;

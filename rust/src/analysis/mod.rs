@@ -3,3 +3,4 @@ pub mod assembly;
 pub mod equilibrium;
 pub mod linearize;
 pub mod reactions;
+pub mod modal;

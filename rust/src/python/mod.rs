@@ -2,6 +2,7 @@
 mod border;
 mod system;
 mod tables;
+mod modal;
 
 use pyo3::prelude::*;
 
@@ -10,4 +11,5 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     border::register(module)?;
     system::register(module)
+    modal::register(module)
 }
