@@ -1,1 +1,5 @@
 //! One file per analysis.
+pub mod frf;
+pub mod frf_sensitivity;
+pub mod frf_singular;
+pub mod response;

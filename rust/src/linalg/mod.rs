@@ -1,1 +1,5 @@
 //! Dense and sparse linear algebra that faer does not bring ready-made.
+pub mod double_double;
+pub mod expm;
+pub mod hessenberg;
+pub mod quadratic;
