@@ -2,3 +2,7 @@
 pub mod balance;
 pub mod dense;
 pub mod eigen;
+pub mod double_double;
+pub mod expm;
+pub mod hessenberg;
+pub mod quadratic;

@@ -3,6 +3,7 @@ mod border;
 mod system;
 mod tables;
 mod modal;
+mod frf;
 
 use pyo3::prelude::*;
 
@@ -12,4 +13,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     border::register(module)?;
     system::register(module)
     modal::register(module)
+    frf::register(module)?;
+    border::register(module)
 }
