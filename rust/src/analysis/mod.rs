@@ -1,1 +1,2 @@
 //! One file per analysis.
+pub mod hbm;
