@@ -11,6 +11,7 @@ pub mod error;
 pub mod laws;
 pub mod linalg;
 pub mod run;
+pub mod solve;
 
 #[cfg(feature = "python")]
 mod python;

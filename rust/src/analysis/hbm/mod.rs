@@ -5,3 +5,5 @@
 pub mod aft;
 pub mod basis;
 pub mod grid;
+pub mod linear;
+pub mod problem;
