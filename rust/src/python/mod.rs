@@ -1,10 +1,12 @@
 //! The border to Python: one registration function per group of analyses.
 mod border;
+mod hbm;
 
 use pyo3::prelude::*;
 
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    border::register(module)
+    border::register(module)?;
+    hbm::register(module)
 }

@@ -24,6 +24,8 @@ pub struct Outcome {
 }
 
 const LEAST_DAMPING: f64 = 1e-6;
+/// An ill-conditioned Jacobian may keep the step above the tolerance; below this the point is still taken, and the step told.
+const ROUNDING: f64 = 1e-7;
 
 /// Solves R(y, p) = 0 for y at fixed p; `out` ends as the linearisation one step before the returned y.
 pub fn solve(
@@ -78,6 +80,14 @@ pub fn solve(
             }
             damping *= 0.5;
             if damping < LEAST_DAMPING {
+                if step_size <= ROUNDING {
+                    return Ok(Outcome {
+                        converged: true,
+                        iterations,
+                        step: step_size,
+                        reason: "rounding",
+                    });
+                }
                 return Ok(gave_up(
                     iterations,
                     step_size,

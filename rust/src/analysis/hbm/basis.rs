@@ -61,15 +61,13 @@ impl Basis {
             .collect()
     }
 
-    /// The same terms and the next ones: what the chosen set omits, for the error estimate. Periodic sets grow to 2 H + 1.
+    /// The same terms and the next ones, what the chosen set omits: a periodic set grows to the smaller of 2 H + 1 and H + 6.
     pub fn extended(&self) -> Basis {
         let top = self.indices.iter().map(|k| k[0]).max().unwrap_or(0);
         let mut indices = self.indices.clone();
-        indices.extend(
-            (1..=2 * top + 1)
-                .filter(|h| !self.indices.iter().any(|k| k[0] == *h))
-                .map(|h| vec![h]),
-        );
+        let new =
+            (1..=(2 * top + 1).min(top + 6)).filter(|h| !self.indices.iter().any(|k| k[0] == *h));
+        indices.extend(new.map(|h| vec![h]));
         Basis {
             indices,
             subharmonic: self.subharmonic,

@@ -34,11 +34,16 @@ pub trait DynamicStiffness: Send {
     fn evaluate(&mut self, w: f64, force: Option<&[c64]>, block: &mut Block) -> Result<()>;
     /// All coordinates, given the retained ones.
     fn expand(&mut self, w: f64, force: Option<&[c64]>, y: &[c64], x: &mut [c64]) -> Result<()>;
+    /// The retained coordinates of a vector of all coordinates.
+    fn restrict(&self, x: &[f64], y: &mut [f64]);
+    /// The same operator for another thread or another set of terms.
+    fn copied(&self) -> Box<dyn DynamicStiffness>;
     /// The retained part of a direction given in all coordinates; it must vanish on the others.
     fn retain(&self, direction: &[(usize, f64)]) -> Vec<(usize, f64)>;
 }
 
 /// Nothing condensed: dense matrices by rows; C and K may hold gyroscopic and circulatory parts.
+#[derive(Clone)]
 pub struct Full {
     pub n: usize,
     pub m: Vec<f64>,
@@ -70,6 +75,14 @@ impl DynamicStiffness for Full {
     fn expand(&mut self, _: f64, _: Option<&[c64]>, y: &[c64], x: &mut [c64]) -> Result<()> {
         x.copy_from_slice(y);
         Ok(())
+    }
+
+    fn restrict(&self, x: &[f64], y: &mut [f64]) {
+        y.copy_from_slice(x);
+    }
+
+    fn copied(&self) -> Box<dyn DynamicStiffness> {
+        Box::new(self.clone())
     }
 
     fn retain(&self, direction: &[(usize, f64)]) -> Vec<(usize, f64)> {

@@ -4,6 +4,7 @@
 //! coordinates, `problem` adds them to a residual with its exact Jacobian.
 pub mod aft;
 pub mod basis;
+pub mod estimate;
 pub mod grid;
 pub mod linear;
 pub mod problem;

@@ -1,6 +1,8 @@
 //! The residual of harmonic balance, R(y, p) = S y + sum_e W_e F_e(W_e^T y) - f, with dR/dy and dR/dp.
 //!
 //! Unknowns by harmonic: n constants, then per term n cosine and n sine coefficients of the retained coordinates.
+use std::sync::Arc;
+
 use faer::Mat;
 use num_complex::Complex64 as c64;
 
@@ -33,7 +35,8 @@ pub struct Problem {
     pub linear: Box<dyn DynamicStiffness>,
     pub elements: Vec<Element>,
     /// per term (0 is the constant one) the complex force on all coordinates: f(t) = Re sum f_j exp(i phi_j)
-    pub forces: Vec<Option<Vec<c64>>>,
+    /// shared by problems on other terms, as long as the first terms are the same
+    pub forces: Arc<Vec<Option<Vec<c64>>>>,
     pub omega: Vec<f64>,
     pub level: f64,
     pub parameter: Parameter,
@@ -53,7 +56,7 @@ impl Problem {
         basis: Basis,
         linear: Box<dyn DynamicStiffness>,
         elements: Vec<Element>,
-        forces: Vec<Option<Vec<c64>>>,
+        forces: Arc<Vec<Option<Vec<c64>>>>,
         omega: Vec<f64>,
         dims: &[usize],
     ) -> Problem {
@@ -80,6 +83,19 @@ impl Problem {
             broken: None,
             evaluations: 0,
         }
+    }
+
+    /// The same problem on other terms and another grid.
+    pub fn on(&self, basis: Basis, dims: &[usize]) -> Problem {
+        let (linear, elements, forces) = (
+            self.linear.copied(),
+            self.elements.clone(),
+            self.forces.clone(),
+        );
+        let mut other = Problem::new(basis, linear, elements, forces, self.omega.clone(), dims);
+        other.level = self.level;
+        other.parameter = self.parameter;
+        other
     }
 
     /// Retained coordinates.
@@ -325,7 +341,14 @@ mod tests {
             force(0.1, 0.0),
         ];
         let basis = Basis::periodic(&[1, 2, 3], 1);
-        let mut problem = Problem::new(basis, Box::new(linear), elements, forces, vec![1.1], &[64]);
+        let mut problem = Problem::new(
+            basis,
+            Box::new(linear),
+            elements,
+            Arc::new(forces),
+            vec![1.1],
+            &[64],
+        );
         problem.parameter = parameter;
         problem
     }
