@@ -8,3 +8,4 @@ pub mod frf;
 pub mod frf_sensitivity;
 pub mod frf_singular;
 pub mod response;
+pub mod hbm;

@@ -4,6 +4,7 @@ mod system;
 mod tables;
 mod modal;
 mod frf;
+mod hbm;
 
 use pyo3::prelude::*;
 
@@ -15,4 +16,5 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     modal::register(module)
     frf::register(module)?;
     border::register(module)
+    hbm::register(module)
 }
