@@ -212,9 +212,12 @@ def test_possible_inertias_pass(m, inertia):
 
 
 def test_planar_inertia_warns(m):
-    with pytest.warns(MbrsWarning, match=r"c.inertia \(0, 0, 2\) is planar data"):
+    with pytest.warns(MbrsWarning, match=r"c.inertia \(0, 0, 2\) is planar data") as caught:
         m.body("c", mass=1.0, inertia=(0, 0, 2.0))
     assert m.value("c.inertia")[2, 2] == 2.0
+    with pytest.warns(MbrsWarning, match="planar data") as again:
+        m.set({"c.inertia": (0, 0, 3.0)})
+    assert [w.filename for w in (*caught, *again)] == [__file__] * 2
 
 
 def test_a_parameter_may_not_drive_a_body_out_of_existence(m):

@@ -11,7 +11,7 @@ import numpy as np
 
 from .addresses import Target, target
 from .bodies import Body, Ground, Marker, Pose, add_body, add_marker
-from .elements import LENGTH_GIVEN, Element, ElementMethods, LawItem, Load
+from .elements import Element, ElementMethods, LawItem, Load
 from .errors import ModelError
 from .expressions import Program, rebuild_all
 from .joints import Joint, JointMethods
@@ -386,6 +386,3 @@ class Model(JointMethods, ElementMethods):
             (len(self.space.names), "parameters"),
         )
         return f"Model({self.name!r}: " + ", ".join(f"{n} {what}" for n, what in counts) + ")"
-
-
-__all__ = ["LENGTH_GIVEN", "STORES", "Model"]
