@@ -169,6 +169,8 @@ CASES = [
     (lambda m: m["a"].force("w"), ModelError, "a.force"),
     (lambda m: m["a"].force("z", at=(0, 0)), ModelError, "a.force"),
     (lambda m: m["a"].force((0, 0, 0)), ModelError, "zero vector"),
+    (lambda m: m["a"].force((0, 0, m["k"])), ModelError, "plain numbers"),
+    (lambda m: m["a"].force("z", at=(0, 0, m["k"])), ModelError, "define a marker"),
     (lambda m: tables(Model("empty")), ModelError, "no body"),
     # examples
     (lambda m: examples.from_code("XL3RF1"), ModelError, "TL7SF1"),

@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 
 from .addresses import Target, target
+from .attached_laws import LawItem
 from .bodies import Body, Ground, Marker, Pose, add_body, add_marker
-from .elements import Element, ElementMethods, LawItem, Load
+from .element_methods import ElementMethods
+from .elements import Element, Load
 from .errors import ModelError
 from .expressions import Program, rebuild_all
-from .joints import Joint, JointMethods
+from .joint_methods import JointMethods
+from .joints import Joint
 from .names import GROUND, check_name, located, not_found, problem, shown
 from .parameters import ArrayParameter, ParameterSpace
 from .parameters import Symbol as Parameter
