@@ -85,6 +85,8 @@ CASES = [
     (lambda m: m.fixed("j", "a", other_body(), at=(0, 0, 0)), ModelError, "belongs to another model"),
     (lambda m: m.fixed("j", "a", Model("o").ground, at=(0, 0, 0)), ModelError, "belongs to another model"),
     (lambda m: m["aa"], NameNotFoundError, "did you mean 'a'"),
+    (lambda m: m[["a"]], ModelError, "indexed by names"),
+    (lambda m: m[0], ModelError, "indexed by names"),
     (lambda m: Model(""), ModelError, "non-empty"),
     (lambda m: Model("x", gravity=9.81), ModelError, "gravity must be 3 numbers"),
     (lambda m: setattr(m, "gravity", (0, 0, np.nan)), ModelError, "gravity must be a finite"),

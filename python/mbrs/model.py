@@ -225,16 +225,18 @@ class Model(JointMethods, ElementMethods):
 
     def __getitem__(self, name: str) -> Any:
         """The handle of a name: a body, joint, element, load, marker or parameter."""
+        if not isinstance(name, str):
+            raise ModelError(f"model {self.name!r} is indexed by names, got {shown(name)}")
         if name == GROUND:
             return self.ground
         if name in self.items:
             return self.items[name]
         if name in self.space.names:
             return self.space.handle(name)
-        raise not_found(f"nothing in model {self.name!r}", str(name), [*self.items, *self.space.names])
+        raise not_found(f"nothing in model {self.name!r}", name, [*self.items, *self.space.names])
 
     def __contains__(self, name: object) -> bool:
-        return name in self.items or name in self.space.names
+        return isinstance(name, str) and (name in self.items or name in self.space.names)
 
     def value(self, address: str) -> Any:
         """The number(s) at an address now: a float, or an array for an address without an index.
