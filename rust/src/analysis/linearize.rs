@@ -67,6 +67,18 @@ fn force_scale(scene: &Scene<'_, f64>, length: f64) -> f64 {
 }
 
 impl Linearization {
+    /// Tree increments of minimal ones.
+    pub fn expand(&self, z: DVector<f64>) -> Result<DVector<f64>> {
+        let n = self.matrices.mass.nrows();
+        if z.len() != n || z.iter().any(|v| !v.is_finite()) {
+            return Err(Error::model(format!("{n} finite increments are needed, {} were given", z.len())));
+        }
+        Ok(match (&self.loops, &self.dependent_map) {
+            (Some(l), Some(b)) => l.expand(b, &z),
+            _ => z,
+        })
+    }
+
     /// Indices of the minimal coordinates among the tree coordinates.
     pub fn coordinates(&self, n_tree: usize) -> Vec<usize> {
         self.loops

@@ -8,7 +8,7 @@ use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::analysis::assembly::assemble;
+use crate::analysis::assembly::{assemble, close, scene};
 use crate::analysis::equilibrium::{Equilibrium, equilibrium, equilibrium_solver};
 use crate::analysis::linearize::{
     Directional, Follow, Linearization, Setting, directional, linearize,
@@ -21,8 +21,8 @@ use crate::spatial::{M3, Pose, Real, V3};
 use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::connector::strain;
-use crate::system::loops::redundant_joints;
-use crate::system::placement::{State, place};
+use crate::system::loops::{redundant_joints, row_scales};
+use crate::system::placement::{State, advance, place};
 use crate::system::topology::Owner;
 
 use super::border::{counts_dict, guarded, interruptible};
@@ -506,6 +506,40 @@ impl PySystem {
         )?;
         out.set_item("multipliers", columns(&all, |d| &d.lam).into_pyarray(py))?;
         Ok(out)
+    }
+
+    /// A state advanced by increments of the minimal coordinates, loops closed.
+    fn advance<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        increments: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let mut state = state_of(&self.0, &relative, &empty(py)?)?;
+        let z = nalgebra::DVector::from_vec(values(&increments));
+        let moved = run(py, &self.0, move |system, _| {
+            let setting = Setting { system, state: &state, effects: Effects::ALL };
+            let base = linearize(&setting, &mut Counts::default())?;
+            let dy = base.expand(z)?;
+            advance(&system.topology, &mut state.relative, dy.as_slice());
+            close(system, &mut state, &mut Counts::default())?;
+            Ok(state)
+        })?;
+        let out = PyDict::new(py);
+        put_state(py, &out, &moved)?;
+        Ok(out.as_any().get_item("relative")?)
+    }
+
+    /// How far given rates of the tree coordinates violate the cut joints, in rates of the scaled rows.
+    fn rate_mismatch(&self, py: Python<'_>, relative: PyReadonlyArray2<'_, f64>, rate: PyReadonlyArray1<'_, f64>) -> PyResult<f64> {
+        let state = state_of(&self.0, &relative, &rate)?;
+        guarded(py, || {
+            let placement = place(&self.0.topology, &self.0.geometry, &state.relative, None);
+            let jacobian = scene(&self.0, &placement).constraints().1;
+            let scales = row_scales(&self.0.topology, self.0.length);
+            let miss = jacobian * nalgebra::DVector::from_vec(state.rate.clone());
+            Ok(miss.iter().zip(&scales).map(|(m, s)| (m * s).abs()).fold(0.0, f64::max))
+        })
     }
 
     /// Explicit motion from a state with steps of length `step`: positions (n_steps + 1, n_bodies, 3) and, along a direction of the
