@@ -18,6 +18,7 @@ __all__ = [
     "breaks_at_jumps",
     "curves",
     "frf_unit",
+    "magnitude_label",
     "mode_index",
     "port_unit",
     "response_unit",
@@ -72,6 +73,11 @@ def frf_unit(result: Any) -> str:
     if above == below:
         return "1"
     return f"{above}/{below}" if " " not in below else f"{above}/({below})"
+
+
+def magnitude_label(unit: str) -> str:
+    """Axis label of the magnitude; plain where it has no unit or mixed ones."""
+    return f"|H| [{unit}]" if unit not in ("", "1") else "|H|"
 
 
 def port_unit(name: Any) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from .data import Curve, breaks_at_jumps, curves, frf_unit, response_unit
+from .data import Curve, breaks_at_jumps, curves, frf_unit, magnitude_label, response_unit
 from .figure import FADED, PALETTE, figure, legend, log_frequencies, style
 
 __all__ = ["campbell", "frf", "modes", "response"]
@@ -126,7 +126,7 @@ def _bode(result: Any, named: list[Curve], rest: list[Curve], marks: Any) -> Any
     if frequency.min() > 0.0 and frequency.max() > 20.0 * frequency.min():
         log_frequencies(below)
     title = str(getattr(result, "kind", "")) + (f" ({len(rest)} smaller curves in grey, no phase)" if rest else "")
-    above.set(ylabel=f"|H| [{unit}]" if unit else "|H|", title=title)
+    above.set(ylabel=magnitude_label(unit), title=title)
     below.set(xlabel="frequency [Hz]", ylabel="phase [deg]", ylim=(-190, 190), yticks=(-180, -90, 0, 90, 180))
     legend(above, [curve.label for curve in named])
     return made
