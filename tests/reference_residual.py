@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from mbrs.reference import dynamics as dyn
 from mbrs.reference import so3
-from mbrs.reference.assembly import close_loops
+from mbrs.reference.assembly import constraint_values, jacobian
 from mbrs.reference.kinematics import State, advance
 
 STEP = 0.02
@@ -19,10 +19,24 @@ SECOND = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8
 
 
 def moved(sys, state, part, y):
-    """Independent increments y, loops closed."""
+    """Independent increments y and those dependent ones, in one step from ``state``, that close the loops (chord
+    iteration).
+    """
     full = np.zeros(sys.ny, dtype=np.result_type(y, state.r))
     full[part.independent] = y
-    return close_loops(sys, advance(sys, state, full), fixed=part.independent)
+    new, smallest = advance(sys, state, full), np.inf
+    if len(part.dependent) == 0:
+        return new
+    chord = np.linalg.pinv(jacobian(sys, state).real[:, part.dependent], rcond=1e-9)
+    for _ in range(200):
+        change = chord @ constraint_values(sys, new, sys.cut)
+        size = np.max(np.abs(change.real)) + np.max(np.abs(change.imag)) * 1e30
+        if size >= smallest and np.max(np.abs(change.real)) < 1e-12:
+            return new
+        smallest = size
+        full[part.dependent] -= change
+        new = advance(sys, state, full)
+    raise AssertionError("the path does not close")
 
 
 def twist_columns(sys, state, part, step=STEP):
@@ -55,7 +69,7 @@ def tau(sys, state, part, rates, y, dy, ddy, step=STEP):
     twist, acceleration = derivatives(path, step, here)
     v, w = np.split(twist.reshape(-1, 6), 2, axis=1)
     now = State(here.r, here.R, v, w)
-    return twist_columns(sys, here, part).T @ dyn.applied_residual(sys, now, acceleration)
+    return twist_columns(sys, here, part, step).T @ dyn.applied_residual(sys, now, acceleration)
 
 
 def matrices(sys, state, part, rates, step=STEP):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from .errors import ModelError
 from .joints import NONHOLONOMIC
-from .names import nearest
+from .names import nearest, shown
 
 if TYPE_CHECKING:
     from .model import Model
@@ -98,7 +98,7 @@ def effects(model: Model) -> EffectsTable:
     'no gravity was given'
     """
     if not hasattr(model, "stores"):
-        raise ModelError(f"effects needs a mb.Model, got {model!r}")
+        raise ModelError(f"effects needs a mb.Model, got {shown(model)}")
     rows = []
     for name in EFFECTS:
         on, why = _RULES[name](model)
@@ -110,16 +110,18 @@ def check_without(names: Any) -> tuple[str, ...]:
     """The effects to leave out, checked, in the order of `EFFECTS`; a single name may stand without a tuple."""
     given = (names,) if isinstance(names, str) else names
     if not isinstance(given, Iterable):
-        raise ModelError(f"without= takes names of effects, got {names!r}")
+        raise ModelError(f"without= takes names of effects, got {shown(names)}")
     wanted = list(given)
     for name in wanted:
-        if name in EFFECTS:
+        if isinstance(name, str) and name in EFFECTS:
             continue
-        if name in _NEVER_OFF:
-            raise ModelError(f"the effect {name!r} cannot be switched off: it follows from the joints of the model")
+        if isinstance(name, str) and name in _NEVER_OFF:
+            raise ModelError(
+                f"the effect {shown(name)} cannot be switched off: it follows from the joints of the model"
+            )
         guess = nearest(name, EFFECTS) if isinstance(name, str) else None
         hint = f"did you mean {guess!r}?" if guess else "known: " + ", ".join(EFFECTS)
-        raise ModelError(f"no effect is called {name!r}; {hint}")
+        raise ModelError(f"no effect is called {shown(name)}; {hint}")
     return tuple(name for name in EFFECTS if name in wanted)
 
 

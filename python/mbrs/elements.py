@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from .geometry import quaternion
-from .names import problem
+from .names import problem, shown
 from .store import Field, Item, plain, single
 from .values import Number, array, axis, is_pair, point_pair, scalar, shape_of, vector
 
@@ -191,14 +191,14 @@ def _by_component(where: str, law: Any, n: int, names: Sequence[str]) -> list[tu
         out = []
         for key, value in law.items():
             if key not in names:
-                raise problem(where, f"has no coordinate {key!r}; known: {', '.join(names)}")
+                raise problem(where, f"has no coordinate {shown(key)}; known: {', '.join(names)}")
             out += [(names.index(key), one) for one in _many(value)]
         return out
     if n == 1:
         return [(0, one) for one in _many(law)]
     if not isinstance(law, (list, tuple)) or len(law) != n:
         raise problem(
-            where, f"must be {n} laws or None, one for each of {', '.join(names)}, or {{name: law}}; got {law!r}"
+            where, f"must be {n} laws or None, one for each of {', '.join(names)}, or {{name: law}}; got {shown(law)}"
         )
     return [(i, one) for i, entry in enumerate(law) for one in _many(entry)]
 
@@ -213,7 +213,7 @@ def _new_law(owner: Any, component: int, law: Any) -> tuple[LawItem, list[Number
     where = owner.name + ".law"
     code, values = getattr(law, "code", None), getattr(law, "values", None)
     if isinstance(code, bool) or not isinstance(code, int) or values is None or callable(values):
-        raise problem(where, f"must be a law such as mb.Cubic(1e9), got {law!r}")
+        raise problem(where, f"must be a law such as mb.Cubic(1e9), got {shown(law)}")
     if getattr(law, "w", None) is not None:
         raise problem(where, "has w=, a direction for mb.MechanicalSystem; here the joint or element is the direction")
     name = law.name if isinstance(law, SavedLaw) else type(law).__name__
@@ -248,7 +248,7 @@ def _six_by_six(e: Element, field: str, value: Any) -> list[Number]:
     elif shape == (6, 6):
         flat = array(value, (6, 6), where)
     else:
-        raise problem(where, f"must be 6 numbers (x y z rx ry rz) or a 6 x 6 matrix, got {value!r}")
+        raise problem(where, f"must be 6 numbers (x y z rx ry rz) or a 6 x 6 matrix, got {shown(value)}")
     e.shapes[field] = shape
     return flat
 
@@ -435,8 +435,8 @@ def _add_load(model: Model, type_: str, name: Any, body: Any, at: Any, value: An
     load.body = model.find_body(body, f"{type_} {name!r}")
     if load.body < 0:
         raise problem(name, f"is a {type_} on ground, which does not move; name the body it acts on")
-    if frame not in LOAD_FRAMES:
-        raise problem(name + ".frame", f"must be 'world' or 'body' (a follower), got {frame!r}")
+    if not isinstance(frame, str) or frame not in LOAD_FRAMES:
+        raise problem(name + ".frame", f"must be 'world' or 'body' (a follower), got {shown(frame)}")
     load.frame = frame
     where = name + ".at"
     if at is not None and is_pair(at):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from .errors import ModelError, NotDifferentiableError
+from .names import shown
 
 if TYPE_CHECKING:
     from .parameters import ParameterSpace
@@ -234,7 +235,7 @@ def _scalar(a: Any) -> Expression | float | None:
         return _scalar(a.item())
     if hasattr(a, "__len__") and not isinstance(a, (str, bytes, dict)):
         return None
-    raise TypeError(f"an expression takes real numbers and expressions, got {a!r} ({type(a).__name__})")
+    raise TypeError(f"an expression takes real numbers and expressions, got {shown(a)} ({type(a).__name__})")
 
 
 def _node(op: Op, args: list[Any]) -> Expression | float:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .elements import HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, add_laws, check_drawn_length, law_fields
 from .geometry import quaternion
-from .names import problem
+from .names import problem, shown
 from .store import Field, Item, plain, single
 from .values import Number, array, axis, is_pair, scalar, shape_of, vector
 
@@ -164,7 +164,8 @@ def _coordinate_numbers(joint: Joint, field: str, value: Any, kind: JointKind) -
         return [scalar(value, where), *_ZEROS[1:]]
     if shape != (n,):
         raise problem(
-            where, f"must be {n} numbers, one for each free coordinate ({', '.join(kind.coordinates)}), got {value!r}"
+            where,
+            f"must be {n} numbers, one for each free coordinate ({', '.join(kind.coordinates)}), got {shown(value)}",
         )
     joint.shapes[field] = (n,)
     return [*array(value, (n,), where), *_ZEROS[n:]]

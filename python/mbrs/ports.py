@@ -8,7 +8,7 @@ from typing import Any, Literal
 from .errors import ModelError
 from .expressions import number_text
 from .geometry import unit
-from .names import GROUND, not_found
+from .names import GROUND, not_found, shown
 from .values import numbers, vector
 
 Kind = Literal["force", "torque", "motion", "base"]
@@ -90,17 +90,17 @@ def as_port(model: Any, spec: Any) -> Port:
         _check_known(model, spec)
         return spec
     if not isinstance(spec, str):
-        raise ModelError(f"an input or output must be a port such as body.force('z'), or its name; got {spec!r}")
+        raise ModelError(f"an input or output must be a port such as body.force('z'), or its name; got {shown(spec)}")
     parts = spec.split(".")
     if len(parts) == 2 and parts[0] == "base":
         return base_motion(parts[1])
     if len(parts) != 3 or parts[1] not in ("force", "torque", "motion"):
         raise ModelError(
-            f"the port {spec!r} must read like 'body.force.z', 'body.torque.x', 'body.motion.rz' or 'base.z'"
+            f"the port {shown(spec)} must read like 'body.force.z', 'body.torque.x', 'body.motion.rz' or 'base.z'"
         )
     owner = model[parts[0]]
     if not hasattr(owner, "motion"):
-        raise ModelError(f"the port {spec!r} is on {owner!r}, but only bodies and markers have ports")
+        raise ModelError(f"the port {shown(spec)} is on {owner!r}, but only bodies and markers have ports")
     return getattr(owner, parts[1])(parts[2])
 
 

@@ -9,11 +9,14 @@
 pub mod analysis;
 pub mod error;
 pub mod kinematics;
+pub mod laws;
 pub mod linalg;
 pub mod model;
 pub mod run;
 pub mod spatial;
 pub mod system;
+pub mod second_order;
+pub mod solve;
 
 #[cfg(feature = "python")]
 mod python;

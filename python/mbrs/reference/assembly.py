@@ -9,11 +9,13 @@ import numpy as np
 
 from ..errors import AssemblyError, ModelError
 from . import joints as jt
+from . import so3
 from .jets import Jet, jet, product, stack
 from .kinematics import Motion, State, System, advance, link_pair, motion, place_outer, relative_pose, tree_twists
 from .linear import minimum_norm, pivots
 from .reader import Link
 from .so3 import Array
+from .topology import TreeJoint
 
 
 @dataclass
@@ -113,7 +115,7 @@ def twist_map(sys: System, bodies: Motion, part: Partition) -> Jet:
 
 def assemble(sys: System, state: State, tolerance: float = 1e-13) -> State:
     """Bring the joints together: tree joints exactly, then cut ones by Newton steps of least norm in (length / L_c,
-    angle).
+    angle). A tree joint keeps its free coordinates, read off as docs/tables.md defines them.
 
     The Jacobian's real part serves for the steps, so an imaginary part converges as well; both must before it ends.
     """
@@ -122,12 +124,26 @@ def assemble(sys: System, state: State, tolerance: float = 1e-13) -> State:
     for t in sys.tree:
         u, turn = relative_pose(t, r, R)
         free = [k for _, kind, _, k in t.coordinates if kind == "t"]
-        place_outer(t, r, R, np.where(np.isin(np.arange(3), free), u, 0.0), turn)
+        place_outer(t, r, R, np.where(np.isin(np.arange(3), free), u, 0.0), _free_turn(t, turn))
     return close_loops(sys, State(r, R, state.v, state.w), tolerance)
 
 
+def _free_turn(t: TreeJoint, R: Array) -> Array:
+    """The rotation next to R that the joint allows."""
+    z, x = np.eye(3)[2], np.eye(3)[0]
+    if t.link.kind in ("spherical", "free"):
+        return R
+    if t.link.kind in ("fixed", "prismatic"):
+        return np.eye(3)
+    if t.link.kind != "universal":
+        return so3.exp(so3.atan2(R[1, 0], R[0, 0]) * z)
+    R = R if t.sign > 0 else R.T
+    turn = so3.exp(so3.atan2(R[1, 0], R[0, 0]) * z) @ so3.exp(so3.atan2(R[2, 1], R[2, 2]) * x)
+    return turn if t.sign > 0 else turn.T
+
+
 def close_loops(sys: System, state: State, tolerance: float = 1e-13, fixed: Sequence[int] | Array = ()) -> State:
-    """Newton on the cut rows; the tree coordinates in ``fixed`` stay where they are."""
+    """Newton on the cut rows; the tree coordinates in ``fixed`` get no increments."""
     if not any(jt.CONSTRAINTS[link.kind] for link in sys.cut):
         return state
     row_scale, column_scale = scales(sys)

@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import ConvergenceError
 from . import dynamics as dyn
 from .assembly import assemble, close_loops
-from .kinematics import State, System, advance
+from .kinematics import State, System, advance, first_guess
 from .linearize import Linearization, linearize
 from .so3 import Array
 
@@ -17,15 +17,13 @@ from .so3 import Array
 def equilibrium(
     sys: System, state0: State | None = None, tolerance: float = 1e-13, without: Collection[str] = ()
 ) -> tuple[State, Array, float]:
-    """T^T (Q - elements) = 0 at rest, from ``state0`` (the assembled drawn state by default).
+    """T^T (Q - elements) = 0 at rest, from ``state0`` (the assembled first guess by default).
 
     Returns the state, the multipliers of all joint rows (least norm for redundant sets) and the largest scaled
     generalised force that is left. Steps use the real part of S, its least-norm inverse where directions are
     unrestrained; an imaginary part (a complex step) converges by the same steps and is waited for.
     """
-    from .kinematics import drawn_state
-
-    state = assemble(sys, drawn_state(sys) if state0 is None else state0).at_rest
+    state = assemble(sys, first_guess(sys) if state0 is None else state0).at_rest
     lin = linearize(sys, state, without=without)
     size, imaginary = _size(sys, lin), np.inf
     for _ in range(100):

@@ -86,7 +86,7 @@ class System:
     def _drawn_partition(self) -> Any:
         from .assembly import assemble, partition
 
-        return partition(self, assemble(self, drawn_state(self)))
+        return partition(self, assemble(self, first_guess(self)))
 
     @property
     def dof(self) -> int:
@@ -116,6 +116,18 @@ def drawn_state(sys: System) -> State:
             for v in ([o.centre for o in b], [o.R for o in b], [o.velocity for o in b], [o.angular_velocity for o in b])
         )
     )
+
+
+def first_guess(sys: System) -> State:
+    """The drawn state, with the bodies that have one at their guessed pose (origin 0:3, quaternion 3:7 at
+    ``pose_x``).
+    """
+    state = drawn_state(sys)
+    guesses = list(zip(sys.tables.get("pose_body", ()), sys.tables.get("pose_x", ()), strict=True))
+    for body, i in guesses:
+        state.R[body] = so3.from_quaternion(sys.x[i + 3 : i + 7])
+        state.r[body] = sys.x[i : i + 3] + state.R[body] @ sys.bodies[body].com
+    return state
 
 
 def from_poses(

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import NotDifferentiableError
 from . import so3
 from .assembly import assemble
-from .kinematics import State, System, drawn_state
+from .kinematics import State, System, first_guess
 from .linearize import Linearization, linearize
 from .modal import Modes, _largest
 from .so3 import Array
@@ -47,7 +47,7 @@ class Derivative:
 
 
 def drawn_and_assembled(sys: System) -> State:
-    return assemble(sys, drawn_state(sys))
+    return assemble(sys, first_guess(sys))
 
 
 def derivative(

@@ -5,11 +5,12 @@ use nalgebra::{DMatrix, DVector};
 use crate::error::{Error, Result};
 use crate::model::joint::Coordinate;
 use crate::run::Counts;
-use crate::spatial::{Pose, Six};
+use crate::spatial::{Pose, Six, V3, rotation_of_quaternion};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene};
 use crate::system::loops::{column_scales, gap, row_scales};
-use crate::system::placement::{Placement, State, advance, drawn_relative, place};
+use crate::system::placement::{Placement, State, advance, drawn_relative, place, relative_from_poses};
+use crate::system::topology::Node;
 
 const CLOSED: f64 = 1e-13;
 const MAX_ITERATIONS: usize = 60;
@@ -23,10 +24,36 @@ pub struct Assembled {
 
 /// The drawn state: two-point joints brought together, loops closed by the smallest change, velocities projected.
 pub fn assemble(system: &System, counts: &mut Counts) -> Result<Assembled> {
-    let mut state = State { relative: drawn_relative(&system.topology, &system.geometry), rate: Vec::new() };
+    let mut state = State { relative: start(system), rate: Vec::new() };
     let iterations = close(system, &mut state, counts)?;
     let velocity_correction = set_velocities(system, &mut state)?;
     Ok(Assembled { state, velocity_correction, iterations })
+}
+
+/// The drawn relative poses, or those of the user's first guess.
+fn start(system: &System) -> Vec<Pose<f64>> {
+    let topology = &*system.topology;
+    let mut relative = drawn_relative(topology, &system.geometry);
+    if topology.tables.poses.is_empty() {
+        return relative;
+    }
+    let mut poses: Vec<Pose<f64>> = system.geometry.bodies.iter().map(|b| b.drawn).collect();
+    for &(body, x) in &topology.tables.poses {
+        let r = rotation_of_quaternion(&system.x[x + 3..x + 7]);
+        let origin = V3::new(system.x[x], system.x[x + 1], system.x[x + 2]);
+        poses[body] = Pose { p: origin + r * system.geometry.bodies[body].com, r };
+    }
+    let guessed = relative_from_poses(topology, &system.geometry, &poses);
+    let touched = |node: &Node| {
+        let given = |b: usize| topology.tables.poses.iter().any(|(body, _)| *body == b);
+        given(node.body) || node.parent.is_some_and(|p| given(topology.nodes[p].body))
+    };
+    for (i, node) in topology.nodes.iter().enumerate() {
+        if touched(node) {
+            relative[i] = guessed[i];
+        }
+    }
+    relative
 }
 
 pub fn scene<'a>(system: &'a System, placement: &'a Placement<f64>) -> Scene<'a, f64> {
@@ -129,7 +156,7 @@ fn set_velocities(system: &System, state: &mut State) -> Result<f64> {
     let topology = &*system.topology;
     let given = |node: usize| {
         let x = topology.tables.bodies[topology.nodes[node].body].x;
-        let at = |i: usize| crate::spatial::V3::new(system.x[x + i], system.x[x + i + 1], system.x[x + i + 2]);
+        let at = |i: usize| V3::new(system.x[x + i], system.x[x + i + 1], system.x[x + i + 2]);
         (at(17), at(20))
     };
     if (0..topology.nodes.len()).all(|n| given(n).0.amax() == 0.0 && given(n).1.amax() == 0.0) {

@@ -11,15 +11,16 @@ use crate::analysis::assembly::close;
 use crate::analysis::linearize::{Linearization, Setting, linearize};
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
-use crate::spatial::Six;
 use crate::system::System;
-use crate::system::assemble::{Effects, Scene};
+use crate::system::assemble::Effects;
 use crate::system::loops::column_scales;
-use crate::system::placement::{Placement, State, advance, place};
+use crate::system::placement::{State, advance};
 
 const MAX_ITERATIONS: usize = 200;
 /// Stiffness below this part of the largest counts as none.
 const NO_STIFFNESS: f64 = 1e-12;
+/// Iterations that a force may push along a direction without stiffness before that is an error.
+const PATIENCE: usize = 25;
 /// Longest step, radians or characteristic lengths.
 const LONGEST_STEP: f64 = 0.4;
 
@@ -82,17 +83,26 @@ fn spectrum(k: &DMatrix<f64>) -> Result<Spectrum> {
 pub fn equilibrium(system: &System, start: &State, effects: Effects, cancel: &Cancel, counts: &mut Counts) -> Result<Equilibrium> {
     let mut state = State { relative: start.relative.clone(), rate: Vec::new() };
     let mut local = Local::at(system, &state, effects, counts)?;
-    let mut sigma = 0.0;
+    let (mut sigma, mut pushed) = (0.0, 0);
     let mut best = (f64::INFINITY, state.clone());
     for iteration in 0..MAX_ITERATIONS {
         cancel.check()?;
         counts.add("equilibrium iterations", 1);
-        let size = force_scale(system, &state, effects);
+        let size = local.linearization.force_scale.max(f64::MIN_POSITIVE);
         let residual = local.r.amax() / size;
         if residual < best.0 {
             best = (residual, state.clone());
         }
         let spectrum = spectrum(&local.k)?;
+        // no stiffness against a force: relax, since it may come with the motion (a pendulum drawn level); where it does not
+        // come, nothing restrains the model
+        if pushed_freely(&local, &spectrum, size) {
+            pushed += 1;
+            sigma = f64::max(sigma, initial_sigma(&local));
+            if pushed > PATIENCE {
+                return Err(unrestrained(system, &local, &spectrum));
+            }
+        }
         let step = newton_step(&local, &spectrum, sigma)?;
         let rounding = residual <= 1e-11 && step.amax() <= 1e-9;
         if residual <= 1e-14 || step.amax() <= 1e-14 || rounding {
@@ -121,6 +131,11 @@ pub fn equilibrium(system: &System, start: &State, effects: Effects, cancel: &Ca
         best: best.1.relative.iter().flat_map(|p| p.p.iter().chain(p.r.iter()).copied().collect::<Vec<_>>()).collect(),
         residual: best.0,
     })
+}
+
+fn pushed_freely(local: &Local, spectrum: &Spectrum, size: f64) -> bool {
+    let free = (0..spectrum.values.len()).filter(|k| spectrum.values[*k].abs() <= spectrum.none);
+    free.into_iter().any(|k| spectrum.vectors.column(k).dot(&local.r).abs() > 1e-9 * size)
 }
 
 fn initial_sigma(local: &Local) -> f64 {
@@ -217,20 +232,6 @@ fn acceptable(local: &Local, next: &Local, step: &DVector<f64>) -> bool {
     }
     let (before, after) = (local.r.dot(step), next.r.dot(step));
     before < 0.0 && after <= 0.5 * before.abs()
-}
-
-/// The size of all forces at work: what a residual is measured against.
-fn force_scale(system: &System, state: &State, effects: Effects) -> f64 {
-    let placement = place(&system.topology, &system.geometry, &state.relative, None);
-    let scene = still(system, &placement, effects);
-    let size = |w: &Six<f64>| w.l.norm() * system.length + w.a.norm();
-    let total: f64 = scene.body_wrenches(None).iter().map(size).sum();
-    let springs: f64 = scene.connector_sizes(system.length);
-    (total + springs).max(f64::MIN_POSITIVE)
-}
-
-fn still<'a>(system: &'a System, placement: &'a Placement<f64>, effects: Effects) -> Scene<'a, f64> {
-    Scene { topology: &system.topology, geometry: &system.geometry, x: &system.x, placement, rate: None, acceleration: None, effects }
 }
 
 /// What keeps a direction from being in balance, said by the names of its largest coordinates.

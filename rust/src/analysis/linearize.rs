@@ -43,6 +43,26 @@ pub struct Linearization {
     pub acceleration: Option<Vec<f64>>,
     /// 6 n_bodies x dof: twist of each body's origin, world axes, bodies in the order of the model
     pub body_map: DMatrix<f64>,
+    /// (dof, 6): momentum of a common rigid motion about the world origin
+    pub ground_coupling: DMatrix<f64>,
+    /// the size of all forces at work, moments over the characteristic length, times that length
+    pub force_scale: f64,
+}
+
+/// Rows of tree coordinates to minimal ones, B''^T X.
+fn reduce_rows<T: Real>(x: DMatrix<T>, loops: Option<(&Loops, &DMatrix<T>)>) -> DMatrix<T> {
+    match loops {
+        None => x,
+        Some((l, b)) => {
+            let pick = |rows: &[usize]| DMatrix::from_fn(rows.len(), x.ncols(), |i, j| x[(rows[i], j)]);
+            pick(&l.independent) + b.transpose() * pick(&l.dependent)
+        }
+    }
+}
+
+fn force_scale(scene: &Scene<'_, f64>, length: f64) -> f64 {
+    let size = |w: &Six<f64>| w.l.norm() * length + w.a.norm();
+    scene.body_wrenches(None).iter().map(size).sum::<f64>() + scene.connector_sizes(length)
 }
 
 impl Linearization {
@@ -114,7 +134,19 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         _ => (unreduced(tangent), tau),
     };
     let body_map = body_map(system, &system.geometry, &placement, loops.as_ref().zip(b.as_ref()));
-    Ok(Linearization { matrices, dependent_map: b, lam: lam.as_slice().to_vec(), residual, acceleration, body_map, loops })
+    let ground_coupling = reduce_rows(scene.ground_coupling(), loops.as_ref().zip(b.as_ref()));
+    let force_scale = force_scale(&scene, system.length);
+    Ok(Linearization {
+        matrices,
+        dependent_map: b,
+        lam: lam.as_slice().to_vec(),
+        residual,
+        acceleration,
+        body_map,
+        ground_coupling,
+        force_scale,
+        loops,
+    })
 }
 
 fn total_damping<T: Real>(tangent: &Tangent<T>) -> Option<DMatrix<T>> {
@@ -240,6 +272,7 @@ pub struct Directional {
     pub damping: Option<DMatrix<f64>>,
     pub stiffness: DMatrix<f64>,
     pub body_map: DMatrix<f64>,
+    pub ground_coupling: DMatrix<f64>,
     /// derivative of the tree coordinates, zero where the configuration is held and closes by itself
     pub dy: Vec<f64>,
     /// derivative of the poses of the centres of mass: translation and world rotation, bodies in the order of the model
@@ -372,11 +405,11 @@ fn derivative_at(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)
     let scene = moved.scene(setting);
     let tau = scene.residual(None);
     let eps = |m: &DMatrix<Dual64>| m.map(|v| v.eps);
-    let (matrices, map, residual, lam) = match &base.loops {
+    let (matrices, map, coupling, residual, lam) = match &base.loops {
         None => {
             let tangent = scene.tangent(None, &mut Counts::default());
             let map = body_map(setting.system, &moved.geometry, &moved.placement, None);
-            (unreduced(tangent), map, tau, DVector::zeros(0))
+            (unreduced(tangent), map, scene.ground_coupling(), tau, DVector::zeros(0))
         }
         Some(l) => {
             let jacobian = scene.constraints().1;
@@ -385,7 +418,8 @@ fn derivative_at(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)
             let lam = l.multipliers(&jacobian, &tau);
             let tangent = scene.tangent(Some(lam.as_slice()), &mut Counts::default());
             let map = body_map(setting.system, &moved.geometry, &moved.placement, Some((l, &b)));
-            (reduce(&tangent, l, &b, None), map, l.reduce_vector(&tau, &b), lam)
+            let coupling = reduce_rows(scene.ground_coupling(), Some((l, &b)));
+            (reduce(&tangent, l, &b, None), map, coupling, l.reduce_vector(&tau, &b), lam)
         }
     };
     Ok(Directional {
@@ -393,6 +427,7 @@ fn derivative_at(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)
         damping: matrices.damping.as_ref().map(eps),
         stiffness: eps(&matrices.stiffness),
         body_map: eps(&map),
+        ground_coupling: eps(&coupling),
         body_motion: body_motion(setting.system, &moved.placement),
         residual: residual.map(|v| v.eps),
         lam: lam.iter().map(|v| v.eps).collect(),

@@ -73,6 +73,8 @@ pub struct Tables {
     pub loads: Vec<LoadSpec>,
     pub laws: Vec<LawSpec>,
     pub gravity: Option<usize>,
+    /// first guesses of body poses: body, start of origin and quaternion
+    pub poses: Vec<(usize, usize)>,
 }
 
 impl Tables {
@@ -99,6 +101,10 @@ impl Tables {
         }
         for law in &self.laws {
             self.inside("a law", law.x, law.n)?;
+        }
+        for (body, x) in &self.poses {
+            self.connects("a pose", Some(*body), None)?;
+            self.inside("a pose", *x, 7)?;
         }
         self.gravity.map_or(Ok(()), |g| self.inside("gravity", g, 3))
     }

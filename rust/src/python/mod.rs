@@ -2,6 +2,9 @@
 mod border;
 mod system;
 mod tables;
+mod modal;
+mod frf;
+mod hbm;
 
 use pyo3::prelude::*;
 
@@ -10,4 +13,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     border::register(module)?;
     system::register(module)
+    modal::register(module)
+    frf::register(module)?;
+    border::register(module)
+    hbm::register(module)
 }

@@ -16,6 +16,8 @@ use crate::run::{Cancel, Counts};
 use crate::spatial::{M3, Pose, V3};
 use crate::system::System;
 use crate::system::assemble::Effects;
+use crate::system::connector::strain;
+use crate::system::topology::Owner;
 use crate::system::loops::redundant_joints;
 use crate::system::placement::{State, place};
 
@@ -74,6 +76,10 @@ fn state_of(system: &System, relative: &PyReadonlyArray2<'_, f64>, rate: &PyRead
     Ok(State { relative: (0..system.n_bodies()).map(pose).collect(), rate })
 }
 
+fn empty(py: Python<'_>) -> PyResult<PyReadonlyArray1<'_, f64>> {
+    Ok(numpy::PyArray1::<f64>::zeros(py, 0, false).extract::<PyReadonlyArray1<'_, f64>>()?)
+}
+
 fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult<()> {
     let relative = Array2::from_shape_fn((state.relative.len(), 12), |(i, k)| {
         let pose = &state.relative[i];
@@ -105,6 +111,8 @@ fn put_linearization(py: Python<'_>, out: &Bound<'_, PyDict>, system: &System, l
     out.set_item("S", array(&lin.matrices.stiffness).into_pyarray(py))?;
     out.set_item("T", array(&lin.body_map).into_pyarray(py))?;
     out.set_item("residual", lin.residual.as_slice().to_vec().into_pyarray(py))?;
+    out.set_item("ground_coupling", array(&lin.ground_coupling).into_pyarray(py))?;
+    out.set_item("force_scale", lin.force_scale)?;
     out.set_item("multipliers", lin.lam.clone().into_pyarray(py))
 }
 
@@ -201,7 +209,7 @@ impl PySystem {
     }
 
     fn equilibrium<'py>(&self, py: Python<'py>, relative: PyReadonlyArray2<'py, f64>, without: Vec<String>) -> PyResult<Bound<'py, PyDict>> {
-        let start = state_of(&self.0, &relative, &PyReadonlyArray1::extract(numpy::PyArray1::<f64>::zeros(py, 0, false).as_any().as_borrowed())?)?;
+        let start = state_of(&self.0, &relative, &empty(py)?)?;
         let effects = effects(&without)?;
         let (eq, counts): (Equilibrium, Counts) = run(py, &self.0, move |system, cancel| {
             let mut counts = Counts::default();
@@ -271,9 +279,30 @@ impl PySystem {
         out.set_item("dD", stacked(&all, |d| d.damping.as_ref()).map(|a| a.into_pyarray(py)))?;
         out.set_item("dS", stacked(&all, |d| Some(&d.stiffness)).map(|a| a.into_pyarray(py)))?;
         out.set_item("dT", stacked(&all, |d| Some(&d.body_map)).map(|a| a.into_pyarray(py)))?;
+        out.set_item("d_ground_coupling", stacked(&all, |d| Some(&d.ground_coupling)).map(|a| a.into_pyarray(py)))?;
         out.set_item("tree_coordinates", columns(&all, |d| &d.dy).into_pyarray(py))?;
         out.set_item("body_motion", columns(&all, |d| &d.body_motion).into_pyarray(py))?;
         out.set_item("multipliers", columns(&all, |d| &d.lam).into_pyarray(py))?;
+        Ok(out)
+    }
+
+    /// Per elastic connector: gradient rows in tree-independent form (n, 6) about a world point, the bodies, k (n, n).
+    fn strains<'py>(&self, py: Python<'py>, relative: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyList>> {
+        let state = state_of(&self.0, &relative, &empty(py)?)?;
+        let topology = &self.0.topology;
+        let placement = place(topology, &self.0.geometry, &state.relative, None);
+        let out = PyList::empty(py);
+        for c in &topology.connectors {
+            let one = strain(topology, &self.0.geometry, &placement, &self.0.x, c);
+            let name = match c.owner {
+                Owner::Element(i) => &topology.tables.elements[i].name,
+                Owner::Joint(i) => &topology.tables.joints[i].name,
+            };
+            let gradients = Array2::from_shape_fn((one.gradients.len(), 6), |(i, k)| one.gradients[i].get(k));
+            let body = |b: Option<usize>| b.map_or(-1, |b| b as i64);
+            let point = one.point.as_slice().to_vec().into_pyarray(py);
+            out.append((name, body(c.a), body(c.b), point, gradients.into_pyarray(py), array(&one.k).into_pyarray(py)))?;
+        }
         Ok(out)
     }
 

@@ -58,6 +58,7 @@ pub fn tables(dict: &Bound<'_, PyDict>) -> PyResult<Tables> {
         loads: loads(&reader)?,
         laws: laws(&reader)?,
         gravity,
+        poses: poses(&reader)?,
     };
     tables.check()?;
     Ok(tables)
@@ -110,6 +111,15 @@ fn laws(reader: &Reader<'_, '_>) -> PyResult<Vec<LawSpec>> {
         Ok(LawSpec { on_joint: kind[i] == 1, owner, component, code: code[i], n: offset(n[i])?, x: offset(x[i])? })
     };
     owner.into_iter().enumerate().map(one).collect()
+}
+
+fn poses(reader: &Reader<'_, '_>) -> PyResult<Vec<(usize, usize)>> {
+    if reader.0.get_item("pose_body")?.is_none() {
+        return Ok(Vec::new());
+    }
+    let (on, x) = (reader.ints("pose_body")?, reader.ints("pose_x")?);
+    same_length("pose", &[on.len(), x.len()])?;
+    on.into_iter().zip(x).map(|(b, x)| Ok((offset(b)?, offset(x)?))).collect()
 }
 
 fn columns<const N: usize>(reader: &Reader<'_, '_>, stem: &str, keys: [&str; N], n: usize) -> PyResult<[Vec<i64>; N]> {

@@ -11,7 +11,7 @@ use crate::model::tables::LENGTH_GIVEN;
 use crate::run::Counts;
 use crate::spatial::{Real, Six};
 use crate::system::connector::{Wanted, add_tangent, add_wrench, constraint_interaction, constraint_rows, interaction, load_interaction, path};
-use crate::system::inertia::{InertiaInput, add_inertia};
+use crate::system::inertia::{InertiaInput, add_inertia, ground_coupling};
 use crate::system::placement::Placement;
 use crate::system::topology::{Level, Topology};
 
@@ -112,6 +112,11 @@ impl<T: Real> Scene<'_, T> {
             add_wrench(self.topology, self.placement, &acting, &mut sums);
         }
         sums.into_iter().map(|w| -w).collect()
+    }
+
+    /// Momentum of a common rigid motion of everything, about the world origin, per tree coordinate (n_tree, 6).
+    pub fn ground_coupling(&self) -> DMatrix<T> {
+        ground_coupling(&self.inertia(false))
     }
 
     /// The sum of the sizes of all connector forces, moments over the characteristic length.

@@ -173,6 +173,26 @@ pub fn interaction<T: Real>(
     Interaction { a: connector.a, b: connector.b, point: here.b.p, wrench: wrench.rotated(&here.a.r), tangent }
 }
 
+/// What an element's strain energy is made of: gradients of its coordinates (world axes about `point`) and its stiffness.
+pub struct Strain {
+    pub point: V3<f64>,
+    pub gradients: Vec<Six<f64>>,
+    pub k: DMatrix<f64>,
+}
+
+pub fn strain(topology: &Topology, geometry: &Geometry<f64>, placement: &Placement<f64>, x: &[f64], connector: &Connector) -> Strain {
+    let pair = pair_of(geometry, connector.owner);
+    let here = local(topology, placement, connector.a, connector.b, pair);
+    let n = connector.coordinates.len();
+    let gradients = connector.coordinates.iter().map(|c| here.relative.row(*c).g.rotated(&here.a.r)).collect();
+    let entry = |i: usize, j: usize| match connector.k {
+        Some(s) if connector.full => x[s + i * n + j],
+        Some(s) if i == j => x[s + i],
+        _ => 0.0,
+    };
+    Strain { point: here.b.p, gradients, k: DMatrix::from_fn(n, n, entry) }
+}
+
 /// d(e')/d(xi) at a given relative twist field: (h xi) . v + g_l . (omega x xi_t).
 fn rate_gradient<T: Real>(relative: &Relative<T>, coordinate: Coordinate, g: &Six<T>, v: &Six<T>) -> Six<T> {
     let mut q = relative.curvature(coordinate).apply_transposed(v);
@@ -274,8 +294,9 @@ pub fn add_tangent<T: Real>(
 ) {
     let Some((k, c)) = &interaction.tangent else { return };
     let entries = path(topology, placement, interaction.a, interaction.b, &interaction.point);
-    let moving_b = placement.velocity.as_ref().zip(topology.node(interaction.b)).map(|(velocity, node)| {
-        velocity.body[node].motion_at(&(interaction.point - placement.pose[node].p))
+    let moving_b = placement.velocity.as_ref().map(|velocity| {
+        let at = |node: usize| velocity.body[node].motion_at(&(interaction.point - placement.pose[node].p));
+        topology.node(interaction.b).map_or_else(Six::zero, at)
     });
     let turned = geometric && !interaction.wrench.is_zero();
     for j in &entries {

@@ -124,6 +124,26 @@ impl<T: Real> InertiaInput<'_, T> {
     }
 }
 
+/// Momentum of the whole tree per tree coordinate, about the world origin: T^T M of a common rigid motion, (n_tree, 6).
+pub fn ground_coupling<T: Real>(input: &InertiaInput<'_, T>) -> DMatrix<T> {
+    let mut composite = input.composites();
+    let mut coupling = DMatrix::zeros(input.topology.dofs.len(), 6);
+    for node in (0..composite.len()).rev() {
+        let spec = &input.topology.nodes[node];
+        for i in spec.first..spec.first + spec.n {
+            let momentum = composite[node].apply(&input.placement.column[i]).wrench_at(&-input.placement.pose[node].p);
+            for k in 0..6 {
+                coupling[(i, k)] = momentum.get(k);
+            }
+        }
+        if let Some((parent, d)) = input.to_parent(node) {
+            let moved = composite[node].at(&d);
+            composite[parent].add(&moved);
+        }
+    }
+    coupling
+}
+
 /// Add M; with gravity or motion K; with motion D, all over the tree coordinates.
 pub fn add_inertia<T: Real>(input: &InertiaInput<'_, T>, mass: &mut DMatrix<T>, stiffness: &mut DMatrix<T>, gyroscopic: Option<&mut DMatrix<T>>) {
     let own = input.composites();

@@ -74,6 +74,43 @@ pub fn drawn_relative<T: Real>(topology: &Topology, geometry: &Geometry<T>) -> V
     topology.nodes.iter().map(relative).collect()
 }
 
+/// The relative pose of each tree joint from given poses of the centres of mass (per body), as far as the joint allows it.
+pub fn relative_from_poses(topology: &Topology, geometry: &Geometry<f64>, poses: &[Pose<f64>]) -> Vec<Pose<f64>> {
+    let relative = |node: &Node| {
+        let (inner_marker, outer_marker) = markers(geometry, node);
+        let carrier = node.parent.map_or_else(Pose::identity, |p| poses[topology.nodes[p].body]);
+        let found = carrier.then(&inner_marker).inverse().then(&poses[node.body].then(&outer_marker));
+        allowed(node, &found)
+    };
+    topology.nodes.iter().map(relative).collect()
+}
+
+/// The part of a relative pose that a joint's freedoms can make.
+fn allowed(node: &Node, found: &Pose<f64>) -> Pose<f64> {
+    let mut p = V3::zeros();
+    for f in node.kind.freedoms(node.reversed).iter().filter(|f| !f.rotation) {
+        p[f.axis] = found.p[f.axis];
+    }
+    let r = &found.r;
+    let about = |axis: usize, angle: f64| {
+        let mut w = V3::zeros();
+        w[axis] = angle;
+        exp_so3(&w)
+    };
+    let r = match node.kind {
+        JointKind::Free | JointKind::Spherical => *r,
+        JointKind::Revolute | JointKind::Cylindrical | JointKind::Planar => about(2, r[(1, 0)].atan2(r[(0, 0)])),
+        JointKind::Universal => {
+            // R = Rz(alpha) Rx(beta) from a to b; a reversed joint holds its transpose
+            let ab = if node.reversed { r.transpose() } else { *r };
+            let ab = about(2, ab[(1, 0)].atan2(ab[(0, 0)])) * about(0, ab[(2, 1)].atan2(ab[(2, 2)]));
+            if node.reversed { ab.transpose() } else { ab }
+        }
+        _ => M3::identity(),
+    };
+    Pose { p, r }
+}
+
 /// The relative poses of a state over T: constant but for the drawn two-point offsets, which follow the geometry.
 pub fn lifted_relative<T: Real>(topology: &Topology, geometry: &Geometry<T>, state: &State) -> Vec<Pose<T>> {
     let drawn = drawn_relative(topology, geometry);
