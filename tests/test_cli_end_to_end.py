@@ -39,7 +39,7 @@ def test_check_tells_degrees_of_freedom_and_effects(isolator: Path) -> None:
     assert "damping" in text and "gravity" in text
     data = json.loads(_mbrs("check", "isolator.toml", "--json", cwd=isolator).stdout)
     on = {effect["name"] for effect in data["effects"] if effect["on"]}
-    assert on == {"damping"} and data["dof"] == 6
+    assert on == {"damping"} and data["dof"] == 6 and data["n_bodies"] == 1
 
 
 def test_modal_gives_the_closed_form(isolator: Path) -> None:
