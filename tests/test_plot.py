@@ -85,6 +85,16 @@ def test_many_curves_stay_readable() -> None:
     _no_text_is_cut(figure)
 
 
+def test_curves_that_are_only_rounding_are_left_out_and_said_so() -> None:
+    result = oscillator_frf(2, 1)
+    result.value[1] *= 1e-15
+    figure = plot.frf(result)
+    assert len(figure.axes[0].get_lines()) == 1
+    assert figure.axes[0].get_title(loc="left") == "receptance (1 zero curves left out)"
+    result.value[0] = 0.0
+    assert len(plot.frf(result).axes[0].get_lines()) == 1
+
+
 def test_nyquist_is_square_and_marks_the_peak() -> None:
     result = oscillator_frf(2, 1)
     figure = plot.frf(result, kind="nyquist")

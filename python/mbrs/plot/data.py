@@ -20,12 +20,15 @@ __all__ = [
     "frf_unit",
     "magnitude_label",
     "mode_index",
+    "peak",
     "port_unit",
+    "ranked_curves",
     "response_unit",
     "tornado_bars",
 ]
 
 _RATE = {"receptance": "", "transmissibility": "", "mobility": "/s", "accelerance": "/s^2"}
+_ROUNDING = 1e-13
 _ROTATION = re.compile(r"\.[+-]?r[xyz](@|$)")
 
 
@@ -53,6 +56,23 @@ def curves(result: Any) -> list[Curve]:
     ]
 
 
+def ranked_curves(result: Any) -> tuple[list[Curve], int]:
+    """The curves from the largest peak down, and how many were left out as rounding.
+
+    A response that symmetry forbids comes out at 1e-16 of the others; on a logarithmic axis it would fill the picture.
+    """
+    ranked = sorted(curves(result), key=lambda curve: -peak(curve.value))
+    least = _ROUNDING * peak(ranked[0].value)
+    kept = [curve for curve in ranked if peak(curve.value) > least] or ranked
+    return kept, len(ranked) - len(kept)
+
+
+def peak(value: np.ndarray) -> float:
+    """Largest finite magnitude, 0 where there is none."""
+    size = np.abs(value[np.isfinite(value)])
+    return float(size.max()) if size.size else 0.0
+
+
 def _names(names: Sequence[Any], count: int, default: str) -> list[str]:
     return [str(name) for name in names] if len(names) == count else [f"{default}{i}" for i in range(count)]
 
@@ -76,8 +96,8 @@ def frf_unit(result: Any) -> str:
 
 
 def magnitude_label(unit: str) -> str:
-    """Axis label of the magnitude; plain where it has no unit or mixed ones."""
-    return f"|H| [{unit}]" if unit not in ("", "1") else "|H|"
+    """Axis label of the magnitude; without a unit for a plain ratio."""
+    return "|H|" if unit == "1" else f"|H| [{unit or 'mixed units'}]"
 
 
 def port_unit(name: Any) -> str:
