@@ -115,7 +115,7 @@ def effect_study(
     off = tuple(settings.pop("without", ()))
     names = tuple(effects) if effects is not None else _effects_on(model)
     keywords = {**settings, **({"without": off} if off else {})}
-    # a first run that is not timed: it alone would pay for compiling the model, and every effect would seem to cost that
+    # a first run that is not timed: it alone pays for compiling, which every effect would seem to cost
     _, _, warm_up, _ = timed(fun, (model, *args), keywords, 1)
     whole, full, spent, status = timed(fun, (model, *args), keywords, repeat)
     spent += warm_up
