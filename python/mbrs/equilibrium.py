@@ -197,7 +197,7 @@ def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equ
 
 
 def _equilibrium(snapshot: Snapshot, r: dict[str, Any], without: tuple[str, ...], start: float) -> Equilibrium:
-    state = State(r["relative"], AT_REST)
+    state = State(r["relative"], AT_REST, "equilibrium")
     if not r["stable"]:
         warnings.warn(
             f"the equilibrium of {snapshot.model.name!r} is unstable: the drawn state was in balance already; draw it slightly "

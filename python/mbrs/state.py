@@ -22,10 +22,13 @@ class State:
         (n_bodies, 12) relative poses of the tree joints; made by the analyses, not by hand.
     rate
         (n_tree,) rates of the tree coordinates, or empty at rest.
+    kind
+        "drawn", "equilibrium" (sensitivities then follow it) or "steady".
     """
 
     relative: np.ndarray
     rate: np.ndarray
+    kind: str = "drawn"
 
     @property
     def moving(self) -> bool:

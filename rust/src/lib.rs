@@ -13,10 +13,10 @@ pub mod laws;
 pub mod linalg;
 pub mod model;
 pub mod run;
-pub mod spatial;
-pub mod system;
 pub mod second_order;
 pub mod solve;
+pub mod spatial;
+pub mod system;
 
 #[cfg(feature = "python")]
 mod python;

@@ -1,11 +1,11 @@
 //! One file per analysis.
 pub mod assembly;
 pub mod equilibrium;
-pub mod linearize;
-pub mod reactions;
-pub mod modal;
 pub mod frf;
 pub mod frf_sensitivity;
 pub mod frf_singular;
-pub mod response;
 pub mod hbm;
+pub mod linearize;
+pub mod modal;
+pub mod reactions;
+pub mod response;

@@ -9,7 +9,9 @@ use pyo3::types::{PyDict, PyList};
 
 use crate::analysis::assembly::assemble;
 use crate::analysis::equilibrium::{Equilibrium, equilibrium, equilibrium_solver};
-use crate::analysis::linearize::{Directional, Follow, Linearization, Setting, directional, linearize};
+use crate::analysis::linearize::{
+    Directional, Follow, Linearization, Setting, directional, linearize,
+};
 use crate::analysis::reactions::reactions;
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
@@ -17,9 +19,9 @@ use crate::spatial::{M3, Pose, V3};
 use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::connector::strain;
-use crate::system::topology::Owner;
 use crate::system::loops::redundant_joints;
 use crate::system::placement::{State, place};
+use crate::system::topology::Owner;
 
 use super::border::{counts_dict, guarded, interruptible};
 use super::tables::{tables, values};
@@ -35,7 +37,11 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 }
 
 /// Run where Ctrl-C can reach long work.
-fn run<T: Send + 'static>(py: Python<'_>, system: &System, work: impl FnOnce(&System, &Cancel) -> Result<T> + Send + 'static) -> PyResult<T> {
+fn run<T: Send + 'static>(
+    py: Python<'_>,
+    system: &System,
+    work: impl FnOnce(&System, &Cancel) -> Result<T> + Send + 'static,
+) -> PyResult<T> {
     let system = system.clone();
     if system.n_tree() < SHORT {
         guarded(py, move || work(&system, &Cancel::default()))
@@ -54,26 +60,48 @@ fn effects(without: &[String]) -> Result<Effects> {
             "centrifugal" => effects.centrifugal = false,
             "preload-stiffness" => effects.preload_stiffness = false,
             "constraint-force-stiffness" => effects.constraint_force_stiffness = false,
-            other => return Err(Error::model(format!("the effect '{other}' cannot be switched off in this analysis"))),
+            other => {
+                return Err(Error::model(format!(
+                    "the effect '{other}' cannot be switched off in this analysis"
+                )));
+            }
         }
     }
     Ok(effects)
 }
 
-fn state_of(system: &System, relative: &PyReadonlyArray2<'_, f64>, rate: &PyReadonlyArray1<'_, f64>) -> Result<State> {
+fn state_of(
+    system: &System,
+    relative: &PyReadonlyArray2<'_, f64>,
+    rate: &PyReadonlyArray1<'_, f64>,
+) -> Result<State> {
     let view = relative.as_array();
     if view.shape() != [system.n_bodies(), 12] {
-        return Err(Error::model(format!("a state of this model has {} rows of 12 numbers, not {:?}", system.n_bodies(), view.shape())));
+        return Err(Error::model(format!(
+            "a state of this model has {} rows of 12 numbers, not {:?}",
+            system.n_bodies(),
+            view.shape()
+        )));
     }
     let rate = values(rate);
     if !rate.is_empty() && rate.len() != system.n_tree() {
-        return Err(Error::model(format!("a state of this model has {} rates, not {}", system.n_tree(), rate.len())));
+        return Err(Error::model(format!(
+            "a state of this model has {} rates, not {}",
+            system.n_tree(),
+            rate.len()
+        )));
     }
     if view.iter().chain(&rate).any(|v| !v.is_finite()) {
         return Err(Error::model("the state contains NaN or infinite numbers"));
     }
-    let pose = |i: usize| Pose { p: V3::from_fn(|k, _| view[(i, k)]), r: M3::from_fn(|r, c| view[(i, 3 + 3 * r + c)]) };
-    Ok(State { relative: (0..system.n_bodies()).map(pose).collect(), rate })
+    let pose = |i: usize| Pose {
+        p: V3::from_fn(|k, _| view[(i, k)]),
+        r: M3::from_fn(|r, c| view[(i, 3 + 3 * r + c)]),
+    };
+    Ok(State {
+        relative: (0..system.n_bodies()).map(pose).collect(),
+        rate,
+    })
 }
 
 fn empty(py: Python<'_>) -> PyResult<PyReadonlyArray1<'_, f64>> {
@@ -83,7 +111,11 @@ fn empty(py: Python<'_>) -> PyResult<PyReadonlyArray1<'_, f64>> {
 fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult<()> {
     let relative = Array2::from_shape_fn((state.relative.len(), 12), |(i, k)| {
         let pose = &state.relative[i];
-        if k < 3 { pose.p[k] } else { pose.r[((k - 3) / 3, (k - 3) % 3)] }
+        if k < 3 {
+            pose.p[k]
+        } else {
+            pose.r[((k - 3) / 3, (k - 3) % 3)]
+        }
     });
     out.set_item("relative", relative.into_pyarray(py))?;
     out.set_item("rate", state.rate.clone().into_pyarray(py))
@@ -93,9 +125,15 @@ fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
     Array2::from_shape_fn(m.shape(), |(i, j)| m[(i, j)])
 }
 
-fn stacked(all: &[Directional], pick: impl Fn(&Directional) -> Option<&nalgebra::DMatrix<f64>>) -> Option<Array3<f64>> {
+fn stacked(
+    all: &[Directional],
+    pick: impl Fn(&Directional) -> Option<&nalgebra::DMatrix<f64>>,
+) -> Option<Array3<f64>> {
     let shape = pick(all.first()?)?.shape();
-    Some(Array3::from_shape_fn((shape.0, shape.1, all.len()), |(i, j, k)| pick(&all[k]).map_or(0.0, |m| m[(i, j)])))
+    Some(Array3::from_shape_fn(
+        (shape.0, shape.1, all.len()),
+        |(i, j, k)| pick(&all[k]).map_or(0.0, |m| m[(i, j)]),
+    ))
 }
 
 fn columns(all: &[Directional], pick: impl Fn(&Directional) -> &[f64]) -> Array2<f64> {
@@ -103,15 +141,36 @@ fn columns(all: &[Directional], pick: impl Fn(&Directional) -> &[f64]) -> Array2
     Array2::from_shape_fn((n, all.len()), |(i, k)| pick(&all[k])[i])
 }
 
-fn put_linearization(py: Python<'_>, out: &Bound<'_, PyDict>, system: &System, lin: &Linearization) -> PyResult<()> {
-    let names: Vec<_> = lin.coordinates(system.n_tree()).iter().map(|i| system.topology.names[*i].clone()).collect();
+fn put_linearization(
+    py: Python<'_>,
+    out: &Bound<'_, PyDict>,
+    system: &System,
+    lin: &Linearization,
+) -> PyResult<()> {
+    let names: Vec<_> = lin
+        .coordinates(system.n_tree())
+        .iter()
+        .map(|i| system.topology.names[*i].clone())
+        .collect();
     out.set_item("coordinates", names)?;
     out.set_item("M", array(&lin.matrices.mass).into_pyarray(py))?;
-    out.set_item("D", lin.matrices.damping.as_ref().map(|d| array(d).into_pyarray(py)))?;
+    out.set_item(
+        "D",
+        lin.matrices
+            .damping
+            .as_ref()
+            .map(|d| array(d).into_pyarray(py)),
+    )?;
     out.set_item("S", array(&lin.matrices.stiffness).into_pyarray(py))?;
     out.set_item("T", array(&lin.body_map).into_pyarray(py))?;
-    out.set_item("residual", lin.residual.as_slice().to_vec().into_pyarray(py))?;
-    out.set_item("ground_coupling", array(&lin.ground_coupling).into_pyarray(py))?;
+    out.set_item(
+        "residual",
+        lin.residual.as_slice().to_vec().into_pyarray(py),
+    )?;
+    out.set_item(
+        "ground_coupling",
+        array(&lin.ground_coupling).into_pyarray(py),
+    )?;
     out.set_item("force_scale", lin.force_scale)?;
     out.set_item("multipliers", lin.lam.clone().into_pyarray(py))
 }
@@ -150,14 +209,35 @@ impl PySystem {
         let out = PyDict::new(py);
         let tree = PyList::empty(py);
         for node in &topology.nodes {
-            let parent = node.parent.map(|p| topology.tables.bodies[topology.nodes[p].body].name.as_str());
+            let parent = node
+                .parent
+                .map(|p| topology.tables.bodies[topology.nodes[p].body].name.as_str());
             let joint = node.joint.map(|j| topology.tables.joints[j].name.as_str());
-            tree.append((&topology.tables.bodies[node.body].name, parent, joint, node.kind.name()))?;
+            tree.append((
+                &topology.tables.bodies[node.body].name,
+                parent,
+                joint,
+                node.kind.name(),
+            ))?;
         }
         out.set_item("tree", tree)?;
-        out.set_item("cut", topology.cut.iter().map(|j| topology.tables.joints[*j].name.clone()).collect::<Vec<_>>())?;
+        out.set_item(
+            "cut",
+            topology
+                .cut
+                .iter()
+                .map(|j| topology.tables.joints[*j].name.clone())
+                .collect::<Vec<_>>(),
+        )?;
         out.set_item("coordinates", topology.names.clone())?;
-        out.set_item("row_joint", topology.rows.iter().map(|r| topology.tables.joints[r.joint].name.clone()).collect::<Vec<_>>())?;
+        out.set_item(
+            "row_joint",
+            topology
+                .rows
+                .iter()
+                .map(|r| topology.tables.joints[r.joint].name.clone())
+                .collect::<Vec<_>>(),
+        )?;
         Ok(out)
     }
 
@@ -176,13 +256,22 @@ impl PySystem {
     }
 
     /// Pose and velocity of each body's origin: position (n, 3), rotation (n, 3, 3), velocity and angular velocity (n, 3), world.
-    fn bodies<'py>(&self, py: Python<'py>, relative: PyReadonlyArray2<'py, f64>, rate: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyDict>> {
+    fn bodies<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &relative, &rate)?;
         let topology = &self.0.topology;
         let rate = state.moving().then_some(state.rate.as_slice());
         let placement = place(topology, &self.0.geometry, &state.relative, rate);
         let n = self.0.n_bodies();
-        let (mut position, mut velocity, mut omega) = (Array2::zeros((n, 3)), Array2::zeros((n, 3)), Array2::zeros((n, 3)));
+        let (mut position, mut velocity, mut omega) = (
+            Array2::zeros((n, 3)),
+            Array2::zeros((n, 3)),
+            Array2::zeros((n, 3)),
+        );
         let mut rotation = Array3::zeros((n, 3, 3));
         for (i, node) in topology.nodes.iter().enumerate() {
             let pose = &placement.pose[i];
@@ -193,7 +282,11 @@ impl PySystem {
                     rotation[(node.body, k, l)] = pose.r[(k, l)];
                 }
             }
-            if let Some(v) = placement.velocity.as_ref().map(|v| v.body[i].motion_at(&arm)) {
+            if let Some(v) = placement
+                .velocity
+                .as_ref()
+                .map(|v| v.body[i].motion_at(&arm))
+            {
                 for k in 0..3 {
                     velocity[(node.body, k)] = v.l[k];
                     omega[(node.body, k)] = v.a[k];
@@ -208,7 +301,12 @@ impl PySystem {
         Ok(out)
     }
 
-    fn equilibrium<'py>(&self, py: Python<'py>, relative: PyReadonlyArray2<'py, f64>, without: Vec<String>) -> PyResult<Bound<'py, PyDict>> {
+    fn equilibrium<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        without: Vec<String>,
+    ) -> PyResult<Bound<'py, PyDict>> {
         let start = state_of(&self.0, &relative, &empty(py)?)?;
         let effects = effects(&without)?;
         let (eq, counts): (Equilibrium, Counts) = run(py, &self.0, move |system, cancel| {
@@ -227,20 +325,42 @@ impl PySystem {
         Ok(out)
     }
 
-    fn linearize<'py>(&self, py: Python<'py>, relative: PyReadonlyArray2<'py, f64>, rate: PyReadonlyArray1<'py, f64>, without: Vec<String>) -> PyResult<Bound<'py, PyDict>> {
+    fn linearize<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+        without: Vec<String>,
+    ) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
         let (lin, counts) = run(py, &self.0, move |system, _| {
             let mut counts = Counts::default();
-            linearize(&Setting { system, state: &state, effects }, &mut counts).map(|l| (l, counts))
+            linearize(
+                &Setting {
+                    system,
+                    state: &state,
+                    effects,
+                },
+                &mut counts,
+            )
+            .map(|l| (l, counts))
         })?;
         let out = PyDict::new(py);
         put_linearization(py, &out, &self.0, &lin)?;
-        out.set_item("moving", lin.acceleration.is_some() || rate.as_array().iter().any(|r| *r != 0.0))?;
+        out.set_item(
+            "moving",
+            lin.acceleration.is_some() || rate.as_array().iter().any(|r| *r != 0.0),
+        )?;
         if let Some(l) = &lin.loops {
             out.set_item("rank", l.dependent.len())?;
             let named = redundant_joints(&self.0.topology, l).into_iter();
-            out.set_item("redundant", named.map(|(j, n)| (self.0.topology.tables.joints[j].name.clone(), n)).collect::<Vec<_>>())?;
+            out.set_item(
+                "redundant",
+                named
+                    .map(|(j, n)| (self.0.topology.tables.joints[j].name.clone(), n))
+                    .collect::<Vec<_>>(),
+            )?;
         }
         out.set_item("counts", counts_dict(py, &counts)?)?;
         Ok(out)
@@ -259,14 +379,25 @@ impl PySystem {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
         let n_x = self.0.x.len();
-        if directions.iter().any(|(i, v)| i.len() != v.len() || i.iter().any(|i| *i >= n_x)) {
+        if directions
+            .iter()
+            .any(|(i, v)| i.len() != v.len() || i.iter().any(|i| *i >= n_x))
+        {
             return Err(Error::model("a direction does not fit the value vector").into());
         }
         let all = run(py, &self.0, move |system, cancel| {
-            let setting = Setting { system, state: &state, effects };
+            let setting = Setting {
+                system,
+                state: &state,
+                effects,
+            };
             let base = linearize(&setting, &mut Counts::default())?;
             let solve = equilibrium_solver(system, &base)?;
-            let follow = if follow { Follow::Equilibrium } else { Follow::Hold };
+            let follow = if follow {
+                Follow::Equilibrium
+            } else {
+                Follow::Hold
+            };
             let one = |(indices, weights): (Vec<usize>, Vec<f64>)| {
                 cancel.check()?;
                 let dx: Vec<_> = indices.into_iter().zip(weights).collect();
@@ -275,19 +406,44 @@ impl PySystem {
             directions.into_iter().map(one).collect::<Result<Vec<_>>>()
         })?;
         let out = PyDict::new(py);
-        out.set_item("dM", stacked(&all, |d| Some(&d.mass)).map(|a| a.into_pyarray(py)))?;
-        out.set_item("dD", stacked(&all, |d| d.damping.as_ref()).map(|a| a.into_pyarray(py)))?;
-        out.set_item("dS", stacked(&all, |d| Some(&d.stiffness)).map(|a| a.into_pyarray(py)))?;
-        out.set_item("dT", stacked(&all, |d| Some(&d.body_map)).map(|a| a.into_pyarray(py)))?;
-        out.set_item("d_ground_coupling", stacked(&all, |d| Some(&d.ground_coupling)).map(|a| a.into_pyarray(py)))?;
-        out.set_item("tree_coordinates", columns(&all, |d| &d.dy).into_pyarray(py))?;
-        out.set_item("body_motion", columns(&all, |d| &d.body_motion).into_pyarray(py))?;
+        out.set_item(
+            "dM",
+            stacked(&all, |d| Some(&d.mass)).map(|a| a.into_pyarray(py)),
+        )?;
+        out.set_item(
+            "dD",
+            stacked(&all, |d| d.damping.as_ref()).map(|a| a.into_pyarray(py)),
+        )?;
+        out.set_item(
+            "dS",
+            stacked(&all, |d| Some(&d.stiffness)).map(|a| a.into_pyarray(py)),
+        )?;
+        out.set_item(
+            "dT",
+            stacked(&all, |d| Some(&d.body_map)).map(|a| a.into_pyarray(py)),
+        )?;
+        out.set_item(
+            "d_ground_coupling",
+            stacked(&all, |d| Some(&d.ground_coupling)).map(|a| a.into_pyarray(py)),
+        )?;
+        out.set_item(
+            "tree_coordinates",
+            columns(&all, |d| &d.dy).into_pyarray(py),
+        )?;
+        out.set_item(
+            "body_motion",
+            columns(&all, |d| &d.body_motion).into_pyarray(py),
+        )?;
         out.set_item("multipliers", columns(&all, |d| &d.lam).into_pyarray(py))?;
         Ok(out)
     }
 
     /// Per elastic connector: gradient rows in tree-independent form (n, 6) about a world point, the bodies, k (n, n).
-    fn strains<'py>(&self, py: Python<'py>, relative: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyList>> {
+    fn strains<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyList>> {
         let state = state_of(&self.0, &relative, &empty(py)?)?;
         let topology = &self.0.topology;
         let placement = place(topology, &self.0.geometry, &state.relative, None);
@@ -298,20 +454,38 @@ impl PySystem {
                 Owner::Element(i) => &topology.tables.elements[i].name,
                 Owner::Joint(i) => &topology.tables.joints[i].name,
             };
-            let gradients = Array2::from_shape_fn((one.gradients.len(), 6), |(i, k)| one.gradients[i].get(k));
+            let gradients =
+                Array2::from_shape_fn((one.gradients.len(), 6), |(i, k)| one.gradients[i].get(k));
             let body = |b: Option<usize>| b.map_or(-1, |b| b as i64);
             let point = one.point.as_slice().to_vec().into_pyarray(py);
-            out.append((name, body(c.a), body(c.b), point, gradients.into_pyarray(py), array(&one.k).into_pyarray(py)))?;
+            out.append((
+                name,
+                body(c.a),
+                body(c.b),
+                point,
+                gradients.into_pyarray(py),
+                array(&one.k).into_pyarray(py),
+            ))?;
         }
         Ok(out)
     }
 
     /// Wrench of every joint on its second body at the joint's point, (n_joints, 6), world axes.
-    fn reactions<'py>(&self, py: Python<'py>, relative: PyReadonlyArray2<'py, f64>, rate: PyReadonlyArray1<'py, f64>, without: Vec<String>) -> PyResult<Bound<'py, numpy::PyArray2<f64>>> {
+    fn reactions<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+        without: Vec<String>,
+    ) -> PyResult<Bound<'py, numpy::PyArray2<f64>>> {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
         let all = run(py, &self.0, move |system, _| {
-            let setting = Setting { system, state: &state, effects };
+            let setting = Setting {
+                system,
+                state: &state,
+                effects,
+            };
             let base = linearize(&setting, &mut Counts::default())?;
             reactions(&setting, &base)
         })?;

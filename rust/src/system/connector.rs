@@ -38,12 +38,20 @@ impl<T: Real> PathEntry<T> {
 
     /// Does `other` carry this coordinate's axis?
     fn carried_by(&self, other: &Self) -> bool {
-        self.on_b == other.on_b && other.order > self.order && (other.node != self.node || other.stage < self.stage)
+        self.on_b == other.on_b
+            && other.order > self.order
+            && (other.node != self.node || other.stage < self.stage)
     }
 }
 
 /// The coordinates that move b against a, each with its twist at `point`.
-pub fn path<T: Real>(topology: &Topology, placement: &Placement<T>, a: BodyRef, b: BodyRef, point: &V3<T>) -> Vec<PathEntry<T>> {
+pub fn path<T: Real>(
+    topology: &Topology,
+    placement: &Placement<T>,
+    a: BodyRef,
+    b: BodyRef,
+    point: &V3<T>,
+) -> Vec<PathEntry<T>> {
     let mut entries = Vec::new();
     let (mut i, mut j) = (topology.node(a), topology.node(b));
     let depth = |node: Option<usize>| node.map_or(-1, |n| topology.nodes[n].depth as i64);
@@ -55,9 +63,18 @@ pub fn path<T: Real>(topology: &Topology, placement: &Placement<T>, a: BodyRef, 
         let arm = point - placement.pose[node].p;
         // outermost stage first, so that what carries an axis always comes later
         for stage in [1, 0] {
-            for dof in (spec.first..spec.first + spec.n).filter(|d| topology.dofs[*d].freedom.stage == stage) {
+            for dof in (spec.first..spec.first + spec.n)
+                .filter(|d| topology.dofs[*d].freedom.stage == stage)
+            {
                 let order = entries.len();
-                entries.push(PathEntry { dof, on_b, s: placement.column[dof].motion_at(&arm), node, stage, order });
+                entries.push(PathEntry {
+                    dof,
+                    on_b,
+                    s: placement.column[dof].motion_at(&arm),
+                    node,
+                    stage,
+                    order,
+                });
             }
         }
         *side = spec.parent;
@@ -99,18 +116,34 @@ struct Local<T: Real> {
     twist: Option<Six<T>>,
 }
 
-fn local<T: Real>(topology: &Topology, placement: &Placement<T>, a: BodyRef, b: BodyRef, pair: &MarkerPair<T>) -> Local<T> {
+fn local<T: Real>(
+    topology: &Topology,
+    placement: &Placement<T>,
+    a: BodyRef,
+    b: BodyRef,
+    pair: &MarkerPair<T>,
+) -> Local<T> {
     let pa = marker_pose(topology, &placement.pose, a, &pair.a);
     let pb = marker_pose(topology, &placement.pose, b, &pair.b);
     let t = pa.r.transpose();
-    let relative = Relative { u: t * (pb.p - pa.p), r: t * pb.r };
+    let relative = Relative {
+        u: t * (pb.p - pa.p),
+        r: t * pb.r,
+    };
     let twist = placement.velocity.as_ref().map(|velocity| {
         let at = |body: BodyRef| {
-            topology.node(body).map_or_else(Six::zero, |n| velocity.body[n].motion_at(&(pb.p - placement.pose[n].p)))
+            topology.node(body).map_or_else(Six::zero, |n| {
+                velocity.body[n].motion_at(&(pb.p - placement.pose[n].p))
+            })
         };
         (at(b) - at(a)).rotated(&t)
     });
-    Local { a: pa, b: pb, relative, twist }
+    Local {
+        a: pa,
+        b: pb,
+        relative,
+        twist,
+    }
 }
 
 /// The force of an element or joint spring, and its tangents.
@@ -125,7 +158,11 @@ pub fn interaction<T: Real>(
     let pair = pair_of(geometry, connector.owner);
     let here = local(topology, placement, connector.a, connector.b, pair);
     let n = connector.coordinates.len();
-    let mut rows: Vec<_> = connector.coordinates.iter().map(|c| here.relative.row(*c)).collect();
+    let mut rows: Vec<_> = connector
+        .coordinates
+        .iter()
+        .map(|c| here.relative.row(*c))
+        .collect();
     offset_natural(connector, geometry, x, &mut rows[0].e);
     let entry = |start: Option<usize>, i: usize, j: usize| -> T {
         match start {
@@ -135,7 +172,11 @@ pub fn interaction<T: Real>(
         }
     };
     let damping = if wanted.damping { connector.c } else { None };
-    let rate = |i: usize| here.twist.as_ref().map_or_else(T::zero, |v| rows[i].g.dot(v));
+    let rate = |i: usize| {
+        here.twist
+            .as_ref()
+            .map_or_else(T::zero, |v| rows[i].g.dot(v))
+    };
     let mut wrench = Six::zero();
     let mut force = Vec::with_capacity(n);
     for i in 0..n {
@@ -160,17 +201,33 @@ pub fn interaction<T: Real>(
                 if !cij.is_zero() {
                     c.add_outer(&rows[i].g, &rows[j].g, -cij);
                     if let Some(v) = here.twist.as_ref() {
-                        k.add_outer(&rows[i].g, &rate_gradient(&here.relative, connector.coordinates[j], &rows[j].g, v), -cij);
+                        k.add_outer(
+                            &rows[i].g,
+                            &rate_gradient(&here.relative, connector.coordinates[j], &rows[j].g, v),
+                            -cij,
+                        );
                     }
                 }
             }
         }
         if wanted.geometric {
-            add_geometric(&mut k, &here.relative, &connector.coordinates, &force, &wrench);
+            add_geometric(
+                &mut k,
+                &here.relative,
+                &connector.coordinates,
+                &force,
+                &wrench,
+            );
         }
         (k.rotated(&here.a.r), c.rotated(&here.a.r))
     });
-    Interaction { a: connector.a, b: connector.b, point: here.b.p, wrench: wrench.rotated(&here.a.r), tangent }
+    Interaction {
+        a: connector.a,
+        b: connector.b,
+        point: here.b.p,
+        wrench: wrench.rotated(&here.a.r),
+        tangent,
+    }
 }
 
 /// What an element's strain energy is made of: gradients of its coordinates (world axes about `point`) and its stiffness.
@@ -180,27 +237,52 @@ pub struct Strain {
     pub k: DMatrix<f64>,
 }
 
-pub fn strain(topology: &Topology, geometry: &Geometry<f64>, placement: &Placement<f64>, x: &[f64], connector: &Connector) -> Strain {
+pub fn strain(
+    topology: &Topology,
+    geometry: &Geometry<f64>,
+    placement: &Placement<f64>,
+    x: &[f64],
+    connector: &Connector,
+) -> Strain {
     let pair = pair_of(geometry, connector.owner);
     let here = local(topology, placement, connector.a, connector.b, pair);
     let n = connector.coordinates.len();
-    let gradients = connector.coordinates.iter().map(|c| here.relative.row(*c).g.rotated(&here.a.r)).collect();
+    let gradients = connector
+        .coordinates
+        .iter()
+        .map(|c| here.relative.row(*c).g.rotated(&here.a.r))
+        .collect();
     let entry = |i: usize, j: usize| match connector.k {
         Some(s) if connector.full => x[s + i * n + j],
         Some(s) if i == j => x[s + i],
         _ => 0.0,
     };
-    Strain { point: here.b.p, gradients, k: DMatrix::from_fn(n, n, entry) }
+    Strain {
+        point: here.b.p,
+        gradients,
+        k: DMatrix::from_fn(n, n, entry),
+    }
 }
 
 /// d(e')/d(xi) at a given relative twist field: (h xi) . v + g_l . (omega x xi_t).
-fn rate_gradient<T: Real>(relative: &Relative<T>, coordinate: Coordinate, g: &Six<T>, v: &Six<T>) -> Six<T> {
+fn rate_gradient<T: Real>(
+    relative: &Relative<T>,
+    coordinate: Coordinate,
+    g: &Six<T>,
+    v: &Six<T>,
+) -> Six<T> {
     let mut q = relative.curvature(coordinate).apply_transposed(v);
     q.l += g.l.cross(&v.a);
     q
 }
 
-fn add_geometric<T: Real>(k: &mut Map6<T>, relative: &Relative<T>, coordinates: &[Coordinate], force: &[T], wrench: &Six<T>) {
+fn add_geometric<T: Real>(
+    k: &mut Map6<T>,
+    relative: &Relative<T>,
+    coordinates: &[Coordinate],
+    force: &[T],
+    wrench: &Six<T>,
+) {
     for (coordinate, f) in coordinates.iter().zip(force) {
         if f.is_zero() || matches!(coordinate, Coordinate::Translation(_)) {
             continue;
@@ -237,14 +319,22 @@ pub fn constraint_interaction<T: Real>(
 ) -> Interaction<T> {
     let spec = &topology.tables.joints[joint];
     let here = local(topology, placement, spec.a, spec.b, &geometry.joints[joint]);
-    let wrench = rows.iter().fold(Six::zero(), |w, (c, lam)| w + -here.relative.row(*c).g.scaled(*lam));
+    let wrench = rows.iter().fold(Six::zero(), |w, (c, lam)| {
+        w + -here.relative.row(*c).g.scaled(*lam)
+    });
     let tangent = wanted.tangent.then(|| {
         let mut k = Map6::zero();
         let (coordinates, forces): (Vec<_>, Vec<_>) = rows.iter().copied().unzip();
         add_geometric(&mut k, &here.relative, &coordinates, &forces, &wrench);
         (k.rotated(&here.a.r), Map6::zero())
     });
-    Interaction { a: spec.a, b: spec.b, point: here.b.p, wrench: wrench.rotated(&here.a.r), tangent }
+    Interaction {
+        a: spec.a,
+        b: spec.b,
+        point: here.b.p,
+        wrench: wrench.rotated(&here.a.r),
+        tangent,
+    }
 }
 
 /// Values of constraint rows and their gradients in world axes about p_B.
@@ -265,12 +355,26 @@ pub fn constraint_rows<T: Real>(
 }
 
 /// A load: dead (constant in the world) or follower (carried along), as an interaction of ground with its body.
-pub fn load_interaction<T: Real>(topology: &Topology, geometry: &Geometry<T>, placement: &Placement<T>, load: usize, wanted: Wanted) -> Interaction<T> {
+pub fn load_interaction<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    load: usize,
+    wanted: Wanted,
+) -> Interaction<T> {
     let spec = &topology.tables.loads[load];
     let pose = &placement.pose[topology.node_of_body[spec.body]];
     let (local, value) = &geometry.loads[load];
-    let value = if spec.follower { pose.r * value } else { *value };
-    let wrench = if spec.torque { Six::new(V3::zeros(), value) } else { Six::new(value, V3::zeros()) };
+    let value = if spec.follower {
+        pose.r * value
+    } else {
+        *value
+    };
+    let wrench = if spec.torque {
+        Six::new(V3::zeros(), value)
+    } else {
+        Six::new(value, V3::zeros())
+    };
     let tangent = (wanted.tangent && wanted.geometric).then(|| {
         let mut k = Map6::zero();
         k.al = -skew(&wrench.l);
@@ -280,7 +384,13 @@ pub fn load_interaction<T: Real>(topology: &Topology, geometry: &Geometry<T>, pl
         }
         (k, Map6::zero())
     });
-    Interaction { a: None, b: Some(spec.body), point: pose.p + pose.r * local, wrench, tangent }
+    Interaction {
+        a: None,
+        b: Some(spec.body),
+        point: pose.p + pose.r * local,
+        wrench,
+        tangent,
+    }
 }
 
 /// The path formula of the module's head, added to K and D.
@@ -292,10 +402,20 @@ pub fn add_tangent<T: Real>(
     stiffness: &mut DMatrix<T>,
     mut damping: Option<&mut DMatrix<T>>,
 ) {
-    let Some((k, c)) = &interaction.tangent else { return };
-    let entries = path(topology, placement, interaction.a, interaction.b, &interaction.point);
+    let Some((k, c)) = &interaction.tangent else {
+        return;
+    };
+    let entries = path(
+        topology,
+        placement,
+        interaction.a,
+        interaction.b,
+        &interaction.point,
+    );
     let moving_b = placement.velocity.as_ref().map(|velocity| {
-        let at = |node: usize| velocity.body[node].motion_at(&(interaction.point - placement.pose[node].p));
+        let at = |node: usize| {
+            velocity.body[node].motion_at(&(interaction.point - placement.pose[node].p))
+        };
         topology.node(interaction.b).map_or_else(Six::zero, at)
     });
     let turned = geometric && !interaction.wrench.is_zero();
@@ -319,7 +439,11 @@ pub fn add_tangent<T: Real>(
             let mut kij = si.dot(&dw);
             if turned && i.carried_by(j) {
                 let ds = j.s.cross_motion(&i.s);
-                kij += if i.on_b { ds.dot(&interaction.wrench) } else { -ds.dot(&interaction.wrench) };
+                kij += if i.on_b {
+                    ds.dot(&interaction.wrench)
+                } else {
+                    -ds.dot(&interaction.wrench)
+                };
             }
             stiffness[(i.dof, j.dof)] -= kij;
             if let Some(damping) = damping.as_deref_mut() {
@@ -330,11 +454,20 @@ pub fn add_tangent<T: Real>(
 }
 
 /// Add the wrenches of an interaction to the bodies' sums, each about the body's centre of mass.
-pub fn add_wrench<T: Real>(topology: &Topology, placement: &Placement<T>, interaction: &Interaction<T>, sums: &mut [Six<T>]) {
+pub fn add_wrench<T: Real>(
+    topology: &Topology,
+    placement: &Placement<T>,
+    interaction: &Interaction<T>,
+    sums: &mut [Six<T>],
+) {
     if let Some(n) = topology.node(interaction.b) {
-        sums[n] += interaction.wrench.wrench_at(&(placement.pose[n].p - interaction.point));
+        sums[n] += interaction
+            .wrench
+            .wrench_at(&(placement.pose[n].p - interaction.point));
     }
     if let Some(n) = topology.node(interaction.a) {
-        sums[n] += -interaction.wrench.wrench_at(&(placement.pose[n].p - interaction.point));
+        sums[n] += -interaction
+            .wrench
+            .wrench_at(&(placement.pose[n].p - interaction.point));
     }
 }

@@ -56,8 +56,13 @@ pub enum Owner {
 pub enum Natural {
     Zero,
     /// e is measured from the drawn distance + x, or from x alone if given
-    Length { x: usize, given: bool },
-    Value { x: usize },
+    Length {
+        x: usize,
+        given: bool,
+    },
+    Value {
+        x: usize,
+    },
 }
 
 /// Anything elastic or dissipative between two markers: n coordinates and where their numbers are.
@@ -92,7 +97,9 @@ pub struct Topology {
 impl Topology {
     pub fn new(tables: Tables) -> Result<Self> {
         if tables.bodies.is_empty() {
-            return Err(Error::model("the model has no body: add one with m.body(...)"));
+            return Err(Error::model(
+                "the model has no body: add one with m.body(...)",
+            ));
         }
         let (nodes, cut) = spanning_tree(&tables);
         let mut node_of_body = vec![0; nodes.len()];
@@ -101,15 +108,34 @@ impl Topology {
         for (i, node) in nodes.iter().enumerate() {
             node_of_body[node.body] = i;
             let freedoms = node.kind.freedoms(node.reversed);
-            let stem = node.joint.map_or(&tables.bodies[node.body].name, |j| &tables.joints[j].name);
+            let stem = node
+                .joint
+                .map_or(&tables.bodies[node.body].name, |j| &tables.joints[j].name);
             for freedom in freedoms {
-                names.push(if freedoms.len() == 1 { stem.clone() } else { format!("{stem}.{}", freedom.suffix) });
-                dofs.push(Dof { node: i, freedom: *freedom, sign: if node.reversed { -1.0 } else { 1.0 } });
+                names.push(if freedoms.len() == 1 {
+                    stem.clone()
+                } else {
+                    format!("{stem}.{}", freedom.suffix)
+                });
+                dofs.push(Dof {
+                    node: i,
+                    freedom: *freedom,
+                    sign: if node.reversed { -1.0 } else { 1.0 },
+                });
             }
         }
         let rows = cut.iter().flat_map(|j| cut_rows(&tables, *j)).collect();
         let connectors = connectors(&tables);
-        Ok(Topology { tables, nodes, node_of_body, dofs, names, cut, rows, connectors })
+        Ok(Topology {
+            tables,
+            nodes,
+            node_of_body,
+            dofs,
+            names,
+            cut,
+            rows,
+            connectors,
+        })
     }
 
     pub fn node(&self, body: BodyRef) -> Option<usize> {
@@ -142,9 +168,17 @@ impl Topology {
 fn cut_rows(tables: &Tables, joint: usize) -> Vec<ConstraintRow> {
     let kind = tables.joints[joint].kind;
     if kind == JointKind::KnifeEdge {
-        return vec![ConstraintRow { joint, coordinate: Coordinate::Translation(2), level: Level::Velocity }];
+        return vec![ConstraintRow {
+            joint,
+            coordinate: Coordinate::Translation(2),
+            level: Level::Velocity,
+        }];
     }
-    let row = |c: &Coordinate| ConstraintRow { joint, coordinate: *c, level: Level::Position };
+    let row = |c: &Coordinate| ConstraintRow {
+        joint,
+        coordinate: *c,
+        level: Level::Position,
+    };
     kind.constraints().iter().map(row).collect()
 }
 
@@ -158,7 +192,13 @@ fn spanning_tree(tables: &Tables) -> (Vec<Node>, Vec<usize>) {
             at[joint.b.unwrap_or(n)].push(j);
         }
     }
-    let mut tree = Tree { tables, nodes: Vec::with_capacity(n), place: vec![None; n], used: vec![false; tables.joints.len()], first: 0 };
+    let mut tree = Tree {
+        tables,
+        nodes: Vec::with_capacity(n),
+        place: vec![None; n],
+        used: vec![false; tables.joints.len()],
+        first: 0,
+    };
     let mut queue = VecDeque::from([None]);
     loop {
         while let Some(inner) = queue.pop_front() {
@@ -206,7 +246,16 @@ impl Tree<'_> {
         let n = kind.freedoms(reversed).len();
         let depth = parent.map_or(0, |p| self.nodes[p].depth + 1);
         self.place[body] = Some(self.nodes.len());
-        self.nodes.push(Node { body, parent, joint, reversed, kind, first: self.first, n, depth });
+        self.nodes.push(Node {
+            body,
+            parent,
+            joint,
+            reversed,
+            kind,
+            first: self.first,
+            n,
+            depth,
+        });
         self.first += n;
     }
 
@@ -215,31 +264,57 @@ impl Tree<'_> {
         let reached = |b: BodyRef| b.is_none_or(|b| self.place[b].is_some());
         for (j, joint) in self.tables.joints.iter().enumerate() {
             if joint.kind == JointKind::Free && reached(joint.a) != reached(joint.b) {
-                let (inner, outer) = if reached(joint.a) { (joint.a, joint.b) } else { (joint.b, joint.a) };
+                let (inner, outer) = if reached(joint.a) {
+                    (joint.a, joint.b)
+                } else {
+                    (joint.b, joint.a)
+                };
                 if let Some(body) = outer {
                     return Some((body, inner, Some(j)));
                 }
             }
         }
-        self.place.iter().position(Option::is_none).map(|body| (body, None, None))
+        self.place
+            .iter()
+            .position(Option::is_none)
+            .map(|body| (body, None, None))
     }
 }
 
 fn connectors(tables: &Tables) -> Vec<Connector> {
     let mut all = Vec::new();
     let laws_of = |on_joint: bool, owner: usize| -> Vec<(usize, usize)> {
-        let here = tables.laws.iter().enumerate().filter(|(_, l)| l.on_joint == on_joint && l.owner == owner);
+        let here = tables
+            .laws
+            .iter()
+            .enumerate()
+            .filter(|(_, l)| l.on_joint == on_joint && l.owner == owner);
         here.map(|(i, l)| (l.component, i)).collect()
     };
     let present = |flags: i64, bit: i64, x: usize| (flags & bit != 0).then_some(x);
     for (i, e) in tables.elements.iter().enumerate() {
         let (coordinates, k, c, preload, natural) = match e.kind {
             ElementKind::SpringDamper => {
-                let natural = Natural::Length { x: e.x + 8, given: e.flags & LENGTH_GIVEN != 0 };
+                let natural = Natural::Length {
+                    x: e.x + 8,
+                    given: e.flags & LENGTH_GIVEN != 0,
+                };
                 (vec![Coordinate::Length], e.x + 6, e.x + 7, e.x + 9, natural)
             }
-            ElementKind::Bushing => (JointKind::Free.free_coordinates().to_vec(), e.x + 10, e.x + 46, e.x + 82, Natural::Zero),
-            ElementKind::Torsion => (vec![ANGLE_Z], e.x + 6, e.x + 7, e.x + 9, Natural::Value { x: e.x + 8 }),
+            ElementKind::Bushing => (
+                JointKind::Free.free_coordinates().to_vec(),
+                e.x + 10,
+                e.x + 46,
+                e.x + 82,
+                Natural::Zero,
+            ),
+            ElementKind::Torsion => (
+                vec![ANGLE_Z],
+                e.x + 6,
+                e.x + 7,
+                e.x + 9,
+                Natural::Value { x: e.x + 8 },
+            ),
         };
         all.push(Connector {
             owner: Owner::Element(i),
