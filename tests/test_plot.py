@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mbrs import plot
 from mbrs.errors import MbrsError, ModelError
-from mbrs.plot.data import breaks_at_jumps, curves, frf_unit
+from mbrs.plot.data import breaks_at_jumps, curves, frf_unit, tornado_bars
 from presentation_standins import hexapod_modes, oscillator_frf, sensitivity
 
 pytest.importorskip("matplotlib")
@@ -199,6 +199,31 @@ def test_tornado_is_sorted_by_effect() -> None:
     assert axes.get_yticklabels()[0].get_text() == "payload.mass  (+1 % of 20 kg)"
     assert axes.get_xlabel() == "change of f [Hz]"
     _no_text_is_cut(figure)
+
+
+class _Model:
+    def value(self, address: str) -> Any:
+        known = {"k": 2e4, "V": np.ones((2,)), "m": 0.0}
+        if address not in known:
+            raise ModelError(f"no {address}")
+        return known[address]
+
+
+def test_tornado_takes_labels_from_shapes_and_values_from_the_model() -> None:
+    """The form of mb.EigenSensitivity: names per parameter, labels per entry, values in the model behind the modes."""
+    given = SimpleNamespace(
+        frequency=np.array([[1e-4, 2.0, 3.0, 5.0]]),
+        parameters=("k", "V", "m"),
+        shapes=((), (2,), ()),
+        units=("N/m", "kg", "kg"),
+        labels=lambda: ["k", "V[0]", "V[1]", "m"],
+        modal=SimpleNamespace(system=SimpleNamespace(model=_Model())),
+    )
+    bars = tornado_bars(given)
+    assert [(b.label, b.change) for b in bars] == [("V[1]", "+1 kg"), ("V[0]", "+1 kg"), ("k", "+1 % of 20000 N/m")]
+    assert [b.value for b in bars] == pytest.approx([3.0, 2.0, 0.02])
+    single = SimpleNamespace(frequency=np.ones((3, 2, 2)), parameters=("V",), shapes=((2, 2),), units=("kg",))
+    assert [b.label for b in tornado_bars(single, mode=2)] == ["p0", "p1", "p2", "p3"]
 
 
 def test_figures_need_no_display_and_no_pyplot() -> None:

@@ -177,7 +177,14 @@ def sens(
     m = _load(model)
     modes = mb.modes(m, **_state(m, at), **_without(without), **({} if n is None else {"n": n}))
     result = mb.sensitivity(modes, list(parameters))
-    _deliver("sens", model, result, ("labels", "units", "values", "frequency", "damping"), as_json, out)
+    _deliver(
+        "sens",
+        model,
+        result,
+        ("parameters", "labels", "units", "shapes", "values", "frequency", "damping"),
+        as_json,
+        out,
+    )
 
 
 def parse_frequency(text: str) -> Any:

@@ -48,6 +48,7 @@ def jsonable(value: Any) -> Any:
 def result_data(result: Any, names: tuple[str, ...]) -> dict[str, Any]:
     """The named attributes of a result, those it has, with its status, error and cost."""
     data = {name: getattr(result, name) for name in names if hasattr(result, name)}
+    data = {name: value() if callable(value) else value for name, value in data.items()}
     stats = getattr(result, "stats", None)
     if stats is not None:
         fields = ("wall_time", "counts", "effects", "route")
