@@ -248,6 +248,9 @@ def _deliver(analysis: str, model: Path, result: Any, names: tuple[str, ...], as
             out.write_text(result_page(analysis, model.stem, result), encoding="utf-8")
         else:
             result.save(out)
+    except ImportError as problem:
+        extra = "pip install 'mbrs-dynamics[xarray]'"
+        raise click.ClickException(f"{out.suffix} needs {problem.name}, which is not installed: {extra}") from None
     except OSError as problem:
         raise click.ClickException(f"cannot write {out}: {problem.strerror or problem}") from None
     click.echo(f"wrote {out}", err=True)
