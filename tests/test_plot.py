@@ -90,7 +90,7 @@ def test_curves_that_are_only_rounding_are_left_out_and_said_so() -> None:
     result.value[1] *= 1e-15
     figure = plot.frf(result)
     assert len(figure.axes[0].get_lines()) == 1
-    assert figure.axes[0].get_title(loc="left") == "receptance (1 zero curves left out)"
+    assert figure.axes[0].get_title(loc="left") == "receptance (left out as zero: 1)"
     result.value[0] = 0.0
     assert len(plot.frf(result).axes[0].get_lines()) == 1
 

@@ -124,7 +124,7 @@ def bode(result: Any, *, marks: Sequence[float] = (), most: int = 8) -> str:
     unit = frf_unit(result)
     common: dict[str, Any] = {"x_label": "frequency [Hz]", "x_log": logarithmic, "marks": marks}
     size = [Line(frequency, np.abs(c.value), c.label) for c in chosen]
-    title = str(getattr(result, "kind", "magnitude")) + (f" ({rounding} zero curves left out)" if rounding else "")
+    title = str(getattr(result, "kind", "magnitude")) + (f" (left out as zero: {rounding})" if rounding else "")
     above = line_chart(size, y_label=magnitude_label(unit), y_log=True, title=title, **common)
     phase = [Line(frequency, breaks_at_jumps(np.degrees(np.angle(c.value)), 270.0)) for c in chosen]
     below = line_chart(phase, y_label="phase [deg]", y_ticks=(-180, -90, 0, 90, 180), height=220, **common)

@@ -101,7 +101,7 @@ def frf(result: Any, kind: str = "bode", *, marks: Any = ()) -> Any:
     named, rest = ranked[:_MOST_NAMED], ranked[_MOST_NAMED:]
     with style():
         made = _bode(result, named, rest, marks) if kind == "bode" else _nyquist(result, named, rest)
-        notes = [f"{len(rest)} smaller curves in grey"] * bool(rest) + [f"{rounding} zero curves left out"] * bool(
+        notes = [f"{len(rest)} smaller curves in grey"] * bool(rest) + [f"left out as zero: {rounding}"] * bool(
             rounding
         )
         made.axes[0].set_title(str(getattr(result, "kind", "")) + (f" ({', '.join(notes)})" if notes else ""))
