@@ -85,6 +85,8 @@ CASES = [
     (lambda m: m.fixed("j", "a", other_body(), at=(0, 0, 0)), ModelError, "belongs to another model"),
     (lambda m: m.fixed("j", "a", Model("o").ground, at=(0, 0, 0)), ModelError, "belongs to another model"),
     (lambda m: m["aa"], NameNotFoundError, "did you mean 'a'"),
+    (lambda m: m[["a"]], ModelError, "indexed by names"),
+    (lambda m: m[0], ModelError, "indexed by names"),
     (lambda m: Model(""), ModelError, "non-empty"),
     (lambda m: Model("x", gravity=9.81), ModelError, "gravity must be 3 numbers"),
     (lambda m: setattr(m, "gravity", (0, 0, np.nan)), ModelError, "gravity must be a finite"),
@@ -169,6 +171,8 @@ CASES = [
     (lambda m: m["a"].force("w"), ModelError, "a.force"),
     (lambda m: m["a"].force("z", at=(0, 0)), ModelError, "a.force"),
     (lambda m: m["a"].force((0, 0, 0)), ModelError, "zero vector"),
+    (lambda m: m["a"].force((0, 0, m["k"])), ModelError, "plain numbers"),
+    (lambda m: m["a"].force("z", at=(0, 0, m["k"])), ModelError, "define a marker"),
     (lambda m: tables(Model("empty")), ModelError, "no body"),
     # examples
     (lambda m: examples.from_code("XL3RF1"), ModelError, "TL7SF1"),
@@ -212,9 +216,12 @@ def test_possible_inertias_pass(m, inertia):
 
 
 def test_planar_inertia_warns(m):
-    with pytest.warns(MbrsWarning, match=r"c.inertia \(0, 0, 2\) is planar data"):
+    with pytest.warns(MbrsWarning, match=r"c.inertia \(0, 0, 2\) is planar data") as caught:
         m.body("c", mass=1.0, inertia=(0, 0, 2.0))
     assert m.value("c.inertia")[2, 2] == 2.0
+    with pytest.warns(MbrsWarning, match="planar data") as again:
+        m.set({"c.inertia": (0, 0, 3.0)})
+    assert [w.filename for w in (*caught, *again)] == [__file__] * 2
 
 
 def test_a_parameter_may_not_drive_a_body_out_of_existence(m):

@@ -104,3 +104,40 @@ def test_sizes_are_taken():
     assert examples.rotor(speed=7.0).value("disc.angular_velocity")[2] == 7.0
     assert examples.chain(2, gravity=(0, -9.81, 0)).gravity.tolist() == [0, -9.81, 0]
     assert examples.four_bar(width=2.0).value("D.at_a[0]") == 2.0
+
+
+def unloaded_four_bar():
+    m = examples.four_bar(gravity=0.0)
+    m.set({"motor.value": (0, 0, 0), "pull.value": (0, 0, 0)})
+    return m
+
+
+@pytest.mark.parametrize(
+    "build",
+    [
+        examples.cubic_hexapod,
+        unloaded_four_bar,
+        examples.quadruped,
+        examples.stewart_platform,
+        examples.wafer_stage,
+        examples.rotor,
+        *(
+            lambda code=code: examples.from_code(code)
+            for code in ("LL3RF1", "LL3CF1", "LL3SF2", "LL3PF1", "TL3SF1", "CL9PF1")
+        ),
+        lambda: examples.chain(6, joint=None),
+    ],
+)
+def test_the_core_agrees_with_absolute_coordinates(build):
+    """Minimal coordinates of the core against a null space in absolute ones, both from the same Tables."""
+    m = build()
+    core = m.compiled()
+    state = core.assemble()
+    lin = core.linearize(state["relative"], state["rate"], [])
+    L = np.linalg.cholesky(lin["M"])
+    w2 = np.linalg.eigvalsh(np.linalg.solve(L, np.linalg.solve(L, lin["S"]).T))
+    expected = (2 * math.pi * Absolute(tables(m)).frequencies()) ** 2
+    assert w2.shape == expected.shape
+    error = np.abs(w2 - expected).max() / expected.max()
+    print(f"{m.name}: {error:.1e}")
+    assert error < 1e-11

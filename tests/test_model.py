@@ -222,6 +222,11 @@ def test_set_keeps_the_structure_and_changes_only_values():
     assert first["x"][first["element_x"][0] + 6] == 1e5 and second["x"][second["element_x"][0] + 6] == 2e5
 
 
+def test_shared_arrays_cannot_be_spoilt():
+    with pytest.raises(ValueError, match="read-only"):
+        tables(cubic_hexapod())["element_a"][0] = 3
+
+
 def test_compiled_keeps_the_topology(monkeypatch):
     made = []
 

@@ -6,7 +6,8 @@ import re
 
 import numpy as np
 import pytest
-from mbrs import examples
+from mbrs import examples, laws
+from mbrs.effects import effects
 from mbrs.errors import DuplicateNameError, InertiaError, ModelError, NameNotFoundError
 from mbrs.io.toml import dumps, loads
 from mbrs.model import Model
@@ -33,6 +34,29 @@ def test_round_trip_is_bitwise(build, tmp_path):
     assert not same_tables(tables(m), tables(again))
     assert dumps(again) == dumps(m) == path.read_text()
     assert again.name == m.name
+
+
+def with_laws():
+    m = Model("laws")
+    k, V = m.parameter("k3", 2.0), m.parameter("V", [1.0, 2.0, 3.0])
+    b = m.body("b", mass=1, inertia=(1, 1, 1))
+    several = [laws.Cubic(k), laws.Jenkins(1e3, k * 2), laws.Polynomial1D(list(V), velocity=[0, 1])]
+    m.spring_damper("s", m.ground, b, at=((0, 0, 0), (0, 0, 1)), law=several)
+    m.revolute("r", m.ground, b, at=(0, 0, 0), axis="z", law=laws.Gap(1e3, 0.1, bilateral=True))
+    m.bushing("f", m.ground, b, at=(0, 0, 0), law={"x": laws.VanDerPol(k), "rz": [laws.Hertz(1.0)]})
+    return m
+
+
+def test_the_laws_of_the_package_come_back():
+    m = with_laws()
+    again = loads(dumps(m))
+    again.set({"V[1]": 5.0})
+    m.set({"V[1]": 5.0})
+    assert not same_tables(tables(m), tables(again))
+    assert m.value("s.law").tolist() == [2, 1000, 4, 1, 5, 3, 0, 1, 0]
+    table = effects(again)
+    assert {"friction", "contact", "damping"} <= set(table.on)
+    assert table["damping"].why == "2 of 3 springs have damping" and table["contact"].why == "contact law on f, r"
 
 
 def test_expressions_stay_alive():

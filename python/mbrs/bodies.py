@@ -97,16 +97,6 @@ class Body(Ported):
             "angular_velocity": plain(s + 20, 3, "rad/s"),
         }
 
-    @property
-    def at(self) -> np.ndarray:
-        """(3,) origin of the body as drawn, world."""
-        return np.array(self.values(0, 3))
-
-    @property
-    def mass(self) -> float:
-        """Mass, kg."""
-        return self.values(10, 1)[0]
-
 
 class Ground(Ported):
     """The fixed world, as a body to attach things to. Its index is -1."""
@@ -248,7 +238,7 @@ def _check_inertia(where: str, j: Sequence[float]) -> None:
             f"{where} (0, 0, {j[2]:g}) is planar data: no rigid body has it, and it serves only if the joints "
             "allow no rotation about x and y",
             MbrsWarning,
-            stacklevel=5,
+            stacklevel=6,
         )
         return
     raise problem(

@@ -28,6 +28,8 @@ EFFECTS = (
 )
 _NEVER_OFF = frozenset({"loops", "redundancy"})
 _FRICTION_LAWS = frozenset({"Jenkins", "Iwan", "CoulombTanh"})
+# Codes of laws that depend on the rate without being friction: Polynomial1D with a velocity part, VanDerPol.
+_RATE_LAWS = frozenset({2, 8})
 _CONTACT_LAWS = frozenset({"Gap", "BilinearStop", "Hertz"})
 
 
@@ -225,16 +227,16 @@ def _constraint_stiffness(m: Model) -> tuple[bool, str]:
 
 def _damping(m: Model) -> tuple[bool, str]:
     owners = _springs(m)
-    damped = [o for o in owners if o.flags & 2]
     if not owners:
         return False, "no spring, bushing or joint stiffness that could have damping"
+    rated = {id(law.owner) for laws in m.laws.values() for law in laws if law.code in _RATE_LAWS}
+    damped = [o for o in owners if o.flags & 2 or id(o) in rated]
     if not damped:
-        return False, "no c= was given"
-    if len(damped) == len(owners):
-        return True, f"all {_count(len(owners), 'spring')} have damping" if len(
-            owners
-        ) > 1 else "the spring has damping"
-    return True, f"{len(damped)} of {len(owners)} springs have damping"
+        return False, "no c= was given, and no law depends on a rate"
+    if len(owners) == 1:
+        return True, "the spring has damping"
+    share = f"all {len(owners)}" if len(damped) == len(owners) else f"{len(damped)} of {len(owners)}"
+    return True, f"{share} springs have damping"
 
 
 def _law_rule(names: frozenset[str], what: str) -> Callable[[Model], tuple[bool, str]]:

@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 
 from .addresses import Target, target
+from .attached_laws import LawItem
 from .bodies import Body, Ground, Marker, Pose, add_body, add_marker
-from .elements import LENGTH_GIVEN, Element, ElementMethods, LawItem, Load
+from .element_methods import ElementMethods
+from .elements import Element, Load
 from .errors import ModelError
 from .expressions import Program, rebuild_all
-from .joints import Joint, JointMethods
+from .joint_methods import JointMethods
+from .joints import Joint
 from .names import GROUND, check_name, located, not_found, problem, shown
 from .parameters import ArrayParameter, ParameterSpace
 from .parameters import Symbol as Parameter
@@ -222,16 +225,18 @@ class Model(JointMethods, ElementMethods):
 
     def __getitem__(self, name: str) -> Any:
         """The handle of a name: a body, joint, element, load, marker or parameter."""
+        if not isinstance(name, str):
+            raise ModelError(f"model {self.name!r} is indexed by names, got {shown(name)}")
         if name == GROUND:
             return self.ground
         if name in self.items:
             return self.items[name]
         if name in self.space.names:
             return self.space.handle(name)
-        raise not_found(f"nothing in model {self.name!r}", str(name), [*self.items, *self.space.names])
+        raise not_found(f"nothing in model {self.name!r}", name, [*self.items, *self.space.names])
 
     def __contains__(self, name: object) -> bool:
-        return name in self.items or name in self.space.names
+        return isinstance(name, str) and (name in self.items or name in self.space.names)
 
     def value(self, address: str) -> Any:
         """The number(s) at an address now: a float, or an array for an address without an index.
@@ -386,6 +391,3 @@ class Model(JointMethods, ElementMethods):
             (len(self.space.names), "parameters"),
         )
         return f"Model({self.name!r}: " + ", ".join(f"{n} {what}" for n, what in counts) + ")"
-
-
-__all__ = ["LENGTH_GIVEN", "STORES", "Model"]

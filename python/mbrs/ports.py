@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from .errors import ModelError
-from .expressions import number_text
+from .expressions import Expression, number_text
 from .geometry import unit
 from .names import GROUND, not_found, shown
-from .values import numbers, vector
+from .values import Number, numbers, vector
 
 Kind = Literal["force", "torque", "motion", "base"]
 KINDS: tuple[Kind, ...] = ("force", "torque", "motion", "base")
@@ -58,9 +58,17 @@ def make_port(kind: Kind, owner: str, body: str, marker: str | None, direction: 
         vector_ = unit(direction, where)
     point = None
     if at is not None:
-        x, y, z = numbers(vector(at, f"at= of {owner}.{kind}"))
-        point = (x, y, z)
+        point = _plain_point(vector(at, f"at= of {owner}.{kind}"), f"{owner}.{kind}")
     return Port(_label(kind, owner, direction, point), kind, body, marker, point, vector_, turns)
+
+
+def _plain_point(entries: list[Number], where: str) -> tuple[float, float, float]:
+    if any(isinstance(v, Expression) for v in entries):
+        raise ModelError(
+            f"at= of {where} must be plain numbers; for a point that follows parameters define a marker there"
+        )
+    x, y, z = numbers(entries)
+    return (x, y, z)
 
 
 def _label(kind: Kind, owner: str, direction: Any, point: tuple[float, ...] | None) -> str:

@@ -11,8 +11,9 @@ import math
 from typing import Any
 
 from ..errors import ModelError
-from ..expressions import FUNCTIONS, combine
+from ..expressions import combine
 from ..names import nearest, not_found
+from ..operations import FUNCTIONS
 from ..parameters import ArrayParameter, ParameterSpace
 
 _BINARY = {ast.Add: "add", ast.Sub: "subtract", ast.Mult: "multiply", ast.Div: "divide", ast.Pow: "power"}

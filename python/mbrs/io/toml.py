@@ -11,7 +11,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
-from ..elements import SavedLaw
+from ..attached_laws import SavedLaw
 from ..errors import DuplicateNameError, InertiaError, MbrsError, ModelError, NameNotFoundError
 from ..expressions import Expression
 from ..joints import KINDS

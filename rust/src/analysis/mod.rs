@@ -9,3 +9,4 @@ pub mod linearize;
 pub mod modal;
 pub mod reactions;
 pub mod response;
+pub mod transient;

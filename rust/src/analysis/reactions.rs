@@ -27,6 +27,7 @@ pub fn reactions(setting: &Setting<'_>, base: &Linearization) -> Result<Vec<Six<
         topology: &system.topology,
         geometry: &system.geometry,
         x: &system.x,
+        memory: &[],
         placement: &placement,
         rate: rate.as_deref(),
         acceleration: base.acceleration.as_deref(),
@@ -99,11 +100,7 @@ fn joint_wrenches(
             all[j] = if node.reversed { -w } else { w };
         }
     }
-    let wanted = Wanted {
-        tangent: false,
-        geometric: false,
-        damping: false,
-    };
+    let wanted = Wanted::FORCES;
     for (joint, rows) in scene.cut_multipliers(lam) {
         all[joint] =
             constraint_interaction(topology, &system.geometry, placement, joint, &rows, wanted)

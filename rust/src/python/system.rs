@@ -2,6 +2,7 @@
 //!
 //! A state crosses as `relative` (n_bodies, 12: translation, then the rotation matrix row by row, in tree order) and `rate`
 //! (n_tree,) or an empty array at rest. Bodies in all other arrays stand in the order of the model.
+use num_dual::Dual64;
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -13,9 +14,10 @@ use crate::analysis::linearize::{
     Directional, Follow, Linearization, Setting, directional, linearize,
 };
 use crate::analysis::reactions::reactions;
+use crate::analysis::transient::explicit::{Motion, Run};
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
-use crate::spatial::{M3, Pose, V3};
+use crate::spatial::{M3, Pose, Real, V3};
 use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::connector::strain;
@@ -60,6 +62,12 @@ fn effects(without: &[String]) -> Result<Effects> {
             "centrifugal" => effects.centrifugal = false,
             "preload-stiffness" => effects.preload_stiffness = false,
             "constraint-force-stiffness" => effects.constraint_force_stiffness = false,
+            "friction" => effects.friction = false,
+            "contact" => effects.contact = false,
+            // harmonic balance adds the laws themselves
+            "law-slopes" => effects.law_slopes = false,
+            // belong to other analyses: nothing to leave out here
+            "flexibility" | "drives" => {}
             other => {
                 return Err(Error::model(format!(
                     "the effect '{other}' cannot be switched off in this analysis"
@@ -119,6 +127,68 @@ fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult
     });
     out.set_item("relative", relative.into_pyarray(py))?;
     out.set_item("rate", state.rate.clone().into_pyarray(py))
+}
+
+/// Values and one derivative of every position.
+#[allow(clippy::too_many_arguments)]
+fn integrate_along<T: Real>(
+    system: &System,
+    state: &State,
+    dx: &[(usize, f64)],
+    step: f64,
+    n_steps: usize,
+    cancel: &Cancel,
+    counts: &mut Counts,
+    slope: impl Fn(&T) -> f64,
+) -> Result<Vec<Vec<[(f64, f64); 3]>>>
+where
+    T: From<f64> + Seed,
+{
+    let mut x: Vec<T> = system
+        .x
+        .iter()
+        .map(|v| <T as From<f64>>::from(*v))
+        .collect();
+    for (i, d) in dx {
+        x[*i] = T::seeded(system.x[*i], *d);
+    }
+    let start = Motion {
+        relative: state.relative.iter().map(Pose::<f64>::lifted).collect(),
+        rate: state
+            .rate
+            .iter()
+            .map(|r| <T as From<f64>>::from(*r))
+            .collect(),
+        memory: vec![T::zero(); system.topology.n_memory],
+    };
+    let history = Run::new(system, x, &start)?.integrate(start, step, n_steps, cancel, counts)?;
+    let number = |v: &T| (v.re(), slope(v));
+    Ok(history
+        .iter()
+        .map(|bodies| {
+            bodies
+                .iter()
+                .map(|p| [number(&p.x), number(&p.y), number(&p.z)])
+                .collect()
+        })
+        .collect())
+}
+
+/// A number with a derivative along the one direction of a run; f64 has none.
+trait Seed {
+    fn seeded(value: f64, slope: f64) -> Self;
+}
+
+impl Seed for f64 {
+    fn seeded(value: f64, _: f64) -> Self {
+        value
+    }
+}
+
+impl Seed for Dual64 {
+    fn seeded(value: f64, slope: f64) -> Self {
+        Dual64::new(value, slope)
+    }
 }
 
 fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
@@ -435,6 +505,69 @@ impl PySystem {
             columns(&all, |d| &d.body_motion).into_pyarray(py),
         )?;
         out.set_item("multipliers", columns(&all, |d| &d.lam).into_pyarray(py))?;
+        Ok(out)
+    }
+
+    /// Explicit motion from a state with steps of length `step`: positions (n_steps + 1, n_bodies, 3) and, along a direction of the
+    /// values (indices, weights), their derivative.
+    #[allow(clippy::too_many_arguments)]
+    fn integrate<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+        step: f64,
+        n_steps: usize,
+        direction: Option<(Vec<usize>, Vec<f64>)>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let mut state = state_of(&self.0, &relative, &rate)?;
+        state.rate.resize(self.0.n_tree(), 0.0);
+        let differentiate = direction.is_some();
+        let (indices, weights) = direction.unwrap_or_default();
+        if indices.len() != weights.len() || indices.iter().any(|i| *i >= self.0.x.len()) {
+            return Err(Error::model("the direction does not fit the value vector").into());
+        }
+        let (history, counts) = run(py, &self.0, move |system, cancel| {
+            let dx: Vec<_> = indices.into_iter().zip(weights).collect();
+            let mut counts = Counts::default();
+            let history = if differentiate {
+                integrate_along::<Dual64>(
+                    system,
+                    &state,
+                    &dx,
+                    step,
+                    n_steps,
+                    cancel,
+                    &mut counts,
+                    |v| v.eps,
+                )?
+            } else {
+                integrate_along::<f64>(
+                    system,
+                    &state,
+                    &[],
+                    step,
+                    n_steps,
+                    cancel,
+                    &mut counts,
+                    |_| 0.0,
+                )?
+            };
+            Ok((history, counts))
+        })?;
+        let shape = (n_steps + 1, self.0.n_bodies(), 3);
+        let out = PyDict::new(py);
+        out.set_item(
+            "position",
+            Array3::from_shape_fn(shape, |(i, b, k)| history[i][b][k].0).into_pyarray(py),
+        )?;
+        if differentiate {
+            out.set_item(
+                "derivative",
+                Array3::from_shape_fn(shape, |(i, b, k)| history[i][b][k].1).into_pyarray(py),
+            )?;
+        }
+        out.set_item("counts", counts_dict(py, &counts)?)?;
         Ok(out)
     }
 

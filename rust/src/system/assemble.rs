@@ -11,12 +11,12 @@ use crate::model::tables::LENGTH_GIVEN;
 use crate::run::Counts;
 use crate::spatial::{Real, Six};
 use crate::system::connector::{
-    Wanted, add_tangent, add_wrench, constraint_interaction, constraint_rows, interaction,
+    Numbers, Wanted, add_tangent, add_wrench, constraint_interaction, constraint_rows, interaction,
     load_interaction, path,
 };
 use crate::system::inertia::{InertiaInput, add_inertia, ground_coupling};
 use crate::system::placement::Placement;
-use crate::system::topology::{Level, Topology};
+use crate::system::topology::{Connector, Level, Topology};
 
 /// What is computed: an effect that a model does not contain costs nothing anyway; these switch off what it contains.
 #[derive(Debug, Clone, Copy)]
@@ -27,6 +27,10 @@ pub struct Effects {
     pub centrifugal: bool,
     pub preload_stiffness: bool,
     pub constraint_force_stiffness: bool,
+    /// slopes of nonlinear laws: off where harmonic balance adds the laws themselves
+    pub law_slopes: bool,
+    pub friction: bool,
+    pub contact: bool,
 }
 
 impl Effects {
@@ -37,7 +41,20 @@ impl Effects {
         centrifugal: true,
         preload_stiffness: true,
         constraint_force_stiffness: true,
+        law_slopes: true,
+        friction: true,
+        contact: true,
     };
+
+    /// Which forces of connectors and loads act.
+    fn wanted(&self) -> Wanted {
+        Wanted {
+            damping: self.damping,
+            friction: self.friction,
+            contact: self.contact,
+            ..Wanted::FORCES
+        }
+    }
 }
 
 /// Everything the assembly reads, over T.
@@ -45,6 +62,8 @@ pub struct Scene<'a, T: Real> {
     pub topology: &'a Topology,
     pub geometry: &'a Geometry<T>,
     pub x: &'a [T],
+    /// what laws remember; empty means centred
+    pub memory: &'a [T],
     pub placement: &'a Placement<T>,
     pub rate: Option<&'a [T]>,
     pub acceleration: Option<&'a [T]>,
@@ -72,23 +91,29 @@ impl<T: Real> Scene<'_, T> {
     }
 
     fn damped(&self) -> bool {
-        self.effects.damping && self.topology.connectors.iter().any(|c| c.c.is_some())
+        let damps = |c: &Connector| {
+            c.c.is_some() || self.effects.law_slopes && c.laws.iter().any(|l| l.law.uses_velocity())
+        };
+        self.effects.damping && self.topology.connectors.iter().any(damps)
+    }
+
+    fn numbers(&self) -> Numbers<'_, T> {
+        Numbers {
+            x: self.x,
+            memory: self.memory,
+        }
     }
 
     /// Per node: applied wrenches about the centre of mass, without inertia and multipliers.
     fn applied(&self) -> Vec<Six<T>> {
         let mut sums = vec![Six::zero(); self.topology.nodes.len()];
-        let wanted = Wanted {
-            tangent: false,
-            geometric: false,
-            damping: self.effects.damping,
-        };
+        let wanted = self.effects.wanted();
         for c in &self.topology.connectors {
             let acting = interaction(
                 self.topology,
                 self.geometry,
                 self.placement,
-                self.x,
+                self.numbers(),
                 c,
                 wanted,
             );
@@ -121,11 +146,7 @@ impl<T: Real> Scene<'_, T> {
     /// J^T lam as wrenches on the bodies, with the sign they have in rho.
     pub fn multiplier_wrenches(&self, lam: &[T]) -> Vec<Six<T>> {
         let mut sums = vec![Six::zero(); self.topology.nodes.len()];
-        let wanted = Wanted {
-            tangent: false,
-            geometric: false,
-            damping: false,
-        };
+        let wanted = Wanted::FORCES;
         for (joint, rows) in self.cut_multipliers(lam) {
             let acting = constraint_interaction(
                 self.topology,
@@ -140,6 +161,20 @@ impl<T: Real> Scene<'_, T> {
         sums.into_iter().map(|w| -w).collect()
     }
 
+    /// The mass matrix alone.
+    pub fn mass(&self) -> DMatrix<T> {
+        let n = self.topology.dofs.len();
+        let (mut mass, mut unused) = (DMatrix::zeros(n, n), DMatrix::zeros(0, 0));
+        let unloaded = InertiaInput {
+            rate: None,
+            acceleration: None,
+            gravity: None,
+            ..self.inertia(false)
+        };
+        add_inertia(&unloaded, &mut mass, &mut unused, None);
+        mass
+    }
+
     /// Momentum of a common rigid motion of everything, about the world origin, per tree coordinate (n_tree, 6).
     pub fn ground_coupling(&self) -> DMatrix<T> {
         ground_coupling(&self.inertia(false))
@@ -147,17 +182,13 @@ impl<T: Real> Scene<'_, T> {
 
     /// The sum of the sizes of all connector forces, moments over the characteristic length.
     pub fn connector_sizes(&self, length: f64) -> f64 {
-        let wanted = Wanted {
-            tangent: false,
-            geometric: false,
-            damping: false,
-        };
+        let wanted = Wanted::FORCES;
         let acting = self.topology.connectors.iter().map(|c| {
             interaction(
                 self.topology,
                 self.geometry,
                 self.placement,
-                self.x,
+                self.numbers(),
                 c,
                 wanted,
             )
@@ -341,18 +372,19 @@ impl<T: Real> Scene<'_, T> {
         let wanted = Wanted {
             tangent: true,
             geometric,
-            damping: self.effects.damping,
+            laws: self.effects.law_slopes,
+            ..self.effects.wanted()
         };
         for c in &self.topology.connectors {
             let acting = interaction(
                 self.topology,
                 self.geometry,
                 self.placement,
-                self.x,
+                self.numbers(),
                 c,
                 wanted,
             );
-            let own = damping.as_deref_mut().filter(|_| c.c.is_some());
+            let own = damping.as_deref_mut().filter(|_| acting.damped);
             add_tangent(
                 self.topology,
                 self.placement,
@@ -362,7 +394,7 @@ impl<T: Real> Scene<'_, T> {
                 own,
             );
             counts.add("connector tangents", 1);
-            if c.c.is_some() && self.effects.damping {
+            if acting.damped {
                 counts.add("damper tangents", 1);
             }
             if geometric && !acting.wrench.is_zero() {
@@ -393,11 +425,7 @@ impl<T: Real> Scene<'_, T> {
         stiffness: &mut DMatrix<T>,
         counts: &mut Counts,
     ) {
-        let wanted = Wanted {
-            tangent: true,
-            geometric: true,
-            damping: false,
-        };
+        let wanted = Wanted::GEOMETRY;
         for (joint, rows) in self.cut_multipliers(lam) {
             if rows.iter().all(|(_, l)| l.is_zero()) {
                 continue;

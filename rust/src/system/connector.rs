@@ -10,14 +10,16 @@
 //! ```
 //! Constraint rows are connectors whose force is the multiplier.
 use nalgebra::DMatrix;
+use num_dual::Dual;
 
 use crate::kinematics::relative::Relative;
+use crate::laws::Law;
 use crate::model::geometry::{Geometry, MarkerPair};
 use crate::model::joint::Coordinate;
 use crate::model::tables::BodyRef;
 use crate::spatial::{Map6, Pose, Real, Six, V3, skew};
 use crate::system::placement::{Placement, marker_pose};
-use crate::system::topology::{Connector, Natural, Owner, Topology};
+use crate::system::topology::{BoundLaw, Connector, Natural, Owner, Topology};
 
 /// One tree coordinate on the way between two bodies.
 #[derive(Debug, Clone, Copy)]
@@ -89,7 +91,16 @@ pub struct Interaction<T: Real> {
     pub b: BodyRef,
     pub point: V3<T>,
     pub wrench: Six<T>,
+    /// does its force depend on the rate?
+    pub damped: bool,
     pub tangent: Option<(Map6<T>, Map6<T>)>,
+}
+
+/// The numbers of the model and what its laws remember.
+#[derive(Debug, Clone, Copy)]
+pub struct Numbers<'a, T: Real> {
+    pub x: &'a [T],
+    pub memory: &'a [T],
 }
 
 /// What of a tangent is wanted.
@@ -99,6 +110,37 @@ pub struct Wanted {
     /// terms that are proportional to the force
     pub geometric: bool,
     pub damping: bool,
+    /// slopes of the laws; harmonic balance takes them from the elements instead
+    pub laws: bool,
+    pub friction: bool,
+    pub contact: bool,
+}
+
+impl Wanted {
+    /// Forces alone, all of them.
+    pub const FORCES: Wanted = Wanted {
+        tangent: false,
+        geometric: false,
+        damping: true,
+        laws: false,
+        friction: true,
+        contact: true,
+    };
+
+    /// The tangent of given forces, such as multipliers.
+    pub const GEOMETRY: Wanted = Wanted {
+        tangent: true,
+        geometric: true,
+        ..Wanted::FORCES
+    };
+
+    fn law(&self, law: Law) -> bool {
+        match law {
+            Law::CoulombTanh | Law::Jenkins | Law::Iwan { .. } => self.friction,
+            Law::Gap | Law::GapBilateral | Law::Hertz => self.contact,
+            _ => true,
+        }
+    }
 }
 
 fn pair_of<'g, T: Real>(geometry: &'g Geometry<T>, owner: Owner) -> &'g MarkerPair<T> {
@@ -146,66 +188,186 @@ fn local<T: Real>(
     }
 }
 
+/// Forces of a connector's coordinates, and their slopes by displacement and rate.
+struct Response<T: Real> {
+    force: [T; 6],
+    k: [[T; 6]; 6],
+    c: [[T; 6]; 6],
+    damped: bool,
+}
+
+/// The linear part and the laws at displacements `e` and rates `v` (None at rest).
+fn response<T: Real>(
+    connector: &Connector,
+    x: &[T],
+    memory: &[T],
+    e: &[T],
+    v: Option<&[T]>,
+    wanted: Wanted,
+) -> Response<T> {
+    let n = e.len();
+    let zero = [[T::zero(); 6]; 6];
+    let mut out = Response {
+        force: [T::zero(); 6],
+        k: zero,
+        c: zero,
+        damped: wanted.damping && connector.c.is_some(),
+    };
+    let entry = |start: usize, i: usize, j: usize| {
+        if connector.full {
+            x[start + i * n + j]
+        } else if i == j {
+            x[start + i]
+        } else {
+            T::zero()
+        }
+    };
+    for i in 0..n {
+        if let Some(p) = connector.preload {
+            out.force[i] += x[p + i];
+        }
+        for j in 0..n {
+            if let Some(k) = connector.k {
+                out.k[i][j] = entry(k, i, j);
+                out.force[i] += out.k[i][j] * e[j];
+            }
+            if let Some(c) = connector.c.filter(|_| wanted.damping) {
+                out.c[i][j] = entry(c, i, j);
+                if let Some(v) = v {
+                    out.force[i] += out.c[i][j] * v[j];
+                }
+            }
+        }
+    }
+    for law in connector.laws.iter().filter(|l| wanted.law(l.law)) {
+        add_law(
+            law,
+            x,
+            memory,
+            e[law.component],
+            v.map_or_else(T::zero, |v| v[law.component]),
+            wanted,
+            &mut out,
+        );
+    }
+    out
+}
+
+fn add_law<T: Real>(
+    bound: &BoundLaw,
+    x: &[T],
+    memory: &[T],
+    e: T,
+    v: T,
+    wanted: Wanted,
+    out: &mut Response<T>,
+) {
+    let i = bound.component;
+    let p = &x[bound.x..bound.x + bound.law.n_params()];
+    let n = bound.law.n_memory();
+    let centred = vec![T::zero(); n];
+    let z = if memory.is_empty() {
+        &centred
+    } else {
+        &memory[bound.memory..bound.memory + n]
+    };
+    let mut z_new = vec![T::zero(); n];
+    out.force[i] += bound.law.force(e, v, p, z, &mut z_new);
+    if !wanted.tangent || !wanted.laws {
+        return;
+    }
+    let constant = |a: &[T]| -> Vec<Dual<T>> { a.iter().map(|a| Dual::from_re(*a)).collect() };
+    let (pd, zd) = (constant(p), constant(z));
+    let mut zd_new = vec![Dual::from_re(T::zero()); n];
+    let by_e = bound.law.force(
+        Dual::new(e, T::one()),
+        Dual::from_re(v),
+        &pd,
+        &zd,
+        &mut zd_new,
+    );
+    out.k[i][i] += by_e.eps;
+    if bound.law.uses_velocity() && wanted.damping {
+        let by_v = bound.law.force(
+            Dual::from_re(e),
+            Dual::new(v, T::one()),
+            &pd,
+            &zd,
+            &mut zd_new,
+        );
+        out.c[i][i] += by_v.eps;
+        out.damped = true;
+    }
+}
+
+/// Displacement and rate of every coordinate of a connector; rates are zero at rest.
+pub fn motion_of<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    x: &[T],
+    connector: &Connector,
+) -> Vec<(T, T)> {
+    let here = local(
+        topology,
+        placement,
+        connector.a,
+        connector.b,
+        pair_of(geometry, connector.owner),
+    );
+    let rows = connector.coordinates.iter().map(|c| here.relative.row(*c));
+    let rate = |g: &Six<T>| here.twist.as_ref().map_or_else(T::zero, |v| g.dot(v));
+    let mut all: Vec<_> = rows.map(|r| (r.e, rate(&r.g))).collect();
+    offset_natural(connector, geometry, x, &mut all[0].0);
+    all
+}
+
 /// The force of an element or joint spring, and its tangents.
 pub fn interaction<T: Real>(
     topology: &Topology,
     geometry: &Geometry<T>,
     placement: &Placement<T>,
-    x: &[T],
+    numbers: Numbers<'_, T>,
     connector: &Connector,
     wanted: Wanted,
 ) -> Interaction<T> {
     let pair = pair_of(geometry, connector.owner);
     let here = local(topology, placement, connector.a, connector.b, pair);
     let n = connector.coordinates.len();
-    let mut rows: Vec<_> = connector
+    let rows: Vec<_> = connector
         .coordinates
         .iter()
         .map(|c| here.relative.row(*c))
         .collect();
-    offset_natural(connector, geometry, x, &mut rows[0].e);
-    let entry = |start: Option<usize>, i: usize, j: usize| -> T {
-        match start {
-            Some(s) if connector.full => x[s + i * n + j],
-            Some(s) if i == j => x[s + i],
-            _ => T::zero(),
-        }
-    };
-    let damping = if wanted.damping { connector.c } else { None };
-    let rate = |i: usize| {
-        here.twist
-            .as_ref()
-            .map_or_else(T::zero, |v| rows[i].g.dot(v))
-    };
-    let mut wrench = Six::zero();
-    let mut force = Vec::with_capacity(n);
-    for i in 0..n {
-        let mut f = connector.preload.map_or_else(T::zero, |p| x[p + i]);
-        for j in 0..n {
-            f += entry(connector.k, i, j) * rows[j].e;
-            if damping.is_some() && here.twist.is_some() {
-                f += entry(damping, i, j) * rate(j);
-            }
-        }
-        wrench += -rows[i].g.scaled(f);
-        force.push(f);
-    }
+    let mut e: Vec<T> = rows.iter().map(|r| r.e).collect();
+    offset_natural(connector, geometry, numbers.x, &mut e[0]);
+    let rates: Option<Vec<T>> = here
+        .twist
+        .as_ref()
+        .map(|v| rows.iter().map(|r| r.g.dot(v)).collect());
+    let response = response(
+        connector,
+        numbers.x,
+        numbers.memory,
+        &e,
+        rates.as_deref(),
+        wanted,
+    );
+    let wrench = (0..n).fold(Six::zero(), |w, i| w + -rows[i].g.scaled(response.force[i]));
     let tangent = wanted.tangent.then(|| {
         let (mut k, mut c) = (Map6::zero(), Map6::zero());
         for i in 0..n {
             for j in 0..n {
-                let (kij, cij) = (entry(connector.k, i, j), entry(damping, i, j));
+                let (kij, cij) = (response.k[i][j], response.c[i][j]);
                 if !kij.is_zero() {
                     k.add_outer(&rows[i].g, &rows[j].g, -kij);
                 }
-                if !cij.is_zero() {
+                if response.damped && !cij.is_zero() {
                     c.add_outer(&rows[i].g, &rows[j].g, -cij);
                     if let Some(v) = here.twist.as_ref() {
-                        k.add_outer(
-                            &rows[i].g,
-                            &rate_gradient(&here.relative, connector.coordinates[j], &rows[j].g, v),
-                            -cij,
-                        );
+                        let slope =
+                            rate_gradient(&here.relative, connector.coordinates[j], &rows[j].g, v);
+                        k.add_outer(&rows[i].g, &slope, -cij);
                     }
                 }
             }
@@ -215,7 +377,7 @@ pub fn interaction<T: Real>(
                 &mut k,
                 &here.relative,
                 &connector.coordinates,
-                &force,
+                &response.force[..n],
                 &wrench,
             );
         }
@@ -226,6 +388,7 @@ pub fn interaction<T: Real>(
         b: connector.b,
         point: here.b.p,
         wrench: wrench.rotated(&here.a.r),
+        damped: response.damped,
         tangent,
     }
 }
@@ -333,6 +496,7 @@ pub fn constraint_interaction<T: Real>(
         b: spec.b,
         point: here.b.p,
         wrench: wrench.rotated(&here.a.r),
+        damped: false,
         tangent,
     }
 }
@@ -389,6 +553,7 @@ pub fn load_interaction<T: Real>(
         b: Some(spec.body),
         point: pose.p + pose.r * local,
         wrench,
+        damped: false,
         tangent,
     }
 }
