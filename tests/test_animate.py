@@ -101,6 +101,20 @@ def test_scene_from_tables() -> None:
     assert scene.size == pytest.approx(1.4)
 
 
+def test_a_scene_moves_with_its_bodies() -> None:
+    scene = scene_from_tables(_tables())
+    quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    rotation = np.array([scene.bodies[0].rotation, quarter @ scene.bodies[1].rotation])
+    moved = scene.moved([[0, 0, 0], [5, 0, 0]], rotation)
+    # points of b lay at x = 1.2 - 1 and so on along x from its origin; a quarter turn puts them along y
+    assert moved.links[0].at_b == pytest.approx([5.0, 0.2, 0.0]) and moved.links[0].at_a == pytest.approx([0, 0, 0])
+    assert moved.joints[0].at == pytest.approx([5.0, -0.5, 0.0]) and moved.joints[0].axis == pytest.approx([0, 0, 2])
+    assert sorted(moved.bodies[1].points[:, 1]) == pytest.approx([-0.5, -0.5, 0.2, 0.4])
+    assert moved.links[1].at_a == pytest.approx([0.5, 0, 0]) and moved.links[1].at_b == pytest.approx([5.0, -0.5, 0])
+    with pytest.raises(ModelError, match=r"positions \(2, 3\)"):
+        scene.moved(np.zeros((1, 3)), rotation)
+
+
 def test_scenes_refuse_what_cannot_be_drawn() -> None:
     body = BodyGeometry("a", (0, 0, 0))
     with pytest.raises(ModelError, match="refers to body 'b'"):

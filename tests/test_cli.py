@@ -116,6 +116,15 @@ def test_a_file_that_cannot_be_written_is_one_message(calls: list[Any]) -> None:
     assert result.exit_code == 1 and "cannot write absent/r.json: No such file" in result.stderr
 
 
+def test_a_format_that_needs_an_extra_names_it(calls: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    def save(*_: Any) -> None:
+        raise ModuleNotFoundError("No module named 'xarray'", name="xarray")
+
+    monkeypatch.setattr(_Saved, "save", save)
+    result = _run("sens", "m.toml", "--parameter", "k_leg", "--out", "r.nc")
+    assert result.exit_code == 1 and "pip install 'mbrs-dynamics[xarray]'" in result.stderr
+
+
 def test_errors_of_mbrs_are_one_message_and_exit_code_1(calls: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: Any, **__: Any) -> None:
         raise NameNotFoundError("no parameter is called 'k_lag' [in m]; did you mean 'k_leg'?")

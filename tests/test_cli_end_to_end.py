@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import re
 import subprocess
 import sys
@@ -39,7 +40,7 @@ def test_check_tells_degrees_of_freedom_and_effects(isolator: Path) -> None:
     assert "damping" in text and "gravity" in text
     data = json.loads(_mbrs("check", "isolator.toml", "--json", cwd=isolator).stdout)
     on = {effect["name"] for effect in data["effects"] if effect["on"]}
-    assert on == {"damping"} and data["dof"] == 6
+    assert on == {"damping"} and data["dof"] == 6 and data["n_bodies"] == 1
 
 
 def test_modal_gives_the_closed_form(isolator: Path) -> None:
@@ -85,6 +86,18 @@ def test_pages_are_written(isolator: Path) -> None:
     assert "mbrsViewer" in page and "36.755" in page and "://" not in page
     _mbrs("sens", "isolator.toml", "--parameter", "k_leg", "--out", "sens.html", cwd=isolator)
     assert "<svg" in (isolator / "sens.html").read_text(encoding="utf-8")
+
+
+def test_netcdf_and_pickle_come_back(isolator: Path) -> None:
+    ports = ["--input", "payload.force.z", "--output", "payload.motion.z", "--frequency", "1,5"]
+    _mbrs("frf", "isolator.toml", *ports, "--out", "h.pkl", cwd=isolator)
+    assert pickle.loads((isolator / "h.pkl").read_bytes()).value.shape == (1, 1, 2)
+    pytest.importorskip("h5py")
+    xarray = pytest.importorskip("xarray")
+    _mbrs("frf", "isolator.toml", *ports, "--out", "h.nc", cwd=isolator)
+    with xarray.open_dataset(isolator / "h.nc", engine="h5netcdf") as data:
+        w = 2 * np.pi * np.array([1.0, 5.0])
+        assert data["H"].values[0, 0] == pytest.approx(1 / (K - w**2 * M + 1j * w * C), rel=1e-9)
 
 
 def test_a_wrong_name_is_one_clear_message(isolator: Path) -> None:

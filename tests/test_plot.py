@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mbrs import plot
 from mbrs.errors import MbrsError, ModelError
-from mbrs.plot.data import breaks_at_jumps, curves, frf_unit
+from mbrs.plot.data import breaks_at_jumps, curves, frf_unit, tornado_bars
 from presentation_standins import hexapod_modes, oscillator_frf, sensitivity
 
 pytest.importorskip("matplotlib")
@@ -83,6 +83,16 @@ def test_many_curves_stay_readable() -> None:
     assert len(above.get_lines()) == 48 and len(above.get_legend().get_texts()) == 10
     assert "38 smaller curves" in above.get_title(loc="left")
     _no_text_is_cut(figure)
+
+
+def test_curves_that_are_only_rounding_are_left_out_and_said_so() -> None:
+    result = oscillator_frf(2, 1)
+    result.value[1] *= 1e-15
+    figure = plot.frf(result)
+    assert len(figure.axes[0].get_lines()) == 1
+    assert figure.axes[0].get_title(loc="left") == "receptance (left out as zero: 1)"
+    result.value[0] = 0.0
+    assert len(plot.frf(result).axes[0].get_lines()) == 1
 
 
 def test_nyquist_is_square_and_marks_the_peak() -> None:
@@ -189,6 +199,31 @@ def test_tornado_is_sorted_by_effect() -> None:
     assert axes.get_yticklabels()[0].get_text() == "payload.mass  (+1 % of 20 kg)"
     assert axes.get_xlabel() == "change of f [Hz]"
     _no_text_is_cut(figure)
+
+
+class _Model:
+    def value(self, address: str) -> Any:
+        known = {"k": 2e4, "V": np.ones((2,)), "m": 0.0}
+        if address not in known:
+            raise ModelError(f"no {address}")
+        return known[address]
+
+
+def test_tornado_takes_labels_from_shapes_and_values_from_the_model() -> None:
+    """The form of mb.EigenSensitivity: names per parameter, labels per entry, values in the model behind the modes."""
+    given = SimpleNamespace(
+        frequency=np.array([[1e-4, 2.0, 3.0, 5.0]]),
+        parameters=("k", "V", "m"),
+        shapes=((), (2,), ()),
+        units=("N/m", "kg", "kg"),
+        labels=lambda: ["k", "V[0]", "V[1]", "m"],
+        modal=SimpleNamespace(system=SimpleNamespace(model=_Model())),
+    )
+    bars = tornado_bars(given)
+    assert [(b.label, b.change) for b in bars] == [("V[1]", "+1 kg"), ("V[0]", "+1 kg"), ("k", "+1 % of 20000 N/m")]
+    assert [b.value for b in bars] == pytest.approx([3.0, 2.0, 0.02])
+    single = SimpleNamespace(frequency=np.ones((3, 2, 2)), parameters=("V",), shapes=((2, 2),), units=("kg",))
+    assert [b.label for b in tornado_bars(single, mode=2)] == ["p0", "p1", "p2", "p3"]
 
 
 def test_figures_need_no_display_and_no_pyplot() -> None:

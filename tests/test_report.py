@@ -31,6 +31,11 @@ def test_absent_values_and_complex_numbers() -> None:
     assert [line.split()[-1] for line in text.splitlines()[2:]] == ["-", "-"]
 
 
+def test_numbers_that_come_as_text_are_aligned_as_well() -> None:
+    lines = table(["a", "b", "c"], [["1.5", 2, "x"], ["-", "", "1"], ["12e-3", 10, "y"]]).splitlines()
+    assert lines[2:] == ["  1.5   2  x", "    -      1", "12e-3  10  y"]
+
+
 def test_a_wide_range_keeps_the_digits_of_small_values() -> None:
     text = table(["x"], [[1.23456e-9], [4.56789e6]])
     assert "1.23456e-09" in text and "4.56789e+06" in text

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, ModelError
-from mbrs.measures import curve_difference, frequency_difference, largest_difference, measure_for
+from mbrs.measures import curve_difference, eigenvalue_difference, frequency_difference, largest_difference, measure_for
 from mbrs.results import Result, Stats
 from mbrs.study import accuracy_study, effect_study
 
@@ -227,6 +227,15 @@ def test_modes_are_compared_by_their_lowest_frequencies() -> None:
     assert math.isnan(frequency_difference(_modes([np.nan, 2.0]), _modes([1.0, 2.0])))
 
 
+def test_eigenvalues_see_damping_and_do_not_mind_the_order() -> None:
+    a, b = _modes([1.0, 2.0]), _modes([1.0, 2.0])
+    b.eigenvalue = np.array([2j, -0.1 + 1j])
+    assert eigenvalue_difference(a, b) == pytest.approx(0.1 / abs(-0.1 + 1j))
+    assert eigenvalue_difference(a, _modes([2.0, 1.0])) == 0.0
+    assert eigenvalue_difference(a, _modes([1.0, 2.0, 4.0])) == pytest.approx(0.5)
+    assert eigenvalue_difference(_modes([0.01, 2.0]), _modes([0.0, 2.0])) == pytest.approx(0.005)
+
+
 def test_transfer_functions_are_compared_at_the_same_points() -> None:
     def frf(value: Any, frequency: Any) -> SimpleNamespace:
         return SimpleNamespace(value=np.array(value), frequency=np.array(frequency))
@@ -291,6 +300,7 @@ def test_effect_study_measures_change_cost_and_work() -> None:
     )
     assert gyroscopic.change == 0.0 and gyroscopic.fewer == {}
     assert math.isnan(gravity.change) and gravity.status == "failed: needs gravity"
+    assert study.stats.counts == {"runs": 13}
     text = str(study)
     assert "-1 damping matrices" in text and "needs gravity" in text and "friction" not in text
 

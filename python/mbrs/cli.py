@@ -177,7 +177,14 @@ def sens(
     m = _load(model)
     modes = mb.modes(m, **_state(m, at), **_without(without), **({} if n is None else {"n": n}))
     result = mb.sensitivity(modes, list(parameters))
-    _deliver("sens", model, result, ("labels", "units", "values", "frequency", "damping"), as_json, out)
+    _deliver(
+        "sens",
+        model,
+        result,
+        ("parameters", "labels", "units", "shapes", "values", "frequency", "damping"),
+        as_json,
+        out,
+    )
 
 
 def parse_frequency(text: str) -> Any:
@@ -241,6 +248,9 @@ def _deliver(analysis: str, model: Path, result: Any, names: tuple[str, ...], as
             out.write_text(result_page(analysis, model.stem, result), encoding="utf-8")
         else:
             result.save(out)
+    except ImportError as problem:
+        extra = "pip install 'mbrs-dynamics[xarray]'"
+        raise click.ClickException(f"{out.suffix} needs {problem.name}, which is not installed: {extra}") from None
     except OSError as problem:
         raise click.ClickException(f"cannot write {out}: {problem.strerror or problem}") from None
     click.echo(f"wrote {out}", err=True)

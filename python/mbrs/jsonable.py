@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from collections.abc import Mapping
@@ -35,6 +36,8 @@ def jsonable(value: Any) -> Any:
         return {"re": jsonable(value.real), "im": jsonable(value.imag)}
     if isinstance(value, np.ndarray | np.generic):
         return jsonable(value.tolist())
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: jsonable(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, Mapping):
         return {str(key): jsonable(one) for key, one in value.items()}
     if isinstance(value, list | tuple | set | frozenset | range):
@@ -45,6 +48,7 @@ def jsonable(value: Any) -> Any:
 def result_data(result: Any, names: tuple[str, ...]) -> dict[str, Any]:
     """The named attributes of a result, those it has, with its status, error and cost."""
     data = {name: getattr(result, name) for name in names if hasattr(result, name)}
+    data = {name: value() if callable(value) else value for name, value in data.items()}
     stats = getattr(result, "stats", None)
     if stats is not None:
         fields = ("wall_time", "counts", "effects", "route")
@@ -56,7 +60,7 @@ def result_data(result: Any, names: tuple[str, ...]) -> dict[str, Any]:
 
 def system_data(system: Any, effects: Any) -> dict[str, Any]:
     """What ``mbrs check`` tells: plain attributes of the system, and the effects."""
-    names = ("name", "bodies", "joints", "dof", "loops", "redundant", "coordinates")
+    names = ("name", "n_bodies", "n_joints", "n_elements", "dof", "rank", "loops", "redundant", "coordinates")
     data = {name: getattr(system, name) for name in names if hasattr(system, name)}
     data["effects"] = [{"name": e.name, "on": bool(e.on), "why": e.why} for e in effects]
     return data

@@ -9,7 +9,14 @@ import numpy as np
 
 from .errors import ModelError
 
-__all__ = ["curve_difference", "frequency_difference", "largest_difference", "measure_for", "own_estimate"]
+__all__ = [
+    "curve_difference",
+    "eigenvalue_difference",
+    "frequency_difference",
+    "largest_difference",
+    "measure_for",
+    "own_estimate",
+]
 
 
 def measure_for(result: Any) -> Callable[[Any, Any], float]:
@@ -50,6 +57,23 @@ def frequency_difference(result: Any, reference: Any) -> float:
     positive = theirs[theirs > 0.0]
     scale = np.where(theirs > 0.0, theirs, positive.min() if positive.size else 1.0)
     return _largest(np.abs(ours - theirs) / scale)
+
+
+def eigenvalue_difference(result: Any, reference: Any) -> float:
+    """Largest relative distance between eigenvalues of the one and the nearest of the other.
+
+    Unlike frequencies it sees a change of damping. A rigid mode's distance is divided by the lowest |s| above 0.
+    """
+    ours, theirs = np.ravel(result.eigenvalue), np.ravel(reference.eigenvalue)
+    if ours.size == 0 or theirs.size == 0:
+        raise ModelError("there are no eigenvalues to compare")
+    distance = np.abs(ours[:, None] - theirs[None, :])
+    size = np.abs(theirs)
+    lowest = size[size > 0.0].min() if np.any(size > 0.0) else 1.0
+    scale = np.where(size > 0.0, size, lowest)
+    from_theirs = distance.min(axis=0) / scale
+    from_ours = distance.min(axis=1) / scale[distance.argmin(axis=1)]
+    return max(_largest(from_theirs), _largest(from_ours))
 
 
 def _frequencies(result: Any) -> np.ndarray:

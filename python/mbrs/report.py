@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import math
+import re
 import shutil
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ __all__ = ["html_table", "number", "si", "table"]
 
 _ABSENT = "-"
 _GAP = 2
+_NUMBER = re.compile(r"[+-]?\d+\.?\d*(e[+-]?\d+)?")
 _MIN_TEXT = 8
 _PREFIXES = {-5: "f", -4: "p", -3: "n", -2: "u", -1: "m", 0: "", 1: "k", 2: "M", 3: "G", 4: "T", 5: "P"}
 
@@ -236,9 +238,14 @@ def _columns(
 
 
 def _is_numeric(values: list[Any]) -> bool:
-    """True where every value is a number or absent (a column of absent values counts as numbers)."""
-    kinds = (int, float, complex, np.number)
-    return all(v is None or (isinstance(v, kinds) and not isinstance(v, bool | np.bool_)) for v in values)
+    """True where every value is a number, reads like one, or is absent."""
+    return all(_like_number(v) for v in values)
+
+
+def _like_number(value: Any) -> bool:
+    if isinstance(value, str):
+        return value in ("", _ABSENT) or _NUMBER.fullmatch(value) is not None
+    return value is None or (isinstance(value, int | float | complex | np.number) and not isinstance(value, bool))
 
 
 def _cells(values: list[Any], digits: int) -> list[str]:

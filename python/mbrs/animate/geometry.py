@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -115,6 +115,38 @@ class SceneGeometry:
         """Diagonal of the box around all points, or 1 m where they coincide."""
         extent = float(np.linalg.norm(np.ptp(self.points, axis=0)))
         return extent if extent > 0.0 else 1.0
+
+    def moved(self, position: Any, rotation: Any) -> SceneGeometry:
+        """The scene in another state, with everything that is attached to a body carried along.
+
+        Parameters
+        ----------
+        position, rotation
+            (n_bodies, 3) origins and (n_bodies, 3, 3) body to world, bodies in the order of ``bodies``.
+        """
+        position, rotation = np.asarray(position, dtype=float), np.asarray(rotation, dtype=float)
+        n = len(self.bodies)
+        if position.shape != (n, 3) or rotation.shape != (n, 3, 3):
+            raise ModelError(f"moved needs positions ({n}, 3) and rotations ({n}, 3, 3) of the {n} bodies of the scene")
+        index = self.index
+        turns = [r @ body.rotation.T for r, body in zip(rotation, self.bodies, strict=True)]
+
+        def carry(body: str | None, points: np.ndarray) -> np.ndarray:
+            if body is None:
+                return points
+            i = index[body]
+            return position[i] + (points - self.bodies[i].origin) @ turns[i].T
+
+        def turn(joint: JointGeometry) -> Any:
+            leader = joint.b if joint.b is not None else joint.a
+            return joint.axis if joint.axis is None or leader is None else turns[index[leader]] @ joint.axis
+
+        bodies = tuple(
+            BodyGeometry(b.name, position[i], rotation[i], carry(b.name, b.points)) for i, b in enumerate(self.bodies)
+        )
+        links = tuple(replace(k, at_a=carry(k.a, k.at_a), at_b=carry(k.b, k.at_b)) for k in self.links)
+        joints = tuple(replace(j, at=carry(j.b if j.b is not None else j.a, j.at), axis=turn(j)) for j in self.joints)
+        return SceneGeometry(bodies, links, joints)
 
 
 def scene_from_tables(tables: Mapping[str, Any]) -> SceneGeometry:

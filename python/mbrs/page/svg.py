@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from ..plot.data import breaks_at_jumps, curves, frf_unit, tornado_bars
+from ..plot.data import breaks_at_jumps, frf_unit, magnitude_label, ranked_curves, tornado_bars
 from ..report import number
 
 __all__ = ["PALETTE", "Line", "bode", "line_chart", "tornado"]
@@ -98,7 +98,7 @@ def line_chart(
     kept = [_drawable(line, x_log, y_log) for line in lines]
     kept = [line for line in kept if line.x.size]
     rows = _legend_rows([line.label for line in kept], title)
-    top = _TOP + 20 * (len(rows) - 1) if rows else _TOP
+    top = _TOP + 20 * (len(rows) - 1) if rows else _TOP if title else 10
     height += top - _TOP
     if not kept:
         raise ModelError("there is nothing to draw: no curve has a finite point (above 0 on a logarithmic axis)")
@@ -117,23 +117,18 @@ def bode(result: Any, *, marks: Sequence[float] = (), most: int = 8) -> str:
 
     ``marks`` (Hz) draws vertical lines, such as natural frequencies. The phase is that of exp(+i omega t), in degrees.
     """
-    chosen = sorted(curves(result), key=lambda c: -_peak(c.value))[:most]
+    kept, rounding = ranked_curves(result)
+    chosen = kept[:most]
     frequency = np.asarray(result.frequency, dtype=float)
     logarithmic = bool(frequency.min() > 0.0 and frequency.max() > 20.0 * frequency.min())
     unit = frf_unit(result)
     common: dict[str, Any] = {"x_label": "frequency [Hz]", "x_log": logarithmic, "marks": marks}
     size = [Line(frequency, np.abs(c.value), c.label) for c in chosen]
-    kind = str(getattr(result, "kind", "magnitude"))
-    above = line_chart(size, y_label=f"|H| [{unit}]" if unit else "|H|", y_log=True, title=kind, **common)
+    title = str(getattr(result, "kind", "magnitude")) + (f" (left out as zero: {rounding})" if rounding else "")
+    above = line_chart(size, y_label=magnitude_label(unit), y_log=True, title=title, **common)
     phase = [Line(frequency, breaks_at_jumps(np.degrees(np.angle(c.value)), 270.0)) for c in chosen]
     below = line_chart(phase, y_label="phase [deg]", y_ticks=(-180, -90, 0, 90, 180), height=220, **common)
     return above + below
-
-
-def _peak(value: np.ndarray) -> float:
-    size = np.abs(value)
-    size = size[np.isfinite(size)]
-    return float(size.max()) if size.size else 0.0
 
 
 def tornado(sensitivity: Any, mode: int = 0, *, most: int = 12, title: str = "") -> str:

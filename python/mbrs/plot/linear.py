@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from .data import Curve, breaks_at_jumps, curves, frf_unit, response_unit
+from .data import Curve, breaks_at_jumps, frf_unit, magnitude_label, peak, ranked_curves, response_unit
 from .figure import FADED, PALETTE, figure, legend, log_frequencies, style
 
 __all__ = ["campbell", "frf", "modes", "response"]
@@ -97,15 +97,15 @@ def frf(result: Any, kind: str = "bode", *, marks: Any = ()) -> Any:
     """
     if kind not in ("bode", "nyquist"):
         raise ModelError(f"kind={kind!r} is not known; use 'bode' or 'nyquist'")
-    ranked = sorted(curves(result), key=lambda c: -_peak(c.value))
+    ranked, rounding = ranked_curves(result)
     named, rest = ranked[:_MOST_NAMED], ranked[_MOST_NAMED:]
     with style():
-        return _bode(result, named, rest, marks) if kind == "bode" else _nyquist(result, named, rest)
-
-
-def _peak(value: np.ndarray) -> float:
-    size = np.abs(value[np.isfinite(value)])
-    return float(size.max()) if size.size else 0.0
+        made = _bode(result, named, rest, marks) if kind == "bode" else _nyquist(result, named, rest)
+        notes = [f"{len(rest)} smaller curves in grey"] * bool(rest) + [f"left out as zero: {rounding}"] * bool(
+            rounding
+        )
+        made.axes[0].set_title(str(getattr(result, "kind", "")) + (f" ({', '.join(notes)})" if notes else ""))
+    return made
 
 
 def _bode(result: Any, named: list[Curve], rest: list[Curve], marks: Any) -> Any:
@@ -125,8 +125,7 @@ def _bode(result: Any, named: list[Curve], rest: list[Curve], marks: Any) -> Any
     below.set_xlim(frequency.min(), frequency.max() if frequency.size > 1 else None)
     if frequency.min() > 0.0 and frequency.max() > 20.0 * frequency.min():
         log_frequencies(below)
-    title = str(getattr(result, "kind", "")) + (f" ({len(rest)} smaller curves in grey, no phase)" if rest else "")
-    above.set(ylabel=f"|H| [{unit}]" if unit else "|H|", title=title)
+    above.set(ylabel=magnitude_label(unit))
     below.set(xlabel="frequency [Hz]", ylabel="phase [deg]", ylim=(-190, 190), yticks=(-180, -90, 0, 90, 180))
     legend(above, [curve.label for curve in named])
     return made
@@ -146,7 +145,7 @@ def _nyquist(result: Any, named: list[Curve], rest: list[Curve]) -> Any:
     axes.axvline(0.0, color="#9aa7b5", lw=0.8)
     axes.set_aspect("equal", adjustable="datalim")
     suffix = f" [{unit}]" if unit else ""
-    axes.set(xlabel=f"Re H{suffix}", ylabel=f"Im H{suffix}", title=str(getattr(result, "kind", "")))
+    axes.set(xlabel=f"Re H{suffix}", ylabel=f"Im H{suffix}")
     axes.ticklabel_format(style="sci", scilimits=(-3, 4))
     axes.margins(0.1)
     legend(axes, [curve.label for curve in named], inside=1)
@@ -174,7 +173,7 @@ def response(result: Any) -> Any:
     outputs = [str(name) for name in getattr(result, "outputs", ())]
     names = outputs if len(outputs) == value.shape[0] else [f"out{i}" for i in range(value.shape[0])]
     kind = str(getattr(result, "kind", "") or "response")
-    order = sorted(range(value.shape[0]), key=lambda i: -_peak(value[i]))
+    order = sorted(range(value.shape[0]), key=lambda i: -peak(value[i]))
     with style():
         made, axes = figure(size=(8.5, 4.2))
         for i in order[_MOST_NAMED:]:
