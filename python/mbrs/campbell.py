@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 # A mode whirls where the area of its orbit is at least this part of that of a circle.
 _WHIRLS = 0.02
+_ACROSS = 1e-8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -198,6 +199,9 @@ def _whirl(motion: Any, shape: np.ndarray, name: str) -> np.ndarray:
         best = max(twist.reshape(-1, 3), key=lambda v: float(np.linalg.norm(v - axis * (axis @ v))))
         across = best - axis * (axis @ best)
         size = float(np.linalg.norm(across)) ** 2
+        # torsion and axial motion leave only rounding across the axis
+        if size < _ACROSS * float(np.linalg.norm(twist)) ** 2:
+            continue
         area = float(axis @ np.cross(across.real, -across.imag))
         if size > 0.0 and abs(area) > _WHIRLS * size / 2:
             out[j] = 1 if area > 0 else -1

@@ -97,7 +97,7 @@ def check_gradients(analysis: Callable[[Any], Any], m: Any, parameters: str | Se
 
 
 def _default(result: Any) -> np.ndarray:
-    for name in ("eigenvalue", "value", "position", "K"):
+    for name in ("eigenvalue", "value", "K", "position"):
         found = getattr(result, name, None)
         if found is not None and not callable(found):
             return np.asarray(found)

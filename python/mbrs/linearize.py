@@ -142,7 +142,8 @@ class Linearization(Result):
         """Bodies, springs and joints to draw, at this state."""
         from .animate.geometry import scene_from_tables
 
-        return scene_from_tables(tables(self.model))
+        scene = scene_from_tables(tables(self.model))
+        return scene.moved(self.poses["position"], self.poses["rotation"])
 
     @cached_property
     def _strains(self) -> list[tuple[str, np.ndarray, np.ndarray]]:

@@ -34,7 +34,7 @@ class Result:
         """Save as NetCDF (``.nc``, through xarray) or as a pickle (any other ending). Returns the path."""
         path = Path(path)
         if path.suffix == ".nc":
-            self.to_xarray().to_netcdf(path, engine="h5netcdf", auto_complex=True)
+            self.to_xarray().to_netcdf(path, engine="h5netcdf")
         else:
             path.write_bytes(pickle.dumps(self))
         return path
