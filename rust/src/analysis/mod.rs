@@ -1,2 +1,3 @@
 //! One file per analysis.
+pub mod eigen_sensitivity;
 pub mod modal;

@@ -18,6 +18,7 @@ pub fn finish(system: &SecondOrder, d: &[f64], raw: Raw, mut counts: Counts) -> 
     let mut modes = raw.modes;
     let mut quality = qualities(&terms, &modes);
     refine(&terms, &mut modes, &mut quality, &mut counts);
+    refine_partners(&terms, &mut modes, &mut counts);
     for (mode, quality) in modes.iter_mut().zip(&mut quality) {
         settle(mode, quality);
     }
@@ -91,6 +92,36 @@ fn qualities(terms: &Terms, modes: &[RawMode]) -> Vec<Quality> {
         }
     }
     quality
+}
+
+/// Real partners with a shape of their own deserve the same care.
+fn refine_partners(terms: &Terms, modes: &mut [RawMode], counts: &mut Counts) {
+    let own: Vec<usize> = (0..modes.len())
+        .filter(|&j| modes[j].partner_x.is_some())
+        .collect();
+    if own.is_empty() {
+        return;
+    }
+    let mut partners: Vec<RawMode> = own
+        .iter()
+        .map(|&j| RawMode {
+            s: modes[j].partner,
+            partner: modes[j].s,
+            x: modes[j].partner_x.take().unwrap_or_default(),
+            y: modes[j].partner_y.take(),
+            partner_x: None,
+            partner_y: None,
+            rigid: modes[j].partner == C::ZERO,
+            known: None,
+        })
+        .collect();
+    let mut quality = qualities(terms, &partners);
+    refine(terms, &mut partners, &mut quality, counts);
+    for (j, partner) in own.into_iter().zip(partners) {
+        modes[j].partner = partner.s;
+        modes[j].partner_x = Some(partner.x);
+        modes[j].partner_y = partner.y;
+    }
 }
 
 fn columns<'a>(modes: &'a [RawMode], of: impl Fn(&'a RawMode) -> &'a Vec<C>) -> Mat<C> {

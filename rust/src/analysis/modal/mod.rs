@@ -10,6 +10,7 @@ mod pairing;
 mod quality;
 mod refine;
 mod rigid;
+mod state;
 mod subspace;
 mod symmetric;
 

@@ -79,7 +79,7 @@ pub struct Quality {
     pub backward: f64,
     /// Relative change of s for a relative change of every matrix entry.
     pub condition: f64,
-    /// First-order bound of the relative error of s by this residual.
+    /// First-order relative error of s by this residual, and what rounding may hide in it.
     pub error: f64,
     /// psi^T Q'(s) phi.
     pub denominator: C,
@@ -89,6 +89,8 @@ pub struct Quality {
     pub separation: f64,
 }
 
+/// Share of EPS that the rounding of a residual usually leaves in each of its terms.
+const ROUNDING: f64 = 0.25 * EPS;
 const BLUR: f64 = 16.0 * EPS;
 /// Roots further apart than this are never called repeated, however badly conditioned they are.
 const CLOSEST: f64 = 1e-8;
@@ -148,7 +150,7 @@ fn judge(
     if let Some(d) = &products.d {
         denominator += dot(y, d.col(j));
     }
-    let (mut error, mut spread, mut slope) = (0.0, 0.0, 0.0);
+    let (mut defect, mut spread, mut slope) = (C::ZERO, 0.0, 0.0);
     for i in 0..x.nrows() {
         let (left, m, k) = (y[i].norm(), moduli[0][(i, j)], moduli[2][(i, j)]);
         let d = if products.d.is_some() {
@@ -156,17 +158,18 @@ fn judge(
         } else {
             0.0
         };
-        error += left * products.residual(s, i, j).norm();
+        defect += y[i] * products.residual(s, i, j);
         spread += left * (r * r * m + r * d + k);
         slope += left * (2.0 * r * m + d);
     }
     let scale = r * denominator.norm();
     let relative = |v: f64| if scale > 0.0 { v / scale } else { f64::NAN };
     let normwise = relative(terms.norm(r) * x.norm_l2() * y.norm_l2());
-    let error = relative(error);
+    let condition = relative(spread);
+    let error = relative(defect.norm()) + ROUNDING * condition;
     Quality {
         backward: backward_error(terms, s, j, products, x),
-        condition: relative(spread),
+        condition,
         error,
         denominator,
         tolerance: r * (error + BLUR * normwise).min(CLOSEST),
