@@ -3,6 +3,7 @@
 use faer::{Mat, MatRef};
 
 use super::pairing::{RealRoot, pair};
+use super::quality::Correction;
 use super::rigid::{general_null, no_svd, rank_tolerance, symmetric_null};
 use super::state::{Candidate, Factor, back_substituted, candidates, right_vector, state_matrix};
 use super::subspace::aligned;
@@ -48,6 +49,11 @@ pub fn solve(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<
         modes,
         route: route(system, conservative),
         may_be_defective: !conservative,
+        correction: if conservative {
+            Correction::Imaginary
+        } else {
+            Correction::Any
+        },
     })
 }
 

@@ -81,7 +81,8 @@ pub struct Quality {
     pub condition: f64,
     /// First-order relative error of s by this residual, and what rounding may hide in it.
     pub error: f64,
-    /// psi^T Q'(s) phi.
+    /// psi^T Q(s) phi and psi^T Q'(s) phi.
+    pub defect: C,
     pub denominator: C,
     /// Absolute distance within which another root cannot be told from this one.
     pub tolerance: f64,
@@ -95,11 +96,22 @@ const BLUR: f64 = 16.0 * EPS;
 /// Roots further apart than this are never called repeated, however badly conditioned they are.
 const CLOSEST: f64 = 1e-8;
 
+/// How an evaluation may move the roots by their first-order error y^T Q(s) x / y^T Q'(s) x, which it computes anyway.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Correction {
+    None,
+    /// Real roots stay real.
+    Any,
+    /// Roots are known to be imaginary.
+    Imaginary,
+}
+
 pub fn evaluate(
     terms: &Terms,
-    s: &[C],
+    s: &mut [C],
     x: MatRef<'_, C>,
     y: Option<MatRef<'_, C>>,
+    correction: Correction,
 ) -> Vec<Quality> {
     let products = terms.products(x, false);
     let left = y.map(|y| (y, terms.products(y, true)));
@@ -112,17 +124,38 @@ pub fn evaluate(
             .map_or_else(|| Mat::zeros(0, 0), |d| absolute(d.as_ref()) * &size),
         absolute(terms.k.as_ref()) * &size,
     ];
-    (0..s.len())
-        .map(|j| {
-            let y = left.as_ref().map_or(x, |(y, _)| *y);
-            let mut quality = judge(terms, s[j], j, &products, &moduli, x.col(j), y.col(j));
-            if let Some((y, products)) = &left {
-                let backward = backward_error(terms, s[j], j, products, y.col(j));
-                quality.backward = quality.backward.max(backward);
-            }
-            quality
-        })
-        .collect()
+    let mut all = Vec::with_capacity(s.len());
+    for (j, s) in s.iter_mut().enumerate() {
+        let (x, y) = (x.col(j), left.as_ref().map_or(x, |(y, _)| *y).col(j));
+        let judged = |s: C| judge(terms, s, j, &products, &moduli, x, y);
+        let mut quality = judged(*s);
+        if let Some(better) = corrected(*s, &quality, correction) {
+            *s = better;
+            quality = judged(better);
+        }
+        if let Some((y, products)) = &left {
+            let backward = backward_error(terms, *s, j, products, y.col(j));
+            quality.backward = quality.backward.max(backward);
+        }
+        all.push(quality);
+    }
+    all
+}
+
+fn corrected(s: C, quality: &Quality, correction: Correction) -> Option<C> {
+    // larger steps are no corrections, and near a double root the first order says nothing
+    const LARGEST: f64 = 1e-3;
+    const SEPARATED: f64 = 1e-4;
+    if correction == Correction::None || quality.separation < SEPARATED {
+        return None;
+    }
+    let mut step = quality.defect / quality.denominator;
+    match correction {
+        Correction::Imaginary => step.re = 0.0,
+        _ if s.im == 0.0 => step.im = 0.0,
+        _ => {}
+    }
+    (step.norm() > 0.0 && step.norm() < LARGEST * s.norm()).then(|| s - step)
 }
 
 fn backward_error(terms: &Terms, s: C, j: usize, products: &Products, x: ColRef<'_, C>) -> f64 {
@@ -171,6 +204,7 @@ fn judge(
         backward: backward_error(terms, s, j, products, x),
         condition,
         error,
+        defect,
         denominator,
         tolerance: r * (error + BLUR * normwise).min(CLOSEST),
         separation: if slope > 0.0 {

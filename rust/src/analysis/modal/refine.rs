@@ -4,7 +4,7 @@ use faer::linalg::solvers::PartialPivLu;
 use faer::prelude::*;
 
 use super::RawMode;
-use super::quality::{Quality, Terms, evaluate};
+use super::quality::{Correction, Quality, Terms, evaluate};
 use crate::linalg::dense::{C, EPS};
 use crate::run::Counts;
 
@@ -21,7 +21,7 @@ pub fn refine(terms: &Terms, modes: &mut [RawMode], quality: &mut [Quality], cou
     for (mode, quality) in modes.iter_mut().zip(quality) {
         for _ in 0..STEPS {
             let poor = !(quality.backward <= goal);
-            if mode.rigid || !poor {
+            if mode.rigid || mode.known.is_some() || !poor {
                 break;
             }
             counts.add("refinements", 1);
@@ -44,7 +44,8 @@ pub fn refine(terms: &Terms, modes: &mut [RawMode], quality: &mut [Quality], cou
 fn judged(terms: &Terms, s: C, x: &[C], y: Option<&[C]>) -> Quality {
     let column = |v: &[C]| Mat::from_fn(v.len(), 1, |i, _| v[i]);
     let (x, y) = (column(x), y.map(column));
-    evaluate(terms, &[s], x.as_ref(), y.as_ref().map(|y| y.as_ref()))[0]
+    let left = y.as_ref().map(|y| y.as_ref());
+    evaluate(terms, &mut [s], x.as_ref(), left, Correction::None)[0]
 }
 
 type Triple = (C, Vec<C>, Option<Vec<C>>);
