@@ -462,4 +462,4 @@ def _status(flat: np.ndarray) -> str:
 
 
 def _text(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.5g}"
+    return "-" if math.isnan(value) else f"{value + 0.0:.5g}"

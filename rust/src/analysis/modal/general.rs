@@ -161,7 +161,7 @@ fn conservative_modes(hat: &Hat, factor: &Factor, counts: &mut Counts) -> Result
 fn oscillation(s: C, x: Vec<C>, y: Option<Vec<C>>) -> RawMode {
     RawMode {
         s,
-        partner: s.conj(),
+        partner: if s == C::ZERO { s } else { s.conj() },
         x,
         y,
         partner_x: None,

@@ -196,10 +196,13 @@ fn judge(
         slope += left * (2.0 * r * m + d);
     }
     let scale = r * denominator.norm();
-    let relative = |v: f64| if scale > 0.0 { v / scale } else { f64::NAN };
+    let relative = |v: f64| if v > 0.0 { v / scale } else { 0.0 };
     let normwise = relative(terms.norm(r) * x.norm_l2() * y.norm_l2());
     let condition = relative(spread);
-    let error = relative(defect.norm()) + ROUNDING * condition;
+    let residual = defect.norm() + ROUNDING * spread;
+    // where two roots almost meet, s moves like the square root of the residual, with Q'' = 2 M
+    let curvature = r * r * dot(y, products.m.col(j)).norm();
+    let error = relative(residual).min((residual / curvature).sqrt());
     Quality {
         backward: backward_error(terms, s, j, products, x),
         condition,

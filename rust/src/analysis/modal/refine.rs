@@ -12,7 +12,7 @@ const STEPS: usize = 2;
 
 /// Backward error that is good enough: rounding grows with the size.
 pub fn good_enough(n: usize) -> f64 {
-    (n as f64 * EPS).max(1e-14)
+    n.max(16) as f64 * EPS
 }
 
 /// Improves each mode whose backward error is too large; a step that does not lower it is dropped.
@@ -68,7 +68,10 @@ fn step(terms: &Terms, mode: &RawMode, denominator: C) -> Option<Triple> {
     lu.solve_in_place(step.as_mut());
     let ds = step[(n, 0)];
     let s = keep_real(mode, mode.s + ds);
-    let refined: Vec<C> = (0..n).map(|i| mode.x[i] + step[(i, 0)]).collect();
+    let mut refined: Vec<C> = (0..n).map(|i| mode.x[i] + step[(i, 0)]).collect();
+    if mode.x.iter().all(|v| v.im == 0.0) {
+        refined.iter_mut().for_each(|v| v.im = 0.0);
+    }
     let y = mode.y.as_ref().map(|_| left_vector(&lu, n, denominator));
     let finite = s.is_finite() && refined.iter().all(|v| v.is_finite());
     finite.then_some((s, refined, y))
