@@ -24,10 +24,10 @@ class CoreConvergenceError(CoreError): ...
 class CoreNotDifferentiableError(CoreError): ...
 
 def dense_modes(
-    m: np.ndarray | None,
+    m: np.ndarray,
     c: np.ndarray | None,
     g: np.ndarray | None,
-    k: np.ndarray | None,
+    k: np.ndarray,
     n: np.ndarray | None,
     kf: np.ndarray | None,
 ) -> dict[str, Any]: ...
@@ -80,3 +80,6 @@ class FrfReduction:
         dl: _F3 | None,
         dd0: _F3 | None,
     ) -> list[dict[str, Any]]: ...
+
+def eigen_sensitivities(matrices: Any, modes: Any, changes: Any) -> dict[str, Any]: ...
+def shape_sensitivities(matrices: Any, modes: Any, changes: Any, ds: np.ndarray) -> dict[str, Any]: ...

@@ -65,6 +65,8 @@ class ModalResult(Result):
         dof names.
     system
         The matrices the modes belong to.
+    cut_group
+        Indices of those modes whose repeated group ``n=`` has cut: the shapes of the others are missing.
     """
 
     eigenvalue: np.ndarray
@@ -81,6 +83,7 @@ class ModalResult(Result):
     partner_mode: np.ndarray
     partner_shape: np.ndarray
     partner_left: np.ndarray | None
+    cut_group: tuple[int, ...] = ()
 
     @property
     def n(self) -> int:
@@ -213,7 +216,7 @@ class ModalResult(Result):
         return draw(self, **options)
 
     def animate(self, path: str | Path | None = None, **options: Any) -> Any:
-        """Shapes in motion as one self-contained page (`mbrs.animate.modes`); returns the path, or a viewer without one."""
+        """Shapes in motion as one self-contained page (`mbrs.animate.modes`); returns the path, or a viewer."""
         from .animate import modes as draw  # type: ignore[import-not-found,unused-ignore]
 
         return draw(self, path, **options)
@@ -251,7 +254,8 @@ class EnergyShares:
     """Shares of the cycle mean of kinetic energy, Re(phi^* (M phi))/phi^H M phi, and likewise of strain energy with K.
 
     Every column sums to 1; single coordinates may have negative shares where M or K couple them. Strain shares of
-    rigid modes are nan. ``kinetic_body`` (n_bodies, n) and ``strain_element`` (n_elements, n) exist for modes of a model.
+    rigid modes are nan. ``kinetic_body`` (n_bodies, n) and ``strain_element`` (n_elements, n) exist for modes of a
+    model.
     """
 
     coordinates: tuple[str, ...]
@@ -375,7 +379,8 @@ def _dense(system: Any, n: int | None, effects: tuple[str, ...], factor: Any, st
     from . import _core
 
     f = None if factor is None else _matrix("stiffness_factor", factor)
-    mass, damping, gyroscopic, stiffness, circulatory = (_array(getattr(system, a)) for a in "MCGKN")
+    mass, stiffness = np.asarray(_array(system.M)), np.asarray(_array(system.K))
+    damping, gyroscopic, circulatory = (_array(getattr(system, a)) for a in "CGN")
     try:
         with core_errors():
             r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f)
@@ -409,6 +414,7 @@ def _result(system: Any, r: dict[str, Any], n: int | None, effects: tuple[str, .
         partner_mode=r["partner_mode"][own],
         partner_shape=r["partner_shape"][:, own],
         partner_left=None if partner_left is None else partner_left[:, own],
+        cut_group=next((tuple(range(a, n)) for a, count in r["groups"] if a < n < a + count), ()),
         stats=Stats(time.perf_counter() - start, r["counts"], effects, r["route"]),
         error=r["error"][:n],
         status="unresolved" if np.any(r["backward_error"][:n] > _UNRESOLVED) else "converged",

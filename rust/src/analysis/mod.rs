@@ -1,5 +1,6 @@
 //! One file per analysis.
 pub mod assembly;
+pub mod eigen_sensitivity;
 pub mod equilibrium;
 pub mod frf;
 pub mod frf_sensitivity;

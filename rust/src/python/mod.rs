@@ -1,5 +1,6 @@
 //! The border to Python: one registration function per group of analyses.
 mod border;
+mod eigen_sensitivity;
 mod frf;
 mod hbm;
 mod modal;
@@ -12,8 +13,10 @@ use pyo3::prelude::*;
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     border::register(module)?;
+    eigen_sensitivity::register(module)?;
     frf::register(module)?;
     hbm::register(module)?;
     modal::register(module)?;
-    system::register(module)
+    system::register(module)?;
+    Ok(())
 }

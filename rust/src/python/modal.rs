@@ -12,7 +12,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(dense_modes, module)?)
 }
 
-type Optional<'py> = Option<PyReadonlyArray2<'py, f64>>;
+pub(super) type Optional<'py> = Option<PyReadonlyArray2<'py, f64>>;
 
 pub(super) fn optional(array: &Optional<'_>) -> Option<Mat<f64>> {
     array.as_ref().map(matrix)

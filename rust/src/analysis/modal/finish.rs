@@ -2,7 +2,7 @@
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, MatRef};
 
-use super::quality::{NEAR_DEFECTIVE, Quality, Terms, evaluate};
+use super::quality::{Correction, NEAR_DEFECTIVE, Quality, Terms, evaluate};
 use super::refine::refine;
 use super::subspace::{
     aligned, bilinear_gram_schmidt, hermitian_gram_schmidt, largest_component, mass_times, rescale,
@@ -16,8 +16,9 @@ use crate::second_order::SecondOrder;
 pub fn finish(system: &SecondOrder, d: &[f64], raw: Raw, mut counts: Counts) -> Result<Modal> {
     let terms = Terms::new(system);
     let mut modes = raw.modes;
-    let mut quality = qualities(&terms, &modes);
+    let mut quality = qualities(&terms, &mut modes, raw.correction);
     refine(&terms, &mut modes, &mut quality, &mut counts);
+    refine_partners(&terms, &mut modes, &mut counts);
     for (mode, quality) in modes.iter_mut().zip(&mut quality) {
         settle(mode, quality);
     }
@@ -42,7 +43,7 @@ pub fn finish(system: &SecondOrder, d: &[f64], raw: Raw, mut counts: Counts) -> 
                 .as_ref()
                 .map(|y| (0..y.nrows()).map(|i| y[(i, j)]).collect());
         }
-        let known: Vec<Quality> = qualities(&terms, &modes);
+        let known = qualities(&terms, &mut modes, Correction::None);
         for (q, new) in quality.iter_mut().zip(known) {
             q.denominator = new.denominator;
             q.backward = new.backward;
@@ -72,11 +73,20 @@ pub fn finish(system: &SecondOrder, d: &[f64], raw: Raw, mut counts: Counts) -> 
     ))
 }
 
-fn qualities(terms: &Terms, modes: &[RawMode]) -> Vec<Quality> {
-    let s: Vec<C> = modes.iter().map(|m| m.s).collect();
+fn qualities(terms: &Terms, modes: &mut [RawMode], correction: Correction) -> Vec<Quality> {
+    let mut s: Vec<C> = modes.iter().map(|m| m.s).collect();
     let (x, y) = (columns(modes, |m| &m.x), left_columns(modes));
-    let mut quality = evaluate(terms, &s, x.as_ref(), y.as_ref().map(|y| y.as_ref()));
-    for (quality, mode) in quality.iter_mut().zip(modes) {
+    let left = y.as_ref().map(|y| y.as_ref());
+    let mut quality = evaluate(terms, &mut s, x.as_ref(), left, correction);
+    for ((quality, mode), s) in quality.iter_mut().zip(modes).zip(s) {
+        if s != mode.s && !mode.rigid {
+            mode.s = s;
+            mode.partner = if mode.partner.im == 0.0 {
+                mode.partner
+            } else {
+                s.conj()
+            };
+        }
         if let Some((error, condition)) = mode.known {
             quality.error = error;
             quality.condition = condition;
@@ -91,6 +101,36 @@ fn qualities(terms: &Terms, modes: &[RawMode]) -> Vec<Quality> {
         }
     }
     quality
+}
+
+/// Real partners with a shape of their own deserve the same care.
+fn refine_partners(terms: &Terms, modes: &mut [RawMode], counts: &mut Counts) {
+    let own: Vec<usize> = (0..modes.len())
+        .filter(|&j| modes[j].partner_x.is_some())
+        .collect();
+    if own.is_empty() {
+        return;
+    }
+    let mut partners: Vec<RawMode> = own
+        .iter()
+        .map(|&j| RawMode {
+            s: modes[j].partner,
+            partner: modes[j].s,
+            x: modes[j].partner_x.take().unwrap_or_default(),
+            y: modes[j].partner_y.take(),
+            partner_x: None,
+            partner_y: None,
+            rigid: modes[j].partner == C::ZERO,
+            known: None,
+        })
+        .collect();
+    let mut quality = qualities(terms, &mut partners, Correction::Any);
+    refine(terms, &mut partners, &mut quality, counts);
+    for (j, partner) in own.into_iter().zip(partners) {
+        modes[j].partner = partner.s;
+        modes[j].partner_x = Some(partner.x);
+        modes[j].partner_y = partner.y;
+    }
 }
 
 fn columns<'a>(modes: &'a [RawMode], of: impl Fn(&'a RawMode) -> &'a Vec<C>) -> Mat<C> {

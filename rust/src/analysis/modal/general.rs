@@ -1,31 +1,28 @@
-//! Any damping, gyroscopic and circulatory terms: a state matrix in energy coordinates.
-//!
-//! With unit masses and a full-rank factorisation K + N = F B the state (x', B x) obeys
-//! `A = [-(C + G), -F; B, 0]`. It carries its own scaling (|F| = |B| = |K|^(1/2), what Fan, Lin and Van Dooren, SIMAX 26 (2004),
-//! obtain for the quadratic problem), it is skew for conservative gyroscopic systems, and it leaves out one zero root for
-//! every direction without stiffness.
-use faer::prelude::*;
-use faer::{Mat, MatRef, Side};
+//! Any damping, gyroscopic and circulatory terms: zero roots are split off by rank decisions, the others are those of a state
+//! matrix.
+use faer::{Mat, MatRef};
 
 use super::pairing::{RealRoot, pair};
+use super::quality::Correction;
 use super::rigid::{general_null, no_svd, rank_tolerance, symmetric_null};
+use super::state::{Candidate, Factor, back_substituted, candidates, right_vector, state_matrix};
 use super::subspace::aligned;
 use super::{Raw, RawMode};
 use crate::error::Result;
 use crate::linalg::dense::{C, completed, frobenius, real, reduced, symmetrised, to_complex};
-use crate::linalg::eigen::{self, Roots};
+use crate::linalg::eigen;
 use crate::run::Counts;
 use crate::second_order::SecondOrder;
 
 /// The system in mass-orthonormal coordinates.
-struct Hat {
-    d: Mat<f64>,
-    s: Mat<f64>,
+pub struct Hat {
+    pub d: Mat<f64>,
+    pub s: Mat<f64>,
     /// Orthonormal right and left null vectors of s.
-    right: Mat<f64>,
-    left: Mat<f64>,
-    symmetric: bool,
-    has_left: bool,
+    pub right: Mat<f64>,
+    pub left: Mat<f64>,
+    pub symmetric: bool,
+    pub has_left: bool,
     conservative: bool,
 }
 
@@ -52,6 +49,11 @@ pub fn solve(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<
         modes,
         route: route(system, conservative),
         may_be_defective: !conservative,
+        correction: if conservative {
+            Correction::Imaginary
+        } else {
+            Correction::Any
+        },
     })
 }
 
@@ -137,141 +139,6 @@ fn split_null(a: &Mat<f64>, z: &Mat<f64>, floor: f64) -> Result<(Mat<f64>, Mat<f
     ))
 }
 
-/// K + N = F B with F of full column and B of full row rank.
-enum Factor {
-    Cholesky {
-        lower: Mat<f64>,
-    },
-    /// U diag(sigma) V^T without its zero part.
-    Split {
-        u: Mat<f64>,
-        sigma: Vec<f64>,
-        v: Mat<f64>,
-    },
-    Plain {
-        gamma: f64,
-    },
-}
-
-impl Factor {
-    fn new(hat: &Hat, counts: &mut Counts) -> Result<Self> {
-        let n = hat.s.nrows();
-        let r = hat.right.ncols();
-        if hat.symmetric {
-            if r == 0
-                && let Ok(factor) = hat.s.llt(Side::Lower)
-            {
-                counts.add("cholesky factorisations", 1);
-                let l = factor.L();
-                let lower = Mat::from_fn(n, n, |i, j| if i >= j { l[(i, j)] } else { 0.0 });
-                return Ok(Factor::Cholesky { lower });
-            }
-            counts.add("symmetric eigensolutions", 1);
-            let (values, vectors) = eigen::symmetric(hat.s.as_ref())?;
-            let mut order: Vec<usize> = (0..n).collect();
-            order.sort_by(|&a, &b| values[b].abs().total_cmp(&values[a].abs()));
-            order.truncate(n - r);
-            let pick = |sign: bool| {
-                Mat::from_fn(n, n - r, |i, j| {
-                    let k = order[j];
-                    let flip = if sign { values[k].signum() } else { 1.0 };
-                    flip * vectors[(i, k)]
-                })
-            };
-            let sigma = order.iter().map(|&k| values[k].abs()).collect();
-            return Ok(Factor::Split {
-                u: pick(true),
-                sigma,
-                v: pick(false),
-            });
-        }
-        if r == 0 {
-            let gamma = frobenius(hat.s.as_ref()).sqrt();
-            return Ok(Factor::Plain { gamma });
-        }
-        counts.add("singular value decompositions", 1);
-        let svd = hat.s.svd().map_err(|_| no_svd(n))?;
-        Ok(Factor::Split {
-            u: svd.U().subcols(0, n - r).to_owned(),
-            sigma: (0..n - r).map(|j| svd.S()[j]).collect(),
-            v: svd.V().subcols(0, n - r).to_owned(),
-        })
-    }
-
-    fn matrices(&self, s: &Mat<f64>) -> (Mat<f64>, Mat<f64>) {
-        let n = s.nrows();
-        match self {
-            Factor::Cholesky { lower } => (lower.clone(), lower.transpose().to_owned()),
-            Factor::Split { u, sigma, v } => (
-                Mat::from_fn(n, sigma.len(), |i, j| u[(i, j)] * sigma[j].sqrt()),
-                Mat::from_fn(sigma.len(), n, |i, j| v[(j, i)] * sigma[i].sqrt()),
-            ),
-            Factor::Plain { gamma } => (
-                Mat::from_fn(n, n, |i, j| s[(i, j)] / gamma),
-                Mat::from_fn(n, n, |i, j| if i == j { *gamma } else { 0.0 }),
-            ),
-        }
-    }
-
-    /// x from B x = w; what B does not see is taken from `other` along `null`.
-    fn right(&self, w: &[C], other: &[C], null: &Mat<f64>) -> Vec<C> {
-        match self {
-            Factor::Cholesky { lower } => back_substituted(lower, w),
-            Factor::Split { sigma, v, .. } => combined(v, sigma, w, other, null),
-            Factor::Plain { gamma } => w.iter().map(|w| w / gamma).collect(),
-        }
-    }
-
-    /// y from F^T y = w, or None where only `other` is at hand.
-    fn left(&self, w: &[C], other: &[C], null: &Mat<f64>) -> Option<Vec<C>> {
-        match self {
-            Factor::Cholesky { lower } => Some(back_substituted(lower, w)),
-            Factor::Split { u, sigma, .. } => Some(combined(u, sigma, w, other, null)),
-            Factor::Plain { .. } => None,
-        }
-    }
-}
-
-fn back_substituted(lower: &Mat<f64>, w: &[C]) -> Vec<C> {
-    let n = w.len();
-    let mut parts = Mat::from_fn(n, 2, |i, j| if j == 0 { w[i].re } else { w[i].im });
-    lower
-        .transpose()
-        .solve_upper_triangular_in_place(parts.as_mut());
-    (0..n)
-        .map(|i| C::new(parts[(i, 0)], parts[(i, 1)]))
-        .collect()
-}
-
-fn combined(v: &Mat<f64>, sigma: &[f64], w: &[C], other: &[C], null: &Mat<f64>) -> Vec<C> {
-    let mut x = vec![C::ZERO; other.len()];
-    let mut add = |column: ColRef<'_, f64>, weight: C| {
-        for (i, x) in x.iter_mut().enumerate() {
-            *x += weight * column[i];
-        }
-    };
-    for (j, s) in sigma.iter().enumerate() {
-        add(v.col(j), w[j] / s.sqrt());
-    }
-    for j in 0..null.ncols() {
-        let along = (0..other.len()).map(|i| other[i] * null[(i, j)]).sum();
-        add(null.col(j), along);
-    }
-    x
-}
-
-fn state_matrix(hat: &Hat, factor: &Factor) -> Mat<f64> {
-    let n = hat.s.nrows();
-    let (f, b) = factor.matrices(&hat.s);
-    let size = n + b.nrows();
-    Mat::from_fn(size, size, |i, j| match (i < n, j < n) {
-        (true, true) => -hat.d[(i, j)],
-        (true, false) => -f[(i, j - n)],
-        (false, true) => b[(i - n, j)],
-        (false, false) => 0.0,
-    })
-}
-
 /// C = N = 0 and K > 0: A is skew, so i A is Hermitian and the roots are exactly imaginary.
 fn conservative_modes(hat: &Hat, factor: &Factor, counts: &mut Counts) -> Result<Vec<RawMode>> {
     counts.add("hermitian eigensolutions", 1);
@@ -294,7 +161,7 @@ fn conservative_modes(hat: &Hat, factor: &Factor, counts: &mut Counts) -> Result
 fn oscillation(s: C, x: Vec<C>, y: Option<Vec<C>>) -> RawMode {
     RawMode {
         s,
-        partner: s.conj(),
+        partner: if s == C::ZERO { s } else { s.conj() },
         x,
         y,
         partner_x: None,
@@ -305,11 +172,9 @@ fn oscillation(s: C, x: Vec<C>, y: Option<Vec<C>>) -> RawMode {
 }
 
 fn damped_modes(hat: &Hat, factor: &Factor, counts: &mut Counts) -> Result<Vec<RawMode>> {
-    counts.add("general eigensolutions", 1);
     let (singles, doubles) = zero_directions(hat)?;
     let q = doubles.0.ncols();
-    let roots = eigen::general(&state_matrix(hat, factor), hat.has_left)?;
-    let kept = without_smallest(&roots.s, q);
+    let roots = without_smallest(candidates(hat, factor, counts)?, q);
     let mut modes: Vec<RawMode> = (0..q).map(|j| zero_mode(hat, &doubles, j)).collect();
     let mut reals: Vec<RealRoot> = (0..singles.0.ncols())
         .map(|j| {
@@ -317,8 +182,7 @@ fn damped_modes(hat: &Hat, factor: &Factor, counts: &mut Counts) -> Result<Vec<R
             real_root(hat, 0.0, x, y, true)
         })
         .collect();
-    for j in kept {
-        let (s, x, y) = vectors(hat, factor, &roots, j);
+    for Candidate { s, x, y } in roots {
         if s.im > 0.0 {
             modes.push(oscillation(s, x, y));
         } else {
@@ -385,61 +249,16 @@ fn double_zero(free: &Mat<f64>, j: usize, has_left: bool) -> RawMode {
 }
 
 /// All roots but the `q` smallest, which are zero roots blurred by rounding. A complex pair counts twice.
-fn without_smallest(s: &[C], q: usize) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..s.len()).collect();
-    order.sort_by(|&a, &b| s[a].norm().total_cmp(&s[b].norm()));
+fn without_smallest(mut roots: Vec<Candidate>, q: usize) -> Vec<Candidate> {
+    roots.sort_by(|a, b| a.s.norm().total_cmp(&b.s.norm()));
     let mut left = q;
-    order.retain(|&j| {
-        let weight = if s[j].im > 0.0 { 2 } else { 1 };
+    roots.retain(|root| {
+        let weight = if root.s.im > 0.0 { 2 } else { 1 };
         let dropped = weight <= left;
         left -= if dropped { weight } else { 0 };
         !dropped
     });
-    order
-}
-
-/// The state vector holds x twice; the larger part is the accurate one.
-fn right_vector(hat: &Hat, factor: &Factor, s: C, z: ColRef<'_, C>) -> Vec<C> {
-    let n = hat.s.nrows();
-    let top: Vec<C> = (0..n).map(|i| z[i]).collect();
-    let bottom: Vec<C> = (n..z.nrows()).map(|i| z[i]).collect();
-    if norm(&top) >= norm(&bottom) || bottom.is_empty() {
-        return top;
-    }
-    let other: Vec<C> = top.iter().map(|v| v / s).collect();
-    unit(factor.right(&bottom, &other, &hat.right))
-}
-
-fn left_vector(hat: &Hat, factor: &Factor, s: C, z: ColRef<'_, C>) -> Vec<C> {
-    let n = hat.s.nrows();
-    let top: Vec<C> = (0..n).map(|i| z[i]).collect();
-    let bottom: Vec<C> = (n..z.nrows()).map(|i| -s * z[i]).collect();
-    if s.norm() * norm(&top) >= norm(&bottom) {
-        return top;
-    }
-    factor.left(&bottom, &top, &hat.left).map_or(top, unit)
-}
-
-fn norm(v: &[C]) -> f64 {
-    v.iter().map(|v| v.norm_sqr()).sum::<f64>().sqrt()
-}
-
-fn unit(mut v: Vec<C>) -> Vec<C> {
-    let size = norm(&v);
-    if size > 0.0 {
-        v.iter_mut().for_each(|v| *v /= size);
-    }
-    v
-}
-
-fn vectors(hat: &Hat, factor: &Factor, roots: &Roots, j: usize) -> (C, Vec<C>, Option<Vec<C>>) {
-    let s = roots.s[j];
-    let x = right_vector(hat, factor, s, roots.right.col(j));
-    let y = roots
-        .left
-        .as_ref()
-        .map(|left| left_vector(hat, factor, s, left.col(j)));
-    (s, x, y)
+    roots
 }
 
 fn real_root(hat: &Hat, s: f64, x: Vec<C>, y: Option<Vec<C>>, zero: bool) -> RealRoot {
@@ -475,9 +294,13 @@ fn each_vector(mode: &mut RawMode, change: impl Fn(&mut Vec<C>)) {
 
 fn lift(mode: &mut RawMode, basis: MatRef<'_, f64>) {
     each_vector(mode, |v| {
-        *v = (0..basis.nrows())
-            .map(|i| (0..basis.ncols()).map(|j| v[j] * basis[(i, j)]).sum())
-            .collect();
+        let mut out = vec![C::ZERO; basis.nrows()];
+        for (j, value) in v.iter().enumerate() {
+            for (i, out) in out.iter_mut().enumerate() {
+                *out += value * basis[(i, j)];
+            }
+        }
+        *v = out;
     });
 }
 

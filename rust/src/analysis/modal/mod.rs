@@ -10,6 +10,7 @@ mod pairing;
 mod quality;
 mod refine;
 mod rigid;
+mod state;
 mod subspace;
 mod symmetric;
 
@@ -20,7 +21,7 @@ use crate::linalg::dense::{C, cholesky};
 use crate::run::Counts;
 use crate::second_order::{SecondOrder, massless};
 
-pub use quality::NEAR_DEFECTIVE;
+use quality::Correction;
 pub use subspace::largest_component;
 
 /// What a mode is. The list is closed.
@@ -95,6 +96,7 @@ pub(crate) struct Raw {
     pub route: &'static str,
     /// False where the two roots of every pair are known to be apart or the pair cannot be defective.
     pub may_be_defective: bool,
+    pub correction: Correction,
 }
 
 /// All modes of a dense system. O(n^3).

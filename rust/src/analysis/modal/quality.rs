@@ -79,9 +79,10 @@ pub struct Quality {
     pub backward: f64,
     /// Relative change of s for a relative change of every matrix entry.
     pub condition: f64,
-    /// First-order bound of the relative error of s by this residual.
+    /// First-order relative error of s by this residual, and what rounding may hide in it.
     pub error: f64,
-    /// psi^T Q'(s) phi.
+    /// psi^T Q(s) phi and psi^T Q'(s) phi.
+    pub defect: C,
     pub denominator: C,
     /// Absolute distance within which another root cannot be told from this one.
     pub tolerance: f64,
@@ -89,15 +90,28 @@ pub struct Quality {
     pub separation: f64,
 }
 
+/// Share of EPS that the rounding of a residual usually leaves in each of its terms.
+const ROUNDING: f64 = 0.25 * EPS;
 const BLUR: f64 = 16.0 * EPS;
 /// Roots further apart than this are never called repeated, however badly conditioned they are.
 const CLOSEST: f64 = 1e-8;
 
+/// How an evaluation may move the roots by their first-order error y^T Q(s) x / y^T Q'(s) x, which it computes anyway.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Correction {
+    None,
+    /// Real roots stay real.
+    Any,
+    /// Roots are known to be imaginary.
+    Imaginary,
+}
+
 pub fn evaluate(
     terms: &Terms,
-    s: &[C],
+    s: &mut [C],
     x: MatRef<'_, C>,
     y: Option<MatRef<'_, C>>,
+    correction: Correction,
 ) -> Vec<Quality> {
     let products = terms.products(x, false);
     let left = y.map(|y| (y, terms.products(y, true)));
@@ -110,17 +124,38 @@ pub fn evaluate(
             .map_or_else(|| Mat::zeros(0, 0), |d| absolute(d.as_ref()) * &size),
         absolute(terms.k.as_ref()) * &size,
     ];
-    (0..s.len())
-        .map(|j| {
-            let y = left.as_ref().map_or(x, |(y, _)| *y);
-            let mut quality = judge(terms, s[j], j, &products, &moduli, x.col(j), y.col(j));
-            if let Some((y, products)) = &left {
-                let backward = backward_error(terms, s[j], j, products, y.col(j));
-                quality.backward = quality.backward.max(backward);
-            }
-            quality
-        })
-        .collect()
+    let mut all = Vec::with_capacity(s.len());
+    for (j, s) in s.iter_mut().enumerate() {
+        let (x, y) = (x.col(j), left.as_ref().map_or(x, |(y, _)| *y).col(j));
+        let judged = |s: C| judge(terms, s, j, &products, &moduli, x, y);
+        let mut quality = judged(*s);
+        if let Some(better) = corrected(*s, &quality, correction) {
+            *s = better;
+            quality = judged(better);
+        }
+        if let Some((y, products)) = &left {
+            let backward = backward_error(terms, *s, j, products, y.col(j));
+            quality.backward = quality.backward.max(backward);
+        }
+        all.push(quality);
+    }
+    all
+}
+
+fn corrected(s: C, quality: &Quality, correction: Correction) -> Option<C> {
+    // larger steps are no corrections, and near a double root the first order says nothing
+    const LARGEST: f64 = 1e-3;
+    const SEPARATED: f64 = 1e-4;
+    if correction == Correction::None || quality.separation < SEPARATED {
+        return None;
+    }
+    let mut step = quality.defect / quality.denominator;
+    match correction {
+        Correction::Imaginary => step.re = 0.0,
+        _ if s.im == 0.0 => step.im = 0.0,
+        _ => {}
+    }
+    (step.norm() > 0.0 && step.norm() < LARGEST * s.norm()).then(|| s - step)
 }
 
 fn backward_error(terms: &Terms, s: C, j: usize, products: &Products, x: ColRef<'_, C>) -> f64 {
@@ -148,7 +183,7 @@ fn judge(
     if let Some(d) = &products.d {
         denominator += dot(y, d.col(j));
     }
-    let (mut error, mut spread, mut slope) = (0.0, 0.0, 0.0);
+    let (mut defect, mut spread, mut slope) = (C::ZERO, 0.0, 0.0);
     for i in 0..x.nrows() {
         let (left, m, k) = (y[i].norm(), moduli[0][(i, j)], moduli[2][(i, j)]);
         let d = if products.d.is_some() {
@@ -156,18 +191,23 @@ fn judge(
         } else {
             0.0
         };
-        error += left * products.residual(s, i, j).norm();
+        defect += y[i] * products.residual(s, i, j);
         spread += left * (r * r * m + r * d + k);
         slope += left * (2.0 * r * m + d);
     }
     let scale = r * denominator.norm();
-    let relative = |v: f64| if scale > 0.0 { v / scale } else { f64::NAN };
+    let relative = |v: f64| if v > 0.0 { v / scale } else { 0.0 };
     let normwise = relative(terms.norm(r) * x.norm_l2() * y.norm_l2());
-    let error = relative(error);
+    let condition = relative(spread);
+    let residual = defect.norm() + ROUNDING * spread;
+    // where two roots almost meet, s moves like the square root of the residual, with Q'' = 2 M
+    let curvature = r * r * dot(y, products.m.col(j)).norm();
+    let error = relative(residual).min((residual / curvature).sqrt());
     Quality {
         backward: backward_error(terms, s, j, products, x),
-        condition: relative(spread),
+        condition,
         error,
+        defect,
         denominator,
         tolerance: r * (error + BLUR * normwise).min(CLOSEST),
         separation: if slope > 0.0 {

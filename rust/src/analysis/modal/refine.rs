@@ -4,7 +4,7 @@ use faer::linalg::solvers::PartialPivLu;
 use faer::prelude::*;
 
 use super::RawMode;
-use super::quality::{Quality, Terms, evaluate};
+use super::quality::{Correction, Quality, Terms, evaluate};
 use crate::linalg::dense::{C, EPS};
 use crate::run::Counts;
 
@@ -12,7 +12,7 @@ const STEPS: usize = 2;
 
 /// Backward error that is good enough: rounding grows with the size.
 pub fn good_enough(n: usize) -> f64 {
-    (n as f64 * EPS).max(1e-14)
+    n.max(16) as f64 * EPS
 }
 
 /// Improves each mode whose backward error is too large; a step that does not lower it is dropped.
@@ -21,7 +21,7 @@ pub fn refine(terms: &Terms, modes: &mut [RawMode], quality: &mut [Quality], cou
     for (mode, quality) in modes.iter_mut().zip(quality) {
         for _ in 0..STEPS {
             let poor = !(quality.backward <= goal);
-            if mode.rigid || !poor {
+            if mode.rigid || mode.known.is_some() || !poor {
                 break;
             }
             counts.add("refinements", 1);
@@ -44,7 +44,8 @@ pub fn refine(terms: &Terms, modes: &mut [RawMode], quality: &mut [Quality], cou
 fn judged(terms: &Terms, s: C, x: &[C], y: Option<&[C]>) -> Quality {
     let column = |v: &[C]| Mat::from_fn(v.len(), 1, |i, _| v[i]);
     let (x, y) = (column(x), y.map(column));
-    evaluate(terms, &[s], x.as_ref(), y.as_ref().map(|y| y.as_ref()))[0]
+    let left = y.as_ref().map(|y| y.as_ref());
+    evaluate(terms, &mut [s], x.as_ref(), left, Correction::None)[0]
 }
 
 type Triple = (C, Vec<C>, Option<Vec<C>>);
@@ -67,7 +68,10 @@ fn step(terms: &Terms, mode: &RawMode, denominator: C) -> Option<Triple> {
     lu.solve_in_place(step.as_mut());
     let ds = step[(n, 0)];
     let s = keep_real(mode, mode.s + ds);
-    let refined: Vec<C> = (0..n).map(|i| mode.x[i] + step[(i, 0)]).collect();
+    let mut refined: Vec<C> = (0..n).map(|i| mode.x[i] + step[(i, 0)]).collect();
+    if mode.x.iter().all(|v| v.im == 0.0) {
+        refined.iter_mut().for_each(|v| v.im = 0.0);
+    }
     let y = mode.y.as_ref().map(|_| left_vector(&lu, n, denominator));
     let finite = s.is_finite() && refined.iter().all(|v| v.is_finite());
     finite.then_some((s, refined, y))

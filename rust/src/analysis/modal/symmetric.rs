@@ -2,6 +2,7 @@
 use faer::Mat;
 use faer::prelude::*;
 
+use super::quality::Correction;
 use super::rigid::{factor_null, no_svd, symmetric_null};
 use super::{Raw, RawMode};
 use crate::error::Result;
@@ -59,6 +60,7 @@ pub fn solve(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<
             "proportional"
         },
         may_be_defective: c.is_some(),
+        correction: Correction::None,
     }))
 }
 
