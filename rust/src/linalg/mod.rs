@@ -2,4 +2,6 @@
 pub mod double_double;
 pub mod expm;
 pub mod hessenberg;
+pub mod krylov;
 pub mod quadratic;
+pub mod sparse;

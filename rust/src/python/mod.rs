@@ -1,6 +1,7 @@
 //! The border to Python: one registration function per group of analyses.
 mod border;
 mod frf;
+mod sparse;
 
 use pyo3::prelude::*;
 
@@ -8,5 +9,6 @@ use pyo3::prelude::*;
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     frf::register(module)?;
+    sparse::register(module)?;
     border::register(module)
 }
