@@ -10,4 +10,6 @@ pub mod linearize;
 pub mod modal;
 pub mod reactions;
 pub mod response;
+pub mod sparse_damped;
+pub mod sparse_modal;
 pub mod transient;

@@ -5,4 +5,6 @@ pub mod double_double;
 pub mod eigen;
 pub mod expm;
 pub mod hessenberg;
+pub mod krylov;
 pub mod quadratic;
+pub mod sparse;

@@ -4,6 +4,7 @@ mod eigen_sensitivity;
 mod frf;
 mod hbm;
 mod modal;
+mod sparse;
 mod system;
 mod tables;
 
@@ -17,6 +18,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     frf::register(module)?;
     hbm::register(module)?;
     modal::register(module)?;
+    sparse::register(module)?;
     system::register(module)?;
     Ok(())
 }
