@@ -1,2 +1,3 @@
 //! One file per analysis.
 pub mod hbm;
+pub mod stability;

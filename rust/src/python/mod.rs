@@ -1,6 +1,7 @@
 //! The border to Python: one registration function per group of analyses.
 mod border;
 mod hbm;
+mod hbm_branch;
 
 use pyo3::prelude::*;
 
@@ -8,5 +9,6 @@ use pyo3::prelude::*;
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     border::register(module)?;
-    hbm::register(module)
+    hbm::register(module)?;
+    hbm_branch::register(module)
 }
