@@ -38,7 +38,7 @@ def test_duffing_amplitudes(omega, expected):
 def test_duffing_has_three_solutions_at_omega_1_2():
     # METHODS.md b.3
     found = set()
-    for a, b in [(2.0, 1.5), (0.4, 0.0), (-1.8, 1.4), (-2.2, 0.5)]:
+    for a, b in [(1.4, 2.1), (-1.5, 1.7), (-0.4, 0.1)]:
         one = harmonic_balance(duffing(), force=[0.18], omega=1.2, harmonics=7, x0=[[0.0, a, b]])
         found.add(round(one.amplitude(), 8))
     assert found == {2.50919758, 2.26054889, 0.41752045}
@@ -114,9 +114,11 @@ def test_estimate_is_of_the_size_of_the_error():
         for omega in (0.6, 0.8, 0.95, 1.4):
             one = harmonic_balance(duffing(), force=[0.18], omega=omega, harmonics=H)
             fine = harmonic_balance(duffing(), force=[0.18], omega=omega, harmonics=25, x0=one)
-            true = np.max(np.abs(fine.displacement(np.linspace(0, one.period, 500)) - one.displacement(np.linspace(0, one.period, 500))))
-            ratios.append(true / (one.error * np.max(np.abs(one.X))))
-    assert 0.3 < min(ratios) and max(ratios) < 3
+            t = np.linspace(0, one.period, 500)
+            true = np.max(np.abs(fine.displacement(t) - one.displacement(t))) / np.max(np.abs(one.X))
+            if true > 1e-12:  # below, rounding is larger than truncation
+                ratios.append(true / one.error)
+    assert len(ratios) > 18 and 0.5 < min(ratios) and max(ratios) < 2
 
 
 def test_verify_by_integration():

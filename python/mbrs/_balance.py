@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from . import _core
-from .errors import ModelError
+from .errors import ConvergenceError, MbrsError, ModelError, SingularError
 from .laws import Law
 
 NONSMOOTH_SAMPLES = 512
@@ -24,6 +24,10 @@ class Setup:
     subharmonic: int
     n_samples: int
     core: Any
+    arguments: tuple[Any, ...] = ()
+
+    def __reduce__(self) -> Any:
+        return prepare, self.arguments  # the core's object does not travel; it is made again
 
     @property
     def n_c(self) -> int:
@@ -58,12 +62,48 @@ class Setup:
         return self.core.restrict(X)
 
 
+def translated(call: Any, *args: Any, **kwargs: Any) -> Any:
+    """Calls the core; its errors come out as those of mbrs."""
+    try:
+        return call(*args, **kwargs)
+    except _core.CoreConvergenceError as problem:
+        raise ConvergenceError(str(problem.args[0])) from None
+    except _core.CoreSingularError as problem:
+        raise SingularError(str(problem)) from None
+    except _core.CoreModelError as problem:
+        raise ModelError(str(problem)) from None
+    except _core.CoreError as problem:
+        raise MbrsError(str(problem)) from None
+
+
+def checked_level(level: Any) -> float:
+    """A finite factor on the forces."""
+    if isinstance(level, bool) or not isinstance(level, int | float | np.number) or not np.isfinite(level):
+        raise ModelError(f"level must be a finite number, it is {level!r}")
+    return float(level)
+
+
+def scaled_force(force: Any, level: float) -> Any:
+    """The same forces with another level; the static part stays."""
+    if level == 1.0:
+        return force
+    given = dict(force) if isinstance(force, Mapping) else {1: force}
+    return {h: np.asarray(f) * (level if h != 0 else 1.0) for h, f in given.items()}
+
+
+def positive(name: str, value: Any) -> float:
+    """A positive finite number, or `ModelError`."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0 < value < np.inf:
+        raise ModelError(f"{name} must be a positive number, it is {value!r}")
+    return float(value)
+
+
 def prepare(
     system: Any, force: Any, harmonics: Any, subharmonic: int = 1, n_samples: int | None = None, omega: float = 1.0
 ) -> Setup:
     """Checks everything and builds the core's problem."""
     laws = checked_system(system)
-    subharmonic = _integer("subharmonic", subharmonic)
+    subharmonic = integer("subharmonic", subharmonic)
     terms = checked_harmonics(harmonics, subharmonic)
     forces = _force_terms(system.n, force, terms, subharmonic)
     n = checked_samples(n_samples, laws, terms, subharmonic)
@@ -72,7 +112,7 @@ def prepare(
     core = _core.HbmProblem(
         *_dense(system), core_elements(laws), [[h] for h in terms], subharmonic, forces, [omega], [n], [fine]
     )
-    return Setup(system, terms, subharmonic, n, core)
+    return Setup(system, terms, subharmonic, n, core, (system, force, terms, subharmonic, n, omega))
 
 
 def checked_system(system: Any) -> tuple[Law, ...]:
@@ -102,13 +142,13 @@ def checked_harmonics(harmonics: Any, subharmonic: int) -> tuple[int, ...]:
         return tuple(range(1, int(harmonics) * subharmonic + 1))
     if isinstance(harmonics, str) or not isinstance(harmonics, Sequence | np.ndarray) or len(harmonics) == 0:
         raise ModelError(f"harmonics must be a number or a sequence of positive integers, it is {harmonics!r}")
-    terms = [_integer("harmonics", h) for h in harmonics]
+    terms = [integer("harmonics", h) for h in harmonics]
     if len(set(terms)) != len(terms):
         raise ModelError(f"harmonics are given twice: {terms}")
     return tuple(sorted(terms))
 
 
-def _integer(name: str, value: Any) -> int:
+def integer(name: str, value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
         raise ModelError(f"{name} must be positive integers, not {value!r}; the constant term is always kept")
     return int(value)
@@ -138,7 +178,7 @@ def checked_samples(n_samples: int | None, laws: Sequence[Law], terms: Sequence[
     """The number of samples: chosen, or what the user said if that does not alias polynomial laws."""
     if n_samples is None:
         return needed_samples(laws, terms, subharmonic)
-    n = _integer("n_samples", n_samples)
+    n = integer("n_samples", n_samples)
     polynomial = [law for law in laws if law.code in (0, 1, 2, 8, 11)]
     least = max([2 * terms[-1] + 1, *(_alias_free(law, terms[-1], subharmonic) for law in polynomial)])
     if n < least:

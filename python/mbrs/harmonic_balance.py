@@ -206,10 +206,11 @@ def harmonic_balance(
     w = _balance.one_frequency(omega, frequency)
     if w.ndim != 0:
         raise ModelError("harmonic_balance solves at one frequency; frequency_response takes a range")
-    limit = _positive("tol", UNRESOLVED if tol is None else tol)
-    _positive("tolerance", tolerance)
+    limit = _balance.positive("tol", UNRESOLVED if tol is None else tol)
+    _balance.positive("tolerance", tolerance)
     setup = _balance.prepare(system, force, harmonics, subharmonic, n_samples, float(w))
-    answer = setup.core.solve(setup.start(x0), [float(w)], tolerance=tolerance, max_iterations=max_iterations)
+    options = dict(tolerance=tolerance, max_iterations=max_iterations)
+    answer = _balance.translated(setup.core.solve, setup.start(x0), [float(w)], **options)
     result = PeriodicSolution(
         setup.padded(answer["X"]),
         float(w),
@@ -218,7 +219,7 @@ def harmonic_balance(
         setup.n_samples,
         system,
         force,
-        stats=Stats(perf_counter() - started, _counts(answer), _effects(system), "full"),
+        stats=Stats(perf_counter() - started, _counts(answer), effects_of(system), "full"),
         error=answer["error"],
         status="converged" if answer["converged"] and answer["error"] <= limit else "unresolved",
     )
@@ -227,17 +228,12 @@ def harmonic_balance(
     return result
 
 
-def _positive(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0 < value < np.inf:
-        raise ModelError(f"{name} must be a positive number, it is {value!r}")
-    return float(value)
-
-
 def _counts(answer: dict[str, Any]) -> dict[str, int]:
     return {key: answer[key] for key in ("iterations", "evaluations")}
 
 
-def _effects(system: Any) -> tuple[str, ...]:
+def effects_of(system: Any) -> tuple[str, ...]:
+    """Names of what a system contains beside mass and stiffness."""
     names = [type(law).__name__ for law in system.elements]
     linear = [] if system.C is None else ["damping"]
     return tuple(dict.fromkeys(linear + names))

@@ -12,4 +12,5 @@ pub mod reactions;
 pub mod response;
 pub mod sparse_damped;
 pub mod sparse_modal;
+pub mod stability;
 pub mod transient;

@@ -2,19 +2,21 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use faer::Mat;
-use numpy::{Complex64, PyArray1, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{Complex64, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::border::{guarded, interruptible, matrix, to_numpy};
+use super::hbm_branch::find_peak;
 use crate::analysis::hbm::basis::Basis;
 use crate::analysis::hbm::estimate::{Estimate, Estimator};
 use crate::analysis::hbm::linear::{DynamicStiffness, Full};
 use crate::analysis::hbm::problem::{Element, Parameter, Problem};
+use crate::analysis::hbm::start;
+use crate::analysis::stability;
 use crate::error::{Error, Result};
 use crate::laws::Law;
-use crate::run::Cancel;
-use crate::solve::newton::{self, Options, Outcome};
+use crate::solve::newton::{Options, Outcome};
 use crate::solve::{Curve, Linearisation};
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -23,7 +25,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<HbmElements>()
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -100,7 +102,7 @@ impl HbmElements {
 #[pyclass(frozen)]
 pub struct HbmProblem {
     inner: Arc<Mutex<Problem>>,
-    fine: Vec<usize>,
+    pub fine: Vec<usize>,
 }
 
 #[pymethods]
@@ -152,6 +154,12 @@ impl HbmProblem {
         })
     }
 
+    /// Number of unknowns.
+    #[getter]
+    fn size(&self) -> usize {
+        lock(&self.inner).size()
+    }
+
     /// Residual and Jacobian at the coefficients y (harmonic by harmonic) for the base frequencies omega.
     fn residual<'py>(
         &self,
@@ -195,9 +203,9 @@ impl HbmProblem {
         let solved = interruptible(py, move |cancel| {
             let mut problem = lock(&inner);
             problem.omega = omega;
+            problem.level = level;
             problem.evaluations = 0;
-            problem.parameter = Parameter::Level { with_static: true };
-            let outcome = one_solution(&mut problem, &mut y, level, options, cancel)?;
+            let outcome = start::solve(&mut problem, &mut y, options, cancel)?;
             let estimate = Estimator::new(&problem, &fine).estimate(&problem, &y)?;
             let all = problem.expand(&y)?;
             Ok(Solved {
@@ -210,6 +218,62 @@ impl HbmProblem {
             })
         })?;
         solved.to_dict(py)
+    }
+
+    /// Floquet exponents of a solution (None where they cannot be told), and the monodromy matrix if asked for.
+    #[pyo3(signature = (y, omega, monodromy=false))]
+    fn floquet<'py>(
+        &self,
+        py: Python<'py>,
+        y: PyReadonlyArray1<'_, f64>,
+        omega: Vec<f64>,
+        monodromy: bool,
+    ) -> PyResult<(
+        Option<Bound<'py, PyArray1<Complex64>>>,
+        Option<Bound<'py, PyArray2<f64>>>,
+    )> {
+        let y = y.as_slice()?.to_vec();
+        drop(self.at(&omega, y.len())?);
+        let mut problem = self.separate();
+        let (exponents, matrix) = interruptible(py, move |_| {
+            let mut out = Linearisation::new(y.len());
+            problem.linearise(&y, omega[0], &mut out)?;
+            let floquet = stability::exponents(&mut problem, out.jacobian.as_ref(), &y)?;
+            let matrix = if monodromy {
+                Some(stability::monodromy(&mut problem, &y)?)
+            } else {
+                None
+            };
+            Ok((floquet.map(|f| f.exponents), matrix))
+        })?;
+        let exponents = exponents.map(|e| PyArray1::from_vec(py, e));
+        Ok((exponents, matrix.map(|m| to_numpy(py, m.as_ref()))))
+    }
+
+    /// The maximum of one harmonic, or without a term of the displacement, near the solution y: (omega, y).
+    fn peak<'py>(
+        &self,
+        py: Python<'py>,
+        y: PyReadonlyArray1<'_, f64>,
+        omega: f64,
+        level: f64,
+        coordinate: usize,
+        term: Option<usize>,
+    ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
+        let y = y.as_slice()?.to_vec();
+        let mut problem = self.separate();
+        if y.len() != problem.size()
+            || coordinate >= problem.n()
+            || term.is_some_and(|t| t > problem.basis.n_harmonics())
+        {
+            return Err(Error::model("no such coordinate or harmonic").into());
+        }
+        problem.omega[0] = omega;
+        problem.level = level;
+        let (omega, y) = interruptible(py, move |cancel| {
+            find_peak(&mut problem, &y, coordinate, term, cancel)
+        })?;
+        Ok((omega, PyArray1::from_vec(py, y)))
     }
 
     /// All coordinates (n, n_c) of a vector y.
@@ -245,6 +309,12 @@ impl HbmProblem {
 }
 
 impl HbmProblem {
+    /// A copy that another computation may change.
+    pub fn separate(&self) -> Problem {
+        let problem = lock(&self.inner);
+        problem.on(problem.basis.clone(), &problem.dims())
+    }
+
     fn at(&self, omega: &[f64], size: usize) -> Result<MutexGuard<'_, Problem>> {
         let mut problem = lock(&self.inner);
         if omega.len() != problem.omega.len() || size != problem.size() {
@@ -279,17 +349,6 @@ impl Solved {
         dict.set_item("broken", self.broken)?;
         Ok(dict)
     }
-}
-
-fn one_solution(
-    problem: &mut Problem,
-    y: &mut [f64],
-    level: f64,
-    options: Options,
-    cancel: &Cancel,
-) -> Result<Outcome> {
-    let mut out = Linearisation::new(problem.size());
-    newton::solve(problem, y, level, options, &mut out, cancel)
 }
 
 /// What the core relies on; Python has said the same in the words of the user before.

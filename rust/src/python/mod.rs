@@ -3,6 +3,7 @@ mod border;
 mod eigen_sensitivity;
 mod frf;
 mod hbm;
+mod hbm_branch;
 mod modal;
 mod sparse;
 mod system;
@@ -17,6 +18,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     eigen_sensitivity::register(module)?;
     frf::register(module)?;
     hbm::register(module)?;
+    hbm_branch::register(module)?;
     modal::register(module)?;
     sparse::register(module)?;
     system::register(module)?;

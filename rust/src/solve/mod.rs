@@ -1,5 +1,8 @@
 //! Solvers for R(y, p) = 0 that know nothing of mechanics.
+pub mod continuation;
+pub mod corrector;
 pub mod newton;
+pub mod segment;
 
 use faer::Mat;
 

@@ -83,8 +83,9 @@ impl Aft {
         }
     }
 
-    pub fn n_samples(&self) -> usize {
-        self.u.len()
+    /// Samples per dimension.
+    pub fn dims(&self) -> &[usize] {
+        self.grid.dims()
     }
 
     /// Force of `law` on the motion with the coefficients `u`; `frequency` of every term and its `slope` along the parameter.
@@ -188,6 +189,7 @@ impl Aft {
             self.add_rate_terms(frequency);
         } else {
             self.damping.fill(0.0);
+            self.f_v.fill(0.0);
         }
     }
 
@@ -253,9 +255,9 @@ impl Aft {
         collect(&self.slots, &self.spectrum, &mut self.force);
     }
 
-    /// Samples of the last element: displacement, force.
-    pub fn samples(&self) -> (&[f64], &[f64]) {
-        (&self.u, &self.f)
+    /// df/du and df/dv of the last element at the samples; only for laws without memory.
+    pub fn tangents(&self) -> (&[f64], &[f64]) {
+        (&self.f_u, &self.f_v)
     }
 }
 

@@ -37,6 +37,7 @@ impl Estimator {
     pub fn estimate(&mut self, problem: &Problem, y: &[f64]) -> Result<Estimate> {
         self.larger.omega.clone_from(&problem.omega);
         self.larger.level = problem.level;
+        self.larger.ramp = problem.ramp;
         self.larger.parameter = problem.parameter;
         self.y.fill(0.0);
         // `extended` keeps the order of the old terms and appends the new ones

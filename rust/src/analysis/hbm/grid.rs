@@ -128,7 +128,7 @@ impl Grid {
             self.half_row.copy_from_slice(row);
             // rounding may leave imaginary parts where a real series has none, and realfft then refuses
             self.half_row[0].im = 0.0;
-            if n % 2 == 0 {
+            if n.is_multiple_of(2) {
                 self.half_row[self.half - 1].im = 0.0;
             }
             let _ = self

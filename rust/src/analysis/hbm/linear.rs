@@ -1,4 +1,5 @@
 //! The linear part seen by harmonic balance: dynamic stiffness S(w) of the retained coordinates, S = K - w^2 M + i w C.
+use faer::Mat;
 use num_complex::Complex64 as c64;
 
 use crate::error::Result;
@@ -34,6 +35,10 @@ pub trait DynamicStiffness: Send {
     fn evaluate(&mut self, w: f64, force: Option<&[c64]>, block: &mut Block) -> Result<()>;
     /// All coordinates, given the retained ones.
     fn expand(&mut self, w: f64, force: Option<&[c64]>, y: &[c64], x: &mut [c64]) -> Result<()>;
+    /// M, C, K of the retained coordinates where nothing is condensed.
+    fn matrices(&self) -> Option<(Mat<f64>, Mat<f64>, Mat<f64>)> {
+        None
+    }
     /// The retained coordinates of a vector of all coordinates.
     fn restrict(&self, x: &[f64], y: &mut [f64]);
     /// The same operator for another thread or another set of terms.
@@ -79,6 +84,11 @@ impl DynamicStiffness for Full {
 
     fn restrict(&self, x: &[f64], y: &mut [f64]) {
         y.copy_from_slice(x);
+    }
+
+    fn matrices(&self) -> Option<(Mat<f64>, Mat<f64>, Mat<f64>)> {
+        let matrix = |a: &[f64]| Mat::from_fn(self.n, self.n, |i, j| a[i * self.n + j]);
+        Some((matrix(&self.m), matrix(&self.c), matrix(&self.k)))
     }
 
     fn copied(&self) -> Box<dyn DynamicStiffness> {

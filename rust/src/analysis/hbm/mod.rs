@@ -7,4 +7,7 @@ pub mod basis;
 pub mod estimate;
 pub mod grid;
 pub mod linear;
+pub mod peak;
 pub mod problem;
+pub mod response;
+pub mod start;

@@ -26,8 +26,10 @@ pub struct Element {
 pub enum Parameter {
     /// the base frequency with this number
     Omega(usize),
-    /// factor on the forces; with or without the static ones
-    Level { with_static: bool },
+    /// factor on all forces but the static one
+    Level,
+    /// factor on all forces, by which a first solution is approached
+    Ramp,
 }
 
 pub struct Problem {
@@ -39,6 +41,7 @@ pub struct Problem {
     pub forces: Arc<Vec<Option<Vec<c64>>>>,
     pub omega: Vec<f64>,
     pub level: f64,
+    pub ramp: f64,
     pub parameter: Parameter,
     pub aft: Aft,
     n: usize,
@@ -79,6 +82,7 @@ impl Problem {
             forces,
             omega,
             level: 1.0,
+            ramp: 1.0,
             parameter: Parameter::Omega(0),
             broken: None,
             evaluations: 0,
@@ -94,8 +98,14 @@ impl Problem {
         );
         let mut other = Problem::new(basis, linear, elements, forces, self.omega.clone(), dims);
         other.level = self.level;
+        other.ramp = self.ramp;
         other.parameter = self.parameter;
         other
+    }
+
+    /// Samples per dimension.
+    pub fn dims(&self) -> Vec<usize> {
+        self.aft.dims().to_vec()
     }
 
     /// Retained coordinates.
@@ -106,14 +116,16 @@ impl Problem {
     pub fn set_parameter(&mut self, value: f64) {
         match self.parameter {
             Parameter::Omega(i) => self.omega[i] = value,
-            Parameter::Level { .. } => self.level = value,
+            Parameter::Level => self.level = value,
+            Parameter::Ramp => self.ramp = value,
         }
     }
 
     pub fn parameter_value(&self) -> f64 {
         match self.parameter {
             Parameter::Omega(i) => self.omega[i],
-            Parameter::Level { .. } => self.level,
+            Parameter::Level => self.level,
+            Parameter::Ramp => self.ramp,
         }
     }
 
@@ -121,17 +133,19 @@ impl Problem {
     fn frequency_slope(&self) -> Vec<f64> {
         match self.parameter {
             Parameter::Omega(i) => self.basis.slope(i),
-            Parameter::Level { .. } => vec![0.0; self.basis.n_harmonics()],
+            Parameter::Level | Parameter::Ramp => vec![0.0; self.basis.n_harmonics()],
         }
     }
 
     /// Factor on the force of a term and its derivative by the parameter.
     fn force_factor(&self, term: usize) -> (f64, f64) {
-        match self.parameter {
-            Parameter::Level { with_static } if term > 0 || with_static => (self.level, 1.0),
-            _ if term > 0 => (self.level, 0.0),
-            _ => (1.0, 0.0),
-        }
+        let level = if term > 0 { self.level } else { 1.0 };
+        let slope = match self.parameter {
+            Parameter::Level if term > 0 => self.ramp,
+            Parameter::Ramp => level,
+            _ => 0.0,
+        };
+        (self.ramp * level, slope)
     }
 
     /// The blocks depend on frequencies alone, and those often stay.
@@ -182,6 +196,29 @@ impl Problem {
         }
     }
 
+    /// Coefficients of u = w . x of one element.
+    fn collect_coefficients(&mut self, e: usize, y: &[f64]) {
+        let direction = &self.retained[e];
+        for (c, part) in self.coefficients.iter_mut().zip(y.chunks_exact(self.n)) {
+            *c = direction.iter().map(|&(i, w)| w * part[i]).sum();
+        }
+    }
+
+    /// One element by itself; the answer is in `aft`.
+    fn evaluate_element(&mut self, e: usize, y: &[f64], want: Want) {
+        let (frequency, slope) = (self.basis.frequencies(&self.omega), self.frequency_slope());
+        self.collect_coefficients(e, y);
+        let element = &self.elements[e];
+        self.aft.element(
+            element.law,
+            &element.params,
+            &self.coefficients,
+            &frequency,
+            &slope,
+            want,
+        );
+    }
+
     fn add_element(
         &mut self,
         e: usize,
@@ -192,10 +229,8 @@ impl Problem {
         want: Want,
     ) {
         let (n, n_c) = (self.n, self.basis.n_coefficients());
+        self.collect_coefficients(e, y);
         let direction = &self.retained[e];
-        for c in 0..n_c {
-            self.coefficients[c] = direction.iter().map(|&(i, w)| w * y[c * n + i]).sum();
-        }
         let element = &self.elements[e];
         self.aft.element(
             element.law,
@@ -244,6 +279,71 @@ impl Problem {
             self.add_element(e, y, &frequency, &slope, out, want);
         }
         Ok(())
+    }
+
+    /// Frequency of the slowest possible term of a periodic motion.
+    pub fn base_frequency(&self) -> f64 {
+        self.omega[0] / self.basis.subharmonic
+    }
+
+    /// sum_e W_e (matrix of df/dv) W_e^T on the coefficients, for stability.
+    pub fn rate_matrix(&mut self, y: &[f64]) -> Mat<f64> {
+        let (n, n_c) = (self.n, self.basis.n_coefficients());
+        let mut out = Mat::zeros(n * n_c, n * n_c);
+        for e in 0..self.elements.len() {
+            if !self.elements[e].law.uses_velocity() {
+                continue;
+            }
+            self.evaluate_element(e, y, Want::Jacobian);
+            for &(i, wi) in &self.retained[e] {
+                for &(l, wl) in &self.retained[e] {
+                    for c in 0..n_c {
+                        for row in 0..n_c {
+                            out[(row * n + i, c * n + l)] +=
+                                wi * wl * self.aft.damping[row * n_c + c];
+                        }
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    /// df/du and df/dv of every element at n_t equidistant instants of the period.
+    pub fn tangents(&mut self, y: &[f64], n_t: usize) -> Vec<(Vec<f64>, Vec<f64>)> {
+        let least = 2 * self.basis.reach()[0] + 2;
+        let fold = least.div_ceil(n_t);
+        let mut sampler = Aft::new(&self.basis, &[n_t * fold], false);
+        std::mem::swap(&mut self.aft, &mut sampler);
+        let mut out = Vec::new();
+        for e in 0..self.elements.len() {
+            self.evaluate_element(e, y, Want::Jacobian);
+            let (f_u, f_v) = self.aft.tangents();
+            out.push((
+                f_u.iter().step_by(fold).copied().collect(),
+                f_v.iter().step_by(fold).copied().collect(),
+            ));
+        }
+        std::mem::swap(&mut self.aft, &mut sampler);
+        out
+    }
+
+    /// The tangents at one instant as matrices on the retained coordinates.
+    pub fn tangent_matrices(
+        &self,
+        tangents: &[(Vec<f64>, Vec<f64>)],
+        sample: usize,
+    ) -> (Mat<f64>, Mat<f64>) {
+        let (mut k, mut c) = (Mat::zeros(self.n, self.n), Mat::zeros(self.n, self.n));
+        for ((f_u, f_v), direction) in tangents.iter().zip(&self.retained) {
+            for &(i, wi) in direction {
+                for &(j, wj) in direction {
+                    k[(i, j)] += wi * wj * f_u[sample];
+                    c[(i, j)] += wi * wj * f_v[sample];
+                }
+            }
+        }
+        (k, c)
     }
 
     /// Coefficients of all coordinates, full_size x n_c by rows.
@@ -355,11 +455,7 @@ mod tests {
 
     #[test]
     fn jacobian_is_the_slope_of_the_residual() {
-        for parameter in [
-            Parameter::Omega(0),
-            Parameter::Level { with_static: false },
-            Parameter::Level { with_static: true },
-        ] {
+        for parameter in [Parameter::Omega(0), Parameter::Level, Parameter::Ramp] {
             let mut problem = two_masses(parameter);
             let n = problem.size();
             let y: Vec<f64> = (0..n).map(|i| ((2 * i + 1) as f64).sin()).collect();
