@@ -1,8 +1,5 @@
 """The Rust core: typed by hand and checked by stubtest. Not public; its results are wrapped by the modules of mbrs."""
 
-from typing import Any
-
-import numpy as np
 from collections.abc import Sequence
 from typing import Any
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -247,8 +247,8 @@ def _of_modes(result: Any, parameters: str | Sequence[str], follow: bool) -> Any
 
     lin = _source(result.system, "modal result")
     d = _of_linearization(lin, parameters, follow)
-    shape = d.directions.shape if len(d.directions.shape) > 1 else None
-    return eigen_sensitivity(result, dM=d.M, dD=d.D, dS=d.S, labels=d.labels, units=d.units, shape=shape)
+    shapes = [d.directions.shape] if len(d.directions.shape) > 1 else None
+    return eigen_sensitivity(result, d.M, d.D, d.S, parameters=d.labels, units=d.units, shapes=shapes)
 
 
 def _of_ports(result: Any, parameters: str | Sequence[str], follow: bool) -> Any:
@@ -268,12 +268,10 @@ def _of_ports(result: Any, parameters: str | Sequence[str], follow: bool) -> Any
     }
     matrices = {"dM": d.M, "dD": d.D, "dS": d.S}
     if type(result).__name__ == "FrfResult":
-        return frf_sensitivity(result.linear, result.omega, d.labels, kind=_plain_kind(result.kind), **matrices, **maps)
-    return response_sensitivity(result, d.labels, **matrices, **maps)
-
-
-def _plain_kind(kind: str) -> str:
-    return kind
+        made = frf_sensitivity(result.linear, result.omega, d.labels, kind=result.kind, **matrices, **maps)
+    else:
+        made = response_sensitivity(result, d.labels, **matrices, **maps)
+    return replace(made, value=d.directions.shaped(made.value))
 
 
 def _arm_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
