@@ -76,7 +76,7 @@ def check_gradients(analysis: Callable[[Any], Any], m: Any, parameters: str | Se
     --------
     >>> import mbrs as mb
     >>> m = mb.examples.cubic_hexapod()
-    >>> bool(mb.check_gradients(mb.linearize, m, ["payload.mass", "leg0.k"]))
+    >>> bool(mb.check_gradients(mb.linearize, m, ["payload.mass", "k_leg"]))
     True
     """
     start = time.perf_counter()
