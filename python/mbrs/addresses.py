@@ -10,7 +10,7 @@ import numpy as np
 
 from .bodies import INERTIA_PLACE
 from .errors import ModelError
-from .names import not_found
+from .names import not_found, shown
 from .parameters import labels
 from .store import Field, Item
 
@@ -47,10 +47,12 @@ class Target:
 def target(model: Model, address: object) -> Target:
     """Resolve an address, or raise with the nearest known one."""
     if not isinstance(address, str):
-        raise ModelError(f"an address must be a string such as 'payload.mass' or 'k_leg', got {address!r}")
+        raise ModelError(f"an address must be a string such as 'payload.mass' or 'k_leg', got {shown(address)}")
     match = _ADDRESS.fullmatch(address.strip())
     if match is None:
-        raise ModelError(f"the address {address!r} must read like 'k_leg', 'V[0,1]', 'payload.mass' or 'leg0.at_b[2]'")
+        raise ModelError(
+            f"the address {shown(address)} must read like 'k_leg', 'V[0,1]', 'payload.mass' or 'leg0.at_b[2]'"
+        )
     name, field, index = match.groups()
     if field is None and name == "gravity":
         return _gravity(model, address, index)
@@ -58,7 +60,7 @@ def target(model: Model, address: object) -> Target:
         return _parameter(model, address, name, index)
     item = model.items.get(name)
     if item is None:
-        raise not_found(f"the address {address!r} is unknown: no object", name, [*model.items, *model.space.names])
+        raise not_found(f"the address {shown(address)} is unknown: no object", name, [*model.items, *model.space.names])
     fields = item.fields()
     if field not in fields:
         raise _no_field(item, field, list(fields))
@@ -121,7 +123,7 @@ def _of_field(item: Item, name: str, field: Field, index: str | None) -> Target:
     else:
         component = int(np.ravel_multi_index(_index(address, index, shape), shape)) if shape else 0
         if not shape:
-            raise ModelError(f"the address {address!r} has an index, but {base} is one number")
+            raise ModelError(f"the address {shown(address)} has an index, but {base} is one number")
     return Target(address, (component,), (), (address,), item, field, name, store)
 
 
@@ -130,10 +132,14 @@ def _index(address: str, text: str, shape: tuple[int, ...]) -> tuple[int, ...]:
     try:
         place = tuple(int(part) for part in parts)
     except ValueError:
-        raise ModelError(f"the index of the address {address!r} must be whole numbers such as [2] or [0,1]") from None
+        raise ModelError(
+            f"the index of the address {shown(address)} must be whole numbers such as [2] or [0,1]"
+        ) from None
     if len(place) != len(shape):
         need = "no index: it is one number" if not shape else f"{len(shape)} numbers in its index, its shape is {shape}"
-        raise ModelError(f"the address {address!r} needs {need}")
+        raise ModelError(f"the address {shown(address)} needs {need}")
     if any(not 0 <= i < n for i, n in zip(place, shape, strict=True)):
-        raise ModelError(f"the index of the address {address!r} is out of range: the shape is {shape}, counted from 0")
+        raise ModelError(
+            f"the index of the address {shown(address)} is out of range: the shape is {shape}, counted from 0"
+        )
     return place

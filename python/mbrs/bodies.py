@@ -12,7 +12,7 @@ import numpy as np
 from .errors import InertiaError, MbrsWarning, ModelError
 from .expressions import Expression
 from .geometry import quaternion
-from .names import GROUND, problem
+from .names import GROUND, problem, shown
 from .ports import Port, make_port
 from .store import Field, Item, plain, single
 from .values import Number, array, numbers, scalar, shape_of, vector
@@ -97,16 +97,6 @@ class Body(Ported):
             "angular_velocity": plain(s + 20, 3, "rad/s"),
         }
 
-    @property
-    def at(self) -> np.ndarray:
-        """(3,) origin of the body as drawn, world."""
-        return np.array(self.values(0, 3))
-
-    @property
-    def mass(self) -> float:
-        """Mass, kg."""
-        return self.values(10, 1)[0]
-
 
 class Ground(Ported):
     """The fixed world, as a body to attach things to. Its index is -1."""
@@ -117,6 +107,18 @@ class Ground(Ported):
 
     def _home(self) -> tuple[str, str | None]:
         return GROUND, None
+
+    def force(self, direction: Any, at: Any = None) -> Port:
+        """An error: ground does not move."""
+        return self._port("force", direction, at)
+
+    def torque(self, direction: Any) -> Port:
+        """An error: ground does not move."""
+        return self._port("torque", direction, None)
+
+    def motion(self, direction: Any, at: Any = None) -> Port:
+        """An error that points to `mbrs.base_motion`."""
+        return self._port("motion", direction, at)
 
     def __repr__(self) -> str:
         return f"<ground of {self.model.name!r}>"
@@ -200,7 +202,7 @@ def inertia_numbers(value: Any, where: str) -> list[Number]:
         return [*array(value, (3,), where), *_NO]
     if shape != (3, 3):
         raise problem(
-            where, f"must be (3,) principal moments or a symmetric (3, 3) tensor, got {value!r}", InertiaError
+            where, f"must be (3,) principal moments or a symmetric (3, 3) tensor, got {shown(value)}", InertiaError
         )
     flat = array(value, (3, 3), where)
     plain_ = np.array(numbers(flat)).reshape(3, 3)
@@ -236,7 +238,7 @@ def _check_inertia(where: str, j: Sequence[float]) -> None:
             f"{where} (0, 0, {j[2]:g}) is planar data: no rigid body has it, and it serves only if the joints "
             "allow no rotation about x and y",
             MbrsWarning,
-            stacklevel=5,
+            stacklevel=6,
         )
         return
     raise problem(

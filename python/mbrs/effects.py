@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from .errors import ModelError
 from .joints import NONHOLONOMIC
-from .names import nearest
+from .names import nearest, shown
 
 if TYPE_CHECKING:
     from .model import Model
@@ -28,6 +28,8 @@ EFFECTS = (
 )
 _NEVER_OFF = frozenset({"loops", "redundancy"})
 _FRICTION_LAWS = frozenset({"Jenkins", "Iwan", "CoulombTanh"})
+# Codes of laws that depend on the rate without being friction: Polynomial1D with a velocity part, VanDerPol.
+_RATE_LAWS = frozenset({2, 8})
 _CONTACT_LAWS = frozenset({"Gap", "BilinearStop", "Hertz"})
 
 
@@ -98,7 +100,7 @@ def effects(model: Model) -> EffectsTable:
     'no gravity was given'
     """
     if not hasattr(model, "stores"):
-        raise ModelError(f"effects needs a mb.Model, got {model!r}")
+        raise ModelError(f"effects needs a mb.Model, got {shown(model)}")
     rows = []
     for name in EFFECTS:
         on, why = _RULES[name](model)
@@ -110,16 +112,18 @@ def check_without(names: Any) -> tuple[str, ...]:
     """The effects to leave out, checked, in the order of `EFFECTS`; a single name may stand without a tuple."""
     given = (names,) if isinstance(names, str) else names
     if not isinstance(given, Iterable):
-        raise ModelError(f"without= takes names of effects, got {names!r}")
+        raise ModelError(f"without= takes names of effects, got {shown(names)}")
     wanted = list(given)
     for name in wanted:
-        if name in EFFECTS:
+        if isinstance(name, str) and name in EFFECTS:
             continue
-        if name in _NEVER_OFF:
-            raise ModelError(f"the effect {name!r} cannot be switched off: it follows from the joints of the model")
+        if isinstance(name, str) and name in _NEVER_OFF:
+            raise ModelError(
+                f"the effect {shown(name)} cannot be switched off: it follows from the joints of the model"
+            )
         guess = nearest(name, EFFECTS) if isinstance(name, str) else None
         hint = f"did you mean {guess!r}?" if guess else "known: " + ", ".join(EFFECTS)
-        raise ModelError(f"no effect is called {name!r}; {hint}")
+        raise ModelError(f"no effect is called {shown(name)}; {hint}")
     return tuple(name for name in EFFECTS if name in wanted)
 
 
@@ -223,16 +227,16 @@ def _constraint_stiffness(m: Model) -> tuple[bool, str]:
 
 def _damping(m: Model) -> tuple[bool, str]:
     owners = _springs(m)
-    damped = [o for o in owners if o.flags & 2]
     if not owners:
         return False, "no spring, bushing or joint stiffness that could have damping"
+    rated = {id(law.owner) for laws in m.laws.values() for law in laws if law.code in _RATE_LAWS}
+    damped = [o for o in owners if o.flags & 2 or id(o) in rated]
     if not damped:
-        return False, "no c= was given"
-    if len(damped) == len(owners):
-        return True, f"all {_count(len(owners), 'spring')} have damping" if len(
-            owners
-        ) > 1 else "the spring has damping"
-    return True, f"{len(damped)} of {len(owners)} springs have damping"
+        return False, "no c= was given, and no law depends on a rate"
+    if len(owners) == 1:
+        return True, "the spring has damping"
+    share = f"all {len(owners)}" if len(damped) == len(owners) else f"{len(damped)} of {len(owners)}"
+    return True, f"{share} springs have damping"
 
 
 def _law_rule(names: frozenset[str], what: str) -> Callable[[Model], tuple[bool, str]]:

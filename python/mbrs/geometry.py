@@ -10,7 +10,7 @@ import numpy as np
 
 from .errors import ModelError
 from .expressions import Expression
-from .names import problem
+from .names import problem, shown
 from .values import Number, array, axis, scalar, shape_of
 
 # How far a matrix may be from orthonormal: hand-typed cosines of six digits pass, a typing error does not.
@@ -64,7 +64,7 @@ def quaternion(value: Any, where: str) -> list[Number]:
         return _from_matrix(array(value, (3, 3), where), where)
     if shape_of(value) != (4,):
         raise problem(
-            where, f"must be a quaternion (4,), scalar first, or a matrix (3, 3); got {value!r}. See mb.rotation"
+            where, f"must be a quaternion (4,), scalar first, or a matrix (3, 3); got {shown(value)}. See mb.rotation"
         )
     return array(value, (4,), where)
 

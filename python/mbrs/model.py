@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 
 from .addresses import Target, target
+from .attached_laws import LawItem
 from .bodies import Body, Ground, Marker, Pose, add_body, add_marker
-from .elements import LENGTH_GIVEN, Element, ElementMethods, LawItem, Load
+from .element_methods import ElementMethods
+from .elements import Element, Load
 from .errors import ModelError
 from .expressions import Program, rebuild_all
-from .joints import Joint, JointMethods
-from .names import GROUND, check_name, not_found, problem
+from .joint_methods import JointMethods
+from .joints import Joint
+from .names import GROUND, check_name, located, not_found, problem, shown
 from .parameters import ArrayParameter, ParameterSpace
 from .parameters import Symbol as Parameter
 from .store import Field, Item, Store, plain
@@ -74,7 +77,7 @@ class Model(JointMethods, ElementMethods):
 
     def __init__(self, name: str, gravity: Any = None) -> None:
         if not isinstance(name, str) or not name:
-            raise ModelError(f"the name of a model must be a non-empty string, got {name!r}")
+            raise ModelError(f"the name of a model must be a non-empty string, got {shown(name)}")
         self.name = name
         self.space = ParameterSpace()
         self.stores = {kind: Store() for kind in STORES}
@@ -189,7 +192,7 @@ class Model(JointMethods, ElementMethods):
         >>> (2 * V[0, 1] + 1).value
         5.0
         """
-        if name == "gravity":
+        if isinstance(name, str) and name == "gravity":
             raise ModelError("a parameter must not be called 'gravity': that is the address of the model's gravity")
         check_name("parameter", name, self.items)
         if name in self.space.names:
@@ -222,16 +225,18 @@ class Model(JointMethods, ElementMethods):
 
     def __getitem__(self, name: str) -> Any:
         """The handle of a name: a body, joint, element, load, marker or parameter."""
+        if not isinstance(name, str):
+            raise ModelError(f"model {self.name!r} is indexed by names, got {shown(name)}")
         if name == GROUND:
             return self.ground
         if name in self.items:
             return self.items[name]
         if name in self.space.names:
             return self.space.handle(name)
-        raise not_found(f"nothing in model {self.name!r}", str(name), [*self.items, *self.space.names])
+        raise not_found(f"nothing in model {self.name!r}", name, [*self.items, *self.space.names])
 
     def __contains__(self, name: object) -> bool:
-        return name in self.items or name in self.space.names
+        return isinstance(name, str) and (name in self.items or name in self.space.names)
 
     def value(self, address: str) -> Any:
         """The number(s) at an address now: a float, or an array for an address without an index.
@@ -257,7 +262,7 @@ class Model(JointMethods, ElementMethods):
             A value that fits the address in shape or sense no better than it would in the constructor.
         """
         if not isinstance(changes, Mapping):
-            raise ModelError(f"m.set takes a mapping of addresses to values, got {changes!r}")
+            raise ModelError(f"m.set takes a mapping of addresses to values, got {shown(changes)}")
         restructured = assign(self, [(self.target(address), value) for address, value in changes.items()])
         if restructured:
             self._changed_structure()
@@ -310,21 +315,24 @@ class Model(JointMethods, ElementMethods):
             self.marker_index[item.name] = item.index
         self.structure_version += 1
 
-    def find_body(self, body: Any, where: str) -> int:
-        """Index of a body given by handle or name; -1 is ground."""
-        if isinstance(body, (Body, Ground)):
-            if body.model is not self:
-                raise ModelError(f"{where} names {body!r}, which belongs to another model; use this model's own")
+    def find_body(self, body: Any, where: str, key: str = "body") -> int:
+        """Index of a body given by handle or name; -1 is ground. ``key`` is the argument that named it."""
+        if isinstance(body, (Body, Ground)) and body.model is self:
             return body.index
-        if isinstance(body, str):
-            if body == GROUND:
-                return -1
-            if body in self.body_index:
-                return self.body_index[body]
-            if body in self.items:
-                raise ModelError(f"{where} needs a body, but {body!r} is a {self.items[body].kind}")
-            raise not_found(f"{where}: no body", body, [*self.body_index, GROUND])
-        raise ModelError(f"{where} needs a body (its handle or name, or m.ground), got {body!r}")
+        if isinstance(body, str) and body in self.body_index:
+            return self.body_index[body]
+        if isinstance(body, str) and body == GROUND:
+            return -1
+        raise located(self._no_body(body, where), f"{where}.{key}")
+
+    def _no_body(self, body: Any, where: str) -> ModelError:
+        if isinstance(body, (Body, Ground)):
+            return ModelError(f"{where} names {shown(body)}, which belongs to another model; use this model's own")
+        if not isinstance(body, str):
+            return ModelError(f"{where} needs a body (its handle or name, or m.ground), got {shown(body)}")
+        if body in self.items:
+            return ModelError(f"{where} needs a body, but {shown(body)} is a {self.items[body].kind}")
+        return not_found(f"{where}: no body", body, [*self.body_index, GROUND])
 
     def body_name(self, index: int) -> str:
         """Name of a body by index."""
@@ -332,7 +340,7 @@ class Model(JointMethods, ElementMethods):
 
     def two_bodies(self, where: str, a: Any, b: Any) -> tuple[int, int]:
         """Indices of two different bodies."""
-        i, j = self.find_body(a, where), self.find_body(b, where)
+        i, j = self.find_body(a, where, "a"), self.find_body(b, where, "b")
         if i == j:
             raise problem(where, f"connects {self.body_name(i)!r} with itself; name two different bodies")
         return i, j
@@ -383,6 +391,3 @@ class Model(JointMethods, ElementMethods):
             (len(self.space.names), "parameters"),
         )
         return f"Model({self.name!r}: " + ", ".join(f"{n} {what}" for n, what in counts) + ")"
-
-
-__all__ = ["LENGTH_GIVEN", "STORES", "Model"]

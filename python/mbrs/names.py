@@ -11,26 +11,46 @@ GROUND = "ground"
 _FORBIDDEN = frozenset(".[]")
 # Comparing with every name of a model of 1e5 bodies would take seconds, so large sets are narrowed first.
 _LARGE = 2000
+_SHOWN = 80
 
 
 def problem(address: str, text: str, error: type[MbrsError] = ModelError) -> MbrsError:
-    """An error about one number or object; keeps its address so that a file reader can point at the line."""
-    made = error(f"{address} {text}")
-    made.__dict__["address"] = address
-    return made
+    """An error about one number or object; its message starts with the address."""
+    return located(error(f"{address} {text}"), address)
+
+
+def located(error: MbrsError, address: str) -> MbrsError:
+    """The error, with the address it is about kept on it, so that a file reader can point at the line."""
+    error.__dict__["address"] = address
+    return error
+
+
+def shown(value: object) -> str:
+    """Anything as short text for a message, whatever its repr does."""
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:
+        text = f"<{type(value).__name__}>"
+    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
 
 
 def check_name(kind: str, name: object, taken: Collection[str]) -> str:
     """The name if a new object may have it, else the error that says why not."""
+    if isinstance(name, str) and name and name not in taken and name != GROUND and _FORBIDDEN.isdisjoint(name):
+        return name
+    error: type[ModelError] = ModelError
     if not isinstance(name, str):
-        raise ModelError(f"the name of a {kind} must be a string, got {name!r} ({type(name).__name__})")
-    if not name:
-        raise ModelError(f"the name of a {kind} must not be empty")
-    if not _FORBIDDEN.isdisjoint(name):
-        raise ModelError(f"the name {name!r} of a {kind} must not contain '.', '[' or ']', which addresses use")
-    if name == GROUND or name in taken:
-        raise DuplicateNameError(f"the name {name!r} of a {kind} is already taken in this model; choose another")
-    return name
+        text = f"the name of a {kind} must be a string, got {shown(name)} ({type(name).__name__})"
+    elif not name:
+        text = f"the name of a {kind} must not be empty"
+    elif not _FORBIDDEN.isdisjoint(name):
+        text = f"the name {shown(name)} of a {kind} must not contain '.', '[' or ']', which addresses use"
+    else:
+        text, error = (
+            f"the name {shown(name)} of a {kind} is already taken in this model; choose another",
+            DuplicateNameError,
+        )
+    raise located(error(text), f"{name}.name")
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
@@ -57,4 +77,4 @@ def not_found(what: str, name: str, known: Iterable[str]) -> NameNotFoundError:
         hint = "; known: " + ", ".join(repr(other) for other in pool)
     else:
         hint = ""
-    return NameNotFoundError(f"{what} is called {name!r}{hint}")
+    return NameNotFoundError(f"{what} is called {shown(name)}{hint}")

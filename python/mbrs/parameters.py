@@ -10,7 +10,7 @@ import numpy as np
 
 from .errors import ModelError
 from .expressions import Expression, Symbol, apply_ufunc
-from .names import problem
+from .names import problem, shown
 
 
 class ParameterSpace:
@@ -74,13 +74,13 @@ def checked(name: str, value: Any, shape: tuple[int, ...] | None) -> np.ndarray:
     except (TypeError, ValueError):
         numeric = False
     if not numeric:
-        raise problem(name, f"must be a real number or an array of real numbers, got {value!r}")
+        raise problem(name, f"must be a real number or an array of real numbers, got {shown(value)}")
     if shape is not None and array.shape != shape:
         raise problem(name, f"has the shape {shape}, got a value of shape {array.shape}")
     if array.size == 0:
         raise problem(name, "must not be an empty array")
     if not np.all(np.isfinite(array)):
-        raise problem(name, f"must be finite, got {value!r}")
+        raise problem(name, f"must be finite, got {shown(value)}")
     return array
 
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from .errors import ModelError
-from .expressions import number_text
+from .expressions import Expression, number_text
 from .geometry import unit
-from .names import GROUND, not_found
-from .values import numbers, vector
+from .names import GROUND, not_found, shown
+from .values import Number, numbers, vector
 
 Kind = Literal["force", "torque", "motion", "base"]
 KINDS: tuple[Kind, ...] = ("force", "torque", "motion", "base")
@@ -58,9 +58,17 @@ def make_port(kind: Kind, owner: str, body: str, marker: str | None, direction: 
         vector_ = unit(direction, where)
     point = None
     if at is not None:
-        x, y, z = numbers(vector(at, f"at= of {owner}.{kind}"))
-        point = (x, y, z)
+        point = _plain_point(vector(at, f"at= of {owner}.{kind}"), f"{owner}.{kind}")
     return Port(_label(kind, owner, direction, point), kind, body, marker, point, vector_, turns)
+
+
+def _plain_point(entries: list[Number], where: str) -> tuple[float, float, float]:
+    if any(isinstance(v, Expression) for v in entries):
+        raise ModelError(
+            f"at= of {where} must be plain numbers; for a point that follows parameters define a marker there"
+        )
+    x, y, z = numbers(entries)
+    return (x, y, z)
 
 
 def _label(kind: Kind, owner: str, direction: Any, point: tuple[float, ...] | None) -> str:
@@ -90,17 +98,17 @@ def as_port(model: Any, spec: Any) -> Port:
         _check_known(model, spec)
         return spec
     if not isinstance(spec, str):
-        raise ModelError(f"an input or output must be a port such as body.force('z'), or its name; got {spec!r}")
+        raise ModelError(f"an input or output must be a port such as body.force('z'), or its name; got {shown(spec)}")
     parts = spec.split(".")
     if len(parts) == 2 and parts[0] == "base":
         return base_motion(parts[1])
     if len(parts) != 3 or parts[1] not in ("force", "torque", "motion"):
         raise ModelError(
-            f"the port {spec!r} must read like 'body.force.z', 'body.torque.x', 'body.motion.rz' or 'base.z'"
+            f"the port {shown(spec)} must read like 'body.force.z', 'body.torque.x', 'body.motion.rz' or 'base.z'"
         )
     owner = model[parts[0]]
     if not hasattr(owner, "motion"):
-        raise ModelError(f"the port {spec!r} is on {owner!r}, but only bodies and markers have ports")
+        raise ModelError(f"the port {shown(spec)} is on {owner!r}, but only bodies and markers have ports")
     return getattr(owner, parts[1])(parts[2])
 
 

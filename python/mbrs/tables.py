@@ -120,7 +120,9 @@ def _laws(model: Model, base: dict[str, int]) -> dict[str, Any]:
 
 
 def _integers(values: Iterable[Any]) -> np.ndarray:
-    return np.array(list(values), dtype=np.int64)
+    out = np.array(list(values), dtype=np.int64)
+    out.setflags(write=False)  # shared between the dicts of all calls
+    return out
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .expressions import Expression
-from .names import problem
+from .names import problem, shown
 
 Number = float | Expression
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -18,7 +18,10 @@ AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 def scalar(value: Any, where: str) -> Number:
     """A finite float, or an expression."""
     if type(value) is float or type(value) is int:
-        made = float(value)
+        try:
+            made = float(value)
+        except OverflowError:
+            made = math.inf
     elif isinstance(value, Expression):
         return value
     elif isinstance(value, (np.floating, np.integer)):
@@ -26,9 +29,9 @@ def scalar(value: Any, where: str) -> Number:
     elif isinstance(value, np.ndarray) and value.ndim == 0:
         return scalar(value.item(), where)
     else:
-        raise problem(where, f"must be a real number, got {value!r}")
+        raise problem(where, f"must be a real number, got {shown(value)}")
     if not math.isfinite(made):
-        raise problem(where, f"must be a finite number, got {made}")
+        raise problem(where, f"must be a finite number, got {shown(value)}")
     return made
 
 
@@ -53,7 +56,7 @@ def array(value: Any, shape: tuple[int, ...], where: str) -> list[Number]:
     if got != shape:
         need = " x ".join(map(str, shape))
         have = f"shape {got}" if -1 not in got else "ragged rows"
-        what = f"{value!r}" if got == () else have
+        what = f"{shown(value)}" if got == () else have
         raise problem(where, f"must be {need} numbers, got {what}")
     flat = np.asarray(value, dtype=object).ravel().tolist()
     return [scalar(v, where) for v in flat]
@@ -69,7 +72,9 @@ def axis(value: Any, where: str) -> list[Number]:
     if isinstance(value, str):
         sign = -1.0 if value.startswith("-") else 1.0
         if value.lstrip("+-") not in AXES or len(value) > 2:
-            raise problem(where, f"must be 'x', 'y', 'z', one of these with a minus, or three numbers, got {value!r}")
+            raise problem(
+                where, f"must be 'x', 'y', 'z', one of these with a minus, or three numbers, got {shown(value)}"
+            )
         return [sign * c if c else 0.0 for c in AXES[value[-1]]]
     made = vector(value, where)
     if not any(isinstance(v, Expression) or v != 0.0 for v in made):

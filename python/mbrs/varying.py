@@ -40,17 +40,16 @@ class Driver:
             slots = np.array([places[n][1] for n in at])
             self._writes.append((kind, slots, np.array([self.program.roots[n] for n in at])))
         self.recheck = _driven_items(model)
-        self._space = model.space
 
     def run(self, model: Model) -> None:
         """Evaluate at the present V and write the numbers; nothing is written when an expression fails."""
-        w = np.array(self.program.evaluate(self._space.values))
+        w = np.array(self.program.evaluate(model.space.values))
         for kind, slots, nodes in self._writes:
             np.frombuffer(model.stores[kind].x)[slots] = w[nodes]
 
     def jacobian(self, model: Model) -> dict[int, tuple[list[int], list[float], list[str]]]:
         """d(numbers)/dV: for every place in V its (slots, derivatives, stores)."""
-        w = self.program.evaluate(self._space.values)
+        w = self.program.evaluate(model.space.values)
         by_node: dict[int, dict[int, float]] = {}
         out: dict[int, tuple[list[int], list[float], list[str]]] = {}
         for kind, slots, nodes in self._writes:
@@ -108,8 +107,8 @@ def assign(model: Model, changes: Sequence[tuple[Target, Any]]) -> bool:
         touched = _write_all(model, changes, undo)
         if space.values != before:
             driver.run(model)
-            touched.extend(item for item in driver.recheck if item not in touched)
-        for item in touched:
+            touched.extend(driver.recheck)
+        for item in dict.fromkeys(touched):
             item.recheck()
         given: list[Any] = [t.item for t, _ in changes if t.name == "length"]
         for owner in given:
@@ -144,7 +143,7 @@ def _write_all(model: Model, changes: Sequence[tuple[Target, Any]], undo: list[t
         for slot, new_value in _writes(model, target, value):
             undo.append((target.store, slot, x[slot]))
             x[slot] = new_value
-        if target.name in _CHECKED and target.item not in touched:
+        if target.name in _CHECKED:
             touched.append(target.item)
     return touched
 

@@ -9,9 +9,12 @@
 pub mod analysis;
 pub mod error;
 pub mod kinematics;
+pub mod laws;
 pub mod linalg;
 pub mod model;
 pub mod run;
+pub mod second_order;
+pub mod solve;
 pub mod spatial;
 pub mod system;
 

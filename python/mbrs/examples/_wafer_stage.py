@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..errors import ModelError
 from ..model import Model
 
 # Invented: kg, kg m2; N/m, N m/rad, N s/m, N m s/rad.
@@ -27,6 +28,8 @@ def wafer_stage(mounts: int = 4, length: float = 1.6, width: float = 1.2) -> Mod
         4 bodies and 14 degrees of freedom: 6 of "base", 1 each of "y slide" and "x slide", 6 of "chuck". Parameter
         "k_mount" (3,). All data are invented.
     """
+    if mounts not in (3, 4):
+        raise ModelError(f"a wafer stage stands on 3 or 4 mounts, got mounts={mounts!r}")
     m = Model("wafer stage")
     k = m.parameter("k_mount", _MOUNT_K)
     base = m.body("base", mass=_BASE[0], inertia=_BASE[1], at=(0, 0, 0.2))

@@ -11,8 +11,9 @@ import math
 from typing import Any
 
 from ..errors import ModelError
-from ..expressions import FUNCTIONS, combine
+from ..expressions import combine
 from ..names import nearest, not_found
+from ..operations import FUNCTIONS
 from ..parameters import ArrayParameter, ParameterSpace
 
 _BINARY = {ast.Add: "add", ast.Sub: "subtract", ast.Mult: "multiply", ast.Div: "divide", ast.Pow: "power"}
@@ -30,10 +31,14 @@ class GrammarError(ModelError):
 def parse(text: str, space: ParameterSpace) -> Any:
     """A number, an expression or, for a whole array parameter, that parameter."""
     try:
-        tree = ast.parse(text.strip(), mode="eval")
+        text = text.strip()
+        tree = ast.parse(text, mode="eval")
         return _read(tree.body, text, space)
     except SyntaxError as reason:
-        raise GrammarError(f"cannot read the expression {text!r}: {reason.msg}", reason.offset or 1) from None
+        # Python reports offset 0 where the text ends too early.
+        raise GrammarError(
+            f"cannot read the expression {text!r}: {reason.msg}", reason.offset or len(text) + 1
+        ) from None
     except (RecursionError, MemoryError):
         raise GrammarError("the expression is nested too deeply to be read; split it with parameters", 1) from None
     except ValueError as reason:

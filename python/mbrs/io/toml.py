@@ -7,10 +7,11 @@ import json
 import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
-from ..elements import SavedLaw
+from ..attached_laws import SavedLaw
 from ..errors import DuplicateNameError, InertiaError, MbrsError, ModelError, NameNotFoundError
 from ..expressions import Expression
 from ..joints import KINDS
@@ -94,6 +95,8 @@ def loads(text: str, source: str = "<text>") -> Model:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as reason:
         raise ModelError(f"{source}: {_lower(str(reason))}") from None
+    except RecursionError:
+        raise ModelError(f"{source}: arrays or tables are nested too deeply to be read") from None
     return _Reader(data, text, source).model()
 
 
@@ -108,8 +111,12 @@ def _lower(message: str) -> str:
 
 class _Reader:
     def __init__(self, data: dict[str, Any], text: str, source: str) -> None:
-        self.data, self.source = data, source
-        self.places = Places(text)
+        self.data, self.text, self.source = data, text, source
+
+    @cached_property
+    def places(self) -> Places:
+        """Found only when there is a mistake to report."""
+        return Places(self.text)
 
     def model(self) -> Model:
         self._known("", 0, self.data, ("model", "parameters", *_TABLES))
@@ -148,9 +155,9 @@ class _Reader:
                     kind, number, "type", NameNotFoundError(f"no type of {kind} is called {method!r}; {hint}")
                 )
         function = getattr(model, method)
-        signature = inspect.signature(function).parameters
-        self._known(kind, number, given, tuple(signature))
-        missing = [n for n, p in signature.items() if p.default is inspect.Parameter.empty and n not in given]
+        known, required = _arguments(method)
+        self._known(kind, number, given, known)
+        missing = [n for n in required if n not in given]
         if missing:
             raise self._at(kind, number, "", ModelError(f"{kind} {given.get('name', '')!r} lacks {', '.join(missing)}"))
         made = {key: self._decoded(model, kind, number, key, value) for key, value in given.items()}
@@ -186,11 +193,17 @@ class _Reader:
         return kind(f"{self.source}: line {line}, column {column}: {reason}")
 
 
+@lru_cache
+def _arguments(method: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of all arguments of a method of the model, and of those that must be given."""
+    signature = inspect.signature(getattr(Model, method)).parameters
+    known = tuple(name for name in signature if name != "self")
+    return known, tuple(name for name in known if signature[name].default is inspect.Parameter.empty)
+
+
 def _field_of(reason: MbrsError) -> str:
     address = getattr(reason, "address", "")
     field = address.rpartition(".")[2] if "." in address else ""
-    if isinstance(reason, DuplicateNameError):
-        field = "name"
     return field.removesuffix("_a").removesuffix("_b") if field.startswith("at_") else field
 
 

@@ -11,15 +11,16 @@ use crate::analysis::assembly::close;
 use crate::analysis::linearize::{Linearization, Setting, linearize};
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
-use crate::spatial::Six;
 use crate::system::System;
-use crate::system::assemble::{Effects, Scene};
+use crate::system::assemble::Effects;
 use crate::system::loops::column_scales;
-use crate::system::placement::{Placement, State, advance, place};
+use crate::system::placement::{State, advance};
 
 const MAX_ITERATIONS: usize = 200;
 /// Stiffness below this part of the largest counts as none.
 const NO_STIFFNESS: f64 = 1e-12;
+/// Iterations that a force may push along a direction without stiffness before that is an error.
+const PATIENCE: usize = 25;
 /// Longest step, radians or characteristic lengths.
 const LONGEST_STEP: f64 = 0.4;
 
@@ -47,14 +48,35 @@ struct Local {
 
 impl Local {
     fn at(system: &System, state: &State, effects: Effects, counts: &mut Counts) -> Result<Local> {
-        let linearization = linearize(&Setting { system, state, effects }, counts)?;
+        let linearization = linearize(
+            &Setting {
+                system,
+                state,
+                effects,
+            },
+            counts,
+        )?;
         let all = column_scales(&system.topology, system.length);
-        let scale: Vec<f64> = linearization.coordinates(system.n_tree()).iter().map(|i| all[*i]).collect();
+        let scale: Vec<f64> = linearization
+            .coordinates(system.n_tree())
+            .iter()
+            .map(|i| all[*i])
+            .collect();
         let n = scale.len();
-        let scaled = |x: &DMatrix<f64>| DMatrix::from_fn(n, n, |i, j| x[(i, j)] * scale[i] * scale[j]);
-        let (k, m) = (scaled(&linearization.matrices.stiffness), scaled(&linearization.matrices.mass));
+        let scaled =
+            |x: &DMatrix<f64>| DMatrix::from_fn(n, n, |i, j| x[(i, j)] * scale[i] * scale[j]);
+        let (k, m) = (
+            scaled(&linearization.matrices.stiffness),
+            scaled(&linearization.matrices.mass),
+        );
         let r = DVector::from_fn(n, |i, _| linearization.residual[i] * scale[i]);
-        Ok(Local { k, m, r, scale, linearization })
+        Ok(Local {
+            k,
+            m,
+            r,
+            scale,
+            linearization,
+        })
     }
 
     fn conservative(&self) -> bool {
@@ -72,27 +94,51 @@ struct Spectrum {
 fn spectrum(k: &DMatrix<f64>) -> Result<Spectrum> {
     let n = k.nrows();
     let a = Mat::from_fn(n, n, |i, j| 0.5 * (k[(i, j)] + k[(j, i)]));
-    let eigen = a.self_adjoint_eigen(Side::Lower).map_err(|_| Error::singular("the stiffness has no eigenvalues: it is not finite"))?;
+    let eigen = a
+        .self_adjoint_eigen(Side::Lower)
+        .map_err(|_| Error::singular("the stiffness has no eigenvalues: it is not finite"))?;
     let values: Vec<f64> = (0..n).map(|i| eigen.S().column_vector()[i]).collect();
     let vectors = DMatrix::from_fn(n, n, |i, j| eigen.U()[(i, j)]);
     let none = NO_STIFFNESS * values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-    Ok(Spectrum { values, vectors, none })
+    Ok(Spectrum {
+        values,
+        vectors,
+        none,
+    })
 }
 
-pub fn equilibrium(system: &System, start: &State, effects: Effects, cancel: &Cancel, counts: &mut Counts) -> Result<Equilibrium> {
-    let mut state = State { relative: start.relative.clone(), rate: Vec::new() };
+pub fn equilibrium(
+    system: &System,
+    start: &State,
+    effects: Effects,
+    cancel: &Cancel,
+    counts: &mut Counts,
+) -> Result<Equilibrium> {
+    let mut state = State {
+        relative: start.relative.clone(),
+        rate: Vec::new(),
+    };
     let mut local = Local::at(system, &state, effects, counts)?;
-    let mut sigma = 0.0;
+    let (mut sigma, mut pushed) = (0.0, 0);
     let mut best = (f64::INFINITY, state.clone());
     for iteration in 0..MAX_ITERATIONS {
         cancel.check()?;
         counts.add("equilibrium iterations", 1);
-        let size = force_scale(system, &state, effects);
+        let size = local.linearization.force_scale.max(f64::MIN_POSITIVE);
         let residual = local.r.amax() / size;
         if residual < best.0 {
             best = (residual, state.clone());
         }
         let spectrum = spectrum(&local.k)?;
+        // no stiffness against a force: relax, since it may come with the motion (a pendulum drawn level); where it does not
+        // come, nothing restrains the model
+        if pushed_freely(&local, &spectrum, size) {
+            pushed += 1;
+            sigma = f64::max(sigma, initial_sigma(&local));
+            if pushed > PATIENCE {
+                return Err(unrestrained(system, &local, &spectrum));
+            }
+        }
         let step = newton_step(&local, &spectrum, sigma)?;
         let rounding = residual <= 1e-11 && step.amax() <= 1e-9;
         if residual <= 1e-14 || step.amax() <= 1e-14 || rounding {
@@ -107,8 +153,13 @@ pub fn equilibrium(system: &System, start: &State, effects: Effects, cancel: &Ca
             }
             return finish(system, state, local, &spectrum, size, iteration);
         }
-        let (next_state, next, relaxed) = advance_once(system, &state, &local, &spectrum, sigma, effects, counts)?;
-        sigma = if relaxed { next.r.norm() / local.r.norm().max(f64::MIN_POSITIVE) * sigma.max(initial_sigma(&local)) } else { 0.0 };
+        let (next_state, next, relaxed) =
+            advance_once(system, &state, &local, &spectrum, sigma, effects, counts)?;
+        sigma = if relaxed {
+            next.r.norm() / local.r.norm().max(f64::MIN_POSITIVE) * sigma.max(initial_sigma(&local))
+        } else {
+            0.0
+        };
         state = next_state;
         local = next;
     }
@@ -118,9 +169,20 @@ pub fn equilibrium(system: &System, start: &State, effects: Effects, cancel: &Ca
              to it (draw the model there), or add stiffness where the model is a mechanism",
             best.0
         ),
-        best: best.1.relative.iter().flat_map(|p| p.p.iter().chain(p.r.iter()).copied().collect::<Vec<_>>()).collect(),
+        best: best
+            .1
+            .relative
+            .iter()
+            .flat_map(|p| p.p.iter().chain(p.r.iter()).copied().collect::<Vec<_>>())
+            .collect(),
         residual: best.0,
     })
+}
+
+fn pushed_freely(local: &Local, spectrum: &Spectrum, size: f64) -> bool {
+    let free = (0..spectrum.values.len()).filter(|k| spectrum.values[*k].abs() <= spectrum.none);
+    free.into_iter()
+        .any(|k| spectrum.vectors.column(k).dot(&local.r).abs() > 1e-9 * size)
 }
 
 fn initial_sigma(local: &Local) -> f64 {
@@ -132,13 +194,26 @@ fn initial_sigma(local: &Local) -> f64 {
 fn newton_step(local: &Local, spectrum: &Spectrum, sigma: f64) -> Result<DVector<f64>> {
     if sigma > 0.0 {
         let a = &local.k + &local.m * sigma;
-        if let Some(step) = a.lu().solve(&-&local.r).filter(|s| s.iter().all(|v| v.is_finite())) {
+        if let Some(step) = a
+            .lu()
+            .solve(&-&local.r)
+            .filter(|s| s.iter().all(|v| v.is_finite()))
+        {
             return Ok(step);
         }
     }
     if !local.conservative() {
-        let step = local.k.clone().lu().solve(&-&local.r).filter(|s| s.iter().all(|v| v.is_finite()));
-        return step.ok_or_else(|| Error::singular("the tangent stiffness is singular under follower loads; restrain the model"));
+        let step = local
+            .k
+            .clone()
+            .lu()
+            .solve(&-&local.r)
+            .filter(|s| s.iter().all(|v| v.is_finite()));
+        return step.ok_or_else(|| {
+            Error::singular(
+                "the tangent stiffness is singular under follower loads; restrain the model",
+            )
+        });
     }
     let mut step = DVector::zeros(local.r.len());
     for (k, value) in spectrum.values.iter().enumerate() {
@@ -150,9 +225,19 @@ fn newton_step(local: &Local, spectrum: &Spectrum, sigma: f64) -> Result<DVector
     Ok(step)
 }
 
-fn moved(system: &System, state: &State, local: &Local, step: &DVector<f64>, alpha: f64, counts: &mut Counts) -> Result<State> {
+fn moved(
+    system: &System,
+    state: &State,
+    local: &Local,
+    step: &DVector<f64>,
+    alpha: f64,
+    counts: &mut Counts,
+) -> Result<State> {
     let z = DVector::from_fn(step.len(), |i, _| step[i] * alpha * local.scale[i]);
-    let dy = match (&local.linearization.loops, &local.linearization.dependent_map) {
+    let dy = match (
+        &local.linearization.loops,
+        &local.linearization.dependent_map,
+    ) {
         (Some(l), Some(b)) => l.expand(b, &z),
         _ => z,
     };
@@ -181,9 +266,12 @@ fn advance_once(
         }
         let mut alpha = (LONGEST_STEP / step.amax()).min(1.0);
         for _ in 0..8 {
-            let trial = moved(system, state, local, &step, alpha, counts).and_then(|s| Local::at(system, &s, effects, counts).map(|l| (s, l)));
+            let trial = moved(system, state, local, &step, alpha, counts)
+                .and_then(|s| Local::at(system, &s, effects, counts).map(|l| (s, l)));
             match trial {
-                Ok((next_state, next)) if acceptable(local, &next, &step) => return Ok((next_state, next, sigma > 0.0)),
+                Ok((next_state, next)) if acceptable(local, &next, &step) => {
+                    return Ok((next_state, next, sigma > 0.0));
+                }
                 Ok(pair) => last = Some(pair),
                 // a step that tears a loop open is too long
                 Err(Error::Assembly(_) | Error::Singular(_)) => {}
@@ -193,14 +281,20 @@ fn advance_once(
             counts.add("line-search steps", 1);
         }
         counts.add("relaxation steps", 1);
-        sigma = if sigma > 0.0 { 10.0 * sigma } else { initial_sigma(local) };
+        sigma = if sigma > 0.0 {
+            10.0 * sigma
+        } else {
+            initial_sigma(local)
+        };
         if attempt > 25 && last.is_some() {
             break;
         }
     }
     match last {
         Some((s, l)) => Ok((s, l, true)),
-        None => Err(Error::singular("no step keeps the loops closed: the mechanism is locked or at the border of its range")),
+        None => Err(Error::singular(
+            "no step keeps the loops closed: the mechanism is locked or at the border of its range",
+        )),
     }
 }
 
@@ -219,28 +313,20 @@ fn acceptable(local: &Local, next: &Local, step: &DVector<f64>) -> bool {
     before < 0.0 && after <= 0.5 * before.abs()
 }
 
-/// The size of all forces at work: what a residual is measured against.
-fn force_scale(system: &System, state: &State, effects: Effects) -> f64 {
-    let placement = place(&system.topology, &system.geometry, &state.relative, None);
-    let scene = still(system, &placement, effects);
-    let size = |w: &Six<f64>| w.l.norm() * system.length + w.a.norm();
-    let total: f64 = scene.body_wrenches(None).iter().map(size).sum();
-    let springs: f64 = scene.connector_sizes(system.length);
-    (total + springs).max(f64::MIN_POSITIVE)
-}
-
-fn still<'a>(system: &'a System, placement: &'a Placement<f64>, effects: Effects) -> Scene<'a, f64> {
-    Scene { topology: &system.topology, geometry: &system.geometry, x: &system.x, placement, rate: None, acceleration: None, effects }
-}
-
 /// What keeps a direction from being in balance, said by the names of its largest coordinates.
 fn direction_names(system: &System, local: &Local, v: &DVector<f64>) -> String {
     let coordinates = local.linearization.coordinates(system.n_tree());
     let mut order: Vec<usize> = (0..v.len()).collect();
     order.sort_by(|a, b| v[*b].abs().total_cmp(&v[*a].abs()));
     let largest = order.first().map_or(0.0, |i| v[*i].abs());
-    let named = order.iter().take(3).filter(|i| v[**i].abs() > 0.3 * largest);
-    named.map(|i| system.topology.names[coordinates[*i]].clone()).collect::<Vec<_>>().join(" + ")
+    let named = order
+        .iter()
+        .take(3)
+        .filter(|i| v[**i].abs() > 0.3 * largest);
+    named
+        .map(|i| system.topology.names[coordinates[*i]].clone())
+        .collect::<Vec<_>>()
+        .join(" + ")
 }
 
 fn unrestrained(system: &System, local: &Local, spectrum: &Spectrum) -> Error {
@@ -249,11 +335,22 @@ fn unrestrained(system: &System, local: &Local, spectrum: &Spectrum) -> Error {
         let along = |k: usize| spectrum.vectors.column(k).dot(&local.r).abs();
         along(*a).total_cmp(&along(*b))
     });
-    let name = pushed.map_or_else(String::new, |k| direction_names(system, local, &spectrum.vectors.column(k).into_owned()));
-    Error::singular(format!("nothing restrains the direction {name} but a force acts along it: add a spring, a joint or an opposing force"))
+    let name = pushed.map_or_else(String::new, |k| {
+        direction_names(system, local, &spectrum.vectors.column(k).into_owned())
+    });
+    Error::singular(format!(
+        "nothing restrains the direction {name} but a force acts along it: add a spring, a joint or an opposing force"
+    ))
 }
 
-fn finish(system: &System, state: State, local: Local, _: &Spectrum, size: f64, iterations: usize) -> Result<Equilibrium> {
+fn finish(
+    system: &System,
+    state: State,
+    local: Local,
+    _: &Spectrum,
+    size: f64,
+    iterations: usize,
+) -> Result<Equilibrium> {
     let spectrum = spectrum(&local.k)?;
     let mut free_directions = Vec::new();
     for (k, value) in spectrum.values.iter().enumerate() {
@@ -266,19 +363,39 @@ fn finish(system: &System, state: State, local: Local, _: &Spectrum, size: f64, 
         }
     }
     let error = newton_step(&local, &spectrum, 0.0).map_or(f64::NAN, |s| s.amax());
-    let stable = spectrum.values.iter().all(|v| *v >= -1e-9 * spectrum.values.iter().fold(0.0, |m: f64, v| m.max(v.abs())));
+    let stable = spectrum
+        .values
+        .iter()
+        .all(|v| *v >= -1e-9 * spectrum.values.iter().fold(0.0, |m: f64, v| m.max(v.abs())));
     let residual = local.r.amax() / size;
-    Ok(Equilibrium { state, residual, error, iterations, stable, free_directions, linearization: local.linearization })
+    Ok(Equilibrium {
+        state,
+        residual,
+        error,
+        iterations,
+        stable,
+        free_directions,
+        linearization: local.linearization,
+    })
 }
 
 /// Solve K'' z = r at an equilibrium; free directions stay where they are unless the right side acts along them.
-pub fn equilibrium_solver(system: &System, linearization: &Linearization) -> Result<impl Fn(&DVector<f64>) -> Result<DVector<f64>> + use<>> {
+pub fn equilibrium_solver(
+    system: &System,
+    linearization: &Linearization,
+) -> Result<impl Fn(&DVector<f64>) -> Result<DVector<f64>> + use<>> {
     let all = column_scales(&system.topology, system.length);
-    let scale: Vec<f64> = linearization.coordinates(system.n_tree()).iter().map(|i| all[*i]).collect();
+    let scale: Vec<f64> = linearization
+        .coordinates(system.n_tree())
+        .iter()
+        .map(|i| all[*i])
+        .collect();
     let n = scale.len();
     let k = &linearization.matrices.stiffness;
     let scaled = Mat::from_fn(n, n, |i, j| k[(i, j)] * scale[i] * scale[j]);
-    let svd = scaled.svd().map_err(|_| Error::singular("the stiffness is not finite"))?;
+    let svd = scaled
+        .svd()
+        .map_err(|_| Error::singular("the stiffness is not finite"))?;
     Ok(move |r: &DVector<f64>| {
         let (u, s, v) = (svd.U(), svd.S().column_vector(), svd.V());
         let right = DVector::from_fn(n, |i, _| r[i] * scale[i]);

@@ -6,7 +6,7 @@
 //! At a moving state of a closed loop B'' changes in time; with y = B'' z,
 //! D'' = B''^T (D B'' + 2 M B''') and S'' = B''^T (S B'' + D B''' + M B''''), dots by second-order dual numbers in time.
 use nalgebra::{DMatrix, DVector};
-use num_dual::{Dual64, Dual2_64};
+use num_dual::{Dual2_64, Dual64};
 
 use crate::error::{Error, Result};
 use crate::model::geometry::Geometry;
@@ -43,12 +43,47 @@ pub struct Linearization {
     pub acceleration: Option<Vec<f64>>,
     /// 6 n_bodies x dof: twist of each body's origin, world axes, bodies in the order of the model
     pub body_map: DMatrix<f64>,
+    /// (dof, 6): momentum of a common rigid motion about the world origin
+    pub ground_coupling: DMatrix<f64>,
+    /// the size of all forces at work, moments over the characteristic length, times that length
+    pub force_scale: f64,
+}
+
+/// Rows of tree coordinates to minimal ones, B''^T X.
+fn reduce_rows<T: Real>(x: DMatrix<T>, loops: Option<(&Loops, &DMatrix<T>)>) -> DMatrix<T> {
+    match loops {
+        None => x,
+        Some((l, b)) => {
+            let pick =
+                |rows: &[usize]| DMatrix::from_fn(rows.len(), x.ncols(), |i, j| x[(rows[i], j)]);
+            pick(&l.independent) + b.transpose() * pick(&l.dependent)
+        }
+    }
+}
+
+fn force_scale(scene: &Scene<'_, f64>, length: f64) -> f64 {
+    let size = |w: &Six<f64>| w.l.norm() * length + w.a.norm();
+    scene.body_wrenches(None).iter().map(size).sum::<f64>() + scene.connector_sizes(length)
 }
 
 impl Linearization {
+    /// Tree increments of minimal ones.
+    pub fn expand(&self, z: DVector<f64>) -> Result<DVector<f64>> {
+        let n = self.matrices.mass.nrows();
+        if z.len() != n || z.iter().any(|v| !v.is_finite()) {
+            return Err(Error::model(format!("{n} finite increments are needed, {} were given", z.len())));
+        }
+        Ok(match (&self.loops, &self.dependent_map) {
+            (Some(l), Some(b)) => l.expand(b, &z),
+            _ => z,
+        })
+    }
+
     /// Indices of the minimal coordinates among the tree coordinates.
     pub fn coordinates(&self, n_tree: usize) -> Vec<usize> {
-        self.loops.as_ref().map_or_else(|| (0..n_tree).collect(), |l| l.independent.clone())
+        self.loops
+            .as_ref()
+            .map_or_else(|| (0..n_tree).collect(), |l| l.independent.clone())
     }
 }
 
@@ -60,7 +95,9 @@ pub struct Setting<'a> {
 
 impl Setting<'_> {
     fn rate<T: Real>(&self) -> Option<Vec<T>> {
-        self.state.moving().then(|| self.state.rate.iter().map(|r| T::from(*r)).collect())
+        self.state
+            .moving()
+            .then(|| self.state.rate.iter().map(|r| T::from(*r)).collect())
     }
 }
 
@@ -74,11 +111,17 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     let system = setting.system;
     let topology = &*system.topology;
     let rate = setting.rate::<f64>();
-    let placement = place(topology, &system.geometry, &setting.state.relative, rate.as_deref());
+    let placement = place(
+        topology,
+        &system.geometry,
+        &setting.state.relative,
+        rate.as_deref(),
+    );
     let mut scene = Scene {
         topology,
         geometry: &system.geometry,
         x: &system.x,
+        memory: &[],
         placement: &placement,
         rate: rate.as_deref(),
         acceleration: None,
@@ -97,24 +140,51 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         (Some(l), Some(rate)) => Some(turning(setting, l, rate)),
         _ => None,
     };
-    let acceleration = turning.as_ref().zip(loops.as_ref()).zip(rate.as_ref()).map(|((t, l), rate)| {
-        let z = DVector::from_fn(l.independent.len(), |k, _| rate[l.independent[k]]);
-        let mut y = vec![0.0; topology.dofs.len()];
-        for (k, v) in (&t.first * z).iter().enumerate() {
-            y[l.dependent[k]] = *v;
-        }
-        y
-    });
+    let acceleration =
+        turning
+            .as_ref()
+            .zip(loops.as_ref())
+            .zip(rate.as_ref())
+            .map(|((t, l), rate)| {
+                let z = DVector::from_fn(l.independent.len(), |k, _| rate[l.independent[k]]);
+                let mut y = vec![0.0; topology.dofs.len()];
+                for (k, v) in (&t.first * z).iter().enumerate() {
+                    y[l.dependent[k]] = *v;
+                }
+                y
+            });
     scene.acceleration = acceleration.as_deref();
     let tau = scene.residual(None);
-    let lam = loops.as_ref().map_or_else(|| DVector::zeros(0), |l| l.multipliers(&jacobian, &tau));
+    let lam = loops
+        .as_ref()
+        .map_or_else(|| DVector::zeros(0), |l| l.multipliers(&jacobian, &tau));
     let tangent = scene.tangent(Some(lam.as_slice()), counts);
     let (matrices, residual) = match (&loops, &b) {
-        (Some(l), Some(b)) => (reduce(&tangent, l, b, turning.as_ref()), l.reduce_vector(&tau, b)),
+        (Some(l), Some(b)) => (
+            reduce(&tangent, l, b, turning.as_ref()),
+            l.reduce_vector(&tau, b),
+        ),
         _ => (unreduced(tangent), tau),
     };
-    let body_map = body_map(system, &system.geometry, &placement, loops.as_ref().zip(b.as_ref()));
-    Ok(Linearization { matrices, dependent_map: b, lam: lam.as_slice().to_vec(), residual, acceleration, body_map, loops })
+    let body_map = body_map(
+        system,
+        &system.geometry,
+        &placement,
+        loops.as_ref().zip(b.as_ref()),
+    );
+    let ground_coupling = reduce_rows(scene.ground_coupling(), loops.as_ref().zip(b.as_ref()));
+    let force_scale = force_scale(&scene, system.length);
+    Ok(Linearization {
+        matrices,
+        dependent_map: b,
+        lam: lam.as_slice().to_vec(),
+        residual,
+        acceleration,
+        body_map,
+        ground_coupling,
+        force_scale,
+        loops,
+    })
 }
 
 fn total_damping<T: Real>(tangent: &Tangent<T>) -> Option<DMatrix<T>> {
@@ -127,17 +197,28 @@ fn total_damping<T: Real>(tangent: &Tangent<T>) -> Option<DMatrix<T>> {
 
 fn unreduced<T: Real>(tangent: Tangent<T>) -> Matrices<T> {
     let damping = total_damping(&tangent);
-    Matrices { mass: tangent.mass, damping, stiffness: tangent.stiffness }
+    Matrices {
+        mass: tangent.mass,
+        damping,
+        stiffness: tangent.stiffness,
+    }
 }
 
-fn reduce<T: Real>(tangent: &Tangent<T>, loops: &Loops, b: &DMatrix<T>, turning: Option<&Turning>) -> Matrices<T> {
+fn reduce<T: Real>(
+    tangent: &Tangent<T>,
+    loops: &Loops,
+    b: &DMatrix<T>,
+    turning: Option<&Turning>,
+) -> Matrices<T> {
     let total = total_damping(tangent);
     let mut damping = total.as_ref().map(|d| loops.reduce(d, b));
     let mut stiffness = loops.reduce(&tangent.stiffness, b);
     if let Some(turning) = turning {
         // columns of M and D on the dependent coordinates, where alone B'' changes
         let project = |x: &DMatrix<T>, w: &DMatrix<f64>| {
-            let columns = DMatrix::from_fn(x.nrows(), loops.dependent.len(), |i, k| x[(i, loops.dependent[k])]);
+            let columns = DMatrix::from_fn(x.nrows(), loops.dependent.len(), |i, k| {
+                x[(i, loops.dependent[k])]
+            });
             let full = columns * w.map(T::from);
             let mut out = DMatrix::zeros(loops.independent.len(), full.ncols());
             for j in 0..full.ncols() {
@@ -152,7 +233,11 @@ fn reduce<T: Real>(tangent: &Tangent<T>, loops: &Loops, b: &DMatrix<T>, turning:
         }
         damping = Some(damping.map_or_else(|| mass_first.clone(), |d| d + &mass_first));
     }
-    Matrices { mass: loops.reduce(&tangent.mass, b), damping, stiffness }
+    Matrices {
+        mass: loops.reduce(&tangent.mass, b),
+        damping,
+        stiffness,
+    }
 }
 
 fn turning(setting: &Setting<'_>, loops: &Loops, rate: &[f64]) -> Turning {
@@ -166,34 +251,72 @@ fn turning(setting: &Setting<'_>, loops: &Loops, rate: &[f64]) -> Turning {
     Turning { first, second }
 }
 
-fn turning_pass(setting: &Setting<'_>, loops: &Loops, rate: &[f64], acceleration: Option<&[f64]>) -> (DMatrix<f64>, DMatrix<f64>) {
+fn turning_pass(
+    setting: &Setting<'_>,
+    loops: &Loops,
+    rate: &[f64],
+    acceleration: Option<&[f64]>,
+) -> (DMatrix<f64>, DMatrix<f64>) {
     let system = setting.system;
     let x: Vec<Dual2_64> = system.x.iter().map(|v| Dual2_64::from(*v)).collect();
     let geometry = Geometry::derive(&system.topology.tables, &x);
-    let mut relative: Vec<Pose<Dual2_64>> = setting.state.relative.iter().map(Pose::<f64>::lifted).collect();
-    let dy: Vec<_> = (0..rate.len()).map(|i| Dual2_64::new(0.0, rate[i], acceleration.map_or(0.0, |a| a[i]))).collect();
+    let mut relative: Vec<Pose<Dual2_64>> = setting
+        .state
+        .relative
+        .iter()
+        .map(Pose::<f64>::lifted)
+        .collect();
+    let dy: Vec<_> = (0..rate.len())
+        .map(|i| Dual2_64::new(0.0, rate[i], acceleration.map_or(0.0, |a| a[i])))
+        .collect();
     advance(&system.topology, &mut relative, &dy);
     let placement = place(&system.topology, &geometry, &relative, None);
-    let scene = Scene { topology: &system.topology, geometry: &geometry, x: &x, placement: &placement, rate: None, acceleration: None, effects: setting.effects };
+    let scene = Scene {
+        topology: &system.topology,
+        geometry: &geometry,
+        x: &x,
+        memory: &[],
+        placement: &placement,
+        rate: None,
+        acceleration: None,
+        effects: setting.effects,
+    };
     let b = loops.dependent_map(&scene.constraints().1);
     (b.map(|v| v.v1), b.map(|v| v.v2))
 }
 
 /// Redundant rows that agree to first order but not to second: the pose where a mechanism may change its mobility.
-fn check_pose(system: &System, scene: &Scene<'_, f64>, loops: &Loops, b: &DMatrix<f64>) -> Result<()> {
+fn check_pose(
+    system: &System,
+    scene: &Scene<'_, f64>,
+    loops: &Loops,
+    b: &DMatrix<f64>,
+) -> Result<()> {
     let n = system.n_tree();
     let scale = column_scales(&system.topology, system.length);
     for k in 0..loops.redundant.ncols() {
-        let lam: Vec<f64> = loops.redundant.column(k).iter().zip(&loops.row_scale).map(|(v, s)| v * s).collect();
+        let lam: Vec<f64> = loops
+            .redundant
+            .column(k)
+            .iter()
+            .zip(&loops.row_scale)
+            .map(|(v, s)| v * s)
+            .collect();
         let mut curvature = DMatrix::zeros(n, n);
         scene.add_multiplier_stiffness(&lam, &mut curvature, &mut Counts::default());
         let reduced = loops.reduce(&curvature, b);
         let sym = DMatrix::from_fn(reduced.nrows(), reduced.ncols(), |i, j| {
-            0.5 * (reduced[(i, j)] + reduced[(j, i)]) * scale[loops.independent[i]] * scale[loops.independent[j]]
+            0.5 * (reduced[(i, j)] + reduced[(j, i)])
+                * scale[loops.independent[i]]
+                * scale[loops.independent[j]]
         });
         let size = sym.amax();
         if size > SINGULAR_POSE {
-            let worst = lam.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map_or(0, |(i, _)| i);
+            let worst = lam
+                .iter()
+                .enumerate()
+                .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+                .map_or(0, |(i, _)| i);
             let joint = &system.topology.tables.joints[system.topology.rows[worst].joint].name;
             return Err(Error::singular(format!(
                 "the mechanism is in a singular pose: around the loop through joint '{joint}' the constraints lose rank here, where its \
@@ -205,7 +328,12 @@ fn check_pose(system: &System, scene: &Scene<'_, f64>, loops: &Loops, b: &DMatri
 }
 
 /// Twist of each body's origin per minimal coordinate, world axes.
-pub fn body_map<T: Real>(system: &System, geometry: &Geometry<T>, placement: &Placement<T>, loops: Option<(&Loops, &DMatrix<T>)>) -> DMatrix<T> {
+pub fn body_map<T: Real>(
+    system: &System,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    loops: Option<(&Loops, &DMatrix<T>)>,
+) -> DMatrix<T> {
     let topology = &*system.topology;
     let n = topology.dofs.len();
     let mut map = DMatrix::zeros(6 * topology.nodes.len(), n);
@@ -228,7 +356,9 @@ pub fn body_map<T: Real>(system: &System, geometry: &Geometry<T>, placement: &Pl
     match loops {
         None => map,
         Some((l, b)) => {
-            let pick = |columns: &[usize]| DMatrix::from_fn(map.nrows(), columns.len(), |i, j| map[(i, columns[j])]);
+            let pick = |columns: &[usize]| {
+                DMatrix::from_fn(map.nrows(), columns.len(), |i, j| map[(i, columns[j])])
+            };
             pick(&l.independent) + pick(&l.dependent) * b
         }
     }
@@ -240,6 +370,7 @@ pub struct Directional {
     pub damping: Option<DMatrix<f64>>,
     pub stiffness: DMatrix<f64>,
     pub body_map: DMatrix<f64>,
+    pub ground_coupling: DMatrix<f64>,
     /// derivative of the tree coordinates, zero where the configuration is held and closes by itself
     pub dy: Vec<f64>,
     /// derivative of the poses of the centres of mass: translation and world rotation, bodies in the order of the model
@@ -265,7 +396,12 @@ struct DualScene {
     acceleration: Option<Vec<Dual64>>,
 }
 
-fn dual_scene(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)], dy: &[f64]) -> DualScene {
+fn dual_scene(
+    setting: &Setting<'_>,
+    base: &Linearization,
+    dx: &[(usize, f64)],
+    dy: &[f64],
+) -> DualScene {
     let system = setting.system;
     let mut x: Vec<Dual64> = system.x.iter().map(|v| Dual64::from(*v)).collect();
     for (i, d) in dx {
@@ -277,8 +413,17 @@ fn dual_scene(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)], 
     advance(&system.topology, &mut relative, &increments);
     let rate = setting.rate::<Dual64>();
     let placement = place(&system.topology, &geometry, &relative, rate.as_deref());
-    let acceleration = base.acceleration.as_ref().map(|a| a.iter().map(|v| Dual64::from(*v)).collect());
-    DualScene { x, geometry, placement, rate, acceleration }
+    let acceleration = base
+        .acceleration
+        .as_ref()
+        .map(|a| a.iter().map(|v| Dual64::from(*v)).collect());
+    DualScene {
+        x,
+        geometry,
+        placement,
+        rate,
+        acceleration,
+    }
 }
 
 impl DualScene {
@@ -287,6 +432,7 @@ impl DualScene {
             topology: &setting.system.topology,
             geometry: &self.geometry,
             x: &self.x,
+            memory: &[],
             placement: &self.placement,
             rate: self.rate.as_deref(),
             acceleration: self.acceleration.as_deref(),
@@ -338,7 +484,9 @@ pub fn directional(
 /// The change of dependent coordinates that keeps the loops closed.
 fn closing(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)]) -> Result<Vec<f64>> {
     let n = setting.system.n_tree();
-    let Some(loops) = &base.loops else { return Ok(vec![0.0; n]) };
+    let Some(loops) = &base.loops else {
+        return Ok(vec![0.0; n]);
+    };
     let held = dual_scene(setting, base, dx, &vec![0.0; n]);
     let phi = held.scene(setting).constraints().0.map(|v| v.eps);
     let scaled = DVector::from_fn(phi.len(), |i, _| phi[i] * loops.row_scale[i]);
@@ -356,27 +504,50 @@ fn breaks_loop(size: f64) -> Error {
     ))
 }
 
-fn check_agreement(base: &Linearization, jacobian: &DMatrix<Dual64>, b: &DMatrix<Dual64>) -> Result<()> {
-    let Some(loops) = &base.loops else { return Ok(()) };
+fn check_agreement(
+    base: &Linearization,
+    jacobian: &DMatrix<Dual64>,
+    b: &DMatrix<Dual64>,
+) -> Result<()> {
+    let Some(loops) = &base.loops else {
+        return Ok(());
+    };
     if loops.redundant.ncols() == 0 {
         return Ok(());
     }
     let parts = loops.disagreement(jacobian, b).map(|v| v.eps).amax();
     let change = jacobian.map(|v| v.eps);
-    let size = (0..change.nrows()).map(|i| change.row(i).amax() * loops.row_scale[i]).fold(0.0, f64::max);
-    if parts > BREAKS_LOOP * size && size > 0.0 { Err(breaks_loop(parts)) } else { Ok(()) }
+    let size = (0..change.nrows())
+        .map(|i| change.row(i).amax() * loops.row_scale[i])
+        .fold(0.0, f64::max);
+    if parts > BREAKS_LOOP * size && size > 0.0 {
+        Err(breaks_loop(parts))
+    } else {
+        Ok(())
+    }
 }
 
-fn derivative_at(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)], dy: Vec<f64>) -> Result<Directional> {
+fn derivative_at(
+    setting: &Setting<'_>,
+    base: &Linearization,
+    dx: &[(usize, f64)],
+    dy: Vec<f64>,
+) -> Result<Directional> {
     let moved = dual_scene(setting, base, dx, &dy);
     let scene = moved.scene(setting);
     let tau = scene.residual(None);
     let eps = |m: &DMatrix<Dual64>| m.map(|v| v.eps);
-    let (matrices, map, residual, lam) = match &base.loops {
+    let (matrices, map, coupling, residual, lam) = match &base.loops {
         None => {
             let tangent = scene.tangent(None, &mut Counts::default());
             let map = body_map(setting.system, &moved.geometry, &moved.placement, None);
-            (unreduced(tangent), map, tau, DVector::zeros(0))
+            (
+                unreduced(tangent),
+                map,
+                scene.ground_coupling(),
+                tau,
+                DVector::zeros(0),
+            )
         }
         Some(l) => {
             let jacobian = scene.constraints().1;
@@ -384,8 +555,20 @@ fn derivative_at(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)
             check_agreement(base, &jacobian, &b)?;
             let lam = l.multipliers(&jacobian, &tau);
             let tangent = scene.tangent(Some(lam.as_slice()), &mut Counts::default());
-            let map = body_map(setting.system, &moved.geometry, &moved.placement, Some((l, &b)));
-            (reduce(&tangent, l, &b, None), map, l.reduce_vector(&tau, &b), lam)
+            let map = body_map(
+                setting.system,
+                &moved.geometry,
+                &moved.placement,
+                Some((l, &b)),
+            );
+            let coupling = reduce_rows(scene.ground_coupling(), Some((l, &b)));
+            (
+                reduce(&tangent, l, &b, None),
+                map,
+                coupling,
+                l.reduce_vector(&tau, &b),
+                lam,
+            )
         }
     };
     Ok(Directional {
@@ -393,6 +576,7 @@ fn derivative_at(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)
         damping: matrices.damping.as_ref().map(eps),
         stiffness: eps(&matrices.stiffness),
         body_map: eps(&map),
+        ground_coupling: eps(&coupling),
         body_motion: body_motion(setting.system, &moved.placement),
         residual: residual.map(|v| v.eps),
         lam: lam.iter().map(|v| v.eps).collect(),

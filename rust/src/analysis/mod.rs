@@ -1,5 +1,12 @@
 //! One file per analysis.
 pub mod assembly;
 pub mod equilibrium;
+pub mod frf;
+pub mod frf_sensitivity;
+pub mod frf_singular;
+pub mod hbm;
 pub mod linearize;
+pub mod modal;
 pub mod reactions;
+pub mod response;
+pub mod transient;

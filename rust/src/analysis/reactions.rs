@@ -17,25 +17,53 @@ use crate::system::placement::{Placement, marker_pose, place};
 pub fn reactions(setting: &Setting<'_>, base: &Linearization) -> Result<Vec<Six<f64>>> {
     let system = setting.system;
     let rate = setting.state.moving().then(|| setting.state.rate.clone());
-    let placement = place(&system.topology, &system.geometry, &setting.state.relative, rate.as_deref());
+    let placement = place(
+        &system.topology,
+        &system.geometry,
+        &setting.state.relative,
+        rate.as_deref(),
+    );
     let scene = Scene {
         topology: &system.topology,
         geometry: &system.geometry,
         x: &system.x,
+        memory: &[],
         placement: &placement,
         rate: rate.as_deref(),
         acceleration: base.acceleration.as_deref(),
         effects: setting.effects,
     };
-    let mut all = joint_wrenches(system, &scene, &placement, scene.body_wrenches(Some(&base.lam)), &base.lam);
-    let Some(loops) = base.loops.as_ref().filter(|l| l.redundant.ncols() > 0) else { return Ok(all) };
+    let mut all = joint_wrenches(
+        system,
+        &scene,
+        &placement,
+        scene.body_wrenches(Some(&base.lam)),
+        &base.lam,
+    );
+    let Some(loops) = base.loops.as_ref().filter(|l| l.redundant.ncols() > 0) else {
+        return Ok(all);
+    };
     let states: Vec<Vec<Six<f64>>> = (0..loops.redundant.ncols())
         .map(|k| {
-            let lam: Vec<f64> = loops.redundant.column(k).iter().zip(&loops.row_scale).map(|(v, s)| v * s).collect();
-            joint_wrenches(system, &scene, &placement, scene.multiplier_wrenches(&lam), &lam)
+            let lam: Vec<f64> = loops
+                .redundant
+                .column(k)
+                .iter()
+                .zip(&loops.row_scale)
+                .map(|(v, s)| v * s)
+                .collect();
+            joint_wrenches(
+                system,
+                &scene,
+                &placement,
+                scene.multiplier_wrenches(&lam),
+                &lam,
+            )
         })
         .collect();
-    let entry = |w: &[Six<f64>], i: usize| w[i / 6].get(i % 6) / if i % 6 < 3 { 1.0 } else { system.length };
+    let entry = |w: &[Six<f64>], i: usize| {
+        w[i / 6].get(i % 6) / if i % 6 < 3 { 1.0 } else { system.length }
+    };
     let n = 6 * all.len();
     let m = DMatrix::from_fn(n, states.len(), |i, k| entry(&states[k], i));
     let alpha = minimum_norm(&m, &DVector::from_fn(n, |i, _| -entry(&all, i)))?;
@@ -47,20 +75,36 @@ pub fn reactions(setting: &Setting<'_>, base: &Linearization) -> Result<Vec<Six<
     Ok(all)
 }
 
-fn joint_wrenches(system: &System, scene: &Scene<'_, f64>, placement: &Placement<f64>, sums: Vec<Six<f64>>, lam: &[f64]) -> Vec<Six<f64>> {
+fn joint_wrenches(
+    system: &System,
+    scene: &Scene<'_, f64>,
+    placement: &Placement<f64>,
+    sums: Vec<Six<f64>>,
+    lam: &[f64],
+) -> Vec<Six<f64>> {
     let topology = &*system.topology;
     let subtree = scene.subtree_wrenches(sums);
     let mut all = vec![Six::zero(); topology.tables.joints.len()];
-    let point = |joint: usize| marker_pose(topology, &placement.pose, topology.tables.joints[joint].b, &system.geometry.joints[joint].b).p;
+    let point = |joint: usize| {
+        marker_pose(
+            topology,
+            &placement.pose,
+            topology.tables.joints[joint].b,
+            &system.geometry.joints[joint].b,
+        )
+        .p
+    };
     for (i, node) in topology.nodes.iter().enumerate() {
         if let Some(j) = node.joint {
             let w = subtree[i].wrench_at(&(point(j) - placement.pose[i].p));
             all[j] = if node.reversed { -w } else { w };
         }
     }
-    let wanted = Wanted { tangent: false, geometric: false, damping: false };
+    let wanted = Wanted::FORCES;
     for (joint, rows) in scene.cut_multipliers(lam) {
-        all[joint] = constraint_interaction(topology, &system.geometry, placement, joint, &rows, wanted).wrench;
+        all[joint] =
+            constraint_interaction(topology, &system.geometry, placement, joint, &rows, wanted)
+                .wrench;
     }
     all
 }

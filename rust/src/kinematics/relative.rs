@@ -33,20 +33,35 @@ impl<T: Real> Relative<T> {
     pub fn row(&self, coordinate: Coordinate) -> Row<T> {
         let zero = V3::zeros();
         match coordinate {
-            Coordinate::Translation(i) => Row { e: self.u[i], g: Six::new(unit(i), zero) },
+            Coordinate::Translation(i) => Row {
+                e: self.u[i],
+                g: Six::new(unit(i), zero),
+            },
             Coordinate::Length => {
                 let length = self.u.dot(&self.u).sqrt();
-                Row { e: length, g: Six::new(self.u / length, zero) }
+                Row {
+                    e: length,
+                    g: Six::new(self.u / length, zero),
+                }
             }
-            Coordinate::Dot(i, j) => Row { e: self.r[(i, j)], g: Six::new(zero, self.entry_gradient(i, j)) },
+            Coordinate::Dot(i, j) => Row {
+                e: self.r[(i, j)],
+                g: Six::new(zero, self.entry_gradient(i, j)),
+            },
             Coordinate::Angle { s, c } => {
                 let (sv, cv) = (self.r[s], self.r[c]);
                 let n = self.entry_gradient(s.0, s.1) * cv - self.entry_gradient(c.0, c.1) * sv;
-                Row { e: sv.atan2(cv), g: Six::new(zero, n / (sv * sv + cv * cv)) }
+                Row {
+                    e: sv.atan2(cv),
+                    g: Six::new(zero, n / (sv * sv + cv * cv)),
+                }
             }
             Coordinate::RotationVector(i) => {
                 let phi = log_so3(&self.r);
-                Row { e: phi[i], g: Six::new(zero, inverse_left_transposed(&phi, &unit(i))) }
+                Row {
+                    e: phi[i],
+                    g: Six::new(zero, inverse_left_transposed(&phi, &unit(i))),
+                }
             }
         }
     }
@@ -63,7 +78,9 @@ impl<T: Real> Relative<T> {
             }
             Coordinate::Dot(i, j) => h.aa = self.entry_curvature(i, j),
             Coordinate::Angle { s, c } => h.aa = self.angle_curvature(s, c),
-            Coordinate::RotationVector(i) => h.aa = rotation_vector_curvature(&log_so3(&self.r), &unit(i)),
+            Coordinate::RotationVector(i) => {
+                h.aa = rotation_vector_curvature(&log_so3(&self.r), &unit(i))
+            }
         }
         h
     }
@@ -84,7 +101,8 @@ impl<T: Real> Relative<T> {
         let (ds, dc) = (self.entry_gradient(s.0, s.1), self.entry_gradient(c.0, c.1));
         let d = sv * sv + cv * cv;
         let n = ds * cv - dc * sv;
-        let dn = outer(&ds, &dc) - outer(&dc, &ds) + self.entry_curvature(s.0, s.1) * cv - self.entry_curvature(c.0, c.1) * sv;
+        let dn = outer(&ds, &dc) - outer(&dc, &ds) + self.entry_curvature(s.0, s.1) * cv
+            - self.entry_curvature(c.0, c.1) * sv;
         let dd = (dc * cv + ds * sv) * T::from(2.0);
         dn / d - outer(&n, &dd) / (d * d)
     }
@@ -100,7 +118,8 @@ fn inverse_left_transposed<T: Real>(phi: &V3<T>, f: &V3<T>) -> V3<T> {
 fn rotation_vector_curvature<T: Real>(phi: &V3<T>, f: &V3<T>) -> M3<T> {
     let (b, b_s) = left_jacobian_coefficient(phi.dot(phi));
     let (p, pf) = (skew(phi), phi.cross(f));
-    let by_phi = -skew(f) * T::from(0.5) - (skew(&pf) + p * skew(f)) * b + outer(&phi.cross(&pf), phi) * (b_s * 2.0);
+    let by_phi = -skew(f) * T::from(0.5) - (skew(&pf) + p * skew(f)) * b
+        + outer(&phi.cross(&pf), phi) * (b_s * 2.0);
     let inverse_left = M3::identity() - p * T::from(0.5) + p * p * b;
     by_phi * inverse_left
 }
@@ -132,14 +151,26 @@ mod tests {
                 let mut xi = [0.0; 6];
                 xi[k] = 1.0;
                 let dual = |at: usize| V3::from_fn(|i, _| Dual64::new(0.0, xi[at + i]));
-                let moved = Relative { u: lift3::<Dual64>(&u) + dual(0), r: exp_so3(&dual(3)) * lift33::<Dual64>(&r) };
+                let moved = Relative {
+                    u: lift3::<Dual64>(&u) + dual(0),
+                    r: exp_so3(&dual(3)) * lift33::<Dual64>(&r),
+                };
                 for coordinate in all {
                     let (row, dual_row) = (here.row(coordinate), moved.row(coordinate));
-                    assert!((dual_row.e.eps - row.g.get(k)).abs() < 1e-12, "{coordinate:?} {scale} {k}");
+                    assert!(
+                        (dual_row.e.eps - row.g.get(k)).abs() < 1e-12,
+                        "{coordinate:?} {scale} {k}"
+                    );
                     let h = here.curvature(coordinate);
-                    let expected = h.apply(&Six::new(V3::from_fn(|i, _| xi[i]), V3::from_fn(|i, _| xi[3 + i])));
+                    let expected = h.apply(&Six::new(
+                        V3::from_fn(|i, _| xi[i]),
+                        V3::from_fn(|i, _| xi[3 + i]),
+                    ));
                     for i in 0..6 {
-                        assert!((dual_row.g.get(i).eps - expected.get(i)).abs() < 1e-11, "{coordinate:?} {scale} {k} {i}");
+                        assert!(
+                            (dual_row.g.get(i).eps - expected.get(i)).abs() < 1e-11,
+                            "{coordinate:?} {scale} {k} {i}"
+                        );
                     }
                 }
             }

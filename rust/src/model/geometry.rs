@@ -43,15 +43,20 @@ fn vector<T: Real>(x: &[T], at: usize) -> V3<T> {
 
 impl<T: Real> Geometry<T> {
     pub fn derive(tables: &Tables, x: &[T]) -> Self {
-        let bodies: Vec<_> = tables.bodies.iter().map(|b| body(&x[b.x..b.x + 23])).collect();
+        let bodies: Vec<_> = tables
+            .bodies
+            .iter()
+            .map(|b| body(&x[b.x..b.x + 23]))
+            .collect();
         let local = |body: BodyRef, world: &Pose<T>| match body {
             None => *world,
             Some(b) => bodies[b].drawn.inverse().then(world),
         };
-        let pair = |a: BodyRef, b: BodyRef, pa: V3<T>, pb: V3<T>, frame: (M3<T>, M3<T>)| MarkerPair {
-            a: local(a, &Pose { p: pa, r: frame.0 }),
-            b: local(b, &Pose { p: pb, r: frame.1 }),
-        };
+        let pair =
+            |a: BodyRef, b: BodyRef, pa: V3<T>, pb: V3<T>, frame: (M3<T>, M3<T>)| MarkerPair {
+                a: local(a, &Pose { p: pa, r: frame.0 }),
+                b: local(b, &Pose { p: pb, r: frame.1 }),
+            };
         let mut joints = Vec::with_capacity(tables.joints.len());
         let mut joint_length = Vec::with_capacity(tables.joints.len());
         for j in &tables.joints {
@@ -59,7 +64,11 @@ impl<T: Real> Geometry<T> {
             let (pa, pb) = (vector(n, 0), vector(n, 3));
             let frame = joint_frame(j.kind, j.flags, n);
             joints.push(pair(j.a, j.b, pa, pb, (frame, frame)));
-            joint_length.push(if j.kind == JointKind::Distance { distance(&pa, &pb) } else { T::zero() });
+            joint_length.push(if j.kind == JointKind::Distance {
+                distance(&pa, &pb)
+            } else {
+                T::zero()
+            });
         }
         let mut elements = Vec::with_capacity(tables.elements.len());
         let mut element_length = Vec::with_capacity(tables.elements.len());
@@ -72,13 +81,24 @@ impl<T: Real> Geometry<T> {
                 ElementKind::Torsion => (pa, frame_of_axis(&vector(n, 3))),
             };
             elements.push(pair(e.a, e.b, pa, pb, (frame, frame)));
-            element_length.push(if e.kind == ElementKind::SpringDamper { distance(&pa, &pb) } else { T::zero() });
+            element_length.push(if e.kind == ElementKind::SpringDamper {
+                distance(&pa, &pb)
+            } else {
+                T::zero()
+            });
         }
         let loads = tables.loads.iter().map(|l| {
             let drawn = &bodies[l.body].drawn;
             let point = drawn.r.transpose() * (vector(x, l.x) - drawn.p);
             let value = vector(x, l.x + 3);
-            (point, if l.follower { drawn.r.transpose() * value } else { value })
+            (
+                point,
+                if l.follower {
+                    drawn.r.transpose() * value
+                } else {
+                    value
+                },
+            )
         });
         Geometry {
             loads: loads.collect(),
@@ -95,8 +115,18 @@ impl<T: Real> Geometry<T> {
 fn body<T: Real>(n: &[T]) -> BodyGeometry<T> {
     let r = rotation_of_quaternion(&n[3..7]);
     let com = vector(n, 7);
-    let inertia = M3::new(n[11], n[14], n[15], n[14], n[12], n[16], n[15], n[16], n[13]);
-    BodyGeometry { mass: n[10], inertia, drawn: Pose { p: vector(n, 0) + r * com, r }, com }
+    let inertia = M3::new(
+        n[11], n[14], n[15], n[14], n[12], n[16], n[15], n[16], n[13],
+    );
+    BodyGeometry {
+        mass: n[10],
+        inertia,
+        drawn: Pose {
+            p: vector(n, 0) + r * com,
+            r,
+        },
+        com,
+    }
 }
 
 fn joint_frame<T: Real>(kind: JointKind, flags: i64, n: &[T]) -> M3<T> {

@@ -73,13 +73,17 @@ pub struct Tables {
     pub loads: Vec<LoadSpec>,
     pub laws: Vec<LawSpec>,
     pub gravity: Option<usize>,
+    /// first guesses of body poses: body, start of origin and quaternion
+    pub poses: Vec<(usize, usize)>,
 }
 
 impl Tables {
     /// Every number must be finite and every index inside its table, whoever wrote them.
     pub fn check(&self) -> Result<()> {
         if let Some(i) = self.x.iter().position(|v| !v.is_finite()) {
-            return Err(Error::model(format!("number {i} of the tables is not finite")));
+            return Err(Error::model(format!(
+                "number {i} of the tables is not finite"
+            )));
         }
         for body in &self.bodies {
             self.inside(&body.name, body.x, 23)?;
@@ -89,7 +93,11 @@ impl Tables {
             self.connects(&joint.name, joint.a, joint.b)?;
         }
         for element in &self.elements {
-            let n = if element.kind == ElementKind::Bushing { 88 } else { 10 };
+            let n = if element.kind == ElementKind::Bushing {
+                88
+            } else {
+                10
+            };
             self.inside(&element.name, element.x, n)?;
             self.connects(&element.name, element.a, element.b)?;
         }
@@ -100,22 +108,33 @@ impl Tables {
         for law in &self.laws {
             self.inside("a law", law.x, law.n)?;
         }
-        self.gravity.map_or(Ok(()), |g| self.inside("gravity", g, 3))
+        for (body, x) in &self.poses {
+            self.connects("a pose", Some(*body), None)?;
+            self.inside("a pose", *x, 7)?;
+        }
+        self.gravity
+            .map_or(Ok(()), |g| self.inside("gravity", g, 3))
     }
 
     fn inside(&self, name: &str, start: usize, n: usize) -> Result<()> {
         if start.checked_add(n).is_none_or(|end| end > self.x.len()) {
-            return Err(Error::model(format!("'{name}': its numbers lie outside the value vector")));
+            return Err(Error::model(format!(
+                "'{name}': its numbers lie outside the value vector"
+            )));
         }
         Ok(())
     }
 
     fn connects(&self, name: &str, a: BodyRef, b: BodyRef) -> Result<()> {
         if a.into_iter().chain(b).any(|body| body >= self.bodies.len()) {
-            return Err(Error::model(format!("'{name}' refers to a body that does not exist")));
+            return Err(Error::model(format!(
+                "'{name}' refers to a body that does not exist"
+            )));
         }
         if a == b {
-            return Err(Error::model(format!("'{name}' connects a body with itself")));
+            return Err(Error::model(format!(
+                "'{name}' connects a body with itself"
+            )));
         }
         Ok(())
     }

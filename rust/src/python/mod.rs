@@ -1,5 +1,8 @@
 //! The border to Python: one registration function per group of analyses.
 mod border;
+mod frf;
+mod hbm;
+mod modal;
 mod system;
 mod tables;
 
@@ -9,5 +12,8 @@ use pyo3::prelude::*;
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     border::register(module)?;
+    frf::register(module)?;
+    hbm::register(module)?;
+    modal::register(module)?;
     system::register(module)
 }

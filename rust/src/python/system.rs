@@ -2,22 +2,28 @@
 //!
 //! A state crosses as `relative` (n_bodies, 12: translation, then the rotation matrix row by row, in tree order) and `rate`
 //! (n_tree,) or an empty array at rest. Bodies in all other arrays stand in the order of the model.
+use num_dual::Dual64;
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::analysis::assembly::assemble;
+use crate::analysis::assembly::{assemble, close, scene};
 use crate::analysis::equilibrium::{Equilibrium, equilibrium, equilibrium_solver};
-use crate::analysis::linearize::{Directional, Follow, Linearization, Setting, directional, linearize};
+use crate::analysis::linearize::{
+    Directional, Follow, Linearization, Setting, directional, linearize,
+};
 use crate::analysis::reactions::reactions;
+use crate::analysis::transient::explicit::{Motion, Run};
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
-use crate::spatial::{M3, Pose, V3};
+use crate::spatial::{M3, Pose, Real, V3};
 use crate::system::System;
 use crate::system::assemble::Effects;
-use crate::system::loops::redundant_joints;
-use crate::system::placement::{State, place};
+use crate::system::connector::strain;
+use crate::system::loops::{redundant_joints, row_scales};
+use crate::system::placement::{State, advance, place};
+use crate::system::topology::Owner;
 
 use super::border::{counts_dict, guarded, interruptible};
 use super::tables::{tables, values};
@@ -33,7 +39,11 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 }
 
 /// Run where Ctrl-C can reach long work.
-fn run<T: Send + 'static>(py: Python<'_>, system: &System, work: impl FnOnce(&System, &Cancel) -> Result<T> + Send + 'static) -> PyResult<T> {
+fn run<T: Send + 'static>(
+    py: Python<'_>,
+    system: &System,
+    work: impl FnOnce(&System, &Cancel) -> Result<T> + Send + 'static,
+) -> PyResult<T> {
     let system = system.clone();
     if system.n_tree() < SHORT {
         guarded(py, move || work(&system, &Cancel::default()))
@@ -52,44 +62,148 @@ fn effects(without: &[String]) -> Result<Effects> {
             "centrifugal" => effects.centrifugal = false,
             "preload-stiffness" => effects.preload_stiffness = false,
             "constraint-force-stiffness" => effects.constraint_force_stiffness = false,
-            other => return Err(Error::model(format!("the effect '{other}' cannot be switched off in this analysis"))),
+            "friction" => effects.friction = false,
+            "contact" => effects.contact = false,
+            // harmonic balance adds the laws themselves
+            "law-slopes" => effects.law_slopes = false,
+            // belong to other analyses: nothing to leave out here
+            "flexibility" | "drives" => {}
+            other => {
+                return Err(Error::model(format!(
+                    "the effect '{other}' cannot be switched off in this analysis"
+                )));
+            }
         }
     }
     Ok(effects)
 }
 
-fn state_of(system: &System, relative: &PyReadonlyArray2<'_, f64>, rate: &PyReadonlyArray1<'_, f64>) -> Result<State> {
+fn state_of(
+    system: &System,
+    relative: &PyReadonlyArray2<'_, f64>,
+    rate: &PyReadonlyArray1<'_, f64>,
+) -> Result<State> {
     let view = relative.as_array();
     if view.shape() != [system.n_bodies(), 12] {
-        return Err(Error::model(format!("a state of this model has {} rows of 12 numbers, not {:?}", system.n_bodies(), view.shape())));
+        return Err(Error::model(format!(
+            "a state of this model has {} rows of 12 numbers, not {:?}",
+            system.n_bodies(),
+            view.shape()
+        )));
     }
     let rate = values(rate);
     if !rate.is_empty() && rate.len() != system.n_tree() {
-        return Err(Error::model(format!("a state of this model has {} rates, not {}", system.n_tree(), rate.len())));
+        return Err(Error::model(format!(
+            "a state of this model has {} rates, not {}",
+            system.n_tree(),
+            rate.len()
+        )));
     }
     if view.iter().chain(&rate).any(|v| !v.is_finite()) {
         return Err(Error::model("the state contains NaN or infinite numbers"));
     }
-    let pose = |i: usize| Pose { p: V3::from_fn(|k, _| view[(i, k)]), r: M3::from_fn(|r, c| view[(i, 3 + 3 * r + c)]) };
-    Ok(State { relative: (0..system.n_bodies()).map(pose).collect(), rate })
+    let pose = |i: usize| Pose {
+        p: V3::from_fn(|k, _| view[(i, k)]),
+        r: M3::from_fn(|r, c| view[(i, 3 + 3 * r + c)]),
+    };
+    Ok(State {
+        relative: (0..system.n_bodies()).map(pose).collect(),
+        rate,
+    })
+}
+
+fn empty(py: Python<'_>) -> PyResult<PyReadonlyArray1<'_, f64>> {
+    Ok(numpy::PyArray1::<f64>::zeros(py, 0, false).extract::<PyReadonlyArray1<'_, f64>>()?)
 }
 
 fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult<()> {
     let relative = Array2::from_shape_fn((state.relative.len(), 12), |(i, k)| {
         let pose = &state.relative[i];
-        if k < 3 { pose.p[k] } else { pose.r[((k - 3) / 3, (k - 3) % 3)] }
+        if k < 3 {
+            pose.p[k]
+        } else {
+            pose.r[((k - 3) / 3, (k - 3) % 3)]
+        }
     });
     out.set_item("relative", relative.into_pyarray(py))?;
     out.set_item("rate", state.rate.clone().into_pyarray(py))
+}
+
+/// Values and one derivative of every position.
+#[allow(clippy::too_many_arguments)]
+fn integrate_along<T: Real>(
+    system: &System,
+    state: &State,
+    dx: &[(usize, f64)],
+    step: f64,
+    n_steps: usize,
+    cancel: &Cancel,
+    counts: &mut Counts,
+    slope: impl Fn(&T) -> f64,
+) -> Result<Vec<Vec<[(f64, f64); 3]>>>
+where
+    T: From<f64> + Seed,
+{
+    let mut x: Vec<T> = system
+        .x
+        .iter()
+        .map(|v| <T as From<f64>>::from(*v))
+        .collect();
+    for (i, d) in dx {
+        x[*i] = T::seeded(system.x[*i], *d);
+    }
+    let start = Motion {
+        relative: state.relative.iter().map(Pose::<f64>::lifted).collect(),
+        rate: state
+            .rate
+            .iter()
+            .map(|r| <T as From<f64>>::from(*r))
+            .collect(),
+        memory: vec![T::zero(); system.topology.n_memory],
+    };
+    let history = Run::new(system, x, &start)?.integrate(start, step, n_steps, cancel, counts)?;
+    let number = |v: &T| (v.re(), slope(v));
+    Ok(history
+        .iter()
+        .map(|bodies| {
+            bodies
+                .iter()
+                .map(|p| [number(&p.x), number(&p.y), number(&p.z)])
+                .collect()
+        })
+        .collect())
+}
+
+/// A number with a derivative along the one direction of a run; f64 has none.
+trait Seed {
+    fn seeded(value: f64, slope: f64) -> Self;
+}
+
+impl Seed for f64 {
+    fn seeded(value: f64, _: f64) -> Self {
+        value
+    }
+}
+
+impl Seed for Dual64 {
+    fn seeded(value: f64, slope: f64) -> Self {
+        Dual64::new(value, slope)
+    }
 }
 
 fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
     Array2::from_shape_fn(m.shape(), |(i, j)| m[(i, j)])
 }
 
-fn stacked(all: &[Directional], pick: impl Fn(&Directional) -> Option<&nalgebra::DMatrix<f64>>) -> Option<Array3<f64>> {
+fn stacked(
+    all: &[Directional],
+    pick: impl Fn(&Directional) -> Option<&nalgebra::DMatrix<f64>>,
+) -> Option<Array3<f64>> {
     let shape = pick(all.first()?)?.shape();
-    Some(Array3::from_shape_fn((shape.0, shape.1, all.len()), |(i, j, k)| pick(&all[k]).map_or(0.0, |m| m[(i, j)])))
+    Some(Array3::from_shape_fn(
+        (shape.0, shape.1, all.len()),
+        |(i, j, k)| pick(&all[k]).map_or(0.0, |m| m[(i, j)]),
+    ))
 }
 
 fn columns(all: &[Directional], pick: impl Fn(&Directional) -> &[f64]) -> Array2<f64> {
@@ -97,14 +211,37 @@ fn columns(all: &[Directional], pick: impl Fn(&Directional) -> &[f64]) -> Array2
     Array2::from_shape_fn((n, all.len()), |(i, k)| pick(&all[k])[i])
 }
 
-fn put_linearization(py: Python<'_>, out: &Bound<'_, PyDict>, system: &System, lin: &Linearization) -> PyResult<()> {
-    let names: Vec<_> = lin.coordinates(system.n_tree()).iter().map(|i| system.topology.names[*i].clone()).collect();
+fn put_linearization(
+    py: Python<'_>,
+    out: &Bound<'_, PyDict>,
+    system: &System,
+    lin: &Linearization,
+) -> PyResult<()> {
+    let names: Vec<_> = lin
+        .coordinates(system.n_tree())
+        .iter()
+        .map(|i| system.topology.names[*i].clone())
+        .collect();
     out.set_item("coordinates", names)?;
     out.set_item("M", array(&lin.matrices.mass).into_pyarray(py))?;
-    out.set_item("D", lin.matrices.damping.as_ref().map(|d| array(d).into_pyarray(py)))?;
+    out.set_item(
+        "D",
+        lin.matrices
+            .damping
+            .as_ref()
+            .map(|d| array(d).into_pyarray(py)),
+    )?;
     out.set_item("S", array(&lin.matrices.stiffness).into_pyarray(py))?;
     out.set_item("T", array(&lin.body_map).into_pyarray(py))?;
-    out.set_item("residual", lin.residual.as_slice().to_vec().into_pyarray(py))?;
+    out.set_item(
+        "residual",
+        lin.residual.as_slice().to_vec().into_pyarray(py),
+    )?;
+    out.set_item(
+        "ground_coupling",
+        array(&lin.ground_coupling).into_pyarray(py),
+    )?;
+    out.set_item("force_scale", lin.force_scale)?;
     out.set_item("multipliers", lin.lam.clone().into_pyarray(py))
 }
 
@@ -142,14 +279,35 @@ impl PySystem {
         let out = PyDict::new(py);
         let tree = PyList::empty(py);
         for node in &topology.nodes {
-            let parent = node.parent.map(|p| topology.tables.bodies[topology.nodes[p].body].name.as_str());
+            let parent = node
+                .parent
+                .map(|p| topology.tables.bodies[topology.nodes[p].body].name.as_str());
             let joint = node.joint.map(|j| topology.tables.joints[j].name.as_str());
-            tree.append((&topology.tables.bodies[node.body].name, parent, joint, node.kind.name()))?;
+            tree.append((
+                &topology.tables.bodies[node.body].name,
+                parent,
+                joint,
+                node.kind.name(),
+            ))?;
         }
         out.set_item("tree", tree)?;
-        out.set_item("cut", topology.cut.iter().map(|j| topology.tables.joints[*j].name.clone()).collect::<Vec<_>>())?;
+        out.set_item(
+            "cut",
+            topology
+                .cut
+                .iter()
+                .map(|j| topology.tables.joints[*j].name.clone())
+                .collect::<Vec<_>>(),
+        )?;
         out.set_item("coordinates", topology.names.clone())?;
-        out.set_item("row_joint", topology.rows.iter().map(|r| topology.tables.joints[r.joint].name.clone()).collect::<Vec<_>>())?;
+        out.set_item(
+            "row_joint",
+            topology
+                .rows
+                .iter()
+                .map(|r| topology.tables.joints[r.joint].name.clone())
+                .collect::<Vec<_>>(),
+        )?;
         Ok(out)
     }
 
@@ -168,13 +326,22 @@ impl PySystem {
     }
 
     /// Pose and velocity of each body's origin: position (n, 3), rotation (n, 3, 3), velocity and angular velocity (n, 3), world.
-    fn bodies<'py>(&self, py: Python<'py>, relative: PyReadonlyArray2<'py, f64>, rate: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyDict>> {
+    fn bodies<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &relative, &rate)?;
         let topology = &self.0.topology;
         let rate = state.moving().then_some(state.rate.as_slice());
         let placement = place(topology, &self.0.geometry, &state.relative, rate);
         let n = self.0.n_bodies();
-        let (mut position, mut velocity, mut omega) = (Array2::zeros((n, 3)), Array2::zeros((n, 3)), Array2::zeros((n, 3)));
+        let (mut position, mut velocity, mut omega) = (
+            Array2::zeros((n, 3)),
+            Array2::zeros((n, 3)),
+            Array2::zeros((n, 3)),
+        );
         let mut rotation = Array3::zeros((n, 3, 3));
         for (i, node) in topology.nodes.iter().enumerate() {
             let pose = &placement.pose[i];
@@ -185,7 +352,11 @@ impl PySystem {
                     rotation[(node.body, k, l)] = pose.r[(k, l)];
                 }
             }
-            if let Some(v) = placement.velocity.as_ref().map(|v| v.body[i].motion_at(&arm)) {
+            if let Some(v) = placement
+                .velocity
+                .as_ref()
+                .map(|v| v.body[i].motion_at(&arm))
+            {
                 for k in 0..3 {
                     velocity[(node.body, k)] = v.l[k];
                     omega[(node.body, k)] = v.a[k];
@@ -200,8 +371,13 @@ impl PySystem {
         Ok(out)
     }
 
-    fn equilibrium<'py>(&self, py: Python<'py>, relative: PyReadonlyArray2<'py, f64>, without: Vec<String>) -> PyResult<Bound<'py, PyDict>> {
-        let start = state_of(&self.0, &relative, &PyReadonlyArray1::extract(numpy::PyArray1::<f64>::zeros(py, 0, false).as_any().as_borrowed())?)?;
+    fn equilibrium<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        without: Vec<String>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let start = state_of(&self.0, &relative, &empty(py)?)?;
         let effects = effects(&without)?;
         let (eq, counts): (Equilibrium, Counts) = run(py, &self.0, move |system, cancel| {
             let mut counts = Counts::default();
@@ -219,20 +395,42 @@ impl PySystem {
         Ok(out)
     }
 
-    fn linearize<'py>(&self, py: Python<'py>, relative: PyReadonlyArray2<'py, f64>, rate: PyReadonlyArray1<'py, f64>, without: Vec<String>) -> PyResult<Bound<'py, PyDict>> {
+    fn linearize<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+        without: Vec<String>,
+    ) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
         let (lin, counts) = run(py, &self.0, move |system, _| {
             let mut counts = Counts::default();
-            linearize(&Setting { system, state: &state, effects }, &mut counts).map(|l| (l, counts))
+            linearize(
+                &Setting {
+                    system,
+                    state: &state,
+                    effects,
+                },
+                &mut counts,
+            )
+            .map(|l| (l, counts))
         })?;
         let out = PyDict::new(py);
         put_linearization(py, &out, &self.0, &lin)?;
-        out.set_item("moving", lin.acceleration.is_some() || rate.as_array().iter().any(|r| *r != 0.0))?;
+        out.set_item(
+            "moving",
+            lin.acceleration.is_some() || rate.as_array().iter().any(|r| *r != 0.0),
+        )?;
         if let Some(l) = &lin.loops {
             out.set_item("rank", l.dependent.len())?;
             let named = redundant_joints(&self.0.topology, l).into_iter();
-            out.set_item("redundant", named.map(|(j, n)| (self.0.topology.tables.joints[j].name.clone(), n)).collect::<Vec<_>>())?;
+            out.set_item(
+                "redundant",
+                named
+                    .map(|(j, n)| (self.0.topology.tables.joints[j].name.clone(), n))
+                    .collect::<Vec<_>>(),
+            )?;
         }
         out.set_item("counts", counts_dict(py, &counts)?)?;
         Ok(out)
@@ -251,14 +449,25 @@ impl PySystem {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
         let n_x = self.0.x.len();
-        if directions.iter().any(|(i, v)| i.len() != v.len() || i.iter().any(|i| *i >= n_x)) {
+        if directions
+            .iter()
+            .any(|(i, v)| i.len() != v.len() || i.iter().any(|i| *i >= n_x))
+        {
             return Err(Error::model("a direction does not fit the value vector").into());
         }
         let all = run(py, &self.0, move |system, cancel| {
-            let setting = Setting { system, state: &state, effects };
+            let setting = Setting {
+                system,
+                state: &state,
+                effects,
+            };
             let base = linearize(&setting, &mut Counts::default())?;
             let solve = equilibrium_solver(system, &base)?;
-            let follow = if follow { Follow::Equilibrium } else { Follow::Hold };
+            let follow = if follow {
+                Follow::Equilibrium
+            } else {
+                Follow::Hold
+            };
             let one = |(indices, weights): (Vec<usize>, Vec<f64>)| {
                 cancel.check()?;
                 let dx: Vec<_> = indices.into_iter().zip(weights).collect();
@@ -267,22 +476,183 @@ impl PySystem {
             directions.into_iter().map(one).collect::<Result<Vec<_>>>()
         })?;
         let out = PyDict::new(py);
-        out.set_item("dM", stacked(&all, |d| Some(&d.mass)).map(|a| a.into_pyarray(py)))?;
-        out.set_item("dD", stacked(&all, |d| d.damping.as_ref()).map(|a| a.into_pyarray(py)))?;
-        out.set_item("dS", stacked(&all, |d| Some(&d.stiffness)).map(|a| a.into_pyarray(py)))?;
-        out.set_item("dT", stacked(&all, |d| Some(&d.body_map)).map(|a| a.into_pyarray(py)))?;
-        out.set_item("tree_coordinates", columns(&all, |d| &d.dy).into_pyarray(py))?;
-        out.set_item("body_motion", columns(&all, |d| &d.body_motion).into_pyarray(py))?;
+        out.set_item(
+            "dM",
+            stacked(&all, |d| Some(&d.mass)).map(|a| a.into_pyarray(py)),
+        )?;
+        out.set_item(
+            "dD",
+            stacked(&all, |d| d.damping.as_ref()).map(|a| a.into_pyarray(py)),
+        )?;
+        out.set_item(
+            "dS",
+            stacked(&all, |d| Some(&d.stiffness)).map(|a| a.into_pyarray(py)),
+        )?;
+        out.set_item(
+            "dT",
+            stacked(&all, |d| Some(&d.body_map)).map(|a| a.into_pyarray(py)),
+        )?;
+        out.set_item(
+            "d_ground_coupling",
+            stacked(&all, |d| Some(&d.ground_coupling)).map(|a| a.into_pyarray(py)),
+        )?;
+        out.set_item(
+            "tree_coordinates",
+            columns(&all, |d| &d.dy).into_pyarray(py),
+        )?;
+        out.set_item(
+            "body_motion",
+            columns(&all, |d| &d.body_motion).into_pyarray(py),
+        )?;
         out.set_item("multipliers", columns(&all, |d| &d.lam).into_pyarray(py))?;
         Ok(out)
     }
 
+    /// A state advanced by increments of the minimal coordinates, loops closed.
+    fn advance<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        increments: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let mut state = state_of(&self.0, &relative, &empty(py)?)?;
+        let z = nalgebra::DVector::from_vec(values(&increments));
+        let moved = run(py, &self.0, move |system, _| {
+            let setting = Setting { system, state: &state, effects: Effects::ALL };
+            let base = linearize(&setting, &mut Counts::default())?;
+            let dy = base.expand(z)?;
+            advance(&system.topology, &mut state.relative, dy.as_slice());
+            close(system, &mut state, &mut Counts::default())?;
+            Ok(state)
+        })?;
+        let out = PyDict::new(py);
+        put_state(py, &out, &moved)?;
+        Ok(out.as_any().get_item("relative")?)
+    }
+
+    /// How far given rates of the tree coordinates violate the cut joints, in rates of the scaled rows.
+    fn rate_mismatch(&self, py: Python<'_>, relative: PyReadonlyArray2<'_, f64>, rate: PyReadonlyArray1<'_, f64>) -> PyResult<f64> {
+        let state = state_of(&self.0, &relative, &rate)?;
+        guarded(py, || {
+            let placement = place(&self.0.topology, &self.0.geometry, &state.relative, None);
+            let jacobian = scene(&self.0, &placement).constraints().1;
+            let scales = row_scales(&self.0.topology, self.0.length);
+            let miss = jacobian * nalgebra::DVector::from_vec(state.rate.clone());
+            Ok(miss.iter().zip(&scales).map(|(m, s)| (m * s).abs()).fold(0.0, f64::max))
+        })
+    }
+
+    /// Explicit motion from a state with steps of length `step`: positions (n_steps + 1, n_bodies, 3) and, along a direction of the
+    /// values (indices, weights), their derivative.
+    #[allow(clippy::too_many_arguments)]
+    fn integrate<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+        step: f64,
+        n_steps: usize,
+        direction: Option<(Vec<usize>, Vec<f64>)>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let mut state = state_of(&self.0, &relative, &rate)?;
+        state.rate.resize(self.0.n_tree(), 0.0);
+        let differentiate = direction.is_some();
+        let (indices, weights) = direction.unwrap_or_default();
+        if indices.len() != weights.len() || indices.iter().any(|i| *i >= self.0.x.len()) {
+            return Err(Error::model("the direction does not fit the value vector").into());
+        }
+        let (history, counts) = run(py, &self.0, move |system, cancel| {
+            let dx: Vec<_> = indices.into_iter().zip(weights).collect();
+            let mut counts = Counts::default();
+            let history = if differentiate {
+                integrate_along::<Dual64>(
+                    system,
+                    &state,
+                    &dx,
+                    step,
+                    n_steps,
+                    cancel,
+                    &mut counts,
+                    |v| v.eps,
+                )?
+            } else {
+                integrate_along::<f64>(
+                    system,
+                    &state,
+                    &[],
+                    step,
+                    n_steps,
+                    cancel,
+                    &mut counts,
+                    |_| 0.0,
+                )?
+            };
+            Ok((history, counts))
+        })?;
+        let shape = (n_steps + 1, self.0.n_bodies(), 3);
+        let out = PyDict::new(py);
+        out.set_item(
+            "position",
+            Array3::from_shape_fn(shape, |(i, b, k)| history[i][b][k].0).into_pyarray(py),
+        )?;
+        if differentiate {
+            out.set_item(
+                "derivative",
+                Array3::from_shape_fn(shape, |(i, b, k)| history[i][b][k].1).into_pyarray(py),
+            )?;
+        }
+        out.set_item("counts", counts_dict(py, &counts)?)?;
+        Ok(out)
+    }
+
+    /// Per elastic connector: gradient rows in tree-independent form (n, 6) about a world point, the bodies, k (n, n).
+    fn strains<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let state = state_of(&self.0, &relative, &empty(py)?)?;
+        let topology = &self.0.topology;
+        let placement = place(topology, &self.0.geometry, &state.relative, None);
+        let out = PyList::empty(py);
+        for c in &topology.connectors {
+            let one = strain(topology, &self.0.geometry, &placement, &self.0.x, c);
+            let name = match c.owner {
+                Owner::Element(i) => &topology.tables.elements[i].name,
+                Owner::Joint(i) => &topology.tables.joints[i].name,
+            };
+            let gradients =
+                Array2::from_shape_fn((one.gradients.len(), 6), |(i, k)| one.gradients[i].get(k));
+            let body = |b: Option<usize>| b.map_or(-1, |b| b as i64);
+            let point = one.point.as_slice().to_vec().into_pyarray(py);
+            out.append((
+                name,
+                body(c.a),
+                body(c.b),
+                point,
+                gradients.into_pyarray(py),
+                array(&one.k).into_pyarray(py),
+            ))?;
+        }
+        Ok(out)
+    }
+
     /// Wrench of every joint on its second body at the joint's point, (n_joints, 6), world axes.
-    fn reactions<'py>(&self, py: Python<'py>, relative: PyReadonlyArray2<'py, f64>, rate: PyReadonlyArray1<'py, f64>, without: Vec<String>) -> PyResult<Bound<'py, numpy::PyArray2<f64>>> {
+    fn reactions<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+        without: Vec<String>,
+    ) -> PyResult<Bound<'py, numpy::PyArray2<f64>>> {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
         let all = run(py, &self.0, move |system, _| {
-            let setting = Setting { system, state: &state, effects };
+            let setting = Setting {
+                system,
+                state: &state,
+                effects,
+            };
             let base = linearize(&setting, &mut Counts::default())?;
             reactions(&setting, &base)
         })?;

@@ -10,10 +10,13 @@ use crate::model::joint::{Coordinate, JointKind};
 use crate::model::tables::LENGTH_GIVEN;
 use crate::run::Counts;
 use crate::spatial::{Real, Six};
-use crate::system::connector::{Wanted, add_tangent, add_wrench, constraint_interaction, constraint_rows, interaction, load_interaction, path};
-use crate::system::inertia::{InertiaInput, add_inertia};
+use crate::system::connector::{
+    Numbers, Wanted, add_tangent, add_wrench, constraint_interaction, constraint_rows, interaction,
+    load_interaction, path,
+};
+use crate::system::inertia::{InertiaInput, add_inertia, ground_coupling};
 use crate::system::placement::Placement;
-use crate::system::topology::{Level, Topology};
+use crate::system::topology::{Connector, Level, Topology};
 
 /// What is computed: an effect that a model does not contain costs nothing anyway; these switch off what it contains.
 #[derive(Debug, Clone, Copy)]
@@ -24,6 +27,10 @@ pub struct Effects {
     pub centrifugal: bool,
     pub preload_stiffness: bool,
     pub constraint_force_stiffness: bool,
+    /// slopes of nonlinear laws: off where harmonic balance adds the laws themselves
+    pub law_slopes: bool,
+    pub friction: bool,
+    pub contact: bool,
 }
 
 impl Effects {
@@ -34,7 +41,20 @@ impl Effects {
         centrifugal: true,
         preload_stiffness: true,
         constraint_force_stiffness: true,
+        law_slopes: true,
+        friction: true,
+        contact: true,
     };
+
+    /// Which forces of connectors and loads act.
+    fn wanted(&self) -> Wanted {
+        Wanted {
+            damping: self.damping,
+            friction: self.friction,
+            contact: self.contact,
+            ..Wanted::FORCES
+        }
+    }
 }
 
 /// Everything the assembly reads, over T.
@@ -42,6 +62,8 @@ pub struct Scene<'a, T: Real> {
     pub topology: &'a Topology,
     pub geometry: &'a Geometry<T>,
     pub x: &'a [T],
+    /// what laws remember; empty means centred
+    pub memory: &'a [T],
     pub placement: &'a Placement<T>,
     pub rate: Option<&'a [T]>,
     pub acceleration: Option<&'a [T]>,
@@ -69,19 +91,37 @@ impl<T: Real> Scene<'_, T> {
     }
 
     fn damped(&self) -> bool {
-        self.effects.damping && self.topology.connectors.iter().any(|c| c.c.is_some())
+        let damps = |c: &Connector| {
+            c.c.is_some() || self.effects.law_slopes && c.laws.iter().any(|l| l.law.uses_velocity())
+        };
+        self.effects.damping && self.topology.connectors.iter().any(damps)
+    }
+
+    fn numbers(&self) -> Numbers<'_, T> {
+        Numbers {
+            x: self.x,
+            memory: self.memory,
+        }
     }
 
     /// Per node: applied wrenches about the centre of mass, without inertia and multipliers.
     fn applied(&self) -> Vec<Six<T>> {
         let mut sums = vec![Six::zero(); self.topology.nodes.len()];
-        let wanted = Wanted { tangent: false, geometric: false, damping: self.effects.damping };
+        let wanted = self.effects.wanted();
         for c in &self.topology.connectors {
-            let acting = interaction(self.topology, self.geometry, self.placement, self.x, c, wanted);
+            let acting = interaction(
+                self.topology,
+                self.geometry,
+                self.placement,
+                self.numbers(),
+                c,
+                wanted,
+            );
             add_wrench(self.topology, self.placement, &acting, &mut sums);
         }
         for load in 0..self.topology.tables.loads.len() {
-            let acting = load_interaction(self.topology, self.geometry, self.placement, load, wanted);
+            let acting =
+                load_interaction(self.topology, self.geometry, self.placement, load, wanted);
             add_wrench(self.topology, self.placement, &acting, &mut sums);
         }
         sums
@@ -106,19 +146,56 @@ impl<T: Real> Scene<'_, T> {
     /// J^T lam as wrenches on the bodies, with the sign they have in rho.
     pub fn multiplier_wrenches(&self, lam: &[T]) -> Vec<Six<T>> {
         let mut sums = vec![Six::zero(); self.topology.nodes.len()];
-        let wanted = Wanted { tangent: false, geometric: false, damping: false };
+        let wanted = Wanted::FORCES;
         for (joint, rows) in self.cut_multipliers(lam) {
-            let acting = constraint_interaction(self.topology, self.geometry, self.placement, joint, &rows, wanted);
+            let acting = constraint_interaction(
+                self.topology,
+                self.geometry,
+                self.placement,
+                joint,
+                &rows,
+                wanted,
+            );
             add_wrench(self.topology, self.placement, &acting, &mut sums);
         }
         sums.into_iter().map(|w| -w).collect()
     }
 
+    /// The mass matrix alone.
+    pub fn mass(&self) -> DMatrix<T> {
+        let n = self.topology.dofs.len();
+        let (mut mass, mut unused) = (DMatrix::zeros(n, n), DMatrix::zeros(0, 0));
+        let unloaded = InertiaInput {
+            rate: None,
+            acceleration: None,
+            gravity: None,
+            ..self.inertia(false)
+        };
+        add_inertia(&unloaded, &mut mass, &mut unused, None);
+        mass
+    }
+
+    /// Momentum of a common rigid motion of everything, about the world origin, per tree coordinate (n_tree, 6).
+    pub fn ground_coupling(&self) -> DMatrix<T> {
+        ground_coupling(&self.inertia(false))
+    }
+
     /// The sum of the sizes of all connector forces, moments over the characteristic length.
     pub fn connector_sizes(&self, length: f64) -> f64 {
-        let wanted = Wanted { tangent: false, geometric: false, damping: false };
-        let acting = self.topology.connectors.iter().map(|c| interaction(self.topology, self.geometry, self.placement, self.x, c, wanted));
-        acting.map(|w| w.wrench.l.map(|v| v.re()).norm() * length + w.wrench.a.map(|v| v.re()).norm()).sum()
+        let wanted = Wanted::FORCES;
+        let acting = self.topology.connectors.iter().map(|c| {
+            interaction(
+                self.topology,
+                self.geometry,
+                self.placement,
+                self.numbers(),
+                c,
+                wanted,
+            )
+        });
+        acting
+            .map(|w| w.wrench.l.map(|v| v.re()).norm() * length + w.wrench.a.map(|v| v.re()).norm())
+            .sum()
     }
 
     /// Position-level multipliers grouped by cut joint.
@@ -140,7 +217,8 @@ impl<T: Real> Scene<'_, T> {
     pub fn subtree_wrenches(&self, mut sums: Vec<Six<T>>) -> Vec<Six<T>> {
         for node in (0..sums.len()).rev() {
             if let Some(parent) = self.topology.nodes[node].parent {
-                let moved = sums[node].wrench_at(&(self.placement.pose[parent].p - self.placement.pose[node].p));
+                let moved = sums[node]
+                    .wrench_at(&(self.placement.pose[parent].p - self.placement.pose[node].p));
                 sums[parent] += moved;
             }
         }
@@ -150,7 +228,14 @@ impl<T: Real> Scene<'_, T> {
     /// rho in tree coordinates; without `lam` the multipliers are left out.
     pub fn residual(&self, lam: Option<&[T]>) -> DVector<T> {
         let sums = self.subtree_wrenches(self.body_wrenches(lam));
-        DVector::from_iterator(self.topology.dofs.len(), self.topology.dofs.iter().zip(&self.placement.column).map(|(dof, s)| s.dot(&sums[dof.node])))
+        DVector::from_iterator(
+            self.topology.dofs.len(),
+            self.topology
+                .dofs
+                .iter()
+                .zip(&self.placement.column)
+                .map(|(dof, s)| s.dot(&sums[dof.node])),
+        )
     }
 
     /// Values Phi and Jacobian J of the rows of cut joints; a velocity row has value zero and its D for Jacobian.
@@ -161,24 +246,48 @@ impl<T: Real> Scene<'_, T> {
         let mut start = 0;
         while start < rows.len() {
             let joint = rows[start].joint;
-            let end = start + rows[start..].iter().take_while(|r| r.joint == joint).count();
+            let end = start
+                + rows[start..]
+                    .iter()
+                    .take_while(|r| r.joint == joint)
+                    .count();
             self.joint_rows(joint, start, end, &mut phi, &mut jacobian);
             start = end;
         }
         (phi, jacobian)
     }
 
-    fn joint_rows(&self, joint: usize, start: usize, end: usize, phi: &mut DVector<T>, jacobian: &mut DMatrix<T>) {
+    fn joint_rows(
+        &self,
+        joint: usize,
+        start: usize,
+        end: usize,
+        phi: &mut DVector<T>,
+        jacobian: &mut DMatrix<T>,
+    ) {
         let spec = &self.topology.tables.joints[joint];
-        let coordinates: Vec<_> = self.topology.rows[start..end].iter().map(|r| r.coordinate).collect();
+        let coordinates: Vec<_> = self.topology.rows[start..end]
+            .iter()
+            .map(|r| r.coordinate)
+            .collect();
         let (point, rows) = if spec.kind == JointKind::KnifeEdge {
             self.knife_edge(joint)
         } else {
-            constraint_rows(self.topology, self.geometry, self.placement, joint, &coordinates)
+            constraint_rows(
+                self.topology,
+                self.geometry,
+                self.placement,
+                joint,
+                &coordinates,
+            )
         };
         let entries = path(self.topology, self.placement, spec.a, spec.b, &point);
         for (i, (value, g)) in rows.iter().enumerate() {
-            let length = if spec.kind == JointKind::Distance { self.distance(joint) } else { T::zero() };
+            let length = if spec.kind == JointKind::Distance {
+                self.distance(joint)
+            } else {
+                T::zero()
+            };
             phi[start + i] = *value - length;
             for entry in &entries {
                 jacobian[(start + i, entry.dof)] = g.dot(&entry.signed());
@@ -189,15 +298,30 @@ impl<T: Real> Scene<'_, T> {
     fn distance(&self, joint: usize) -> T {
         let spec = &self.topology.tables.joints[joint];
         let x = self.x[spec.x + 34];
-        if spec.flags & LENGTH_GIVEN != 0 { x } else { self.geometry.joint_length[joint] + x }
+        if spec.flags & LENGTH_GIVEN != 0 {
+            x
+        } else {
+            self.geometry.joint_length[joint] + x
+        }
     }
 
     // the forbidden direction is the z axis of the second body's marker
     fn knife_edge(&self, joint: usize) -> (crate::spatial::V3<T>, Vec<(T, Six<T>)>) {
         let spec = &self.topology.tables.joints[joint];
         let pair = &self.geometry.joints[joint];
-        let b = crate::system::placement::marker_pose(self.topology, &self.placement.pose, spec.b, &pair.b);
-        (b.p, vec![(T::zero(), Six::new(b.r.column(2).into_owned(), crate::spatial::V3::zeros()))])
+        let b = crate::system::placement::marker_pose(
+            self.topology,
+            &self.placement.pose,
+            spec.b,
+            &pair.b,
+        );
+        (
+            b.p,
+            vec![(
+                T::zero(),
+                Six::new(b.r.column(2).into_owned(), crate::spatial::V3::zeros()),
+            )],
+        )
     }
 
     pub fn tangent(&self, lam: Option<&[T]>, counts: &mut Counts) -> Tangent<T> {
@@ -206,7 +330,12 @@ impl<T: Real> Scene<'_, T> {
         let mut stiffness = DMatrix::zeros(n, n);
         let moving = self.rate.is_some();
         let mut gyroscopic = (moving && self.effects.gyroscopic).then(|| DMatrix::zeros(n, n));
-        add_inertia(&self.inertia(self.effects.centrifugal || gyroscopic.is_some()), &mut mass, &mut stiffness, gyroscopic.as_mut());
+        add_inertia(
+            &self.inertia(self.effects.centrifugal || gyroscopic.is_some()),
+            &mut mass,
+            &mut stiffness,
+            gyroscopic.as_mut(),
+        );
         if moving && !self.effects.centrifugal {
             // the velocity terms of K came along with the gyroscopic ones: take them out again
             let mut unused = DMatrix::zeros(n, n);
@@ -225,18 +354,47 @@ impl<T: Real> Scene<'_, T> {
             self.add_multiplier_stiffness(lam, &mut stiffness, counts);
         }
         self.add_switched(&mut stiffness);
-        Tangent { mass, damping, gyroscopic, stiffness }
+        Tangent {
+            mass,
+            damping,
+            gyroscopic,
+            stiffness,
+        }
     }
 
-    fn add_connectors(&self, stiffness: &mut DMatrix<T>, mut damping: Option<&mut DMatrix<T>>, counts: &mut Counts) {
+    fn add_connectors(
+        &self,
+        stiffness: &mut DMatrix<T>,
+        mut damping: Option<&mut DMatrix<T>>,
+        counts: &mut Counts,
+    ) {
         let geometric = self.effects.preload_stiffness;
-        let wanted = Wanted { tangent: true, geometric, damping: self.effects.damping };
+        let wanted = Wanted {
+            tangent: true,
+            geometric,
+            laws: self.effects.law_slopes,
+            ..self.effects.wanted()
+        };
         for c in &self.topology.connectors {
-            let acting = interaction(self.topology, self.geometry, self.placement, self.x, c, wanted);
-            let own = damping.as_deref_mut().filter(|_| c.c.is_some());
-            add_tangent(self.topology, self.placement, &acting, geometric, stiffness, own);
+            let acting = interaction(
+                self.topology,
+                self.geometry,
+                self.placement,
+                self.numbers(),
+                c,
+                wanted,
+            );
+            let own = damping.as_deref_mut().filter(|_| acting.damped);
+            add_tangent(
+                self.topology,
+                self.placement,
+                &acting,
+                geometric,
+                stiffness,
+                own,
+            );
             counts.add("connector tangents", 1);
-            if c.c.is_some() && self.effects.damping {
+            if acting.damped {
                 counts.add("damper tangents", 1);
             }
             if geometric && !acting.wrench.is_zero() {
@@ -245,22 +403,49 @@ impl<T: Real> Scene<'_, T> {
         }
         if geometric {
             for load in 0..self.topology.tables.loads.len() {
-                let acting = load_interaction(self.topology, self.geometry, self.placement, load, wanted);
-                add_tangent(self.topology, self.placement, &acting, true, stiffness, None);
+                let acting =
+                    load_interaction(self.topology, self.geometry, self.placement, load, wanted);
+                add_tangent(
+                    self.topology,
+                    self.placement,
+                    &acting,
+                    true,
+                    stiffness,
+                    None,
+                );
                 counts.add("load tangents", 1);
             }
         }
     }
 
     /// d(J^T lam)/dy of the cut joints.
-    pub fn add_multiplier_stiffness(&self, lam: &[T], stiffness: &mut DMatrix<T>, counts: &mut Counts) {
-        let wanted = Wanted { tangent: true, geometric: true, damping: false };
+    pub fn add_multiplier_stiffness(
+        &self,
+        lam: &[T],
+        stiffness: &mut DMatrix<T>,
+        counts: &mut Counts,
+    ) {
+        let wanted = Wanted::GEOMETRY;
         for (joint, rows) in self.cut_multipliers(lam) {
             if rows.iter().all(|(_, l)| l.is_zero()) {
                 continue;
             }
-            let acting = constraint_interaction(self.topology, self.geometry, self.placement, joint, &rows, wanted);
-            add_tangent(self.topology, self.placement, &acting, true, stiffness, None);
+            let acting = constraint_interaction(
+                self.topology,
+                self.geometry,
+                self.placement,
+                joint,
+                &rows,
+                wanted,
+            );
+            add_tangent(
+                self.topology,
+                self.placement,
+                &acting,
+                true,
+                stiffness,
+                None,
+            );
             counts.add("constraint-force stiffness", 1);
         }
     }
@@ -287,7 +472,9 @@ impl<T: Real> Scene<'_, T> {
                 let spec = &self.topology.nodes[n];
                 let arm = self.placement.pose[node].p - self.placement.pose[n].p;
                 for j in spec.first..spec.first + spec.n {
-                    let carries = n != node || self.topology.dofs[j].freedom.stage < self.topology.dofs[i].freedom.stage;
+                    let carries = n != node
+                        || self.topology.dofs[j].freedom.stage
+                            < self.topology.dofs[i].freedom.stage;
                     if carries {
                         let change = self.placement.column[j].motion_at(&arm).cross_motion(s_i);
                         stiffness[(i, j)] += change.dot(&subtree[node]) * factor;

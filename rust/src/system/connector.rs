@@ -10,14 +10,16 @@
 //! ```
 //! Constraint rows are connectors whose force is the multiplier.
 use nalgebra::DMatrix;
+use num_dual::Dual;
 
 use crate::kinematics::relative::Relative;
+use crate::laws::Law;
 use crate::model::geometry::{Geometry, MarkerPair};
 use crate::model::joint::Coordinate;
 use crate::model::tables::BodyRef;
 use crate::spatial::{Map6, Pose, Real, Six, V3, skew};
 use crate::system::placement::{Placement, marker_pose};
-use crate::system::topology::{Connector, Natural, Owner, Topology};
+use crate::system::topology::{BoundLaw, Connector, Natural, Owner, Topology};
 
 /// One tree coordinate on the way between two bodies.
 #[derive(Debug, Clone, Copy)]
@@ -38,12 +40,20 @@ impl<T: Real> PathEntry<T> {
 
     /// Does `other` carry this coordinate's axis?
     fn carried_by(&self, other: &Self) -> bool {
-        self.on_b == other.on_b && other.order > self.order && (other.node != self.node || other.stage < self.stage)
+        self.on_b == other.on_b
+            && other.order > self.order
+            && (other.node != self.node || other.stage < self.stage)
     }
 }
 
 /// The coordinates that move b against a, each with its twist at `point`.
-pub fn path<T: Real>(topology: &Topology, placement: &Placement<T>, a: BodyRef, b: BodyRef, point: &V3<T>) -> Vec<PathEntry<T>> {
+pub fn path<T: Real>(
+    topology: &Topology,
+    placement: &Placement<T>,
+    a: BodyRef,
+    b: BodyRef,
+    point: &V3<T>,
+) -> Vec<PathEntry<T>> {
     let mut entries = Vec::new();
     let (mut i, mut j) = (topology.node(a), topology.node(b));
     let depth = |node: Option<usize>| node.map_or(-1, |n| topology.nodes[n].depth as i64);
@@ -55,9 +65,18 @@ pub fn path<T: Real>(topology: &Topology, placement: &Placement<T>, a: BodyRef, 
         let arm = point - placement.pose[node].p;
         // outermost stage first, so that what carries an axis always comes later
         for stage in [1, 0] {
-            for dof in (spec.first..spec.first + spec.n).filter(|d| topology.dofs[*d].freedom.stage == stage) {
+            for dof in (spec.first..spec.first + spec.n)
+                .filter(|d| topology.dofs[*d].freedom.stage == stage)
+            {
                 let order = entries.len();
-                entries.push(PathEntry { dof, on_b, s: placement.column[dof].motion_at(&arm), node, stage, order });
+                entries.push(PathEntry {
+                    dof,
+                    on_b,
+                    s: placement.column[dof].motion_at(&arm),
+                    node,
+                    stage,
+                    order,
+                });
             }
         }
         *side = spec.parent;
@@ -72,7 +91,16 @@ pub struct Interaction<T: Real> {
     pub b: BodyRef,
     pub point: V3<T>,
     pub wrench: Six<T>,
+    /// does its force depend on the rate?
+    pub damped: bool,
     pub tangent: Option<(Map6<T>, Map6<T>)>,
+}
+
+/// The numbers of the model and what its laws remember.
+#[derive(Debug, Clone, Copy)]
+pub struct Numbers<'a, T: Real> {
+    pub x: &'a [T],
+    pub memory: &'a [T],
 }
 
 /// What of a tangent is wanted.
@@ -82,6 +110,37 @@ pub struct Wanted {
     /// terms that are proportional to the force
     pub geometric: bool,
     pub damping: bool,
+    /// slopes of the laws; harmonic balance takes them from the elements instead
+    pub laws: bool,
+    pub friction: bool,
+    pub contact: bool,
+}
+
+impl Wanted {
+    /// Forces alone, all of them.
+    pub const FORCES: Wanted = Wanted {
+        tangent: false,
+        geometric: false,
+        damping: true,
+        laws: false,
+        friction: true,
+        contact: true,
+    };
+
+    /// The tangent of given forces, such as multipliers.
+    pub const GEOMETRY: Wanted = Wanted {
+        tangent: true,
+        geometric: true,
+        ..Wanted::FORCES
+    };
+
+    fn law(&self, law: Law) -> bool {
+        match law {
+            Law::CoulombTanh | Law::Jenkins | Law::Iwan { .. } => self.friction,
+            Law::Gap | Law::GapBilateral | Law::Hertz => self.contact,
+            _ => true,
+        }
+    }
 }
 
 fn pair_of<'g, T: Real>(geometry: &'g Geometry<T>, owner: Owner) -> &'g MarkerPair<T> {
@@ -99,18 +158,168 @@ struct Local<T: Real> {
     twist: Option<Six<T>>,
 }
 
-fn local<T: Real>(topology: &Topology, placement: &Placement<T>, a: BodyRef, b: BodyRef, pair: &MarkerPair<T>) -> Local<T> {
+fn local<T: Real>(
+    topology: &Topology,
+    placement: &Placement<T>,
+    a: BodyRef,
+    b: BodyRef,
+    pair: &MarkerPair<T>,
+) -> Local<T> {
     let pa = marker_pose(topology, &placement.pose, a, &pair.a);
     let pb = marker_pose(topology, &placement.pose, b, &pair.b);
     let t = pa.r.transpose();
-    let relative = Relative { u: t * (pb.p - pa.p), r: t * pb.r };
+    let relative = Relative {
+        u: t * (pb.p - pa.p),
+        r: t * pb.r,
+    };
     let twist = placement.velocity.as_ref().map(|velocity| {
         let at = |body: BodyRef| {
-            topology.node(body).map_or_else(Six::zero, |n| velocity.body[n].motion_at(&(pb.p - placement.pose[n].p)))
+            topology.node(body).map_or_else(Six::zero, |n| {
+                velocity.body[n].motion_at(&(pb.p - placement.pose[n].p))
+            })
         };
         (at(b) - at(a)).rotated(&t)
     });
-    Local { a: pa, b: pb, relative, twist }
+    Local {
+        a: pa,
+        b: pb,
+        relative,
+        twist,
+    }
+}
+
+/// Forces of a connector's coordinates, and their slopes by displacement and rate.
+struct Response<T: Real> {
+    force: [T; 6],
+    k: [[T; 6]; 6],
+    c: [[T; 6]; 6],
+    damped: bool,
+}
+
+/// The linear part and the laws at displacements `e` and rates `v` (None at rest).
+fn response<T: Real>(
+    connector: &Connector,
+    x: &[T],
+    memory: &[T],
+    e: &[T],
+    v: Option<&[T]>,
+    wanted: Wanted,
+) -> Response<T> {
+    let n = e.len();
+    let zero = [[T::zero(); 6]; 6];
+    let mut out = Response {
+        force: [T::zero(); 6],
+        k: zero,
+        c: zero,
+        damped: wanted.damping && connector.c.is_some(),
+    };
+    let entry = |start: usize, i: usize, j: usize| {
+        if connector.full {
+            x[start + i * n + j]
+        } else if i == j {
+            x[start + i]
+        } else {
+            T::zero()
+        }
+    };
+    for i in 0..n {
+        if let Some(p) = connector.preload {
+            out.force[i] += x[p + i];
+        }
+        for j in 0..n {
+            if let Some(k) = connector.k {
+                out.k[i][j] = entry(k, i, j);
+                out.force[i] += out.k[i][j] * e[j];
+            }
+            if let Some(c) = connector.c.filter(|_| wanted.damping) {
+                out.c[i][j] = entry(c, i, j);
+                if let Some(v) = v {
+                    out.force[i] += out.c[i][j] * v[j];
+                }
+            }
+        }
+    }
+    for law in connector.laws.iter().filter(|l| wanted.law(l.law)) {
+        add_law(
+            law,
+            x,
+            memory,
+            e[law.component],
+            v.map_or_else(T::zero, |v| v[law.component]),
+            wanted,
+            &mut out,
+        );
+    }
+    out
+}
+
+fn add_law<T: Real>(
+    bound: &BoundLaw,
+    x: &[T],
+    memory: &[T],
+    e: T,
+    v: T,
+    wanted: Wanted,
+    out: &mut Response<T>,
+) {
+    let i = bound.component;
+    let p = &x[bound.x..bound.x + bound.law.n_params()];
+    let n = bound.law.n_memory();
+    let centred = vec![T::zero(); n];
+    let z = if memory.is_empty() {
+        &centred
+    } else {
+        &memory[bound.memory..bound.memory + n]
+    };
+    let mut z_new = vec![T::zero(); n];
+    out.force[i] += bound.law.force(e, v, p, z, &mut z_new);
+    if !wanted.tangent || !wanted.laws {
+        return;
+    }
+    let constant = |a: &[T]| -> Vec<Dual<T>> { a.iter().map(|a| Dual::from_re(*a)).collect() };
+    let (pd, zd) = (constant(p), constant(z));
+    let mut zd_new = vec![Dual::from_re(T::zero()); n];
+    let by_e = bound.law.force(
+        Dual::new(e, T::one()),
+        Dual::from_re(v),
+        &pd,
+        &zd,
+        &mut zd_new,
+    );
+    out.k[i][i] += by_e.eps;
+    if bound.law.uses_velocity() && wanted.damping {
+        let by_v = bound.law.force(
+            Dual::from_re(e),
+            Dual::new(v, T::one()),
+            &pd,
+            &zd,
+            &mut zd_new,
+        );
+        out.c[i][i] += by_v.eps;
+        out.damped = true;
+    }
+}
+
+/// Displacement and rate of every coordinate of a connector; rates are zero at rest.
+pub fn motion_of<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    x: &[T],
+    connector: &Connector,
+) -> Vec<(T, T)> {
+    let here = local(
+        topology,
+        placement,
+        connector.a,
+        connector.b,
+        pair_of(geometry, connector.owner),
+    );
+    let rows = connector.coordinates.iter().map(|c| here.relative.row(*c));
+    let rate = |g: &Six<T>| here.twist.as_ref().map_or_else(T::zero, |v| g.dot(v));
+    let mut all: Vec<_> = rows.map(|r| (r.e, rate(&r.g))).collect();
+    offset_natural(connector, geometry, x, &mut all[0].0);
+    all
 }
 
 /// The force of an element or joint spring, and its tangents.
@@ -118,69 +327,125 @@ pub fn interaction<T: Real>(
     topology: &Topology,
     geometry: &Geometry<T>,
     placement: &Placement<T>,
-    x: &[T],
+    numbers: Numbers<'_, T>,
     connector: &Connector,
     wanted: Wanted,
 ) -> Interaction<T> {
     let pair = pair_of(geometry, connector.owner);
     let here = local(topology, placement, connector.a, connector.b, pair);
     let n = connector.coordinates.len();
-    let mut rows: Vec<_> = connector.coordinates.iter().map(|c| here.relative.row(*c)).collect();
-    offset_natural(connector, geometry, x, &mut rows[0].e);
-    let entry = |start: Option<usize>, i: usize, j: usize| -> T {
-        match start {
-            Some(s) if connector.full => x[s + i * n + j],
-            Some(s) if i == j => x[s + i],
-            _ => T::zero(),
-        }
-    };
-    let damping = if wanted.damping { connector.c } else { None };
-    let rate = |i: usize| here.twist.as_ref().map_or_else(T::zero, |v| rows[i].g.dot(v));
-    let mut wrench = Six::zero();
-    let mut force = Vec::with_capacity(n);
-    for i in 0..n {
-        let mut f = connector.preload.map_or_else(T::zero, |p| x[p + i]);
-        for j in 0..n {
-            f += entry(connector.k, i, j) * rows[j].e;
-            if damping.is_some() && here.twist.is_some() {
-                f += entry(damping, i, j) * rate(j);
-            }
-        }
-        wrench += -rows[i].g.scaled(f);
-        force.push(f);
-    }
+    let rows: Vec<_> = connector
+        .coordinates
+        .iter()
+        .map(|c| here.relative.row(*c))
+        .collect();
+    let mut e: Vec<T> = rows.iter().map(|r| r.e).collect();
+    offset_natural(connector, geometry, numbers.x, &mut e[0]);
+    let rates: Option<Vec<T>> = here
+        .twist
+        .as_ref()
+        .map(|v| rows.iter().map(|r| r.g.dot(v)).collect());
+    let response = response(
+        connector,
+        numbers.x,
+        numbers.memory,
+        &e,
+        rates.as_deref(),
+        wanted,
+    );
+    let wrench = (0..n).fold(Six::zero(), |w, i| w + -rows[i].g.scaled(response.force[i]));
     let tangent = wanted.tangent.then(|| {
         let (mut k, mut c) = (Map6::zero(), Map6::zero());
         for i in 0..n {
             for j in 0..n {
-                let (kij, cij) = (entry(connector.k, i, j), entry(damping, i, j));
+                let (kij, cij) = (response.k[i][j], response.c[i][j]);
                 if !kij.is_zero() {
                     k.add_outer(&rows[i].g, &rows[j].g, -kij);
                 }
-                if !cij.is_zero() {
+                if response.damped && !cij.is_zero() {
                     c.add_outer(&rows[i].g, &rows[j].g, -cij);
                     if let Some(v) = here.twist.as_ref() {
-                        k.add_outer(&rows[i].g, &rate_gradient(&here.relative, connector.coordinates[j], &rows[j].g, v), -cij);
+                        let slope =
+                            rate_gradient(&here.relative, connector.coordinates[j], &rows[j].g, v);
+                        k.add_outer(&rows[i].g, &slope, -cij);
                     }
                 }
             }
         }
         if wanted.geometric {
-            add_geometric(&mut k, &here.relative, &connector.coordinates, &force, &wrench);
+            add_geometric(
+                &mut k,
+                &here.relative,
+                &connector.coordinates,
+                &response.force[..n],
+                &wrench,
+            );
         }
         (k.rotated(&here.a.r), c.rotated(&here.a.r))
     });
-    Interaction { a: connector.a, b: connector.b, point: here.b.p, wrench: wrench.rotated(&here.a.r), tangent }
+    Interaction {
+        a: connector.a,
+        b: connector.b,
+        point: here.b.p,
+        wrench: wrench.rotated(&here.a.r),
+        damped: response.damped,
+        tangent,
+    }
+}
+
+/// What an element's strain energy is made of: gradients of its coordinates (world axes about `point`) and its stiffness.
+pub struct Strain {
+    pub point: V3<f64>,
+    pub gradients: Vec<Six<f64>>,
+    pub k: DMatrix<f64>,
+}
+
+pub fn strain(
+    topology: &Topology,
+    geometry: &Geometry<f64>,
+    placement: &Placement<f64>,
+    x: &[f64],
+    connector: &Connector,
+) -> Strain {
+    let pair = pair_of(geometry, connector.owner);
+    let here = local(topology, placement, connector.a, connector.b, pair);
+    let n = connector.coordinates.len();
+    let gradients = connector
+        .coordinates
+        .iter()
+        .map(|c| here.relative.row(*c).g.rotated(&here.a.r))
+        .collect();
+    let entry = |i: usize, j: usize| match connector.k {
+        Some(s) if connector.full => x[s + i * n + j],
+        Some(s) if i == j => x[s + i],
+        _ => 0.0,
+    };
+    Strain {
+        point: here.b.p,
+        gradients,
+        k: DMatrix::from_fn(n, n, entry),
+    }
 }
 
 /// d(e')/d(xi) at a given relative twist field: (h xi) . v + g_l . (omega x xi_t).
-fn rate_gradient<T: Real>(relative: &Relative<T>, coordinate: Coordinate, g: &Six<T>, v: &Six<T>) -> Six<T> {
+fn rate_gradient<T: Real>(
+    relative: &Relative<T>,
+    coordinate: Coordinate,
+    g: &Six<T>,
+    v: &Six<T>,
+) -> Six<T> {
     let mut q = relative.curvature(coordinate).apply_transposed(v);
     q.l += g.l.cross(&v.a);
     q
 }
 
-fn add_geometric<T: Real>(k: &mut Map6<T>, relative: &Relative<T>, coordinates: &[Coordinate], force: &[T], wrench: &Six<T>) {
+fn add_geometric<T: Real>(
+    k: &mut Map6<T>,
+    relative: &Relative<T>,
+    coordinates: &[Coordinate],
+    force: &[T],
+    wrench: &Six<T>,
+) {
     for (coordinate, f) in coordinates.iter().zip(force) {
         if f.is_zero() || matches!(coordinate, Coordinate::Translation(_)) {
             continue;
@@ -217,14 +482,23 @@ pub fn constraint_interaction<T: Real>(
 ) -> Interaction<T> {
     let spec = &topology.tables.joints[joint];
     let here = local(topology, placement, spec.a, spec.b, &geometry.joints[joint]);
-    let wrench = rows.iter().fold(Six::zero(), |w, (c, lam)| w + -here.relative.row(*c).g.scaled(*lam));
+    let wrench = rows.iter().fold(Six::zero(), |w, (c, lam)| {
+        w + -here.relative.row(*c).g.scaled(*lam)
+    });
     let tangent = wanted.tangent.then(|| {
         let mut k = Map6::zero();
         let (coordinates, forces): (Vec<_>, Vec<_>) = rows.iter().copied().unzip();
         add_geometric(&mut k, &here.relative, &coordinates, &forces, &wrench);
         (k.rotated(&here.a.r), Map6::zero())
     });
-    Interaction { a: spec.a, b: spec.b, point: here.b.p, wrench: wrench.rotated(&here.a.r), tangent }
+    Interaction {
+        a: spec.a,
+        b: spec.b,
+        point: here.b.p,
+        wrench: wrench.rotated(&here.a.r),
+        damped: false,
+        tangent,
+    }
 }
 
 /// Values of constraint rows and their gradients in world axes about p_B.
@@ -245,12 +519,26 @@ pub fn constraint_rows<T: Real>(
 }
 
 /// A load: dead (constant in the world) or follower (carried along), as an interaction of ground with its body.
-pub fn load_interaction<T: Real>(topology: &Topology, geometry: &Geometry<T>, placement: &Placement<T>, load: usize, wanted: Wanted) -> Interaction<T> {
+pub fn load_interaction<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    load: usize,
+    wanted: Wanted,
+) -> Interaction<T> {
     let spec = &topology.tables.loads[load];
     let pose = &placement.pose[topology.node_of_body[spec.body]];
     let (local, value) = &geometry.loads[load];
-    let value = if spec.follower { pose.r * value } else { *value };
-    let wrench = if spec.torque { Six::new(V3::zeros(), value) } else { Six::new(value, V3::zeros()) };
+    let value = if spec.follower {
+        pose.r * value
+    } else {
+        *value
+    };
+    let wrench = if spec.torque {
+        Six::new(V3::zeros(), value)
+    } else {
+        Six::new(value, V3::zeros())
+    };
     let tangent = (wanted.tangent && wanted.geometric).then(|| {
         let mut k = Map6::zero();
         k.al = -skew(&wrench.l);
@@ -260,7 +548,14 @@ pub fn load_interaction<T: Real>(topology: &Topology, geometry: &Geometry<T>, pl
         }
         (k, Map6::zero())
     });
-    Interaction { a: None, b: Some(spec.body), point: pose.p + pose.r * local, wrench, tangent }
+    Interaction {
+        a: None,
+        b: Some(spec.body),
+        point: pose.p + pose.r * local,
+        wrench,
+        damped: false,
+        tangent,
+    }
 }
 
 /// The path formula of the module's head, added to K and D.
@@ -272,10 +567,21 @@ pub fn add_tangent<T: Real>(
     stiffness: &mut DMatrix<T>,
     mut damping: Option<&mut DMatrix<T>>,
 ) {
-    let Some((k, c)) = &interaction.tangent else { return };
-    let entries = path(topology, placement, interaction.a, interaction.b, &interaction.point);
-    let moving_b = placement.velocity.as_ref().zip(topology.node(interaction.b)).map(|(velocity, node)| {
-        velocity.body[node].motion_at(&(interaction.point - placement.pose[node].p))
+    let Some((k, c)) = &interaction.tangent else {
+        return;
+    };
+    let entries = path(
+        topology,
+        placement,
+        interaction.a,
+        interaction.b,
+        &interaction.point,
+    );
+    let moving_b = placement.velocity.as_ref().map(|velocity| {
+        let at = |node: usize| {
+            velocity.body[node].motion_at(&(interaction.point - placement.pose[node].p))
+        };
+        topology.node(interaction.b).map_or_else(Six::zero, at)
     });
     let turned = geometric && !interaction.wrench.is_zero();
     for j in &entries {
@@ -298,7 +604,11 @@ pub fn add_tangent<T: Real>(
             let mut kij = si.dot(&dw);
             if turned && i.carried_by(j) {
                 let ds = j.s.cross_motion(&i.s);
-                kij += if i.on_b { ds.dot(&interaction.wrench) } else { -ds.dot(&interaction.wrench) };
+                kij += if i.on_b {
+                    ds.dot(&interaction.wrench)
+                } else {
+                    -ds.dot(&interaction.wrench)
+                };
             }
             stiffness[(i.dof, j.dof)] -= kij;
             if let Some(damping) = damping.as_deref_mut() {
@@ -309,11 +619,20 @@ pub fn add_tangent<T: Real>(
 }
 
 /// Add the wrenches of an interaction to the bodies' sums, each about the body's centre of mass.
-pub fn add_wrench<T: Real>(topology: &Topology, placement: &Placement<T>, interaction: &Interaction<T>, sums: &mut [Six<T>]) {
+pub fn add_wrench<T: Real>(
+    topology: &Topology,
+    placement: &Placement<T>,
+    interaction: &Interaction<T>,
+    sums: &mut [Six<T>],
+) {
     if let Some(n) = topology.node(interaction.b) {
-        sums[n] += interaction.wrench.wrench_at(&(placement.pose[n].p - interaction.point));
+        sums[n] += interaction
+            .wrench
+            .wrench_at(&(placement.pose[n].p - interaction.point));
     }
     if let Some(n) = topology.node(interaction.a) {
-        sums[n] += -interaction.wrench.wrench_at(&(placement.pose[n].p - interaction.point));
+        sums[n] += -interaction
+            .wrench
+            .wrench_at(&(placement.pose[n].p - interaction.point));
     }
 }

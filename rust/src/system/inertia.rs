@@ -20,7 +20,10 @@ struct Composite<T: Real> {
 
 impl<T: Real> Composite<T> {
     fn apply(&self, v: &Six<T>) -> Six<T> {
-        Six::new(v.l * self.m + v.a.cross(&self.h), self.h.cross(&v.l) + self.j * v.a)
+        Six::new(
+            v.l * self.m + v.a.cross(&self.h),
+            self.h.cross(&v.l) + self.j * v.a,
+        )
     }
 
     /// About a point displaced by `d` from this one's.
@@ -28,7 +31,11 @@ impl<T: Real> Composite<T> {
         let r = -d;
         let hr = self.h.dot(&r) * T::from(2.0) + self.m * r.dot(&r);
         let cross = outer(&self.h, &r) + outer(&r, &self.h) + outer(&r, &r) * self.m;
-        Composite { m: self.m, h: self.h + r * self.m, j: self.j + M3::from_diagonal_element(hr) - cross }
+        Composite {
+            m: self.m,
+            h: self.h + r * self.m,
+            j: self.j + M3::from_diagonal_element(hr) - cross,
+        }
     }
 
     fn add(&mut self, o: &Self) {
@@ -39,7 +46,12 @@ impl<T: Real> Composite<T> {
 
     fn map(&self) -> Map6<T> {
         let s = skew(&self.h);
-        Map6 { ll: M3::from_diagonal_element(self.m), la: -s, al: s, aa: self.j }
+        Map6 {
+            ll: M3::from_diagonal_element(self.m),
+            la: -s,
+            al: s,
+            aa: self.j,
+        }
     }
 }
 
@@ -68,14 +80,21 @@ impl<T: Real> InertiaInput<'_, T> {
         let one = |node: usize| {
             let body = &self.geometry.bodies[self.topology.nodes[node].body];
             let r = &self.placement.pose[node].r;
-            Composite { m: body.mass, h: V3::zeros(), j: r * body.inertia * r.transpose() }
+            Composite {
+                m: body.mass,
+                h: V3::zeros(),
+                j: r * body.inertia * r.transpose(),
+            }
         };
         (0..self.topology.nodes.len()).map(one).collect()
     }
 
     fn to_parent(&self, node: usize) -> Option<(usize, V3<T>)> {
         let parent = self.topology.nodes[node].parent?;
-        Some((parent, self.placement.pose[parent].p - self.placement.pose[node].p))
+        Some((
+            parent,
+            self.placement.pose[parent].p - self.placement.pose[node].p,
+        ))
     }
 
     fn accelerations(&self) -> Accelerations<T> {
@@ -83,10 +102,14 @@ impl<T: Real> InertiaInput<'_, T> {
         let mut body: Vec<Six<T>> = Vec::with_capacity(self.topology.nodes.len());
         let mut before = vec![Six::zero(); self.topology.dofs.len()];
         for (i, node) in self.topology.nodes.iter().enumerate() {
-            let mut a = self.to_parent(i).map_or(base, |(p, d)| body[p].motion_at(&-d));
+            let mut a = self
+                .to_parent(i)
+                .map_or(base, |(p, d)| body[p].motion_at(&-d));
             for stage in 0..2 {
                 let carried = a;
-                for d in (node.first..node.first + node.n).filter(|d| self.topology.dofs[*d].freedom.stage == stage) {
+                for d in (node.first..node.first + node.n)
+                    .filter(|d| self.topology.dofs[*d].freedom.stage == stage)
+                {
                     before[d] = carried;
                     let s = &self.placement.column[d];
                     if let (Some(rate), Some(v)) = (self.rate, self.placement.velocity.as_ref()) {
@@ -124,8 +147,35 @@ impl<T: Real> InertiaInput<'_, T> {
     }
 }
 
+/// Momentum of the whole tree per tree coordinate, about the world origin: T^T M of a common rigid motion, (n_tree, 6).
+pub fn ground_coupling<T: Real>(input: &InertiaInput<'_, T>) -> DMatrix<T> {
+    let mut composite = input.composites();
+    let mut coupling = DMatrix::zeros(input.topology.dofs.len(), 6);
+    for node in (0..composite.len()).rev() {
+        let spec = &input.topology.nodes[node];
+        for i in spec.first..spec.first + spec.n {
+            let momentum = composite[node]
+                .apply(&input.placement.column[i])
+                .wrench_at(&-input.placement.pose[node].p);
+            for k in 0..6 {
+                coupling[(i, k)] = momentum.get(k);
+            }
+        }
+        if let Some((parent, d)) = input.to_parent(node) {
+            let moved = composite[node].at(&d);
+            composite[parent].add(&moved);
+        }
+    }
+    coupling
+}
+
 /// Add M; with gravity or motion K; with motion D, all over the tree coordinates.
-pub fn add_inertia<T: Real>(input: &InertiaInput<'_, T>, mass: &mut DMatrix<T>, stiffness: &mut DMatrix<T>, gyroscopic: Option<&mut DMatrix<T>>) {
+pub fn add_inertia<T: Real>(
+    input: &InertiaInput<'_, T>,
+    mass: &mut DMatrix<T>,
+    stiffness: &mut DMatrix<T>,
+    gyroscopic: Option<&mut DMatrix<T>>,
+) {
     let own = input.composites();
     let loads = input.loaded().then(|| {
         let a = input.accelerations();
@@ -140,8 +190,23 @@ pub fn add_inertia<T: Real>(input: &InertiaInput<'_, T>, mass: &mut DMatrix<T>, 
     for node in (0..composite.len()).rev() {
         let spec = &input.topology.nodes[node];
         for i in spec.first..spec.first + spec.n {
-            let walk = Walk::start(input, i, &composite[node], coriolis.as_ref().map(|c| &c[node]), force.as_ref().map(|f| &f[node]), columns.as_ref());
-            walk.run(input, node, i, columns.as_ref(), mass, stiffness, gyroscopic.as_deref_mut());
+            let walk = Walk::start(
+                input,
+                i,
+                &composite[node],
+                coriolis.as_ref().map(|c| &c[node]),
+                force.as_ref().map(|f| &f[node]),
+                columns.as_ref(),
+            );
+            walk.run(
+                input,
+                node,
+                i,
+                columns.as_ref(),
+                mass,
+                stiffness,
+                gyroscopic.as_deref_mut(),
+            );
         }
         if let Some((parent, d)) = input.to_parent(node) {
             let moved = composite[node].at(&d);
@@ -167,7 +232,11 @@ struct Carried<T: Real> {
 fn carried_columns<T: Real>(input: &InertiaInput<'_, T>, a: &Accelerations<T>) -> Carried<T> {
     let s = &input.placement.column;
     let velocity = input.rate.and(input.placement.velocity.as_ref());
-    let first: Option<Vec<_>> = velocity.map(|v| (0..s.len()).map(|d| v.before[d].cross_motion(&s[d])).collect());
+    let first: Option<Vec<_>> = velocity.map(|v| {
+        (0..s.len())
+            .map(|d| v.before[d].cross_motion(&s[d]))
+            .collect()
+    });
     let second = (0..s.len())
         .map(|d| {
             let by_acceleration = a.before[d].cross_motion(&s[d]);
@@ -181,14 +250,22 @@ fn carried_columns<T: Real>(input: &InertiaInput<'_, T>, a: &Accelerations<T>) -
 }
 
 /// v x* I - I v x + (I v) x*: what a change of velocity does to the inertia force, in axes that move along.
-fn coriolis_maps<T: Real>(input: &InertiaInput<'_, T>, own: &[Composite<T>]) -> Option<Vec<Map6<T>>> {
+fn coriolis_maps<T: Real>(
+    input: &InertiaInput<'_, T>,
+    own: &[Composite<T>],
+) -> Option<Vec<Map6<T>>> {
     let velocity = input.rate.and(input.placement.velocity.as_ref())?;
     let map = |n: usize| {
         let (v, i) = (&velocity.body[n], own[n].map());
         let p = own[n].apply(v);
         let (w, l) = (skew(&v.a), skew(&v.l));
         // v x* = [[w, 0], [l, w]] and v x = [[w, l], [0, w]] on (translation, rotation)
-        let mut b = Map6 { ll: w * i.ll, la: w * i.la, al: l * i.ll + w * i.al, aa: l * i.la + w * i.aa };
+        let mut b = Map6 {
+            ll: w * i.ll,
+            la: w * i.la,
+            al: l * i.ll + w * i.al,
+            aa: l * i.la + w * i.aa,
+        };
         b.ll -= i.ll * w;
         b.la -= i.ll * l + i.la * w;
         b.al -= i.al * w;
@@ -211,7 +288,14 @@ struct Walk<T: Real> {
 }
 
 impl<T: Real> Walk<T> {
-    fn start(input: &InertiaInput<'_, T>, i: usize, composite: &Composite<T>, coriolis: Option<&Map6<T>>, force: Option<&Six<T>>, columns: Option<&Carried<T>>) -> Self {
+    fn start(
+        input: &InertiaInput<'_, T>,
+        i: usize,
+        composite: &Composite<T>,
+        coriolis: Option<&Map6<T>>,
+        force: Option<&Six<T>>,
+        columns: Option<&Carried<T>>,
+    ) -> Self {
         let s = &input.placement.column[i];
         let first = columns.and_then(|c| c.first.as_ref());
         let position_column = columns.zip(force).map(|(c, f)| {
@@ -221,12 +305,28 @@ impl<T: Real> Walk<T> {
             }
             q
         });
-        let rate_column = coriolis.zip(first).map(|(b, first)| b.apply(s) + composite.apply(&first[i]).scaled(T::from(2.0)));
-        Walk { momentum: composite.apply(s), coriolis_row: coriolis.map(|b| b.apply_transposed(s)), position_column, rate_column }
+        let rate_column = coriolis
+            .zip(first)
+            .map(|(b, first)| b.apply(s) + composite.apply(&first[i]).scaled(T::from(2.0)));
+        Walk {
+            momentum: composite.apply(s),
+            coriolis_row: coriolis.map(|b| b.apply_transposed(s)),
+            position_column,
+            rate_column,
+        }
     }
 
     #[allow(clippy::too_many_arguments)]
-    fn run(mut self, input: &InertiaInput<'_, T>, node: usize, i: usize, columns: Option<&Carried<T>>, mass: &mut DMatrix<T>, stiffness: &mut DMatrix<T>, mut gyroscopic: Option<&mut DMatrix<T>>) {
+    fn run(
+        mut self,
+        input: &InertiaInput<'_, T>,
+        node: usize,
+        i: usize,
+        columns: Option<&Carried<T>>,
+        mass: &mut DMatrix<T>,
+        stiffness: &mut DMatrix<T>,
+        mut gyroscopic: Option<&mut DMatrix<T>>,
+    ) {
         let topology = input.topology;
         let stage = topology.dofs[i].freedom.stage;
         let mut at = node;
@@ -250,14 +350,26 @@ impl<T: Real> Walk<T> {
                     self.add_gyroscopic(i, j, s, carries, columns, g);
                 }
             }
-            let Some((parent, d)) = input.to_parent(at) else { break };
+            let Some((parent, d)) = input.to_parent(at) else {
+                break;
+            };
             self.move_by(&d);
             at = parent;
         }
     }
 
-    fn add_stiffness(&self, i: usize, j: usize, s: &Six<T>, carries: bool, columns: Option<&Carried<T>>, k: &mut DMatrix<T>) {
-        let (Some(q), Some(columns)) = (self.position_column.as_ref(), columns) else { return };
+    fn add_stiffness(
+        &self,
+        i: usize,
+        j: usize,
+        s: &Six<T>,
+        carries: bool,
+        columns: Option<&Carried<T>>,
+        k: &mut DMatrix<T>,
+    ) {
+        let (Some(q), Some(columns)) = (self.position_column.as_ref(), columns) else {
+            return;
+        };
         k[(j, i)] += s.dot(q);
         if carries {
             k[(i, j)] += self.momentum.dot(&columns.second[j]);
@@ -267,8 +379,22 @@ impl<T: Real> Walk<T> {
         }
     }
 
-    fn add_gyroscopic(&self, i: usize, j: usize, s: &Six<T>, carries: bool, columns: Option<&Carried<T>>, g: &mut DMatrix<T>) {
-        let (Some(column), Some(b), Some(first)) = (self.rate_column.as_ref(), self.coriolis_row.as_ref(), columns.and_then(|c| c.first.as_ref())) else { return };
+    fn add_gyroscopic(
+        &self,
+        i: usize,
+        j: usize,
+        s: &Six<T>,
+        carries: bool,
+        columns: Option<&Carried<T>>,
+        g: &mut DMatrix<T>,
+    ) {
+        let (Some(column), Some(b), Some(first)) = (
+            self.rate_column.as_ref(),
+            self.coriolis_row.as_ref(),
+            columns.and_then(|c| c.first.as_ref()),
+        ) else {
+            return;
+        };
         g[(j, i)] += s.dot(column);
         if carries {
             g[(i, j)] += b.dot(s) + self.momentum.dot(&first[j]) * T::from(2.0);
@@ -277,7 +403,14 @@ impl<T: Real> Walk<T> {
 
     fn move_by(&mut self, d: &V3<T>) {
         self.momentum = self.momentum.wrench_at(d);
-        for w in [&mut self.coriolis_row, &mut self.position_column, &mut self.rate_column].into_iter().flatten() {
+        for w in [
+            &mut self.coriolis_row,
+            &mut self.position_column,
+            &mut self.rate_column,
+        ]
+        .into_iter()
+        .flatten()
+        {
             *w = w.wrench_at(d);
         }
     }

@@ -36,7 +36,11 @@ pub fn row_scales(topology: &Topology, length: f64) -> Vec<f64> {
 }
 
 pub fn column_scales(topology: &Topology, length: f64) -> Vec<f64> {
-    topology.dofs.iter().map(|d| if d.freedom.rotation { 1.0 } else { length }).collect()
+    topology
+        .dofs
+        .iter()
+        .map(|d| if d.freedom.rotation { 1.0 } else { length })
+        .collect()
 }
 
 fn to_faer(m: &DMatrix<f64>) -> Mat<f64> {
@@ -54,7 +58,9 @@ fn pivots(m: &DMatrix<f64>) -> (Vec<usize>, usize) {
     let r = qr.R();
     let size = m.nrows().min(m.ncols());
     let first = r[(0, 0)].abs();
-    let rank = (0..size).take_while(|k| r[(*k, *k)].abs() > RANK_TOLERANCE * first.max(f64::MIN_POSITIVE)).count();
+    let rank = (0..size)
+        .take_while(|k| r[(*k, *k)].abs() > RANK_TOLERANCE * first.max(f64::MIN_POSITIVE))
+        .count();
     (order, rank)
 }
 
@@ -67,26 +73,43 @@ impl Loops {
         }
         let rows = row_scales(topology, system.length);
         let columns = column_scales(topology, system.length);
-        let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| jacobian[(i, j)] * rows[i] * columns[j]);
+        let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| {
+            jacobian[(i, j)] * rows[i] * columns[j]
+        });
         let (order, rank) = pivots(&scaled);
         let mut dependent = order[..rank].to_vec();
         dependent.sort_unstable();
-        let independent = (0..jacobian.ncols()).filter(|j| dependent.binary_search(j).is_err()).collect();
+        let independent = (0..jacobian.ncols())
+            .filter(|j| dependent.binary_search(j).is_err())
+            .collect();
         let jd = DMatrix::from_fn(scaled.nrows(), rank, |i, k| scaled[(i, dependent[k])]);
         let (inverse, redundant) = left_inverse(&jd)?;
-        let left_inverse = DMatrix::from_fn(rank, rows.len(), |k, i| columns[dependent[k]] * inverse[(k, i)] * rows[i]);
+        let left_inverse = DMatrix::from_fn(rank, rows.len(), |k, i| {
+            columns[dependent[k]] * inverse[(k, i)] * rows[i]
+        });
         let (row_order, _) = pivots(&scaled.transpose());
         let mut dropped = row_order[rank.min(row_order.len())..].to_vec();
         dropped.sort_unstable();
-        Ok(Some(Loops { dependent, independent, left_inverse, redundant, dropped, row_scale: rows }))
+        Ok(Some(Loops {
+            dependent,
+            independent,
+            left_inverse,
+            redundant,
+            dropped,
+            row_scale: rows,
+        }))
     }
 
     /// B'' restricted to the dependent coordinates, -J_d^-1 J_i, over any number type: Newton corrections of the real inverse
     /// give each further order of a dual number exactly.
     pub fn dependent_map<T: Real>(&self, jacobian: &DMatrix<T>) -> DMatrix<T> {
         let n = jacobian.nrows();
-        let jd = DMatrix::from_fn(n, self.dependent.len(), |i, k| jacobian[(i, self.dependent[k])]);
-        let ji = DMatrix::from_fn(n, self.independent.len(), |i, k| jacobian[(i, self.independent[k])]);
+        let jd = DMatrix::from_fn(n, self.dependent.len(), |i, k| {
+            jacobian[(i, self.dependent[k])]
+        });
+        let ji = DMatrix::from_fn(n, self.independent.len(), |i, k| {
+            jacobian[(i, self.independent[k])]
+        });
         let inverse = self.left_inverse.map(T::from);
         let mut b = -(&inverse * &ji);
         for _ in 0..T::NDERIV.max(1) {
@@ -97,17 +120,27 @@ impl Loops {
     }
 
     /// How far rows with this Jacobian are from agreeing: the redundant combinations of J B'', scaled.
-    pub fn disagreement<T: Real>(&self, jacobian: &DMatrix<T>, dependent_map: &DMatrix<T>) -> DMatrix<T> {
+    pub fn disagreement<T: Real>(
+        &self,
+        jacobian: &DMatrix<T>,
+        dependent_map: &DMatrix<T>,
+    ) -> DMatrix<T> {
         let n = jacobian.nrows();
-        let jd = DMatrix::from_fn(n, self.dependent.len(), |i, k| jacobian[(i, self.dependent[k])] * self.row_scale[i]);
-        let ji = DMatrix::from_fn(n, self.independent.len(), |i, k| jacobian[(i, self.independent[k])] * self.row_scale[i]);
+        let jd = DMatrix::from_fn(n, self.dependent.len(), |i, k| {
+            jacobian[(i, self.dependent[k])] * self.row_scale[i]
+        });
+        let ji = DMatrix::from_fn(n, self.independent.len(), |i, k| {
+            jacobian[(i, self.independent[k])] * self.row_scale[i]
+        });
         self.redundant.transpose().map(T::from) * (ji + jd * dependent_map)
     }
 
     /// Multipliers that balance generalised forces on the dependent coordinates, of minimum norm in the scaled rows.
     pub fn multipliers<T: Real>(&self, jacobian: &DMatrix<T>, tau: &DVector<T>) -> DVector<T> {
         let n = jacobian.nrows();
-        let jd = DMatrix::from_fn(n, self.dependent.len(), |i, k| jacobian[(i, self.dependent[k])]);
+        let jd = DMatrix::from_fn(n, self.dependent.len(), |i, k| {
+            jacobian[(i, self.dependent[k])]
+        });
         let right = DVector::from_fn(self.dependent.len(), |k, _| -tau[self.dependent[k]]);
         let inverse = self.left_inverse.transpose().map(T::from);
         let mut lam = &inverse * &right;
@@ -120,7 +153,9 @@ impl Loops {
 
     /// X'' = B''^T X B''.
     pub fn reduce<T: Real>(&self, x: &DMatrix<T>, b: &DMatrix<T>) -> DMatrix<T> {
-        let pick = |rows: &[usize], columns: &[usize]| DMatrix::from_fn(rows.len(), columns.len(), |i, j| x[(rows[i], columns[j])]);
+        let pick = |rows: &[usize], columns: &[usize]| {
+            DMatrix::from_fn(rows.len(), columns.len(), |i, j| x[(rows[i], columns[j])])
+        };
         let (d, i) = (&self.dependent, &self.independent);
         let right_d = pick(d, i) + pick(d, d) * b;
         let right_i = pick(i, i) + pick(i, d) * b;
@@ -162,9 +197,13 @@ fn left_inverse(m: &DMatrix<f64>) -> Result<(DMatrix<f64>, DMatrix<f64>)> {
     if r == 0 {
         return Ok((DMatrix::zeros(0, n), DMatrix::identity(n, n)));
     }
-    let svd = to_faer(m).svd().map_err(|_| Error::singular("the singular values of the constraint rows could not be found"))?;
+    let svd = to_faer(m).svd().map_err(|_| {
+        Error::singular("the singular values of the constraint rows could not be found")
+    })?;
     let (u, s, v) = (svd.U(), svd.S().column_vector(), svd.V());
-    let inverse = DMatrix::from_fn(r, n, |i, j| (0..r).map(|k| v[(i, k)] / s[k] * u[(j, k)]).sum());
+    let inverse = DMatrix::from_fn(r, n, |i, j| {
+        (0..r).map(|k| v[(i, k)] / s[k] * u[(j, k)]).sum()
+    });
     let null = DMatrix::from_fn(n, n - r, |i, j| u[(i, r + j)]);
     Ok((inverse, null))
 }

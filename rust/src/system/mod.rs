@@ -41,10 +41,16 @@ impl System {
 
     pub fn with_values(&self, x: Vec<f64>) -> Result<Self> {
         if x.len() != self.x.len() {
-            return Err(crate::error::Error::model(format!("{} values were given, {} are needed", x.len(), self.x.len())));
+            return Err(crate::error::Error::model(format!(
+                "{} values were given, {} are needed",
+                x.len(),
+                self.x.len()
+            )));
         }
         if let Some(i) = x.iter().position(|v| !v.is_finite()) {
-            return Err(crate::error::Error::model(format!("value {i} is not finite")));
+            return Err(crate::error::Error::model(format!(
+                "value {i} is not finite"
+            )));
         }
         Ok(Self::from_parts(self.topology.clone(), x))
     }
@@ -52,7 +58,12 @@ impl System {
     fn from_parts(topology: Arc<Topology>, x: Vec<f64>) -> Self {
         let geometry = Geometry::derive(&topology.tables, &x);
         let length = topology.characteristic_length(&geometry, &x);
-        System { topology, x: Arc::new(x), geometry: Arc::new(geometry), length }
+        System {
+            topology,
+            x: Arc::new(x),
+            geometry: Arc::new(geometry),
+            length,
+        }
     }
 
     pub fn n_bodies(&self) -> usize {

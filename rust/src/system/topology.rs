@@ -2,9 +2,12 @@
 use std::collections::VecDeque;
 
 use crate::error::{Error, Result};
+use crate::laws::Law;
 use crate::model::geometry::Geometry;
 use crate::model::joint::{ANGLE_Z, Coordinate, Freedom, JointKind};
-use crate::model::tables::{BodyRef, ElementKind, HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, Tables};
+use crate::model::tables::{
+    BodyRef, ElementKind, ElementSpec, HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, Tables,
+};
 use crate::spatial::V3;
 
 /// A body in the tree, and the joint that carries it.
@@ -56,8 +59,13 @@ pub enum Owner {
 pub enum Natural {
     Zero,
     /// e is measured from the drawn distance + x, or from x alone if given
-    Length { x: usize, given: bool },
-    Value { x: usize },
+    Length {
+        x: usize,
+        given: bool,
+    },
+    Value {
+        x: usize,
+    },
 }
 
 /// Anything elastic or dissipative between two markers: n coordinates and where their numbers are.
@@ -73,8 +81,16 @@ pub struct Connector {
     pub preload: Option<usize>,
     pub full: bool,
     pub natural: Natural,
-    /// (component, index into tables.laws)
-    pub laws: Vec<(usize, usize)>,
+    pub laws: Vec<BoundLaw>,
+}
+
+/// A law on one coordinate of a connector: where its parameters are in x and its memory in the state.
+#[derive(Debug, Clone)]
+pub struct BoundLaw {
+    pub component: usize,
+    pub law: Law,
+    pub x: usize,
+    pub memory: usize,
 }
 
 #[derive(Debug)]
@@ -87,12 +103,16 @@ pub struct Topology {
     pub cut: Vec<usize>,
     pub rows: Vec<ConstraintRow>,
     pub connectors: Vec<Connector>,
+    /// numbers that laws remember
+    pub n_memory: usize,
 }
 
 impl Topology {
     pub fn new(tables: Tables) -> Result<Self> {
         if tables.bodies.is_empty() {
-            return Err(Error::model("the model has no body: add one with m.body(...)"));
+            return Err(Error::model(
+                "the model has no body: add one with m.body(...)",
+            ));
         }
         let (nodes, cut) = spanning_tree(&tables);
         let mut node_of_body = vec![0; nodes.len()];
@@ -101,15 +121,35 @@ impl Topology {
         for (i, node) in nodes.iter().enumerate() {
             node_of_body[node.body] = i;
             let freedoms = node.kind.freedoms(node.reversed);
-            let stem = node.joint.map_or(&tables.bodies[node.body].name, |j| &tables.joints[j].name);
+            let stem = node
+                .joint
+                .map_or(&tables.bodies[node.body].name, |j| &tables.joints[j].name);
             for freedom in freedoms {
-                names.push(if freedoms.len() == 1 { stem.clone() } else { format!("{stem}.{}", freedom.suffix) });
-                dofs.push(Dof { node: i, freedom: *freedom, sign: if node.reversed { -1.0 } else { 1.0 } });
+                names.push(if freedoms.len() == 1 {
+                    stem.clone()
+                } else {
+                    format!("{stem}.{}", freedom.suffix)
+                });
+                dofs.push(Dof {
+                    node: i,
+                    freedom: *freedom,
+                    sign: if node.reversed { -1.0 } else { 1.0 },
+                });
             }
         }
         let rows = cut.iter().flat_map(|j| cut_rows(&tables, *j)).collect();
-        let connectors = connectors(&tables);
-        Ok(Topology { tables, nodes, node_of_body, dofs, names, cut, rows, connectors })
+        let (connectors, n_memory) = connectors(&tables)?;
+        Ok(Topology {
+            tables,
+            nodes,
+            node_of_body,
+            dofs,
+            names,
+            cut,
+            rows,
+            connectors,
+            n_memory,
+        })
     }
 
     pub fn node(&self, body: BodyRef) -> Option<usize> {
@@ -142,9 +182,17 @@ impl Topology {
 fn cut_rows(tables: &Tables, joint: usize) -> Vec<ConstraintRow> {
     let kind = tables.joints[joint].kind;
     if kind == JointKind::KnifeEdge {
-        return vec![ConstraintRow { joint, coordinate: Coordinate::Translation(2), level: Level::Velocity }];
+        return vec![ConstraintRow {
+            joint,
+            coordinate: Coordinate::Translation(2),
+            level: Level::Velocity,
+        }];
     }
-    let row = |c: &Coordinate| ConstraintRow { joint, coordinate: *c, level: Level::Position };
+    let row = |c: &Coordinate| ConstraintRow {
+        joint,
+        coordinate: *c,
+        level: Level::Position,
+    };
     kind.constraints().iter().map(row).collect()
 }
 
@@ -158,7 +206,13 @@ fn spanning_tree(tables: &Tables) -> (Vec<Node>, Vec<usize>) {
             at[joint.b.unwrap_or(n)].push(j);
         }
     }
-    let mut tree = Tree { tables, nodes: Vec::with_capacity(n), place: vec![None; n], used: vec![false; tables.joints.len()], first: 0 };
+    let mut tree = Tree {
+        tables,
+        nodes: Vec::with_capacity(n),
+        place: vec![None; n],
+        used: vec![false; tables.joints.len()],
+        first: 0,
+    };
     let mut queue = VecDeque::from([None]);
     loop {
         while let Some(inner) = queue.pop_front() {
@@ -206,7 +260,16 @@ impl Tree<'_> {
         let n = kind.freedoms(reversed).len();
         let depth = parent.map_or(0, |p| self.nodes[p].depth + 1);
         self.place[body] = Some(self.nodes.len());
-        self.nodes.push(Node { body, parent, joint, reversed, kind, first: self.first, n, depth });
+        self.nodes.push(Node {
+            body,
+            parent,
+            joint,
+            reversed,
+            kind,
+            first: self.first,
+            n,
+            depth,
+        });
         self.first += n;
     }
 
@@ -215,47 +278,72 @@ impl Tree<'_> {
         let reached = |b: BodyRef| b.is_none_or(|b| self.place[b].is_some());
         for (j, joint) in self.tables.joints.iter().enumerate() {
             if joint.kind == JointKind::Free && reached(joint.a) != reached(joint.b) {
-                let (inner, outer) = if reached(joint.a) { (joint.a, joint.b) } else { (joint.b, joint.a) };
+                let (inner, outer) = if reached(joint.a) {
+                    (joint.a, joint.b)
+                } else {
+                    (joint.b, joint.a)
+                };
                 if let Some(body) = outer {
                     return Some((body, inner, Some(j)));
                 }
             }
         }
-        self.place.iter().position(Option::is_none).map(|body| (body, None, None))
+        self.place
+            .iter()
+            .position(Option::is_none)
+            .map(|body| (body, None, None))
     }
 }
 
-fn connectors(tables: &Tables) -> Vec<Connector> {
-    let mut all = Vec::new();
-    let laws_of = |on_joint: bool, owner: usize| -> Vec<(usize, usize)> {
-        let here = tables.laws.iter().enumerate().filter(|(_, l)| l.on_joint == on_joint && l.owner == owner);
-        here.map(|(i, l)| (l.component, i)).collect()
-    };
-    let present = |flags: i64, bit: i64, x: usize| (flags & bit != 0).then_some(x);
-    for (i, e) in tables.elements.iter().enumerate() {
-        let (coordinates, k, c, preload, natural) = match e.kind {
-            ElementKind::SpringDamper => {
-                let natural = Natural::Length { x: e.x + 8, given: e.flags & LENGTH_GIVEN != 0 };
-                (vec![Coordinate::Length], e.x + 6, e.x + 7, e.x + 9, natural)
+/// Laws bound to their places, memory numbered in the order in which connectors ask for it.
+struct LawBinder<'a> {
+    tables: &'a Tables,
+    memory: usize,
+}
+
+impl LawBinder<'_> {
+    fn of(&mut self, on_joint: bool, owner: usize, n: usize) -> Result<Vec<BoundLaw>> {
+        let here = self
+            .tables
+            .laws
+            .iter()
+            .filter(|l| l.on_joint == on_joint && l.owner == owner);
+        here.map(|l| {
+            if l.component >= n {
+                return Err(Error::model(format!(
+                    "a law acts on coordinate {} of a connector that has {n}",
+                    l.component
+                )));
             }
-            ElementKind::Bushing => (JointKind::Free.free_coordinates().to_vec(), e.x + 10, e.x + 46, e.x + 82, Natural::Zero),
-            ElementKind::Torsion => (vec![ANGLE_Z], e.x + 6, e.x + 7, e.x + 9, Natural::Value { x: e.x + 8 }),
-        };
-        all.push(Connector {
-            owner: Owner::Element(i),
-            a: e.a,
-            b: e.b,
-            coordinates,
-            k: present(e.flags, HAS_K, k),
-            c: present(e.flags, HAS_C, c),
-            preload: present(e.flags, HAS_PRELOAD, preload),
-            full: e.kind == ElementKind::Bushing,
-            natural,
-            laws: laws_of(false, i),
-        });
+            let law = Law::from_code(l.code, l.n)?;
+            let memory = self.memory;
+            self.memory += law.n_memory();
+            Ok(BoundLaw {
+                component: l.component,
+                law,
+                x: l.x,
+                memory,
+            })
+        })
+        .collect()
+    }
+}
+
+fn present(flags: i64, bit: i64, x: usize) -> Option<usize> {
+    (flags & bit != 0).then_some(x)
+}
+
+fn connectors(tables: &Tables) -> Result<(Vec<Connector>, usize)> {
+    let mut all = Vec::new();
+    let mut binder = LawBinder { tables, memory: 0 };
+    for (i, e) in tables.elements.iter().enumerate() {
+        let mut connector = element_connector(i, e);
+        connector.laws = binder.of(false, i, connector.coordinates.len())?;
+        all.push(connector);
     }
     for (i, j) in tables.joints.iter().enumerate() {
-        let laws = laws_of(true, i);
+        let coordinates = j.kind.free_coordinates().to_vec();
+        let laws = binder.of(true, i, coordinates.len())?;
         if j.flags & (HAS_K | HAS_C | HAS_PRELOAD) == 0 && laws.is_empty() {
             continue;
         }
@@ -263,7 +351,7 @@ fn connectors(tables: &Tables) -> Vec<Connector> {
             owner: Owner::Joint(i),
             a: j.a,
             b: j.b,
-            coordinates: j.kind.free_coordinates().to_vec(),
+            coordinates,
             k: present(j.flags, HAS_K, j.x + 16),
             c: present(j.flags, HAS_C, j.x + 22),
             preload: present(j.flags, HAS_PRELOAD, j.x + 28),
@@ -272,5 +360,40 @@ fn connectors(tables: &Tables) -> Vec<Connector> {
             laws,
         });
     }
-    all
+    Ok((all, binder.memory))
+}
+
+fn element_connector(i: usize, e: &ElementSpec) -> Connector {
+    let (coordinates, k, c, preload, natural) = match e.kind {
+        ElementKind::SpringDamper => {
+            let natural = Natural::Length {
+                x: e.x + 8,
+                given: e.flags & LENGTH_GIVEN != 0,
+            };
+            (vec![Coordinate::Length], e.x + 6, e.x + 7, e.x + 9, natural)
+        }
+        ElementKind::Bushing => {
+            let free = JointKind::Free.free_coordinates().to_vec();
+            (free, e.x + 10, e.x + 46, e.x + 82, Natural::Zero)
+        }
+        ElementKind::Torsion => (
+            vec![ANGLE_Z],
+            e.x + 6,
+            e.x + 7,
+            e.x + 9,
+            Natural::Value { x: e.x + 8 },
+        ),
+    };
+    Connector {
+        owner: Owner::Element(i),
+        a: e.a,
+        b: e.b,
+        coordinates,
+        k: present(e.flags, HAS_K, k),
+        c: present(e.flags, HAS_C, c),
+        preload: present(e.flags, HAS_PRELOAD, preload),
+        full: e.kind == ElementKind::Bushing,
+        natural,
+        laws: Vec::new(),
+    }
 }
