@@ -11,7 +11,7 @@ from .equilibrium import equilibrium
 from .frf import frf, frf_derivative, motion_rows
 from .kinematics import State, System, advance, drawn_state, from_poses
 from .linearize import Linearization, linearize
-from .modal import Modes, modes
+from .modal import Modes, constrained_roots, modes
 from .precise import mp_eigenvalue_derivative
 from .response import response
 from .sensitivity import (
@@ -34,6 +34,7 @@ __all__ = [
     "assemble",
     "closure_curvature",
     "closure_defect",
+    "constrained_roots",
     "derivative",
     "drawn_state",
     "eigenvalue_derivative",
