@@ -71,7 +71,10 @@ impl Linearization {
     pub fn expand(&self, z: DVector<f64>) -> Result<DVector<f64>> {
         let n = self.matrices.mass.nrows();
         if z.len() != n || z.iter().any(|v| !v.is_finite()) {
-            return Err(Error::model(format!("{n} finite increments are needed, {} were given", z.len())));
+            return Err(Error::model(format!(
+                "{n} finite increments are needed, {} were given",
+                z.len()
+            )));
         }
         Ok(match (&self.loops, &self.dependent_map) {
             (Some(l), Some(b)) => l.expand(b, &z),

@@ -450,38 +450,54 @@ impl<T: Real> Scene<'_, T> {
         }
     }
 
-    /// In tree coordinates the forces of tree joints act through the change of the motion columns, (S_j x S_i) . f_i summed over
-    /// the subtree of i. Switching an effect off in the sense of absolute coordinates takes its part of these terms out or in.
+    /// Effects are switched off in the sense of absolute coordinates (wrenches at the centres of mass, world axes): without the
+    /// stiffness of constraint forces S is T^T (df/dq) T. In tree coordinates those forces appear as (dT/dy)^T f of all other
+    /// forces, which is taken out here; a left-out preload had its own share in it, which comes back.
     fn add_switched(&self, stiffness: &mut DMatrix<T>) {
         if !self.effects.constraint_force_stiffness {
-            let subtree = self.subtree_wrenches(self.body_wrenches(None));
-            self.add_column_changes(&subtree, -T::one(), stiffness);
+            self.add_map_changes(&self.body_wrenches(None), -T::one(), stiffness);
         }
         if !self.effects.preload_stiffness {
-            let applied = self.applied().into_iter().map(|w| -w).collect();
-            self.add_column_changes(&self.subtree_wrenches(applied), T::one(), stiffness);
+            let applied: Vec<_> = self.applied().into_iter().map(|w| -w).collect();
+            self.add_map_changes(&applied, T::one(), stiffness);
         }
     }
 
-    fn add_column_changes(&self, subtree: &[Six<T>], factor: T, stiffness: &mut DMatrix<T>) {
-        for i in 0..self.topology.dofs.len() {
-            let node = self.topology.dofs[i].node;
-            let s_i = &self.placement.column[i];
-            let mut at = Some(node);
-            while let Some(n) = at {
-                let spec = &self.topology.nodes[n];
-                let arm = self.placement.pose[node].p - self.placement.pose[n].p;
-                for j in spec.first..spec.first + spec.n {
-                    let carries = n != node
-                        || self.topology.dofs[j].freedom.stage
-                            < self.topology.dofs[i].freedom.stage;
-                    if carries {
-                        let change = self.placement.column[j].motion_at(&arm).cross_motion(s_i);
-                        stiffness[(i, j)] += change.dot(&subtree[node]) * factor;
+    /// factor x (dT/dy_j)_i . f summed over bodies: with v, w the motion of a body's centre of mass per coordinate, the
+    /// translation of the inner of two coordinates turns that of the other, and a carried axis turns with its carrier.
+    fn add_map_changes(&self, wrenches: &[Six<T>], factor: T, stiffness: &mut DMatrix<T>) {
+        for (node, f) in wrenches.iter().enumerate() {
+            if f.is_zero() {
+                continue;
+            }
+            let chain = self.chain(node);
+            for (rank_i, i, si) in &chain {
+                for (rank_j, j, sj) in &chain {
+                    // smaller rank: nearer to ground; equal: axes that do not carry each other
+                    let (inner, outer) = if rank_j < rank_i { (sj, si) } else { (si, sj) };
+                    let mut change = inner.a.cross(&outer.l).dot(&f.l);
+                    if rank_j < rank_i {
+                        change += sj.a.cross(&si.a).dot(&f.a);
                     }
+                    stiffness[(*i, *j)] += change * factor;
                 }
-                at = spec.parent;
             }
         }
+    }
+
+    /// The coordinates that move a body: rank along the chain, index, twist at the body's centre of mass.
+    fn chain(&self, node: usize) -> Vec<(usize, usize, Six<T>)> {
+        let mut out = Vec::new();
+        let mut at = Some(node);
+        while let Some(n) = at {
+            let spec = &self.topology.nodes[n];
+            let arm = self.placement.pose[node].p - self.placement.pose[n].p;
+            for d in spec.first..spec.first + spec.n {
+                let rank = 2 * spec.depth + self.topology.dofs[d].freedom.stage;
+                out.push((rank, d, self.placement.column[d].motion_at(&arm)));
+            }
+            at = spec.parent;
+        }
+        out
     }
 }
