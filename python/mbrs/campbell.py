@@ -214,7 +214,7 @@ def _crossings(
     found = []
     for mode in range(len(rows[0].s))[keep]:
         gap = np.array([abs(row.s[mode].imag) - order * speed for row, speed in zip(rows, speeds, strict=True)])
-        for i in np.flatnonzero(gap[:-1] * gap[1:] < 0.0):
+        for i in np.flatnonzero(gap[:-1] * gap[1:] < 0.0).tolist():
             found.append((_locate(_gap_at(m, name, rows[i], mode, order, without), speeds[i], speeds[i + 1]), mode, order))
     return found
 

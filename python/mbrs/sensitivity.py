@@ -268,7 +268,7 @@ def _of_ports(result: Any, parameters: str | Sequence[str], follow: bool) -> Any
     }
     matrices = {"dM": d.M, "dD": d.D, "dS": d.S}
     if type(result).__name__ == "FrfResult":
-        made = frf_sensitivity(result.linear, result.omega, d.labels, kind=result.kind, **matrices, **maps)
+        made: Any = frf_sensitivity(result.linear, result.omega, d.labels, kind=result.kind, **matrices, **maps)
     else:
         made = response_sensitivity(result, d.labels, **matrices, **maps)
     return replace(made, value=d.directions.shaped(made.value))
