@@ -10,10 +10,10 @@ import numpy as np
 
 from . import _balance, _core
 from .errors import ModelError
+from .harmonic_balance import MOST_HARMONICS
 
 STATUS = {"end": "converged", "start": "left-at-start", "stalled": "stopped"}
 CHUNK_SECONDS = 0.2
-MOST_HARMONICS = 255
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
@@ -13,6 +14,7 @@ from .errors import ConvergenceError, ModelError
 from .results import Result, Stats
 
 UNRESOLVED = 0.1
+MOST_HARMONICS = 255
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,6 +210,11 @@ def harmonic_balance(
         raise ModelError("harmonic_balance solves at one frequency; frequency_response takes a range")
     limit = _balance.positive("tol", UNRESOLVED if tol is None else tol)
     _balance.positive("tolerance", tolerance)
+    if isinstance(harmonics, str):
+        if harmonics != "auto":
+            raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
+        given = dict(n_samples=n_samples, subharmonic=subharmonic, tolerance=tolerance, max_iterations=max_iterations)
+        return _automatic(system, force, float(w), x0, 1e-6 if tol is None else tol, given)
     setup = _balance.prepare(system, force, harmonics, subharmonic, n_samples, float(w))
     options = dict(tolerance=tolerance, max_iterations=max_iterations)
     answer = _balance.translated(setup.core.solve, setup.start(x0), [float(w)], **options)
@@ -226,6 +233,19 @@ def harmonic_balance(
     if not answer["converged"]:
         raise _failure(system, answer, result)
     return result
+
+
+def _automatic(
+    system: Any, force: Any, omega: float, x0: Any, tol: float, given: dict[str, Any]
+) -> PeriodicSolution:
+    """More harmonics until the error estimate is below the tolerance."""
+    forced = max((h for h in force), default=1) if isinstance(force, Mapping) else 1
+    top, guess = max(3, int(forced)), x0
+    while True:
+        one = harmonic_balance(system, force=force, omega=omega, harmonics=top, x0=guess, tol=tol, **given)
+        if one.error <= tol or top >= MOST_HARMONICS:
+            return one
+        top, guess = min(MOST_HARMONICS, top + max(2, top // 2)), one
 
 
 def _counts(answer: dict[str, Any]) -> dict[str, int]:
