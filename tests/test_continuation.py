@@ -1,10 +1,10 @@
-"""Branches of periodic solutions: folds, stability and events against published values, the NumPy reference and shooting."""
+"""Branches of periodic solutions: folds, stability and events against published values, the NumPy reference and
+shooting."""
 
 import pickle
 
 import numpy as np
 import pytest
-
 from mbrs.continuation import Branch
 from mbrs.errors import ConvergenceError, ModelError
 from mbrs.frequency_response import frequency_response
@@ -40,7 +40,9 @@ def test_folds_of_the_duffing_oscillator(curve):
     assert curve.status == "converged"
     assert [event.kind for event in curve.events] == ["fold", "fold"]
     high, low = curve.events
-    assert high.omega == pytest.approx(1.26960, abs=6e-6) and np.hypot(*high.X[0, 1:3]) == pytest.approx(2.8250, abs=6e-5)
+    assert high.omega == pytest.approx(1.26960, abs=6e-6) and np.hypot(*high.X[0, 1:3]) == pytest.approx(
+        2.8250, abs=6e-5
+    )
     assert low.omega == pytest.approx(1.11570, abs=6e-6) and np.hypot(*low.X[0, 1:3]) == pytest.approx(1.0819, abs=6e-5)
 
 
@@ -93,7 +95,13 @@ def test_points_lie_on_the_branch_of_the_reference(curve):
 @pytest.mark.parametrize("corrector", ["pseudo-arclength", "arclength", "moore-penrose"])
 def test_all_predictors_and_correctors(predictor, corrector, curve):
     other = frequency_response(
-        duffing(), force=[0.18], omega=(0.5, 1.6), harmonics=7, predictor=predictor, corrector=corrector, stability=False
+        duffing(),
+        force=[0.18],
+        omega=(0.5, 1.6),
+        harmonics=7,
+        predictor=predictor,
+        corrector=corrector,
+        stability=False,
     )
     assert other.status == "converged"
     assert [event.omega for event in other.events] == pytest.approx([event.omega for event in curve.events], abs=1e-10)
@@ -102,7 +110,9 @@ def test_all_predictors_and_correctors(predictor, corrector, curve):
 
 def test_downward_sweep_meets_the_same_folds(curve):
     down = frequency_response(duffing(), force=[0.18], omega=(1.6, 0.5), harmonics=7)
-    assert [event.omega for event in down.events] == pytest.approx([event.omega for event in curve.events][::-1], abs=1e-10)
+    assert [event.omega for event in down.events] == pytest.approx(
+        [event.omega for event in curve.events][::-1], abs=1e-10
+    )
     assert down.omega[0] == 1.6 and down.omega[-1] == 0.5
 
 
@@ -154,7 +164,8 @@ def test_hill_and_monodromy_agree():
 
 
 def test_mathieu_tongue_is_bounded_by_period_doubling():
-    # x" + c x' + (1 + e cos(w t)) x = 0 loses stability near w = 2 by period doubling; first order: w = 2 +- sqrt(e^2/4 - c^2)
+    # x" + c x' + (1 + e cos(w t)) x = 0 loses stability near w = 2 by period doubling; first order: w = 2 +-
+    # sqrt(e^2/4 - c^2)
     e, c = 0.02, 0.002
     system = MechanicalSystem([[1.0]], [[c]], [[1.0]], elements=[VaryingStiffness(e, w=[1.0])])
     response = frequency_response(system, force={0: [1e-3]}, omega=(1.8, 2.2), harmonics=5, max_step=0.02)
@@ -275,7 +286,8 @@ def test_light_damping_peak():
 
 
 def test_imperfect_pitchfork_is_not_jumped_over():
-    # force response of a buckled-like symmetric well with a static imperfection of 1e-6: the branch bends, it does not branch
+    # force response of a buckled-like symmetric well with a static imperfection of 1e-6: the branch bends, it does not
+    # branch
     system = MechanicalSystem([[1.0]], [[0.3]], [[-0.2]], elements=[Cubic(1.0, w=[1.0])])
     response = frequency_response(
         system, force={0: [1e-6], 1: [1.0]}, omega=2.0, level=(3.0, 0.5), harmonics=5, stability=False, max_step=0.05

@@ -1,4 +1,5 @@
-"""Pseudo-arclength continuation of harmonic balance in omega, plain NumPy with a fixed step: the oracle of the core's branches."""
+"""Pseudo-arclength continuation of harmonic balance in omega, plain NumPy with a fixed step: the oracle of the core's
+branches."""
 
 from __future__ import annotations
 
@@ -11,7 +12,14 @@ from . import hbm_balance
 
 
 def _corrected(
-    system: Any, force: Any, harmonics: Sequence[int], n_samples: int, z: np.ndarray, t: np.ndarray, centre: np.ndarray, ds: float
+    system: Any,
+    force: Any,
+    harmonics: Sequence[int],
+    n_samples: int,
+    z: np.ndarray,
+    t: np.ndarray,
+    centre: np.ndarray,
+    ds: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     for _ in range(30):
         R, J, R_omega = hbm_balance.residual(system, z[:-1], force, z[-1], harmonics, n_samples)
@@ -25,7 +33,13 @@ def _corrected(
 
 
 def branch(
-    system: Any, force: Any, omega: tuple[float, float], harmonics: Sequence[int], n_samples: int, ds: float, most: int = 5000
+    system: Any,
+    force: Any,
+    omega: tuple[float, float],
+    harmonics: Sequence[int],
+    n_samples: int,
+    ds: float,
+    most: int = 5000,
 ) -> np.ndarray:
     """Points (n, (2H+1) dof + 1) of [y, omega] from omega[0] until omega[1] is passed."""
     X = hbm_balance.harmonic_balance(system, force, omega[0], harmonics, n_samples)
