@@ -51,7 +51,7 @@ class Setup:
             given = np.asarray(getattr(x0, "X", x0), dtype=float)
             if given.ndim != 2 or given.shape[0] != self.system.n or given.shape[1] % 2 == 0:
                 raise ModelError(
-                    f"x0 must be Fourier coefficients (dof, 2h+1) with dof = {self.system.n}, its shape is {given.shape}"
+                    f"x0 must be coefficients (dof, 2h+1) with dof = {self.system.n}, its shape is {given.shape}"
                 )
             if not np.all(np.isfinite(given)):
                 raise ModelError("x0 contains NaN or infinite entries")
@@ -127,7 +127,9 @@ def checked_system(system: Any) -> tuple[Law, ...]:
         if law.w is None:
             raise ModelError(f"elements[{i}], {law!r}, has no direction; give w (n,) with u = w . x")
         if law.w.size != system.n:
-            raise ModelError(f"elements[{i}], {law!r}: w has {law.w.size} entries but the system {system.n} coordinates")
+            raise ModelError(
+                f"elements[{i}], {law!r}: w has {law.w.size} entries but the system {system.n} coordinates"
+            )
         numbers = law.numbers()
         if not np.all(np.isfinite(numbers)):
             raise ModelError(f"elements[{i}], {law!r}: its numbers are {numbers}; all must be finite")
@@ -155,7 +157,8 @@ def integer(name: str, value: Any) -> int:
 
 
 def needed_samples(laws: Sequence[Law], terms: Sequence[int], subharmonic: int) -> int:
-    """Samples per period without aliasing into the kept terms, (p + 1) H + 1 for a law of degree p, as a fast FFT size."""
+    """Samples per period without aliasing into the kept terms, (p + 1) H + 1 for a law of degree p, as a fast FFT
+    size."""
     least = max([2 * terms[-1] + 2, *(_alias_free(law, terms[-1], subharmonic) for law in laws)])
     return fast_size(least)
 
@@ -199,14 +202,16 @@ def _force_terms(n: int, force: Any, terms: tuple[int, ...], subharmonic: int) -
     for h, vector in given.items():
         if isinstance(h, bool) or not isinstance(h, int | np.integer) or h < 0:
             raise ModelError(f"force: harmonics must be integers from 0 (static) on, not {h!r}")
-        f = _force_vector(n, vector, h)
+        f = _force_vector(n, vector, int(h))
         if h == 0:
             if np.any(f.imag != 0):
                 raise ModelError("force: the static part (harmonic 0) must be real")
             out[0] = f
         elif h * subharmonic not in terms:
             if np.any(f != 0):
-                raise ModelError(f"force acts in harmonic {h}, which is not among the harmonics kept; add it to harmonics")
+                raise ModelError(
+                    f"force acts in harmonic {h}, which is not among the harmonics kept; add it to harmonics"
+                )
         else:
             out[1 + terms.index(h * subharmonic)] = f
     return out
@@ -238,8 +243,9 @@ def _dense(system: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def core_elements(laws: Sequence[Law]) -> Any:
     """Laws and sparse directions as the core wants them."""
     numbers = [law.numbers() for law in laws]
-    index = [np.flatnonzero(law.w) for law in laws]
-    weight = [np.asarray(law.w)[i] for law, i in zip(laws, index, strict=True)]
+    directions = [np.asarray(law.w) for law in laws]
+    index = [np.flatnonzero(w) for w in directions]
+    weight = [w[i] for w, i in zip(directions, index, strict=True)]
     start = np.concatenate([[0], np.cumsum([len(i) for i in index], dtype=int)])
     return _core.HbmElements(
         [law.code for law in laws],

@@ -17,7 +17,9 @@ def distance(solution: Any, rtol: float) -> float:
 
     system = solution.system
     if any(law.has_memory for law in system.elements):
-        raise ModelError("verify() cannot integrate laws with memory: their slider positions are not part of the result")
+        raise ModelError(
+            "verify() cannot integrate laws with memory: their slider positions are not part of the result"
+        )
     rate = first_order(system, solution.force, solution.omega)
     t = np.linspace(0, solution.period, 257)
     x, v = solution.displacement(t), solution.velocity(t)
