@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from ._border import core_errors
 from ._linear import LinearSystem, Origin, linear_system
 from .errors import MbrsWarning, ModelError
-from .results import Result, Stats
+from .results import Result, Stats, added_counts
 
 _ORDER = {"receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 0}
 _COARSE_POINTS = 200
@@ -221,7 +221,7 @@ def frf(
         if limits is None:
             _warn_missed(reduction, linear, order_out, points, poles, raw["value"])
     _warn_singular(points, raw["singular"])
-    counts = _merged(reduction.counts if made else {}, raw["counts"])
+    counts = added_counts(linear.source, reduction.counts if made else {}, raw["counts"])
     return FrfResult(
         value=raw["value"],
         frequency=points / (2 * np.pi),
@@ -300,10 +300,6 @@ def frf_sensitivity(
         error=raw["error"],
         status="singular" if raw["singular"] else "converged",
     )
-
-
-def _merged(a: Mapping[str, int], b: Mapping[str, int]) -> dict[str, int]:
-    return {name: a.get(name, 0) + b.get(name, 0) for name in {**a, **b}}
 
 
 def _grid(frequency: Any, omega: Any) -> tuple[np.ndarray | None, tuple[float, float] | None]:

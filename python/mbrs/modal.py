@@ -16,7 +16,7 @@ import numpy as np
 from ._border import core_errors
 from .errors import ModelError, NameNotFoundError, SingularError
 from .mac import mac as _mac
-from .results import Result, Stats
+from .results import Result, Stats, added_counts
 from .second_order import MechanicalSystem
 
 KINDS = ("rigid", "vibration", "overdamped", "flutter", "divergence")
@@ -415,7 +415,7 @@ def _result(system: Any, r: dict[str, Any], n: int | None, effects: tuple[str, .
         partner_shape=r["partner_shape"][:, own],
         partner_left=None if partner_left is None else partner_left[:, own],
         cut_group=next((tuple(range(a, n)) for a, count in r["groups"] if a < n < a + count), ()),
-        stats=Stats(time.perf_counter() - start, r["counts"], effects, r["route"]),
+        stats=Stats(time.perf_counter() - start, added_counts(system, r["counts"]), effects, r["route"]),
         error=r["error"][:n],
         status="unresolved" if np.any(r["backward_error"][:n] > _UNRESOLVED) else "converged",
     )
