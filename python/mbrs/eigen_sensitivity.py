@@ -424,6 +424,10 @@ def _entries(name: str, a: Any, dof: int) -> tuple[Any, int | None]:
     if a is None:
         none = np.zeros(0, dtype=np.int64)
         return (none, none, none, np.zeros(0)), None
+    if hasattr(a, "direction"):
+        if a.shape[:2] != (dof, dof):
+            raise ModelError(f"{name} is of size {a.shape[:2]}, the modes have {dof} coordinates")
+        return _typed(a.row, a.column, a.direction, a.value), a.shape[2]
     if isinstance(a, list | tuple) and any(hasattr(part, "tocoo") for part in a):
         found = [(c.row, c.col, np.full(c.nnz, p), c.data) for p, c in enumerate(part.tocoo() for part in a)]
         if any(part.shape != (dof, dof) for part in a):

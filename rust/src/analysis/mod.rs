@@ -1,5 +1,6 @@
 //! One file per analysis.
 pub mod assembly;
+pub mod direction;
 pub mod eigen_sensitivity;
 pub mod equilibrium;
 pub mod frf;
@@ -7,6 +8,7 @@ pub mod frf_sensitivity;
 pub mod frf_singular;
 pub mod hbm;
 pub mod linearize;
+pub mod local_direction;
 pub mod modal;
 pub mod reactions;
 pub mod response;

@@ -1,5 +1,6 @@
 //! The border to Python: one registration function per group of analyses.
 mod border;
+mod direction;
 mod eigen_sensitivity;
 mod frf;
 mod hbm;
@@ -15,6 +16,7 @@ use pyo3::prelude::*;
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     border::register(module)?;
+    direction::register(module)?;
     eigen_sensitivity::register(module)?;
     frf::register(module)?;
     hbm::register(module)?;
