@@ -155,8 +155,8 @@ def test_gyroscopically_stabilised_top():
 
 @pytest.mark.parametrize("load", [1.0, 2.08, 2.09, 4.0, 4.92])
 def test_flutter_of_zieglers_column(load):
-    # masses 2 and 1, unit links and springs, follower force P: 2 w^2 + (2 P - 7) w + 1 = 0, w = -s^2 (from the determinant);
-    # flutter between P = 7/2 - sqrt 2 and 7/2 + sqrt 2 (H. Ziegler, Ing.-Arch. 20, 1952)
+    # masses 2 and 1, unit links and springs, follower force P: the determinant is 2 w^2 + (2 P - 7) w + 1, w = -s^2,
+    # hence flutter between P = 7/2 - sqrt 2 and 7/2 + sqrt 2
     S = np.array([[2 - load, load - 1], [-1, 1]])
     r = modes(system([[3.0, 1.0], [1.0, 1.0]], None, (S + S.T) / 2, N=(S - S.T) / 2))
     w = np.roots([2, 2 * load - 7, 1]).astype(complex)
@@ -405,7 +405,7 @@ def test_against_scipy(n, present):
     expected = sl.eig(state_matrix(s), right=False)
     distance = np.abs(expected[:, None] - r.roots[None, :])
     assert max(distance.min(axis=0).max(), distance.min(axis=1).max()) < 1e-10 * np.abs(expected).max()
-    m, d, k = parts(s)
+    m, d, _ = parts(s)
     for i, e in enumerate(r.eigenvalue):
         psi = r.shape[:, i] if r.left is None else r.left[:, i]
         slope = psi @ (2 * e * m + d) @ r.shape[:, i]

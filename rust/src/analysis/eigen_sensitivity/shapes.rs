@@ -1,7 +1,7 @@
 //! Derivatives of shapes, by one bordered factorisation for each mode that serves all directions.
 //!
 //! `[Q, Q' phi; phi^H, 0] [v; -] = [-(dQ + ds Q') phi; 0]` gives the part of the derivative outside phi; the normalisation of the
-//! modes gives the part along it (Nelson, AIAA J. 14 (1976), with a border in place of a deleted row).
+//! modes gives the part along it.
 use faer::Mat;
 use faer::prelude::*;
 
