@@ -232,8 +232,8 @@ def eigen_sensitivity(
 ) -> EigenSensitivity:
     """Derivatives of modes along directions of the matrices.
 
-    ds = -psi^T (s^2 dM + s dC + dK) phi / psi^T (2 s M + C + G) phi for simple roots; repeated roots have a matrix for
-    each direction (P. Lancaster, Numer. Math. 6, 1964, 377-387).
+    ds = -psi^T (s^2 dM + s dC + dK) phi / psi^T (2 s M + C + G) phi for simple roots, from psi^T Q(s) phi = 0; repeated
+    roots have a matrix for each direction, whose eigenvalues are the derivatives.
 
     Parameters
     ----------
