@@ -10,12 +10,14 @@ use crate::linalg::sparse::{Csc, Factor};
 use crate::run::{Cancel, Counts};
 
 pub struct DampedModes {
-    /// the roots with Im s >= 0 nearest to the shift, ascending in |s|
+    /// the roots with Im s >= 0 nearest to the shift, ascending in |s|; a rigid motion counts once, as 0, each other real root
+    /// for itself
     pub s: Vec<c64>,
     /// y^H M y = 1, largest component real and positive
     pub shape: Mat<c64>,
     /// |s^2 M y + s D y + S y| / ((|s|^2 |M| + |s| |D| + |S|) |y|)
     pub residual: Vec<f64>,
+    pub rigid: usize,
     pub sigma: f64,
     pub counts: Counts,
 }
@@ -169,9 +171,7 @@ pub fn lowest(
         }
     }
     counts.merge(&space.counts);
-    let mut chosen = upper(&ritz, wanted);
-    let root = |k: usize| sigma + ritz.value[k].inv();
-    chosen.sort_by(|a, b| root(*a).norm().total_cmp(&root(*b).norm()));
+    let chosen = upper(&ritz, 2 * wanted);
     let picked = Ritz {
         value: chosen.iter().map(|k| ritz.value[*k]).collect(),
         residual: chosen.iter().map(|k| ritz.residual[*k]).collect(),
@@ -182,13 +182,70 @@ pub fn lowest(
     let states = space.vectors(&picked, chosen.len());
     let s: Vec<c64> = picked.value.iter().map(|mu| sigma + mu.inv()).collect();
     let shape = normalised(system, states.subrows(0, n));
+    let (s, shape, rigid) = merge_rigid(system, s, shape, sigma);
+    let mut order: Vec<usize> = (0..s.len()).collect();
+    order.sort_by(|a, b| {
+        s[*a]
+            .norm()
+            .total_cmp(&s[*b].norm())
+            .then(s[*b].re.total_cmp(&s[*a].re))
+    });
+    order.truncate(wanted);
+    let s: Vec<c64> = order.iter().map(|k| s[*k]).collect();
+    let shape = Mat::from_fn(n, order.len(), |i, j| shape[(i, order[j])]);
     Ok(DampedModes {
         residual: system.residuals(&s, shape.as_ref()),
         s,
         shape,
+        rigid,
         sigma,
         counts,
     })
+}
+
+/// Roots that are zero to the accuracy of a double root belong to rigid motions, two to each; one mode of each is left, s = 0.
+fn merge_rigid(
+    system: &Damped,
+    s: Vec<c64>,
+    shape: Mat<c64>,
+    sigma: f64,
+) -> (Vec<c64>, Mat<c64>, usize) {
+    let n = shape.nrows();
+    let zero = |s: &c64| s.norm() <= 1e-5 * sigma.abs();
+    let mut rigid: Vec<Mat<f64>> = Vec::new();
+    let product = |a: &Mat<f64>, b: &Mat<f64>| {
+        let mut weighed = Mat::zeros(n, 1);
+        system.m.multiply(b.as_ref(), weighed.as_mut(), false);
+        (0..n).map(|i| a[(i, 0)] * weighed[(i, 0)]).sum::<f64>()
+    };
+    for k in (0..s.len()).filter(|k| zero(&s[*k])) {
+        for part in [|z: c64| z.re, |z: c64| z.im] {
+            let mut x = Mat::from_fn(n, 1, |i, _| part(shape[(i, k)]));
+            for r in &rigid {
+                let along = product(r, &x);
+                x -= faer::Scale(along) * r;
+            }
+            let norm = product(&x, &x).sqrt();
+            // shapes of a double root are right to about the root of the precision only
+            if norm > 1e-3 {
+                x *= faer::Scale(1.0 / norm);
+                rigid.push(x);
+            }
+        }
+    }
+    let others: Vec<usize> = (0..s.len()).filter(|k| !zero(&s[*k])).collect();
+    let count = rigid.len();
+    let values = std::iter::repeat_n(c64::new(0.0, 0.0), count)
+        .chain(others.iter().map(|k| s[*k]))
+        .collect();
+    let merged = Mat::from_fn(n, count + others.len(), |i, j| {
+        if j < count {
+            c64::new(rigid[j][(i, 0)], 0.0)
+        } else {
+            shape[(i, others[j - count])]
+        }
+    });
+    (values, merged, count)
 }
 
 /// Zero where the stiffness is safely regular, else a negative shift of the size of the wanted undamped frequencies.

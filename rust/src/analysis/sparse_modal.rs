@@ -10,6 +10,11 @@ use crate::linalg::krylov::{Operator, Options, Ritz, Space};
 use crate::linalg::sparse::{Csc, Factor, negative_eigenvalues};
 use crate::run::{Cancel, Counts};
 
+/// Share of eps |K|/|M| that the rounding of an assembled K moves its eigenvalues by, typical of chains (measured).
+const ENTRY_NOISE: f64 = 0.05;
+/// Rounding of a sum of some ten thousand positive energies.
+const ROUNDING: f64 = 1e-14;
+
 pub struct SymmetricModes {
     /// lambda = omega^2, ascending; rigid ones exactly zero
     pub lambda: Vec<f64>,
@@ -17,8 +22,12 @@ pub struct SymmetricModes {
     pub shape: Mat<f64>,
     /// |phi - (lambda - sigma) Op phi| in the mass norm: a bound of the relative error of lambda - sigma
     pub residual: Vec<f64>,
+    /// estimated relative error of lambda; for rigid modes the absolute one, below which lambda cannot be told from zero
+    pub error: Vec<f64>,
     pub rigid: usize,
     pub sigma: f64,
+    /// a shift that would resolve modes which lie too close to zero for this one
+    softer: Option<f64>,
     /// how it was made sure that no mode is missing: "inertia", "random restart" or "unverified"
     pub verified: &'static str,
     pub counts: Counts,
@@ -297,26 +306,29 @@ impl Pencil for Mixed {
         ratio(&stiffness, &self.m.diagonal())
     }
 
-    /// A singular matrix gives a factor all the same; its Ritz values are then noise that the energies contradict.
+    /// A singular matrix gives a factor all the same. What it solves for then violates x^T K x = x^T M w of x = K^-1 M w.
     fn shifted_at_zero(&self) -> Result<Option<ShiftInvert<'_>>> {
         let Ok(op) = self.shifted(0.0) else {
             return Ok(None);
         };
-        let options = Options {
-            dim: 6,
-            ..Options::new(1, true)
-        };
-        let probe = || -> Result<(f64, f64)> {
-            let mut space = Space::new(&op, options)?;
-            let ritz = space.cycle(&Cancel::default())?;
-            let x = space.real_vectors(&ritz, 1);
-            let energy = self.energies(x.as_ref()).map_or(f64::NAN, |e| e[0]);
-            Ok((1.0 / ritz.value[0].re, energy))
-        };
-        match probe() {
-            Ok((ritz, energy)) if (ritz - energy).abs() <= 0.1 * energy.abs() => Ok(Some(op)),
-            _ => Ok(None),
+        let n = self.m.rows;
+        let mut w = Mat::from_fn(n, 1, |i, _| ((i as f64) * 0.618_034 + 0.3).fract() - 0.5);
+        for _ in 0..2 {
+            let mut x = Mat::zeros(n, 1);
+            op.apply(w.as_ref(), x.as_mut())?;
+            let (mut mw, mut mx) = (Mat::zeros(n, 1), Mat::zeros(n, 1));
+            self.m.multiply(w.as_ref(), mw.as_mut(), false);
+            self.m.multiply(x.as_ref(), mx.as_mut(), false);
+            let dot = |a: &Mat<f64>| (0..n).map(|i| x[(i, 0)] * a[(i, 0)]).sum::<f64>();
+            let energy = self.energies(x.as_ref()).map_or(f64::NAN, |e| e[0]) * dot(&mx);
+            let work = dot(&mw);
+            let regular = (energy - work).abs() <= 1e-5 * work.abs();
+            if !regular {
+                return Ok(None);
+            }
+            w = x;
         }
+        Ok(Some(op))
     }
 }
 
@@ -334,7 +346,33 @@ pub fn lowest(
         )));
     }
     let mut counts = Counts::default();
-    let (op, sigma) = start(pencil, wanted, sigma, &mut counts, cancel)?;
+    let mut modes = around(
+        pencil,
+        wanted,
+        start(pencil, wanted, sigma, &mut counts, cancel)?,
+        cancel,
+    )?;
+    counts.merge(&modes.counts);
+    for _ in 0..4 {
+        let Some(softer) = modes.softer.filter(|_| sigma.is_none()) else {
+            break;
+        };
+        counts.add("factorisations", 1);
+        modes = around(pencil, wanted, (pencil.shifted(softer)?, softer), cancel)?;
+        counts.merge(&modes.counts);
+    }
+    modes.counts = counts;
+    Ok(modes)
+}
+
+fn around(
+    pencil: &impl Pencil,
+    wanted: usize,
+    shift: (ShiftInvert<'_>, f64),
+    cancel: &Cancel,
+) -> Result<SymmetricModes> {
+    let (op, sigma) = shift;
+    let mut counts = Counts::default();
     let mut space = Space::new(&op, Options::new(wanted, true))?;
     let mut ritz = space.converge(cancel)?;
     let mut verified = "unverified";
@@ -384,7 +422,8 @@ fn start<'a>(
     if let Some(op) = pencil.shifted_at_zero()? {
         return Ok((op, 0.0));
     }
-    // free or nearly so: a negative shift of the size of the wanted eigenvalues, found from coarse Ritz values
+    // free or nearly so: a negative shift between the first elastic eigenvalue and the last wanted one, found from coarse
+    // Ritz values; these lie too high, so the shift only ever comes down
     let mut sigma = -1e-4 * pencil.scale();
     for _ in 0..12 {
         counts.add("factorisations", 1);
@@ -397,17 +436,18 @@ fn start<'a>(
         let mut space = Space::new(&op, coarse)?;
         let ritz = space.cycle(cancel)?;
         counts.merge(&space.counts);
-        let theta = ritz.value[wanted.min(ritz.value.len()) - 1].re;
-        let highest = if theta > 0.0 {
-            (sigma + 1.0 / theta).abs()
-        } else {
-            sigma.abs()
-        };
-        let next = -(0.3 * highest).max(1e-18 * pencil.scale());
-        if next < 0.1 * sigma {
+        let elastic = ritz
+            .value
+            .iter()
+            .filter(|theta| theta.re > 0.0)
+            .map(|theta| sigma + 1.0 / theta.re);
+        let first = elastic
+            .filter(|l| *l > 1e-7 * sigma.abs())
+            .fold(f64::INFINITY, f64::min);
+        if 30.0 * first >= sigma.abs() {
             return Ok((op, sigma));
         }
-        sigma = next;
+        sigma = -10.0 * first;
     }
     counts.add("factorisations", 1);
     Ok((pencil.shifted(sigma)?, sigma))
@@ -481,37 +521,49 @@ fn finish(
             y[(i, k)] /= norm;
         }
     }
-    let mut lambda: Vec<f64> = match pencil.energies(y.as_ref()) {
-        Some(energies) => energies,
-        None => (0..wanted)
-            .map(|k| sigma + 1.0 / ritz.value[k].re)
-            .collect(),
-    };
-    let noise = if sigma == 0.0 {
+    let from_energy = pencil.energies(y.as_ref());
+    // what the entries of an assembled K leave of its low eigenvalues; sums of energies lose nothing of the kind
+    let exact = from_energy.is_some();
+    let data = if exact {
         0.0
     } else {
-        (1e-9 * sigma.abs()).max(100.0 * f64::EPSILON * pencil.scale())
+        ENTRY_NOISE * f64::EPSILON * pencil.scale()
     };
-    let noise = if pencil.energies(y.subcols(0, 1)).is_some() {
-        1e-9 * sigma.abs()
-    } else {
-        noise
-    };
-    let mut rigid = 0;
-    for l in &mut lambda {
-        if l.abs() <= noise {
-            *l = 0.0;
+    let mut lambda = from_energy.unwrap_or_else(|| {
+        (0..wanted)
+            .map(|k| sigma + 1.0 / ritz.value[k].re)
+            .collect()
+    });
+    let mut error = vec![0.0; wanted];
+    let (mut rigid, mut softest) = (0, f64::INFINITY);
+    for k in 0..wanted {
+        let from_vector = residual[k].powi(2) * ((lambda[k] - sigma) / lambda[k]).abs();
+        // below it lambda cannot be told from zero
+        let floor = match exact {
+            true => 1e3 * residual[k].powi(2) * sigma.abs() + 1e-26 * pencil.scale(),
+            false => 1e-12 * sigma.abs() + 1e2 * data,
+        };
+        if sigma != 0.0 && lambda[k].abs() <= floor {
+            error[k] = floor;
+            lambda[k] = 0.0;
             rigid += 1;
+            continue;
         }
+        if lambda[k] > 0.0 && lambda[k] < 1e-6 * sigma.abs() {
+            softest = softest.min(lambda[k]);
+        }
+        error[k] = data / lambda[k].abs() + from_vector + ROUNDING;
     }
     let mut order: Vec<usize> = (0..wanted).collect();
     order.sort_by(|a, b| lambda[*a].total_cmp(&lambda[*b]));
     Ok(SymmetricModes {
         lambda: order.iter().map(|k| lambda[*k]).collect(),
         residual: order.iter().map(|k| residual[*k]).collect(),
+        error: order.iter().map(|k| error[*k]).collect(),
         shape: Mat::from_fn(n, wanted, |i, j| y[(i, order[j])]),
         rigid,
         sigma,
+        softer: softest.is_finite().then_some(-10.0 * softest),
         verified: "unverified",
         counts: Counts::default(),
     })
