@@ -80,7 +80,7 @@ def test_scalar_chain_in_both_forms(n, fixed):
         print(f"chain n={n} fixed={fixed} {name}: {error:.1e}, verified by {r['verified']}, {r['counts']}")
         assert error < limit
         assert r["rigid"] == first and np.all(r["lambda"][:first] == 0.0)
-        assert r["verified"] == "inertia"
+        assert r["verified"] == ("inertia" if n >= 100 else "all computed")
         np.testing.assert_allclose(r["shape"].T @ r["shape"], np.eye(count), atol=1e-8)
         assert np.all(np.abs(r["shape"]).argmax(axis=0) == r["shape"].argmax(axis=0))
 
@@ -199,7 +199,7 @@ def test_stiffness_ratio_1e12():
     mixed = _core.mixed_modes(arrays(sp.identity(n)), arrays(augmented(G, 1 / k)), 5)
     # the stiff spring makes one double mass of two
     Z = np.zeros((n, n - 1))
-    Z[np.arange(n), np.r_[np.arange(21), np.arange(20, n - 1)]] = 1.0
+    Z[np.arange(n), np.r_[np.arange(20), np.arange(19, n - 1)]] = 1.0
     K = (G.T @ sp.diags(np.where(k > 1, 0, k)) @ G).toarray()
     rigid = scipy.linalg.eigvalsh(Z.T @ K @ Z, Z.T @ Z)[:5]
     error = np.abs(mixed["lambda"] / rigid - 1).max()

@@ -6,6 +6,7 @@ use faer::{Mat, MatMut, MatRef, c64};
 use super::sparse_modal::{Assembled, Pencil};
 use crate::error::{Error, Result};
 use crate::linalg::krylov::{Operator, Options, Ritz, Space};
+use crate::linalg::quadratic::Quadratic;
 use crate::linalg::sparse::{Csc, Factor};
 use crate::run::{Cancel, Counts};
 
@@ -152,36 +153,14 @@ pub fn lowest(
         Some(sigma) => sigma,
         None => shift(system, wanted, &mut counts, cancel)?,
     };
-    counts.add("factorisations", 1);
-    let rate = rate(system, sigma)?;
-    let op = system.operator(sigma, rate)?;
-    // a root of a conjugate pair brings the other along
-    let mut space = Space::new(&op, Options::new(2 * wanted, false))?;
-    let mut ritz = space.converge(cancel)?;
-    // new random vectors bring to light what the first ones did not see
-    for _ in 0..4 {
-        let known = upper(&ritz, wanted);
-        let before: Vec<c64> = known.iter().map(|k| ritz.value[*k]).collect();
-        space.restart_afresh(&ritz, 2 * wanted)?;
-        ritz = space.converge(cancel)?;
-        let now = upper(&ritz, wanted);
-        let same = |(a, k): (&c64, &usize)| (a - ritz.value[*k]).norm() <= 1e-8 * a.norm();
-        if before.len() == now.len() && before.iter().zip(&now).all(same) {
-            break;
-        }
-    }
-    counts.merge(&space.counts);
-    let chosen = upper(&ritz, 2 * wanted);
-    let picked = Ritz {
-        value: chosen.iter().map(|k| ritz.value[*k]).collect(),
-        residual: chosen.iter().map(|k| ritz.residual[*k]).collect(),
-        vector: Mat::from_fn(ritz.vector.nrows(), chosen.len(), |i, j| {
-            ritz.vector[(i, chosen[j])]
-        }),
+    let options = Options::new(2 * wanted, false);
+    let (s, shape) = if 2 * n < options.dim + 3 * options.block {
+        counts.add("dense eigensolutions", 1);
+        every(system)?
+    } else {
+        iterated(system, wanted, sigma, options, &mut counts, cancel)?
     };
-    let states = space.vectors(&picked, chosen.len());
-    let s: Vec<c64> = picked.value.iter().map(|mu| sigma + mu.inv()).collect();
-    let shape = normalised(system, states.subrows(0, n));
+    let shape = normalised(system, shape.as_ref());
     let (s, shape, rigid) = merge_rigid(system, s, shape, sigma);
     let mut order: Vec<usize> = (0..s.len()).collect();
     order.sort_by(|a, b| {
@@ -201,6 +180,72 @@ pub fn lowest(
         sigma,
         counts,
     })
+}
+
+fn iterated(
+    system: &Damped,
+    wanted: usize,
+    sigma: f64,
+    options: Options,
+    counts: &mut Counts,
+    cancel: &Cancel,
+) -> Result<(Vec<c64>, Mat<c64>)> {
+    counts.add("factorisations", 1);
+    let op = system.operator(sigma, rate(system, sigma)?)?;
+    // a root of a conjugate pair brings the other along
+    let mut space = Space::new(&op, options)?;
+    let mut ritz = space.converge(cancel)?;
+    // new random vectors bring to light what the first ones did not see
+    for _ in 0..4 {
+        let before: Vec<c64> = upper(&ritz, wanted)
+            .iter()
+            .map(|k| ritz.value[*k])
+            .collect();
+        space.restart_afresh(&ritz, 2 * wanted)?;
+        ritz = space.converge(cancel)?;
+        let now = upper(&ritz, wanted);
+        let same = |(a, k): (&c64, &usize)| (a - ritz.value[*k]).norm() <= 1e-8 * a.norm();
+        if before.len() == now.len() && before.iter().zip(&now).all(same) {
+            break;
+        }
+    }
+    counts.merge(&space.counts);
+    let chosen = upper(&ritz, 2 * wanted);
+    let picked = Ritz {
+        value: chosen.iter().map(|k| ritz.value[*k]).collect(),
+        residual: chosen.iter().map(|k| ritz.residual[*k]).collect(),
+        vector: Mat::from_fn(ritz.vector.nrows(), chosen.len(), |i, j| {
+            ritz.vector[(i, chosen[j])]
+        }),
+    };
+    let states = space.vectors(&picked, chosen.len());
+    let s = picked.value.iter().map(|mu| sigma + mu.inv()).collect();
+    Ok((s, states.subrows(0, system.m.rows).to_owned()))
+}
+
+/// All roots of a system so small, or of which so many are wanted, that a Krylov basis would exhaust it.
+fn every(system: &Damped) -> Result<(Vec<c64>, Mat<c64>)> {
+    let n = system.m.rows;
+    let dense = |a: &Csc| Mat::from_fn(n, n, |i, j| a.get(i, j));
+    let q = Quadratic::new(dense(&system.m), Some(dense(&system.d)), dense(&system.s))?;
+    let failed = || Error::singular("the dense eigenproblem of the damped system did not converge");
+    let form = q.normal_form().ok_or_else(failed)?;
+    let eigen = form
+        .state_matrix(form.rate())
+        .eigen()
+        .map_err(|_| failed())?;
+    let upper: Vec<usize> = (0..2 * n).filter(|k| eigen.S()[*k].im >= 0.0).collect();
+    let s = upper.iter().map(|k| eigen.S()[*k]).collect();
+    let part = |f: &dyn Fn(c64) -> f64| {
+        let mut x = Mat::from_fn(n, upper.len(), |i, j| f(eigen.U()[(i, upper[j])]));
+        form.l.transpose().solve_upper_triangular_in_place(&mut x);
+        x
+    };
+    let (re, im) = (part(&|z| z.re), part(&|z| z.im));
+    Ok((
+        s,
+        Mat::from_fn(n, upper.len(), |i, j| c64::new(re[(i, j)], im[(i, j)])),
+    ))
 }
 
 /// Roots that are zero to the accuracy of a double root belong to rigid motions, two to each; one mode of each is left, s = 0.

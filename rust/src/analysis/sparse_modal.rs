@@ -3,6 +3,7 @@
 //! Two forms. Assembled: K and M as they are. Mixed: [x; f; lam] with element forces and constraints as unknowns,
 //! [[K_geo - sigma M, G^T], [G, -compliance]], where a constraint is a row without compliance. Assembling K of a long chain of
 //! bushings loses its lowest modes to a condition that grows like n^4; the mixed form keeps them.
+use faer::prelude::*;
 use faer::{Mat, MatMut, MatRef};
 
 use crate::error::{Error, Result};
@@ -14,6 +15,8 @@ use crate::run::{Cancel, Counts};
 const ENTRY_NOISE: f64 = 0.05;
 /// Rounding of a sum of some ten thousand positive energies.
 const ROUNDING: f64 = 1e-14;
+/// Largest system of which the whole operator is formed where nearly all modes are wanted.
+const LARGEST_DENSE: usize = 2000;
 
 pub struct SymmetricModes {
     /// lambda = omega^2, ascending; rigid ones exactly zero
@@ -36,6 +39,8 @@ pub struct SymmetricModes {
 /// A symmetric pencil that can be shifted and inverted.
 pub trait Pencil {
     fn dim(&self) -> usize;
+    /// Dimension of the space that constraints leave, at least.
+    fn free_dim(&self) -> usize;
     fn mass(&self) -> &Csc;
     fn shifted(&self, sigma: f64) -> Result<ShiftInvert<'_>>;
     /// Rayleigh quotients, where they can be had more accurately than the Ritz values.
@@ -121,6 +126,10 @@ fn check_mass(m: &Csc) -> Result<()> {
 
 impl Pencil for Assembled {
     fn dim(&self) -> usize {
+        self.m.rows
+    }
+
+    fn free_dim(&self) -> usize {
         self.m.rows
     }
 
@@ -241,7 +250,7 @@ fn compliances(corner: &Csc) -> Result<Vec<Compliance>> {
                 "a compliance block (minus the lower right corner) is not positive definite",
             )
         })?;
-        let stiffness = faer::prelude::Solve::solve(&llt, Mat::<f64>::identity(size, size));
+        let stiffness = llt.solve(Mat::<f64>::identity(size, size));
         out.push(Compliance { rows, stiffness });
     }
     Ok(out)
@@ -250,6 +259,11 @@ fn compliances(corner: &Csc) -> Result<Vec<Compliance>> {
 impl Pencil for Mixed {
     fn dim(&self) -> usize {
         self.m.rows
+    }
+
+    fn free_dim(&self) -> usize {
+        let elastic: usize = self.compliances.iter().map(|c| c.rows.len()).sum();
+        (self.m.rows + elastic).saturating_sub(self.rows.rows)
     }
 
     fn mass(&self) -> &Csc {
@@ -373,7 +387,15 @@ fn around(
 ) -> Result<SymmetricModes> {
     let (op, sigma) = shift;
     let mut counts = Counts::default();
-    let mut space = Space::new(&op, Options::new(wanted, true))?;
+    let options = Options::new(wanted, true);
+    if is_small(pencil, &options) {
+        counts.add("dense eigensolutions", 1);
+        let (theta, x) = every(pencil, &op, wanted)?;
+        let mut modes = finish(pencil, &op, x, &theta, sigma)?;
+        (modes.verified, modes.counts) = ("all computed", counts);
+        return Ok(modes);
+    }
+    let mut space = Space::new(&op, options)?;
     let mut ritz = space.converge(cancel)?;
     let mut verified = "unverified";
     for _ in 0..5 {
@@ -399,10 +421,72 @@ fn around(
         }
     }
     counts.merge(&space.counts);
-    let mut modes = finish(pencil, &op, &space, &ritz, wanted, sigma)?;
+    let theta: Vec<f64> = ritz.value.iter().take(wanted).map(|v| v.re).collect();
+    let mut modes = finish(
+        pencil,
+        &op,
+        space.real_vectors(&ritz, wanted),
+        &theta,
+        sigma,
+    )?;
     modes.verified = verified;
     modes.counts = counts;
     Ok(modes)
+}
+
+/// A Krylov basis would exhaust the space: then the operator is taken whole.
+fn is_small(pencil: &impl Pencil, options: &Options) -> bool {
+    pencil.free_dim() < options.dim + 3 * options.block
+}
+
+/// All eigenpairs of L^T Op L^-T, of which the `wanted` largest are returned.
+fn every(
+    pencil: &impl Pencil,
+    op: &ShiftInvert<'_>,
+    wanted: usize,
+) -> Result<(Vec<f64>, Mat<f64>)> {
+    let n = pencil.dim();
+    if n > LARGEST_DENSE {
+        return Err(Error::model(format!(
+            "{wanted} modes were asked for and about {} exist among {n} coordinates: use minimal coordinates",
+            pencil.free_dim()
+        )));
+    }
+    let m = Mat::from_fn(n, n, |i, j| pencil.mass().get(i, j));
+    let l = m
+        .llt(faer::Side::Lower)
+        .map_err(|_| Error::singular("the mass matrix is not positive definite"))?;
+    let l = l.L();
+    // Op L^-T = A^-1 L restricted to the coordinates
+    let mut columns = Mat::<f64>::identity(n, n);
+    l.transpose().solve_upper_triangular_in_place(&mut columns);
+    let mut x = Mat::zeros(n, n);
+    op.apply(columns.as_ref(), x.as_mut())?;
+    let b = l.transpose() * &x;
+    if !crate::linalg::quadratic::is_finite(b.as_ref()) {
+        return Err(Error::singular(
+            "the shifted matrix is singular; use another shift sigma",
+        ));
+    }
+    let symmetric = Mat::from_fn(n, n, |i, j| 0.5 * (b[(i, j)] + b[(j, i)]));
+    let eigen = symmetric
+        .self_adjoint_eigen(faer::Side::Lower)
+        .map_err(|_| Error::singular("the dense eigenproblem did not converge"))?;
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|a, b| eigen.S()[*b].abs().total_cmp(&eigen.S()[*a].abs()));
+    let largest = order.first().map_or(0.0, |k| eigen.S()[*k].abs());
+    // constraints leave exact zeros, which rounding blurs
+    order.retain(|k| eigen.S()[*k].abs() > 1e-13 * largest);
+    if order.len() < wanted {
+        return Err(Error::model(format!(
+            "n = {wanted} modes were asked for, but the constraints leave {}",
+            order.len()
+        )));
+    }
+    order.truncate(wanted);
+    let mut shape = Mat::from_fn(n, wanted, |i, j| eigen.U()[(i, order[j])]);
+    l.transpose().solve_upper_triangular_in_place(&mut shape);
+    Ok((order.iter().map(|k| eigen.S()[*k]).collect(), shape))
 }
 
 fn start<'a>(
@@ -425,6 +509,9 @@ fn start<'a>(
     // free or nearly so: a negative shift between the first elastic eigenvalue and the last wanted one, found from coarse
     // Ritz values; these lie too high, so the shift only ever comes down
     let mut sigma = -1e-4 * pencil.scale();
+    if is_small(pencil, &Options::new(wanted, true)) {
+        return Ok((pencil.shifted(sigma)?, sigma));
+    }
     for _ in 0..12 {
         counts.add("factorisations", 1);
         let op = pencil.shifted(sigma)?;
@@ -482,30 +569,17 @@ fn missed(
 fn finish(
     pencil: &impl Pencil,
     op: &ShiftInvert<'_>,
-    space: &Space<'_, ShiftInvert<'_>>,
-    ritz: &Ritz,
-    wanted: usize,
+    x: Mat<f64>,
+    values: &[f64],
     sigma: f64,
 ) -> Result<SymmetricModes> {
-    let available = ritz
-        .value
-        .iter()
-        .take(wanted)
-        .filter(|v| v.norm() > 0.0)
-        .count();
-    if available < wanted {
-        return Err(Error::model(format!(
-            "n = {wanted} modes were asked for, but the constraints leave {available}"
-        )));
-    }
-    let x = space.real_vectors(ritz, wanted);
-    let n = pencil.dim();
+    let (n, wanted) = (pencil.dim(), values.len());
     // one more inverse iteration: it shows the residual and improves the shapes
     let mut y = Mat::zeros(n, wanted);
     op.apply(x.as_ref(), y.as_mut())?;
     let mut residual = vec![0.0; wanted];
     for k in 0..wanted {
-        let theta = ritz.value[k].re;
+        let theta = values[k];
         let difference = Mat::from_fn(n, 1, |i, _| y[(i, k)] / theta - x[(i, k)]);
         residual[k] = mass_norm(pencil.mass(), difference.as_ref());
         // deterministic sign: the largest component is positive
@@ -529,11 +603,8 @@ fn finish(
     } else {
         ENTRY_NOISE * f64::EPSILON * pencil.scale()
     };
-    let mut lambda = from_energy.unwrap_or_else(|| {
-        (0..wanted)
-            .map(|k| sigma + 1.0 / ritz.value[k].re)
-            .collect()
-    });
+    let mut lambda =
+        from_energy.unwrap_or_else(|| (0..wanted).map(|k| sigma + 1.0 / values[k]).collect());
     let mut error = vec![0.0; wanted];
     let (mut rigid, mut softest) = (0, f64::INFINITY);
     for k in 0..wanted {
