@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse as sp
-
 from mbrs import _core
 
 
@@ -37,9 +36,9 @@ def augmented(G, compliance, geometric=None):
 
 
 def bushing_chain(n, free=False):
-    """Bodies (y, theta) in a row joined halfway by bushings (shear ks, bending kr), pinned at both ends by half cells, or guided
-    there and so free. Standing waves sin, cos of kappa = j pi / n solve it: the determinant of the two by two problem is
-    16 ks kr sin^4(kappa/2) / (m I). Invented data. The lowest eigenvalue falls like n^-4."""
+    """Bodies (y, theta) in a row joined halfway by bushings (shear ks, bending kr), pinned at both ends by half cells,
+    or guided there and so free. Standing waves sin, cos of kappa = j pi / n solve it: the determinant of the two by two
+    problem is 16 ks kr sin^4(kappa/2) / (m I). Invented data. The lowest eigenvalue falls like n^-4."""
     ks, kr, h, m, inertia = 1e6, 1e2, 0.2, 1.0, 1e-2
     entries, stiffness = [], []
 
@@ -102,7 +101,7 @@ def test_free_bushing_chain_has_two_rigid_modes(n):
     G, k, M, _ = bushing_chain(n, free=True)
     r = _core.mixed_modes(arrays(M), arrays(augmented(G, 1 / k)), 8)
     assert r["rigid"] == 2
-    # free-free beam in the continuum limit: (4.73004)^4 and (7.85320)^4 in the same ratio, shear and inertia of order 1/n^2
+    # free-free beam in the continuum limit: the ratio of (4.73004)^4 and (7.85320)^4, up to terms of order 1/n
     ratio = r["lambda"][3] / r["lambda"][2]
     assert abs(ratio / (7.853204624 / 4.730040745) ** 4 - 1) < 20 / n
     if n == 50:
@@ -111,7 +110,7 @@ def test_free_bushing_chain_has_two_rigid_modes(n):
 
 
 def test_constraints_are_rows_without_compliance():
-    """Rigid links (x, y, theta) hinged in a row under torsion springs, one end hinged to ground, against elimination."""
+    """Rigid links (x, y, theta) hinged in a row under torsion springs, the first to ground, against elimination."""
     rng = np.random.default_rng(3)
     n, h = 12, 0.3
     rows, springs_, kt = [], [], []
@@ -245,7 +244,7 @@ def test_free_damped_chain_has_one_zero_root_per_rigid_motion():
 
 
 def test_estimates_over_random_chains():
-    """true/estimated of lambda in [.01, 10] in 95 % of 200 random chains of bushings, the assembled form where it loses digits."""
+    """true/estimated of lambda in [.01, 10] in 95 % of 200 random chains, assembled, where the form loses digits."""
     rng = np.random.default_rng(13)
     good = 0
     for _ in range(200):
@@ -261,15 +260,15 @@ def test_estimates_over_random_chains():
 @pytest.mark.parametrize(
     "call, error, text",
     [
-        (lambda I, K: _core.sparse_modes(I, None, K, 0), _core.CoreModelError, "n = 0"),
-        (lambda I, K: _core.sparse_modes(I, None, K, 99), _core.CoreModelError, "n = 99"),
-        (lambda I, K: _core.sparse_modes(I, None, K, 2, float("nan")), _core.CoreModelError, "sigma"),
-        (lambda I, K: _core.sparse_modes((I[0], I[1], I[2] * 0), None, K, 2), _core.CoreSingularError, "mass"),
-        (lambda I, K: _core.sparse_modes((I[0], I[1], I[2] * np.nan), None, K, 2), _core.CoreModelError, "NaN"),
-        (lambda I, K: _core.sparse_modes((I[0], I[1] + 100, I[2]), None, K, 2), _core.CoreModelError, "outside"),
-        (lambda I, K: _core.sparse_modes((I[0][:-1], I[1], I[2]), None, K, 2), _core.CoreModelError, "M"),
-        (lambda I, K: _core.mixed_modes((I[0], I[1], -I[2]), K, 2), _core.CoreSingularError, "positive definite"),
-        (lambda I, K: _core.sparse_modes(I, arrays(np.eye(3)), K, 2), _core.CoreModelError, "D is 3 x 3"),
+        (lambda E, K: _core.sparse_modes(E, None, K, 0), _core.CoreModelError, "n = 0"),
+        (lambda E, K: _core.sparse_modes(E, None, K, 99), _core.CoreModelError, "n = 99"),
+        (lambda E, K: _core.sparse_modes(E, None, K, 2, float("nan")), _core.CoreModelError, "sigma"),
+        (lambda E, K: _core.sparse_modes((E[0], E[1], E[2] * 0), None, K, 2), _core.CoreSingularError, "mass"),
+        (lambda E, K: _core.sparse_modes((E[0], E[1], E[2] * np.nan), None, K, 2), _core.CoreModelError, "NaN"),
+        (lambda E, K: _core.sparse_modes((E[0], E[1] + 100, E[2]), None, K, 2), _core.CoreModelError, "outside"),
+        (lambda E, K: _core.sparse_modes((E[0][:-1], E[1], E[2]), None, K, 2), _core.CoreModelError, "M"),
+        (lambda E, K: _core.mixed_modes((E[0], E[1], -E[2]), K, 2), _core.CoreSingularError, "positive definite"),
+        (lambda E, K: _core.sparse_modes(E, arrays(np.eye(3)), K, 2), _core.CoreModelError, "D is 3 x 3"),
     ],
 )
 def test_wrong_input_is_named(call, error, text):
