@@ -3,7 +3,7 @@
 //! The 2n state matrix is never formed: (A - sigma I)^-1 needs one factorisation of sigma^2 M + sigma D + S, n by n.
 use faer::{Mat, MatMut, MatRef, c64};
 
-use super::sparse_modal::{Assembled, Pencil};
+use super::sparse_pencil::{Assembled, Pencil};
 use crate::error::{Error, Result};
 use crate::linalg::krylov::{Operator, Options, Ritz, Space};
 use crate::linalg::quadratic::Quadratic;

@@ -5,7 +5,8 @@ use pyo3::types::PyDict;
 
 use super::border::{counts_dict, interruptible, to_numpy, to_numpy_complex};
 use crate::analysis::sparse_damped::{self, Damped};
-use crate::analysis::sparse_modal::{self, Assembled, Mixed, SymmetricModes};
+use crate::analysis::sparse_modal::{self, SymmetricModes};
+use crate::analysis::sparse_pencil::{Assembled, Mixed};
 use crate::error::{Error, Result};
 use crate::linalg::sparse::Csc;
 
