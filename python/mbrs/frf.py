@@ -331,7 +331,7 @@ def _sampled(limits: tuple[float, float], poles: np.ndarray | None) -> np.ndarra
     else:
         coarse = np.linspace(low, high, _COARSE_POINTS)
     coarse[[0, -1]] = low, high
-    parts = [coarse]
+    parts: list[np.ndarray] = [coarse]
     for pole in _resonances(poles, low, high):
         width = max(-pole.real, abs(pole.real), 1e-12 * pole.imag)
         undamped = width < 1e-9 * pole.imag
@@ -339,7 +339,8 @@ def _sampled(limits: tuple[float, float], poles: np.ndarray | None) -> np.ndarra
         reach = max(0.15 * pole.imag, 4.0 * step)
         growing = step * 1.6 ** np.arange(1 + int(np.ceil(np.log(reach / step) / np.log(1.6))))
         near = step * np.arange(0.0 if not undamped else 0.25, 1.0, 0.25)
-        parts += [pole.imag + near, pole.imag - near, pole.imag + growing, pole.imag - growing]
+        offsets = np.concatenate([near, growing])
+        parts += [pole.imag + offsets, pole.imag - offsets]
     points = np.unique(np.concatenate(parts))
     return points[(points >= low) & (points <= high)]
 
@@ -360,7 +361,12 @@ def _resonances(poles: np.ndarray | None, low: float, high: float) -> list[compl
 
 
 def _warn_missed(
-    reduction: Any, linear: LinearSystem, order_out: int, points: np.ndarray, poles: np.ndarray | None, value: np.ndarray
+    reduction: Any,
+    linear: LinearSystem,
+    order_out: int,
+    points: np.ndarray,
+    poles: np.ndarray | None,
+    value: np.ndarray,
 ) -> None:
     """A resonance is missed when its half-power band lies between two neighbouring points and its peak shows in H."""
     grid = np.unique(np.abs(points))
