@@ -2,6 +2,7 @@
 mod border;
 mod hbm;
 mod hbm_branch;
+mod hbm_linear;
 
 use pyo3::prelude::*;
 
