@@ -124,16 +124,36 @@ class HbmElements:
         weight: list[float],
     ) -> HbmElements: ...
 
+class HbmLinear:
+    @staticmethod
+    def full(
+        m: NDArray[np.float64], c: NDArray[np.float64], k: NDArray[np.float64], forces: NDArray[np.complex128]
+    ) -> HbmLinear: ...
+    @staticmethod
+    def sparse(
+        n: int, row: Any, column: Any, m: Any, c: Any, k: Any, retained: Any, forces: NDArray[np.complex128]
+    ) -> HbmLinear: ...
+    @staticmethod
+    def modal(
+        retained: list[int],
+        local: list[int],
+        rr: Any,
+        lr: Any,
+        stiffness: NDArray[np.float64],
+        damping: NDArray[np.float64],
+        shape: NDArray[np.float64],
+        forces: NDArray[np.complex128],
+    ) -> HbmLinear: ...
+    @property
+    def size(self) -> int: ...
+
 class HbmProblem:
     def __new__(
         cls,
-        m: NDArray[np.float64],
-        c: NDArray[np.float64],
-        k: NDArray[np.float64],
+        linear: HbmLinear,
         elements: HbmElements,
         indices: list[list[int]],
         subharmonic: int,
-        forces: NDArray[np.complex128],
         omega: list[float],
         dims: list[int],
         fine: list[int],

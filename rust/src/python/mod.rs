@@ -5,6 +5,7 @@ mod eigen_sensitivity;
 mod frf;
 mod hbm;
 mod hbm_branch;
+mod hbm_linear;
 mod modal;
 mod sparse;
 mod system;
