@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _core, _linear
+from . import _condensation, _core
 from .errors import ConvergenceError, MbrsError, ModelError, SingularError
 from .laws import Law
 
@@ -24,7 +24,7 @@ class Setup:
     subharmonic: int
     n_samples: int
     core: Any
-    linear: _linear.Linear
+    linear: _condensation.Linear
     arguments: tuple[Any, ...] = ()
 
     def __reduce__(self) -> Any:
@@ -136,7 +136,7 @@ def prepare(
     n = checked_samples(n_samples, laws, terms, subharmonic)
     extended = tuple(range(1, min(2 * terms[-1] + 1, terms[-1] + 6) + 1))
     fine = max(2 * n, needed_samples(laws, extended, subharmonic))
-    linear = _linear.linear_part(system, laws, forces, 2 * len(terms) + 1, condense)
+    linear = _condensation.linear_part(system, laws, forces, 2 * len(terms) + 1, condense)
     elements = core_elements(laws, linear.directions)
     core = translated(_core.HbmProblem, linear.core, elements, [[h] for h in terms], subharmonic, [omega], [n], [fine])
     arguments = (system, force, terms, subharmonic, n, omega, condense)
