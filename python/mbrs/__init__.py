@@ -60,7 +60,8 @@ __all__ = sorted([*_HOME, "examples"])
 
 
 class _Package(types.ModuleType):
-    """`mb.frf` is the function, although the module that defines it is called `mbrs.frf`: the import system would set the
+    """`mb.frf` is the function, although the module that defines it is called `mbrs.frf`: the import system would
+    set the
     module under that name as soon as anything imports it.
     """
 

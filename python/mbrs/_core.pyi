@@ -29,6 +29,7 @@ def dense_modes(
     n: np.ndarray | None,
     kf: np.ndarray | None,
 ) -> dict[str, Any]: ...
+
 @final
 class FrfReduction:
     """M, D, S reduced once; maps and frequencies come with each call."""
@@ -109,6 +110,7 @@ class System:
     ) -> dict[str, Any]: ...
     def strains(self, relative: _F2) -> list[tuple[str, int, int, _F1, _F2, _F2]]: ...
     def reactions(self, relative: _F2, rate: _F1, without: Sequence[str]) -> _F2: ...
+
 def law_force(
     code: int, values: list[float], u: NDArray[np.float64], v: NDArray[np.float64]
 ) -> NDArray[np.float64]: ...
@@ -211,6 +213,7 @@ def directions(
     follow: bool,
     maps: bool,
 ) -> dict[str, Any]: ...
+
 _Csc = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]
 
 def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...

@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -27,6 +27,12 @@ class SparseDerivative:
     direction: np.ndarray
     value: np.ndarray
     shape: tuple[int, int, int]
+
+    @classmethod
+    def of(cls, entries: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], shape: tuple[int, int, int]) -> Self:
+        """From what the core returns: rows, columns, directions, values."""
+        row, column, direction, value = entries
+        return cls(row, column, direction, value, shape)
 
     def dense(self) -> np.ndarray:
         """(n, n, n_p)."""
@@ -56,7 +62,8 @@ class LinearizationSensitivity(Result):
     T
         (6 n_bodies, dof, n_p), of `mb.sensitivity` of a linearisation.
     position, rotation
-        (n_bodies, 3, n_p): how each body's origin moves, m, and how the body turns, world rotation vector, rad, per unit
+        (n_bodies, 3, n_p): how each body's origin moves, m, and how the body turns, world rotation vector, rad, per
+        unit
         of the parameter. Zero where the configuration is held.
     coordinate
         (n_tree, n_p) the same in tree coordinates.
@@ -117,11 +124,19 @@ class LinearizationSensitivity(Result):
         from .report import table
 
         rows = [
-            (label, unit, float(np.abs(self.M[..., p]).max()), float(np.abs(self.K[..., p]).max()), float(np.abs(self.position[..., p]).max()))
+            (
+                label,
+                unit,
+                float(np.abs(self.M[..., p]).max()),
+                float(np.abs(self.K[..., p]).max()),
+                float(np.abs(self.position[..., p]).max()),
+            )
             for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))
         ]
         return table(
-            ["parameter", "unit", "max |dM|", "max |dK|", "max |dx| (m)"], rows, title=f"derivatives of {self.linearization.model.name!r}"
+            ["parameter", "unit", "max |dM|", "max |dK|", "max |dx| (m)"],
+            rows,
+            title=f"derivatives of {self.linearization.model.name!r}",
         )
 
     __repr__ = __str__
@@ -129,7 +144,9 @@ class LinearizationSensitivity(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EquilibriumSensitivity(Result):
-    """How an equilibrium moves: ``position`` and ``rotation`` (n_bodies, 3, n_p), world; ``coordinate`` (n_tree, n_p)."""
+    """How an equilibrium moves: ``position`` and ``rotation`` (n_bodies, 3, n_p), world; ``coordinate`` (n_tree,
+    n_p).
+    """
 
     position: np.ndarray
     rotation: np.ndarray
@@ -146,7 +163,11 @@ class EquilibriumSensitivity(Result):
             for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))
             for i, body in enumerate(self.bodies)
         ]
-        return table(["body", "parameter", "unit", "dx", "dy", "dz", "drx", "dry", "drz"], rows[:60], title="equilibrium per unit of each parameter")
+        return table(
+            ["body", "parameter", "unit", "dx", "dy", "dz", "drx", "dry", "drz"],
+            rows[:60],
+            title="equilibrium per unit of each parameter",
+        )
 
     __repr__ = __str__
 
@@ -213,7 +234,9 @@ def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: st
         return _of_modes(result, parameters, follow)
     if kind in ("FrfResult", "ResponseResult"):
         return _of_ports(result, parameters, follow)
-    raise ModelError(f"a {kind} has no sensitivities; give a result of mb.modes, mb.frf, mb.response, mb.equilibrium or mb.linearize")
+    raise ModelError(
+        f"a {kind} has no sensitivities; give a result of mb.modes, mb.frf, mb.response, mb.equilibrium or mb.linearize"
+    )
 
 
 def _source(system: Any, what: str) -> Linearization:
@@ -243,9 +266,9 @@ def _of_linearization(
     motion = r["body_motion"].reshape(-1, 6, along.n)
     shape = (lin.n, lin.n, along.n)
     return LinearizationSensitivity(
-        mass=SparseDerivative(*r["dM"], shape),
-        damping=SparseDerivative(*r["dD"], shape),
-        stiffness=SparseDerivative(*r["dS"], shape),
+        mass=SparseDerivative.of(r["dM"], shape),
+        damping=SparseDerivative.of(r["dD"], shape),
+        stiffness=SparseDerivative.of(r["dS"], shape),
         T=r.get("dT"),
         position=_origin_motion(lin, along, motion),
         rotation=motion[:, 3:],
@@ -316,7 +339,9 @@ def _of_ports(result: Any, parameters: str | Sequence[str], follow: bool) -> Any
     from .response import response_sensitivity
 
     if result.linear is None or result.origin is None:
-        raise ModelError("this result was made without its model; only results of mb.frf and mb.response have derivatives")
+        raise ModelError(
+            "this result was made without its model; only results of mb.frf and mb.response have derivatives"
+        )
     lin = _source(result.linear.source, "result")
     d = _of_linearization(lin, parameters, follow)
     inputs = [as_port(lin.model, p) for p in result.linear.inputs]
