@@ -7,7 +7,6 @@ import warnings
 import mpmath
 import numpy as np
 import pytest
-
 from mbrs.errors import MbrsWarning, ModelError, NameNotFoundError
 from mbrs.frf import frf, frf_sensitivity
 from mbrs.second_order import MechanicalSystem
@@ -184,7 +183,9 @@ def test_undamped_resonance_is_infinite_with_a_warning():
 def test_rigid_modes_at_zero_frequency(damped):
     """Two masses on a spring, free: infinite receptance, the rigid mass line as accelerance."""
     K = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    s = MechanicalSystem(np.diag([1.0, 3.0]), 0.1 * np.diag([1.0, 1.0]) @ K @ np.diag([1.0, 1.0]) if damped else None, K)
+    s = MechanicalSystem(
+        np.diag([1.0, 3.0]), 0.1 * np.diag([1.0, 1.0]) @ K @ np.diag([1.0, 1.0]) if damped else None, K
+    )
     with pytest.warns(MbrsWarning, match="can move freely"):
         h = frf(s, 0, [0, 1], omega=[0.0, 1e-3])
     assert np.all(np.isinf(h.value[:, 0, 0]))

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from typing import Any, final
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,9 +102,6 @@ class System:
     def bodies(self, relative: _F2, rate: _F1) -> dict[str, Any]: ...
     def equilibrium(self, relative: _F2, without: Sequence[str]) -> dict[str, Any]: ...
     def linearize(self, relative: _F2, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
-    def directional(
-        self, relative: _F2, rate: _F1, without: Sequence[str], directions: Sequence[_Direction], follow: bool
-    ) -> dict[str, Any]: ...
     def advance(self, relative: _F2, increments: _F1) -> _F2: ...
     def rate_mismatch(self, relative: _F2, rate: _F1) -> float: ...
     def integrate(
@@ -128,16 +124,36 @@ class HbmElements:
         weight: list[float],
     ) -> HbmElements: ...
 
+class HbmLinear:
+    @staticmethod
+    def full(
+        m: NDArray[np.float64], c: NDArray[np.float64], k: NDArray[np.float64], forces: NDArray[np.complex128]
+    ) -> HbmLinear: ...
+    @staticmethod
+    def sparse(
+        n: int, row: Any, column: Any, m: Any, c: Any, k: Any, retained: Any, forces: NDArray[np.complex128]
+    ) -> HbmLinear: ...
+    @staticmethod
+    def modal(
+        retained: list[int],
+        local: list[int],
+        rr: Any,
+        lr: Any,
+        stiffness: NDArray[np.float64],
+        damping: NDArray[np.float64],
+        shape: NDArray[np.float64],
+        forces: NDArray[np.complex128],
+    ) -> HbmLinear: ...
+    @property
+    def size(self) -> int: ...
+
 class HbmProblem:
     def __new__(
         cls,
-        m: NDArray[np.float64],
-        c: NDArray[np.float64],
-        k: NDArray[np.float64],
+        linear: HbmLinear,
         elements: HbmElements,
         indices: list[list[int]],
         subharmonic: int,
-        forces: NDArray[np.complex128],
         omega: list[float],
         dims: list[int],
         fine: list[int],
@@ -185,3 +201,17 @@ class HbmBranch:
         towards: NDArray[np.float64] | None = None,
     ) -> HbmBranch: ...
     def run(self, points: int, seconds: float) -> dict[str, Any]: ...
+
+def directions(
+    system: System,
+    relative: _F2,
+    rate: _F1,
+    without: Sequence[str],
+    directions: Sequence[_Direction],
+    follow: bool,
+    maps: bool,
+) -> dict[str, Any]: ...
+_Csc = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]
+
+def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
+def mixed_modes(m: _Csc, a: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _balance
+from . import _linear
 from .errors import ModelError
 
 
@@ -34,7 +34,7 @@ def distance(solution: Any, rtol: float) -> float:
 
 def first_order(system: Any, force: Any, omega: float) -> Any:
     """The right-hand side y' = f(t, y) with y = [x, x']."""
-    M, C, K = _balance._dense(system)
+    M, C, K = _linear.dense(system)
     n = system.n
     inverse = np.linalg.inv(M)
     given = dict(force) if isinstance(force, Mapping) else {1: force}

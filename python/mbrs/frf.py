@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from ._border import core_errors
 from ._linear import LinearSystem, Origin, linear_system
 from .errors import MbrsWarning, ModelError
-from .results import Result, Stats
+from .results import Result, Stats, added_counts
 
 _ORDER = {"receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 0}
 _COARSE_POINTS = 200
@@ -221,7 +221,7 @@ def frf(
         if limits is None:
             _warn_missed(reduction, linear, order_out, points, poles, raw["value"])
     _warn_singular(points, raw["singular"])
-    counts = _merged(reduction.counts if made else {}, raw["counts"])
+    counts = added_counts(linear.source, reduction.counts if made else {}, raw["counts"])
     return FrfResult(
         value=raw["value"],
         frequency=points / (2 * np.pi),
@@ -302,10 +302,6 @@ def frf_sensitivity(
     )
 
 
-def _merged(a: Mapping[str, int], b: Mapping[str, int]) -> dict[str, int]:
-    return {name: a.get(name, 0) + b.get(name, 0) for name in {**a, **b}}
-
-
 def _grid(frequency: Any, omega: Any) -> tuple[np.ndarray | None, tuple[float, float] | None]:
     """Points in rad/s, or the limits of a range in rad/s."""
     if (frequency is None) == (omega is None):
@@ -335,7 +331,7 @@ def _sampled(limits: tuple[float, float], poles: np.ndarray | None) -> np.ndarra
     else:
         coarse = np.linspace(low, high, _COARSE_POINTS)
     coarse[[0, -1]] = low, high
-    parts = [coarse]
+    parts: list[np.ndarray] = [coarse]
     for pole in _resonances(poles, low, high):
         width = max(-pole.real, abs(pole.real), 1e-12 * pole.imag)
         undamped = width < 1e-9 * pole.imag
@@ -343,7 +339,8 @@ def _sampled(limits: tuple[float, float], poles: np.ndarray | None) -> np.ndarra
         reach = max(0.15 * pole.imag, 4.0 * step)
         growing = step * 1.6 ** np.arange(1 + int(np.ceil(np.log(reach / step) / np.log(1.6))))
         near = step * np.arange(0.0 if not undamped else 0.25, 1.0, 0.25)
-        parts += [pole.imag + near, pole.imag - near, pole.imag + growing, pole.imag - growing]
+        offsets = np.concatenate([near, growing])
+        parts += [pole.imag + offsets, pole.imag - offsets]
     points = np.unique(np.concatenate(parts))
     return points[(points >= low) & (points <= high)]
 
@@ -364,7 +361,12 @@ def _resonances(poles: np.ndarray | None, low: float, high: float) -> list[compl
 
 
 def _warn_missed(
-    reduction: Any, linear: LinearSystem, order_out: int, points: np.ndarray, poles: np.ndarray | None, value: np.ndarray
+    reduction: Any,
+    linear: LinearSystem,
+    order_out: int,
+    points: np.ndarray,
+    poles: np.ndarray | None,
+    value: np.ndarray,
 ) -> None:
     """A resonance is missed when its half-power band lies between two neighbouring points and its peak shows in H."""
     grid = np.unique(np.abs(points))

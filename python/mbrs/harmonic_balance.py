@@ -28,8 +28,8 @@ class PeriodicSolution(Result):
     omega
         Excitation frequency, rad/s.
     error
-        Estimate of the truncation error relative to the largest coefficient: one Newton step on more harmonics and
-        samples.
+        Estimate of the truncation error relative to the largest coefficient of the coordinates that are solved for: one
+        Newton step on more harmonics and samples.
     status
         "converged", or "unresolved" where ``error`` exceeds the tolerance (0.1 unless ``tol`` was given).
     """
@@ -149,6 +149,7 @@ def harmonic_balance(
     harmonics: Any = 7,
     n_samples: int | None = None,
     subharmonic: int = 1,
+    condense: bool | str = "auto",
     x0: Any = None,
     tol: float | None = None,
     tolerance: float = 1e-10,
@@ -175,6 +176,10 @@ def harmonic_balance(
         Samples per period; chosen so that polynomial laws do not alias, at least 512 for others.
     subharmonic
         nu: the motion may have the period 2 pi nu / omega.
+    condense
+        Solve for the coordinates that elements touch alone, the others being eliminated exactly, harmonic by harmonic:
+        True,
+        False, or "auto" for systems large enough to gain from it. ``.stats.route`` tells what was done.
     x0
         First guess: coefficients (dof, 2h+1) or an earlier result. The default starts at rest, and raises the force
         step by step
@@ -219,20 +224,26 @@ def harmonic_balance(
     if isinstance(harmonics, str):
         if harmonics != "auto":
             raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
-        given = dict(n_samples=n_samples, subharmonic=subharmonic, tolerance=tolerance, max_iterations=max_iterations)
+        given = dict(
+            n_samples=n_samples,
+            subharmonic=subharmonic,
+            condense=condense,
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+        )
         return _automatic(system, force, float(w), x0, 1e-6 if tol is None else tol, given)
-    setup = _balance.prepare(system, force, harmonics, subharmonic, n_samples, float(w))
+    setup = _balance.prepare(system, force, harmonics, subharmonic, n_samples, float(w), condense)
     options = dict(tolerance=tolerance, max_iterations=max_iterations)
     answer = _balance.translated(setup.core.solve, setup.start(x0), [float(w)], **options)
     result = PeriodicSolution(
-        setup.padded(answer["X"]),
+        setup.expand(answer["y"], float(w)),
         float(w),
         setup.harmonics,
         setup.subharmonic,
         setup.n_samples,
         system,
         force,
-        stats=Stats(perf_counter() - started, _counts(answer), effects_of(system), "full"),
+        stats=Stats(perf_counter() - started, _counts(answer), effects_of(system), setup.route),
         error=answer["error"],
         status="converged" if answer["converged"] and answer["error"] <= limit else "unresolved",
     )
@@ -253,7 +264,7 @@ def _automatic(system: Any, force: Any, omega: float, x0: Any, tol: float, given
 
 
 def _counts(answer: dict[str, Any]) -> dict[str, int]:
-    return {key: answer[key] for key in ("iterations", "evaluations")}
+    return {key: answer[key] for key in ("iterations", "evaluations", "factorisations")}
 
 
 def effects_of(system: Any) -> tuple[str, ...]:

@@ -19,6 +19,16 @@ class Stats:
     route: str = ""
 
 
+def added_counts(*parts: Any) -> dict[str, int]:
+    """Work counts of several steps together; a part may be counts, or anything with ``.stats`` (else it counts nothing)."""
+    total: dict[str, int] = {}
+    for part in parts:
+        counts = part if isinstance(part, Mapping) else getattr(getattr(part, "stats", None), "counts", {})
+        for name, n in counts.items():
+            total[name] = total.get(name, 0) + n
+    return total
+
+
 @dataclass(frozen=True, eq=False)
 class Result:
     """Base of all results. Subclasses add arrays, `__str__` as a readable table, `plot` and `to_xarray`.

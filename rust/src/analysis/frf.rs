@@ -4,14 +4,16 @@
 //! real modes (undamped or proportional) O(n) per entry, complex modes O(n), Hessenberg O(n^2), direct O(n^3).
 use std::sync::OnceLock;
 
-use faer::linalg::matmul::matmul;
-use faer::prelude::*;
-use faer::{Accum, Mat, MatRef, Par, Side, c64};
+use faer::{Mat, c64};
 
+use super::frf_routes::{Check, Evaluator, input_mix};
 use super::frf_singular;
+use super::modes_of::{ComplexModes, RealModes, complex_modes, quadratic_roots, real_modes};
+use super::ports::{Ports, complex, i_omega};
+use super::state::StateSpace;
 use crate::error::{Error, Result};
 use crate::linalg::hessenberg::Hessenberg;
-use crate::linalg::quadratic::{NormalForm, Quadratic, is_finite};
+use crate::linalg::quadratic::{NormalForm, Quadratic};
 use crate::run::{Cancel, Counts};
 
 /// A route is taken where it agrees with refined direct solves this well, or as well as unrefined ones do.
@@ -19,33 +21,6 @@ const ACCEPT: f64 = 1e-11;
 const WORST_ACCEPTED: f64 = 1e-9;
 /// Complex modes with worse conditioned vectors are not worth a check.
 const WORST_VECTORS: f64 = 1e7;
-
-/// What is driven and what is seen: H = (i omega)^order_out (L Z^-1 F (i omega)^order_in + D0).
-#[derive(Debug, Clone)]
-pub struct Ports {
-    pub l: Mat<f64>,
-    pub f: Mat<f64>,
-    pub order_in: Vec<u32>,
-    pub order_out: u32,
-    pub d0: Option<Mat<f64>>,
-}
-
-pub struct RealModes {
-    /// (n, n) mass-normalised shapes and the squares of the natural frequencies; rigid modes are exactly zero
-    pub shape: Mat<f64>,
-    pub lambda: Vec<f64>,
-    pub damping: Vec<f64>,
-}
-
-pub struct ComplexModes {
-    pub pole: Vec<c64>,
-    /// rows of the eigenvectors that belong to z
-    top: Mat<c64>,
-    lu: faer::linalg::solvers::PartialPivLu<c64>,
-    /// 1-norm condition estimate of the eigenvectors
-    pub condition: f64,
-    rate: f64,
-}
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Route {
@@ -86,67 +61,6 @@ pub struct Values {
     /// indices of frequencies where Z is singular
     pub singular: Vec<usize>,
     pub counts: Counts,
-}
-
-impl Ports {
-    pub fn check(&self, n: usize) -> Result<()> {
-        let (n_out, n_in) = (self.l.nrows(), self.f.ncols());
-        if self.l.ncols() != n || self.f.nrows() != n {
-            return Err(Error::model(format!(
-                "the output map is {} x {} and the input map {} x {}; they must be (outputs, {n}) and ({n}, inputs)",
-                self.l.nrows(),
-                self.l.ncols(),
-                self.f.nrows(),
-                self.f.ncols()
-            )));
-        }
-        if self.order_in.len() != n_in {
-            return Err(Error::model(format!(
-                "there are {n_in} inputs but {} derivative orders",
-                self.order_in.len()
-            )));
-        }
-        if let Some(d0) = &self.d0
-            && (d0.nrows() != n_out || d0.ncols() != n_in)
-        {
-            return Err(Error::model(format!(
-                "the feedthrough is {} x {}; it must be {n_out} x {n_in}",
-                d0.nrows(),
-                d0.ncols()
-            )));
-        }
-        let finite = is_finite(self.l.as_ref())
-            && is_finite(self.f.as_ref())
-            && self.d0.as_ref().is_none_or(|d| is_finite(d.as_ref()));
-        if !finite {
-            return Err(Error::model(
-                "an input or output map contains NaN or infinite entries",
-            ));
-        }
-        Ok(())
-    }
-
-    fn n_out(&self) -> usize {
-        self.l.nrows()
-    }
-
-    fn n_in(&self) -> usize {
-        self.f.ncols()
-    }
-}
-
-impl ComplexModes {
-    /// V^-1 B: real states in modal coordinates.
-    pub fn coordinates(&self, states: MatRef<'_, f64>) -> Mat<c64> {
-        let mut x = complex(states);
-        self.lu.solve_in_place(&mut x);
-        x
-    }
-
-    /// C V for an output map of the states that sees their first half only.
-    pub fn outputs(&self, c: MatRef<'_, f64>) -> Mat<c64> {
-        complex(c.subcols(0, self.top.nrows())) * &self.top
-    }
 }
 
 impl Reduction {
@@ -269,7 +183,7 @@ impl Reduction {
             .map(|k| slow * (fast / slow).powf(k as f64 / 4.0))
             .collect();
         let checks = self.references(ports, &omega, &[0, 1, 2, 3, 4], counts);
-        let evaluator = self.complex_evaluator(form, ports);
+        let evaluator = complex_evaluator(form, modes, ports);
         let good =
             |check: &Check| check.distance(evaluator.at(omega[check.index])) < WORST_ACCEPTED;
         checks.iter().all(good).then_some(modes)
@@ -388,30 +302,21 @@ impl Reduction {
     }
 
     fn prepare<'a>(&'a self, route: Route, ports: &'a Ports, counts: &mut Counts) -> Evaluator<'a> {
-        match (route, &self.normal) {
-            (Route::RealModes, _) if self.real.is_some() => self.real_evaluator(ports),
-            (Route::ComplexModes, Some(form)) if self.complex.is_some() => {
-                self.complex_evaluator(form, ports)
+        match (route, &self.normal, &self.real, &self.complex) {
+            (Route::RealModes, _, Some(modes), _) => real_evaluator(modes, ports),
+            (Route::ComplexModes, Some(form), _, Some(modes)) => {
+                complex_evaluator(form, modes, ports)
             }
-            (Route::Hessenberg, Some(form)) => {
-                let rate = form.rate();
+            (Route::Hessenberg, Some(form), _, _) => {
+                let state = StateSpace::new(form, ports);
                 let reduced = self.hessenberg.get_or_init(|| {
                     counts.add("Hessenberg reductions", 1);
-                    Hessenberg::new(form.state_matrix(rate).as_ref())
-                });
-                let n = self.q.n();
-                let (l, f) = (
-                    form.outputs(ports.l.as_ref()),
-                    form.inputs(ports.f.as_ref()),
-                );
-                let c = Mat::from_fn(l.nrows(), 2 * n, |i, j| if j < n { l[(i, j)] } else { 0.0 });
-                let b = Mat::from_fn(2 * n, f.ncols(), |i, j| {
-                    if i < n { 0.0 } else { f[(i - n, j)] / rate }
+                    Hessenberg::new(state.a.as_ref())
                 });
                 Evaluator::Hessenberg {
                     reduced,
-                    cq: reduced.outputs(c.as_ref()),
-                    qb: reduced.inputs(b.as_ref()),
+                    cq: reduced.outputs(state.c.as_ref()),
+                    qb: reduced.inputs(state.b.as_ref()),
                 }
             }
             _ => self.direct(ports, 0),
@@ -420,320 +325,38 @@ impl Reduction {
 
     fn direct<'a>(&'a self, ports: &'a Ports, refinements: usize) -> Evaluator<'a> {
         Evaluator::Direct {
-            reduction: self,
+            q: &self.q,
+            scale: &self.scale,
             l: complex(ports.l.as_ref()),
             f: complex(ports.f.as_ref()),
             refinements,
         }
     }
+}
 
-    fn real_evaluator<'a>(&'a self, ports: &Ports) -> Evaluator<'a> {
-        let Some(modes) = &self.real else {
-            return self.direct_empty();
-        };
-        let highest = modes.lambda.iter().fold(0.0_f64, |a, l| a.max(l.abs()));
-        Evaluator::Real {
-            modes,
-            left: &ports.l * &modes.shape,
-            right: complex((modes.shape.transpose() * &ports.f).as_ref()),
-            noise: 4.0 * f64::EPSILON * highest,
-        }
-    }
-
-    fn complex_evaluator<'a>(&'a self, form: &NormalForm, ports: &Ports) -> Evaluator<'a> {
-        let Some(modes) = &self.complex else {
-            return self.direct_empty();
-        };
-        let n = form.n();
-        let f = form.inputs(ports.f.as_ref());
-        let mut right = Mat::from_fn(2 * n, f.ncols(), |i, j| {
-            c64::new(
-                if i < n {
-                    0.0
-                } else {
-                    f[(i - n, j)] / modes.rate
-                },
-                0.0,
-            )
-        });
-        modes.lu.solve_in_place(&mut right);
-        let largest = modes.pole.iter().fold(0.0_f64, |a, s| a.max(s.norm()));
-        Evaluator::Complex {
-            modes,
-            left: complex(form.outputs(ports.l.as_ref()).as_ref()) * &modes.top,
-            right,
-            noise: 4.0 * f64::EPSILON * largest,
-            largest,
-        }
-    }
-
-    fn direct_empty(&self) -> Evaluator<'_> {
-        Evaluator::Direct {
-            reduction: self,
-            l: Mat::zeros(0, self.q.n()),
-            f: Mat::zeros(self.q.n(), 0),
-            refinements: 0,
-        }
+fn real_evaluator<'a>(modes: &'a RealModes, ports: &Ports) -> Evaluator<'a> {
+    let highest = modes.lambda.iter().fold(0.0_f64, |a, l| a.max(l.abs()));
+    Evaluator::Real {
+        modes,
+        left: &ports.l * &modes.shape,
+        right: complex((modes.shape.transpose() * &ports.f).as_ref()),
+        noise: 4.0 * f64::EPSILON * highest,
     }
 }
 
-/// One route bound to its ports; `at` gives L Z^-1 F, or None where Z is (nearly) singular.
-enum Evaluator<'a> {
-    Real {
-        modes: &'a RealModes,
-        left: Mat<f64>,
-        right: Mat<c64>,
-        noise: f64,
-    },
-    Complex {
-        modes: &'a ComplexModes,
-        left: Mat<c64>,
-        right: Mat<c64>,
-        noise: f64,
-        largest: f64,
-    },
-    Hessenberg {
-        reduced: &'a Hessenberg,
-        cq: Mat<f64>,
-        qb: Mat<f64>,
-    },
-    Direct {
-        reduction: &'a Reduction,
-        l: Mat<c64>,
-        f: Mat<c64>,
-        refinements: usize,
-    },
-}
-
-impl Evaluator<'_> {
-    fn at(&self, w: f64) -> Option<Mat<c64>> {
-        match self {
-            Evaluator::Real {
-                modes,
-                left,
-                right,
-                noise,
-            } => {
-                let mut receptance = Vec::with_capacity(modes.lambda.len());
-                for (l, c) in modes.lambda.iter().zip(&modes.damping) {
-                    let den = c64::new(l - w * w, w * c);
-                    if den.norm() <= *noise {
-                        return None;
-                    }
-                    receptance.push(den.inv());
-                }
-                let weighted = Mat::from_fn(left.nrows(), left.ncols(), |i, r| {
-                    left[(i, r)] * receptance[r]
-                });
-                Some(product(weighted.as_ref(), right.as_ref()))
-            }
-            Evaluator::Complex {
-                modes,
-                left,
-                right,
-                noise,
-                largest,
-            } => {
-                let s = c64::new(0.0, w);
-                let mut factor = Vec::with_capacity(modes.pole.len());
-                for pole in &modes.pole {
-                    // a zero root is known to the accuracy of a defective one only, so omega = 0 is judged by S itself
-                    let limit = if w == 0.0 { 1e-6 * largest } else { *noise };
-                    if (s - pole).norm() <= limit {
-                        return None;
-                    }
-                    factor.push((s - pole).inv());
-                }
-                let weighted =
-                    Mat::from_fn(left.nrows(), left.ncols(), |i, r| left[(i, r)] * factor[r]);
-                Some(product(weighted.as_ref(), right.as_ref()))
-            }
-            Evaluator::Hessenberg { reduced, cq, qb } => {
-                if w == 0.0 {
-                    return None;
-                }
-                reduced.transfer(c64::new(0.0, w), cq.as_ref(), qb.as_ref())
-            }
-            Evaluator::Direct {
-                reduction,
-                l,
-                f,
-                refinements,
-            } => {
-                let solved = reduction
-                    .q
-                    .solve(w, f.as_ref(), &reduction.scale, *refinements)?;
-                Some(product(l.as_ref(), solved.x.as_ref()))
-            }
-        }
-    }
-}
-
-/// A refined direct solution for one mix of the inputs.
-struct Check {
-    index: usize,
-    plain_error: f64,
-    reference: Mat<c64>,
-    /// largest mass-normalised coordinate: an output that is eps of it counts as zero
-    motion: f64,
-    mix: Vec<f64>,
-    unit: Vec<f64>,
-}
-
-impl Check {
-    /// Relative to the largest output, each output measured in units of its map.
-    fn distance(&self, value: Option<Mat<c64>>) -> f64 {
-        let Some(value) = value else {
-            return 0.0; // singular: another routine answers there
-        };
-        let (mut worst, mut size) = (0.0_f64, f64::EPSILON * self.motion);
-        for (i, unit) in self
-            .unit
-            .iter()
-            .enumerate()
-            .filter(|(_, unit)| **unit > 0.0)
-        {
-            let mixed: c64 = (0..value.ncols())
-                .map(|j| value[(i, j)] * self.mix[j])
-                .sum();
-            worst = worst.max((mixed - self.reference[(i, 0)]).norm() / unit);
-            size = size.max(self.reference[(i, 0)].norm() / unit);
-        }
-        if worst == 0.0 { 0.0 } else { worst / size }
-    }
-}
-
-/// Inputs weighed alike, with signs that do not let symmetric ones cancel.
-fn input_mix(ports: &Ports) -> Vec<f64> {
-    (0..ports.n_in())
-        .map(|j| {
-            let size = ports.f.col(j).norm_l2();
-            let weight = 0.7 + 0.3 * ((j as f64) * 2.399_963).sin();
-            if size > 0.0 { weight / size } else { 0.0 }
-        })
-        .collect()
-}
-
-fn real_modes(form: &NormalForm) -> Result<Option<RealModes>> {
-    let n = form.n();
-    let Ok(eigen) = form.s.self_adjoint_eigen(Side::Lower) else {
-        return Ok(None);
-    };
-    let mut lambda: Vec<f64> = (0..n).map(|r| eigen.S()[r]).collect();
-    let largest = lambda.iter().fold(0.0_f64, |a, l| a.max(l.abs()));
-    for l in &mut lambda {
-        if l.abs() <= n as f64 * f64::EPSILON * largest {
-            *l = 0.0;
-        }
-    }
-    let mut damping = vec![0.0; n];
-    if let Some(d) = &form.d {
-        let modal = eigen.U().transpose() * d * eigen.U();
-        // coupling that a rounding of D could have made: the damping is proportional
-        let tol = 1e-13 * modal.norm_max();
-        for j in 0..n {
-            for i in 0..n {
-                if i != j && modal[(i, j)].abs() > tol {
-                    return Ok(None);
-                }
-            }
-            damping[j] = if modal[(j, j)].abs() <= tol {
-                0.0
-            } else {
-                modal[(j, j)]
-            };
-        }
-    }
-    let mut shape = eigen.U().to_owned();
-    form.l
-        .transpose()
-        .solve_upper_triangular_in_place(&mut shape);
-    Ok(Some(RealModes {
-        shape,
-        lambda,
-        damping,
-    }))
-}
-
-fn complex_modes(form: &NormalForm) -> Option<ComplexModes> {
-    let rate = form.rate();
-    let eigen = form.state_matrix(rate).eigen().ok()?;
-    let n = form.n();
-    let vectors = eigen.U().to_owned();
-    let finite = (0..2 * n).all(|j| eigen.S()[j].is_finite());
-    if !finite {
-        return None;
-    }
-    let lu = vectors.partial_piv_lu();
-    let condition = vectors_condition(vectors.as_ref(), &lu);
-    Some(ComplexModes {
-        pole: (0..2 * n).map(|j| eigen.S()[j]).collect(),
-        top: vectors.subrows(0, n).to_owned(),
-        lu,
-        condition,
-        rate,
-    })
-}
-
-/// Hager's estimate of |V|_1 |V^-1|_1 (Higham, Accuracy and Stability of Numerical Algorithms, algorithm 15.4 without its last test).
-fn vectors_condition(v: MatRef<'_, c64>, lu: &faer::linalg::solvers::PartialPivLu<c64>) -> f64 {
-    let n = v.nrows();
-    let column_sum = |a: MatRef<'_, c64>, j: usize| (0..n).map(|i| a[(i, j)].norm()).sum::<f64>();
-    let norm = (0..n).map(|j| column_sum(v, j)).fold(0.0, f64::max);
-    let mut x = Mat::from_fn(n, 1, |_, _| c64::new(1.0 / n as f64, 0.0));
-    let mut estimate = 0.0_f64;
-    for _ in 0..5 {
-        lu.solve_in_place(&mut x);
-        let size = column_sum(x.as_ref(), 0);
-        if !size.is_finite() {
-            return f64::INFINITY;
-        }
-        if size <= estimate {
-            break;
-        }
-        estimate = size;
-        let mut sign = Mat::from_fn(n, 1, |i, _| {
-            let a = x[(i, 0)];
-            if a.norm() > 0.0 {
-                a / a.norm()
-            } else {
-                c64::new(1.0, 0.0)
-            }
-        });
-        lu.solve_adjoint_in_place(&mut sign);
-        let largest = (0..n).max_by(|a, b| sign[(*a, 0)].norm().total_cmp(&sign[(*b, 0)].norm()));
-        let Some(largest) = largest else { break };
-        x = Mat::zeros(n, 1);
-        x[(largest, 0)] = c64::new(1.0, 0.0);
-    }
-    norm * estimate
-}
-
-/// Roots of s^2 + c s + lambda without cancellation.
-pub fn quadratic_roots(lambda: f64, c: f64) -> [c64; 2] {
-    let discriminant = 0.25 * c * c - lambda;
-    if discriminant < 0.0 {
-        let im = (-discriminant).sqrt();
-        [c64::new(-0.5 * c, im), c64::new(-0.5 * c, -im)]
-    } else {
-        let large = -0.5 * c - discriminant.sqrt().copysign(c);
-        let small = if large != 0.0 { lambda / large } else { 0.0 };
-        [c64::new(small, 0.0), c64::new(large, 0.0)]
-    }
-}
-
-pub fn complex(a: MatRef<'_, f64>) -> Mat<c64> {
-    Mat::from_fn(a.nrows(), a.ncols(), |i, j| c64::new(a[(i, j)], 0.0))
-}
-
-/// (i omega)^order, exactly real or imaginary.
-pub fn i_omega(w: f64, order: u32) -> c64 {
-    let size = w.powi(order as i32);
-    match order % 4 {
-        0 => c64::new(size, 0.0),
-        1 => c64::new(0.0, size),
-        2 => c64::new(-size, 0.0),
-        _ => c64::new(0.0, -size),
+fn complex_evaluator<'a>(
+    form: &NormalForm,
+    modes: &'a ComplexModes,
+    ports: &Ports,
+) -> Evaluator<'a> {
+    let state = StateSpace::new(form, ports);
+    let largest = modes.pole.iter().fold(0.0_f64, |a, s| a.max(s.norm()));
+    Evaluator::Complex {
+        modes,
+        left: modes.outputs(state.c.as_ref()),
+        right: modes.coordinates(state.b.as_ref()),
+        noise: 4.0 * f64::EPSILON * largest,
+        largest,
     }
 }
 
@@ -744,12 +367,6 @@ fn scaled(value: c64, factor: c64) -> c64 {
     } else {
         value
     }
-}
-
-fn product(a: MatRef<'_, c64>, b: MatRef<'_, c64>) -> Mat<c64> {
-    let mut out = Mat::zeros(a.nrows(), b.ncols());
-    matmul(&mut out, Accum::Replace, a, b, c64::new(1.0, 0.0), Par::Seq);
-    out
 }
 
 #[cfg(test)]

@@ -10,9 +10,11 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::border::{counts_dict, interruptible, matrix, to_numpy};
-use crate::analysis::frf::{Ports, Reduction};
+use crate::analysis::frf::Reduction;
 use crate::analysis::frf_sensitivity::{self, Entry, Variation};
-use crate::analysis::response::{self, History, Linear};
+use crate::analysis::history::History;
+use crate::analysis::ports::Ports;
+use crate::analysis::response::{self, Linear};
 use crate::error::{Error, Result};
 use crate::linalg::quadratic::Quadratic;
 

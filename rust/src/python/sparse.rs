@@ -5,7 +5,8 @@ use pyo3::types::PyDict;
 
 use super::border::{counts_dict, interruptible, to_numpy, to_numpy_complex};
 use crate::analysis::sparse_damped::{self, Damped};
-use crate::analysis::sparse_modal::{self, Assembled, Mixed, SymmetricModes};
+use crate::analysis::sparse_modal::{self, SymmetricModes};
+use crate::analysis::sparse_pencil::{Assembled, Mixed};
 use crate::error::{Error, Result};
 use crate::linalg::sparse::Csc;
 
@@ -63,6 +64,7 @@ fn sparse_modes<'py>(
     out.set_item("eigenvalue", modes.s.into_pyarray(py))?;
     out.set_item("shape", to_numpy_complex(py, modes.shape.as_ref()))?;
     out.set_item("residual", modes.residual.into_pyarray(py))?;
+    out.set_item("rigid", modes.rigid)?;
     out.set_item("sigma", modes.sigma)?;
     out.set_item("counts", counts_dict(py, &modes.counts)?)?;
     out.set_item("route", "sparse shift-invert, damped")?;
@@ -91,6 +93,7 @@ fn symmetric_dict(py: Python<'_>, modes: SymmetricModes) -> PyResult<Bound<'_, P
     out.set_item("lambda", modes.lambda.into_pyarray(py))?;
     out.set_item("shape", to_numpy(py, modes.shape.as_ref()))?;
     out.set_item("residual", modes.residual.into_pyarray(py))?;
+    out.set_item("error", modes.error.into_pyarray(py))?;
     out.set_item("rigid", modes.rigid)?;
     out.set_item("sigma", modes.sigma)?;
     out.set_item("verified", modes.verified)?;

@@ -9,10 +9,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use crate::analysis::assembly::{assemble, close, scene};
-use crate::analysis::equilibrium::{Equilibrium, equilibrium, equilibrium_solver};
-use crate::analysis::linearize::{
-    Directional, Follow, Linearization, Setting, directional, linearize,
-};
+use crate::analysis::equilibrium::{Equilibrium, equilibrium};
+use crate::analysis::linearize::{Linearization, Setting, linearize};
 use crate::analysis::reactions::reactions;
 use crate::analysis::transient::explicit::{Motion, Run};
 use crate::error::{Error, Result};
@@ -32,14 +30,14 @@ use super::tables::{tables, values};
 const SHORT: usize = 60;
 
 #[pyclass(frozen, name = "System", module = "mbrs._core")]
-struct PySystem(System);
+pub struct PySystem(pub System);
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PySystem>()
 }
 
 /// Run where Ctrl-C can reach long work.
-fn run<T: Send + 'static>(
+pub fn run<T: Send + 'static>(
     py: Python<'_>,
     system: &System,
     work: impl FnOnce(&System, &Cancel) -> Result<T> + Send + 'static,
@@ -52,7 +50,7 @@ fn run<T: Send + 'static>(
     }
 }
 
-fn effects(without: &[String]) -> Result<Effects> {
+pub fn effects(without: &[String]) -> Result<Effects> {
     let mut effects = Effects::ALL;
     for name in without {
         match name.as_str() {
@@ -78,7 +76,7 @@ fn effects(without: &[String]) -> Result<Effects> {
     Ok(effects)
 }
 
-fn state_of(
+pub fn state_of(
     system: &System,
     relative: &PyReadonlyArray2<'_, f64>,
     rate: &PyReadonlyArray1<'_, f64>,
@@ -191,24 +189,8 @@ impl Seed for Dual64 {
     }
 }
 
-fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
+pub fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
     Array2::from_shape_fn(m.shape(), |(i, j)| m[(i, j)])
-}
-
-fn stacked(
-    all: &[Directional],
-    pick: impl Fn(&Directional) -> Option<&nalgebra::DMatrix<f64>>,
-) -> Option<Array3<f64>> {
-    let shape = pick(all.first()?)?.shape();
-    Some(Array3::from_shape_fn(
-        (shape.0, shape.1, all.len()),
-        |(i, j, k)| pick(&all[k]).map_or(0.0, |m| m[(i, j)]),
-    ))
-}
-
-fn columns(all: &[Directional], pick: impl Fn(&Directional) -> &[f64]) -> Array2<f64> {
-    let n = all.first().map_or(0, |d| pick(d).len());
-    Array2::from_shape_fn((n, all.len()), |(i, k)| pick(&all[k])[i])
 }
 
 fn put_linearization(
@@ -433,78 +415,6 @@ impl PySystem {
             )?;
         }
         out.set_item("counts", counts_dict(py, &counts)?)?;
-        Ok(out)
-    }
-
-    /// Derivatives along sparse directions: for each, indices into the values and their weights.
-    fn directional<'py>(
-        &self,
-        py: Python<'py>,
-        relative: PyReadonlyArray2<'py, f64>,
-        rate: PyReadonlyArray1<'py, f64>,
-        without: Vec<String>,
-        directions: Vec<(Vec<usize>, Vec<f64>)>,
-        follow: bool,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        let state = state_of(&self.0, &relative, &rate)?;
-        let effects = effects(&without)?;
-        let n_x = self.0.x.len();
-        if directions
-            .iter()
-            .any(|(i, v)| i.len() != v.len() || i.iter().any(|i| *i >= n_x))
-        {
-            return Err(Error::model("a direction does not fit the value vector").into());
-        }
-        let all = run(py, &self.0, move |system, cancel| {
-            let setting = Setting {
-                system,
-                state: &state,
-                effects,
-            };
-            let base = linearize(&setting, &mut Counts::default())?;
-            let solve = equilibrium_solver(system, &base)?;
-            let follow = if follow {
-                Follow::Equilibrium
-            } else {
-                Follow::Hold
-            };
-            let one = |(indices, weights): (Vec<usize>, Vec<f64>)| {
-                cancel.check()?;
-                let dx: Vec<_> = indices.into_iter().zip(weights).collect();
-                directional(&setting, &base, &dx, follow, &solve)
-            };
-            directions.into_iter().map(one).collect::<Result<Vec<_>>>()
-        })?;
-        let out = PyDict::new(py);
-        out.set_item(
-            "dM",
-            stacked(&all, |d| Some(&d.mass)).map(|a| a.into_pyarray(py)),
-        )?;
-        out.set_item(
-            "dD",
-            stacked(&all, |d| d.damping.as_ref()).map(|a| a.into_pyarray(py)),
-        )?;
-        out.set_item(
-            "dS",
-            stacked(&all, |d| Some(&d.stiffness)).map(|a| a.into_pyarray(py)),
-        )?;
-        out.set_item(
-            "dT",
-            stacked(&all, |d| Some(&d.body_map)).map(|a| a.into_pyarray(py)),
-        )?;
-        out.set_item(
-            "d_ground_coupling",
-            stacked(&all, |d| Some(&d.ground_coupling)).map(|a| a.into_pyarray(py)),
-        )?;
-        out.set_item(
-            "tree_coordinates",
-            columns(&all, |d| &d.dy).into_pyarray(py),
-        )?;
-        out.set_item(
-            "body_motion",
-            columns(&all, |d| &d.body_motion).into_pyarray(py),
-        )?;
-        out.set_item("multipliers", columns(&all, |d| &d.lam).into_pyarray(py))?;
         Ok(out)
     }
 

@@ -4,9 +4,12 @@
 //! coordinates, `problem` adds them to a residual with its exact Jacobian.
 pub mod aft;
 pub mod basis;
+pub mod condensed;
 pub mod estimate;
+pub mod factor;
 pub mod grid;
 pub mod linear;
+pub mod modal;
 pub mod peak;
 pub mod problem;
 pub mod response;
