@@ -12,7 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..errors import ModelError
 from . import dynamics as dyn
+from . import joints as jt
 from .assembly import Partition, partition, twist_map
 from .kinematics import State, System, motion
 from .linear import least_squares
@@ -124,6 +126,8 @@ def linearize(
     Cost O(nb^3). Source: METHODS.md a.2; the terms of a moving state are derived here.
     """
     dyn.check_effects(without)
+    if np.any(dyn.twists_of(state) != 0) and any(jt.velocity_rows(link.kind) for link in sys.joints):
+        raise ModelError("a model with joints that restrict velocities is linearised at rest only; give it no velocities")
     part = partition(sys, state, independent)
     base = nominal_motion(sys, state, part)
     state, T = base.state, base.T
@@ -140,7 +144,7 @@ def linearize(
 def _congruence(sys: System, base: Nominal, lam: Array, without: Collection[str]) -> tuple[Array, Array, Array]:
     state, T = base.state, base.T
     Ki, Ci, Mi = dyn.inertia_tangents(sys, state, base.a)
-    Ke, Ce = dyn.element_tangents(sys, state, "damping" not in without, "preload-stiffness" not in without)
+    Ke, Ce = dyn.element_tangents(sys, state, "damping" not in without, "preload-stiffness" not in without, without)
     _, Kq = dyn.load_forces(sys, state)
     static = Ke + Kq
     if "constraint-force-stiffness" not in without:

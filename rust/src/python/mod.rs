@@ -5,6 +5,7 @@ mod frf;
 mod hbm;
 mod hbm_branch;
 mod modal;
+mod motion;
 mod sparse;
 mod system;
 mod tables;
