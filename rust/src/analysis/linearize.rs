@@ -16,6 +16,7 @@ use crate::system::System;
 use crate::system::assemble::{Effects, Scene, Tangent};
 use crate::system::loops::{Loops, column_scales};
 use crate::system::placement::{Placement, State, advance, place};
+use crate::system::topology::{ConstraintRow, Level};
 
 /// A redundant combination whose second derivative is larger than this (rows and columns scaled) marks a singular pose.
 const SINGULAR_POSE: f64 = 1e-6;
@@ -131,6 +132,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         acceleration: None,
         effects: setting.effects,
     };
+    check_velocity_rows(setting)?;
     let (_, jacobian) = scene.constraints();
     let loops = Loops::analyse(system, &jacobian)?;
     if loops.is_some() {
@@ -287,6 +289,21 @@ fn turning_pass(
     };
     let b = loops.dependent_map(&scene.constraints().1);
     (b.map(|v| v.v1), b.map(|v| v.v2))
+}
+
+/// At rest a velocity row takes one freedom and leaves its displacement as a constant (a root at zero that is not reported).
+/// In motion that displacement turns B'', which minimal coordinates alone do not hold.
+fn check_velocity_rows(setting: &Setting<'_>) -> Result<()> {
+    let topology = &setting.system.topology;
+    let velocity = |r: &&ConstraintRow| r.level == Level::Velocity;
+    match topology.rows.iter().find(velocity) {
+        Some(row) if setting.state.moving() => Err(Error::model(format!(
+            "joint '{}' constrains velocities, and a model with such joints is linearised at rest only; linearise an equilibrium, set the \
+             bodies' velocities to zero, or follow the motion in time",
+            topology.tables.joints[row.joint].name
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// Redundant rows that agree to first order but not to second: the pose where a mechanism may change its mobility.

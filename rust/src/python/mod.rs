@@ -7,6 +7,7 @@ mod hbm;
 mod hbm_branch;
 mod hbm_linear;
 mod modal;
+mod motion;
 mod sparse;
 mod system;
 mod tables;
