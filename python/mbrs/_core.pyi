@@ -171,6 +171,9 @@ class HbmProblem:
         tolerance: float = 1e-10,
         max_iterations: int = 50,
     ) -> dict[str, Any]: ...
+    def cycle(
+        self, z: NDArray[np.float64], tolerance: float = 1e-10, max_iterations: int = 50
+    ) -> dict[str, Any]: ...
     def floquet(
         self, y: NDArray[np.float64], omega: list[float], monodromy: bool = False
     ) -> tuple[NDArray[np.complex128] | None, NDArray[np.float64] | None]: ...

@@ -9,6 +9,7 @@ use pyo3::types::PyDict;
 use super::border::{guarded, interruptible, matrix, to_numpy};
 use super::hbm_branch::find_peak;
 use super::hbm_linear::HbmLinear;
+use crate::analysis::hbm::autonomous;
 use crate::analysis::hbm::basis::Basis;
 use crate::analysis::hbm::estimate::{Estimate, Estimator};
 use crate::analysis::hbm::problem::{Element, Parameter, Problem};
@@ -201,6 +202,40 @@ impl HbmProblem {
             })
         })?;
         solved.to_dict(py)
+    }
+
+    /// A limit cycle from the guess z = [y, omega].
+    #[pyo3(signature = (z, tolerance=1e-10, max_iterations=50))]
+    fn cycle<'py>(
+        &self,
+        py: Python<'py>,
+        z: PyReadonlyArray1<'_, f64>,
+        tolerance: f64,
+        max_iterations: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let mut z = z.as_slice()?.to_vec();
+        let mut problem = self.separate()?;
+        if z.len() != problem.size() + 1 {
+            return Err(Error::model("coefficients of a wrong size").into());
+        }
+        let fine = self.fine.clone();
+        let options = Options {
+            tolerance,
+            max_iterations,
+        };
+        let (z, outcome, error, evaluations) = interruptible(py, move |cancel| {
+            let outcome = autonomous::solve(&mut problem, &mut z, options, cancel)?;
+            let error = autonomous::estimate(&problem, &z, &fine)?;
+            Ok((z, outcome, error, problem.evaluations))
+        })?;
+        let dict = PyDict::new(py);
+        dict.set_item("z", PyArray1::from_vec(py, z))?;
+        dict.set_item("converged", outcome.converged)?;
+        dict.set_item("reason", outcome.reason)?;
+        dict.set_item("iterations", outcome.iterations)?;
+        dict.set_item("evaluations", evaluations)?;
+        dict.set_item("error", error)?;
+        Ok(dict)
     }
 
     /// Floquet exponents of a solution (None where they cannot be told), and the monodromy matrix if asked for.
