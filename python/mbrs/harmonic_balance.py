@@ -165,7 +165,8 @@ def harmonic_balance(
     Parameters
     ----------
     system
-        `MechanicalSystem` with nonlinear ``elements``, or a `Model`, whose geometry is then linearised (`nonlinear_system`).
+        `MechanicalSystem` with nonlinear ``elements``, or a `Model`, whose geometry is then linearised
+        (`nonlinear_system`).
     force
         Of a model, ports such as ``body.force("x")``, with ``amplitude``. Else amplitudes (n,) of the first harmonic,
         real for a cosine, complex a - i b for a cos + b sin; or ``{harmonic: (n,)}``
@@ -192,7 +193,8 @@ def harmonic_balance(
     tolerance, max_iterations
         Of Newton's method: last step relative to the coefficients of a coordinate.
     amplitude
-        Of the ports in ``force``, N or N m: one number or one for each; complex a - i b for a cos + b sin. 1 if left out.
+        Of the ports in ``force``, N or N m: one number or one for each; complex a - i b for a cos + b sin. 1 if
+        left out.
     at, without
         State of a model and effects to leave out, as for `mb.linearize`.
 

@@ -74,7 +74,8 @@ def jacobian(sys: System, state: State, velocity: bool = True) -> Array:
 def partition(sys: System, state: State, independent: Sequence[int] | None = None) -> Partition:
     """Which coordinates depend on which, by column-pivoted QR of the scaled cut rows, or as told by ``independent``.
 
-    Rows that restrict velocities alone take a freedom like the others: about a state at rest what they leave is a constant.
+    Rows that restrict velocities alone take a freedom like the others: about a state at rest what they leave is a
+    constant.
     """
     row_scale, column_scale = scales(sys)
     J = row_scale[:, None] * jacobian(sys, state) * column_scale

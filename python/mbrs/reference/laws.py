@@ -15,7 +15,9 @@ import numpy as np
 from ..errors import ModelError
 from .so3 import Array
 
-CUBIC, POLYNOMIAL, POLYNOMIAL_RATE, GAP, GAP_BOTH, COULOMB, HERTZ, TABLE, VAN_DER_POL, JENKINS, IWAN, VARYING = range(12)
+CUBIC, POLYNOMIAL, POLYNOMIAL_RATE, GAP, GAP_BOTH, COULOMB, HERTZ, TABLE, VAN_DER_POL, JENKINS, IWAN, VARYING = range(
+    12
+)
 FRICTION, CONTACT = (COULOMB, JENKINS, IWAN), (GAP, GAP_BOTH, HERTZ)
 
 Answer = tuple[Any, Any, Any, list[Any]]  # force, slope by displacement, slope by rate, memory after

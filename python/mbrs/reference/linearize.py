@@ -130,7 +130,9 @@ def linearize(
     """
     dyn.check_effects(without)
     if np.any(dyn.twists_of(state) != 0) and any(jt.velocity_rows(link.kind) for link in sys.joints):
-        raise ModelError("a model with joints that restrict velocities is linearised at rest only; give it no velocities")
+        raise ModelError(
+            "a model with joints that restrict velocities is linearised at rest only; give it no velocities"
+        )
     part = partition(sys, state, independent)
     base = nominal_motion(sys, state, part)
     state, T = base.state, base.T
