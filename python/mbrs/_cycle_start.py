@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _balance, _linear, _verify
+from . import _balance, _condensation, _verify
 
 AMPLITUDES = np.geomspace(1e-6, 1e6, 121)
 
@@ -21,7 +21,7 @@ def equilibrium(system: Any, force: Any) -> np.ndarray:
 
 def tangent(system: Any, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """M, C, K with the slopes of the laws at rest in x, by differences (a start needs no more)."""
-    M, C, K = (A.copy() for A in _linear.dense(system))
+    M, C, K = (A.copy() for A in _condensation.dense(system))
     for law in system.elements:
         u = float(law.w @ x)
         h = 1e-6 * max(1.0, abs(u))
@@ -148,7 +148,8 @@ def collocate(system: Any, force: Any, start: tuple[Any, float], top: int) -> tu
     def ends(a: np.ndarray, b: np.ndarray, _: np.ndarray) -> np.ndarray:
         return np.append(b - a, direction @ (a - anchor))
 
-    periods, solution = [], None
+    periods: list[float] = []
+    solution: Any = None
     for tolerance in (1e-4, 1e-6):
         solution = solve_bvp(fun, ends, mesh, y, p=[2 * np.pi / w], tol=tolerance, max_nodes=40000)
         mesh, y, w = solution.x, solution.y, 2 * np.pi / solution.p[0]

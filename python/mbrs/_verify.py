@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _linear
+from . import _condensation
 from .errors import ModelError
 
 
@@ -34,7 +34,7 @@ def distance(solution: Any, rtol: float) -> float:
 
 def first_order(system: Any, force: Any, omega: float) -> Any:
     """The right-hand side y' = f(t, y) with y = [x, x'], (2n,) or for constant forces (2n, m)."""
-    M, C, K = _linear.dense(system)
+    M, C, K = _condensation.dense(system)
     n = system.n
     inverse = np.linalg.inv(M)
     given = dict(force) if isinstance(force, Mapping) else {1: force}

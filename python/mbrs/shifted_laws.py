@@ -74,7 +74,12 @@ def shifted(code: int, values: Sequence[float], w: np.ndarray, u0: float, where:
 
 def _at_rest(laws: Sequence[L.Law], w: np.ndarray) -> float:
     """The force that the laws hold at the state itself, along w: it belongs to the equilibrium."""
-    return float(sum(float(law.force(0.0)) * (1.0 if law.w is w or np.array_equal(law.w, w) else -1.0) for law in laws))
+
+    def side(law: L.Law) -> float:
+        same = law.w is w or (law.w is not None and np.array_equal(law.w, w))
+        return 1.0 if same else -1.0
+
+    return sum((float(law.force(0.0)) * side(law) for law in laws), 0.0)
 
 
 def _moved_polynomial(c: Sequence[float], u0: float) -> list[float]:

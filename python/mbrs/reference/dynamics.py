@@ -21,7 +21,14 @@ from .linear import minimum_norm
 from .reader import Link
 from .so3 import Array, skew
 
-EFFECTS = ("gravity", "gyroscopic", "centrifugal", "preload-stiffness", "constraint-force-stiffness", "damping")
+EFFECTS: tuple[str, ...] = (
+    "gravity",
+    "gyroscopic",
+    "centrifugal",
+    "preload-stiffness",
+    "constraint-force-stiffness",
+    "damping",
+)
 EFFECTS += ("friction", "contact", "law-slopes")
 
 
