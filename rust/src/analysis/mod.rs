@@ -3,6 +3,7 @@ pub mod frf;
 mod frf_routes;
 pub mod frf_sensitivity;
 mod frf_singular;
+pub mod frf_sparse;
 pub mod history;
 mod modes_of;
 pub mod ports;
