@@ -406,5 +406,5 @@ def test_large_sparse_systems_stay_sparse(damped):
     assert inside.size == expected.size
     if not damped:
         np.testing.assert_allclose(np.sort(inside), expected, rtol=1e-8)
-    with pytest.warns(MbrsWarning, match="miss"):
-        frf(s, 0, 0, omega=np.linspace(1e-3, 5e-3, 4))
+        with pytest.warns(MbrsWarning, match="miss"):
+            frf(s, 0, 0, omega=np.linspace(1e-3, 5e-3, 4))
