@@ -35,6 +35,7 @@ class LinearSystem:
     D0: np.ndarray | None
     outputs: tuple[str, ...]
     effects: tuple[str, ...]
+    source: Any = None
 
     @property
     def n(self) -> int:
@@ -117,6 +118,7 @@ def linear_system(m: Any, inputs: Any, outputs: Any, at: Any, without: Sequence[
         D0=None if D0 is None else np.ascontiguousarray(D0, dtype=float),
         outputs=tuple(names_out),
         effects=effects,
+        source=system,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,7 +14,7 @@ from . import _core
 from ._border import core_errors
 from ._linear import LinearSystem, Origin, csc_arrays, linear_system
 from .errors import MbrsWarning, ModelError
-from .results import Result, Stats
+from .results import Result, Stats, added_counts
 
 _ORDER = {"receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 0}
 _COARSE_POINTS = 200
@@ -229,7 +229,7 @@ def frf(
         if limits is None:
             _warn_missed(solver, points, poles, raw["value"])
     _warn_singular(points, raw["singular"])
-    counts = _merged(solver.counts, raw["counts"])
+    counts = added_counts(linear.source, solver.counts, raw["counts"])
     return FrfResult(
         value=raw["value"],
         frequency=points / (2 * np.pi),
@@ -364,10 +364,6 @@ class _Sparse:
     def evaluate(self, omega: np.ndarray) -> dict[str, Any]:
         p = self.linear
         return _core.sparse_frf(*self.arrays, p.L, p.F, p.order_in, p.D0, self.order_out, omega)
-
-
-def _merged(a: Mapping[str, int], b: Mapping[str, int]) -> dict[str, int]:
-    return {name: a.get(name, 0) + b.get(name, 0) for name in {**a, **b}}
 
 
 def _grid(frequency: Any, omega: Any) -> tuple[np.ndarray | None, tuple[float, float] | None]:

@@ -12,7 +12,7 @@ import numpy as np
 from ._border import core_errors
 from ._linear import LinearSystem, Origin, linear_system
 from .errors import ModelError
-from .results import Result, Stats
+from .results import Result, Stats, added_counts
 
 _KINDS = ("displacement", "velocity", "acceleration")
 
@@ -201,9 +201,7 @@ def response(
         raw = reduction.response(
             linear.L, linear.F, linear.order_in, linear.D0, history.t, history.u, history.bulge, *state
         )
-    counts = dict(raw["counts"])
-    if made:
-        counts.update(reduction.counts)
+    counts = added_counts(linear.source, reduction.counts if made else {}, raw["counts"])
     error_history = raw[f"{kind}_error"]
     return ResponseResult(
         t=times,

@@ -1,5 +1,8 @@
 //! Dense and sparse linear algebra that faer does not bring ready-made.
+pub mod balance;
+pub mod dense;
 pub mod double_double;
+pub mod eigen;
 pub mod expm;
 pub mod hessenberg;
 pub mod krylov;

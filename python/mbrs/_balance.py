@@ -1,0 +1,288 @@
+"""Shared by all harmonic-balance analyses: what the user gave, checked, as arrays for the core."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from . import _condensation, _core
+from .errors import ConvergenceError, MbrsError, ModelError, SingularError
+from .laws import Law
+
+NONSMOOTH_SAMPLES = 512
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A problem of the core with what is needed to read its answers."""
+
+    system: Any
+    harmonics: tuple[int, ...]
+    subharmonic: int
+    n_samples: int
+    core: Any
+    linear: _condensation.Linear
+    arguments: tuple[Any, ...] = ()
+
+    def __reduce__(self) -> Any:
+        return prepare, self.arguments  # the core's object does not travel; it is made again
+
+    @property
+    def n_c(self) -> int:
+        return 2 * len(self.harmonics) + 1
+
+    @property
+    def route(self) -> str:
+        """How the linear part was treated."""
+        return self.linear.route
+
+    def expand(self, y: np.ndarray, omega: float) -> np.ndarray:
+        """Coefficients (dof, 2 H + 1) of all coordinates for a vector of the core's unknowns."""
+        X = translated(self.core.expand, y, [omega])
+        return self.padded(X if self.linear.transform is None else self.linear.transform @ X)
+
+    def peak(self, y: np.ndarray, omega: float, level: float, dof: int, harmonic: int | None) -> tuple[float, Any]:
+        """(omega, y) of the largest amplitude near y."""
+        if self.linear.transform is not None:
+            raise ModelError("a peak is solved for in coordinates that are kept; use condense=False")
+        if harmonic is not None and harmonic not in (0, *self.harmonics):
+            raise ModelError(f"harmonic {harmonic} is not among those of the curve")
+        term = harmonic and self.harmonics.index(harmonic) + 1
+        return translated(self.core.peak, y, omega, level, dof, term)
+
+    def padded(self, X: np.ndarray) -> np.ndarray:
+        """Coefficients of the chosen harmonics (dof, n_c) with zeros for those left out, (dof, 2 H + 1)."""
+        top = self.harmonics[-1]
+        if len(self.harmonics) == top:
+            return X
+        out = np.zeros((X.shape[0], 2 * top + 1))
+        out[:, 0] = X[:, 0]
+        for j, h in enumerate(self.harmonics):
+            out[:, 2 * h - 1 : 2 * h + 1] = X[:, 2 * j + 1 : 2 * j + 3]
+        return out
+
+    def start(self, x0: Any) -> np.ndarray:
+        """The unknowns of the core for a first guess: None, coefficients (dof, 2 h + 1), or an earlier result."""
+        X = np.zeros((self.system.n, self.n_c))
+        if x0 is not None:
+            given = np.asarray(getattr(x0, "X", x0), dtype=float)
+            if given.ndim != 2 or given.shape[0] != self.system.n or given.shape[1] % 2 == 0:
+                raise ModelError(
+                    f"x0 must be coefficients (dof, 2h+1) with dof = {self.system.n}, its shape is {given.shape}"
+                )
+            if not np.all(np.isfinite(given)):
+                raise ModelError("x0 contains NaN or infinite entries")
+            X[:, 0] = given[:, 0]
+            for j, h in enumerate(self.harmonics):
+                if 2 * h < given.shape[1]:
+                    X[:, 2 * j + 1 : 2 * j + 3] = given[:, 2 * h - 1 : 2 * h + 1]
+        T = self.linear.transform
+        return self.core.restrict(X if T is None else T.T @ X)
+
+
+def translated(call: Any, *args: Any, **kwargs: Any) -> Any:
+    """Calls the core; its errors come out as those of mbrs."""
+    try:
+        return call(*args, **kwargs)
+    except _core.CoreConvergenceError as problem:
+        raise ConvergenceError(str(problem.args[0])) from None
+    except _core.CoreSingularError as problem:
+        raise SingularError(str(problem)) from None
+    except _core.CoreModelError as problem:
+        raise ModelError(str(problem)) from None
+    except _core.CoreError as problem:
+        raise MbrsError(str(problem)) from None
+
+
+def checked_level(level: Any) -> float:
+    """A finite factor on the forces."""
+    if isinstance(level, bool) or not isinstance(level, int | float | np.number) or not np.isfinite(level):
+        raise ModelError(f"level must be a finite number, it is {level!r}")
+    return float(level)
+
+
+def scaled_force(force: Any, level: float) -> Any:
+    """The same forces with another level; the static part stays."""
+    if level == 1.0:
+        return force
+    given = dict(force) if isinstance(force, Mapping) else {1: force}
+    return {h: np.asarray(f) * (level if h != 0 else 1.0) for h, f in given.items()}
+
+
+def positive(name: str, value: Any) -> float:
+    """A positive finite number, or `ModelError`."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0 < value < np.inf:
+        raise ModelError(f"{name} must be a positive number, it is {value!r}")
+    return float(value)
+
+
+def prepare(
+    system: Any,
+    force: Any,
+    harmonics: Any,
+    subharmonic: int = 1,
+    n_samples: int | None = None,
+    omega: float = 1.0,
+    condense: bool | str = "auto",
+) -> Setup:
+    """Checks everything and builds the core's problem."""
+    laws = checked_system(system)
+    subharmonic = integer("subharmonic", subharmonic)
+    terms = checked_harmonics(harmonics, subharmonic)
+    forces = _force_terms(system.n, force, terms, subharmonic)
+    n = checked_samples(n_samples, laws, terms, subharmonic)
+    extended = tuple(range(1, min(2 * terms[-1] + 1, terms[-1] + 6) + 1))
+    fine = max(2 * n, needed_samples(laws, extended, subharmonic))
+    linear = _condensation.linear_part(system, laws, forces, 2 * len(terms) + 1, condense)
+    elements = core_elements(laws, linear.directions)
+    core = translated(_core.HbmProblem, linear.core, elements, [[h] for h in terms], subharmonic, [omega], [n], [fine])
+    arguments = (system, force, terms, subharmonic, n, omega, condense)
+    return Setup(system, terms, subharmonic, n, core, linear, arguments)
+
+
+def checked_system(system: Any) -> tuple[Law, ...]:
+    """The laws of the system's elements, their directions checked against its size."""
+    if not all(hasattr(system, name) for name in ("M", "C", "K", "n", "elements")):
+        raise ModelError(
+            f"harmonic balance needs a MechanicalSystem (M, C, K and elements), it got a {type(system).__name__}"
+        )
+    for i, law in enumerate(system.elements):
+        if not isinstance(law, Law):
+            raise ModelError(f"elements[{i}] must be a law such as mb.Cubic(k3, w=[...]), it is {law!r}")
+        if law.w is None:
+            raise ModelError(f"elements[{i}], {law!r}, has no direction; give w (n,) with u = w . x")
+        if law.w.size != system.n:
+            raise ModelError(
+                f"elements[{i}], {law!r}: w has {law.w.size} entries but the system {system.n} coordinates"
+            )
+        numbers = law.numbers()
+        if not np.all(np.isfinite(numbers)):
+            raise ModelError(f"elements[{i}], {law!r}: its numbers are {numbers}; all must be finite")
+    return tuple(system.elements)
+
+
+def checked_harmonics(harmonics: Any, subharmonic: int) -> tuple[int, ...]:
+    """The harmonics of omega / subharmonic that are kept, ascending."""
+    if isinstance(harmonics, int | np.integer) and not isinstance(harmonics, bool):
+        if harmonics < 1:
+            raise ModelError(f"harmonics must be at least 1, it is {harmonics}")
+        return tuple(range(1, int(harmonics) * subharmonic + 1))
+    if isinstance(harmonics, str) or not isinstance(harmonics, Sequence | np.ndarray) or len(harmonics) == 0:
+        raise ModelError(f"harmonics must be a number or a sequence of positive integers, it is {harmonics!r}")
+    terms = [integer("harmonics", h) for h in harmonics]
+    if len(set(terms)) != len(terms):
+        raise ModelError(f"harmonics are given twice: {terms}")
+    return tuple(sorted(terms))
+
+
+def integer(name: str, value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise ModelError(f"{name} must be positive integers, not {value!r}; the constant term is always kept")
+    return int(value)
+
+
+def needed_samples(laws: Sequence[Law], terms: Sequence[int], subharmonic: int) -> int:
+    """Samples per period without aliasing into the kept terms, (p + 1) H + 1 for a law of degree p, as a fast FFT
+    size."""
+    least = max([2 * terms[-1] + 2, *(_alias_free(law, terms[-1], subharmonic) for law in laws)])
+    return fast_size(least)
+
+
+def _alias_free(law: Law, top: int, subharmonic: int) -> int:
+    match law.code:
+        case 0 | 8:
+            return 4 * top + 1
+        case 1:
+            return len(law.values) * top + 1
+        case 2:
+            return len(law.values) // 2 * top + 1
+        case 11:
+            return 2 * top + int(law.values[1]) * subharmonic + 1
+        case _:
+            return max(NONSMOOTH_SAMPLES, 16 * top)
+
+
+def checked_samples(n_samples: int | None, laws: Sequence[Law], terms: Sequence[int], subharmonic: int) -> int:
+    """The number of samples: chosen, or what the user said if that does not alias polynomial laws."""
+    if n_samples is None:
+        return needed_samples(laws, terms, subharmonic)
+    n = integer("n_samples", n_samples)
+    polynomial = [law for law in laws if law.code in (0, 1, 2, 8, 11)]
+    least = max([2 * terms[-1] + 1, *(_alias_free(law, terms[-1], subharmonic) for law in polynomial)])
+    if n < least:
+        raise ModelError(f"n_samples = {n} aliases harmonics up to {terms[-1]}; use at least {least}, or leave it out")
+    return n
+
+
+def fast_size(least: int) -> int:
+    """The smallest 2^k or 3 2^k that is not below ``least``."""
+    power = 1 << max(least - 1, 1).bit_length()
+    return 3 * power // 4 if 3 * power // 4 >= least else power
+
+
+def _force_terms(n: int, force: Any, terms: tuple[int, ...], subharmonic: int) -> np.ndarray:
+    """Complex amplitudes (n_terms + 1, n), the constant first; keys are harmonics of omega, so term h subharmonic."""
+    given = dict(force) if isinstance(force, Mapping) else {1: force}
+    out = np.zeros((len(terms) + 1, n), complex)
+    for h, vector in given.items():
+        if isinstance(h, bool) or not isinstance(h, int | np.integer) or h < 0:
+            raise ModelError(f"force: harmonics must be integers from 0 (static) on, not {h!r}")
+        f = _force_vector(n, vector, int(h))
+        if h == 0:
+            if np.any(f.imag != 0):
+                raise ModelError("force: the static part (harmonic 0) must be real")
+            out[0] = f
+        elif h * subharmonic not in terms:
+            if np.any(f != 0):
+                raise ModelError(
+                    f"force acts in harmonic {h}, which is not among the harmonics kept; add it to harmonics"
+                )
+        else:
+            out[1 + terms.index(h * subharmonic)] = f
+    return out
+
+
+def _force_vector(n: int, vector: Any, h: int) -> np.ndarray:
+    try:
+        f = np.asarray(vector, dtype=complex)
+    except (TypeError, ValueError):
+        raise ModelError(f"force of harmonic {h} must be a vector (n,), it is {vector!r}") from None
+    if f.shape != (n,):
+        raise ModelError(f"force of harmonic {h} must have the shape ({n},), it has {f.shape}")
+    if not np.all(np.isfinite(f)):
+        raise ModelError(f"force of harmonic {h} contains NaN or infinite entries")
+    return f
+
+
+def core_elements(laws: Sequence[Law], directions: Sequence[np.ndarray]) -> Any:
+    """Laws and sparse directions as the core wants them."""
+    numbers = [law.numbers() for law in laws]
+    index = [np.flatnonzero(w) for w in directions]
+    weight = [w[i] for w, i in zip(directions, index, strict=True)]
+    start = np.concatenate([[0], np.cumsum([len(i) for i in index], dtype=int)])
+    return _core.HbmElements(
+        [law.code for law in laws],
+        [len(v) for v in numbers],
+        [x for v in numbers for x in v],
+        [int(i) for i in start],
+        [int(i) for part in index for i in part],
+        [float(x) for part in weight for x in part],
+    )
+
+
+def one_frequency(omega: Any, frequency: Any) -> Any:
+    """omega in rad/s from exactly one of the two keywords; scalars and sequences pass unchanged otherwise."""
+    if (omega is None) == (frequency is None):
+        raise ModelError("give exactly one of omega (rad/s) and frequency (Hz)")
+    value = omega if frequency is None else frequency
+    name = "omega" if frequency is None else "frequency"
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ModelError(f"{name} must be real, it is {value!r}") from None
+    if array.size == 0 or not np.all(np.isfinite(array)) or np.any(array <= 0):
+        raise ModelError(f"{name} must be positive and finite, it is {value!r}")
+    return array if frequency is None else 2 * np.pi * array

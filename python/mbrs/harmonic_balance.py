@@ -1,0 +1,298 @@
+"""Periodic response of M x" + C x' + K x + sum_e w_e law_e(w_e . x, w_e . x') = f(t) by harmonic balance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from . import _balance
+from .errors import ConvergenceError, ModelError
+from .results import Result, Stats
+
+UNRESOLVED = 0.1
+MOST_HARMONICS = 255
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicSolution(Result):
+    """One periodic motion x(t) = a0 + sum_h a_h cos(h omega t / nu) + b_h sin(h omega t / nu), nu = ``subharmonic``.
+
+    Attributes
+    ----------
+    X
+        (dof, 2H+1) coefficients [a0, a1, b1, a2, b2, ...], zero for harmonics left out.
+    omega
+        Excitation frequency, rad/s.
+    error
+        Estimate of the truncation error relative to the largest coefficient of the coordinates that are solved for: one
+        Newton step on more harmonics and samples.
+    status
+        "converged", or "unresolved" where ``error`` exceeds the tolerance (0.1 unless ``tol`` was given).
+    """
+
+    X: np.ndarray
+    omega: float
+    harmonics: tuple[int, ...]
+    subharmonic: int = 1
+    n_samples: int = 0
+    system: Any = field(default=None, repr=False)
+    force: Any = field(default=None, repr=False)
+
+    @property
+    def frequency(self) -> float:
+        """Excitation frequency, Hz."""
+        return self.omega / (2 * np.pi)
+
+    @property
+    def period(self) -> float:
+        """Period of the motion, s."""
+        return 2 * np.pi * self.subharmonic / self.omega
+
+    def coefficient(self, dof: int = 0, harmonic: int = 1) -> complex:
+        """Complex amplitude a - i b of one harmonic: the motion is its real part times exp(i h omega t / nu)."""
+        if not 0 <= harmonic <= (self.X.shape[1] - 1) // 2:
+            return 0j
+        if harmonic == 0:
+            return complex(self.X[dof, 0])
+        return complex(self.X[dof, 2 * harmonic - 1], -self.X[dof, 2 * harmonic])
+
+    def amplitude(self, dof: int = 0, harmonic: int = 1) -> float:
+        """Magnitude sqrt(a^2 + b^2) of one harmonic of one coordinate."""
+        return abs(self.coefficient(dof, harmonic))
+
+    def displacement(self, t: Any) -> np.ndarray:
+        """x at the times ``t``, (dof, n_t)."""
+        return self._series(t, 0)
+
+    def velocity(self, t: Any) -> np.ndarray:
+        """x' at the times ``t``, (dof, n_t)."""
+        return self._series(t, 1)
+
+    def _series(self, t: Any, derivative: int) -> np.ndarray:
+        h = np.arange((self.X.shape[1] - 1) // 2 + 1)
+        rate = h * self.omega / self.subharmonic
+        c = self.X[:, 0::2].astype(complex)
+        c[:, 1:] = self.X[:, 1::2] - 1j * self.X[:, 2::2]
+        c = c * (1j * rate) ** derivative
+        return (c @ np.exp(1j * np.outer(rate, np.atleast_1d(np.asarray(t, float))))).real
+
+    def verify(self, rtol: float = 1e-9) -> float:
+        """Integrates one period from the solution's own state at t = 0 and returns the largest distance between the
+        two motions,
+        relative to the largest displacement. Laws with memory have no such state: they raise `ModelError`."""
+        from ._verify import distance
+
+        return distance(self, rtol)
+
+    def plot(self, dof: int = 0, ax: Any = None) -> Any:
+        """Harmonics as bars; returns the axes."""
+        import matplotlib.pyplot as plt
+
+        ax = plt.subplots()[1] if ax is None else ax
+        top = (self.X.shape[1] - 1) // 2
+        ax.bar(np.arange(top + 1), [self.amplitude(dof, h) for h in range(top + 1)])
+        ax.set(xlabel="harmonic", ylabel=f"amplitude of {self._name(dof)}", yscale="log")
+        return ax
+
+    def plot_orbit(self, dof: int = 0, ax: Any = None) -> Any:
+        """Velocity over displacement; returns the axes."""
+        import matplotlib.pyplot as plt
+
+        ax = plt.subplots()[1] if ax is None else ax
+        t = np.linspace(0, self.period, 513)
+        ax.plot(self.displacement(t)[dof], self.velocity(t)[dof])
+        ax.set(xlabel=self._name(dof), ylabel=f"d {self._name(dof)} / dt")
+        return ax
+
+    def to_xarray(self) -> Any:
+        """Coefficients over coordinate, harmonic and part (cos, sin)."""
+        import xarray as xr
+
+        top = (self.X.shape[1] - 1) // 2
+        data = np.zeros((self.X.shape[0], top + 1, 2))
+        data[:, :, 0] = np.concatenate([self.X[:, :1], self.X[:, 1::2]], axis=1)
+        data[:, 1:, 1] = self.X[:, 2::2]
+        names = getattr(self.system, "coordinates", [f"x{i}" for i in range(len(self.X))])
+        return xr.Dataset(
+            {"X": (("coordinate", "harmonic", "part"), data)},
+            {"coordinate": list(names), "harmonic": np.arange(top + 1), "part": ["cos", "sin"]},
+            {"omega": self.omega, "subharmonic": self.subharmonic, "error": self.error, "status": self.status},
+        )
+
+    def _name(self, dof: int) -> str:
+        return str(self.system.coordinates[dof]) if hasattr(self.system, "coordinates") else f"x{dof}"
+
+    def __str__(self) -> str:
+        lines = [
+            f"{type(self).__name__}: {self.status}, omega = {self.omega:.10g} rad/s ({self.frequency:.6g} Hz), "
+            f"harmonics up to {self.harmonics[-1]}, estimated error {self.error:.1e}"
+        ]
+        lines += [f"{'coordinate':>12} {'mean':>13} {'|harmonic 1|':>13} {'|harmonic 2|':>13} {'|harmonic 3|':>13}"]
+        for dof in range(min(len(self.X), 12)):
+            values = [self.X[dof, 0], *(self.amplitude(dof, h) for h in (1, 2, 3))]
+            lines.append(f"{self._name(dof):>12} " + " ".join(f"{v:13.6g}" for v in values))
+        if len(self.X) > 12:
+            lines.append(f"{'...':>12} {len(self.X) - 12} more")
+        return "\n".join(lines)
+
+
+def harmonic_balance(
+    system: Any,
+    *,
+    force: Any,
+    omega: float | None = None,
+    frequency: float | None = None,
+    harmonics: Any = 7,
+    n_samples: int | None = None,
+    subharmonic: int = 1,
+    condense: bool | str = "auto",
+    x0: Any = None,
+    tol: float | None = None,
+    tolerance: float = 1e-10,
+    max_iterations: int = 60,
+    amplitude: Any = None,
+    at: Any = None,
+    without: Any = (),
+) -> PeriodicSolution:
+    """One periodic solution of M x" + C x' + K x + sum_e w_e law_e(w_e . x, w_e . x') = f(t) by harmonic balance.
+
+    Where several solutions exist, the one found depends on ``x0``; `frequency_response` follows them all.
+
+    Parameters
+    ----------
+    system
+        `MechanicalSystem` with nonlinear ``elements``, or a `Model`, whose geometry is then linearised
+        (`nonlinear_system`).
+    force
+        Of a model, ports such as ``body.force("x")``, with ``amplitude``. Else amplitudes (n,) of the first harmonic,
+        real for a cosine, complex a - i b for a cos + b sin; or ``{harmonic: (n,)}``
+        with 0 for a static (real) force. Force units of the system.
+    omega, frequency
+        Excitation frequency in rad/s or in Hz; exactly one of them.
+    harmonics
+        Highest harmonic H, or a sequence of those to keep (of omega / subharmonic), or "auto": as many as ``.error <=
+        tol`` needs.
+    n_samples
+        Samples per period; chosen so that polynomial laws do not alias, at least 512 for others.
+    subharmonic
+        nu: the motion may have the period 2 pi nu / omega.
+    condense
+        Solve for the coordinates that elements touch alone, the others being eliminated exactly, harmonic by harmonic:
+        True,
+        False, or "auto" for systems large enough to gain from it. ``.stats.route`` tells what was done.
+    x0
+        First guess: coefficients (dof, 2h+1) or an earlier result. The default starts at rest, and raises the force
+        step by step
+        if that fails.
+    tol
+        Largest ``.error`` that is called resolved; 0.1, and 1e-6 for ``harmonics="auto"``.
+    tolerance, max_iterations
+        Of Newton's method: last step relative to the coefficients of a coordinate.
+    amplitude
+        Of the ports in ``force``, N or N m: one number or one for each; complex a - i b for a cos + b sin. 1 if
+        left out.
+    at, without
+        State of a model and effects to leave out, as for `mb.linearize`.
+
+    Returns
+    -------
+    PeriodicSolution
+        ``X`` (dof, 2H+1), ``amplitude``, ``error``, ``status``.
+
+    Raises
+    ------
+    ModelError
+        Wrong shapes, values or harmonics.
+    ConvergenceError
+        Newton's method gave up; ``.result`` is what it had reached.
+
+    Notes
+    -----
+    Alternating frequency and time (Cameron and Griffin, J. Appl. Mech. 56 (1989) 149-154) with the exact Jacobian from
+    the FFT of the
+    force derivatives. Per iteration O(n_t log n_t + H^2) for each element and O((n (2H+1))^3) for the linear equations.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> duffing = mb.MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[mb.Cubic(0.1, w=[1.0])])
+    >>> one = mb.harmonic_balance(duffing, force=[0.18], omega=0.8, harmonics=7)
+    >>> round(one.amplitude(), 6)
+    0.474872
+    """
+    from .nonlinear_system import as_system
+
+    started = perf_counter()
+    system, force = as_system(system, force, amplitude, at, without)
+    w = _balance.one_frequency(omega, frequency)
+    if w.ndim != 0:
+        raise ModelError("harmonic_balance solves at one frequency; frequency_response takes a range")
+    limit = _balance.positive("tol", UNRESOLVED if tol is None else tol)
+    _balance.positive("tolerance", tolerance)
+    if isinstance(harmonics, str):
+        if harmonics != "auto":
+            raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
+        given = dict(
+            n_samples=n_samples,
+            subharmonic=subharmonic,
+            condense=condense,
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+        )
+        return _automatic(system, force, float(w), x0, 1e-6 if tol is None else tol, given)
+    setup = _balance.prepare(system, force, harmonics, subharmonic, n_samples, float(w), condense)
+    options = dict(tolerance=tolerance, max_iterations=max_iterations)
+    answer = _balance.translated(setup.core.solve, setup.start(x0), [float(w)], **options)
+    result = PeriodicSolution(
+        setup.expand(answer["y"], float(w)),
+        float(w),
+        setup.harmonics,
+        setup.subharmonic,
+        setup.n_samples,
+        system,
+        force,
+        stats=Stats(perf_counter() - started, _counts(answer), effects_of(system), setup.route),
+        error=answer["error"],
+        status="converged" if answer["converged"] and answer["error"] <= limit else "unresolved",
+    )
+    if not answer["converged"]:
+        raise _failure(system, answer, result)
+    return result
+
+
+def _automatic(system: Any, force: Any, omega: float, x0: Any, tol: float, given: dict[str, Any]) -> PeriodicSolution:
+    """More harmonics until the error estimate is below the tolerance."""
+    forced = max((h for h in force), default=1) if isinstance(force, Mapping) else 1
+    top, guess = max(3, int(forced)), x0
+    while True:
+        one = harmonic_balance(system, force=force, omega=omega, harmonics=top, x0=guess, tol=tol, **given)
+        if one.error <= tol or top >= MOST_HARMONICS:
+            return one
+        top, guess = min(MOST_HARMONICS, top + max(2, top // 2)), one
+
+
+def _counts(answer: dict[str, Any]) -> dict[str, int]:
+    return {key: answer[key] for key in ("iterations", "evaluations", "factorisations")}
+
+
+def effects_of(system: Any) -> tuple[str, ...]:
+    """Names of what a system contains beside mass and stiffness."""
+    names = [type(law).__name__ for law in system.elements]
+    linear = [] if system.C is None else ["damping"]
+    return tuple(dict.fromkeys(linear + names))
+
+
+def _failure(system: Any, answer: dict[str, Any], result: PeriodicSolution) -> ConvergenceError:
+    broken = answer["broken"]
+    if broken is not None:
+        text = f"elements[{broken}], {system.elements[broken]!r}, returned a force that is not finite"
+        advice = "check its numbers and the range of displacements"
+    else:
+        text = f"harmonic balance did not converge: {answer['reason']} after {answer['iterations']} iterations"
+        advice = "start nearer (x0=), raise the force in steps, or follow the branch with frequency_response"
+    object.__setattr__(result, "status", "stopped")
+    return ConvergenceError(f"{text}; {advice}", result)

@@ -1,0 +1,288 @@
+"""Force laws of one relative coordinate, law(u, u') -> force, for nonlinear elements and joints.
+
+With a direction ``w`` a law is an element of a `MechanicalSystem`: u = w . x, and the force ``w law(u, u')`` stands on
+the left-hand
+side of the equation of motion (a positive law resists a positive u). Without ``w`` it is the ``law=`` of an element of
+a `Model`.
+The numbers of a law may be parameter expressions. The law itself is computed by the core (``rust/src/laws``);
+`Law.force` here
+is for looking at it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .errors import ModelError
+
+
+class Law:
+    """Base of all laws.
+
+    ``code`` and ``values`` are what the core reads: the kind of law and its numbers. ``w`` is the direction (n,) or
+    None.
+    """
+
+    code: int = -1
+    has_memory: bool = False
+
+    def __init__(self, values: Sequence[Any], w: Any = None) -> None:
+        self.values: tuple[Any, ...] = tuple(values)
+        for value in self.values:
+            if _is_plain(value) and not np.isfinite(float(value)):
+                raise ModelError(f"{type(self).__name__}: {value} among its numbers; all must be finite")
+        self.w: np.ndarray | None = None if w is None else _direction(type(self).__name__, w)
+
+    def numbers(self) -> list[float]:
+        """The numbers at the present values of the parameters."""
+        return [_number(value) for value in self.values]
+
+    def force(self, u: Any, v: Any = 0.0) -> np.ndarray:
+        """Force for displacements ``u`` and rates ``v`` (arrays that broadcast); a law with memory takes them as a
+        history."""
+        from . import _core
+
+        u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
+        return _core.law_force(self.code, self.numbers(), u.ravel(), v.ravel()).reshape(u.shape)
+
+    def __repr__(self) -> str:
+        numbers = ", ".join(f"{v:g}" if _is_plain(v) else str(v) for v in self.values)
+        where = "" if self.w is None else f", w={np.array2string(self.w, threshold=6, separator=', ')}"
+        return f"{type(self).__name__}({numbers}{where})"
+
+
+class Cubic(Law):
+    """Cubic spring: force = k3 u^3.
+
+    Parameters
+    ----------
+    k3
+        Stiffness, force / displacement^3.
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
+
+    Examples
+    --------
+    >>> from mbrs.laws import Cubic
+    >>> Cubic(0.1, w=[1.0])
+    Cubic(0.1, w=[1.])
+    """
+
+    code = 0
+
+    def __init__(self, k3: Any, w: Any = None) -> None:
+        super().__init__((_scalar("Cubic", "k3", k3),), w)
+
+
+class Polynomial1D(Law):
+    """Polynomial spring and damper: force = sum_i c_i u^i + sum_i d_i u'^i.
+
+    Parameters
+    ----------
+    coefficients
+        c_0, c_1, ... of u, force / displacement^i.
+    velocity
+        d_0, d_1, ... of the rate u', or None.
+    w
+        Direction (n,) of u = w . x.
+    """
+
+    def __init__(self, coefficients: Any, velocity: Any = None, w: Any = None) -> None:
+        c = _list("Polynomial1D", "coefficients", coefficients)
+        if velocity is None:
+            self.code = 1
+            super().__init__(c, w)
+            return
+        d = _list("Polynomial1D", "velocity", velocity)
+        n = max(len(c), len(d))
+        self.code = 2
+        super().__init__([*c, *[0.0] * (n - len(c)), *d, *[0.0] * (n - len(d))], w)
+
+
+class Gap(Law):
+    """Stop beyond a gap: force = k max(u - gap, 0), with ``bilateral=True`` also k min(u + gap, 0).
+
+    ``smoothing`` s > 0 (a length) replaces max(d, 0) by the hyperbola (d + sqrt(d^2 + s^2)) / 2, which is s/2 too
+    large at d = 0.
+    A negative gap is a preload of a one-sided stop.
+    """
+
+    def __init__(self, k: Any, gap: Any, smoothing: Any = 0.0, bilateral: bool = False, w: Any = None) -> None:
+        k, gap, smoothing = _scalar("Gap", "k", k), _scalar("Gap", "gap", gap), _scalar("Gap", "smoothing", smoothing)
+        if _is_plain(smoothing) and smoothing < 0:
+            raise ModelError(f"Gap: smoothing must not be negative, it is {smoothing}")
+        if bilateral and _is_plain(gap) and gap < 0:
+            raise ModelError(
+                f"Gap: a two-sided gap must not be negative, it is {gap}; give a preload to a one-sided one"
+            )
+        self.code = 4 if bilateral else 3
+        super().__init__((k, gap, smoothing), w)
+
+
+class CoulombTanh(Law):
+    """Regularised dry friction: force = force_limit tanh(u' / v_ref).
+
+    Parameters
+    ----------
+    force_limit
+        Friction coefficient times normal force.
+    v_ref
+        Rate at which 76 % of it is reached; positive.
+    """
+
+    code = 5
+
+    def __init__(self, force_limit: Any, v_ref: Any, w: Any = None) -> None:
+        v_ref = _positive("CoulombTanh", "v_ref", v_ref)
+        super().__init__((_scalar("CoulombTanh", "force_limit", force_limit), v_ref), w)
+
+
+class Hertz(Law):
+    """Contact after Hertz: force = k max(u - gap, 0)^exponent; the exponent of spheres is 1.5. It must exceed 1."""
+
+    code = 6
+
+    def __init__(self, k: Any, exponent: Any = 1.5, gap: Any = 0.0, w: Any = None) -> None:
+        exponent = _positive("Hertz", "exponent", exponent)
+        if _is_plain(exponent) and exponent <= 1:
+            raise ModelError(f"Hertz: the exponent must exceed 1, it is {exponent}; Gap is the linear contact")
+        super().__init__((_scalar("Hertz", "k", k), exponent, _scalar("Hertz", "gap", gap)), w)
+
+
+class TableLaw(Law):
+    """Force from a table by a monotone cubic spline (PCHIP), straight beyond the ends.
+
+    Parameters
+    ----------
+    u, f
+        Displacements, strictly ascending, and forces there; at least two points.
+
+    Notes
+    -----
+    Slopes after Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300-304: as
+    `scipy.interpolate.PchipInterpolator`.
+    """
+
+    code = 7
+
+    def __init__(self, u: Any, f: Any, w: Any = None) -> None:
+        x, y = _list("TableLaw", "u", u), _list("TableLaw", "f", f)
+        if len(x) != len(y) or len(x) < 2:
+            raise ModelError(f"TableLaw: u and f need the same length of at least 2, they have {len(x)} and {len(y)}")
+        plain = [float(value) for value in x if _is_plain(value)]
+        if len(plain) == len(x) and not all(b > a for a, b in itertools.pairwise(plain)):
+            raise ModelError("TableLaw: u must ascend strictly; sort the table and join equal points")
+        super().__init__([*x, *y], w)
+
+
+class VanDerPol(Law):
+    """The nonlinear part of van der Pol's oscillator: force = mu u^2 u'."""
+
+    code = 8
+
+    def __init__(self, mu: Any, w: Any = None) -> None:
+        super().__init__((_scalar("VanDerPol", "mu", mu),), w)
+
+
+class Jenkins(Law):
+    """Spring and slider in series: force = k (u - z) within +-f_slip, where z is the slider's place, which follows
+    beyond.
+
+    The slider starts centred (z = 0): in full stick, where the motion does not determine it, the element is the spring
+    k.
+    """
+
+    code = 9
+    has_memory = True
+
+    def __init__(self, k: Any, f_slip: Any, w: Any = None) -> None:
+        super().__init__((_positive("Jenkins", "k", k), _positive("Jenkins", "f_slip", f_slip)), w)
+
+
+class Iwan(Law):
+    """Parallel Jenkins elements (the model of Iwan): force = sum_i k_i (u - z_i), each within +-f_i.
+
+    Parameters
+    ----------
+    k, f_slip
+        Stiffnesses and slip forces of the sliders, of the same length.
+    """
+
+    code = 10
+    has_memory = True
+
+    def __init__(self, k: Any, f_slip: Any, w: Any = None) -> None:
+        ks, fs = _list("Iwan", "k", k), _list("Iwan", "f_slip", f_slip)
+        if len(ks) != len(fs):
+            raise ModelError(f"Iwan: {len(ks)} stiffnesses but {len(fs)} slip forces")
+        pairs = [(_positive("Iwan", "k", k), _positive("Iwan", "f_slip", f)) for k, f in zip(ks, fs, strict=True)]
+        super().__init__([number for pair in pairs for number in pair], w)
+
+
+class VaryingStiffness(Law):
+    """Parametric excitation: force = k cos(order phi + phase) u, phi the phase of the excitation (omega t).
+
+    Only harmonic balance drives it; elsewhere phi = 0. ``order`` is a positive integer.
+    """
+
+    code = 11
+
+    def __init__(self, k: Any, order: int = 1, phase: Any = 0.0, w: Any = None) -> None:
+        if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 1:
+            raise ModelError(f"VaryingStiffness: order must be a positive integer, it is {order!r}")
+        name = "VaryingStiffness"
+        super().__init__((_scalar(name, "k", k), float(order), _scalar(name, "phase", phase)), w)
+
+
+def _is_plain(value: Any) -> bool:
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
+def _number(value: Any) -> float:
+    return float(value) if _is_plain(value) else float(getattr(value, "value", value))
+
+
+def _scalar(law: str, name: str, value: Any) -> Any:
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
+    if _is_plain(value):
+        if not np.isfinite(value):
+            raise ModelError(f"{law}: {name} must be finite, it is {value}")
+        return float(value)
+    if isinstance(value, str | bytes | bool | complex | type(None) | Sequence | np.ndarray):
+        raise ModelError(f"{law}: {name} must be a number or a parameter, it is {value!r}")
+    return value
+
+
+def _positive(law: str, name: str, value: Any) -> Any:
+    value = _scalar(law, name, value)
+    if _is_plain(value) and value <= 0:
+        raise ModelError(f"{law}: {name} must be positive, it is {value}")
+    return value
+
+
+def _list(law: str, name: str, values: Any) -> list[Any]:
+    if isinstance(values, str | bytes) or not isinstance(values, Sequence | np.ndarray) or len(values) == 0:
+        raise ModelError(f"{law}: {name} must be a sequence of numbers, it is {values!r}")
+    return [_scalar(law, f"{name}[{i}]", value) for i, value in enumerate(values)]
+
+
+def _direction(law: str, w: Any) -> np.ndarray:
+    if hasattr(w, "toarray"):
+        w = w.toarray().ravel()
+    try:
+        w = np.array(w, dtype=float)
+    except (TypeError, ValueError):
+        raise ModelError(f"{law}: w must be a real vector, it is {w!r}") from None
+    if w.ndim != 1 or w.size == 0:
+        raise ModelError(f"{law}: w must be a vector (n,), its shape is {w.shape}")
+    if not np.all(np.isfinite(w)):
+        raise ModelError(f"{law}: w contains NaN or infinite entries")
+    if not w.any():
+        raise ModelError(f"{law}: w is zero: the element would act on nothing; name the coordinate it works on")
+    w.setflags(write=False)
+    return w

@@ -1,0 +1,510 @@
+//! Alternating frequency and time: coefficients of u -> samples -> law -> coefficients of the force, and the exact Jacobian.
+//!
+//! With c_k the Fourier coefficients of g = df/du at the samples, the Jacobian of the force coefficients is (METHODS b.4)
+//! dFc_j/da_h = Re(c_{j-h} + c_{j+h}), dFc_j/db_h = Im(c_{j-h} - c_{j+h}), dFs_j/da_h = -Im(c_{j-h} + c_{j+h}),
+//! dFs_j/db_h = Re(c_{j-h} - c_{j+h}), the row j = 0 halved: exact on the grid, aliasing included.
+//! Laws with memory are marched over two periods, the derivative of each sample carried along; the second period counts.
+//! Source of the scheme: T. M. Cameron, J. H. Griffin, J. Appl. Mech. 56 (1989) 149-154.
+use num_complex::Complex64 as c64;
+use num_dual::Dual64;
+
+use super::basis::{Basis, Slots};
+use super::grid::{Grid, Slot};
+use crate::laws::Law;
+
+/// Plans, tables and scratch of one thread. Coefficients are [a0, a1, b1, a2, b2, ...].
+pub struct Aft {
+    grid: Grid,
+    slots: Slots,
+    n_c: usize,
+    phase: Vec<f64>,
+    spectrum: Vec<c64>,
+    u: Vec<f64>,
+    v: Vec<f64>,
+    dv: Vec<f64>,
+    f: Vec<f64>,
+    f_u: Vec<f64>,
+    f_v: Vec<f64>,
+    rate: Vec<f64>,
+    memory: Option<March>,
+    /// Force coefficients, (n_c).
+    pub force: Vec<f64>,
+    /// Derivative of `force` along the parameter that moves the frequencies, (n_c).
+    pub force_slope: Vec<f64>,
+    /// d force / d coefficients of u, n_c x n_c by rows.
+    pub jacobian: Vec<f64>,
+    /// The part of the force that multiplies the rate: matrix of df/dv, n_c x n_c by rows (for stability).
+    pub damping: Vec<f64>,
+}
+
+/// Tables of the march of laws with memory (periodic motion only).
+struct March {
+    /// basis functions at the samples, n_samples x n_c by rows
+    gamma: Vec<f64>,
+    /// d samples / d coefficients, one contiguous column of samples each
+    columns: Vec<f64>,
+}
+
+/// What `Aft::element` is to compute.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Want {
+    Force,
+    Jacobian,
+}
+
+impl Aft {
+    pub fn new(basis: &Basis, dims: &[usize], with_memory: bool) -> Aft {
+        let grid = Grid::new(dims);
+        let slots = Slots::new(basis, &grid);
+        let (n, n_c) = (grid.n_samples(), basis.n_coefficients());
+        let last = dims[dims.len() - 1];
+        // tau of the first dimension, in terms of the excitation
+        let tau = |i: usize| std::f64::consts::TAU * (i / (n / dims[0])) as f64 / dims[0] as f64;
+        let phase: Vec<f64> = (0..n).map(tau).collect();
+        let memory = (with_memory && dims.len() == 1).then(|| March::new(basis, last));
+        Aft {
+            spectrum: vec![c64::new(0.0, 0.0); grid.spectrum_len()],
+            grid,
+            slots,
+            n_c,
+            phase: phase.iter().map(|t| t * basis.subharmonic).collect(),
+            u: vec![0.0; n],
+            v: vec![0.0; n],
+            dv: vec![0.0; n],
+            f: vec![0.0; n],
+            f_u: vec![0.0; n],
+            f_v: vec![0.0; n],
+            rate: vec![0.0; n_c],
+            memory,
+            force: vec![0.0; n_c],
+            force_slope: vec![0.0; n_c],
+            jacobian: vec![0.0; n_c * n_c],
+            damping: vec![0.0; n_c * n_c],
+        }
+    }
+
+    /// Samples per dimension.
+    pub fn dims(&self) -> &[usize] {
+        self.grid.dims()
+    }
+
+    /// Force of `law` on the motion with the coefficients `u`; `frequency` of every term and its `slope` along the parameter.
+    pub fn element(
+        &mut self,
+        law: Law,
+        p: &[f64],
+        u: &[f64],
+        frequency: &[f64],
+        slope: &[f64],
+        want: Want,
+    ) {
+        synthesise(
+            &mut self.grid,
+            &self.slots,
+            &mut self.spectrum,
+            u,
+            &mut self.u,
+        );
+        let moving = law.uses_velocity();
+        if moving {
+            derivative(u, frequency, &mut self.rate);
+            synthesise(
+                &mut self.grid,
+                &self.slots,
+                &mut self.spectrum,
+                &self.rate,
+                &mut self.v,
+            );
+            if want == Want::Jacobian {
+                derivative(u, slope, &mut self.rate);
+                synthesise(
+                    &mut self.grid,
+                    &self.slots,
+                    &mut self.spectrum,
+                    &self.rate,
+                    &mut self.dv,
+                );
+            }
+        } else {
+            self.v.fill(0.0);
+        }
+        if law.n_memory() > 0 {
+            self.march(law, p, want);
+        } else {
+            self.memoryless(law, p, frequency, want);
+        }
+    }
+
+    fn memoryless(&mut self, law: Law, p: &[f64], frequency: &[f64], want: Want) {
+        if want == Want::Force {
+            for i in 0..self.u.len() {
+                self.f[i] = law.force_at(self.phase[i], self.u[i], self.v[i], p, &[], &mut []);
+            }
+            self.analyse_force();
+            return;
+        }
+        let moving = law.uses_velocity();
+        let mut duals = [Dual64::from(0.0); 16];
+        let heap: Vec<Dual64>;
+        let pd: &[Dual64] = if p.len() <= duals.len() {
+            duals
+                .iter_mut()
+                .zip(p)
+                .for_each(|(d, &x)| *d = Dual64::from(x));
+            &duals[..p.len()]
+        } else {
+            heap = p.iter().map(|&x| Dual64::from(x)).collect();
+            &heap
+        };
+        for i in 0..self.u.len() {
+            let (u, v) = (self.u[i], self.v[i]);
+            let along_u = law.force_at(
+                self.phase[i],
+                Dual64::new(u, 1.0),
+                Dual64::from(v),
+                pd,
+                &[],
+                &mut [],
+            );
+            self.f[i] = along_u.re;
+            self.f_u[i] = along_u.eps;
+            if moving {
+                self.f_v[i] = law
+                    .force_at(
+                        self.phase[i],
+                        Dual64::from(u),
+                        Dual64::new(v, 1.0),
+                        pd,
+                        &[],
+                        &mut [],
+                    )
+                    .eps;
+            }
+        }
+        self.analyse_force();
+        self.grid.analyse(&self.f_u, &mut self.spectrum);
+        product_matrix(&self.slots, &self.spectrum, self.n_c, &mut self.jacobian);
+        self.force_slope.fill(0.0);
+        if moving {
+            self.add_rate_terms(frequency);
+        } else {
+            self.damping.fill(0.0);
+            self.f_v.fill(0.0);
+        }
+    }
+
+    fn add_rate_terms(&mut self, frequency: &[f64]) {
+        let n_c = self.n_c;
+        self.grid.analyse(&self.f_v, &mut self.spectrum);
+        product_matrix(&self.slots, &self.spectrum, n_c, &mut self.damping);
+        for row in 0..n_c {
+            let (jacobian, damping) = (
+                &mut self.jacobian[row * n_c..][..n_c],
+                &self.damping[row * n_c..][..n_c],
+            );
+            for (h, w) in frequency.iter().enumerate() {
+                let (cos, sin) = (2 * h + 1, 2 * h + 2);
+                // u' has the cosine coefficient w b and the sine coefficient -w a
+                jacobian[cos] -= w * damping[sin];
+                jacobian[sin] += w * damping[cos];
+            }
+        }
+        for i in 0..self.f.len() {
+            self.f[i] = self.f_v[i] * self.dv[i];
+        }
+        self.grid.analyse(&self.f, &mut self.spectrum);
+        collect(&self.slots, &self.spectrum, &mut self.force_slope);
+    }
+
+    fn march(&mut self, law: Law, p: &[f64], want: Want) {
+        let n = self.u.len();
+        let mut z = vec![0.0; law.n_memory()];
+        self.force_slope.fill(0.0);
+        self.damping.fill(0.0);
+        let Some(march) = self.memory.as_mut().filter(|_| want == Want::Jacobian) else {
+            for step in 0..2 * n {
+                self.f[step % n] = law.eval(self.u[step % n], 0.0, p, &mut z);
+            }
+            self.analyse_force();
+            return;
+        };
+        self.jacobian.fill(0.0);
+        march.columns.fill(0.0);
+        self.f.fill(0.0);
+        // sliders of a parallel set do not see each other, so that each is marched by itself
+        let sliders: Vec<(Law, &[f64])> = match law {
+            Law::Iwan { .. } => p.chunks_exact(2).map(|p| (Law::Jenkins, p)).collect(),
+            _ => vec![(law, p)],
+        };
+        for (law, p) in sliders {
+            march.slider(law, p, &self.u, &mut self.f, self.n_c);
+        }
+        for c in 0..self.n_c {
+            self.grid
+                .analyse(&march.columns[c * n..][..n], &mut self.spectrum);
+            collect(&self.slots, &self.spectrum, &mut self.rate);
+            for (row, value) in self.rate.iter().enumerate() {
+                self.jacobian[row * self.n_c + c] = *value;
+            }
+        }
+        self.analyse_force();
+    }
+
+    fn analyse_force(&mut self) {
+        self.grid.analyse(&self.f, &mut self.spectrum);
+        collect(&self.slots, &self.spectrum, &mut self.force);
+    }
+
+    /// df/du and df/dv of the last element at the samples; only for laws without memory.
+    pub fn tangents(&self) -> (&[f64], &[f64]) {
+        (&self.f_u, &self.f_v)
+    }
+}
+
+impl March {
+    fn new(basis: &Basis, n: usize) -> March {
+        let n_c = basis.n_coefficients();
+        let mut gamma = vec![1.0; n * n_c];
+        for j in 0..n {
+            for (h, k) in basis.indices.iter().enumerate() {
+                let phase = std::f64::consts::TAU * f64::from(k[0]) * j as f64 / n as f64;
+                gamma[j * n_c + 2 * h + 1] = phase.cos();
+                gamma[j * n_c + 2 * h + 2] = phase.sin();
+            }
+        }
+        March {
+            gamma,
+            columns: vec![0.0; n * n_c],
+        }
+    }
+
+    /// One memory over two periods; adds force and columns of the second one.
+    fn slider(&mut self, law: Law, p: &[f64], u: &[f64], f: &mut [f64], n_c: usize) {
+        let n = u.len();
+        let pd: Vec<Dual64> = p.iter().map(|&x| Dual64::from(x)).collect();
+        let (mut z, mut dz) = (0.0, vec![0.0; n_c]);
+        for step in 0..2 * n {
+            let j = step % n;
+            let mut new = [Dual64::from(0.0)];
+            let by_u = law.force(
+                Dual64::new(u[j], 1.0),
+                Dual64::from(0.0),
+                &pd,
+                &[Dual64::from(z)],
+                &mut new,
+            );
+            let z_u = new[0];
+            let by_z = law.force(
+                Dual64::from(u[j]),
+                Dual64::from(0.0),
+                &pd,
+                &[Dual64::new(z, 1.0)],
+                &mut new,
+            );
+            let z_z = new[0].eps;
+            let gamma = &self.gamma[j * n_c..][..n_c];
+            if step >= n {
+                f[j] += by_u.re;
+                for c in 0..n_c {
+                    self.columns[c * n + j] += by_u.eps * gamma[c] + by_z.eps * dz[c];
+                }
+            }
+            if z_u.eps != 0.0 || z_z != 1.0 {
+                for c in 0..n_c {
+                    dz[c] = z_u.eps * gamma[c] + z_z * dz[c];
+                }
+            }
+            z = z_u.re;
+        }
+    }
+}
+
+fn at(spectrum: &[c64], slot: Slot) -> c64 {
+    if slot < 0 {
+        spectrum[!slot as usize].conj()
+    } else {
+        spectrum[slot as usize]
+    }
+}
+
+fn put(spectrum: &mut [c64], slot: Slot, c: c64) {
+    if slot < 0 {
+        spectrum[!slot as usize] = c.conj();
+    } else {
+        spectrum[slot as usize] = c;
+    }
+}
+
+fn synthesise(
+    grid: &mut Grid,
+    slots: &Slots,
+    spectrum: &mut [c64],
+    coefficients: &[f64],
+    samples: &mut [f64],
+) {
+    spectrum.fill(c64::new(0.0, 0.0));
+    spectrum[0].re = coefficients[0];
+    for (h, slot) in slots.own.iter().enumerate() {
+        let c = c64::new(coefficients[2 * h + 1], -coefficients[2 * h + 2]) * 0.5;
+        put(spectrum, *slot, c);
+        if let Some(mirror) = slots.mirror[h] {
+            put(spectrum, mirror, c.conj());
+        }
+    }
+    grid.synthesise(spectrum, samples);
+}
+
+fn collect(slots: &Slots, spectrum: &[c64], coefficients: &mut [f64]) {
+    coefficients[0] = spectrum[0].re;
+    for (h, slot) in slots.own.iter().enumerate() {
+        let c = at(spectrum, *slot);
+        coefficients[2 * h + 1] = 2.0 * c.re;
+        coefficients[2 * h + 2] = -2.0 * c.im;
+    }
+}
+
+/// Coefficients of du/dt for term frequencies w: (w b, -w a).
+pub fn derivative(u: &[f64], w: &[f64], rate: &mut [f64]) {
+    rate[0] = 0.0;
+    for (h, w) in w.iter().enumerate() {
+        rate[2 * h + 1] = w * u[2 * h + 2];
+        rate[2 * h + 2] = -w * u[2 * h + 1];
+    }
+}
+
+/// Matrix of the product with a function whose spectrum is given, in the real coefficients.
+fn product_matrix(slots: &Slots, spectrum: &[c64], n_c: usize, out: &mut [f64]) {
+    let n = slots.own.len() + 1;
+    for j in 0..n {
+        for h in 0..n {
+            let minus = at(spectrum, slots.minus[j * n + h]);
+            let plus = at(spectrum, slots.plus[j * n + h]);
+            let (sum, difference) = (minus + plus, minus - plus);
+            let scale = if j == 0 { 0.5 } else { 1.0 };
+            let cos_row = (2 * j).saturating_sub(1) * n_c;
+            let cos = (2 * h).saturating_sub(1);
+            out[cos_row + cos] = scale * sum.re;
+            if h > 0 {
+                out[cos_row + 2 * h] = scale * difference.im;
+            }
+            if j > 0 {
+                let sin_row = 2 * j * n_c;
+                out[sin_row + cos] = -sum.im;
+                if h > 0 {
+                    out[sin_row + 2 * h] = difference.re;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(law: Law, p: &[f64], basis: &Basis, dims: &[usize], omega: &[f64], tolerance: f64) {
+        let n_c = basis.n_coefficients();
+        let u: Vec<f64> = (0..n_c)
+            .map(|i| ((3 * i + 1) as f64).sin() / (1.0 + 0.3 * i as f64))
+            .collect();
+        let slope = basis.slope(0);
+        let mut aft = Aft::new(basis, dims, true);
+        aft.element(
+            law,
+            p,
+            &u,
+            &basis.frequencies(omega),
+            &slope,
+            Want::Jacobian,
+        );
+        let (jacobian, force_slope) = (aft.jacobian.clone(), aft.force_slope.clone());
+        let h = 1e-6;
+        let mut force = |u: &[f64], omega: &[f64]| {
+            aft.element(law, p, u, &basis.frequencies(omega), &slope, Want::Force);
+            aft.force.clone()
+        };
+        for c in 0..=n_c {
+            let (mut high, mut low) = (u.clone(), u.clone());
+            let (mut fast, mut slow) = (omega.to_vec(), omega.to_vec());
+            if c < n_c {
+                high[c] += h;
+                low[c] -= h;
+            } else {
+                fast[0] += h;
+                slow[0] -= h;
+            }
+            let (high, low) = (force(&high, &fast), force(&low, &slow));
+            for row in 0..n_c {
+                let difference = (high[row] - low[row]) / (2.0 * h);
+                let exact = if c < n_c {
+                    jacobian[row * n_c + c]
+                } else {
+                    force_slope[row]
+                };
+                assert!(
+                    (difference - exact).abs() < tolerance,
+                    "{law:?} row {row} column {c}: {difference} {exact}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn jacobian_of_periodic_motion() {
+        let basis = Basis::periodic(&[1, 2, 3], 1);
+        check(Law::Cubic, &[0.7], &basis, &[13], &[1.3], 1e-8);
+        check(Law::Cubic, &[0.7], &basis, &[8], &[1.3], 1e-8); // aliased: still the derivative of what is computed
+        check(Law::VanDerPol, &[0.7], &basis, &[16], &[1.3], 1e-8);
+        check(Law::CoulombTanh, &[0.7, 0.5], &basis, &[64], &[1.3], 1e-7);
+        check(Law::Gap, &[3.0, 0.1, 0.0], &basis, &[64], &[1.3], 1e-5);
+        check(
+            Law::VaryingStiffness,
+            &[3.0, 2.0, 0.3],
+            &basis,
+            &[16],
+            &[1.3],
+            1e-8,
+        );
+        check(
+            Law::VanDerPol,
+            &[0.7],
+            &Basis::periodic(&[1, 3, 4], 3),
+            &[32],
+            &[1.3],
+            1e-8,
+        );
+    }
+
+    #[test]
+    fn jacobian_of_laws_with_memory() {
+        let basis = Basis::periodic(&[1, 2, 3], 1);
+        check(Law::Jenkins, &[2.0, 0.4], &basis, &[64], &[1.3], 1e-7);
+        check(Law::Jenkins, &[2.0, 1e3], &basis, &[64], &[1.3], 1e-7);
+        check(
+            Law::Iwan { n: 2 },
+            &[2.0, 0.4, 1.0, 1.2],
+            &basis,
+            &[64],
+            &[1.3],
+            1e-7,
+        );
+    }
+
+    #[test]
+    fn jacobian_of_quasi_periodic_motion() {
+        let indices = vec![
+            vec![0, 1],
+            vec![1, -1],
+            vec![1, 0],
+            vec![0, 2],
+            vec![2, 0],
+            vec![1, 1],
+        ];
+        let basis = Basis {
+            indices,
+            subharmonic: 1.0,
+        };
+        check(Law::Cubic, &[0.7], &basis, &[9, 10], &[1.3, 0.8], 1e-8);
+        check(Law::VanDerPol, &[0.7], &basis, &[9, 12], &[1.3, 0.8], 1e-8);
+    }
+}

@@ -1,0 +1,84 @@
+//! How far a truncated solution may be off: one Newton step on a larger set of terms and a finer grid, started at the solution.
+//!
+//! The step holds both the omitted terms and what they change in the retained ones, and through the finer grid the aliasing.
+//! Omitted terms as a measure: A. Grolet, F. Thouverez, Mech. Syst. Signal Process. 30 (2012) 529-547.
+use faer::prelude::*;
+
+use super::problem::Problem;
+use crate::error::Result;
+use crate::solve::{Curve, Linearisation};
+
+pub struct Estimator {
+    larger: Problem,
+    out: Linearisation,
+    y: Vec<f64>,
+}
+
+/// Both relative to the largest coefficient.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Estimate {
+    pub error: f64,
+    /// the part of it in the retained terms
+    pub retained: f64,
+}
+
+impl Estimator {
+    pub fn new(problem: &Problem, dims: &[usize]) -> Result<Estimator> {
+        let larger = problem.on(problem.basis.extended(), dims)?;
+        let n = larger.size();
+        Ok(Estimator {
+            larger,
+            out: Linearisation::new(n),
+            y: vec![0.0; n],
+        })
+    }
+
+    pub fn factorisations(&self) -> u64 {
+        self.larger.factorisations
+    }
+
+    /// `y` is a solution of `problem` at its present parameter.
+    pub fn estimate(&mut self, problem: &Problem, y: &[f64]) -> Result<Estimate> {
+        self.larger.follow(problem);
+        self.y.fill(0.0);
+        // `extended` keeps the order of the old terms and appends the new ones
+        self.y[..y.len()].copy_from_slice(y);
+        let value = problem.parameter_value();
+        self.larger.linearise(&self.y, value, &mut self.out)?;
+        let mut step = faer::Mat::from_fn(self.y.len(), 1, |i, _| self.out.residual[i]);
+        self.out.jacobian.partial_piv_lu().solve_in_place(&mut step);
+        let step: Vec<f64> = (0..self.y.len()).map(|i| step[(i, 0)]).collect();
+        let largest = amplitudes(y, problem.n()).fold(0.0, f64::max);
+        if largest == 0.0 && step.iter().all(|x| *x == 0.0) {
+            return Ok(Estimate::default());
+        }
+        let n = problem.n();
+        let sum = |part: &[f64]| coordinate_sums(part, n).into_iter().fold(0.0, f64::max);
+        Ok(Estimate {
+            error: sum(&step) / largest,
+            retained: sum(&step[..y.len()]) / largest,
+        })
+    }
+}
+
+/// Amplitudes sqrt(a^2 + b^2) of all terms and coordinates.
+fn amplitudes(y: &[f64], n: usize) -> impl Iterator<Item = f64> + '_ {
+    let terms = (y.len() / n).div_ceil(2);
+    (0..terms * n).map(move |i| amplitude(y, n, i / n, i % n))
+}
+
+fn amplitude(y: &[f64], n: usize, term: usize, coordinate: usize) -> f64 {
+    if term == 0 {
+        y[coordinate].abs()
+    } else {
+        y[(2 * term - 1) * n + coordinate].hypot(y[2 * term * n + coordinate])
+    }
+}
+
+/// Per coordinate the sum of amplitudes: a bound of the deviation at any instant.
+fn coordinate_sums(y: &[f64], n: usize) -> Vec<f64> {
+    let terms = (y.len() / n).div_ceil(2);
+    (0..n)
+        .map(|i| (0..terms).map(|t| amplitude(y, n, t, i)).sum())
+        .collect()
+}

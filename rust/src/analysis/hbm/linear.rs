@@ -1,0 +1,107 @@
+//! The linear part seen by harmonic balance: dynamic stiffness S(w) of the retained coordinates, S = K - w^2 M + i w C.
+use std::sync::Arc;
+
+use faer::Mat;
+use num_complex::Complex64 as c64;
+
+use crate::error::Result;
+
+/// S and dS/dw (n x n by rows), the force on the retained coordinates and its slope.
+#[derive(Debug, Clone)]
+pub struct Block {
+    pub s: Vec<c64>,
+    pub s_slope: Vec<c64>,
+    pub force: Vec<c64>,
+    pub force_slope: Vec<c64>,
+}
+
+impl Block {
+    pub fn new(n: usize) -> Block {
+        let zero = c64::new(0.0, 0.0);
+        Block {
+            s: vec![zero; n * n],
+            s_slope: vec![zero; n * n],
+            force: vec![zero; n],
+            force_slope: vec![zero; n],
+        }
+    }
+}
+
+/// Per term (0 is the constant one) the complex force on all coordinates: f(t) = Re sum f_j exp(i phi_j).
+pub type Forces = Arc<Vec<Option<Vec<c64>>>>;
+
+/// Condensed or not: everything that the residual needs to know of the linear part and of the forces on it.
+pub trait DynamicStiffness: Send {
+    /// Number of retained coordinates.
+    fn size(&self) -> usize;
+    /// Number of coordinates of the system.
+    fn full_size(&self) -> usize;
+    /// Fills `block` at the circular frequency w, with the force of this term.
+    fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()>;
+    /// All coordinates, given the retained ones and the factor on the force.
+    fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()>;
+    /// M, C, K of the retained coordinates where nothing is condensed.
+    fn matrices(&self) -> Option<(Mat<f64>, Mat<f64>, Mat<f64>)> {
+        None
+    }
+    /// The retained coordinates of a vector of all coordinates.
+    fn restrict(&self, x: &[f64], y: &mut [f64]);
+    /// The same operator for another thread or another set of terms.
+    fn copied(&self) -> Result<Box<dyn DynamicStiffness>>;
+    /// The retained part of a direction given in all coordinates; it must vanish on the others.
+    fn retain(&self, direction: &[(usize, f64)]) -> Result<Vec<(usize, f64)>>;
+}
+
+/// Nothing condensed: dense matrices by rows; C and K may hold gyroscopic and circulatory parts.
+#[derive(Clone)]
+pub struct Full {
+    pub n: usize,
+    pub m: Vec<f64>,
+    pub c: Vec<f64>,
+    pub k: Vec<f64>,
+    pub forces: Forces,
+}
+
+impl DynamicStiffness for Full {
+    fn size(&self) -> usize {
+        self.n
+    }
+
+    fn full_size(&self) -> usize {
+        self.n
+    }
+
+    fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()> {
+        for i in 0..self.n * self.n {
+            block.s[i] = c64::new(self.k[i] - w * w * self.m[i], w * self.c[i]);
+            block.s_slope[i] = c64::new(-2.0 * w * self.m[i], self.c[i]);
+        }
+        match self.forces.get(term).and_then(Option::as_ref) {
+            Some(f) => block.force.copy_from_slice(f),
+            None => block.force.fill(c64::new(0.0, 0.0)),
+        }
+        Ok(())
+    }
+
+    fn expand(&mut self, _: f64, _: usize, _: f64, y: &[c64], x: &mut [c64]) -> Result<()> {
+        x.copy_from_slice(y);
+        Ok(())
+    }
+
+    fn restrict(&self, x: &[f64], y: &mut [f64]) {
+        y.copy_from_slice(x);
+    }
+
+    fn matrices(&self) -> Option<(Mat<f64>, Mat<f64>, Mat<f64>)> {
+        let matrix = |a: &[f64]| Mat::from_fn(self.n, self.n, |i, j| a[i * self.n + j]);
+        Some((matrix(&self.m), matrix(&self.c), matrix(&self.k)))
+    }
+
+    fn copied(&self) -> Result<Box<dyn DynamicStiffness>> {
+        Ok(Box::new(self.clone()))
+    }
+
+    fn retain(&self, direction: &[(usize, f64)]) -> Result<Vec<(usize, f64)>> {
+        Ok(direction.to_vec())
+    }
+}

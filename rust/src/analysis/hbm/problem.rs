@@ -1,0 +1,492 @@
+//! The residual of harmonic balance, R(y, p) = S y + sum_e W_e F_e(W_e^T y) - f, with dR/dy and dR/dp.
+//!
+//! Unknowns by harmonic: n constants, then per term n cosine and n sine coefficients of the retained coordinates.
+use faer::Mat;
+use num_complex::Complex64 as c64;
+
+use super::aft::{Aft, Want};
+use super::basis::Basis;
+use super::linear::{Block, DynamicStiffness};
+use crate::error::Result;
+use crate::laws::Law;
+use crate::solve::{Curve, Linearisation};
+
+/// A law on the relative displacement u = w . x.
+#[derive(Debug, Clone)]
+pub struct Element {
+    pub law: Law,
+    pub params: Vec<f64>,
+    pub direction: Vec<(usize, f64)>,
+}
+
+/// What the continuation parameter is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Parameter {
+    /// the base frequency with this number
+    Omega(usize),
+    /// factor on all forces but the static one
+    Level,
+    /// factor on all forces, by which a first solution is approached
+    Ramp,
+}
+
+pub struct Problem {
+    pub basis: Basis,
+    pub linear: Box<dyn DynamicStiffness>,
+    pub elements: Vec<Element>,
+    pub omega: Vec<f64>,
+    pub level: f64,
+    pub ramp: f64,
+    pub parameter: Parameter,
+    pub aft: Aft,
+    n: usize,
+    retained: Vec<Vec<(usize, f64)>>,
+    blocks: Vec<Block>,
+    blocks_at: Vec<f64>,
+    coefficients: Vec<f64>,
+    /// the first element whose force was not finite at the last evaluation
+    pub broken: Option<usize>,
+    pub evaluations: u64,
+    /// dynamic stiffnesses that were computed
+    pub factorisations: u64,
+}
+
+impl Problem {
+    pub fn new(
+        basis: Basis,
+        linear: Box<dyn DynamicStiffness>,
+        elements: Vec<Element>,
+        omega: Vec<f64>,
+        dims: &[usize],
+    ) -> Result<Problem> {
+        let n = linear.size();
+        let with_memory = elements.iter().any(|e| e.law.n_memory() > 0);
+        let aft = Aft::new(&basis, dims, with_memory);
+        let retained = elements
+            .iter()
+            .map(|e| linear.retain(&e.direction))
+            .collect::<Result<_>>()?;
+        Ok(Problem {
+            retained,
+            blocks: vec![Block::new(n); basis.n_harmonics() + 1],
+            blocks_at: vec![f64::NAN; basis.n_harmonics() + 1],
+            coefficients: vec![0.0; basis.n_coefficients()],
+            n,
+            aft,
+            basis,
+            linear,
+            elements,
+            omega,
+            level: 1.0,
+            ramp: 1.0,
+            parameter: Parameter::Omega(0),
+            broken: None,
+            evaluations: 0,
+            factorisations: 0,
+        })
+    }
+
+    /// The same problem on other terms and another grid; the first terms must be the same.
+    pub fn on(&self, basis: Basis, dims: &[usize]) -> Result<Problem> {
+        let (linear, elements) = (self.linear.copied()?, self.elements.clone());
+        let mut other = Problem::new(basis, linear, elements, self.omega.clone(), dims)?;
+        other.level = self.level;
+        other.ramp = self.ramp;
+        other.parameter = self.parameter;
+        Ok(other)
+    }
+
+    /// Takes over frequencies, forces and the blocks of a problem with the same first terms.
+    pub fn follow(&mut self, other: &Problem) {
+        self.omega.clone_from(&other.omega);
+        self.level = other.level;
+        self.ramp = other.ramp;
+        self.parameter = other.parameter;
+        for (j, w) in other.blocks_at.iter().enumerate() {
+            if self.blocks_at[j] != *w {
+                self.blocks[j].clone_from(&other.blocks[j]);
+                self.blocks_at[j] = *w;
+            }
+        }
+    }
+
+    /// Samples per dimension.
+    pub fn dims(&self) -> Vec<usize> {
+        self.aft.dims().to_vec()
+    }
+
+    /// Retained coordinates.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
+    pub fn set_parameter(&mut self, value: f64) {
+        match self.parameter {
+            Parameter::Omega(i) => self.omega[i] = value,
+            Parameter::Level => self.level = value,
+            Parameter::Ramp => self.ramp = value,
+        }
+    }
+
+    pub fn parameter_value(&self) -> f64 {
+        match self.parameter {
+            Parameter::Omega(i) => self.omega[i],
+            Parameter::Level => self.level,
+            Parameter::Ramp => self.ramp,
+        }
+    }
+
+    /// d(term frequency)/d(parameter)
+    fn frequency_slope(&self) -> Vec<f64> {
+        match self.parameter {
+            Parameter::Omega(i) => self.basis.slope(i),
+            Parameter::Level | Parameter::Ramp => vec![0.0; self.basis.n_harmonics()],
+        }
+    }
+
+    /// Factor on the force of a term and its derivative by the parameter.
+    fn force_factor(&self, term: usize) -> (f64, f64) {
+        let level = if term > 0 { self.level } else { 1.0 };
+        let slope = match self.parameter {
+            Parameter::Level if term > 0 => self.ramp,
+            Parameter::Ramp => level,
+            _ => 0.0,
+        };
+        (self.ramp * level, slope)
+    }
+
+    /// The blocks depend on frequencies alone, and those often stay.
+    fn update_blocks(&mut self) -> Result<()> {
+        for (j, w) in self.all_frequencies().into_iter().enumerate() {
+            if self.blocks_at[j] != w {
+                self.blocks_at[j] = f64::NAN;
+                self.linear.evaluate(w, j, &mut self.blocks[j])?;
+                self.blocks_at[j] = w;
+                self.factorisations += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn all_frequencies(&self) -> Vec<f64> {
+        let mut frequencies = vec![0.0];
+        frequencies.extend(self.basis.frequencies(&self.omega));
+        frequencies
+    }
+
+    fn add_linear(&self, y: &[f64], slope: &[f64], out: &mut Linearisation, want: Want) {
+        let n = self.n;
+        for (j, block) in self.blocks.iter().enumerate() {
+            let (cos, sin) = ((2 * j).saturating_sub(1) * n, 2 * j * n);
+            let rate = if j == 0 { 0.0 } else { slope[j - 1] };
+            let (factor, factor_slope) = self.force_factor(j);
+            for i in 0..n {
+                let mut sum = -block.force[i] * factor;
+                let mut sum_slope =
+                    -block.force_slope[i] * (rate * factor) - block.force[i] * factor_slope;
+                for l in 0..n {
+                    let x = c64::new(y[cos + l], if j == 0 { 0.0 } else { -y[sin + l] });
+                    let s = block.s[i * n + l];
+                    sum += s * x;
+                    sum_slope += block.s_slope[i * n + l] * x * rate;
+                    if want == Want::Jacobian {
+                        out.jacobian[(cos + i, cos + l)] = s.re;
+                        if j > 0 {
+                            out.jacobian[(cos + i, sin + l)] = s.im;
+                            out.jacobian[(sin + i, cos + l)] = -s.im;
+                            out.jacobian[(sin + i, sin + l)] = s.re;
+                        }
+                    }
+                }
+                out.residual[cos + i] = sum.re;
+                out.slope[cos + i] = sum_slope.re;
+                if j > 0 {
+                    out.residual[sin + i] = -sum.im;
+                    out.slope[sin + i] = -sum_slope.im;
+                }
+            }
+        }
+    }
+
+    /// Coefficients of u = w . x of one element.
+    fn collect_coefficients(&mut self, e: usize, y: &[f64]) {
+        let direction = &self.retained[e];
+        for (c, part) in self.coefficients.iter_mut().zip(y.chunks_exact(self.n)) {
+            *c = direction.iter().map(|&(i, w)| w * part[i]).sum();
+        }
+    }
+
+    /// One element by itself; the answer is in `aft`.
+    fn evaluate_element(&mut self, e: usize, y: &[f64], want: Want) {
+        let (frequency, slope) = (self.basis.frequencies(&self.omega), self.frequency_slope());
+        self.collect_coefficients(e, y);
+        let element = &self.elements[e];
+        self.aft.element(
+            element.law,
+            &element.params,
+            &self.coefficients,
+            &frequency,
+            &slope,
+            want,
+        );
+    }
+
+    fn add_element(
+        &mut self,
+        e: usize,
+        y: &[f64],
+        frequency: &[f64],
+        slope: &[f64],
+        out: &mut Linearisation,
+        want: Want,
+    ) {
+        let (n, n_c) = (self.n, self.basis.n_coefficients());
+        self.collect_coefficients(e, y);
+        let direction = &self.retained[e];
+        let element = &self.elements[e];
+        self.aft.element(
+            element.law,
+            &element.params,
+            &self.coefficients,
+            frequency,
+            slope,
+            want,
+        );
+        if self.broken.is_none() && !self.aft.force.iter().all(|f| f.is_finite()) {
+            self.broken = Some(e);
+        }
+        for &(i, wi) in direction {
+            for row in 0..n_c {
+                out.residual[row * n + i] += wi * self.aft.force[row];
+            }
+            if want == Want::Force {
+                continue;
+            }
+            for row in 0..n_c {
+                out.slope[row * n + i] += wi * self.aft.force_slope[row];
+            }
+            for &(l, wl) in direction {
+                let w = wi * wl;
+                for c in 0..n_c {
+                    for row in 0..n_c {
+                        out.jacobian[(row * n + i, c * n + l)] +=
+                            w * self.aft.jacobian[row * n_c + c];
+                    }
+                }
+            }
+        }
+    }
+
+    fn run(&mut self, y: &[f64], out: &mut Linearisation, want: Want) -> Result<()> {
+        self.evaluations += 1;
+        self.broken = None;
+        self.update_blocks()?;
+        let slope = self.frequency_slope();
+        let frequency = self.basis.frequencies(&self.omega);
+        if want == Want::Jacobian {
+            out.jacobian.fill(0.0);
+        }
+        self.add_linear(y, &slope, out, want);
+        for e in 0..self.elements.len() {
+            self.add_element(e, y, &frequency, &slope, out, want);
+        }
+        Ok(())
+    }
+
+    /// Frequency of the slowest possible term of a periodic motion.
+    pub fn base_frequency(&self) -> f64 {
+        self.omega[0] / self.basis.subharmonic
+    }
+
+    /// sum_e W_e (matrix of df/dv) W_e^T on the coefficients, for stability.
+    pub fn rate_matrix(&mut self, y: &[f64]) -> Mat<f64> {
+        let (n, n_c) = (self.n, self.basis.n_coefficients());
+        let mut out = Mat::zeros(n * n_c, n * n_c);
+        for e in 0..self.elements.len() {
+            if !self.elements[e].law.uses_velocity() {
+                continue;
+            }
+            self.evaluate_element(e, y, Want::Jacobian);
+            for &(i, wi) in &self.retained[e] {
+                for &(l, wl) in &self.retained[e] {
+                    for c in 0..n_c {
+                        for row in 0..n_c {
+                            out[(row * n + i, c * n + l)] +=
+                                wi * wl * self.aft.damping[row * n_c + c];
+                        }
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    /// df/du and df/dv of every element at n_t equidistant instants of the period.
+    pub fn tangents(&mut self, y: &[f64], n_t: usize) -> Vec<(Vec<f64>, Vec<f64>)> {
+        let least = 2 * self.basis.reach()[0] + 2;
+        let fold = least.div_ceil(n_t);
+        let mut sampler = Aft::new(&self.basis, &[n_t * fold], false);
+        std::mem::swap(&mut self.aft, &mut sampler);
+        let mut out = Vec::new();
+        for e in 0..self.elements.len() {
+            self.evaluate_element(e, y, Want::Jacobian);
+            let (f_u, f_v) = self.aft.tangents();
+            out.push((
+                f_u.iter().step_by(fold).copied().collect(),
+                f_v.iter().step_by(fold).copied().collect(),
+            ));
+        }
+        std::mem::swap(&mut self.aft, &mut sampler);
+        out
+    }
+
+    /// The tangents at one instant as matrices on the retained coordinates.
+    pub fn tangent_matrices(
+        &self,
+        tangents: &[(Vec<f64>, Vec<f64>)],
+        sample: usize,
+    ) -> (Mat<f64>, Mat<f64>) {
+        let (mut k, mut c) = (Mat::zeros(self.n, self.n), Mat::zeros(self.n, self.n));
+        for ((f_u, f_v), direction) in tangents.iter().zip(&self.retained) {
+            for &(i, wi) in direction {
+                for &(j, wj) in direction {
+                    k[(i, j)] += wi * wj * f_u[sample];
+                    c[(i, j)] += wi * wj * f_v[sample];
+                }
+            }
+        }
+        (k, c)
+    }
+
+    /// Coefficients of all coordinates, full_size x n_c by rows.
+    pub fn expand(&mut self, y: &[f64]) -> Result<Mat<f64>> {
+        let (n, n_full) = (self.n, self.linear.full_size());
+        let mut out = Mat::zeros(n_full, self.basis.n_coefficients());
+        let frequencies = self.all_frequencies();
+        let mut x = vec![c64::new(0.0, 0.0); n_full];
+        for (j, w) in frequencies.iter().enumerate() {
+            let (cos, sin) = ((2 * j).saturating_sub(1), 2 * j);
+            let part =
+                |i: usize| c64::new(y[cos * n + i], if j == 0 { 0.0 } else { -y[sin * n + i] });
+            let retained: Vec<c64> = (0..n).map(part).collect();
+            let factor = self.force_factor(j).0;
+            self.linear.expand(*w, j, factor, &retained, &mut x)?;
+            for i in 0..n_full {
+                out[(i, cos)] = x[i].re;
+                if j > 0 {
+                    out[(i, sin)] = -x[i].im;
+                }
+            }
+        }
+        Ok(out)
+    }
+}
+
+impl Curve for Problem {
+    fn size(&self) -> usize {
+        self.n * self.basis.n_coefficients()
+    }
+
+    fn linearise(&mut self, y: &[f64], parameter: f64, out: &mut Linearisation) -> Result<()> {
+        self.set_parameter(parameter);
+        self.run(y, out, Want::Jacobian)
+    }
+
+    fn residual(&mut self, y: &[f64], parameter: f64, out: &mut Linearisation) -> Result<()> {
+        self.set_parameter(parameter);
+        self.run(y, out, Want::Force)
+    }
+
+    /// Per coordinate the largest of its coefficients, kept from vanishing beside the other coordinates.
+    fn scale(&self, y: &[f64], out: &mut [f64]) {
+        let n = self.n;
+        let overall = y.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+        for i in 0..n {
+            let own = y
+                .iter()
+                .skip(i)
+                .step_by(n)
+                .fold(0.0_f64, |a, b| a.max(b.abs()));
+            let size = own.max(1e-6 * overall);
+            out.iter_mut()
+                .skip(i)
+                .step_by(n)
+                .for_each(|d| *d = if size > 0.0 { size } else { 1.0 });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::linear::Full;
+    use super::*;
+    use std::sync::Arc;
+
+    fn two_masses(parameter: Parameter) -> Problem {
+        let force = |a: f64, b: f64| Some(vec![c64::new(a, b), c64::new(b, 0.0)]);
+        let forces = vec![
+            Some(vec![c64::new(0.2, 0.0), c64::new(0.0, 0.0)]),
+            force(1.0, 0.4),
+            None,
+            force(0.1, 0.0),
+        ];
+        let linear = Full {
+            n: 2,
+            m: vec![1.0, 0.1, 0.1, 2.0],
+            c: vec![0.1, -0.3, 0.4, 0.05],
+            k: vec![2.0, -1.0, -0.8, 3.0],
+            forces: Arc::new(forces),
+        };
+        let element = |law, params: &[f64], direction: &[(usize, f64)]| Element {
+            law,
+            params: params.to_vec(),
+            direction: direction.to_vec(),
+        };
+        let elements = vec![
+            element(Law::Cubic, &[0.5], &[(0, 1.0), (1, -1.0)]),
+            element(Law::VanDerPol, &[0.3], &[(1, 2.0)]),
+            element(Law::Jenkins, &[0.7, 0.2], &[(0, 1.0)]),
+        ];
+        let basis = Basis::periodic(&[1, 2, 3], 1);
+        let mut problem =
+            Problem::new(basis, Box::new(linear), elements, vec![1.1], &[64]).unwrap();
+        problem.parameter = parameter;
+        problem
+    }
+
+    #[test]
+    fn jacobian_is_the_slope_of_the_residual() {
+        for parameter in [Parameter::Omega(0), Parameter::Level, Parameter::Ramp] {
+            let mut problem = two_masses(parameter);
+            let n = problem.size();
+            let y: Vec<f64> = (0..n).map(|i| ((2 * i + 1) as f64).sin()).collect();
+            let mut out = Linearisation::new(n);
+            problem.linearise(&y, 1.1, &mut out).unwrap();
+            let h = 1e-6;
+            let (mut high, mut low) = (Linearisation::new(n), Linearisation::new(n));
+            for c in 0..=n {
+                let (mut up, mut down, mut p) = (y.clone(), y.clone(), 0.0);
+                if c < n {
+                    up[c] += h;
+                    down[c] -= h;
+                } else {
+                    p = h;
+                }
+                problem.residual(&up, 1.1 + p, &mut high).unwrap();
+                problem.residual(&down, 1.1 - p, &mut low).unwrap();
+                for r in 0..n {
+                    let difference = (high.residual[r] - low.residual[r]) / (2.0 * h);
+                    let exact = if c < n {
+                        out.jacobian[(r, c)]
+                    } else {
+                        out.slope[r]
+                    };
+                    assert!(
+                        (difference - exact).abs() < 1e-7,
+                        "{parameter:?} {r} {c} {difference} {exact}"
+                    );
+                }
+            }
+        }
+    }
+}

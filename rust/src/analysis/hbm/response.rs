@@ -1,0 +1,319 @@
+//! A response curve: a branch of periodic solutions with error, stability and events, made point by point.
+use num_complex::Complex64 as c64;
+
+use super::estimate::Estimator;
+use super::problem::Problem;
+use crate::analysis::stability::{self, Floquet};
+use crate::error::{Error, Result};
+use crate::run::Cancel;
+use crate::solve::Linearisation;
+use crate::solve::continuation::{Advance, Branch};
+use crate::solve::corrector::{Options, Point, Workspace};
+use crate::solve::segment::{Jump, Segment};
+
+/// Growth rates below this fraction of the base frequency count as zero.
+const NEUTRAL: f64 = 1e-9;
+
+#[derive(Debug, Clone, Copy)]
+pub struct Settings {
+    pub options: Options,
+    pub from: f64,
+    pub to: f64,
+    pub stability: bool,
+    pub events: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    Going,
+    /// the end of the range
+    End,
+    /// the branch came back to the start of the range
+    Start,
+    /// the least step did not converge
+    Stalled,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    Fold,
+    BranchPoint,
+    NeimarkSacker,
+    PeriodDoubling,
+}
+
+#[derive(Debug, Clone)]
+pub struct Record {
+    pub y: Vec<f64>,
+    pub p: f64,
+    pub error: f64,
+    /// None where stability was not asked for or cannot be told
+    pub floquet: Option<Floquet>,
+    pub step: f64,
+    pub iterations: usize,
+}
+
+#[derive(Debug, Clone)]
+pub struct Event {
+    pub kind: Kind,
+    pub y: Vec<f64>,
+    pub p: f64,
+    pub exponent: Option<c64>,
+    /// number of the record that follows
+    pub before: usize,
+}
+
+pub struct Follower {
+    pub problem: Problem,
+    pub settings: Settings,
+    pub status: Status,
+    pub records: Vec<Record>,
+    pub events: Vec<Event>,
+    branch: Branch,
+    estimator: Estimator,
+    count: usize,
+    /// stability of the last record, which its reader may have taken away
+    last: Option<Floquet>,
+}
+
+impl Follower {
+    /// Starts at a solution y for the present parameter; the first step has a positive product with `towards`, or goes to the end of
+    /// the range where there is none.
+    pub fn start(
+        mut problem: Problem,
+        fine: &[usize],
+        y: &[f64],
+        towards: Option<&[f64]>,
+        settings: Settings,
+    ) -> Result<Follower> {
+        let default = Branch::along_parameter(y.len(), (settings.to - settings.from).signum());
+        let p = problem.parameter_value();
+        let towards = towards
+            .filter(|t| t.iter().any(|x| *x != 0.0))
+            .unwrap_or(&default);
+        let Some(branch) = Branch::start(&mut problem, y, p, towards, settings.options)? else {
+            return Err(Error::singular(
+                "the branch cannot be started: the first solution is singular; begin elsewhere",
+            ));
+        };
+        let estimator = Estimator::new(&problem, fine)?;
+        let mut follower = Follower {
+            problem,
+            settings,
+            status: Status::Going,
+            records: Vec::new(),
+            events: Vec::new(),
+            branch,
+            estimator,
+            count: 0,
+            last: None,
+        };
+        follower.record()?;
+        Ok(follower)
+    }
+
+    pub fn corrections(&self) -> u64 {
+        self.branch.work.corrections
+    }
+
+    /// Dynamic stiffnesses that were computed, those of the error estimate included.
+    pub fn factorisations(&self) -> u64 {
+        self.problem.factorisations + self.estimator.factorisations()
+    }
+
+    /// One more point, unless the branch has ended.
+    pub fn advance(&mut self, cancel: &Cancel) -> Result<()> {
+        if self.status != Status::Going {
+            return Ok(());
+        }
+        let before = self.last.clone();
+        let Some(crossed) = self.move_on(cancel)? else {
+            self.status = Status::Stalled;
+            return Ok(());
+        };
+        let direction = (self.settings.to - self.settings.from).signum();
+        let p = self.branch.point().p();
+        let end = if (p - self.settings.to) * direction >= 0.0 {
+            Some((self.settings.to, Status::End))
+        } else if (p - self.settings.from) * direction < 0.0 {
+            Some((self.settings.from, Status::Start))
+        } else {
+            None
+        };
+        if let Some((p, status)) = end {
+            self.status = status;
+            match self.branch.land(&mut self.problem, p)? {
+                Some(point) => self.branch.replace(point),
+                None => self.status = Status::Stalled,
+            }
+        }
+        self.record()?;
+        if self.settings.events {
+            self.find_events(before.as_ref(), crossed, cancel)?;
+        }
+        Ok(())
+    }
+
+    /// A step on the same branch, with the branch point that it passes; None where there is no step. A sign of the determinant that
+    /// changes without a point where it vanishes means that the step has landed on another branch.
+    fn move_on(&mut self, cancel: &Cancel) -> Result<Option<Option<Point>>> {
+        loop {
+            if self.branch.advance(&mut self.problem, cancel)? == Advance::Stalled {
+                return Ok(None);
+            }
+            let Some((a, segment)) = self.branch.previous().cloned().zip(self.branch.segment())
+            else {
+                return Ok(Some(None));
+            };
+            let point = self.branch.point().clone();
+            if a.orientation * point.orientation > 0.0 {
+                return Ok(Some(None));
+            }
+            let mut work = Workspace::new(a.y().len());
+            let same = |p: &Point| p.orientation == a.orientation;
+            match segment.jump(&mut self.problem, &mut work, cancel, same)? {
+                Jump::At(crossed) => return Ok(Some(Some(crossed))),
+                Jump::Torn if self.branch.retreat() => {}
+                Jump::Torn => return Ok(None),
+            }
+        }
+    }
+
+    /// Error and stability of the present point; the workspace still holds its linearisation.
+    fn record(&mut self) -> Result<()> {
+        let point = self.branch.point().clone();
+        let floquet = if self.settings.stability {
+            self.problem.set_parameter(point.p());
+            stability::exponents(
+                &mut self.problem,
+                self.branch.work.out.jacobian.as_ref(),
+                point.y(),
+            )?
+        } else {
+            None
+        };
+        self.problem.set_parameter(point.p());
+        let error = self.estimator.estimate(&self.problem, point.y())?.error;
+        self.last.clone_from(&floquet);
+        self.records.push(Record {
+            y: point.y().to_vec(),
+            p: point.p(),
+            error,
+            floquet,
+            step: point.step,
+            iterations: point.iterations,
+        });
+        self.count += 1;
+        Ok(())
+    }
+
+    fn find_events(
+        &mut self,
+        before: Option<&Floquet>,
+        crossed: Option<Point>,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let (Some(a), Some(segment)) = (self.branch.previous().cloned(), self.branch.segment())
+        else {
+            return Ok(());
+        };
+        let b = self.branch.point().clone();
+        let mut static_change = 0;
+        if a.p_slope() * b.p_slope() < 0.0 {
+            static_change += 1;
+            let ends = (a.p_slope(), b.p_slope());
+            let work = &mut self.branch.work;
+            let found = segment.zero(&mut self.problem, work, cancel, ends, |_, p, _| {
+                Ok(p.p_slope())
+            })?;
+            self.push_event(Kind::Fold, found, None);
+        }
+        if crossed.is_some() {
+            static_change += 1;
+            self.push_event(Kind::BranchPoint, crossed, None);
+        }
+        if let (Some(before), Some(after)) = (before, self.last.clone()) {
+            self.find_crossing(&segment, before, &after, static_change, cancel)?;
+        }
+        Ok(())
+    }
+
+    /// A root that crosses the imaginary axis otherwise than through zero.
+    fn find_crossing(
+        &mut self,
+        segment: &Segment,
+        a: &Floquet,
+        b: &Floquet,
+        static_change: usize,
+        cancel: &Cancel,
+    ) -> Result<()> {
+        let w0 = self.problem.base_frequency();
+        let (n_a, n_b) = (unstable(&a.exponents, w0), unstable(&b.exponents, w0));
+        if n_a.abs_diff(n_b) <= static_change {
+            return Ok(());
+        }
+        let rank = n_a.min(n_b);
+        let ends = (
+            nth_growth(&a.exponents, rank),
+            nth_growth(&b.exponents, rank),
+        );
+        if ends.0 * ends.1 >= 0.0 {
+            return Ok(());
+        }
+        let mut exponent = c64::new(0.0, 0.0);
+        let growth = |problem: &mut Problem, point: &Point, out: &Linearisation| -> Result<f64> {
+            problem.set_parameter(point.p());
+            let floquet = stability::exponents(problem, out.jacobian.as_ref(), point.y())?;
+            let sorted = by_growth(floquet.map(|f| f.exponents).unwrap_or_default());
+            exponent = sorted.get(rank).copied().unwrap_or(c64::new(f64::NAN, 0.0));
+            Ok(exponent.re)
+        };
+        let found = segment.zero(
+            &mut self.problem,
+            &mut self.branch.work,
+            cancel,
+            ends,
+            growth,
+        )?;
+        let w0 = self.problem.base_frequency(); // that of the point found
+        let distance = (exponent.im.abs() / w0 - 0.5).abs();
+        let kind = if distance < 1e-4 {
+            Kind::PeriodDoubling
+        } else if exponent.im.abs() < 1e-4 * w0 {
+            Kind::BranchPoint
+        } else {
+            Kind::NeimarkSacker
+        };
+        self.push_event(kind, found, Some(exponent));
+        Ok(())
+    }
+
+    fn push_event(&mut self, kind: Kind, point: Option<Point>, exponent: Option<c64>) {
+        if let Some(point) = point {
+            let before = self.count - 1;
+            self.events.push(Event {
+                kind,
+                y: point.y().to_vec(),
+                p: point.p(),
+                exponent,
+                before,
+            });
+        }
+    }
+}
+
+/// Exponents with a positive real part.
+pub fn unstable(exponents: &[c64], w0: f64) -> usize {
+    exponents.iter().filter(|s| s.re > NEUTRAL * w0).count()
+}
+
+fn by_growth(mut exponents: Vec<c64>) -> Vec<c64> {
+    exponents.sort_by(|a, b| b.re.total_cmp(&a.re));
+    exponents
+}
+
+fn nth_growth(exponents: &[c64], n: usize) -> f64 {
+    by_growth(exponents.to_vec())
+        .get(n)
+        .map_or(f64::NAN, |s| s.re)
+}

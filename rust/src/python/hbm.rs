@@ -1,0 +1,414 @@
+//! Harmonic balance for Python: a problem object that solves, estimates and follows branches.
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use faer::Mat;
+use numpy::{Complex64, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::border::{guarded, interruptible, matrix, to_numpy};
+use super::hbm_branch::find_peak;
+use super::hbm_linear::HbmLinear;
+use crate::analysis::hbm::autonomous;
+use crate::analysis::hbm::basis::Basis;
+use crate::analysis::hbm::estimate::{Estimate, Estimator};
+use crate::analysis::hbm::problem::{Element, Parameter, Problem};
+use crate::analysis::hbm::start;
+use crate::analysis::stability;
+use crate::error::{Error, Result};
+use crate::laws::Law;
+use crate::solve::newton::{Options, Outcome};
+use crate::solve::{Curve, Linearisation};
+
+type Array<'py, T> = Bound<'py, PyArray1<T>>;
+type Matrix<'py> = Bound<'py, PyArray2<f64>>;
+
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(law_force, module)?)?;
+    module.add_class::<HbmProblem>()?;
+    module.add_class::<HbmElements>()?;
+    module.add_class::<HbmLinear>()
+}
+
+pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Force of one law along a history of displacements and rates; the memory starts at zero.
+#[pyfunction]
+fn law_force<'py>(
+    py: Python<'py>,
+    code: i64,
+    values: Vec<f64>,
+    u: PyReadonlyArray1<'_, f64>,
+    v: PyReadonlyArray1<'_, f64>,
+) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let law = Law::from_code(code, values.len())?;
+    let (u, v) = (u.as_array(), v.as_array());
+    let mut memory = vec![0.0; law.n_memory()];
+    let force = u
+        .iter()
+        .zip(v.iter())
+        .map(|(u, v)| law.eval(*u, *v, &values, &mut memory))
+        .collect();
+    Ok(PyArray1::from_vec(py, force))
+}
+
+/// Laws on directions; the parameters of all of them lie in one vector.
+#[pyclass(frozen)]
+pub struct HbmElements(Vec<Element>);
+
+#[pymethods]
+impl HbmElements {
+    /// Element e has the law `code[e]` with `count[e]` numbers, and the entries `start[e]..start[e+1]` of its direction.
+    #[new]
+    fn new(
+        code: Vec<i64>,
+        count: Vec<usize>,
+        values: Vec<f64>,
+        start: Vec<usize>,
+        index: Vec<usize>,
+        weight: Vec<f64>,
+    ) -> PyResult<Self> {
+        let n = code.len();
+        if count.len() != n || start.len() != n + 1 || index.len() != weight.len() {
+            return Err(Error::model("elements: arrays of different lengths").into());
+        }
+        let mut elements = Vec::new();
+        let mut at = 0;
+        for e in 0..n {
+            let law = Law::from_code(code[e], count[e])?;
+            let params = values.get(at..at + count[e]);
+            let range = start[e]..start[e + 1];
+            let (Some(params), Some(index), Some(weight)) =
+                (params, index.get(range.clone()), weight.get(range))
+            else {
+                return Err(Error::model(format!("element {e}: numbers are missing")).into());
+            };
+            at += count[e];
+            let direction = index.iter().copied().zip(weight.iter().copied()).collect();
+            elements.push(Element {
+                law,
+                params: params.to_vec(),
+                direction,
+            });
+        }
+        Ok(Self(elements))
+    }
+}
+
+/// One set of terms, forces and samples; `omega` may be changed by every call.
+#[pyclass(frozen)]
+pub struct HbmProblem {
+    inner: Arc<Mutex<Problem>>,
+    pub fine: Vec<usize>,
+}
+
+#[pymethods]
+impl HbmProblem {
+    /// `indices` (n_terms, p) of the terms whose forces `linear` holds; `dims`, `fine` samples per dimension, the second for estimates.
+    #[new]
+    fn new(
+        linear: &HbmLinear,
+        elements: &HbmElements,
+        indices: Vec<Vec<i32>>,
+        subharmonic: i32,
+        omega: Vec<f64>,
+        dims: Vec<usize>,
+        fine: Vec<usize>,
+    ) -> PyResult<Self> {
+        let linear = lock(&linear.0).copied()?;
+        let basis = Basis {
+            indices,
+            subharmonic: f64::from(subharmonic),
+        };
+        check(
+            &basis,
+            &elements.0,
+            linear.full_size(),
+            &dims,
+            &fine,
+            &omega,
+        )?;
+        let problem = Problem::new(basis, linear, elements.0.clone(), omega, &dims)?;
+        Ok(Self {
+            inner: Arc::new(Mutex::new(problem)),
+            fine,
+        })
+    }
+
+    /// Number of unknowns.
+    #[getter]
+    fn size(&self) -> usize {
+        lock(&self.inner).size()
+    }
+
+    /// Residual and Jacobian at the coefficients y (harmonic by harmonic) for the base frequencies omega.
+    fn residual<'py>(
+        &self,
+        py: Python<'py>,
+        y: PyReadonlyArray1<'_, f64>,
+        omega: Vec<f64>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let y = y.as_slice()?.to_vec();
+        let out = guarded(py, || {
+            let mut problem = self.at(&omega, y.len())?;
+            let mut out = Linearisation::new(y.len());
+            problem.parameter = Parameter::Omega(0);
+            problem.linearise(&y, omega[0], &mut out)?;
+            Ok(out)
+        })?;
+        let dict = PyDict::new(py);
+        dict.set_item("residual", PyArray1::from_vec(py, out.residual))?;
+        dict.set_item("jacobian", to_numpy(py, out.jacobian.as_ref()))?;
+        dict.set_item("slope", PyArray1::from_vec(py, out.slope))?;
+        Ok(dict)
+    }
+
+    /// One solution, started at y.
+    #[pyo3(signature = (y, omega, level=1.0, tolerance=1e-10, max_iterations=50))]
+    fn solve<'py>(
+        &self,
+        py: Python<'py>,
+        y: PyReadonlyArray1<'_, f64>,
+        omega: Vec<f64>,
+        level: f64,
+        tolerance: f64,
+        max_iterations: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let mut y = y.as_slice()?.to_vec();
+        drop(self.at(&omega, y.len())?);
+        let (inner, fine) = (self.inner.clone(), self.fine.clone());
+        let options = Options {
+            tolerance,
+            max_iterations,
+        };
+        let solved = interruptible(py, move |cancel| {
+            let mut problem = lock(&inner);
+            problem.omega = omega;
+            problem.level = level;
+            problem.evaluations = 0;
+            let outcome = start::solve(&mut problem, &mut y, options, cancel)?;
+            let estimate = Estimator::new(&problem, &fine)?.estimate(&problem, &y)?;
+            let all = problem.expand(&y)?;
+            Ok(Solved {
+                y,
+                all,
+                outcome,
+                estimate,
+                evaluations: problem.evaluations,
+                factorisations: problem.factorisations,
+                broken: problem.broken,
+            })
+        })?;
+        solved.to_dict(py)
+    }
+
+    /// A limit cycle from the guess z = [y, omega].
+    #[pyo3(signature = (z, tolerance=1e-10, max_iterations=50))]
+    fn cycle<'py>(
+        &self,
+        py: Python<'py>,
+        z: PyReadonlyArray1<'_, f64>,
+        tolerance: f64,
+        max_iterations: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let mut z = z.as_slice()?.to_vec();
+        let mut problem = self.separate()?;
+        if z.len() != problem.size() + 1 {
+            return Err(Error::model("coefficients of a wrong size").into());
+        }
+        let fine = self.fine.clone();
+        let options = Options {
+            tolerance,
+            max_iterations,
+        };
+        let (z, outcome, error, evaluations) = interruptible(py, move |cancel| {
+            let outcome = autonomous::solve(&mut problem, &mut z, options, cancel)?;
+            let error = autonomous::estimate(&problem, &z, &fine)?;
+            Ok((z, outcome, error, problem.evaluations))
+        })?;
+        let dict = PyDict::new(py);
+        dict.set_item("z", PyArray1::from_vec(py, z))?;
+        dict.set_item("converged", outcome.converged)?;
+        dict.set_item("reason", outcome.reason)?;
+        dict.set_item("iterations", outcome.iterations)?;
+        dict.set_item("evaluations", evaluations)?;
+        dict.set_item("error", error)?;
+        Ok(dict)
+    }
+
+    /// Floquet exponents of a solution (None where they cannot be told), and the monodromy matrix if asked for.
+    #[pyo3(signature = (y, omega, monodromy=false))]
+    fn floquet<'py>(
+        &self,
+        py: Python<'py>,
+        y: PyReadonlyArray1<'_, f64>,
+        omega: Vec<f64>,
+        monodromy: bool,
+    ) -> PyResult<(Option<Array<'py, Complex64>>, Option<Matrix<'py>>)> {
+        let y = y.as_slice()?.to_vec();
+        drop(self.at(&omega, y.len())?);
+        let mut problem = self.separate()?;
+        let (exponents, matrix) = interruptible(py, move |_| {
+            let mut out = Linearisation::new(y.len());
+            problem.linearise(&y, omega[0], &mut out)?;
+            let floquet = stability::exponents(&mut problem, out.jacobian.as_ref(), &y)?;
+            let matrix = if monodromy {
+                Some(stability::monodromy(&mut problem, &y)?)
+            } else {
+                None
+            };
+            Ok((floquet.map(|f| f.exponents), matrix))
+        })?;
+        let exponents = exponents.map(|e| PyArray1::from_vec(py, e));
+        Ok((exponents, matrix.map(|m| to_numpy(py, m.as_ref()))))
+    }
+
+    /// The maximum of one harmonic, or without a term of the displacement, near the solution y: (omega, y).
+    fn peak<'py>(
+        &self,
+        py: Python<'py>,
+        y: PyReadonlyArray1<'_, f64>,
+        omega: f64,
+        level: f64,
+        coordinate: usize,
+        term: Option<usize>,
+    ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
+        let y = y.as_slice()?.to_vec();
+        let mut problem = self.separate()?;
+        let coordinate = problem.linear.retain(&[(coordinate, 1.0)])?[0].0;
+        if y.len() != problem.size() || term.is_some_and(|t| t > problem.basis.n_harmonics()) {
+            return Err(Error::model("no such coordinate or harmonic").into());
+        }
+        problem.omega[0] = omega;
+        problem.level = level;
+        let (omega, y) = interruptible(py, move |cancel| {
+            find_peak(&mut problem, &y, coordinate, term, cancel)
+        })?;
+        Ok((omega, PyArray1::from_vec(py, y)))
+    }
+
+    /// All coordinates (n, n_c) of a vector y.
+    fn expand<'py>(
+        &self,
+        py: Python<'py>,
+        y: PyReadonlyArray1<'_, f64>,
+        omega: Vec<f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let y = y.as_slice()?.to_vec();
+        let all = guarded(py, || self.at(&omega, y.len())?.expand(&y))?;
+        Ok(to_numpy(py, all.as_ref()).into_any())
+    }
+
+    /// The vector y of all coordinates X (n, n_c).
+    fn restrict<'py>(
+        &self,
+        py: Python<'py>,
+        x: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let x = matrix(&x);
+        let problem = lock(&self.inner);
+        if x.nrows() != problem.linear.full_size() || x.ncols() != problem.basis.n_coefficients() {
+            return Err(Error::model("coefficients of a wrong shape").into());
+        }
+        let mut y = vec![0.0; problem.size()];
+        for (c, part) in y.chunks_exact_mut(problem.n()).enumerate() {
+            let column: Vec<f64> = (0..x.nrows()).map(|i| x[(i, c)]).collect();
+            problem.linear.restrict(&column, part);
+        }
+        Ok(PyArray1::from_vec(py, y))
+    }
+}
+
+impl HbmProblem {
+    /// A copy that another computation may change.
+    pub fn separate(&self) -> Result<Problem> {
+        let problem = lock(&self.inner);
+        problem.on(problem.basis.clone(), &problem.dims())
+    }
+
+    fn at(&self, omega: &[f64], size: usize) -> Result<MutexGuard<'_, Problem>> {
+        let mut problem = lock(&self.inner);
+        if omega.len() != problem.omega.len() || size != problem.size() {
+            return Err(Error::model("coefficients or frequencies of a wrong size"));
+        }
+        problem.omega.copy_from_slice(omega);
+        Ok(problem)
+    }
+}
+
+struct Solved {
+    y: Vec<f64>,
+    all: Mat<f64>,
+    outcome: Outcome,
+    estimate: Estimate,
+    evaluations: u64,
+    factorisations: u64,
+    broken: Option<usize>,
+}
+
+impl Solved {
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        dict.set_item("y", PyArray1::from_slice(py, &self.y))?;
+        dict.set_item("X", to_numpy(py, self.all.as_ref()))?;
+        dict.set_item("converged", self.outcome.converged)?;
+        dict.set_item("reason", self.outcome.reason)?;
+        dict.set_item("iterations", self.outcome.iterations)?;
+        dict.set_item("evaluations", self.evaluations)?;
+        dict.set_item("factorisations", self.factorisations)?;
+        dict.set_item("step", self.outcome.step)?;
+        dict.set_item("error", self.estimate.error)?;
+        dict.set_item("error_retained", self.estimate.retained)?;
+        dict.set_item("broken", self.broken)?;
+        Ok(dict)
+    }
+}
+
+/// What the core relies on; Python has said the same in the words of the user before.
+fn check(
+    basis: &Basis,
+    elements: &[Element],
+    n: usize,
+    dims: &[usize],
+    fine: &[usize],
+    omega: &[f64],
+) -> Result<()> {
+    let p = dims.len();
+    if n == 0
+        || p == 0
+        || fine.len() != p
+        || omega.len() != p
+        || basis.indices.iter().any(|k| k.len() != p)
+    {
+        return Err(Error::model(
+            "harmonic balance: frequencies, indices and samples do not match",
+        ));
+    }
+    let reach = basis.reach();
+    if dims
+        .iter()
+        .chain(fine)
+        .zip(reach.iter().cycle())
+        .any(|(n, k)| *n < 2 * k + 1)
+    {
+        return Err(Error::model(
+            "harmonic balance: fewer samples than coefficients",
+        ));
+    }
+    if elements
+        .iter()
+        .any(|e| e.direction.iter().any(|(i, _)| *i >= n))
+    {
+        return Err(Error::model(
+            "harmonic balance: a direction beyond the last coordinate",
+        ));
+    }
+    if basis.subharmonic < 1.0 {
+        return Err(Error::model(
+            "harmonic balance: a subharmonic order below one",
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,305 @@
+//! Branches of harmonic balance for Python: stepped in chunks, so that the caller sees points, progress and Ctrl-C.
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+use numpy::{Complex64, PyArray1, PyArray2, PyReadonlyArray1};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+use super::border::interruptible;
+use super::hbm::{HbmProblem, lock};
+use crate::analysis::hbm::peak;
+use crate::analysis::hbm::problem::{Parameter, Problem};
+use crate::analysis::hbm::response::{Event, Follower, Kind, Record, Settings, Status, unstable};
+use crate::analysis::hbm::start;
+use crate::error::{Error, Result};
+use crate::run::Cancel;
+use crate::solve::corrector::{Corrector, Options, Predictor};
+use crate::solve::{Curve, newton};
+
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<HbmBranch>()
+}
+
+/// A branch with its problem; every call of `run` appends points.
+#[pyclass(frozen)]
+pub struct HbmBranch {
+    inner: Arc<Mutex<Follower>>,
+}
+
+struct Chunk {
+    records: Vec<Record>,
+    events: Vec<Event>,
+    status: Status,
+    base: f64,
+    corrections: u64,
+    factorisations: u64,
+}
+
+#[pymethods]
+impl HbmBranch {
+    /// Solves at `begin` from the guess y; goes first along `towards` = [dy, dp], and until the parameter, "omega" or "level", leaves
+    /// the range from `start` to `stop`.
+    #[new]
+    #[pyo3(signature = (problem, y, omega, level, parameter, begin, start, stop, *, predictor, corrector, first_step, least_step,
+        largest_step, tolerance, stability, events, towards=None))]
+    #[expect(clippy::too_many_arguments)]
+    fn new(
+        py: Python<'_>,
+        problem: &HbmProblem,
+        y: PyReadonlyArray1<'_, f64>,
+        omega: f64,
+        level: f64,
+        parameter: &str,
+        begin: f64,
+        start: f64,
+        stop: f64,
+        predictor: &str,
+        corrector: &str,
+        first_step: f64,
+        least_step: f64,
+        largest_step: f64,
+        tolerance: f64,
+        stability: bool,
+        events: bool,
+        towards: Option<PyReadonlyArray1<'_, f64>>,
+    ) -> PyResult<Self> {
+        let options = options(
+            predictor,
+            corrector,
+            [first_step, least_step, largest_step],
+            tolerance,
+            (stop - start).abs(),
+        )?;
+        let settings = Settings {
+            options,
+            from: start,
+            to: stop,
+            stability,
+            events,
+        };
+        let parameter = match parameter {
+            "omega" => Parameter::Omega(0),
+            "level" => Parameter::Level,
+            other => {
+                return Err(
+                    Error::model(format!("no continuation parameter is called {other}")).into(),
+                );
+            }
+        };
+        let mut y = y.as_slice()?.to_vec();
+        let fine = problem.fine.clone();
+        let mut copy = problem.separate()?;
+        copy.omega[0] = omega;
+        copy.level = level;
+        copy.parameter = parameter;
+        let towards = towards
+            .map(|t| t.as_slice().map(<[f64]>::to_vec))
+            .transpose()?;
+        if y.len() != copy.size() || towards.as_ref().is_some_and(|t| t.len() != y.len() + 1) {
+            return Err(Error::model("a branch starts with coefficients of a wrong size").into());
+        }
+        let follower = interruptible(py, move |cancel| {
+            copy.set_parameter(begin);
+            first(copy, &fine, &mut y, towards.as_deref(), settings, cancel)
+        })?;
+        Ok(Self {
+            inner: Arc::new(Mutex::new(follower)),
+        })
+    }
+
+    /// Goes on for at most so many points and seconds; returns what is new.
+    fn run<'py>(
+        &self,
+        py: Python<'py>,
+        points: usize,
+        seconds: f64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let inner = self.inner.clone();
+        let chunk = interruptible(py, move |cancel| {
+            let begin = Instant::now();
+            let mut follower = lock(&inner);
+            while follower.status == Status::Going
+                && follower.records.len() < points
+                && begin.elapsed().as_secs_f64() < seconds
+            {
+                follower.advance(cancel)?;
+            }
+            Ok(Chunk {
+                base: follower.problem.base_frequency(),
+                corrections: follower.corrections(),
+                factorisations: follower.factorisations(),
+                status: follower.status,
+                records: std::mem::take(&mut follower.records),
+                events: std::mem::take(&mut follower.events),
+            })
+        })?;
+        chunk.to_dict(py)
+    }
+}
+
+fn first(
+    mut problem: Problem,
+    fine: &[usize],
+    y: &mut [f64],
+    towards: Option<&[f64]>,
+    settings: Settings,
+    cancel: &Cancel,
+) -> Result<Follower> {
+    let newton = newton::Options {
+        tolerance: settings.options.tolerance,
+        max_iterations: 60,
+    };
+    let outcome = start::solve(&mut problem, y, newton, cancel)?;
+    if outcome.converged {
+        return Follower::start(problem, fine, y, towards, settings);
+    }
+    let what = match problem.broken {
+        Some(e) => format!("elements[{e}] returned a force that is not finite"),
+        None => outcome.reason.to_string(),
+    };
+    let message =
+        format!("the first point of the branch was not found: {what}; begin elsewhere or give x0");
+    Err(Error::Convergence {
+        message,
+        best: y.to_vec(),
+        residual: outcome.step,
+    })
+}
+
+pub fn options(
+    predictor: &str,
+    corrector: &str,
+    steps: [f64; 3],
+    tolerance: f64,
+    scale: f64,
+) -> Result<Options> {
+    let predictor = match predictor {
+        "tangent" => Predictor::Tangent,
+        "secant" => Predictor::Secant,
+        "lagrange" => Predictor::Lagrange,
+        other => {
+            return Err(Error::model(format!(
+                "no predictor is called {other}; use tangent, secant or lagrange"
+            )));
+        }
+    };
+    let corrector = match corrector {
+        "pseudo-arclength" => Corrector::PseudoArclength,
+        "arclength" => Corrector::Arclength,
+        "moore-penrose" => Corrector::MoorePenrose,
+        other => {
+            let message = format!(
+                "no corrector is called {other}; use pseudo-arclength, arclength or moore-penrose"
+            );
+            return Err(Error::model(message));
+        }
+    };
+    Ok(Options {
+        predictor,
+        corrector,
+        tolerance,
+        max_corrections: 8,
+        first_step: steps[0],
+        least_step: steps[1],
+        largest_step: steps[2],
+        parameter_scale: scale,
+    })
+}
+
+impl Chunk {
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        let column = |f: &dyn Fn(&Record) -> f64| {
+            PyArray1::from_vec(py, self.records.iter().map(f).collect())
+        };
+        dict.set_item("p", column(&|r| r.p))?;
+        dict.set_item("error", column(&|r| r.error))?;
+        dict.set_item("step", column(&|r| r.step))?;
+        dict.set_item("iterations", column(&|r| r.iterations as f64))?;
+        let stable = |r: &Record| match &r.floquet {
+            Some(f) if f.exponents.iter().all(|s| s.re.is_finite()) => {
+                f64::from(u8::from(unstable(&f.exponents, self.base) == 0))
+            }
+            _ => f64::NAN,
+        };
+        dict.set_item("stable", column(&stable))?;
+        let ys: Vec<Vec<f64>> = self.records.iter().map(|r| r.y.clone()).collect();
+        dict.set_item(
+            "y",
+            PyArray2::from_vec2(py, &ys).map_err(|e| Error::model(e.to_string()))?,
+        )?;
+        let exponents: Vec<Vec<Complex64>> = self
+            .records
+            .iter()
+            .filter_map(|r| r.floquet.as_ref().map(|f| f.exponents.clone()))
+            .collect();
+        if !exponents.is_empty() && exponents.len() == self.records.len() {
+            dict.set_item(
+                "exponents",
+                PyArray2::from_vec2(py, &exponents).map_err(|e| Error::model(e.to_string()))?,
+            )?;
+        }
+        let fallbacks = self
+            .records
+            .iter()
+            .filter(|r| r.floquet.as_ref().is_some_and(|f| !f.by_hill))
+            .count();
+        dict.set_item("monodromies", fallbacks)?;
+        let events = PyList::empty(py);
+        for event in &self.events {
+            events.append(event_dict(py, event)?)?;
+        }
+        dict.set_item("events", events)?;
+        dict.set_item("corrections", self.corrections)?;
+        dict.set_item("factorisations", self.factorisations)?;
+        dict.set_item(
+            "status",
+            match self.status {
+                Status::Going => "going",
+                Status::End => "end",
+                Status::Start => "start",
+                Status::Stalled => "stalled",
+            },
+        )?;
+        Ok(dict)
+    }
+}
+
+fn event_dict<'py>(py: Python<'py>, event: &Event) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item(
+        "kind",
+        match event.kind {
+            Kind::Fold => "fold",
+            Kind::BranchPoint => "branch-point",
+            Kind::NeimarkSacker => "neimark-sacker",
+            Kind::PeriodDoubling => "period-doubling",
+        },
+    )?;
+    dict.set_item("p", event.p)?;
+    dict.set_item("y", PyArray1::from_slice(py, &event.y))?;
+    dict.set_item("exponent", event.exponent.map(|s| (s.re, s.im)))?;
+    dict.set_item("before", event.before)?;
+    Ok(dict)
+}
+
+/// The largest amplitude of a term (or the largest displacement) of one coordinate near the solution y: (omega, y).
+pub fn find_peak(
+    problem: &mut Problem,
+    y: &[f64],
+    coordinate: usize,
+    term: Option<usize>,
+    cancel: &Cancel,
+) -> Result<(f64, Vec<f64>)> {
+    let scale = problem.omega[0];
+    let options = options(
+        "tangent",
+        "pseudo-arclength",
+        [1e-3, 1e-10, 0.05],
+        1e-11,
+        scale,
+    )?;
+    let point = peak::find(problem, y, coordinate, term, options, cancel)?;
+    Ok((point.p(), point.y().to_vec()))
+}

@@ -1,0 +1,42 @@
+//! Solvers for R(y, p) = 0 that know nothing of mechanics.
+pub mod continuation;
+pub mod corrector;
+pub mod newton;
+pub mod segment;
+
+use faer::Mat;
+
+use crate::error::Result;
+
+/// R, dR/dy and dR/dp at one point; owned by the caller and used again.
+#[derive(Debug, Clone)]
+pub struct Linearisation {
+    pub residual: Vec<f64>,
+    pub jacobian: Mat<f64>,
+    pub slope: Vec<f64>,
+}
+
+impl Linearisation {
+    pub fn new(n: usize) -> Linearisation {
+        Linearisation {
+            residual: vec![0.0; n],
+            jacobian: Mat::zeros(n, n),
+            slope: vec![0.0; n],
+        }
+    }
+
+    pub fn is_finite(&self) -> bool {
+        self.residual.iter().all(|x| x.is_finite())
+    }
+}
+
+/// n equations in n unknowns y and one parameter p.
+pub trait Curve {
+    fn size(&self) -> usize;
+    /// Residual, Jacobian and slope by the parameter.
+    fn linearise(&mut self, y: &[f64], parameter: f64, out: &mut Linearisation) -> Result<()>;
+    /// The residual alone.
+    fn residual(&mut self, y: &[f64], parameter: f64, out: &mut Linearisation) -> Result<()>;
+    /// Sizes of the unknowns, all positive: what steps are measured against.
+    fn scale(&self, y: &[f64], out: &mut [f64]);
+}

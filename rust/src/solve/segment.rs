@@ -1,0 +1,169 @@
+//! Points between two neighbours of a branch: where a function along the branch vanishes, or where it jumps.
+use super::corrector::{Corrector, Options, Point, Target, Workspace, correct, scaled};
+use super::{Curve, Linearisation};
+use crate::error::Result;
+use crate::run::Cancel;
+
+/// The branch between two points, parametrised by the distance s along the tangent of the first. Every trial is corrected onto the
+/// branch, so that what comes back is a solution as well.
+pub struct Segment {
+    scale: Vec<f64>,
+    centre: Vec<f64>,
+    direction: Vec<f64>,
+    far: Vec<f64>,
+    length: f64,
+    options: Options,
+}
+
+/// A place on the segment: distance, value of the function, scaled unknowns.
+type Place = (f64, f64, Vec<f64>);
+
+impl Segment {
+    pub fn new(a: &Point, b: &Point, options: Options) -> Segment {
+        let scale = a.scale.clone();
+        let centre = scaled(&a.z, &scale);
+        let direction = scaled(&a.tangent, &scale);
+        let far = scaled(&b.z, &scale);
+        let length = far
+            .iter()
+            .zip(&centre)
+            .zip(&direction)
+            .map(|((f, c), d)| (f - c) * d)
+            .sum();
+        let options = Options {
+            tolerance: options.tolerance.min(1e-11),
+            ..options
+        };
+        Segment {
+            scale,
+            centre,
+            direction,
+            far,
+            length,
+            options,
+        }
+    }
+
+    /// The solution at the distance s, started between two places.
+    fn at(
+        &self,
+        curve: &mut dyn Curve,
+        work: &mut Workspace,
+        s: f64,
+        low: &Place,
+        high: &Place,
+    ) -> Result<Option<Point>> {
+        let t = (s - low.0) / (high.0 - low.0);
+        let start = low
+            .2
+            .iter()
+            .zip(&high.2)
+            .map(|(l, h)| l + t * (h - l))
+            .collect();
+        let target = Target {
+            scale: &self.scale,
+            centre: &self.centre,
+            direction: &self.direction,
+            distance: s,
+            corrector: Corrector::PseudoArclength,
+        };
+        correct(curve, work, &target, start, &self.options)
+    }
+
+    /// Zero of `f`, whose values at the ends have opposite signs; `f` also sees the linearisation at the trial.
+    pub fn zero<C: Curve>(
+        &self,
+        curve: &mut C,
+        work: &mut Workspace,
+        cancel: &Cancel,
+        ends: (f64, f64),
+        mut f: impl FnMut(&mut C, &Point, &Linearisation) -> Result<f64>,
+    ) -> Result<Option<Point>> {
+        let mut low = (0.0, ends.0, self.centre.clone());
+        let mut high = (self.length, ends.1, self.far.clone());
+        let mut best = None;
+        // Illinois: an end that stays has its value halved, so that the other one moves too
+        let mut weights = (1.0, 1.0);
+        for _ in 0..60 {
+            cancel.check()?;
+            let (fa, fb) = (low.1 * weights.0, high.1 * weights.1);
+            let mut s = low.0 + (high.0 - low.0) * fa / (fa - fb);
+            if !(s > low.0.min(high.0) && s < low.0.max(high.0)) {
+                s = 0.5 * (low.0 + high.0);
+            }
+            let Some(point) = self.at(curve, work, s, &low, &high)? else {
+                return Ok(best);
+            };
+            let value = f(curve, &point, &work.out)?;
+            let x = scaled(&point.z, &self.scale);
+            best = Some(point);
+            if (value < 0.0) == (low.1 < 0.0) {
+                low = (s, value, x);
+                weights = (1.0, weights.1 * 0.5);
+            } else {
+                high = (s, value, x);
+                weights = (weights.0 * 0.5, 1.0);
+            }
+            let narrow = (high.0 - low.0).abs() <= 1e-13 * self.length.abs();
+            if narrow || value.abs() <= 1e-13 * ends.0.abs().max(ends.1.abs()) {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Where `like_first` turns false: for properties that jump, such as the sign of a determinant.
+    pub fn jump<C: Curve>(
+        &self,
+        curve: &mut C,
+        work: &mut Workspace,
+        cancel: &Cancel,
+        like_first: impl Fn(&Point) -> bool,
+    ) -> Result<Jump> {
+        let mut low = (0.0, 0.0, self.centre.clone());
+        let mut high = (self.length, 0.0, self.far.clone());
+        let mut best = None;
+        while (high.0 - low.0).abs() > 1e-9 * self.length.abs() {
+            cancel.check()?;
+            // the corrector may fail at the point itself, where the equations are singular, but not also beside it
+            let mut found = None;
+            for t in [0.5, 0.37, 0.71] {
+                let s = low.0 + t * (high.0 - low.0);
+                if let Some(point) = self.at(curve, work, s, &low, &high)? {
+                    found = Some((s, point));
+                    break;
+                }
+            }
+            let Some((s, point)) = found else {
+                break;
+            };
+            let place = (s, 0.0, scaled(&point.z, &self.scale));
+            if like_first(&point) {
+                low = place;
+            } else {
+                high = place;
+            }
+            best = Some(point);
+        }
+        let gap = low
+            .2
+            .iter()
+            .zip(&high.2)
+            .map(|(a, b)| (a - b).powi(2))
+            .sum::<f64>()
+            .sqrt();
+        // on one branch the two sides approach each other as s does
+        let narrowed = (high.0 - low.0).abs() < 1e-3 * self.length.abs();
+        if !narrowed || gap > 10.0 * (high.0 - low.0).abs() + 1e-6 {
+            return Ok(Jump::Torn);
+        }
+        Ok(best.map_or(Jump::Torn, Jump::At))
+    }
+}
+
+/// What lies between two points with different properties.
+pub enum Jump {
+    At(Point),
+    /// the points belong to different branches
+    Torn,
+}
