@@ -40,7 +40,7 @@ class FrfReduction:
     @property
     def counts(self) -> dict[str, int]: ...
     def evaluate(
-        self, l: _F2, f: _F2, order_in: _Ints, d0: _F2 | None, order_out: int, omega: _F1
+        self, l: _F2, f: _F2, order_in: _Ints, d0: _F2 | None, order_out: int, omega: _F1, modes: int | None = None
     ) -> dict[str, Any]: ...
     def sensitivity(
         self,
@@ -218,4 +218,16 @@ def directions(
 _Csc = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]
 
 def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
+def sparse_count(m: _Csc, k: _Csc, below: float) -> int | None: ...
+def sparse_frf(
+    m: _Csc,
+    d: _Csc | None,
+    s: _Csc,
+    l: _F2,
+    f: _F2,
+    order_in: _Ints,
+    d0: _F2 | None,
+    order_out: int,
+    omega: _F1,
+) -> dict[str, Any]: ...
 def mixed_modes(m: _Csc, a: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...

@@ -7,6 +7,7 @@ pub mod frf;
 mod frf_routes;
 pub mod frf_sensitivity;
 mod frf_singular;
+pub mod frf_sparse;
 pub mod hbm;
 pub mod history;
 pub mod linearize;
