@@ -30,10 +30,11 @@ class NonlinearSystem(MechanicalSystem):
 
 
 def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> NonlinearSystem:
-    """M x" + (C + G) x' + (K + N) x + sum_e w_e (law_e(u_e + w_e . x, w_e . x') - law_e(u_e, 0)) = f of a model about a state.
+    """M x" + (C + G) x' + (K + N) x + sum_e w_e (law_e(u_e + w_e . x, w_e . x') - law_e(u_e, 0)) = f about a state.
 
-    Geometry is linear in the minimal coordinates x, laws are not: the matrices hold everything but the slopes of the laws, and every
-    ``law=`` of a spring or joint becomes an element along the gradient w_e (dof,) of its displacement, which is u_e at the state.
+    Geometry is linear in the minimal coordinates x, laws are not: the matrices hold everything but the slopes of the
+    laws, and every ``law=`` of a spring or joint becomes an element along the gradient w_e (dof,) of its displacement,
+    which is u_e at the state.
 
     Parameters
     ----------
@@ -52,7 +53,8 @@ def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> 
     Raises
     ------
     ModelError
-        A law that moves at the state, or that is displaced there and has no shifted form (sliders, `VanDerPol`, `VaryingStiffness`).
+        A law that moves at the state, or that is displaced there and has no shifted form (sliders, `VanDerPol`,
+        `VaryingStiffness`).
 
     Warns
     -----
@@ -61,7 +63,8 @@ def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> 
 
     Notes
     -----
-    Where joints constrain velocities, the coordinates they leave stay at zero mean (see docs/needle.md). Cost: one linearisation.
+    Where joints constrain velocities, the displacement they leave constant is zero (docs/needle.md). Cost: one
+    linearisation.
 
     Examples
     --------
@@ -113,7 +116,9 @@ def _twist(lin: Linearization, body: int, point: np.ndarray) -> np.ndarray:
     return twist_at(lin.T[6 * body : 6 * body + 6], point - lin.poses["position"][body])
 
 
-def as_system(system: Any, force: Any, amplitude: Any = None, at: Any = None, without: Sequence[str] = ()) -> tuple[Any, Any]:
+def as_system(
+    system: Any, force: Any, amplitude: Any = None, at: Any = None, without: Sequence[str] = ()
+) -> tuple[Any, Any]:
     """What harmonic balance works on, from a model or a system: the system, and forces as vectors (n,) by harmonic.
 
     ``force`` may name ports of the model ("b.force.x", ``b.force("x")``), alone, in a list, or by harmonic in a dict;
@@ -141,10 +146,14 @@ def _vector(made: NonlinearSystem, force: Any, amplitude: Any) -> np.ndarray:
         return np.asarray(force) if amplitude is None else np.asarray(force) * amplitude
     columns, order, names = made.linearization.input_map(ports)
     if np.any(order):
-        raise ModelError(f"harmonic balance takes forces and torques; {names[int(np.flatnonzero(order)[0])]!r} is a motion of ground")
+        raise ModelError(
+            f"harmonic balance takes forces and torques; {names[int(np.flatnonzero(order)[0])]!r} is a motion of ground"
+        )
     try:
         size = np.broadcast_to(np.asarray(1.0 if amplitude is None else amplitude, dtype=complex), (len(ports),))
     except (TypeError, ValueError):
-        raise ModelError(f"amplitude must be one number or one for each of {len(ports)} ports, it is {amplitude!r}") from None
+        raise ModelError(
+            f"amplitude must be one number or one for each of {len(ports)} ports, it is {amplitude!r}"
+        ) from None
     total = columns @ size
     return total if np.any(total.imag) else total.real

@@ -38,8 +38,8 @@ def law_of(code: int, values: Sequence[float], w: np.ndarray) -> L.Law:
 def shifted(code: int, values: Sequence[float], w: np.ndarray, u0: float, where: str) -> list[L.Law]:
     """The laws of u = w . x that together are law(u0 + u) - law(u0).
 
-    Exact for polynomials, stops, contact and tables, whose numbers move; rate laws do not see u0. `ModelError` where the shifted
-    law is none of the known ones: sliders, van der Pol's law and a varying stiffness that are displaced.
+    Exact for polynomials, stops, contact and tables, whose numbers move; rate laws do not see u0. `ModelError` where
+    the shifted law is none of the known ones: sliders, van der Pol's law and a varying stiffness that are displaced.
     """
     p = [float(v) for v in values]
     if u0 == 0.0 or code == 5:
@@ -63,8 +63,8 @@ def shifted(code: int, values: Sequence[float], w: np.ndarray, u0: float, where:
         moved = [law_of(7, [*(u - u0 for u in p[:half]), *p[half:]], w)]
     else:
         raise ModelError(
-            f"{where} is displaced by {u0:.3g} at this state, and {_CLASSES[code].__name__} cannot be counted from there; draw the "
-            "model so that it is at rest undeformed, or give the owner a natural length (angle) that makes it so"
+            f"{where} is displaced by {u0:.3g} at this state, and {_CLASSES[code].__name__} cannot be counted from "
+            "there; draw the model so that it is at rest undeformed, or give a natural length (angle) that makes it so"
         )
     held = _at_rest(moved, w)
     return moved if held == 0.0 else [*moved, law_of(1, [-held], w)]

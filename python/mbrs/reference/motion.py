@@ -1,8 +1,8 @@
-"""Motion in time by the scheme of ``rust/src/analysis/transient/explicit.rs``, in absolute coordinates, and where laws act.
+"""Motion in time by the scheme of ``rust/src/analysis/transient/explicit.rs``, and where laws act.
 
 Tree coordinates y with rates v, classical Runge-Kutta on joint increments, rows J of cut joints of both levels:
-[M J^T; J 0] [v'; lam] = [-h; -J' v]. After a step position rows are closed, then v is projected, in the norm of M; what laws
-remember is frozen within a step. Complex-safe: a complex step in x gives the derivative of the whole discrete motion.
+[M J^T; J 0] [v'; lam] = [-h; -J' v]. After a step position rows are closed, then v is projected, in the norm of M; what
+laws remember is frozen within a step. Complex-safe: a complex step in x gives the derivative of the discrete motion.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def remember(sys: System, m: Motion) -> Array:
 
 
 def law_motions(sys: System, state: State) -> list[tuple[BoundLaw, Array, Array, Array]]:
-    """Every law with its displacement, rate and the row (6 nb,) that makes its rate from the twists of the centres of mass."""
+    """Every law with its displacement, rate and the row (6 nb,) that makes its rate from the twists of the bodies."""
     bodies, v, out = motion(state), dyn.twists_of(state), []
     for link in dyn.forcing_links(sys):
         if not link.laws:
