@@ -1,8 +1,7 @@
 """The needle: one model through every layer, core against reference. All data invented.
 
 A cart glides on the ground (x, y, angle); a knife edge behind its centre forbids its lateral motion there; a spring
-with a cubic
-part holds it; a pendulum hangs from it, and a Jenkins slider acts in the hinge.
+with a cubic part holds it; a pendulum hangs from it, and a Jenkins slider acts in the hinge.
 """
 
 from __future__ import annotations
@@ -29,9 +28,7 @@ REAR = 0.2
 
 
 def needle(speed=0.0, spin=0.0, laws=True, slip=SLIP, damping=True):
-    """The cart starts at ``speed`` along x and ``spin`` about z, as the knife edge allows; the pendulum swings with
-    it.
-    """
+    """The cart starts at ``speed`` along x and ``spin`` about z, as the knife edge allows; the pendulum swings with it."""
     m = mb.Model("needle", gravity=(0, 0, -9.81))
     start = dict(velocity=(speed, REAR * spin, 0), angular_velocity=(0, 0, spin))
     cart = m.body("cart", mass=2.0, inertia=(0.02, 0.05, 0.06), **start)
@@ -107,9 +104,8 @@ def test_linearisation_equals_the_reference():
 
 
 def test_modes_are_those_left_by_the_velocity_row():
-    """Against the reference, and against the pencil of all four coordinates with the row and its multiplier: the
-    same roots
-    and one more at zero, the displacement that a velocity row leaves constant."""
+    """Against the reference, and against the pencil of all four coordinates with the row and its multiplier: the same
+    roots and one more at zero, the displacement that a velocity row leaves constant."""
     m = needle()
     result = mb.modes(m)
     assert result.n == 3
@@ -126,9 +122,7 @@ def test_modes_are_those_left_by_the_velocity_row():
 
 
 def _pencil_roots(m):
-    """Finite eigenvalues of M y" + D y' + S y + J^T mu = 0, J y' = 0 in all tree coordinates: those of the free
-    model.
-    """
+    """Finite eigenvalues of M y" + D y' + S y + J^T mu = 0, J y' = 0 in all tree coordinates: those of the free model."""
     without_knife = needle_without_knife()
     free = mb.linearize(without_knife)
     sys = Reference(tables(m))
@@ -155,9 +149,7 @@ def needle_without_knife():
 
 
 def test_a_loaded_velocity_row_has_geometric_stiffness():
-    """A lateral push at the knife is carried by it; the push keeps its direction and the knife turns, so the push
-    resists the yaw.
-    """
+    """A lateral push at the knife is carried by it; the push keeps its direction, the knife turns with the cart."""
     F = 7.0
     m = mb.Model("pushed", gravity=None)
     cart = m.body("cart", mass=2.0, inertia=(0.02, 0.05, 0.06))
@@ -218,9 +210,7 @@ def test_harmonic_balance_equals_the_reference():
 
 
 def test_a_displaced_law_is_counted_from_the_state():
-    """A mass on a spring k + k3 u^2 under its weight: elements about the equilibrium equal the polynomial shifted
-    by hand.
-    """
+    """A mass on a spring k + k3 u^2 under its weight: elements about the equilibrium equal the polynomial shifted by hand."""
     m = mb.Model("hung", gravity=(0, 0, -9.81))
     b = m.body("b", mass=1.0, inertia=(1, 1, 1))
     m.prismatic("rail", m.ground, b, at=(0, 0, 0), axis="z", k=100.0, c=1.0, law=mb.Cubic(5e3))
@@ -349,9 +339,7 @@ def needle_plain():
 
 
 def tumbling(kind):
-    """A body with three different moments of inertia, held at a point or free, pulled by a bushing; reversed joints
-    too.
-    """
+    """A body with three moments of inertia, held at a point or free, pulled by a bushing; reversed joints too."""
     m = mb.Model(kind, gravity=(0, 0, -9.81))
     spin = np.array([1.0, 5.0, 0.3])
     at = (0.1, 0.0, -0.2)
@@ -445,9 +433,7 @@ def loop_gap(sys, core, relative):
 
 
 def test_derivatives_survive_numbers_that_are_zero():
-    """A dual number that is zero but for its derivative must not count as absent: preload and coupling of a bushing
-    at zero.
-    """
+    """A dual number that is zero but for its derivative must not count as absent: preload and coupling at zero."""
     m = mb.Model("zero")
     body = m.body("b", mass=1.0, inertia=(1, 2, 3))
     k = np.diag([10.0, 20.0, 30.0, 4.0, 5.0, 6.0])
