@@ -24,7 +24,8 @@ class LinearizationSensitivity(Result):
     Attributes
     ----------
     M, C, G, K, N
-        (dof, dof, n_p), None where the matrix itself is absent.
+        (dof, dof, n_p), None where the matrix itself is absent; G and N also exist where single entries of full bushings make
+        them.
     T
         (6 n_bodies, dof, n_p).
     position, rotation
@@ -180,20 +181,22 @@ def _of_linearization(lin: Linearization, parameters: str | Sequence[str], follo
     along = directions(lin.model, parameters)
     columns = [along.columns == p for p in range(along.n)]
     sparse = [(along.rows[c].tolist(), along.values[c].tolist()) for c in columns]
-    follows = follow and lin.state.kind == "equilibrium"
+    how = "drawn" if lin.state.kind == "drawn" else "equilibrium" if follow and lin.state.kind == "equilibrium" else "hold"
     with core_errors():
-        r = lin.snapshot.system.directional(lin.state.relative, lin.state.rate, list(lin.without), sparse, follows)
+        r = lin.snapshot.system.directional(lin.state.relative, lin.state.rate, list(lin.without), sparse, how)
     n, n_p = lin.n, along.n
     zeros = np.zeros((n, n, n_p))
     dS = split(r["dS"]) if r["dS"] is not None else (zeros, zeros)
     dD = split(r["dD"]) if r["dD"] is not None else (zeros, zeros)
+    dG = dD[1] if lin.G is not None else _cross_coupling(lin.model, along, "c", dD[1])
+    dN = dS[1] if lin.N is not None else _cross_coupling(lin.model, along, "k", dS[1])
     motion = r["body_motion"].reshape(-1, 6, n_p)
     return LinearizationSensitivity(
         M=r["dM"],
         C=None if lin.C is None else dD[0],
-        G=None if lin.G is None else dD[1],
+        G=dG,
         K=dS[0],
-        N=None if lin.N is None else dS[1],
+        N=dN,
         T=r["dT"],
         position=_origin_motion(lin, along, motion),
         rotation=motion[:, 3:],
@@ -203,9 +206,21 @@ def _of_linearization(lin: Linearization, parameters: str | Sequence[str], follo
         units=along.units,
         directions=along,
         linearization=lin,
-        stats=Stats(time.perf_counter() - start, {"dual linearisations": n_p}, lin.effects, "follow" if follows else "hold"),
+        stats=Stats(time.perf_counter() - start, {"dual linearisations": n_p}, lin.effects, "follow" if how == "equilibrium" else "hold"),
         error=lin.error,
     )
+
+
+def _cross_coupling(model: Any, along: Directions, name: str, skew: np.ndarray) -> np.ndarray | None:
+    """The skew parts that single entries of full bushings bring into a system without; None where no parameter is one."""
+    t, out = tables(model), np.zeros_like(skew)
+    offset = {"k": 10, "c": 46}[name]
+    for element in model.elements:
+        if element.shapes.get(name) == (6, 6):
+            d = _slice(along, int(t["element_x"][element.index]) + offset, 36).reshape(6, 6, -1)
+            mixed = np.any(d != d.transpose(1, 0, 2), axis=(0, 1))
+            out[..., mixed] = skew[..., mixed]
+    return out if np.any(out) else None
 
 
 def _origin_motion(lin: Linearization, along: Directions, motion: np.ndarray) -> np.ndarray:

@@ -131,7 +131,8 @@ def linearize(
     lam = dyn.multipliers(sys, state, f)
     M, D, S = _congruence(sys, base, lam, without)
     G_all, _ = dyn.constraint_jacobian(sys, state)
-    S = S + turning_of_columns(sys, state, part, T, f + G_all.T @ lam)
+    if "constraint-force-stiffness" not in without:  # without it, the congruence of the absolute tangents is all there is
+        S = S + turning_of_columns(sys, state, part, T, f + G_all.T @ lam)
     names = [sys.coordinates[i] for i in part.independent]
     C, G, K, N = (0.5 * (X + s * X.T) for X in (D, S) for s in (1, -1))
     return Linearization(M, C, G, K, N, origin_map(sys, state, T), names, T.T @ f, lam, state, part)

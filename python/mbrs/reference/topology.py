@@ -12,7 +12,7 @@ from .reader import Body, Link, Marker
 ALWAYS_CUT = ("distance", "knife_edge")
 NEVER_CANDIDATE = ("free", *ALWAYS_CUT)
 
-# motion of b relative to a: (letter of the name, "t" or "r", frame "inner" "a" "b", axis)
+# motion of b relative to a: (ending of the name, "t" or "r", frame "inner" "a" "b", axis)
 _T = [("x", "t", "inner", 0), ("y", "t", "inner", 1), ("z", "t", "inner", 2)]
 _R = [("rx", "r", "inner", 0), ("ry", "r", "inner", 1), ("rz", "r", "inner", 2)]
 COORDINATES: dict[str, list[tuple[str, str, str, int]]] = {
@@ -20,7 +20,7 @@ COORDINATES: dict[str, list[tuple[str, str, str, int]]] = {
     "revolute": [_R[2]],
     "prismatic": [_T[2]],
     "cylindrical": [_T[2], _R[2]],
-    "universal": [("rz", "r", "a", 2), ("rx", "r", "b", 0)],
+    "universal": [("alpha", "r", "a", 2), ("beta", "r", "b", 0)],
     "spherical": _R,
     "planar": [_T[0], _T[1], _R[2]],
     "free": _T + _R,

@@ -8,6 +8,7 @@
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual2_64, Dual64};
 
+use crate::analysis::assembly::{given_rates, minimum_norm};
 use crate::error::{Error, Result};
 use crate::model::geometry::Geometry;
 use crate::run::Counts;
@@ -71,7 +72,10 @@ impl Linearization {
     pub fn expand(&self, z: DVector<f64>) -> Result<DVector<f64>> {
         let n = self.matrices.mass.nrows();
         if z.len() != n || z.iter().any(|v| !v.is_finite()) {
-            return Err(Error::model(format!("{n} finite increments are needed, {} were given", z.len())));
+            return Err(Error::model(format!(
+                "{n} finite increments are needed, {} were given",
+                z.len()
+            )));
         }
         Ok(match (&self.loops, &self.dependent_map) {
             (Some(l), Some(b)) => l.expand(b, &z),
@@ -153,6 +157,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
                 }
                 y
             });
+    let acceleration = acceleration.filter(|_| setting.effects.centrifugal);
     scene.acceleration = acceleration.as_deref();
     let tau = scene.residual(None);
     let lam = loops
@@ -161,7 +166,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     let tangent = scene.tangent(Some(lam.as_slice()), counts);
     let (matrices, residual) = match (&loops, &b) {
         (Some(l), Some(b)) => (
-            reduce(&tangent, l, b, turning.as_ref()),
+            reduce(&tangent, l, b, turning.as_ref(), setting.effects),
             l.reduce_vector(&tau, b),
         ),
         _ => (unreduced(tangent), tau),
@@ -187,19 +192,17 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     })
 }
 
-fn total_damping<T: Real>(tangent: &Tangent<T>) -> Option<DMatrix<T>> {
-    match (&tangent.damping, &tangent.gyroscopic) {
-        (Some(c), Some(g)) => Some(c + g),
-        (Some(d), None) | (None, Some(d)) => Some(d.clone()),
-        (None, None) => None,
+fn sum<T: Real>(a: Option<DMatrix<T>>, b: Option<DMatrix<T>>) -> Option<DMatrix<T>> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(a + b),
+        (a, b) => a.or(b),
     }
 }
 
 fn unreduced<T: Real>(tangent: Tangent<T>) -> Matrices<T> {
-    let damping = total_damping(&tangent);
     Matrices {
         mass: tangent.mass,
-        damping,
+        damping: sum(tangent.damping, tangent.gyroscopic),
         stiffness: tangent.stiffness,
     }
 }
@@ -209,35 +212,48 @@ fn reduce<T: Real>(
     loops: &Loops,
     b: &DMatrix<T>,
     turning: Option<&Turning>,
+    effects: Effects,
 ) -> Matrices<T> {
-    let total = total_damping(tangent);
-    let mut damping = total.as_ref().map(|d| loops.reduce(d, b));
-    let mut stiffness = loops.reduce(&tangent.stiffness, b);
+    let reduced = |x: &DMatrix<T>| loops.reduce(x, b);
+    let mass = reduced(&tangent.mass);
+    let mut damping = tangent.damping.as_ref().map(reduced);
+    let mut stiffness = reduced(&tangent.stiffness);
+    let gyroscopic = tangent.gyroscopic.as_ref();
+    if effects.gyroscopic {
+        damping = sum(damping, gyroscopic.map(reduced));
+    }
     if let Some(turning) = turning {
-        // columns of M and D on the dependent coordinates, where alone B'' changes
-        let project = |x: &DMatrix<T>, w: &DMatrix<f64>| {
-            let columns = DMatrix::from_fn(x.nrows(), loops.dependent.len(), |i, k| {
-                x[(i, loops.dependent[k])]
-            });
-            let full = columns * w.map(T::from);
-            let mut out = DMatrix::zeros(loops.independent.len(), full.ncols());
-            for j in 0..full.ncols() {
-                out.set_column(j, &loops.reduce_vector(&full.column(j).into_owned(), b));
-            }
-            out
-        };
-        let mass_first = project(&tangent.mass, &turning.first) * T::from(2.0);
-        stiffness += project(&tangent.mass, &turning.second);
-        if let Some(d) = &total {
-            stiffness += project(d, &turning.first);
+        let along = |x: &DMatrix<T>, w: &DMatrix<f64>| turned(loops, x, w, b);
+        if effects.gyroscopic {
+            let first = along(&tangent.mass, &turning.first) * T::from(2.0);
+            damping = sum(damping, Some(first));
         }
-        damping = Some(damping.map_or_else(|| mass_first.clone(), |d| d + &mass_first));
+        let inertial = gyroscopic.filter(|_| effects.centrifugal);
+        for d in tangent.damping.as_ref().into_iter().chain(inertial) {
+            stiffness += along(d, &turning.first);
+        }
+        if effects.centrifugal {
+            stiffness += along(&tangent.mass, &turning.second);
+        }
     }
     Matrices {
-        mass: loops.reduce(&tangent.mass, b),
+        mass,
         damping,
         stiffness,
     }
+}
+
+/// B''^T X W for a change W of B'', which has rows on the dependent coordinates alone.
+fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<f64>, b: &DMatrix<T>) -> DMatrix<T> {
+    let columns = DMatrix::from_fn(x.nrows(), loops.dependent.len(), |i, k| {
+        x[(i, loops.dependent[k])]
+    });
+    let full = columns * w.map(T::from);
+    let mut out = DMatrix::zeros(loops.independent.len(), full.ncols());
+    for j in 0..full.ncols() {
+        out.set_column(j, &loops.reduce_vector(&full.column(j).into_owned(), b));
+    }
+    out
 }
 
 fn turning(setting: &Setting<'_>, loops: &Loops, rate: &[f64]) -> Turning {
@@ -384,8 +400,10 @@ pub struct Directional {
 pub enum Follow {
     /// the equilibrium moves along
     Equilibrium,
-    /// the configuration stays, but for what closing the loops needs
+    /// the configuration stays, but for the smallest change that keeps the loops closed
     Hold,
+    /// so it does, and the rates are those that the bodies' given velocities project to
+    Drawn,
 }
 
 struct DualScene {
@@ -401,7 +419,8 @@ fn dual_scene(
     base: &Linearization,
     dx: &[(usize, f64)],
     dy: &[f64],
-) -> DualScene {
+    follow: Follow,
+) -> Result<DualScene> {
     let system = setting.system;
     let mut x: Vec<Dual64> = system.x.iter().map(|v| Dual64::from(*v)).collect();
     for (i, d) in dx {
@@ -411,19 +430,23 @@ fn dual_scene(
     let mut relative = lifted_relative(&system.topology, &geometry, setting.state);
     let increments: Vec<_> = dy.iter().map(|d| Dual64::new(0.0, *d)).collect();
     advance(&system.topology, &mut relative, &increments);
-    let rate = setting.rate::<Dual64>();
+    let mut rate = setting.rate::<Dual64>();
+    if follow == Follow::Drawn && rate.is_some() {
+        let at_rest = place(&system.topology, &geometry, &relative, None);
+        rate = Some(given_rates(system, &geometry, &x, &at_rest)?);
+    }
     let placement = place(&system.topology, &geometry, &relative, rate.as_deref());
     let acceleration = base
         .acceleration
         .as_ref()
         .map(|a| a.iter().map(|v| Dual64::from(*v)).collect());
-    DualScene {
+    Ok(DualScene {
         x,
         geometry,
         placement,
         rate,
         acceleration,
-    }
+    })
 }
 
 impl DualScene {
@@ -457,7 +480,7 @@ pub fn directional(
     let n = setting.system.n_tree();
     let mut dy = closing(setting, base, dx)?;
     if follow == Follow::Equilibrium {
-        let held = dual_scene(setting, base, dx, &dy);
+        let held = dual_scene(setting, base, dx, &dy, follow)?;
         let scene = held.scene(setting);
         let tau = scene.residual(None);
         let r = match &base.loops {
@@ -478,23 +501,31 @@ pub fn directional(
             dy[i] += step[i];
         }
     }
-    derivative_at(setting, base, dx, dy)
+    derivative_at(setting, base, dx, dy, follow)
 }
 
-/// The change of dependent coordinates that keeps the loops closed.
+/// The smallest change of the tree coordinates that keeps the loops closed, as assembly would make it.
 fn closing(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)]) -> Result<Vec<f64>> {
-    let n = setting.system.n_tree();
+    let (system, n) = (setting.system, setting.system.n_tree());
     let Some(loops) = &base.loops else {
         return Ok(vec![0.0; n]);
     };
-    let held = dual_scene(setting, base, dx, &vec![0.0; n]);
-    let phi = held.scene(setting).constraints().0.map(|v| v.eps);
-    let scaled = DVector::from_fn(phi.len(), |i, _| phi[i] * loops.row_scale[i]);
+    let held = dual_scene(setting, base, dx, &vec![0.0; n], Follow::Hold)?;
+    let (phi, jacobian) = held.scene(setting).constraints();
+    let scaled = DVector::from_fn(phi.len(), |i, _| phi[i].eps * loops.row_scale[i]);
+    if scaled.amax() == 0.0 {
+        return Ok(vec![0.0; n]);
+    }
     let left = loops.redundant.transpose() * &scaled;
-    if left.amax() > BREAKS_LOOP * scaled.amax() && scaled.amax() > 0.0 {
+    if left.amax() > BREAKS_LOOP * scaled.amax() {
         return Err(breaks_loop(left.amax()));
     }
-    Ok(loops.closing_step(&phi).as_slice().to_vec())
+    let columns = column_scales(&system.topology, system.length);
+    let rows = DMatrix::from_fn(phi.len(), n, |i, j| {
+        jacobian[(i, j)].re * loops.row_scale[i] * columns[j]
+    });
+    let step = minimum_norm(&rows, &-scaled)?;
+    Ok((0..n).map(|i| step[i] * columns[i]).collect())
 }
 
 fn breaks_loop(size: f64) -> Error {
@@ -532,8 +563,9 @@ fn derivative_at(
     base: &Linearization,
     dx: &[(usize, f64)],
     dy: Vec<f64>,
+    follow: Follow,
 ) -> Result<Directional> {
-    let moved = dual_scene(setting, base, dx, &dy);
+    let moved = dual_scene(setting, base, dx, &dy, follow)?;
     let scene = moved.scene(setting);
     let tau = scene.residual(None);
     let eps = |m: &DMatrix<Dual64>| m.map(|v| v.eps);
@@ -563,7 +595,7 @@ fn derivative_at(
             );
             let coupling = reduce_rows(scene.ground_coupling(), Some((l, &b)));
             (
-                reduce(&tangent, l, &b, None),
+                reduce(&tangent, l, &b, None, setting.effects),
                 map,
                 coupling,
                 l.reduce_vector(&tau, &b),

@@ -444,10 +444,15 @@ impl PySystem {
         rate: PyReadonlyArray1<'py, f64>,
         without: Vec<String>,
         directions: Vec<(Vec<usize>, Vec<f64>)>,
-        follow: bool,
+        follow: &str,
     ) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
+        let follow = match follow {
+            "equilibrium" => Follow::Equilibrium,
+            "drawn" => Follow::Drawn,
+            _ => Follow::Hold,
+        };
         let n_x = self.0.x.len();
         if directions
             .iter()
@@ -463,11 +468,6 @@ impl PySystem {
             };
             let base = linearize(&setting, &mut Counts::default())?;
             let solve = equilibrium_solver(system, &base)?;
-            let follow = if follow {
-                Follow::Equilibrium
-            } else {
-                Follow::Hold
-            };
             let one = |(indices, weights): (Vec<usize>, Vec<f64>)| {
                 cancel.check()?;
                 let dx: Vec<_> = indices.into_iter().zip(weights).collect();
@@ -518,7 +518,11 @@ impl PySystem {
         let mut state = state_of(&self.0, &relative, &empty(py)?)?;
         let z = nalgebra::DVector::from_vec(values(&increments));
         let moved = run(py, &self.0, move |system, _| {
-            let setting = Setting { system, state: &state, effects: Effects::ALL };
+            let setting = Setting {
+                system,
+                state: &state,
+                effects: Effects::ALL,
+            };
             let base = linearize(&setting, &mut Counts::default())?;
             let dy = base.expand(z)?;
             advance(&system.topology, &mut state.relative, dy.as_slice());
@@ -531,14 +535,23 @@ impl PySystem {
     }
 
     /// How far given rates of the tree coordinates violate the cut joints, in rates of the scaled rows.
-    fn rate_mismatch(&self, py: Python<'_>, relative: PyReadonlyArray2<'_, f64>, rate: PyReadonlyArray1<'_, f64>) -> PyResult<f64> {
+    fn rate_mismatch(
+        &self,
+        py: Python<'_>,
+        relative: PyReadonlyArray2<'_, f64>,
+        rate: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<f64> {
         let state = state_of(&self.0, &relative, &rate)?;
         guarded(py, || {
             let placement = place(&self.0.topology, &self.0.geometry, &state.relative, None);
             let jacobian = scene(&self.0, &placement).constraints().1;
             let scales = row_scales(&self.0.topology, self.0.length);
             let miss = jacobian * nalgebra::DVector::from_vec(state.rate.clone());
-            Ok(miss.iter().zip(&scales).map(|(m, s)| (m * s).abs()).fold(0.0, f64::max))
+            Ok(miss
+                .iter()
+                .zip(&scales)
+                .map(|(m, s)| (m * s).abs())
+                .fold(0.0, f64::max))
         })
     }
 

@@ -9,7 +9,7 @@ use crate::model::geometry::Geometry;
 use crate::model::joint::{Coordinate, JointKind};
 use crate::model::tables::LENGTH_GIVEN;
 use crate::run::Counts;
-use crate::spatial::{Real, Six};
+use crate::spatial::{Real, Six, absent};
 use crate::system::connector::{
     Numbers, Wanted, add_tangent, add_wrench, constraint_interaction, constraint_rows, interaction,
     load_interaction, path,
@@ -106,6 +106,18 @@ impl<T: Real> Scene<'_, T> {
 
     /// Per node: applied wrenches about the centre of mass, without inertia and multipliers.
     fn applied(&self) -> Vec<Six<T>> {
+        let mut sums = self.connected();
+        let wanted = self.effects.wanted();
+        for load in 0..self.topology.tables.loads.len() {
+            let acting =
+                load_interaction(self.topology, self.geometry, self.placement, load, wanted);
+            add_wrench(self.topology, self.placement, &acting, &mut sums);
+        }
+        sums
+    }
+
+    /// The part of springs and dampers in them.
+    fn connected(&self) -> Vec<Six<T>> {
         let mut sums = vec![Six::zero(); self.topology.nodes.len()];
         let wanted = self.effects.wanted();
         for c in &self.topology.connectors {
@@ -117,11 +129,6 @@ impl<T: Real> Scene<'_, T> {
                 c,
                 wanted,
             );
-            add_wrench(self.topology, self.placement, &acting, &mut sums);
-        }
-        for load in 0..self.topology.tables.loads.len() {
-            let acting =
-                load_interaction(self.topology, self.geometry, self.placement, load, wanted);
             add_wrench(self.topology, self.placement, &acting, &mut sums);
         }
         sums
@@ -329,7 +336,10 @@ impl<T: Real> Scene<'_, T> {
         let mut mass = DMatrix::zeros(n, n);
         let mut stiffness = DMatrix::zeros(n, n);
         let moving = self.rate.is_some();
-        let mut gyroscopic = (moving && self.effects.gyroscopic).then(|| DMatrix::zeros(n, n));
+        // of a closed loop the stiffness reads them too, since B'' turns
+        let turning = self.effects.centrifugal && !self.topology.rows.is_empty();
+        let mut gyroscopic =
+            (moving && (self.effects.gyroscopic || turning)).then(|| DMatrix::zeros(n, n));
         add_inertia(
             &self.inertia(self.effects.centrifugal || gyroscopic.is_some()),
             &mut mass,
@@ -345,11 +355,12 @@ impl<T: Real> Scene<'_, T> {
         if self.geometry.gravity.is_some() && self.effects.gravity {
             counts.add("gravity stiffness", 1);
         }
-        if moving {
+        if moving && (self.effects.gyroscopic || self.effects.centrifugal) {
             counts.add("velocity terms", 1);
         }
         let mut damping = self.damped().then(|| DMatrix::zeros(n, n));
         self.add_connectors(&mut stiffness, damping.as_mut(), counts);
+        self.add_loads(&mut stiffness, counts);
         if let Some(lam) = lam.filter(|_| self.effects.constraint_force_stiffness) {
             self.add_multiplier_stiffness(lam, &mut stiffness, counts);
         }
@@ -401,20 +412,14 @@ impl<T: Real> Scene<'_, T> {
                 counts.add("preload stiffness", 1);
             }
         }
-        if geometric {
-            for load in 0..self.topology.tables.loads.len() {
-                let acting =
-                    load_interaction(self.topology, self.geometry, self.placement, load, wanted);
-                add_tangent(
-                    self.topology,
-                    self.placement,
-                    &acting,
-                    true,
-                    stiffness,
-                    None,
-                );
-                counts.add("load tangents", 1);
-            }
+    }
+
+    fn add_loads(&self, stiffness: &mut DMatrix<T>, counts: &mut Counts) {
+        let (topology, wanted) = (self.topology, Wanted::GEOMETRY);
+        for load in 0..topology.tables.loads.len() {
+            let acting = load_interaction(topology, self.geometry, self.placement, load, wanted);
+            add_tangent(topology, self.placement, &acting, true, stiffness, None);
+            counts.add("load tangents", 1);
         }
     }
 
@@ -427,7 +432,7 @@ impl<T: Real> Scene<'_, T> {
     ) {
         let wanted = Wanted::GEOMETRY;
         for (joint, rows) in self.cut_multipliers(lam) {
-            if rows.iter().all(|(_, l)| l.is_zero()) {
+            if rows.iter().all(|(_, l)| absent(l)) {
                 continue;
             }
             let acting = constraint_interaction(
@@ -450,38 +455,49 @@ impl<T: Real> Scene<'_, T> {
         }
     }
 
-    /// In tree coordinates the forces of tree joints act through the change of the motion columns, (S_j x S_i) . f_i summed over
-    /// the subtree of i. Switching an effect off in the sense of absolute coordinates takes its part of these terms out or in.
+    /// Tangents in absolute coordinates hold wrenches about moving centres of mass; in tree coordinates the change of the motion
+    /// columns, (dT)^T w summed over the bodies, comes along with every force. Switching an effect off in the sense of absolute
+    /// coordinates takes its part of these terms out or in.
     fn add_switched(&self, stiffness: &mut DMatrix<T>) {
         if !self.effects.constraint_force_stiffness {
-            let subtree = self.subtree_wrenches(self.body_wrenches(None));
-            self.add_column_changes(&subtree, -T::one(), stiffness);
+            self.add_column_changes(&self.body_wrenches(None), -T::one(), stiffness);
         }
         if !self.effects.preload_stiffness {
-            let applied = self.applied().into_iter().map(|w| -w).collect();
-            self.add_column_changes(&self.subtree_wrenches(applied), T::one(), stiffness);
+            self.add_column_changes(&self.connected(), -T::one(), stiffness);
         }
     }
 
-    fn add_column_changes(&self, subtree: &[Six<T>], factor: T, stiffness: &mut DMatrix<T>) {
-        for i in 0..self.topology.dofs.len() {
-            let node = self.topology.dofs[i].node;
-            let s_i = &self.placement.column[i];
-            let mut at = Some(node);
-            while let Some(n) = at {
-                let spec = &self.topology.nodes[n];
-                let arm = self.placement.pose[node].p - self.placement.pose[n].p;
-                for j in spec.first..spec.first + spec.n {
-                    let carries = n != node
-                        || self.topology.dofs[j].freedom.stage
-                            < self.topology.dofs[i].freedom.stage;
-                    if carries {
-                        let change = self.placement.column[j].motion_at(&arm).cross_motion(s_i);
-                        stiffness[(i, j)] += change.dot(&subtree[node]) * factor;
+    /// (dT_i/dy_j) . w of every body: a_i x v_j at its centre of mass, and S_j x S_i where j carries i.
+    fn add_column_changes(&self, wrenches: &[Six<T>], factor: T, stiffness: &mut DMatrix<T>) {
+        let dofs = &self.topology.dofs;
+        for (node, w) in wrenches.iter().enumerate() {
+            let columns = self.columns_at(node);
+            for (i, si) in &columns {
+                for (j, sj) in &columns {
+                    let mut change = si.a.cross(&sj.l).dot(&w.l);
+                    let (of_i, of_j) = (dofs[*i].node, dofs[*j].node);
+                    let inner = self.topology.nodes[of_j].depth < self.topology.nodes[of_i].depth;
+                    if inner || of_i == of_j && dofs[*j].freedom.stage < dofs[*i].freedom.stage {
+                        change += sj.cross_motion(si).dot(w);
                     }
+                    stiffness[(*i, *j)] += change * factor;
                 }
-                at = spec.parent;
             }
         }
+    }
+
+    /// The coordinates that move a node, each with its twist at the node's centre of mass.
+    fn columns_at(&self, node: usize) -> Vec<(usize, Six<T>)> {
+        let mut columns = Vec::new();
+        let mut at = Some(node);
+        while let Some(n) = at {
+            let spec = &self.topology.nodes[n];
+            let arm = self.placement.pose[node].p - self.placement.pose[n].p;
+            for d in spec.first..spec.first + spec.n {
+                columns.push((d, self.placement.column[d].motion_at(&arm)));
+            }
+            at = spec.parent;
+        }
+        columns
     }
 }

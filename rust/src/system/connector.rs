@@ -17,7 +17,7 @@ use crate::laws::Law;
 use crate::model::geometry::{Geometry, MarkerPair};
 use crate::model::joint::Coordinate;
 use crate::model::tables::BodyRef;
-use crate::spatial::{Map6, Pose, Real, Six, V3, skew};
+use crate::spatial::{Map6, Pose, Real, Six, V3, absent, skew};
 use crate::system::placement::{Placement, marker_pose};
 use crate::system::topology::{BoundLaw, Connector, Natural, Owner, Topology};
 
@@ -359,10 +359,10 @@ pub fn interaction<T: Real>(
         for i in 0..n {
             for j in 0..n {
                 let (kij, cij) = (response.k[i][j], response.c[i][j]);
-                if !kij.is_zero() {
+                if !absent(&kij) {
                     k.add_outer(&rows[i].g, &rows[j].g, -kij);
                 }
-                if response.damped && !cij.is_zero() {
+                if response.damped && !absent(&cij) {
                     c.add_outer(&rows[i].g, &rows[j].g, -cij);
                     if let Some(v) = here.twist.as_ref() {
                         let slope =
@@ -447,7 +447,7 @@ fn add_geometric<T: Real>(
     wrench: &Six<T>,
 ) {
     for (coordinate, f) in coordinates.iter().zip(force) {
-        if f.is_zero() || matches!(coordinate, Coordinate::Translation(_)) {
+        if absent(f) || matches!(coordinate, Coordinate::Translation(_)) {
             continue;
         }
         let h = relative.curvature(*coordinate);
