@@ -211,7 +211,7 @@ def directions(
     rate: _F1,
     without: Sequence[str],
     directions: Sequence[_Direction],
-    follow: bool,
+    follow: str,
     maps: bool,
 ) -> dict[str, Any]: ...
 

@@ -374,10 +374,8 @@ def _linearization(
     snapshot: Snapshot, state: State, r: dict[str, Any], without: tuple[str, ...], start: float, warn: bool
 ) -> Linearization:
     model = snapshot.model
-    C, G = _split_damping(r["D"], state.moving)
-    K, N = _split_stiffness(
-        r["S"], conservative=not state.moving and not any(load.frame == "body" for load in model.loads)
-    )
+    C, G = _split_damping(r["D"], state.moving or _cross_coupled(model, "c"))
+    K, N = _split_stiffness(r["S"], conservative=not state.moving and not _has_no_potential(model))
     scale = r["force_scale"]
     unbalanced = float(np.max(np.abs(r["residual"]), initial=0.0))
     error = unbalanced / scale if scale > 0.0 else 0.0
@@ -423,12 +421,22 @@ def _present(x: np.ndarray, of: np.ndarray) -> np.ndarray | None:
     return x if np.max(np.abs(x), initial=0.0) > 1e-13 * np.max(np.abs(of), initial=0.0) else None
 
 
-def _split_damping(D: np.ndarray | None, moving: bool) -> tuple[np.ndarray | None, np.ndarray | None]:
+def _has_no_potential(model: Any) -> bool:
+    return any(load.frame == "body" for load in model.loads) or _cross_coupled(model, "k")
+
+
+def _cross_coupled(model: Any, name: str) -> bool:
+    """True where a full 6 x 6 bushing is not symmetric, such as that of a journal bearing."""
+    full = (e for e in model.elements if e.shapes.get(name) == (6, 6))
+    return any(not np.array_equal(k, k.T) for k in (model.value(f"{e.name}.{name}") for e in full))
+
+
+def _split_damping(D: np.ndarray | None, skew: bool) -> tuple[np.ndarray | None, np.ndarray | None]:
     if D is None or not np.any(D):
         return None, None
     C, G = split(D)
-    # at rest dampers alone act, and theirs is symmetric
-    return (_present(C, D), _present(G, D)) if moving else (C, None)
+    # at rest dampers alone act, and theirs is symmetric unless they couple across
+    return (_present(C, D), _present(G, D)) if skew else (C, None)
 
 
 def _split_stiffness(S: np.ndarray, conservative: bool) -> tuple[np.ndarray, np.ndarray | None]:

@@ -58,7 +58,8 @@ class LinearizationSensitivity(Result):
     Attributes
     ----------
     M, C, G, K, N
-        (dof, dof, n_p), None where the matrix itself is absent.
+        (dof, dof, n_p), None where the matrix itself is absent; G and N also exist where single entries of full bushings make
+        them.
     T
         (6 n_bodies, dof, n_p), of `mb.sensitivity` of a linearisation.
     position, rotation
@@ -97,7 +98,10 @@ class LinearizationSensitivity(Result):
     @cached_property
     def G(self) -> np.ndarray | None:
         """dG/dp, the skew part of the derivative of the damping."""
-        return None if self.linearization.G is None else split(self.damping.dense())[1]
+        skew = split(self.damping.dense())[1]
+        if self.linearization.G is not None:
+            return skew
+        return _cross_coupling(self.linearization.model, self.directions, "c", skew)
 
     @cached_property
     def K(self) -> np.ndarray:
@@ -107,7 +111,10 @@ class LinearizationSensitivity(Result):
     @cached_property
     def N(self) -> np.ndarray | None:
         """dN/dp, the skew part of the derivative of the stiffness."""
-        return None if self.linearization.N is None else split(self.stiffness.dense())[1]
+        skew = split(self.stiffness.dense())[1]
+        if self.linearization.N is not None:
+            return skew
+        return _cross_coupling(self.linearization.model, self.directions, "k", skew)
 
     @property
     def D(self) -> np.ndarray | None:
@@ -258,10 +265,10 @@ def _of_linearization(
     along = directions(lin.model, parameters)
     columns = [along.columns == p for p in range(along.n)]
     sparse = [(along.rows[c].tolist(), along.values[c].tolist()) for c in columns]
-    follows = follow and lin.state.kind == "equilibrium"
+    how = "drawn" if lin.state.kind == "drawn" else "equilibrium" if follow and lin.state.kind == "equilibrium" else "hold"
     with core_errors():
         r = _core.directions(
-            lin.snapshot.system, lin.state.relative, lin.state.rate, list(lin.without), sparse, follows, maps
+            lin.snapshot.system, lin.state.relative, lin.state.rate, list(lin.without), sparse, how, maps
         )
     motion = r["body_motion"].reshape(-1, 6, along.n)
     shape = (lin.n, lin.n, along.n)
@@ -282,10 +289,22 @@ def _of_linearization(
             time.perf_counter() - start,
             {"directions": along.n},
             lin.effects,
-            "follow" if follows else "hold",
+            "follow" if how == "equilibrium" else "hold",
         ),
         error=lin.error,
     )
+
+
+def _cross_coupling(model: Any, along: Directions, name: str, skew: np.ndarray) -> np.ndarray | None:
+    """The skew parts that single entries of full bushings bring into a system without; None where no parameter is one."""
+    t, out = tables(model), np.zeros_like(skew)
+    offset = {"k": 10, "c": 46}[name]
+    for element in model.elements:
+        if element.shapes.get(name) == (6, 6):
+            d = _slice(along, int(t["element_x"][element.index]) + offset, 36).reshape(6, 6, -1)
+            mixed = np.any(d != d.transpose(1, 0, 2), axis=(0, 1))
+            out[..., mixed] = skew[..., mixed]
+    return out if np.any(out) else None
 
 
 def _origin_motion(lin: Linearization, along: Directions, motion: np.ndarray) -> np.ndarray:
@@ -328,8 +347,9 @@ def _of_modes(result: Any, parameters: str | Sequence[str], follow: bool) -> Any
     lin = _source(result.system, "modal result")
     d = _of_linearization(lin, parameters, follow, maps=False)
     # at rest damping, and without followers stiffness, is symmetric: what is not is left by unbalanced moments
-    dD = d.damping.symmetric() if lin.G is None else d.damping
-    dS = d.stiffness.symmetric() if lin.N is None else d.stiffness
+    crossed = any("[" in label and label.count(",") == 1 for label in d.labels)
+    dD = d.damping.symmetric() if lin.G is None and not crossed else d.damping
+    dS = d.stiffness.symmetric() if lin.N is None and not crossed else d.stiffness
     shapes = [d.directions.shape] if len(d.directions.shape) > 1 else None
     return eigen_sensitivity(result, d.mass, dD, dS, parameters=d.labels, units=d.units, shapes=shapes)
 

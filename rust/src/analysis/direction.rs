@@ -5,6 +5,7 @@
 use nalgebra::{DMatrix, DVector};
 use num_dual::Dual64;
 
+use crate::analysis::assembly::{given_rates, minimum_norm};
 use crate::analysis::linearize::{
     Linearization, Setting, body_map, reduce, reduce_rows, unreduced,
 };
@@ -14,6 +15,7 @@ use crate::model::geometry::Geometry;
 use crate::run::Counts;
 use crate::system::System;
 use crate::system::assemble::Scene;
+use crate::system::loops::column_scales;
 use crate::system::placement::{Placement, advance, lifted_relative, place};
 
 /// A parameter that moves redundant rows apart by more than this (relative) breaks the loop open.
@@ -40,6 +42,8 @@ pub struct Directional {
 #[derive(Clone, Copy)]
 pub struct Request<'a> {
     pub maps: bool,
+    /// rates are those that the bodies' given velocities project to
+    pub drawn: bool,
     pub solve: Option<&'a Solve>,
 }
 
@@ -87,7 +91,8 @@ fn dual_scene(
     base: &Linearization,
     dx: &[(usize, f64)],
     dy: &[f64],
-) -> DualScene {
+    drawn: bool,
+) -> Result<DualScene> {
     let system = setting.system;
     let mut x: Vec<Dual64> = system.x.iter().map(|v| Dual64::from(*v)).collect();
     for (i, d) in dx {
@@ -97,19 +102,23 @@ fn dual_scene(
     let mut relative = lifted_relative(&system.topology, &geometry, setting.state);
     let increments: Vec<_> = dy.iter().map(|d| Dual64::new(0.0, *d)).collect();
     advance(&system.topology, &mut relative, &increments);
-    let rate = setting.rate::<Dual64>();
+    let mut rate = setting.rate::<Dual64>();
+    if drawn && rate.is_some() {
+        let at_rest = place(&system.topology, &geometry, &relative, None);
+        rate = Some(given_rates(system, &geometry, &x, &at_rest)?);
+    }
     let placement = place(&system.topology, &geometry, &relative, rate.as_deref());
     let acceleration = base
         .acceleration
         .as_ref()
         .map(|a| a.iter().map(|v| Dual64::from(*v)).collect());
-    DualScene {
+    Ok(DualScene {
         x,
         geometry,
         placement,
         rate,
         acceleration,
-    }
+    })
 }
 
 impl DualScene {
@@ -145,7 +154,7 @@ pub fn directional(
     let n = setting.system.n_tree();
     let mut dy = closing(setting, base, dx)?;
     if let Some(solve) = request.solve {
-        let held = dual_scene(setting, base, dx, &dy);
+        let held = dual_scene(setting, base, dx, &dy, false)?;
         let scene = held.scene(setting);
         let tau = scene.residual(None);
         let r = match &base.loops {
@@ -166,23 +175,29 @@ pub fn directional(
             dy[i] += step[i];
         }
     }
-    derivative_at(setting, base, dx, dy, request.maps)
+    derivative_at(setting, base, dx, dy, request)
 }
 
-/// The change of dependent coordinates that keeps the loops closed.
+/// The smallest change of the tree coordinates that keeps the loops closed, as assembly would make it.
 fn closing(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)]) -> Result<Vec<f64>> {
-    let n = setting.system.n_tree();
+    let (system, n) = (setting.system, setting.system.n_tree());
     let Some(loops) = &base.loops else {
         return Ok(vec![0.0; n]);
     };
-    let held = dual_scene(setting, base, dx, &vec![0.0; n]);
-    let phi = held.scene(setting).constraints().0.map(|v| v.eps);
-    let scaled = DVector::from_fn(phi.len(), |i, _| phi[i] * loops.row_scale[i]);
+    let held = dual_scene(setting, base, dx, &vec![0.0; n], false)?;
+    let (phi, jacobian) = held.scene(setting).constraints();
+    let scaled = DVector::from_fn(phi.len(), |i, _| phi[i].eps * loops.row_scale[i]);
+    if scaled.amax() == 0.0 {
+        return Ok(vec![0.0; n]);
+    }
     let left = loops.redundant.transpose() * &scaled;
-    if left.amax() > BREAKS_LOOP * scaled.amax() && scaled.amax() > 0.0 {
+    if left.amax() > BREAKS_LOOP * scaled.amax() {
         return Err(breaks_loop(left.amax()));
     }
-    Ok(loops.closing_step(&phi).as_slice().to_vec())
+    let columns = column_scales(&system.topology, system.length);
+    let rows = DMatrix::from_fn(phi.len(), n, |i, j| jacobian[(i, j)].re * loops.row_scale[i] * columns[j]);
+    let step = minimum_norm(&rows, &-scaled)?;
+    Ok((0..n).map(|i| step[i] * columns[i]).collect())
 }
 
 fn breaks_loop(size: f64) -> Error {
@@ -220,9 +235,9 @@ fn derivative_at(
     base: &Linearization,
     dx: &[(usize, f64)],
     dy: Vec<f64>,
-    maps: bool,
+    request: Request<'_>,
 ) -> Result<Directional> {
-    let moved = dual_scene(setting, base, dx, &dy);
+    let moved = dual_scene(setting, base, dx, &dy, request.drawn)?;
     let scene = moved.scene(setting);
     let tau = scene.residual(None);
     let (matrices, residual, lam, loops) = match &base.loops {
@@ -239,14 +254,14 @@ fn derivative_at(
             let lam = l.multipliers(&jacobian, &tau);
             let tangent = scene.tangent(Some(lam.as_slice()), &mut Counts::default());
             (
-                reduce(&tangent, l, &b, None),
+                reduce(&tangent, l, &b, None, setting.effects),
                 l.reduce_vector(&tau, &b),
                 lam,
                 Some((l, b)),
             )
         }
     };
-    let (map, coupling) = if maps {
+    let (map, coupling) = if request.maps {
         let loops = loops.as_ref().map(|(l, b)| (*l, b));
         let map = body_map(setting.system, &moved.geometry, &moved.placement, loops);
         (

@@ -65,7 +65,7 @@ fn columns(all: &[Directional], pick: impl Fn(&Directional) -> &[f64]) -> Array2
     })
 }
 
-/// Derivatives along sparse directions (indices into the values, weights). `follow`: the equilibrium moves along; `maps`: also those of
+/// Derivatives along sparse directions (indices into the values, weights). `follow`: "equilibrium" (it moves along), "drawn" (so do given velocities) or "hold"; `maps`: also those of
 /// the body map and the ground coupling.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)]
@@ -76,7 +76,7 @@ fn directions<'py>(
     rate: PyReadonlyArray1<'py, f64>,
     without: Vec<String>,
     directions: Vec<(Vec<usize>, Vec<f64>)>,
-    follow: bool,
+    follow: String,
     maps: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let state = state_of(&system.0, &relative, &rate)?;
@@ -95,11 +95,12 @@ fn directions<'py>(
             effects,
         };
         let base = linearize(&setting, &mut Counts::default())?;
-        let solver = follow
+        let solver = (follow == "equilibrium")
             .then(|| equilibrium_solver(system, &base))
             .transpose()?;
         let request = Request {
             maps,
+            drawn: follow == "drawn",
             solve: solver.as_ref().map(|s| s as _),
         };
         let one = |(indices, weights): (Vec<usize>, Vec<f64>)| {

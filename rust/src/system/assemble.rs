@@ -106,6 +106,18 @@ impl<T: Real> Scene<'_, T> {
 
     /// Per node: applied wrenches about the centre of mass, without inertia and multipliers.
     fn applied(&self) -> Vec<Six<T>> {
+        let mut sums = self.connected();
+        let wanted = self.effects.wanted();
+        for load in 0..self.topology.tables.loads.len() {
+            let acting =
+                load_interaction(self.topology, self.geometry, self.placement, load, wanted);
+            add_wrench(self.topology, self.placement, &acting, &mut sums);
+        }
+        sums
+    }
+
+    /// The part of springs and dampers in them.
+    fn connected(&self) -> Vec<Six<T>> {
         let mut sums = vec![Six::zero(); self.topology.nodes.len()];
         let wanted = self.effects.wanted();
         for c in &self.topology.connectors {
@@ -117,11 +129,6 @@ impl<T: Real> Scene<'_, T> {
                 c,
                 wanted,
             );
-            add_wrench(self.topology, self.placement, &acting, &mut sums);
-        }
-        for load in 0..self.topology.tables.loads.len() {
-            let acting =
-                load_interaction(self.topology, self.geometry, self.placement, load, wanted);
             add_wrench(self.topology, self.placement, &acting, &mut sums);
         }
         sums
@@ -326,7 +333,10 @@ impl<T: Real> Scene<'_, T> {
         let mut mass = DMatrix::zeros(n, n);
         let mut stiffness = DMatrix::zeros(n, n);
         let moving = self.rate.is_some();
-        let mut gyroscopic = (moving && self.effects.gyroscopic).then(|| DMatrix::zeros(n, n));
+        // of a closed loop the stiffness reads them too, since B'' turns
+        let turning = self.effects.centrifugal && !self.topology.rows.is_empty();
+        let mut gyroscopic =
+            (moving && (self.effects.gyroscopic || turning)).then(|| DMatrix::zeros(n, n));
         add_inertia(
             &self.inertia(self.effects.centrifugal || gyroscopic.is_some()),
             &mut mass,
@@ -342,11 +352,12 @@ impl<T: Real> Scene<'_, T> {
         if self.geometry.gravity.is_some() && self.effects.gravity {
             counts.add("gravity stiffness", 1);
         }
-        if moving {
+        if moving && (self.effects.gyroscopic || self.effects.centrifugal) {
             counts.add("velocity terms", 1);
         }
         let mut damping = self.damped().then(|| DMatrix::zeros(n, n));
         self.add_connectors(&mut stiffness, damping.as_mut(), counts);
+        self.add_loads(&mut stiffness, counts);
         if let Some(lam) = lam.filter(|_| self.effects.constraint_force_stiffness) {
             self.add_multiplier_stiffness(lam, &mut stiffness, counts);
         }
@@ -401,20 +412,14 @@ impl<T: Real> Scene<'_, T> {
                 counts.add("preload stiffness", 1);
             }
         }
-        if geometric {
-            for load in 0..self.topology.tables.loads.len() {
-                let acting =
-                    load_interaction(self.topology, self.geometry, self.placement, load, wanted);
-                add_tangent(
-                    self.topology,
-                    self.placement,
-                    &acting,
-                    true,
-                    stiffness,
-                    None,
-                );
-                counts.add("load tangents", 1);
-            }
+    }
+
+    fn add_loads(&self, stiffness: &mut DMatrix<T>, counts: &mut Counts) {
+        let (topology, wanted) = (self.topology, Wanted::GEOMETRY);
+        for load in 0..topology.tables.loads.len() {
+            let acting = load_interaction(topology, self.geometry, self.placement, load, wanted);
+            add_tangent(topology, self.placement, &acting, true, stiffness, None);
+            counts.add("load tangents", 1);
         }
     }
 
@@ -450,34 +455,30 @@ impl<T: Real> Scene<'_, T> {
         }
     }
 
-    /// Effects are switched off in the sense of absolute coordinates (wrenches at the centres of mass, world axes): without the
-    /// stiffness of constraint forces S is T^T (df/dq) T. In tree coordinates those forces appear as (dT/dy)^T f of all other
-    /// forces, which is taken out here; a left-out preload had its own share in it, which comes back.
+    /// Tangents in absolute coordinates hold wrenches about moving centres of mass; in tree coordinates the change of the motion
+    /// columns, (dT)^T w summed over the bodies, comes along with every force. Switching an effect off in the sense of absolute
+    /// coordinates takes its part of these terms out or in.
     fn add_switched(&self, stiffness: &mut DMatrix<T>) {
         if !self.effects.constraint_force_stiffness {
-            self.add_map_changes(&self.body_wrenches(None), -T::one(), stiffness);
+            self.add_column_changes(&self.body_wrenches(None), -T::one(), stiffness);
         }
         if !self.effects.preload_stiffness {
-            let applied: Vec<_> = self.applied().into_iter().map(|w| -w).collect();
-            self.add_map_changes(&applied, T::one(), stiffness);
+            self.add_column_changes(&self.connected(), -T::one(), stiffness);
         }
     }
 
-    /// factor x (dT/dy_j)_i . f summed over bodies: with v, w the motion of a body's centre of mass per coordinate, the
-    /// translation of the inner of two coordinates turns that of the other, and a carried axis turns with its carrier.
-    fn add_map_changes(&self, wrenches: &[Six<T>], factor: T, stiffness: &mut DMatrix<T>) {
-        for (node, f) in wrenches.iter().enumerate() {
-            if f.is_absent() {
-                continue;
-            }
-            let chain = self.chain(node);
-            for (rank_i, i, si) in &chain {
-                for (rank_j, j, sj) in &chain {
-                    // smaller rank: nearer to ground; equal: axes that do not carry each other
-                    let (inner, outer) = if rank_j < rank_i { (sj, si) } else { (si, sj) };
-                    let mut change = inner.a.cross(&outer.l).dot(&f.l);
-                    if rank_j < rank_i {
-                        change += sj.a.cross(&si.a).dot(&f.a);
+    /// (dT_i/dy_j) . w of every body: a_i x v_j at its centre of mass, and S_j x S_i where j carries i.
+    fn add_column_changes(&self, wrenches: &[Six<T>], factor: T, stiffness: &mut DMatrix<T>) {
+        let dofs = &self.topology.dofs;
+        for (node, w) in wrenches.iter().enumerate() {
+            let columns = self.columns_at(node);
+            for (i, si) in &columns {
+                for (j, sj) in &columns {
+                    let mut change = si.a.cross(&sj.l).dot(&w.l);
+                    let (of_i, of_j) = (dofs[*i].node, dofs[*j].node);
+                    let inner = self.topology.nodes[of_j].depth < self.topology.nodes[of_i].depth;
+                    if inner || of_i == of_j && dofs[*j].freedom.stage < dofs[*i].freedom.stage {
+                        change += sj.cross_motion(si).dot(w);
                     }
                     stiffness[(*i, *j)] += change * factor;
                 }
@@ -485,19 +486,18 @@ impl<T: Real> Scene<'_, T> {
         }
     }
 
-    /// The coordinates that move a body: rank along the chain, index, twist at the body's centre of mass.
-    fn chain(&self, node: usize) -> Vec<(usize, usize, Six<T>)> {
-        let mut out = Vec::new();
+    /// The coordinates that move a node, each with its twist at the node's centre of mass.
+    fn columns_at(&self, node: usize) -> Vec<(usize, Six<T>)> {
+        let mut columns = Vec::new();
         let mut at = Some(node);
         while let Some(n) = at {
             let spec = &self.topology.nodes[n];
             let arm = self.placement.pose[node].p - self.placement.pose[n].p;
             for d in spec.first..spec.first + spec.n {
-                let rank = 2 * spec.depth + self.topology.dofs[d].freedom.stage;
-                out.push((rank, d, self.placement.column[d].motion_at(&arm)));
+                columns.push((d, self.placement.column[d].motion_at(&arm)));
             }
             at = spec.parent;
         }
-        out
+        columns
     }
 }
