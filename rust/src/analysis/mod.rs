@@ -10,6 +10,7 @@ pub mod linearize;
 pub mod modal;
 pub mod reactions;
 pub mod response;
+pub mod sparse_bodies;
 pub mod sparse_damped;
 pub mod sparse_modal;
 pub mod stability;

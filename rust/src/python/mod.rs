@@ -6,6 +6,7 @@ mod hbm;
 mod hbm_branch;
 mod modal;
 mod sparse;
+mod sparse_system;
 mod system;
 mod tables;
 
@@ -21,6 +22,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     hbm_branch::register(module)?;
     modal::register(module)?;
     sparse::register(module)?;
+    sparse_system::register(module)?;
     system::register(module)?;
     Ok(())
 }

@@ -32,7 +32,7 @@ use super::tables::{tables, values};
 const SHORT: usize = 60;
 
 #[pyclass(frozen, name = "System", module = "mbrs._core")]
-struct PySystem(System);
+pub(super) struct PySystem(pub(super) System);
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PySystem>()
@@ -52,7 +52,7 @@ fn run<T: Send + 'static>(
     }
 }
 
-fn effects(without: &[String]) -> Result<Effects> {
+pub(super) fn effects(without: &[String]) -> Result<Effects> {
     let mut effects = Effects::ALL;
     for name in without {
         match name.as_str() {
@@ -78,7 +78,7 @@ fn effects(without: &[String]) -> Result<Effects> {
     Ok(effects)
 }
 
-fn state_of(
+pub(super) fn state_of(
     system: &System,
     relative: &PyReadonlyArray2<'_, f64>,
     rate: &PyReadonlyArray1<'_, f64>,
