@@ -78,7 +78,9 @@ def main() -> None:
     for what in ("row", "beam"):
         times = []
         for n in sizes:
-            out = subprocess.run([sys.executable, __file__, "--one", what, str(n)], capture_output=True, text=True, check=True)
+            out = subprocess.run(
+                [sys.executable, __file__, "--one", what, str(n)], capture_output=True, text=True, check=True
+            )
             r = json.loads(out.stdout)
             times.append(r["modes_s"])
             print(r, flush=True)

@@ -11,6 +11,7 @@ from mbrs.errors import MbrsWarning, ModelError
 from mbrs.sparse_modal import model_modes
 
 RNG = np.random.default_rng(7)
+INERTIA = ((0.02, 0.001, 0.002), (0.001, 0.03, 0.0), (0.002, 0.0, 0.025))
 
 
 def sparse(m, n, at=None, without=()):
@@ -24,7 +25,9 @@ def joint_chain(kinds, *, gravity=None, k=50.0, c=None, step=(0.1, 0.02, -0.2), 
     last, p = m.ground, np.zeros(3)
     for i in range(n):
         size = np.array(step) * (1 + 0.1 * np.sin(i))
-        body = m.body(f"b{i}", mass=1.0 + 0.1 * (i % 3), inertia=(0.02, 0.03, 0.025, 0.001, 0.002, 0.0), at=p + size / 2)
+        body = m.body(
+            f"b{i}", mass=1.0 + 0.1 * (i % 3), inertia=INERTIA, at=p + size / 2
+        )
         kind = kinds[i % len(kinds)]
         if i > 0 or grounded:
             options = {} if kind == "spherical" else {"axis": RNG.normal(size=3)}
@@ -82,7 +85,13 @@ def check(m, n=12, *, at=None, tol=1e-8, without=(), energies=True):
 
 @pytest.mark.parametrize(
     "kinds",
-    [("revolute",), ("prismatic", "revolute"), ("cylindrical",), ("spherical",), ("spherical", "prismatic", "revolute")],
+    [
+        ("revolute",),
+        ("prismatic", "revolute"),
+        ("cylindrical",),
+        ("spherical",),
+        ("spherical", "prismatic", "revolute"),
+    ],
 )
 def test_joint_chains(kinds):
     check(joint_chain(kinds))

@@ -497,9 +497,7 @@ def _absolute_shares(r: ModalResult) -> EnergyShares:
     total = strain.sum(axis=0)
     strain = np.divide(strain, total, out=np.full(strain.shape, np.nan), where=(total > 0.0) & (r.kind != "rigid"))
     none = np.full(r.shape.shape, np.nan)
-    return EnergyShares(
-        r.coordinates, none, none, r.system.bodies, kinetic / kinetic.sum(axis=0), elements, strain
-    )
+    return EnergyShares(r.coordinates, none, none, r.system.bodies, kinetic / kinetic.sum(axis=0), elements, strain)
 
 
 def _dominant(r: ModalResult) -> list[str]:

@@ -125,9 +125,7 @@ def model_modes(model: Any, at: Any, n: int, without: Any, start: float) -> Any:
         r["body"] = r["body"].real.copy()
     _sign(r)
     names = tuple(body.name for body in model.bodies)
-    system = SparseModel(
-        tuple(r["coordinates"]), names, r["body"], r["arm"], state, without, snapshot
-    )
+    system = SparseModel(tuple(r["coordinates"]), names, r["body"], r["arm"], state, without, snapshot)
     on = tuple(e for e in effects(model).on if e not in without)
     r["backward_error"] = r["residual"]
     # the small problem behind the modes has more of them, and no shapes of coordinates for partners
@@ -161,7 +159,9 @@ def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], start: fl
     from .modal import ModalResult
 
     if n is None:
-        raise ModelError("modes of sparse matrices need n=, the number of the lowest modes, such as mb.modes(system, n=20)")
+        raise ModelError(
+            "modes of sparse matrices need n=, the number of the lowest modes, such as mb.modes(system, n=20)"
+        )
     D, S = _sum(system.C, system.G), _sum(system.K, system.N)
     with core_errors():
         r = _core.sparse_modes(_arrays(system.M), None if D is None else _arrays(D), _arrays(S), n)

@@ -51,7 +51,11 @@ pub fn modes(
     cancel.check()?;
     let dof = dof(system, &form);
     let damped = form.damping.iter().any(|e| e.2 != 0.0);
-    let wanted = if damped { (n + BUFFER).min(dof) } else { n.min(dof) };
+    let wanted = if damped {
+        (n + BUFFER).min(dof)
+    } else {
+        n.min(dof)
+    };
     let pencil = pencil(&form)?;
     let found = lowest(&pencil, wanted, sigma, cancel)?;
     counts.merge(&found.counts);
@@ -118,8 +122,7 @@ fn mass(form: &SparseForm) -> Csc {
     let entries = form.mass.iter().enumerate().flat_map(|(b, m)| {
         let shift = move |i: usize, j: usize, v: f64| (6 * b + i, 6 * b + j, v);
         let linear = (0..3).map(move |i| shift(i, i, m.ll[(i, i)]));
-        let angular =
-            (0..9).map(move |k| shift(3 + k % 3, 3 + k / 3, m.aa[(k % 3, k / 3)]));
+        let angular = (0..9).map(move |k| shift(3 + k % 3, 3 + k / 3, m.aa[(k % 3, k / 3)]));
         linear.chain(angular).filter(|e| e.2 != 0.0)
     });
     Csc::from_entries(n, n, entries.collect())
@@ -356,15 +359,16 @@ fn combine(z: &Mat<f64>, q: MatRef<'_, c64>) -> Mat<c64> {
         z * q
     };
     let (re, im) = (part(&|v| v.re), part(&|v| v.im));
-    Mat::from_fn(z.nrows(), q.ncols(), |i, j| c64::new(re[(i, j)], im[(i, j)]))
+    Mat::from_fn(z.nrows(), q.ncols(), |i, j| {
+        c64::new(re[(i, j)], im[(i, j)])
+    })
 }
 
 fn divide_by_mass(mass: &[Map6<f64>], mut x: MatMut<'_, f64>) -> Result<()> {
     for (b, m) in mass.iter().enumerate() {
-        let inverse = m
-            .aa
-            .try_inverse()
-            .ok_or_else(|| Error::singular(format!("body {b} has no rotational inertia")))?;
+        let inverse =
+            m.aa.try_inverse()
+                .ok_or_else(|| Error::singular(format!("body {b} has no rotational inertia")))?;
         for c in 0..x.ncols() {
             for k in 0..3 {
                 x[(6 * b + k, c)] /= m.ll[(k, k)];

@@ -447,10 +447,7 @@ pub fn coordinate_tangent(
 ) -> CoordinateTangent {
     let pair = pair_of(geometry, connector.owner);
     let here = local(topology, placement, connector.a, connector.b, pair);
-    let rows = connector
-        .coordinates
-        .iter()
-        .map(|c| here.relative.row(*c));
+    let rows = connector.coordinates.iter().map(|c| here.relative.row(*c));
     let (mut e, gradients): (Vec<f64>, Vec<_>) =
         rows.map(|r| (r.e, r.g.rotated(&here.a.r))).unzip();
     offset_natural(connector, geometry, numbers.x, &mut e[0]);

@@ -336,12 +336,7 @@ impl Builder<'_> {
     }
 
     /// One row for each principal stiffness. Scaled by its diagonal first, so that the units of a bushing do not mix.
-    fn elastic_rows(
-        &mut self,
-        index: usize,
-        t: &CoordinateTangent,
-        rows: &[Spread],
-    ) -> Result<()> {
+    fn elastic_rows(&mut self, index: usize, t: &CoordinateTangent, rows: &[Spread]) -> Result<()> {
         let n = rows.len();
         let k = |i: usize, j: usize| 0.5 * (t.k[i][j] + t.k[j][i]);
         let diagonal = (0..n).all(|i| (0..n).all(|j| i == j || t.k[i][j] == 0.0));
@@ -355,9 +350,8 @@ impl Builder<'_> {
             let d = k(i, i).abs();
             if d > 0.0 { d.sqrt() } else { 1.0 }
         };
-        let skewed = (0..n).any(|i| {
-            (0..n).any(|j| (t.k[i][j] - t.k[j][i]).abs() > SYMMETRIC * size(i) * size(j))
-        });
+        let skewed = (0..n)
+            .any(|i| (0..n).any(|j| (t.k[i][j] - t.k[j][i]).abs() > SYMMETRIC * size(i) * size(j)));
         if skewed {
             let topology = self.scene.topology;
             let name = match topology.connectors[index].owner {
@@ -468,9 +462,8 @@ impl Builder<'_> {
                 ..self.wanted()
             };
             for c in &topology.connectors {
-                let of = |wanted| {
-                    interaction(topology, geometry, placement, self.numbers(), c, wanted)
-                };
+                let of =
+                    |wanted| interaction(topology, geometry, placement, self.numbers(), c, wanted);
                 let (with, without) = (of(wanted), of(self.wanted()));
                 if let (Some((k, _)), Some((elastic, _))) = (&with.tangent, &without.tangent) {
                     let k = difference(k, elastic);
