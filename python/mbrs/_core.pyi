@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 _F1 = NDArray[np.float64]
 _F2 = NDArray[np.float64]
 _F3 = NDArray[np.float64]
+_Csc = tuple[NDArray[np.int64], NDArray[np.int64], _F1]
 _Ints = Sequence[int] | NDArray[np.int64]
 
 __version__: str
@@ -29,7 +30,13 @@ def dense_modes(
     n: np.ndarray | None,
     kf: np.ndarray | None,
 ) -> dict[str, Any]: ...
-
+def check_sparse_model(system: System) -> None: ...
+def sparse_model_modes(
+    system: System, relative: _F2, rate: _F1, without: Sequence[str], n: int, sigma: float | None = None
+) -> dict[str, Any]: ...
+def sparse_model_form(system: System, relative: _F2, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
+def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
+def mixed_modes(m: _Csc, a: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
 @final
 class FrfReduction:
     """M, D, S reduced once; maps and frequencies come with each call."""
