@@ -21,8 +21,10 @@ from .linear import minimum_norm
 from .reader import Link
 from .so3 import Array, skew
 
-EFFECTS = ("gravity", "gyroscopic", "centrifugal", "preload-stiffness", "constraint-force-stiffness", "damping")
-EFFECTS += ("friction", "contact", "law-slopes")
+EFFECTS = (
+    *("gravity", "gyroscopic", "centrifugal", "preload-stiffness", "constraint-force-stiffness", "damping"),
+    *("friction", "contact", "law-slopes"),
+)
 
 
 def check_effects(without: Collection[str]) -> None:

@@ -159,10 +159,7 @@ impl<'a, T: Real> Run<'a, T> {
                 let placement = self.place(motion);
                 let scene = self.scene(motion, &placement);
                 let (phi, jacobian) = scene.constraints();
-                let closing = self
-                    .kept(&jacobian)
-                    .rows(0, self.n_position)
-                    .into_owned();
+                let closing = self.kept(&jacobian).rows(0, self.n_position).into_owned();
                 let miss = DVector::from_fn(self.n_position, |i, _| -phi[self.rows[i]]);
                 let step = correction(&scene, &closing, &miss)?;
                 advance(topology, &mut motion.relative, &step);
@@ -303,7 +300,11 @@ fn independent_rows(system: &System, jacobian: &DMatrix<f64>) -> Vec<usize> {
     let scale = row_scales(topology, system.length);
     let columns = column_scales(topology, system.length);
     let mut rest: Vec<DVector<f64>> = (0..jacobian.nrows())
-        .map(|i| DVector::from_fn(jacobian.ncols(), |j, _| jacobian[(i, j)] * scale[i] * columns[j]))
+        .map(|i| {
+            DVector::from_fn(jacobian.ncols(), |j, _| {
+                jacobian[(i, j)] * scale[i] * columns[j]
+            })
+        })
         .collect();
     let largest = rest.iter().map(|r| r.norm()).fold(0.0, f64::max);
     let mut kept: Vec<usize> = Vec::new();
