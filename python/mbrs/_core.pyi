@@ -165,6 +165,7 @@ class HbmProblem:
         subharmonic: int,
         omega: list[float],
         dims: list[int],
+        extra: list[list[int]],
         fine: list[int],
     ) -> HbmProblem: ...
     @property
@@ -193,7 +194,7 @@ class HbmBranch:
         cls,
         problem: HbmProblem,
         y: NDArray[np.float64],
-        omega: float,
+        omega: list[float],
         level: float,
         parameter: str,
         begin: float,
