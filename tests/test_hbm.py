@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from mbrs.errors import ConvergenceError, ModelError
 from mbrs.harmonic_balance import harmonic_balance
 from mbrs.laws import CoulombTanh, Cubic, Gap, Hertz, Iwan, Jenkins, Polynomial1D, VanDerPol, VaryingStiffness
@@ -27,7 +26,8 @@ def two_masses(*elements):
 
 # METHODS.md b.3: parameters of the Duffing example of NLvib, values computed independently there (8 decimals)
 @pytest.mark.parametrize(
-    ("omega", "expected"), [(0.5, 0.23850991), (0.8, 0.47487205), (0.9, 0.75793394), (1.0, 1.30534547), (1.5, 0.14391972)]
+    ("omega", "expected"),
+    [(0.5, 0.23850991), (0.8, 0.47487205), (0.9, 0.75793394), (1.0, 1.30534547), (1.5, 0.14391972)],
 )
 def test_duffing_amplitudes(omega, expected):
     one = harmonic_balance(duffing(), force=[0.18], omega=omega, harmonics=7)
@@ -118,14 +118,16 @@ def test_estimate_is_of_the_size_of_the_error():
             true = np.max(np.abs(fine.displacement(t) - one.displacement(t))) / np.max(np.abs(one.X))
             if true > 1e-12:  # below, rounding is larger than truncation
                 ratios.append(true / one.error)
-    assert len(ratios) > 18 and 0.5 < min(ratios) and max(ratios) < 2
+    assert len(ratios) > 18 and min(ratios) > 0.5 and max(ratios) < 2
 
 
 def test_verify_by_integration():
     assert harmonic_balance(duffing(), force=[0.18], omega=0.9, harmonics=15).verify() < 1e-8
     coarse = harmonic_balance(duffing(), force=[0.18], omega=0.9, harmonics=1)
     assert 1e-3 < coarse.verify() < 0.1
-    many = two_masses(Cubic(0.5, w=[1.0, -1.0]), VaryingStiffness(0.4, 2, 0.3, w=[1.0, 0.0]), VanDerPol(0.1, w=[1.0, 0.0]))
+    many = two_masses(
+        Cubic(0.5, w=[1.0, -1.0]), VaryingStiffness(0.4, 2, 0.3, w=[1.0, 0.0]), VanDerPol(0.1, w=[1.0, 0.0])
+    )
     assert harmonic_balance(many, force=FORCE, omega=1.3, harmonics=25).verify() < 1e-7
 
 
@@ -192,8 +194,9 @@ def test_result_reads_saves_and_plots(tmp_path):
 
 
 def test_failure_carries_what_it_reached():
-    with pytest.raises(ConvergenceError, match="did not converge") as caught:
-        harmonic_balance(duffing(), force=[0.18], omega=0.9, max_iterations=1)
+    free = MechanicalSystem([[1.0]], [[0.1]], [[0.0]])  # no periodic motion: the static force accelerates it for ever
+    with pytest.raises(ConvergenceError, match="singular") as caught:
+        harmonic_balance(free, force={0: [1.0], 1: [0.1]}, omega=0.9)
     assert caught.value.result.X.shape == (1, 15) and caught.value.result.status == "stopped"
 
 
@@ -237,7 +240,10 @@ def call(system=None, **changes):
         (lambda: call(x0=[[np.nan, 0.0, 0.0]]), "x0 contains"),
         (lambda: call(tol=-1.0), "tol must be"),
         (lambda: call(system=MechanicalSystem([[1.0]], None, [[1.0]], elements=[Cubic(0.1)])), "no direction"),
-        (lambda: call(system=MechanicalSystem([[1.0]], None, [[1.0]], elements=[Cubic(0.1, w=[1.0, 2.0])])), "2 entries"),
+        (
+            lambda: call(system=MechanicalSystem([[1.0]], None, [[1.0]], elements=[Cubic(0.1, w=[1.0, 2.0])])),
+            "2 entries",
+        ),
         (lambda: call(system=MechanicalSystem([[1.0]], None, [[1.0]], elements=["cubic"])), "must be a law"),
         (lambda: call(system=3.0), "needs a MechanicalSystem"),
     ],

@@ -5,7 +5,6 @@ import pickle
 
 import numpy as np
 import pytest
-
 from mbrs import laws
 from mbrs.errors import ModelError
 from mbrs.reference import hbm_laws

@@ -92,7 +92,7 @@ def test_followed_equilibrium_against_differences():
     independent = base.partition.independent.tolist()
     for name, offset in PARAMETERS:
         d = unit(b, name, offset)
-        lin, rate = derivative(tables, d, at_equilibrium, independent)
+        lin, rate = derivative(tables, d, lambda s: equilibrium(s, base.state)[0], independent)
         parts = {"M": [], "C": [], "K": [], "N": [], "T": [], "r": []}
         for step in (-2, -1, 1, 2):
             sys = System(tables, tables["x"] + step * h * d)

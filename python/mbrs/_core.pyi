@@ -1,10 +1,7 @@
 """The Rust core: typed by hand and checked by stubtest. Not public; its results are wrapped by the modules of mbrs."""
 
-from typing import Any
-
-import numpy as np
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +12,7 @@ _F3 = NDArray[np.float64]
 _Ints = Sequence[int] | NDArray[np.int64]
 
 __version__: str
+__all__: list[str]
 
 class CoreError(Exception): ...
 class CoreModelError(CoreError): ...
@@ -31,6 +29,8 @@ def dense_modes(
     n: np.ndarray | None,
     kf: np.ndarray | None,
 ) -> dict[str, Any]: ...
+
+@final
 class FrfReduction:
     """M, D, S reduced once; maps and frequencies come with each call."""
 
@@ -40,7 +40,7 @@ class FrfReduction:
     @property
     def counts(self) -> dict[str, int]: ...
     def evaluate(
-        self, l: _F2, f: _F2, order_in: _Ints, d0: _F2 | None, order_out: int, omega: _F1
+        self, l: _F2, f: _F2, order_in: _Ints, d0: _F2 | None, order_out: int, omega: _F1, modes: int | None = None
     ) -> dict[str, Any]: ...
     def sensitivity(
         self,
@@ -83,3 +83,151 @@ class FrfReduction:
 
 def eigen_sensitivities(matrices: Any, modes: Any, changes: Any) -> dict[str, Any]: ...
 def shape_sensitivities(matrices: Any, modes: Any, changes: Any, ds: np.ndarray) -> dict[str, Any]: ...
+
+_Direction = tuple[Sequence[int], Sequence[float]]
+
+@final
+class System:
+    """A compiled model: immutable; states are (relative, rate)."""
+
+    def __new__(cls, tables_dict: dict[str, Any]) -> System: ...
+    @property
+    def n_bodies(self) -> int: ...
+    @property
+    def n_tree(self) -> int: ...
+    @property
+    def characteristic_length(self) -> float: ...
+    def with_values(self, x: _F1) -> System: ...
+    def topology(self) -> dict[str, Any]: ...
+    def assemble(self) -> dict[str, Any]: ...
+    def bodies(self, relative: _F2, rate: _F1) -> dict[str, Any]: ...
+    def equilibrium(self, relative: _F2, without: Sequence[str]) -> dict[str, Any]: ...
+    def linearize(self, relative: _F2, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
+    def advance(self, relative: _F2, increments: _F1) -> _F2: ...
+    def rate_mismatch(self, relative: _F2, rate: _F1) -> float: ...
+    def integrate(
+        self, relative: _F2, rate: _F1, step: float, n_steps: int, direction: _Direction | None
+    ) -> dict[str, Any]: ...
+    def strains(self, relative: _F2) -> list[tuple[str, int, int, _F1, _F2, _F2]]: ...
+    def reactions(self, relative: _F2, rate: _F1, without: Sequence[str]) -> _F2: ...
+
+def law_force(
+    code: int, values: list[float], u: NDArray[np.float64], v: NDArray[np.float64]
+) -> NDArray[np.float64]: ...
+
+class HbmElements:
+    def __new__(
+        cls,
+        code: list[int],
+        count: list[int],
+        values: list[float],
+        start: list[int],
+        index: list[int],
+        weight: list[float],
+    ) -> HbmElements: ...
+
+class HbmLinear:
+    @staticmethod
+    def full(
+        m: NDArray[np.float64], c: NDArray[np.float64], k: NDArray[np.float64], forces: NDArray[np.complex128]
+    ) -> HbmLinear: ...
+    @staticmethod
+    def sparse(
+        n: int, row: Any, column: Any, m: Any, c: Any, k: Any, retained: Any, forces: NDArray[np.complex128]
+    ) -> HbmLinear: ...
+    @staticmethod
+    def modal(
+        retained: list[int],
+        local: list[int],
+        rr: Any,
+        lr: Any,
+        stiffness: NDArray[np.float64],
+        damping: NDArray[np.float64],
+        shape: NDArray[np.float64],
+        forces: NDArray[np.complex128],
+    ) -> HbmLinear: ...
+    @property
+    def size(self) -> int: ...
+
+class HbmProblem:
+    def __new__(
+        cls,
+        linear: HbmLinear,
+        elements: HbmElements,
+        indices: list[list[int]],
+        subharmonic: int,
+        omega: list[float],
+        dims: list[int],
+        fine: list[int],
+    ) -> HbmProblem: ...
+    @property
+    def size(self) -> int: ...
+    def residual(self, y: NDArray[np.float64], omega: list[float]) -> dict[str, Any]: ...
+    def solve(
+        self,
+        y: NDArray[np.float64],
+        omega: list[float],
+        level: float = 1.0,
+        tolerance: float = 1e-10,
+        max_iterations: int = 50,
+    ) -> dict[str, Any]: ...
+    def cycle(self, z: NDArray[np.float64], tolerance: float = 1e-10, max_iterations: int = 50) -> dict[str, Any]: ...
+    def floquet(
+        self, y: NDArray[np.float64], omega: list[float], monodromy: bool = False
+    ) -> tuple[NDArray[np.complex128] | None, NDArray[np.float64] | None]: ...
+    def peak(
+        self, y: NDArray[np.float64], omega: float, level: float, coordinate: int, term: int | None
+    ) -> tuple[float, NDArray[np.float64]]: ...
+    def expand(self, y: NDArray[np.float64], omega: list[float]) -> NDArray[np.float64]: ...
+    def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]: ...
+
+class HbmBranch:
+    def __new__(
+        cls,
+        problem: HbmProblem,
+        y: NDArray[np.float64],
+        omega: float,
+        level: float,
+        parameter: str,
+        begin: float,
+        start: float,
+        stop: float,
+        *,
+        predictor: str,
+        corrector: str,
+        first_step: float,
+        least_step: float,
+        largest_step: float,
+        tolerance: float,
+        stability: bool,
+        events: bool,
+        towards: NDArray[np.float64] | None = None,
+    ) -> HbmBranch: ...
+    def run(self, points: int, seconds: float) -> dict[str, Any]: ...
+
+def directions(
+    system: System,
+    relative: _F2,
+    rate: _F1,
+    without: Sequence[str],
+    directions: Sequence[_Direction],
+    follow: str,
+    maps: bool,
+) -> dict[str, Any]: ...
+
+_Csc = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]
+
+def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
+def sparse_count(m: _Csc, k: _Csc, below: float) -> int | None: ...
+def sparse_frf(
+    m: _Csc,
+    d: _Csc | None,
+    s: _Csc,
+    l: _F2,
+    f: _F2,
+    order_in: _Ints,
+    d0: _F2 | None,
+    order_out: int,
+    omega: _F1,
+) -> dict[str, Any]: ...
+def mixed_modes(m: _Csc, a: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...

@@ -33,7 +33,8 @@ class FrequencyResponse(Result):
     error
         (n,) estimate from the omitted harmonics relative to the largest coefficient.
     status
-        "converged": the end of the range was reached; "max-points", "left-at-start" (the branch came back), "stopped" (the step
+        "converged": the end of the range was reached; "max-points", "left-at-start" (the branch came back), "stopped"
+        (the step
         became too small), "unresolved" (the end was reached, but an error exceeds the tolerance).
     """
 
@@ -64,7 +65,7 @@ class FrequencyResponse(Result):
             at = 0
             for setup, omega, y in self.parts:
                 for w, row in zip(omega, y, strict=True):
-                    X = setup.padded(setup.core.expand(row, [float(w)]))
+                    X = setup.expand(row, float(w))
                     out[at, :, : X.shape[1]] = X
                     at += 1
             self._cache["X"] = out
@@ -80,7 +81,8 @@ class FrequencyResponse(Result):
         return X[:, 2 * harmonic - 1] - 1j * X[:, 2 * harmonic]
 
     def amplitude(self, dof: int = 0, harmonic: int | None = 1, n_t: int = 256) -> np.ndarray:
-        """(n,) magnitude of one harmonic of one coordinate; ``harmonic=None``: largest |x| over ``n_t`` instants of a period."""
+        """(n,) magnitude of one harmonic of one coordinate; ``harmonic=None``: largest |x| over ``n_t`` instants of a
+        period."""
         if harmonic is not None:
             return np.abs(self.coefficient(dof, harmonic))
         top = (self.X.shape[2] - 1) // 2
@@ -95,23 +97,29 @@ class FrequencyResponse(Result):
         return self._solution(setup, float(self.omega[i]), float(self.level[i]), X, float(self.error[i]))
 
     def peak(self, dof: int = 0, harmonic: int | None = 1) -> PeriodicSolution:
-        """The solution where the amplitude of one harmonic, or with None the largest displacement, is largest: solved for
+        """The solution where the amplitude of one harmonic, or with None the largest displacement, is largest: solved
+        for
         (d amplitude / d arclength = 0) from the largest point of the curve. Only for curves over frequency."""
         i = int(np.argmax(self.amplitude(dof, harmonic)))
         setup, _, y = self._part_of(i)
         if np.ptp(self.omega) == 0:
             raise ModelError("peak() needs a curve over frequency; this one runs over the force level")
-        if harmonic is not None and harmonic not in (0, *setup.harmonics):
-            raise ModelError(f"harmonic {harmonic} is not among those of the curve")
-        term = harmonic and setup.harmonics.index(harmonic) + 1
         level = float(self.level[i])
-        omega, y = _balance.translated(setup.core.peak, y, float(self.omega[i]), level, dof, term)
-        return self._solution(setup, omega, level, setup.padded(setup.core.expand(y, [omega])), float(self.error[i]))
+        omega, y = setup.peak(y, float(self.omega[i]), level, dof, harmonic)
+        return self._solution(setup, omega, level, setup.expand(y, omega), float(self.error[i]))
 
     def _solution(self, setup: Any, omega: float, level: float, X: np.ndarray, error: float) -> PeriodicSolution:
         force = _balance.scaled_force(self.force, level)
         return PeriodicSolution(
-            X, omega, setup.harmonics, setup.subharmonic, setup.n_samples, self.system, force, error=error, stats=self.stats
+            X,
+            omega,
+            setup.harmonics,
+            setup.subharmonic,
+            setup.n_samples,
+            self.system,
+            force,
+            error=error,
+            stats=self.stats,
         )
 
     def _part_of(self, i: int) -> tuple[_balance.Setup, float, np.ndarray]:
@@ -179,7 +187,8 @@ class FrequencyResponse(Result):
 
     def __str__(self) -> str:
         lines = [
-            f"FrequencyResponse: {self.status}, {len(self)} points, omega {self.omega.min():.6g} to {self.omega.max():.6g} rad/s, "
+            f"FrequencyResponse: {self.status}, {len(self)} points, "
+            f"omega {self.omega.min():.6g} to {self.omega.max():.6g} rad/s, "
             f"largest estimated error {np.nanmax(self.error):.1e}, {self.stats.wall_time * 1e3:.1f} ms"
         ]
         if self.stable is not None and not np.any(np.isnan(np.asarray(self.stable, float))):
@@ -212,6 +221,7 @@ def frequency_response(
     harmonics: Any = 7,
     n_samples: int | None = None,
     subharmonic: int = 1,
+    condense: bool | str = "auto",
     x0: Any = None,
     tol: float | None = None,
     predictor: str = "tangent",
@@ -229,12 +239,15 @@ def frequency_response(
 
     Parameters
     ----------
-    system, force, harmonics, n_samples, subharmonic, x0
-        As for `harmonic_balance`; ``x0`` is a guess of the first point. ``harmonics="auto"`` adds harmonics wherever the error
+    system, force, harmonics, n_samples, subharmonic, condense, x0
+        As for `harmonic_balance`; ``x0`` is a guess of the first point. ``harmonics="auto"`` adds harmonics wherever
+        the error
         exceeds ``tol``.
     omega, frequency
-        Exactly one, in rad/s or Hz: a tuple (start, end), end below start included, is followed by continuation; a list or an array
-        is a set of points, solved one after the other; one number together with ``level=(a, b)`` follows the force level.
+        Exactly one, in rad/s or Hz: a tuple (start, end), end below start included, is followed by continuation; a
+        list or an array
+        is a set of points, solved one after the other; one number together with ``level=(a, b)`` follows the force
+        level.
     level
         Factor on the forces, the static one excepted: a number or a range.
     tol
@@ -270,7 +283,8 @@ def frequency_response(
 
     Notes
     -----
-    Predictor and corrector in a space whose scaling is renewed at every point (Allgower and Georg, Introduction to Numerical
+    Predictor and corrector in a space whose scaling is renewed at every point (Allgower and Georg, Introduction to
+    Numerical
     Continuation Methods, SIAM 2003). Cost per point: that of about three iterations of `harmonic_balance`.
 
     Examples
@@ -285,7 +299,9 @@ def frequency_response(
     most = _balance.integer("max_points", max_points)
     w = omega if frequency is None else frequency
     if not isinstance(w, tuple) and np.ndim(w) == 1:
-        return _points(system, force, omega, frequency, level, harmonics, n_samples, subharmonic, x0, tol, stability)
+        return _points(
+            system, force, omega, frequency, level, harmonics, n_samples, subharmonic, condense, x0, tol, stability
+        )
     branch = Branch(
         system,
         force=force,
@@ -295,6 +311,7 @@ def frequency_response(
         harmonics=harmonics,
         n_samples=n_samples,
         subharmonic=subharmonic,
+        condense=condense,
         x0=x0,
         tol=tol,
         predictor=predictor,
@@ -319,7 +336,8 @@ def _tell(branch: Branch) -> None:
         last = branch.point(n - 1)
         top = float(np.max(np.abs(last.X)))
         print(
-            f"{n:6d} points  omega {last.omega:.6g}  level {last.level:.4g}  |X| {top:.4g}  H {branch.setup.harmonics[-1]}  "
+            f"{n:6d} points  omega {last.omega:.6g}  level {last.level:.4g}  |X| {top:.4g}  "
+            f"H {branch.setup.harmonics[-1]}  "
             f"step {last.step:.1e}  events {len(branch.chunks.events)}  {branch.status}",
             file=sys.stderr,
         )
@@ -339,6 +357,7 @@ def collect(branch: Branch, wall_time: float) -> FrequencyResponse:
     counts = {
         "points": len(p),
         "corrections": branch.corrections,
+        "factorisations": branch.factorisations,
         "monodromies": sum(part["monodromies"] for _, part in parts),
     }
     return FrequencyResponse(
@@ -347,11 +366,14 @@ def collect(branch: Branch, wall_time: float) -> FrequencyResponse:
         _stable(branch.chunks.column("stable"), branch.stability),
         branch.chunks.exponents(),
         tuple(branch.chunks.events),
-        tuple((setup, part["p"] if over_omega else np.full(len(part["p"]), branch.omega[0]), part["y"]) for setup, part in parts),
+        tuple(
+            (setup, part["p"] if over_omega else np.full(len(part["p"]), branch.omega[0]), part["y"])
+            for setup, part in parts
+        ),
         branch.system,
         branch.force,
         branch,
-        stats=Stats(wall_time, counts, effects_of(branch.system), "full"),
+        stats=Stats(wall_time, counts, effects_of(branch.system), branch.setup.route),
         error=error,
         status=status,
     )
@@ -372,6 +394,7 @@ def _points(
     harmonics: Any,
     n_samples: int | None,
     subharmonic: int,
+    condense: bool | str,
     x0: Any,
     tol: float | None,
     stability: bool,
@@ -383,7 +406,10 @@ def _points(
         raise ModelError("a set of frequencies takes one level; give one frequency for a range of levels")
     _balance.checked_level(level)
     scaled = _balance.scaled_force(force, float(level))
-    parts, errors, stable, exponents = [], [], [], []
+    parts: list[Any] = []
+    errors: list[float] = []
+    stable: list[float] = []
+    exponents: list[Any] = []
     status, guess, corrections = "converged", x0, 0
     for one_omega in w:
         try:
@@ -394,6 +420,7 @@ def _points(
                 harmonics=harmonics,
                 n_samples=n_samples,
                 subharmonic=subharmonic,
+                condense=condense,
                 x0=guess,
                 tol=tol,
             )
@@ -402,7 +429,7 @@ def _points(
                 raise
             status = f"stopped: {problem}"
             break
-        setup = _balance.prepare(system, scaled, one.harmonics, subharmonic, one.n_samples, float(one_omega))
+        setup = _balance.prepare(system, scaled, one.harmonics, subharmonic, one.n_samples, float(one_omega), condense)
         y = setup.start(one)
         s = setup.core.floquet(y, [float(one_omega)])[0] if stability else None
         parts.append((setup, np.array([one_omega]), y[None, :]))
@@ -422,7 +449,9 @@ def _points(
         tuple(parts),
         system,
         force,
-        stats=Stats(perf_counter() - started, {"points": n, "corrections": corrections}, effects_of(system), "full"),
+        stats=Stats(
+            perf_counter() - started, {"points": n, "corrections": corrections}, effects_of(system), parts[-1][0].route
+        ),
         error=np.array(errors),
         status=status,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
@@ -13,6 +14,7 @@ from .errors import ConvergenceError, ModelError
 from .results import Result, Stats
 
 UNRESOLVED = 0.1
+MOST_HARMONICS = 255
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +28,8 @@ class PeriodicSolution(Result):
     omega
         Excitation frequency, rad/s.
     error
-        Estimate of the truncation error relative to the largest coefficient: one Newton step on more harmonics and samples.
+        Estimate of the truncation error relative to the largest coefficient of the coordinates that are solved for: one
+        Newton step on more harmonics and samples.
     status
         "converged", or "unresolved" where ``error`` exceeds the tolerance (0.1 unless ``tol`` was given).
     """
@@ -78,7 +81,8 @@ class PeriodicSolution(Result):
         return (c @ np.exp(1j * np.outer(rate, np.atleast_1d(np.asarray(t, float))))).real
 
     def verify(self, rtol: float = 1e-9) -> float:
-        """Integrates one period from the solution's own state at t = 0 and returns the largest distance between the two motions,
+        """Integrates one period from the solution's own state at t = 0 and returns the largest distance between the
+        two motions,
         relative to the largest displacement. Laws with memory have no such state: they raise `ModelError`."""
         from ._verify import distance
 
@@ -145,10 +149,14 @@ def harmonic_balance(
     harmonics: Any = 7,
     n_samples: int | None = None,
     subharmonic: int = 1,
+    condense: bool | str = "auto",
     x0: Any = None,
     tol: float | None = None,
     tolerance: float = 1e-10,
     max_iterations: int = 60,
+    amplitude: Any = None,
+    at: Any = None,
+    without: Any = (),
 ) -> PeriodicSolution:
     """One periodic solution of M x" + C x' + K x + sum_e w_e law_e(w_e . x, w_e . x') = f(t) by harmonic balance.
 
@@ -157,25 +165,38 @@ def harmonic_balance(
     Parameters
     ----------
     system
-        `MechanicalSystem` with nonlinear ``elements``.
+        `MechanicalSystem` with nonlinear ``elements``, or a `Model`, whose geometry is then linearised
+        (`nonlinear_system`).
     force
-        Amplitudes (n,) of the first harmonic, real for a cosine, complex a - i b for a cos + b sin; or ``{harmonic: (n,)}``
+        Of a model, ports such as ``body.force("x")``, with ``amplitude``. Else amplitudes (n,) of the first harmonic,
+        real for a cosine, complex a - i b for a cos + b sin; or ``{harmonic: (n,)}``
         with 0 for a static (real) force. Force units of the system.
     omega, frequency
         Excitation frequency in rad/s or in Hz; exactly one of them.
     harmonics
-        Highest harmonic H, or a sequence of those to keep (of omega / subharmonic), or "auto": as many as ``.error <= tol`` needs.
+        Highest harmonic H, or a sequence of those to keep (of omega / subharmonic), or "auto": as many as ``.error <=
+        tol`` needs.
     n_samples
         Samples per period; chosen so that polynomial laws do not alias, at least 512 for others.
     subharmonic
         nu: the motion may have the period 2 pi nu / omega.
+    condense
+        Solve for the coordinates that elements touch alone, the others being eliminated exactly, harmonic by harmonic:
+        True,
+        False, or "auto" for systems large enough to gain from it. ``.stats.route`` tells what was done.
     x0
-        First guess: coefficients (dof, 2h+1) or an earlier result. The default starts at rest, and raises the force step by step
+        First guess: coefficients (dof, 2h+1) or an earlier result. The default starts at rest, and raises the force
+        step by step
         if that fails.
     tol
         Largest ``.error`` that is called resolved; 0.1, and 1e-6 for ``harmonics="auto"``.
     tolerance, max_iterations
         Of Newton's method: last step relative to the coefficients of a coordinate.
+    amplitude
+        Of the ports in ``force``, N or N m: one number or one for each; complex a - i b for a cos + b sin. 1 if
+        left out.
+    at, without
+        State of a model and effects to leave out, as for `mb.linearize`.
 
     Returns
     -------
@@ -191,7 +212,8 @@ def harmonic_balance(
 
     Notes
     -----
-    Alternating frequency and time (Cameron and Griffin, J. Appl. Mech. 56 (1989) 149-154) with the exact Jacobian from the FFT of the
+    Alternating frequency and time (Cameron and Griffin, J. Appl. Mech. 56 (1989) 149-154) with the exact Jacobian from
+    the FFT of the
     force derivatives. Per iteration O(n_t log n_t + H^2) for each element and O((n (2H+1))^3) for the linear equations.
 
     Examples
@@ -202,24 +224,38 @@ def harmonic_balance(
     >>> round(one.amplitude(), 6)
     0.474872
     """
+    from .nonlinear_system import as_system
+
     started = perf_counter()
+    system, force = as_system(system, force, amplitude, at, without)
     w = _balance.one_frequency(omega, frequency)
     if w.ndim != 0:
         raise ModelError("harmonic_balance solves at one frequency; frequency_response takes a range")
     limit = _balance.positive("tol", UNRESOLVED if tol is None else tol)
     _balance.positive("tolerance", tolerance)
-    setup = _balance.prepare(system, force, harmonics, subharmonic, n_samples, float(w))
+    if isinstance(harmonics, str):
+        if harmonics != "auto":
+            raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
+        given = dict(
+            n_samples=n_samples,
+            subharmonic=subharmonic,
+            condense=condense,
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+        )
+        return _automatic(system, force, float(w), x0, 1e-6 if tol is None else tol, given)
+    setup = _balance.prepare(system, force, harmonics, subharmonic, n_samples, float(w), condense)
     options = dict(tolerance=tolerance, max_iterations=max_iterations)
     answer = _balance.translated(setup.core.solve, setup.start(x0), [float(w)], **options)
     result = PeriodicSolution(
-        setup.padded(answer["X"]),
+        setup.expand(answer["y"], float(w)),
         float(w),
         setup.harmonics,
         setup.subharmonic,
         setup.n_samples,
         system,
         force,
-        stats=Stats(perf_counter() - started, _counts(answer), effects_of(system), "full"),
+        stats=Stats(perf_counter() - started, _counts(answer), effects_of(system), setup.route),
         error=answer["error"],
         status="converged" if answer["converged"] and answer["error"] <= limit else "unresolved",
     )
@@ -228,8 +264,19 @@ def harmonic_balance(
     return result
 
 
+def _automatic(system: Any, force: Any, omega: float, x0: Any, tol: float, given: dict[str, Any]) -> PeriodicSolution:
+    """More harmonics until the error estimate is below the tolerance."""
+    forced = max((h for h in force), default=1) if isinstance(force, Mapping) else 1
+    top, guess = max(3, int(forced)), x0
+    while True:
+        one = harmonic_balance(system, force=force, omega=omega, harmonics=top, x0=guess, tol=tol, **given)
+        if one.error <= tol or top >= MOST_HARMONICS:
+            return one
+        top, guess = min(MOST_HARMONICS, top + max(2, top // 2)), one
+
+
 def _counts(answer: dict[str, Any]) -> dict[str, int]:
-    return {key: answer[key] for key in ("iterations", "evaluations")}
+    return {key: answer[key] for key in ("iterations", "evaluations", "factorisations")}
 
 
 def effects_of(system: Any) -> tuple[str, ...]:

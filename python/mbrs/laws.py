@@ -1,13 +1,17 @@
 """Force laws of one relative coordinate, law(u, u') -> force, for nonlinear elements and joints.
 
-With a direction ``w`` a law is an element of a `MechanicalSystem`: u = w . x, and the force ``w law(u, u')`` stands on the left-hand
-side of the equation of motion (a positive law resists a positive u). Without ``w`` it is the ``law=`` of an element of a `Model`.
-The numbers of a law may be parameter expressions. The law itself is computed by the core (``rust/src/laws``); `Law.force` here
+With a direction ``w`` a law is an element of a `MechanicalSystem`: u = w . x, and the force ``w law(u, u')`` stands on
+the left-hand
+side of the equation of motion (a positive law resists a positive u). Without ``w`` it is the ``law=`` of an element of
+a `Model`.
+The numbers of a law may be parameter expressions. The law itself is computed by the core (``rust/src/laws``);
+`Law.force` here
 is for looking at it.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -19,7 +23,8 @@ from .errors import ModelError
 class Law:
     """Base of all laws.
 
-    ``code`` and ``values`` are what the core reads: the kind of law and its numbers. ``w`` is the direction (n,) or None.
+    ``code`` and ``values`` are what the core reads: the kind of law and its numbers. ``w`` is the direction (n,) or
+    None.
     """
 
     code: int = -1
@@ -37,7 +42,8 @@ class Law:
         return [_number(value) for value in self.values]
 
     def force(self, u: Any, v: Any = 0.0) -> np.ndarray:
-        """Force for displacements ``u`` and rates ``v`` (arrays that broadcast); a law with memory takes them as a history."""
+        """Force for displacements ``u`` and rates ``v`` (arrays that broadcast); a law with memory takes them as a
+        history."""
         from . import _core
 
         u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
@@ -100,7 +106,8 @@ class Polynomial1D(Law):
 class Gap(Law):
     """Stop beyond a gap: force = k max(u - gap, 0), with ``bilateral=True`` also k min(u + gap, 0).
 
-    ``smoothing`` s > 0 (a length) replaces max(d, 0) by the hyperbola (d + sqrt(d^2 + s^2)) / 2, which is s/2 too large at d = 0.
+    ``smoothing`` s > 0 (a length) replaces max(d, 0) by the hyperbola (d + sqrt(d^2 + s^2)) / 2, which is s/2 too
+    large at d = 0.
     A negative gap is a preload of a one-sided stop.
     """
 
@@ -109,7 +116,9 @@ class Gap(Law):
         if _is_plain(smoothing) and smoothing < 0:
             raise ModelError(f"Gap: smoothing must not be negative, it is {smoothing}")
         if bilateral and _is_plain(gap) and gap < 0:
-            raise ModelError(f"Gap: a two-sided gap must not be negative, it is {gap}; give a preload to a one-sided one")
+            raise ModelError(
+                f"Gap: a two-sided gap must not be negative, it is {gap}; give a preload to a one-sided one"
+            )
         self.code = 4 if bilateral else 3
         super().__init__((k, gap, smoothing), w)
 
@@ -154,7 +163,8 @@ class TableLaw(Law):
 
     Notes
     -----
-    Slopes after Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300-304: as `scipy.interpolate.PchipInterpolator`.
+    Slopes after Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300-304: as
+    `scipy.interpolate.PchipInterpolator`.
     """
 
     code = 7
@@ -164,7 +174,7 @@ class TableLaw(Law):
         if len(x) != len(y) or len(x) < 2:
             raise ModelError(f"TableLaw: u and f need the same length of at least 2, they have {len(x)} and {len(y)}")
         plain = [float(value) for value in x if _is_plain(value)]
-        if len(plain) == len(x) and not all(b > a for a, b in zip(plain, plain[1:], strict=False)):
+        if len(plain) == len(x) and not all(b > a for a, b in itertools.pairwise(plain)):
             raise ModelError("TableLaw: u must ascend strictly; sort the table and join equal points")
         super().__init__([*x, *y], w)
 
@@ -179,9 +189,11 @@ class VanDerPol(Law):
 
 
 class Jenkins(Law):
-    """Spring and slider in series: force = k (u - z) within +-f_slip, where z is the slider's place, which follows beyond.
+    """Spring and slider in series: force = k (u - z) within +-f_slip, where z is the slider's place, which follows
+    beyond.
 
-    The slider starts centred (z = 0): in full stick, where the motion does not determine it, the element is the spring k.
+    The slider starts centred (z = 0): in full stick, where the motion does not determine it, the element is the spring
+    k.
     """
 
     code = 9

@@ -16,7 +16,7 @@ import numpy as np
 from ._border import core_errors
 from .errors import ModelError, NameNotFoundError, SingularError
 from .mac import mac as _mac
-from .results import Result, Stats
+from .results import Result, Stats, added_counts
 from .second_order import MechanicalSystem
 
 KINDS = ("rigid", "vibration", "overdamped", "flutter", "divergence")
@@ -318,8 +318,8 @@ def modes(
     -----
     Without damping, or with damping that the undamped modes diagonalise, one symmetric eigenproblem and scalar
     quadratics; conservative gyroscopic systems one Hermitian eigenproblem; all else the balanced state matrix in energy
-    coordinates, which have the scaling of Fan, Lin and Van Dooren (SIAM J. Matrix Anal. Appl. 26, 2004), with Newton
-    corrections of pairs whose backward error exceeds 1e-14. Cost O(dof^3).
+    coordinates, which have the scaling of Fan, Lin and Van Dooren built in, with Rayleigh corrections of all roots and
+    Newton corrections of the pairs whose backward error exceeds max(dof, 16) eps. Cost O(dof^3).
 
     Examples
     --------
@@ -415,7 +415,7 @@ def _result(system: Any, r: dict[str, Any], n: int | None, effects: tuple[str, .
         partner_shape=r["partner_shape"][:, own],
         partner_left=None if partner_left is None else partner_left[:, own],
         cut_group=next((tuple(range(a, n)) for a, count in r["groups"] if a < n < a + count), ()),
-        stats=Stats(time.perf_counter() - start, r["counts"], effects, r["route"]),
+        stats=Stats(time.perf_counter() - start, added_counts(system, r["counts"]), effects, r["route"]),
         error=r["error"][:n],
         status="unresolved" if np.any(r["backward_error"][:n] > _UNRESOLVED) else "converged",
     )

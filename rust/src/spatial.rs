@@ -12,7 +12,8 @@ impl<T: DualNum<Primitive = f64> + Copy + Send + Sync> Real for T {}
 pub type V3<T> = Vector3<T>;
 pub type M3<T> = Matrix3<T>;
 
-/// Zero in every part. `is_zero` of a dual number looks at its value alone: what it is multiplied by still has a derivative.
+/// Is it zero with all its derivatives? Work on such numbers may be left out. A dual number's own `is_zero` looks at the value
+/// alone, so with duals nothing is left out.
 pub fn absent<T: Real>(x: &T) -> bool {
     T::NDERIV == 0 && x.is_zero()
 }
@@ -121,7 +122,7 @@ impl<T: Real> Six<T> {
         }
     }
 
-    pub fn is_zero(&self) -> bool {
+    pub fn is_absent(&self) -> bool {
         self.l.iter().chain(self.a.iter()).all(absent)
     }
 

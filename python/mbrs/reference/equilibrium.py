@@ -8,8 +8,8 @@ import numpy as np
 
 from ..errors import ConvergenceError
 from . import dynamics as dyn
-from .assembly import assemble, close_loops
-from .kinematics import State, System, advance, first_guess
+from .assembly import Partition, assemble, close_loops, cut_jacobian, null_space, twist_map
+from .kinematics import State, System, advance, first_guess, motion, tree_twists
 from .linearize import Linearization, linearize
 from .so3 import Array
 
@@ -34,7 +34,9 @@ def equilibrium(
             return lin.state, lin.lam, size / scale
         imaginary = change if done else np.inf
         previous = size
-        state, lin, size = _step(sys, state, lin, size, without)
+        state = _step(sys, state, lin, size, without)
+        lin = linearize(sys, state, without=without)
+        size = _size(sys, lin)
         if not done and size >= previous and size <= 1e-9 * scale:  # rounding, not distance, is left
             tolerance = 2 * size / scale
     raise ConvergenceError(f"no equilibrium within 100 steps: generalised force {size:.3g} is left", state)
@@ -56,31 +58,31 @@ def _force_scale(sys: System, lin: Linearization) -> float:
     return float(max(*parts, 1e-3 * stiffness, 1e-300) * max(sys.length, 1.0))
 
 
-def _step(
-    sys: System, state: State, lin: Linearization, size: float, without: Collection[str]
-) -> tuple[State, Linearization, float]:
+def _step(sys: System, state: State, lin: Linearization, size: float, without: Collection[str]) -> State:
+    """One Newton step, halved until the unbalanced force falls; never more than half a radian or half of L_c."""
     columns, part = _columns(sys, lin), lin.partition
     S = (columns[:, None] * lin.S * columns).real
-    rho = columns * lin.residual
-    dy = columns * (-np.linalg.pinv(S, rcond=1e-12) @ rho)
-    limit = np.max(np.abs(dy.real / columns), initial=0.0)
-    dy = dy * min(1.0, 0.5 / limit) if limit > 0 else dy
+    dy = columns * (-np.linalg.pinv(S, rcond=1e-12) @ (columns * lin.residual))
+    longest = np.max(np.abs(dy.real / columns), initial=0.0)
+    dy = dy * min(1.0, 0.5 / longest) if longest > 0 else dy
     for _ in range(12):
         y = np.zeros(sys.ny, dtype=dy.dtype)
         y[part.independent] = dy
         y[part.dependent] = _dependent(sys, state, lin, dy)
         new = close_loops(sys, advance(sys, state, y), fixed=part.independent)
-        trial = linearize(sys, new, without=without)
-        if _size(sys, trial) < size or np.max(np.abs(dy.real / columns), initial=0.0) < 1e-10:
+        if longest < 1e-10 or _unbalanced(sys, new, part, columns, without) < size:
             break
         dy = 0.5 * dy
-    return new, trial, _size(sys, trial)
+    return new
+
+
+def _unbalanced(sys: System, state: State, part: Partition, columns: Array, without: Collection[str]) -> float:
+    T = twist_map(sys, motion(state), part).value
+    f = dyn.applied_residual(sys, state, np.zeros(6 * sys.nb), without)
+    return float(np.max(np.abs((columns * (T.T @ f)).real), initial=0.0))
 
 
 def _dependent(sys: System, state: State, lin: Linearization, dy: Array) -> Array:
-    from .assembly import cut_jacobian, null_space
-    from .kinematics import motion, tree_twists
-
     if len(lin.partition.dependent) == 0:
         return np.zeros(0, dtype=dy.dtype)
     bodies = motion(state)

@@ -1,6 +1,7 @@
 """Harmonic balance in plain NumPy, by evaluation matrices instead of an FFT: the oracle of the core.
 
-Coefficients (dof, 2H+1) [a0, a1, b1, ...]; as a vector harmonic by harmonic, all coordinates of one coefficient together.
+Coefficients (dof, 2H+1) [a0, a1, b1, ...]; as a vector harmonic by harmonic, all coordinates of one coefficient
+together.
 T. M. Cameron, J. H. Griffin, J. Appl. Mech. 56 (1989) 149-154.
 """
 

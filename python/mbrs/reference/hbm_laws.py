@@ -1,4 +1,5 @@
-"""Force laws in plain NumPy: force, slope by displacement, slope by rate, for arrays of samples. The oracle of the core's laws."""
+"""Force laws in plain NumPy: force, slope by displacement, slope by rate, for arrays of samples. The oracle of the
+core's laws."""
 
 from __future__ import annotations
 
@@ -56,7 +57,8 @@ def _gap(u: np.ndarray, k: float, gap: float, smoothing: float) -> tuple[np.ndar
 
 
 def march(law: Any, u: np.ndarray, du: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """f (n,) and df/dX (n, n_c) of a law with memory over the second of two periods; du (n, n_c) = du/dX at the samples."""
+    """f (n,) and df/dX (n, n_c) of a law with memory over the second of two periods; du (n, n_c) = du/dX at the
+    samples."""
     n, n_c = du.shape
     f, df = np.zeros(n), np.zeros((n, n_c))
     pairs = np.asarray(law.numbers()).reshape(-1, 2)

@@ -150,10 +150,13 @@ def stack(rows: Sequence[Jet]) -> Jet:
     """Rows (k_i, n) one above the other."""
     if not rows:
         return jet(np.zeros((0, 6)))
-    total = sum(r.value.shape[-2] for r in rows)
-    start, out = 0, jet(0.0)
-    for r in rows:
-        k = r.value.shape[-2]
-        place = np.eye(total)[:, start : start + k]
-        out, start = out + place @ r, start + k
-    return out
+    out: list[Array | None] = []
+    for k in range(min(r.order for r in rows) + 1):
+        present = [c.shape[:-2] for r in rows if (c := r.c[k]) is not None]
+        if not present:
+            out.append(None)
+            continue
+        lead = np.broadcast_shapes(*present)
+        parts = [r.value if k == 0 else r.derivative(k) for r in rows]
+        out.append(np.concatenate([np.broadcast_to(p, (*lead, *p.shape[-2:])) for p in parts], axis=-2))
+    return Jet(*out)

@@ -12,10 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..errors import ModelError
 from . import dynamics as dyn
-from .assembly import Partition, partition, twist_map
+from . import joints as jt
+from .assembly import Partition, link_rows, partition, twist_map
 from .kinematics import State, System, motion
-from .linear import least_squares
+from .linear import least_squares, minimum_norm
 from .so3 import Array, skew
 
 
@@ -25,7 +27,8 @@ class Linearization:
     axes.
 
     ``residual`` (dof,) is T^T f with y" = 0: zero at an equilibrium or in a steady motion. ``lam``: multipliers of
-    all joint rows.
+    all joint rows, at the accelerations that unbalanced forces cause. ``W``, ``P`` (n_v, dof): velocity constraints
+    W y' + P y = 0, whose multipliers act as W^T mu beside M, D, S (see `constrained_roots`).
     """
 
     M: Array
@@ -39,6 +42,8 @@ class Linearization:
     lam: Array
     state: State
     partition: Partition
+    W: Array
+    P: Array
 
     @property
     def D(self) -> Array:
@@ -124,26 +129,63 @@ def linearize(
     Cost O(nb^3). Source: METHODS.md a.2; the terms of a moving state are derived here.
     """
     dyn.check_effects(without)
+    if np.any(dyn.twists_of(state) != 0) and any(jt.velocity_rows(link.kind) for link in sys.joints):
+        raise ModelError(
+            "a model with joints that restrict velocities is linearised at rest only; give it no velocities"
+        )
     part = partition(sys, state, independent)
     base = nominal_motion(sys, state, part)
     state, T = base.state, base.T
     f = dyn.applied_residual(sys, state, base.a, without)
-    lam = dyn.multipliers(sys, state, f)
+    lam = _multipliers(sys, base, f)
     M, D, S = _congruence(sys, base, lam, without)
     G_all, _ = dyn.constraint_jacobian(sys, state)
     if "constraint-force-stiffness" not in without:  # without it, the congruence of the absolute tangents is all there is
         S = S + turning_of_columns(sys, state, part, T, f + G_all.T @ lam)
+    W, P, _ = velocity_constraints(sys, base)
     names = [sys.coordinates[i] for i in part.independent]
     C, G, K, N = (0.5 * (X + s * X.T) for X in (D, S) for s in (1, -1))
-    return Linearization(M, C, G, K, N, origin_map(sys, state, T), names, T.T @ f, lam, state, part)
+    return Linearization(M, C, G, K, N, origin_map(sys, state, T), names, T.T @ f, lam, state, part, W, P)
+
+
+def velocity_constraints(sys: System, base: Nominal) -> tuple[Array, Array, Array]:
+    """W y' + P y = 0 of the velocity rows G v = 0 (n_v, dof), and what is left of G a + G' v with y" = 0.
+
+    W = G T; P y collects (dG) v and G (T' - W0 T) y.
+    """
+    state, T = base.state, base.T
+    links = [link for link in sys.joints if link.kind in jt.VELOCITY_CONSTRAINTS]
+    G = dyn.constraint_jacobian(sys, state)[0]
+    G = G[len(G) - len(links) :]
+    v = dyn.twists_of(state)
+    along, rate = np.zeros_like(G @ T), np.zeros(len(links), dtype=T.dtype)
+    for i, link in enumerate(links):
+        p = jt.pair(link, *dyn.directions(state, link))
+        on = dyn.reach(link, link_rows(link, p, jt.VELOCITY_CONSTRAINTS[link.kind]), p)
+        turning = on.J.derivative_along(12)[:, :, 0] @ on.take(v)  # d(G v) for the twelve directions at fixed v
+        along[i] = turning[on.kept] @ T[on.columns]
+        rate[i] = turning[on.kept] @ v[on.columns]
+    return G @ T, along + G @ (base.dT - turned(sys, state.w, T)), rate + G @ base.a
+
+
+def _multipliers(sys: System, base: Nominal, f: Array) -> Array:
+    """lam for the accelerations that f really causes, so that off equilibrium too the joints carry what they must."""
+    _, _, Mi = dyn.inertia_tangents(sys, base.state, base.a)
+    T = base.T
+    W, _, rate = velocity_constraints(sys, base)
+    n, nv = T.shape[1], len(W)
+    bordered = np.block([[T.T @ Mi @ T, W.T], [W, np.zeros((nv, nv))]])
+    acceleration = minimum_norm(bordered, -np.concatenate([T.T @ f, rate]))[:n]
+    return dyn.multipliers(sys, base.state, f + Mi @ T @ acceleration)
 
 
 def _congruence(sys: System, base: Nominal, lam: Array, without: Collection[str]) -> tuple[Array, Array, Array]:
     state, T = base.state, base.T
     Ki, Ci, Mi = dyn.inertia_tangents(sys, state, base.a)
-    Ke, Ce = dyn.element_tangents(sys, state, "damping" not in without, "preload-stiffness" not in without)
-    _, Kq = dyn.load_forces(sys, state)
-    static = Ke + Kq
+    Ke, Ce = dyn.element_tangents(sys, state, "damping" not in without, "preload-stiffness" not in without, without)
+    static = Ke
+    if "preload-stiffness" not in without:
+        static = static + dyn.load_forces(sys, state)[1]
     if "constraint-force-stiffness" not in without:
         static = static + dyn.constraint_stiffness(sys, state, lam)
     spin, turn = state.w, split(base.a)[1]

@@ -81,7 +81,7 @@ def derivative(
 def real_part(lin: Linearization) -> Linearization:
     """The linearisation without the imaginary parts of a complex step."""
     out = replace(lin)
-    for name in ("M", "C", "G", "K", "N", "T", "residual", "lam"):
+    for name in ("M", "C", "G", "K", "N", "T", "residual", "lam", "W", "P"):
         setattr(out, name, getattr(lin, name).real)
     s = lin.state
     out.state = State(s.r.real, s.R.real, s.v.real, s.w.real)

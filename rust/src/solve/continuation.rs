@@ -208,7 +208,20 @@ impl Branch {
             corrector: Corrector::PseudoArclength,
         };
         let options = self.options;
-        correct(curve, &mut self.work, &target, start.clone(), &options)
+        let found = correct(curve, &mut self.work, &target, start.clone(), &options)?;
+        Ok(found.map(|mut point| {
+            point.z[n] = p; // scaling there and back may have moved it by a rounding
+            point
+        }))
+    }
+
+    /// Takes the last step back; the next one is at most a quarter of it. False at the least step.
+    pub fn retreat(&mut self) -> bool {
+        let Some(point) = self.history.pop_front() else {
+            return false;
+        };
+        self.step = (0.25 * point.step).max(self.options.least_step);
+        point.step > self.options.least_step && !self.history.is_empty()
     }
 
     /// Puts a landed point in the place of the last one.

@@ -119,15 +119,22 @@ impl Segment {
         work: &mut Workspace,
         cancel: &Cancel,
         like_first: impl Fn(&Point) -> bool,
-    ) -> Result<Option<Point>> {
+    ) -> Result<Jump> {
         let mut low = (0.0, 0.0, self.centre.clone());
         let mut high = (self.length, 0.0, self.far.clone());
         let mut best = None;
-        while (high.0 - low.0).abs() > 1e-10 * self.length.abs() {
+        while (high.0 - low.0).abs() > 1e-9 * self.length.abs() {
             cancel.check()?;
-            let s = 0.5 * (low.0 + high.0);
-            // the corrector may fail very near to the point itself, where the equations are singular
-            let Some(point) = self.at(curve, work, s, &low, &high)? else {
+            // the corrector may fail at the point itself, where the equations are singular, but not also beside it
+            let mut found = None;
+            for t in [0.5, 0.37, 0.71] {
+                let s = low.0 + t * (high.0 - low.0);
+                if let Some(point) = self.at(curve, work, s, &low, &high)? {
+                    found = Some((s, point));
+                    break;
+                }
+            }
+            let Some((s, point)) = found else {
                 break;
             };
             let place = (s, 0.0, scaled(&point.z, &self.scale));
@@ -138,6 +145,25 @@ impl Segment {
             }
             best = Some(point);
         }
-        Ok(best)
+        let gap = low
+            .2
+            .iter()
+            .zip(&high.2)
+            .map(|(a, b)| (a - b).powi(2))
+            .sum::<f64>()
+            .sqrt();
+        // on one branch the two sides approach each other as s does
+        let narrowed = (high.0 - low.0).abs() < 1e-3 * self.length.abs();
+        if !narrowed || gap > 10.0 * (high.0 - low.0).abs() + 1e-6 {
+            return Ok(Jump::Torn);
+        }
+        Ok(best.map_or(Jump::Torn, Jump::At))
     }
+}
+
+/// What lies between two points with different properties.
+pub enum Jump {
+    At(Point),
+    /// the points belong to different branches
+    Torn,
 }

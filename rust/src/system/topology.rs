@@ -344,7 +344,8 @@ fn connectors(tables: &Tables) -> Result<(Vec<Connector>, usize)> {
     for (i, j) in tables.joints.iter().enumerate() {
         let coordinates = j.kind.free_coordinates().to_vec();
         let laws = binder.of(true, i, coordinates.len())?;
-        if j.flags & (HAS_K | HAS_C | HAS_PRELOAD) == 0 && laws.is_empty() {
+        let acts = j.flags & (HAS_K | HAS_C | HAS_PRELOAD) != 0 || !laws.is_empty();
+        if coordinates.is_empty() || !acts {
             continue;
         }
         all.push(Connector {

@@ -8,8 +8,8 @@ use crate::error::{Error, Result};
 use crate::run::Cancel;
 use crate::solve::Linearisation;
 use crate::solve::continuation::{Advance, Branch};
-use crate::solve::corrector::{Options, Point};
-use crate::solve::segment::Segment;
+use crate::solve::corrector::{Options, Point, Workspace};
+use crate::solve::segment::{Jump, Segment};
 
 /// Growth rates below this fraction of the base frequency count as zero.
 const NEUTRAL: f64 = 1e-9;
@@ -96,7 +96,7 @@ impl Follower {
                 "the branch cannot be started: the first solution is singular; begin elsewhere",
             ));
         };
-        let estimator = Estimator::new(&problem, fine);
+        let estimator = Estimator::new(&problem, fine)?;
         let mut follower = Follower {
             problem,
             settings,
@@ -116,16 +116,21 @@ impl Follower {
         self.branch.work.corrections
     }
 
+    /// Dynamic stiffnesses that were computed, those of the error estimate included.
+    pub fn factorisations(&self) -> u64 {
+        self.problem.factorisations + self.estimator.factorisations()
+    }
+
     /// One more point, unless the branch has ended.
     pub fn advance(&mut self, cancel: &Cancel) -> Result<()> {
         if self.status != Status::Going {
             return Ok(());
         }
         let before = self.last.clone();
-        if self.branch.advance(&mut self.problem, cancel)? == Advance::Stalled {
+        let Some(crossed) = self.move_on(cancel)? else {
             self.status = Status::Stalled;
             return Ok(());
-        }
+        };
         let direction = (self.settings.to - self.settings.from).signum();
         let p = self.branch.point().p();
         let end = if (p - self.settings.to) * direction >= 0.0 {
@@ -144,9 +149,34 @@ impl Follower {
         }
         self.record()?;
         if self.settings.events {
-            self.find_events(before.as_ref(), cancel)?;
+            self.find_events(before.as_ref(), crossed, cancel)?;
         }
         Ok(())
+    }
+
+    /// A step on the same branch, with the branch point that it passes; None where there is no step. A sign of the determinant that
+    /// changes without a point where it vanishes means that the step has landed on another branch.
+    fn move_on(&mut self, cancel: &Cancel) -> Result<Option<Option<Point>>> {
+        loop {
+            if self.branch.advance(&mut self.problem, cancel)? == Advance::Stalled {
+                return Ok(None);
+            }
+            let Some((a, segment)) = self.branch.previous().cloned().zip(self.branch.segment())
+            else {
+                return Ok(Some(None));
+            };
+            let point = self.branch.point().clone();
+            if a.orientation * point.orientation > 0.0 {
+                return Ok(Some(None));
+            }
+            let mut work = Workspace::new(a.y().len());
+            let same = |p: &Point| p.orientation == a.orientation;
+            match segment.jump(&mut self.problem, &mut work, cancel, same)? {
+                Jump::At(crossed) => return Ok(Some(Some(crossed))),
+                Jump::Torn if self.branch.retreat() => {}
+                Jump::Torn => return Ok(None),
+            }
+        }
     }
 
     /// Error and stability of the present point; the workspace still holds its linearisation.
@@ -177,7 +207,12 @@ impl Follower {
         Ok(())
     }
 
-    fn find_events(&mut self, before: Option<&Floquet>, cancel: &Cancel) -> Result<()> {
+    fn find_events(
+        &mut self,
+        before: Option<&Floquet>,
+        crossed: Option<Point>,
+        cancel: &Cancel,
+    ) -> Result<()> {
         let (Some(a), Some(segment)) = (self.branch.previous().cloned(), self.branch.segment())
         else {
             return Ok(());
@@ -193,13 +228,9 @@ impl Follower {
             })?;
             self.push_event(Kind::Fold, found, None);
         }
-        if a.orientation * b.orientation < 0.0 {
+        if crossed.is_some() {
             static_change += 1;
-            let work = &mut self.branch.work;
-            let found = segment.jump(&mut self.problem, work, cancel, |p| {
-                p.orientation == a.orientation
-            })?;
-            self.push_event(Kind::BranchPoint, found, None);
+            self.push_event(Kind::BranchPoint, crossed, None);
         }
         if let (Some(before), Some(after)) = (before, self.last.clone()) {
             self.find_crossing(&segment, before, &after, static_change, cancel)?;
@@ -244,6 +275,7 @@ impl Follower {
             ends,
             growth,
         )?;
+        let w0 = self.problem.base_frequency(); // that of the point found
         let distance = (exponent.im.abs() / w0 - 0.5).abs();
         let kind = if distance < 1e-4 {
             Kind::PeriodDoubling
