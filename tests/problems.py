@@ -12,6 +12,7 @@ import mbrs as mb
 import numpy as np
 from mbrs.geometry import rotation
 from numpy.polynomial import laguerre
+from scipy.optimize import brentq
 
 G = 9.81
 
@@ -109,11 +110,9 @@ def buckled_link(load, k=10.0, length=1.0, angle=0.1):
     b = rod(m, "link", (x / 2, y / 2, 0), length, angle=angle)
     m.revolute("hinge", m.ground, b, at=(0, 0, 0), axis="z", k=k)
     m.force("push", b, at=(x, y, 0), value=(-load, 0, 0))
-    phi = angle + 1.0
-    for _ in range(60):
-        phi -= (k * (phi - angle) - load * length * np.sin(phi)) / (k - load * length * np.cos(phi))
+    phi = brentq(lambda q: k * (q - angle) - load * length * np.sin(q), angle, np.pi, xtol=1e-15, rtol=1e-15)
     answer = {"phi": phi, "frequency": [np.sqrt((k - load * length * np.cos(phi)) / (length**2 / 3)) / (2 * np.pi)]}
-    return Problem(m, answer, "moment about the hinge, by Newton's method here")
+    return Problem(m, answer, "moment about the hinge; the root by bracketing")
 
 
 def spring_pendulum(k=200.0, mass=2.0, natural=0.5):

@@ -87,18 +87,19 @@ def add_loads(m, rng, label, body, near, followers=True):
         m.torque(f"torque{label}{kind}", body, value=rng.normal(size=3), frame=kind)
 
 
-def random_tree(rng, n=4, kinds=TREE_JOINTS, *, forces=True, followers=True, moving=False, slack=0.0):
-    """n bodies, each on one before it or on ground, half of the joints reversed."""
+def random_tree(rng, n=4, kinds=TREE_JOINTS, *, each=False, forces=True, followers=True, moving=False, slack=0.0):
+    """n bodies, each on one before it or on ground, half of the joints reversed. ``each``: the kinds in turn, in a chain."""
     m = Model("random tree", gravity=rng.normal(size=3) * (1, 9, 1))
     handles, places = [m.ground], [np.zeros(3)]
     for i in range(n):
-        j = int(rng.integers(len(handles)))
+        j = i if each else int(rng.integers(len(handles)))
+        kind = kinds[i % len(kinds)] if each else str(rng.choice(kinds))
         here = places[j] + rng.normal(size=3)
         motion = {"velocity": rng.normal(size=3), "angular_velocity": rng.normal(size=3)} if moving else {}
         body = add_body(m, rng, f"b{i}", here, **motion)
         ends = (handles[j], body) if rng.random() < 0.5 else (body, handles[j])
         middle = 0.5 * (places[j] + here)
-        add_joint(m, rng, str(rng.choice(kinds)), f"j{i}", *ends, middle, forces, slack)
+        add_joint(m, rng, kind, f"j{i}", *ends, middle, forces, slack)
         if forces:
             add_elements(m, rng, str(i), *ends, middle)
             add_loads(m, rng, str(i), body, here, followers)

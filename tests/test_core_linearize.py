@@ -28,7 +28,7 @@ def test_trees_of_each_joint(kind):
     found = []
     for seed in range(6):
         rng = np.random.default_rng([seed, TREE_JOINTS.index(kind)])
-        m = random_tree(rng, 3, ("revolute", kind) if kind == "fixed" else (kind,))
+        m = random_tree(rng, 3, ("revolute", kind), each=True)
         found.append(difference(m, drawn(m)))
         state = advanced(m, rng, 0.7)
         found.append(difference(m, state))

@@ -34,16 +34,16 @@ def test_ladders(joint, per_layer):
 
 
 def test_a_ladder_of_sliders_moves_along_their_common_axis():
-    """All prismatic joints along z: every body slides, and each loop takes one freedom away."""
+    """All prismatic joints along z: every body slides by itself, the loops constrain nothing that the tree does not."""
     system = mb.System(mb.examples.ladder(2, "prismatic"))
-    assert (system.dof, system.rank) == (6, 2)
+    assert (system.dof, system.rank, system.n_rows, sum(system.redundant.values())) == (6, 0, 10, 10)
 
 
 def test_bricard_moves():
     """Six hinges in a loop: one redundant constraint and one degree of freedom, over a large part of its motion."""
     p = problems.bricard()
-    assert mb.System(p.model).dof == 1
-    assert mb.System(p.model).rank == 5
+    system = mb.System(p.model)
+    assert (system.dof, system.rank, sum(system.redundant.values())) == (1, 4, 1)
     m, state, gaps, found = p.model, drawn(p.model), [], []
     angles = []
     for _ in range(12):
@@ -185,14 +185,14 @@ def test_conflicting_joints_are_refused_with_the_gap():
         mb.linearize(m)
 
 
-def test_conflicting_axes_are_refused_with_the_angle():
+def test_a_loop_of_hinges_and_a_weld_that_disagree():
     m = mb.Model("crossed")
     b = m.body("b", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
     c = m.body("c", mass=1.0, inertia=(1, 1, 1), at=(1, 0, 0))
     m.revolute("one", m.ground, b, at=(0, 0, 0), axis="z")
     m.revolute("two", b, c, at=(1, 0, 0), axis="z")
     m.fixed("three", m.ground, c, at=((1, 0, 0), (1.0, 0.0, 0.02)))
-    with pytest.raises(mb.AssemblyError, match=r"'three'.*0\.02\d* m"):
+    with pytest.raises(mb.AssemblyError, match=r"'(two|three)'.*0\.02\d* m"):
         mb.linearize(m)
 
 
@@ -208,8 +208,10 @@ def test_a_rigid_loop_is_no_mechanism_but_no_error_either():
     assert (system.dof, system.coordinates) == (0, ())
     lin = mb.linearize(m)
     assert lin.M.shape == (0, 0)
-    modes = mb.modes(m)
-    assert modes.n == 0 and modes.frequency.shape == (0,)
+    eq = mb.equilibrium(m)
+    assert eq.stable and eq.residual == 0.0
+    with pytest.raises(mb.ModelError, match="no degrees of freedom"):
+        mb.modes(m)
 
 
 def test_distance_joints_alone():

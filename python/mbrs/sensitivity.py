@@ -40,13 +40,14 @@ class SparseDerivative:
         np.add.at(out, (self.row, self.column, self.direction), self.value)
         return out
 
-    def symmetric(self) -> SparseDerivative:
-        """The symmetric part; entries may then stand twice and add up."""
+    def symmetric(self, whole: np.ndarray) -> SparseDerivative:
+        """The symmetric part, but for the directions where ``whole`` (n_p,); entries may then stand twice and add up."""
+        half = ~whole[self.direction]
         return SparseDerivative(
-            np.concatenate([self.row, self.column]),
-            np.concatenate([self.column, self.row]),
-            np.tile(self.direction, 2),
-            np.tile(0.5 * self.value, 2),
+            np.concatenate([self.row, self.column[half]]),
+            np.concatenate([self.column, self.row[half]]),
+            np.concatenate([self.direction, self.direction[half]]),
+            np.concatenate([np.where(half, 0.5, 1.0) * self.value, 0.5 * self.value[half]]),
             self.shape,
         )
 
@@ -58,8 +59,8 @@ class LinearizationSensitivity(Result):
     Attributes
     ----------
     M, C, G, K, N
-        (dof, dof, n_p), None where the matrix itself is absent; G and N also exist where single entries of full bushings make
-        them.
+        (dof, dof, n_p), None where the matrix itself is absent. G and N also exist where a parameter makes them: a single
+        entry of a full bushing, a given velocity.
     T
         (6 n_bodies, dof, n_p), of `mb.sensitivity` of a linearisation.
     position, rotation
@@ -98,10 +99,7 @@ class LinearizationSensitivity(Result):
     @cached_property
     def G(self) -> np.ndarray | None:
         """dG/dp, the skew part of the derivative of the damping."""
-        skew = split(self.damping.dense())[1]
-        if self.linearization.G is not None:
-            return skew
-        return _cross_coupling(self.linearization.model, self.directions, "c", skew)
+        return self._skew(self.damping, self.has_G)
 
     @cached_property
     def K(self) -> np.ndarray:
@@ -111,10 +109,26 @@ class LinearizationSensitivity(Result):
     @cached_property
     def N(self) -> np.ndarray | None:
         """dN/dp, the skew part of the derivative of the stiffness."""
-        skew = split(self.stiffness.dense())[1]
-        if self.linearization.N is not None:
-            return skew
-        return _cross_coupling(self.linearization.model, self.directions, "k", skew)
+        return self._skew(self.stiffness, self.has_N)
+
+    @staticmethod
+    def _skew(of: SparseDerivative, has: np.ndarray) -> np.ndarray | None:
+        return split(of.dense())[1] * has if np.any(has) else None
+
+    @cached_property
+    def has_G(self) -> np.ndarray:
+        """(n_p,) bool: parameters whose dG counts; without G in the model, those that bring one in."""
+        lin, along = self.linearization, self.directions
+        if lin.G is not None:
+            return np.ones(along.n, dtype=bool)
+        velocities = [int(s) + i for s in tables(lin.model)["body_x"] for i in range(17, 23)]
+        return _cross_couples(lin.model, along, "c") | _touches(along, velocities)
+
+    @cached_property
+    def has_N(self) -> np.ndarray:
+        """(n_p,) bool: parameters whose dN counts; without N in the model, those that bring one in."""
+        lin, along = self.linearization, self.directions
+        return np.ones(along.n, dtype=bool) if lin.N is not None else _cross_couples(lin.model, along, "k")
 
     @property
     def D(self) -> np.ndarray | None:
@@ -295,16 +309,22 @@ def _of_linearization(
     )
 
 
-def _cross_coupling(model: Any, along: Directions, name: str, skew: np.ndarray) -> np.ndarray | None:
-    """The skew parts that single entries of full bushings bring into a system without; None where no parameter is one."""
-    t, out = tables(model), np.zeros_like(skew)
-    offset = {"k": 10, "c": 46}[name]
+def _cross_couples(model: Any, along: Directions, name: str) -> np.ndarray:
+    """(n_p,) bool: directions along which the k or c of a full bushing becomes unsymmetric."""
+    out = np.zeros(along.n, dtype=bool)
+    start, places = {"k": 10, "c": 46}[name], tables(model)["element_x"]
     for element in model.elements:
         if element.shapes.get(name) == (6, 6):
-            d = _slice(along, int(t["element_x"][element.index]) + offset, 36).reshape(6, 6, -1)
-            mixed = np.any(d != d.transpose(1, 0, 2), axis=(0, 1))
-            out[..., mixed] = skew[..., mixed]
-    return out if np.any(out) else None
+            d = _slice(along, int(places[element.index]) + start, 36).reshape(6, 6, -1)
+            out |= np.any(d != d.transpose(1, 0, 2), axis=(0, 1))
+    return out
+
+
+def _touches(along: Directions, places: Sequence[int]) -> np.ndarray:
+    """(n_p,) bool: directions with a part in some of the places of x."""
+    out = np.zeros(along.n, dtype=bool)
+    out[along.columns[np.isin(along.rows, places)]] = True
+    return out
 
 
 def _origin_motion(lin: Linearization, along: Directions, motion: np.ndarray) -> np.ndarray:
@@ -347,9 +367,7 @@ def _of_modes(result: Any, parameters: str | Sequence[str], follow: bool) -> Any
     lin = _source(result.system, "modal result")
     d = _of_linearization(lin, parameters, follow, maps=False)
     # at rest damping, and without followers stiffness, is symmetric: what is not is left by unbalanced moments
-    crossed = any("[" in label and label.count(",") == 1 for label in d.labels)
-    dD = d.damping.symmetric() if lin.G is None and not crossed else d.damping
-    dS = d.stiffness.symmetric() if lin.N is None and not crossed else d.stiffness
+    dD, dS = d.damping.symmetric(d.has_G), d.stiffness.symmetric(d.has_N)
     shapes = [d.directions.shape] if len(d.directions.shape) > 1 else None
     return eigen_sensitivity(result, d.mass, dD, dS, parameters=d.labels, units=d.units, shapes=shapes)
 

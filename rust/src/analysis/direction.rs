@@ -1,7 +1,7 @@
 //! The derivative of a linearisation along a direction of the numbers, the state following or held.
 //!
-//! One pass of dual numbers through assembly and linearisation. The equilibrium follows by dz = -K''^-1 d(B''^T rho), loops by
-//! dy_d = -J_d^-1 dPhi. What touches single elements or masses alone takes the short way of `local_direction`.
+//! One pass of dual numbers through assembly and linearisation. The equilibrium follows by dz = -K''^-1 d(B''^T rho), loops by the
+//! smallest change, dy = -J^+ dPhi. What touches single elements or masses alone takes the short way of `local_direction`.
 use nalgebra::{DMatrix, DVector};
 use num_dual::Dual64;
 
@@ -12,6 +12,7 @@ use crate::analysis::linearize::{
 use crate::analysis::local_direction::local_direction;
 use crate::error::{Error, Result};
 use crate::model::geometry::Geometry;
+use crate::model::tables::Tables;
 use crate::run::Counts;
 use crate::system::System;
 use crate::system::assemble::Scene;
@@ -38,13 +39,12 @@ pub struct Directional {
 }
 
 /// What else is wanted beside the matrices, and how the equilibrium is followed: `solve` gives K''^-1 r; None holds the
-/// configuration, but for what closing the loops needs.
+/// configuration, but for what closing the loops needs. `drawn`: the rates are those that the bodies' given velocities project to.
 #[derive(Clone, Copy)]
 pub struct Request<'a> {
     pub maps: bool,
-    /// rates are those that the bodies' given velocities project to
-    pub drawn: bool,
     pub solve: Option<&'a Solve>,
+    pub drawn: bool,
 }
 
 pub type Solve = dyn Fn(&DVector<f64>) -> Result<DVector<f64>>;
@@ -103,7 +103,7 @@ fn dual_scene(
     let increments: Vec<_> = dy.iter().map(|d| Dual64::new(0.0, *d)).collect();
     advance(&system.topology, &mut relative, &increments);
     let mut rate = setting.rate::<Dual64>();
-    if drawn && rate.is_some() {
+    if drawn && (rate.is_some() || gives_velocity(&system.topology.tables, dx)) {
         let at_rest = place(&system.topology, &geometry, &relative, None);
         rate = Some(given_rates(system, &geometry, &x, &at_rest)?);
     }
@@ -119,6 +119,16 @@ fn dual_scene(
         rate,
         acceleration,
     })
+}
+
+fn gives_velocity(tables: &Tables, dx: &[(usize, f64)]) -> bool {
+    let of = |i: usize| {
+        tables
+            .bodies
+            .iter()
+            .any(|b| (b.x + 17..b.x + 23).contains(&i))
+    };
+    dx.iter().any(|(i, d)| *d != 0.0 && of(*i))
 }
 
 impl DualScene {
@@ -143,7 +153,9 @@ pub fn directional(
     dx: &[(usize, f64)],
     request: Request<'_>,
 ) -> Result<Directional> {
-    if setting.state.moving() && base.loops.is_some() {
+    let moving = setting.state.moving()
+        || request.drawn && gives_velocity(&setting.system.topology.tables, dx);
+    if moving && base.loops.is_some() {
         return Err(Error::NotDifferentiable(
             "derivatives at a moving state of a closed loop are not available yet; linearise at rest, or open the loop".into(),
         ));
@@ -154,7 +166,7 @@ pub fn directional(
     let n = setting.system.n_tree();
     let mut dy = closing(setting, base, dx)?;
     if let Some(solve) = request.solve {
-        let held = dual_scene(setting, base, dx, &dy, false)?;
+        let held = dual_scene(setting, base, dx, &dy, request.drawn)?;
         let scene = held.scene(setting);
         let tau = scene.residual(None);
         let r = match &base.loops {
@@ -195,7 +207,9 @@ fn closing(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)]) -> 
         return Err(breaks_loop(left.amax()));
     }
     let columns = column_scales(&system.topology, system.length);
-    let rows = DMatrix::from_fn(phi.len(), n, |i, j| jacobian[(i, j)].re * loops.row_scale[i] * columns[j]);
+    let rows = DMatrix::from_fn(phi.len(), n, |i, j| {
+        jacobian[(i, j)].re * loops.row_scale[i] * columns[j]
+    });
     let step = minimum_norm(&rows, &-scaled)?;
     Ok((0..n).map(|i| step[i] * columns[i]).collect())
 }

@@ -7,7 +7,8 @@
 use faer::{Mat, MatMut, MatRef, c64};
 
 use crate::analysis::modal::{Modal, modes as dense_modes};
-use crate::analysis::sparse_modal::{Mixed, Pencil, ShiftInvert, lowest};
+use crate::analysis::sparse_modal::lowest;
+use crate::analysis::sparse_pencil::{Mixed, Pencil, ShiftInvert};
 use crate::error::{Error, Result};
 use crate::linalg::krylov::Operator;
 use crate::linalg::sparse::{Csc, Factor};

@@ -65,8 +65,8 @@ fn columns(all: &[Directional], pick: impl Fn(&Directional) -> &[f64]) -> Array2
     })
 }
 
-/// Derivatives along sparse directions (indices into the values, weights). `follow`: "equilibrium" (it moves along), "drawn" (so do given velocities) or "hold"; `maps`: also those of
-/// the body map and the ground coupling.
+/// Derivatives along sparse directions (indices into the values, weights). `follow`: "equilibrium" moves along, "drawn" follows the
+/// given velocities, "hold"; `maps`: also those of the body map and the ground coupling.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)]
 fn directions<'py>(
@@ -76,11 +76,12 @@ fn directions<'py>(
     rate: PyReadonlyArray1<'py, f64>,
     without: Vec<String>,
     directions: Vec<(Vec<usize>, Vec<f64>)>,
-    follow: String,
+    follow: &str,
     maps: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let state = state_of(&system.0, &relative, &rate)?;
     let effects = effects(&without)?;
+    let (follow, drawn) = (follow == "equilibrium", follow == "drawn");
     let n_x = system.0.x.len();
     if directions
         .iter()
@@ -95,13 +96,13 @@ fn directions<'py>(
             effects,
         };
         let base = linearize(&setting, &mut Counts::default())?;
-        let solver = (follow == "equilibrium")
+        let solver = follow
             .then(|| equilibrium_solver(system, &base))
             .transpose()?;
         let request = Request {
             maps,
-            drawn: follow == "drawn",
             solve: solver.as_ref().map(|s| s as _),
+            drawn,
         };
         let one = |(indices, weights): (Vec<usize>, Vec<f64>)| {
             cancel.check()?;

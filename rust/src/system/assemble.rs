@@ -455,30 +455,33 @@ impl<T: Real> Scene<'_, T> {
         }
     }
 
-    /// Tangents in absolute coordinates hold wrenches about moving centres of mass; in tree coordinates the change of the motion
-    /// columns, (dT)^T w summed over the bodies, comes along with every force. Switching an effect off in the sense of absolute
-    /// coordinates takes its part of these terms out or in.
+    /// Effects are switched off in the sense of absolute coordinates (wrenches at the centres of mass, world axes): without the
+    /// stiffness of constraint forces S is T^T (df/dq) T. In tree coordinates those forces appear as (dT/dy)^T f of all other
+    /// forces, which is taken out here; left-out forces of springs had their share in it, which comes back.
     fn add_switched(&self, stiffness: &mut DMatrix<T>) {
         if !self.effects.constraint_force_stiffness {
-            self.add_column_changes(&self.body_wrenches(None), -T::one(), stiffness);
+            self.add_map_changes(&self.body_wrenches(None), -T::one(), stiffness);
         }
         if !self.effects.preload_stiffness {
-            self.add_column_changes(&self.connected(), -T::one(), stiffness);
+            self.add_map_changes(&self.connected(), -T::one(), stiffness);
         }
     }
 
-    /// (dT_i/dy_j) . w of every body: a_i x v_j at its centre of mass, and S_j x S_i where j carries i.
-    fn add_column_changes(&self, wrenches: &[Six<T>], factor: T, stiffness: &mut DMatrix<T>) {
-        let dofs = &self.topology.dofs;
-        for (node, w) in wrenches.iter().enumerate() {
-            let columns = self.columns_at(node);
-            for (i, si) in &columns {
-                for (j, sj) in &columns {
-                    let mut change = si.a.cross(&sj.l).dot(&w.l);
-                    let (of_i, of_j) = (dofs[*i].node, dofs[*j].node);
-                    let inner = self.topology.nodes[of_j].depth < self.topology.nodes[of_i].depth;
-                    if inner || of_i == of_j && dofs[*j].freedom.stage < dofs[*i].freedom.stage {
-                        change += sj.cross_motion(si).dot(w);
+    /// factor x (dT/dy_j)_i . f summed over bodies: with v, w the motion of a body's centre of mass per coordinate, the
+    /// translation of the inner of two coordinates turns that of the other, and a carried axis turns with its carrier.
+    fn add_map_changes(&self, wrenches: &[Six<T>], factor: T, stiffness: &mut DMatrix<T>) {
+        for (node, f) in wrenches.iter().enumerate() {
+            if f.is_absent() {
+                continue;
+            }
+            let chain = self.chain(node);
+            for (rank_i, i, si) in &chain {
+                for (rank_j, j, sj) in &chain {
+                    // smaller rank: nearer to ground; equal: axes that do not carry each other
+                    let (inner, outer) = if rank_j < rank_i { (sj, si) } else { (si, sj) };
+                    let mut change = inner.a.cross(&outer.l).dot(&f.l);
+                    if rank_j < rank_i {
+                        change += sj.a.cross(&si.a).dot(&f.a);
                     }
                     stiffness[(*i, *j)] += change * factor;
                 }
@@ -486,18 +489,19 @@ impl<T: Real> Scene<'_, T> {
         }
     }
 
-    /// The coordinates that move a node, each with its twist at the node's centre of mass.
-    fn columns_at(&self, node: usize) -> Vec<(usize, Six<T>)> {
-        let mut columns = Vec::new();
+    /// The coordinates that move a body: rank along the chain, index, twist at the body's centre of mass.
+    fn chain(&self, node: usize) -> Vec<(usize, usize, Six<T>)> {
+        let mut out = Vec::new();
         let mut at = Some(node);
         while let Some(n) = at {
             let spec = &self.topology.nodes[n];
             let arm = self.placement.pose[node].p - self.placement.pose[n].p;
             for d in spec.first..spec.first + spec.n {
-                columns.push((d, self.placement.column[d].motion_at(&arm)));
+                let rank = 2 * spec.depth + self.topology.dofs[d].freedom.stage;
+                out.push((rank, d, self.placement.column[d].motion_at(&arm)));
             }
             at = spec.parent;
         }
-        columns
+        out
     }
 }

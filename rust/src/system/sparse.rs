@@ -527,7 +527,7 @@ impl Builder<'_> {
 
     /// The blocks of an interaction, each column the change of wrenches for a unit motion of one body.
     fn add_interaction(&mut self, acting: &Interaction<f64>, k: &Map6<f64>) {
-        if acting.wrench.is_zero() {
+        if acting.wrench.is_absent() {
             return;
         }
         let force = acting.wrench.l;
