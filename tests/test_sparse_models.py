@@ -25,9 +25,7 @@ def joint_chain(kinds, *, gravity=None, k=50.0, c=None, step=(0.1, 0.02, -0.2), 
     last, p = m.ground, np.zeros(3)
     for i in range(n):
         size = np.array(step) * (1 + 0.1 * np.sin(i))
-        body = m.body(
-            f"b{i}", mass=1.0 + 0.1 * (i % 3), inertia=INERTIA, at=p + size / 2
-        )
+        body = m.body(f"b{i}", mass=1.0 + 0.1 * (i % 3), inertia=INERTIA, at=p + size / 2)
         kind = kinds[i % len(kinds)]
         if i > 0 or grounded:
             options = {} if kind == "spherical" else {"axis": RNG.normal(size=3)}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _core, _condensation
+from . import _condensation, _core
 from .errors import ConvergenceError, MbrsError, ModelError, SingularError
 from .laws import Law
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _balance, _core, _condensation
+from . import _balance, _condensation, _core
 from .errors import ConvergenceError, MbrsWarning, ModelError
 from .harmonic_balance import UNRESOLVED, effects_of
 from .laws import Law

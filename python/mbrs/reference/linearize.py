@@ -140,7 +140,9 @@ def linearize(
     lam = _multipliers(sys, base, f)
     M, D, S = _congruence(sys, base, lam, without)
     G_all, _ = dyn.constraint_jacobian(sys, state)
-    if "constraint-force-stiffness" not in without:  # without it, the congruence of the absolute tangents is all there is
+    if (
+        "constraint-force-stiffness" not in without
+    ):  # without it, the congruence of the absolute tangents is all there is
         S = S + turning_of_columns(sys, state, part, T, f + G_all.T @ lam)
     W, P, _ = velocity_constraints(sys, base)
     names = [sys.coordinates[i] for i in part.independent]
