@@ -175,7 +175,7 @@ def reach(link: Link, rows: Jet, p: jt.Pair) -> Reach:
 def link_response(
     link: Link, e: Array, rate: Array, damping: bool, without: Collection[str] = (), memory: Array | None = None
 ) -> tuple[Array, Array, Array]:
-    """Forces of a link's coordinates, preload + k e + c e' + laws, and their slopes by e and e'; memory centred if not given."""
+    """Forces of a link's coordinates, preload + k e + c e' + laws, and their slopes; memory centred if not given."""
     k, c, f = law_numbers(link)
     f = f + k @ e
     if damping:
