@@ -333,7 +333,7 @@ impl<'a> Subspace<'a> {
         }
         let after = norm(&w);
         // what is left of a vector inside the space is rounding
-        if !(after > 1e-9 * before) {
+        if after.is_nan() || after <= 1e-9 * before {
             return;
         }
         w *= faer::Scale(1.0 / after);

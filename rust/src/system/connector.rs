@@ -143,7 +143,7 @@ impl Wanted {
     }
 }
 
-fn pair_of<'g, T: Real>(geometry: &'g Geometry<T>, owner: Owner) -> &'g MarkerPair<T> {
+fn pair_of<T: Real>(geometry: &Geometry<T>, owner: Owner) -> &MarkerPair<T> {
     match owner {
         Owner::Element(i) => &geometry.elements[i],
         Owner::Joint(i) => &geometry.joints[i],
