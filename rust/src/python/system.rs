@@ -110,9 +110,7 @@ pub fn state_of(
 }
 
 fn empty(py: Python<'_>) -> PyResult<PyReadonlyArray1<'_, f64>> {
-    numpy::PyArray1::<f64>::zeros(py, 0, false)
-        .extract::<PyReadonlyArray1<'_, f64>>()
-        .map_err(Into::into)
+    numpy::PyArray1::<f64>::zeros(py, 0, false).extract()
 }
 
 fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult<()> {
