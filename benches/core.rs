@@ -7,7 +7,8 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use faer::Mat;
 use mbrs::analysis::assembly::assemble;
-use mbrs::analysis::frf::{Ports, Reduction};
+use mbrs::analysis::frf::Reduction;
+use mbrs::analysis::ports::Ports;
 use mbrs::analysis::linearize::{Linearization, Setting, linearize};
 use mbrs::analysis::modal::modes;
 use mbrs::error::Result;
@@ -130,7 +131,7 @@ fn transfer_functions(c: &mut Criterion) -> Result<()> {
     let mut group = c.benchmark_group("300 states, 6 x 6 x 400");
     group.sample_size(10);
     group.bench_function("reduce and evaluate", |b| {
-        b.iter(|| Reduction::new(quadratic.clone())?.evaluate(&ports, &omega, &Cancel::default()));
+        b.iter(|| Reduction::new(quadratic.clone())?.evaluate(&ports, &omega, None, &Cancel::default()));
     });
     group.finish();
     Ok(())
