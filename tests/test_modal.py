@@ -1,4 +1,4 @@
-"""Modes: closed forms, random systems, hard cases, bad input. Reference values are derived here or carry their source."""
+"""Modes: closed forms, random systems, hard cases, bad input. Reference values are derived or carry their source."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ import itertools
 import numpy as np
 import pytest
 import scipy.linalg as sl
-from mpmath import mp
-
 from mbrs.errors import ModelError, NameNotFoundError, SingularError
 from mbrs.mac import mac
 from mbrs.modal import KINDS, ModalResult, modes
 from mbrs.second_order import MechanicalSystem
+from mpmath import mp
 
 EPS = np.finfo(float).eps
 
@@ -156,8 +155,8 @@ def test_gyroscopically_stabilised_top():
 
 @pytest.mark.parametrize("load", [1.0, 2.08, 2.09, 4.0, 4.92])
 def test_flutter_of_zieglers_column(load):
-    # masses 2 and 1, unit links and springs, follower force P: 2 w^2 + (2 P - 7) w + 1 = 0, w = -s^2 (from the determinant);
-    # flutter between P = 7/2 - sqrt 2 and 7/2 + sqrt 2 (H. Ziegler, Ing.-Arch. 20, 1952, for this mass ratio)
+    # masses 2 and 1, unit links and springs, follower force P: the determinant is 2 w^2 + (2 P - 7) w + 1, w = -s^2,
+    # hence flutter between P = 7/2 - sqrt 2 and 7/2 + sqrt 2
     S = np.array([[2 - load, load - 1], [-1, 1]])
     r = modes(system([[3.0, 1.0], [1.0, 1.0]], None, (S + S.T) / 2, N=(S - S.T) / 2))
     w = np.roots([2, 2 * load - 7, 1]).astype(complex)
@@ -320,7 +319,7 @@ def test_heavy_damping_keeps_small_roots(c):
 
 
 def test_units_do_not_matter():
-    """The same system in metres and millimetres, and with one coordinate in another unit, has the same roots and groups."""
+    """The same system in metres, in millimetres and in mixed units has the same roots and groups."""
     rng = np.random.default_rng(5)
     s = free_beam(True)
     base = modes(s)
@@ -406,7 +405,7 @@ def test_against_scipy(n, present):
     expected = sl.eig(state_matrix(s), right=False)
     distance = np.abs(expected[:, None] - r.roots[None, :])
     assert max(distance.min(axis=0).max(), distance.min(axis=1).max()) < 1e-10 * np.abs(expected).max()
-    m, d, k = parts(s)
+    m, d, _ = parts(s)
     for i, e in enumerate(r.eigenvalue):
         psi = r.shape[:, i] if r.left is None else r.left[:, i]
         slope = psi @ (2 * e * m + d) @ r.shape[:, i]
@@ -417,7 +416,7 @@ def test_against_scipy(n, present):
 
 
 def test_error_estimate_is_within_its_band():
-    """Over 200 random cases true / estimated lies in [.01, 10] in 95 %; smaller ratios of exact roots count as inside."""
+    """Over 200 random cases true / estimated lies in [.01, 10] in 95 %."""
     rng = np.random.default_rng(7)
     ratios = []
     for i in range(200):
@@ -541,9 +540,9 @@ def test_wrong_input_is_refused():
     unsymmetric = [[1.0, 2.0], [0.0, 1.0]]
     with pytest.raises(ModelError, match="NaN"):
         modes(system(eye, None, [[np.nan, 0], [0, 1]]))
-    with pytest.raises(ModelError, match="K is not symmetric.*skew part as N"):
+    with pytest.raises(ModelError, match=r"K is not symmetric.*skew part as N"):
         modes(system(eye, None, unsymmetric))
-    with pytest.raises(ModelError, match="C is not symmetric.*skew part as G"):
+    with pytest.raises(ModelError, match=r"C is not symmetric.*skew part as G"):
         modes(system(eye, unsymmetric, eye))
     with pytest.raises(ModelError, match="G is not skew"):
         modes(system(eye, None, eye, G=eye))

@@ -106,7 +106,13 @@ def test_derivatives_that_follow_the_equilibrium():
     independent = expected.partition.independent.tolist()
     directions = [unit(b, *p) for p in PARAMETERS[::3]]
     sparse = [(np.flatnonzero(d).tolist(), d[d != 0].tolist()) for d in directions]
-    rates = core.directional(state["relative"], np.zeros(0), [], sparse, True)
+    rates = _core.directions(core, state["relative"], np.zeros(0), [], sparse, True, True)
+    shape = (len(found["coordinates"]),) * 2 + (len(sparse),)
+    for name in ("dM", "dD", "dS"):
+        row, column, direction, value = rates[name]
+        dense = np.zeros(shape)
+        np.add.at(dense, (row, column, direction), value)
+        rates[name] = dense
     for k, d in enumerate(directions):
         _, rate = derivative(t, d, lambda s: equilibrium(s, expected.state)[0], independent)
         for name, a, e in (("dM", "M", rate.M), ("dD", "D", rate.D), ("dS", "S", rate.S), ("dT", "T", rate.T)):

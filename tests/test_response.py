@@ -6,12 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.signal import lsim
-
 from mbrs.errors import ModelError, NameNotFoundError, SingularError
 from mbrs.response import response, response_sensitivity
 from mbrs.second_order import MechanicalSystem
 from mbrs.state_space import state_space
+from scipy.signal import lsim
 
 
 def chain(n, k=1.0):

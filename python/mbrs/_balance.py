@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _core
+from . import _condensation, _core
 from .errors import ConvergenceError, MbrsError, ModelError, SingularError
 from .laws import Law
 
@@ -24,6 +24,7 @@ class Setup:
     subharmonic: int
     n_samples: int
     core: Any
+    linear: _condensation.Linear
     arguments: tuple[Any, ...] = ()
 
     def __reduce__(self) -> Any:
@@ -32,6 +33,25 @@ class Setup:
     @property
     def n_c(self) -> int:
         return 2 * len(self.harmonics) + 1
+
+    @property
+    def route(self) -> str:
+        """How the linear part was treated."""
+        return self.linear.route
+
+    def expand(self, y: np.ndarray, omega: float) -> np.ndarray:
+        """Coefficients (dof, 2 H + 1) of all coordinates for a vector of the core's unknowns."""
+        X = translated(self.core.expand, y, [omega])
+        return self.padded(X if self.linear.transform is None else self.linear.transform @ X)
+
+    def peak(self, y: np.ndarray, omega: float, level: float, dof: int, harmonic: int | None) -> tuple[float, Any]:
+        """(omega, y) of the largest amplitude near y."""
+        if self.linear.transform is not None:
+            raise ModelError("a peak is solved for in coordinates that are kept; use condense=False")
+        if harmonic is not None and harmonic not in (0, *self.harmonics):
+            raise ModelError(f"harmonic {harmonic} is not among those of the curve")
+        term = harmonic and self.harmonics.index(harmonic) + 1
+        return translated(self.core.peak, y, omega, level, dof, term)
 
     def padded(self, X: np.ndarray) -> np.ndarray:
         """Coefficients of the chosen harmonics (dof, n_c) with zeros for those left out, (dof, 2 H + 1)."""
@@ -59,7 +79,8 @@ class Setup:
             for j, h in enumerate(self.harmonics):
                 if 2 * h < given.shape[1]:
                     X[:, 2 * j + 1 : 2 * j + 3] = given[:, 2 * h - 1 : 2 * h + 1]
-        return self.core.restrict(X)
+        T = self.linear.transform
+        return self.core.restrict(X if T is None else T.T @ X)
 
 
 def translated(call: Any, *args: Any, **kwargs: Any) -> Any:
@@ -99,7 +120,13 @@ def positive(name: str, value: Any) -> float:
 
 
 def prepare(
-    system: Any, force: Any, harmonics: Any, subharmonic: int = 1, n_samples: int | None = None, omega: float = 1.0
+    system: Any,
+    force: Any,
+    harmonics: Any,
+    subharmonic: int = 1,
+    n_samples: int | None = None,
+    omega: float = 1.0,
+    condense: bool | str = "auto",
 ) -> Setup:
     """Checks everything and builds the core's problem."""
     laws = checked_system(system)
@@ -109,10 +136,11 @@ def prepare(
     n = checked_samples(n_samples, laws, terms, subharmonic)
     extended = tuple(range(1, min(2 * terms[-1] + 1, terms[-1] + 6) + 1))
     fine = max(2 * n, needed_samples(laws, extended, subharmonic))
-    core = _core.HbmProblem(
-        *_dense(system), core_elements(laws), [[h] for h in terms], subharmonic, forces, [omega], [n], [fine]
-    )
-    return Setup(system, terms, subharmonic, n, core, (system, force, terms, subharmonic, n, omega))
+    linear = _condensation.linear_part(system, laws, forces, 2 * len(terms) + 1, condense)
+    elements = core_elements(laws, linear.directions)
+    core = translated(_core.HbmProblem, linear.core, elements, [[h] for h in terms], subharmonic, [omega], [n], [fine])
+    arguments = (system, force, terms, subharmonic, n, omega, condense)
+    return Setup(system, terms, subharmonic, n, core, linear, arguments)
 
 
 def checked_system(system: Any) -> tuple[Law, ...]:
@@ -229,21 +257,9 @@ def _force_vector(n: int, vector: Any, h: int) -> np.ndarray:
     return f
 
 
-def _dense(system: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    def dense(a: Any) -> np.ndarray:
-        if a is None:
-            return np.zeros((system.n, system.n))
-        return np.asarray(a.toarray() if hasattr(a, "toarray") else a, dtype=float)
-
-    M, C, K = dense(system.M), dense(system.C), dense(system.K)
-    G, N = getattr(system, "G", None), getattr(system, "N", None)
-    return M, C if G is None else C + dense(G), K if N is None else K + dense(N)
-
-
-def core_elements(laws: Sequence[Law]) -> Any:
+def core_elements(laws: Sequence[Law], directions: Sequence[np.ndarray]) -> Any:
     """Laws and sparse directions as the core wants them."""
     numbers = [law.numbers() for law in laws]
-    directions = [np.asarray(law.w) for law in laws]
     index = [np.flatnonzero(w) for w in directions]
     weight = [w[i] for w, i in zip(directions, index, strict=True)]
     start = np.concatenate([[0], np.cumsum([len(i) for i in index], dtype=int)])

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 _F1 = NDArray[np.float64]
 _F2 = NDArray[np.float64]
 _F3 = NDArray[np.float64]
-_Csc = tuple[NDArray[np.int64], NDArray[np.int64], _F1]
 _Ints = Sequence[int] | NDArray[np.int64]
 
 __version__: str
@@ -35,8 +34,7 @@ def sparse_model_modes(
     system: System, relative: _F2, rate: _F1, without: Sequence[str], n: int, sigma: float | None = None
 ) -> dict[str, Any]: ...
 def sparse_model_form(system: System, relative: _F2, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
-def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
-def mixed_modes(m: _Csc, a: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
+
 @final
 class FrfReduction:
     """M, D, S reduced once; maps and frequencies come with each call."""
@@ -47,7 +45,7 @@ class FrfReduction:
     @property
     def counts(self) -> dict[str, int]: ...
     def evaluate(
-        self, l: _F2, f: _F2, order_in: _Ints, d0: _F2 | None, order_out: int, omega: _F1
+        self, l: _F2, f: _F2, order_in: _Ints, d0: _F2 | None, order_out: int, omega: _F1, modes: int | None = None
     ) -> dict[str, Any]: ...
     def sensitivity(
         self,
@@ -110,9 +108,6 @@ class System:
     def bodies(self, relative: _F2, rate: _F1) -> dict[str, Any]: ...
     def equilibrium(self, relative: _F2, without: Sequence[str]) -> dict[str, Any]: ...
     def linearize(self, relative: _F2, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
-    def directional(
-        self, relative: _F2, rate: _F1, without: Sequence[str], directions: Sequence[_Direction], follow: bool
-    ) -> dict[str, Any]: ...
     def advance(self, relative: _F2, increments: _F1) -> _F2: ...
     def rate_mismatch(self, relative: _F2, rate: _F1) -> float: ...
     def integrate(
@@ -120,6 +115,7 @@ class System:
     ) -> dict[str, Any]: ...
     def strains(self, relative: _F2) -> list[tuple[str, int, int, _F1, _F2, _F2]]: ...
     def reactions(self, relative: _F2, rate: _F1, without: Sequence[str]) -> _F2: ...
+
 def law_force(
     code: int, values: list[float], u: NDArray[np.float64], v: NDArray[np.float64]
 ) -> NDArray[np.float64]: ...
@@ -135,16 +131,36 @@ class HbmElements:
         weight: list[float],
     ) -> HbmElements: ...
 
+class HbmLinear:
+    @staticmethod
+    def full(
+        m: NDArray[np.float64], c: NDArray[np.float64], k: NDArray[np.float64], forces: NDArray[np.complex128]
+    ) -> HbmLinear: ...
+    @staticmethod
+    def sparse(
+        n: int, row: Any, column: Any, m: Any, c: Any, k: Any, retained: Any, forces: NDArray[np.complex128]
+    ) -> HbmLinear: ...
+    @staticmethod
+    def modal(
+        retained: list[int],
+        local: list[int],
+        rr: Any,
+        lr: Any,
+        stiffness: NDArray[np.float64],
+        damping: NDArray[np.float64],
+        shape: NDArray[np.float64],
+        forces: NDArray[np.complex128],
+    ) -> HbmLinear: ...
+    @property
+    def size(self) -> int: ...
+
 class HbmProblem:
     def __new__(
         cls,
-        m: NDArray[np.float64],
-        c: NDArray[np.float64],
-        k: NDArray[np.float64],
+        linear: HbmLinear,
         elements: HbmElements,
         indices: list[list[int]],
         subharmonic: int,
-        forces: NDArray[np.complex128],
         omega: list[float],
         dims: list[int],
         fine: list[int],
@@ -160,6 +176,7 @@ class HbmProblem:
         tolerance: float = 1e-10,
         max_iterations: int = 50,
     ) -> dict[str, Any]: ...
+    def cycle(self, z: NDArray[np.float64], tolerance: float = 1e-10, max_iterations: int = 50) -> dict[str, Any]: ...
     def floquet(
         self, y: NDArray[np.float64], omega: list[float], monodromy: bool = False
     ) -> tuple[NDArray[np.complex128] | None, NDArray[np.float64] | None]: ...
@@ -192,3 +209,30 @@ class HbmBranch:
         towards: NDArray[np.float64] | None = None,
     ) -> HbmBranch: ...
     def run(self, points: int, seconds: float) -> dict[str, Any]: ...
+
+def directions(
+    system: System,
+    relative: _F2,
+    rate: _F1,
+    without: Sequence[str],
+    directions: Sequence[_Direction],
+    follow: bool,
+    maps: bool,
+) -> dict[str, Any]: ...
+
+_Csc = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]
+
+def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
+def sparse_count(m: _Csc, k: _Csc, below: float) -> int | None: ...
+def sparse_frf(
+    m: _Csc,
+    d: _Csc | None,
+    s: _Csc,
+    l: _F2,
+    f: _F2,
+    order_in: _Ints,
+    d0: _F2 | None,
+    order_out: int,
+    omega: _F1,
+) -> dict[str, Any]: ...
+def mixed_modes(m: _Csc, a: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...

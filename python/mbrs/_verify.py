@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _balance
+from . import _condensation
 from .errors import ModelError
 
 
@@ -33,8 +33,8 @@ def distance(solution: Any, rtol: float) -> float:
 
 
 def first_order(system: Any, force: Any, omega: float) -> Any:
-    """The right-hand side y' = f(t, y) with y = [x, x']."""
-    M, C, K = _balance._dense(system)
+    """The right-hand side y' = f(t, y) with y = [x, x'], (2n,) or for constant forces (2n, m)."""
+    M, C, K = _condensation.dense(system)
     n = system.n
     inverse = np.linalg.inv(M)
     given = dict(force) if isinstance(force, Mapping) else {1: force}
@@ -45,17 +45,18 @@ def first_order(system: Any, force: Any, omega: float) -> Any:
         x, v = y[:n], y[n:]
         f = -K @ x - C @ v
         for h, amplitude in terms:
-            f = f + (amplitude * np.exp(1j * h * omega * t)).real
+            part = (amplitude * np.exp(1j * h * omega * t)).real
+            f = f + (part if y.ndim == 1 else part[:, None])
         for law in laws:
             u, du = law.w @ x, law.w @ v
-            f = f - law.w * _law_force(law, u, du, omega * t)
+            f = f - np.multiply.outer(law.w, _law_force(law, u, du, omega * t))
         return np.concatenate([v, inverse @ f])
 
     return rate
 
 
-def _law_force(law: Any, u: float, v: float, phase: float) -> float:
+def _law_force(law: Any, u: Any, v: Any, phase: float) -> Any:
     if law.code == 11:
         k, order, start = law.numbers()
         return k * np.cos(order * phase + start) * u
-    return float(law.force(u, v))
+    return law.force(u, v)

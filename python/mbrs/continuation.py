@@ -106,6 +106,7 @@ class Branch(Iterator[BranchPoint]):
         harmonics: Any = 7,
         n_samples: int | None = None,
         subharmonic: int = 1,
+        condense: bool | str = "auto",
         x0: Any = None,
         tol: float | None = None,
         predictor: str = "tangent",
@@ -125,7 +126,7 @@ class Branch(Iterator[BranchPoint]):
         if self._auto and harmonics != "auto":
             raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
         self.tol = _balance.positive("tol", tol) if tol is not None else (1e-6 if self._auto else None)
-        self._prepare: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples)
+        self._prepare: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples, condense=condense)
         self.setup = self._problem(3 if self._auto else harmonics)
         limits = [_balance.positive(n, v) for n, v in [("step", step), ("min_step", min_step), ("max_step", max_step)]]
         if not limits[1] <= limits[0] <= limits[2]:
@@ -143,7 +144,8 @@ class Branch(Iterator[BranchPoint]):
         self.stability = bool(stability)
         self.chunks = Chunks()
         self.status = "going"
-        self.corrections = 0
+        self.corrections = self.factorisations = 0
+        self._corrections_before = self._factorisations_before = 0
         self._read = 0
         self._core = self._start(self.setup.start(x0), self._span[0], None)
 
@@ -189,10 +191,11 @@ class Branch(Iterator[BranchPoint]):
         self.chunks.parts.append((self.setup, part))
         for e in events:
             omega, level = (e["p"], self.level[0]) if self.parameter == "omega" else (self.omega[0], e["p"])
-            X = self.setup.padded(self.setup.core.expand(e["y"], [omega]))
+            X = self.setup.expand(e["y"], omega)
             s = None if e["exponent"] is None else complex(*e["exponent"])
             self.chunks.events.append(Event(e["kind"], omega, level, X, s, min(e["before"], base + len(part["p"]))))
-        self.corrections += part.pop("corrections", 0)
+        self.corrections = self._corrections_before + part.pop("corrections")
+        self.factorisations = self._factorisations_before + part.pop("factorisations")
         self.status = STATUS.get(part["status"], part["status"])
 
     def _richer(self, part: dict[str, Any], events: list[Any]) -> tuple[dict[str, Any], list[Any]]:
@@ -211,7 +214,10 @@ class Branch(Iterator[BranchPoint]):
         towards = None if before is None else here - self._embedded(old, before)
         if towards is not None and len(part["p"]) == 1 and first == 0 and not np.any(towards):
             towards = None
+        self._corrections_before += part["corrections"]
+        self._factorisations_before += part["factorisations"]
         self._core = self._start(here[:-1], begin, towards)
+        part["corrections"] = part["factorisations"] = 0
         part = {key: value[:first] if isinstance(value, np.ndarray) else value for key, value in part.items()}
         part["status"] = "going"
         limit = len(self.chunks) + first
@@ -238,7 +244,7 @@ class Branch(Iterator[BranchPoint]):
                 p = float(part["p"][i])
                 omega, level = (p, self.level[0]) if self.parameter == "omega" else (self.omega[0], p)
                 exponents = part["exponents"][i] if "exponents" in part else None
-                X = setup.padded(setup.core.expand(part["y"][i], [omega]))
+                X = setup.expand(part["y"][i], omega)
                 return BranchPoint(
                     omega,
                     level,

@@ -232,8 +232,8 @@ def eigen_sensitivity(
 ) -> EigenSensitivity:
     """Derivatives of modes along directions of the matrices.
 
-    ds = -psi^T (s^2 dM + s dC + dK) phi / psi^T (2 s M + C + G) phi for simple roots; repeated roots have a matrix for
-    each direction (P. Lancaster, Numer. Math. 6, 1964, 377-387).
+    ds = -psi^T (s^2 dM + s dC + dK) phi / psi^T (2 s M + C + G) phi for simple roots, from psi^T Q(s) phi = 0; repeated
+    roots have a matrix for each direction, whose eigenvalues are the derivatives.
 
     Parameters
     ----------
@@ -424,6 +424,10 @@ def _entries(name: str, a: Any, dof: int) -> tuple[Any, int | None]:
     if a is None:
         none = np.zeros(0, dtype=np.int64)
         return (none, none, none, np.zeros(0)), None
+    if hasattr(a, "direction"):
+        if a.shape[:2] != (dof, dof):
+            raise ModelError(f"{name} is of size {a.shape[:2]}, the modes have {dof} coordinates")
+        return _typed(a.row, a.column, a.direction, a.value), a.shape[2]
     if isinstance(a, list | tuple) and any(hasattr(part, "tocoo") for part in a):
         found = [(c.row, c.col, np.full(c.nnz, p), c.data) for p, c in enumerate(part.tocoo() for part in a)]
         if any(part.shape != (dof, dof) for part in a):

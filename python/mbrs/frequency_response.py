@@ -65,7 +65,7 @@ class FrequencyResponse(Result):
             at = 0
             for setup, omega, y in self.parts:
                 for w, row in zip(omega, y, strict=True):
-                    X = setup.padded(setup.core.expand(row, [float(w)]))
+                    X = setup.expand(row, float(w))
                     out[at, :, : X.shape[1]] = X
                     at += 1
             self._cache["X"] = out
@@ -104,12 +104,9 @@ class FrequencyResponse(Result):
         setup, _, y = self._part_of(i)
         if np.ptp(self.omega) == 0:
             raise ModelError("peak() needs a curve over frequency; this one runs over the force level")
-        if harmonic is not None and harmonic not in (0, *setup.harmonics):
-            raise ModelError(f"harmonic {harmonic} is not among those of the curve")
-        term = harmonic and setup.harmonics.index(harmonic) + 1
         level = float(self.level[i])
-        omega, y = _balance.translated(setup.core.peak, y, float(self.omega[i]), level, dof, term)
-        return self._solution(setup, omega, level, setup.padded(setup.core.expand(y, [omega])), float(self.error[i]))
+        omega, y = setup.peak(y, float(self.omega[i]), level, dof, harmonic)
+        return self._solution(setup, omega, level, setup.expand(y, omega), float(self.error[i]))
 
     def _solution(self, setup: Any, omega: float, level: float, X: np.ndarray, error: float) -> PeriodicSolution:
         force = _balance.scaled_force(self.force, level)
@@ -224,6 +221,7 @@ def frequency_response(
     harmonics: Any = 7,
     n_samples: int | None = None,
     subharmonic: int = 1,
+    condense: bool | str = "auto",
     x0: Any = None,
     tol: float | None = None,
     predictor: str = "tangent",
@@ -241,7 +239,7 @@ def frequency_response(
 
     Parameters
     ----------
-    system, force, harmonics, n_samples, subharmonic, x0
+    system, force, harmonics, n_samples, subharmonic, condense, x0
         As for `harmonic_balance`; ``x0`` is a guess of the first point. ``harmonics="auto"`` adds harmonics wherever
         the error
         exceeds ``tol``.
@@ -301,7 +299,9 @@ def frequency_response(
     most = _balance.integer("max_points", max_points)
     w = omega if frequency is None else frequency
     if not isinstance(w, tuple) and np.ndim(w) == 1:
-        return _points(system, force, omega, frequency, level, harmonics, n_samples, subharmonic, x0, tol, stability)
+        return _points(
+            system, force, omega, frequency, level, harmonics, n_samples, subharmonic, condense, x0, tol, stability
+        )
     branch = Branch(
         system,
         force=force,
@@ -311,6 +311,7 @@ def frequency_response(
         harmonics=harmonics,
         n_samples=n_samples,
         subharmonic=subharmonic,
+        condense=condense,
         x0=x0,
         tol=tol,
         predictor=predictor,
@@ -356,6 +357,7 @@ def collect(branch: Branch, wall_time: float) -> FrequencyResponse:
     counts = {
         "points": len(p),
         "corrections": branch.corrections,
+        "factorisations": branch.factorisations,
         "monodromies": sum(part["monodromies"] for _, part in parts),
     }
     return FrequencyResponse(
@@ -371,7 +373,7 @@ def collect(branch: Branch, wall_time: float) -> FrequencyResponse:
         branch.system,
         branch.force,
         branch,
-        stats=Stats(wall_time, counts, effects_of(branch.system), "full"),
+        stats=Stats(wall_time, counts, effects_of(branch.system), branch.setup.route),
         error=error,
         status=status,
     )
@@ -392,6 +394,7 @@ def _points(
     harmonics: Any,
     n_samples: int | None,
     subharmonic: int,
+    condense: bool | str,
     x0: Any,
     tol: float | None,
     stability: bool,
@@ -417,6 +420,7 @@ def _points(
                 harmonics=harmonics,
                 n_samples=n_samples,
                 subharmonic=subharmonic,
+                condense=condense,
                 x0=guess,
                 tol=tol,
             )
@@ -425,7 +429,7 @@ def _points(
                 raise
             status = f"stopped: {problem}"
             break
-        setup = _balance.prepare(system, scaled, one.harmonics, subharmonic, one.n_samples, float(one_omega))
+        setup = _balance.prepare(system, scaled, one.harmonics, subharmonic, one.n_samples, float(one_omega), condense)
         y = setup.start(one)
         s = setup.core.floquet(y, [float(one_omega)])[0] if stability else None
         parts.append((setup, np.array([one_omega]), y[None, :]))
@@ -445,7 +449,9 @@ def _points(
         tuple(parts),
         system,
         force,
-        stats=Stats(perf_counter() - started, {"points": n, "corrections": corrections}, effects_of(system), "full"),
+        stats=Stats(
+            perf_counter() - started, {"points": n, "corrections": corrections}, effects_of(system), parts[-1][0].route
+        ),
         error=np.array(errors),
         status=status,
     )

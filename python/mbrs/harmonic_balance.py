@@ -28,8 +28,8 @@ class PeriodicSolution(Result):
     omega
         Excitation frequency, rad/s.
     error
-        Estimate of the truncation error relative to the largest coefficient: one Newton step on more harmonics and
-        samples.
+        Estimate of the truncation error relative to the largest coefficient of the coordinates that are solved for: one
+        Newton step on more harmonics and samples.
     status
         "converged", or "unresolved" where ``error`` exceeds the tolerance (0.1 unless ``tol`` was given).
     """
@@ -149,10 +149,14 @@ def harmonic_balance(
     harmonics: Any = 7,
     n_samples: int | None = None,
     subharmonic: int = 1,
+    condense: bool | str = "auto",
     x0: Any = None,
     tol: float | None = None,
     tolerance: float = 1e-10,
     max_iterations: int = 60,
+    amplitude: Any = None,
+    at: Any = None,
+    without: Any = (),
 ) -> PeriodicSolution:
     """One periodic solution of M x" + C x' + K x + sum_e w_e law_e(w_e . x, w_e . x') = f(t) by harmonic balance.
 
@@ -161,10 +165,11 @@ def harmonic_balance(
     Parameters
     ----------
     system
-        `MechanicalSystem` with nonlinear ``elements``.
+        `MechanicalSystem` with nonlinear ``elements``, or a `Model`, whose geometry is then linearised
+        (`nonlinear_system`).
     force
-        Amplitudes (n,) of the first harmonic, real for a cosine, complex a - i b for a cos + b sin; or ``{harmonic:
-        (n,)}``
+        Of a model, ports such as ``body.force("x")``, with ``amplitude``. Else amplitudes (n,) of the first harmonic,
+        real for a cosine, complex a - i b for a cos + b sin; or ``{harmonic: (n,)}``
         with 0 for a static (real) force. Force units of the system.
     omega, frequency
         Excitation frequency in rad/s or in Hz; exactly one of them.
@@ -175,6 +180,10 @@ def harmonic_balance(
         Samples per period; chosen so that polynomial laws do not alias, at least 512 for others.
     subharmonic
         nu: the motion may have the period 2 pi nu / omega.
+    condense
+        Solve for the coordinates that elements touch alone, the others being eliminated exactly, harmonic by harmonic:
+        True,
+        False, or "auto" for systems large enough to gain from it. ``.stats.route`` tells what was done.
     x0
         First guess: coefficients (dof, 2h+1) or an earlier result. The default starts at rest, and raises the force
         step by step
@@ -183,6 +192,11 @@ def harmonic_balance(
         Largest ``.error`` that is called resolved; 0.1, and 1e-6 for ``harmonics="auto"``.
     tolerance, max_iterations
         Of Newton's method: last step relative to the coefficients of a coordinate.
+    amplitude
+        Of the ports in ``force``, N or N m: one number or one for each; complex a - i b for a cos + b sin. 1 if
+        left out.
+    at, without
+        State of a model and effects to leave out, as for `mb.linearize`.
 
     Returns
     -------
@@ -210,7 +224,10 @@ def harmonic_balance(
     >>> round(one.amplitude(), 6)
     0.474872
     """
+    from .nonlinear_system import as_system
+
     started = perf_counter()
+    system, force = as_system(system, force, amplitude, at, without)
     w = _balance.one_frequency(omega, frequency)
     if w.ndim != 0:
         raise ModelError("harmonic_balance solves at one frequency; frequency_response takes a range")
@@ -219,20 +236,26 @@ def harmonic_balance(
     if isinstance(harmonics, str):
         if harmonics != "auto":
             raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
-        given = dict(n_samples=n_samples, subharmonic=subharmonic, tolerance=tolerance, max_iterations=max_iterations)
+        given = dict(
+            n_samples=n_samples,
+            subharmonic=subharmonic,
+            condense=condense,
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+        )
         return _automatic(system, force, float(w), x0, 1e-6 if tol is None else tol, given)
-    setup = _balance.prepare(system, force, harmonics, subharmonic, n_samples, float(w))
+    setup = _balance.prepare(system, force, harmonics, subharmonic, n_samples, float(w), condense)
     options = dict(tolerance=tolerance, max_iterations=max_iterations)
     answer = _balance.translated(setup.core.solve, setup.start(x0), [float(w)], **options)
     result = PeriodicSolution(
-        setup.padded(answer["X"]),
+        setup.expand(answer["y"], float(w)),
         float(w),
         setup.harmonics,
         setup.subharmonic,
         setup.n_samples,
         system,
         force,
-        stats=Stats(perf_counter() - started, _counts(answer), effects_of(system), "full"),
+        stats=Stats(perf_counter() - started, _counts(answer), effects_of(system), setup.route),
         error=answer["error"],
         status="converged" if answer["converged"] and answer["error"] <= limit else "unresolved",
     )
@@ -253,7 +276,7 @@ def _automatic(system: Any, force: Any, omega: float, x0: Any, tol: float, given
 
 
 def _counts(answer: dict[str, Any]) -> dict[str, int]:
-    return {key: answer[key] for key in ("iterations", "evaluations")}
+    return {key: answer[key] for key in ("iterations", "evaluations", "factorisations")}
 
 
 def effects_of(system: Any) -> tuple[str, ...]:

@@ -32,7 +32,8 @@ def mac(a: Any, b: Any, *, weight: Any = None) -> np.ndarray:
 
     Notes
     -----
-    R. J. Allemang and D. L. Brown, "A correlation coefficient for modal vector analysis", IMAC 1982.
+    R. J. Allemang and D. L. Brown, "A correlation coefficient for modal vector analysis",
+    Proc. 1st Int. Modal Analysis Conf., 1982, 110-116.
     Cost O(dof n_a n_b).
 
     Examples

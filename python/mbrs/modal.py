@@ -321,8 +321,8 @@ def modes(
     -----
     Without damping, or with damping that the undamped modes diagonalise, one symmetric eigenproblem and scalar
     quadratics; conservative gyroscopic systems one Hermitian eigenproblem; all else the balanced state matrix in energy
-    coordinates, which have the scaling of Fan, Lin and Van Dooren (SIAM J. Matrix Anal. Appl. 26, 2004), with Newton
-    corrections of pairs whose backward error exceeds 1e-14. Cost O(dof^3).
+    coordinates, which have the scaling of Fan, Lin and Van Dooren built in, with Rayleigh corrections of all roots and
+    Newton corrections of the pairs whose backward error exceeds max(dof, 16) eps. Cost O(dof^3).
 
     Examples
     --------

@@ -68,7 +68,9 @@ class ResponseResult(Result):
         return chosen
 
     def __str__(self) -> str:
-        lines = [f"{self.kind} of {len(self.outputs)} outputs, {self.t.size} times, {self.t[0]:.6g} to {self.t[-1]:.6g} s"]
+        lines = [
+            f"{self.kind} of {len(self.outputs)} outputs, {self.t.size} times, {self.t[0]:.6g} to {self.t[-1]:.6g} s"
+        ]
         lines.append(f"{'output':<36} {'smallest':>14} {'largest':>14} {'last':>14} {'error':>9}")
         for name, y, e in list(zip(self.outputs, self.value, np.atleast_1d(self.error), strict=True))[:20]:
             lines.append(f"{name:<36} {y.min():>14.6g} {y.max():>14.6g} {y[-1]:>14.6g} {e:>9.1e}")
@@ -116,7 +118,11 @@ class ResponseSensitivity(Result):
 
         return xarray.Dataset(
             {"dy_dp": (("output", "t", "parameter"), self.value)},
-            coords={"output": list(self.outputs), "t": ("t", self.t, {"units": "s"}), "parameter": list(self.parameters)},
+            coords={
+                "output": list(self.outputs),
+                "t": ("t", self.t, {"units": "s"}),
+                "parameter": list(self.parameters),
+            },
             attrs={"kind": self.kind},
         )
 
@@ -135,8 +141,8 @@ def response(
 ) -> ResponseResult:
     """Solve M y" + D y' + S y = F u(t); exact where the loads are linear between the times.
 
-    x_{k+1} = e^{hA} x_k + h [(phi_1 - phi_2) B u_k + phi_2 B u_{k+1}] of the uncoupled parts of x' = A x + B u, with the
-    matrix exponential and its phi functions. No step of its own: ``t`` resolves the load, not the vibration.
+    x_{k+1} = e^{hA} x_k + h [(phi_1 - phi_2) B u_k + phi_2 B u_{k+1}] of the uncoupled parts of x' = A x + B u, with
+    the matrix exponential and its phi functions. No step of its own: ``t`` resolves the load, not the vibration.
 
     Parameters
     ----------
@@ -249,7 +255,9 @@ def response_sensitivity(
     begin = time.perf_counter()
     linear, history, state = result.linear, result.history, result.start
     if linear is None or history is None or state is None:
-        raise ModelError("this response was made without its linear system; only results of mb.response have derivatives")
+        raise ModelError(
+            "this response was made without its linear system; only results of mb.response have derivatives"
+        )
     reduction, _ = linear.reduction()
     changes = (None if a is None else np.asarray(a, dtype=float) for a in (dM, dD, dS, dF, dL, dD0))
     with core_errors():

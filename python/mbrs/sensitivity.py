@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 
@@ -17,6 +18,39 @@ from .results import Result, Stats
 from .tables import Directions, directions, tables
 
 
+@dataclass(frozen=True, eq=False)
+class SparseDerivative:
+    """Derivatives of a matrix along n_p directions by their entries that are not zero; the parameter axis is last."""
+
+    row: np.ndarray
+    column: np.ndarray
+    direction: np.ndarray
+    value: np.ndarray
+    shape: tuple[int, int, int]
+
+    @classmethod
+    def of(cls, entries: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], shape: tuple[int, int, int]) -> Self:
+        """From what the core returns: rows, columns, directions, values."""
+        row, column, direction, value = entries
+        return cls(row, column, direction, value, shape)
+
+    def dense(self) -> np.ndarray:
+        """(n, n, n_p)."""
+        out = np.zeros(self.shape)
+        np.add.at(out, (self.row, self.column, self.direction), self.value)
+        return out
+
+    def symmetric(self) -> SparseDerivative:
+        """The symmetric part; entries may then stand twice and add up."""
+        return SparseDerivative(
+            np.concatenate([self.row, self.column]),
+            np.concatenate([self.column, self.row]),
+            np.tile(self.direction, 2),
+            np.tile(0.5 * self.value, 2),
+            self.shape,
+        )
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearizationSensitivity(Result):
     """Derivatives of a linearisation; the parameter axis is last.
@@ -26,30 +60,54 @@ class LinearizationSensitivity(Result):
     M, C, G, K, N
         (dof, dof, n_p), None where the matrix itself is absent.
     T
-        (6 n_bodies, dof, n_p).
+        (6 n_bodies, dof, n_p), of `mb.sensitivity` of a linearisation.
     position, rotation
-        (n_bodies, 3, n_p): how each body's origin moves, m, and how the body turns, world rotation vector, rad, per unit of
-        the parameter. Zero where the configuration is held.
+        (n_bodies, 3, n_p): how each body's origin moves, m, and how the body turns, world rotation vector, rad, per
+        unit
+        of the parameter. Zero where the configuration is held.
     coordinate
         (n_tree, n_p) the same in tree coordinates.
     labels, units
         Of the parameters.
     """
 
-    M: np.ndarray
-    C: np.ndarray | None
-    G: np.ndarray | None
-    K: np.ndarray
-    N: np.ndarray | None
-    T: np.ndarray
+    mass: SparseDerivative
+    damping: SparseDerivative
+    stiffness: SparseDerivative
+    T: np.ndarray | None
     position: np.ndarray
     rotation: np.ndarray
     coordinate: np.ndarray
-    ground_coupling: np.ndarray
+    ground_coupling: np.ndarray | None
     labels: tuple[str, ...]
     units: tuple[str, ...]
     directions: Directions
     linearization: Linearization
+
+    @cached_property
+    def M(self) -> np.ndarray:
+        """dM/dp."""
+        return self.mass.dense()
+
+    @cached_property
+    def C(self) -> np.ndarray | None:
+        """dC/dp, the symmetric part of the derivative of the damping."""
+        return None if self.linearization.C is None else split(self.damping.dense())[0]
+
+    @cached_property
+    def G(self) -> np.ndarray | None:
+        """dG/dp, the skew part of the derivative of the damping."""
+        return None if self.linearization.G is None else split(self.damping.dense())[1]
+
+    @cached_property
+    def K(self) -> np.ndarray:
+        """dK/dp, the symmetric part of the derivative of the stiffness."""
+        return split(self.stiffness.dense())[0]
+
+    @cached_property
+    def N(self) -> np.ndarray | None:
+        """dN/dp, the skew part of the derivative of the stiffness."""
+        return None if self.linearization.N is None else split(self.stiffness.dense())[1]
 
     @property
     def D(self) -> np.ndarray | None:
@@ -66,11 +124,19 @@ class LinearizationSensitivity(Result):
         from .report import table
 
         rows = [
-            (label, unit, float(np.abs(self.M[..., p]).max()), float(np.abs(self.K[..., p]).max()), float(np.abs(self.position[..., p]).max()))
+            (
+                label,
+                unit,
+                float(np.abs(self.M[..., p]).max()),
+                float(np.abs(self.K[..., p]).max()),
+                float(np.abs(self.position[..., p]).max()),
+            )
             for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))
         ]
         return table(
-            ["parameter", "unit", "max |dM|", "max |dK|", "max |dx| (m)"], rows, title=f"derivatives of {self.linearization.model.name!r}"
+            ["parameter", "unit", "max |dM|", "max |dK|", "max |dx| (m)"],
+            rows,
+            title=f"derivatives of {self.linearization.model.name!r}",
         )
 
     __repr__ = __str__
@@ -78,7 +144,9 @@ class LinearizationSensitivity(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EquilibriumSensitivity(Result):
-    """How an equilibrium moves: ``position`` and ``rotation`` (n_bodies, 3, n_p), world; ``coordinate`` (n_tree, n_p)."""
+    """How an equilibrium moves: ``position`` and ``rotation`` (n_bodies, 3, n_p), world; ``coordinate`` (n_tree,
+    n_p).
+    """
 
     position: np.ndarray
     rotation: np.ndarray
@@ -95,7 +163,11 @@ class EquilibriumSensitivity(Result):
             for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))
             for i, body in enumerate(self.bodies)
         ]
-        return table(["body", "parameter", "unit", "dx", "dy", "dz", "drx", "dry", "drz"], rows[:60], title="equilibrium per unit of each parameter")
+        return table(
+            ["body", "parameter", "unit", "dx", "dy", "dz", "drx", "dry", "drz"],
+            rows[:60],
+            title="equilibrium per unit of each parameter",
+        )
 
     __repr__ = __str__
 
@@ -162,7 +234,9 @@ def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: st
         return _of_modes(result, parameters, follow)
     if kind in ("FrfResult", "ResponseResult"):
         return _of_ports(result, parameters, follow)
-    raise ModelError(f"a {kind} has no sensitivities; give a result of mb.modes, mb.frf, mb.response, mb.equilibrium or mb.linearize")
+    raise ModelError(
+        f"a {kind} has no sensitivities; give a result of mb.modes, mb.frf, mb.response, mb.equilibrium or mb.linearize"
+    )
 
 
 def _source(system: Any, what: str) -> Linearization:
@@ -174,7 +248,11 @@ def _source(system: Any, what: str) -> Linearization:
     return system
 
 
-def _of_linearization(lin: Linearization, parameters: str | Sequence[str], follow: bool) -> LinearizationSensitivity:
+def _of_linearization(
+    lin: Linearization, parameters: str | Sequence[str], follow: bool, maps: bool = True
+) -> LinearizationSensitivity:
+    from . import _core
+
     start = time.perf_counter()
     lin.snapshot.check_current("linearisation")
     along = directions(lin.model, parameters)
@@ -182,28 +260,30 @@ def _of_linearization(lin: Linearization, parameters: str | Sequence[str], follo
     sparse = [(along.rows[c].tolist(), along.values[c].tolist()) for c in columns]
     follows = follow and lin.state.kind == "equilibrium"
     with core_errors():
-        r = lin.snapshot.system.directional(lin.state.relative, lin.state.rate, list(lin.without), sparse, follows)
-    n, n_p = lin.n, along.n
-    zeros = np.zeros((n, n, n_p))
-    dS = split(r["dS"]) if r["dS"] is not None else (zeros, zeros)
-    dD = split(r["dD"]) if r["dD"] is not None else (zeros, zeros)
-    motion = r["body_motion"].reshape(-1, 6, n_p)
+        r = _core.directions(
+            lin.snapshot.system, lin.state.relative, lin.state.rate, list(lin.without), sparse, follows, maps
+        )
+    motion = r["body_motion"].reshape(-1, 6, along.n)
+    shape = (lin.n, lin.n, along.n)
     return LinearizationSensitivity(
-        M=r["dM"],
-        C=None if lin.C is None else dD[0],
-        G=None if lin.G is None else dD[1],
-        K=dS[0],
-        N=None if lin.N is None else dS[1],
-        T=r["dT"],
+        mass=SparseDerivative.of(r["dM"], shape),
+        damping=SparseDerivative.of(r["dD"], shape),
+        stiffness=SparseDerivative.of(r["dS"], shape),
+        T=r.get("dT"),
         position=_origin_motion(lin, along, motion),
         rotation=motion[:, 3:],
         coordinate=r["tree_coordinates"],
-        ground_coupling=r["d_ground_coupling"],
+        ground_coupling=r.get("d_ground_coupling"),
         labels=along.labels,
         units=along.units,
         directions=along,
         linearization=lin,
-        stats=Stats(time.perf_counter() - start, {"dual linearisations": n_p}, lin.effects, "follow" if follows else "hold"),
+        stats=Stats(
+            time.perf_counter() - start,
+            {"directions": along.n},
+            lin.effects,
+            "follow" if follows else "hold",
+        ),
         error=lin.error,
     )
 
@@ -228,7 +308,7 @@ def _slice(along: Directions, start: int, n: int) -> np.ndarray:
 
 
 def _of_equilibrium(result: Any, parameters: str | Sequence[str]) -> EquilibriumSensitivity:
-    d = _of_linearization(result.linearization, parameters, follow=True)
+    d = _of_linearization(result.linearization, parameters, follow=True, maps=False)
     shaped = d.directions.shaped
     return EquilibriumSensitivity(
         position=shaped(d.position),
@@ -246,9 +326,12 @@ def _of_modes(result: Any, parameters: str | Sequence[str], follow: bool) -> Any
     from .eigen_sensitivity import eigen_sensitivity
 
     lin = _source(result.system, "modal result")
-    d = _of_linearization(lin, parameters, follow)
+    d = _of_linearization(lin, parameters, follow, maps=False)
+    # at rest damping, and without followers stiffness, is symmetric: what is not is left by unbalanced moments
+    dD = d.damping.symmetric() if lin.G is None else d.damping
+    dS = d.stiffness.symmetric() if lin.N is None else d.stiffness
     shapes = [d.directions.shape] if len(d.directions.shape) > 1 else None
-    return eigen_sensitivity(result, d.M, d.D, d.S, parameters=d.labels, units=d.units, shapes=shapes)
+    return eigen_sensitivity(result, d.mass, dD, dS, parameters=d.labels, units=d.units, shapes=shapes)
 
 
 def _of_ports(result: Any, parameters: str | Sequence[str], follow: bool) -> Any:
@@ -256,7 +339,9 @@ def _of_ports(result: Any, parameters: str | Sequence[str], follow: bool) -> Any
     from .response import response_sensitivity
 
     if result.linear is None or result.origin is None:
-        raise ModelError("this result was made without its model; only results of mb.frf and mb.response have derivatives")
+        raise ModelError(
+            "this result was made without its model; only results of mb.frf and mb.response have derivatives"
+        )
     lin = _source(result.linear.source, "result")
     d = _of_linearization(lin, parameters, follow)
     inputs = [as_port(lin.model, p) for p in result.linear.inputs]
@@ -309,6 +394,7 @@ def _row_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
     if port.body == "ground":
         return np.zeros((lin.n, d.directions.n))
     body = lin.model.body_index[port.body]
+    assert d.T is not None
     block = slice(6 * body, 6 * body + 6)
     direction = np.asarray(port.direction)
     turning = d.T[block][3:]
@@ -323,6 +409,7 @@ def _row_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
 def _input_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
     if port.kind != "base":
         return _row_change(d, port)
+    assert d.ground_coupling is not None
     return -np.einsum("ikp,k->ip", d.ground_coupling, d.linearization._rigid(port))
 
 

@@ -141,7 +141,9 @@ def _state_matrices(linear: LinearSystem) -> tuple[np.ndarray, np.ndarray]:
     D = np.zeros((n, n)) if linear.D is None else dense(linear.D)
     if np.linalg.matrix_rank(M) < n:
         weakest = linear.coordinates[int(np.argmin(np.abs(np.diag(M))))]
-        raise SingularError(f"the mass matrix is singular (near coordinate {weakest!r}): a state space needs a mass there")
+        raise SingularError(
+            f"the mass matrix is singular (near coordinate {weakest!r}): a state space needs a mass there"
+        )
     solved = np.linalg.solve(M, np.hstack([S, D, linear.F]))
     A = np.zeros((2 * n, 2 * n))
     A[:n, n:] = np.eye(n)
@@ -167,7 +169,7 @@ def _direct(linear: LinearSystem, C: np.ndarray, powers: list[np.ndarray], q: in
             elif np.any(total):
                 worst = linear.outputs[int(np.argmax(np.abs(total)))]
                 raise ModelError(
-                    f"output {worst!r} depends on derivative {r} of input {linear.inputs[j]!r}: there is no state space; "
-                    "take a lower derivative of the output, or drive the base by its acceleration as a force -M r"
+                    f"output {worst!r} depends on derivative {r} of input {linear.inputs[j]!r}: there is no state "
+                    "space; take a lower derivative of the output, or drive the base by its acceleration"
                 )
     return D

@@ -12,7 +12,7 @@ use crate::system::loops::{column_scales, gap, row_scales};
 use crate::system::placement::{
     Placement, State, advance, drawn_relative, place, relative_from_poses,
 };
-use crate::system::topology::Node;
+use crate::system::topology::{Level, Node};
 
 const CLOSED: f64 = 1e-13;
 const MAX_ITERATIONS: usize = 60;
@@ -105,8 +105,14 @@ pub fn close(system: &System, state: &mut State, counts: &mut Counts) -> Result<
             return Err(cannot_close(system, &phi, worst, size));
         }
         best = best.min(size);
+        // velocity rows do not say where anything is: they neither close a loop nor hinder it
+        let closes = |i: usize| system.topology.rows[i].level == Level::Position;
         let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| {
-            jacobian[(i, j)] * rows[i] * columns[j]
+            if closes(i) {
+                jacobian[(i, j)] * rows[i] * columns[j]
+            } else {
+                0.0
+            }
         });
         let right = DVector::from_fn(phi.len(), |i, _| -phi[i] * rows[i]);
         let mut step = minimum_norm(&scaled, &right)?;

@@ -4,7 +4,7 @@
 use faer::prelude::*;
 use faer::{Mat, MatRef, c64};
 
-use super::frf::{Ports, complex, i_omega};
+use super::ports::{Ports, complex, i_omega};
 use crate::error::{Error, Result};
 use crate::linalg::quadratic::{Quadratic, is_finite_complex};
 use crate::run::{Cancel, Counts};

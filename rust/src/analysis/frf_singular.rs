@@ -5,7 +5,8 @@
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, MatRef, c64};
 
-use super::frf::{Ports, Reduction, complex, i_omega};
+use super::frf::Reduction;
+use super::ports::{Ports, complex, i_omega};
 use crate::error::{Error, Result};
 use crate::linalg::quadratic::is_finite_complex;
 

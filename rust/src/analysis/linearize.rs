@@ -1,4 +1,4 @@
-//! Exact linearisation at a state, in minimal coordinates, and its derivative along any direction of the numbers.
+//! Exact linearisation at a state, in minimal coordinates.
 //!
 //! ```text
 //! M y" + D y' + S y = 0,   X'' = B''^T X B'',   C = sym D, G = skew D, K = sym S, N = skew S
@@ -6,7 +6,7 @@
 //! At a moving state of a closed loop B'' changes in time; with y = B'' z,
 //! D'' = B''^T (D B'' + 2 M B''') and S'' = B''^T (S B'' + D B''' + M B''''), dots by second-order dual numbers in time.
 use nalgebra::{DMatrix, DVector};
-use num_dual::{Dual2_64, Dual64};
+use num_dual::Dual2_64;
 
 use crate::error::{Error, Result};
 use crate::model::geometry::Geometry;
@@ -15,12 +15,11 @@ use crate::spatial::{Pose, Real, Six};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene, Tangent};
 use crate::system::loops::{Loops, column_scales};
-use crate::system::placement::{Placement, State, advance, lifted_relative, place};
+use crate::system::placement::{Placement, State, advance, place};
+use crate::system::topology::{ConstraintRow, Level};
 
 /// A redundant combination whose second derivative is larger than this (rows and columns scaled) marks a singular pose.
 const SINGULAR_POSE: f64 = 1e-6;
-/// A parameter that moves redundant rows apart by more than this (relative) breaks the loop open.
-const BREAKS_LOOP: f64 = 1e-7;
 
 /// Second-order matrices in minimal coordinates: `damping` is D, `stiffness` S; None where nothing acts.
 #[derive(Debug, Clone)]
@@ -50,7 +49,10 @@ pub struct Linearization {
 }
 
 /// Rows of tree coordinates to minimal ones, B''^T X.
-fn reduce_rows<T: Real>(x: DMatrix<T>, loops: Option<(&Loops, &DMatrix<T>)>) -> DMatrix<T> {
+pub(super) fn reduce_rows<T: Real>(
+    x: DMatrix<T>,
+    loops: Option<(&Loops, &DMatrix<T>)>,
+) -> DMatrix<T> {
     match loops {
         None => x,
         Some((l, b)) => {
@@ -97,7 +99,7 @@ pub struct Setting<'a> {
 }
 
 impl Setting<'_> {
-    fn rate<T: Real>(&self) -> Option<Vec<T>> {
+    pub(super) fn rate<T: Real>(&self) -> Option<Vec<T>> {
         self.state
             .moving()
             .then(|| self.state.rate.iter().map(|r| T::from(*r)).collect())
@@ -105,7 +107,7 @@ impl Setting<'_> {
 }
 
 /// B''' and B'''' along the motion.
-struct Turning {
+pub(super) struct Turning {
     first: DMatrix<f64>,
     second: DMatrix<f64>,
 }
@@ -130,6 +132,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         acceleration: None,
         effects: setting.effects,
     };
+    check_velocity_rows(setting)?;
     let (_, jacobian) = scene.constraints();
     let loops = Loops::analyse(system, &jacobian)?;
     if loops.is_some() {
@@ -198,7 +201,7 @@ fn total_damping<T: Real>(tangent: &Tangent<T>) -> Option<DMatrix<T>> {
     }
 }
 
-fn unreduced<T: Real>(tangent: Tangent<T>) -> Matrices<T> {
+pub(super) fn unreduced<T: Real>(tangent: Tangent<T>) -> Matrices<T> {
     let damping = total_damping(&tangent);
     Matrices {
         mass: tangent.mass,
@@ -207,7 +210,7 @@ fn unreduced<T: Real>(tangent: Tangent<T>) -> Matrices<T> {
     }
 }
 
-fn reduce<T: Real>(
+pub(super) fn reduce<T: Real>(
     tangent: &Tangent<T>,
     loops: &Loops,
     b: &DMatrix<T>,
@@ -288,6 +291,21 @@ fn turning_pass(
     (b.map(|v| v.v1), b.map(|v| v.v2))
 }
 
+/// At rest a velocity row takes one freedom and leaves its displacement as a constant (a root at zero that is not reported).
+/// In motion that displacement turns B'', which minimal coordinates alone do not hold.
+fn check_velocity_rows(setting: &Setting<'_>) -> Result<()> {
+    let topology = &setting.system.topology;
+    let velocity = |r: &&ConstraintRow| r.level == Level::Velocity;
+    match topology.rows.iter().find(velocity) {
+        Some(row) if setting.state.moving() => Err(Error::model(format!(
+            "joint '{}' constrains velocities, and a model with such joints is linearised at rest only; linearise an equilibrium, set the \
+             bodies' velocities to zero, or follow the motion in time",
+            topology.tables.joints[row.joint].name
+        ))),
+        _ => Ok(()),
+    }
+}
+
 /// Redundant rows that agree to first order but not to second: the pose where a mechanism may change its mobility.
 fn check_pose(
     system: &System,
@@ -365,235 +383,4 @@ pub fn body_map<T: Real>(
             pick(&l.independent) + pick(&l.dependent) * b
         }
     }
-}
-
-/// The derivative of a linearisation along one direction of the numbers (and of the state).
-pub struct Directional {
-    pub mass: DMatrix<f64>,
-    pub damping: Option<DMatrix<f64>>,
-    pub stiffness: DMatrix<f64>,
-    pub body_map: DMatrix<f64>,
-    pub ground_coupling: DMatrix<f64>,
-    /// derivative of the tree coordinates, zero where the configuration is held and closes by itself
-    pub dy: Vec<f64>,
-    /// derivative of the poses of the centres of mass: translation and world rotation, bodies in the order of the model
-    pub body_motion: Vec<f64>,
-    pub residual: DVector<f64>,
-    pub lam: Vec<f64>,
-}
-
-/// How the state answers a change of the numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Follow {
-    /// the equilibrium moves along
-    Equilibrium,
-    /// the configuration stays, but for what closing the loops needs
-    Hold,
-}
-
-struct DualScene {
-    x: Vec<Dual64>,
-    geometry: Geometry<Dual64>,
-    placement: Placement<Dual64>,
-    rate: Option<Vec<Dual64>>,
-    acceleration: Option<Vec<Dual64>>,
-}
-
-fn dual_scene(
-    setting: &Setting<'_>,
-    base: &Linearization,
-    dx: &[(usize, f64)],
-    dy: &[f64],
-) -> DualScene {
-    let system = setting.system;
-    let mut x: Vec<Dual64> = system.x.iter().map(|v| Dual64::from(*v)).collect();
-    for (i, d) in dx {
-        x[*i].eps = *d;
-    }
-    let geometry = Geometry::derive(&system.topology.tables, &x);
-    let mut relative = lifted_relative(&system.topology, &geometry, setting.state);
-    let increments: Vec<_> = dy.iter().map(|d| Dual64::new(0.0, *d)).collect();
-    advance(&system.topology, &mut relative, &increments);
-    let rate = setting.rate::<Dual64>();
-    let placement = place(&system.topology, &geometry, &relative, rate.as_deref());
-    let acceleration = base
-        .acceleration
-        .as_ref()
-        .map(|a| a.iter().map(|v| Dual64::from(*v)).collect());
-    DualScene {
-        x,
-        geometry,
-        placement,
-        rate,
-        acceleration,
-    }
-}
-
-impl DualScene {
-    fn scene<'a>(&'a self, setting: &'a Setting<'_>) -> Scene<'a, Dual64> {
-        Scene {
-            topology: &setting.system.topology,
-            geometry: &self.geometry,
-            x: &self.x,
-            memory: &[],
-            placement: &self.placement,
-            rate: self.rate.as_deref(),
-            acceleration: self.acceleration.as_deref(),
-            effects: setting.effects,
-        }
-    }
-}
-
-/// Derivative of everything in `base` along `dx` (sparse: index, value). `solve` gives K''^-1 r for the equilibrium to follow.
-pub fn directional(
-    setting: &Setting<'_>,
-    base: &Linearization,
-    dx: &[(usize, f64)],
-    follow: Follow,
-    solve: &dyn Fn(&DVector<f64>) -> Result<DVector<f64>>,
-) -> Result<Directional> {
-    if setting.state.moving() && base.loops.is_some() {
-        return Err(Error::NotDifferentiable(
-            "derivatives at a moving state of a closed loop are not available yet; linearise at rest, or open the loop".into(),
-        ));
-    }
-    let n = setting.system.n_tree();
-    let mut dy = closing(setting, base, dx)?;
-    if follow == Follow::Equilibrium {
-        let held = dual_scene(setting, base, dx, &dy);
-        let scene = held.scene(setting);
-        let tau = scene.residual(None);
-        let r = match &base.loops {
-            None => tau.map(|v| v.eps),
-            Some(l) => {
-                let jacobian = scene.constraints().1;
-                let b = l.dependent_map(&jacobian);
-                check_agreement(base, &jacobian, &b)?;
-                l.reduce_vector(&tau, &b).map(|v| v.eps)
-            }
-        };
-        let dz = -solve(&r)?;
-        let step = match (&base.loops, &base.dependent_map) {
-            (Some(l), Some(b)) => l.expand(b, &dz),
-            _ => dz,
-        };
-        for i in 0..n {
-            dy[i] += step[i];
-        }
-    }
-    derivative_at(setting, base, dx, dy)
-}
-
-/// The change of dependent coordinates that keeps the loops closed.
-fn closing(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)]) -> Result<Vec<f64>> {
-    let n = setting.system.n_tree();
-    let Some(loops) = &base.loops else {
-        return Ok(vec![0.0; n]);
-    };
-    let held = dual_scene(setting, base, dx, &vec![0.0; n]);
-    let phi = held.scene(setting).constraints().0.map(|v| v.eps);
-    let scaled = DVector::from_fn(phi.len(), |i, _| phi[i] * loops.row_scale[i]);
-    let left = loops.redundant.transpose() * &scaled;
-    if left.amax() > BREAKS_LOOP * scaled.amax() && scaled.amax() > 0.0 {
-        return Err(breaks_loop(left.amax()));
-    }
-    Ok(loops.closing_step(&phi).as_slice().to_vec())
-}
-
-fn breaks_loop(size: f64) -> Error {
-    Error::NotDifferentiable(format!(
-        "this parameter breaks a redundant loop open: its constraints agree only at the present value (they part at the rate {size:.1e}), so the \
-         derivative does not exist; vary parameters that keep the loop closed together, or release the redundant constraint"
-    ))
-}
-
-fn check_agreement(
-    base: &Linearization,
-    jacobian: &DMatrix<Dual64>,
-    b: &DMatrix<Dual64>,
-) -> Result<()> {
-    let Some(loops) = &base.loops else {
-        return Ok(());
-    };
-    if loops.redundant.ncols() == 0 {
-        return Ok(());
-    }
-    let parts = loops.disagreement(jacobian, b).map(|v| v.eps).amax();
-    let change = jacobian.map(|v| v.eps);
-    let size = (0..change.nrows())
-        .map(|i| change.row(i).amax() * loops.row_scale[i])
-        .fold(0.0, f64::max);
-    if parts > BREAKS_LOOP * size && size > 0.0 {
-        Err(breaks_loop(parts))
-    } else {
-        Ok(())
-    }
-}
-
-fn derivative_at(
-    setting: &Setting<'_>,
-    base: &Linearization,
-    dx: &[(usize, f64)],
-    dy: Vec<f64>,
-) -> Result<Directional> {
-    let moved = dual_scene(setting, base, dx, &dy);
-    let scene = moved.scene(setting);
-    let tau = scene.residual(None);
-    let eps = |m: &DMatrix<Dual64>| m.map(|v| v.eps);
-    let (matrices, map, coupling, residual, lam) = match &base.loops {
-        None => {
-            let tangent = scene.tangent(None, &mut Counts::default());
-            let map = body_map(setting.system, &moved.geometry, &moved.placement, None);
-            (
-                unreduced(tangent),
-                map,
-                scene.ground_coupling(),
-                tau,
-                DVector::zeros(0),
-            )
-        }
-        Some(l) => {
-            let jacobian = scene.constraints().1;
-            let b = l.dependent_map(&jacobian);
-            check_agreement(base, &jacobian, &b)?;
-            let lam = l.multipliers(&jacobian, &tau);
-            let tangent = scene.tangent(Some(lam.as_slice()), &mut Counts::default());
-            let map = body_map(
-                setting.system,
-                &moved.geometry,
-                &moved.placement,
-                Some((l, &b)),
-            );
-            let coupling = reduce_rows(scene.ground_coupling(), Some((l, &b)));
-            (
-                reduce(&tangent, l, &b, None),
-                map,
-                coupling,
-                l.reduce_vector(&tau, &b),
-                lam,
-            )
-        }
-    };
-    Ok(Directional {
-        mass: eps(&matrices.mass),
-        damping: matrices.damping.as_ref().map(eps),
-        stiffness: eps(&matrices.stiffness),
-        body_map: eps(&map),
-        ground_coupling: eps(&coupling),
-        body_motion: body_motion(setting.system, &moved.placement),
-        residual: residual.map(|v| v.eps),
-        lam: lam.iter().map(|v| v.eps).collect(),
-        dy,
-    })
-}
-
-fn body_motion(system: &System, placement: &Placement<Dual64>) -> Vec<f64> {
-    let mut motion = vec![0.0; 6 * system.n_bodies()];
-    for (node, pose) in system.topology.nodes.iter().zip(&placement.pose) {
-        let out = &mut motion[6 * node.body..6 * node.body + 6];
-        let spin = pose.r.map(|v| v.eps) * pose.r.map(|v| v.re).transpose();
-        out[..3].copy_from_slice(pose.p.map(|v| v.eps).as_slice());
-        out[3..].copy_from_slice(&[spin[(2, 1)], spin[(0, 2)], spin[(1, 0)]]);
-    }
-    motion
 }

@@ -7,10 +7,14 @@ use std::collections::BTreeMap;
 
 use faer::{Mat, MatRef};
 
-use super::frf::{Ports, Reduction};
+use super::frf::Reduction;
+use super::history::History;
+use super::modes_of::{ComplexModes, RealModes};
+use super::ports::Ports;
+use super::state::{StateSpace, initial, massless};
 use crate::error::{Error, Result};
 use crate::linalg::expm::phi_products;
-use crate::linalg::quadratic::{NormalForm, Quadratic, is_finite};
+use crate::linalg::quadratic::NormalForm;
 use crate::run::{Cancel, Counts};
 
 /// Small systems take one dense propagator: nothing is faster, and nothing is more robust.
@@ -35,13 +39,6 @@ pub struct Linear {
     counts: Counts,
 }
 
-/// Loads at the times, and the height of a parabola over each step by which the true load may deviate from its chord.
-pub struct History {
-    pub t: Vec<f64>,
-    pub u: Mat<f64>,
-    pub bulge: Mat<f64>,
-}
-
 pub struct Motion {
     /// displacement, velocity, acceleration: (n_out, n_t)
     pub y: [Mat<f64>; 3],
@@ -55,87 +52,6 @@ struct Propagator {
     start: Vec<f64>,
     end: Vec<f64>,
     bulge: Vec<f64>,
-}
-
-impl History {
-    pub fn check(&self, n_in: usize) -> Result<()> {
-        let n_t = self.t.len();
-        if n_t < 2 {
-            return Err(Error::model("t needs at least two times"));
-        }
-        if self.t.iter().any(|t| !t.is_finite()) || self.t.windows(2).any(|p| p[1] <= p[0]) {
-            return Err(Error::model("t must be finite and strictly increasing"));
-        }
-        let shapes = self.u.nrows() == n_in
-            && self.u.ncols() == n_t
-            && self.bulge.nrows() == n_in
-            && self.bulge.ncols() == n_t - 1;
-        if !shapes {
-            return Err(Error::model(format!(
-                "the loads must be ({n_in}, {n_t}), they are ({}, {})",
-                self.u.nrows(),
-                self.u.ncols()
-            )));
-        }
-        if !is_finite(self.u.as_ref()) || !is_finite(self.bulge.as_ref()) {
-            return Err(Error::model(
-                "a load history contains NaN or infinite values",
-            ));
-        }
-        Ok(())
-    }
-
-    /// Index of the representative of each step, and the representatives. Steps that differ by the rounding of t are one.
-    fn steps(&self) -> (Vec<usize>, Vec<f64>) {
-        let n = self.t.len() - 1;
-        let (first, last) = (self.t[0], self.t[n]);
-        let noise = 4.0 * f64::EPSILON * first.abs().max(last.abs());
-        let mean = (last - first) / n as f64;
-        let uniform = (0..=n).all(|k| (self.t[k] - (first + k as f64 * mean)).abs() <= noise);
-        if uniform {
-            return (vec![0; n], vec![mean]);
-        }
-        let h: Vec<f64> = self.t.windows(2).map(|p| p[1] - p[0]).collect();
-        let mut order: Vec<usize> = (0..n).collect();
-        order.sort_by(|a, b| h[*a].total_cmp(&h[*b]));
-        let (mut index, mut values) = (vec![0; n], Vec::<f64>::new());
-        for k in order {
-            if values.last().is_none_or(|v| h[k] - v > noise) {
-                values.push(h[k]);
-            }
-            index[k] = values.len() - 1;
-        }
-        (index, values)
-    }
-
-    /// Derivative of the load at the times by second-order differences; only outputs that see u' or u'' ask for it.
-    fn derivative(&self, order: usize) -> Mat<f64> {
-        let mut u = self.u.clone();
-        for _ in 0..order {
-            u = differences(&self.t, u.as_ref());
-        }
-        u
-    }
-}
-
-fn differences(t: &[f64], u: MatRef<'_, f64>) -> Mat<f64> {
-    let n = t.len();
-    let slope = |i: usize, k: usize| (u[(i, k + 1)] - u[(i, k)]) / (t[k + 1] - t[k]);
-    Mat::from_fn(u.nrows(), n, |i, k| {
-        if n == 2 {
-            return slope(i, 0);
-        }
-        let (left, right) = match k {
-            0 => (0, 1),
-            _ if k == n - 1 => (n - 3, n - 2),
-            _ => (k - 1, k),
-        };
-        let (h0, h1) = (t[left + 1] - t[left], t[right + 1] - t[right]);
-        let (s0, s1) = (slope(i, left), slope(i, right));
-        let curvature = (s1 - s0) / (h0 + h1);
-        // the parabola through three points, differentiated at t_k
-        s0 + curvature * (2.0 * t[k] - t[left] - t[left + 1])
-    })
 }
 
 impl Linear {
@@ -307,117 +223,6 @@ fn check_state(n: usize, x0: &[f64], v0: &[f64]) -> Result<()> {
     Ok(())
 }
 
-pub fn massless(q: &Quadratic) -> Error {
-    let worst = (0..q.n())
-        .min_by(|a, b| q.m[(*a, *a)].total_cmp(&q.m[(*b, *b)]))
-        .unwrap_or(0);
-    Error::singular(format!(
-        "the mass matrix is not symmetric positive definite (smallest diagonal entry {:.3e} at coordinate {worst}): \
-         give every coordinate a mass or remove it",
-        q.m[(worst, worst)]
-    ))
-}
-
-/// State matrices of a second-order system in any coordinates with unit mass: x = (z, z'/rate).
-#[derive(Debug, Clone)]
-pub struct StateSpace {
-    pub a: Mat<f64>,
-    /// input matrix for the loads themselves, before their derivative orders
-    pub b: Mat<f64>,
-    pub c: Mat<f64>,
-}
-
-impl StateSpace {
-    pub fn new(form: &NormalForm, ports: &Ports) -> Self {
-        let n = form.n();
-        let rate = form.rate();
-        let (l, f) = (
-            form.outputs(ports.l.as_ref()),
-            form.inputs(ports.f.as_ref()),
-        );
-        StateSpace {
-            a: form.state_matrix(rate),
-            b: Mat::from_fn(2 * n, f.ncols(), |i, j| {
-                if i < n { 0.0 } else { f[(i - n, j)] / rate }
-            }),
-            c: Mat::from_fn(l.nrows(), 2 * n, |i, j| if j < n { l[(i, j)] } else { 0.0 }),
-        }
-    }
-
-    /// A^p B with the derivative order p of each input.
-    pub fn driven(&self, order_in: &[u32]) -> Mat<f64> {
-        let mut b = self.b.clone();
-        let highest = order_in.iter().copied().max().unwrap_or(0);
-        let mut power = self.b.clone();
-        for p in 1..=highest {
-            power = &self.a * &power;
-            for (j, order) in order_in.iter().enumerate() {
-                if *order == p {
-                    b.col_mut(j).copy_from(power.col(j));
-                }
-            }
-        }
-        b
-    }
-
-    /// C, C A, C A^2.
-    fn outputs(&self) -> [Mat<f64>; 3] {
-        let velocity = &self.c * &self.a;
-        let acceleration = &velocity * &self.a;
-        [self.c.clone(), velocity, acceleration]
-    }
-
-    /// Per output derivative q: the matrices T_r of sum_r T_r u^(r), with T_r = C A^(p+q-1-r) B + [r = q] D0. What cancels up to
-    /// rounding (the absolute motion of a body on a moving base) is zero.
-    pub fn direct(&self, order_in: &[u32], d0: Option<&Mat<f64>>) -> [Vec<Mat<f64>>; 3] {
-        let (n_out, n_in) = (self.c.nrows(), self.b.ncols());
-        let highest = order_in.iter().copied().max().unwrap_or(0) as usize;
-        let mut markov = Vec::new();
-        let mut power = self.b.clone();
-        for _ in 0..highest + 2 {
-            markov.push(&self.c * &power);
-            power = &self.a * &power;
-        }
-        std::array::from_fn(|q| {
-            let top = highest + q;
-            (0..=top.max(q))
-                .map(|r| {
-                    Mat::from_fn(n_out, n_in, |i, j| {
-                        let m = order_in[j] as usize + q;
-                        let through = if m > r {
-                            markov[m - 1 - r][(i, j)]
-                        } else {
-                            0.0
-                        };
-                        let feed = match d0 {
-                            Some(d0) if r == q => d0[(i, j)],
-                            _ => 0.0,
-                        };
-                        let sum = through + feed;
-                        if sum.abs() <= 1e-10 * through.abs().max(feed.abs()) {
-                            0.0
-                        } else {
-                            sum
-                        }
-                    })
-                })
-                .collect()
-        })
-    }
-}
-
-fn initial(form: &NormalForm, x0: &[f64], v0: &[f64]) -> Mat<f64> {
-    let n = form.n();
-    let rate = form.rate();
-    let z =
-        form.l.transpose() * Mat::from_fn(n, 2, |i, k| if k == 0 { x0[i] } else { v0[i] / rate });
-    Mat::from_fn(
-        2 * n,
-        1,
-        |i, _| if i < n { z[(i, 0)] } else { z[(i - n, 1)] },
-    )
-}
-
 fn dense_block(form: &NormalForm, ports: &Ports, x0: &[f64], v0: &[f64]) -> Block {
     let state = StateSpace::new(form, ports);
     let start = initial(form, x0, v0);
@@ -431,7 +236,7 @@ fn dense_block(form: &NormalForm, ports: &Ports, x0: &[f64], v0: &[f64]) -> Bloc
 
 fn real_blocks(
     reduction: &Reduction,
-    modes: &super::frf::RealModes,
+    modes: &RealModes,
     ports: &Ports,
     x0: &[f64],
     v0: &[f64],
@@ -470,7 +275,7 @@ fn real_blocks(
 /// A conjugate pair xi, conj(xi) with xi' = s xi + beta u becomes the real pair (Re xi, Im xi); the outputs take twice the real part.
 fn complex_blocks(
     form: &NormalForm,
-    modes: &super::frf::ComplexModes,
+    modes: &ComplexModes,
     ports: &Ports,
     x0: &[f64],
     v0: &[f64],

@@ -7,7 +7,8 @@
 use faer::{Mat, MatMut, MatRef, c64};
 
 use crate::analysis::modal::{Modal, modes as dense_modes};
-use crate::analysis::sparse_modal::{Mixed, Pencil, ShiftInvert, lowest};
+use crate::analysis::sparse_modal::lowest;
+use crate::analysis::sparse_pencil::{Mixed, Pencil, ShiftInvert};
 use crate::error::{Error, Result};
 use crate::linalg::krylov::Operator;
 use crate::linalg::sparse::{Csc, Factor};
@@ -21,7 +22,7 @@ use crate::system::sparse::SparseForm;
 
 /// Rounds of widening, and the relative residual at which they stop.
 const ROUNDS: usize = 6;
-const RESOLVED: f64 = 1e-10;
+const RESOLVED: f64 = 1e-9;
 /// Undamped modes beyond the wanted ones, for damped problems: they speed up the last of the wanted.
 const BUFFER: usize = 8;
 
@@ -65,10 +66,10 @@ pub fn modes(
         let body = space.combined(&modal, n.min(dof));
         return Ok(BodyModes {
             error: found
-                .residual
+                .error
                 .iter()
-                .zip(&modal.error)
-                .map(|(r, e)| r + e)
+                .zip(&found.lambda)
+                .map(|(e, l)| if *l == 0.0 { 0.0 } else { *e })
                 .collect(),
             residual: found.residual,
             verified: found.verified,
@@ -155,6 +156,7 @@ struct Subspace<'a> {
     form: &'a SparseForm,
     pencil: &'a Mixed,
     c: Csc,
+    lambda: Vec<f64>,
     z: Mat<f64>,
     mz: Mat<f64>,
     cz: Mat<f64>,
@@ -176,6 +178,7 @@ impl<'a> Subspace<'a> {
             kz: Mat::from_fn(n, x.ncols(), |i, j| mz[(i, j)] * lambda[j]),
             cz: product(&c, x),
             z: x.to_owned(),
+            lambda: lambda.to_vec(),
             mz,
             c,
             form,
@@ -183,26 +186,24 @@ impl<'a> Subspace<'a> {
         }
     }
 
-    /// Z^T (M, C, K) Z; the undamped modes alone are their own diagonal.
+    /// Z^T (M, C, K) Z. The basis is M-orthonormal, and M phi of the undamped modes meets nothing else: what products make of
+    /// these zeros is rounding times the largest eigenvalue.
     fn solve(&self, damped: bool) -> Result<Modal> {
-        let z = self.z.transpose();
-        let symmetric = |a: &Mat<f64>| {
-            let p = z * a;
-            Mat::from_fn(p.nrows(), p.ncols(), |i, j| 0.5 * (p[(i, j)] + p[(j, i)]))
-        };
-        if !damped {
-            let n = self.z.ncols();
-            let k = symmetric(&self.kz);
-            let m = Mat::identity(n, n);
-            let k = Mat::from_fn(n, n, |i, j| if i == j { k[(i, i)] } else { 0.0 });
-            return dense_modes(&SecondOrder::new(m, None, None, k, None, None)?);
-        }
-        let (m, c, k) = (
-            symmetric(&self.mz),
-            symmetric(&self.cz),
-            symmetric(&self.kz),
-        );
-        dense_modes(&SecondOrder::new(m, Some(c), None, k, None, None)?)
+        let (n, known) = (self.z.ncols(), self.lambda.len());
+        let m = Mat::identity(n, n);
+        let k = self.z.transpose() * &self.kz;
+        let k = Mat::from_fn(n, n, |i, j| match (i < known, j < known) {
+            (true, true) if i == j => self.lambda[i],
+            (true, true) => 0.0,
+            (true, false) => k[(j, i)],
+            (false, true) => k[(i, j)],
+            (false, false) => 0.5 * (k[(i, j)] + k[(j, i)]),
+        });
+        let c = damped.then(|| {
+            let c = self.z.transpose() * &self.cz;
+            Mat::from_fn(n, n, |i, j| 0.5 * (c[(i, j)] + c[(j, i)]))
+        });
+        dense_modes(&SecondOrder::new(m, c, None, k, None, None)?)
     }
 
     fn combined(&self, modal: &Modal, n: usize) -> Mat<c64> {
@@ -331,8 +332,8 @@ impl<'a> Subspace<'a> {
             kw -= &self.kz * &h;
         }
         let after = norm(&w);
-        // what is left of a vector inside the space is rounding
-        if !(after > 1e-9 * before) {
+        // what is left of a vector that is nearly inside the space is noise
+        if after.is_nan() || after <= 1e-3 * before {
             return;
         }
         w *= faer::Scale(1.0 / after);

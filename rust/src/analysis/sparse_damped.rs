@@ -3,19 +3,22 @@
 //! The 2n state matrix is never formed: (A - sigma I)^-1 needs one factorisation of sigma^2 M + sigma D + S, n by n.
 use faer::{Mat, MatMut, MatRef, c64};
 
-use super::sparse_modal::{Assembled, Pencil};
+use super::sparse_pencil::{Assembled, Pencil};
 use crate::error::{Error, Result};
 use crate::linalg::krylov::{Operator, Options, Ritz, Space};
+use crate::linalg::quadratic::Quadratic;
 use crate::linalg::sparse::{Csc, Factor};
 use crate::run::{Cancel, Counts};
 
 pub struct DampedModes {
-    /// the roots with Im s >= 0 nearest to the shift, ascending in |s|
+    /// the roots with Im s >= 0 nearest to the shift, ascending in |s|; a rigid motion counts once, as 0, each other real root
+    /// for itself
     pub s: Vec<c64>,
     /// y^H M y = 1, largest component real and positive
     pub shape: Mat<c64>,
     /// |s^2 M y + s D y + S y| / ((|s|^2 |M| + |s| |D| + |S|) |y|)
     pub residual: Vec<f64>,
+    pub rigid: usize,
     pub sigma: f64,
     pub counts: Counts,
 }
@@ -150,16 +153,54 @@ pub fn lowest(
         Some(sigma) => sigma,
         None => shift(system, wanted, &mut counts, cancel)?,
     };
+    let options = Options::new(2 * wanted, false);
+    let (s, shape) = if 2 * n < options.dim + 3 * options.block {
+        counts.add("dense eigensolutions", 1);
+        every(system)?
+    } else {
+        iterated(system, wanted, sigma, options, &mut counts, cancel)?
+    };
+    let shape = normalised(system, shape.as_ref());
+    let (s, shape, rigid) = merge_rigid(system, s, shape, sigma);
+    let mut order: Vec<usize> = (0..s.len()).collect();
+    order.sort_by(|a, b| {
+        s[*a]
+            .norm()
+            .total_cmp(&s[*b].norm())
+            .then(s[*b].re.total_cmp(&s[*a].re))
+    });
+    order.truncate(wanted);
+    let s: Vec<c64> = order.iter().map(|k| s[*k]).collect();
+    let shape = Mat::from_fn(n, order.len(), |i, j| shape[(i, order[j])]);
+    Ok(DampedModes {
+        residual: system.residuals(&s, shape.as_ref()),
+        s,
+        shape,
+        rigid,
+        sigma,
+        counts,
+    })
+}
+
+fn iterated(
+    system: &Damped,
+    wanted: usize,
+    sigma: f64,
+    options: Options,
+    counts: &mut Counts,
+    cancel: &Cancel,
+) -> Result<(Vec<c64>, Mat<c64>)> {
     counts.add("factorisations", 1);
-    let rate = rate(system, sigma)?;
-    let op = system.operator(sigma, rate)?;
+    let op = system.operator(sigma, rate(system, sigma)?)?;
     // a root of a conjugate pair brings the other along
-    let mut space = Space::new(&op, Options::new(2 * wanted, false))?;
+    let mut space = Space::new(&op, options)?;
     let mut ritz = space.converge(cancel)?;
     // new random vectors bring to light what the first ones did not see
     for _ in 0..4 {
-        let known = upper(&ritz, wanted);
-        let before: Vec<c64> = known.iter().map(|k| ritz.value[*k]).collect();
+        let before: Vec<c64> = upper(&ritz, wanted)
+            .iter()
+            .map(|k| ritz.value[*k])
+            .collect();
         space.restart_afresh(&ritz, 2 * wanted)?;
         ritz = space.converge(cancel)?;
         let now = upper(&ritz, wanted);
@@ -169,9 +210,7 @@ pub fn lowest(
         }
     }
     counts.merge(&space.counts);
-    let mut chosen = upper(&ritz, wanted);
-    let root = |k: usize| sigma + ritz.value[k].inv();
-    chosen.sort_by(|a, b| root(*a).norm().total_cmp(&root(*b).norm()));
+    let chosen = upper(&ritz, 2 * wanted);
     let picked = Ritz {
         value: chosen.iter().map(|k| ritz.value[*k]).collect(),
         residual: chosen.iter().map(|k| ritz.residual[*k]).collect(),
@@ -180,15 +219,78 @@ pub fn lowest(
         }),
     };
     let states = space.vectors(&picked, chosen.len());
-    let s: Vec<c64> = picked.value.iter().map(|mu| sigma + mu.inv()).collect();
-    let shape = normalised(system, states.subrows(0, n));
-    Ok(DampedModes {
-        residual: system.residuals(&s, shape.as_ref()),
+    let s = picked.value.iter().map(|mu| sigma + mu.inv()).collect();
+    Ok((s, states.subrows(0, system.m.rows).to_owned()))
+}
+
+/// All roots of a system so small, or of which so many are wanted, that a Krylov basis would exhaust it.
+fn every(system: &Damped) -> Result<(Vec<c64>, Mat<c64>)> {
+    let n = system.m.rows;
+    let dense = |a: &Csc| Mat::from_fn(n, n, |i, j| a.get(i, j));
+    let q = Quadratic::new(dense(&system.m), Some(dense(&system.d)), dense(&system.s))?;
+    let failed = || Error::singular("the dense eigenproblem of the damped system did not converge");
+    let form = q.normal_form().ok_or_else(failed)?;
+    let eigen = form
+        .state_matrix(form.rate())
+        .eigen()
+        .map_err(|_| failed())?;
+    let upper: Vec<usize> = (0..2 * n).filter(|k| eigen.S()[*k].im >= 0.0).collect();
+    let s = upper.iter().map(|k| eigen.S()[*k]).collect();
+    let part = |f: &dyn Fn(c64) -> f64| {
+        let mut x = Mat::from_fn(n, upper.len(), |i, j| f(eigen.U()[(i, upper[j])]));
+        form.l.transpose().solve_upper_triangular_in_place(&mut x);
+        x
+    };
+    let (re, im) = (part(&|z| z.re), part(&|z| z.im));
+    Ok((
         s,
-        shape,
-        sigma,
-        counts,
-    })
+        Mat::from_fn(n, upper.len(), |i, j| c64::new(re[(i, j)], im[(i, j)])),
+    ))
+}
+
+/// Roots that are zero to the accuracy of a double root belong to rigid motions, two to each; one mode of each is left, s = 0.
+fn merge_rigid(
+    system: &Damped,
+    s: Vec<c64>,
+    shape: Mat<c64>,
+    sigma: f64,
+) -> (Vec<c64>, Mat<c64>, usize) {
+    let n = shape.nrows();
+    let zero = |s: &c64| s.norm() <= 1e-5 * sigma.abs();
+    let mut rigid: Vec<Mat<f64>> = Vec::new();
+    let product = |a: &Mat<f64>, b: &Mat<f64>| {
+        let mut weighed = Mat::zeros(n, 1);
+        system.m.multiply(b.as_ref(), weighed.as_mut(), false);
+        (0..n).map(|i| a[(i, 0)] * weighed[(i, 0)]).sum::<f64>()
+    };
+    for k in (0..s.len()).filter(|k| zero(&s[*k])) {
+        for part in [|z: c64| z.re, |z: c64| z.im] {
+            let mut x = Mat::from_fn(n, 1, |i, _| part(shape[(i, k)]));
+            for r in &rigid {
+                let along = product(r, &x);
+                x -= faer::Scale(along) * r;
+            }
+            let norm = product(&x, &x).sqrt();
+            // shapes of a double root are right to about the root of the precision only
+            if norm > 1e-3 {
+                x *= faer::Scale(1.0 / norm);
+                rigid.push(x);
+            }
+        }
+    }
+    let others: Vec<usize> = (0..s.len()).filter(|k| !zero(&s[*k])).collect();
+    let count = rigid.len();
+    let values = std::iter::repeat_n(c64::new(0.0, 0.0), count)
+        .chain(others.iter().map(|k| s[*k]))
+        .collect();
+    let merged = Mat::from_fn(n, count + others.len(), |i, j| {
+        if j < count {
+            c64::new(rigid[j][(i, 0)], 0.0)
+        } else {
+            shape[(i, others[j - count])]
+        }
+    });
+    (values, merged, count)
 }
 
 /// Zero where the stiffness is safely regular, else a negative shift of the size of the wanted undamped frequencies.

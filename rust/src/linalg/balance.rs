@@ -115,6 +115,8 @@ mod tests {
                 assert_eq!(b.matrix[(i, j)] * f / g, a[(p, q)]);
             }
         }
-        assert!(b.matrix.norm_max() < 1e3);
+        // the third eigenvalue is isolated; its row may grow, the block of the others may not
+        assert_eq!(b.right(0).0, 2);
+        assert!(b.matrix.submatrix(1, 1, 3, 3).norm_max() <= 4.0);
     }
 }

@@ -117,7 +117,13 @@ fn eigen_sensitivities<'py>(
     let system = matrices.system()?;
     let known = modes.known();
     let directions = changes.directions(system.size())?;
-    let result = guarded(py, || eigen_sensitivity(&system, &known, &directions))?;
+    let large = system.size() >= LARGE;
+    let work = move || eigen_sensitivity(&system, &known, &directions);
+    let result = if large {
+        interruptible(py, move |_| work())?
+    } else {
+        guarded(py, work)?
+    };
     let dict = PyDict::new(py);
     dict.set_item(
         "eigenvalue",

@@ -10,9 +10,11 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::border::{counts_dict, interruptible, matrix, to_numpy};
-use crate::analysis::frf::{Ports, Reduction};
+use crate::analysis::frf::Reduction;
 use crate::analysis::frf_sensitivity::{self, Entry, Variation};
-use crate::analysis::response::{self, History, Linear};
+use crate::analysis::history::History;
+use crate::analysis::ports::Ports;
+use crate::analysis::response::{self, Linear};
 use crate::error::{Error, Result};
 use crate::linalg::quadratic::Quadratic;
 
@@ -52,7 +54,7 @@ impl FrfReduction {
         counts_dict(py, &self.inner.counts)
     }
 
-    #[pyo3(signature = (l, f, order_in, d0, order_out, omega))]
+    #[pyo3(signature = (l, f, order_in, d0, order_out, omega, modes=None))]
     #[allow(clippy::too_many_arguments)]
     fn evaluate<'py>(
         &self,
@@ -63,12 +65,15 @@ impl FrfReduction {
         d0: Option<M2<'_>>,
         order_out: u32,
         omega: PyReadonlyArray1<'_, f64>,
+        modes: Option<usize>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let ports = ports(&l, &f, order_in, d0.as_ref(), order_out);
         let omega: Vec<f64> = omega.as_array().to_vec();
         let shape = [ports.l.nrows(), ports.f.ncols(), omega.len()];
         let inner = self.inner.clone();
-        let values = interruptible(py, move |cancel| inner.evaluate(&ports, &omega, cancel))?;
+        let values = interruptible(py, move |cancel| {
+            inner.evaluate(&ports, &omega, modes, cancel)
+        })?;
         let out = PyDict::new(py);
         out.set_item("value", values.h.into_pyarray(py).reshape(shape)?)?;
         out.set_item("route", values.route.name())?;

@@ -8,9 +8,10 @@ use pyo3::types::PyDict;
 
 use super::border::{guarded, interruptible, matrix, to_numpy};
 use super::hbm_branch::find_peak;
+use super::hbm_linear::HbmLinear;
+use crate::analysis::hbm::autonomous;
 use crate::analysis::hbm::basis::Basis;
 use crate::analysis::hbm::estimate::{Estimate, Estimator};
-use crate::analysis::hbm::linear::{DynamicStiffness, Full};
 use crate::analysis::hbm::problem::{Element, Parameter, Problem};
 use crate::analysis::hbm::start;
 use crate::analysis::stability;
@@ -19,20 +20,18 @@ use crate::laws::Law;
 use crate::solve::newton::{Options, Outcome};
 use crate::solve::{Curve, Linearisation};
 
+type Array<'py, T> = Bound<'py, PyArray1<T>>;
+type Matrix<'py> = Bound<'py, PyArray2<f64>>;
+
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(law_force, module)?)?;
     module.add_class::<HbmProblem>()?;
-    module.add_class::<HbmElements>()
+    module.add_class::<HbmElements>()?;
+    module.add_class::<HbmLinear>()
 }
 
 pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn row_major(m: &Mat<f64>) -> Vec<f64> {
-    (0..m.nrows() * m.ncols())
-        .map(|i| m[(i / m.ncols(), i % m.ncols())])
-        .collect()
 }
 
 /// Force of one law along a history of displacements and rates; the memory starts at zero.
@@ -107,47 +106,31 @@ pub struct HbmProblem {
 
 #[pymethods]
 impl HbmProblem {
-    /// `indices` (n_terms, p); `forces` (n_terms + 1, n) complex; `dims`, `fine` samples per dimension, the second for estimates.
+    /// `indices` (n_terms, p) of the terms whose forces `linear` holds; `dims`, `fine` samples per dimension, the second for estimates.
     #[new]
-    #[expect(clippy::too_many_arguments)]
     fn new(
-        m: PyReadonlyArray2<'_, f64>,
-        c: PyReadonlyArray2<'_, f64>,
-        k: PyReadonlyArray2<'_, f64>,
+        linear: &HbmLinear,
         elements: &HbmElements,
         indices: Vec<Vec<i32>>,
         subharmonic: i32,
-        forces: PyReadonlyArray2<'_, Complex64>,
         omega: Vec<f64>,
         dims: Vec<usize>,
         fine: Vec<usize>,
     ) -> PyResult<Self> {
-        let (m, c, k) = (matrix(&m), matrix(&c), matrix(&k));
-        let n = m.nrows();
+        let linear = lock(&linear.0).copied()?;
         let basis = Basis {
             indices,
             subharmonic: f64::from(subharmonic),
         };
-        check(&basis, &elements.0, n, &dims, &fine, &omega)?;
-        let forces: Vec<Option<Vec<Complex64>>> = forces
-            .as_array()
-            .outer_iter()
-            .map(|f| f.iter().any(|x| x.norm() > 0.0).then(|| f.to_vec()))
-            .collect();
-        let linear: Box<dyn DynamicStiffness> = Box::new(Full {
-            n,
-            m: row_major(&m),
-            c: row_major(&c),
-            k: row_major(&k),
-        });
-        let problem = Problem::new(
-            basis,
-            linear,
-            elements.0.clone(),
-            Arc::new(forces),
-            omega,
+        check(
+            &basis,
+            &elements.0,
+            linear.full_size(),
             &dims,
-        );
+            &fine,
+            &omega,
+        )?;
+        let problem = Problem::new(basis, linear, elements.0.clone(), omega, &dims)?;
         Ok(Self {
             inner: Arc::new(Mutex::new(problem)),
             fine,
@@ -206,7 +189,7 @@ impl HbmProblem {
             problem.level = level;
             problem.evaluations = 0;
             let outcome = start::solve(&mut problem, &mut y, options, cancel)?;
-            let estimate = Estimator::new(&problem, &fine).estimate(&problem, &y)?;
+            let estimate = Estimator::new(&problem, &fine)?.estimate(&problem, &y)?;
             let all = problem.expand(&y)?;
             Ok(Solved {
                 y,
@@ -214,10 +197,45 @@ impl HbmProblem {
                 outcome,
                 estimate,
                 evaluations: problem.evaluations,
+                factorisations: problem.factorisations,
                 broken: problem.broken,
             })
         })?;
         solved.to_dict(py)
+    }
+
+    /// A limit cycle from the guess z = [y, omega].
+    #[pyo3(signature = (z, tolerance=1e-10, max_iterations=50))]
+    fn cycle<'py>(
+        &self,
+        py: Python<'py>,
+        z: PyReadonlyArray1<'_, f64>,
+        tolerance: f64,
+        max_iterations: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let mut z = z.as_slice()?.to_vec();
+        let mut problem = self.separate()?;
+        if z.len() != problem.size() + 1 {
+            return Err(Error::model("coefficients of a wrong size").into());
+        }
+        let fine = self.fine.clone();
+        let options = Options {
+            tolerance,
+            max_iterations,
+        };
+        let (z, outcome, error, evaluations) = interruptible(py, move |cancel| {
+            let outcome = autonomous::solve(&mut problem, &mut z, options, cancel)?;
+            let error = autonomous::estimate(&problem, &z, &fine)?;
+            Ok((z, outcome, error, problem.evaluations))
+        })?;
+        let dict = PyDict::new(py);
+        dict.set_item("z", PyArray1::from_vec(py, z))?;
+        dict.set_item("converged", outcome.converged)?;
+        dict.set_item("reason", outcome.reason)?;
+        dict.set_item("iterations", outcome.iterations)?;
+        dict.set_item("evaluations", evaluations)?;
+        dict.set_item("error", error)?;
+        Ok(dict)
     }
 
     /// Floquet exponents of a solution (None where they cannot be told), and the monodromy matrix if asked for.
@@ -228,13 +246,10 @@ impl HbmProblem {
         y: PyReadonlyArray1<'_, f64>,
         omega: Vec<f64>,
         monodromy: bool,
-    ) -> PyResult<(
-        Option<Bound<'py, PyArray1<Complex64>>>,
-        Option<Bound<'py, PyArray2<f64>>>,
-    )> {
+    ) -> PyResult<(Option<Array<'py, Complex64>>, Option<Matrix<'py>>)> {
         let y = y.as_slice()?.to_vec();
         drop(self.at(&omega, y.len())?);
-        let mut problem = self.separate();
+        let mut problem = self.separate()?;
         let (exponents, matrix) = interruptible(py, move |_| {
             let mut out = Linearisation::new(y.len());
             problem.linearise(&y, omega[0], &mut out)?;
@@ -261,11 +276,9 @@ impl HbmProblem {
         term: Option<usize>,
     ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
         let y = y.as_slice()?.to_vec();
-        let mut problem = self.separate();
-        if y.len() != problem.size()
-            || coordinate >= problem.n()
-            || term.is_some_and(|t| t > problem.basis.n_harmonics())
-        {
+        let mut problem = self.separate()?;
+        let coordinate = problem.linear.retain(&[(coordinate, 1.0)])?[0].0;
+        if y.len() != problem.size() || term.is_some_and(|t| t > problem.basis.n_harmonics()) {
             return Err(Error::model("no such coordinate or harmonic").into());
         }
         problem.omega[0] = omega;
@@ -310,7 +323,7 @@ impl HbmProblem {
 
 impl HbmProblem {
     /// A copy that another computation may change.
-    pub fn separate(&self) -> Problem {
+    pub fn separate(&self) -> Result<Problem> {
         let problem = lock(&self.inner);
         problem.on(problem.basis.clone(), &problem.dims())
     }
@@ -331,6 +344,7 @@ struct Solved {
     outcome: Outcome,
     estimate: Estimate,
     evaluations: u64,
+    factorisations: u64,
     broken: Option<usize>,
 }
 
@@ -343,6 +357,7 @@ impl Solved {
         dict.set_item("reason", self.outcome.reason)?;
         dict.set_item("iterations", self.outcome.iterations)?;
         dict.set_item("evaluations", self.evaluations)?;
+        dict.set_item("factorisations", self.factorisations)?;
         dict.set_item("step", self.outcome.step)?;
         dict.set_item("error", self.estimate.error)?;
         dict.set_item("error_retained", self.estimate.retained)?;

@@ -33,6 +33,7 @@ struct Chunk {
     status: Status,
     base: f64,
     corrections: u64,
+    factorisations: u64,
 }
 
 #[pymethods]
@@ -88,7 +89,7 @@ impl HbmBranch {
         };
         let mut y = y.as_slice()?.to_vec();
         let fine = problem.fine.clone();
-        let mut copy = problem.separate();
+        let mut copy = problem.separate()?;
         copy.omega[0] = omega;
         copy.level = level;
         copy.parameter = parameter;
@@ -127,6 +128,7 @@ impl HbmBranch {
             Ok(Chunk {
                 base: follower.problem.base_frequency(),
                 corrections: follower.corrections(),
+                factorisations: follower.factorisations(),
                 status: follower.status,
                 records: std::mem::take(&mut follower.records),
                 events: std::mem::take(&mut follower.events),
@@ -250,6 +252,7 @@ impl Chunk {
         }
         dict.set_item("events", events)?;
         dict.set_item("corrections", self.corrections)?;
+        dict.set_item("factorisations", self.factorisations)?;
         dict.set_item(
             "status",
             match self.status {

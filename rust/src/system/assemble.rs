@@ -9,14 +9,14 @@ use crate::model::geometry::Geometry;
 use crate::model::joint::{Coordinate, JointKind};
 use crate::model::tables::LENGTH_GIVEN;
 use crate::run::Counts;
-use crate::spatial::{Real, Six};
+use crate::spatial::{Real, Six, absent};
 use crate::system::connector::{
     Numbers, Wanted, add_tangent, add_wrench, constraint_interaction, constraint_rows, interaction,
     load_interaction, path,
 };
 use crate::system::inertia::{InertiaInput, add_inertia, ground_coupling};
 use crate::system::placement::Placement;
-use crate::system::topology::{Connector, Level, Topology};
+use crate::system::topology::{Connector, Topology};
 
 /// What is computed: an effect that a model does not contain costs nothing anyway; these switch off what it contains.
 #[derive(Debug, Clone, Copy)]
@@ -198,13 +198,10 @@ impl<T: Real> Scene<'_, T> {
             .sum()
     }
 
-    /// Position-level multipliers grouped by cut joint.
+    /// Multipliers of both levels grouped by cut joint: at rest a velocity row carries force like any other.
     pub fn cut_multipliers(&self, lam: &[T]) -> Vec<(usize, Vec<(Coordinate, T)>)> {
         let mut grouped: Vec<(usize, Vec<(Coordinate, T)>)> = Vec::new();
         for (row, l) in self.topology.rows.iter().zip(lam) {
-            if row.level != Level::Position {
-                continue;
-            }
             match grouped.last_mut().filter(|(joint, _)| *joint == row.joint) {
                 Some((_, rows)) => rows.push((row.coordinate, *l)),
                 None => grouped.push((row.joint, vec![(row.coordinate, *l)])),
@@ -394,10 +391,13 @@ impl<T: Real> Scene<'_, T> {
                 own,
             );
             counts.add("connector tangents", 1);
+            if self.effects.law_slopes && !c.laws.is_empty() {
+                counts.add("law tangents", c.laws.len() as u64);
+            }
             if acting.damped {
                 counts.add("damper tangents", 1);
             }
-            if geometric && !acting.wrench.is_zero() {
+            if geometric && !acting.wrench.is_absent() {
                 counts.add("preload stiffness", 1);
             }
         }
@@ -427,7 +427,7 @@ impl<T: Real> Scene<'_, T> {
     ) {
         let wanted = Wanted::GEOMETRY;
         for (joint, rows) in self.cut_multipliers(lam) {
-            if rows.iter().all(|(_, l)| l.is_zero()) {
+            if rows.iter().all(|(_, l)| absent(l)) {
                 continue;
             }
             let acting = constraint_interaction(
@@ -467,7 +467,7 @@ impl<T: Real> Scene<'_, T> {
     /// translation of the inner of two coordinates turns that of the other, and a carried axis turns with its carrier.
     fn add_map_changes(&self, wrenches: &[Six<T>], factor: T, stiffness: &mut DMatrix<T>) {
         for (node, f) in wrenches.iter().enumerate() {
-            if f.is_zero() {
+            if f.is_absent() {
                 continue;
             }
             let chain = self.chain(node);

@@ -2,7 +2,7 @@
 //!
 //! A simple root: `ds = -psi^T (s^2 dM + s dD + dS) phi / psi^T (2 s M + D) phi` with D = C + G, S = K + N. A repeated root has the
 //! matrix `-(Psi^T Q'(s) Phi)^-1 Psi^T (s^2 dM + s dD + dS) Phi` for every direction; its eigenvalues are the derivatives along that
-//! direction, and those of a sum of matrices belong to the sum of directions (Lancaster, Numer. Math. 6 (1964)).
+//! direction, and those of a sum of matrices belong to the sum of directions.
 mod shapes;
 mod slices;
 
@@ -83,13 +83,15 @@ pub fn eigen_sensitivity(
     known.check(system.size())?;
     let (modes, count) = (known.s.len(), directions.count());
     let denominator = denominators(system, known);
+    let forms = directions.diagonal(&known.s, known.left().as_ref(), known.x.as_ref());
     let mut eigenvalue = Mat::from_fn(modes, count, |_, _| undefined());
     for j in (0..modes).filter(|&j| !known.near_defective[j] && !known.in_group(j)) {
-        let row = if known.rigid[j] {
+        let row: Vec<C> = if known.rigid[j] {
             rigid_row(known, directions, j, denominator[j])
         } else {
-            let form = directions.bilinear(known.s[j], known.left().col(j), known.x.col(j));
-            form.into_iter().map(|f| -f / denominator[j]).collect()
+            (0..count)
+                .map(|p| -forms[(j, p)] / denominator[j])
+                .collect()
         };
         for (p, value) in row.into_iter().enumerate() {
             eigenvalue[(j, p)] = value;

@@ -1,7 +1,7 @@
 //! Derivatives of shapes, by one bordered factorisation for each mode that serves all directions.
 //!
 //! `[Q, Q' phi; phi^H, 0] [v; -] = [-(dQ + ds Q') phi; 0]` gives the part of the derivative outside phi; the normalisation of the
-//! modes gives the part along it (Nelson, AIAA J. 14 (1976), with a border in place of a deleted row).
+//! modes gives the part along it.
 use faer::Mat;
 use faer::prelude::*;
 
@@ -64,6 +64,14 @@ pub fn shape_derivatives(
         .collect()
 }
 
+/// One mode in scaled coordinates, with M phi and Q' phi.
+struct Mode {
+    s: C,
+    x: Vec<C>,
+    mx: Vec<C>,
+    slope: Vec<C>,
+}
+
 impl Scaled {
     fn derivative(&self, known: &Known, j: usize, ds: &Mat<C>) -> Mat<C> {
         let n = self.scale.len();
@@ -71,16 +79,17 @@ impl Scaled {
         let x: Vec<C> = (0..n).map(|i| known.x[(i, j)] / self.scale[i]).collect();
         let mx = times(&self.system.m, &x);
         let slope = self.slope(s, &x, &mx);
+        let mode = Mode { s, x, mx, slope };
         // a free rigid mode has no Q' phi; its zero root is one of s^2, whose derivative by s^2 is M phi
-        let border = if rigid { &mx } else { &slope };
-        let lu = self.bordered(s, &x, border).partial_piv_lu();
+        let border = if rigid { &mode.mx } else { &mode.slope };
+        let lu = self.bordered(s, &mode.x, border).partial_piv_lu();
         let count = self.directions.count();
         let mut v = Mat::<C>::zeros(n + 1, count);
         for p in 0..count {
             let mut load = vec![C::ZERO; n];
-            self.directions.add_product(p, s, &x, &mut load);
+            self.directions.add_product(p, s, &mode.x, &mut load);
             for i in 0..n {
-                v[(i, p)] = -load[i] - ds[(j, p)] * slope[i];
+                v[(i, p)] = -load[i] - ds[(j, p)] * mode.slope[i];
             }
         }
         lu.solve_in_place(v.as_mut());
@@ -88,12 +97,12 @@ impl Scaled {
         for p in 0..count {
             let part: Vec<C> = (0..n).map(|i| v[(i, p)]).collect();
             let along = if modal {
-                self.along_modal(s, ds[(j, p)], &x, &mx, &slope, &part, p)
+                self.along_modal(&mode, ds[(j, p)], &part, p)
             } else {
-                self.along_unit(&x, &mx, &part, p)
+                self.along_unit(&mode, &part, p)
             };
             for i in 0..n {
-                v[(i, p)] = self.scale[i] * (part[i] + along * x[i]);
+                v[(i, p)] = self.scale[i] * (part[i] + along * mode.x[i]);
             }
         }
         v.subrows(0, n).to_owned()
@@ -133,17 +142,19 @@ impl Scaled {
     }
 
     /// From phi^T (2 s M + C) phi = 2i Im s.
-    #[allow(clippy::too_many_arguments)]
-    fn along_modal(&self, s: C, ds: C, x: &[C], mx: &[C], slope: &[C], part: &[C], p: usize) -> C {
+    fn along_modal(&self, mode: &Mode, ds: C, part: &[C], p: usize) -> C {
         let dot = |a: &[C], b: &[C]| a.iter().zip(b).map(|(a, b)| a * b).sum::<C>();
+        let Mode { s, x, mx, slope } = mode;
         let explicit = 2.0 * ds * dot(x, mx)
             + 2.0 * s * self.directions.mass_form(p, x, x)
             + self.directions.velocity_form(p, x, x);
-        (C::new(0.0, 2.0 * ds.im) - explicit - 2.0 * dot(slope, part)) / (2.0 * dot(slope, x))
+        let change = C::new(0.0, 2.0 * ds.im) - explicit - 2.0 * dot(slope, part);
+        change / (2.0 * dot(slope, x))
     }
 
     /// From phi^H M phi = 1 with a real largest component.
-    fn along_unit(&self, x: &[C], mx: &[C], part: &[C], p: usize) -> C {
+    fn along_unit(&self, mode: &Mode, part: &[C], p: usize) -> C {
+        let Mode { x, mx, .. } = mode;
         let conjugate: Vec<C> = x.iter().map(|v| v.conj()).collect();
         let inner: C = mx.iter().zip(part).map(|(m, v)| m.conj() * v).sum();
         let explicit = self.directions.mass_form(p, &conjugate, x);

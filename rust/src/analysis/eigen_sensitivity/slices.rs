@@ -1,8 +1,12 @@
 //! Derivative matrices by their nonzero entries, sorted by direction.
+use faer::Mat;
 use faer::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::linalg::dense::C;
+use crate::linalg::dense::{C, dot, real_times};
+
+/// A matrix with one entry in this many is filled: the product with all shapes is then faster than single entries.
+const FILLED: usize = 8;
 
 /// dA/dp for all directions p.
 #[derive(Debug, Clone, Default)]
@@ -69,6 +73,14 @@ impl Slices {
         self.of(p).iter().map(|&(i, j, v)| y[i] * x[j] * v).sum()
     }
 
+    fn dense(&self, p: usize, n: usize) -> Mat<f64> {
+        let mut a = Mat::zeros(n, n);
+        for &(i, j, v) in self.of(p) {
+            a[(i, j)] += v;
+        }
+        a
+    }
+
     fn bilinear_real(&self, p: usize, y: &[f64], x: &[f64]) -> f64 {
         self.of(p).iter().map(|&(i, j, v)| y[i] * x[j] * v).sum()
     }
@@ -106,6 +118,32 @@ impl Directions {
         (0..self.count)
             .map(|p| s * s * of(&self.m, p) + s * of(&self.d, p) + of(&self.s, p))
             .collect()
+    }
+
+    /// y_j^T (s_j^2 dM + s_j dD + dS) x_j for every mode j (row) and direction (column). Filled matrices are multiplied as such,
+    /// others entry by entry.
+    pub fn diagonal(&self, s: &[C], y: MatRef<'_, C>, x: MatRef<'_, C>) -> Mat<C> {
+        let mut out = Mat::<C>::zeros(s.len(), self.count);
+        let columns = |a: MatRef<'_, C>| -> Vec<Vec<C>> {
+            (0..a.ncols())
+                .map(|j| a.col(j).iter().copied().collect())
+                .collect()
+        };
+        let (ys, xs) = (columns(y), columns(x));
+        for (a, power) in [(&self.m, 2), (&self.d, 1), (&self.s, 0)] {
+            for p in (0..self.count).filter(|&p| !a.of(p).is_empty()) {
+                let filled = a.of(p).len() * FILLED >= x.nrows() * x.nrows();
+                let product = filled.then(|| real_times(a.dense(p, x.nrows()).as_ref(), x));
+                for (j, s) in s.iter().enumerate() {
+                    let form = match &product {
+                        Some(ax) => dot(y.col(j), ax.col(j)),
+                        None => a.bilinear(p, &ys[j], &xs[j]),
+                    };
+                    out[(j, p)] += s.powi(power) * form;
+                }
+            }
+        }
+        out
     }
 
     /// |y|^T |dS| |x| for every direction.

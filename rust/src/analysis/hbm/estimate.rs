@@ -23,22 +23,23 @@ pub struct Estimate {
 }
 
 impl Estimator {
-    pub fn new(problem: &Problem, dims: &[usize]) -> Estimator {
-        let larger = problem.on(problem.basis.extended(), dims);
+    pub fn new(problem: &Problem, dims: &[usize]) -> Result<Estimator> {
+        let larger = problem.on(problem.basis.extended(), dims)?;
         let n = larger.size();
-        Estimator {
+        Ok(Estimator {
             larger,
             out: Linearisation::new(n),
             y: vec![0.0; n],
-        }
+        })
+    }
+
+    pub fn factorisations(&self) -> u64 {
+        self.larger.factorisations
     }
 
     /// `y` is a solution of `problem` at its present parameter.
     pub fn estimate(&mut self, problem: &Problem, y: &[f64]) -> Result<Estimate> {
-        self.larger.omega.clone_from(&problem.omega);
-        self.larger.level = problem.level;
-        self.larger.ramp = problem.ramp;
-        self.larger.parameter = problem.parameter;
+        self.larger.follow(problem);
         self.y.fill(0.0);
         // `extended` keeps the order of the old terms and appends the new ones
         self.y[..y.len()].copy_from_slice(y);

@@ -1,4 +1,6 @@
 //! The linear part seen by harmonic balance: dynamic stiffness S(w) of the retained coordinates, S = K - w^2 M + i w C.
+use std::sync::Arc;
+
 use faer::Mat;
 use num_complex::Complex64 as c64;
 
@@ -25,16 +27,19 @@ impl Block {
     }
 }
 
-/// Condensed or not: everything that the residual needs to know of the linear part. Forces are of full size.
+/// Per term (0 is the constant one) the complex force on all coordinates: f(t) = Re sum f_j exp(i phi_j).
+pub type Forces = Arc<Vec<Option<Vec<c64>>>>;
+
+/// Condensed or not: everything that the residual needs to know of the linear part and of the forces on it.
 pub trait DynamicStiffness: Send {
     /// Number of retained coordinates.
     fn size(&self) -> usize;
     /// Number of coordinates of the system.
     fn full_size(&self) -> usize;
-    /// Fills `block` at the circular frequency w.
-    fn evaluate(&mut self, w: f64, force: Option<&[c64]>, block: &mut Block) -> Result<()>;
-    /// All coordinates, given the retained ones.
-    fn expand(&mut self, w: f64, force: Option<&[c64]>, y: &[c64], x: &mut [c64]) -> Result<()>;
+    /// Fills `block` at the circular frequency w, with the force of this term.
+    fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()>;
+    /// All coordinates, given the retained ones and the factor on the force.
+    fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()>;
     /// M, C, K of the retained coordinates where nothing is condensed.
     fn matrices(&self) -> Option<(Mat<f64>, Mat<f64>, Mat<f64>)> {
         None
@@ -42,9 +47,9 @@ pub trait DynamicStiffness: Send {
     /// The retained coordinates of a vector of all coordinates.
     fn restrict(&self, x: &[f64], y: &mut [f64]);
     /// The same operator for another thread or another set of terms.
-    fn copied(&self) -> Box<dyn DynamicStiffness>;
+    fn copied(&self) -> Result<Box<dyn DynamicStiffness>>;
     /// The retained part of a direction given in all coordinates; it must vanish on the others.
-    fn retain(&self, direction: &[(usize, f64)]) -> Vec<(usize, f64)>;
+    fn retain(&self, direction: &[(usize, f64)]) -> Result<Vec<(usize, f64)>>;
 }
 
 /// Nothing condensed: dense matrices by rows; C and K may hold gyroscopic and circulatory parts.
@@ -54,6 +59,7 @@ pub struct Full {
     pub m: Vec<f64>,
     pub c: Vec<f64>,
     pub k: Vec<f64>,
+    pub forces: Forces,
 }
 
 impl DynamicStiffness for Full {
@@ -65,19 +71,19 @@ impl DynamicStiffness for Full {
         self.n
     }
 
-    fn evaluate(&mut self, w: f64, force: Option<&[c64]>, block: &mut Block) -> Result<()> {
+    fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()> {
         for i in 0..self.n * self.n {
             block.s[i] = c64::new(self.k[i] - w * w * self.m[i], w * self.c[i]);
             block.s_slope[i] = c64::new(-2.0 * w * self.m[i], self.c[i]);
         }
-        match force {
+        match self.forces.get(term).and_then(Option::as_ref) {
             Some(f) => block.force.copy_from_slice(f),
             None => block.force.fill(c64::new(0.0, 0.0)),
         }
         Ok(())
     }
 
-    fn expand(&mut self, _: f64, _: Option<&[c64]>, y: &[c64], x: &mut [c64]) -> Result<()> {
+    fn expand(&mut self, _: f64, _: usize, _: f64, y: &[c64], x: &mut [c64]) -> Result<()> {
         x.copy_from_slice(y);
         Ok(())
     }
@@ -91,11 +97,11 @@ impl DynamicStiffness for Full {
         Some((matrix(&self.m), matrix(&self.c), matrix(&self.k)))
     }
 
-    fn copied(&self) -> Box<dyn DynamicStiffness> {
-        Box::new(self.clone())
+    fn copied(&self) -> Result<Box<dyn DynamicStiffness>> {
+        Ok(Box::new(self.clone()))
     }
 
-    fn retain(&self, direction: &[(usize, f64)]) -> Vec<(usize, f64)> {
-        direction.to_vec()
+    fn retain(&self, direction: &[(usize, f64)]) -> Result<Vec<(usize, f64)>> {
+        Ok(direction.to_vec())
     }
 }

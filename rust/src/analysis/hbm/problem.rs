@@ -1,8 +1,6 @@
 //! The residual of harmonic balance, R(y, p) = S y + sum_e W_e F_e(W_e^T y) - f, with dR/dy and dR/dp.
 //!
 //! Unknowns by harmonic: n constants, then per term n cosine and n sine coefficients of the retained coordinates.
-use std::sync::Arc;
-
 use faer::Mat;
 use num_complex::Complex64 as c64;
 
@@ -36,9 +34,6 @@ pub struct Problem {
     pub basis: Basis,
     pub linear: Box<dyn DynamicStiffness>,
     pub elements: Vec<Element>,
-    /// per term (0 is the constant one) the complex force on all coordinates: f(t) = Re sum f_j exp(i phi_j)
-    /// shared by problems on other terms, as long as the first terms are the same
-    pub forces: Arc<Vec<Option<Vec<c64>>>>,
     pub omega: Vec<f64>,
     pub level: f64,
     pub ramp: f64,
@@ -52,6 +47,8 @@ pub struct Problem {
     /// the first element whose force was not finite at the last evaluation
     pub broken: Option<usize>,
     pub evaluations: u64,
+    /// dynamic stiffnesses that were computed
+    pub factorisations: u64,
 }
 
 impl Problem {
@@ -59,48 +56,58 @@ impl Problem {
         basis: Basis,
         linear: Box<dyn DynamicStiffness>,
         elements: Vec<Element>,
-        forces: Arc<Vec<Option<Vec<c64>>>>,
         omega: Vec<f64>,
         dims: &[usize],
-    ) -> Problem {
+    ) -> Result<Problem> {
         let n = linear.size();
         let with_memory = elements.iter().any(|e| e.law.n_memory() > 0);
         let aft = Aft::new(&basis, dims, with_memory);
-        Problem {
-            retained: elements
-                .iter()
-                .map(|e| linear.retain(&e.direction))
-                .collect(),
+        let retained = elements
+            .iter()
+            .map(|e| linear.retain(&e.direction))
+            .collect::<Result<_>>()?;
+        Ok(Problem {
+            retained,
             blocks: vec![Block::new(n); basis.n_harmonics() + 1],
-            blocks_at: Vec::new(),
+            blocks_at: vec![f64::NAN; basis.n_harmonics() + 1],
             coefficients: vec![0.0; basis.n_coefficients()],
             n,
             aft,
             basis,
             linear,
             elements,
-            forces,
             omega,
             level: 1.0,
             ramp: 1.0,
             parameter: Parameter::Omega(0),
             broken: None,
             evaluations: 0,
-        }
+            factorisations: 0,
+        })
     }
 
-    /// The same problem on other terms and another grid.
-    pub fn on(&self, basis: Basis, dims: &[usize]) -> Problem {
-        let (linear, elements, forces) = (
-            self.linear.copied(),
-            self.elements.clone(),
-            self.forces.clone(),
-        );
-        let mut other = Problem::new(basis, linear, elements, forces, self.omega.clone(), dims);
+    /// The same problem on other terms and another grid; the first terms must be the same.
+    pub fn on(&self, basis: Basis, dims: &[usize]) -> Result<Problem> {
+        let (linear, elements) = (self.linear.copied()?, self.elements.clone());
+        let mut other = Problem::new(basis, linear, elements, self.omega.clone(), dims)?;
         other.level = self.level;
         other.ramp = self.ramp;
         other.parameter = self.parameter;
-        other
+        Ok(other)
+    }
+
+    /// Takes over frequencies, forces and the blocks of a problem with the same first terms.
+    pub fn follow(&mut self, other: &Problem) {
+        self.omega.clone_from(&other.omega);
+        self.level = other.level;
+        self.ramp = other.ramp;
+        self.parameter = other.parameter;
+        for (j, w) in other.blocks_at.iter().enumerate() {
+            if self.blocks_at[j] != *w {
+                self.blocks[j].clone_from(&other.blocks[j]);
+                self.blocks_at[j] = *w;
+            }
+        }
     }
 
     /// Samples per dimension.
@@ -150,16 +157,21 @@ impl Problem {
 
     /// The blocks depend on frequencies alone, and those often stay.
     fn update_blocks(&mut self) -> Result<()> {
-        let mut frequencies = vec![0.0];
-        frequencies.extend(self.basis.frequencies(&self.omega));
-        if self.blocks_at != frequencies {
-            for (j, w) in frequencies.iter().enumerate() {
-                let force = self.forces.get(j).and_then(Option::as_deref);
-                self.linear.evaluate(*w, force, &mut self.blocks[j])?;
+        for (j, w) in self.all_frequencies().into_iter().enumerate() {
+            if self.blocks_at[j] != w {
+                self.blocks_at[j] = f64::NAN;
+                self.linear.evaluate(w, j, &mut self.blocks[j])?;
+                self.blocks_at[j] = w;
+                self.factorisations += 1;
             }
-            self.blocks_at = frequencies;
         }
         Ok(())
+    }
+
+    fn all_frequencies(&self) -> Vec<f64> {
+        let mut frequencies = vec![0.0];
+        frequencies.extend(self.basis.frequencies(&self.omega));
+        frequencies
     }
 
     fn add_linear(&self, y: &[f64], slope: &[f64], out: &mut Linearisation, want: Want) {
@@ -350,8 +362,7 @@ impl Problem {
     pub fn expand(&mut self, y: &[f64]) -> Result<Mat<f64>> {
         let (n, n_full) = (self.n, self.linear.full_size());
         let mut out = Mat::zeros(n_full, self.basis.n_coefficients());
-        let mut frequencies = vec![0.0];
-        frequencies.extend(self.basis.frequencies(&self.omega));
+        let frequencies = self.all_frequencies();
         let mut x = vec![c64::new(0.0, 0.0); n_full];
         for (j, w) in frequencies.iter().enumerate() {
             let (cos, sin) = ((2 * j).saturating_sub(1), 2 * j);
@@ -359,13 +370,7 @@ impl Problem {
                 |i: usize| c64::new(y[cos * n + i], if j == 0 { 0.0 } else { -y[sin * n + i] });
             let retained: Vec<c64> = (0..n).map(part).collect();
             let factor = self.force_factor(j).0;
-            let force: Option<Vec<c64>> = self
-                .forces
-                .get(j)
-                .and_then(Option::as_ref)
-                .map(|f| f.iter().map(|f| f * factor).collect());
-            self.linear
-                .expand(*w, force.as_deref(), &retained, &mut x)?;
+            self.linear.expand(*w, j, factor, &retained, &mut x)?;
             for i in 0..n_full {
                 out[(i, cos)] = x[i].re;
                 if j > 0 {
@@ -415,13 +420,22 @@ impl Curve for Problem {
 mod tests {
     use super::super::linear::Full;
     use super::*;
+    use std::sync::Arc;
 
     fn two_masses(parameter: Parameter) -> Problem {
+        let force = |a: f64, b: f64| Some(vec![c64::new(a, b), c64::new(b, 0.0)]);
+        let forces = vec![
+            Some(vec![c64::new(0.2, 0.0), c64::new(0.0, 0.0)]),
+            force(1.0, 0.4),
+            None,
+            force(0.1, 0.0),
+        ];
         let linear = Full {
             n: 2,
             m: vec![1.0, 0.1, 0.1, 2.0],
             c: vec![0.1, -0.3, 0.4, 0.05],
             k: vec![2.0, -1.0, -0.8, 3.0],
+            forces: Arc::new(forces),
         };
         let element = |law, params: &[f64], direction: &[(usize, f64)]| Element {
             law,
@@ -433,22 +447,9 @@ mod tests {
             element(Law::VanDerPol, &[0.3], &[(1, 2.0)]),
             element(Law::Jenkins, &[0.7, 0.2], &[(0, 1.0)]),
         ];
-        let force = |a: f64, b: f64| Some(vec![c64::new(a, b), c64::new(b, 0.0)]);
-        let forces = vec![
-            Some(vec![c64::new(0.2, 0.0), c64::new(0.0, 0.0)]),
-            force(1.0, 0.4),
-            None,
-            force(0.1, 0.0),
-        ];
         let basis = Basis::periodic(&[1, 2, 3], 1);
-        let mut problem = Problem::new(
-            basis,
-            Box::new(linear),
-            elements,
-            Arc::new(forces),
-            vec![1.1],
-            &[64],
-        );
+        let mut problem =
+            Problem::new(basis, Box::new(linear), elements, vec![1.1], &[64]).unwrap();
         problem.parameter = parameter;
         problem
     }

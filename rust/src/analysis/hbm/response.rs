@@ -96,7 +96,7 @@ impl Follower {
                 "the branch cannot be started: the first solution is singular; begin elsewhere",
             ));
         };
-        let estimator = Estimator::new(&problem, fine);
+        let estimator = Estimator::new(&problem, fine)?;
         let mut follower = Follower {
             problem,
             settings,
@@ -114,6 +114,11 @@ impl Follower {
 
     pub fn corrections(&self) -> u64 {
         self.branch.work.corrections
+    }
+
+    /// Dynamic stiffnesses that were computed, those of the error estimate included.
+    pub fn factorisations(&self) -> u64 {
+        self.problem.factorisations + self.estimator.factorisations()
     }
 
     /// One more point, unless the branch has ended.

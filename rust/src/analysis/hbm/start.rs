@@ -19,8 +19,22 @@ pub fn solve(
     let parameter = problem.parameter;
     problem.parameter = Parameter::Ramp;
     let mut out = Linearisation::new(problem.size());
-    let guess = y.to_vec();
+    let mut guess = y.to_vec();
     let mut outcome = newton::solve(problem, y, 1.0, options, &mut out, cancel)?;
+    if !outcome.converged && guess.iter().all(|x| *x == 0.0) && outcome.iterations == 1 {
+        // at rest a structure that only its nonlinear elements hold has no stiffness
+        let size = stirring(&out);
+        for factor in [1.0, 10.0, 0.1] {
+            for (i, (x, g)) in y.iter_mut().zip(guess.iter_mut()).enumerate() {
+                *g = factor * size * (1.0 + i as f64).cos();
+                *x = *g;
+            }
+            outcome = newton::solve(problem, y, 1.0, options, &mut out, cancel)?;
+            if outcome.converged {
+                break;
+            }
+        }
+    }
     if !outcome.converged && problem.broken.is_none() {
         let reached = std::mem::replace(&mut outcome, ramp(problem, y, options, cancel)?);
         if !outcome.converged {
@@ -33,6 +47,17 @@ pub fn solve(
     problem.ramp = 1.0;
     problem.parameter = parameter;
     Ok(outcome)
+}
+
+/// A displacement of the size that the forces cause in the largest stiffness.
+fn stirring(out: &Linearisation) -> f64 {
+    let force = out.residual.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    let stiffness = out.jacobian.norm_max();
+    if stiffness > 0.0 && force.is_finite() {
+        force / stiffness
+    } else {
+        0.0
+    }
 }
 
 fn ramp(

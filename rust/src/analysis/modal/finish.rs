@@ -9,7 +9,7 @@ use super::subspace::{
 };
 use super::{Kind, Modal, Raw, RawMode};
 use crate::error::Result;
-use crate::linalg::dense::{C, EPS};
+use crate::linalg::dense::{C, EPS, real_times};
 use crate::run::Counts;
 use crate::second_order::SecondOrder;
 
@@ -49,6 +49,7 @@ pub fn finish(system: &SecondOrder, d: &[f64], raw: Raw, mut counts: Counts) -> 
             q.backward = new.backward;
         }
     }
+    work.mx = real_times(system.m.as_ref(), work.x.as_ref());
     for j in 0..modes.len() {
         let grouped = groups
             .iter()
@@ -61,16 +62,13 @@ pub fn finish(system: &SecondOrder, d: &[f64], raw: Raw, mut counts: Counts) -> 
             grouped,
         );
     }
-    Ok(assembled(
-        d,
+    let settled = Settled {
         modes,
         quality,
-        work,
         groups,
         near_defective,
-        raw.route,
-        counts,
-    ))
+    };
+    Ok(settled.assembled(d, work, raw.route, counts))
 }
 
 fn qualities(terms: &Terms, modes: &mut [RawMode], correction: Correction) -> Vec<Quality> {
@@ -219,6 +217,8 @@ struct Shapes<'a> {
     scale: &'a [f64],
     x: Mat<C>,
     y: Option<Mat<C>>,
+    /// M x, once the bases are settled.
+    mx: Mat<C>,
 }
 
 impl<'a> Shapes<'a> {
@@ -228,6 +228,7 @@ impl<'a> Shapes<'a> {
             scale,
             x: columns(modes, |m| &m.x),
             y: left_columns(modes),
+            mx: Mat::zeros(0, 0),
         }
     }
 
@@ -292,13 +293,15 @@ impl<'a> Shapes<'a> {
         if modal {
             rescale(y, j, target / (denominator * before));
         } else if !grouped || mode.rigid {
-            unit_mass(y, j, self.m, self.scale);
+            let my = mass_times(self.m, y.col(j));
+            unit_mass(y, j, &my, self.scale);
         }
     }
 
     /// phi^H M phi = 1 with a positive largest component; returns the factor that did it.
     fn unit_mass(&mut self, j: usize) -> C {
-        unit_mass(&mut self.x, j, self.m, self.scale)
+        let mx: Vec<C> = self.mx.col(j).iter().copied().collect();
+        unit_mass(&mut self.x, j, &mx, self.scale)
     }
 
     /// Sign of the real part of the largest component, of the imaginary part where that vanishes.
@@ -314,8 +317,7 @@ impl<'a> Shapes<'a> {
     }
 }
 
-fn unit_mass(x: &mut Mat<C>, j: usize, m: MatRef<'_, f64>, scale: &[f64]) -> C {
-    let mx = mass_times(m, x.col(j));
+fn unit_mass(x: &mut Mat<C>, j: usize, mx: &[C], scale: &[f64]) -> C {
     let square: f64 = (0..x.nrows()).map(|i| (x[(i, j)].conj() * mx[i]).re).sum();
     let largest = x[(largest_component(x.col(j), scale), j)];
     if square <= 0.0 || largest == C::ZERO {
@@ -374,47 +376,44 @@ fn kind(mode: &RawMode, quality: &Quality) -> Kind {
     }
 }
 
-#[allow(clippy::too_many_arguments)]
-fn assembled(
-    d: &[f64],
+/// Modes in their final order.
+struct Settled {
     modes: Vec<RawMode>,
     quality: Vec<Quality>,
-    work: Shapes<'_>,
     groups: Vec<(usize, usize)>,
     near_defective: Vec<bool>,
-    route: &'static str,
-    counts: Counts,
-) -> Modal {
-    let unscaled = |x: &Mat<C>| Mat::from_fn(x.nrows(), x.ncols(), |i, j| x[(i, j)] * d[i]);
-    let own: Vec<usize> = (0..modes.len())
-        .filter(|&j| modes[j].partner_x.is_some())
-        .collect();
-    let partner = |of: &dyn Fn(&RawMode) -> Option<&Vec<C>>| {
-        Mat::from_fn(d.len(), own.len(), |i, k| {
-            of(&modes[own[k]]).map_or(C::ZERO, |v| v[i] * d[i])
-        })
-    };
-    let partner_shape = partner(&|m| m.partner_x.as_ref());
-    let partner_left = work.y.as_ref().map(|_| partner(&|m| m.partner_y.as_ref()));
-    Modal {
-        s: modes.iter().map(|m| m.s).collect(),
-        partner: modes.iter().map(|m| m.partner).collect(),
-        shape: unscaled(&work.x),
-        left: work.y.as_ref().map(unscaled),
-        kind: modes
-            .iter()
-            .zip(&quality)
-            .map(|(m, q)| kind(m, q))
-            .collect(),
-        backward_error: quality.iter().map(|q| q.backward).collect(),
-        condition: quality.iter().map(|q| q.condition).collect(),
-        error: quality.iter().map(|q| q.error).collect(),
-        partner_mode: own,
-        partner_shape,
-        partner_left,
-        near_defective,
-        groups,
-        route,
-        counts,
+}
+
+impl Settled {
+    fn assembled(self, d: &[f64], work: Shapes<'_>, route: &'static str, counts: Counts) -> Modal {
+        let (modes, quality) = (&self.modes, &self.quality);
+        let unscaled = |x: &Mat<C>| Mat::from_fn(x.nrows(), x.ncols(), |i, j| x[(i, j)] * d[i]);
+        let own: Vec<usize> = (0..modes.len())
+            .filter(|&j| modes[j].partner_x.is_some())
+            .collect();
+        let partner = |of: &dyn Fn(&RawMode) -> Option<&Vec<C>>| {
+            Mat::from_fn(d.len(), own.len(), |i, k| {
+                of(&modes[own[k]]).map_or(C::ZERO, |v| v[i] * d[i])
+            })
+        };
+        let partner_shape = partner(&|m| m.partner_x.as_ref());
+        let partner_left = work.y.as_ref().map(|_| partner(&|m| m.partner_y.as_ref()));
+        Modal {
+            s: modes.iter().map(|m| m.s).collect(),
+            partner: modes.iter().map(|m| m.partner).collect(),
+            shape: unscaled(&work.x),
+            left: work.y.as_ref().map(unscaled),
+            kind: modes.iter().zip(quality).map(|(m, q)| kind(m, q)).collect(),
+            backward_error: quality.iter().map(|q| q.backward).collect(),
+            condition: quality.iter().map(|q| q.condition).collect(),
+            error: quality.iter().map(|q| q.error).collect(),
+            partner_mode: own,
+            partner_shape,
+            partner_left,
+            near_defective: self.near_defective,
+            groups: self.groups,
+            route,
+            counts,
+        }
     }
 }

@@ -4,7 +4,7 @@ use faer::{Mat, MatRef};
 
 use super::pairing::{RealRoot, pair};
 use super::quality::Correction;
-use super::rigid::{general_null, no_svd, rank_tolerance, symmetric_null};
+use super::rigid::{general_null, no_svd, polished, rank_tolerance, symmetric_null};
 use super::state::{Candidate, Factor, back_substituted, candidates, right_vector, state_matrix};
 use super::subspace::aligned;
 use super::{Raw, RawMode};
@@ -82,11 +82,18 @@ fn hat(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<Hat> {
         (null.clone(), null)
     };
     let orthonormal = |z: &Mat<f64>| completed((l.transpose() * z).as_ref()).0;
+    let (mut right, mut left) = (orthonormal(&right), orthonormal(&left));
+    if right.ncols() > 0 {
+        (right, left) = polished(s.as_ref(), &right, &left);
+        if system.n.is_none() {
+            left = right.clone();
+        }
+    }
     Ok(Hat {
         d,
         s,
-        right: orthonormal(&right),
-        left: orthonormal(&left),
+        right,
+        left,
         symmetric: system.n.is_none(),
         has_left: !system.is_symmetric(),
         conservative: system.c.is_none() && system.n.is_none(),

@@ -20,7 +20,7 @@ pub fn refine(terms: &Terms, modes: &mut [RawMode], quality: &mut [Quality], cou
     let goal = good_enough(terms.m.nrows());
     for (mode, quality) in modes.iter_mut().zip(quality) {
         for _ in 0..STEPS {
-            let poor = !(quality.backward <= goal);
+            let poor = quality.backward > goal || quality.backward.is_nan();
             if mode.rigid || mode.known.is_some() || !poor {
                 break;
             }
@@ -29,7 +29,7 @@ pub fn refine(terms: &Terms, modes: &mut [RawMode], quality: &mut [Quality], cou
                 break;
             };
             let better = judged(terms, s, &x, y.as_deref());
-            if !(better.backward < quality.backward) {
+            if better.backward.is_nan() || better.backward >= quality.backward {
                 break;
             }
             *quality = better;

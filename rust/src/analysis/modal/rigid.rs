@@ -1,8 +1,9 @@
 //! Rank decisions on the stiffness: which directions nothing holds.
+use faer::prelude::*;
 use faer::{Mat, MatRef, Side};
 
 use crate::error::{Error, Result};
-use crate::linalg::dense::EPS;
+use crate::linalg::dense::{EPS, completed, frobenius, is_finite};
 use crate::linalg::eigen;
 use crate::run::Counts;
 
@@ -69,6 +70,31 @@ pub fn factor_null(f: MatRef<'_, f64>, counts: &mut Counts) -> Result<Mat<f64>> 
     Ok(Mat::from_fn(n, n - rank, |i, j| {
         columns[i] * svd.V()[(i, rank + j)]
     }))
+}
+
+/// One Newton step on orthonormal right and left null vectors of `s`: orthonormalising vectors whose entries differ by orders
+/// has left errors in them. With s + |s| left right^T in place of s the equations are regular.
+pub fn polished(s: MatRef<'_, f64>, right: &Mat<f64>, left: &Mat<f64>) -> (Mat<f64>, Mat<f64>) {
+    let shifted = s + Scale(frobenius(s)) * (left * right.transpose());
+    let lu = shifted.partial_piv_lu();
+    let step = |z: &Mat<f64>, mut w: Mat<f64>, transposed: bool| {
+        if transposed {
+            lu.solve_transpose_in_place(w.as_mut());
+        } else {
+            lu.solve_in_place(w.as_mut());
+        }
+        let finite = is_finite(w.as_ref()) && frobenius(w.as_ref()) < 1e-6;
+        let better = z - &w + z * (z.transpose() * &w);
+        if finite {
+            completed(better.as_ref()).0
+        } else {
+            z.clone()
+        }
+    };
+    (
+        step(right, s * right, false),
+        step(left, s.transpose() * left, true),
+    )
 }
 
 pub fn no_svd(n: usize) -> Error {

@@ -1,8 +1,7 @@
 //! The state matrix in energy coordinates, its roots, and the reversed problem for roots that it blurs.
 //!
 //! With unit masses and a full-rank factorisation K + N = F B the state (x', B x) obeys `A = [-(C + G), -F; B, 0]`. It carries
-//! its own scaling (|F| = |B| = |K|^(1/2), which is what Fan, Lin and Van Dooren, SIMAX 26 (2004), obtain for the quadratic
-//! problem), it is skew for conservative gyroscopic systems, and it leaves out one zero root for every direction without
+//! its own scaling (|F| = |B| = |K|^(1/2), as the scaling of Fan, Lin and Van Dooren gives the quadratic problem), it is skew for conservative gyroscopic systems, and it leaves out one zero root for every direction without
 //! stiffness.
 use faer::prelude::*;
 use faer::{Mat, Side};

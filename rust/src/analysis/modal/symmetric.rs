@@ -3,7 +3,7 @@ use faer::Mat;
 use faer::prelude::*;
 
 use super::quality::Correction;
-use super::rigid::{factor_null, no_svd, symmetric_null};
+use super::rigid::{factor_null, no_svd, polished, symmetric_null};
 use super::{Raw, RawMode};
 use crate::error::Result;
 use crate::linalg::dense::{C, EPS, beside, completed, frobenius, real, reduced, symmetrised};
@@ -91,7 +91,9 @@ fn from_stiffness(
             known: None,
         });
     }
-    let (still, moving) = completed((l.transpose() * &free).as_ref());
+    let still = completed((l.transpose() * &free).as_ref()).0;
+    let (still, _) = polished(k.as_ref(), &still, &still);
+    let (still, moving) = completed(still.as_ref());
     counts.add("symmetric eigensolutions", 1);
     let inner = symmetrised(moving.transpose() * k * &moving);
     let (lambda, vectors) = eigen::symmetric(inner.as_ref())?;

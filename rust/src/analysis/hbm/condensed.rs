@@ -1,0 +1,295 @@
+//! Exact condensation onto a few retained coordinates r: S = Z_rr - Z_rl Z_ll^-1 Z_lr by one sparse factorisation per harmonic.
+use std::sync::Arc;
+
+use faer::Mat;
+use num_complex::Complex64 as c64;
+
+use super::factor::{Factor, Ldl, Pattern};
+use super::linear::{Block, DynamicStiffness, Forces};
+use crate::error::{Error, Result};
+
+/// One entry of M, C and K at the same place.
+#[derive(Debug, Clone, Copy)]
+pub struct Entry {
+    pub row: usize,
+    pub column: usize,
+    pub m: f64,
+    pub c: f64,
+    pub k: f64,
+}
+
+impl Entry {
+    fn z(&self, w: f64) -> c64 {
+        c64::new(self.k - w * w * self.m, w * self.c)
+    }
+
+    fn z_slope(&self, w: f64) -> c64 {
+        c64::new(-2.0 * w * self.m, self.c)
+    }
+}
+
+/// Matrices split into retained and condensed (local) coordinates; shared by all copies.
+pub struct Split {
+    n: usize,
+    /// old numbers of the retained and of the local coordinates
+    pub retained: Vec<usize>,
+    local: Vec<usize>,
+    place: Vec<Place>,
+    rr: Vec<Entry>,
+    rl: Vec<Entry>,
+    lr: Vec<Entry>,
+    ll: Vec<Entry>,
+    symmetric: bool,
+    pub forces: Forces,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Place {
+    Retained(usize),
+    Local(usize),
+}
+
+impl Split {
+    /// Entries without repetition. Coordinates that are free at rest while the retained ones are held join the retained ones.
+    pub fn new(
+        n: usize,
+        entries: &[Entry],
+        mut retained: Vec<usize>,
+        forces: Forces,
+    ) -> Result<Split> {
+        loop {
+            let split = Split::with(n, entries, retained.clone(), forces.clone());
+            if split.local.is_empty() || !split.symmetric {
+                return Ok(split);
+            }
+            let mut at_rest = Ldl::new(&split.pattern())?;
+            let values: Vec<c64> = split.ll.iter().map(|e| e.z(0.0)).collect();
+            match at_rest.factorise(&values) {
+                Ok(()) => return Ok(split),
+                Err(pivot) => retained.push(split.local[pivot.0]),
+            }
+        }
+    }
+
+    fn with(n: usize, entries: &[Entry], mut retained: Vec<usize>, forces: Forces) -> Split {
+        retained.sort_unstable();
+        retained.dedup();
+        let mut place = vec![Place::Local(0); n];
+        for (i, r) in retained.iter().enumerate() {
+            place[*r] = Place::Retained(i);
+        }
+        let mut local = Vec::new();
+        for (i, p) in place.iter_mut().enumerate() {
+            if let Place::Local(at) = p {
+                *at = local.len();
+                local.push(i);
+            }
+        }
+        let mut parts: [Vec<Entry>; 4] = Default::default();
+        for e in entries {
+            let (part, row, column) = match (place[e.row], place[e.column]) {
+                (Place::Retained(i), Place::Retained(j)) => (0, i, j),
+                (Place::Retained(i), Place::Local(j)) => (1, i, j),
+                (Place::Local(i), Place::Retained(j)) => (2, i, j),
+                (Place::Local(i), Place::Local(j)) => (3, i, j),
+            };
+            parts[part].push(Entry { row, column, ..*e });
+        }
+        let [rr, rl, lr, mut ll] = parts;
+        ll.sort_unstable_by_key(|e| (e.column, e.row));
+        let symmetric = is_symmetric(entries);
+        Split {
+            n,
+            retained,
+            local,
+            place,
+            rr,
+            rl,
+            lr,
+            ll,
+            symmetric,
+            forces,
+        }
+    }
+
+    fn pattern(&self) -> Pattern {
+        let entries: Vec<(usize, usize)> = self.ll.iter().map(|e| (e.row, e.column)).collect();
+        Pattern::new(self.local.len(), &entries)
+    }
+}
+
+fn is_symmetric(entries: &[Entry]) -> bool {
+    let mut sorted: Vec<&Entry> = entries.iter().collect();
+    sorted.sort_unstable_by_key(|e| (e.row, e.column));
+    let mut turned: Vec<&Entry> = entries.iter().collect();
+    turned.sort_unstable_by_key(|e| (e.column, e.row));
+    let near = |a: f64, b: f64| (a - b).abs() <= 1e-14 * a.abs().max(b.abs());
+    sorted.iter().zip(&turned).all(|(a, b)| {
+        a.row == b.column && a.column == b.row && near(a.m, b.m) && near(a.c, b.c) && near(a.k, b.k)
+    })
+}
+
+pub struct Condensed {
+    pub split: Arc<Split>,
+    factor: Factor,
+    values: Vec<c64>,
+}
+
+impl Condensed {
+    pub fn new(split: Arc<Split>) -> Result<Condensed> {
+        let factor = Factor::new(&split.pattern(), split.symmetric)?;
+        let values = vec![c64::new(0.0, 0.0); split.ll.len()];
+        Ok(Condensed {
+            split,
+            factor,
+            values,
+        })
+    }
+
+    fn factorise(&mut self, w: f64) -> Result<()> {
+        for (value, e) in self.values.iter_mut().zip(&self.split.ll) {
+            *value = e.z(w);
+        }
+        self.factor.factorise(&self.values, w)
+    }
+
+    /// -Z_ll^-1 Z_lr, and the same for the transposed matrix where that differs.
+    fn influence(&mut self, w: f64) -> (Mat<c64>, Option<Mat<c64>>) {
+        let (n_l, n_r) = (self.split.local.len(), self.split.retained.len());
+        let mut right = Mat::zeros(n_l, n_r);
+        for e in &self.split.lr {
+            right[(e.row, e.column)] -= e.z(w);
+        }
+        self.factor.solve(&mut right, false);
+        if self.split.symmetric {
+            return (right, None);
+        }
+        let mut left = Mat::zeros(n_l, n_r);
+        for e in &self.split.rl {
+            left[(e.column, e.row)] -= e.z(w);
+        }
+        self.factor.solve(&mut left, true);
+        (right, Some(left))
+    }
+
+    /// Z_ll^-1 f_l
+    fn particular(&mut self, force: &[c64]) -> Mat<c64> {
+        let mut v = Mat::from_fn(self.split.local.len(), 1, |i, _| force[self.split.local[i]]);
+        self.factor.solve(&mut v, false);
+        v
+    }
+}
+
+impl DynamicStiffness for Condensed {
+    fn size(&self) -> usize {
+        self.split.retained.len()
+    }
+
+    fn full_size(&self) -> usize {
+        self.split.n
+    }
+
+    fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()> {
+        self.factorise(w)?;
+        let (right, left) = self.influence(w);
+        let left = left.as_ref().unwrap_or(&right);
+        let split = self.split.clone();
+        let n_r = split.retained.len();
+        let zero = c64::new(0.0, 0.0);
+        for part in [
+            &mut block.s,
+            &mut block.s_slope,
+            &mut block.force,
+            &mut block.force_slope,
+        ] {
+            part.fill(zero);
+        }
+        for e in &split.rr {
+            block.s[e.row * n_r + e.column] += e.z(w);
+            block.s_slope[e.row * n_r + e.column] += e.z_slope(w);
+        }
+        for j in 0..n_r {
+            for e in &split.rl {
+                block.s[e.row * n_r + j] += e.z(w) * right[(e.column, j)];
+                block.s_slope[e.row * n_r + j] += e.z_slope(w) * right[(e.column, j)];
+            }
+            for i in 0..n_r {
+                let mut sum = zero;
+                for e in &split.ll {
+                    sum += left[(e.row, i)] * e.z_slope(w) * right[(e.column, j)];
+                }
+                block.s_slope[i * n_r + j] += sum;
+            }
+        }
+        for i in 0..n_r {
+            for e in &split.lr {
+                block.s_slope[i * n_r + e.column] += left[(e.row, i)] * e.z_slope(w);
+            }
+        }
+        if let Some(force) = split.forces.get(term).and_then(Option::as_ref) {
+            let left = left.clone();
+            let v = self.particular(force);
+            for i in 0..n_r {
+                block.force[i] = force[split.retained[i]];
+                for (l, old) in split.local.iter().enumerate() {
+                    block.force[i] += left[(l, i)] * force[*old];
+                }
+                for e in &split.ll {
+                    block.force_slope[i] -= left[(e.row, i)] * e.z_slope(w) * v[(e.column, 0)];
+                }
+            }
+            for e in &split.rl {
+                block.force_slope[e.row] -= e.z_slope(w) * v[(e.column, 0)];
+            }
+        }
+        if block.s.iter().all(|x| x.re.is_finite() && x.im.is_finite()) {
+            Ok(())
+        } else {
+            Err(Error::singular(format!(
+                "the condensed coordinates are singular at {w} rad/s; use condense=False"
+            )))
+        }
+    }
+
+    fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()> {
+        self.factorise(w)?;
+        let split = self.split.clone();
+        let mut b = Mat::<c64>::zeros(split.local.len(), 1);
+        if let Some(force) = split.forces.get(term).and_then(Option::as_ref) {
+            for (l, old) in split.local.iter().enumerate() {
+                b[(l, 0)] = force[*old] * factor;
+            }
+        }
+        for e in &split.lr {
+            b[(e.row, 0)] -= e.z(w) * y[e.column];
+        }
+        self.factor.solve(&mut b, false);
+        for (i, old) in split.retained.iter().enumerate() {
+            x[*old] = y[i];
+        }
+        for (l, old) in split.local.iter().enumerate() {
+            x[*old] = b[(l, 0)];
+        }
+        Ok(())
+    }
+
+    fn restrict(&self, x: &[f64], y: &mut [f64]) {
+        for (y, old) in y.iter_mut().zip(&self.split.retained) {
+            *y = x[*old];
+        }
+    }
+
+    fn copied(&self) -> Result<Box<dyn DynamicStiffness>> {
+        Ok(Box::new(Condensed::new(self.split.clone())?))
+    }
+
+    fn retain(&self, direction: &[(usize, f64)]) -> Result<Vec<(usize, f64)>> {
+        let one = |&(i, w): &(usize, f64)| match self.split.place[i] {
+            Place::Retained(at) => Ok((at, w)),
+            Place::Local(_) => Err(Error::model(format!(
+                "an element acts on coordinate {i}, which is condensed"
+            ))),
+        };
+        direction.iter().map(one).collect()
+    }
+}

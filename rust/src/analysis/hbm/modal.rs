@@ -1,0 +1,164 @@
+//! Exact condensation by all modes of the local coordinates with the retained ones held: S is a sum over modes, O(n) per entry.
+//!
+//! With Phi^T M_ll Phi = 1, Phi^T K_ll Phi = diag(lambda), Phi^T C_ll Phi = diag(c) the inverse of Z_ll is
+//! sum_k phi_k phi_k^T / (lambda_k - w^2 + i w c_k); nothing is truncated.
+use std::sync::Arc;
+
+use faer::Mat;
+use num_complex::Complex64 as c64;
+
+use super::linear::{Block, DynamicStiffness, Forces};
+use crate::error::{Error, Result};
+
+/// Symmetric matrices in modal coordinates; made once, shared by all copies.
+pub struct Modes {
+    pub n: usize,
+    pub retained: Vec<usize>,
+    pub local: Vec<usize>,
+    /// mass, damping and stiffness of the retained coordinates, n_r x n_r by rows
+    pub rr: [Vec<f64>; 3],
+    /// Phi^T X_lr for the same three, n_l x n_r by rows
+    pub lr: [Vec<f64>; 3],
+    pub stiffness: Vec<f64>,
+    pub damping: Vec<f64>,
+    /// n_l x n_l
+    pub shape: Mat<f64>,
+    pub forces: Forces,
+    /// Phi^T f_l per term
+    pub modal_forces: Vec<Option<Vec<c64>>>,
+}
+
+#[derive(Clone)]
+pub struct Modal(pub Arc<Modes>);
+
+impl Modes {
+    pub fn project_forces(&mut self) {
+        let project = |f: &Vec<c64>| -> Vec<c64> {
+            let column = |k: usize| {
+                self.local
+                    .iter()
+                    .enumerate()
+                    .map(|(l, old)| f[*old] * self.shape[(l, k)])
+                    .sum()
+            };
+            (0..self.local.len()).map(column).collect()
+        };
+        self.modal_forces = self
+            .forces
+            .iter()
+            .map(|f| f.as_ref().map(project))
+            .collect();
+    }
+
+    fn pole(&self, k: usize, w: f64) -> c64 {
+        c64::new(self.stiffness[k] - w * w, w * self.damping[k])
+    }
+}
+
+fn z(parts: &[Vec<f64>; 3], at: usize, w: f64) -> c64 {
+    c64::new(parts[2][at] - w * w * parts[0][at], w * parts[1][at])
+}
+
+fn z_slope(parts: &[Vec<f64>; 3], at: usize, w: f64) -> c64 {
+    c64::new(-2.0 * w * parts[0][at], parts[1][at])
+}
+
+impl DynamicStiffness for Modal {
+    fn size(&self) -> usize {
+        self.0.retained.len()
+    }
+
+    fn full_size(&self) -> usize {
+        self.0.n
+    }
+
+    fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()> {
+        let modes = &self.0;
+        let n_r = modes.retained.len();
+        for at in 0..n_r * n_r {
+            block.s[at] = z(&modes.rr, at, w);
+            block.s_slope[at] = z_slope(&modes.rr, at, w);
+        }
+        let force = modes.forces.get(term).and_then(Option::as_ref);
+        let modal = modes.modal_forces.get(term).and_then(Option::as_ref);
+        for i in 0..n_r {
+            block.force[i] = force.map_or(c64::new(0.0, 0.0), |f| f[modes.retained[i]]);
+            block.force_slope[i] = c64::new(0.0, 0.0);
+        }
+        let mut coupling = vec![(c64::new(0.0, 0.0), c64::new(0.0, 0.0)); n_r];
+        for k in 0..modes.local.len() {
+            let inverse = modes.pole(k, w).inv();
+            let pole_slope = c64::new(-2.0 * w, modes.damping[k]);
+            for (j, c) in coupling.iter_mut().enumerate() {
+                let at = k * n_r + j;
+                // participation q = -z / pole and its slope
+                let q = -z(&modes.lr, at, w) * inverse;
+                *c = (q, -(z_slope(&modes.lr, at, w) + q * pole_slope) * inverse);
+            }
+            for i in 0..n_r {
+                let (z_i, dz_i) = (
+                    z(&modes.lr, k * n_r + i, w),
+                    z_slope(&modes.lr, k * n_r + i, w),
+                );
+                for (j, (q, dq)) in coupling.iter().enumerate() {
+                    block.s[i * n_r + j] += z_i * q;
+                    block.s_slope[i * n_r + j] += dz_i * q + z_i * dq;
+                }
+                if let Some(f) = modal {
+                    block.force[i] += coupling[i].0 * f[k];
+                    block.force_slope[i] += coupling[i].1 * f[k];
+                }
+            }
+        }
+        if block.s.iter().all(|x| x.re.is_finite() && x.im.is_finite()) {
+            Ok(())
+        } else {
+            Err(Error::singular(format!(
+                "the condensed coordinates are in undamped resonance at {w} rad/s"
+            )))
+        }
+    }
+
+    fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()> {
+        let modes = &self.0;
+        let n_r = modes.retained.len();
+        for (i, old) in modes.retained.iter().enumerate() {
+            x[*old] = y[i];
+        }
+        for old in &modes.local {
+            x[*old] = c64::new(0.0, 0.0);
+        }
+        let modal = modes.modal_forces.get(term).and_then(Option::as_ref);
+        for k in 0..modes.local.len() {
+            let mut q = modal.map_or(c64::new(0.0, 0.0), |f| f[k] * factor);
+            for (j, y) in y.iter().enumerate() {
+                q -= z(&modes.lr, k * n_r + j, w) * y;
+            }
+            q /= modes.pole(k, w);
+            for (l, old) in modes.local.iter().enumerate() {
+                x[*old] += q * modes.shape[(l, k)];
+            }
+        }
+        Ok(())
+    }
+
+    fn restrict(&self, x: &[f64], y: &mut [f64]) {
+        for (y, old) in y.iter_mut().zip(&self.0.retained) {
+            *y = x[*old];
+        }
+    }
+
+    fn copied(&self) -> Result<Box<dyn DynamicStiffness>> {
+        Ok(Box::new(self.clone()))
+    }
+
+    fn retain(&self, direction: &[(usize, f64)]) -> Result<Vec<(usize, f64)>> {
+        let one = |&(i, w): &(usize, f64)| match self.0.retained.binary_search(&i) {
+            Ok(at) => Ok((at, w)),
+            Err(_) => Err(Error::model(format!(
+                "an element acts on coordinate {i}, which is condensed"
+            ))),
+        };
+        direction.iter().map(one).collect()
+    }
+}

@@ -1,0 +1,188 @@
+"""Exact condensation onto the coordinates that elements touch: every route against the full equations and the
+reference."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from mbrs import _balance
+from mbrs.errors import ModelError
+from mbrs.frequency_response import frequency_response
+from mbrs.harmonic_balance import harmonic_balance
+from mbrs.laws import Cubic, Jenkins, VanDerPol
+from mbrs.reference import hbm_condensation
+from mbrs.second_order import MechanicalSystem
+
+
+def unit(n, *entries):
+    w = np.zeros(n)
+    for i, value in entries:
+        w[i] = value
+    return w
+
+
+def chain_matrices(n, free=False):
+    K = sp.diags([np.full(n, 2.0), -np.ones(n - 1), -np.ones(n - 1)], [0, 1, -1]).tolil()
+    K[n - 1, n - 1] = 1.0
+    if free:
+        K[0, 0] = 1.0
+    return sp.identity(n, format="csc"), K.tocsc()
+
+
+def chain(n, elements, *, kind="proportional", free=False):
+    M, K = chain_matrices(n, free)
+    C = 0.01 * K + (0 if free else 0.002) * M
+    G = None
+    if kind == "dashpot":  # not diagonalised by the modes
+        C = C + sp.csc_matrix(([0.3], ([n // 4], [n // 4])), shape=(n, n))
+    if kind == "gyroscopic":
+        G = sp.csc_matrix(([0.2, -0.2], ([1, 2], [2, 1])), shape=(n, n))
+    return MechanicalSystem(M, C, K, G=G, elements=elements)
+
+
+def force(n):
+    f = np.zeros(n, complex)
+    f[0], f[n // 2] = 0.3, 0.1 - 0.05j
+    return {0: unit(n, (2, 0.02)), 1: f, 2: unit(n, (3, 0.05))}
+
+
+N = 30
+ELEMENTS = (Cubic(0.5, w=unit(N, (N - 1, 1.0))), VanDerPol(0.1, w=unit(N, (9, 1.0), (10, -1.0))))
+DENSE = tuple(Cubic(0.5, w=np.cos(np.arange(N) + i)) for i in range(2))
+
+
+@pytest.mark.parametrize(
+    ("kind", "elements", "route"),
+    [
+        ("proportional", ELEMENTS, "condensed, modal"),
+        ("dashpot", ELEMENTS, "condensed, sparse"),
+        ("gyroscopic", ELEMENTS, "condensed, sparse"),
+        ("dashpot", DENSE, "condensed, turned"),
+        ("gyroscopic", DENSE, "condensed, turned"),
+    ],
+)
+def test_condensed_equals_full(kind, elements, route):
+    system = chain(N, elements, kind=kind)
+    given = dict(force=force(N), omega=0.31, harmonics=5)
+    a = harmonic_balance(system, condense=True, **given)
+    b = harmonic_balance(system, condense=False, **given)
+    assert a.stats.route == route and b.stats.route == "full"
+    print(route, kind, "difference", np.max(np.abs(a.X - b.X)))
+    assert np.max(np.abs(a.X - b.X)) < 1e-10 * np.max(np.abs(b.X))
+    # both estimates are relative to the largest coefficient of what is solved for
+    assert 1e-12 < b.error / 10 < a.error < 10 * b.error
+
+
+def test_condensed_equals_reference():
+    system = chain(N, ELEMENTS, kind="dashpot")
+    one = harmonic_balance(system, force=force(N), omega=0.31, harmonics=5, condense=True)
+    kept = np.array([9, 10, N - 1])
+    reference = hbm_condensation.solve(system, force(N), 0.31, range(1, 6), one.n_samples, kept, one.X[kept] + 1e-4)
+    assert np.max(np.abs(one.X[kept] - reference)) < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("kind", "elements"), [("proportional", ELEMENTS), ("dashpot", ELEMENTS), ("gyroscopic", DENSE)]
+)
+def test_slope_by_frequency(kind, elements):
+    setup = _balance.prepare(chain(N, elements, kind=kind), force(N), 3, condense=True)
+    y = np.sin(np.arange(float(setup.core.size)))
+    h = 1e-6
+    high, low = (setup.core.residual(y, [0.4 + d])["residual"] for d in (h, -h))
+    slope = setup.core.residual(y, [0.4])["slope"]
+    assert np.max(np.abs(slope - (high - low) / (2 * h))) < 1e-6 * np.max(np.abs(slope))
+
+
+def test_free_free_structure_keeps_its_rigid_motion():
+    # two elements hold the chain at one end in the nonlinear terms only: K is singular, and so is K without the last
+    # coordinate's row
+    n = 20
+    M, K = chain_matrices(n, free=True)
+    K2, M2 = sp.block_diag([K, K]).tocsc(), sp.block_diag([M, M]).tocsc()
+    ground = [Cubic(1.0, w=unit(2 * n, (0, 1.0))), Cubic(2.0, w=unit(2 * n, (0, 1.0), (2 * n - 1, -1.0)))]
+    system = MechanicalSystem(M2, 0.02 * K2 + 0.01 * M2, K2, elements=ground)
+    f = {0: unit(2 * n, (n + 3, 0.01)), 1: unit(2 * n, (4, 0.2), (n, 0.1))}
+    guess = 0.3 * np.cos(np.arange(6.0 * n)).reshape(2 * n, 3)  # the default, at rest, is singular
+    b = harmonic_balance(system, force=f, omega=0.15, harmonics=5, x0=guess, condense=False)
+    a = harmonic_balance(system, force=f, omega=0.15, harmonics=5, x0=b, condense=True)
+    assert np.max(np.abs(a.X - b.X)) < 1e-9 * np.max(np.abs(b.X))
+    # the second chain is touched at one end only; with both left free it still has a rigid motion to keep
+    loose = MechanicalSystem(
+        M2, 0.02 * K2 + 0.01 * M2, K2 + 0.05 * sp.diags(unit(2 * n, (n, 1.0))), elements=ground[:1]
+    )
+    sparse = _balance.prepare(loose, {1: f[1]}, 3, condense=True)
+    assert sparse.route.startswith("condensed") and sparse.linear.core.size == 1
+    free = MechanicalSystem(M2, 0.02 * K2 + 0.01 * M2, K2, elements=ground[:1])
+    kept = _balance.prepare(free, {1: f[1]}, 3, condense=True)
+    assert kept.linear.core.size == 2  # one coordinate of the second, free chain joined the one that is touched
+
+
+def test_sparse_route_keeps_free_coordinates_too():
+    n = 20
+    M, K = chain_matrices(n, free=True)
+    K2, M2 = sp.block_diag([K, K]).tocsc(), sp.block_diag([M, M]).tocsc()
+    C2 = 0.02 * K2 + sp.diags(unit(2 * n, (5, 0.1)))
+    system = MechanicalSystem(M2, C2, K2, elements=[Cubic(1.0, w=unit(2 * n, (0, 1.0)))])
+    setup = _balance.prepare(system, {1: unit(2 * n, (3, 0.1))}, 3, condense=True)
+    assert setup.route == "condensed, sparse" and setup.linear.core.size == 2
+
+
+def test_frequency_response_of_a_condensed_chain():
+    n = 10
+    system = chain(n, [Cubic(0.5, w=unit(n, (n - 1, 1.0)))])
+    given = dict(force={1: unit(n, (0, 0.002))}, omega=(0.1, 0.25), harmonics=3, stability=False)
+    a = frequency_response(system, condense=True, **given)
+    b = frequency_response(system, condense=False, **given)
+    assert a.status == b.status == "converged" and a.stats.route == "condensed, modal"
+    assert a.X.shape[1:] == (n, 7)
+    folds = [event.omega for event in b.events]
+    assert len(folds) >= 2 and [event.omega for event in a.events] == pytest.approx(folds, abs=1e-9)
+    assert a.peak(n - 1).amplitude(n - 1) == pytest.approx(b.peak(n - 1).amplitude(n - 1), rel=1e-9)
+    point = a.point(len(a) // 2)
+    assert point.verify() < 1e-2
+    assert a.stats.counts["factorisations"] > 0
+    with pytest.raises(ModelError, match="condensed"):
+        a.peak(0)
+
+
+def test_work_does_not_depend_on_the_number_of_harmonics_that_stay():
+    # one solution at one frequency: H + 1 dynamic stiffnesses, whatever the number of iterations
+    one = harmonic_balance(chain(N, ELEMENTS), force=force(N), omega=0.31, harmonics=5, condense=True)
+    assert one.stats.counts["iterations"] > 2 and one.stats.counts["factorisations"] == 6
+
+
+@pytest.mark.parametrize("law", [Cubic(0.5), Jenkins(0.5, 0.01)], ids=repr)
+def test_a_thousand_masses(law):
+    n = 1000
+    element = type(law)(*law.values, w=unit(n, (n - 1, 1.0)))
+    system = chain(n, [element])
+    response = frequency_response(
+        system, force=unit(n, (0, 0.01)), omega=(0.0012, 0.003), harmonics=7, stability=False, events=False
+    )
+    assert response.status == "converged" and response.stats.route == "condensed, modal"
+    print(
+        f"{n} masses, {law!r}: {response.stats.wall_time / len(response) * 1e3:.2f} ms per point", response.stats.counts
+    )
+
+
+def test_a_hundred_thousand_masses():
+    n = 100_000
+    system = chain(n, [Cubic(0.5, w=unit(n, (n - 1, 1.0)))])
+    one = harmonic_balance(system, force=unit(n, (n - 50, 0.1)), omega=0.3, harmonics=3)
+    assert one.status == "converged" and one.stats.route == "condensed, sparse" and one.X.shape == (n, 7)
+    M, C, K = system.M, system.C, system.K
+    x = one.X[:, 1] - 1j * one.X[:, 2]
+    cubic = 0.5 * one.displacement(np.linspace(0, one.period, 64, endpoint=False))[-1] ** 3
+    f = unit(n, (n - 50, 0.1)).astype(complex)
+    f[-1] -= 2 * np.mean(cubic * np.exp(-1j * 2 * np.pi * np.arange(64) / 64))
+    residual = K @ x - 0.09 * (M @ x) + 0.3j * (C @ x) - f
+    assert np.max(np.abs(residual)) < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [(dict(condense="yes"), "True, False"), (dict(condense=False), "unknowns in dense matrices")],
+)
+def test_bad_input(changes, text):
+    n = 1000
+    with pytest.raises(ModelError, match=text):
+        harmonic_balance(chain(n, [Cubic(0.5, w=unit(n, (0, 1.0)))]), force=np.zeros(n), omega=1.0, **changes)
