@@ -226,8 +226,10 @@ def long_bushings(n, ks=1e6, kr=1e2, h=0.2, mass=1.0, inertia=1e-2):
 
 
 def test_long_beam_of_bushings_against_its_closed_form():
-    """Pinned by half cells, standing waves of kappa = j pi/n solve the bending (y, theta) of every cell exactly: the two by
-    two problem has the determinant 16 ks kr sin^4(kappa/2)/(m I); both planes bend alike. Frequencies fall like n^-2."""
+    """Pinned by half cells, standing waves of kappa = j pi/n solve the bending (y, theta) of every cell exactly.
+
+    The two by two problem has the determinant 16 ks kr sin^4(kappa/2)/(m I); both planes bend alike.
+    """
     n, pairs = 2000, 5
     ks, kr, h, mass, inertia = 1e6, 1e2, 0.2, 1.0, 1e-2
     s, c = (f(np.arange(1, 2 * pairs) * np.pi / n / 2) for f in (np.sin, np.cos))

@@ -20,9 +20,9 @@ use crate::system::assemble::Effects;
 use crate::system::placement::State;
 use crate::system::sparse::SparseForm;
 
-/// Rounds of widening, and the relative residual at which they stop.
+/// Rounds of widening, and the estimated error of an eigenvalue at which they stop.
 const ROUNDS: usize = 6;
-const RESOLVED: f64 = 1e-9;
+const RESOLVED: f64 = 1e-12;
 /// Undamped modes beyond the wanted ones, for damped problems: they speed up the last of the wanted.
 const BUFFER: usize = 8;
 
@@ -82,11 +82,7 @@ pub fn modes(
     let (modal, residual) = space.resolve(found.sigma, n.min(dof), &mut counts, cancel)?;
     let body = space.combined(&modal, n.min(dof));
     Ok(BodyModes {
-        error: residual
-            .iter()
-            .zip(&modal.error)
-            .map(|(r, e)| r + e)
-            .collect(),
+        error: eigenvalue_errors(&modal, &residual),
         residual,
         verified: found.verified,
         modal,
@@ -222,15 +218,21 @@ impl<'a> Subspace<'a> {
         counts.add("factorisations", 1);
         let mut inverse: Option<ShiftInvert<'_>> = None;
         let pencil = self.pencil;
+        let mut before = f64::INFINITY;
         for round in 0..=ROUNDS {
             cancel.check()?;
             let modal = self.solve(true)?;
             let (r, residual) = self.residuals(&modal, n, &accelerations);
             counts.add("damped subspaces", 1);
-            let open: Vec<usize> = (0..n).filter(|k| residual[*k] > RESOLVED).collect();
-            if open.is_empty() || round == ROUNDS {
+            let error = eigenvalue_errors(&modal, &residual);
+            let open: Vec<usize> = (0..n).filter(|k| error[*k] > RESOLVED).collect();
+            let worst = open.iter().map(|k| residual[*k]).fold(0.0, f64::max);
+            // rounding sets a floor to residuals, which count the highest accelerations most
+            let stalled = round > 1 && worst > 0.5 * before;
+            if open.is_empty() || stalled || round == ROUNDS {
                 return Ok((modal, residual));
             }
+            before = worst;
             let op = match &inverse {
                 Some(op) => op,
                 None => {
@@ -344,6 +346,33 @@ impl<'a> Subspace<'a> {
         self.mz = beside(&self.mz, mw.as_ref());
         self.cz = beside(&self.cz, cw.as_ref());
     }
+}
+
+/// Relative errors of the eigenvalues: quadratic in the residual over the distance to the next root, as for all problems
+/// whose left vectors are the shapes (Parlett, The Symmetric Eigenvalue Problem, section 11.7), but never better than linear
+/// where roots meet.
+fn eigenvalue_errors(modal: &Modal, residual: &[f64]) -> Vec<f64> {
+    let estimate = |(k, r): (usize, &f64)| {
+        let s = modal.s[k];
+        let own = modal
+            .groups
+            .iter()
+            .find(|(first, n)| (*first..first + n).contains(&k))
+            .map_or(k..k + 1, |(first, n)| *first..first + n);
+        let others = (0..modal.s.len())
+            .filter(|j| !own.contains(j))
+            .map(|j| (modal.s[j] - s).norm());
+        let gap = others.fold((modal.partner[k] - s).norm(), f64::min) / s.norm();
+        let quadratic = 4.0 * r * r / gap;
+        let linear = *r;
+        let found = if modal.near_defective[k] || !quadratic.is_finite() {
+            linear
+        } else {
+            quadratic.min(linear)
+        };
+        found + modal.error[k]
+    };
+    residual.iter().enumerate().map(estimate).collect()
 }
 
 fn beside(a: &Mat<f64>, b: MatRef<'_, f64>) -> Mat<f64> {
