@@ -8,9 +8,9 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use faer::Mat;
 use mbrs::analysis::assembly::assemble;
 use mbrs::analysis::frf::Reduction;
-use mbrs::analysis::ports::Ports;
 use mbrs::analysis::linearize::{Linearization, Setting, linearize};
 use mbrs::analysis::modal::modes;
+use mbrs::analysis::ports::Ports;
 use mbrs::error::Result;
 use mbrs::linalg::quadratic::Quadratic;
 use mbrs::model::tables::Tables;
@@ -131,7 +131,9 @@ fn transfer_functions(c: &mut Criterion) -> Result<()> {
     let mut group = c.benchmark_group("300 states, 6 x 6 x 400");
     group.sample_size(10);
     group.bench_function("reduce and evaluate", |b| {
-        b.iter(|| Reduction::new(quadratic.clone())?.evaluate(&ports, &omega, None, &Cancel::default()));
+        b.iter(|| {
+            Reduction::new(quadratic.clone())?.evaluate(&ports, &omega, None, &Cancel::default())
+        });
     });
     group.finish();
     Ok(())

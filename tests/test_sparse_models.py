@@ -42,14 +42,14 @@ def bushing_chain(n=24, *, grounded=True, full=False, c=None):
     m = mb.Model("bushings")
     last, p = m.ground, np.zeros(3)
     for i in range(n):
-        body = m.body(f"b{i}", mass=1.0, inertia=(0.02, 0.03, 0.025), at=p + (0.05, 0, 0))
+        body = m.body(f"b{i}", mass=1.0, inertia=(0.02, 0.03, 0.025), at=p + np.array([0.05, 0, 0]))
         k = np.diag([1e5, 2e5, 3e5, 2e2, 1e2, 3e2])
         if full:
             a = RNG.normal(size=(6, 6)) * np.sqrt(np.diag(k))[:, None] * 0.3
             k = k + a @ a.T
         if i > 0 or grounded:
             m.bushing(f"e{i}", last, body, at=p, k=k, **({} if c is None else {"c": c * k}))
-        last, p = body, p + (0.1, 0.01 * (i % 2), 0)
+        last, p = body, p + np.array([0.1, 0.01 * (i % 2), 0])
     return m
 
 
@@ -106,11 +106,15 @@ def test_universal_planar_and_fixed_joints_in_a_tree():
     m.planar("slab", m.ground, base, at=(0, 0, 0), axis="z", k=[1e3, 2e3, 50.0])
     for i in range(6):
         at = np.array([0.3 * np.cos(i), 0.3 * np.sin(i), 0.0])
-        arm = m.body(f"arm{i}", mass=1.0, inertia=(0.02, 0.02, 0.01), at=at + (0, 0, 0.2))
+        arm = m.body(f"arm{i}", mass=1.0, inertia=(0.02, 0.02, 0.01), at=at + np.array([0, 0, 0.2]))
         m.universal(f"u{i}", base, arm, at=at, axis=(1, 0.2 * i, 0), axis2=(0, 0, 1.0), k=[20.0 + i, 30.0])
-        tip = m.body(f"tip{i}", mass=0.3, inertia=(0.01, 0.01, 0.01), at=at + (0, 0, 0.4), com=(0.01, 0.02, 0))
-        m.fixed(f"w{i}", tip, arm, at=at + (0, 0, 0.4))
-        m.spring_damper(f"s{i}", tip, m.ground, at=(at + (0, 0, 0.4), 2 * at + (0, 0, 0.6)), k=30.0 + i)
+        tip = m.body(
+            f"tip{i}", mass=0.3, inertia=(0.01, 0.01, 0.01), at=at + np.array([0, 0, 0.4]), com=(0.01, 0.02, 0)
+        )
+        m.fixed(f"w{i}", tip, arm, at=at + np.array([0, 0, 0.4]))
+        m.spring_damper(
+            f"s{i}", tip, m.ground, at=(at + np.array([0, 0, 0.4]), 2 * at + np.array([0, 0, 0.6])), k=30.0 + i
+        )
     check(m, 8)
 
 
@@ -179,7 +183,7 @@ def test_law_slopes_and_negative_stiffness():
     m = joint_chain(("revolute",))
     m.spring_damper("soft", "b8", "b12", at=((1, 0, 0), (1.5, 0.2, 0)), k=-2.0)
     m.torsion("t", "b3", "b5", at=(0.5, 0, 0), axis=(1, 2, 0), k=3.0)
-    check(m)
+    check(m, energies=False)
 
 
 def scalar_chain(n, k=1e4, mass=2.0):
@@ -209,7 +213,7 @@ def test_long_row_of_masses_against_its_closed_form():
 
 
 def long_bushings(n, ks=1e6, kr=1e2, h=0.2, mass=1.0, inertia=1e-2):
-    """Bodies in a row on bushings halfway, both ends guided: free to slide across, no rotation; hence half cells."""
+    """Bodies in a row on bushings halfway, both ends pinned by half cells."""
     m = mb.Model("beam")
     bodies = [m.body(f"b{i}", mass=mass, inertia=(inertia,) * 3, at=(i * h, 0, 0)) for i in range(n)]
     stiff = (1e6, ks, ks, 1e2, kr, kr)
@@ -222,8 +226,10 @@ def long_bushings(n, ks=1e6, kr=1e2, h=0.2, mass=1.0, inertia=1e-2):
 
 
 def test_long_beam_of_bushings_against_its_closed_form():
-    """Pinned by half cells, standing waves of kappa = j pi/n solve the bending (y, theta) of every cell exactly: the two by two
-    problem has the determinant 16 ks kr sin^4(kappa/2)/(m I); both planes bend alike. The lowest fall like n^-2."""
+    """Pinned by half cells, standing waves of kappa = j pi/n solve the bending (y, theta) of every cell exactly.
+
+    The two by two problem has the determinant 16 ks kr sin^4(kappa/2)/(m I); both planes bend alike.
+    """
     n, pairs = 2000, 5
     ks, kr, h, mass, inertia = 1e6, 1e2, 0.2, 1.0, 1e-2
     s, c = (f(np.arange(1, 2 * pairs) * np.pi / n / 2) for f in (np.sin, np.cos))

@@ -115,7 +115,8 @@ def model_modes(model: Any, at: Any, n: int, without: Any, start: float) -> Any:
         r = _core.sparse_model_modes(snapshot.system, state.relative, state.rate, list(without), n)
     if at is None and r["unbalanced"] > _BALANCED:
         warnings.warn(
-            f"the drawn state of {model.name!r} is not in balance: at {r['worst']!r} {r['unbalanced']:.1e} of all forces is "
+            f"the drawn state of {model.name!r} is not in balance: at {r['worst']!r} "
+            f"{r['unbalanced']:.1e} of all forces is "
             "left over; take the modes at an equilibrium instead",
             MbrsWarning,
             stacklevel=4,

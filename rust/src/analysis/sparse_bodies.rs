@@ -20,9 +20,9 @@ use crate::system::assemble::Effects;
 use crate::system::placement::State;
 use crate::system::sparse::SparseForm;
 
-/// Rounds of widening, and the relative residual at which they stop.
+/// Rounds of widening, and the estimated error of an eigenvalue at which they stop.
 const ROUNDS: usize = 6;
-const RESOLVED: f64 = 1e-10;
+const RESOLVED: f64 = 1e-12;
 /// Undamped modes beyond the wanted ones, for damped problems: they speed up the last of the wanted.
 const BUFFER: usize = 8;
 
@@ -66,10 +66,10 @@ pub fn modes(
         let body = space.combined(&modal, n.min(dof));
         return Ok(BodyModes {
             error: found
-                .residual
+                .error
                 .iter()
-                .zip(&modal.error)
-                .map(|(r, e)| r + e)
+                .zip(&found.lambda)
+                .map(|(e, l)| if *l == 0.0 { 0.0 } else { *e })
                 .collect(),
             residual: found.residual,
             verified: found.verified,
@@ -82,11 +82,7 @@ pub fn modes(
     let (modal, residual) = space.resolve(found.sigma, n.min(dof), &mut counts, cancel)?;
     let body = space.combined(&modal, n.min(dof));
     Ok(BodyModes {
-        error: residual
-            .iter()
-            .zip(&modal.error)
-            .map(|(r, e)| r + e)
-            .collect(),
+        error: eigenvalue_errors(&modal, &residual),
         residual,
         verified: found.verified,
         modal,
@@ -156,6 +152,7 @@ struct Subspace<'a> {
     form: &'a SparseForm,
     pencil: &'a Mixed,
     c: Csc,
+    lambda: Vec<f64>,
     z: Mat<f64>,
     mz: Mat<f64>,
     cz: Mat<f64>,
@@ -177,6 +174,7 @@ impl<'a> Subspace<'a> {
             kz: Mat::from_fn(n, x.ncols(), |i, j| mz[(i, j)] * lambda[j]),
             cz: product(&c, x),
             z: x.to_owned(),
+            lambda: lambda.to_vec(),
             mz,
             c,
             form,
@@ -184,26 +182,24 @@ impl<'a> Subspace<'a> {
         }
     }
 
-    /// Z^T (M, C, K) Z; the undamped modes alone are their own diagonal.
+    /// Z^T (M, C, K) Z. The basis is M-orthonormal, and M phi of the undamped modes meets nothing else: what products make of
+    /// these zeros is rounding times the largest eigenvalue.
     fn solve(&self, damped: bool) -> Result<Modal> {
-        let z = self.z.transpose();
-        let symmetric = |a: &Mat<f64>| {
-            let p = z * a;
-            Mat::from_fn(p.nrows(), p.ncols(), |i, j| 0.5 * (p[(i, j)] + p[(j, i)]))
-        };
-        if !damped {
-            let n = self.z.ncols();
-            let k = symmetric(&self.kz);
-            let m = Mat::identity(n, n);
-            let k = Mat::from_fn(n, n, |i, j| if i == j { k[(i, i)] } else { 0.0 });
-            return dense_modes(&SecondOrder::new(m, None, None, k, None, None)?);
-        }
-        let (m, c, k) = (
-            symmetric(&self.mz),
-            symmetric(&self.cz),
-            symmetric(&self.kz),
-        );
-        dense_modes(&SecondOrder::new(m, Some(c), None, k, None, None)?)
+        let (n, known) = (self.z.ncols(), self.lambda.len());
+        let m = Mat::identity(n, n);
+        let k = self.z.transpose() * &self.kz;
+        let k = Mat::from_fn(n, n, |i, j| match (i < known, j < known) {
+            (true, true) if i == j => self.lambda[i],
+            (true, true) => 0.0,
+            (true, false) => k[(j, i)],
+            (false, true) => k[(i, j)],
+            (false, false) => 0.5 * (k[(i, j)] + k[(j, i)]),
+        });
+        let c = damped.then(|| {
+            let c = self.z.transpose() * &self.cz;
+            Mat::from_fn(n, n, |i, j| 0.5 * (c[(i, j)] + c[(j, i)]))
+        });
+        dense_modes(&SecondOrder::new(m, c, None, k, None, None)?)
     }
 
     fn combined(&self, modal: &Modal, n: usize) -> Mat<c64> {
@@ -222,15 +218,21 @@ impl<'a> Subspace<'a> {
         counts.add("factorisations", 1);
         let mut inverse: Option<ShiftInvert<'_>> = None;
         let pencil = self.pencil;
+        let mut before = f64::INFINITY;
         for round in 0..=ROUNDS {
             cancel.check()?;
             let modal = self.solve(true)?;
             let (r, residual) = self.residuals(&modal, n, &accelerations);
             counts.add("damped subspaces", 1);
-            let open: Vec<usize> = (0..n).filter(|k| residual[*k] > RESOLVED).collect();
-            if open.is_empty() || round == ROUNDS {
+            let error = eigenvalue_errors(&modal, &residual);
+            let open: Vec<usize> = (0..n).filter(|k| error[*k] > RESOLVED).collect();
+            let worst = open.iter().map(|k| residual[*k]).fold(0.0, f64::max);
+            // rounding sets a floor to residuals, which count the highest accelerations most
+            let stalled = round > 1 && worst > 0.5 * before;
+            if open.is_empty() || stalled || round == ROUNDS {
                 return Ok((modal, residual));
             }
+            before = worst;
             let op = match &inverse {
                 Some(op) => op,
                 None => {
@@ -332,8 +334,8 @@ impl<'a> Subspace<'a> {
             kw -= &self.kz * &h;
         }
         let after = norm(&w);
-        // what is left of a vector inside the space is rounding
-        if after.is_nan() || after <= 1e-9 * before {
+        // what is left of a vector that is nearly inside the space is noise
+        if after.is_nan() || after <= 1e-3 * before {
             return;
         }
         w *= faer::Scale(1.0 / after);
@@ -344,6 +346,33 @@ impl<'a> Subspace<'a> {
         self.mz = beside(&self.mz, mw.as_ref());
         self.cz = beside(&self.cz, cw.as_ref());
     }
+}
+
+/// Relative errors of the eigenvalues: quadratic in the residual over the distance to the next root, as for all problems
+/// whose left vectors are the shapes (Parlett, The Symmetric Eigenvalue Problem, section 11.7), but never better than linear
+/// where roots meet.
+fn eigenvalue_errors(modal: &Modal, residual: &[f64]) -> Vec<f64> {
+    let estimate = |(k, r): (usize, &f64)| {
+        let s = modal.s[k];
+        let own = modal
+            .groups
+            .iter()
+            .find(|(first, n)| (*first..first + n).contains(&k))
+            .map_or(k..k + 1, |(first, n)| *first..first + n);
+        let others = (0..modal.s.len())
+            .filter(|j| !own.contains(j))
+            .map(|j| (modal.s[j] - s).norm());
+        let gap = others.fold((modal.partner[k] - s).norm(), f64::min) / s.norm();
+        let quadratic = 4.0 * r * r / gap;
+        let linear = *r;
+        let found = if modal.near_defective[k] || !quadratic.is_finite() {
+            linear
+        } else {
+            quadratic.min(linear)
+        };
+        found + modal.error[k]
+    };
+    residual.iter().enumerate().map(estimate).collect()
 }
 
 fn beside(a: &Mat<f64>, b: MatRef<'_, f64>) -> Mat<f64> {

@@ -527,10 +527,10 @@ impl Builder<'_> {
 
     /// The blocks of an interaction, each column the change of wrenches for a unit motion of one body.
     fn add_interaction(&mut self, acting: &Interaction<f64>, k: &Map6<f64>) {
-        if acting.wrench.is_absent() {
+        let force = acting.wrench.l;
+        if force.norm() + acting.wrench.a.norm() == 0.0 {
             return;
         }
-        let force = acting.wrench.l;
         for (moved, is_b) in [(acting.a, false), (acting.b, true)] {
             let Some(moved) = moved else { continue };
             for j in 0..6 {
