@@ -1,4 +1,6 @@
 //! Wall times of the core through its Rust API: `cargo bench`. What they mean stands in benches/README.md.
+// the tests use the models that no bench needs
+#[allow(dead_code)]
 #[path = "../tests/models.rs"]
 mod models;
 
