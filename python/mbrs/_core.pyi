@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 _F1 = NDArray[np.float64]
 _F2 = NDArray[np.float64]
 _F3 = NDArray[np.float64]
+_Csc = tuple[NDArray[np.int64], NDArray[np.int64], _F1]
 _Ints = Sequence[int] | NDArray[np.int64]
 
 __version__: str
