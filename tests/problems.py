@@ -69,9 +69,16 @@ def hanging_four_bar(reverse=False):
     a = rod(m, "left", (0, -0.5, 0), 1.0, angle=-np.pi / 2)
     c = rod(m, "right", (1, -0.5, 0), 1.0, angle=-np.pi / 2)
     b = rod(m, "coupler", (0.5, -1, 0), 1.0)
-    for name, one, two, at in (("A", m.ground, a, (0, 0, 0)), ("B", a, b, (0, -1, 0)), ("C", b, c, (1, -1, 0)), ("D", c, m.ground, (1, 0, 0))):
+    for name, one, two, at in (
+        ("A", m.ground, a, (0, 0, 0)),
+        ("B", a, b, (0, -1, 0)),
+        ("C", b, c, (1, -1, 0)),
+        ("D", c, m.ground, (1, 0, 0)),
+    ):
         m.revolute(name, *((two, one) if reverse else (one, two)), at=at, axis="z")
-    return Problem(m, {"frequency": [np.sqrt(1.2 * G) / (2 * np.pi)]}, "rods: T = 5/6 m L^2 phi'^2, V = -2 m g L cos phi")
+    return Problem(
+        m, {"frequency": [np.sqrt(1.2 * G) / (2 * np.pi)]}, "rods: T = 5/6 m L^2 phi'^2, V = -2 m g L cos phi"
+    )
 
 
 def hanging_masses(n, mass=1.0, length=0.7):
@@ -192,7 +199,9 @@ def cubic_hexapod():
     """Edge .2 m, k 1e5, m 20, I .15, c 30."""
     m = mb.examples.cubic_hexapod()
     w2 = np.array([2e5 / 20] * 3 + [1e5 * 0.2**2 / 0.15 / 2] * 2 + [1e5 * 0.2**2 / 0.15 * 2])
-    return Problem(m, {"frequency": np.sqrt(w2) / (2 * np.pi)}, "issue 2: 15.9155 Hz three times, 18.3776 twice, 36.7553")
+    return Problem(
+        m, {"frequency": np.sqrt(w2) / (2 * np.pi)}, "issue 2: 15.9155 Hz three times, 18.3776 twice, 36.7553"
+    )
 
 
 # --- closed loops -----

@@ -7,7 +7,16 @@ from mbrs.model import Model
 
 TREE_JOINTS = ("fixed", "revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "free")
 # how many numbers k, c and preload have
-N_FREE = {"fixed": 0, "revolute": 1, "prismatic": 1, "cylindrical": 2, "universal": 2, "spherical": 3, "planar": 3, "free": 6}
+N_FREE = {
+    "fixed": 0,
+    "revolute": 1,
+    "prismatic": 1,
+    "cylindrical": 2,
+    "universal": 2,
+    "spherical": 3,
+    "planar": 3,
+    "free": 6,
+}
 
 
 def random_quaternion(rng):

@@ -81,7 +81,11 @@ def test_catenary():
     for i in range(n):
         d = points[i + 1] - points[i]
         length = float(np.linalg.norm(d))
-        bodies.append(problems.rod(m, f"b{i}", tuple(0.5 * (points[i] + points[i + 1])), length, angle=float(np.arctan2(d[1], d[0]))))
+        bodies.append(
+            problems.rod(
+                m, f"b{i}", tuple(0.5 * (points[i] + points[i + 1])), length, angle=float(np.arctan2(d[1], d[0]))
+            )
+        )
     bodies.append(m.ground)
     for i in range(n + 1):
         m.revolute(f"h{i}", bodies[i], bodies[i + 1], at=tuple(points[i]), axis="z")
@@ -91,7 +95,9 @@ def test_catenary():
     forces = np.array([eq.reactions[f"h{i}"][:3] for i in range(n + 1)])
     errors = {
         "H": np.ptp(forces[:, 0]) / 9.81,
-        "V": np.abs(np.diff(forces[:, 1]) + 9.81).max() / 9.81 if forces[0, 1] > forces[-1, 1] else np.abs(np.diff(forces[:, 1]) - 9.81).max(),
+        "V": np.abs(np.diff(forces[:, 1]) + 9.81).max() / 9.81
+        if forces[0, 1] > forces[-1, 1]
+        else np.abs(np.diff(forces[:, 1]) - 9.81).max(),
         "symmetry": np.abs(forces[:, 1] + forces[::-1, 1]).max() / 9.81,
     }
     # each rod turns under its own weight about its middle: slope = (V before + V after) / 2 / H
@@ -130,7 +136,9 @@ def test_a_link_beyond_its_buckling_load(load):
     eq = mb.equilibrium(p.model)
     phi = np.arctan2(*eq.rotation("link")[[1, 0], 0])
     frequency = mb.modes(p.model, at=eq).frequency[0]
-    show(f"load {load}", {"phi": abs(phi - p.answer["phi"]), "frequency": abs(frequency / p.answer["frequency"][0] - 1)})
+    show(
+        f"load {load}", {"phi": abs(phi - p.answer["phi"]), "frequency": abs(frequency / p.answer["frequency"][0] - 1)}
+    )
     assert eq.stable
     assert abs(phi - p.answer["phi"]) < 1e-11 and abs(frequency / p.answer["frequency"][0] - 1) < 1e-10
 
@@ -356,7 +364,10 @@ def test_rotations_up_to_half_a_turn():
         m2.torque("wind", "wheel", value=tuple(moment * axis))
         eq = mb.equilibrium(m2)
         turn = eq.rotation("wheel") @ rotation_matrix("x", 0.4).T
-        angle = np.arctan2(axis @ np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]), np.trace(turn) - 1)
+        angle = np.arctan2(
+            axis @ np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]),
+            np.trace(turn) - 1,
+        )
         print(f"wheel wound by {moment}: error {abs(angle - moment / 2):.1e}")
         assert abs(angle - moment / 2) < 1e-12
 

@@ -49,7 +49,8 @@ def compare(m, state, addresses, follow=False, seed=0):
             "rotation": (d.rotation @ weights, other.rotation, np.ones(1)),
         }
         worst[address] = max(
-            relative_difference(a, b, np.array([max(np.abs(b).max(), 1e-3 * np.abs(c).max()), 1e-12])) for a, b, c in pairs.values()
+            relative_difference(a, b, np.array([max(np.abs(b).max(), 1e-3 * np.abs(c).max()), 1e-12]))
+            for a, b, c in pairs.values()
         )
     return worst
 
@@ -134,7 +135,9 @@ def test_drawn_state_is_the_derivative_of_the_analysis_itself():
     """Differences of mb.linearize(m) at at=None, assembly and all: what mb.check_gradients sees."""
     rng = np.random.default_rng(14)
     m = random_loop(rng, ("spherical", "universal", "cylindrical", "spherical"))
-    check_ = mb.check_gradients(mb.linearize, m, ["j1.at_a[0]", "j3.at_b[2]", "b1.at[1]", "b2.mass", "bush0.k[0,1]", "j0.at[2]"])
+    check_ = mb.check_gradients(
+        mb.linearize, m, ["j1.at_a[0]", "j3.at_b[2]", "b1.at[1]", "b2.mass", "bush0.k[0,1]", "j0.at[2]"]
+    )
     print(check_)
     assert check_
 
@@ -180,7 +183,7 @@ def test_parameters_reach_through_expressions():
     b = m.body("b", mass=2 * a, inertia=(0.1 * a, 0.1 * a, 0.1 * a), at=(0, a, -a))
     m.universal("cross", m.ground, b, at=(0, 0, 0), axis="x", axis2="y", k=(5 + a**2, 4), c=(0.1, a))
     d = mb.sensitivity(mb.linearize(m), "a")
-    base, other = ref.derivative(tables(m), directions(m, "a").dense[:, 0])
+    _, other = ref.derivative(tables(m), directions(m, "a").dense[:, 0])
     worst = worst_of([{"M": relative_difference(d.M[..., 0], other.M), "K": relative_difference(d.K[..., 0], other.K)}])
     show("parameter", worst)
     assert max(worst.values()) < TOLERANCE
@@ -204,7 +207,17 @@ def test_a_parameter_that_breaks_a_redundant_loop_is_an_error():
 def test_ladders_keep_their_redundancy_under_most_parameters():
     for joint in ("revolute", "cylindrical"):
         m = mb.examples.ladder(2, joint)
-        fine = ["B1,1.mass", "B1,3.at", "B2,2.inertia", "F1,1a.k", "F2,2b.c", "F1,2a.at", "F1,2b.orientation", "J1,1a.at[0]", "J2,2b.at[1]"]
+        fine = [
+            "B1,1.mass",
+            "B1,3.at",
+            "B2,2.inertia",
+            "F1,1a.k",
+            "F2,2b.c",
+            "F1,2a.at",
+            "F1,2b.orientation",
+            "J1,1a.at[0]",
+            "J2,2b.at[1]",
+        ]
         check(f"ladder {joint}", compare(m, drawn(m), fine))
 
 

@@ -117,7 +117,7 @@ def test_sensitivities_agree_with_the_reference(name, computed):
     _, _, modes = computed(name)
     expected, n = NUMBERS[name], len(NUMBERS[name]["frequency"])
     s = mb.sensitivity(modes, list(CASES[name].parameters))
-    assert list(s.labels) == expected["labels"]
+    assert list(s.parameters) == expected["labels"]
     ours = np.asarray(s.frequency, dtype=float)[:n]
     # Members of a repeated group have no order of their own: compare sorted values.
     groups = [g for g in modes.groups if g[-1] < n]

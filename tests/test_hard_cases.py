@@ -136,10 +136,18 @@ def test_free_floating_chain():
     for b in full.bodies:
         m.body(b.name, **body_numbers(full, b.name))
     for e in full.elements[1:]:
-        m.bushing(e.name, full.body_name(e.a), full.body_name(e.b), at=tuple(full.value(f"{e.name}.at_a")), k=full.value(f"{e.name}.k"))
+        m.bushing(
+            e.name,
+            full.body_name(e.a),
+            full.body_name(e.b),
+            at=tuple(full.value(f"{e.name}.at_a")),
+            k=full.value(f"{e.name}.k"),
+        )
     modes = mb.modes(m)
     assert modes.n == 30 and list(modes.kind).count("rigid") == 6
-    print(f"adrift: lowest elastic {modes.frequency[6]:.3g} Hz, largest backward error {modes.backward_error.max():.1e}")
+    print(
+        f"adrift: lowest elastic {modes.frequency[6]:.3g} Hz, largest backward error {modes.backward_error.max():.1e}"
+    )
     assert modes.backward_error.max() < 1e-13
 
 
@@ -187,7 +195,11 @@ def test_fast_gyroscopic_rotor(speed):
 
 def test_a_body_far_from_the_origin():
     """The hanging four-bar and a chain on bushings, moved 1e5 m away: only the drawn points lose digits."""
-    for make in (lambda: problems.hanging_four_bar().model, lambda: mb.examples.chain(6), lambda: mb.examples.cubic_hexapod()):
+    for make in (
+        lambda: problems.hanging_four_bar().model,
+        lambda: mb.examples.chain(6),
+        lambda: mb.examples.cubic_hexapod(),
+    ):
         near, far = make(), make()
         shift = np.array([1e5, -7e4, 3e4])
         for item in far.items.values():

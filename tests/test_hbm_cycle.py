@@ -29,10 +29,9 @@ def test_period_by_harmonic_balance(mu, harmonics):
     assert found.status == "converged" and found.error < 1e-7
     assert found.stable and np.min(np.abs(found.exponents)) < 1e-6
     other = found.exponents[np.argmax(np.abs(found.exponents))]
+    # Liouville: the mean trace of the variational equation
     x = found.displacement(np.linspace(0, found.period, 4000, endpoint=False))[0]
-    assert other.real == pytest.approx(
-        np.mean(mu * (1 - x**2)), rel=1e-6
-    )  # Liouville: the trace of the variational equation
+    assert other.real == pytest.approx(np.mean(mu * (1 - x**2)), rel=1e-6)
 
 
 def test_relaxation_oscillation_does_not_look_resolved():

@@ -29,6 +29,11 @@ def dense_modes(
     n: np.ndarray | None,
     kf: np.ndarray | None,
 ) -> dict[str, Any]: ...
+def check_sparse_model(system: System) -> None: ...
+def sparse_model_modes(
+    system: System, relative: _F2, rate: _F1, without: Sequence[str], n: int, sigma: float | None = None
+) -> dict[str, Any]: ...
+def sparse_model_form(system: System, relative: _F2, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
 
 @final
 class FrfReduction:
@@ -158,6 +163,7 @@ class HbmProblem:
         subharmonic: int,
         omega: list[float],
         dims: list[int],
+        extra: list[list[int]],
         fine: list[int],
     ) -> HbmProblem: ...
     @property
@@ -186,7 +192,7 @@ class HbmBranch:
         cls,
         problem: HbmProblem,
         y: NDArray[np.float64],
-        omega: float,
+        omega: list[float],
         level: float,
         parameter: str,
         begin: float,
@@ -214,10 +220,6 @@ def directions(
     follow: str,
     maps: bool,
 ) -> dict[str, Any]: ...
-
-_Csc = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]
-
-def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
 def sparse_count(m: _Csc, k: _Csc, below: float) -> int | None: ...
 def sparse_frf(
     m: _Csc,
@@ -230,4 +232,5 @@ def sparse_frf(
     order_out: int,
     omega: _F1,
 ) -> dict[str, Any]: ...
+def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
 def mixed_modes(m: _Csc, a: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...

@@ -148,12 +148,9 @@ def collocate(system: Any, force: Any, start: tuple[Any, float], top: int) -> tu
     def ends(a: np.ndarray, b: np.ndarray, _: np.ndarray) -> np.ndarray:
         return np.append(b - a, direction @ (a - anchor))
 
-    periods: list[float] = []
-    solution: Any = None
-    for tolerance in (1e-4, 1e-6):
-        solution = solve_bvp(fun, ends, mesh, y, p=[2 * np.pi / w], tol=tolerance, max_nodes=40000)
-        mesh, y, w = solution.x, solution.y, 2 * np.pi / solution.p[0]
-        periods.append(float(solution.p[0]))
-    error = abs(periods[1] - periods[0]) / periods[1] + float(np.max(solution.rms_residuals))
+    coarse = solve_bvp(fun, ends, mesh, y, p=[2 * np.pi / w], tol=1e-4, max_nodes=40000)
+    solution = solve_bvp(fun, ends, coarse.x, coarse.y, p=coarse.p, tol=1e-6, max_nodes=40000)
+    period = float(solution.p[0])
+    error = abs(period - float(coarse.p[0])) / period + float(np.max(solution.rms_residuals))
     samples = solution.sol(np.linspace(0, 1, 16384, endpoint=False))[:n]
-    return coefficients(samples, top), periods[1], error if solution.success else np.inf, len(solution.x)
+    return coefficients(samples, top), period, error if solution.success else np.inf, len(solution.x)

@@ -32,6 +32,30 @@ def distance(solution: Any, rtol: float) -> float:
     return float(np.max(np.abs(motion.y[: system.n] - x)) / size)
 
 
+def distance_on_torus(solution: Any, cycles: float, rtol: float) -> float:
+    """The same for a quasi-periodic solution, over a number of its longest base periods."""
+    from scipy.integrate import solve_ivp
+
+    system = solution.system
+    free = first_order(system, {0: np.zeros(system.n)}, float(solution.omega[0]))
+    inverse = np.linalg.inv(_condensation.dense(system)[0])
+    static = np.zeros(system.n) if solution.static is None else np.asarray(solution.static, float)
+    sources = [(np.asarray(f["force"], complex), w) for f, w in zip(solution.forces, solution.omega, strict=True)]
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        f = sum(((a * np.exp(1j * w * t)).real for a, w in sources), static)
+        return free(t, y) + np.concatenate([np.zeros(system.n), inverse @ f])
+
+    t = np.linspace(0, cycles * 2 * np.pi / np.min(solution.omega), 1000)
+    x, v = solution.displacement(t), solution.velocity(t)
+    tiny = np.finfo(float).tiny
+    size, speed = max(float(np.max(np.abs(x))), tiny), max(float(np.max(np.abs(v))), tiny)
+    scale = np.repeat([size, speed], system.n)
+    start = np.concatenate([x[:, 0], v[:, 0]])
+    motion = solve_ivp(rate, (0, t[-1]), start, method="DOP853", t_eval=t, rtol=rtol, atol=rtol * scale)
+    return float(np.max(np.abs(motion.y[: system.n] - x)) / size) if motion.success else float("inf")
+
+
 def first_order(system: Any, force: Any, omega: float) -> Any:
     """The right-hand side y' = f(t, y) with y = [x, x'], (2n,) or for constant forces (2n, m)."""
     M, C, K = _condensation.dense(system)

@@ -142,7 +142,7 @@ def _static_force(system: Any, force: Any) -> dict[int, np.ndarray]:
         return {0: np.zeros(system.n)}
     if not isinstance(force, dict) or set(force) - {0}:
         raise ModelError(
-            "a limit cycle has static forces alone: force={0: vector}; frequency_response takes periodic ones"
+            "a limit cycle has static forces alone, force={0: vector}; harmonic_balance takes periodic ones"
         )
     return dict(force)
 

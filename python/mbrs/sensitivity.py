@@ -279,7 +279,13 @@ def _of_linearization(
     along = directions(lin.model, parameters)
     columns = [along.columns == p for p in range(along.n)]
     sparse = [(along.rows[c].tolist(), along.values[c].tolist()) for c in columns]
-    how = "drawn" if lin.state.kind == "drawn" else "equilibrium" if follow and lin.state.kind == "equilibrium" else "hold"
+    how = (
+        "drawn"
+        if lin.state.kind == "drawn"
+        else "equilibrium"
+        if follow and lin.state.kind == "equilibrium"
+        else "hold"
+    )
     with core_errors():
         r = _core.directions(
             lin.snapshot.system, lin.state.relative, lin.state.rate, list(lin.without), sparse, how, maps

@@ -72,7 +72,11 @@ def shifted(code: int, values: Sequence[float], w: np.ndarray, u0: float, where:
 
 def _at_rest(laws: Sequence[L.Law], w: np.ndarray) -> float:
     """The force that the laws hold at the state itself, along w: it belongs to the equilibrium."""
-    return float(sum(float(law.force(0.0)) * (1.0 if law.w is w or np.array_equal(law.w, w) else -1.0) for law in laws))
+    held = 0.0
+    for law in laws:
+        along = 1.0 if law.w is not None and np.array_equal(law.w, w) else -1.0
+        held += along * float(law.force(0.0))
+    return held
 
 
 def _moved_polynomial(c: Sequence[float], u0: float) -> list[float]:

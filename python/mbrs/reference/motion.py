@@ -170,8 +170,8 @@ def step(sys: System, m: Motion, h: float, rows: Array, n_position: int) -> Moti
             increment = fraction * dy
             trial = Motion(advance(sys, m.state, increment), m.rate + fraction * dv, m.memory)
         slopes.append((increment_rates(sys, increment, trial.rate), accelerations(sys, trial, rows)))
-    (a, b, c, d), weights = slopes, (h / 6, h / 3, h / 3, h / 6)
-    total = [sum(w * s[i] for w, s in zip(weights, (a, b, c, d), strict=True)) for i in range(2)]
+    weights = np.array([h / 6, h / 3, h / 3, h / 6])
+    total = [weights @ np.array([s[i] for s in slopes]) for i in range(2)]
     moved = Motion(advance(sys, m.state, total[0]), m.rate + total[1], m.memory)
     moved = project(sys, moved, rows, n_position)
     return replace(moved, memory=remember(sys, moved))

@@ -163,11 +163,7 @@ fn cannot_close(system: &System, phi: &DVector<f64>, worst: Option<usize>, size:
 fn check_orientation(system: &System, placement: &Placement<f64>) -> Result<()> {
     for &j in &system.topology.cut {
         let spec = &system.topology.tables.joints[j];
-        let aligned = spec
-            .kind
-            .constraints()
-            .iter()
-            .any(|c| *c == Coordinate::Dot(0, 2));
+        let aligned = spec.kind.constraints().contains(&Coordinate::Dot(0, 2));
         let pair = &system.geometry.joints[j];
         let world = |body, local: &Pose<f64>| {
             crate::system::placement::marker_pose(&system.topology, &placement.pose, body, local)

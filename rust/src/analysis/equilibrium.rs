@@ -171,16 +171,16 @@ pub fn equilibrium(
                 }
             }
             // where the drawn state was in balance its balance is the answer, stable or not; a saddle on the way is not
-            if iteration > 0 && saddles < MAX_PUSHES {
-                if let Some((next_state, next)) =
+            if iteration > 0
+                && saddles < MAX_PUSHES
+                && let Some((next_state, next)) =
                     leave_saddle(system, &state, &local, effects, counts)?
-                {
-                    saddles += 1;
-                    state = next_state;
-                    local = next;
-                    sigma = 0.0;
-                    continue;
-                }
+            {
+                saddles += 1;
+                state = next_state;
+                local = next;
+                sigma = 0.0;
+                continue;
             }
             return finish(system, state, local, size, iteration);
         }

@@ -110,7 +110,7 @@ pub fn state_of(
 }
 
 fn empty(py: Python<'_>) -> PyResult<PyReadonlyArray1<'_, f64>> {
-    Ok(numpy::PyArray1::<f64>::zeros(py, 0, false).extract::<PyReadonlyArray1<'_, f64>>()?)
+    numpy::PyArray1::<f64>::zeros(py, 0, false).extract()
 }
 
 fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult<()> {
@@ -378,7 +378,7 @@ impl PySystem {
         })?;
         let out = PyDict::new(py);
         put_state(py, &out, &moved)?;
-        Ok(out.as_any().get_item("relative")?)
+        out.as_any().get_item("relative")
     }
 
     /// How far given rates of the tree coordinates violate the cut joints, in rates of the scaled rows.

@@ -143,7 +143,7 @@ impl Wanted {
     }
 }
 
-fn pair_of<'g, T: Real>(geometry: &'g Geometry<T>, owner: Owner) -> &'g MarkerPair<T> {
+fn pair_of<T: Real>(geometry: &Geometry<T>, owner: Owner) -> &MarkerPair<T> {
     match owner {
         Owner::Element(i) => &geometry.elements[i],
         Owner::Joint(i) => &geometry.joints[i],
@@ -424,6 +424,40 @@ pub fn strain(
         point: here.b.p,
         gradients,
         k: DMatrix::from_fn(n, n, entry),
+    }
+}
+
+/// Gradients of a connector's coordinates (world axes about `point`), and the slopes of its forces by displacement and rate.
+pub struct CoordinateTangent {
+    pub point: V3<f64>,
+    pub gradients: Vec<Six<f64>>,
+    pub k: [[f64; 6]; 6],
+    pub c: [[f64; 6]; 6],
+    pub damped: bool,
+}
+
+/// The tangent of a connector before it is spread to bodies or coordinates, at rest.
+pub fn coordinate_tangent(
+    topology: &Topology,
+    geometry: &Geometry<f64>,
+    placement: &Placement<f64>,
+    numbers: Numbers<'_, f64>,
+    connector: &Connector,
+    wanted: Wanted,
+) -> CoordinateTangent {
+    let pair = pair_of(geometry, connector.owner);
+    let here = local(topology, placement, connector.a, connector.b, pair);
+    let rows = connector.coordinates.iter().map(|c| here.relative.row(*c));
+    let (mut e, gradients): (Vec<f64>, Vec<_>) =
+        rows.map(|r| (r.e, r.g.rotated(&here.a.r))).unzip();
+    offset_natural(connector, geometry, numbers.x, &mut e[0]);
+    let slopes = response(connector, numbers.x, numbers.memory, &e, None, wanted);
+    CoordinateTangent {
+        point: here.b.p,
+        gradients,
+        k: slopes.k,
+        c: slopes.c,
+        damped: slopes.damped,
     }
 }
 

@@ -2,6 +2,7 @@
 use faer::prelude::*;
 
 use super::aft::derivative;
+use super::basis::Finer;
 use super::problem::{Parameter, Problem};
 use crate::error::Result;
 use crate::run::Cancel;
@@ -88,9 +89,9 @@ pub fn solve(
 }
 
 /// Relative error of the coefficients and of the frequency: one Newton step with more terms and samples.
-pub fn estimate(problem: &Problem, z: &[f64], dims: &[usize]) -> Result<f64> {
+pub fn estimate(problem: &Problem, z: &[f64], finer: &Finer) -> Result<f64> {
     let n = z.len() - 1;
-    let mut larger = problem.on(problem.basis.extended(), dims)?;
+    let mut larger = problem.on(problem.basis.extended(&finer.extra), &finer.dims)?;
     let size = larger.size();
     let mut extended = vec![0.0; size + 1];
     extended[..n].copy_from_slice(&z[..n]);
