@@ -13,7 +13,33 @@ _Csc = tuple[NDArray[np.int64], NDArray[np.int64], _F1]
 _Ints = Sequence[int] | NDArray[np.int64]
 
 __version__: str
-__all__: list[str]
+__all__ = [
+    "CoreAssemblyError",
+    "CoreConvergenceError",
+    "CoreError",
+    "CoreModelError",
+    "CoreNotDifferentiableError",
+    "CoreSingularError",
+    "FrfReduction",
+    "HbmBranch",
+    "HbmElements",
+    "HbmLinear",
+    "HbmProblem",
+    "System",
+    "__version__",
+    "check_sparse_model",
+    "dense_modes",
+    "directions",
+    "eigen_sensitivities",
+    "law_force",
+    "mixed_modes",
+    "shape_sensitivities",
+    "sparse_count",
+    "sparse_frf",
+    "sparse_model_form",
+    "sparse_model_modes",
+    "sparse_modes",
+]
 
 class CoreError(Exception): ...
 class CoreModelError(CoreError): ...
