@@ -54,7 +54,9 @@ def measure(what: str, n: int) -> dict[str, float | str]:
     built = time.perf_counter()
     m.compiled()
     compiled = time.perf_counter()
+    cpu = time.process_time()
     found = mb.modes(m, n=COUNT)
+    cpu = time.process_time() - cpu
     done = time.perf_counter()
     kept = expected > 0
     return {
@@ -63,6 +65,7 @@ def measure(what: str, n: int) -> dict[str, float | str]:
         "build_s": built - start,
         "compile_s": compiled - built,
         "modes_s": done - compiled,
+        "modes_cpu_s": cpu,
         "peak_GB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
         "error": float(np.max(np.abs(found.omega[kept] / expected[kept] - 1))),
         "estimate": float(found.error.max()),
