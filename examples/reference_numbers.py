@@ -97,10 +97,10 @@ CASES = {
         (3.0, 7.0, 65.0),
     ),
     "wafer_stage": Case(
-        mb.examples.wafer_stage,
+        lambda: mb.examples.wafer_stage(mounts=3),
         ("k_mount", "base.mass", "y guide.k", "flexures.k[2]"),
-        ("base", "x"),
-        ("chuck", "x"),
+        ("base", "y"),
+        ("chuck", "rx"),
         (2.0, 35.0, 200.0),
     ),
     "rotor": Case(mb.examples.rotor, ("disc.mass", "mount.k[0]"), *_DISC, (10.0, 50.0)),
