@@ -225,9 +225,10 @@ def test_chaplygin_sleigh():
 def test_what_the_reference_refuses():
     b = hanging_rod()
     with pytest.raises(ModelError, match="unknown effect"):
-        linearize(System(b.tables()), drawn_state(System(b.tables())), without=("friction",))
-    with pytest.raises(ModelError, match="law"):
-        System({**b.tables(), "law_type": [0]})
+        linearize(System(b.tables()), drawn_state(System(b.tables())), without=("wind",))
+    table = dict(law_owner_kind=[1], law_owner=[0], law_component=[0], law_type=[7], law_n=[4], law_x=[0])
+    with pytest.raises(ModelError, match="table laws"):
+        System({**b.tables(), **table})
     b.joint("disc", "rolling_disc", None, "rod", (0, 0, 0))
     with pytest.raises(ModelError, match="rolling"):
         System(b.tables())

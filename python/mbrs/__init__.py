@@ -44,6 +44,9 @@ _HOME = {
     "accuracy_study": "study",
     "effect_study": "study",
     "harmonic_balance": "harmonic_balance",
+    "frequency_response": "frequency_response",
+    "limit_cycle": "limit_cycle",
+    "nonlinear_system": "nonlinear_system",
     "Cubic": "laws",
     "Polynomial1D": "laws",
     "Gap": "laws",
@@ -60,7 +63,8 @@ __all__ = sorted([*_HOME, "examples"])
 
 
 class _Package(types.ModuleType):
-    """`mb.frf` is the function, although the module that defines it is called `mbrs.frf`: the import system would set the
+    """`mb.frf` is the function, although the module that defines it is called `mbrs.frf`: the import system would
+    set the
     module under that name as soon as anything imports it.
     """
 

@@ -13,6 +13,7 @@ from .errors import ConvergenceError, MbrsError, ModelError, SingularError
 from .laws import Law
 
 NONSMOOTH_SAMPLES = 512
+POLYNOMIAL = (0, 1, 2, 8, 11)  # codes of the laws that are polynomials in u and v
 
 
 @dataclass(frozen=True)
@@ -134,11 +135,13 @@ def prepare(
     terms = checked_harmonics(harmonics, subharmonic)
     forces = _force_terms(system.n, force, terms, subharmonic)
     n = checked_samples(n_samples, laws, terms, subharmonic)
-    extended = tuple(range(1, min(2 * terms[-1] + 1, terms[-1] + 6) + 1))
-    fine = max(2 * n, needed_samples(laws, extended, subharmonic))
+    top = min(2 * terms[-1] + 1, terms[-1] + 6)  # the estimate looks at this many
+    extra = [[h] for h in range(1, top + 1) if h not in terms]
+    fine = max(2 * n, needed_samples(laws, (top,), subharmonic))
     linear = _condensation.linear_part(system, laws, forces, 2 * len(terms) + 1, condense)
     elements = core_elements(laws, linear.directions)
-    core = translated(_core.HbmProblem, linear.core, elements, [[h] for h in terms], subharmonic, [omega], [n], [fine])
+    indices = [[h] for h in terms]
+    core = translated(_core.HbmProblem, linear.core, elements, indices, subharmonic, [omega], [n], extra, [fine])
     arguments = (system, force, terms, subharmonic, n, omega, condense)
     return Setup(system, terms, subharmonic, n, core, linear, arguments)
 
@@ -187,11 +190,12 @@ def integer(name: str, value: Any) -> int:
 def needed_samples(laws: Sequence[Law], terms: Sequence[int], subharmonic: int) -> int:
     """Samples per period without aliasing into the kept terms, (p + 1) H + 1 for a law of degree p, as a fast FFT
     size."""
-    least = max([2 * terms[-1] + 2, *(_alias_free(law, terms[-1], subharmonic) for law in laws)])
+    least = max([2 * terms[-1] + 2, *(alias_free(law, terms[-1], subharmonic) for law in laws)])
     return fast_size(least)
 
 
-def _alias_free(law: Law, top: int, subharmonic: int) -> int:
+def alias_free(law: Law, top: int, subharmonic: int) -> int:
+    """Least number of samples for one law."""
     match law.code:
         case 0 | 8:
             return 4 * top + 1
@@ -210,8 +214,8 @@ def checked_samples(n_samples: int | None, laws: Sequence[Law], terms: Sequence[
     if n_samples is None:
         return needed_samples(laws, terms, subharmonic)
     n = integer("n_samples", n_samples)
-    polynomial = [law for law in laws if law.code in (0, 1, 2, 8, 11)]
-    least = max([2 * terms[-1] + 1, *(_alias_free(law, terms[-1], subharmonic) for law in polynomial)])
+    polynomial = [law for law in laws if law.code in POLYNOMIAL]
+    least = max([2 * terms[-1] + 1, *(alias_free(law, terms[-1], subharmonic) for law in polynomial)])
     if n < least:
         raise ModelError(f"n_samples = {n} aliases harmonics up to {terms[-1]}; use at least {least}, or leave it out")
     return n
@@ -230,7 +234,7 @@ def _force_terms(n: int, force: Any, terms: tuple[int, ...], subharmonic: int) -
     for h, vector in given.items():
         if isinstance(h, bool) or not isinstance(h, int | np.integer) or h < 0:
             raise ModelError(f"force: harmonics must be integers from 0 (static) on, not {h!r}")
-        f = _force_vector(n, vector, int(h))
+        f = force_vector(n, vector, int(h))
         if h == 0:
             if np.any(f.imag != 0):
                 raise ModelError("force: the static part (harmonic 0) must be real")
@@ -245,7 +249,8 @@ def _force_terms(n: int, force: Any, terms: tuple[int, ...], subharmonic: int) -
     return out
 
 
-def _force_vector(n: int, vector: Any, h: int) -> np.ndarray:
+def force_vector(n: int, vector: Any, h: int) -> np.ndarray:
+    """A complex force (n,) of one harmonic, checked."""
     try:
         f = np.asarray(vector, dtype=complex)
     except (TypeError, ValueError):

@@ -81,8 +81,9 @@ def _turned(system: Any, directions: tuple[np.ndarray, ...], forces: np.ndarray,
     turned = tuple(np.concatenate([(Q.T @ w)[:rank], np.zeros(system.n - rank)]) for w in directions)
     M, C, K = (Q.T @ A @ Q for A in dense(system))
     row, column = (i.ravel() for i in np.indices(M.shape))
-    values = [A.ravel() for A in (M, C, K)]
-    core = _core.HbmLinear.sparse(system.n, row, column, *values, np.arange(rank), np.ascontiguousarray(forces @ Q))
+    m, c, k = (A.ravel() for A in (M, C, K))
+    turned_forces = np.ascontiguousarray(forces @ Q)
+    core = _core.HbmLinear.sparse(system.n, row, column, m, c, k, np.arange(rank), turned_forces)
     return Linear(core, "condensed, turned", turned, Q)
 
 

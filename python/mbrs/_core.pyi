@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 _F1 = NDArray[np.float64]
 _F2 = NDArray[np.float64]
 _F3 = NDArray[np.float64]
+_Csc = tuple[NDArray[np.int64], NDArray[np.int64], _F1]
 _Ints = Sequence[int] | NDArray[np.int64]
 
 __version__: str
@@ -29,6 +30,12 @@ def dense_modes(
     n: np.ndarray | None,
     kf: np.ndarray | None,
 ) -> dict[str, Any]: ...
+def check_sparse_model(system: System) -> None: ...
+def sparse_model_modes(
+    system: System, relative: _F2, rate: _F1, without: Sequence[str], n: int, sigma: float | None = None
+) -> dict[str, Any]: ...
+def sparse_model_form(system: System, relative: _F2, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
+
 @final
 class FrfReduction:
     """M, D, S reduced once; maps and frequencies come with each call."""
@@ -39,7 +46,7 @@ class FrfReduction:
     @property
     def counts(self) -> dict[str, int]: ...
     def evaluate(
-        self, l: _F2, f: _F2, order_in: _Ints, d0: _F2 | None, order_out: int, omega: _F1
+        self, l: _F2, f: _F2, order_in: _Ints, d0: _F2 | None, order_out: int, omega: _F1, modes: int | None = None
     ) -> dict[str, Any]: ...
     def sensitivity(
         self,
@@ -109,6 +116,7 @@ class System:
     ) -> dict[str, Any]: ...
     def strains(self, relative: _F2) -> list[tuple[str, int, int, _F1, _F2, _F2]]: ...
     def reactions(self, relative: _F2, rate: _F1, without: Sequence[str]) -> _F2: ...
+
 def law_force(
     code: int, values: list[float], u: NDArray[np.float64], v: NDArray[np.float64]
 ) -> NDArray[np.float64]: ...
@@ -156,6 +164,7 @@ class HbmProblem:
         subharmonic: int,
         omega: list[float],
         dims: list[int],
+        extra: list[list[int]],
         fine: list[int],
     ) -> HbmProblem: ...
     @property
@@ -169,6 +178,7 @@ class HbmProblem:
         tolerance: float = 1e-10,
         max_iterations: int = 50,
     ) -> dict[str, Any]: ...
+    def cycle(self, z: NDArray[np.float64], tolerance: float = 1e-10, max_iterations: int = 50) -> dict[str, Any]: ...
     def floquet(
         self, y: NDArray[np.float64], omega: list[float], monodromy: bool = False
     ) -> tuple[NDArray[np.complex128] | None, NDArray[np.float64] | None]: ...
@@ -183,7 +193,7 @@ class HbmBranch:
         cls,
         problem: HbmProblem,
         y: NDArray[np.float64],
-        omega: float,
+        omega: list[float],
         level: float,
         parameter: str,
         begin: float,
@@ -208,10 +218,20 @@ def directions(
     rate: _F1,
     without: Sequence[str],
     directions: Sequence[_Direction],
-    follow: bool,
+    follow: str,
     maps: bool,
 ) -> dict[str, Any]: ...
-_Csc = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]
-
+def sparse_count(m: _Csc, k: _Csc, below: float) -> int | None: ...
+def sparse_frf(
+    m: _Csc,
+    d: _Csc | None,
+    s: _Csc,
+    l: _F2,
+    f: _F2,
+    order_in: _Ints,
+    d0: _F2 | None,
+    order_out: int,
+    omega: _F1,
+) -> dict[str, Any]: ...
 def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
 def mixed_modes(m: _Csc, a: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...

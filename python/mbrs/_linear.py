@@ -17,6 +17,7 @@ from .second_order import MechanicalSystem
 
 _EFFECT_OF = {"C": "damping", "G": "gyroscopic", "N": "circulatory"}
 _DENSE_LIMIT = 3000
+_SPARSE_FROM = 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +40,12 @@ class LinearSystem:
     @property
     def n(self) -> int:
         return len(self.coordinates)
+
+    @property
+    def is_large(self) -> bool:
+        """Sparse and so large that it is left so."""
+        sparse = any(hasattr(a, "tocsc") for a in (self.M, self.D, self.S) if a is not None)
+        return sparse and self.n > _SPARSE_FROM
 
     def reduction(self) -> tuple[_core.FrfReduction, bool]:
         """The reduced system, and whether it had to be made: systems with the same numbers share one."""
@@ -180,6 +187,14 @@ def dense(a: Any) -> np.ndarray:
             )
         a = a.toarray()
     return np.asarray(a, dtype=float)
+
+
+def csc_arrays(a: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Column pointers, row indices and values of a matrix, as the sparse functions of the core take them."""
+    from scipy.sparse import csc_matrix
+
+    made = csc_matrix(a)
+    return made.indptr.astype(np.int64), made.indices.astype(np.int64), made.data.astype(float)
 
 
 _reductions: OrderedDict[bytes, _core.FrfReduction] = OrderedDict()

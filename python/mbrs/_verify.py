@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _linear
+from . import _condensation
 from .errors import ModelError
 
 
@@ -32,9 +32,33 @@ def distance(solution: Any, rtol: float) -> float:
     return float(np.max(np.abs(motion.y[: system.n] - x)) / size)
 
 
+def distance_on_torus(solution: Any, cycles: float, rtol: float) -> float:
+    """The same for a quasi-periodic solution, over a number of its longest base periods."""
+    from scipy.integrate import solve_ivp
+
+    system = solution.system
+    free = first_order(system, {0: np.zeros(system.n)}, float(solution.omega[0]))
+    inverse = np.linalg.inv(_condensation.dense(system)[0])
+    static = np.zeros(system.n) if solution.static is None else np.asarray(solution.static, float)
+    sources = [(np.asarray(f["force"], complex), w) for f, w in zip(solution.forces, solution.omega, strict=True)]
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        f = sum(((a * np.exp(1j * w * t)).real for a, w in sources), static)
+        return free(t, y) + np.concatenate([np.zeros(system.n), inverse @ f])
+
+    t = np.linspace(0, cycles * 2 * np.pi / np.min(solution.omega), 1000)
+    x, v = solution.displacement(t), solution.velocity(t)
+    tiny = np.finfo(float).tiny
+    size, speed = max(float(np.max(np.abs(x))), tiny), max(float(np.max(np.abs(v))), tiny)
+    scale = np.repeat([size, speed], system.n)
+    start = np.concatenate([x[:, 0], v[:, 0]])
+    motion = solve_ivp(rate, (0, t[-1]), start, method="DOP853", t_eval=t, rtol=rtol, atol=rtol * scale)
+    return float(np.max(np.abs(motion.y[: system.n] - x)) / size) if motion.success else float("inf")
+
+
 def first_order(system: Any, force: Any, omega: float) -> Any:
-    """The right-hand side y' = f(t, y) with y = [x, x']."""
-    M, C, K = _linear.dense(system)
+    """The right-hand side y' = f(t, y) with y = [x, x'], (2n,) or for constant forces (2n, m)."""
+    M, C, K = _condensation.dense(system)
     n = system.n
     inverse = np.linalg.inv(M)
     given = dict(force) if isinstance(force, Mapping) else {1: force}
@@ -45,17 +69,18 @@ def first_order(system: Any, force: Any, omega: float) -> Any:
         x, v = y[:n], y[n:]
         f = -K @ x - C @ v
         for h, amplitude in terms:
-            f = f + (amplitude * np.exp(1j * h * omega * t)).real
+            part = (amplitude * np.exp(1j * h * omega * t)).real
+            f = f + (part if y.ndim == 1 else part[:, None])
         for law in laws:
             u, du = law.w @ x, law.w @ v
-            f = f - law.w * _law_force(law, u, du, omega * t)
+            f = f - np.multiply.outer(law.w, _law_force(law, u, du, omega * t))
         return np.concatenate([v, inverse @ f])
 
     return rate
 
 
-def _law_force(law: Any, u: float, v: float, phase: float) -> float:
+def _law_force(law: Any, u: Any, v: Any, phase: float) -> Any:
     if law.code == 11:
         k, order, start = law.numbers()
         return k * np.cos(order * phase + start) * u
-    return float(law.force(u, v))
+    return law.force(u, v)

@@ -59,8 +59,13 @@ class CampbellResult(Result):
 
         n = min(8, self.frequency.shape[1])
         pick = np.unique(np.linspace(0, len(self.speed) - 1, min(12, len(self.speed))).astype(int))
-        rows = [(self.speed[i], *(f"{self.frequency[i, j]:.5g}{_ARROW[int(self.whirl[i, j])]}" for j in range(n))) for i in pick]
-        text = table(["speed rad/s", *(f"mode {j + 1} Hz" for j in range(n))], rows, title=f"Campbell diagram of {self.joint!r}")
+        rows = [
+            (self.speed[i], *(f"{self.frequency[i, j]:.5g}{_ARROW[int(self.whirl[i, j])]}" for j in range(n)))
+            for i in pick
+        ]
+        text = table(
+            ["speed rad/s", *(f"mode {j + 1} Hz" for j in range(n))], rows, title=f"Campbell diagram of {self.joint!r}"
+        )
         text += "\n+ forward whirl, - backward whirl"
         for speed, mode, order in self.critical:
             text += f"\ncritical speed {speed:.6g} rad/s: {order:g}x excites mode {mode + 1}"
@@ -80,14 +85,22 @@ class CampbellResult(Result):
 
         over = ("speed", "mode")
         data = {name: (over, getattr(self, name)) for name in ("frequency", "damping", "eigenvalue", "whirl")}
-        return xarray.Dataset(data, coords={"speed": ("speed", self.speed, {"units": self.unit})}, attrs={"joint": self.joint})
+        return xarray.Dataset(
+            data, coords={"speed": ("speed", self.speed, {"units": self.unit})}, attrs={"joint": self.joint}
+        )
 
 
 _ARROW = {1: "+", -1: "-", 0: ""}
 
 
 def campbell(
-    m: Model, joint: Any, *, speed: Any, n: int | None = None, orders: Sequence[float] = (1.0,), without: Sequence[str] = ()
+    m: Model,
+    joint: Any,
+    *,
+    speed: Any,
+    n: int | None = None,
+    orders: Sequence[float] = (1.0,),
+    without: Sequence[str] = (),
 ) -> CampbellResult:
     """Natural frequencies, damping and whirl of a rotating model over its speed.
 
@@ -117,7 +130,8 @@ def campbell(
 
     Notes
     -----
-    Modes are followed by the correlation of their shapes in the state (y, s y), so that curves may cross. Critical speeds are the
+    Modes are followed by the correlation of their shapes in the state (y, s y), so that curves may cross. Critical
+    speeds are the
     crossings order x speed = |Im s|, refined by bisection on new steady motions. Cost n_s eigen-solutions.
 
     Examples
@@ -150,7 +164,12 @@ def campbell(
         whirl=np.array([row.whirl for row in rows])[:, keep],
         critical=tuple(sorted(critical)),
         joint=name,
-        stats=Stats(time.perf_counter() - start, {"eigensolutions": len(speeds), "critical speeds": len(critical)}, (), "tracked"),
+        stats=Stats(
+            time.perf_counter() - start,
+            {"eigensolutions": len(speeds), "critical speeds": len(critical)},
+            (),
+            "tracked",
+        ),
         error=np.array([row.error for row in rows])[:, keep],
     )
 
@@ -170,7 +189,9 @@ class _Row:
 
         likeness = np.abs(before.shape.conj().T @ self.shape)
         # closeness of the eigenvalues decides between modes of the same shape
-        distance = np.abs(before.s[:, None] - self.s[None, :]) / (np.abs(before.s)[:, None] + np.abs(self.s)[None, :] + 1e-300)
+        distance = np.abs(before.s[:, None] - self.s[None, :]) / (
+            np.abs(before.s)[:, None] + np.abs(self.s)[None, :] + 1e-300
+        )
         _, order = linear_sum_assignment(-likeness + distance)
         return _Row(self.s[order], self.shape[:, order], self.whirl[order], self.error[order])
 
@@ -186,7 +207,9 @@ def _at(m: Any, name: str, speed: float, start: Any, without: Sequence[str]) -> 
 
 
 def _whirl(motion: Any, shape: np.ndarray, name: str) -> np.ndarray:
-    """Sense of the orbit about the axis of rotation: sign of the area swept by the origin or the tilt of the body that moves most."""
+    """Sense of the orbit about the axis of rotation: sign of the area swept by the origin or the tilt of the body
+    that moves most.
+    """
     lin = motion.linearization
     omega = lin.poses["angular_velocity"]
     if not np.any(omega):
@@ -215,7 +238,9 @@ def _crossings(
     for mode in range(len(rows[0].s))[keep]:
         gap = np.array([abs(row.s[mode].imag) - order * speed for row, speed in zip(rows, speeds, strict=True)])
         for i in np.flatnonzero(gap[:-1] * gap[1:] < 0.0).tolist():
-            found.append((_locate(_gap_at(m, name, rows[i], mode, order, without), speeds[i], speeds[i + 1]), mode, order))
+            found.append(
+                (_locate(_gap_at(m, name, rows[i], mode, order, without), speeds[i], speeds[i + 1]), mode, order)
+            )
     return found
 
 

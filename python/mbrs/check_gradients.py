@@ -22,7 +22,8 @@ _FACTOR = 10.0
 class GradientCheck(Result):
     """Derivatives against central differences, one row per parameter.
 
-    ``exact`` and ``difference`` are the entries that disagree most, ``error`` their relative difference, ``noise`` the error that
+    ``exact`` and ``difference`` are the entries that disagree most, ``error`` their relative difference, ``noise``
+    the error that
     the differences themselves have (from two step sizes), ``ok`` whether they agree within it.
     """
 
@@ -37,7 +38,9 @@ class GradientCheck(Result):
 
         rows = list(zip(self.labels, self.exact, self.difference, self.error, self.noise, self.ok, strict=True))
         return table(
-            ["parameter", "derivative", "difference", "disagreement", "error of difference", "agree"], rows, title="check of gradients"
+            ["parameter", "derivative", "difference", "disagreement", "error of difference", "agree"],
+            rows,
+            title="check of gradients",
         )
 
     __repr__ = __str__
@@ -46,13 +49,20 @@ class GradientCheck(Result):
         return bool(np.all(self.ok))
 
 
-def check_gradients(analysis: Callable[[Any], Any], m: Any, parameters: str | Sequence[str], *, value: Callable[[Any], Any] | None = None) -> GradientCheck:
+def check_gradients(
+    analysis: Callable[[Any], Any],
+    m: Any,
+    parameters: str | Sequence[str],
+    *,
+    value: Callable[[Any], Any] | None = None,
+) -> GradientCheck:
     """Compare `mb.sensitivity` with central differences of the analysis itself.
 
     Parameters
     ----------
     analysis
-        What to differentiate, such as ``mb.modes`` or ``lambda m: mb.frf(m, ...)``; it returns a result of modes, a transfer
+        What to differentiate, such as ``mb.modes`` or ``lambda m: mb.frf(m, ...)``; it returns a result of modes, a
+        transfer
         function, a response, an equilibrium or a linearisation.
     m
         The model; left as it was.
@@ -60,7 +70,8 @@ def check_gradients(analysis: Callable[[Any], Any], m: Any, parameters: str | Se
         Addresses of scalar numbers and parameters (axes and orientations cannot be set along one direction).
     value
         Which numbers of the result to compare, with the same meaning for the result and (last axis: parameters) for its
-        sensitivity; by default eigenvalues of modes, values of transfer functions and responses, positions of an equilibrium and
+        sensitivity; by default eigenvalues of modes, values of transfer functions and responses, positions of an
+        equilibrium and
         K of a linearisation.
 
     Returns
@@ -103,7 +114,9 @@ def _default(result: Any) -> np.ndarray:
             return np.asarray(found)
     if hasattr(result, "poses"):
         return result.poses["position"]
-    raise ModelError(f"check_gradients does not know which numbers of a {type(result).__name__} to compare; give value=")
+    raise ModelError(
+        f"check_gradients does not know which numbers of a {type(result).__name__} to compare; give value="
+    )
 
 
 def _one(analysis: Any, m: Any, label: str, exact: np.ndarray, numbers: Any) -> tuple[Any, Any, float, float]:
@@ -124,7 +137,9 @@ def _one(analysis: Any, m: Any, label: str, exact: np.ndarray, numbers: Any) -> 
     finally:
         m.set({label: now})
     best = (4.0 * fine - coarse) / 3.0
-    scale = max(float(np.max(np.abs(best), initial=0.0)), float(np.max(np.abs(exact), initial=0.0)), np.finfo(float).tiny)
+    scale = max(
+        float(np.max(np.abs(best), initial=0.0)), float(np.max(np.abs(exact), initial=0.0)), np.finfo(float).tiny
+    )
     miss = np.abs(best - exact) / scale
     worst = np.unravel_index(int(np.argmax(miss)), miss.shape)
     noise = float(np.max(np.abs(best - fine))) / scale

@@ -162,7 +162,7 @@ class Branch(Iterator[BranchPoint]):
             _core.HbmBranch,
             self.setup.core,
             y,
-            self.omega[0],
+            [self.omega[0]],
             self.level[0],
             self.parameter,
             begin,

@@ -83,7 +83,8 @@ class Equilibrium(Result):
     def reactions(self) -> dict[str, np.ndarray]:
         """Wrench (6,) of each joint on its second body at the joint's point, world axes, N and N m.
 
-        Where constraints are redundant, rigid bodies do not decide how they share; these are the reactions of minimum norm,
+        Where constraints are redundant, rigid bodies do not decide how they share; these are the reactions of
+        minimum norm,
         moments divided by the model's characteristic length.
         """
         snapshot = self.linearization.snapshot
@@ -101,11 +102,16 @@ class Equilibrium(Result):
         ]
         t = self.linearization.snapshot.model
         drawn = [np.asarray(b.values(0, 3)) for b in t.bodies]
-        rows = [(name, *p, float(np.linalg.norm(p - d))) for name, p, d in zip(self.bodies, self.poses["position"], drawn, strict=True)]
+        rows = [
+            (name, *p, float(np.linalg.norm(p - d)))
+            for name, p, d in zip(self.bodies, self.poses["position"], drawn, strict=True)
+        ]
         lines.append(table(["body", "x (m)", "y (m)", "z (m)", "moved (m)"], rows[:30]))
         if self.model.joints:
             forces = [(name, *w) for name, w in self.reactions.items()]
-            lines.append(table(["reaction", "Fx (N)", "Fy (N)", "Fz (N)", "Mx (N m)", "My (N m)", "Mz (N m)"], forces[:30]))
+            lines.append(
+                table(["reaction", "Fx (N)", "Fy (N)", "Fz (N)", "Mx (N m)", "My (N m)", "Mz (N m)"], forces[:30])
+            )
         if self.free_directions:
             lines.append("unrestrained and unloaded: " + "; ".join(self.free_directions))
         return "\n".join(lines)
@@ -138,7 +144,8 @@ class Equilibrium(Result):
 def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equilibrium:
     """Static equilibrium: B''^T (f(y)) = 0 with all loops closed.
 
-    Newton with a line search downhill in energy, then dynamic relaxation where that stalls; it ends at a stable equilibrium
+    Newton with a line search downhill in energy, then dynamic relaxation where that stalls; it ends at a stable
+    equilibrium
     unless the start is in balance already.
 
     Parameters
@@ -200,7 +207,8 @@ def _equilibrium(snapshot: Snapshot, r: dict[str, Any], without: tuple[str, ...]
     state = State(r["relative"], AT_REST, "equilibrium")
     if not r["stable"]:
         warnings.warn(
-            f"the equilibrium of {snapshot.model.name!r} is unstable: the drawn state was in balance already; draw it slightly "
+            f"the equilibrium of {snapshot.model.name!r} is unstable: the drawn state was in balance already; draw "
+            f"it slightly "
             "off to let it fall to a stable one",
             MbrsWarning,
             stacklevel=3,
@@ -219,7 +227,9 @@ def _equilibrium(snapshot: Snapshot, r: dict[str, Any], without: tuple[str, ...]
     )
 
 
-def _partial(snapshot: Snapshot, best: Any, without: tuple[str, ...], residual: float, start: float) -> Equilibrium | None:
+def _partial(
+    snapshot: Snapshot, best: Any, without: tuple[str, ...], residual: float, start: float
+) -> Equilibrium | None:
     """The best state an unfinished search reached."""
     flat = np.asarray(best, dtype=float).reshape(-1, 12)
     # the core lists rotation matrices column by column

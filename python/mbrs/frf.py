@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from . import _core
 from ._border import core_errors
-from ._linear import LinearSystem, Origin, linear_system
+from ._linear import LinearSystem, Origin, csc_arrays, linear_system
 from .errors import MbrsWarning, ModelError
 from .results import Result, Stats, added_counts
 
@@ -150,6 +151,7 @@ def frf(
     frequency: Any = None,
     omega: Any = None,
     kind: str = "receptance",
+    modes: int | None = None,
     at: Any = None,
     without: Sequence[str] = (),
 ) -> FrfResult:
@@ -172,6 +174,8 @@ def frf(
         to sigma, then growing by 1.6 (without damping from 1e-4 omega_d on). An array or list is the set of points.
     kind
         "receptance", "mobility", "accelerance", or "transmissibility" (motion per motion of the base).
+    modes
+        Sum up only this many lowest modes; ``error`` then says what the others would have added. All by default.
     at, without
         State to linearise at; effects to leave out.
 
@@ -193,7 +197,8 @@ def frf(
     Notes
     -----
     Cost: O(n^3) once for a set of matrices (kept for later calls), then O(n) per entry and frequency for well
-    conditioned modes, O(n^2) per frequency otherwise.
+    conditioned modes, O(n^2) per frequency otherwise. Sparse systems of more than 400 coordinates stay sparse: one
+    factorisation per frequency; poles are then known as far as the range or the points reach.
 
     Examples
     --------
@@ -210,18 +215,21 @@ def frf(
     linear = linear_system(m, inputs, outputs, at, without)
     if kind == "transmissibility" and np.any(linear.order_in != 2):
         raise ModelError("a transmissibility needs motions of the base as inputs, such as mb.base_motion('z')")
-    reduction, made = linear.reduction()
-    poles = reduction.poles
+    if modes is not None and (not isinstance(modes, int | np.integer) or modes < 1):
+        raise ModelError(f"modes={modes!r} must be a number of modes, at least 1")
+    solver = _Sparse(linear, _ORDER[kind], points, limits) if linear.is_large else _Dense(linear, _ORDER[kind], modes)
+    if linear.is_large and modes is not None:
+        raise ModelError("modes= is for dense systems; a large sparse one is solved directly at each frequency")
+    poles = solver.poles
     if points is None:
         assert limits is not None
         points = _sampled(limits, poles)
-    order_out = _ORDER[kind]
     with core_errors():
-        raw = reduction.evaluate(linear.L, linear.F, linear.order_in, linear.D0, order_out, points)
+        raw = solver.evaluate(points)
         if limits is None:
-            _warn_missed(reduction, linear, order_out, points, poles, raw["value"])
+            _warn_missed(solver, points, poles, raw["value"])
     _warn_singular(points, raw["singular"])
-    counts = added_counts(linear.source, reduction.counts if made else {}, raw["counts"])
+    counts = added_counts(linear.source, solver.counts, raw["counts"])
     return FrfResult(
         value=raw["value"],
         frequency=points / (2 * np.pi),
@@ -302,6 +310,62 @@ def frf_sensitivity(
     )
 
 
+class _Dense:
+    """A system reduced once, bound to its ports."""
+
+    def __init__(self, linear: LinearSystem, order_out: int, modes: int | None) -> None:
+        self.linear, self.order_out, self.modes = linear, order_out, modes
+        self.reduction, made = linear.reduction()
+        self.poles: np.ndarray | None = self.reduction.poles
+        self.counts: Mapping[str, int] = self.reduction.counts if made else {}
+
+    def evaluate(self, omega: np.ndarray) -> dict[str, Any]:
+        p = self.linear
+        return self.reduction.evaluate(p.L, p.F, p.order_in, p.D0, self.order_out, omega, self.modes)
+
+
+class _Sparse:
+    """A large system, solved anew at each frequency; its poles are computed up to the highest one."""
+
+    _most_poles = 300
+
+    def __init__(
+        self,
+        linear: LinearSystem,
+        order_out: int,
+        points: np.ndarray | None,
+        limits: tuple[float, float] | None,
+    ) -> None:
+        self.linear, self.order_out = linear, order_out
+        self.arrays = (
+            csc_arrays(linear.M),
+            None if linear.D is None else csc_arrays(linear.D),
+            csc_arrays(linear.S),
+        )
+        self.counts: Mapping[str, int] = {}
+        highest = limits[1] if limits is not None else float(np.abs(points).max()) if points is not None else 0.0
+        self.poles = self._poles(highest)
+
+    def _poles(self, highest: float) -> np.ndarray | None:
+        """Those within reach, or None where they cannot be counted or are too many to be worth it."""
+        M, D, S = self.arrays
+        with core_errors():
+            try:
+                below = _core.sparse_count(M, S, highest**2)
+            except _core.CoreError:
+                return None
+            if below is None or below > self._most_poles:
+                return None
+            found = _core.sparse_modes(M, D, S, min(below + 2, self.linear.n))
+        self.counts = found["counts"]
+        s = found["eigenvalue"] if "eigenvalue" in found else 1j * np.sqrt(found["lambda"].astype(complex))
+        return np.concatenate([s, np.conj(s)])
+
+    def evaluate(self, omega: np.ndarray) -> dict[str, Any]:
+        p = self.linear
+        return _core.sparse_frf(*self.arrays, p.L, p.F, p.order_in, p.D0, self.order_out, omega)
+
+
 def _grid(frequency: Any, omega: Any) -> tuple[np.ndarray | None, tuple[float, float] | None]:
     """Points in rad/s, or the limits of a range in rad/s."""
     if (frequency is None) == (omega is None):
@@ -360,14 +424,7 @@ def _resonances(poles: np.ndarray | None, low: float, high: float) -> list[compl
     return kept
 
 
-def _warn_missed(
-    reduction: Any,
-    linear: LinearSystem,
-    order_out: int,
-    points: np.ndarray,
-    poles: np.ndarray | None,
-    value: np.ndarray,
-) -> None:
+def _warn_missed(solver: _Dense | _Sparse, points: np.ndarray, poles: np.ndarray | None, value: np.ndarray) -> None:
     """A resonance is missed when its half-power band lies between two neighbouring points and its peak shows in H."""
     grid = np.unique(np.abs(points))
     if grid.size < 2 or poles is None:
@@ -381,16 +438,14 @@ def _warn_missed(
             suspects.append(pole.imag)
     if not suspects:
         return
-    peaks = reduction.evaluate(
-        linear.L, linear.F, linear.order_in, linear.D0, order_out, np.array(suspects, dtype=float)
-    )["value"]
+    peaks = solver.evaluate(np.array(suspects, dtype=float))["value"]
     place = np.argsort(np.abs(points), kind="stable")
     missed = []
     for s, w in enumerate(suspects):
         k = int(np.searchsorted(np.abs(points)[place], w))
         sides = [place[i] for i in (k - 1, k) if 0 <= i < place.size]
         around = np.max(np.abs(value[:, :, sides]), axis=2)
-        if np.any(np.abs(peaks[:, :, s]) > 1.05 * around):
+        if np.any(~(np.abs(peaks[:, :, s]) <= 1.05 * around)):
             missed.append(w / (2 * np.pi))
     if missed:
         shown = ", ".join(f"{f:.6g}" for f in missed[:8]) + (", ..." if len(missed) > 8 else "")

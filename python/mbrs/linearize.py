@@ -28,7 +28,9 @@ _BALANCED = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Snapshot:
-    """The model as it was when a result was made: its compiled form, and the versions that say whether it changed since."""
+    """The model as it was when a result was made: its compiled form, and the versions that say whether it changed
+    since.
+    """
 
     model: Model
     system: Any
@@ -52,7 +54,10 @@ class Snapshot:
             )
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"model": self.model, "current": (self.model.structure_version, self.model.values_version) == self.versions}
+        return {
+            "model": self.model,
+            "current": (self.model.structure_version, self.model.values_version) == self.versions,
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         model = state["model"]
@@ -69,7 +74,8 @@ class Linearization(Result):
     Attributes
     ----------
     M, C, G, K, N
-        (dof, dof): mass, damping (symmetric), gyroscopic (skew), stiffness (symmetric), circulatory (skew); C, G and N are
+        (dof, dof): mass, damping (symmetric), gyroscopic (skew), stiffness (symmetric), circulatory (skew); C, G
+        and N are
         None where nothing acts. SI units; rotations in radians.
     coordinates
         Names of the minimal coordinates: increments of joint coordinates, see docs/tables.md.
@@ -199,7 +205,9 @@ class Linearization(Result):
         return self.poses["rotation"][body] @ local
 
     def input_map(self, ports: Sequence[Any]) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-        """Columns (dof, n_in) of inputs, the derivative of the input they multiply (2 for base motion), and their names."""
+        """Columns (dof, n_in) of inputs, the derivative of the input they multiply (2 for base motion), and their
+        names.
+        """
         made = [as_port(self.model, p) for p in ports]
         columns, order = [], []
         for port in made:
@@ -230,13 +238,19 @@ class Linearization(Result):
             )
         return np.r_[np.zeros(3), port.direction]
 
-    def output_map(self, ports: Sequence[Any], inputs: Sequence[Any] = ()) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-        """Rows (n_out, dof) of output motions, the part (n_out, n_in) that follows base motion directly, and their names."""
+    def output_map(
+        self, ports: Sequence[Any], inputs: Sequence[Any] = ()
+    ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+        """Rows (n_out, dof) of output motions, the part (n_out, n_in) that follows base motion directly, and their
+        names.
+        """
         made, sources = [as_port(self.model, p) for p in ports], [as_port(self.model, p) for p in inputs]
         rows, direct = np.zeros((len(made), self.n)), np.zeros((len(made), len(sources)))
         for i, port in enumerate(made):
             if port.kind != "motion":
-                raise ModelError(f"the output {port.name!r} is a {port.kind}; outputs are motions, such as body.motion('z')")
+                raise ModelError(
+                    f"the output {port.name!r} is a {port.kind}; outputs are motions, such as body.motion('z')"
+                )
             rows[i], _, point = self.port_row(port)
             for j, source in enumerate(sources):
                 if source.kind == "base":
@@ -266,7 +280,9 @@ class Linearization(Result):
     __repr__ = __str__
 
     def to_xarray(self) -> Any:
-        """`xarray.Dataset` with the matrices over (coordinate, coordinate_) and T over (body, component, coordinate)."""
+        """`xarray.Dataset` with the matrices over (coordinate, coordinate_) and T over (body, component,
+        coordinate).
+        """
         import xarray
 
         names = list(self.coordinates)
@@ -331,8 +347,10 @@ def linearize(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Linea
 
     Notes
     -----
-    Cost O(n_bodies * depth) for the tree, O(path^2) for each element, O(n^3) where loops are closed. Recursions after Singh,
-    Russo and Wensing (IEEE Robotics and Automation Letters 7(2), 2022), transformation after Jiang, Chen and Luo (2011).
+    Cost O(n_bodies * depth) for the tree, O(path^2) for each element, O(n^3) where loops are closed. Recursions
+    after Singh,
+    Russo and Wensing (IEEE Robotics and Automation Letters 7(2), 2022), transformation after Jiang, Chen and Luo
+    (2011).
 
     Examples
     --------
@@ -356,8 +374,8 @@ def _linearization(
     snapshot: Snapshot, state: State, r: dict[str, Any], without: tuple[str, ...], start: float, warn: bool
 ) -> Linearization:
     model = snapshot.model
-    C, G = _split_damping(r["D"], state.moving)
-    K, N = _split_stiffness(r["S"], conservative=not state.moving and not any(load.frame == "body" for load in model.loads))
+    C, G = _split_damping(r["D"], state.moving or _cross_coupled(model, "c"))
+    K, N = _split_stiffness(r["S"], conservative=not state.moving and not _has_no_potential(model))
     scale = r["force_scale"]
     unbalanced = float(np.max(np.abs(r["residual"]), initial=0.0))
     error = unbalanced / scale if scale > 0.0 else 0.0
@@ -403,12 +421,22 @@ def _present(x: np.ndarray, of: np.ndarray) -> np.ndarray | None:
     return x if np.max(np.abs(x), initial=0.0) > 1e-13 * np.max(np.abs(of), initial=0.0) else None
 
 
-def _split_damping(D: np.ndarray | None, moving: bool) -> tuple[np.ndarray | None, np.ndarray | None]:
+def _has_no_potential(model: Any) -> bool:
+    return any(load.frame == "body" for load in model.loads) or _cross_coupled(model, "k")
+
+
+def _cross_coupled(model: Any, name: str) -> bool:
+    """True where a full 6 x 6 bushing is not symmetric, such as that of a journal bearing."""
+    full = (e for e in model.elements if e.shapes.get(name) == (6, 6))
+    return any(not np.array_equal(k, k.T) for k in (model.value(f"{e.name}.{name}") for e in full))
+
+
+def _split_damping(D: np.ndarray | None, skew: bool) -> tuple[np.ndarray | None, np.ndarray | None]:
     if D is None or not np.any(D):
         return None, None
     C, G = split(D)
-    # at rest dampers alone act, and theirs is symmetric
-    return (_present(C, D), _present(G, D)) if moving else (C, None)
+    # at rest dampers alone act, and theirs is symmetric unless they couple across
+    return (_present(C, D), _present(G, D)) if skew else (C, None)
 
 
 def _split_stiffness(S: np.ndarray, conservative: bool) -> tuple[np.ndarray, np.ndarray | None]:

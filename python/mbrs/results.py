@@ -1,4 +1,6 @@
-"""What every analysis returns: a frozen object that prints, plots, saves and says what it cost and how far it may be off."""
+"""What every analysis returns: a frozen object that prints, plots, saves and says what it cost and how far it may
+be off.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Stats:
-    """What a result cost: wall time in seconds, deterministic work counts, the effects that ran, the route that was taken."""
+    """What a result cost: wall time in seconds, deterministic work counts, the effects that ran, the route that was
+    taken.
+    """
 
     wall_time: float = 0.0
     counts: Mapping[str, int] = field(default_factory=dict)
@@ -20,7 +24,9 @@ class Stats:
 
 
 def added_counts(*parts: Any) -> dict[str, int]:
-    """Work counts of several steps together; a part may be counts, or anything with ``.stats`` (else it counts nothing)."""
+    """Work counts of several steps together; a part may be counts, or anything with ``.stats`` (else it counts
+    nothing).
+    """
     total: dict[str, int] = {}
     for part in parts:
         counts = part if isinstance(part, Mapping) else getattr(getattr(part, "stats", None), "counts", {})
@@ -33,7 +39,8 @@ def added_counts(*parts: Any) -> dict[str, int]:
 class Result:
     """Base of all results. Subclasses add arrays, `__str__` as a readable table, `plot` and `to_xarray`.
 
-    ``error`` is an estimate computed with the result (relative unless the subclass says otherwise), ``status`` a named reason.
+    ``error`` is an estimate computed with the result (relative unless the subclass says otherwise), ``status`` a
+    named reason.
     """
 
     stats: Stats = field(default_factory=Stats, kw_only=True)

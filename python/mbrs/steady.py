@@ -40,7 +40,8 @@ class SteadyMotion(Result):
     linearization
         The exact linearisation there.
     error
-        How much M, C + G and K + N change over a turn of the driven coordinates, relative: the linearisation has constant
+        How much M, C + G and K + N change over a turn of the driven coordinates, relative: the linearisation has
+        constant
         coefficients only where this is rounding.
     """
 
@@ -80,7 +81,8 @@ def steady_motion(m: Model, speed: Mapping[str, float], *, at: Any = None, witho
     m
         The model.
     speed
-        rad/s (m/s for sliding coordinates) by joint, body or coordinate: ``{"shaft": 60.0}``. A joint or body must have one
+        rad/s (m/s for sliding coordinates) by joint, body or coordinate: ``{"shaft": 60.0}``. A joint or body must
+        have one
         rotation; name the coordinate ("rotor.rx") where it has several.
     at
         Where to start: None (drawn), an equilibrium, another steady motion.
@@ -128,7 +130,8 @@ def steady_motion(m: Model, speed: Mapping[str, float], *, at: Any = None, witho
     varies = _variation(snapshot, state, found, driven, without)
     if varies > _VARIES:
         warnings.warn(
-            f"the linearisation of {m.name!r} at this steady motion changes by {varies:.1e} over a turn (an unsymmetric rotor on "
+            f"the linearisation of {m.name!r} at this steady motion changes by {varies:.1e} over a turn (an "
+            f"unsymmetric rotor on "
             "unsymmetric supports): its modes hold for the drawn angle alone",
             MbrsWarning,
             stacklevel=2,
@@ -215,7 +218,8 @@ def _solve(
         with core_errors():
             relative = snapshot.system.advance(relative, step)
     raise ConvergenceError(
-        f"no steady motion of {snapshot.model.name!r} was found at these speeds within {_MAX_ITERATIONS} iterations; approach them in "
+        f"no steady motion of {snapshot.model.name!r} was found at these speeds within {_MAX_ITERATIONS} iterations; "
+        f"approach them in "
         "steps (at= takes a slower steady motion)"
     )
 
@@ -224,7 +228,9 @@ def _newton(S: np.ndarray, residual: np.ndarray, scale: float) -> np.ndarray:
     """-S^-1 r; directions without stiffness are left alone unless something pushes them."""
     step, _, rank, _ = np.linalg.lstsq(S, -residual, rcond=1e-13)
     if rank < len(residual) and np.max(np.abs(S @ step + residual)) > 1e-9 * scale:
-        raise SingularError("a force of the steady motion acts along a direction that nothing restrains; add a spring or a joint")
+        raise SingularError(
+            "a force of the steady motion acts along a direction that nothing restrains; add a spring or a joint"
+        )
     return step
 
 
@@ -235,7 +241,8 @@ def _check_rates(snapshot: Snapshot, r: dict[str, Any], relative: np.ndarray, ra
         miss = snapshot.system.rate_mismatch(relative, rate)
     if miss > 1e-9 * float(np.max(np.abs(rate), initial=0.0)):
         raise ModelError(
-            "a closed loop does not let these speeds be constant with everything else at rest; drive a joint outside the loops"
+            "a closed loop does not let these speeds be constant with everything else at rest; drive a joint outside "
+            "the loops"
         )
 
 

@@ -12,6 +12,7 @@ from .frf import frf, frf_derivative, motion_rows
 from .kinematics import State, System, advance, drawn_state, from_poses
 from .linearize import Linearization, linearize
 from .modal import Modes, constrained_roots, modes
+from .motion import Motion, integrate, law_rows
 from .precise import mp_eigenvalue_derivative
 from .response import response
 from .sensitivity import (
@@ -28,6 +29,7 @@ __all__ = [
     "Derivative",
     "Linearization",
     "Modes",
+    "Motion",
     "State",
     "System",
     "advance",
@@ -44,6 +46,8 @@ __all__ = [
     "frf_derivative",
     "from_poses",
     "group_matrix",
+    "integrate",
+    "law_rows",
     "linearize",
     "modes",
     "motion_rows",

@@ -28,7 +28,7 @@ class Partition:
 
 
 def cut_row_names(sys: System) -> list[str]:
-    return [f"{link.name}[{i}]" for link in sys.cut for i in range(len(jt.CONSTRAINTS[link.kind]))]
+    return [f"{link.name}[{i}]" for link in sys.cut for i in range(len(jt.all_rows(link.kind)))]
 
 
 def link_rows(link: Link, p: jt.Pair, rows: Sequence[jt.Row]) -> Jet:
@@ -44,11 +44,13 @@ def constraint_values(sys: System, state: State, links: Sequence[Link]) -> Array
     return np.array(out)
 
 
-def cut_jacobian(sys: System, bodies: Motion, twists: list[tuple[Jet, Jet]]) -> Jet:
-    """J^T (ny, nc) of the cut rows over the tree coordinates, as a jet."""
+def cut_jacobian(sys: System, bodies: Motion, twists: list[tuple[Jet, Jet]], velocity: bool = True) -> Jet:
+    """J^T (ny, nc) of the cut rows over the tree coordinates, as a jet; without the rows that restrict velocities alone
+    where positions are meant.
+    """
     out = []
     for link in sys.cut:
-        rows = jt.CONSTRAINTS[link.kind]
+        rows = jt.all_rows(link.kind) if velocity else jt.CONSTRAINTS[link.kind]
         if rows:
             p = link_pair(link, bodies)
             xi = p.twist(twists[link.a.body], twists[link.b.body])
@@ -56,20 +58,25 @@ def cut_jacobian(sys: System, bodies: Motion, twists: list[tuple[Jet, Jet]]) -> 
     return stack(out).T if out else jet(np.zeros((sys.ny, 0)))
 
 
-def scales(sys: System) -> tuple[Array, Array]:
+def scales(sys: System, velocity: bool = True) -> tuple[Array, Array]:
     """Factors that make J free of units: rows in metres by 1/L_c, columns in metres by L_c."""
-    rows = np.array([jt.is_length(row) for link in sys.cut for row in jt.CONSTRAINTS[link.kind]], dtype=bool)
+    rows_of = jt.all_rows if velocity else jt.CONSTRAINTS.__getitem__
+    rows = np.array([jt.is_length(row) for link in sys.cut for row in rows_of(link.kind)], dtype=bool)
     return np.where(rows, 1 / sys.length, 1.0), np.where(sys.is_length, sys.length, 1.0)
 
 
-def jacobian(sys: System, state: State) -> Array:
+def jacobian(sys: System, state: State, velocity: bool = True) -> Array:
     """J = dPhi/dy (nc, ny) of the cut rows, unscaled."""
     bodies = motion(state)
-    return cut_jacobian(sys, bodies, tree_twists(sys, bodies)).value.T
+    return cut_jacobian(sys, bodies, tree_twists(sys, bodies), velocity).value.T
 
 
 def partition(sys: System, state: State, independent: Sequence[int] | None = None) -> Partition:
-    """Which coordinates depend on which, by column-pivoted QR of the scaled cut rows, or as told by ``independent``."""
+    """Which coordinates depend on which, by column-pivoted QR of the scaled cut rows, or as told by ``independent``.
+
+    Rows that restrict velocities alone take a freedom like the others: about a state at rest what they leave is a
+    constant.
+    """
     row_scale, column_scale = scales(sys)
     J = row_scale[:, None] * jacobian(sys, state) * column_scale
     dependent = pivots(J)
@@ -115,14 +122,14 @@ def twist_map(sys: System, bodies: Motion, part: Partition) -> Jet:
 
 def assemble(sys: System, state: State, tolerance: float = 1e-13) -> State:
     """Bring the joints together: tree joints exactly, then cut ones by Newton steps of least norm in (length / L_c,
-    angle). A tree joint keeps its free coordinates, read off as docs/tables.md defines them.
+    angle). A tree joint keeps its free coordinates, read off the given poses as docs/tables.md defines them.
 
     The Jacobian's real part serves for the steps, so an imaginary part converges as well; both must before it ends.
     """
     dtype = np.result_type(state.r, state.R, sys.x, float)
     r, R = state.r.astype(dtype), state.R.astype(dtype)
     for t in sys.tree:
-        u, turn = relative_pose(t, r, R)
+        u, turn = relative_pose(t, state.r, state.R)
         free = [k for _, kind, _, k in t.coordinates if kind == "t"]
         place_outer(t, r, R, np.where(np.isin(np.arange(3), free), u, 0.0), _free_turn(t, turn))
     return close_loops(sys, State(r, R, state.v, state.w), tolerance)
@@ -146,7 +153,7 @@ def close_loops(sys: System, state: State, tolerance: float = 1e-13, fixed: Sequ
     """Newton on the cut rows; the tree coordinates in ``fixed`` get no increments."""
     if not any(jt.CONSTRAINTS[link.kind] for link in sys.cut):
         return state
-    row_scale, column_scale = scales(sys)
+    row_scale, column_scale = scales(sys, velocity=False)
     movable = np.setdiff1d(np.arange(sys.ny), np.asarray(fixed, dtype=int))
     gap, imaginary = np.inf, np.inf
     for _ in range(60):
@@ -156,7 +163,7 @@ def close_loops(sys: System, state: State, tolerance: float = 1e-13, fixed: Sequ
         if done and (change == 0 or change >= 0.5 * imaginary):
             return state
         imaginary = change if done else np.inf
-        J = (row_scale[:, None] * jacobian(sys, state) * column_scale).real[:, movable]
+        J = (row_scale[:, None] * jacobian(sys, state, velocity=False) * column_scale).real[:, movable]
         y = np.zeros(sys.ny, dtype=phi.dtype)
         y[movable] = column_scale[movable] * minimum_norm(J, -phi)
         state = advance(sys, state, y)

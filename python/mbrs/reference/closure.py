@@ -33,7 +33,7 @@ def closure_defect(
     """
     real = System(tables)
     state = state_of(real)
-    row, column = scales(real)
+    row, column = scales(real, velocity=False)
     part = partition(real, state)
     J = row[:, None] * _jacobian(real, state).T * column
     Z = left_null_space(J)
@@ -53,7 +53,7 @@ def closure_curvature(sys: System, state: State) -> Array:
     singular, so that the degrees of freedom counted there are not those of the mechanism (a flat parallelogram, for
     instance).
     """
-    row, column = scales(sys)
+    row, column = scales(sys, velocity=False)
     part = partition(sys, state)
     B = _null_space(sys, state, part)
     Z = left_null_space(row[:, None] * _jacobian(sys, state).T * column)
@@ -61,7 +61,7 @@ def closure_curvature(sys: System, state: State) -> Array:
     twists = tree_twists(sys, bodies)
     T = np.concatenate([half.value.T for body in twists[:-1] for half in body]) @ B
     moving = motion(state, split(T.T))
-    dJ = cut_jacobian(sys, moving, tree_twists(sys, moving)).derivative_along(T.shape[1])
+    dJ = cut_jacobian(sys, moving, tree_twists(sys, moving), velocity=False).derivative_along(T.shape[1])
     scaled = B / column[:, None]
     unit = np.linalg.norm(scaled, axis=0)
     H = np.einsum("cm,c,iyc,yj->mij", Z, row, dJ, B) / unit[:, None] / unit
@@ -70,7 +70,7 @@ def closure_curvature(sys: System, state: State) -> Array:
 
 def _jacobian(sys: System, state: State) -> Array:
     bodies = motion(state)
-    return cut_jacobian(sys, bodies, tree_twists(sys, bodies)).value
+    return cut_jacobian(sys, bodies, tree_twists(sys, bodies), velocity=False).value
 
 
 def _null_space(sys: System, state: State, part: Any) -> Array:

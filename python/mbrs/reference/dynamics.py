@@ -21,7 +21,10 @@ from .linear import minimum_norm
 from .reader import Link
 from .so3 import Array, skew
 
-EFFECTS = ("gravity", "gyroscopic", "centrifugal", "preload-stiffness", "constraint-force-stiffness", "damping")
+EFFECTS = (
+    *("gravity", "gyroscopic", "centrifugal", "preload-stiffness", "constraint-force-stiffness", "damping"),
+    *("friction", "contact", "law-slopes"),
+)
 
 
 def check_effects(without: Collection[str]) -> None:
@@ -169,33 +172,60 @@ def reach(link: Link, rows: Jet, p: jt.Pair) -> Reach:
     return Reach(p.twist(*unit_twists()) @ rows.T, columns, kept)
 
 
-def element_force(sys: System, state: State, damping: bool = True) -> Array:
-    """Resisting forces J^T (preload + k e + c e') of all elements and joint springs, (6 nb,)."""
+def link_response(
+    link: Link, e: Array, rate: Array, damping: bool, without: Collection[str] = (), memory: Array | None = None
+) -> tuple[Array, Array, Array]:
+    """Forces of a link's coordinates, preload + k e + c e' + laws, and their slopes; memory centred if not given."""
+    k, c, f = law_numbers(link)
+    f = f + k @ e
+    if damping:
+        f = f + c @ rate
+    else:
+        c = 0 * c
+    for law in link.laws:
+        if not law.acts(without):
+            continue
+        i = law.component
+        z = np.zeros(law.memory + law.n_memory) if memory is None else memory
+        force, by_e, by_rate, _ = law(e[i], rate[i], z)
+        unit = np.eye(len(f))[i]
+        f = f + force * unit
+        if "law-slopes" not in without:
+            k = k + by_e * np.outer(unit, unit)
+            c = c + (by_rate if damping else 0.0) * np.outer(unit, unit)
+    return f, k, c
+
+
+def element_force(
+    sys: System,
+    state: State,
+    damping: bool = True,
+    without: Collection[str] = (),
+    memory: Array | None = None,
+) -> Array:
+    """Resisting forces J^T (preload + k e + c e' + laws) of all elements and joint springs, (6 nb,)."""
     total, bodies, v = _zeros(sys, state, 6 * sys.nb), motion(state), twists_of(state)
     for link in forcing_links(sys):
         p = link_pair(link, bodies)
         on = reach(link, jt.coordinate_rows(link.kind, p), p)
-        k, c, preload = law_numbers(link)
         J = on.J.value
-        f = preload + k @ jt.coordinate_values(link, p)
-        if damping:
-            f = f + c @ (J.T @ on.take(v))
+        f, _, _ = link_response(link, jt.coordinate_values(link, p), J.T @ on.take(v), damping, without, memory)
+        total = total.astype(np.result_type(total, f), copy=False)
         on.add_vector(total, J @ f)
     return total
 
 
-def element_tangents(sys: System, state: State, damping: bool = True, geometric: bool = True) -> tuple[Array, Array]:
+def element_tangents(
+    sys: System, state: State, damping: bool = True, geometric: bool = True, without: Collection[str] = ()
+) -> tuple[Array, Array]:
     """K and C of the elements: J^T k J + (d J^T) f + J^T c (dJ v), and J^T c J."""
     n = 6 * sys.nb
     K, C, v = _zeros(sys, state, n, n), _zeros(sys, state, n, n), twists_of(state)
     for link in forcing_links(sys):
         p = jt.pair(link, *directions(state, link))
         on = reach(link, jt.coordinate_rows(link.kind, p), p)
-        k, c, preload = law_numbers(link)
-        if not damping:
-            c = 0 * c
         J, own = on.J.value, on.take(v)
-        f = preload + k @ jt.coordinate_values(link, p) + c @ (J.T @ own)
+        f, k, c = link_response(link, jt.coordinate_values(link, p), J.T @ own, damping, without)
         rate = np.swapaxes(on.J.derivative_along(12), -1, -2) @ own  # (12 directions, n)
         part = J @ k @ J.T + J @ c @ rate.T
         on.add_matrix(K, part + on.geometric(f) if geometric else part)
@@ -247,10 +277,12 @@ def constraint_stiffness(sys: System, state: State, lam: Array) -> Array:
     return K
 
 
-def applied_residual(sys: System, state: State, a: Array, without: Collection[str] = ()) -> Array:
+def applied_residual(
+    sys: System, state: State, a: Array, without: Collection[str] = (), memory: Array | None = None
+) -> Array:
     """f = M a + h - Q without constraint forces, (6 nb,)."""
     Q, _ = load_forces(sys, state, "gravity" not in without)
-    f = element_force(sys, state, "damping" not in without) - Q
+    f = element_force(sys, state, "damping" not in without, without, memory) - Q
     return f if "centrifugal" in without else f + inertia_force(sys, state, a)
 
 

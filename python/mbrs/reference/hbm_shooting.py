@@ -53,3 +53,21 @@ def shoot(
         if np.max(np.abs(step)) < tolerance * max(1.0, np.max(np.abs(state))):
             return state, phi
     raise RuntimeError("shooting did not converge")
+
+
+def cycle(
+    system: Any, force: Any, state: np.ndarray, period: float, tolerance: float = 1e-12
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """Initial state, period and monodromy matrix of a limit cycle; the initial state moves orthogonally to the flow."""
+    h = 1e-6
+    for _ in range(40):
+        end, phi = flow(system, force, 1.0, state, period)
+        later, _ = flow(system, force, 1.0, end, h * period)
+        earlier, _ = flow(system, force, 1.0, end, -h * period)
+        speed = (later - earlier) / (2 * h * period)
+        A = np.block([[phi - np.eye(len(state)), speed[:, None]], [speed[None, :], np.zeros((1, 1))]])
+        step = np.linalg.solve(A, np.append(state - end, 0.0))
+        state, period = state + step[:-1], period + step[-1]
+        if np.max(np.abs(step)) < tolerance * max(1.0, np.max(np.abs(state))):
+            return state, period, phi
+    raise RuntimeError("shooting did not converge")

@@ -40,6 +40,16 @@ CONSTRAINTS: dict[str, list[Row]] = {
 # rows that restrict velocities only
 VELOCITY_CONSTRAINTS: dict[str, list[Row]] = {"knife_edge": [("knife", 0, 0)]}
 
+
+def velocity_rows(kind: str) -> list[Row]:
+    return VELOCITY_CONSTRAINTS.get(kind, [])
+
+
+def all_rows(kind: str) -> list[Row]:
+    """Rows of both levels; a joint has one level or the other."""
+    return CONSTRAINTS[kind] + velocity_rows(kind)
+
+
 # free coordinates for forces: ("u", i), ("angle", Z), ("beta", X), ("log", 0); the last stands for three
 FREE: dict[str, list[tuple[str, int]]] = {
     "fixed": [],

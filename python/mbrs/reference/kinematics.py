@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from . import joints as jt
-from . import reader, so3
+from . import laws, reader, so3
 from .jets import Jet, column, cross, jet
 from .reader import Link
 from .so3 import Array
@@ -53,12 +53,12 @@ class System:
     """
 
     def __init__(self, tables: Mapping[str, Any], x: Array | None = None) -> None:
-        reader.check_supported(tables)
         self.tables = tables
         self.x = np.asarray(tables["x"] if x is None else x)
         self.bodies = reader.read_bodies(tables, self.x)
         self.joints = reader.read_joints(tables, self.x, self.bodies)
         self.elements = reader.read_elements(tables, self.x, self.bodies)
+        self.n_memory = laws.attach(tables, self.x, self.elements, self.joints)
         self.loads = reader.read_loads(tables, self.x, self.bodies)
         self.gravity = reader.read_gravity(tables, self.x)
         self.tree, self.cut = spanning_tree(self.bodies, self.joints)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..errors import ModelError
 from . import dynamics as dyn
 from . import joints as jt
 from .assembly import Partition, link_rows, partition, twist_map
@@ -128,6 +129,10 @@ def linearize(
     Cost O(nb^3). Source: METHODS.md a.2; the terms of a moving state are derived here.
     """
     dyn.check_effects(without)
+    if np.any(dyn.twists_of(state) != 0) and any(jt.velocity_rows(link.kind) for link in sys.joints):
+        raise ModelError(
+            "a model with joints that restrict velocities is linearised at rest only; give it no velocities"
+        )
     part = partition(sys, state, independent)
     base = nominal_motion(sys, state, part)
     state, T = base.state, base.T
@@ -135,7 +140,10 @@ def linearize(
     lam = _multipliers(sys, base, f)
     M, D, S = _congruence(sys, base, lam, without)
     G_all, _ = dyn.constraint_jacobian(sys, state)
-    S = S + turning_of_columns(sys, state, part, T, f + G_all.T @ lam)
+    if (
+        "constraint-force-stiffness" not in without
+    ):  # without it, the congruence of the absolute tangents is all there is
+        S = S + turning_of_columns(sys, state, part, T, f + G_all.T @ lam)
     W, P, _ = velocity_constraints(sys, base)
     names = [sys.coordinates[i] for i in part.independent]
     C, G, K, N = (0.5 * (X + s * X.T) for X in (D, S) for s in (1, -1))
@@ -176,10 +184,8 @@ def _multipliers(sys: System, base: Nominal, f: Array) -> Array:
 def _congruence(sys: System, base: Nominal, lam: Array, without: Collection[str]) -> tuple[Array, Array, Array]:
     state, T = base.state, base.T
     Ki, Ci, Mi = dyn.inertia_tangents(sys, state, base.a)
-    Ke, Ce = dyn.element_tangents(sys, state, "damping" not in without, "preload-stiffness" not in without)
-    static = Ke
-    if "preload-stiffness" not in without:
-        static = static + dyn.load_forces(sys, state)[1]
+    Ke, Ce = dyn.element_tangents(sys, state, "damping" not in without, "preload-stiffness" not in without, without)
+    static = Ke + dyn.load_forces(sys, state)[1]
     if "constraint-force-stiffness" not in without:
         static = static + dyn.constraint_stiffness(sys, state, lam)
     spin, turn = state.w, split(base.a)[1]

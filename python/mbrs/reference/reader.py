@@ -56,6 +56,7 @@ class Link:
     preload: Array
     length: Array = field(default_factory=lambda: np.zeros(()))
     has_force: bool = False
+    laws: list[Any] = field(default_factory=list)
 
 
 @dataclass
@@ -202,8 +203,3 @@ def characteristic_length(points: Array) -> float:
         return 1.0
     largest = float(np.max(np.linalg.norm(points.real - points.real.mean(axis=0), axis=1)))
     return largest if largest > 0 else 1.0
-
-
-def check_supported(t: Mapping[str, Any]) -> None:
-    if len(t.get("law_type", ())):
-        raise ModelError("mbrs.reference computes the linear part only; remove law= from joints and elements")

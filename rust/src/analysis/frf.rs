@@ -118,7 +118,15 @@ impl Reduction {
         routes
     }
 
-    pub fn evaluate(&self, ports: &Ports, omega: &[f64], cancel: &Cancel) -> Result<Values> {
+    /// H at the given frequencies, by the cheapest route that passes its check; with `keep` by that many lowest modes, checked
+    /// alike but taken whatever comes out.
+    pub fn evaluate(
+        &self,
+        ports: &Ports,
+        omega: &[f64],
+        keep: Option<usize>,
+        cancel: &Cancel,
+    ) -> Result<Values> {
         ports.check(self.q.n())?;
         if ports.n_out() == 0 || ports.n_in() == 0 {
             return Err(Error::model(
@@ -131,40 +139,75 @@ impl Reduction {
         let mut counts = Counts::default();
         let samples = self.samples(omega);
         let checks = self.references(ports, omega, &samples, &mut counts);
-        let direct_error = checks.iter().map(|c| c.plain_error).fold(0.0, f64::max);
-        let mut accepted = (Route::Direct, direct_error);
-        for route in self.routes() {
-            if route == Route::Direct {
-                break;
-            }
-            let evaluator = self.prepare(route, ports, &mut counts);
-            let error = checks
+        let measured = |evaluator: &Evaluator<'_>| {
+            let distances = checks
                 .iter()
-                .map(|check| check.distance(evaluator.at(omega[check.index])))
-                .fold(0.0, f64::max);
-            if error <= (10.0 * direct_error).clamp(ACCEPT, WORST_ACCEPTED) {
-                accepted = (route, error);
-                break;
+                .map(|check| check.distance(evaluator.at(omega[check.index])));
+            distances.fold(
+                if checks.is_empty() {
+                    f64::NAN
+                } else {
+                    f64::EPSILON
+                },
+                f64::max,
+            )
+        };
+        let (route, evaluator, error) = match keep {
+            Some(keep) => {
+                let (route, evaluator) = self.truncated(ports, keep)?;
+                let error = measured(&evaluator);
+                (route, evaluator, error)
             }
-        }
-        let (route, mut error) = accepted;
-        let refine = route == Route::Direct && direct_error > ACCEPT;
-        if refine {
-            error = f64::EPSILON;
-        }
-        let evaluator = match route {
-            Route::Direct => self.direct(ports, if refine { 3 } else { 0 }),
-            _ => self.prepare(route, ports, &mut counts),
+            None => self.cheapest(ports, &checks, measured, &mut counts),
         };
         counts.add("frequencies", omega.len() as u64);
         let (h, singular) = self.sweep(&evaluator, ports, omega, &mut counts, cancel)?;
         Ok(Values {
             h,
             route,
-            error: error.max(f64::EPSILON),
+            error,
             singular,
             counts,
         })
+    }
+
+    fn cheapest<'a>(
+        &'a self,
+        ports: &'a Ports,
+        checks: &[Check],
+        measured: impl Fn(&Evaluator<'_>) -> f64,
+        counts: &mut Counts,
+    ) -> (Route, Evaluator<'a>, f64) {
+        let plain = checks.iter().map(|c| c.plain_error).fold(0.0, f64::max);
+        for route in self.routes() {
+            let evaluator = self.prepare(route, ports, counts);
+            let error = measured(&evaluator);
+            if error.is_nan() || error <= (10.0 * plain).clamp(ACCEPT, WORST_ACCEPTED) {
+                return (route, evaluator, error);
+            }
+        }
+        // each refinement contracts the error by what the first correction was
+        (
+            Route::Direct,
+            self.direct(ports, 3),
+            plain.powi(4).max(f64::EPSILON),
+        )
+    }
+
+    /// Real or complex modes of the `keep` smallest |s|, a conjugate pair counting as one.
+    fn truncated<'a>(&'a self, ports: &'a Ports, keep: usize) -> Result<(Route, Evaluator<'a>)> {
+        let refuse = |why: &str| Err(Error::model(format!("modes = {keep}: {why}")));
+        if keep == 0 || keep > self.q.n() {
+            return refuse(&format!("the system has {}", self.q.n()));
+        }
+        match (&self.normal, &self.real, &self.complex) {
+            (_, Some(modes), _) => Ok((Route::RealModes, real_evaluator(modes, ports, keep))),
+            (Some(form), _, Some(modes)) if modes.condition < WORST_VECTORS => Ok((
+                Route::ComplexModes,
+                complex_evaluator(form, modes, ports, keep),
+            )),
+            _ => refuse("the system has no well-conditioned modes to sum up; leave modes= out"),
+        }
     }
 
     /// Complex modes whose expansion agrees with refined direct solves from the slowest to the fastest motion.
@@ -183,7 +226,7 @@ impl Reduction {
             .map(|k| slow * (fast / slow).powf(k as f64 / 4.0))
             .collect();
         let checks = self.references(ports, &omega, &[0, 1, 2, 3, 4], counts);
-        let evaluator = complex_evaluator(form, modes, ports);
+        let evaluator = complex_evaluator(form, modes, ports, self.q.n());
         let good =
             |check: &Check| check.distance(evaluator.at(omega[check.index])) < WORST_ACCEPTED;
         checks.iter().all(good).then_some(modes)
@@ -303,9 +346,9 @@ impl Reduction {
 
     fn prepare<'a>(&'a self, route: Route, ports: &'a Ports, counts: &mut Counts) -> Evaluator<'a> {
         match (route, &self.normal, &self.real, &self.complex) {
-            (Route::RealModes, _, Some(modes), _) => real_evaluator(modes, ports),
+            (Route::RealModes, _, Some(modes), _) => real_evaluator(modes, ports, self.q.n()),
             (Route::ComplexModes, Some(form), _, Some(modes)) => {
-                complex_evaluator(form, modes, ports)
+                complex_evaluator(form, modes, ports, self.q.n())
             }
             (Route::Hessenberg, Some(form), _, _) => {
                 let state = StateSpace::new(form, ports);
@@ -334,30 +377,53 @@ impl Reduction {
     }
 }
 
-fn real_evaluator<'a>(modes: &'a RealModes, ports: &Ports) -> Evaluator<'a> {
+fn real_evaluator<'a>(modes: &RealModes, ports: &Ports, keep: usize) -> Evaluator<'a> {
     let highest = modes.lambda.iter().fold(0.0_f64, |a, l| a.max(l.abs()));
+    let kept = lowest(&modes.lambda, keep, |l| l.abs());
+    let shape = columns(&modes.shape, &kept);
     Evaluator::Real {
-        modes,
-        left: &ports.l * &modes.shape,
-        right: complex((modes.shape.transpose() * &ports.f).as_ref()),
+        lambda: kept.iter().map(|k| modes.lambda[*k]).collect(),
+        damping: kept.iter().map(|k| modes.damping[*k]).collect(),
+        left: &ports.l * &shape,
+        right: complex((shape.transpose() * &ports.f).as_ref()),
         noise: 4.0 * f64::EPSILON * highest,
     }
 }
 
 fn complex_evaluator<'a>(
     form: &NormalForm,
-    modes: &'a ComplexModes,
+    modes: &ComplexModes,
     ports: &Ports,
+    keep: usize,
 ) -> Evaluator<'a> {
     let state = StateSpace::new(form, ports);
     let largest = modes.pole.iter().fold(0.0_f64, |a, s| a.max(s.norm()));
+    let kept = lowest(&modes.pole, 2 * keep, |s| s.norm());
+    let right = modes.coordinates(state.b.as_ref());
     Evaluator::Complex {
-        modes,
-        left: modes.outputs(state.c.as_ref()),
-        right: modes.coordinates(state.b.as_ref()),
+        pole: kept.iter().map(|k| modes.pole[*k]).collect(),
+        left: columns(&modes.outputs(state.c.as_ref()), &kept),
+        right: Mat::from_fn(kept.len(), right.ncols(), |i, j| right[(kept[i], j)]),
         noise: 4.0 * f64::EPSILON * largest,
         largest,
     }
+}
+
+fn columns<T: Copy>(a: &Mat<T>, kept: &[usize]) -> Mat<T> {
+    Mat::from_fn(a.nrows(), kept.len(), |i, j| a[(i, kept[j])])
+}
+
+/// Indices of the `keep` smallest in their own order; equal sizes, such as conjugate pairs, are not cut apart.
+fn lowest<T: Copy>(values: &[T], keep: usize, size: impl Fn(T) -> f64) -> Vec<usize> {
+    let mut sizes: Vec<f64> = values.iter().map(|v| size(*v)).collect();
+    if keep >= values.len() {
+        return (0..values.len()).collect();
+    }
+    sizes.sort_by(f64::total_cmp);
+    let limit = sizes[keep - 1] * (1.0 + 1e-9);
+    (0..values.len())
+        .filter(|k| size(values[*k]) <= limit)
+        .collect()
 }
 
 /// A product that leaves infinite entries infinite instead of making NaN of inf * 0.
@@ -405,7 +471,7 @@ mod tests {
         for (q, route) in cases {
             let reduction = Reduction::new(q).unwrap();
             let values = reduction
-                .evaluate(&end_to_end(12), &omega, &Cancel::default())
+                .evaluate(&end_to_end(12), &omega, None, &Cancel::default())
                 .unwrap();
             assert_eq!(values.route, route);
             let ports = end_to_end(12);
@@ -425,7 +491,7 @@ mod tests {
         let s = Mat::from_fn(2, 2, |i, j| [[1.0, 1e-3], [0.0, 1.0]][i][j]);
         let reduction = Reduction::new(Quadratic::new(m, Some(d), s).unwrap()).unwrap();
         let values = reduction
-            .evaluate(&end_to_end(2), &[0.0, 1.0], &Cancel::default())
+            .evaluate(&end_to_end(2), &[0.0, 1.0], None, &Cancel::default())
             .unwrap();
         assert_eq!(values.route, Route::Hessenberg);
         // triangular S: the force on x0 does not reach x1

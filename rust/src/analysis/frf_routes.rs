@@ -2,7 +2,6 @@
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par, c64};
 
-use super::modes_of::{ComplexModes, RealModes};
 use super::ports::Ports;
 use crate::linalg::hessenberg::Hessenberg;
 use crate::linalg::quadratic::Quadratic;
@@ -10,13 +9,14 @@ use crate::linalg::quadratic::Quadratic;
 /// One route bound to its ports; `at` gives L Z^-1 F, or None where Z is (nearly) singular.
 pub enum Evaluator<'a> {
     Real {
-        modes: &'a RealModes,
+        lambda: Vec<f64>,
+        damping: Vec<f64>,
         left: Mat<f64>,
         right: Mat<c64>,
         noise: f64,
     },
     Complex {
-        modes: &'a ComplexModes,
+        pole: Vec<c64>,
         left: Mat<c64>,
         right: Mat<c64>,
         noise: f64,
@@ -40,13 +40,14 @@ impl Evaluator<'_> {
     pub fn at(&self, w: f64) -> Option<Mat<c64>> {
         match self {
             Evaluator::Real {
-                modes,
+                lambda,
+                damping,
                 left,
                 right,
                 noise,
             } => {
-                let mut receptance = Vec::with_capacity(modes.lambda.len());
-                for (l, c) in modes.lambda.iter().zip(&modes.damping) {
+                let mut receptance = Vec::with_capacity(lambda.len());
+                for (l, c) in lambda.iter().zip(damping) {
                     let den = c64::new(l - w * w, w * c);
                     if den.norm() <= *noise {
                         return None;
@@ -59,15 +60,15 @@ impl Evaluator<'_> {
                 Some(product(weighted.as_ref(), right.as_ref()))
             }
             Evaluator::Complex {
-                modes,
+                pole,
                 left,
                 right,
                 noise,
                 largest,
             } => {
                 let s = c64::new(0.0, w);
-                let mut factor = Vec::with_capacity(modes.pole.len());
-                for pole in &modes.pole {
+                let mut factor = Vec::with_capacity(pole.len());
+                for pole in pole {
                     // a zero root is known to the accuracy of a defective one only, so omega = 0 is judged by S itself
                     let limit = if w == 0.0 { 1e-6 * largest } else { *noise };
                     if (s - pole).norm() <= limit {

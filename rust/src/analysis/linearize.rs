@@ -16,6 +16,7 @@ use crate::system::System;
 use crate::system::assemble::{Effects, Scene, Tangent};
 use crate::system::loops::{Loops, column_scales};
 use crate::system::placement::{Placement, State, advance, place};
+use crate::system::topology::{ConstraintRow, Level};
 
 /// A redundant combination whose second derivative is larger than this (rows and columns scaled) marks a singular pose.
 const SINGULAR_POSE: f64 = 1e-6;
@@ -131,6 +132,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         acceleration: None,
         effects: setting.effects,
     };
+    check_velocity_rows(setting)?;
     let (_, jacobian) = scene.constraints();
     let loops = Loops::analyse(system, &jacobian)?;
     if loops.is_some() {
@@ -157,6 +159,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
                 }
                 y
             });
+    let acceleration = acceleration.filter(|_| setting.effects.centrifugal);
     scene.acceleration = acceleration.as_deref();
     let tau = scene.residual(None);
     let lam = loops
@@ -165,7 +168,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     let tangent = scene.tangent(Some(lam.as_slice()), counts);
     let (matrices, residual) = match (&loops, &b) {
         (Some(l), Some(b)) => (
-            reduce(&tangent, l, b, turning.as_ref()),
+            reduce(&tangent, l, b, turning.as_ref(), setting.effects),
             l.reduce_vector(&tau, b),
         ),
         _ => (unreduced(tangent), tau),
@@ -191,19 +194,17 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     })
 }
 
-fn total_damping<T: Real>(tangent: &Tangent<T>) -> Option<DMatrix<T>> {
-    match (&tangent.damping, &tangent.gyroscopic) {
-        (Some(c), Some(g)) => Some(c + g),
-        (Some(d), None) | (None, Some(d)) => Some(d.clone()),
-        (None, None) => None,
+fn sum<T: Real>(a: Option<DMatrix<T>>, b: Option<DMatrix<T>>) -> Option<DMatrix<T>> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(a + b),
+        (a, b) => a.or(b),
     }
 }
 
 pub(super) fn unreduced<T: Real>(tangent: Tangent<T>) -> Matrices<T> {
-    let damping = total_damping(&tangent);
     Matrices {
         mass: tangent.mass,
-        damping,
+        damping: sum(tangent.damping, tangent.gyroscopic),
         stiffness: tangent.stiffness,
     }
 }
@@ -213,35 +214,48 @@ pub(super) fn reduce<T: Real>(
     loops: &Loops,
     b: &DMatrix<T>,
     turning: Option<&Turning>,
+    effects: Effects,
 ) -> Matrices<T> {
-    let total = total_damping(tangent);
-    let mut damping = total.as_ref().map(|d| loops.reduce(d, b));
-    let mut stiffness = loops.reduce(&tangent.stiffness, b);
+    let reduced = |x: &DMatrix<T>| loops.reduce(x, b);
+    let mass = reduced(&tangent.mass);
+    let mut damping = tangent.damping.as_ref().map(reduced);
+    let mut stiffness = reduced(&tangent.stiffness);
+    let gyroscopic = tangent.gyroscopic.as_ref();
+    if effects.gyroscopic {
+        damping = sum(damping, gyroscopic.map(reduced));
+    }
     if let Some(turning) = turning {
-        // columns of M and D on the dependent coordinates, where alone B'' changes
-        let project = |x: &DMatrix<T>, w: &DMatrix<f64>| {
-            let columns = DMatrix::from_fn(x.nrows(), loops.dependent.len(), |i, k| {
-                x[(i, loops.dependent[k])]
-            });
-            let full = columns * w.map(T::from);
-            let mut out = DMatrix::zeros(loops.independent.len(), full.ncols());
-            for j in 0..full.ncols() {
-                out.set_column(j, &loops.reduce_vector(&full.column(j).into_owned(), b));
-            }
-            out
-        };
-        let mass_first = project(&tangent.mass, &turning.first) * T::from(2.0);
-        stiffness += project(&tangent.mass, &turning.second);
-        if let Some(d) = &total {
-            stiffness += project(d, &turning.first);
+        let along = |x: &DMatrix<T>, w: &DMatrix<f64>| turned(loops, x, w, b);
+        if effects.gyroscopic {
+            let first = along(&tangent.mass, &turning.first) * T::from(2.0);
+            damping = sum(damping, Some(first));
         }
-        damping = Some(damping.map_or_else(|| mass_first.clone(), |d| d + &mass_first));
+        let inertial = gyroscopic.filter(|_| effects.centrifugal);
+        for d in tangent.damping.as_ref().into_iter().chain(inertial) {
+            stiffness += along(d, &turning.first);
+        }
+        if effects.centrifugal {
+            stiffness += along(&tangent.mass, &turning.second);
+        }
     }
     Matrices {
-        mass: loops.reduce(&tangent.mass, b),
+        mass,
         damping,
         stiffness,
     }
+}
+
+/// B''^T X W for a change W of B'', which has rows on the dependent coordinates alone.
+fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<f64>, b: &DMatrix<T>) -> DMatrix<T> {
+    let columns = DMatrix::from_fn(x.nrows(), loops.dependent.len(), |i, k| {
+        x[(i, loops.dependent[k])]
+    });
+    let full = columns * w.map(T::from);
+    let mut out = DMatrix::zeros(loops.independent.len(), full.ncols());
+    for j in 0..full.ncols() {
+        out.set_column(j, &loops.reduce_vector(&full.column(j).into_owned(), b));
+    }
+    out
 }
 
 fn turning(setting: &Setting<'_>, loops: &Loops, rate: &[f64]) -> Turning {
@@ -287,6 +301,21 @@ fn turning_pass(
     };
     let b = loops.dependent_map(&scene.constraints().1);
     (b.map(|v| v.v1), b.map(|v| v.v2))
+}
+
+/// At rest a velocity row takes one freedom and leaves its displacement as a constant (a root at zero that is not reported).
+/// In motion that displacement turns B'', which minimal coordinates alone do not hold.
+fn check_velocity_rows(setting: &Setting<'_>) -> Result<()> {
+    let topology = &setting.system.topology;
+    let velocity = |r: &&ConstraintRow| r.level == Level::Velocity;
+    match topology.rows.iter().find(velocity) {
+        Some(row) if setting.state.moving() => Err(Error::model(format!(
+            "joint '{}' constrains velocities, and a model with such joints is linearised at rest only; linearise an equilibrium, set the \
+             bodies' velocities to zero, or follow the motion in time",
+            topology.tables.joints[row.joint].name
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// Redundant rows that agree to first order but not to second: the pose where a mechanism may change its mobility.

@@ -3,12 +3,17 @@
 //! Assembled: K and M as they are. Mixed: [x; f; lam] with element forces and constraints as unknowns,
 //! [[K_geo - sigma M, G^T], [G, -compliance]], where a constraint is a row without compliance. Assembling K of a long chain of
 //! bushings loses its lowest modes to a condition that grows like n^4; the mixed form keeps them.
+use std::cell::RefCell;
+
 use faer::prelude::*;
 use faer::{Mat, MatMut, MatRef};
 
 use crate::error::{Error, Result};
 use crate::linalg::krylov::Operator;
 use crate::linalg::sparse::{Csc, Factor, negative_eigenvalues};
+
+/// Rows of one element, at most.
+const LARGEST_BLOCK: usize = 64;
 
 /// A symmetric pencil that can be shifted and inverted.
 pub trait Pencil {
@@ -31,6 +36,18 @@ pub trait Pencil {
 pub struct ShiftInvert<'a> {
     factor: Factor,
     m: &'a Csc,
+    /// right-hand sides of the augmented system; fresh memory for each solve would cost as much as the solve
+    rhs: RefCell<Mat<f64>>,
+}
+
+impl<'a> ShiftInvert<'a> {
+    fn new(factor: Factor, m: &'a Csc) -> Self {
+        ShiftInvert {
+            factor,
+            m,
+            rhs: RefCell::new(Mat::new()),
+        }
+    }
 }
 
 impl Operator for ShiftInvert<'_> {
@@ -45,8 +62,12 @@ impl Operator for ShiftInvert<'_> {
             self.factor.solve(out);
             return Ok(());
         }
-        let mut rhs = Mat::zeros(self.factor.n(), x.ncols());
+        let mut rhs = self.rhs.borrow_mut();
+        if rhs.ncols() != x.ncols() {
+            *rhs = Mat::zeros(self.factor.n(), x.ncols());
+        }
         self.m.multiply(x, rhs.as_mut().subrows_mut(0, n), false);
+        rhs.as_mut().subrows_mut(n, self.factor.n() - n).fill(0.0);
         self.factor.solve(rhs.as_mut());
         out.copy_from(rhs.subrows(0, n));
         Ok(())
@@ -117,7 +138,7 @@ impl Pencil for Assembled {
             Some(factor) => factor,
             None => Factor::lu(&a)?,
         };
-        Ok(ShiftInvert { factor, m: &self.m })
+        Ok(ShiftInvert::new(factor, &self.m))
     }
 
     fn energies(&self, _: MatRef<'_, f64>) -> Option<Vec<f64>> {
@@ -134,7 +155,7 @@ impl Pencil for Assembled {
 
     fn shifted_at_zero(&self) -> Result<Option<ShiftInvert<'_>>> {
         let factor = Factor::cholesky(&self.k, 1e-12)?;
-        Ok(factor.map(|factor| ShiftInvert { factor, m: &self.m }))
+        Ok(factor.map(|factor| ShiftInvert::new(factor, &self.m)))
     }
 }
 
@@ -158,11 +179,16 @@ pub struct Mixed {
     geometric: Csc,
     /// G: rows of elements and constraints over x
     rows: Csc,
-    compliances: Vec<Compliance>,
+    stiffness: Stiffness,
 }
 
-/// Rows that share one block of compliance, and that block's inverse.
-struct Compliance {
+/// Element stiffness: of rows alone, zero for constraints and for rows of a block, and of blocks of coupled rows.
+struct Stiffness {
+    single: Vec<f64>,
+    blocks: Vec<Coupled>,
+}
+
+struct Coupled {
     rows: Vec<usize>,
     stiffness: Mat<f64>,
 }
@@ -180,54 +206,107 @@ impl Mixed {
         if !a.is_symmetric() {
             return Err(Error::model("the augmented matrix is not symmetric"));
         }
-        let compliances = compliances(&a.block(n..all, n..all))?;
+        let stiffness = Stiffness::new(&a.block(n..all, n..all))?;
         Ok(Mixed {
             geometric: a.block(0..n, 0..n),
             rows: a.block(n..all, 0..n),
-            compliances,
+            stiffness,
             m,
             a,
         })
     }
 }
 
-/// Connected blocks of the lower right corner, -compliance; rows without any are constraints.
-fn compliances(corner: &Csc) -> Result<Vec<Compliance>> {
-    let n = corner.rows;
-    let mut done = vec![false; n];
-    let mut out = Vec::new();
-    for first in 0..n {
-        if done[first] || corner.column(first).all(|(_, v)| v == 0.0) {
-            continue;
-        }
-        let mut rows = vec![first];
-        done[first] = true;
-        let mut next = 0;
-        while next < rows.len() {
-            for (i, v) in corner.column(rows[next]) {
-                if v != 0.0 && !done[i] {
-                    done[i] = true;
-                    rows.push(i);
-                }
-            }
-            next += 1;
-        }
-        let size = rows.len();
-        if size > 64 {
-            return Err(Error::model(format!(
-                "a block of {size} coupled compliances; each element must have its own block of at most 64"
-            )));
-        }
-        let block = Mat::from_fn(size, size, |i, j| -corner.get(rows[i], rows[j]));
-        let llt = block.llt(faer::Side::Lower).map_err(|_| {
+impl Stiffness {
+    /// From the lower right corner, -compliance; rows without any are constraints.
+    fn new(corner: &Csc) -> Result<Self> {
+        let n = corner.rows;
+        let refuse = || {
             Error::model(
                 "a compliance block (minus the lower right corner) is not positive definite",
             )
-        })?;
-        let stiffness = llt.solve(Mat::<f64>::identity(size, size));
-        out.push(Compliance { rows, stiffness });
+        };
+        let mut out = Stiffness {
+            single: vec![0.0; n],
+            blocks: Vec::new(),
+        };
+        let mut done = vec![false; n];
+        for first in 0..n {
+            if done[first] {
+                continue;
+            }
+            let rows = connected(corner, first, &mut done)?;
+            if rows.len() > 1 {
+                let block =
+                    Mat::from_fn(rows.len(), rows.len(), |i, j| -corner.get(rows[i], rows[j]));
+                let llt = block.llt(faer::Side::Lower).map_err(|_| refuse())?;
+                let stiffness = llt.solve(Mat::<f64>::identity(rows.len(), rows.len()));
+                out.blocks.push(Coupled { rows, stiffness });
+                continue;
+            }
+            let compliance = -corner.get(first, first);
+            if compliance < 0.0 {
+                return Err(refuse());
+            }
+            if compliance > 0.0 {
+                out.single[first] = 1.0 / compliance;
+            }
+        }
+        Ok(out)
     }
-    Ok(out)
+
+    /// Rows that are no constraints.
+    fn elastic_rows(&self) -> usize {
+        let single = self.single.iter().filter(|k| **k > 0.0).count();
+        single + self.blocks.iter().map(|b| b.rows.len()).sum::<usize>()
+    }
+
+    fn energy(&self, stretch: &Mat<f64>, c: usize) -> f64 {
+        let mut energy = 0.0;
+        for (i, k) in self.single.iter().enumerate() {
+            energy += k * stretch[(i, c)] * stretch[(i, c)];
+        }
+        for block in &self.blocks {
+            for (i, row) in block.rows.iter().enumerate() {
+                for (j, other) in block.rows.iter().enumerate() {
+                    energy += stretch[(*row, c)] * block.stiffness[(i, j)] * stretch[(*other, c)];
+                }
+            }
+        }
+        energy
+    }
+
+    fn diagonal(&self) -> Vec<f64> {
+        let mut diagonal = self.single.clone();
+        for block in &self.blocks {
+            for (i, row) in block.rows.iter().enumerate() {
+                diagonal[*row] = block.stiffness[(i, i)];
+            }
+        }
+        diagonal
+    }
+}
+
+/// Rows that share compliance with the first one.
+fn connected(corner: &Csc, first: usize, done: &mut [bool]) -> Result<Vec<usize>> {
+    let mut rows = vec![first];
+    done[first] = true;
+    let mut next = 0;
+    while next < rows.len() {
+        for (i, v) in corner.column(rows[next]) {
+            if v != 0.0 && !done[i] {
+                done[i] = true;
+                rows.push(i);
+            }
+        }
+        next += 1;
+        if rows.len() > LARGEST_BLOCK {
+            return Err(Error::model(format!(
+                "more than {LARGEST_BLOCK} coupled compliances; each element must have a block of its own"
+            )));
+        }
+    }
+    Ok(rows)
 }
 
 impl Pencil for Mixed {
@@ -236,8 +315,7 @@ impl Pencil for Mixed {
     }
 
     fn free_dim(&self) -> usize {
-        let elastic: usize = self.compliances.iter().map(|c| c.rows.len()).sum();
-        (self.m.rows + elastic).saturating_sub(self.rows.rows)
+        (self.m.rows + self.stiffness.elastic_rows()).saturating_sub(self.rows.rows)
     }
 
     fn mass(&self) -> &Csc {
@@ -246,7 +324,7 @@ impl Pencil for Mixed {
 
     fn shifted(&self, sigma: f64) -> Result<ShiftInvert<'_>> {
         let factor = Factor::lu(&self.a.combined(1.0, -sigma, &self.m))?;
-        Ok(ShiftInvert { factor, m: &self.m })
+        Ok(ShiftInvert::new(factor, &self.m))
     }
 
     /// Energies are sums of positive terms over elements: accurate where x^T K x of an assembled K is all cancellation.
@@ -259,18 +337,8 @@ impl Pencil for Mixed {
         self.m.multiply(x, inertia.as_mut(), false);
         let dot =
             |a: &Mat<f64>, c: usize| (0..x.nrows()).map(|i| x[(i, c)] * a[(i, c)]).sum::<f64>();
-        let quotient = |c: usize| {
-            let mut energy = 0.0;
-            for element in &self.compliances {
-                for (i, row) in element.rows.iter().enumerate() {
-                    for (j, other) in element.rows.iter().enumerate() {
-                        energy +=
-                            stretch[(*row, c)] * element.stiffness[(i, j)] * stretch[(*other, c)];
-                    }
-                }
-            }
-            (energy + dot(&geometric, c)) / dot(&inertia, c)
-        };
+        let quotient =
+            |c: usize| (self.stiffness.energy(&stretch, c) + dot(&geometric, c)) / dot(&inertia, c);
         Some((0..x.ncols()).map(quotient).collect())
     }
 
@@ -282,12 +350,7 @@ impl Pencil for Mixed {
 
     fn scale(&self) -> f64 {
         let mut stiffness: Vec<f64> = self.geometric.diagonal().iter().map(|k| k.abs()).collect();
-        let mut of_row = vec![0.0; self.rows.rows];
-        for element in &self.compliances {
-            for (i, row) in element.rows.iter().enumerate() {
-                of_row[*row] = element.stiffness[(i, i)];
-            }
-        }
+        let of_row = self.stiffness.diagonal();
         for (i, j, g) in self.rows.entries() {
             stiffness[j] += g * g * of_row[i];
         }

@@ -10,6 +10,8 @@ use faer::{Accum, Mat, MatMut, MatRef, Par, Side, c64};
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
+const PROBE_BLOCKS: usize = 6;
+
 /// x -> Op x, in an inner product <x, y> = x^T W y. Where W is only semidefinite, Op must ignore its null space.
 pub trait Operator {
     fn dim(&self) -> usize;
@@ -49,6 +51,8 @@ pub struct Space<'a, O: Operator> {
     options: Options,
     v: Mat<f64>,
     t: Mat<f64>,
+    /// W times a block, room for one
+    weighed: Mat<f64>,
     /// columns of V
     size: usize,
     random: Random,
@@ -85,6 +89,7 @@ impl<'a, O: Operator> Space<'a, O> {
             options,
             v: Mat::zeros(n, columns),
             t: Mat::zeros(columns, columns),
+            weighed: Mat::zeros(n, options.block),
             size: 0,
             random: Random(0x9e37_79b9_7f4a_7c15),
             counts: Counts::default(),
@@ -114,8 +119,18 @@ impl<'a, O: Operator> Space<'a, O> {
 
     /// Extend to the full dimension and return the Ritz pairs.
     pub fn cycle(&mut self, cancel: &Cancel) -> Result<Ritz> {
+        self.extend(self.options.dim, cancel)
+    }
+
+    /// A few blocks only: enough for a Ritz value to appear where one had been overlooked.
+    pub fn probe(&mut self, cancel: &Cancel) -> Result<Ritz> {
+        let dim = self.size + PROBE_BLOCKS * self.options.block;
+        self.extend(dim.min(self.options.dim), cancel)
+    }
+
+    fn extend(&mut self, dim: usize, cancel: &Cancel) -> Result<Ritz> {
         let b = self.options.block;
-        while self.size + b <= self.options.dim {
+        while self.size + b <= dim {
             cancel.check()?;
             let at = self.size;
             let newest = self.v.subcols(at, b).to_owned();
@@ -145,11 +160,10 @@ impl<'a, O: Operator> Space<'a, O> {
         }
         let b = self.options.block;
         for _ in 0..2 {
-            let mut weighed = Mat::zeros(self.op.dim(), b);
-            self.op.weigh(self.v.subcols(at, b), weighed.as_mut());
+            self.op.weigh(self.v.subcols(at, b), self.weighed.as_mut());
             let (basis, block) = self.v.as_mut().split_at_col_mut(at);
             let basis = basis.rb();
-            let coefficients = tall_product(basis, weighed.as_ref());
+            let coefficients = tall_product(basis, self.weighed.as_ref());
             matmul(
                 block.subcols_mut(0, b),
                 Accum::Add,
@@ -206,11 +220,11 @@ impl<'a, O: Operator> Space<'a, O> {
             return Ok(sum);
         }
         for _ in 0..2 {
-            let mut weighed = Mat::zeros(self.op.dim(), 1);
-            self.op.weigh(self.v.subcols(column, 1), weighed.as_mut());
+            let mut weighed = self.weighed.as_mut().subcols_mut(0, 1);
+            self.op.weigh(self.v.subcols(column, 1), weighed.rb_mut());
             let (basis, rest) = self.v.as_mut().split_at_col_mut(column);
             let basis = basis.rb().subcols(start, column - start);
-            let coefficients = tall_product(basis, weighed.as_ref());
+            let coefficients = tall_product(basis, weighed.rb());
             matmul(
                 rest.subcols_mut(0, 1),
                 Accum::Add,
@@ -231,15 +245,15 @@ impl<'a, O: Operator> Space<'a, O> {
         }
     }
 
-    fn block_norms(&self, at: usize) -> Result<Vec<f64>> {
+    fn block_norms(&mut self, at: usize) -> Result<Vec<f64>> {
         (0..self.options.block).map(|c| self.norm(at + c)).collect()
     }
 
     /// W-norm of a column.
-    fn norm(&self, column: usize) -> Result<f64> {
+    fn norm(&mut self, column: usize) -> Result<f64> {
         let x = self.v.subcols(column, 1);
-        let mut weighed = Mat::zeros(self.op.dim(), 1);
-        self.op.weigh(x, weighed.as_mut());
+        let mut weighed = self.weighed.as_mut().subcols_mut(0, 1);
+        self.op.weigh(x, weighed.rb_mut());
         let sum: f64 = (0..self.op.dim())
             .map(|i| x[(i, 0)] * weighed[(i, 0)])
             .sum();
@@ -377,7 +391,7 @@ impl<'a, O: Operator> Space<'a, O> {
 
 /// basis^T x in slices of rows that stay in cache.
 fn tall_product(basis: MatRef<'_, f64>, x: MatRef<'_, f64>) -> Mat<f64> {
-    const SLICE: usize = 2048;
+    const SLICE: usize = 512;
     let mut out = Mat::zeros(basis.ncols(), x.ncols());
     let mut row = 0;
     while row < basis.nrows() {
@@ -397,7 +411,7 @@ fn tall_product(basis: MatRef<'_, f64>, x: MatRef<'_, f64>) -> Mat<f64> {
 
 /// V[:, ..k] = V[:, ..p] Q and the block that follows moves up behind it, slice by slice in place.
 fn compress(mut v: MatMut<'_, f64>, q: MatRef<'_, f64>, p: usize, b: usize) {
-    const SLICE: usize = 2048;
+    const SLICE: usize = 512;
     let (n, k) = (v.nrows(), q.ncols());
     let mut row = 0;
     while row < n {

@@ -1,5 +1,7 @@
 //! Sparse matrices in compressed columns, and factorisations that are checked: faer's pivots silently turn into infinities.
-use faer::dyn_stack::{MemBuffer, MemStack};
+use std::cell::RefCell;
+
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw,
@@ -140,11 +142,28 @@ impl Csc {
         if self.rows != self.cols {
             return false;
         }
-        let largest = self.value.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
-        self.entries().all(|(i, j, v)| {
-            let mirror = self.get(j, i);
-            (v - mirror).abs() <= 1e-14 * largest
-        })
+        let tol = 1e-14 * self.value.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
+        // one pointer per column walks down the entries below the diagonal while the mirrored ones come by in order
+        let mut next: Vec<u32> = self.start[..self.cols].to_vec();
+        for (i, j, v) in self.entries() {
+            if v.abs() <= tol {
+                continue;
+            }
+            let end = self.start[i + 1];
+            while next[i] < end && (self.row[next[i] as usize] as usize) < j {
+                next[i] += 1;
+            }
+            let at = next[i] as usize;
+            let mirror = if next[i] < end && self.row[at] as usize == j {
+                self.value[at]
+            } else {
+                0.0
+            };
+            if (v - mirror).abs() > tol {
+                return false;
+            }
+        }
+        true
     }
 
     pub fn get(&self, i: usize, j: usize) -> f64 {
@@ -184,16 +203,16 @@ impl Csc {
     }
 
     fn as_faer(&self) -> SparseColMatRef<'_, u32, f64> {
-        SparseColMatRef::new(
-            SymbolicSparseColMatRef::new_checked(
-                self.rows,
-                self.cols,
-                &self.start,
-                None,
-                &self.row,
-            ),
-            &self.value,
-        )
+        SparseColMatRef::new(self.pattern(), &self.value)
+    }
+
+    pub fn pattern(&self) -> SymbolicSparseColMatRef<'_, u32> {
+        SymbolicSparseColMatRef::new_checked(self.rows, self.cols, &self.start, None, &self.row)
+    }
+
+    /// The values of this matrix at the entries of a pattern that contains its own.
+    pub fn spread_over(&self, pattern: &Csc) -> Vec<f64> {
+        pattern.entries().map(|(i, j, _)| self.get(i, j)).collect()
     }
 }
 
@@ -227,6 +246,17 @@ enum Kind {
 pub struct Factor {
     n: usize,
     kind: Kind,
+    memory: RefCell<MemBuffer>,
+}
+
+impl Factor {
+    fn with(n: usize, kind: Kind) -> Self {
+        Factor {
+            n,
+            kind,
+            memory: RefCell::new(MemBuffer::new(StackReq::EMPTY)),
+        }
+    }
 }
 
 fn failed(what: &str, error: impl std::fmt::Debug) -> Error {
@@ -273,10 +303,7 @@ impl Factor {
         if !safe {
             return Ok(None);
         }
-        Ok(Some(Factor {
-            n: a.rows,
-            kind: Kind::Llt { symbolic, value },
-        }))
+        Ok(Some(Factor::with(a.rows, Kind::Llt { symbolic, value })))
     }
 
     pub fn lu(a: &Csc) -> Result<Self> {
@@ -296,34 +323,30 @@ impl Factor {
                 Default::default(),
             )
             .map_err(|e| failed("factorisation", e))?;
-        Ok(Factor {
-            n: a.rows,
-            kind: Kind::Lu { symbolic, numeric },
-        })
+        Ok(Factor::with(a.rows, Kind::Lu { symbolic, numeric }))
     }
 
     pub fn solve(&self, rhs: MatMut<'_, f64>) {
+        let need = match &self.kind {
+            Kind::Llt { symbolic, .. } => {
+                symbolic.solve_in_place_scratch::<f64>(rhs.ncols(), Par::Seq)
+            }
+            Kind::Lu { symbolic, .. } => {
+                symbolic.solve_in_place_scratch::<f64>(rhs.ncols(), Par::Seq)
+            }
+        };
+        let mut memory = self.memory.borrow_mut();
+        if memory.len() < need.unaligned_bytes_required() {
+            *memory = MemBuffer::new(need);
+        }
+        let stack = MemStack::new(&mut memory);
         match &self.kind {
-            Kind::Llt { symbolic, value } => {
-                let mut memory =
-                    MemBuffer::new(symbolic.solve_in_place_scratch::<f64>(rhs.ncols(), Par::Seq));
-                LltRef::<'_, u32, f64>::new(symbolic, value).solve_in_place_with_conj(
-                    Conj::No,
-                    rhs,
-                    Par::Seq,
-                    MemStack::new(&mut memory),
-                );
-            }
-            Kind::Lu { symbolic, numeric } => {
-                let mut memory =
-                    MemBuffer::new(symbolic.solve_in_place_scratch::<f64>(rhs.ncols(), Par::Seq));
-                LuRef::<'_, u32, f64>::new_unchecked(symbolic, numeric).solve_in_place_with_conj(
-                    Conj::No,
-                    rhs,
-                    Par::Seq,
-                    MemStack::new(&mut memory),
-                );
-            }
+            Kind::Llt { symbolic, value } => LltRef::<'_, u32, f64>::new(symbolic, value)
+                .solve_in_place_with_conj(Conj::No, rhs, Par::Seq, stack),
+            Kind::Lu { symbolic, numeric } => LuRef::<'_, u32, f64>::new_unchecked(
+                symbolic, numeric,
+            )
+            .solve_in_place_with_conj(Conj::No, rhs, Par::Seq, stack),
         }
     }
 

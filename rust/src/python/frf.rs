@@ -54,7 +54,7 @@ impl FrfReduction {
         counts_dict(py, &self.inner.counts)
     }
 
-    #[pyo3(signature = (l, f, order_in, d0, order_out, omega))]
+    #[pyo3(signature = (l, f, order_in, d0, order_out, omega, modes=None))]
     #[allow(clippy::too_many_arguments)]
     fn evaluate<'py>(
         &self,
@@ -65,12 +65,15 @@ impl FrfReduction {
         d0: Option<M2<'_>>,
         order_out: u32,
         omega: PyReadonlyArray1<'_, f64>,
+        modes: Option<usize>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let ports = ports(&l, &f, order_in, d0.as_ref(), order_out);
         let omega: Vec<f64> = omega.as_array().to_vec();
         let shape = [ports.l.nrows(), ports.f.ncols(), omega.len()];
         let inner = self.inner.clone();
-        let values = interruptible(py, move |cancel| inner.evaluate(&ports, &omega, cancel))?;
+        let values = interruptible(py, move |cancel| {
+            inner.evaluate(&ports, &omega, modes, cancel)
+        })?;
         let out = PyDict::new(py);
         out.set_item("value", values.h.into_pyarray(py).reshape(shape)?)?;
         out.set_item("route", values.route.name())?;

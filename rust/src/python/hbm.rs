@@ -9,7 +9,8 @@ use pyo3::types::PyDict;
 use super::border::{guarded, interruptible, matrix, to_numpy};
 use super::hbm_branch::find_peak;
 use super::hbm_linear::HbmLinear;
-use crate::analysis::hbm::basis::Basis;
+use crate::analysis::hbm::autonomous;
+use crate::analysis::hbm::basis::{Basis, Finer};
 use crate::analysis::hbm::estimate::{Estimate, Estimator};
 use crate::analysis::hbm::problem::{Element, Parameter, Problem};
 use crate::analysis::hbm::start;
@@ -100,13 +101,15 @@ impl HbmElements {
 #[pyclass(frozen)]
 pub struct HbmProblem {
     inner: Arc<Mutex<Problem>>,
-    pub fine: Vec<usize>,
+    pub finer: Finer,
 }
 
 #[pymethods]
 impl HbmProblem {
-    /// `indices` (n_terms, p) of the terms whose forces `linear` holds; `dims`, `fine` samples per dimension, the second for estimates.
+    /// `indices` (n_terms, p) of the terms whose forces `linear` holds; `dims` samples per dimension. The
+    /// error estimate adds the terms `extra` and takes `fine` samples.
     #[new]
+    #[expect(clippy::too_many_arguments)]
     fn new(
         linear: &HbmLinear,
         elements: &HbmElements,
@@ -114,6 +117,7 @@ impl HbmProblem {
         subharmonic: i32,
         omega: Vec<f64>,
         dims: Vec<usize>,
+        extra: Vec<Vec<i32>>,
         fine: Vec<usize>,
     ) -> PyResult<Self> {
         let linear = lock(&linear.0).copied()?;
@@ -121,18 +125,19 @@ impl HbmProblem {
             indices,
             subharmonic: f64::from(subharmonic),
         };
+        let finer = Finer { extra, dims: fine };
+        check(&basis, &elements.0, linear.full_size(), &dims, &omega)?;
         check(
-            &basis,
+            &basis.extended(&finer.extra),
             &elements.0,
             linear.full_size(),
-            &dims,
-            &fine,
+            &finer.dims,
             &omega,
         )?;
         let problem = Problem::new(basis, linear, elements.0.clone(), omega, &dims)?;
         Ok(Self {
             inner: Arc::new(Mutex::new(problem)),
-            fine,
+            finer,
         })
     }
 
@@ -177,7 +182,7 @@ impl HbmProblem {
     ) -> PyResult<Bound<'py, PyDict>> {
         let mut y = y.as_slice()?.to_vec();
         drop(self.at(&omega, y.len())?);
-        let (inner, fine) = (self.inner.clone(), self.fine.clone());
+        let (inner, finer) = (self.inner.clone(), self.finer.clone());
         let options = Options {
             tolerance,
             max_iterations,
@@ -188,7 +193,7 @@ impl HbmProblem {
             problem.level = level;
             problem.evaluations = 0;
             let outcome = start::solve(&mut problem, &mut y, options, cancel)?;
-            let estimate = Estimator::new(&problem, &fine)?.estimate(&problem, &y)?;
+            let estimate = Estimator::new(&problem, &finer)?.estimate(&problem, &y)?;
             let all = problem.expand(&y)?;
             Ok(Solved {
                 y,
@@ -201,6 +206,40 @@ impl HbmProblem {
             })
         })?;
         solved.to_dict(py)
+    }
+
+    /// A limit cycle from the guess z = [y, omega].
+    #[pyo3(signature = (z, tolerance=1e-10, max_iterations=50))]
+    fn cycle<'py>(
+        &self,
+        py: Python<'py>,
+        z: PyReadonlyArray1<'_, f64>,
+        tolerance: f64,
+        max_iterations: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let mut z = z.as_slice()?.to_vec();
+        let mut problem = self.separate()?;
+        if z.len() != problem.size() + 1 {
+            return Err(Error::model("coefficients of a wrong size").into());
+        }
+        let finer = self.finer.clone();
+        let options = Options {
+            tolerance,
+            max_iterations,
+        };
+        let (z, outcome, error, evaluations) = interruptible(py, move |cancel| {
+            let outcome = autonomous::solve(&mut problem, &mut z, options, cancel)?;
+            let error = autonomous::estimate(&problem, &z, &finer)?;
+            Ok((z, outcome, error, problem.evaluations))
+        })?;
+        let dict = PyDict::new(py);
+        dict.set_item("z", PyArray1::from_vec(py, z))?;
+        dict.set_item("converged", outcome.converged)?;
+        dict.set_item("reason", outcome.reason)?;
+        dict.set_item("iterations", outcome.iterations)?;
+        dict.set_item("evaluations", evaluations)?;
+        dict.set_item("error", error)?;
+        Ok(dict)
     }
 
     /// Floquet exponents of a solution (None where they cannot be told), and the monodromy matrix if asked for.
@@ -337,27 +376,16 @@ fn check(
     elements: &[Element],
     n: usize,
     dims: &[usize],
-    fine: &[usize],
     omega: &[f64],
 ) -> Result<()> {
     let p = dims.len();
-    if n == 0
-        || p == 0
-        || fine.len() != p
-        || omega.len() != p
-        || basis.indices.iter().any(|k| k.len() != p)
-    {
+    if n == 0 || p == 0 || omega.len() != p || basis.indices.iter().any(|k| k.len() != p) {
         return Err(Error::model(
             "harmonic balance: frequencies, indices and samples do not match",
         ));
     }
     let reach = basis.reach();
-    if dims
-        .iter()
-        .chain(fine)
-        .zip(reach.iter().cycle())
-        .any(|(n, k)| *n < 2 * k + 1)
-    {
+    if dims.iter().zip(&reach).any(|(n, k)| *n < 2 * k + 1) {
         return Err(Error::model(
             "harmonic balance: fewer samples than coefficients",
         ));
@@ -368,6 +396,11 @@ fn check(
     {
         return Err(Error::model(
             "harmonic balance: a direction beyond the last coordinate",
+        ));
+    }
+    if p > 1 && elements.iter().any(|e| e.law.n_memory() > 0) {
+        return Err(Error::model(
+            "laws with memory have no quasi-periodic form; use laws without memory",
         ));
     }
     if basis.subharmonic < 1.0 {

@@ -8,6 +8,7 @@ use pyo3::types::{PyDict, PyList};
 
 use super::border::interruptible;
 use super::hbm::{HbmProblem, lock};
+use crate::analysis::hbm::basis::Finer;
 use crate::analysis::hbm::peak;
 use crate::analysis::hbm::problem::{Parameter, Problem};
 use crate::analysis::hbm::response::{Event, Follower, Kind, Record, Settings, Status, unstable};
@@ -38,7 +39,7 @@ struct Chunk {
 
 #[pymethods]
 impl HbmBranch {
-    /// Solves at `begin` from the guess y; goes first along `towards` = [dy, dp], and until the parameter, "omega" or "level", leaves
+    /// Solves at `begin` from the guess y; goes first along `towards` = [dy, dp], and until the parameter, "omega", "level" or "scale" (of all frequencies), leaves
     /// the range from `start` to `stop`.
     #[new]
     #[pyo3(signature = (problem, y, omega, level, parameter, begin, start, stop, *, predictor, corrector, first_step, least_step,
@@ -48,7 +49,7 @@ impl HbmBranch {
         py: Python<'_>,
         problem: &HbmProblem,
         y: PyReadonlyArray1<'_, f64>,
-        omega: f64,
+        omega: Vec<f64>,
         level: f64,
         parameter: &str,
         begin: f64,
@@ -81,6 +82,7 @@ impl HbmBranch {
         let parameter = match parameter {
             "omega" => Parameter::Omega(0),
             "level" => Parameter::Level,
+            "scale" => Parameter::Scale,
             other => {
                 return Err(
                     Error::model(format!("no continuation parameter is called {other}")).into(),
@@ -88,9 +90,13 @@ impl HbmBranch {
             }
         };
         let mut y = y.as_slice()?.to_vec();
-        let fine = problem.fine.clone();
+        let finer = problem.finer.clone();
         let mut copy = problem.separate()?;
-        copy.omega[0] = omega;
+        if omega.len() != copy.omega.len() {
+            return Err(Error::model("frequencies of a wrong number").into());
+        }
+        copy.unit.clone_from(&omega);
+        copy.omega = omega;
         copy.level = level;
         copy.parameter = parameter;
         let towards = towards
@@ -101,7 +107,7 @@ impl HbmBranch {
         }
         let follower = interruptible(py, move |cancel| {
             copy.set_parameter(begin);
-            first(copy, &fine, &mut y, towards.as_deref(), settings, cancel)
+            first(copy, &finer, &mut y, towards.as_deref(), settings, cancel)
         })?;
         Ok(Self {
             inner: Arc::new(Mutex::new(follower)),
@@ -140,7 +146,7 @@ impl HbmBranch {
 
 fn first(
     mut problem: Problem,
-    fine: &[usize],
+    finer: &Finer,
     y: &mut [f64],
     towards: Option<&[f64]>,
     settings: Settings,
@@ -152,7 +158,7 @@ fn first(
     };
     let outcome = start::solve(&mut problem, y, newton, cancel)?;
     if outcome.converged {
-        return Follower::start(problem, fine, y, towards, settings);
+        return Follower::start(problem, finer, y, towards, settings);
     }
     let what = match problem.broken {
         Some(e) => format!("elements[{e}] returned a force that is not finite"),

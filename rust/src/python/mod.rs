@@ -7,7 +7,9 @@ mod hbm;
 mod hbm_branch;
 mod hbm_linear;
 mod modal;
+mod motion;
 mod sparse;
+mod sparse_system;
 mod system;
 mod tables;
 
@@ -24,6 +26,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     hbm_branch::register(module)?;
     modal::register(module)?;
     sparse::register(module)?;
+    sparse_system::register(module)?;
     system::register(module)?;
     Ok(())
 }

@@ -2,7 +2,6 @@
 //!
 //! A state crosses as `relative` (n_bodies, 12: translation, then the rotation matrix row by row, in tree order) and `rate`
 //! (n_tree,) or an empty array at rest. Bodies in all other arrays stand in the order of the model.
-use num_dual::Dual64;
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -12,10 +11,9 @@ use crate::analysis::assembly::{assemble, close, scene};
 use crate::analysis::equilibrium::{Equilibrium, equilibrium};
 use crate::analysis::linearize::{Linearization, Setting, linearize};
 use crate::analysis::reactions::reactions;
-use crate::analysis::transient::explicit::{Motion, Run};
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
-use crate::spatial::{M3, Pose, Real, V3};
+use crate::spatial::{M3, Pose, V3};
 use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::connector::strain;
@@ -24,6 +22,7 @@ use crate::system::placement::{State, advance, place};
 use crate::system::topology::Owner;
 
 use super::border::{counts_dict, guarded, interruptible};
+use super::motion;
 use super::tables::{tables, values};
 
 /// Below this number of tree coordinates a thread of its own costs more than it protects.
@@ -111,7 +110,7 @@ pub fn state_of(
 }
 
 fn empty(py: Python<'_>) -> PyResult<PyReadonlyArray1<'_, f64>> {
-    Ok(numpy::PyArray1::<f64>::zeros(py, 0, false).extract::<PyReadonlyArray1<'_, f64>>()?)
+    numpy::PyArray1::<f64>::zeros(py, 0, false).extract()
 }
 
 fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult<()> {
@@ -125,68 +124,6 @@ fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult
     });
     out.set_item("relative", relative.into_pyarray(py))?;
     out.set_item("rate", state.rate.clone().into_pyarray(py))
-}
-
-/// Values and one derivative of every position.
-#[allow(clippy::too_many_arguments)]
-fn integrate_along<T: Real>(
-    system: &System,
-    state: &State,
-    dx: &[(usize, f64)],
-    step: f64,
-    n_steps: usize,
-    cancel: &Cancel,
-    counts: &mut Counts,
-    slope: impl Fn(&T) -> f64,
-) -> Result<Vec<Vec<[(f64, f64); 3]>>>
-where
-    T: From<f64> + Seed,
-{
-    let mut x: Vec<T> = system
-        .x
-        .iter()
-        .map(|v| <T as From<f64>>::from(*v))
-        .collect();
-    for (i, d) in dx {
-        x[*i] = T::seeded(system.x[*i], *d);
-    }
-    let start = Motion {
-        relative: state.relative.iter().map(Pose::<f64>::lifted).collect(),
-        rate: state
-            .rate
-            .iter()
-            .map(|r| <T as From<f64>>::from(*r))
-            .collect(),
-        memory: vec![T::zero(); system.topology.n_memory],
-    };
-    let history = Run::new(system, x, &start)?.integrate(start, step, n_steps, cancel, counts)?;
-    let number = |v: &T| (v.re(), slope(v));
-    Ok(history
-        .iter()
-        .map(|bodies| {
-            bodies
-                .iter()
-                .map(|p| [number(&p.x), number(&p.y), number(&p.z)])
-                .collect()
-        })
-        .collect())
-}
-
-/// A number with a derivative along the one direction of a run; f64 has none.
-trait Seed {
-    fn seeded(value: f64, slope: f64) -> Self;
-}
-
-impl Seed for f64 {
-    fn seeded(value: f64, _: f64) -> Self {
-        value
-    }
-}
-
-impl Seed for Dual64 {
-    fn seeded(value: f64, slope: f64) -> Self {
-        Dual64::new(value, slope)
-    }
 }
 
 pub fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
@@ -441,7 +378,7 @@ impl PySystem {
         })?;
         let out = PyDict::new(py);
         put_state(py, &out, &moved)?;
-        Ok(out.as_any().get_item("relative")?)
+        out.as_any().get_item("relative")
     }
 
     /// How far given rates of the tree coordinates violate the cut joints, in rates of the scaled rows.
@@ -465,9 +402,8 @@ impl PySystem {
         })
     }
 
-    /// Explicit motion from a state with steps of length `step`: positions (n_steps + 1, n_bodies, 3) and, along a direction of the
-    /// values (indices, weights), their derivative.
-    #[allow(clippy::too_many_arguments)]
+    /// Explicit motion from a state with `n_steps` of length `step`; along a direction of the values (indices, weights) also the
+    /// derivative of the positions.
     fn integrate<'py>(
         &self,
         py: Python<'py>,
@@ -477,55 +413,18 @@ impl PySystem {
         n_steps: usize,
         direction: Option<(Vec<usize>, Vec<f64>)>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let mut state = state_of(&self.0, &relative, &rate)?;
-        state.rate.resize(self.0.n_tree(), 0.0);
-        let differentiate = direction.is_some();
-        let (indices, weights) = direction.unwrap_or_default();
-        if indices.len() != weights.len() || indices.iter().any(|i| *i >= self.0.x.len()) {
-            return Err(Error::model("the direction does not fit the value vector").into());
-        }
-        let (history, counts) = run(py, &self.0, move |system, cancel| {
-            let dx: Vec<_> = indices.into_iter().zip(weights).collect();
-            let mut counts = Counts::default();
-            let history = if differentiate {
-                integrate_along::<Dual64>(
-                    system,
-                    &state,
-                    &dx,
-                    step,
-                    n_steps,
-                    cancel,
-                    &mut counts,
-                    |v| v.eps,
-                )?
-            } else {
-                integrate_along::<f64>(
-                    system,
-                    &state,
-                    &[],
-                    step,
-                    n_steps,
-                    cancel,
-                    &mut counts,
-                    |_| 0.0,
-                )?
-            };
-            Ok((history, counts))
-        })?;
-        let shape = (n_steps + 1, self.0.n_bodies(), 3);
-        let out = PyDict::new(py);
-        out.set_item(
-            "position",
-            Array3::from_shape_fn(shape, |(i, b, k)| history[i][b][k].0).into_pyarray(py),
-        )?;
-        if differentiate {
-            out.set_item(
-                "derivative",
-                Array3::from_shape_fn(shape, |(i, b, k)| history[i][b][k].1).into_pyarray(py),
-            )?;
-        }
-        out.set_item("counts", counts_dict(py, &counts)?)?;
-        Ok(out)
+        let state = state_of(&self.0, &relative, &rate)?;
+        motion::integrate(py, &self.0, state, step, n_steps, direction)
+    }
+
+    /// Where the laws act at a state, see `motion::law_places`.
+    fn law_places<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyList>> {
+        motion::law_places(py, &self.0, &state_of(&self.0, &relative, &rate)?)
     }
 
     /// Per elastic connector: gradient rows in tree-independent form (n, 6) about a world point, the bodies, k (n, n).

@@ -9,14 +9,14 @@ use crate::model::geometry::Geometry;
 use crate::model::joint::{Coordinate, JointKind};
 use crate::model::tables::LENGTH_GIVEN;
 use crate::run::Counts;
-use crate::spatial::{Real, Six};
+use crate::spatial::{Real, Six, absent};
 use crate::system::connector::{
     Numbers, Wanted, add_tangent, add_wrench, constraint_interaction, constraint_rows, interaction,
     load_interaction, path,
 };
 use crate::system::inertia::{InertiaInput, add_inertia, ground_coupling};
 use crate::system::placement::Placement;
-use crate::system::topology::{Connector, Level, Topology};
+use crate::system::topology::{Connector, Topology};
 
 /// What is computed: an effect that a model does not contain costs nothing anyway; these switch off what it contains.
 #[derive(Debug, Clone, Copy)]
@@ -106,6 +106,18 @@ impl<T: Real> Scene<'_, T> {
 
     /// Per node: applied wrenches about the centre of mass, without inertia and multipliers.
     fn applied(&self) -> Vec<Six<T>> {
+        let mut sums = self.connected();
+        let wanted = self.effects.wanted();
+        for load in 0..self.topology.tables.loads.len() {
+            let acting =
+                load_interaction(self.topology, self.geometry, self.placement, load, wanted);
+            add_wrench(self.topology, self.placement, &acting, &mut sums);
+        }
+        sums
+    }
+
+    /// The part of springs and dampers in them.
+    fn connected(&self) -> Vec<Six<T>> {
         let mut sums = vec![Six::zero(); self.topology.nodes.len()];
         let wanted = self.effects.wanted();
         for c in &self.topology.connectors {
@@ -117,11 +129,6 @@ impl<T: Real> Scene<'_, T> {
                 c,
                 wanted,
             );
-            add_wrench(self.topology, self.placement, &acting, &mut sums);
-        }
-        for load in 0..self.topology.tables.loads.len() {
-            let acting =
-                load_interaction(self.topology, self.geometry, self.placement, load, wanted);
             add_wrench(self.topology, self.placement, &acting, &mut sums);
         }
         sums
@@ -198,13 +205,10 @@ impl<T: Real> Scene<'_, T> {
             .sum()
     }
 
-    /// Position-level multipliers grouped by cut joint.
+    /// Multipliers of both levels grouped by cut joint: at rest a velocity row carries force like any other.
     pub fn cut_multipliers(&self, lam: &[T]) -> Vec<(usize, Vec<(Coordinate, T)>)> {
         let mut grouped: Vec<(usize, Vec<(Coordinate, T)>)> = Vec::new();
         for (row, l) in self.topology.rows.iter().zip(lam) {
-            if row.level != Level::Position {
-                continue;
-            }
             match grouped.last_mut().filter(|(joint, _)| *joint == row.joint) {
                 Some((_, rows)) => rows.push((row.coordinate, *l)),
                 None => grouped.push((row.joint, vec![(row.coordinate, *l)])),
@@ -329,7 +333,10 @@ impl<T: Real> Scene<'_, T> {
         let mut mass = DMatrix::zeros(n, n);
         let mut stiffness = DMatrix::zeros(n, n);
         let moving = self.rate.is_some();
-        let mut gyroscopic = (moving && self.effects.gyroscopic).then(|| DMatrix::zeros(n, n));
+        // of a closed loop the stiffness reads them too, since B'' turns
+        let turning = self.effects.centrifugal && !self.topology.rows.is_empty();
+        let mut gyroscopic =
+            (moving && (self.effects.gyroscopic || turning)).then(|| DMatrix::zeros(n, n));
         add_inertia(
             &self.inertia(self.effects.centrifugal || gyroscopic.is_some()),
             &mut mass,
@@ -345,11 +352,12 @@ impl<T: Real> Scene<'_, T> {
         if self.geometry.gravity.is_some() && self.effects.gravity {
             counts.add("gravity stiffness", 1);
         }
-        if moving {
+        if moving && (self.effects.gyroscopic || self.effects.centrifugal) {
             counts.add("velocity terms", 1);
         }
         let mut damping = self.damped().then(|| DMatrix::zeros(n, n));
         self.add_connectors(&mut stiffness, damping.as_mut(), counts);
+        self.add_loads(&mut stiffness, counts);
         if let Some(lam) = lam.filter(|_| self.effects.constraint_force_stiffness) {
             self.add_multiplier_stiffness(lam, &mut stiffness, counts);
         }
@@ -394,27 +402,24 @@ impl<T: Real> Scene<'_, T> {
                 own,
             );
             counts.add("connector tangents", 1);
+            if self.effects.law_slopes && !c.laws.is_empty() {
+                counts.add("law tangents", c.laws.len() as u64);
+            }
             if acting.damped {
                 counts.add("damper tangents", 1);
             }
-            if geometric && !acting.wrench.is_zero() {
+            if geometric && !acting.wrench.is_absent() {
                 counts.add("preload stiffness", 1);
             }
         }
-        if geometric {
-            for load in 0..self.topology.tables.loads.len() {
-                let acting =
-                    load_interaction(self.topology, self.geometry, self.placement, load, wanted);
-                add_tangent(
-                    self.topology,
-                    self.placement,
-                    &acting,
-                    true,
-                    stiffness,
-                    None,
-                );
-                counts.add("load tangents", 1);
-            }
+    }
+
+    fn add_loads(&self, stiffness: &mut DMatrix<T>, counts: &mut Counts) {
+        let (topology, wanted) = (self.topology, Wanted::GEOMETRY);
+        for load in 0..topology.tables.loads.len() {
+            let acting = load_interaction(topology, self.geometry, self.placement, load, wanted);
+            add_tangent(topology, self.placement, &acting, true, stiffness, None);
+            counts.add("load tangents", 1);
         }
     }
 
@@ -427,7 +432,7 @@ impl<T: Real> Scene<'_, T> {
     ) {
         let wanted = Wanted::GEOMETRY;
         for (joint, rows) in self.cut_multipliers(lam) {
-            if rows.iter().all(|(_, l)| l.is_zero()) {
+            if rows.iter().all(|(_, l)| absent(l)) {
                 continue;
             }
             let acting = constraint_interaction(
@@ -452,14 +457,13 @@ impl<T: Real> Scene<'_, T> {
 
     /// Effects are switched off in the sense of absolute coordinates (wrenches at the centres of mass, world axes): without the
     /// stiffness of constraint forces S is T^T (df/dq) T. In tree coordinates those forces appear as (dT/dy)^T f of all other
-    /// forces, which is taken out here; a left-out preload had its own share in it, which comes back.
+    /// forces, which is taken out here; left-out forces of springs had their share in it, which comes back.
     fn add_switched(&self, stiffness: &mut DMatrix<T>) {
         if !self.effects.constraint_force_stiffness {
             self.add_map_changes(&self.body_wrenches(None), -T::one(), stiffness);
         }
         if !self.effects.preload_stiffness {
-            let applied: Vec<_> = self.applied().into_iter().map(|w| -w).collect();
-            self.add_map_changes(&applied, T::one(), stiffness);
+            self.add_map_changes(&self.connected(), -T::one(), stiffness);
         }
     }
 
@@ -467,7 +471,7 @@ impl<T: Real> Scene<'_, T> {
     /// translation of the inner of two coordinates turns that of the other, and a carried axis turns with its carrier.
     fn add_map_changes(&self, wrenches: &[Six<T>], factor: T, stiffness: &mut DMatrix<T>) {
         for (node, f) in wrenches.iter().enumerate() {
-            if f.is_zero() {
+            if f.is_absent() {
                 continue;
             }
             let chain = self.chain(node);

@@ -15,9 +15,9 @@ use num_dual::Dual;
 use crate::kinematics::relative::Relative;
 use crate::laws::Law;
 use crate::model::geometry::{Geometry, MarkerPair};
-use crate::model::joint::Coordinate;
+use crate::model::joint::{Coordinate, JointKind};
 use crate::model::tables::BodyRef;
-use crate::spatial::{Map6, Pose, Real, Six, V3, skew};
+use crate::spatial::{Map6, Pose, Real, Six, V3, absent, skew};
 use crate::system::placement::{Placement, marker_pose};
 use crate::system::topology::{BoundLaw, Connector, Natural, Owner, Topology};
 
@@ -143,7 +143,7 @@ impl Wanted {
     }
 }
 
-fn pair_of<'g, T: Real>(geometry: &'g Geometry<T>, owner: Owner) -> &'g MarkerPair<T> {
+fn pair_of<T: Real>(geometry: &Geometry<T>, owner: Owner) -> &MarkerPair<T> {
     match owner {
         Owner::Element(i) => &geometry.elements[i],
         Owner::Joint(i) => &geometry.joints[i],
@@ -359,10 +359,10 @@ pub fn interaction<T: Real>(
         for i in 0..n {
             for j in 0..n {
                 let (kij, cij) = (response.k[i][j], response.c[i][j]);
-                if !kij.is_zero() {
+                if !absent(&kij) {
                     k.add_outer(&rows[i].g, &rows[j].g, -kij);
                 }
-                if response.damped && !cij.is_zero() {
+                if response.damped && !absent(&cij) {
                     c.add_outer(&rows[i].g, &rows[j].g, -cij);
                     if let Some(v) = here.twist.as_ref() {
                         let slope =
@@ -427,6 +427,40 @@ pub fn strain(
     }
 }
 
+/// Gradients of a connector's coordinates (world axes about `point`), and the slopes of its forces by displacement and rate.
+pub struct CoordinateTangent {
+    pub point: V3<f64>,
+    pub gradients: Vec<Six<f64>>,
+    pub k: [[f64; 6]; 6],
+    pub c: [[f64; 6]; 6],
+    pub damped: bool,
+}
+
+/// The tangent of a connector before it is spread to bodies or coordinates, at rest.
+pub fn coordinate_tangent(
+    topology: &Topology,
+    geometry: &Geometry<f64>,
+    placement: &Placement<f64>,
+    numbers: Numbers<'_, f64>,
+    connector: &Connector,
+    wanted: Wanted,
+) -> CoordinateTangent {
+    let pair = pair_of(geometry, connector.owner);
+    let here = local(topology, placement, connector.a, connector.b, pair);
+    let rows = connector.coordinates.iter().map(|c| here.relative.row(*c));
+    let (mut e, gradients): (Vec<f64>, Vec<_>) =
+        rows.map(|r| (r.e, r.g.rotated(&here.a.r))).unzip();
+    offset_natural(connector, geometry, numbers.x, &mut e[0]);
+    let slopes = response(connector, numbers.x, numbers.memory, &e, None, wanted);
+    CoordinateTangent {
+        point: here.b.p,
+        gradients,
+        k: slopes.k,
+        c: slopes.c,
+        damped: slopes.damped,
+    }
+}
+
 /// d(e')/d(xi) at a given relative twist field: (h xi) . v + g_l . (omega x xi_t).
 fn rate_gradient<T: Real>(
     relative: &Relative<T>,
@@ -447,7 +481,7 @@ fn add_geometric<T: Real>(
     wrench: &Six<T>,
 ) {
     for (coordinate, f) in coordinates.iter().zip(force) {
-        if f.is_zero() || matches!(coordinate, Coordinate::Translation(_)) {
+        if absent(f) || matches!(coordinate, Coordinate::Translation(_)) {
             continue;
         }
         let h = relative.curvature(*coordinate);
@@ -482,13 +516,25 @@ pub fn constraint_interaction<T: Real>(
 ) -> Interaction<T> {
     let spec = &topology.tables.joints[joint];
     let here = local(topology, placement, spec.a, spec.b, &geometry.joints[joint]);
-    let wrench = rows.iter().fold(Six::zero(), |w, (c, lam)| {
-        w + -here.relative.row(*c).g.scaled(*lam)
-    });
+    // the row of a knife edge is no slope of a coordinate: its direction turns with b
+    let knife = spec.kind == JointKind::KnifeEdge;
+    let gradient = |c: Coordinate| {
+        if knife {
+            Six::new(here.relative.r.column(2).into_owned(), V3::zeros())
+        } else {
+            here.relative.row(c).g
+        }
+    };
+    let wrench = rows
+        .iter()
+        .fold(Six::zero(), |w, (c, lam)| w + -gradient(*c).scaled(*lam));
     let tangent = wanted.tangent.then(|| {
         let mut k = Map6::zero();
         let (coordinates, forces): (Vec<_>, Vec<_>) = rows.iter().copied().unzip();
         add_geometric(&mut k, &here.relative, &coordinates, &forces, &wrench);
+        if knife {
+            k.la -= skew(&wrench.l);
+        }
         (k.rotated(&here.a.r), Map6::zero())
     });
     Interaction {
@@ -583,7 +629,7 @@ pub fn add_tangent<T: Real>(
         };
         topology.node(interaction.b).map_or_else(Six::zero, at)
     });
-    let turned = geometric && !interaction.wrench.is_zero();
+    let turned = geometric && !interaction.wrench.is_absent();
     for j in &entries {
         let signed = j.signed();
         let mut dw = k.apply(&signed);

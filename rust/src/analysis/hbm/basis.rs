@@ -61,18 +61,22 @@ impl Basis {
             .collect()
     }
 
-    /// The same terms and the next ones, what the chosen set omits: a periodic set grows to the smaller of 2 H + 1 and H + 6.
-    pub fn extended(&self) -> Basis {
-        let top = self.indices.iter().map(|k| k[0]).max().unwrap_or(0);
+    /// The same terms and more of them.
+    pub fn extended(&self, extra: &[Vec<i32>]) -> Basis {
         let mut indices = self.indices.clone();
-        let new =
-            (1..=(2 * top + 1).min(top + 6)).filter(|h| !self.indices.iter().any(|k| k[0] == *h));
-        indices.extend(new.map(|h| vec![h]));
+        indices.extend_from_slice(extra);
         Basis {
             indices,
             subharmonic: self.subharmonic,
         }
     }
+}
+
+/// Terms and samples per dimension of an error estimate.
+#[derive(Debug, Clone)]
+pub struct Finer {
+    pub extra: Vec<Vec<i32>>,
+    pub dims: Vec<usize>,
 }
 
 /// Where on a grid the terms of a basis lie, and the terms k_j - k_h and k_j + k_h of its products.

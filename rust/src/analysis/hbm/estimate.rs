@@ -4,6 +4,7 @@
 //! Omitted terms as a measure: A. Grolet, F. Thouverez, Mech. Syst. Signal Process. 30 (2012) 529-547.
 use faer::prelude::*;
 
+use super::basis::Finer;
 use super::problem::Problem;
 use crate::error::Result;
 use crate::solve::{Curve, Linearisation};
@@ -23,8 +24,8 @@ pub struct Estimate {
 }
 
 impl Estimator {
-    pub fn new(problem: &Problem, dims: &[usize]) -> Result<Estimator> {
-        let larger = problem.on(problem.basis.extended(), dims)?;
+    pub fn new(problem: &Problem, finer: &Finer) -> Result<Estimator> {
+        let larger = problem.on(problem.basis.extended(&finer.extra), &finer.dims)?;
         let n = larger.size();
         Ok(Estimator {
             larger,

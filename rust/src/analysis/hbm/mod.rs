@@ -3,6 +3,7 @@
 //! `basis` says which terms, `grid` transforms, `aft` evaluates one element, `linear` gives the dynamic stiffness of the retained
 //! coordinates, `problem` adds them to a residual with its exact Jacobian.
 pub mod aft;
+pub mod autonomous;
 pub mod basis;
 pub mod condensed;
 pub mod estimate;

@@ -24,6 +24,8 @@ pub struct Element {
 pub enum Parameter {
     /// the base frequency with this number
     Omega(usize),
+    /// factor on all frequencies
+    Scale,
     /// factor on all forces but the static one
     Level,
     /// factor on all forces, by which a first solution is approached
@@ -35,6 +37,8 @@ pub struct Problem {
     pub linear: Box<dyn DynamicStiffness>,
     pub elements: Vec<Element>,
     pub omega: Vec<f64>,
+    /// the frequencies that `Parameter::Scale` multiplies
+    pub unit: Vec<f64>,
     pub level: f64,
     pub ramp: f64,
     pub parameter: Parameter,
@@ -76,6 +80,7 @@ impl Problem {
             basis,
             linear,
             elements,
+            unit: omega.clone(),
             omega,
             level: 1.0,
             ramp: 1.0,
@@ -90,6 +95,7 @@ impl Problem {
     pub fn on(&self, basis: Basis, dims: &[usize]) -> Result<Problem> {
         let (linear, elements) = (self.linear.copied()?, self.elements.clone());
         let mut other = Problem::new(basis, linear, elements, self.omega.clone(), dims)?;
+        other.unit.clone_from(&self.unit);
         other.level = self.level;
         other.ramp = self.ramp;
         other.parameter = self.parameter;
@@ -99,6 +105,7 @@ impl Problem {
     /// Takes over frequencies, forces and the blocks of a problem with the same first terms.
     pub fn follow(&mut self, other: &Problem) {
         self.omega.clone_from(&other.omega);
+        self.unit.clone_from(&other.unit);
         self.level = other.level;
         self.ramp = other.ramp;
         self.parameter = other.parameter;
@@ -123,6 +130,7 @@ impl Problem {
     pub fn set_parameter(&mut self, value: f64) {
         match self.parameter {
             Parameter::Omega(i) => self.omega[i] = value,
+            Parameter::Scale => self.omega = self.unit.iter().map(|w| w * value).collect(),
             Parameter::Level => self.level = value,
             Parameter::Ramp => self.ramp = value,
         }
@@ -131,6 +139,7 @@ impl Problem {
     pub fn parameter_value(&self) -> f64 {
         match self.parameter {
             Parameter::Omega(i) => self.omega[i],
+            Parameter::Scale => self.omega[0] / self.unit[0],
             Parameter::Level => self.level,
             Parameter::Ramp => self.ramp,
         }
@@ -140,6 +149,7 @@ impl Problem {
     fn frequency_slope(&self) -> Vec<f64> {
         match self.parameter {
             Parameter::Omega(i) => self.basis.slope(i),
+            Parameter::Scale => self.basis.frequencies(&self.unit),
             Parameter::Level | Parameter::Ramp => vec![0.0; self.basis.n_harmonics()],
         }
     }
@@ -456,7 +466,12 @@ mod tests {
 
     #[test]
     fn jacobian_is_the_slope_of_the_residual() {
-        for parameter in [Parameter::Omega(0), Parameter::Level, Parameter::Ramp] {
+        for parameter in [
+            Parameter::Omega(0),
+            Parameter::Scale,
+            Parameter::Level,
+            Parameter::Ramp,
+        ] {
             let mut problem = two_masses(parameter);
             let n = problem.size();
             let y: Vec<f64> = (0..n).map(|i| ((2 * i + 1) as f64).sin()).collect();

@@ -1,6 +1,7 @@
 //! A response curve: a branch of periodic solutions with error, stability and events, made point by point.
 use num_complex::Complex64 as c64;
 
+use super::basis::Finer;
 use super::estimate::Estimator;
 use super::problem::Problem;
 use crate::analysis::stability::{self, Floquet};
@@ -81,7 +82,7 @@ impl Follower {
     /// the range where there is none.
     pub fn start(
         mut problem: Problem,
-        fine: &[usize],
+        finer: &Finer,
         y: &[f64],
         towards: Option<&[f64]>,
         settings: Settings,
@@ -96,7 +97,7 @@ impl Follower {
                 "the branch cannot be started: the first solution is singular; begin elsewhere",
             ));
         };
-        let estimator = Estimator::new(&problem, fine)?;
+        let estimator = Estimator::new(&problem, finer)?;
         let mut follower = Follower {
             problem,
             settings,

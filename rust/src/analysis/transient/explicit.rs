@@ -4,7 +4,8 @@
 //! [M J^T] [y"]     [-h(y, y') ]        theta' = J_l^-1(theta) omega for rotation vectors, y' elsewhere
 //! [J  0 ] [lam]  = [-J' y'    ]
 //! ```
-//! Rows of both levels enter alike; position rows are also closed, and all rates projected, after each step. Generic over the
+//! Rows of both levels enter the accelerations alike. After each step position rows are closed by themselves, then all rates
+//! projected, both with the smallest change in the norm of M. Generic over the
 //! number type: with dual numbers the whole discrete motion is differentiated along a direction of the numbers. Memories of laws
 //! are frozen within a step.
 use nalgebra::{DMatrix, DVector};
@@ -18,9 +19,12 @@ use crate::spatial::{Pose, Real, V3, left_jacobian_coefficient};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene};
 use crate::system::connector::motion_of;
-use crate::system::loops::Loops;
+use crate::system::loops::{column_scales, row_scales};
 use crate::system::placement::{Placement, advance, place};
 use crate::system::topology::Level;
+
+/// A row whose part that the others do not have is smaller than this (rows and columns scaled) is redundant.
+const REDUNDANT: f64 = 1e-9;
 
 /// Where the model is and what its laws remember.
 #[derive(Debug, Clone)]
@@ -35,28 +39,32 @@ pub struct Run<'a, T: Real> {
     pub system: &'a System,
     pub geometry: Geometry<T>,
     pub x: Vec<T>,
-    /// cut rows that are kept: redundant ones are dropped once, at the start
+    /// cut rows that are kept, position rows first: redundant ones are dropped once, at the start
     rows: Vec<usize>,
+    /// how many of them are position rows
+    n_position: usize,
 }
 
 impl<'a, T: Real> Run<'a, T> {
-    pub fn new(system: &'a System, x: Vec<T>, start: &Motion<T>) -> Result<Self> {
+    pub fn new(system: &'a System, x: Vec<T>, start: &Motion<T>) -> Self {
         let geometry = Geometry::derive(&system.topology.tables, &x);
         let relative: Vec<_> = start.relative.iter().map(Pose::real).collect();
         let placement = place(&system.topology, &system.geometry, &relative, None);
         let jacobian = crate::analysis::assembly::scene(system, &placement)
             .constraints()
             .1;
-        let dropped = Loops::analyse(system, &jacobian)?.map_or_else(Vec::new, |l| l.dropped);
-        let rows = (0..jacobian.nrows())
-            .filter(|i| !dropped.contains(i))
-            .collect();
-        Ok(Run {
+        let rows = independent_rows(system, &jacobian);
+        let n_position = rows
+            .iter()
+            .take_while(|i| system.topology.rows[**i].level == Level::Position)
+            .count();
+        Run {
             system,
             geometry,
             x,
             rows,
-        })
+            n_position,
+        }
     }
 
     fn scene<'s>(&'s self, motion: &'s Motion<T>, placement: &'s Placement<T>) -> Scene<'s, T> {
@@ -133,6 +141,7 @@ impl<'a, T: Real> Run<'a, T> {
         if self.rows.is_empty() {
             return Ok(solve(&mass, &-h)?.as_slice().to_vec());
         }
+        counts.add("multiplier solutions", 1);
         let jacobian = self.kept(&scene.constraints().1);
         let turning = self.turning(motion);
         let both = solve(&saddle(&mass, &jacobian), &stacked(&-h, &-turning))?;
@@ -145,45 +154,33 @@ impl<'a, T: Real> Run<'a, T> {
             return Ok(());
         }
         let topology = &self.system.topology;
-        if topology.rows.iter().any(|r| r.level == Level::Position) {
+        if self.n_position > 0 {
             for _ in 0..3 {
                 let placement = self.place(motion);
                 let scene = self.scene(motion, &placement);
                 let (phi, jacobian) = scene.constraints();
-                let miss = DVector::from_fn(self.rows.len(), |i, _| -phi[self.rows[i]]);
-                let step = self.correction(&scene, &jacobian, &miss)?;
+                let closing = self.kept(&jacobian).rows(0, self.n_position).into_owned();
+                let miss = DVector::from_fn(self.n_position, |i, _| -phi[self.rows[i]]);
+                let step = correction(&scene, &closing, &miss)?;
                 advance(topology, &mut motion.relative, &step);
             }
         }
         let placement = self.place(motion);
         let scene = self.scene(motion, &placement);
-        let jacobian = scene.constraints().1;
-        let miss = -(self.kept(&jacobian) * DVector::from_column_slice(&motion.rate));
-        let step = self.correction(&scene, &jacobian, &miss)?;
+        let jacobian = self.kept(&scene.constraints().1);
+        let miss = -(&jacobian * DVector::from_column_slice(&motion.rate));
+        let step = correction(&scene, &jacobian, &miss)?;
         for (rate, step) in motion.rate.iter_mut().zip(step) {
             *rate += step;
         }
         Ok(())
     }
 
-    fn correction(
-        &self,
-        scene: &Scene<'_, T>,
-        jacobian: &DMatrix<T>,
-        miss: &DVector<T>,
-    ) -> Result<Vec<T>> {
-        let mass = scene.mass();
-        let both = solve(
-            &saddle(&mass, &self.kept(jacobian)),
-            &stacked(&DVector::zeros(mass.nrows()), miss),
-        )?;
-        Ok(both.as_slice()[..mass.nrows()].to_vec())
-    }
-
-    fn remember(&self, motion: &mut Motion<T>) {
+    fn remember(&self, motion: &mut Motion<T>, counts: &mut Counts) {
         if motion.memory.is_empty() {
             return;
         }
+        counts.add("memory updates", 1);
         let placement = self.place(motion);
         for connector in self
             .system
@@ -241,7 +238,7 @@ impl<'a, T: Real> Run<'a, T> {
         }
         advance(&self.system.topology, &mut motion.relative, &increment);
         self.project(motion)?;
-        self.remember(motion);
+        self.remember(motion, counts);
         counts.add("steps", 1);
         Ok(())
     }
@@ -278,7 +275,7 @@ impl<'a, T: Real> Run<'a, T> {
         out
     }
 
-    /// Positions after every step, the start included.
+    /// The motion after every step, the start included.
     pub fn integrate(
         &self,
         mut motion: Motion<T>,
@@ -286,15 +283,64 @@ impl<'a, T: Real> Run<'a, T> {
         n: usize,
         cancel: &Cancel,
         counts: &mut Counts,
-    ) -> Result<Vec<Vec<V3<T>>>> {
-        let mut history = vec![self.positions(&motion)];
+    ) -> Result<Vec<Motion<T>>> {
+        let mut history = vec![motion.clone()];
         for _ in 0..n {
             cancel.check()?;
             self.step(&mut motion, h, counts)?;
-            history.push(self.positions(&motion));
+            history.push(motion.clone());
         }
         Ok(history)
     }
+}
+
+/// Rows that carry something of their own, position rows before velocity rows and large remainders before small ones.
+fn independent_rows(system: &System, jacobian: &DMatrix<f64>) -> Vec<usize> {
+    let topology = &system.topology;
+    let scale = row_scales(topology, system.length);
+    let columns = column_scales(topology, system.length);
+    let mut rest: Vec<DVector<f64>> = (0..jacobian.nrows())
+        .map(|i| {
+            DVector::from_fn(jacobian.ncols(), |j, _| {
+                jacobian[(i, j)] * scale[i] * columns[j]
+            })
+        })
+        .collect();
+    let largest = rest.iter().map(|r| r.norm()).fold(0.0, f64::max);
+    let mut kept: Vec<usize> = Vec::new();
+    for level in [Level::Position, Level::Velocity] {
+        loop {
+            let open = (0..rest.len()).filter(|i| topology.rows[*i].level == level);
+            let Some(best) = open.max_by(|i, j| rest[*i].norm().total_cmp(&rest[*j].norm())) else {
+                break;
+            };
+            if rest[best].norm() <= REDUNDANT * largest {
+                break;
+            }
+            let unit = rest[best].normalize();
+            for r in &mut rest {
+                // twice: once leaves rounding of the size of the first projection
+                for _ in 0..2 {
+                    *r -= &unit * unit.dot(r);
+                }
+            }
+            rest[best].fill(0.0);
+            kept.push(best);
+        }
+    }
+    kept
+}
+
+/// The smallest change of the increments, in the norm of M, that makes rows take the values `miss`.
+fn correction<T: Real>(
+    scene: &Scene<'_, T>,
+    jacobian: &DMatrix<T>,
+    miss: &DVector<T>,
+) -> Result<Vec<T>> {
+    let mass = scene.mass();
+    let n = mass.nrows();
+    let both = solve(&saddle(&mass, jacobian), &stacked(&DVector::zeros(n), miss))?;
+    Ok(both.as_slice()[..n].to_vec())
 }
 
 fn saddle<T: Real>(mass: &DMatrix<T>, jacobian: &DMatrix<T>) -> DMatrix<T> {

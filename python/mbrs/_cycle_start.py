@@ -1,0 +1,156 @@
+"""First guesses of limit cycles, and their solution by collocation in time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from . import _balance, _condensation, _verify
+
+AMPLITUDES = np.geomspace(1e-6, 1e6, 121)
+
+
+def equilibrium(system: Any, force: Any) -> np.ndarray:
+    """x of rest under the static forces, from the constant terms of harmonic balance."""
+    setup = _balance.prepare(system, force, 1, condense=False)
+    answer = _balance.translated(setup.core.solve, setup.start(None), [1.0])
+    return setup.expand(answer["y"], 1.0)[:, 0] if answer["converged"] else np.zeros(system.n)
+
+
+def tangent(system: Any, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """M, C, K with the slopes of the laws at rest in x, by differences (a start needs no more)."""
+    M, C, K = (A.copy() for A in _condensation.dense(system))
+    for law in system.elements:
+        u = float(law.w @ x)
+        h = 1e-6 * max(1.0, abs(u))
+        k = float(law.force(u + h, 0.0) - law.force(u - h, 0.0)) / (2 * h)
+        c = 0.0 if law.has_memory else float(law.force(u, 1e-6) - law.force(u, -1e-6)) / 2e-6
+        K += k * np.outer(law.w, law.w)
+        C += c * np.outer(law.w, law.w)
+    return M, C, K
+
+
+def candidates(system: Any, force: Any, omega: float | None) -> Iterator[tuple[np.ndarray, float]]:
+    """(X, omega) for every unstable mode of the equilibrium and every amplitude at which one harmonic balances its
+    energy."""
+    if system.n > 200:
+        return
+    rest = equilibrium(system, force)
+    M, C, K = tangent(system, rest)
+    n = system.n
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+    s, shapes = np.linalg.eig(A)
+    unstable = [i for i in np.argsort(-s.real) if s[i].real > 0 and s[i].imag >= 0]
+    setup = _balance.prepare(system, force, 1, condense=False)
+    for i in unstable:
+        w = abs(s[i]) if omega is None else omega
+        if w == 0:
+            continue
+        shape = shapes[:n, i] / shapes[np.argmax(np.abs(shapes[:n, i])), i]
+        powers = [_power(setup, rest, a * shape, w) for a in AMPLITUDES]
+        for a, p, b, q in zip(AMPLITUDES, powers, AMPLITUDES[1:], powers[1:], strict=False):
+            if p < 0 <= q:
+                amplitude = a + (b - a) * p / (p - q)
+                yield _first_harmonic(rest, amplitude * shape), w
+
+
+def _first_harmonic(rest: np.ndarray, c: np.ndarray) -> np.ndarray:
+    return np.column_stack([rest, c.real, -c.imag])
+
+
+def _power(setup: Any, rest: np.ndarray, c: np.ndarray, w: float) -> float:
+    """Mean power that all forces take out of the motion rest + Re c exp(i w t), divided by |c|^2."""
+    X = _first_harmonic(rest, c)
+    R = setup.core.residual(setup.core.restrict(X), [w])["residual"].reshape(3, -1)
+    force = R[1] - 1j * R[2]
+    return float((np.conj(1j * w * c) @ force).real / 2 / np.sum(np.abs(c) ** 2))
+
+
+def by_integration(system: Any, force: Any, cycles: int = 60) -> tuple[np.ndarray, float] | None:
+    """(X, omega) of the motion that a small disturbance of the equilibrium grows into, or None if it does not
+    repeat."""
+    from scipy.integrate import solve_ivp
+
+    if any(law.has_memory for law in system.elements) or system.n > 200:
+        return None
+    rest = equilibrium(system, force)
+    M, C, K = tangent(system, rest)
+    n = system.n
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+    s, shapes = np.linalg.eig(A)
+    fastest = int(np.argmax(s.real))
+    if s[fastest].real <= 0:
+        return None
+    rate = _verify.first_order(system, force, 1.0)
+    scale = max(float(np.max(np.abs(rest))), 1.0)
+    state = np.concatenate([rest, np.zeros(n)]) + 1e-2 * scale * shapes[:, fastest].real
+    length = cycles * 2 * np.pi / max(abs(s[fastest]), 1e-12)
+    for _ in range(4):  # a relaxation oscillation is much slower than the growth of its disturbance
+        run = solve_ivp(rate, (0, length), state, method="LSODA", rtol=1e-8, atol=1e-10 * scale)
+        if not run.success or not np.all(np.isfinite(run.y[:, -1])):
+            return None
+        state = run.y[:, -1]
+        found = _repeating(rate, state, length, n)
+        if found is not None:
+            return found
+        length *= 4
+    return None
+
+
+def _repeating(rate: Any, state: np.ndarray, length: float, n: int) -> tuple[np.ndarray, float] | None:
+    from scipy.integrate import solve_ivp
+
+    speed = rate(0.0, state)
+    origin = state.copy()
+
+    def section(t: float, y: np.ndarray) -> float:
+        return float(speed @ (y - origin)) if t > 0 else 1.0
+
+    section.direction = 1.0  # type: ignore[attr-defined]
+    run = solve_ivp(rate, (0, length), state, method="LSODA", events=section, rtol=1e-9, atol=1e-11, dense_output=True)
+    for t, y in zip(run.t_events[0], run.y_events[0], strict=True):
+        if t > 1e-9 * length and np.linalg.norm(y - origin) < 1e-3 * np.max(np.abs(run.y)):
+            samples = run.sol(np.linspace(0, t, 4096, endpoint=False))[:n]
+            return coefficients(samples, 255), 2 * np.pi / t
+    return None
+
+
+def coefficients(samples: np.ndarray, top: int) -> np.ndarray:
+    """Fourier coefficients (n, 2 top + 1) of equidistant samples (n, n_t) of one period."""
+    c = np.fft.rfft(samples, axis=1) / samples.shape[1]
+    out = np.zeros((len(samples), 2 * top + 1))
+    out[:, 0] = c[:, 0].real
+    out[:, 1::2], out[:, 2::2] = 2 * c[:, 1 : top + 1].real, -2 * c[:, 1 : top + 1].imag
+    return out
+
+
+def collocate(system: Any, force: Any, start: tuple[Any, float], top: int) -> tuple[np.ndarray, float, float, int]:
+    """X, period, estimated relative error and mesh size of the cycle near ``start``, by fourth-order collocation."""
+    from scipy.integrate import solve_bvp
+
+    X, w = start
+    n = system.n
+    rate = _verify.first_order(system, force, 1.0)
+    mesh = np.linspace(0, 1, 2001)
+    h = np.arange((X.shape[1] - 1) // 2 + 1)
+    c = X[:, 0::2].astype(complex)
+    c[:, 1:] = X[:, 1::2] - 1j * X[:, 2::2]
+    turns = np.exp(2j * np.pi * np.outer(h, mesh))
+    y = np.vstack([(c @ turns).real, ((1j * w * h * c) @ turns).real])
+    anchor, direction = y[:, 0].copy(), rate(0.0, y[:, 0])
+    direction = direction / np.linalg.norm(direction)
+
+    def fun(_: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return p[0] * rate(0.0, y)
+
+    def ends(a: np.ndarray, b: np.ndarray, _: np.ndarray) -> np.ndarray:
+        return np.append(b - a, direction @ (a - anchor))
+
+    coarse = solve_bvp(fun, ends, mesh, y, p=[2 * np.pi / w], tol=1e-4, max_nodes=40000)
+    solution = solve_bvp(fun, ends, coarse.x, coarse.y, p=coarse.p, tol=1e-6, max_nodes=40000)
+    period = float(solution.p[0])
+    error = abs(period - float(coarse.p[0])) / period + float(np.max(solution.rms_residuals))
+    samples = solution.sol(np.linspace(0, 1, 16384, endpoint=False))[:n]
+    return coefficients(samples, top), period, error if solution.success else np.inf, len(solution.x)

@@ -1,0 +1,220 @@
+"""Self-excited periodic motion, M x" + C x' + K x + sum_e w_e law_e = static forces, with an unknown frequency."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from . import _balance, _cycle_start
+from .errors import ConvergenceError, ModelError
+from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of
+from .results import Stats
+
+
+@dataclass(frozen=True, eq=False)
+class LimitCycle(PeriodicSolution):
+    """A limit cycle. ``omega`` is found with it, ``period`` = 2 pi / omega.
+
+    ``exponents`` (2 dof,) are Floquet exponents in 1/s, one of them zero, or None where they cannot be told;
+    ``stable`` is None
+    then. ``error`` estimates coefficients and frequency together.
+    """
+
+    exponents: np.ndarray | None = field(default=None, kw_only=True)
+
+    @property
+    def stable(self) -> bool | None:
+        """True where every exponent but the trivial one decays."""
+        if self.exponents is None:
+            return None
+        others = np.delete(self.exponents, np.argmin(np.abs(self.exponents)))
+        return bool(np.all(others.real <= 1e-9 * self.omega))
+
+
+def limit_cycle(
+    system: Any,
+    *,
+    harmonics: Any = 15,
+    force: Any = None,
+    omega: float | None = None,
+    x0: Any = None,
+    n_samples: int | None = None,
+    condense: bool | str = "auto",
+    tol: float | None = None,
+    method: str = "harmonic-balance",
+    tolerance: float = 1e-10,
+    max_iterations: int = 60,
+) -> LimitCycle:
+    """Periodic motion without periodic excitation, its frequency unknown.
+
+    Parameters
+    ----------
+    system
+        `MechanicalSystem` whose equilibrium is unstable, or that has a cycle anyway (then give ``x0``).
+    harmonics
+        Highest harmonic H, a sequence, or "auto": as many as ``.error <= tol`` needs.
+    force
+        Static forces ``{0: (n,)}`` or None.
+    omega, x0
+        First guess of frequency (rad/s) and coefficients (dof, 2h+1). Without them: the unstable mode of the
+        equilibrium with the
+        amplitude at which one harmonic balances energy, refined harmonic by harmonic; if that fails, integration in
+        time from a
+        small disturbance until the motion repeats.
+    tol
+        Largest ``.error`` that is called resolved; 0.01, and 1e-6 for ``harmonics="auto"``.
+    method
+        "harmonic-balance", or "collocation" on an adapted mesh in time (SciPy's ``solve_bvp``), which relaxation
+        oscillations
+        need; its ``X`` holds the first H harmonics of the result and its error refers to the residual of the mesh.
+
+    Returns
+    -------
+    LimitCycle
+        ``period``, ``X``, ``error``, ``status``: "unresolved" where H harmonics do not represent the motion.
+
+    Raises
+    ------
+    ConvergenceError
+        No cycle was found; ``.result`` is the last iterate or None.
+
+    Notes
+    -----
+    The phase is fixed by <dx_0/dt, x> = 0 with the first guess x_0.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> oscillator = mb.MechanicalSystem([[1.0]], [[-1.0]], [[1.0]], elements=[mb.VanDerPol(1.0, w=[1.0])])
+    >>> round(mb.limit_cycle(oscillator, harmonics=31).period, 6)
+    6.663287
+    """
+    started = perf_counter()
+    _balance.checked_system(system)
+    if method not in ("harmonic-balance", "collocation"):
+        raise ModelError(f'method must be "harmonic-balance" or "collocation", it is {method!r}')
+    automatic = isinstance(harmonics, str)
+    if automatic and harmonics != "auto":
+        raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
+    limit = _balance.positive("tol", (1e-6 if automatic else UNRESOLVED / 10) if tol is None else tol)
+    static = _static_force(system, force)
+    given: dict[str, Any] = dict(n_samples=n_samples, condense=condense)
+    options: dict[str, Any] = dict(tolerance=tolerance, max_iterations=max_iterations)
+    tops = _enrichment(harmonics)
+    guess = (x0, omega) if x0 is not None else None
+    if guess is not None:
+        _balance.positive("omega (needed beside x0)", omega)
+    starts = [guess] if guess is not None else list(_cycle_start.candidates(system, static, omega))
+    if method == "collocation":
+        return _collocated(system, static, starts, 15 if automatic else harmonics, limit, started)
+    last: LimitCycle | None = None
+    for start in [*starts, None]:
+        if start is None:
+            if guess is not None:
+                break
+            start = _cycle_start.by_integration(system, static)
+            if start is None:
+                break
+            tops = tops[-1:] if not automatic else tops[-4:]
+        last = _refine(system, static, start, tops, limit, given, options, started) or last
+        if last is not None and last.status == "converged":
+            return last
+    if last is None:
+        raise ConvergenceError("no limit cycle was found; give a guess with omega= and x0=", None)
+    return last
+
+
+def _enrichment(harmonics: Any) -> list[Any]:
+    """Sets of harmonics of growing size, so that each start is near."""
+    if harmonics == "auto":
+        return [1, 3, 5, 9, 15, 23, 35, 53, 79, 119, 179, 255]
+    top = max(harmonics) if not isinstance(harmonics, int | np.integer) else int(harmonics)
+    if isinstance(harmonics, bool) or top < 1:
+        raise ModelError(f"harmonics must be at least 1, they are {harmonics!r}")
+    return [*(h for h in (1, 3, 5, 9, 15, 23, 35, 53, 79, 119, 179) if h < top), harmonics]
+
+
+def _static_force(system: Any, force: Any) -> dict[int, np.ndarray]:
+    if force is None:
+        return {0: np.zeros(system.n)}
+    if not isinstance(force, dict) or set(force) - {0}:
+        raise ModelError(
+            "a limit cycle has static forces alone, force={0: vector}; harmonic_balance takes periodic ones"
+        )
+    return dict(force)
+
+
+def _refine(
+    system: Any,
+    force: Any,
+    start: tuple[Any, float],
+    tops: list[Any],
+    limit: float,
+    given: dict[str, Any],
+    options: dict[str, Any],
+    started: float,
+) -> LimitCycle | None:
+    """From one start through all sets of harmonics; the last cycle that was found, or None."""
+    X, w = start
+    size = np.max(np.abs(np.asarray(getattr(X, "X", X))[:, 1:]))
+    found = None
+    for top in tops:
+        setup = _balance.prepare(system, force, top, omega=w, **given)
+        z = np.append(setup.start(X), w)
+        answer = _balance.translated(setup.core.cycle, z, **options)
+        w_new = float(answer["z"][-1])
+        if not answer["converged"] or w_new <= 0:
+            continue
+        X_new = setup.expand(answer["z"][:-1], w_new)
+        if np.max(np.abs(X_new[:, 1:])) < 1e-4 * size:
+            continue  # the equilibrium, which solves the equations for every frequency
+        X, w = X_new, w_new
+        last_set = top is tops[-1]
+        if last_set or answer["error"] <= limit:
+            found = _result(system, force, setup, answer, limit, started)
+        if answer["error"] <= limit and tops[-1] == 255:
+            return found
+    return found
+
+
+def _result(system: Any, force: Any, setup: Any, answer: Any, limit: float, started: float) -> LimitCycle:
+    y, w = answer["z"][:-1], float(answer["z"][-1])
+    exponents = setup.core.floquet(y, [w])[0]
+    counts = {key: answer[key] for key in ("iterations", "evaluations")}
+    return LimitCycle(
+        setup.expand(y, w),
+        w,
+        setup.harmonics,
+        1,
+        setup.n_samples,
+        system,
+        force,
+        exponents=exponents,
+        stats=Stats(perf_counter() - started, counts, effects_of(system), setup.route),
+        error=answer["error"],
+        status="converged" if answer["error"] <= limit else "unresolved",
+    )
+
+
+def _collocated(system: Any, force: Any, starts: list[Any], harmonics: Any, limit: float, started: float) -> LimitCycle:
+    top = _balance.checked_harmonics(harmonics, 1)[-1]
+    start = _cycle_start.by_integration(system, force) if len(starts) != 1 or starts[0][0] is None else starts[0]
+    start = start or _cycle_start.by_integration(system, force)
+    if start is None:
+        raise ConvergenceError("no limit cycle was found by integration; give a guess with omega= and x0=", None)
+    X, period, error, nodes = _cycle_start.collocate(system, force, start, top)
+    return LimitCycle(
+        X,
+        2 * np.pi / period,
+        tuple(range(1, top + 1)),
+        1,
+        nodes,
+        system,
+        force,
+        stats=Stats(perf_counter() - started, {"mesh": nodes}, effects_of(system), "collocation"),
+        error=error,
+        status="converged" if error <= limit else "unresolved",
+    )

@@ -1,0 +1,403 @@
+"""Response to several incommensurable frequencies: Fourier series on a torus of phases tau_i = omega_i t."""
+
+from __future__ import annotations
+
+import itertools
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from . import _balance, _condensation, _core
+from .errors import ConvergenceError, MbrsWarning, ModelError
+from .harmonic_balance import UNRESOLVED, effects_of
+from .laws import Law
+from .results import Result, Stats
+
+COMMENSURABLE = 1e-9
+SLOW = 1e-3
+NONSMOOTH_SAMPLES = 96
+MOST_UNKNOWNS = 6000
+
+
+@dataclass(frozen=True, eq=False)
+class QuasiPeriodicSolution(Result):
+    """x(t) = a_0 + sum_j a_j cos(phi_j) + b_j sin(phi_j) with phi_j = (k_j . omega) t.
+
+    Attributes
+    ----------
+    indices
+        (n_k, p) index vectors k_j, the first entry that is not zero being positive; the constant term is not among
+        them.
+    X
+        (dof, 2 n_k + 1) coefficients [a_0, a_1, b_1, a_2, b_2, ...].
+    omega
+        (p,) base frequencies, rad/s.
+    error
+        Estimate of the truncation error relative to the largest coefficient: one Newton step with more terms and
+        samples.
+    status
+        "converged", or "unresolved" where ``error`` exceeds the tolerance.
+    """
+
+    X: np.ndarray
+    indices: np.ndarray
+    omega: np.ndarray
+    n_samples: tuple[int, ...] = ()
+    system: Any = field(default=None, repr=False)
+    forces: Any = field(default=None, repr=False)
+    static: Any = field(default=None, repr=False)
+
+    @property
+    def frequency(self) -> np.ndarray:
+        """Base frequencies, Hz."""
+        return self.omega / (2 * np.pi)
+
+    def coefficient(self, dof: int = 0, index: Sequence[int] = (1, 0)) -> complex:
+        """a - i b of one term; zero for a term that is not kept. The term -k is the conjugate of k."""
+        k = np.asarray(index)
+        if not k.any():
+            return complex(self.X[dof, 0])
+        for sign in (1, -1):
+            found = np.flatnonzero(np.all(self.indices == sign * k, axis=1))
+            if len(found):
+                a, b = self.X[dof, 2 * found[0] + 1 : 2 * found[0] + 3]
+                return complex(a, -sign * b)
+        return 0j
+
+    def amplitude(self, dof: int = 0, index: Sequence[int] = (1, 0)) -> float:
+        """Magnitude of one term of one coordinate."""
+        return abs(self.coefficient(dof, index))
+
+    def displacement(self, t: Any) -> np.ndarray:
+        """x at the times ``t``, (dof, n_t)."""
+        return self._series(t, 0)
+
+    def velocity(self, t: Any) -> np.ndarray:
+        """x' at the times ``t``, (dof, n_t)."""
+        return self._series(t, 1)
+
+    def _series(self, t: Any, derivative: int) -> np.ndarray:
+        rate = self.indices @ self.omega
+        c = (self.X[:, 1::2] - 1j * self.X[:, 2::2]) * (1j * rate) ** derivative
+        moving = (c @ np.exp(1j * np.outer(rate, np.atleast_1d(np.asarray(t, float))))).real
+        return moving if derivative else moving + self.X[:, :1]
+
+    def verify(self, cycles: float = 20.0, rtol: float = 1e-9) -> float:
+        """Integrates from the solution's own state over so many of the longest base periods and returns the largest
+        distance relative
+        to the largest displacement; of an unstable motion it tells only that."""
+        from ._verify import distance_on_torus
+
+        return distance_on_torus(self, cycles, rtol)
+
+    def plot(self, dof: int = 0, ax: Any = None) -> Any:
+        """Spectrum: amplitude over frequency in Hz; returns the axes."""
+        import matplotlib.pyplot as plt
+
+        ax = plt.subplots()[1] if ax is None else ax
+        f = np.abs(self.indices @ self.frequency)
+        ax.stem(f, np.hypot(self.X[dof, 1::2], self.X[dof, 2::2]), basefmt=" ")
+        name = self.system.coordinates[dof] if hasattr(self.system, "coordinates") else f"x{dof}"
+        ax.set(xlabel="frequency in Hz", ylabel=f"amplitude of {name}", yscale="log")
+        return ax
+
+    def to_xarray(self) -> Any:
+        """Coefficients over coordinate, term and part, with the index vectors of the terms."""
+        import xarray as xr
+
+        parts = np.stack([self.X[:, 1::2], self.X[:, 2::2]], axis=2)
+        names = [str(c) for c in getattr(self.system, "coordinates", range(len(self.X)))]
+        return xr.Dataset(
+            {
+                "mean": ("coordinate", self.X[:, 0]),
+                "X": (("coordinate", "term", "part"), parts),
+                "index": (("term", "base"), self.indices),
+                "omega": ("base", self.omega),
+            },
+            {"coordinate": names, "part": ["cos", "sin"]},
+            {"error": self.error, "status": self.status},
+        )
+
+    def __str__(self) -> str:
+        lines = [
+            f"QuasiPeriodicSolution: {self.status}, omega = {', '.join(f'{w:.8g}' for w in self.omega)} rad/s, "
+            f"{len(self.indices)} terms, estimated error {self.error:.1e}"
+        ]
+        size = np.max(np.hypot(self.X[:, 1::2], self.X[:, 2::2]), axis=0)
+        for j in np.argsort(-size, kind="stable")[:8]:
+            k = ", ".join(str(int(i)) for i in self.indices[j])
+            lines.append(
+                f"  k = ({k})  {abs(self.indices[j] @ self.frequency):10.6g} Hz  largest amplitude {size[j]:.6g}"
+            )
+        return "\n".join(lines)
+
+
+def diamond(p: int, m: int) -> np.ndarray:
+    """Index vectors (n_k, p) with sum |k_i| <= m, one of each pair +-k (first non-zero entry positive), by order,
+    without 0."""
+    box = np.array(list(itertools.product(range(-m, m + 1), repeat=p)), dtype=int)
+    box = box[(np.abs(box).sum(axis=1) <= m) & np.any(box != 0, axis=1)]
+    first = box[np.arange(len(box)), np.argmax(box != 0, axis=1)]
+    box = box[first > 0]
+    return box[np.lexsort([*(-box.T[::-1]), np.abs(box).sum(axis=1)])]
+
+
+def quasi_periodic(
+    system: Any,
+    forces: Sequence[Mapping[str, Any]],
+    *,
+    harmonics: int = 7,
+    indices: Any = None,
+    static: Any = None,
+    n_samples: int | Sequence[int] | None = None,
+    condense: bool | str = "auto",
+    x0: QuasiPeriodicSolution | None = None,
+    tol: float | None = None,
+    tolerance: float = 1e-10,
+    max_iterations: int = 60,
+) -> QuasiPeriodicSolution:
+    """Response of M x" + C x' + K x + sum_e w_e law_e(w_e . x, w_e . x') to forces of p >= 2 incommensurable
+    frequencies.
+
+    Parameters
+    ----------
+    system
+        `MechanicalSystem` with nonlinear ``elements`` (laws without memory).
+    forces
+        One mapping per frequency: ``force`` (n,), real for a cosine, complex a - i b for a cos + b sin, and
+        ``omega`` (rad/s) or
+        ``frequency`` (Hz).
+    harmonics
+        m: terms with |k_1| + ... + |k_p| <= m are kept.
+    indices
+        (n_k, p) index vectors in place of that set; those of the forces must be among them.
+    static
+        Static force (n,) or None.
+    n_samples
+        Samples per dimension; chosen without aliasing for polynomial laws, 96 for others.
+    x0
+        An earlier solution to start from, of whatever terms; by default the solution with about m/2.
+    tol
+        Largest ``.error`` that is called resolved, 0.1.
+
+    Returns
+    -------
+    QuasiPeriodicSolution
+        ``indices`` (n_k, p), ``X`` (dof, 2 n_k + 1).
+
+    Raises
+    ------
+    ModelError
+        Wrong input; frequencies with a small common divisor, whose response is periodic: use `harmonic_balance`.
+    ConvergenceError
+        Newton's method gave up.
+
+    Warns
+    -----
+    MbrsWarning
+        A kept combination k . omega is almost zero: the motion beats slowly, and many terms may be needed.
+
+    Notes
+    -----
+    Index set after Kim and Choi (1997), with the p-dimensional FFT; cost per iteration O(N log N) for N samples and
+    O((n (2 n_k + 1))^3) for the linear equations.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> duffing = mb.MechanicalSystem([[1.0]], [[0.1]], [[1.0]], elements=[mb.Cubic(1.5, w=[1.0])])
+    >>> pair = [dict(force=[-0.25j], omega=2.0), dict(force=[-0.25j], omega=2.0 * 2**0.5)]
+    >>> f"{mb.quasi_periodic(duffing, pair, harmonics=7).coefficient(0, (0, 1)):.7f}"
+    '-0.0014476+0.0357440j'
+    """
+    started = perf_counter()
+    problem = Torus(system, forces, harmonics, indices, static, n_samples, condense)
+    _balance.positive("tolerance", tolerance)
+    limit = _balance.positive("tol", UNRESOLVED if tol is None else tol)
+    options: dict[str, Any] = dict(tolerance=tolerance, max_iterations=max_iterations)
+    if x0 is None and indices is None and harmonics > 2:
+        # a small set finds the branch, the large one only refines it
+        smaller = Torus(system, forces, max(1, harmonics // 2), None, static, None, condense)
+        answer = _balance.translated(smaller.core.solve, smaller.start(None), list(smaller.omega), **options)
+        x0 = smaller.solution(answer, limit, started) if answer["converged"] else None
+    answer = _balance.translated(problem.core.solve, problem.start(x0), list(problem.omega), **options)
+    result = problem.solution(answer, limit, started)
+    if not answer["converged"]:
+        object.__setattr__(result, "status", "stopped")
+        raise ConvergenceError(
+            f"quasi-periodic balance did not converge: {answer['reason']} after {answer['iterations']} iterations; "
+            "start nearer (x0=) or follow a branch with quasi_periodic_response",
+            result,
+        )
+    return result
+
+
+class Torus:
+    """The core's problem for a set of forces and terms."""
+
+    def __init__(
+        self,
+        system: Any,
+        forces: Sequence[Mapping[str, Any]],
+        harmonics: int,
+        indices: Any,
+        static: Any,
+        n_samples: int | Sequence[int] | None,
+        condense: bool | str,
+    ) -> None:
+        laws = _balance.checked_system(system)
+        for i, law in enumerate(laws):
+            if law.has_memory:
+                raise ModelError(f"elements[{i}], {law!r}, has a memory; quasi-periodic balance needs laws without")
+        self.system, self.forces, self.static = system, forces, static
+        self.omega, vectors = _sources(system.n, forces)
+        p = len(self.omega)
+        self.indices = diamond(p, _balance.integer("harmonics", harmonics)) if indices is None else _checked(indices, p)
+        top = int(np.max(np.abs(self.indices).sum(axis=1)))
+        self._refuse_periodic(top)
+        extra = diamond(p, top + 2)
+        kept = {tuple(k) for k in self.indices.tolist()}
+        extra = np.array([k for k in extra.tolist() if tuple(k) not in kept]).reshape(-1, p)
+        self.dims = _samples(n_samples, laws, self.indices)
+        fine = [
+            max(a, b) for a, b in zip(self.dims, _samples(None, laws, np.vstack([self.indices, extra])), strict=True)
+        ]
+        terms = np.zeros((len(self.indices) + 1, system.n), complex)
+        if static is not None:
+            terms[0] = _balance.force_vector(system.n, static, 0)
+        for i, vector in enumerate(vectors):
+            at = np.flatnonzero(np.all(self.indices == np.eye(p, dtype=int)[i], axis=1))
+            if len(at) == 0:
+                raise ModelError(f"indices lack the term of forces[{i}] itself, {np.eye(p, dtype=int)[i].tolist()}")
+            terms[1 + at[0]] = vector
+        n_c = 2 * len(self.indices) + 1
+        self.linear = _condensation.linear_part(system, laws, terms, n_c, condense)
+        if self.linear.core.size * n_c > MOST_UNKNOWNS:
+            raise ModelError(
+                f"{self.linear.core.size * n_c} unknowns are too many; take fewer harmonics or coordinates"
+            )
+        elements = _balance.core_elements(laws, self.linear.directions)
+        self.core = _balance.translated(
+            _core.HbmProblem,
+            self.linear.core,
+            elements,
+            self.indices.tolist(),
+            1,
+            self.omega.tolist(),
+            self.dims,
+            extra.tolist(),
+            fine,
+        )
+
+    def _refuse_periodic(self, top: int) -> None:
+        k = diamond(len(self.omega), max(top, 5))
+        distance = np.abs(k @ self.omega) / np.max(self.omega)
+        worst = int(np.argmin(distance))
+        combination = " + ".join(f"{int(n)} * {w:.6g}" for n, w in zip(k[worst], self.omega, strict=True) if n)
+        if distance[worst] < COMMENSURABLE:
+            raise ModelError(
+                f"the frequencies are commensurable: {combination} = 0, so the motion is periodic; "
+                "use harmonic_balance at their common divisor with forces in its harmonics"
+            )
+        if distance[worst] < SLOW and np.abs(k[worst]).sum() <= top:
+            warnings.warn(
+                f"the frequencies are almost commensurable: {combination} is only {distance[worst]:.1e} of the "
+                "largest; the motion beats slowly and may need many terms",
+                MbrsWarning,
+                stacklevel=4,
+            )
+
+    def start(self, x0: Any) -> np.ndarray:
+        """Unknowns of the core from an earlier solution."""
+        X = np.zeros((self.system.n, 2 * len(self.indices) + 1))
+        if x0 is not None:
+            if not isinstance(x0, QuasiPeriodicSolution) or x0.X.shape[0] != self.system.n:
+                raise ModelError("x0 must be a QuasiPeriodicSolution of a system of the same size")
+            place = {tuple(k): j for j, k in enumerate(x0.indices.tolist())}
+            X[:, 0] = x0.X[:, 0]
+            for j, k in enumerate(self.indices.tolist()):
+                if tuple(k) in place:
+                    old = place[tuple(k)]
+                    X[:, 2 * j + 1 : 2 * j + 3] = x0.X[:, 2 * old + 1 : 2 * old + 3]
+        T = self.linear.transform
+        return self.core.restrict(X if T is None else T.T @ X)
+
+    def expand(self, y: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """(dof, 2 n_k + 1) of all coordinates."""
+        X = _balance.translated(self.core.expand, y, omega.tolist())
+        return X if self.linear.transform is None else self.linear.transform @ X
+
+    def solution(self, answer: Mapping[str, Any], limit: float, started: float) -> QuasiPeriodicSolution:
+        """An answer of the core as a result."""
+        counts = {key: answer[key] for key in ("iterations", "evaluations", "factorisations")}
+        return QuasiPeriodicSolution(
+            self.expand(answer["y"], self.omega),
+            self.indices,
+            self.omega,
+            tuple(self.dims),
+            self.system,
+            self.forces,
+            self.static,
+            stats=Stats(perf_counter() - started, counts, effects_of(self.system), self.linear.route),
+            error=answer["error"],
+            status="converged" if answer["converged"] and answer["error"] <= limit else "unresolved",
+        )
+
+
+def _sources(n: int, forces: Any) -> tuple[np.ndarray, list[np.ndarray]]:
+    if isinstance(forces, Mapping | str) or not isinstance(forces, Sequence) or len(forces) < 2:
+        raise ModelError(
+            "forces must list at least two mappings dict(force=(n,), omega=...); harmonic_balance takes one"
+        )
+    omega, vectors = [], []
+    for i, source in enumerate(forces):
+        if not isinstance(source, Mapping) or "force" not in source or set(source) - {"force", "omega", "frequency"}:
+            raise ModelError(f"forces[{i}] must be dict(force=(n,), omega=...) or with frequency=, it is {source!r}")
+        w = _balance.one_frequency(source.get("omega"), source.get("frequency"))
+        if w.ndim != 0:
+            raise ModelError(f"forces[{i}] needs one frequency, not {w.tolist()}")
+        omega.append(float(w))
+        vectors.append(_balance.force_vector(n, source["force"], 1))
+    return np.array(omega), vectors
+
+
+def _checked(indices: Any, p: int) -> np.ndarray:
+    try:
+        k = np.asarray(indices)
+    except ValueError:
+        k = np.zeros(0)
+    if k.ndim != 2 or k.shape[1] != p or k.shape[0] == 0 or not np.issubdtype(k.dtype, np.integer):
+        raise ModelError(f"indices must be integers (n_k, {p}), their shape is {k.shape}")
+    if not np.all(np.any(k != 0, axis=1)):
+        raise ModelError("indices contain the zero vector; the constant term is always kept")
+    first = k[np.arange(len(k)), np.argmax(k != 0, axis=1)]
+    k = k * np.sign(first)[:, None]
+    if len(np.unique(k, axis=0)) != len(k):
+        raise ModelError("indices contain a vector twice, k and -k being the same term")
+    return k.astype(int)
+
+
+def _samples(n_samples: Any, laws: Sequence[Law], indices: np.ndarray) -> list[int]:
+    """Samples per dimension; a law of degree q makes terms up to q times the largest index, so that (q + 1) k + 1
+    do."""
+    reach = np.max(np.abs(indices), axis=0)
+    if n_samples is None:
+        return [_balance.fast_size(max([2 * k + 2, *(_least(law, k) for law in laws)])) for k in reach.tolist()]
+    given = list(n_samples) if isinstance(n_samples, Sequence | np.ndarray) else [n_samples] * len(reach)
+    if len(given) != len(reach):
+        raise ModelError(f"n_samples must be one number or {len(reach)}, it is {n_samples!r}")
+    given = [_balance.integer("n_samples", n) for n in given]
+    polynomial = [law for law in laws if law.code in _balance.POLYNOMIAL]
+    for i, (n, k) in enumerate(zip(given, reach.tolist(), strict=True)):
+        least = max([2 * k + 1, *(_least(law, k) for law in polynomial)])
+        if n < least:
+            raise ModelError(f"n_samples[{i}] = {n} aliases indices up to {k}; use at least {least}, or leave it out")
+    return given
+
+
+def _least(law: Law, k: int) -> int:
+    return _balance.alias_free(law, k, 1) if law.code in _balance.POLYNOMIAL else max(NONSMOOTH_SAMPLES, 6 * k)

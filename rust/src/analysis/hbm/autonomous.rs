@@ -1,0 +1,107 @@
+//! Limit cycles: the frequency is unknown, and a phase condition says where on the cycle time begins.
+use faer::prelude::*;
+
+use super::aft::derivative;
+use super::basis::Finer;
+use super::problem::{Parameter, Problem};
+use crate::error::Result;
+use crate::run::Cancel;
+use crate::solve::newton::{self, Options, Outcome};
+use crate::solve::{Curve, Linearisation};
+
+/// Unknowns [y, omega]; the added equation is phase . y = 0.
+pub struct Cycle<'a> {
+    problem: &'a mut Problem,
+    phase: Vec<f64>,
+    inner: Linearisation,
+}
+
+impl<'a> Cycle<'a> {
+    /// The phase of the motion y is held: changes are orthogonal to its time derivative.
+    pub fn new(problem: &'a mut Problem, y: &[f64]) -> Cycle<'a> {
+        problem.parameter = Parameter::Omega(0);
+        let (n, n_c) = (problem.n(), problem.basis.n_coefficients());
+        let harmonics = problem.basis.slope(0);
+        let mut phase = vec![0.0; y.len()];
+        let mut rate = vec![0.0; n_c];
+        for i in 0..n {
+            let own: Vec<f64> = y.iter().skip(i).step_by(n).copied().collect();
+            derivative(&own, &harmonics, &mut rate);
+            for (c, r) in rate.iter().enumerate() {
+                phase[c * n + i] = *r;
+            }
+        }
+        let size = phase.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+        phase.iter_mut().for_each(|p| *p /= size);
+        let inner = Linearisation::new(y.len());
+        Cycle {
+            problem,
+            phase,
+            inner,
+        }
+    }
+}
+
+impl Curve for Cycle<'_> {
+    fn size(&self) -> usize {
+        self.phase.len() + 1
+    }
+
+    fn linearise(&mut self, z: &[f64], _: f64, out: &mut Linearisation) -> Result<()> {
+        let n = self.phase.len();
+        self.problem.linearise(&z[..n], z[n], &mut self.inner)?;
+        out.residual[..n].copy_from_slice(&self.inner.residual);
+        out.residual[n] = self.phase.iter().zip(z).map(|(p, y)| p * y).sum();
+        out.jacobian
+            .as_mut()
+            .submatrix_mut(0, 0, n, n)
+            .copy_from(&self.inner.jacobian);
+        for i in 0..n {
+            out.jacobian[(i, n)] = self.inner.slope[i];
+            out.jacobian[(n, i)] = self.phase[i];
+        }
+        out.jacobian[(n, n)] = 0.0;
+        Ok(())
+    }
+
+    fn residual(&mut self, z: &[f64], p: f64, out: &mut Linearisation) -> Result<()> {
+        self.linearise(z, p, out)
+    }
+
+    fn scale(&self, z: &[f64], out: &mut [f64]) {
+        let n = self.phase.len();
+        self.problem.scale(&z[..n], &mut out[..n]);
+        out[n] = z[n].abs().max(f64::MIN_POSITIVE);
+    }
+}
+
+/// Newton's method from z = [y, omega], which ends as the cycle.
+pub fn solve(
+    problem: &mut Problem,
+    z: &mut [f64],
+    options: Options,
+    cancel: &Cancel,
+) -> Result<Outcome> {
+    let n = z.len() - 1;
+    let mut cycle = Cycle::new(problem, &z[..n]);
+    let mut out = Linearisation::new(z.len());
+    newton::solve(&mut cycle, z, 0.0, options, &mut out, cancel)
+}
+
+/// Relative error of the coefficients and of the frequency: one Newton step with more terms and samples.
+pub fn estimate(problem: &Problem, z: &[f64], finer: &Finer) -> Result<f64> {
+    let n = z.len() - 1;
+    let mut larger = problem.on(problem.basis.extended(&finer.extra), &finer.dims)?;
+    let size = larger.size();
+    let mut extended = vec![0.0; size + 1];
+    extended[..n].copy_from_slice(&z[..n]);
+    extended[size] = z[n];
+    let mut cycle = Cycle::new(&mut larger, &extended[..size]);
+    let mut out = Linearisation::new(size + 1);
+    cycle.linearise(&extended, 0.0, &mut out)?;
+    let mut step = faer::Mat::from_fn(size + 1, 1, |i, _| out.residual[i]);
+    out.jacobian.partial_piv_lu().solve_in_place(&mut step);
+    let largest = z[..n].iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    let change: f64 = (0..size).map(|i| step[(i, 0)].powi(2)).sum::<f64>().sqrt() / largest;
+    Ok(change + (step[(size, 0)] / z[n]).abs())
+}

@@ -1,0 +1,223 @@
+"""Quasi-periodic response: coefficients of METHODS.md, the NumPy reference, integration in time, near-commensurable
+input."""
+
+import pickle
+import warnings
+from math import comb
+
+import numpy as np
+import pytest
+from mbrs.errors import MbrsWarning, ModelError
+from mbrs.laws import CoulombTanh, Cubic, Jenkins, VanDerPol
+from mbrs.quasi_periodic import diamond, quasi_periodic
+from mbrs.quasi_periodic_response import quasi_periodic_response
+from mbrs.reference import hbm_quasi_periodic
+from mbrs.second_order import MechanicalSystem
+
+
+def duffing():
+    # METHODS.md b.3: quasi-periodic Duffing oscillator of CoSTAR, D = .05, kappa = 1.5; its forces are sines
+    return MechanicalSystem([[1.0]], [[0.1]], [[1.0]], elements=[Cubic(1.5, w=[1.0])])
+
+
+def pair(eta, f=0.25):
+    return [dict(force=[-1j * f], omega=eta), dict(force=[-1j * f], omega=eta * np.sqrt(2))]
+
+
+@pytest.mark.parametrize(("p", "m"), [(2, 3), (2, 5), (2, 7), (3, 4)])
+def test_number_of_terms(p, m):
+    # METHODS.md b.2: (sum_i 2^i C(p, i) C(m, i) - 1) / 2
+    k = diamond(p, m)
+    assert len(k) == (sum(2**i * comb(p, i) * comb(m, i) for i in range(p + 1)) - 1) // 2
+    assert len(np.unique(np.vstack([k, -k]), axis=0)) == 2 * len(k)
+
+
+# METHODS.md b.3, m = 7, (cos, sin) pairs with 10 decimals
+PRINTED = {
+    2.0: {
+        (1, 0): (-0.0055712601, -0.0832608775),
+        (0, 1): (-0.0014475824, -0.0357439837),
+        (2, -1): (-0.0003014939, -0.0006886006),
+    },
+    1.5: {
+        (1, 0): (-0.0261221620, -0.2067112787),
+        (0, 1): (-0.0045260166, -0.0731946175),
+        (2, -1): (-0.0006733389, 0.0102917316),
+    },
+}
+
+
+@pytest.mark.parametrize("eta", PRINTED)
+def test_printed_coefficients(eta):
+    found = quasi_periodic(duffing(), pair(eta), harmonics=7)
+    assert found.X.shape == (1, 113) and found.indices.shape == (56, 2)
+    for k, (cos, sin) in PRINTED[eta].items():
+        c = found.coefficient(0, k)
+        assert (c.real, -c.imag) == pytest.approx((cos, sin), abs=6e-11)
+        minus = found.coefficient(0, (-k[0], -k[1]))
+        assert minus == np.conj(c)
+
+
+@pytest.mark.parametrize(
+    ("eta", "m", "printed"), [(2.0, 7, 4e-9), (1.5, 7, 2.5e-5), (1.5, 9, 8e-7), (1.5, 11, 1.1e-7), (1.5, 13, 1.4e-9)]
+)
+def test_truncation_error_is_estimated(eta, m, printed):
+    # METHODS.md b.3 lists these truncation errors; they are met when read as relative to the largest displacement
+    found = quasi_periodic(duffing(), pair(eta), harmonics=m)
+    fine = quasi_periodic(duffing(), pair(eta), harmonics=m + 8, x0=found)
+    t = np.linspace(0, 500, 5000)
+    true = np.max(np.abs(found.displacement(t) - fine.displacement(t)))
+    size = np.max(np.hypot(found.X[0, 1::2], found.X[0, 2::2]))
+    print(f"eta = {eta}, m = {m}: error {true:.1e}, estimated {found.error * size:.1e}, printed {printed:.1e}")
+    assert 0.2 < true / (found.error * size) < 2
+    assert 0.5 < true / np.max(np.abs(fine.displacement(t))) / printed < 2
+
+
+def test_integration_in_time():
+    assert quasi_periodic(duffing(), pair(2.0), harmonics=13).verify() < 2e-8
+    assert 1e-7 < quasi_periodic(duffing(), pair(1.5), harmonics=7).verify() < 1e-3
+
+
+def two_masses():
+    return MechanicalSystem(
+        [[1.0, 0.1], [0.1, 2.0]],
+        [[0.2, -0.02], [-0.02, 0.15]],
+        [[2.0, -1.0], [-1.0, 3.0]],
+        G=[[0.0, 0.3], [-0.3, 0.0]],
+        elements=[Cubic(0.5, w=[1.0, -1.0]), VanDerPol(0.3, w=[0.0, 1.0])],
+    )
+
+
+@pytest.mark.parametrize("p", [2, 3])
+def test_core_equals_reference(p):
+    forces = [
+        dict(force=[0.4, 0.1 - 0.2j], omega=1.3),
+        dict(force=[0.0, 0.3], omega=0.5 * np.sqrt(3)),
+        dict(force=[0.2j, 0.0], omega=np.pi),
+    ][:p]
+    found = quasi_periodic(two_masses(), forces, harmonics=3, static=[0.1, 0.0])
+    terms = np.zeros((len(found.indices) + 1, 2), complex)
+    terms[0] = [0.1, 0.0]
+    for i, source in enumerate(forces):
+        terms[1 + np.flatnonzero((found.indices == np.eye(p, dtype=int)[i]).all(axis=1))[0]] = source["force"]
+    reference = hbm_quasi_periodic.solve(
+        two_masses(), terms, found.omega, found.indices, found.n_samples, found.X + 1e-4
+    )
+    assert np.max(np.abs(found.X - reference)) < 1e-10
+
+
+def test_condensed_equals_full():
+    n = 12
+    K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    w = np.zeros(n)
+    w[5] = 1.0
+    system = MechanicalSystem(np.eye(n), 0.05 * K, K, elements=[Cubic(1.0, w=w)])
+    f = np.zeros(n)
+    f[0] = 0.3
+    forces = [dict(force=f, omega=0.6), dict(force=f, omega=0.6 * np.sqrt(2))]
+    a = quasi_periodic(system, forces, harmonics=3, condense=True)
+    b = quasi_periodic(system, forces, harmonics=3, condense=False)
+    assert a.stats.route == "condensed, modal" and np.max(np.abs(a.X - b.X)) < 1e-10
+
+
+def test_smooth_friction_is_sampled_finely():
+    system = MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[CoulombTanh(0.05, 0.1, w=[1.0])])
+    found = quasi_periodic(system, pair(0.7, 0.3), harmonics=9)
+    assert min(found.n_samples) >= 96 and found.verify() < 20 * found.error + 1e-6
+
+
+def test_linear_response_is_superposition():
+    system = MechanicalSystem([[1.0]], [[0.1]], [[1.0]])
+    found = quasi_periodic(system, pair(2.0), harmonics=2)
+    for k, w in (((1, 0), 2.0), ((0, 1), 2 * np.sqrt(2))):
+        assert found.coefficient(0, k) == pytest.approx(-0.25j / (1 - w**2 + 0.1j * w), rel=1e-12)
+    assert found.error < 1e-13
+
+
+def test_branch_in_frequency_and_level():
+    curve = quasi_periodic_response(duffing(), pair(2.0), scale=(1.0, 0.75), harmonics=7)
+    assert curve.status == "converged" and curve.scale[-1] == 0.75
+    end = curve.point(len(curve) - 1)
+    for k, (cos, sin) in PRINTED[1.5].items():
+        c = end.coefficient(0, k)
+        assert (c.real, -c.imag) == pytest.approx((cos, sin), abs=6e-11)
+    assert end.verify() < 1e-3
+    level = quasi_periodic_response(duffing(), pair(1.5), level=(0.1, 1.0), harmonics=7)
+    assert level.status == "converged" and np.allclose(level.X[-1], end.X, atol=1e-9)
+    assert "QuasiPeriodicResponse: converged" in str(level)
+
+
+def test_folds_of_a_branch():
+    # through the resonance of the harder driven oscillator the branch turns twice
+    system = MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[Cubic(0.1, w=[1.0])])
+    forces = [dict(force=[0.18], omega=1.0), dict(force=[0.02], omega=np.sqrt(7))]
+    curve = quasi_periodic_response(system, forces, scale=(0.6, 1.5), harmonics=5, tolerance=1e-10)
+    assert curve.status == "converged" and len(curve.folds) >= 2
+    for fold in curve.folds[:2]:
+        i = np.argmin(np.abs(curve.scale - fold.omega[0]))
+        assert abs(curve.scale[i] - fold.omega[0]) < 0.05
+    # little of the second force: near the folds 1.26960 and 1.11570 of one frequency alone (METHODS.md b.3)
+    assert [fold.omega[0] for fold in curve.folds[:2]] == pytest.approx([1.2696, 1.1157], abs=0.01)
+
+
+def test_ratio_of_1_0001_is_told_and_estimated():
+    forces = [dict(force=[0.1], omega=2.0), dict(force=[0.1], omega=2.0002)]
+    with pytest.warns(MbrsWarning, match="almost commensurable"):
+        found = quasi_periodic(duffing(), forces, harmonics=7)
+    # the envelope is so slow that the motion is a sequence of periodic ones with the amplitude of the sum
+    integrated = found.verify(cycles=200)
+    print(f"frequencies with the ratio 1.0001: estimated error {found.error:.1e}, integrated {integrated:.1e}")
+    assert integrated < 1e-4
+
+
+def test_reads_saves_and_plots(tmp_path):
+    found = quasi_periodic(duffing(), pair(2.0), harmonics=3)
+    assert "k = (1, 0)" in str(found)
+    assert np.array_equal(pickle.loads(found.save(tmp_path / "qp.pkl").read_bytes()).X, found.X)
+    assert found.to_xarray().X.shape == (1, 12, 2)
+    import matplotlib
+
+    matplotlib.use("Agg")
+    found.plot()
+
+
+@pytest.mark.parametrize(
+    ("forces", "changes", "text"),
+    [
+        ([dict(force=[1.0], omega=1.0), dict(force=[1.0], omega=1.5)], {}, "commensurable: 3"),
+        ([dict(force=[1.0], omega=1.0), dict(force=[1.0], omega=1.0)], {}, "commensurable"),
+        ([dict(force=[1.0], omega=1.0)], {}, "at least two"),
+        (dict(force=[1.0], omega=1.0), {}, "at least two"),
+        ([dict(force=[1.0], omega=1.0), dict(omega=2.0)], {}, r"forces\[1\] must be"),
+        ([dict(force=[1.0], omega=1.0), dict(force=[1.0])], {}, "exactly one"),
+        ([dict(force=[1.0], omega=1.0), dict(force=[np.nan], omega=2**0.5)], {}, "NaN"),
+        ([dict(force=[1.0, 1.0], omega=1.0), dict(force=[1.0], omega=2**0.5)], {}, "shape"),
+        (None, dict(harmonics=0), "harmonics"),
+        (None, dict(indices=[[1, 0]]), r"lack the term of forces\[1\]"),
+        (None, dict(indices=[[1, 0], [0, 1], [0, -1]]), "twice"),
+        (None, dict(indices=[[0, 0]]), "zero vector"),
+        (None, dict(indices=[[0.5, 0]]), "integers"),
+        (None, dict(n_samples=8), "aliases"),
+        (None, dict(n_samples=[32, 32, 32]), "one number or 2"),
+        (None, dict(static=[1.0, 2.0]), "shape"),
+        (None, dict(x0=[1.0]), "QuasiPeriodicSolution"),
+        (None, dict(tol=0.0), "tol"),
+    ],
+)
+def test_bad_input(forces, changes, text):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with pytest.raises(ModelError, match=text):
+            quasi_periodic(duffing(), pair(2.0) if forces is None else forces, **changes)
+
+
+def test_memory_has_no_quasi_periodic_form():
+    system = MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[Jenkins(0.5, 0.1, w=[1.0])])
+    with pytest.raises(ModelError, match="memory"):
+        quasi_periodic(system, pair(2.0))
+
+
+@pytest.mark.parametrize("changes", [{}, dict(scale=(1.0, 1.0)), dict(scale=(1.0, 2.0), level=(1.0, 2.0))])
+def test_branch_needs_one_range(changes):
+    with pytest.raises(ModelError, match="range"):
+        quasi_periodic_response(duffing(), pair(2.0), **changes)
