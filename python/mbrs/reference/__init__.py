@@ -24,6 +24,7 @@ from .sensitivity import (
     real_part,
     shape_derivative,
 )
+from .steady import steady_motion
 
 __all__ = [
     "Derivative",
@@ -56,4 +57,5 @@ __all__ = [
     "real_part",
     "response",
     "shape_derivative",
+    "steady_motion",
 ]

@@ -241,7 +241,7 @@ fn connectors(
         add_wrench(topology, &placement, &acting, &mut sums);
     }
     let moves = sums.iter().any(|w| changes(&w.l) || changes(&w.a));
-    (request.solve.is_none() || !moves).then_some((stiffness, damping))
+    (!moves).then_some((stiffness, damping))
 }
 
 fn changes(v: &V3<Dual64>) -> bool {

@@ -10,6 +10,7 @@
 //! ```
 pub mod assemble;
 pub mod connector;
+pub mod connector_force;
 pub mod inertia;
 pub mod loops;
 pub mod placement;
