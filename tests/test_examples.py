@@ -93,7 +93,8 @@ def test_modes_agree_with_the_reference(name, computed):
     rigid = modes.kind[:n] == "rigid"
     assert np.array_equal(rigid, f == 0.0)
     error = np.abs(modes.frequency[:n] - f)[~rigid] / f[~rigid]
-    allowed = 1e-10 * np.maximum(modes.condition[:n][~rigid], 1.0)
+    # The reference itself loses digits where it subtracts stiffnesses in absolute coordinates; it says how many.
+    allowed = 1e-10 * np.maximum(modes.condition[:n][~rigid], 1.0) + np.array(expected["rounding"])[~rigid]
     print(f"{name}: frequencies within {error.max():.1e} of the reference")
     assert np.all(error <= allowed)
     assert np.all(np.abs(modes.damping[:n] - zeta)[~rigid] <= allowed)
