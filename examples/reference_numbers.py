@@ -16,6 +16,7 @@ from typing import Any
 import mbrs as mb
 import numpy as np
 from mbrs import reference
+from mbrs.reference.dynamics import element_tangents
 from mbrs.tables import directions, tables
 
 FOLDER = Path(__file__).resolve().parent
@@ -58,7 +59,7 @@ CASES = {
     "chain_cylindrical": Case(_chain("cylindrical"), _MAST, *_TIP, (0.1, 3.0, 20.0)),
     "chain_spherical": Case(_chain("spherical"), _MAST, *_TIP, (0.1, 3.0, 20.0)),
     "chain_springs": Case(_chain(None), ("F1.k[5]", "B10.mass", "F2.at_a[0]"), *_TIP, (0.1, 3.0, 20.0)),
-    # The plain reference takes minutes for 127 bodies, so the sensitivities are those of a smaller tree.
+    # The plain reference takes a minute for 127 bodies, so the sensitivities are those of a smaller tree.
     "tree": Case(lambda: mb.examples.from_code("TL7SF1"), (), ("B6,1", "x"), ("B6,32", "y"), (0.002, 0.05, 1.0)),
     "tree_small": Case(
         lambda: mb.examples.from_code("TL4SF1"),
@@ -117,7 +118,8 @@ def numbers(case: Case) -> dict[str, Any]:
     own = tables(model)
     state_of = _equilibrium if case.at_equilibrium else reference.sensitivity.drawn_and_assembled
     system = reference.System(own)
-    lin = reference.linearize(system, state_of(system))
+    state = state_of(system)
+    lin = reference.linearize(system, state)
     modes = reference.modes(lin.M, lin.C, lin.G, lin.K, lin.N)
     labels, columns = (), []
     if case.parameters:
@@ -131,11 +133,26 @@ def numbers(case: Case) -> dict[str, Any]:
     return {
         "dof": len(lin.coordinates),
         "frequency": modes.frequency[:MOST_MODES].tolist(),
+        "rounding": _rounding(system, state, lin, modes)[:MOST_MODES].tolist(),
         "damping": _rounded(modes.damping[:MOST_MODES]),
         "H": {"frequency": list(case.frequency), "re": h.real.tolist(), "im": h.imag.tolist()},
         "labels": list(labels),
         "sensitivity": [_rounded(column[:MOST_MODES]) for column in columns],
     }
+
+
+def _rounding(
+    system: reference.System, state: reference.State, lin: reference.Linearization, modes: reference.Modes
+) -> np.ndarray:
+    """Relative error of each frequency that the congruence T^T K T of absolute stiffnesses may leave.
+
+    eps |phi|^T |T|^T |K_abs| |T| |phi| / |phi^H K phi|: large where a soft mode carries far bodies along.
+    """
+    absolute, _ = element_tangents(system, state, False, True)
+    carried = np.abs(lin.T) @ np.abs(modes.shape)
+    size = np.einsum("ik,ij,jk->k", carried, np.abs(absolute), carried)
+    strain = np.abs(np.einsum("ik,ij,jk->k", modes.shape.conj(), lin.K, modes.shape))
+    return np.divide(np.finfo(float).eps * size, strain, out=np.zeros_like(size), where=modes.eigenvalue != 0)
 
 
 def _sensitivity(

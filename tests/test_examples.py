@@ -59,8 +59,7 @@ def test_script_runs(script, tmp_path):
 
 
 def test_every_model_has_its_numbers():
-    # the plain reference would need hours for the 127 bodies of the tree: tree_small stands for it
-    assert list(NUMBERS) == [name for name in CASES if name != "tree"]
+    assert list(NUMBERS) == list(CASES)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -94,7 +93,8 @@ def test_modes_agree_with_the_reference(name, computed):
     rigid = modes.kind[:n] == "rigid"
     assert np.array_equal(rigid, f == 0.0)
     error = np.abs(modes.frequency[:n] - f)[~rigid] / f[~rigid]
-    allowed = 1e-10 * np.maximum(modes.condition[:n][~rigid], 1.0)
+    # The reference itself loses digits where it subtracts stiffnesses in absolute coordinates; it says how many.
+    allowed = 1e-10 * np.maximum(modes.condition[:n][~rigid], 1.0) + np.array(expected["rounding"])[~rigid]
     print(f"{name}: frequencies within {error.max():.1e} of the reference")
     assert np.all(error <= allowed)
     assert np.all(np.abs(modes.damping[:n] - zeta)[~rigid] <= allowed)
@@ -113,8 +113,9 @@ def test_transfer_function_agrees_with_the_reference(name, computed):
     assert error.max() < 1e-8
 
 
-# the Stewart platform has two modes 3e-8 apart: rounding decides how they mix, and their derivatives with them
-CLOSE = pytest.mark.xfail(strict=False, reason="two modes 3e-8 apart")
+# Modes 7 to 9 and 10, 11 are repeated by symmetry; rounding of the matrices parts them by 4e-13, which the core does not
+# take for a group, so that how they mix, and their derivatives with them, is arbitrary.
+CLOSE = pytest.mark.xfail(strict=False, reason="repeated modes that rounding parts by 4e-13 are no group to the core")
 
 
 @pytest.mark.parametrize(
