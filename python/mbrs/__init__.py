@@ -1,1 +1,95 @@
-"""Vibration and motion of spatial multibody systems. ``import mbrs as mb``."""
+"""Vibration and motion of spatial multibody systems. ``import mbrs as mb``.
+
+Everything public is listed here and imported when it is first used, so that ``import mbrs`` stays cheap.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import types
+from typing import Any
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "AssemblyError": "errors",
+    "ConvergenceError": "errors",
+    "DuplicateNameError": "errors",
+    "InertiaError": "errors",
+    "MbrsError": "errors",
+    "MbrsWarning": "errors",
+    "ModelError": "errors",
+    "NameNotFoundError": "errors",
+    "NotDifferentiableError": "errors",
+    "SingularError": "errors",
+    "Model": "model",
+    "MechanicalSystem": "second_order",
+    "System": "system",
+    "base_motion": "ports",
+    "rotation": "geometry",
+    "effects": "effects",
+    "equilibrium": "equilibrium",
+    "linearize": "linearize",
+    "modes": "modal",
+    "mac": "mac",
+    "frf": "frf",
+    "response": "response",
+    "state_space": "state_space",
+    "sensitivity": "sensitivity",
+    "eigen_sensitivity": "eigen_sensitivity",
+    "steady_motion": "steady",
+    "campbell": "campbell",
+    "check_gradients": "check_gradients",
+    "accuracy_study": "study",
+    "effect_study": "study",
+    "harmonic_balance": "harmonic_balance",
+    "frequency_response": "frequency_response",
+    "limit_cycle": "limit_cycle",
+    "nonlinear_system": "nonlinear_system",
+    "Cubic": "laws",
+    "Polynomial1D": "laws",
+    "Gap": "laws",
+    "Jenkins": "laws",
+    "Iwan": "laws",
+    "CoulombTanh": "laws",
+    "Hertz": "laws",
+    "TableLaw": "laws",
+    "VanDerPol": "laws",
+    "VaryingStiffness": "laws",
+}
+_MODULES = ("examples", "reference", "errors", "report", "plot", "animate")
+__all__ = sorted([*_HOME, "examples"])
+
+
+class _Package(types.ModuleType):
+    """`mb.frf` is the function, although the module that defines it is called `mbrs.frf`: the import system would
+    set the
+    module under that name as soon as anything imports it.
+    """
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in _HOME and isinstance(value, types.ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+    elif name in _MODULES:
+        value = importlib.import_module(f".{name}", __name__)
+    else:
+        import difflib
+
+        near = difflib.get_close_matches(name, __all__, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise AttributeError(f"module 'mbrs' has no attribute {name!r}{hint}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

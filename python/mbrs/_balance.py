@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _core, _linear
+from . import _condensation, _core
 from .errors import ConvergenceError, MbrsError, ModelError, SingularError
 from .laws import Law
 
@@ -25,7 +25,7 @@ class Setup:
     subharmonic: int
     n_samples: int
     core: Any
-    linear: _linear.Linear
+    linear: _condensation.Linear
     arguments: tuple[Any, ...] = ()
 
     def __reduce__(self) -> Any:
@@ -138,7 +138,7 @@ def prepare(
     top = min(2 * terms[-1] + 1, terms[-1] + 6)  # the estimate looks at this many
     extra = [[h] for h in range(1, top + 1) if h not in terms]
     fine = max(2 * n, needed_samples(laws, (top,), subharmonic))
-    linear = _linear.linear_part(system, laws, forces, 2 * len(terms) + 1, condense)
+    linear = _condensation.linear_part(system, laws, forces, 2 * len(terms) + 1, condense)
     elements = core_elements(laws, linear.directions)
     indices = [[h] for h in terms]
     core = translated(_core.HbmProblem, linear.core, elements, indices, subharmonic, [omega], [n], extra, [fine])

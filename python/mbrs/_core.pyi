@@ -1,11 +1,18 @@
 """The Rust core: typed by hand and checked by stubtest. Not public; its results are wrapped by the modules of mbrs."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
+_F1 = NDArray[np.float64]
+_F2 = NDArray[np.float64]
+_F3 = NDArray[np.float64]
+_Ints = Sequence[int] | NDArray[np.int64]
+
 __version__: str
+__all__: list[str]
 
 class CoreError(Exception): ...
 class CoreModelError(CoreError): ...
@@ -13,6 +20,96 @@ class CoreAssemblyError(CoreError): ...
 class CoreSingularError(CoreError): ...
 class CoreConvergenceError(CoreError): ...
 class CoreNotDifferentiableError(CoreError): ...
+
+def dense_modes(
+    m: np.ndarray,
+    c: np.ndarray | None,
+    g: np.ndarray | None,
+    k: np.ndarray,
+    n: np.ndarray | None,
+    kf: np.ndarray | None,
+) -> dict[str, Any]: ...
+
+@final
+class FrfReduction:
+    """M, D, S reduced once; maps and frequencies come with each call."""
+
+    def __new__(cls, m: _F2, d: _F2 | None, s: _F2) -> FrfReduction: ...
+    @property
+    def poles(self) -> NDArray[np.complex128] | None: ...
+    @property
+    def counts(self) -> dict[str, int]: ...
+    def evaluate(
+        self, l: _F2, f: _F2, order_in: _Ints, d0: _F2 | None, order_out: int, omega: _F1, modes: int | None = None
+    ) -> dict[str, Any]: ...
+    def sensitivity(
+        self,
+        l: _F2,
+        f: _F2,
+        order_in: _Ints,
+        d0: _F2 | None,
+        order_out: int,
+        omega: _F1,
+        n_p: int,
+        dm: _F3 | None,
+        dd: _F3 | None,
+        ds: _F3 | None,
+        df: _F3 | None,
+        dl: _F3 | None,
+        dd0: _F3 | None,
+    ) -> dict[str, Any]: ...
+    def response(
+        self, l: _F2, f: _F2, order_in: _Ints, d0: _F2 | None, t: _F1, u: _F2, bulge: _F2, x0: _F1, v0: _F1
+    ) -> dict[str, Any]: ...
+    def response_sensitivity(
+        self,
+        l: _F2,
+        f: _F2,
+        order_in: _Ints,
+        d0: _F2 | None,
+        t: _F1,
+        u: _F2,
+        bulge: _F2,
+        x0: _F1,
+        v0: _F1,
+        n_p: int,
+        dm: _F3 | None,
+        dd: _F3 | None,
+        ds: _F3 | None,
+        df: _F3 | None,
+        dl: _F3 | None,
+        dd0: _F3 | None,
+    ) -> list[dict[str, Any]]: ...
+
+def eigen_sensitivities(matrices: Any, modes: Any, changes: Any) -> dict[str, Any]: ...
+def shape_sensitivities(matrices: Any, modes: Any, changes: Any, ds: np.ndarray) -> dict[str, Any]: ...
+
+_Direction = tuple[Sequence[int], Sequence[float]]
+
+@final
+class System:
+    """A compiled model: immutable; states are (relative, rate)."""
+
+    def __new__(cls, tables_dict: dict[str, Any]) -> System: ...
+    @property
+    def n_bodies(self) -> int: ...
+    @property
+    def n_tree(self) -> int: ...
+    @property
+    def characteristic_length(self) -> float: ...
+    def with_values(self, x: _F1) -> System: ...
+    def topology(self) -> dict[str, Any]: ...
+    def assemble(self) -> dict[str, Any]: ...
+    def bodies(self, relative: _F2, rate: _F1) -> dict[str, Any]: ...
+    def equilibrium(self, relative: _F2, without: Sequence[str]) -> dict[str, Any]: ...
+    def linearize(self, relative: _F2, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
+    def advance(self, relative: _F2, increments: _F1) -> _F2: ...
+    def rate_mismatch(self, relative: _F2, rate: _F1) -> float: ...
+    def integrate(
+        self, relative: _F2, rate: _F1, step: float, n_steps: int, direction: _Direction | None
+    ) -> dict[str, Any]: ...
+    def strains(self, relative: _F2) -> list[tuple[str, int, int, _F1, _F2, _F2]]: ...
+    def reactions(self, relative: _F2, rate: _F1, without: Sequence[str]) -> _F2: ...
 
 def law_force(
     code: int, values: list[float], u: NDArray[np.float64], v: NDArray[np.float64]
@@ -48,6 +145,7 @@ class HbmLinear:
         damping: NDArray[np.float64],
         shape: NDArray[np.float64],
         forces: NDArray[np.complex128],
+        matrices: Any = None,
     ) -> HbmLinear: ...
     @property
     def size(self) -> int: ...
@@ -75,9 +173,7 @@ class HbmProblem:
         tolerance: float = 1e-10,
         max_iterations: int = 50,
     ) -> dict[str, Any]: ...
-    def cycle(
-        self, z: NDArray[np.float64], tolerance: float = 1e-10, max_iterations: int = 50
-    ) -> dict[str, Any]: ...
+    def cycle(self, z: NDArray[np.float64], tolerance: float = 1e-10, max_iterations: int = 50) -> dict[str, Any]: ...
     def floquet(
         self, y: NDArray[np.float64], omega: list[float], monodromy: bool = False
     ) -> tuple[NDArray[np.complex128] | None, NDArray[np.float64] | None]: ...
@@ -110,3 +206,30 @@ class HbmBranch:
         towards: NDArray[np.float64] | None = None,
     ) -> HbmBranch: ...
     def run(self, points: int, seconds: float) -> dict[str, Any]: ...
+
+def directions(
+    system: System,
+    relative: _F2,
+    rate: _F1,
+    without: Sequence[str],
+    directions: Sequence[_Direction],
+    follow: bool,
+    maps: bool,
+) -> dict[str, Any]: ...
+
+_Csc = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]
+
+def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
+def sparse_count(m: _Csc, k: _Csc, below: float) -> int | None: ...
+def sparse_frf(
+    m: _Csc,
+    d: _Csc | None,
+    s: _Csc,
+    l: _F2,
+    f: _F2,
+    order_in: _Ints,
+    d0: _F2 | None,
+    order_out: int,
+    omega: _F1,
+) -> dict[str, Any]: ...
+def mixed_modes(m: _Csc, a: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _balance, _linear, _verify
+from . import _balance, _condensation, _verify
 
 AMPLITUDES = np.geomspace(1e-6, 1e6, 121)
 
@@ -21,7 +21,7 @@ def equilibrium(system: Any, force: Any) -> np.ndarray:
 
 def tangent(system: Any, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """M, C, K with the slopes of the laws at rest in x, by differences (a start needs no more)."""
-    M, C, K = (A.copy() for A in _linear.dense(system))
+    M, C, K = (A.copy() for A in _condensation.dense(system))
     for law in system.elements:
         u = float(law.w @ x)
         h = 1e-6 * max(1.0, abs(u))

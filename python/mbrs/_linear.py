@@ -1,8 +1,9 @@
-"""How harmonic balance sees the linear part: all coordinates, or condensed exactly onto those that the elements
-touch."""
+"""What the linear analyses see: matrices of one linear system, and maps from named inputs to named outputs."""
 
 from __future__ import annotations
 
+import hashlib
+from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,145 +11,210 @@ from typing import Any
 import numpy as np
 
 from . import _core
-from .errors import ModelError
-from .laws import Law
+from ._border import core_errors
+from .errors import ModelError, NameNotFoundError
+from .second_order import MechanicalSystem
 
-FULL_UNKNOWNS = 6000
-MODAL_COORDINATES = 1500
-WORTH_CONDENSING = 150
-
-
-@dataclass(frozen=True)
-class Linear:
-    """The core's object, how it was made, and the orthogonal matrix T of x = T y where coordinates were changed."""
-
-    core: Any
-    route: str
-    directions: tuple[np.ndarray, ...]
-    transform: np.ndarray | None = None
+_EFFECT_OF = {"C": "damping", "G": "gyroscopic", "N": "circulatory"}
+_DENSE_LIMIT = 3000
+_SPARSE_FROM = 400
 
 
-def linear_part(system: Any, laws: Sequence[Law], forces: np.ndarray, n_c: int, condense: bool | str) -> Linear:
-    """``condense``: True, False or "auto", which condenses where the full equations are large."""
-    if not isinstance(condense, bool) and condense != "auto":
-        raise ModelError(f'condense must be True, False or "auto", it is {condense!r}')
-    directions = tuple(np.asarray(law.w) for law in laws)
-    touched = np.flatnonzero(np.any([w != 0 for w in directions], axis=0)) if directions else np.zeros(0, int)
-    small = system.n * n_c <= WORTH_CONDENSING
-    if condense is False or (condense == "auto" and small):
-        return _full(system, directions, forces, n_c)
-    if len(touched) == 0:
-        touched = np.array([0])  # a linear system: any coordinate carries the equations
-    rank = np.linalg.matrix_rank(np.array(directions)) if directions else 0
-    if 2 * rank < len(touched) and len(touched) > 8 and system.n <= MODAL_COORDINATES:
-        return _turned(system, directions, forces, int(rank))
-    if len(touched) == system.n:
-        return _full(system, directions, forces, n_c)
-    matrices = _symmetric(system) if system.n <= MODAL_COORDINATES else None
-    modal = None if matrices is None else _modal(matrices, touched, forces)
-    if modal is not None:
-        return Linear(modal, "condensed, modal", directions)
-    return Linear(_sparse(system, touched, forces), "condensed, sparse", directions)
+@dataclass(frozen=True, eq=False)
+class LinearSystem:
+    """M y" + D y' + S y = F u, outputs L y + D0 u; an input may enter through its derivative of order ``order_in``."""
+
+    M: Any
+    D: Any
+    S: Any
+    coordinates: tuple[str, ...]
+    F: np.ndarray
+    order_in: np.ndarray
+    inputs: tuple[str, ...]
+    L: np.ndarray
+    D0: np.ndarray | None
+    outputs: tuple[str, ...]
+    effects: tuple[str, ...]
+    source: Any = None
+
+    @property
+    def n(self) -> int:
+        return len(self.coordinates)
+
+    @property
+    def is_large(self) -> bool:
+        """Sparse and so large that it is left so."""
+        sparse = any(hasattr(a, "tocsc") for a in (self.M, self.D, self.S) if a is not None)
+        return sparse and self.n > _SPARSE_FROM
+
+    def reduction(self) -> tuple[_core.FrfReduction, bool]:
+        """The reduced system, and whether it had to be made: systems with the same numbers share one."""
+        return reduction_of(dense(self.M), None if self.D is None else dense(self.D), dense(self.S))
 
 
-def dense(system: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """M, C + G, K + N as dense arrays."""
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """The call that a result came from; sensitivities start here."""
 
-    def array(a: Any) -> np.ndarray:
-        if a is None:
-            return np.zeros((system.n, system.n))
-        return np.asarray(a.toarray() if hasattr(a, "toarray") else a, dtype=float)
-
-    M, C, K = array(system.M), array(system.C), array(system.K)
-    G, N = getattr(system, "G", None), getattr(system, "N", None)
-    return M, C if G is None else C + array(G), K if N is None else K + array(N)
+    model: Any
+    inputs: Any
+    outputs: Any
+    at: Any
+    without: tuple[str, ...]
 
 
-def _full(system: Any, directions: tuple[np.ndarray, ...], forces: np.ndarray, n_c: int) -> Linear:
-    if system.n * n_c > FULL_UNKNOWNS:
+def second_order(m: Any, at: Any, without: Sequence[str]) -> tuple[Any, tuple[str, ...]]:
+    """The object that holds M, C, G, K, N, coordinates and maps, and the effects that are on in it."""
+    if isinstance(without, str):
+        raise ModelError(f"without must be a sequence of effect names, such as ({without!r},)")
+    without = tuple(without)
+    if isinstance(m, MechanicalSystem):
+        if at is not None:
+            raise ModelError("at= is for models; a MechanicalSystem has no other state than its matrices")
+        unknown = set(without) - set(_EFFECT_OF.values())
+        if unknown:
+            known = ", ".join(sorted(_EFFECT_OF.values()))
+            raise ModelError(f"without={sorted(unknown)} is not an effect of a MechanicalSystem; it knows {known}")
+        system: Any = m
+    elif hasattr(m, "input_map"):
+        if at is not None or without:
+            raise ModelError("at= and without= belong to the call of mb.linearize that made this linear system")
+        system = m
+    elif hasattr(m, "bodies") or hasattr(m, "ground"):
+        from .linearize import second_order_of
+
+        system, without = second_order_of(m, at, without), ()
+    else:
+        raise ModelError(f"expected a Model or a MechanicalSystem, got {type(m).__name__}")
+    effects = tuple(e for k, e in _EFFECT_OF.items() if getattr(system, k) is not None and e not in without)
+    return system, effects
+
+
+def linear_system(m: Any, inputs: Any, outputs: Any, at: Any, without: Sequence[str]) -> LinearSystem:
+    """The matrices and maps for these inputs and outputs."""
+    system, effects = second_order(m, at, without)
+    used = {k: getattr(system, k) if e in effects else None for k, e in _EFFECT_OF.items()}
+    coordinates = tuple(system.coordinates)
+    D0 = None
+    if hasattr(system, "input_map"):
+        ports_in, ports_out = as_list(inputs), as_list(outputs)
+        F, order_in, names_in = system.input_map(ports_in)
+        L, D0, names_out = system.output_map(ports_out, ports_in)
+    else:
+        F, names_in = directions(inputs, coordinates, "inputs")
+        W, names_out = directions(outputs, coordinates, "outputs")
+        L, order_in = W.T, np.zeros(F.shape[1], dtype=np.int64)
+    if D0 is not None and not np.any(D0):
+        D0 = None
+    return LinearSystem(
+        M=system.M,
+        D=_sum(used["C"], used["G"]),
+        S=_sum(system.K, used["N"]),
+        coordinates=coordinates,
+        F=np.ascontiguousarray(F, dtype=float),
+        order_in=np.asarray(order_in, dtype=np.int64),
+        inputs=tuple(names_in),
+        L=np.ascontiguousarray(L, dtype=float),
+        D0=None if D0 is None else np.ascontiguousarray(D0, dtype=float),
+        outputs=tuple(names_out),
+        effects=effects,
+        source=system,
+    )
+
+
+def as_list(ports: Any) -> list[Any]:
+    """One port or several."""
+    return list(ports) if isinstance(ports, list | tuple) else [ports]
+
+
+def directions(spec: Any, coordinates: tuple[str, ...], what: str) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Columns (n, k) from coordinate names, indices, a direction (n,) or several (n, k)."""
+    n = len(coordinates)
+    picked = [spec] if isinstance(spec, str | int | np.integer) else spec
+    if isinstance(picked, np.ndarray) and picked.dtype.kind in "iu" and picked.ndim == 1:
+        picked = picked.tolist()
+    if isinstance(picked, list | tuple) and picked and all(_is_coordinate(p) for p in picked):
+        indices = [_coordinate(p, coordinates, what) for p in picked]
+        W = np.zeros((n, len(indices)))
+        W[indices, range(len(indices))] = 1.0
+        return W, tuple(coordinates[i] for i in indices)
+    try:
+        W = np.array(picked, dtype=float)
+    except (TypeError, ValueError):
         raise ModelError(
-            f"{system.n} coordinates with {n_c} coefficients are {system.n * n_c} unknowns in dense matrices; "
-            "condense (condense=True, elements on few coordinates) or take fewer harmonics"
-        )
-    return Linear(_core.HbmLinear.full(*dense(system), forces), "full", directions)
+            f"{what} must be coordinate names, indices, a direction ({n},) or directions ({n}, k); got {spec!r}"
+        ) from None
+    if W.ndim == 1:
+        W = W[:, None]
+    if W.ndim != 2 or W.shape[0] != n or W.shape[1] == 0:
+        raise ModelError(f"{what} has shape {np.shape(spec)}; directions must be ({n},) or ({n}, k)")
+    if not np.all(np.isfinite(W)):
+        raise ModelError(f"{what} contains NaN or infinite entries")
+    return W, tuple(f"{what[:-1]}{j}" for j in range(W.shape[1]))
 
 
-def _turned(system: Any, directions: tuple[np.ndarray, ...], forces: np.ndarray, rank: int) -> Linear:
-    """Directions that touch many coordinates: an orthogonal change of coordinates puts them on the first few."""
-    import scipy.linalg
-
-    Q = scipy.linalg.qr(np.array(directions).T, pivoting=True)[0]
-    turned = tuple(np.concatenate([(Q.T @ w)[:rank], np.zeros(system.n - rank)]) for w in directions)
-    M, C, K = (Q.T @ A @ Q for A in dense(system))
-    row, column = (i.ravel() for i in np.indices(M.shape))
-    m, c, k = (A.ravel() for A in (M, C, K))
-    turned_forces = np.ascontiguousarray(forces @ Q)
-    core = _core.HbmLinear.sparse(system.n, row, column, m, c, k, np.arange(rank), turned_forces)
-    return Linear(core, "condensed, turned", turned, Q)
+def _is_coordinate(p: Any) -> bool:
+    return isinstance(p, str | int | np.integer) and not isinstance(p, bool)
 
 
-def _symmetric(system: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    parts = dense(system)
-    return parts if all(np.array_equal(A, A.T) for A in parts) else None
+def _coordinate(p: Any, coordinates: tuple[str, ...], what: str) -> int:
+    if isinstance(p, str):
+        if p in coordinates:
+            return coordinates.index(p)
+        import difflib
+
+        near = difflib.get_close_matches(p, coordinates, n=1, cutoff=0.0)
+        hint = f"; the nearest is {near[0]!r}" if near else ""
+        raise NameNotFoundError(f"{what}: there is no coordinate {p!r}{hint}")
+    if not -len(coordinates) <= p < len(coordinates):
+        raise ModelError(f"{what}: coordinate {p} does not exist, there are {len(coordinates)}")
+    return int(p) % len(coordinates)
 
 
-def _modal(matrices: tuple[np.ndarray, ...], retained: np.ndarray, forces: np.ndarray) -> Any:
-    """Modes of the rest while the retained coordinates are held; None where damping couples them."""
-    import scipy.linalg
-
-    while True:
-        n = len(matrices[0])
-        local = np.setdiff1d(np.arange(n), retained)
-        M, C, K = (A[np.ix_(local, local)] for A in matrices)
-        try:
-            stiffness, shape = scipy.linalg.eigh(K, M)
-        except np.linalg.LinAlgError:
-            return None
-        damping = shape.T @ C @ shape
-        size = np.max(np.abs(damping), initial=0.0)
-        if np.max(np.abs(damping - np.diag(np.diag(damping))), initial=0.0) > 1e-12 * size:
-            return None
-        if len(local) == 0 or stiffness[0] > 1e-11 * stiffness[-1]:
-            break
-        # the rest is free at rest: keep the coordinate that moves most, or the static equations are singular
-        retained = np.sort(np.append(retained, local[np.argmax(np.abs(shape[:, 0]))]))
-        if len(retained) == n:
-            return None
-    rr = [np.ascontiguousarray(A[np.ix_(retained, retained)]) for A in matrices]
-    lr = [np.ascontiguousarray(shape.T @ A[np.ix_(local, retained)]) for A in matrices]
-    return _core.HbmLinear.modal(
-        retained.tolist(),
-        local.tolist(),
-        rr,
-        lr,
-        stiffness,
-        np.diag(damping).copy(),
-        np.ascontiguousarray(shape),
-        forces,
-    )
+def _sum(a: Any, b: Any) -> Any:
+    if a is None:
+        return b
+    return a if b is None else a + b
 
 
-def _sparse(system: Any, retained: np.ndarray, forces: np.ndarray) -> Any:
-    import scipy.sparse as sp
+def dense(a: Any) -> np.ndarray:
+    """A matrix as a NumPy array; refuses what would not fit sensibly."""
+    if hasattr(a, "toarray"):
+        if a.shape[0] > _DENSE_LIMIT:
+            raise ModelError(
+                f"a sparse system of {a.shape[0]} coordinates is too large for dense work (limit {_DENSE_LIMIT}): "
+                "reduce it to its lowest modes first (mb.modes(system, n=...))"
+            )
+        a = a.toarray()
+    return np.asarray(a, dtype=float)
 
-    def matrix(*parts: Any) -> Any:
-        total = sp.csc_matrix((system.n, system.n))
-        for part in parts:
-            if part is not None:
-                total = total + sp.csc_matrix(part)
-        return total.tocoo()
 
-    M = matrix(system.M)
-    C = matrix(system.C, getattr(system, "G", None))
-    K = matrix(system.K, getattr(system, "N", None))
-    places = np.unique(np.concatenate([A.col.astype(np.int64) * system.n + A.row for A in (M, C, K)]))
-    places = np.union1d(places, np.arange(system.n) * (system.n + 1))  # every pivot has a place
+def csc_arrays(a: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Column pointers, row indices and values of a matrix, as the sparse functions of the core take them."""
+    from scipy.sparse import csc_matrix
 
-    def values(A: Any) -> np.ndarray:
-        out = np.zeros(len(places))
-        np.add.at(out, np.searchsorted(places, A.col.astype(np.int64) * system.n + A.row), A.data)
-        return out
+    made = csc_matrix(a)
+    return made.indptr.astype(np.int64), made.indices.astype(np.int64), made.data.astype(float)
 
-    return _core.HbmLinear.sparse(
-        system.n, places % system.n, places // system.n, values(M), values(C), values(K), retained, forces
-    )
+
+_reductions: OrderedDict[bytes, _core.FrfReduction] = OrderedDict()
+_KEPT = 4
+
+
+def reduction_of(M: np.ndarray, D: np.ndarray | None, S: np.ndarray) -> tuple[_core.FrfReduction, bool]:
+    """Reductions are kept by the contents of the matrices: a second call with other frequencies or ports is cheap."""
+    digest = hashlib.blake2b(digest_size=16)
+    for a in (M, D, S):
+        digest.update(b"none" if a is None else np.ascontiguousarray(a).data)
+        digest.update(str(None if a is None else a.shape).encode())
+    key = digest.digest()
+    known = _reductions.get(key)
+    if known is not None:
+        _reductions.move_to_end(key)
+        return known, False
+    with core_errors():
+        made = _core.FrfReduction(M, D, S)
+    _reductions[key] = made
+    while len(_reductions) > _KEPT:
+        _reductions.popitem(last=False)
+    return made, True

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _linear
+from . import _condensation
 from .errors import ModelError
 
 
@@ -38,7 +38,7 @@ def distance_on_torus(solution: Any, cycles: float, rtol: float) -> float:
 
     system = solution.system
     free = first_order(system, {0: np.zeros(system.n)}, float(solution.omega[0]))
-    inverse = np.linalg.inv(_linear.dense(system)[0])
+    inverse = np.linalg.inv(_condensation.dense(system)[0])
     static = np.zeros(system.n) if solution.static is None else np.asarray(solution.static, float)
     sources = [(np.asarray(f["force"], complex), w) for f, w in zip(solution.forces, solution.omega, strict=True)]
 
@@ -58,7 +58,7 @@ def distance_on_torus(solution: Any, cycles: float, rtol: float) -> float:
 
 def first_order(system: Any, force: Any, omega: float) -> Any:
     """The right-hand side y' = f(t, y) with y = [x, x'], (2n,) or for constant forces (2n, m)."""
-    M, C, K = _linear.dense(system)
+    M, C, K = _condensation.dense(system)
     n = system.n
     inverse = np.linalg.inv(M)
     given = dict(force) if isinstance(force, Mapping) else {1: force}

@@ -154,6 +154,9 @@ def harmonic_balance(
     tol: float | None = None,
     tolerance: float = 1e-10,
     max_iterations: int = 60,
+    amplitude: Any = None,
+    at: Any = None,
+    without: Any = (),
 ) -> PeriodicSolution:
     """One periodic solution of M x" + C x' + K x + sum_e w_e law_e(w_e . x, w_e . x') = f(t) by harmonic balance.
 
@@ -162,10 +165,11 @@ def harmonic_balance(
     Parameters
     ----------
     system
-        `MechanicalSystem` with nonlinear ``elements``.
+        `MechanicalSystem` with nonlinear ``elements``, or a `Model`, whose geometry is then linearised
+        (`nonlinear_system`).
     force
-        Amplitudes (n,) of the first harmonic, real for a cosine, complex a - i b for a cos + b sin; or ``{harmonic:
-        (n,)}``
+        Of a model, ports such as ``body.force("x")``, with ``amplitude``. Else amplitudes (n,) of the first harmonic,
+        real for a cosine, complex a - i b for a cos + b sin; or ``{harmonic: (n,)}``
         with 0 for a static (real) force. Force units of the system.
     omega, frequency
         Excitation frequency in rad/s or in Hz; exactly one of them.
@@ -188,6 +192,11 @@ def harmonic_balance(
         Largest ``.error`` that is called resolved; 0.1, and 1e-6 for ``harmonics="auto"``.
     tolerance, max_iterations
         Of Newton's method: last step relative to the coefficients of a coordinate.
+    amplitude
+        Of the ports in ``force``, N or N m: one number or one for each; complex a - i b for a cos + b sin. 1 if
+        left out.
+    at, without
+        State of a model and effects to leave out, as for `mb.linearize`.
 
     Returns
     -------
@@ -215,7 +224,10 @@ def harmonic_balance(
     >>> round(one.amplitude(), 6)
     0.474872
     """
+    from .nonlinear_system import as_system
+
     started = perf_counter()
+    system, force = as_system(system, force, amplitude, at, without)
     w = _balance.one_frequency(omega, frequency)
     if w.ndim != 0:
         raise ModelError("harmonic_balance solves at one frequency; frequency_response takes a range")

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _balance, _core, _linear
+from . import _balance, _condensation, _core
 from .errors import ConvergenceError, MbrsWarning, ModelError
 from .harmonic_balance import UNRESOLVED, effects_of
 from .laws import Law
@@ -275,7 +275,7 @@ class Torus:
                 raise ModelError(f"indices lack the term of forces[{i}] itself, {np.eye(p, dtype=int)[i].tolist()}")
             terms[1 + at[0]] = vector
         n_c = 2 * len(self.indices) + 1
-        self.linear = _linear.linear_part(system, laws, terms, n_c, condense)
+        self.linear = _condensation.linear_part(system, laws, terms, n_c, condense)
         if self.linear.core.size * n_c > MOST_UNKNOWNS:
             raise ModelError(
                 f"{self.linear.core.size * n_c} unknowns are too many; take fewer harmonics or coordinates"

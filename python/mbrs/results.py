@@ -1,4 +1,6 @@
-"""What every analysis returns: a frozen object that prints, plots, saves and says what it cost and how far it may be off."""
+"""What every analysis returns: a frozen object that prints, plots, saves and says what it cost and how far it may
+be off.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Stats:
-    """What a result cost: wall time in seconds, deterministic work counts, the effects that ran, the route that was taken."""
+    """What a result cost: wall time in seconds, deterministic work counts, the effects that ran, the route that was
+    taken.
+    """
 
     wall_time: float = 0.0
     counts: Mapping[str, int] = field(default_factory=dict)
@@ -19,11 +23,24 @@ class Stats:
     route: str = ""
 
 
+def added_counts(*parts: Any) -> dict[str, int]:
+    """Work counts of several steps together; a part may be counts, or anything with ``.stats`` (else it counts
+    nothing).
+    """
+    total: dict[str, int] = {}
+    for part in parts:
+        counts = part if isinstance(part, Mapping) else getattr(getattr(part, "stats", None), "counts", {})
+        for name, n in counts.items():
+            total[name] = total.get(name, 0) + n
+    return total
+
+
 @dataclass(frozen=True, eq=False)
 class Result:
     """Base of all results. Subclasses add arrays, `__str__` as a readable table, `plot` and `to_xarray`.
 
-    ``error`` is an estimate computed with the result (relative unless the subclass says otherwise), ``status`` a named reason.
+    ``error`` is an estimate computed with the result (relative unless the subclass says otherwise), ``status`` a
+    named reason.
     """
 
     stats: Stats = field(default_factory=Stats, kw_only=True)
@@ -34,7 +51,7 @@ class Result:
         """Save as NetCDF (``.nc``, through xarray) or as a pickle (any other ending). Returns the path."""
         path = Path(path)
         if path.suffix == ".nc":
-            self.to_xarray().to_netcdf(path, engine="h5netcdf", auto_complex=True)
+            self.to_xarray().to_netcdf(path, engine="h5netcdf")
         else:
             path.write_bytes(pickle.dumps(self))
         return path

@@ -8,10 +8,15 @@
 //! `python` is the only door to Python.
 pub mod analysis;
 pub mod error;
+pub mod kinematics;
 pub mod laws;
 pub mod linalg;
+pub mod model;
 pub mod run;
+pub mod second_order;
 pub mod solve;
+pub mod spatial;
+pub mod system;
 
 #[cfg(feature = "python")]
 mod python;

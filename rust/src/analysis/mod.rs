@@ -1,3 +1,26 @@
 //! One file per analysis.
+pub mod assembly;
+pub mod direction;
+pub mod eigen_sensitivity;
+pub mod equilibrium;
+pub mod frf;
+mod frf_routes;
+pub mod frf_sensitivity;
+mod frf_singular;
+pub mod frf_sparse;
 pub mod hbm;
+pub mod history;
+pub mod linearize;
+pub mod local_direction;
+pub mod modal;
+mod modes_of;
+pub mod monodromy;
+pub mod ports;
+pub mod reactions;
+pub mod response;
+pub mod sparse_damped;
+pub mod sparse_modal;
+pub mod sparse_pencil;
 pub mod stability;
+mod state;
+pub mod transient;

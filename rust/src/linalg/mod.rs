@@ -1,1 +1,10 @@
 //! Dense and sparse linear algebra that faer does not bring ready-made.
+pub mod balance;
+pub mod dense;
+pub mod double_double;
+pub mod eigen;
+pub mod expm;
+pub mod hessenberg;
+pub mod krylov;
+pub mod quadratic;
+pub mod sparse;

@@ -14,7 +14,7 @@ use crate::analysis::hbm::basis::{Basis, Finer};
 use crate::analysis::hbm::estimate::{Estimate, Estimator};
 use crate::analysis::hbm::problem::{Element, Parameter, Problem};
 use crate::analysis::hbm::start;
-use crate::analysis::stability;
+use crate::analysis::stability::Stability;
 use crate::error::{Error, Result};
 use crate::laws::Law;
 use crate::solve::newton::{Options, Outcome};
@@ -257,13 +257,16 @@ impl HbmProblem {
         let (exponents, matrix) = interruptible(py, move |_| {
             let mut out = Linearisation::new(y.len());
             problem.linearise(&y, omega[0], &mut out)?;
-            let floquet = stability::exponents(&mut problem, out.jacobian.as_ref(), &y)?;
+            let Some(mut stability) = Stability::new(&problem)? else {
+                return Ok((None, None));
+            };
+            let floquet = stability.exponents(&mut problem, out.jacobian.as_ref(), &y)?;
             let matrix = if monodromy {
-                Some(stability::monodromy(&mut problem, &y)?)
+                Some(stability.monodromy(&mut problem, &y)?)
             } else {
                 None
             };
-            Ok((floquet.map(|f| f.exponents), matrix))
+            Ok((Some(floquet.exponents), matrix))
         })?;
         let exponents = exponents.map(|e| PyArray1::from_vec(py, e));
         Ok((exponents, matrix.map(|m| to_numpy(py, m.as_ref()))))

@@ -1,8 +1,16 @@
 //! The border to Python: one registration function per group of analyses.
 mod border;
+mod direction;
+mod eigen_sensitivity;
+mod frf;
 mod hbm;
 mod hbm_branch;
 mod hbm_linear;
+mod modal;
+mod motion;
+mod sparse;
+mod system;
+mod tables;
 
 use pyo3::prelude::*;
 
@@ -10,6 +18,13 @@ use pyo3::prelude::*;
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     border::register(module)?;
+    direction::register(module)?;
+    eigen_sensitivity::register(module)?;
+    frf::register(module)?;
     hbm::register(module)?;
-    hbm_branch::register(module)
+    hbm_branch::register(module)?;
+    modal::register(module)?;
+    sparse::register(module)?;
+    system::register(module)?;
+    Ok(())
 }

@@ -331,41 +331,17 @@ impl Problem {
         out
     }
 
-    /// df/du and df/dv of every element at n_t equidistant instants of the period.
-    pub fn tangents(&mut self, y: &[f64], n_t: usize) -> Vec<(Vec<f64>, Vec<f64>)> {
-        let least = 2 * self.basis.reach()[0] + 2;
-        let fold = least.div_ceil(n_t);
-        let mut sampler = Aft::new(&self.basis, &[n_t * fold], false);
-        std::mem::swap(&mut self.aft, &mut sampler);
+    /// df/du and df/dv of every element at the samples of a sampler on the same terms.
+    pub fn tangents(&mut self, y: &[f64], sampler: &mut Aft) -> Vec<(Vec<f64>, Vec<f64>)> {
+        std::mem::swap(&mut self.aft, sampler);
         let mut out = Vec::new();
         for e in 0..self.elements.len() {
             self.evaluate_element(e, y, Want::Jacobian);
             let (f_u, f_v) = self.aft.tangents();
-            out.push((
-                f_u.iter().step_by(fold).copied().collect(),
-                f_v.iter().step_by(fold).copied().collect(),
-            ));
+            out.push((f_u.to_vec(), f_v.to_vec()));
         }
-        std::mem::swap(&mut self.aft, &mut sampler);
+        std::mem::swap(&mut self.aft, sampler);
         out
-    }
-
-    /// The tangents at one instant as matrices on the retained coordinates.
-    pub fn tangent_matrices(
-        &self,
-        tangents: &[(Vec<f64>, Vec<f64>)],
-        sample: usize,
-    ) -> (Mat<f64>, Mat<f64>) {
-        let (mut k, mut c) = (Mat::zeros(self.n, self.n), Mat::zeros(self.n, self.n));
-        for ((f_u, f_v), direction) in tangents.iter().zip(&self.retained) {
-            for &(i, wi) in direction {
-                for &(j, wj) in direction {
-                    k[(i, j)] += wi * wj * f_u[sample];
-                    c[(i, j)] += wi * wj * f_v[sample];
-                }
-            }
-        }
-        (k, c)
     }
 
     /// Coefficients of all coordinates, full_size x n_c by rows.

@@ -1,0 +1,310 @@
+"""Every speed and size target of the linear analyses, measured, beside other programs where they are installed.
+
+    python benches/linear.py [--write] [name ...]
+
+CPU seconds of this process (one BLAS thread), the best of several repeats; ratios are of runs in this one process. A
+row whose rival is not installed says "not run". ``--write`` puts the table into benches/README.md.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import resource
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mbrs as mb
+import numpy as np
+import rivals
+
+README = Path(__file__).resolve().parent / "README.md"
+BEGIN, END = "<!-- table begins -->", "<!-- table ends -->"
+ONE_THREAD = {name: "1" for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")}
+# N m s/rad, in the middle of the random dampers that make the damping of a chain general.
+DAMPER = 0.2
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table; ``reached`` None where there is no target or nothing was run."""
+
+    what: str
+    target: str
+    measured: str
+    reached: bool | None = None
+
+    def cells(self) -> list[str]:
+        verdict = {True: "yes", False: "**no**", None: "-"}[self.reached]
+        return [self.what, self.target, self.measured, verdict]
+
+
+def cpu(work: Callable[[], Any], repeats: int = 7, least: float = 0.02) -> float:
+    """CPU seconds of one call: the best of ``repeats`` means over at least ``least`` seconds."""
+    begin = time.process_time()
+    work()
+    once = time.process_time() - begin
+    loops = max(1, int(least / max(once, 1e-9)))
+    best = np.inf
+    for _ in range(repeats):
+        begin = time.process_time()
+        for _ in range(loops):
+            work()
+        best = min(best, (time.process_time() - begin) / loops)
+    return best
+
+
+def ms(seconds: float) -> str:
+    return f"{1e3 * seconds:.3g} ms"
+
+
+def _rival(work: Callable[[], Any]) -> Any:
+    """None where the rival is not installed."""
+    try:
+        return work()
+    except ImportError:
+        return None
+
+
+def _state_matrix(lin: Any) -> np.ndarray:
+    n = lin.M.shape[0]
+    c = np.zeros((n, n)) if lin.C is None else lin.C
+    return np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(lin.M, lin.K), -np.linalg.solve(lin.M, c)]])
+
+
+def import_time() -> list[Row]:
+    """Wall time of `import mbrs` after `import numpy`, in fresh processes."""
+    script = "import time, numpy; t = time.perf_counter(); import mbrs; print(time.perf_counter() - t)"
+    times = [
+        float(subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout)
+        for _ in range(7)
+    ]
+    return [Row("`import mbrs` after `import numpy`", "at most 100 ms", ms(min(times)), min(times) <= 0.1)]
+
+
+def hexapod() -> list[Row]:
+    build = mb.examples.cubic_hexapod
+    whole = cpu(lambda: mb.modes(build()))
+    m = build()
+    mb.modes(m)
+    values = iter(np.linspace(0.9e5, 1.1e5, 1_000_000))
+
+    def again() -> None:
+        m.set({"k_leg": float(next(values))})
+        mb.modes(m)
+
+    changed = cpu(again)
+    return [
+        Row("hexapod: model built to modes", "at most 2 ms", ms(whole), whole <= 2e-3),
+        Row("hexapod: modes after `m.set`", "at most 0.3 ms", ms(changed), changed <= 3e-4),
+    ]
+
+
+def chain_linearisation() -> list[Row]:
+    rows = []
+    for n in (10, 50, 200):
+        m = rivals.mbrs_chain(n)
+        ours = cpu(lambda m=m: mb.linearize(m))
+        texts = [f"mbrs {ms(ours)}"]
+        lin = mb.linearize(m)
+        for name, make in (("Pinocchio", rivals.pinocchio_chain), ("Exudyn", rivals.exudyn_chain)):
+            linearise = _rival(lambda make=make, n=n: make(n))
+            if linearise is None:
+                texts.append(f"{name} not run")
+                continue
+            theirs = cpu(linearise, repeats=3)
+            gap = _difference(lin, linearise())
+            texts.append(f"{name} {ms(theirs)} ({theirs / ours:.2g} x, frequencies differ by {gap:.0e})")
+        target, reached = ("at most 2 ms", ours <= 2e-3) if n == 200 else ("", None)
+        rows.append(Row(f"chain of {n} with bushings: linearise", target, "; ".join(texts), reached))
+    return rows
+
+
+def _difference(lin: Any, theirs: Any) -> float:
+    """Largest relative difference of the natural frequencies from M and K."""
+    import scipy.linalg
+
+    mine = np.sqrt(scipy.linalg.eigh(lin.K, lin.M, eigvals_only=True))
+    other = np.sqrt(np.abs(scipy.linalg.eigvals(theirs[1], theirs[0]).real))
+    return float(np.max(np.abs(np.sort(other)[-mine.size :] / mine - 1)))
+
+
+def chain_modes() -> list[Row]:
+    """All modes with shapes against `scipy.linalg.eig` with vectors on the same state matrix."""
+    import scipy.linalg
+
+    lin = mb.linearize(rivals.mbrs_chain(200))
+    rng = np.random.default_rng(1)
+    free = rng.uniform(0.5, 2.0, 200) * DAMPER
+    cases = (
+        ("proportional", "at most 1/3", 1 / 3, mb.MechanicalSystem(lin.M, lin.C, lin.K)),
+        ("general damping", "at most 1", 1.0, mb.MechanicalSystem(lin.M, np.diag(free), lin.K)),
+    )
+    rows = []
+    for name, target, limit, system in cases:
+        a = _state_matrix(system)
+        theirs = cpu(lambda a=a: scipy.linalg.eig(a), repeats=3)
+        ours = cpu(lambda system=system: mb.modes(system), repeats=3)
+        text = f"{ms(ours)}, scipy {ms(theirs)}: ratio {ours / theirs:.2f} (route {mb.modes(system).stats.route})"
+        rows.append(
+            Row(f"chain of 200: all modes, {name}, over `scipy.linalg.eig`", target, text, ours <= limit * theirs)
+        )
+    return rows
+
+
+def large_chain() -> list[Row]:
+    """The 20 lowest modes of compiled chains, hinged sideways and of bushings alone."""
+    rows = []
+    for name, joint in (("hinges", "revolute"), ("bushings only", None)):
+        times: dict[int, float] = {}
+        note = ""
+        for n in (1_000, 10_000, 100_000):
+            try:
+                m = mb.examples.chain(n, joint=joint)
+                mb.System(m)
+                begin = time.process_time()
+                modes = mb.modes(m, n=20)
+                times[n] = time.process_time() - begin
+                note = f"{modes.stats.route}, error {np.max(modes.error):.0e}"
+            except (mb.MbrsError, MemoryError) as problem:
+                note = f"n = {n} failed: {str(problem)[:80]}"
+                break
+        texts = [f"n = {n}: {t:.3g} s" for n, t in times.items()]
+        rows.append(
+            Row(
+                f"chain of 1e4, {name}: 20 lowest modes",
+                "at most 2 s",
+                "; ".join([*texts, note]),
+                10_000 in times and times[10_000] <= 2.0,
+            )
+        )
+        if 100_000 in times:
+            exponent = np.log10(times[100_000] / times[10_000])
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+            text = f"{exponent:.2f}, {peak:.2f} GB"
+            reached = exponent < 1.2 and peak <= 4.0
+        else:
+            text, reached = "not reached 1e5", False
+        rows.append(Row(f"chain, {name}: growth exponent to 1e5, memory", "below 1.2, 4 GB", text, reached))
+    return rows
+
+
+def transfer_functions() -> list[Row]:
+    """150 degrees of freedom, 6 inputs, 6 outputs, 400 frequencies."""
+    n, places = 150, [0, 30, 60, 90, 120, 149]
+    rng = np.random.default_rng(2)
+    stiffness = 1e4 * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    system = mb.MechanicalSystem(np.eye(n), np.diag(rng.uniform(0.5, 2.0, n)), stiffness)
+    frequency = np.linspace(0.5, 35.0, 400)
+
+    def ours() -> np.ndarray:
+        # New numbers each time, or the reduction would be remembered.
+        system.M[0, 0] = 1.0 + 1e-12 * rng.uniform()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", mb.MbrsWarning)
+            return mb.frf(system, inputs=places, outputs=places, frequency=frequency).value
+
+    mine = cpu(ours, repeats=3)
+    what, target = "300 states, 6 x 6 x 400 frequencies over python-control", "50 times faster, equal to 1e-10"
+    control = _rival(lambda: __import__("control"))
+    if control is None:
+        return [Row(what, target, f"mbrs {ms(mine)}; python-control not run")]
+    b, c = np.zeros((2 * n, 6)), np.zeros((6, 2 * n))
+    for j, place in enumerate(places):
+        b[n + place, j] = c[j, place] = 1.0
+    rival = control.ss(_state_matrix(system), b, c, 0)
+    value = rival(2j * np.pi * frequency)
+    theirs = cpu(lambda: rival(2j * np.pi * frequency), repeats=1)
+    gap = float(np.max(np.abs(ours() - value)) / np.max(np.abs(value)))
+    text = f"mbrs {ms(mine)}, python-control {ms(theirs)}: {theirs / mine:.0f} times; differ by {gap:.0e}"
+    return [Row(what, target, text, theirs >= 50 * mine and gap <= 1e-10)]
+
+
+def sensitivities() -> list[Row]:
+    rows = []
+    for name, share in (("proportional", 0.0), ("general damping", 0.5)):
+        m = mb.examples.chain(100)
+        if share:
+            for i in range(1, 101, 2):
+                m.set({f"F{i}.c[5]": 0.02})
+        lin = mb.linearize(m)
+        modes = mb.modes(lin)
+        parameters = [f"F{i}.k[5]" for i in range(1, 31)]
+        solve = cpu(lambda lin=lin: mb.modes(lin), repeats=3)
+        derive = cpu(lambda modes=modes, p=parameters: mb.sensitivity(modes, p).frequency, repeats=3)
+        text = f"{ms(derive)}, eigen-solution {ms(solve)} ({modes.stats.route}): ratio {derive / solve:.2f}"
+        what = f"chain of 100, {name}: df/dp of all modes, 30 parameters, over one eigen-solution"
+        rows.append(Row(what, "at most 1", text, derive <= solve))
+    return rows
+
+
+def hanging() -> list[Row]:
+    """Right or wrong, not fast or slow: the stiffness that constraint forces make."""
+    m = mb.Model("rod", gravity=(0, -rivals.GRAVITY, 0))
+    rod = m.body("rod", mass=1.0, inertia=(1 / 12, 1e-3, 1 / 12), at=(0, -0.5, 0))
+    m.revolute("hinge", m.ground, rod, at=(0, 0, 0), axis="z")
+    ours = mb.modes(m, at=mb.equilibrium(m)).frequency[0]
+    texts = [f"mbrs {ours:.6f} Hz"]
+    for name, run in (("Pinocchio", rivals.pinocchio_pendulum), ("Exudyn", rivals.exudyn_pendulum)):
+        value = _rival(run)
+        texts.append(f"{name} not run" if value is None else f"{name} {value:.6f} Hz")
+    return [Row("hanging rod at its equilibrium", "0.610521 Hz", "; ".join(texts), f"{ours:.6f}" == "0.610521")]
+
+
+MEASUREMENTS: dict[str, Callable[[], list[Row]]] = {
+    "import": import_time,
+    "hexapod": hexapod,
+    "linearise": chain_linearisation,
+    "modes": chain_modes,
+    "large": large_chain,
+    "frf": transfer_functions,
+    "sensitivity": sensitivities,
+    "hanging": hanging,
+}
+
+
+def table(rows: list[Row]) -> str:
+    lines = [["what", "target", "measured", "reached"], ["---"] * 4, *(row.cells() for row in rows)]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+
+
+def circumstances() -> str:
+    """Machine, versions and how busy it was: without them a time means nothing."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    def of(name: str) -> str:
+        try:
+            return f"{name} {version(name)}"
+        except PackageNotFoundError:
+            return f"{name} absent"
+
+    load = ", ".join(f"{x:.1f}" for x in os.getloadavg())
+    programs = ", ".join(of(name) for name in ("numpy", "scipy", "control", "exudyn", "pin"))
+    machine = f"{os.cpu_count()} cores ({platform.machine()}), load {load} when measured"
+    return f"{machine}; Python {platform.python_version()}, {programs}."
+
+
+def main(arguments: list[str]) -> None:
+    names = [a for a in arguments if not a.startswith("-")] or list(MEASUREMENTS)
+    rows = []
+    for name in names:
+        rows += MEASUREMENTS[name]()
+        print(f"{name}: done", file=sys.stderr, flush=True)
+    text = f"{table(rows)}\n\n{circumstances()}"
+    print(text)
+    if "--write" in arguments:
+        before, _, rest = README.read_text().partition(BEGIN)
+        README.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.partition(END)[2]}")
+
+
+if __name__ == "__main__":
+    if ONE_THREAD.items() - os.environ.items():
+        # BLAS reads these when numpy is imported, which has happened.
+        os.execve(sys.executable, [sys.executable, *sys.argv], {**os.environ, **ONE_THREAD})
+    main(sys.argv[1:])

@@ -1,0 +1,146 @@
+"""Check of derivatives by differences, for users who want to see it with their own model."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .errors import ModelError
+from .results import Result, Stats
+from .sensitivity import sensitivity
+from .tables import directions
+
+# A derivative that differs from the differences by less than this many times their own error is confirmed.
+_FACTOR = 10.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GradientCheck(Result):
+    """Derivatives against central differences, one row per parameter.
+
+    ``exact`` and ``difference`` are the entries that disagree most, ``error`` their relative difference, ``noise``
+    the error that
+    the differences themselves have (from two step sizes), ``ok`` whether they agree within it.
+    """
+
+    labels: tuple[str, ...]
+    exact: np.ndarray
+    difference: np.ndarray
+    noise: np.ndarray
+    ok: np.ndarray
+
+    def __str__(self) -> str:
+        from .report import table
+
+        rows = list(zip(self.labels, self.exact, self.difference, self.error, self.noise, self.ok, strict=True))
+        return table(
+            ["parameter", "derivative", "difference", "disagreement", "error of difference", "agree"],
+            rows,
+            title="check of gradients",
+        )
+
+    __repr__ = __str__
+
+    def __bool__(self) -> bool:
+        return bool(np.all(self.ok))
+
+
+def check_gradients(
+    analysis: Callable[[Any], Any],
+    m: Any,
+    parameters: str | Sequence[str],
+    *,
+    value: Callable[[Any], Any] | None = None,
+) -> GradientCheck:
+    """Compare `mb.sensitivity` with central differences of the analysis itself.
+
+    Parameters
+    ----------
+    analysis
+        What to differentiate, such as ``mb.modes`` or ``lambda m: mb.frf(m, ...)``; it returns a result of modes, a
+        transfer
+        function, a response, an equilibrium or a linearisation.
+    m
+        The model; left as it was.
+    parameters
+        Addresses of scalar numbers and parameters (axes and orientations cannot be set along one direction).
+    value
+        Which numbers of the result to compare, with the same meaning for the result and (last axis: parameters) for its
+        sensitivity; by default eigenvalues of modes, values of transfer functions and responses, positions of an
+        equilibrium and
+        K of a linearisation.
+
+    Returns
+    -------
+    GradientCheck
+        True where all agree.
+
+    Notes
+    -----
+    Ridders-like extrapolation of central differences with two steps; 4 runs of the analysis per parameter.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.examples.cubic_hexapod()
+    >>> bool(mb.check_gradients(mb.linearize, m, ["payload.mass", "k_leg"]))
+    True
+    """
+    start = time.perf_counter()
+    along = directions(m, parameters)
+    numbers = _default if value is None else value
+    exact = np.asarray(numbers(sensitivity(analysis(m), list(along.labels))))
+    rows = [_one(analysis, m, label, exact[..., p], numbers) for p, label in enumerate(along.labels)]
+    columns = [np.array(c) for c in zip(*rows, strict=True)]
+    return GradientCheck(
+        labels=along.labels,
+        exact=columns[0],
+        difference=columns[1],
+        error=columns[2],
+        noise=columns[3],
+        ok=columns[2] <= np.maximum(_FACTOR * columns[3], 1e-7),
+        stats=Stats(time.perf_counter() - start, {"analyses": 1 + 4 * along.n}, (), "central differences"),
+    )
+
+
+def _default(result: Any) -> np.ndarray:
+    for name in ("eigenvalue", "value", "K", "position"):
+        found = getattr(result, name, None)
+        if found is not None and not callable(found):
+            return np.asarray(found)
+    if hasattr(result, "poses"):
+        return result.poses["position"]
+    raise ModelError(
+        f"check_gradients does not know which numbers of a {type(result).__name__} to compare; give value="
+    )
+
+
+def _one(analysis: Any, m: Any, label: str, exact: np.ndarray, numbers: Any) -> tuple[Any, Any, float, float]:
+    now = m.value(label)
+    if np.ndim(now) != 0:
+        raise ModelError(f"{label!r} is not a single number; check one of its entries")
+    h = 1e-4 * max(abs(float(now)), 1e-3)
+
+    def difference(step: float) -> np.ndarray:
+        ends = []
+        for side in (1.0, -1.0):
+            m.set({label: now + side * step})
+            ends.append(np.asarray(numbers(analysis(m))))
+        return (ends[0] - ends[1]) / (2.0 * step)
+
+    try:
+        coarse, fine = difference(h), difference(0.5 * h)
+    finally:
+        m.set({label: now})
+    best = (4.0 * fine - coarse) / 3.0
+    scale = max(
+        float(np.max(np.abs(best), initial=0.0)), float(np.max(np.abs(exact), initial=0.0)), np.finfo(float).tiny
+    )
+    miss = np.abs(best - exact) / scale
+    worst = np.unravel_index(int(np.argmax(miss)), miss.shape)
+    noise = float(np.max(np.abs(best - fine))) / scale
+    return exact[worst], best[worst], float(miss[worst]), noise

@@ -1,0 +1,264 @@
+"""The command line: ``mbrs demo``, ``check``, ``modal``, ``frf``, ``sens``. Heavy imports wait for the command."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+_KINDS = ("receptance", "mobility", "accelerance", "transmissibility")
+_INTERRUPTED = 130
+
+
+def _api() -> Any:
+    """The public package, as a script sees it."""
+    return importlib.import_module("mbrs")
+
+
+class _Group(click.Group):
+    """Turns errors of mbrs into one message and exit code 1, and Ctrl-C into 130; wrong usage stays at click's 2."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        from .errors import MbrsError
+
+        try:
+            return super().invoke(ctx)
+        except MbrsError as problem:
+            _say("error", "red", str(problem))
+            ctx.exit(1)
+        except KeyboardInterrupt:
+            _say("stopped", "yellow", "interrupted by Ctrl-C")
+            ctx.exit(_INTERRUPTED)
+
+
+def _say(word: str, colour: str, text: str) -> None:
+    """One message on standard error, its first word coloured on a terminal."""
+    from rich.console import Console
+    from rich.text import Text
+
+    Console(stderr=True, soft_wrap=True).print(Text(f"{word}: ", style=f"bold {colour}") + Text(text))
+
+
+def _show_warning(message: Any, category: Any, *rest: Any) -> None:
+    _say("warning", "yellow", str(message))
+
+
+@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(None, "--version", package_name="mbrs-dynamics", prog_name="mbrs")
+def main() -> None:
+    """Vibration of spatial multibody systems from the shell.
+
+    Models are TOML files as written by Model.save. Exit code 0: done; 1: an error of the model or the analysis;
+    2: wrong usage; 130: interrupted.
+    """
+    import warnings
+
+    from .errors import MbrsWarning
+
+    warnings.simplefilter("always", MbrsWarning)
+    warnings.showwarning = _show_warning  # type: ignore[assignment]
+
+
+def _model_argument(command: Callable[..., Any]) -> Callable[..., Any]:
+    path = click.Path(exists=True, dir_okay=False, path_type=Path)
+    return click.argument("model", type=path, metavar="MODEL.TOML")(command)
+
+
+def _analysis_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options that every analysis has."""
+    for option in (
+        click.option("--at", type=click.Choice(["drawn", "equilibrium"]), default="drawn", show_default=True,
+                     help="State about which the model is linearised."),
+        click.option("--without", multiple=True, metavar="EFFECT", help="Leave an effect out; repeat for more."),
+        click.option("--json", "as_json", is_flag=True, help="Print the result as JSON."),
+        click.option("--out", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
+                     help="Save: .json, .html (a page), .nc (NetCDF), any other ending a pickle."),
+    ):  # fmt: skip
+        command = option(command)
+    return _model_argument(command)
+
+
+@main.command()
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), default="mbrs-demo.html", show_default=True,
+metavar="FILE",
+              help="The page to write.")  # fmt: skip
+def demo(out: Path) -> None:
+    """Modes, transfer functions and sensitivities of a vibration isolator, and a page of them."""
+    from .demo import run
+
+    click.echo(run(out))
+
+
+@main.command()
+@_model_argument
+@click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+def check(model: Path, as_json: bool) -> None:
+    """Degrees of freedom, loops, redundant constraints and effects of a model."""
+    mb = _api()
+    m = _load(model)
+    system, effects = mb.System(m), mb.effects(m)
+    if as_json:
+        from .jsonable import dumps, system_data
+
+        click.echo(dumps({"analysis": "check", "file": str(model), **system_data(system, effects)}))
+    else:
+        click.echo(f"{system}\n\n{effects}")
+
+
+@main.command()
+@_analysis_options
+@click.option("--n", type=click.IntRange(min=1), help="How many of the lowest modes; all of them by default.")
+@click.option("--shapes", is_flag=True, help="Put the mode shapes into the JSON as well.")
+def modal(
+    model: Path, at: str, without: tuple[str, ...], as_json: bool, out: Path | None, n: int | None, shapes: bool
+) -> None:
+    """Natural frequencies, damping ratios and mode shapes."""
+    mb = _api()
+    m = _load(model)
+    result = mb.modes(m, **_state(m, at), **_without(without), **({} if n is None else {"n": n}))
+    names = (
+        "frequency",
+        "frequency_damped",
+        "damping",
+        "eigenvalue",
+        "kind",
+        "groups",
+        "backward_error",
+        "coordinates",
+    )
+    _deliver("modal", model, result, (*names, "shape") if shapes else names, as_json, out)
+
+
+@main.command()
+@_analysis_options
+@click.option("--input", "inputs", multiple=True, required=True, metavar="PORT",
+              help="Such as payload.force.z, or base.z; repeat for more.")  # fmt: skip
+@click.option("--output", "outputs", multiple=True, required=True, metavar="PORT",
+              help="Such as payload.motion.z; repeat for more.")  # fmt: skip
+@click.option("--frequency", required=True, metavar="HZ",
+              help="1:200 (sampled as needed), 1:200:500 (evenly), or 1,2,5 (these).")  # fmt: skip
+@click.option("--kind", type=click.Choice(_KINDS), help="Receptance by default; transmissibility for a base motion.")
+def frf(
+    model: Path, at: str, without: tuple[str, ...], as_json: bool, out: Path | None,
+    inputs: tuple[str, ...], outputs: tuple[str, ...], frequency: str, kind: str | None,
+) -> None:  # fmt: skip
+    """Transfer functions between named inputs and outputs."""
+    mb = _api()
+    points = parse_frequency(frequency)
+    if kind is None:
+        kind = "transmissibility" if all(name.startswith("base.") for name in inputs) else "receptance"
+    m = _load(model)
+    result = mb.frf(
+        m, inputs=list(inputs), outputs=list(outputs), frequency=points, kind=kind, **_state(m, at), **_without(without)
+    )
+    _deliver("frf", model, result, ("kind", "inputs", "outputs", "frequency", "value"), as_json, out)
+
+
+@main.command()
+@_analysis_options
+@click.option("--parameter", "parameters", multiple=True, required=True, metavar="ADDRESS",
+              help="Such as k_leg, payload.mass, leg0.at_b[2]; repeat for more.")  # fmt: skip
+@click.option("--n", type=click.IntRange(min=1), help="How many of the lowest modes; all of them by default.")
+def sens(
+    model: Path,
+    at: str,
+    without: tuple[str, ...],
+    as_json: bool,
+    out: Path | None,
+    parameters: tuple[str, ...],
+    n: int | None,
+) -> None:
+    """Derivatives of natural frequencies and damping ratios by parameters."""
+    mb = _api()
+    m = _load(model)
+    modes = mb.modes(m, **_state(m, at), **_without(without), **({} if n is None else {"n": n}))
+    result = mb.sensitivity(modes, list(parameters))
+    _deliver(
+        "sens",
+        model,
+        result,
+        ("parameters", "labels", "units", "shapes", "values", "frequency", "damping"),
+        as_json,
+        out,
+    )
+
+
+def parse_frequency(text: str) -> Any:
+    """``"1:200"`` is a range (tuple), ``"1:200:500"`` 500 even points, ``"1,2,5"`` these points, all in Hz.
+
+    Raises ``click.BadParameter`` for anything else.
+    """
+    import math
+
+    import numpy as np
+
+    hint = f"{text!r} is not a frequency; write 1:200, 1:200:500 or 1,2,5 (in Hz)"
+    parts = text.split(":")
+    try:
+        numbers = [float(part) for part in (parts if len(parts) > 1 else text.split(","))]
+    except ValueError:
+        raise click.BadParameter(hint, param_hint="--frequency") from None
+    if not all(math.isfinite(f) and f >= 0.0 for f in numbers) or len(parts) > 3:
+        raise click.BadParameter(hint, param_hint="--frequency")
+    if len(parts) == 1:
+        return np.array(numbers)
+    if numbers[1] <= numbers[0]:
+        raise click.BadParameter(
+            f"{text!r} does not rise: the second frequency must be above the first", param_hint="--frequency"
+        )
+    if len(parts) == 2:
+        return (numbers[0], numbers[1])
+    if numbers[2] != int(numbers[2]) or numbers[2] < 2:
+        raise click.BadParameter(
+            f"{text!r}: the number of points must be a whole number above 1", param_hint="--frequency"
+        )
+    return np.linspace(numbers[0], numbers[1], int(numbers[2]))
+
+
+def _load(path: Path) -> Any:
+    return _api().Model.load(path)
+
+
+def _state(model: Any, at: str) -> dict[str, Any]:
+    return {} if at == "drawn" else {"at": _api().equilibrium(model)}
+
+
+def _without(names: tuple[str, ...]) -> dict[str, Any]:
+    return {"without": names} if names else {}
+
+
+def _deliver(analysis: str, model: Path, result: Any, names: tuple[str, ...], as_json: bool, out: Path | None) -> None:
+    """Print the result, as text or JSON, and save it if asked to."""
+    from .jsonable import dumps, result_data
+
+    data = {"analysis": analysis, "file": str(model), **result_data(result, names)} if as_json or _is_json(out) else {}
+    click.echo(dumps(data) if as_json else str(result))
+    if out is None:
+        return
+    try:
+        if _is_json(out):
+            out.write_text(dumps(data) + "\n", encoding="utf-8")
+        elif out.suffix in (".html", ".htm"):
+            from .demo import result_page
+
+            out.write_text(result_page(analysis, model.stem, result), encoding="utf-8")
+        else:
+            result.save(out)
+    except ImportError as problem:
+        extra = "pip install 'mbrs-dynamics[xarray]'"
+        raise click.ClickException(f"{out.suffix} needs {problem.name}, which is not installed: {extra}") from None
+    except OSError as problem:
+        raise click.ClickException(f"cannot write {out}: {problem.strerror or problem}") from None
+    click.echo(f"wrote {out}", err=True)
+
+
+def _is_json(out: Path | None) -> bool:
+    return out is not None and out.suffix == ".json"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,275 @@
+"""Which effects a scene contains, and why: a closed list, decided from the model before anything is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from .errors import ModelError
+from .joints import NONHOLONOMIC
+from .names import nearest, shown
+
+if TYPE_CHECKING:
+    from .model import Model
+
+EFFECTS = (
+    "gravity",
+    "gyroscopic",
+    "centrifugal",
+    "preload-stiffness",
+    "constraint-force-stiffness",
+    "damping",
+    "flexibility",
+    "friction",
+    "contact",
+    "drives",
+    "nonholonomic",
+)
+_NEVER_OFF = frozenset({"loops", "redundancy"})
+_FRICTION_LAWS = frozenset({"Jenkins", "Iwan", "CoulombTanh"})
+# Codes of laws that depend on the rate without being friction: Polynomial1D with a velocity part, VanDerPol.
+_RATE_LAWS = frozenset({2, 8})
+_CONTACT_LAWS = frozenset({"Gap", "BilinearStop", "Hertz"})
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One effect: whether the scene has it, and the reason in words."""
+
+    name: str
+    on: bool
+    why: str
+
+
+@dataclass(frozen=True)
+class EffectsTable:
+    """The effects of a model in the order of `EFFECTS`; prints as a table, indexes by name."""
+
+    model: str
+    rows: tuple[Effect, ...]
+
+    def __iter__(self) -> Iterator[Effect]:
+        return iter(self.rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, name: str) -> Effect:
+        check_without((name,))
+        return next(row for row in self.rows if row.name == name)
+
+    @property
+    def on(self) -> tuple[str, ...]:
+        """Names of the effects that are present."""
+        return tuple(row.name for row in self.rows if row.on)
+
+    def __str__(self) -> str:
+        width = max(len(row.name) for row in self.rows)
+        lines = [f"effects of {self.model!r}", f"  {'effect':{width}}  state  why"]
+        lines += [f"  {row.name:{width}}  {'on ' if row.on else 'off'}    {row.why}" for row in self.rows]
+        return "\n".join(lines)
+
+
+def effects(model: Model) -> EffectsTable:
+    """What the scene contains: each effect of the closed list, on or off, and why.
+
+    Parameters
+    ----------
+    model
+        A `Model`, as it is now.
+
+    Returns
+    -------
+    EffectsTable
+        Prints as a table; ``effects(m)["damping"].on``; ``effects(m).on`` lists the names of those that are present.
+
+    Raises
+    ------
+    ModelError
+        Anything but a model.
+
+    Notes
+    -----
+    What is off costs nothing in any analysis; what is on can be left out by name with ``without=``. Cost O(objects).
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> mb.effects(mb.Model("empty"))["gravity"].why
+    'no gravity was given'
+    """
+    if not hasattr(model, "stores"):
+        raise ModelError(f"effects needs a mb.Model, got {shown(model)}")
+    rows = []
+    for name in EFFECTS:
+        on, why = _RULES[name](model)
+        rows.append(Effect(name, on, why))
+    return EffectsTable(model.name, tuple(rows))
+
+
+def check_without(names: Any) -> tuple[str, ...]:
+    """The effects to leave out, checked, in the order of `EFFECTS`; a single name may stand without a tuple."""
+    given = (names,) if isinstance(names, str) else names
+    if not isinstance(given, Iterable):
+        raise ModelError(f"without= takes names of effects, got {shown(names)}")
+    wanted = list(given)
+    for name in wanted:
+        if isinstance(name, str) and name in EFFECTS:
+            continue
+        if isinstance(name, str) and name in _NEVER_OFF:
+            raise ModelError(
+                f"the effect {shown(name)} cannot be switched off: it follows from the joints of the model"
+            )
+        guess = nearest(name, EFFECTS) if isinstance(name, str) else None
+        hint = f"did you mean {guess!r}?" if guess else "known: " + ", ".join(EFFECTS)
+        raise ModelError(f"no effect is called {shown(name)}; {hint}")
+    return tuple(name for name in EFFECTS if name in wanted)
+
+
+def _listed(names: list[str], limit: int = 4) -> str:
+    return ", ".join(names[:limit]) + (f" and {len(names) - limit} more" if len(names) > limit else "")
+
+
+def _gravity(m: Model) -> tuple[bool, str]:
+    g = m.gravity
+    if g is None:
+        return False, "no gravity was given"
+    text = ", ".join(f"{v:g}" for v in g)
+    if not g.any():
+        return False, "gravity was given as zero"
+    return True, f"({text}) m/s2"
+
+
+def _moving(m: Model) -> tuple[list[str], list[str]]:
+    turning, sliding = [], []
+    for body in m.bodies:
+        v = body.values(17, 6)
+        if any(v[3:]):
+            turning.append(body.name)
+        elif any(v[:3]):
+            sliding.append(body.name)
+    return turning, sliding
+
+
+def _inertial(m: Model) -> tuple[bool, str]:
+    turning, sliding = _moving(m)
+    if turning:
+        return True, f"initial angular velocity of {_listed(turning)}"
+    if sliding and m.joints:
+        return True, f"initial velocity of {_listed(sliding)}, which joints may turn into rotation"
+    if sliding:
+        return False, "bodies move, but none has an initial angular velocity"
+    return False, "no initial velocity"
+
+
+def _loads(m: Model) -> list[str]:
+    """What loads the springs and joints of the scene."""
+    out = []
+    if _gravity(m)[0]:
+        out.append("gravity")
+    if m.loads:
+        out.append(_count(len(m.loads), "load"))
+    out += _prestress(m)
+    if _inertial(m)[0]:
+        out.append("inertial forces")
+    return out
+
+
+def _prestress(m: Model) -> list[str]:
+    out = []
+    owners: list[Any] = [*m.joints, *m.elements]
+    preloaded = [o.name for o in owners if o.flags & 4]
+    lengths = [o.name for o in m.elements if o.flags & 16]
+    angles = [o.name for o in m.elements if o.type == "torsion" and o.values(8, 1)[0] != 0.0]
+    apart = [
+        o.name
+        for o in m.joints
+        if o.type != "distance" and o.type != "rolling_disc" and o.values(0, 3) != o.values(3, 3)
+    ]
+    apart += [o.name for o in m.elements if o.type == "bushing" and o.values(0, 3) != o.values(3, 3)]
+    apart += [o.name for o in m.joints if o.type == "distance" and o.flags & 16]
+    if preloaded:
+        out.append(f"preload of {_listed(preloaded)}")
+    if lengths or angles:
+        out.append(f"natural length or angle given for {_listed(lengths + angles)}")
+    if apart:
+        out.append(f"assembly of {_listed(apart)}")
+    return out
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}" + ("" if n == 1 else "s")
+
+
+def _springs(m: Model) -> list[Any]:
+    owners = [*m.elements, *(j for j in m.joints if j.flags & 7)]
+    return owners + [o for o in m.joints if ("joint", o.index) in m.laws_of and not o.flags & 7]
+
+
+def _preload_stiffness(m: Model) -> tuple[bool, str]:
+    if not _springs(m):
+        return False, "no spring, bushing or joint stiffness"
+    loads = _loads(m)
+    if not loads:
+        return False, "springs carry no force: no gravity, load, preload or given length"
+    return True, "springs are loaded by " + ", ".join(loads)
+
+
+def _constraint_stiffness(m: Model) -> tuple[bool, str]:
+    if not any(j.type != "free" for j in m.joints):
+        return False, "no joint constrains anything"
+    loads = _loads(m)
+    if not loads:
+        return False, "joints carry no force: no gravity, load or preload"
+    return True, "joints are loaded by " + ", ".join(loads)
+
+
+def _damping(m: Model) -> tuple[bool, str]:
+    owners = _springs(m)
+    if not owners:
+        return False, "no spring, bushing or joint stiffness that could have damping"
+    rated = {id(law.owner) for laws in m.laws.values() for law in laws if law.code in _RATE_LAWS}
+    damped = [o for o in owners if o.flags & 2 or id(o) in rated]
+    if not damped:
+        return False, "no c= was given, and no law depends on a rate"
+    if len(owners) == 1:
+        return True, "the spring has damping"
+    share = f"all {len(owners)}" if len(damped) == len(owners) else f"{len(damped)} of {len(owners)}"
+    return True, f"{share} springs have damping"
+
+
+def _law_rule(names: frozenset[str], what: str) -> Callable[[Model], tuple[bool, str]]:
+    def rule(m: Model) -> tuple[bool, str]:
+        found = [law.owner.name for laws in m.laws.values() for law in laws if law.name in names]
+        return (True, f"{what} law on {_listed(found)}") if found else (False, f"no {what} law")
+
+    return rule
+
+
+def _flexibility(m: Model) -> tuple[bool, str]:
+    return False, "all bodies are rigid"
+
+
+def _drives(m: Model) -> tuple[bool, str]:
+    return False, "no joint is driven"
+
+
+def _nonholonomic(m: Model) -> tuple[bool, str]:
+    found = [j.name for j in m.joints if j.type in NONHOLONOMIC]
+    return (True, f"{_listed(found)}") if found else (False, "no knife edge or rolling disc")
+
+
+_RULES: dict[str, Callable[[Any], tuple[bool, str]]] = {
+    "gravity": _gravity,
+    "gyroscopic": _inertial,
+    "centrifugal": _inertial,
+    "preload-stiffness": _preload_stiffness,
+    "constraint-force-stiffness": _constraint_stiffness,
+    "damping": _damping,
+    "flexibility": _flexibility,
+    "friction": _law_rule(_FRICTION_LAWS, "friction"),
+    "contact": _law_rule(_CONTACT_LAWS, "contact"),
+    "drives": _drives,
+    "nonholonomic": _nonholonomic,
+}

@@ -1,0 +1,228 @@
+"""The methods of a model that add springs and loads."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from .attached_laws import NewLaws, add_laws
+from .elements import HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, LOAD_FRAMES, SIX, Element, Load
+from .geometry import quaternion
+from .names import problem, shown
+from .values import Number, array, is_pair, point_pair, scalar, shape_of, vector
+from .values import axis as direction
+
+if TYPE_CHECKING:
+    from .model import Model
+
+
+def _coefficient(e: Element, field: str, value: Any) -> Number:
+    if value is None:
+        return 0.0
+    e.shapes[field] = ()
+    return scalar(value, f"{e.name}.{field}")
+
+
+def _six_by_six(e: Element, field: str, value: Any) -> list[Number]:
+    flat: list[Number] = [0.0] * 36
+    if value is None:
+        return flat
+    where, shape = f"{e.name}.{field}", shape_of(value)
+    if shape == (6,):
+        flat[::7] = array(value, (6,), where)
+    elif shape == (6, 6):
+        flat = array(value, (6, 6), where)
+    else:
+        raise problem(where, f"must be 6 numbers (x y z rx ry rz) or a 6 x 6 matrix, got {shown(value)}")
+    e.shapes[field] = shape
+    return flat
+
+
+def _new_element(
+    model: Model, type_: str, name: Any, a: Any, b: Any, k: Any, c: Any, preload: Any, law: Any
+) -> Element:
+    e = Element(model, model.new_name("element", name))
+    e.type, e.shapes, e.one_point = type_, {}, False
+    e.a, e.b = model.two_bodies(f"{type_} {name!r}", a, b)
+    if k is None and c is None and preload is None and law is None:
+        raise problem(name, f"does nothing: give the {type_} at least one of k=, c=, preload=, law=")
+    e.flags = HAS_K * (k is not None) + HAS_C * (c is not None) + HAS_PRELOAD * (preload is not None)
+    return e
+
+
+def _finish(e: Element, entries: list[Number], laws: NewLaws) -> Element:
+    e.put(entries)
+    e.index = len(e.model.elements)
+    laws.commit(e.index)
+    e.model.register(e, e.model.elements)
+    return e
+
+
+class ElementMethods:
+    """The springs and loads of a model. Forces are preload + k e + c e', against the elongation e (docs/tables.md)."""
+
+    def spring_damper(  # type: ignore[misc]
+        self: Model,
+        name: str,
+        a: Any,
+        b: Any,
+        *,
+        at: Any,
+        k: Any = None,
+        c: Any = None,
+        length: Any = None,
+        preload: Any = None,
+        law: Any = None,
+    ) -> Element:
+        """A spring and damper between two points: tension f = preload + k (d - L0) + c d', d the distance of the
+        points.
+
+        Parameters
+        ----------
+        name
+            Unique in the model.
+        a, b
+            Bodies, or ground.
+        at
+            ``(P_a, P_b)``, world coordinates as drawn (m), the first fixed in a, the second in b; they must differ.
+        k, c, preload
+            N/m, N s/m, N (tension); numbers or expressions. At least one of these or ``law``.
+        length
+            Natural length L0 (m). Without it L0 is the drawn distance, also when the points are moved.
+        law
+            A nonlinear law of (d - L0, d'), or a list of them, added to the above.
+
+        Returns
+        -------
+        Element
+
+        Raises
+        ------
+        ModelError
+            Coincident points, wrong shapes, numbers that are not finite, an element that does nothing.
+
+        Notes
+        -----
+        Cost O(1).
+
+        Examples
+        --------
+        >>> import mbrs as mb
+        >>> m = mb.Model("drop"); p = m.body("ball", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 1))
+        >>> m.spring_damper("string", m.ground, p, at=((0, 0, 2), (0, 0, 1)), k=100.0)
+        <element 'string' of 'drop'>
+        """
+        e = _new_element(self, "spring_damper", name, a, b, k, c, preload, law)
+        at_a, at_b = point_pair(at, name + ".at")
+        entries = [
+            *at_a,
+            *at_b,
+            _coefficient(e, "k", k),
+            _coefficient(e, "c", c),
+            0.0 if length is None else scalar(length, name + ".length"),
+            _coefficient(e, "preload", preload),
+        ]
+        e.flags |= LENGTH_GIVEN * (length is not None)
+        return _finish(e, entries, add_laws(e, law, 1, ("u",)))
+
+    def bushing(  # type: ignore[misc]
+        self: Model,
+        name: str,
+        a: Any,
+        b: Any,
+        *,
+        at: Any,
+        k: Any = None,
+        c: Any = None,
+        orientation: Any = None,
+        preload: Any = None,
+        law: Any = None,
+    ) -> Element:
+        """A six-component spring and damper: f = preload + k e + c e', e = (displacement, rotation vector) of b, frame
+        of a.
+
+        ``at``: a point (3,) or two (P_a, P_b), world, m. ``k``, ``c``: (6,) or (6, 6), translation first (N/m, N m/rad;
+        N s/m, N m s/rad). ``orientation``: of its frame as drawn (world axes by default), carried along by a.
+        ``preload``: (6,) N, N m. ``law``: six laws or None, or {"x": law, "rz": law}.
+
+        >>> import mbrs as mb
+        >>> m = mb.Model("mount"); p = m.body("plate", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
+        >>> m.bushing("rubber", m.ground, p, at=(0, 0, 0), k=(1e4, 1e4, 1e4, 10, 10, 10)).name
+        'rubber'
+        """
+        e = _new_element(self, "bushing", name, a, b, k, c, preload, law)
+        e.one_point = not is_pair(at)
+        at_a, at_b = (vector(at, name + ".at"),) * 2 if e.one_point else point_pair(at, name + ".at")
+        if preload is not None:
+            e.shapes["preload"] = (6,)
+        entries = [
+            *(*at_a, *at_b, *quaternion(orientation, name + ".orientation")),
+            *_six_by_six(e, "k", k),
+            *_six_by_six(e, "c", c),
+            *((0.0,) * 6 if preload is None else array(preload, (6,), name + ".preload")),
+        ]
+        return _finish(e, entries, add_laws(e, law, 6, SIX))
+
+    def torsion(  # type: ignore[misc]
+        self: Model,
+        name: str,
+        a: Any,
+        b: Any,
+        *,
+        at: Any,
+        axis: Any,
+        k: Any = None,
+        c: Any = None,
+        angle: Any = None,
+        preload: Any = None,
+        law: Any = None,
+    ) -> Element:
+        """A torsion spring about ``axis`` (fixed in a): moment preload + k (phi - angle) + c phi', phi = 0 as drawn.
+
+        ``at``: one point (3,), world, where it is drawn; the moment does not depend on it. ``angle``: unstretched
+        angle, rad. ``k``, ``c``, ``preload``: N m/rad, N m s/rad, N m.
+        """
+        e = _new_element(self, "torsion", name, a, b, k, c, preload, law)
+        if is_pair(at):
+            raise problem(name + ".at", "must be one point (3,): a torsion spring has no second one")
+        entries = [
+            *vector(at, name + ".at"),
+            *direction(axis, name + ".axis"),
+            _coefficient(e, "k", k),
+            _coefficient(e, "c", c),
+            0.0 if angle is None else scalar(angle, name + ".angle"),
+            _coefficient(e, "preload", preload),
+        ]
+        return _finish(e, entries, add_laws(e, law, 1, ("angle",)))
+
+    def force(  # type: ignore[misc]
+        self: Model, name: str, body: Any, *, at: Any = None, value: Any, frame: str = "world"
+    ) -> Load:
+        """A constant force ``value`` (3,), N, at the world point ``at`` of the body (its origin by default).
+
+        ``frame="world"``: keeps its direction; ``"body"``: turns with the body (a follower), value in world axes as
+        drawn.
+        """
+        return _add_load(self, "force", name, body, at, value, frame)
+
+    def torque(self: Model, name: str, body: Any, *, value: Any, frame: str = "world") -> Load:  # type: ignore[misc]
+        """A constant torque ``value`` (3,), N m; ``frame`` as for `force`."""
+        return _add_load(self, "torque", name, body, (0.0, 0.0, 0.0), value, frame)
+
+
+def _add_load(model: Model, type_: str, name: Any, body: Any, at: Any, value: Any, frame: Any) -> Load:
+    load = Load(model, model.new_name("load", name))
+    load.type = type_
+    load.body = model.find_body(body, f"{type_} {name!r}")
+    if load.body < 0:
+        raise problem(name, f"is a {type_} on ground, which does not move; name the body it acts on")
+    if not isinstance(frame, str) or frame not in LOAD_FRAMES:
+        raise problem(name + ".frame", f"must be 'world' or 'body' (a follower), got {shown(frame)}")
+    load.frame = frame
+    where = name + ".at"
+    if at is not None and is_pair(at):
+        raise problem(where, "must be one point (3,): a force acts at one")
+    point = model.bodies[load.body].entries(0, 3) if at is None else vector(at, where)
+    load.put([*point, *vector(value, name + ".value")])
+    load.index = len(model.loads)
+    model.register(load, model.loads)
+    return load

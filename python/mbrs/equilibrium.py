@@ -1,0 +1,251 @@
+"""Static equilibrium of open and closed loops."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _core
+from ._border import core_errors
+from .effects import check_without, effects
+from .errors import ConvergenceError, MbrsWarning, NameNotFoundError
+from .linearize import Linearization, Snapshot, _linearization
+from .results import Result, Stats
+from .state import AT_REST, State, state_of
+
+if TYPE_CHECKING:
+    from .model import Model
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Equilibrium(Result):
+    """A state at rest in which all forces balance.
+
+    Attributes
+    ----------
+    state
+        To be given as ``at=`` to other analyses (the result itself does as well).
+    linearization
+        The exact linearisation there.
+    stable
+        True where the stiffness has no negative eigenvalue.
+    free_directions
+        Names of coordinates along which nothing restrains the model and nothing pushes it.
+    residual
+        Largest unbalanced generalised force over the size of all forces.
+    error
+        Estimated distance to the exact equilibrium: the last Newton step, radians or characteristic lengths.
+    """
+
+    state: State
+    linearization: Linearization
+    stable: bool
+    free_directions: tuple[str, ...]
+    residual: float
+    iterations: int
+
+    @property
+    def model(self) -> Any:
+        """The model this belongs to."""
+        return self.linearization.model
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies."""
+        return self.linearization.bodies
+
+    @property
+    def poses(self) -> dict[str, np.ndarray]:
+        """Position (n, 3) and rotation (n, 3, 3) of the bodies' origins, world."""
+        return self.linearization.poses
+
+    def position(self, body: Any) -> np.ndarray:
+        """(3,) world position of a body's origin."""
+        return self.poses["position"][self._index(body)]
+
+    def rotation(self, body: Any) -> np.ndarray:
+        """(3, 3) rotation matrix of a body, body to world."""
+        return self.poses["rotation"][self._index(body)]
+
+    def _index(self, body: Any) -> int:
+        name = getattr(body, "name", body)
+        if name not in self.bodies:
+            raise NameNotFoundError(f"there is no body {name!r}; bodies: {', '.join(self.bodies)}")
+        return self.bodies.index(name)
+
+    @cached_property
+    def reactions(self) -> dict[str, np.ndarray]:
+        """Wrench (6,) of each joint on its second body at the joint's point, world axes, N and N m.
+
+        Where constraints are redundant, rigid bodies do not decide how they share; these are the reactions of
+        minimum norm,
+        moments divided by the model's characteristic length.
+        """
+        snapshot = self.linearization.snapshot
+        with core_errors():
+            all_ = snapshot.system.reactions(self.state.relative, AT_REST, list(self.linearization.without))
+        return {joint.name: all_[i] for i, joint in enumerate(self.model.joints)}
+
+    def __str__(self) -> str:
+        from .report import table
+
+        how = "stable" if self.stable else "UNSTABLE"
+        lines = [
+            f"equilibrium of {self.model.name!r}: {self.status}, {how}, {self.iterations} iterations, "
+            f"residual {self.residual:.1e}, error {self.error:.1e}"
+        ]
+        t = self.linearization.snapshot.model
+        drawn = [np.asarray(b.values(0, 3)) for b in t.bodies]
+        rows = [
+            (name, *p, float(np.linalg.norm(p - d)))
+            for name, p, d in zip(self.bodies, self.poses["position"], drawn, strict=True)
+        ]
+        lines.append(table(["body", "x (m)", "y (m)", "z (m)", "moved (m)"], rows[:30]))
+        if self.model.joints:
+            forces = [(name, *w) for name, w in self.reactions.items()]
+            lines.append(
+                table(["reaction", "Fx (N)", "Fy (N)", "Fz (N)", "Mx (N m)", "My (N m)", "Mz (N m)"], forces[:30])
+            )
+        if self.free_directions:
+            lines.append("unrestrained and unloaded: " + "; ".join(self.free_directions))
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+    def to_xarray(self) -> Any:
+        """`xarray.Dataset` with position (body, axis), rotation (body, axis, axis_) and reaction (joint, component)."""
+        import xarray
+
+        joints = [j.name for j in self.model.joints]
+        reaction = np.array([self.reactions[j] for j in joints]).reshape(len(joints), 6)
+        return xarray.Dataset(
+            {
+                "position": (("body", "axis"), self.poses["position"]),
+                "rotation": (("body", "axis", "axis_"), self.poses["rotation"]),
+                "reaction": (("joint", "component"), reaction),
+            },
+            coords={
+                "body": list(self.bodies),
+                "joint": joints,
+                "axis": ["x", "y", "z"],
+                "axis_": ["x", "y", "z"],
+                "component": ["x", "y", "z", "rx", "ry", "rz"],
+            },
+            attrs={"status": self.status, "residual": self.residual, "stable": int(self.stable)},
+        )
+
+
+def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equilibrium:
+    """Static equilibrium: B''^T (f(y)) = 0 with all loops closed.
+
+    Newton with a line search downhill in energy, then dynamic relaxation where that stalls; it ends at a stable
+    equilibrium
+    unless the start is in balance already.
+
+    Parameters
+    ----------
+    m
+        The model, with its present values; velocities do not count.
+    at
+        Where to start: None (drawn), an equilibrium or a state.
+    without
+        Names of effects to leave out.
+
+    Returns
+    -------
+    Equilibrium
+
+    Raises
+    ------
+    SingularError
+        A force acts along a direction that nothing restrains; the message names it.
+    ConvergenceError
+        No equilibrium within the iterations.
+    AssemblyError
+        Loops that cannot close.
+
+    Notes
+    -----
+    Cost O(dof^3) per iteration.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("rod", gravity=(0, -9.81, 0))
+    >>> rod = m.body("rod", mass=1.0, inertia=(1e-3, 1/12, 1/12), at=(0.5, 0, 0))
+    >>> hinge = m.revolute("hinge", m.ground, rod, at=(0, 0, 0), axis="z")
+    >>> mb.equilibrium(m).position("rod").round(9).tolist()
+    [0.0, -0.5, 0.0]
+    """
+    start = time.perf_counter()
+    without = check_without(without)
+    snapshot = Snapshot.of(m)
+    if at is None:
+        with core_errors():
+            made = snapshot.system.assemble()
+        begin = State(made["relative"], AT_REST)
+    else:
+        begin = state_of(m, snapshot.system, at)
+    try:
+        r = snapshot.system.equilibrium(begin.relative, list(without))
+    except _core.CoreConvergenceError as problem:
+        text, best, residual = problem.args
+        raise ConvergenceError(text, _partial(snapshot, best, without, residual, start)) from None
+    except _core.CoreError:
+        with core_errors():
+            raise
+    return _equilibrium(snapshot, r, without, start)
+
+
+def _equilibrium(snapshot: Snapshot, r: dict[str, Any], without: tuple[str, ...], start: float) -> Equilibrium:
+    state = State(r["relative"], AT_REST, "equilibrium")
+    if not r["stable"]:
+        warnings.warn(
+            f"the equilibrium of {snapshot.model.name!r} is unstable: the drawn state was in balance already; draw "
+            f"it slightly "
+            "off to let it fall to a stable one",
+            MbrsWarning,
+            stacklevel=3,
+        )
+    linearization = _linearization(snapshot, state, r, without, start, warn=False)
+    return Equilibrium(
+        state=state,
+        linearization=linearization,
+        stable=r["stable"],
+        free_directions=tuple(r["free_directions"]),
+        residual=r["relative_residual"],
+        iterations=r["iterations"],
+        stats=Stats(time.perf_counter() - start, r["counts"], linearization.stats.effects, "Newton"),
+        error=r["error"],
+        status="converged",
+    )
+
+
+def _partial(
+    snapshot: Snapshot, best: Any, without: tuple[str, ...], residual: float, start: float
+) -> Equilibrium | None:
+    """The best state an unfinished search reached."""
+    flat = np.asarray(best, dtype=float).reshape(-1, 12)
+    # the core lists rotation matrices column by column
+    relative = np.hstack([flat[:, :3], flat[:, 3:].reshape(-1, 3, 3).transpose(0, 2, 1).reshape(-1, 9)])
+    state = State(np.ascontiguousarray(relative), AT_REST)
+    with core_errors():
+        r = snapshot.system.linearize(state.relative, AT_REST, list(without))
+    on = tuple(e for e in effects(snapshot.model).on if e not in without)
+    return Equilibrium(
+        state=state,
+        linearization=_linearization(snapshot, state, r, without, start, warn=False),
+        stable=False,
+        free_directions=(),
+        residual=residual,
+        iterations=0,
+        stats=Stats(time.perf_counter() - start, r["counts"], on, "Newton"),
+        error=np.nan,
+        status="max-iterations",
+    )

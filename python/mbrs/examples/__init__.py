@@ -1,0 +1,27 @@
+"""Models to try things on. Geometry from METHODS.md a.1 where it says so; masses and stiffnesses are invented, except
+the hexapod's.
+
+Each builder takes sizes by keyword and returns a `Model`.
+"""
+
+from ._four_bar import four_bar
+from ._hexapod import cubic_hexapod, cubic_hexapod_points
+from ._lattices import chain, from_code, ladder, tree
+from ._quadruped import quadruped
+from ._rotor import rotor
+from ._stewart import stewart_platform
+from ._wafer_stage import wafer_stage
+
+__all__ = [
+    "chain",
+    "cubic_hexapod",
+    "cubic_hexapod_points",
+    "four_bar",
+    "from_code",
+    "ladder",
+    "quadruped",
+    "rotor",
+    "stewart_platform",
+    "tree",
+    "wafer_stage",
+]

@@ -1,0 +1,131 @@
+"""Rotations: unit quaternions, scalar first, body to world; and the few vector operations the model needs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .errors import ModelError
+from .expressions import Expression
+from .names import problem, shown
+from .values import Number, array, axis, scalar, shape_of
+
+# How far a matrix may be from orthonormal: hand-typed cosines of six digits pass, a typing error does not.
+_ORTHONORMAL = 1e-5
+
+
+def rotation(axis_: Any = "z", angle: Any = 0.0) -> np.ndarray:
+    """The quaternion of a rotation, q = (cos(angle/2), sin(angle/2) a) with the unit axis a.
+
+    Parameters
+    ----------
+    axis_
+        "x", "y", "z", "-x", ... or a vector (3,), not zero; its length does not matter. May contain expressions.
+    angle
+        Radians, right-handed; a number or an expression of parameters.
+
+    Returns
+    -------
+    (4,) scalar first; an object array of expressions where an argument was one.
+
+    Raises
+    ------
+    ModelError
+        A zero axis, a wrong shape, or a number that is not finite.
+
+    Notes
+    -----
+    Euler-Rodrigues parameters; cost O(1).
+
+    Examples
+    --------
+    >>> import numpy as np, mbrs as mb
+    >>> mb.rotation("z", np.pi).round(6)
+    array([0., 0., 0., 1.])
+    """
+    a = axis(axis_, "the axis of a rotation")
+    half = scalar(angle, "the angle of a rotation") * 0.5
+    plain = not isinstance(half, Expression) and not any(isinstance(v, Expression) for v in a)
+    length: Any = math.hypot(*a) if plain else np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])  # type: ignore[arg-type]
+    sine = np.sin(half)
+    # A plain zero stays one: it depends on no parameter.
+    entries = [np.cos(half), *(sine * (v / length) if isinstance(v, Expression) or v else 0.0 for v in a)]
+    return np.array(entries, dtype=float if plain else object)
+
+
+def quaternion(value: Any, where: str) -> list[Number]:
+    """A quaternion as given, or that of a rotation matrix (3, 3) body to world; None is no rotation."""
+    if value is None:
+        return [1.0, 0.0, 0.0, 0.0]
+    if shape_of(value) == (3, 3):
+        return _from_matrix(array(value, (3, 3), where), where)
+    if shape_of(value) != (4,):
+        raise problem(
+            where, f"must be a quaternion (4,), scalar first, or a matrix (3, 3); got {shown(value)}. See mb.rotation"
+        )
+    return array(value, (4,), where)
+
+
+def _from_matrix(flat: list[Number], where: str) -> list[Number]:
+    if any(isinstance(v, Expression) for v in flat):
+        raise problem(
+            where, "as a matrix must be plain numbers; for expressions give a quaternion, as mb.rotation does"
+        )
+    r = np.array(flat, dtype=float).reshape(3, 3)
+    if np.abs(r.T @ r - np.eye(3)).max() > _ORTHONORMAL or np.linalg.det(r) < 0.0:
+        raise problem(where, "is not a rotation matrix: its columns must be orthonormal and right-handed")
+    return [float(v) for v in matrix_to_quaternion(r)]
+
+
+def matrix_to_quaternion(r: np.ndarray) -> np.ndarray:
+    """The unit quaternion of a rotation matrix: the eigenvector of Bar-Itzhack's symmetric matrix, w >= 0.
+
+    Source: Bar-Itzhack, J. Guidance 23(6), 2000 (nearest rotation for a matrix that is only nearly orthonormal).
+    """
+    k = np.empty((4, 4))
+    trace = np.trace(r)
+    skew = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+    k[0, 0] = trace
+    k[0, 1:] = k[1:, 0] = skew
+    k[1:, 1:] = r + r.T - trace * np.eye(3)
+    q = np.linalg.eigh(k)[1][:, -1]
+    return q if q[0] >= 0.0 else -q
+
+
+def quaternion_to_matrix(q: Sequence[float]) -> np.ndarray:
+    """The rotation matrix of a quaternion of any length but zero."""
+    w, x, y, z = np.asarray(q, dtype=float) / math.sqrt(sum(float(v) * float(v) for v in q))
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def cross(a: Sequence[float], b: Sequence[float]) -> list[float]:
+    """a x b without the overhead of arrays."""
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def quaternion_rate(q: Sequence[float], i: int) -> list[float]:
+    """d q by a small rotation about world axis i: 1/2 (0, e_i) (x) q."""
+    w, v = q[0], q[1:4]
+    e = [0.0, 0.0, 0.0]
+    e[i] = 1.0
+    turned = cross(e, v)
+    return [-0.5 * v[i], *(0.5 * (w * e[j] + turned[j]) for j in range(3))]
+
+
+def unit(direction: Any, where: str) -> tuple[float, float, float]:
+    """A plain unit vector from "x", "-y", ... or three numbers."""
+    a = axis(direction, where)
+    if any(isinstance(v, Expression) for v in a):
+        raise ModelError(f"{where} must be plain numbers, not expressions of parameters")
+    length = math.hypot(*a)  # type: ignore[arg-type]
+    x, y, z = (float(v) / length for v in a)  # type: ignore[arg-type]
+    return (x, y, z)

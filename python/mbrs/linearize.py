@@ -1,0 +1,448 @@
+"""Exact linearisation of a model at a state: the matrices, their coordinates, and the maps from ports to them."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ._border import core_errors
+from .effects import check_without, effects
+from .errors import MbrsWarning, ModelError
+from .ports import Port, as_port
+from .results import Result, Stats
+from .state import State, state_of
+from .tables import tables
+
+if TYPE_CHECKING:
+    from .model import Model
+
+# An unbalanced force above this part of all forces makes a linearisation at rest questionable.
+_BALANCED = 1e-6
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Snapshot:
+    """The model as it was when a result was made: its compiled form, and the versions that say whether it changed
+    since.
+    """
+
+    model: Model
+    system: Any
+    versions: tuple[int, int]
+
+    @classmethod
+    def of(cls, model: Model) -> Snapshot:
+        """Compile a model as it is now."""
+        if not hasattr(model, "compiled"):
+            raise ModelError(f"expected a mb.Model, got {type(model).__name__}")
+        with core_errors():
+            system = model.compiled()
+        return cls(model, system, (model.structure_version, model.values_version))
+
+    def check_current(self, what: str) -> None:
+        """Derivatives need the expressions as they were: refuse when the model was changed in between."""
+        if (self.model.structure_version, self.model.values_version) != self.versions:
+            raise ModelError(
+                f"model {self.model.name!r} was changed after this {what} was computed; compute it again, then its "
+                "sensitivities"
+            )
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {
+            "model": self.model,
+            "current": (self.model.structure_version, self.model.values_version) == self.versions,
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        model = state["model"]
+        object.__setattr__(self, "model", model)
+        object.__setattr__(self, "system", model.compiled())
+        now = (model.structure_version, model.values_version)
+        object.__setattr__(self, "versions", now if state["current"] else (-1, -1))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Linearization(Result):
+    """M y" + (C + G) y' + (K + N) y = B^T f in minimal coordinates, exact at a state.
+
+    Attributes
+    ----------
+    M, C, G, K, N
+        (dof, dof): mass, damping (symmetric), gyroscopic (skew), stiffness (symmetric), circulatory (skew); C, G
+        and N are
+        None where nothing acts. SI units; rotations in radians.
+    coordinates
+        Names of the minimal coordinates: increments of joint coordinates, see docs/tables.md.
+    T
+        (6 n_bodies, dof): twist of each body's origin (x y z rx ry rz, world axes), bodies in the order of ``bodies``.
+    residual
+        (dof,) generalised force that is not in balance; zero at an equilibrium.
+    error
+        The unbalanced part of all forces; what a linearisation off equilibrium leaves out.
+    """
+
+    M: np.ndarray
+    C: np.ndarray | None
+    G: np.ndarray | None
+    K: np.ndarray
+    N: np.ndarray | None
+    coordinates: tuple[str, ...]
+    T: np.ndarray
+    bodies: tuple[str, ...]
+    residual: np.ndarray
+    multipliers: np.ndarray
+    ground_coupling: np.ndarray
+    state: State
+    without: tuple[str, ...]
+    snapshot: Snapshot
+
+    @property
+    def n(self) -> int:
+        """Number of degrees of freedom."""
+        return len(self.coordinates)
+
+    @property
+    def model(self) -> Model:
+        """The model this belongs to."""
+        return self.snapshot.model
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects that ran."""
+        return self.stats.effects
+
+    @property
+    def is_sparse(self) -> bool:
+        """Linearised models are dense; large ones have a route of their own in `mb.modes`."""
+        return False
+
+    @cached_property
+    def poses(self) -> dict[str, np.ndarray]:
+        """Position (n, 3), rotation (n, 3, 3), velocity and angular velocity (n, 3) of the bodies' origins, world."""
+        with core_errors():
+            return self.snapshot.system.bodies(self.state.relative, self.state.rate)
+
+    @cached_property
+    def body_mass_matrices(self) -> np.ndarray:
+        """(n_bodies, 6, 6) mass matrix of each body about its origin, world axes."""
+        t = tables(self.model)
+        x = t["x"]
+        out = np.zeros((len(self.bodies), 6, 6))
+        for i, start in enumerate(t["body_x"]):
+            r = self.poses["rotation"][i]
+            m, arm = x[start + 10], r @ x[start + 7 : start + 10]
+            xx, yy, zz, xy, xz, yz = x[start + 11 : start + 17]
+            inertia = r @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ r.T
+            s = _skew(arm)
+            out[i] = np.block([[m * np.eye(3), -m * s], [m * s, inertia - m * s @ s]])
+        return out
+
+    @cached_property
+    def geometry(self) -> Any:
+        """Bodies, springs and joints to draw, at this state."""
+        from .animate.geometry import scene_from_tables
+
+        scene = scene_from_tables(tables(self.model))
+        return scene.moved(self.poses["position"], self.poses["rotation"])
+
+    @cached_property
+    def _strains(self) -> list[tuple[str, np.ndarray, np.ndarray]]:
+        with core_errors():
+            rows = self.snapshot.system.strains(self.state.relative)
+        out = []
+        for name, a, b, point, gradients, k in rows:
+            relative = self._at(b, point) - self._at(a, point)
+            out.append((name, gradients @ relative, k))
+        return out
+
+    def element_strain_energy(self, shape: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
+        """Names of the elastic elements and 1/2 e^H k e of each for each column of ``shape``, (n_elements, n)."""
+        names = tuple(name for name, _, _ in self._strains)
+        energy = np.zeros((len(names), shape.shape[1]))
+        for i, (_, rows, k) in enumerate(self._strains):
+            e = rows @ shape
+            energy[i] = 0.5 * np.einsum("in,ij,jn->n", e.conj(), k, e).real
+        return names, energy
+
+    def _at(self, body: int, point: np.ndarray) -> np.ndarray:
+        """Twist (6, dof) of the material point of a body that is at ``point`` now."""
+        if body < 0:
+            return np.zeros((6, self.n))
+        twist = self.T[6 * body : 6 * body + 6]
+        return twist_at(twist, point - self.poses["position"][body])
+
+    def port_row(self, port: Port) -> tuple[np.ndarray, int, np.ndarray]:
+        """The row (dof,) of a port's motion, the index of its body (-1 ground) and its point now (3,)."""
+        arm = self.port_arm(port)
+        if port.body == "ground":
+            return np.zeros(self.n), -1, arm
+        body = self.model.body_index[port.body]
+        point = self.poses["position"][body] + arm
+        twist = twist_at(self.T[6 * body : 6 * body + 6], arm)
+        return np.asarray(port.direction) @ (twist[3:] if port.is_rotation else twist[:3]), body, point
+
+    def port_arm(self, port: Port) -> np.ndarray:
+        """From the origin of a port's body to its point, world axes, now; of a port on ground its world point."""
+        t = tables(self.model)
+        point = port.point
+        if port.marker is not None and point is None:
+            start = t["marker_x"][self.model.marker_index[port.marker]]
+            point = tuple(t["x"][start : start + 3])
+        if port.body == "ground":
+            return np.zeros(3) if point is None else np.asarray(point, dtype=float)
+        if point is None:
+            return np.zeros(3)
+        body = self.model.body_index[port.body]
+        start = t["body_x"][body]
+        r_drawn = _rotation(t["x"][start + 3 : start + 7])
+        local = r_drawn.T @ (np.asarray(point) - t["x"][start : start + 3])
+        return self.poses["rotation"][body] @ local
+
+    def input_map(self, ports: Sequence[Any]) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+        """Columns (dof, n_in) of inputs, the derivative of the input they multiply (2 for base motion), and their
+        names.
+        """
+        made = [as_port(self.model, p) for p in ports]
+        columns, order = [], []
+        for port in made:
+            if port.kind == "motion":
+                raise ModelError(
+                    f"the input {port.name!r} is a motion; inputs are forces, torques or mb.base_motion, such as "
+                    f"{port.body}.force.{port.name.rsplit('.', 1)[-1]}"
+                )
+            if port.kind == "base":
+                columns.append(-self.ground_coupling @ self._rigid(port))
+                order.append(2)
+            else:
+                columns.append(self.port_row(port)[0])
+                order.append(0)
+        stacked = np.array(columns).reshape(len(made), self.n).T
+        return stacked, np.array(order, dtype=np.int64), tuple(p.name for p in made)
+
+    def _rigid(self, port: Port) -> np.ndarray:
+        """The twist (6,) of ground at the world origin for unit base motion."""
+        if self.state.moving:
+            raise ModelError("base motion of a moving (rotating) state is not available; linearise at rest")
+        if not port.is_rotation:
+            return np.r_[port.direction, np.zeros(3)]
+        if self.model.gravity is not None and np.any(self.model.gravity):
+            raise ModelError(
+                f"{port.name!r} turns ground under gravity, which this input map does not hold; use a translation, or "
+                "leave gravity out of the model"
+            )
+        return np.r_[np.zeros(3), port.direction]
+
+    def output_map(
+        self, ports: Sequence[Any], inputs: Sequence[Any] = ()
+    ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+        """Rows (n_out, dof) of output motions, the part (n_out, n_in) that follows base motion directly, and their
+        names.
+        """
+        made, sources = [as_port(self.model, p) for p in ports], [as_port(self.model, p) for p in inputs]
+        rows, direct = np.zeros((len(made), self.n)), np.zeros((len(made), len(sources)))
+        for i, port in enumerate(made):
+            if port.kind != "motion":
+                raise ModelError(
+                    f"the output {port.name!r} is a {port.kind}; outputs are motions, such as body.motion('z')"
+                )
+            rows[i], _, point = self.port_row(port)
+            for j, source in enumerate(sources):
+                if source.kind == "base":
+                    rigid = twist_at(self._rigid(source)[:, None], point)[:, 0]
+                    direct[i, j] = np.asarray(port.direction) @ (rigid[3:] if port.is_rotation else rigid[:3])
+        return rows, direct, tuple(p.name for p in made)
+
+    def state_space(self, inputs: Any = None, outputs: Any = None) -> Any:
+        """A, B, C, D of x = (y, y'), with the names of inputs and outputs: see `mb.state_space`."""
+        from .state_space import state_space
+
+        return state_space(self, inputs, outputs)
+
+    def __str__(self) -> str:
+        present = [f"{name} ({_SENSE[name]})" for name in "MCGKN" if getattr(self, name) is not None]
+        lines = [
+            f"linearisation of {self.model.name!r}: {self.n} degrees of freedom, {', '.join(present)}",
+            f"unbalanced force: {self.error:.1e} of all forces",
+        ]
+        width = max(len(name) for name in self.coordinates) if self.coordinates else 0
+        for i, name in enumerate(self.coordinates[:20]):
+            lines.append(f"  {name:{width}}  M {self.M[i, i]:12.6g}  K {self.K[i, i]:12.6g}")
+        if self.n > 20:
+            lines.append(f"  ... and {self.n - 20} more coordinates")
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+    def to_xarray(self) -> Any:
+        """`xarray.Dataset` with the matrices over (coordinate, coordinate_) and T over (body, component,
+        coordinate).
+        """
+        import xarray
+
+        names = list(self.coordinates)
+        both = ("coordinate", "coordinate_")
+        data: dict[str, Any] = {a: (both, getattr(self, a)) for a in "MCGKN" if getattr(self, a) is not None}
+        data["T"] = (("body", "component", "coordinate"), self.T.reshape(len(self.bodies), 6, self.n))
+        coords = {"coordinate": names, "coordinate_": names, "body": list(self.bodies), "component": list(_COMPONENTS)}
+        return xarray.Dataset(data, coords=coords, attrs={"model": self.model.name, "error": float(self.error)})
+
+
+_SENSE = {"M": "mass", "C": "damping", "G": "gyroscopic", "K": "stiffness", "N": "circulatory"}
+_COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def twist_at(twist: np.ndarray, arm: np.ndarray) -> np.ndarray:
+    """The same rigid motion (6, n) at a point displaced by ``arm`` (3,)."""
+    moved = twist.copy()
+    moved[:3] -= _skew(arm) @ twist[3:]
+    return moved
+
+
+def _skew(a: np.ndarray) -> np.ndarray:
+    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+
+
+def _rotation(quaternion: np.ndarray) -> np.ndarray:
+    q = np.asarray(quaternion, dtype=float)
+    s = _skew(q[1:])
+    return np.eye(3) + (2.0 / (q @ q)) * (q[0] * s + s @ s)
+
+
+def linearize(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Linearization:
+    """Linearise a model exactly at a state.
+
+    M y" + (C + G) y' + (K + N) y = B^T f, with y the increments of the minimal coordinates: springs, preload, follower
+    loads, gravity, gyroscopic and centrifugal terms, and the geometric stiffness of all constraint forces.
+
+    Parameters
+    ----------
+    m
+        The model, with its present values.
+    at
+        None: the drawn state with its given velocities; or an equilibrium, a steady motion, a state.
+    without
+        Names of effects to leave out, see `mb.effects`.
+
+    Returns
+    -------
+    Linearization
+
+    Raises
+    ------
+    AssemblyError
+        Loops that cannot close.
+    SingularError
+        A singular pose.
+
+    Warns
+    -----
+    MbrsWarning
+        At rest off equilibrium: the matrices then belong to a state that does not last.
+
+    Notes
+    -----
+    Cost O(n_bodies * depth) for the tree, O(path^2) for each element, O(n^3) where loops are closed. Recursions
+    after Singh,
+    Russo and Wensing (IEEE Robotics and Automation Letters 7(2), 2022), transformation after Jiang, Chen and Luo
+    (2011).
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("rod", gravity=(0, -9.81, 0))
+    >>> rod = m.body("rod", mass=1.0, inertia=(1/12, 1e-3, 1/12), at=(0, -0.5, 0))
+    >>> hinge = m.revolute("hinge", m.ground, rod, at=(0, 0, 0), axis="z")
+    >>> mb.linearize(m).K.round(6).tolist()
+    [[4.905]]
+    """
+    start = time.perf_counter()
+    without = check_without(without)
+    snapshot = Snapshot.of(m)
+    state = state_of(m, snapshot.system, at)
+    with core_errors():
+        r = snapshot.system.linearize(state.relative, state.rate, list(without))
+    return _linearization(snapshot, state, r, without, start, warn=at is None)
+
+
+def _linearization(
+    snapshot: Snapshot, state: State, r: dict[str, Any], without: tuple[str, ...], start: float, warn: bool
+) -> Linearization:
+    model = snapshot.model
+    C, G = _split_damping(r["D"], state.moving)
+    K, N = _split_stiffness(
+        r["S"], conservative=not state.moving and not any(load.frame == "body" for load in model.loads)
+    )
+    scale = r["force_scale"]
+    unbalanced = float(np.max(np.abs(r["residual"]), initial=0.0))
+    error = unbalanced / scale if scale > 0.0 else 0.0
+    if warn and not state.moving and error > _BALANCED:
+        worst = int(np.argmax(np.abs(np.linalg.solve(r["M"], r["residual"]))))
+        acceleration = float(np.linalg.solve(r["M"], r["residual"])[worst])
+        warnings.warn(
+            f"the drawn state of {model.name!r} is not in balance: {r['coordinates'][worst]!r} would accelerate at "
+            f"{-acceleration:.3g} (m or rad)/s2; linearise at mb.equilibrium(m) instead",
+            MbrsWarning,
+            stacklevel=3,
+        )
+    on = tuple(e for e in effects(model).on if e not in without)
+    return Linearization(
+        M=r["M"],
+        C=C,
+        G=G,
+        K=K,
+        N=N,
+        coordinates=tuple(r["coordinates"]),
+        T=r["T"],
+        bodies=tuple(body.name for body in model.bodies),
+        residual=r["residual"],
+        multipliers=r["multipliers"],
+        ground_coupling=r["ground_coupling"],
+        state=state,
+        without=without,
+        snapshot=snapshot,
+        stats=Stats(time.perf_counter() - start, r["counts"], on, "minimal coordinates"),
+        error=error,
+        status="converged" if error <= _BALANCED or state.moving else "off-equilibrium",
+    )
+
+
+def split(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Symmetric and skew part over the first two axes."""
+    t = np.swapaxes(x, 0, 1)
+    return 0.5 * (x + t), 0.5 * (x - t)
+
+
+def _present(x: np.ndarray, of: np.ndarray) -> np.ndarray | None:
+    """None where a part is rounding of the whole."""
+    return x if np.max(np.abs(x), initial=0.0) > 1e-13 * np.max(np.abs(of), initial=0.0) else None
+
+
+def _split_damping(D: np.ndarray | None, moving: bool) -> tuple[np.ndarray | None, np.ndarray | None]:
+    if D is None or not np.any(D):
+        return None, None
+    C, G = split(D)
+    # at rest dampers alone act, and theirs is symmetric
+    return (_present(C, D), _present(G, D)) if moving else (C, None)
+
+
+def _split_stiffness(S: np.ndarray, conservative: bool) -> tuple[np.ndarray, np.ndarray | None]:
+    K, N = split(S)
+    # with forces that have a potential, a skew part is what unbalanced moments leave in the increments of rotations
+    return K, None if conservative else _present(N, S)
+
+
+def second_order_of(m: Any, at: Any, without: Sequence[str]) -> Linearization:
+    """What modes, transfer functions and responses work on: a linearisation, given or made."""
+    if isinstance(m, Linearization):
+        if at is not None or tuple(without):
+            raise ModelError("at= and without= belong to the call of mb.linearize that made this linearisation")
+        return m
+    if isinstance(at, Linearization) and not without and at.model is m:
+        return at
+    return linearize(m, at=at, without=without)

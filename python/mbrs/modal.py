@@ -1,0 +1,494 @@
+"""Modes of linear and linearised systems."""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ._border import core_errors
+from .errors import ModelError, NameNotFoundError, SingularError
+from .mac import mac as _mac
+from .results import Result, Stats, added_counts
+from .second_order import MechanicalSystem
+
+KINDS = ("rigid", "vibration", "overdamped", "flutter", "divergence")
+_MATRIX_EFFECTS = {"damping": "C", "gyroscopic": "G", "circulatory": "N"}
+_UNRESOLVED = 1e-9
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ModalResult(Result):
+    """Modes of (s^2 M + s (C + G) + K + N) phi = 0, in ascending |s|; equal |s| in ascending damping ratio.
+
+    ``stats.route`` names the algorithm, ``error`` (n,) estimates the relative error of each eigenvalue (0 for rigid
+    modes). ``status`` is "unresolved" if any backward error exceeds 1e-9, else "converged".
+
+    Attributes
+    ----------
+    eigenvalue
+        (n,) complex, rad/s: of a complex pair the root with Im > 0, of two real roots the larger one; 0 for rigid
+        modes.
+    roots
+        (2 dof,) complex: for every mode, also those that ``n=`` cut off, the root above and its partner. Real roots of
+        symmetric systems are matched so that each mode has one root with phi^T Q'(s) phi > 0 and one with < 0, whose
+        shapes are the most alike; without symmetry the larger half of the real roots is matched with the smaller half.
+    shape
+        (dof, n), rows are `coordinates`; real where all shapes are. Symmetric systems: phi^T (2 s M + C) phi = 2i Im s,
+        which is phi^T M phi = 1 without damping. With G or N, and for real, rigid and near-defective roots:
+        phi^H M phi = 1. The largest component (the first within 1e-6) has a positive real part, and is real where
+        phi^H M phi = 1.
+    left
+        (dof, n) left vectors, psi^T (s^2 M + s (C + G) + K + N) = 0 with psi^T (2 s M + C + G) phi = 2i Im s (for
+        real, rigid and near-defective roots psi^H M psi = 1); None where they equal the shapes.
+    kind
+        (n,) of str: "rigid" (s = 0), "vibration" (complex, Re s <= 0), "overdamped" (real), "flutter" (complex,
+        Re s > 0), "divergence" (real, s > 0).
+    groups
+        Tuples of the indices of repeated eigenvalues, only those with more than one member. Their shapes are a basis
+        that depends on the subspace alone.
+    backward_error
+        (n,) |Q(s) phi| / ((|s|^2 |M| + |s| |C + G| + |K + N|) |phi|) in coordinates of unit mass, Frobenius norms.
+    condition
+        (n,) relative change of s for a relative change of every matrix entry; nan for rigid modes.
+    near_defective
+        (n,) bool: two roots of one mode (critical damping) or of two modes almost meet, so that s depends on the data
+        like a square root; the shape belongs to both.
+    coordinates
+        dof names.
+    system
+        The matrices the modes belong to.
+    cut_group
+        Indices of those modes whose repeated group ``n=`` has cut: the shapes of the others are missing.
+    """
+
+    eigenvalue: np.ndarray
+    roots: np.ndarray
+    shape: np.ndarray
+    left: np.ndarray | None
+    kind: np.ndarray
+    groups: tuple[tuple[int, ...], ...]
+    backward_error: np.ndarray
+    condition: np.ndarray
+    near_defective: np.ndarray
+    coordinates: tuple[str, ...]
+    system: Any
+    partner_mode: np.ndarray
+    partner_shape: np.ndarray
+    partner_left: np.ndarray | None
+    cut_group: tuple[int, ...] = ()
+
+    @property
+    def n(self) -> int:
+        """Number of modes."""
+        return len(self.eigenvalue)
+
+    @property
+    def omega(self) -> np.ndarray:
+        """(n,) |s| in rad/s."""
+        return np.abs(self.eigenvalue)
+
+    @property
+    def frequency(self) -> np.ndarray:
+        """(n,) |s|/2pi in Hz: the undamped natural frequency only for underdamped modes of proportional damping."""
+        return np.abs(self.eigenvalue) / (2.0 * math.pi)
+
+    @property
+    def frequency_damped(self) -> np.ndarray:
+        """(n,) |Im s|/2pi in Hz: what one sees in a decaying vibration."""
+        return np.abs(self.eigenvalue.imag) / (2.0 * math.pi)
+
+    @property
+    def damping(self) -> np.ndarray:
+        """(n,) damping ratio -Re s/|s|; 1 for overdamped modes, negative for unstable ones, nan for rigid ones."""
+        size = np.abs(self.eigenvalue)
+        return np.divide(-self.eigenvalue.real, size, out=np.full(len(size), np.nan), where=size > 0.0) + 0.0
+
+    @property
+    def unstable(self) -> np.ndarray:
+        """(n,) bool: flutter or divergence."""
+        return np.isin(self.kind, ("flutter", "divergence"))
+
+    @property
+    def geometry(self) -> Any:
+        """Bodies and joints to draw, from the model; None for plain matrices."""
+        return getattr(self.system, "geometry", None)
+
+    def group_of(self, mode: int) -> tuple[int, ...]:
+        """Indices of the repeated group that a mode belongs to; the mode alone if there is none."""
+        return next((g for g in self.groups if mode in g), (mode,))
+
+    def body_shape(self, body: Any) -> np.ndarray:
+        """Motion of a body's origin, (6, n) complex: x y z rx ry rz in world axes, m and rad.
+
+        Parameters
+        ----------
+        body
+            Handle or name.
+
+        Raises
+        ------
+        NameNotFoundError
+            A name that the model does not have; modes of plain matrices have no bodies.
+        """
+        names, maps = self._bodies()
+        name = getattr(body, "name", body)
+        if name not in names:
+            known = ", ".join(names) if names else "none: these are modes of plain matrices"
+            raise NameNotFoundError(f"there is no body {name!r}; bodies: {known}")
+        i = names.index(name)
+        return np.asarray(maps[6 * i : 6 * i + 6] @ self.shape, dtype=complex)
+
+    def mac(self, other: Any, *, weight: Any = None) -> np.ndarray:
+        """MAC of these shapes with those of another result, (n, n_other); see `mbrs.mac`."""
+        return _mac(self, other, weight=weight)
+
+    @cached_property
+    def _energy(self) -> EnergyShares:
+        return _energy_shares(self)
+
+    def energy(self) -> EnergyShares:
+        """Shares of kinetic and strain energy of each coordinate, body and element; see `EnergyShares`."""
+        return self._energy
+
+    def _bodies(self) -> tuple[tuple[str, ...], Any]:
+        return tuple(getattr(self.system, "bodies", ())), getattr(self.system, "T", None)
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table that `print` shows."""
+        columns = ["mode", "f_n [Hz]", "f_d [Hz]", "zeta", "kind", "group", "dominant", "residual"]
+        dominant = _dominant(self)
+        names = {i: k + 1 for k, g in enumerate(self.groups) for i in g}
+        return columns, [
+            [
+                i + 1,
+                float(self.frequency[i]),
+                float(self.frequency_damped[i]),
+                float(self.damping[i]),
+                str(self.kind[i]) + ("*" if self.near_defective[i] else ""),
+                names.get(i, ""),
+                dominant[i],
+                float(self.backward_error[i]),
+            ]
+            for i in range(self.n)
+        ]
+
+    def _title(self) -> str:
+        dof = len(self.coordinates)
+        of = "" if self.n == dof else f" of {dof}"
+        return f"{self.n}{of} modes, {self.stats.route}, {self.status}"
+
+    def _notes(self) -> list[str]:
+        notes = []
+        if self.stats.route not in ("undamped", "proportional") or np.any(self.kind == "overdamped"):
+            notes.append("f_n = |s|/2pi is the undamped natural frequency only for underdamped proportional damping.")
+        if np.any(self.near_defective):
+            notes.append("* near-defective: two roots almost meet (critical damping).")
+        return notes
+
+    def __str__(self) -> str:
+        columns, rows = self.rows()
+        return "\n".join([self._title(), _table(columns, rows), *self._notes()])
+
+    def __repr__(self) -> str:
+        return f"ModalResult({self._title()})"
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        columns, rows = self.rows()
+        head = "".join(f"<th>{escape(c)}</th>" for c in columns)
+        body = "".join("<tr>" + "".join(f"<td>{escape(_cell(c))}</td>" for c in row) + "</tr>" for row in rows)
+        notes = "".join(f"<p>{escape(note)}</p>" for note in self._notes())
+        return f"<table><caption>{escape(self._title())}</caption><tr>{head}</tr>{body}</table>{notes}"
+
+    def plot(self, **options: Any) -> Any:
+        """Poles and participation (`mbrs.plot.modes`); returns the Matplotlib figure."""
+        from .plot import modes as draw  # type: ignore[import-not-found,unused-ignore]
+
+        return draw(self, **options)
+
+    def animate(self, path: str | Path | None = None, **options: Any) -> Any:
+        """Shapes in motion as one self-contained page (`mbrs.animate.modes`); returns the path, or a viewer."""
+        from .animate import modes as draw  # type: ignore[import-not-found,unused-ignore]
+
+        return draw(self, path, **options)
+
+    def to_xarray(self) -> Any:
+        """`xarray.Dataset` over ``mode`` (from 1) and ``coordinate``; needs ``pip install mbrs-dynamics[xarray]``."""
+        import xarray as xr
+
+        per_mode = {
+            "eigenvalue": self.eigenvalue,
+            "frequency": self.frequency,
+            "frequency_damped": self.frequency_damped,
+            "damping": self.damping,
+            "kind": self.kind,
+            "backward_error": self.backward_error,
+            "condition": self.condition,
+            "error": self.error,
+            "near_defective": self.near_defective,
+        }
+        units = {"eigenvalue": "rad/s", "frequency": "Hz", "frequency_damped": "Hz", "damping": "1"}
+        data: dict[str, Any] = {
+            name: ("mode", value, {"units": units[name]} if name in units else {}) for name, value in per_mode.items()
+        }
+        data["group"] = ("mode", [next((k + 1 for k, g in enumerate(self.groups) if i in g), 0) for i in range(self.n)])
+        data["shape"] = (("coordinate", "mode"), self.shape)
+        if self.left is not None:
+            data["left"] = (("coordinate", "mode"), self.left)
+        data["roots"] = ("root", self.roots)
+        coords = {"mode": np.arange(1, self.n + 1), "coordinate": list(self.coordinates)}
+        return xr.Dataset(data, coords=coords, attrs={"route": self.stats.route, "status": self.status})
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyShares:
+    """Shares of the cycle mean of kinetic energy, Re(phi^* (M phi))/phi^H M phi, and likewise of strain energy with K.
+
+    Every column sums to 1; single coordinates may have negative shares where M or K couple them. Strain shares of
+    rigid modes are nan. ``kinetic_body`` (n_bodies, n) and ``strain_element`` (n_elements, n) exist for modes of a
+    model.
+    """
+
+    coordinates: tuple[str, ...]
+    kinetic: np.ndarray
+    strain: np.ndarray
+    bodies: tuple[str, ...] = ()
+    kinetic_body: np.ndarray | None = None
+    elements: tuple[str, ...] = ()
+    strain_element: np.ndarray | None = None
+
+    def __str__(self) -> str:
+        kinetic = self.kinetic if self.kinetic_body is None else self.kinetic_body
+        names = self.coordinates if self.kinetic_body is None else self.bodies
+        blocks = [("kinetic energy [%]", names, kinetic)]
+        if self.strain_element is None:
+            blocks.append(("strain energy [%]", self.coordinates, self.strain))
+        else:
+            blocks.append(("strain energy [%]", self.elements, self.strain_element))
+        columns = ["", *(str(i + 1) for i in range(kinetic.shape[1]))]
+        parts = []
+        for title, rows, values in blocks:
+            text = [[name, *(f"{100.0 * v:.1f}" for v in row)] for name, row in zip(rows, values, strict=True)]
+            parts.append(title + "\n" + _table(columns, text))
+        return "\n".join(parts)
+
+
+def modes(
+    m: Any, *, at: Any = None, n: int | None = None, without: Iterable[str] = (), stiffness_factor: Any = None
+) -> ModalResult:
+    """Modes: all solutions of (s^2 M + s (C + G) + K + N) phi = 0.
+
+    Parameters
+    ----------
+    m
+        A `Model`, or a `MechanicalSystem` (dense or sparse).
+    at
+        State to linearise a model at: None (the drawn state), an equilibrium, a steady motion, ``traj.state(t)``.
+    n
+        How many of the lowest modes to return; None returns all, one for each degree of freedom.
+    without
+        Effects to leave out. Plain matrices know "damping" (C), "gyroscopic" (G) and "circulatory" (N).
+    stiffness_factor
+        (any, dof) matrix F with K = F^T F, such as sqrt(k) times the rows of relative displacement. It keeps low
+        frequencies accurate where a stiffness ratio beyond 1e8 would drown them in the rounding of an assembled K;
+        used for undamped and proportionally damped systems.
+
+    Returns
+    -------
+    ModalResult
+        In ascending |s|; normalisation there.
+
+    Raises
+    ------
+    SingularError
+        M is not positive definite; the message names the coordinate without inertia.
+    ModelError
+        Matrices that are not symmetric (M, C, K) or skew (G, N), not finite, or of different sizes; ``n`` out of range.
+
+    Notes
+    -----
+    Without damping, or with damping that the undamped modes diagonalise, one symmetric eigenproblem and scalar
+    quadratics; conservative gyroscopic systems one Hermitian eigenproblem; all else the balanced state matrix in energy
+    coordinates, which have the scaling of Fan, Lin and Van Dooren built in, with Rayleigh corrections of all roots and
+    Newton corrections of the pairs whose backward error exceeds max(dof, 16) eps. Cost O(dof^3).
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> system = mb.MechanicalSystem(M=[[1.0, 0.0], [0.0, 1.0]], C=None, K=[[2.0, -1.0], [-1.0, 2.0]])
+    >>> mb.modes(system).omega.round(6).tolist()
+    [1.0, 1.732051]
+    """
+    start = time.perf_counter()
+    if isinstance(without, str):
+        without = (without,)
+    system, effects = _second_order(m, at, tuple(without))
+    n = _count(n, len(system.coordinates))
+    if getattr(system, "is_sparse", False):
+        return _sparse(system, n, effects, start)
+    return _dense(system, n, effects, stiffness_factor, start)
+
+
+def _second_order(m: Any, at: Any, without: tuple[str, ...]) -> tuple[Any, tuple[str, ...]]:
+    if not isinstance(m, MechanicalSystem):
+        from .linearize import second_order_of  # type: ignore[import-not-found,unused-ignore]
+
+        system = second_order_of(m, at, without)
+        return system, tuple(getattr(system, "effects", ()))
+    if at is not None:
+        raise ModelError("at= is the state to linearise a model at; a MechanicalSystem is linear already, leave it out")
+    for name in without:
+        if name not in _MATRIX_EFFECTS:
+            known = ", ".join(_MATRIX_EFFECTS)
+            raise ModelError(f"without={name!r}: the effects of a MechanicalSystem are {known}")
+    drop = {_MATRIX_EFFECTS[name] for name in without}
+    if drop:
+        parts = {a: None if a in drop else getattr(m, a) for a in ("M", "C", "K", "G", "N")}
+        m = MechanicalSystem(**parts, elements=m.elements, coordinates=m.coordinates)
+    return m, tuple(name for name, a in _MATRIX_EFFECTS.items() if getattr(m, a) is not None)
+
+
+def _count(n: int | None, dof: int) -> int | None:
+    if n is None:
+        return None
+    if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
+        raise ModelError(f"n must be a positive number of modes, got {n!r}")
+    return min(int(n), dof)
+
+
+def _sparse(system: Any, n: int | None, effects: tuple[str, ...], start: float) -> ModalResult:
+    from . import _core
+
+    if not hasattr(_core, "sparse_modes"):
+        raise ModelError("modes of sparse matrices are not available in this build; pass dense arrays (M.toarray())")
+    from .sparse_modal import sparse_modes  # type: ignore[import-not-found,unused-ignore]
+
+    return sparse_modes(system, n, effects, start)
+
+
+def _dense(system: Any, n: int | None, effects: tuple[str, ...], factor: Any, start: float) -> ModalResult:
+    from . import _core
+
+    f = None if factor is None else _matrix("stiffness_factor", factor)
+    mass, stiffness = np.asarray(_array(system.M)), np.asarray(_array(system.K))
+    damping, gyroscopic, circulatory = (_array(getattr(system, a)) for a in "CGN")
+    try:
+        with core_errors():
+            r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f)
+    except SingularError as problem:
+        names = tuple(system.coordinates)
+        text = re.sub(r"\{coordinate (\d+)\}", lambda hit: f"coordinate {names[int(hit[1])]!r}", str(problem))
+        raise SingularError(text) from None
+    return _result(system, r, n, effects, start)
+
+
+def _result(system: Any, r: dict[str, Any], n: int | None, effects: tuple[str, ...], start: float) -> ModalResult:
+    n = len(r["eigenvalue"]) if n is None else n
+    shape = r["shape"][:, :n]
+    if not np.any(shape.imag):
+        shape = np.ascontiguousarray(shape.real)
+    groups = [tuple(i for i in range(first, first + count) if i < n) for first, count in r["groups"]]
+    own = r["partner_mode"] < n
+    left, partner_left = r["left"], r["partner_left"]
+    return ModalResult(
+        eigenvalue=r["eigenvalue"][:n],
+        roots=np.stack([r["eigenvalue"], r["partner"]], axis=1).ravel(),
+        shape=shape,
+        left=None if left is None else left[:, :n],
+        kind=np.array(r["kind"][:n], dtype="U10"),
+        groups=tuple(g for g in groups if len(g) > 1),
+        backward_error=r["backward_error"][:n],
+        condition=r["condition"][:n],
+        near_defective=r["near_defective"][:n],
+        coordinates=tuple(system.coordinates),
+        system=system,
+        partner_mode=r["partner_mode"][own],
+        partner_shape=r["partner_shape"][:, own],
+        partner_left=None if partner_left is None else partner_left[:, own],
+        cut_group=next((tuple(range(a, n)) for a, count in r["groups"] if a < n < a + count), ()),
+        stats=Stats(time.perf_counter() - start, added_counts(system, r["counts"]), effects, r["route"]),
+        error=r["error"][:n],
+        status="unresolved" if np.any(r["backward_error"][:n] > _UNRESOLVED) else "converged",
+    )
+
+
+def _array(a: Any) -> np.ndarray | None:
+    if a is None:
+        return None
+    return np.asarray(a.toarray() if hasattr(a, "toarray") else a, dtype=float)
+
+
+def _matrix(name: str, a: Any) -> np.ndarray:
+    try:
+        f = _array(a)
+    except (TypeError, ValueError) as problem:
+        raise ModelError(f"{name} must be a real matrix: {problem}") from None
+    if f is None or f.ndim != 2 or f.size == 0:
+        raise ModelError(f"{name} must be a matrix with one column for each coordinate")
+    return f
+
+
+def _energy_shares(r: ModalResult) -> EnergyShares:
+    x = r.shape
+
+    def shares(a: np.ndarray | None) -> np.ndarray:
+        parts = (x.conj() * (a @ x)).real
+        total = parts.sum(axis=0)
+        scale = np.abs(parts).sum(axis=0)
+        return np.divide(parts, total, out=np.full_like(parts, np.nan), where=np.abs(total) > 1e-12 * scale)
+
+    kinetic = shares(_array(r.system.M))
+    strain = shares(_array(r.system.K))
+    strain[:, r.kind == "rigid"] = np.nan
+    names, maps = r._bodies()
+    masses = getattr(r.system, "body_mass_matrices", None)
+    per_body = None
+    if maps is not None and masses is not None and len(names):
+        v = (maps @ x).reshape(len(names), 6, -1)
+        energy = np.einsum("bin,bij,bjn->bn", v.conj(), np.asarray(masses), v).real
+        per_body = energy / energy.sum(axis=0)
+    elements, per_element = (), None
+    strain_of = getattr(r.system, "element_strain_energy", None)
+    if strain_of is not None:
+        elements, energy = strain_of(x)
+        total = energy.sum(axis=0)
+        per_element = np.divide(
+            energy, total, out=np.full(energy.shape, np.nan), where=(total > 0.0) & (r.kind != "rigid")
+        )
+    return EnergyShares(
+        r.coordinates, kinetic, strain, names if per_body is not None else (), per_body, elements, per_element
+    )
+
+
+def _dominant(r: ModalResult) -> list[str]:
+    """The body, or else the coordinate, with the largest share of the kinetic energy."""
+    shares = r.energy()
+    names, values = (
+        (shares.coordinates, shares.kinetic) if shares.kinetic_body is None else (shares.bodies, shares.kinetic_body)
+    )
+    # the first among equals, whatever rounding says
+    return [names[int(np.argmax(v >= v.max() - 1e-9))] for v in values.T]
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        if math.isnan(value):
+            return "-"
+        small = abs(value) < 1e-6
+        return "0" if value == 0.0 else f"{value:.1e}" if small else f"{value:.6g}"
+    return str(value)
+
+
+def _table(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    cells = [list(columns), *([_cell(c) for c in row] for row in rows)]
+    widths = [max(len(row[j]) for row in cells) for j in range(len(columns))]
+    return "\n".join("  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in cells)

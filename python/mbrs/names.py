@@ -1,0 +1,80 @@
+"""Names and the errors about them: one wording for everything a user may have mistyped."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Collection, Iterable
+
+from .errors import DuplicateNameError, MbrsError, ModelError, NameNotFoundError
+
+GROUND = "ground"
+_FORBIDDEN = frozenset(".[]")
+# Comparing with every name of a model of 1e5 bodies would take seconds, so large sets are narrowed first.
+_LARGE = 2000
+_SHOWN = 80
+
+
+def problem(address: str, text: str, error: type[MbrsError] = ModelError) -> MbrsError:
+    """An error about one number or object; its message starts with the address."""
+    return located(error(f"{address} {text}"), address)
+
+
+def located(error: MbrsError, address: str) -> MbrsError:
+    """The error, with the address it is about kept on it, so that a file reader can point at the line."""
+    error.__dict__["address"] = address
+    return error
+
+
+def shown(value: object) -> str:
+    """Anything as short text for a message, whatever its repr does."""
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:
+        text = f"<{type(value).__name__}>"
+    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
+
+
+def check_name(kind: str, name: object, taken: Collection[str]) -> str:
+    """The name if a new object may have it, else the error that says why not."""
+    if isinstance(name, str) and name and name not in taken and name != GROUND and _FORBIDDEN.isdisjoint(name):
+        return name
+    error: type[ModelError] = ModelError
+    if not isinstance(name, str):
+        text = f"the name of a {kind} must be a string, got {shown(name)} ({type(name).__name__})"
+    elif not name:
+        text = f"the name of a {kind} must not be empty"
+    elif not _FORBIDDEN.isdisjoint(name):
+        text = f"the name {shown(name)} of a {kind} must not contain '.', '[' or ']', which addresses use"
+    else:
+        text, error = (
+            f"the name {shown(name)} of a {kind} is already taken in this model; choose another",
+            DuplicateNameError,
+        )
+    raise located(error(text), f"{name}.name")
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The known name most like this one, or None."""
+    pool = list(known)
+    if len(pool) > _LARGE:
+        pool = [other for other in pool if other[:1] == name[:1] and abs(len(other) - len(name)) <= 2]
+    by_fold = {other.casefold(): other for other in pool}
+    if name.casefold() in by_fold:
+        return by_fold[name.casefold()]
+    found = difflib.get_close_matches(name, pool, n=1, cutoff=0.5)
+    return found[0] if found else None
+
+
+def not_found(what: str, name: str, known: Iterable[str]) -> NameNotFoundError:
+    """``what`` is "no body", "no field of joint 'A'" and the like; the message proposes the nearest known name."""
+    pool = list(known)
+    guess = nearest(name, pool)
+    if guess is not None:
+        hint = f"; did you mean {guess!r}?"
+    elif not pool:
+        hint = "; there are none"
+    elif len(pool) <= 12:
+        hint = "; known: " + ", ".join(repr(other) for other in pool)
+    else:
+        hint = ""
+    return NameNotFoundError(f"{what} is called {shown(name)}{hint}")

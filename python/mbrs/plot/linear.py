@@ -1,0 +1,248 @@
+"""Figures of linear results: modes, transfer functions, time response, Campbell diagram."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import ModelError
+from .data import Curve, breaks_at_jumps, frf_unit, magnitude_label, peak, ranked_curves, response_unit
+from .figure import FADED, PALETTE, figure, legend, log_frequencies, style
+
+__all__ = ["campbell", "frf", "modes", "response"]
+
+_MOST_NAMED = 10
+_MOST_TICKS = 40
+
+
+def modes(result: Any, *, n: int = 40) -> Any:
+    """Poles in the complex plane, and how much each coordinate moves in each mode.
+
+    Parameters
+    ----------
+    result
+        A `ModalResult`: ``eigenvalue`` (n,) rad/s, ``shape`` (dof, n), ``frequency`` (n,) Hz, ``coordinates`` (dof
+        names).
+    n
+        How many modes at most, from the first.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    s = np.asarray(result.eigenvalue)[:n]
+    if s.size == 0:
+        raise ModelError("there is no mode to plot")
+    with style():
+        made, (left, right) = figure(1, 2, size=(10.5, 4.6), width_ratios=(1, 1.6))
+        kinds = np.asarray(getattr(result, "kind", np.array(["mode"] * s.size))).astype(str)[:n]
+        for i, kind in enumerate(dict.fromkeys(kinds)):
+            chosen = s[kinds == kind]
+            left.plot(
+                chosen.real, chosen.imag / (2 * np.pi), "o", color=PALETTE[i % len(PALETTE)], ms=6, mew=0, label=kind
+            )
+        left.axvline(0.0, color="#9aa7b5", lw=0.8)
+        left.set(xlabel="Re s [rad/s]", ylabel="Im s / 2 pi [Hz]", title="eigenvalues")
+        left.margins(0.12)
+        left.locator_params(axis="x", nbins=5)
+        left.legend(loc="best")
+        _participation(made, right, result, s.size)
+    return made
+
+
+def _participation(made: Any, axes: Any, result: Any, n: int) -> None:
+    shape = np.abs(np.asarray(result.shape)[:, :n])
+    largest = shape.max(axis=0)
+    picture = axes.imshow(
+        shape / np.where(largest > 0.0, largest, 1.0),
+        aspect="auto",
+        cmap="Blues",
+        vmin=0.0,
+        vmax=1.0,
+        interpolation="nearest",
+    )
+    axes.grid(False)
+    names = list(getattr(result, "coordinates", None) or [])
+    if len(names) == shape.shape[0] <= _MOST_TICKS:
+        axes.set_yticks(range(len(names)), names, fontsize=8 if len(names) <= 20 else 6)
+    else:
+        axes.set_ylabel("coordinate")
+    frequency = np.asarray(result.frequency, dtype=float)[:n]
+    every = max(1, -(-n // 16))
+    places = np.arange(0, n, every)
+    labels = [f"{i + 1}\n{frequency[i]:.4g}" for i in places]
+    axes.set_xticks(places, labels, fontsize=8)
+    axes.set(xlabel="mode, f [Hz]", title="|shape| of each coordinate, largest = 1")
+    made.colorbar(picture, ax=axes, fraction=0.04, pad=0.02)
+
+
+def frf(result: Any, kind: str = "bode", *, marks: Any = ()) -> Any:
+    """A transfer function as Bode or Nyquist plot; with many curves the ten largest are coloured and the others grey.
+
+    Parameters
+    ----------
+    result
+        An `FrfResult`: ``value`` (n_out, n_in, n_freq) complex, ``frequency`` (n_freq,) Hz, ``kind``, ``inputs``,
+        ``outputs``.
+    kind
+        ``"bode"``: magnitude (logarithmic) and phase in degrees of exp(+i omega t); ``"nyquist"``: imaginary over real
+        part.
+    marks
+        Frequencies in Hz to mark by vertical lines in the Bode plot, such as natural frequencies.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    if kind not in ("bode", "nyquist"):
+        raise ModelError(f"kind={kind!r} is not known; use 'bode' or 'nyquist'")
+    ranked, rounding = ranked_curves(result)
+    named, rest = ranked[:_MOST_NAMED], ranked[_MOST_NAMED:]
+    with style():
+        made = _bode(result, named, rest, marks) if kind == "bode" else _nyquist(result, named, rest)
+        notes = [f"{len(rest)} smaller curves in grey"] * bool(rest) + [f"left out as zero: {rounding}"] * bool(
+            rounding
+        )
+        made.axes[0].set_title(str(getattr(result, "kind", "")) + (f" ({', '.join(notes)})" if notes else ""))
+    return made
+
+
+def _bode(result: Any, named: list[Curve], rest: list[Curve], marks: Any) -> Any:
+    frequency = np.asarray(result.frequency, dtype=float)
+    unit = frf_unit(result)
+    made, (above, below) = figure(2, 1, size=(8.5, 5.6), sharex=True, height_ratios=(2, 1))
+    for curve in rest:
+        above.plot(frequency, np.abs(curve.value), color=FADED, lw=0.7, zorder=1.5)
+    for i, curve in enumerate(named):
+        colour = PALETTE[i % len(PALETTE)]
+        above.plot(frequency, np.abs(curve.value), color=colour, label=curve.label)
+        below.plot(frequency, breaks_at_jumps(np.degrees(np.angle(curve.value)), 270.0), color=colour)
+    for mark in np.ravel(marks):
+        for axes in (above, below):
+            axes.axvline(mark, color="#9aa7b5", lw=0.8, ls=":")
+    above.set_yscale("log")
+    below.set_xlim(frequency.min(), frequency.max() if frequency.size > 1 else None)
+    if frequency.min() > 0.0 and frequency.max() > 20.0 * frequency.min():
+        log_frequencies(below)
+    above.set(ylabel=magnitude_label(unit))
+    below.set(xlabel="frequency [Hz]", ylabel="phase [deg]", ylim=(-190, 190), yticks=(-180, -90, 0, 90, 180))
+    legend(above, [curve.label for curve in named])
+    return made
+
+
+def _nyquist(result: Any, named: list[Curve], rest: list[Curve]) -> Any:
+    unit = frf_unit(result)
+    made, axes = figure(size=(7.0, 6.0))
+    for curve in rest:
+        axes.plot(curve.value.real, curve.value.imag, color=FADED, lw=0.7, zorder=1.5)
+    for i, curve in enumerate(named):
+        colour = PALETTE[i % len(PALETTE)]
+        axes.plot(curve.value.real, curve.value.imag, color=colour, label=curve.label)
+        if i < 4:
+            _mark_peak(axes, curve, np.asarray(result.frequency, dtype=float), colour)
+    axes.axhline(0.0, color="#9aa7b5", lw=0.8)
+    axes.axvline(0.0, color="#9aa7b5", lw=0.8)
+    axes.set_aspect("equal", adjustable="datalim")
+    suffix = f" [{unit}]" if unit else ""
+    axes.set(xlabel=f"Re H{suffix}", ylabel=f"Im H{suffix}")
+    axes.ticklabel_format(style="sci", scilimits=(-3, 4))
+    axes.margins(0.1)
+    legend(axes, [curve.label for curve in named], inside=1)
+    return made
+
+
+def _mark_peak(axes: Any, curve: Curve, frequency: np.ndarray, colour: str) -> None:
+    size = np.abs(curve.value)
+    if not np.isfinite(size).any():
+        return
+    i = int(np.nanargmax(size))
+    axes.plot(curve.value[i].real, curve.value[i].imag, "o", color=colour, ms=5)
+    place = (curve.value[i].real, curve.value[i].imag)
+    axes.annotate(f"{frequency[i]:.4g} Hz", place, (6, -12), textcoords="offset points", fontsize=8, color=colour)
+
+
+def response(result: Any) -> Any:
+    """Outputs over time: one axes up to ten curves, above that the ten largest coloured and the others grey.
+
+    ``result``: a `ResponseResult` with ``t`` (n_t,) s, ``value`` (n_out, n_t), ``outputs`` (names). Returns a Figure.
+    """
+    t, value = np.asarray(result.t, dtype=float), np.atleast_2d(np.asarray(result.value))
+    if value.ndim != 2 or value.shape[1] != t.size or t.size == 0:
+        raise ModelError(f"a response must be (n_out, n_t) with n_t = {t.size}, got {value.shape}")
+    outputs = [str(name) for name in getattr(result, "outputs", ())]
+    names = outputs if len(outputs) == value.shape[0] else [f"out{i}" for i in range(value.shape[0])]
+    kind = str(getattr(result, "kind", "") or "response")
+    order = sorted(range(value.shape[0]), key=lambda i: -peak(value[i]))
+    with style():
+        made, axes = figure(size=(8.5, 4.2))
+        for i in order[_MOST_NAMED:]:
+            axes.plot(t, value[i], color=FADED, lw=0.7, zorder=1.5)
+        for place, i in enumerate(order[:_MOST_NAMED]):
+            axes.plot(t, value[i], color=PALETTE[place % len(PALETTE)], label=names[i])
+        axes.set(xlabel="t [s]", ylabel=f"{kind} [{response_unit(result)}]", xlim=(t[0], t[-1]) if t.size > 1 else None)
+        axes.set_title("time response")
+        legend(axes, [names[i] for i in order[:_MOST_NAMED]])
+    return made
+
+
+def campbell(result: Any, *, orders: tuple[float, ...] = (1.0, 2.0), most: int = 16) -> Any:
+    """Natural frequencies over the speed of rotation, with engine orders and forward or backward whirl.
+
+    Parameters
+    ----------
+    result
+        A `CampbellResult`: ``speed`` (n_s,) in ``unit`` (rad/s unless it says otherwise), ``frequency`` (n_s, n) Hz,
+        ``whirl`` (n_s, n) or (n,): +1 forward, -1 backward, 0 none; ``damping`` (n_s, n), of which negative values are
+        marked unstable.
+    orders
+        Multiples of the speed drawn as dashed lines.
+    most
+        How many modes at most, from the lowest.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    speed, frequency = np.asarray(result.speed, dtype=float), np.asarray(result.frequency, dtype=float)
+    if frequency.ndim != 2 or frequency.shape[0] != speed.size or frequency.size == 0:
+        raise ModelError(
+            f"a Campbell diagram needs frequencies of shape (n_s = {speed.size}, n), got {frequency.shape}"
+        )
+    frequency = frequency[:, :most]
+    whirl = np.broadcast_to(np.asarray(getattr(result, "whirl", 0)), np.asarray(result.frequency).shape)[:, :most]
+    unit = str(getattr(result, "unit", "") or "rad/s")
+    hertz: Any = {"rad/s": speed / (2 * np.pi), "rpm": speed / 60.0, "1/min": speed / 60.0, "Hz": speed}.get(unit)
+    with style():
+        made, axes = figure(size=(8.0, 5.0))
+        for value, colour, name in (
+            (1, PALETTE[0], "forward"),
+            (-1, PALETTE[1], "backward"),
+            (0, PALETTE[7], "no whirl"),
+        ):
+            shown = np.where(whirl == value, frequency, np.nan)
+            used = [j for j in range(shown.shape[1]) if np.isfinite(shown[:, j]).any()]
+            for place, j in enumerate(used):
+                axes.plot(speed, shown[:, j], color=colour, label=name if place == 0 else None)
+        _unstable(axes, result, speed, frequency)
+        top = np.nanmax(frequency) * 1.08
+        for order in orders if hertz is not None else ():
+            axes.plot(speed, order * hertz, color="#6b7280", ls="--", lw=1.0)
+            inside = np.flatnonzero(order * hertz <= 0.97 * top)
+            if inside.size:
+                axes.annotate(f"{order:g}x", (speed[inside[-1]], order * hertz[inside[-1]]), (3, -10),
+                              textcoords="offset points", fontsize=9, color="#6b7280")  # fmt: skip
+        axes.set(xlabel=f"speed [{unit}]", ylabel="frequency [Hz]", ylim=(0.0, top), title="Campbell diagram")
+        axes.margins(x=0.0)
+        legend(axes, [text.get_label() for text in axes.get_lines() if not text.get_label().startswith("_")])
+    return made
+
+
+def _unstable(axes: Any, result: Any, speed: np.ndarray, frequency: np.ndarray) -> None:
+    damping = getattr(result, "damping", None)
+    if damping is None:
+        return
+    negative = np.asarray(damping, dtype=float)[:, : frequency.shape[1]] < -1e-9
+    if negative.any():
+        at = np.broadcast_to(speed[:, None], frequency.shape)
+        axes.plot(at[negative], frequency[negative], "x", color=PALETTE[5], ms=4, label="unstable")

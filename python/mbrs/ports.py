@@ -1,0 +1,123 @@
+"""Ports: where a load enters the model and where a motion is read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from .errors import ModelError
+from .expressions import Expression, number_text
+from .geometry import unit
+from .names import GROUND, not_found, shown
+from .values import Number, numbers, vector
+
+Kind = Literal["force", "torque", "motion", "base"]
+KINDS: tuple[Kind, ...] = ("force", "torque", "motion", "base")
+
+
+@dataclass(frozen=True)
+class Port:
+    """One scalar input or output of a model, by name: usable with every copy of the model it came from.
+
+    Attributes
+    ----------
+    name
+        Readable, such as ``payload.force.z``.
+    kind
+        "force" (N), "torque" (N m), "motion" (m or rad) or "base" (motion of ground).
+    body, marker
+        Names; ``body`` is "ground" for base motion, ``marker`` is None without one.
+    point
+        World point in the drawn configuration where it acts, or None: the marker's point, else the body's origin.
+    direction
+        Unit vector (3,), world axes.
+    is_rotation
+        True for torques and rotations.
+    """
+
+    name: str = field(compare=False)
+    kind: Kind
+    body: str
+    marker: str | None
+    point: tuple[float, float, float] | None
+    direction: tuple[float, float, float]
+    is_rotation: bool
+
+    def __str__(self) -> str:
+        return self.name
+
+
+def make_port(kind: Kind, owner: str, body: str, marker: str | None, direction: Any, at: Any) -> Port:
+    """A port on a body, a marker or ground; ``owner`` is what its name starts with."""
+    where = f"the direction of {owner}.{kind}"
+    turns = kind == "torque"
+    if kind in ("motion", "base") and isinstance(direction, str) and direction.lstrip("+-").startswith("r"):
+        turns = True
+        vector_ = unit(direction.replace("r", "", 1), where)
+    else:
+        vector_ = unit(direction, where)
+    point = None
+    if at is not None:
+        point = _plain_point(vector(at, f"at= of {owner}.{kind}"), f"{owner}.{kind}")
+    return Port(_label(kind, owner, direction, point), kind, body, marker, point, vector_, turns)
+
+
+def _plain_point(entries: list[Number], where: str) -> tuple[float, float, float]:
+    if any(isinstance(v, Expression) for v in entries):
+        raise ModelError(
+            f"at= of {where} must be plain numbers; for a point that follows parameters define a marker there"
+        )
+    x, y, z = numbers(entries)
+    return (x, y, z)
+
+
+def _label(kind: Kind, owner: str, direction: Any, point: tuple[float, ...] | None) -> str:
+    ending = direction if isinstance(direction, str) else "(" + ",".join(number_text(float(v)) for v in direction) + ")"
+    place = "" if point is None else "@(" + ",".join(map(number_text, point)) + ")"
+    return f"{owner}.{ending}{place}" if kind == "base" else f"{owner}.{kind}.{ending}{place}"
+
+
+def base_motion(direction: Any) -> Port:
+    """Motion of ground as a whole, as an input: translation "x", "y", "z" (or a vector (3,)), rotation "rx", "ry",
+    "rz".
+
+    A rotation turns ground about the world origin. The amplitude is a displacement in m or an angle in rad.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> mb.base_motion("z").name
+    'base.z'
+    """
+    return make_port("base", "base", GROUND, None, direction, None)
+
+
+def as_port(model: Any, spec: Any) -> Port:
+    """A `Port` of this model from a port or its name ("payload.force.z", "base.z")."""
+    if isinstance(spec, Port):
+        _check_known(model, spec)
+        return spec
+    if not isinstance(spec, str):
+        raise ModelError(f"an input or output must be a port such as body.force('z'), or its name; got {shown(spec)}")
+    parts = spec.split(".")
+    if len(parts) == 2 and parts[0] == "base":
+        return base_motion(parts[1])
+    if len(parts) != 3 or parts[1] not in ("force", "torque", "motion"):
+        raise ModelError(
+            f"the port {shown(spec)} must read like 'body.force.z', 'body.torque.x', 'body.motion.rz' or 'base.z'"
+        )
+    owner = model[parts[0]]
+    if not hasattr(owner, "motion"):
+        raise ModelError(f"the port {shown(spec)} is on {owner!r}, but only bodies and markers have ports")
+    return getattr(owner, parts[1])(parts[2])
+
+
+def _check_known(model: Any, port: Port) -> None:
+    if port.kind != "base" and port.body != GROUND and port.body not in model.body_index:
+        raise not_found(
+            f"the port {port.name!r} does not fit model {model.name!r}: no body", port.body, model.body_index
+        )
+    if port.marker is not None and port.marker not in model.marker_index:
+        raise not_found(
+            f"the port {port.name!r} does not fit model {model.name!r}: no marker", port.marker, model.marker_index
+        )

@@ -1,0 +1,247 @@
+"""The system, its states, and the motion of bodies as jets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from . import joints as jt
+from . import laws, reader, so3
+from .jets import Jet, column, cross, jet
+from .reader import Link
+from .so3 import Array
+from .topology import TreeJoint, spanning_tree
+
+
+@dataclass
+class State:
+    """Centres of mass (nb, 3) in the world, rotation matrices (nb, 3, 3), velocities and angular velocities (nb,
+    3) in the world.
+    """
+
+    r: Array
+    R: Array
+    v: Array
+    w: Array
+
+    @property
+    def at_rest(self) -> State:
+        return replace(self, v=0 * self.v, w=0 * self.w)
+
+
+class System:
+    """The tables as objects, with the spanning tree, the cut joints and the names of the coordinates.
+
+    Parameters
+    ----------
+    tables
+        The dict of docs/tables.md.
+    x
+        Numbers in place of ``tables["x"]``; may be complex (complex step).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mbrs.reference import System
+    >>> x = np.r_[np.zeros(3), 1, np.zeros(6), 1, 1, 1, 1, np.zeros(9)]  # at rest at the origin, 1 kg
+    >>> System(dict(x=x, body_name=["b"], body_x=[0])).coordinates[:2]
+    ['b.x', 'b.y']
+    """
+
+    def __init__(self, tables: Mapping[str, Any], x: Array | None = None) -> None:
+        self.tables = tables
+        self.x = np.asarray(tables["x"] if x is None else x)
+        self.bodies = reader.read_bodies(tables, self.x)
+        self.joints = reader.read_joints(tables, self.x, self.bodies)
+        self.elements = reader.read_elements(tables, self.x, self.bodies)
+        self.n_memory = laws.attach(tables, self.x, self.elements, self.joints)
+        self.loads = reader.read_loads(tables, self.x, self.bodies)
+        self.gravity = reader.read_gravity(tables, self.x)
+        self.tree, self.cut = spanning_tree(self.bodies, self.joints)
+        self.length = reader.characteristic_length(reader.located_points(tables, self.x, self.bodies))
+
+    @property
+    def nb(self) -> int:
+        return len(self.bodies)
+
+    @property
+    def ny(self) -> int:
+        return self.tree[-1].stop if self.tree else 0
+
+    @cached_property
+    def coordinates(self) -> list[str]:
+        """Names of the tree coordinates."""
+        return [name for t in self.tree for name in t.names]
+
+    @cached_property
+    def is_length(self) -> Array:
+        """True for the tree coordinates in metres."""
+        return np.array([c[1] == "t" for t in self.tree for c in t.coordinates], dtype=bool)
+
+    @cached_property
+    def _drawn_partition(self) -> Any:
+        from .assembly import assemble, partition
+
+        return partition(self, assemble(self, first_guess(self)))
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of the assembled drawn state."""
+        return len(self._drawn_partition.independent)
+
+    @property
+    def rank(self) -> int:
+        """Rank of the cut rows there."""
+        return len(self._drawn_partition.dependent)
+
+    @property
+    def redundant(self) -> list[str]:
+        """Cut rows that the others imply, as ``joint[row]``, rows counted in the order of docs/tables.md."""
+        from .assembly import cut_row_names
+
+        names, kept = cut_row_names(self), set(self._drawn_partition.rows.tolist())
+        return [name for i, name in enumerate(names) if i not in kept]
+
+
+def drawn_state(sys: System) -> State:
+    """The state as drawn, velocities included, with nothing assembled or projected."""
+    b = sys.bodies
+    return State(
+        *(
+            np.array(v)
+            for v in ([o.centre for o in b], [o.R for o in b], [o.velocity for o in b], [o.angular_velocity for o in b])
+        )
+    )
+
+
+def first_guess(sys: System) -> State:
+    """The drawn state, with the bodies that have one at their guessed pose (origin 0:3, quaternion 3:7 at
+    ``pose_x``).
+    """
+    state = drawn_state(sys)
+    guesses = list(zip(sys.tables.get("pose_body", ()), sys.tables.get("pose_x", ()), strict=True))
+    for body, i in guesses:
+        state.R[body] = so3.from_quaternion(sys.x[i + 3 : i + 7])
+        state.r[body] = sys.x[i : i + 3] + state.R[body] @ sys.bodies[body].com
+    return state
+
+
+def from_poses(
+    sys: System, position: Array, quaternion: Array, v: Array | None = None, w: Array | None = None
+) -> State:
+    """A state from centres of mass (nb, 3), quaternions (nb, 4) and velocities of the centres of mass and of
+    rotation (nb, 3), world.
+    """
+    position = np.asarray(position)
+    zero = np.zeros_like(position)
+    R = np.array([so3.from_quaternion(np.asarray(q)) for q in quaternion])
+    return State(position, R, zero if v is None else np.asarray(v), zero if w is None else np.asarray(w))
+
+
+Motion = list[tuple[Jet, Jet]]
+GROUND_MOTION = (jet(np.zeros((1, 3))), jet(np.eye(3)))
+
+
+def motion(state: State, *derivatives: tuple[Array, Array]) -> Motion:
+    """Jets of every body's (centre of mass (1, 3), rotation matrix), ground last so that index -1 finds it.
+
+    No derivative: the pose alone. One, (velocities, angular velocities), (nb, 3) or (m, nb, 3) for m directions. Two:
+    their rates too.
+    """
+    out = []
+    for i in range(len(state.r)):
+        centre, frame = [state.r[i][None, :]], [state.R[i]]
+        if derivatives:
+            W = so3.skew(derivatives[0][1][..., i, :])
+            centre.append(derivatives[0][0][..., i, None, :])
+            frame.append(W @ state.R[i])
+            if len(derivatives) == 2:
+                centre.append(derivatives[1][0][..., i, None, :])
+                frame.append((so3.skew(derivatives[1][1][..., i, :]) + W @ W) @ state.R[i])
+        out.append((Jet(*centre), Jet(*frame)))
+    return [*out, GROUND_MOTION]
+
+
+def link_pair(link: Link, bodies: Motion) -> jt.Pair:
+    return jt.pair(link, bodies[link.a.body], bodies[link.b.body])
+
+
+def _axis(t: TreeJoint, bodies: Motion, frame: str, k: int) -> Jet:
+    """A coordinate's axis (1, 3) in the world, with the sign that makes it the motion of the outer body."""
+    link = t.link
+    m = link.a if (frame == "a" or (frame == "inner" and t.sign > 0)) else link.b
+    return t.sign * column(bodies[m.body][1] @ m.F, k)
+
+
+def tree_twists(sys: System, bodies: Motion) -> list[tuple[Jet, Jet]]:
+    """Jets of B' body by body, ground last: (translations of the centre of mass, rotations), each (ny, 3), world axes.
+
+    q_j = T(c_j - c_i) q_i + T(-(P - c_j)) diag(R, R) D delta (METHODS.md a.2), joints from ground outwards.
+    """
+    one = np.eye(sys.ny)
+    zero = jet(np.zeros((sys.ny, 3)))
+    twists = [(zero, zero)] * (sys.nb + 1)
+    for t in sys.tree:
+        trans, rot = twists[t.inner]
+        centre, R = bodies[t.outer]
+        m = t.link.b if t.sign > 0 else t.link.a
+        arm = -(m.s[None, :] @ R.T)
+        trans = trans + cross(rot, centre - bodies[t.inner][0])
+        for i, (_, kind, frame, k) in enumerate(t.coordinates):
+            select, axis = one[:, t.start + i, None], _axis(t, bodies, frame, k)
+            if kind == "t":
+                trans = trans + select @ axis
+            else:
+                rot, trans = rot + select @ axis, trans + select @ cross(axis, arm)
+        twists[t.outer] = (trans, rot)
+    return twists
+
+
+def _moved(t: TreeJoint, u: Array, R: Array, y: Array) -> tuple[Array, Array]:
+    """The outer marker's pose in the inner marker's frame after increments y."""
+    u, s, e = u.copy() if np.iscomplexobj(u) else u.astype(np.result_type(u, y)), t.sign, np.eye(3)
+    if t.link.kind == "universal":
+        alpha, beta = so3.exp(s * y[0] * e[2]), so3.exp(s * y[1] * e[0])
+        return u, (alpha @ R @ beta if s > 0 else beta @ R @ alpha)
+    turn = np.zeros(3, dtype=y.dtype)
+    for value, (_, kind, _, k) in zip(y, t.coordinates, strict=True):
+        if kind == "t":
+            u[k] += s * value
+        else:
+            turn[k] = s * value
+    return u, so3.exp(turn) @ R
+
+
+def advance(sys: System, state: State, y: Array) -> State:
+    """The state after tree increments y (ny,): poses move joint by joint, world velocities stay as they are."""
+    y = np.asarray(y)
+    dtype = np.result_type(state.r, y, float)
+    r, R = state.r.astype(dtype), state.R.astype(dtype)
+    for t in sys.tree:
+        place_outer(t, r, R, *_moved(t, *relative_pose(t, state.r, state.R), y[t.start : t.stop]))
+    return replace(state, r=r, R=R)
+
+
+def _pose(body: int, r: Array, R: Array) -> tuple[Array, Array]:
+    return (np.zeros(3), np.eye(3)) if body < 0 else (r[body], R[body])
+
+
+def relative_pose(t: TreeJoint, r: Array, R: Array) -> tuple[Array, Array]:
+    """The outer marker seen from the inner one: displacement in the inner axes and rotation matrix."""
+    inner, outer = (t.link.a, t.link.b) if t.sign > 0 else (t.link.b, t.link.a)
+    (ci, Ri), (co, Ro) = _pose(inner.body, r, R), _pose(outer.body, r, R)
+    frame = Ri @ inner.F
+    return frame.T @ (co + Ro @ outer.s - ci - Ri @ inner.s), frame.T @ Ro @ outer.F
+
+
+def place_outer(t: TreeJoint, r: Array, R: Array, u: Array, turn: Array) -> None:
+    """Write into r, R the pose of the outer body whose marker is at (u, turn) in the inner marker's frame."""
+    inner, outer = (t.link.a, t.link.b) if t.sign > 0 else (t.link.b, t.link.a)
+    ci, Ri = _pose(inner.body, r, R)
+    frame = Ri @ inner.F
+    R[t.outer] = frame @ turn @ outer.F.T
+    r[t.outer] = ci + Ri @ inner.s + frame @ u - R[t.outer] @ outer.s

@@ -1,0 +1,205 @@
+"""Tables to plain objects: the numbers of each body, joint, element and load, taken out of the one vector x
+(docs/tables.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..errors import ModelError
+from . import so3
+from .so3 import Array
+
+JOINTS = ["fixed", "revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "free"]
+JOINTS += ["distance", "knife_edge", "rolling_disc"]
+ELEMENTS = ("spring_damper", "bushing", "torsion")
+HAS_K, HAS_C, HAS_PRELOAD, OWN_FRAME, OWN_LENGTH = 1, 2, 4, 8, 16
+
+
+@dataclass
+class Body:
+    """A rigid body as drawn: pose of its centre of mass in the world, inertia about it in body axes."""
+
+    name: str
+    centre: Array
+    R: Array
+    com: Array
+    mass: Array
+    inertia: Array
+    velocity: Array
+    angular_velocity: Array
+
+
+@dataclass
+class Marker:
+    """A frame fixed in a body: point from the centre of mass and axes, both in body axes."""
+
+    body: int
+    s: Array
+    F: Array
+
+
+@dataclass
+class Link:
+    """A joint or an element: marker a, marker b and the linear law f = preload + k e + c e' of its coordinates."""
+
+    name: str
+    kind: str
+    a: Marker
+    b: Marker
+    k: Array
+    c: Array
+    preload: Array
+    length: Array = field(default_factory=lambda: np.zeros(()))
+    has_force: bool = False
+    laws: list[Any] = field(default_factory=list)
+
+
+@dataclass
+class Load:
+    """A force at a point or a torque; value in world axes as drawn; a follower turns with its body."""
+
+    name: str
+    kind: str
+    follower: bool
+    body: int
+    s: Array
+    value: Array
+
+
+GROUND = Body("ground", np.zeros(3), np.eye(3), np.zeros(3), np.zeros(()), np.zeros((3, 3)), np.zeros(3), np.zeros(3))
+
+
+def read_bodies(t: Mapping[str, Any], x: Array) -> list[Body]:
+    bodies = []
+    for name, i in zip(t["body_name"], t["body_x"], strict=True):
+        R = so3.from_quaternion(x[i + 3 : i + 7])
+        com, w = x[i + 7 : i + 10], x[i + 20 : i + 23]
+        xx, yy, zz, xy, xz, yz = x[i + 11 : i + 17]
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        arm = R @ com
+        bodies.append(
+            Body(name, x[i : i + 3] + arm, R, com, x[i + 10], inertia, x[i + 17 : i + 20] + np.cross(w, arm), w)
+        )
+    return bodies
+
+
+def marker(bodies: list[Body], body: int, point: Array, frame: Array) -> Marker:
+    """The marker of a world point and world axes in the drawn pose of its body."""
+    b = GROUND if body < 0 else bodies[body]
+    return Marker(int(body), b.R.T @ (point - b.centre), b.R.T @ frame)
+
+
+def axis_frame(axis: Array) -> Array:
+    """Frame with z along the axis; x from the world axis that is most nearly perpendicular to it (first on ties)."""
+    z = axis / so3.norm(axis)
+    e = np.eye(3)[int(np.argmin(np.abs(z.real)))]
+    x = e - (e @ z) * z
+    x = x / so3.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def universal_frame(axis: Array, axis2: Array) -> Array:
+    """z along the axis of the first body, x along the part of axis2 orthogonal to it."""
+    z = axis / so3.norm(axis)
+    x = axis2 - (axis2 @ z) * z
+    x = x / so3.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def _rows(t: Mapping[str, Any], prefix: str) -> Any:
+    keys = [f"{prefix}_{k}" for k in ("name", "type", "a", "b", "flags", "x")]
+    return zip(*(t.get(k, ()) for k in keys), strict=True)
+
+
+def _law(flags: int, k: Array, c: Array, preload: Array) -> dict[str, Any]:
+    """Numbers whose flag is absent count as zero."""
+    return dict(
+        k=k if flags & HAS_K else 0 * k,
+        c=c if flags & HAS_C else 0 * c,
+        preload=preload if flags & HAS_PRELOAD else 0 * preload,
+        has_force=bool(flags & (HAS_K | HAS_C | HAS_PRELOAD)),
+    )
+
+
+def _length(flags: int, at_a: Array, at_b: Array, given: Array) -> Array:
+    return given if flags & OWN_LENGTH else so3.norm(at_b - at_a) + given
+
+
+def read_joints(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Link]:
+    joints = []
+    for name, kind, a, b, flags, i in _rows(t, "joint"):
+        label = JOINTS[int(kind)]
+        if label == "rolling_disc":
+            raise ModelError(f"joint {name!r}: mbrs.reference has no rolling discs; leave it out")
+        if a == b:
+            raise ModelError(f"joint {name!r} connects a body with itself; give two different bodies")
+        at_a, at_b, axis, axis2 = x[i : i + 3], x[i + 3 : i + 6], x[i + 6 : i + 9], x[i + 9 : i + 12]
+        if flags & OWN_FRAME:
+            frame = so3.from_quaternion(x[i + 12 : i + 16])
+        elif label == "universal":
+            frame = universal_frame(axis, axis2)
+        elif label in ("spherical", "distance", "free", "fixed") and not np.any(axis.real):
+            frame = np.eye(3)
+        else:
+            frame = axis_frame(axis)
+        law = _law(flags, np.diag(x[i + 16 : i + 22]), np.diag(x[i + 22 : i + 28]), x[i + 28 : i + 34])
+        ends = marker(bodies, a, at_a, frame), marker(bodies, b, at_b, frame)
+        joints.append(Link(name, label, *ends, **law, length=_length(flags, at_a, at_b, x[i + 34])))
+    return joints
+
+
+def read_elements(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Link]:
+    elements = []
+    for name, kind, a, b, flags, i in _rows(t, "element"):
+        label = ELEMENTS[int(kind)]
+        at_a, at_b, length, frame = x[i : i + 3], x[i + 3 : i + 6], np.zeros(()), np.eye(3)
+        if label == "bushing":
+            frame = so3.from_quaternion(x[i + 6 : i + 10])
+            law = _law(flags, x[i + 10 : i + 46].reshape(6, 6), x[i + 46 : i + 82].reshape(6, 6), x[i + 82 : i + 88])
+        else:
+            law = _law(flags, x[i + 6 : i + 7].reshape(1, 1), x[i + 7 : i + 8].reshape(1, 1), x[i + 9 : i + 10])
+            length = x[i + 8]
+        if label == "torsion":
+            frame, at_b = axis_frame(at_b), at_a
+        if label == "spring_damper":
+            length = _length(flags, at_a, at_b, length)
+        ends = marker(bodies, a, at_a, frame), marker(bodies, b, at_b, frame)
+        elements.append(Link(name, label, *ends, **law, length=length))
+    return elements
+
+
+def read_loads(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Load]:
+    keys = ("name", "type", "body", "frame", "x")
+    loads = []
+    for name, kind, body, frame, i in zip(*(t.get(f"load_{k}", ()) for k in keys), strict=True):
+        m = marker(bodies, body, x[i : i + 3], np.eye(3))
+        loads.append(Load(name, ("force", "torque")[int(kind)], bool(frame), int(body), m.s, x[i + 3 : i + 6]))
+    return loads
+
+
+def read_gravity(t: Mapping[str, Any], x: Array) -> Array:
+    i = int(np.atleast_1d(t.get("gravity_x", -1))[0])
+    return np.zeros(3) if i < 0 else x[i : i + 3]
+
+
+def located_points(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> Array:
+    """Centres of mass, both ends of joints, both ends of elements (a torsion spring has one point)."""
+    points = [b.centre for b in bodies]
+    for i in t.get("joint_x", ()):
+        points += [x[i : i + 3], x[i + 3 : i + 6]]
+    for kind, i in zip(t.get("element_type", ()), t.get("element_x", ()), strict=True):
+        points += [x[i : i + 3]] if ELEMENTS[int(kind)] == "torsion" else [x[i : i + 3], x[i + 3 : i + 6]]
+    return np.array(points).reshape(-1, 3)
+
+
+def characteristic_length(points: Array) -> float:
+    """Largest distance of a point from the mean; only a scale, so its own derivative is left out."""
+    if len(points) == 0:
+        return 1.0
+    largest = float(np.max(np.linalg.norm(points.real - points.real.mean(axis=0), axis=1)))
+    return largest if largest > 0 else 1.0

@@ -1,0 +1,107 @@
+"""Spanning tree, cut joints and coordinate names, by the rule of docs/tables.md."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from .reader import Body, Link, Marker
+
+ALWAYS_CUT = ("distance", "knife_edge")
+NEVER_CANDIDATE = ("free", *ALWAYS_CUT)
+
+# motion of b relative to a: (ending of the name, "t" or "r", frame "inner" "a" "b", axis)
+_T = [("x", "t", "inner", 0), ("y", "t", "inner", 1), ("z", "t", "inner", 2)]
+_R = [("rx", "r", "inner", 0), ("ry", "r", "inner", 1), ("rz", "r", "inner", 2)]
+COORDINATES: dict[str, list[tuple[str, str, str, int]]] = {
+    "fixed": [],
+    "revolute": [_R[2]],
+    "prismatic": [_T[2]],
+    "cylindrical": [_T[2], _R[2]],
+    "universal": [("alpha", "r", "a", 2), ("beta", "r", "b", 0)],
+    "spherical": _R,
+    "planar": [_T[0], _T[1], _R[2]],
+    "free": _T + _R,
+}
+
+
+@dataclass
+class TreeJoint:
+    """A joint of the spanning tree: moves body ``outer`` relative to ``inner``; sign -1 where b is the inner body."""
+
+    link: Link
+    inner: int
+    outer: int
+    sign: int
+    start: int
+
+    @property
+    def coordinates(self) -> list[tuple[str, str, str, int]]:
+        return COORDINATES[self.link.kind]
+
+    @property
+    def stop(self) -> int:
+        return self.start + len(self.coordinates)
+
+    @property
+    def names(self) -> list[str]:
+        if len(self.coordinates) == 1:
+            return [self.link.name]
+        return [f"{self.link.name}.{c[0]}" for c in self.coordinates]
+
+
+def implicit_free_joint(body: int, b: Body) -> Link:
+    """An unattached body hangs on ground by six free coordinates, named after the body."""
+    zero = np.zeros((6, 6))
+    ground = Marker(-1, b.centre, np.eye(3))
+    return Link(b.name, "free", ground, Marker(body, np.zeros(3), b.R.T), zero, zero, np.zeros(6))
+
+
+class _Growth:
+    """The tree while it grows from ground."""
+
+    def __init__(self, bodies: list[Body], joints: list[Link]) -> None:
+        self.bodies, self.joints = bodies, joints
+        self.reached, self.tree = {-1}, list[TreeJoint]()
+        self.queue, self.used, self.ny = deque([-1]), set[int](), 0
+
+    def attach(self, link: Link, inner: int) -> None:
+        a_is_inner = link.a.body == inner
+        outer = link.b.body if a_is_inner else link.a.body
+        self.tree.append(TreeJoint(link, inner, outer, 1 if a_is_inner else -1, self.ny))
+        self.ny = self.tree[-1].stop
+        self.reached.add(outer)
+        self.queue.append(outer)
+
+    def spread(self) -> None:
+        while self.queue:
+            node = self.queue.popleft()
+            for i, link in enumerate(self.joints):
+                ends = (link.a.body, link.b.body)
+                if link.kind in NEVER_CANDIDATE or node not in ends or self.reached.issuperset(ends):
+                    continue
+                self.used.add(i)
+                self.attach(link, node)
+
+    def bridge(self) -> None:
+        for i, link in enumerate(self.joints):
+            ends = (link.a.body, link.b.body)
+            if link.kind == "free" and len(self.reached.intersection(ends)) == 1:
+                self.used.add(i)
+                self.attach(link, ends[0] if ends[0] in self.reached else ends[1])
+                return
+        body = min(set(range(len(self.bodies))) - self.reached)
+        self.attach(implicit_free_joint(body, self.bodies[body]), -1)
+
+
+def spanning_tree(bodies: list[Body], joints: list[Link]) -> tuple[list[TreeJoint], list[Link]]:
+    """Tree joints in the order bodies are reached, and the cut ones in order of definition."""
+    growth = _Growth(bodies, joints)
+    growth.spread()
+    while len(growth.reached) <= len(bodies):
+        growth.bridge()
+        growth.spread()
+    cut = [link for i, link in enumerate(joints) if i not in growth.used and link.kind != "free"]
+    return growth.tree, cut

@@ -1,0 +1,429 @@
+"""Derivatives of linear results by any design parameter: one entry, `mb.sensitivity`, for every kind of result."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from ._border import core_errors
+from .errors import ModelError
+from .linearize import Linearization, _rotation, _skew, split
+from .ports import Port, as_port
+from .results import Result, Stats
+from .tables import Directions, directions, tables
+
+
+@dataclass(frozen=True, eq=False)
+class SparseDerivative:
+    """Derivatives of a matrix along n_p directions by their entries that are not zero; the parameter axis is last."""
+
+    row: np.ndarray
+    column: np.ndarray
+    direction: np.ndarray
+    value: np.ndarray
+    shape: tuple[int, int, int]
+
+    @classmethod
+    def of(cls, entries: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], shape: tuple[int, int, int]) -> Self:
+        """From what the core returns: rows, columns, directions, values."""
+        row, column, direction, value = entries
+        return cls(row, column, direction, value, shape)
+
+    def dense(self) -> np.ndarray:
+        """(n, n, n_p)."""
+        out = np.zeros(self.shape)
+        np.add.at(out, (self.row, self.column, self.direction), self.value)
+        return out
+
+    def symmetric(self) -> SparseDerivative:
+        """The symmetric part; entries may then stand twice and add up."""
+        return SparseDerivative(
+            np.concatenate([self.row, self.column]),
+            np.concatenate([self.column, self.row]),
+            np.tile(self.direction, 2),
+            np.tile(0.5 * self.value, 2),
+            self.shape,
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LinearizationSensitivity(Result):
+    """Derivatives of a linearisation; the parameter axis is last.
+
+    Attributes
+    ----------
+    M, C, G, K, N
+        (dof, dof, n_p), None where the matrix itself is absent.
+    T
+        (6 n_bodies, dof, n_p), of `mb.sensitivity` of a linearisation.
+    position, rotation
+        (n_bodies, 3, n_p): how each body's origin moves, m, and how the body turns, world rotation vector, rad, per
+        unit
+        of the parameter. Zero where the configuration is held.
+    coordinate
+        (n_tree, n_p) the same in tree coordinates.
+    labels, units
+        Of the parameters.
+    """
+
+    mass: SparseDerivative
+    damping: SparseDerivative
+    stiffness: SparseDerivative
+    T: np.ndarray | None
+    position: np.ndarray
+    rotation: np.ndarray
+    coordinate: np.ndarray
+    ground_coupling: np.ndarray | None
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    directions: Directions
+    linearization: Linearization
+
+    @cached_property
+    def M(self) -> np.ndarray:
+        """dM/dp."""
+        return self.mass.dense()
+
+    @cached_property
+    def C(self) -> np.ndarray | None:
+        """dC/dp, the symmetric part of the derivative of the damping."""
+        return None if self.linearization.C is None else split(self.damping.dense())[0]
+
+    @cached_property
+    def G(self) -> np.ndarray | None:
+        """dG/dp, the skew part of the derivative of the damping."""
+        return None if self.linearization.G is None else split(self.damping.dense())[1]
+
+    @cached_property
+    def K(self) -> np.ndarray:
+        """dK/dp, the symmetric part of the derivative of the stiffness."""
+        return split(self.stiffness.dense())[0]
+
+    @cached_property
+    def N(self) -> np.ndarray | None:
+        """dN/dp, the skew part of the derivative of the stiffness."""
+        return None if self.linearization.N is None else split(self.stiffness.dense())[1]
+
+    @property
+    def D(self) -> np.ndarray | None:
+        """C + G."""
+        parts = [a for a in (self.C, self.G) if a is not None]
+        return sum(parts[1:], parts[0]) if parts else None
+
+    @property
+    def S(self) -> np.ndarray:
+        """K + N."""
+        return self.K if self.N is None else self.K + self.N
+
+    def __str__(self) -> str:
+        from .report import table
+
+        rows = [
+            (
+                label,
+                unit,
+                float(np.abs(self.M[..., p]).max()),
+                float(np.abs(self.K[..., p]).max()),
+                float(np.abs(self.position[..., p]).max()),
+            )
+            for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))
+        ]
+        return table(
+            ["parameter", "unit", "max |dM|", "max |dK|", "max |dx| (m)"],
+            rows,
+            title=f"derivatives of {self.linearization.model.name!r}",
+        )
+
+    __repr__ = __str__
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class EquilibriumSensitivity(Result):
+    """How an equilibrium moves: ``position`` and ``rotation`` (n_bodies, 3, n_p), world; ``coordinate`` (n_tree,
+    n_p).
+    """
+
+    position: np.ndarray
+    rotation: np.ndarray
+    coordinate: np.ndarray
+    bodies: tuple[str, ...]
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+
+    def __str__(self) -> str:
+        from .report import table
+
+        rows = [
+            (body, label, unit, *self.position[i, :, p], *self.rotation[i, :, p])
+            for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))
+            for i, body in enumerate(self.bodies)
+        ]
+        return table(
+            ["body", "parameter", "unit", "dx", "dy", "dz", "drx", "dry", "drz"],
+            rows[:60],
+            title="equilibrium per unit of each parameter",
+        )
+
+    __repr__ = __str__
+
+    def to_xarray(self) -> Any:
+        """`xarray.Dataset` over (body, axis, parameter)."""
+        import xarray
+
+        over = ("body", "axis", "parameter")
+        return xarray.Dataset(
+            {"position": (over, self.position), "rotation": (over, self.rotation)},
+            coords={"body": list(self.bodies), "axis": ["x", "y", "z"], "parameter": list(self.labels)},
+        )
+
+
+def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: str = "follow") -> Any:
+    """Exact derivatives of a result by design parameters.
+
+    Parameters
+    ----------
+    result
+        Of `mb.modes`, `mb.frf`, `mb.response`, `mb.equilibrium` or `mb.linearize`, computed from a model.
+    parameters
+        Addresses such as "k_leg", "payload.mass", "leg0.at_b[2]", "hinge.axis" (three columns).
+    equilibrium
+        "follow": a result computed at an equilibrium is differentiated with the equilibrium moving along; "hold": the
+        configuration stays as it is (but for what closing the loops needs). At other states both mean hold.
+
+    Returns
+    -------
+    EigenSensitivity, FrfSensitivity, ResponseSensitivity, EquilibriumSensitivity or LinearizationSensitivity
+        The parameter axis is last; one array parameter alone keeps its shape there.
+
+    Raises
+    ------
+    NotDifferentiableError
+        A parameter that breaks a redundant loop open.
+    NameNotFoundError
+        An unknown address.
+    ModelError
+        A model that was changed since, or a result without derivatives.
+
+    Notes
+    -----
+    One pass of dual numbers through the linearisation per parameter; no differences.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("one"); k = m.parameter("k", 100.0)
+    >>> p = m.body("p", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
+    >>> rail = m.prismatic("rail", m.ground, p, at=(0, 0, 0), axis="x", k=k)
+    >>> mb.sensitivity(mb.modes(m), "k").eigenvalue.round(9)   # d(i sqrt k)/dk = i / 20
+    array([[0.+0.05j]])
+    """
+    if equilibrium not in ("follow", "hold"):
+        raise ModelError(f"equilibrium= must be 'follow' or 'hold', got {equilibrium!r}")
+    follow = equilibrium == "follow"
+    kind = type(result).__name__
+    if kind == "Linearization":
+        return _of_linearization(result, parameters, follow)
+    if kind == "Equilibrium":
+        return _of_equilibrium(result, parameters)
+    if kind == "ModalResult":
+        return _of_modes(result, parameters, follow)
+    if kind in ("FrfResult", "ResponseResult"):
+        return _of_ports(result, parameters, follow)
+    raise ModelError(
+        f"a {kind} has no sensitivities; give a result of mb.modes, mb.frf, mb.response, mb.equilibrium or mb.linearize"
+    )
+
+
+def _source(system: Any, what: str) -> Linearization:
+    if not isinstance(system, Linearization):
+        raise ModelError(
+            f"sensitivities need a {what} computed from a mb.Model; a MechanicalSystem has no parameters "
+            "(mb.eigen_sensitivity takes derivatives of its matrices)"
+        )
+    return system
+
+
+def _of_linearization(
+    lin: Linearization, parameters: str | Sequence[str], follow: bool, maps: bool = True
+) -> LinearizationSensitivity:
+    from . import _core
+
+    start = time.perf_counter()
+    lin.snapshot.check_current("linearisation")
+    along = directions(lin.model, parameters)
+    columns = [along.columns == p for p in range(along.n)]
+    sparse = [(along.rows[c].tolist(), along.values[c].tolist()) for c in columns]
+    follows = follow and lin.state.kind == "equilibrium"
+    with core_errors():
+        r = _core.directions(
+            lin.snapshot.system, lin.state.relative, lin.state.rate, list(lin.without), sparse, follows, maps
+        )
+    motion = r["body_motion"].reshape(-1, 6, along.n)
+    shape = (lin.n, lin.n, along.n)
+    return LinearizationSensitivity(
+        mass=SparseDerivative.of(r["dM"], shape),
+        damping=SparseDerivative.of(r["dD"], shape),
+        stiffness=SparseDerivative.of(r["dS"], shape),
+        T=r.get("dT"),
+        position=_origin_motion(lin, along, motion),
+        rotation=motion[:, 3:],
+        coordinate=r["tree_coordinates"],
+        ground_coupling=r.get("d_ground_coupling"),
+        labels=along.labels,
+        units=along.units,
+        directions=along,
+        linearization=lin,
+        stats=Stats(
+            time.perf_counter() - start,
+            {"directions": along.n},
+            lin.effects,
+            "follow" if follows else "hold",
+        ),
+        error=lin.error,
+    )
+
+
+def _origin_motion(lin: Linearization, along: Directions, motion: np.ndarray) -> np.ndarray:
+    """Motion of origins from that of centres of mass: p = c - R com."""
+    t = tables(lin.model)
+    out = motion[:, :3].copy()
+    for i, start in enumerate(t["body_x"]):
+        r = lin.poses["rotation"][i]
+        arm = r @ t["x"][start + 7 : start + 10]
+        out[i] -= np.cross(motion[i, 3:].T, arm).T + r @ _slice(along, start + 7, 3)
+    return out
+
+
+def _slice(along: Directions, start: int, n: int) -> np.ndarray:
+    """Rows start ... start + n of dx/dp, dense (n, n_p)."""
+    out = np.zeros((n, along.n))
+    inside = (along.rows >= start) & (along.rows < start + n)
+    np.add.at(out, (along.rows[inside] - start, along.columns[inside]), along.values[inside])
+    return out
+
+
+def _of_equilibrium(result: Any, parameters: str | Sequence[str]) -> EquilibriumSensitivity:
+    d = _of_linearization(result.linearization, parameters, follow=True, maps=False)
+    shaped = d.directions.shaped
+    return EquilibriumSensitivity(
+        position=shaped(d.position),
+        rotation=shaped(d.rotation),
+        coordinate=shaped(d.coordinate),
+        bodies=result.bodies,
+        labels=d.labels,
+        units=d.units,
+        stats=d.stats,
+        error=result.error,
+    )
+
+
+def _of_modes(result: Any, parameters: str | Sequence[str], follow: bool) -> Any:
+    from .eigen_sensitivity import eigen_sensitivity
+
+    lin = _source(result.system, "modal result")
+    d = _of_linearization(lin, parameters, follow, maps=False)
+    # at rest damping, and without followers stiffness, is symmetric: what is not is left by unbalanced moments
+    dD = d.damping.symmetric() if lin.G is None else d.damping
+    dS = d.stiffness.symmetric() if lin.N is None else d.stiffness
+    shapes = [d.directions.shape] if len(d.directions.shape) > 1 else None
+    return eigen_sensitivity(result, d.mass, dD, dS, parameters=d.labels, units=d.units, shapes=shapes)
+
+
+def _of_ports(result: Any, parameters: str | Sequence[str], follow: bool) -> Any:
+    from .frf import frf_sensitivity
+    from .response import response_sensitivity
+
+    if result.linear is None or result.origin is None:
+        raise ModelError(
+            "this result was made without its model; only results of mb.frf and mb.response have derivatives"
+        )
+    lin = _source(result.linear.source, "result")
+    d = _of_linearization(lin, parameters, follow)
+    inputs = [as_port(lin.model, p) for p in result.linear.inputs]
+    outputs = [as_port(lin.model, p) for p in result.linear.outputs]
+    maps = {
+        "dF": np.stack([_input_change(d, port) for port in inputs], axis=1),
+        "dL": np.stack([_row_change(d, port) for port in outputs]),
+        "dD0": _direct_change(d, outputs, inputs),
+    }
+    matrices = {"dM": d.M, "dD": d.D, "dS": d.S}
+    if type(result).__name__ == "FrfResult":
+        made: Any = frf_sensitivity(result.linear, result.omega, d.labels, kind=result.kind, **matrices, **maps)
+    else:
+        made = response_sensitivity(result, d.labels, **matrices, **maps)
+    return replace(made, value=d.directions.shaped(made.value))
+
+
+def _arm_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
+    """(3, n_p): change of the vector from the body's origin to the port's point, world axes."""
+    lin = d.linearization
+    t, along = tables(lin.model), d.directions
+    body = lin.model.body_index[port.body]
+    start = t["body_x"][body]
+    world = np.zeros((3, along.n))
+    point = port.point
+    if port.marker is not None and point is None:
+        at = t["marker_x"][lin.model.marker_index[port.marker]]
+        point = tuple(t["x"][at : at + 3])
+        world = _slice(along, at, 3)
+    if point is None:
+        return np.zeros((3, along.n))
+    q = t["x"][start + 3 : start + 7]
+    drawn = _rotation(q)
+    local = world - _slice(along, start, 3)
+    turn = _rotation_rate(q, _slice(along, start + 3, 4))
+    local = drawn.T @ (local - np.cross(turn.T, np.asarray(point) - t["x"][start : start + 3]).T)
+    arm = lin.port_arm(port)
+    return np.cross(d.rotation[body].T, arm).T + lin.poses["rotation"][body] @ local
+
+
+def _rotation_rate(q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+    """World rotation vectors (3, n_p) of changes (4, n_p) of a quaternion: the vector part of 2 dq q* / |q|^2."""
+    w, v = q[0], q[1:]
+    return 2.0 * (w * dq[1:] - np.outer(v, dq[0]) - np.cross(dq[1:].T, v).T) / (q @ q)
+
+
+def _row_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
+    """(dof, n_p): change of the row of a port's motion."""
+    lin = d.linearization
+    if port.body == "ground":
+        return np.zeros((lin.n, d.directions.n))
+    body = lin.model.body_index[port.body]
+    assert d.T is not None
+    block = slice(6 * body, 6 * body + 6)
+    direction = np.asarray(port.direction)
+    turning = d.T[block][3:]
+    if port.is_rotation:
+        return np.einsum("i,ijp->jp", direction, turning)
+    arm, darm = lin.port_arm(port), _arm_change(d, port)
+    moved = d.T[block][:3] - np.einsum("ik,kjp->ijp", _skew(arm), turning)
+    moved -= np.stack([_skew(darm[:, p]) @ lin.T[block][3:] for p in range(d.directions.n)], axis=2)
+    return np.einsum("i,ijp->jp", direction, moved)
+
+
+def _input_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
+    if port.kind != "base":
+        return _row_change(d, port)
+    assert d.ground_coupling is not None
+    return -np.einsum("ikp,k->ip", d.ground_coupling, d.linearization._rigid(port))
+
+
+def _direct_change(d: LinearizationSensitivity, outputs: Sequence[Port], inputs: Sequence[Port]) -> np.ndarray | None:
+    """(n_out, n_in, n_p): only turning ground moves points by where they are."""
+    lin = d.linearization
+    out = np.zeros((len(outputs), len(inputs), d.directions.n))
+    for j, source in enumerate(inputs):
+        if source.kind != "base" or not source.is_rotation:
+            continue
+        for i, port in enumerate(outputs):
+            if port.is_rotation or port.body == "ground":
+                continue
+            body = lin.model.body_index[port.body]
+            moved = d.position[body] + _arm_change(d, port)
+            out[i, j] = np.asarray(port.direction) @ np.cross(np.asarray(source.direction), moved.T).T
+    return out if np.any(out) else None

@@ -1,0 +1,69 @@
+"""States of a model: where its bodies are and how fast they move, consistent with all joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .errors import MbrsWarning, ModelError
+
+AT_REST = np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Poses and velocities of all bodies, as the core holds them.
+
+    Attributes
+    ----------
+    relative
+        (n_bodies, 12) relative poses of the tree joints; made by the analyses, not by hand.
+    rate
+        (n_tree,) rates of the tree coordinates, or empty at rest.
+    kind
+        "drawn", "equilibrium" (sensitivities then follow it) or "steady".
+    """
+
+    relative: np.ndarray
+    rate: np.ndarray
+    kind: str = "drawn"
+
+    @property
+    def moving(self) -> bool:
+        """True where any rate is not zero."""
+        return bool(np.any(self.rate))
+
+
+def drawn(model: Any, system: Any) -> State:
+    """The drawn configuration with its given velocities: two-point joints brought together, loops closed."""
+    from ._border import core_errors
+
+    with core_errors():
+        made = system.assemble()
+    if made["velocity_correction"] > 1e-9 * max(1.0, float(np.abs(made["rate"]).max(initial=0.0))):
+        import warnings
+
+        warnings.warn(
+            f"the given velocities of {model.name!r} contradict its joints; they were changed by up to "
+            f"{made['velocity_correction']:.3g} m/s to agree",
+            MbrsWarning,
+            stacklevel=4,
+        )
+    return State(made["relative"], made["rate"])
+
+
+def state_of(model: Any, system: Any, at: Any) -> State:
+    """The state that ``at=`` means: None (drawn), a `State`, or a result that carries one."""
+    if at is None:
+        return drawn(model, system)
+    state = getattr(at, "state", at)
+    if callable(state) or not isinstance(state, State):
+        raise ModelError(f"at= takes None (the drawn state), an equilibrium, a steady motion or a state; got {at!r}")
+    if state.relative.shape[0] != system.n_bodies:
+        raise ModelError(
+            f"at= is a state of {state.relative.shape[0]} bodies, but model {model.name!r} has {system.n_bodies}; "
+            "compute it again from this model"
+        )
+    return state

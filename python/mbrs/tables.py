@@ -1,0 +1,282 @@
+"""Tables: the flat arrays that the core and the reference read (docs/tables.md), and directions in their number
+vector x.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .addresses import Target
+from .elements import LOAD_FRAMES, LOAD_TYPES, TYPES
+from .errors import ModelError
+from .geometry import cross, quaternion_rate
+from .joints import KINDS
+from .model import STORES
+
+if TYPE_CHECKING:
+    from .model import Model
+
+# Above this many entries the derivative of x is better sparse.
+_DENSE_LIMIT = 1_000_000
+
+
+def tables(model: Model) -> dict[str, Any]:
+    """The Tables of a model, a new dict; its integer arrays are shared between calls while the structure stays.
+
+    Returns
+    -------
+    dict
+        Keys and layout as docs/tables.md says: ``x`` float64, indices int64, names lists of str.
+
+    Notes
+    -----
+    Cost O(size); O(len(x)) where only values changed.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> from mbrs.tables import tables
+    >>> m = mb.Model("one"); p = m.body("payload", mass=20.0, inertia=(1, 1, 1), at=(0, 0, 0))
+    >>> tables(m)["x"][10]
+    np.float64(20.0)
+    """
+    _require_bodies(model)
+    return {"x": x(model), **_structure(model)}
+
+
+def x(model: Model) -> np.ndarray:
+    """All numbers (n_x,), a copy."""
+    return np.concatenate([np.frombuffer(store.x) for store in model.stores.values() if store.x])
+
+
+def offsets(model: Model) -> dict[str, int]:
+    """Where the numbers of each store start in x."""
+    out, start = {}, 0
+    for kind in STORES:
+        out[kind] = start
+        start += len(model.stores[kind].x)
+    return out
+
+
+def _require_bodies(model: Model) -> None:
+    if not model.bodies:
+        raise ModelError(f"model {model.name!r} has no body; add one with m.body(...)")
+
+
+def _structure(model: Model) -> dict[str, Any]:
+    cached = model.cache.get("tables")
+    if cached is not None and cached[0] == model.structure_version:
+        return cached[1]
+    base = offsets(model)
+    made = {
+        **_items("body", model.bodies, base, ()),
+        **_items("joint", model.joints, base, ("type", "a", "b", "flags")),
+        **_items("element", model.elements, base, ("type", "a", "b", "flags")),
+        **_items("load", model.loads, base, ("type", "body", "frame")),
+        **_items("marker", model.markers, base, ("body",)),
+        **_laws(model, base),
+        "pose_body": _integers(p.body for p in model.poses),
+        "pose_x": _integers(base["pose"] + p.start for p in model.poses),
+        "gravity_x": _integers([base["gravity"] if model.gravity_item is not None else -1]),
+    }
+    model.cache["tables"] = (model.structure_version, made)
+    return made
+
+
+_CODES: dict[tuple[str, str], dict[str, int]] = {
+    ("joint", "type"): {name: kind.code for name, kind in KINDS.items()},
+    ("element", "type"): TYPES,
+    ("load", "type"): LOAD_TYPES,
+    ("load", "frame"): LOAD_FRAMES,
+}
+
+
+def _items(kind: str, items: Sequence[Any], base: dict[str, int], columns: Iterable[str]) -> dict[str, Any]:
+    out: dict[str, Any] = {f"{kind}_name": [item.name for item in items]}
+    for column in columns:
+        values = [getattr(item, column) for item in items]
+        codes = _CODES.get((kind, column))
+        out[f"{kind}_{column}"] = _integers(values if codes is None else [codes[v] for v in values])
+    start = base[kind]
+    out[f"{kind}_x"] = _integers(start + item.start for item in items)
+    return out
+
+
+def _laws(model: Model, base: dict[str, int]) -> dict[str, Any]:
+    laws = [*model.laws["element"], *model.laws["joint"]]
+    return {
+        "law_owner_kind": _integers(law.owner.kind == "joint" for law in laws),
+        "law_owner": _integers(law.owner.index for law in laws),
+        "law_component": _integers(law.component for law in laws),
+        "law_type": _integers(law.code for law in laws),
+        "law_n": _integers(law.n for law in laws),
+        "law_x": _integers(base[law.store] + law.start for law in laws),
+    }
+
+
+def _integers(values: Iterable[Any]) -> np.ndarray:
+    out = np.array(list(values), dtype=np.int64)
+    out.setflags(write=False)  # shared between the dicts of all calls
+    return out
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Directions dx/dp in the number vector x, one column for each number that an address names.
+
+    Attributes
+    ----------
+    labels, units
+        Of each column: "leg0.at_b[2]", "m" ("" where unknown: parameters and laws have no unit).
+    shape
+        What the parameter axis of a derivative becomes: (n_p,), or the shape of the one array that was asked for.
+    n_x
+        Length of x.
+    rows, columns, values
+        The entries that are not zero.
+    """
+
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    shape: tuple[int, ...]
+    n_x: int
+    rows: np.ndarray
+    columns: np.ndarray
+    values: np.ndarray
+
+    @property
+    def n(self) -> int:
+        """Number of columns."""
+        return len(self.labels)
+
+    @cached_property
+    def dense(self) -> np.ndarray:
+        """(n_x, n) float64, column by column in memory."""
+        out = np.zeros((self.n_x, self.n), order="F")
+        np.add.at(out, (self.rows, self.columns), self.values)
+        return out
+
+    @cached_property
+    def sparse(self) -> Any:
+        """(n_x, n) `scipy.sparse.csc_array`."""
+        from scipy.sparse import coo_array
+
+        return coo_array((self.values, (self.rows, self.columns)), shape=(self.n_x, self.n)).tocsc()
+
+    @property
+    def is_small(self) -> bool:
+        """True where `dense` is the cheaper form."""
+        return self.n_x * self.n <= _DENSE_LIMIT
+
+    def shaped(self, derivative: np.ndarray) -> np.ndarray:
+        """A derivative (..., n) with its last axis in the shape of the parameter."""
+        return np.reshape(derivative, (*np.shape(derivative)[:-1], *self.shape))
+
+
+def directions(model: Model, addresses: str | Sequence[str]) -> Directions:
+    """Columns dx/dp for parameters and addresses.
+
+    Parameters
+    ----------
+    model
+        The values are taken as they are now.
+    addresses
+        One or more: "k_leg", "V" (all its entries), "V[0,1]", "payload.mass", "leg0.at_b[2]", "A.axis" (three columns:
+        turning about world x, y, z). Each is a direction by itself, also where parameters drive the number.
+
+    Returns
+    -------
+    Directions
+
+    Raises
+    ------
+    NameNotFoundError
+        An unknown address; the message proposes the nearest.
+    NotDifferentiableError
+        An expression at a kink, such as abs at 0.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> from mbrs.tables import directions
+    >>> m = mb.Model("one"); k = m.parameter("k", 5.0)
+    >>> p = m.body("payload", mass=k * k, inertia=(1, 1, 1), at=(0, 0, 0))
+    >>> directions(m, ["k", "payload.mass"]).dense[10]
+    array([10.,  1.])
+    """
+    given = [addresses] if isinstance(addresses, str) else list(addresses)
+    if not given:
+        raise ModelError("no parameter was named; give addresses such as ['k_leg', 'payload.mass']")
+    base = offsets(model)
+    columns: list[tuple[list[int], list[float]]] = []
+    labels: list[str] = []
+    units: list[str] = []
+    targets = [model.target(address) for address in given]
+    jacobian = None
+    for target in targets:
+        labels += target.labels
+        if target.field is None:
+            jacobian = model.driver().jacobian(model) if jacobian is None else jacobian
+            for place in target.components:
+                rows, values, stores = jacobian.get(place, ([], [], []))
+                columns.append(([base[kind] + row for row, kind in zip(rows, stores, strict=True)], values))
+            units += [""] * len(target.components)
+        else:
+            start = base[target.store]
+            for component in target.components:
+                slots, values = _column(model, target, component)
+                columns.append(([start + slot for slot in slots], values))
+                units.append(target.field.units[component])
+    shape = targets[0].shape if len(targets) == 1 and targets[0].shape else (len(labels),)
+    return _assembled(tuple(labels), tuple(units), shape, sum(len(s.x) for s in model.stores.values()), columns)
+
+
+def _assembled(
+    labels: tuple[str, ...],
+    units: tuple[str, ...],
+    shape: tuple[int, ...],
+    n_x: int,
+    columns: Sequence[tuple[list[int], list[float]]],
+) -> Directions:
+    counts = [len(rows) for rows, _ in columns]
+    return Directions(
+        labels,
+        units,
+        shape,
+        n_x,
+        np.array([row for rows, _ in columns for row in rows], dtype=np.int64),
+        np.repeat(np.arange(len(columns)), counts),
+        np.array([value for _, values in columns for value in values], dtype=float),
+    )
+
+
+def _column(model: Model, target: Target, component: int) -> tuple[Sequence[int], list[float]]:
+    field = target.field
+    assert field is not None
+    if field.kind not in ("axis", "orientation"):
+        slots = field.slots[component]
+        return slots, [1.0] * len(slots)
+    places = [slots[0] for slots in field.slots]
+    now = [model.stores[target.store].x[place] for place in places]
+    if field.kind == "orientation":
+        return places, quaternion_rate(now, component)
+    e = [0.0, 0.0, 0.0]
+    e[component] = 1.0
+    return places, cross(e, now)
+
+
+def dx_dV(model: Model) -> Any:
+    """(n_x, n_V) `scipy.sparse.csc_array`: exact derivative of all numbers by all parameters, in the order of
+    definition.
+    """
+    from scipy.sparse import csc_array
+
+    n_x, n_v = sum(len(s.x) for s in model.stores.values()), len(model.space.values)
+    if n_v == 0:
+        return csc_array((n_x, 0))
+    return directions(model, list(model.space.names)).sparse

@@ -1,0 +1,283 @@
+//! From the drawn configuration to a consistent state: loops closed, velocities made to agree with all constraints.
+use faer::prelude::*;
+use nalgebra::{DMatrix, DVector};
+
+use crate::error::{Error, Result};
+use crate::model::joint::Coordinate;
+use crate::run::Counts;
+use crate::spatial::{Pose, Six, V3, rotation_of_quaternion};
+use crate::system::System;
+use crate::system::assemble::{Effects, Scene};
+use crate::system::loops::{column_scales, gap, row_scales};
+use crate::system::placement::{
+    Placement, State, advance, drawn_relative, place, relative_from_poses,
+};
+use crate::system::topology::{Level, Node};
+
+const CLOSED: f64 = 1e-13;
+const MAX_ITERATIONS: usize = 60;
+
+pub struct Assembled {
+    pub state: State,
+    /// largest change of a given velocity by the projection, metres per second with the characteristic length
+    pub velocity_correction: f64,
+    pub iterations: usize,
+}
+
+/// The drawn state: two-point joints brought together, loops closed by the smallest change, velocities projected.
+pub fn assemble(system: &System, counts: &mut Counts) -> Result<Assembled> {
+    let mut state = State {
+        relative: start(system),
+        rate: Vec::new(),
+    };
+    let iterations = close(system, &mut state, counts)?;
+    let velocity_correction = set_velocities(system, &mut state)?;
+    Ok(Assembled {
+        state,
+        velocity_correction,
+        iterations,
+    })
+}
+
+/// The drawn relative poses, or those of the user's first guess.
+fn start(system: &System) -> Vec<Pose<f64>> {
+    let topology = &*system.topology;
+    let mut relative = drawn_relative(topology, &system.geometry);
+    if topology.tables.poses.is_empty() {
+        return relative;
+    }
+    let mut poses: Vec<Pose<f64>> = system.geometry.bodies.iter().map(|b| b.drawn).collect();
+    for &(body, x) in &topology.tables.poses {
+        let r = rotation_of_quaternion(&system.x[x + 3..x + 7]);
+        let origin = V3::new(system.x[x], system.x[x + 1], system.x[x + 2]);
+        poses[body] = Pose {
+            p: origin + r * system.geometry.bodies[body].com,
+            r,
+        };
+    }
+    let guessed = relative_from_poses(topology, &system.geometry, &poses);
+    let touched = |node: &Node| {
+        let given = |b: usize| topology.tables.poses.iter().any(|(body, _)| *body == b);
+        given(node.body) || node.parent.is_some_and(|p| given(topology.nodes[p].body))
+    };
+    for (i, node) in topology.nodes.iter().enumerate() {
+        if touched(node) {
+            relative[i] = guessed[i];
+        }
+    }
+    relative
+}
+
+pub fn scene<'a>(system: &'a System, placement: &'a Placement<f64>) -> Scene<'a, f64> {
+    Scene {
+        topology: &system.topology,
+        geometry: &system.geometry,
+        x: &system.x,
+        memory: &[],
+        placement,
+        rate: None,
+        acceleration: None,
+        effects: Effects::ALL,
+    }
+}
+
+/// Newton on the position rows with the minimum-norm step; returns the number of steps.
+pub fn close(system: &System, state: &mut State, counts: &mut Counts) -> Result<usize> {
+    if system.topology.rows.is_empty() {
+        return Ok(0);
+    }
+    let rows = row_scales(&system.topology, system.length);
+    let columns = column_scales(&system.topology, system.length);
+    let mut best = f64::INFINITY;
+    for iteration in 0..MAX_ITERATIONS {
+        let placement = place(&system.topology, &system.geometry, &state.relative, None);
+        let (phi, jacobian) = scene(system, &placement).constraints();
+        let (size, worst) = gap(&system.topology, &phi, &rows);
+        if size <= CLOSED {
+            check_orientation(system, &placement)?;
+            return Ok(iteration);
+        }
+        // rounding level reached: no further progress is possible
+        if iteration > 3 && size >= best && best < 1e-11 {
+            return Ok(iteration);
+        }
+        if iteration > 12 && size > 0.9 * best && size > 1e-9 {
+            return Err(cannot_close(system, &phi, worst, size));
+        }
+        best = best.min(size);
+        // velocity rows do not say where anything is: they neither close a loop nor hinder it
+        let closes = |i: usize| system.topology.rows[i].level == Level::Position;
+        let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| {
+            if closes(i) {
+                jacobian[(i, j)] * rows[i] * columns[j]
+            } else {
+                0.0
+            }
+        });
+        let right = DVector::from_fn(phi.len(), |i, _| -phi[i] * rows[i]);
+        let mut step = minimum_norm(&scaled, &right)?;
+        let longest = step.amax();
+        if longest > 0.5 {
+            step *= 0.5 / longest;
+        }
+        let dy: Vec<f64> = step.iter().zip(&columns).map(|(s, c)| s * c).collect();
+        advance(&system.topology, &mut state.relative, &dy);
+        counts.add("assembly iterations", 1);
+    }
+    let placement = place(&system.topology, &system.geometry, &state.relative, None);
+    let (phi, _) = scene(system, &placement).constraints();
+    let (size, worst) = gap(&system.topology, &phi, &rows);
+    if size < 1e-9 {
+        Ok(MAX_ITERATIONS)
+    } else {
+        Err(cannot_close(system, &phi, worst, size))
+    }
+}
+
+fn cannot_close(system: &System, phi: &DVector<f64>, worst: Option<usize>, size: f64) -> Error {
+    let Some(row) = worst else {
+        return Error::Assembly("the loops cannot close".into());
+    };
+    let spec = &system.topology.rows[row];
+    let joint = &system.topology.tables.joints[spec.joint];
+    let (what, unit) = match spec.coordinate {
+        Coordinate::Translation(_) | Coordinate::Length => ("points are apart by", "m"),
+        _ => ("axes are off by", "rad"),
+    };
+    let bodies = format!(
+        "'{}' and '{}'",
+        system.topology.tables.body_name(joint.a),
+        system.topology.tables.body_name(joint.b)
+    );
+    Error::Assembly(format!(
+        "the loop cannot close at joint '{}' between {bodies}: its {what} {:.6} {unit} at the closest approach (relative gap {size:.1e}); \
+         check the points and lengths of the joints in this loop",
+        joint.name,
+        phi[row].abs()
+    ))
+}
+
+/// Dot rows also vanish for axes that point opposite ways; a joint assembled so would work backwards.
+fn check_orientation(system: &System, placement: &Placement<f64>) -> Result<()> {
+    for &j in &system.topology.cut {
+        let spec = &system.topology.tables.joints[j];
+        let aligned = spec
+            .kind
+            .constraints()
+            .iter()
+            .any(|c| *c == Coordinate::Dot(0, 2));
+        let pair = &system.geometry.joints[j];
+        let world = |body, local: &Pose<f64>| {
+            crate::system::placement::marker_pose(&system.topology, &placement.pose, body, local)
+        };
+        let (a, b) = (world(spec.a, &pair.a), world(spec.b, &pair.b));
+        if aligned && a.r.column(2).dot(&b.r.column(2)) < 0.0 {
+            return Err(Error::Assembly(format!(
+                "joint '{}' closes only with its axis reversed; draw its bodies closer to the assembled pose",
+                spec.name
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Least-squares solution of smallest norm; directions below the rank tolerance are left alone.
+pub fn minimum_norm(m: &DMatrix<f64>, right: &DVector<f64>) -> Result<DVector<f64>> {
+    let a = Mat::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)]);
+    let svd = a.thin_svd().map_err(|_| {
+        Error::singular("the singular values of the constraint rows could not be found")
+    })?;
+    let (u, s, v) = (svd.U(), svd.S().column_vector(), svd.V());
+    let mut x = DVector::zeros(m.ncols());
+    let largest = if s.nrows() > 0 { s[0] } else { 0.0 };
+    for k in 0..s.nrows() {
+        if s[k] > 1e-10 * largest {
+            let weight = (0..m.nrows()).map(|i| u[(i, k)] * right[i]).sum::<f64>() / s[k];
+            for i in 0..m.ncols() {
+                x[i] += weight * v[(i, k)];
+            }
+        }
+    }
+    Ok(x)
+}
+
+/// Rates of the tree coordinates from the bodies' given velocities, made to satisfy the cut joints.
+fn set_velocities(system: &System, state: &mut State) -> Result<f64> {
+    let topology = &*system.topology;
+    let given = |node: usize| {
+        let x = topology.tables.bodies[topology.nodes[node].body].x;
+        let at = |i: usize| V3::new(system.x[x + i], system.x[x + i + 1], system.x[x + i + 2]);
+        (at(17), at(20))
+    };
+    if (0..topology.nodes.len()).all(|n| given(n).0.amax() == 0.0 && given(n).1.amax() == 0.0) {
+        return Ok(0.0);
+    }
+    let placement = place(topology, &system.geometry, &state.relative, None);
+    let mut rate = vec![0.0; topology.dofs.len()];
+    let mut body: Vec<Six<f64>> = Vec::new();
+    for (n, node) in topology.nodes.iter().enumerate() {
+        let (velocity, omega) = given(n);
+        let pose = &placement.pose[n];
+        let wanted =
+            Six::new(velocity, omega).motion_at(&(pose.r * system.geometry.bodies[node.body].com));
+        let carried = node.parent.map_or_else(Six::zero, |p| {
+            body[p].motion_at(&(pose.p - placement.pose[p].p))
+        });
+        let relative = wanted - carried;
+        let (m, right) = weighted_columns(system, &placement, node.first, node.n, &relative);
+        let solution = minimum_norm(&m, &right)?;
+        let mut v = carried;
+        for k in 0..node.n {
+            rate[node.first + k] = solution[k];
+            v += placement.column[node.first + k].scaled(solution[k]);
+        }
+        body.push(v);
+    }
+    project_rates(system, &placement, &mut rate)?;
+    let moving = place(topology, &system.geometry, &state.relative, Some(&rate));
+    let mut correction: f64 = 0.0;
+    for (n, node) in topology.nodes.iter().enumerate() {
+        let Some(v) = moving.velocity.as_ref().map(|v| v.body[n]) else {
+            continue;
+        };
+        let pose = &placement.pose[n];
+        let origin = v.motion_at(&-(pose.r * system.geometry.bodies[node.body].com));
+        let (velocity, omega) = given(n);
+        correction = correction
+            .max((origin.l - velocity).norm())
+            .max((origin.a - omega).norm() * system.length);
+    }
+    state.rate = rate;
+    Ok(correction)
+}
+
+fn weighted_columns(
+    system: &System,
+    placement: &Placement<f64>,
+    first: usize,
+    n: usize,
+    relative: &Six<f64>,
+) -> (DMatrix<f64>, DVector<f64>) {
+    let weight = |i: usize| if i < 3 { 1.0 } else { system.length };
+    let m = DMatrix::from_fn(6, n, |i, k| placement.column[first + k].get(i) * weight(i));
+    (m, DVector::from_fn(6, |i, _| relative.get(i) * weight(i)))
+}
+
+/// The closest rates (scaled by the characteristic length) that satisfy the rows of the cut joints.
+pub fn project_rates(system: &System, placement: &Placement<f64>, rate: &mut [f64]) -> Result<()> {
+    if system.topology.rows.is_empty() {
+        return Ok(());
+    }
+    let rows = row_scales(&system.topology, system.length);
+    let columns = column_scales(&system.topology, system.length);
+    let (_, jacobian) = scene(system, placement).constraints();
+    let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| {
+        jacobian[(i, j)] * rows[i] * columns[j]
+    });
+    let y = DVector::from_fn(rate.len(), |i, _| rate[i] / columns[i]);
+    let step = minimum_norm(&scaled, &-(&scaled * &y))?;
+    for i in 0..rate.len() {
+        rate[i] += step[i] * columns[i];
+    }
+    Ok(())
+}

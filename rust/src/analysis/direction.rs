@@ -1,0 +1,288 @@
+//! The derivative of a linearisation along a direction of the numbers, the state following or held.
+//!
+//! One pass of dual numbers through assembly and linearisation. The equilibrium follows by dz = -K''^-1 d(B''^T rho), loops by
+//! dy_d = -J_d^-1 dPhi. What touches single elements or masses alone takes the short way of `local_direction`.
+use nalgebra::{DMatrix, DVector};
+use num_dual::Dual64;
+
+use crate::analysis::linearize::{
+    Linearization, Setting, body_map, reduce, reduce_rows, unreduced,
+};
+use crate::analysis::local_direction::local_direction;
+use crate::error::{Error, Result};
+use crate::model::geometry::Geometry;
+use crate::run::Counts;
+use crate::system::System;
+use crate::system::assemble::Scene;
+use crate::system::placement::{Placement, advance, lifted_relative, place};
+
+/// A parameter that moves redundant rows apart by more than this (relative) breaks the loop open.
+const BREAKS_LOOP: f64 = 1e-7;
+
+/// The derivative of a linearisation along one direction of the numbers (and of the state).
+pub struct Directional {
+    pub mass: Entries,
+    pub damping: Entries,
+    pub stiffness: Entries,
+    /// None where it does not change, or was not asked for
+    pub body_map: Option<DMatrix<f64>>,
+    pub ground_coupling: Option<DMatrix<f64>>,
+    /// derivative of the tree coordinates, zero where the configuration is held and closes by itself
+    pub dy: Vec<f64>,
+    /// derivative of the poses of the centres of mass: translation and world rotation, bodies in the order of the model
+    pub body_motion: Vec<f64>,
+    pub residual: DVector<f64>,
+    pub lam: Vec<f64>,
+}
+
+/// What else is wanted beside the matrices, and how the equilibrium is followed: `solve` gives K''^-1 r; None holds the
+/// configuration, but for what closing the loops needs.
+#[derive(Clone, Copy)]
+pub struct Request<'a> {
+    pub maps: bool,
+    pub solve: Option<&'a Solve>,
+}
+
+pub type Solve = dyn Fn(&DVector<f64>) -> Result<DVector<f64>>;
+
+/// Entries of a matrix that are not zero.
+#[derive(Debug, Clone, Default)]
+pub struct Entries {
+    pub rows: Vec<i64>,
+    pub columns: Vec<i64>,
+    pub values: Vec<f64>,
+}
+
+impl Entries {
+    pub fn push(&mut self, i: usize, j: usize, value: f64) {
+        if value != 0.0 {
+            self.rows.push(i as i64);
+            self.columns.push(j as i64);
+            self.values.push(value);
+        }
+    }
+
+    /// The derivative part of a matrix of dual numbers.
+    pub fn of(matrix: &DMatrix<Dual64>) -> Self {
+        let mut all = Entries::default();
+        for j in 0..matrix.ncols() {
+            for i in 0..matrix.nrows() {
+                all.push(i, j, matrix[(i, j)].eps);
+            }
+        }
+        all
+    }
+}
+
+struct DualScene {
+    x: Vec<Dual64>,
+    geometry: Geometry<Dual64>,
+    placement: Placement<Dual64>,
+    rate: Option<Vec<Dual64>>,
+    acceleration: Option<Vec<Dual64>>,
+}
+
+fn dual_scene(
+    setting: &Setting<'_>,
+    base: &Linearization,
+    dx: &[(usize, f64)],
+    dy: &[f64],
+) -> DualScene {
+    let system = setting.system;
+    let mut x: Vec<Dual64> = system.x.iter().map(|v| Dual64::from(*v)).collect();
+    for (i, d) in dx {
+        x[*i].eps = *d;
+    }
+    let geometry = Geometry::derive(&system.topology.tables, &x);
+    let mut relative = lifted_relative(&system.topology, &geometry, setting.state);
+    let increments: Vec<_> = dy.iter().map(|d| Dual64::new(0.0, *d)).collect();
+    advance(&system.topology, &mut relative, &increments);
+    let rate = setting.rate::<Dual64>();
+    let placement = place(&system.topology, &geometry, &relative, rate.as_deref());
+    let acceleration = base
+        .acceleration
+        .as_ref()
+        .map(|a| a.iter().map(|v| Dual64::from(*v)).collect());
+    DualScene {
+        x,
+        geometry,
+        placement,
+        rate,
+        acceleration,
+    }
+}
+
+impl DualScene {
+    fn scene<'a>(&'a self, setting: &'a Setting<'_>) -> Scene<'a, Dual64> {
+        Scene {
+            topology: &setting.system.topology,
+            geometry: &self.geometry,
+            x: &self.x,
+            memory: &[],
+            placement: &self.placement,
+            rate: self.rate.as_deref(),
+            acceleration: self.acceleration.as_deref(),
+            effects: setting.effects,
+        }
+    }
+}
+
+/// Derivative of everything in `base` along `dx` (sparse: index, value).
+pub fn directional(
+    setting: &Setting<'_>,
+    base: &Linearization,
+    dx: &[(usize, f64)],
+    request: Request<'_>,
+) -> Result<Directional> {
+    if setting.state.moving() && base.loops.is_some() {
+        return Err(Error::NotDifferentiable(
+            "derivatives at a moving state of a closed loop are not available yet; linearise at rest, or open the loop".into(),
+        ));
+    }
+    if let Some(local) = local_direction(setting, base, dx, request) {
+        return Ok(local);
+    }
+    let n = setting.system.n_tree();
+    let mut dy = closing(setting, base, dx)?;
+    if let Some(solve) = request.solve {
+        let held = dual_scene(setting, base, dx, &dy);
+        let scene = held.scene(setting);
+        let tau = scene.residual(None);
+        let r = match &base.loops {
+            None => tau.map(|v| v.eps),
+            Some(l) => {
+                let jacobian = scene.constraints().1;
+                let b = l.dependent_map(&jacobian);
+                check_agreement(base, &jacobian, &b)?;
+                l.reduce_vector(&tau, &b).map(|v| v.eps)
+            }
+        };
+        let dz = -solve(&r)?;
+        let step = match (&base.loops, &base.dependent_map) {
+            (Some(l), Some(b)) => l.expand(b, &dz),
+            _ => dz,
+        };
+        for i in 0..n {
+            dy[i] += step[i];
+        }
+    }
+    derivative_at(setting, base, dx, dy, request.maps)
+}
+
+/// The change of dependent coordinates that keeps the loops closed.
+fn closing(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)]) -> Result<Vec<f64>> {
+    let n = setting.system.n_tree();
+    let Some(loops) = &base.loops else {
+        return Ok(vec![0.0; n]);
+    };
+    let held = dual_scene(setting, base, dx, &vec![0.0; n]);
+    let phi = held.scene(setting).constraints().0.map(|v| v.eps);
+    let scaled = DVector::from_fn(phi.len(), |i, _| phi[i] * loops.row_scale[i]);
+    let left = loops.redundant.transpose() * &scaled;
+    if left.amax() > BREAKS_LOOP * scaled.amax() && scaled.amax() > 0.0 {
+        return Err(breaks_loop(left.amax()));
+    }
+    Ok(loops.closing_step(&phi).as_slice().to_vec())
+}
+
+fn breaks_loop(size: f64) -> Error {
+    Error::NotDifferentiable(format!(
+        "this parameter breaks a redundant loop open: its constraints agree only at the present value (they part at the rate {size:.1e}), so the \
+         derivative does not exist; vary parameters that keep the loop closed together, or release the redundant constraint"
+    ))
+}
+
+fn check_agreement(
+    base: &Linearization,
+    jacobian: &DMatrix<Dual64>,
+    b: &DMatrix<Dual64>,
+) -> Result<()> {
+    let Some(loops) = &base.loops else {
+        return Ok(());
+    };
+    if loops.redundant.ncols() == 0 {
+        return Ok(());
+    }
+    let parts = loops.disagreement(jacobian, b).map(|v| v.eps).amax();
+    let change = jacobian.map(|v| v.eps);
+    let size = (0..change.nrows())
+        .map(|i| change.row(i).amax() * loops.row_scale[i])
+        .fold(0.0, f64::max);
+    if parts > BREAKS_LOOP * size && size > 0.0 {
+        Err(breaks_loop(parts))
+    } else {
+        Ok(())
+    }
+}
+
+fn derivative_at(
+    setting: &Setting<'_>,
+    base: &Linearization,
+    dx: &[(usize, f64)],
+    dy: Vec<f64>,
+    maps: bool,
+) -> Result<Directional> {
+    let moved = dual_scene(setting, base, dx, &dy);
+    let scene = moved.scene(setting);
+    let tau = scene.residual(None);
+    let (matrices, residual, lam, loops) = match &base.loops {
+        None => (
+            unreduced(scene.tangent(None, &mut Counts::default())),
+            tau,
+            DVector::zeros(0),
+            None,
+        ),
+        Some(l) => {
+            let jacobian = scene.constraints().1;
+            let b = l.dependent_map(&jacobian);
+            check_agreement(base, &jacobian, &b)?;
+            let lam = l.multipliers(&jacobian, &tau);
+            let tangent = scene.tangent(Some(lam.as_slice()), &mut Counts::default());
+            (
+                reduce(&tangent, l, &b, None),
+                l.reduce_vector(&tau, &b),
+                lam,
+                Some((l, b)),
+            )
+        }
+    };
+    let (map, coupling) = if maps {
+        let loops = loops.as_ref().map(|(l, b)| (*l, b));
+        let map = body_map(setting.system, &moved.geometry, &moved.placement, loops);
+        (
+            Some(slopes(&map)),
+            Some(slopes(&reduce_rows(scene.ground_coupling(), loops))),
+        )
+    } else {
+        (None, None)
+    };
+    Ok(Directional {
+        mass: Entries::of(&matrices.mass),
+        damping: matrices
+            .damping
+            .as_ref()
+            .map_or_else(Entries::default, Entries::of),
+        stiffness: Entries::of(&matrices.stiffness),
+        body_map: map,
+        ground_coupling: coupling,
+        body_motion: body_motion(setting.system, &moved.placement),
+        residual: residual.map(|v| v.eps),
+        lam: lam.iter().map(|v| v.eps).collect(),
+        dy,
+    })
+}
+
+fn slopes(m: &DMatrix<Dual64>) -> DMatrix<f64> {
+    m.map(|v| v.eps)
+}
+
+fn body_motion(system: &System, placement: &Placement<Dual64>) -> Vec<f64> {
+    let mut motion = vec![0.0; 6 * system.n_bodies()];
+    for (node, pose) in system.topology.nodes.iter().zip(&placement.pose) {
+        let out = &mut motion[6 * node.body..6 * node.body + 6];
+        let spin = pose.r.map(|v| v.eps) * pose.r.map(|v| v.re).transpose();
+        out[..3].copy_from_slice(pose.p.map(|v| v.eps).as_slice());
+        out[3..].copy_from_slice(&[spin[(2, 1)], spin[(0, 2)], spin[(1, 0)]]);
+    }
+    motion
+}

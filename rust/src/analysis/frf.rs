@@ -1,0 +1,500 @@
+//! Transfer functions H(omega) = L Z^-1 F, Z = S - omega^2 M + i omega D, time dependence exp(+i omega t).
+//!
+//! Reduced once, then cheap per frequency, by the cheapest route that passes a check against refined direct solves:
+//! real modes (undamped or proportional) O(n) per entry, complex modes O(n), Hessenberg O(n^2), direct O(n^3).
+use std::sync::OnceLock;
+
+use faer::{Mat, c64};
+
+use super::frf_routes::{Check, Evaluator, input_mix};
+use super::frf_singular;
+use super::modes_of::{ComplexModes, RealModes, complex_modes, quadratic_roots, real_modes};
+use super::ports::{Ports, complex, i_omega};
+use super::state::StateSpace;
+use crate::error::{Error, Result};
+use crate::linalg::hessenberg::Hessenberg;
+use crate::linalg::quadratic::{NormalForm, Quadratic};
+use crate::run::{Cancel, Counts};
+
+/// A route is taken where it agrees with refined direct solves this well, or as well as unrefined ones do.
+const ACCEPT: f64 = 1e-11;
+const WORST_ACCEPTED: f64 = 1e-9;
+/// Complex modes with worse conditioned vectors are not worth a check.
+const WORST_VECTORS: f64 = 1e7;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Route {
+    RealModes,
+    ComplexModes,
+    Hessenberg,
+    Direct,
+}
+
+impl Route {
+    pub fn name(self) -> &'static str {
+        match self {
+            Route::RealModes => "real modes",
+            Route::ComplexModes => "complex modes",
+            Route::Hessenberg => "Hessenberg",
+            Route::Direct => "direct",
+        }
+    }
+}
+
+/// Everything that does not depend on frequency or ports.
+pub struct Reduction {
+    pub q: Quadratic,
+    pub normal: Option<NormalForm>,
+    pub real: Option<RealModes>,
+    pub complex: Option<ComplexModes>,
+    hessenberg: OnceLock<Hessenberg>,
+    scale: Vec<f64>,
+    pub counts: Counts,
+}
+
+pub struct Values {
+    /// (n_out, n_in, n_freq), last index fastest
+    pub h: Vec<c64>,
+    pub route: Route,
+    /// largest relative difference from refined direct solves at the checked frequencies
+    pub error: f64,
+    /// indices of frequencies where Z is singular
+    pub singular: Vec<usize>,
+    pub counts: Counts,
+}
+
+impl Reduction {
+    pub fn new(q: Quadratic) -> Result<Self> {
+        let mut counts = Counts::default();
+        let normal = q.normal_form();
+        let mut real = None;
+        let mut complex = None;
+        if let Some(form) = &normal {
+            if form.is_symmetric() {
+                counts.add("eigensolutions", 1);
+                real = real_modes(form)?;
+            }
+            if real.is_none() {
+                counts.add("eigensolutions", 1);
+                complex = complex_modes(form);
+            }
+        }
+        Ok(Reduction {
+            scale: q.unit_scale(),
+            q,
+            normal,
+            real,
+            complex,
+            hessenberg: OnceLock::new(),
+            counts,
+        })
+    }
+
+    /// All 2n poles in rad/s, or None where no reduction was possible.
+    pub fn poles(&self) -> Option<Vec<c64>> {
+        if let Some(modes) = &self.real {
+            let pairs = modes.lambda.iter().zip(&modes.damping);
+            return Some(pairs.flat_map(|(&l, &c)| quadratic_roots(l, c)).collect());
+        }
+        self.complex.as_ref().map(|modes| modes.pole.clone())
+    }
+
+    fn routes(&self) -> Vec<Route> {
+        let mut routes = Vec::new();
+        if self.real.is_some() {
+            routes.push(Route::RealModes);
+        }
+        if self
+            .complex
+            .as_ref()
+            .is_some_and(|m| m.condition < WORST_VECTORS)
+        {
+            routes.push(Route::ComplexModes);
+        }
+        if self.normal.is_some() && self.real.is_none() {
+            routes.push(Route::Hessenberg);
+        }
+        routes.push(Route::Direct);
+        routes
+    }
+
+    /// H at the given frequencies, by the cheapest route that passes its check; with `keep` by that many lowest modes, checked
+    /// alike but taken whatever comes out.
+    pub fn evaluate(
+        &self,
+        ports: &Ports,
+        omega: &[f64],
+        keep: Option<usize>,
+        cancel: &Cancel,
+    ) -> Result<Values> {
+        ports.check(self.q.n())?;
+        if ports.n_out() == 0 || ports.n_in() == 0 {
+            return Err(Error::model(
+                "a transfer function needs at least one input and one output",
+            ));
+        }
+        if omega.iter().any(|w| !w.is_finite()) {
+            return Err(Error::model("omega contains NaN or infinite values"));
+        }
+        let mut counts = Counts::default();
+        let samples = self.samples(omega);
+        let checks = self.references(ports, omega, &samples, &mut counts);
+        let measured = |evaluator: &Evaluator<'_>| {
+            let distances = checks
+                .iter()
+                .map(|check| check.distance(evaluator.at(omega[check.index])));
+            distances.fold(
+                if checks.is_empty() {
+                    f64::NAN
+                } else {
+                    f64::EPSILON
+                },
+                f64::max,
+            )
+        };
+        let (route, evaluator, error) = match keep {
+            Some(keep) => {
+                let (route, evaluator) = self.truncated(ports, keep)?;
+                let error = measured(&evaluator);
+                (route, evaluator, error)
+            }
+            None => self.cheapest(ports, &checks, measured, &mut counts),
+        };
+        counts.add("frequencies", omega.len() as u64);
+        let (h, singular) = self.sweep(&evaluator, ports, omega, &mut counts, cancel)?;
+        Ok(Values {
+            h,
+            route,
+            error,
+            singular,
+            counts,
+        })
+    }
+
+    fn cheapest<'a>(
+        &'a self,
+        ports: &'a Ports,
+        checks: &[Check],
+        measured: impl Fn(&Evaluator<'_>) -> f64,
+        counts: &mut Counts,
+    ) -> (Route, Evaluator<'a>, f64) {
+        let plain = checks.iter().map(|c| c.plain_error).fold(0.0, f64::max);
+        for route in self.routes() {
+            let evaluator = self.prepare(route, ports, counts);
+            let error = measured(&evaluator);
+            if error.is_nan() || error <= (10.0 * plain).clamp(ACCEPT, WORST_ACCEPTED) {
+                return (route, evaluator, error);
+            }
+        }
+        // each refinement contracts the error by what the first correction was
+        (
+            Route::Direct,
+            self.direct(ports, 3),
+            plain.powi(4).max(f64::EPSILON),
+        )
+    }
+
+    /// Real or complex modes of the `keep` smallest |s|, a conjugate pair counting as one.
+    fn truncated<'a>(&'a self, ports: &'a Ports, keep: usize) -> Result<(Route, Evaluator<'a>)> {
+        let refuse = |why: &str| Err(Error::model(format!("modes = {keep}: {why}")));
+        if keep == 0 || keep > self.q.n() {
+            return refuse(&format!("the system has {}", self.q.n()));
+        }
+        match (&self.normal, &self.real, &self.complex) {
+            (_, Some(modes), _) => Ok((Route::RealModes, real_evaluator(modes, ports, keep))),
+            (Some(form), _, Some(modes)) if modes.condition < WORST_VECTORS => Ok((
+                Route::ComplexModes,
+                complex_evaluator(form, modes, ports, keep),
+            )),
+            _ => refuse("the system has no well-conditioned modes to sum up; leave modes= out"),
+        }
+    }
+
+    /// Complex modes whose expansion agrees with refined direct solves from the slowest to the fastest motion.
+    pub fn trusted_modes(&self, ports: &Ports, counts: &mut Counts) -> Option<&ComplexModes> {
+        let (modes, form) = (self.complex.as_ref()?, self.normal.as_ref()?);
+        if modes.condition >= WORST_VECTORS {
+            return None;
+        }
+        let sizes = || modes.pole.iter().map(|s| s.norm());
+        let (slow, fast) = (
+            sizes().fold(f64::MAX, f64::min),
+            sizes().fold(0.0, f64::max),
+        );
+        let slow = slow.max(1e-6 * fast);
+        let omega: Vec<f64> = (0..5)
+            .map(|k| slow * (fast / slow).powf(k as f64 / 4.0))
+            .collect();
+        let checks = self.references(ports, &omega, &[0, 1, 2, 3, 4], counts);
+        let evaluator = complex_evaluator(form, modes, ports, self.q.n());
+        let good =
+            |check: &Check| check.distance(evaluator.at(omega[check.index])) < WORST_ACCEPTED;
+        checks.iter().all(good).then_some(modes)
+    }
+
+    fn sweep(
+        &self,
+        evaluator: &Evaluator<'_>,
+        ports: &Ports,
+        omega: &[f64],
+        counts: &mut Counts,
+        cancel: &Cancel,
+    ) -> Result<(Vec<c64>, Vec<usize>)> {
+        let (n_out, n_in, n_freq) = (ports.n_out(), ports.n_in(), omega.len());
+        let mut h = vec![c64::new(0.0, 0.0); n_out * n_in * n_freq];
+        let mut singular = Vec::new();
+        for (k, &w) in omega.iter().enumerate() {
+            cancel.check()?;
+            let (value, powers_done) = match evaluator.at(w) {
+                Some(value) => (value, false),
+                None => {
+                    let (value, is_singular) = frf_singular::transfer(self, ports, w)?;
+                    counts.add("singular frequencies", is_singular as u64);
+                    if is_singular {
+                        singular.push(k);
+                    }
+                    (value, true)
+                }
+            };
+            for i in 0..n_out {
+                for j in 0..n_in {
+                    let order = ports.order_in[j] + ports.order_out;
+                    let factor = if powers_done {
+                        c64::new(1.0, 0.0)
+                    } else {
+                        i_omega(w, order)
+                    };
+                    let direct = ports.d0.as_ref().map_or(0.0, |d| d[(i, j)]);
+                    let mut entry = scaled(value[(i, j)], factor);
+                    if direct != 0.0 {
+                        entry += i_omega(w, ports.order_out) * direct;
+                    }
+                    h[(i * n_in + j) * n_freq + k] = entry;
+                }
+            }
+        }
+        Ok((h, singular))
+    }
+
+    /// Frequencies at which a route is compared with refined direct solves: the ends, the middle, and next to the sharpest peaks.
+    fn samples(&self, omega: &[f64]) -> Vec<usize> {
+        let n = omega.len();
+        if n == 0 {
+            return Vec::new();
+        }
+        let mut samples = vec![0, n / 2, n - 1];
+        let mut poles: Vec<c64> = self.poles().unwrap_or_default();
+        poles.retain(|p| p.im > 0.0);
+        let sharpness = |p: &c64| p.re.abs() / p.im;
+        poles.sort_by(|a, b| sharpness(a).total_cmp(&sharpness(b)));
+        let (low, high) = omega.iter().fold((f64::MAX, 0.0_f64), |(l, h), w| {
+            (l.min(w.abs()), h.max(w.abs()))
+        });
+        for pole in poles.iter().filter(|p| p.im >= low && p.im <= high).take(3) {
+            let distance = |k: &usize| (omega[*k].abs() - pole.im).abs();
+            if let Some(k) = (0..n).min_by(|a, b| distance(a).total_cmp(&distance(b))) {
+                samples.push(k);
+            }
+        }
+        samples.sort_unstable();
+        samples.dedup();
+        samples
+    }
+
+    fn references(
+        &self,
+        ports: &Ports,
+        omega: &[f64],
+        samples: &[usize],
+        counts: &mut Counts,
+    ) -> Vec<Check> {
+        let mix = input_mix(ports);
+        let load = Mat::from_fn(self.q.n(), 1, |i, _| {
+            let sum: f64 = mix
+                .iter()
+                .enumerate()
+                .map(|(j, r)| ports.f[(i, j)] * r)
+                .sum();
+            c64::new(sum, 0.0)
+        });
+        let mut checks = Vec::new();
+        for &index in samples {
+            counts.add("check solves", 1);
+            if let Some(solved) = self.q.solve(omega[index], load.as_ref(), &self.scale, 3) {
+                let motion = (0..self.q.n()).map(|i| solved.x[(i, 0)].norm() / self.scale[i]);
+                checks.push(Check {
+                    index,
+                    plain_error: solved.error,
+                    reference: complex(ports.l.as_ref()) * &solved.x,
+                    motion: motion.fold(0.0, f64::max),
+                    mix: mix.clone(),
+                    unit: self.output_units(ports),
+                });
+            }
+        }
+        checks
+    }
+
+    fn output_units(&self, ports: &Ports) -> Vec<f64> {
+        (0..ports.n_out())
+            .map(|i| {
+                let squares = (0..self.q.n()).map(|j| (ports.l[(i, j)] * self.scale[j]).powi(2));
+                squares.sum::<f64>().sqrt()
+            })
+            .collect()
+    }
+
+    fn prepare<'a>(&'a self, route: Route, ports: &'a Ports, counts: &mut Counts) -> Evaluator<'a> {
+        match (route, &self.normal, &self.real, &self.complex) {
+            (Route::RealModes, _, Some(modes), _) => real_evaluator(modes, ports, self.q.n()),
+            (Route::ComplexModes, Some(form), _, Some(modes)) => {
+                complex_evaluator(form, modes, ports, self.q.n())
+            }
+            (Route::Hessenberg, Some(form), _, _) => {
+                let state = StateSpace::new(form, ports);
+                let reduced = self.hessenberg.get_or_init(|| {
+                    counts.add("Hessenberg reductions", 1);
+                    Hessenberg::new(state.a.as_ref())
+                });
+                Evaluator::Hessenberg {
+                    reduced,
+                    cq: reduced.outputs(state.c.as_ref()),
+                    qb: reduced.inputs(state.b.as_ref()),
+                }
+            }
+            _ => self.direct(ports, 0),
+        }
+    }
+
+    fn direct<'a>(&'a self, ports: &'a Ports, refinements: usize) -> Evaluator<'a> {
+        Evaluator::Direct {
+            q: &self.q,
+            scale: &self.scale,
+            l: complex(ports.l.as_ref()),
+            f: complex(ports.f.as_ref()),
+            refinements,
+        }
+    }
+}
+
+fn real_evaluator<'a>(modes: &RealModes, ports: &Ports, keep: usize) -> Evaluator<'a> {
+    let highest = modes.lambda.iter().fold(0.0_f64, |a, l| a.max(l.abs()));
+    let kept = lowest(&modes.lambda, keep, |l| l.abs());
+    let shape = columns(&modes.shape, &kept);
+    Evaluator::Real {
+        lambda: kept.iter().map(|k| modes.lambda[*k]).collect(),
+        damping: kept.iter().map(|k| modes.damping[*k]).collect(),
+        left: &ports.l * &shape,
+        right: complex((shape.transpose() * &ports.f).as_ref()),
+        noise: 4.0 * f64::EPSILON * highest,
+    }
+}
+
+fn complex_evaluator<'a>(
+    form: &NormalForm,
+    modes: &ComplexModes,
+    ports: &Ports,
+    keep: usize,
+) -> Evaluator<'a> {
+    let state = StateSpace::new(form, ports);
+    let largest = modes.pole.iter().fold(0.0_f64, |a, s| a.max(s.norm()));
+    let kept = lowest(&modes.pole, 2 * keep, |s| s.norm());
+    let right = modes.coordinates(state.b.as_ref());
+    Evaluator::Complex {
+        pole: kept.iter().map(|k| modes.pole[*k]).collect(),
+        left: columns(&modes.outputs(state.c.as_ref()), &kept),
+        right: Mat::from_fn(kept.len(), right.ncols(), |i, j| right[(kept[i], j)]),
+        noise: 4.0 * f64::EPSILON * largest,
+        largest,
+    }
+}
+
+fn columns<T: Copy>(a: &Mat<T>, kept: &[usize]) -> Mat<T> {
+    Mat::from_fn(a.nrows(), kept.len(), |i, j| a[(i, kept[j])])
+}
+
+/// Indices of the `keep` smallest in their own order; equal sizes, such as conjugate pairs, are not cut apart.
+fn lowest<T: Copy>(values: &[T], keep: usize, size: impl Fn(T) -> f64) -> Vec<usize> {
+    let mut sizes: Vec<f64> = values.iter().map(|v| size(*v)).collect();
+    if keep >= values.len() {
+        return (0..values.len()).collect();
+    }
+    sizes.sort_by(f64::total_cmp);
+    let limit = sizes[keep - 1] * (1.0 + 1e-9);
+    (0..values.len())
+        .filter(|k| size(values[*k]) <= limit)
+        .collect()
+}
+
+/// A product that leaves infinite entries infinite instead of making NaN of inf * 0.
+fn scaled(value: c64, factor: c64) -> c64 {
+    if value.is_finite() {
+        value * factor
+    } else {
+        value
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chain(n: usize, c: impl Fn(usize) -> f64) -> Quadratic {
+        let tri = |i: usize, j: usize| match i.abs_diff(j) {
+            0 => 2.0,
+            1 => -1.0,
+            _ => 0.0,
+        };
+        let m = Mat::identity(n, n);
+        let d = Mat::from_fn(n, n, |i, j| if i == j { c(i) } else { 0.0 });
+        Quadratic::new(m, Some(d), Mat::from_fn(n, n, tri)).unwrap()
+    }
+
+    fn end_to_end(n: usize) -> Ports {
+        Ports {
+            l: Mat::from_fn(1, n, |_, j| (j + 1 == n) as u8 as f64),
+            f: Mat::from_fn(n, 1, |i, _| (i == 0) as u8 as f64),
+            order_in: vec![0],
+            order_out: 0,
+            d0: None,
+        }
+    }
+
+    #[test]
+    fn each_damping_takes_its_route_and_agrees_with_direct_solves() {
+        let omega: Vec<f64> = (0..40).map(|k| 0.05 * k as f64 + 0.01).collect();
+        let cases: [(Quadratic, Route); 3] = [
+            (chain(12, |_| 0.0), Route::RealModes),
+            (chain(12, |_| 0.03), Route::RealModes),
+            (chain(12, |i| 0.01 * i as f64), Route::ComplexModes),
+        ];
+        for (q, route) in cases {
+            let reduction = Reduction::new(q).unwrap();
+            let values = reduction
+                .evaluate(&end_to_end(12), &omega, None, &Cancel::default())
+                .unwrap();
+            assert_eq!(values.route, route);
+            let ports = end_to_end(12);
+            let direct = reduction.direct(&ports, 3);
+            for (k, w) in omega.iter().enumerate() {
+                let expected = direct.at(*w).unwrap()[(0, 0)];
+                assert!((values.h[k] - expected).norm() < 1e-11 * expected.norm().max(1e-3));
+            }
+        }
+    }
+
+    #[test]
+    fn critical_damping_falls_back_to_hessenberg() {
+        // two equal critically damped oscillators, weakly coupled through N: defective state matrix
+        let m = Mat::identity(2, 2);
+        let d = Mat::from_fn(2, 2, |i, j| if i == j { 2.0 } else { 0.0 });
+        let s = Mat::from_fn(2, 2, |i, j| [[1.0, 1e-3], [0.0, 1.0]][i][j]);
+        let reduction = Reduction::new(Quadratic::new(m, Some(d), s).unwrap()).unwrap();
+        let values = reduction
+            .evaluate(&end_to_end(2), &[0.0, 1.0], None, &Cancel::default())
+            .unwrap();
+        assert_eq!(values.route, Route::Hessenberg);
+        // triangular S: the force on x0 does not reach x1
+        assert!(values.h[1].norm() < 1e-14);
+    }
+}

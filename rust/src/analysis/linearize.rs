@@ -1,0 +1,386 @@
+//! Exact linearisation at a state, in minimal coordinates.
+//!
+//! ```text
+//! M y" + D y' + S y = 0,   X'' = B''^T X B'',   C = sym D, G = skew D, K = sym S, N = skew S
+//! ```
+//! At a moving state of a closed loop B'' changes in time; with y = B'' z,
+//! D'' = B''^T (D B'' + 2 M B''') and S'' = B''^T (S B'' + D B''' + M B''''), dots by second-order dual numbers in time.
+use nalgebra::{DMatrix, DVector};
+use num_dual::Dual2_64;
+
+use crate::error::{Error, Result};
+use crate::model::geometry::Geometry;
+use crate::run::Counts;
+use crate::spatial::{Pose, Real, Six};
+use crate::system::System;
+use crate::system::assemble::{Effects, Scene, Tangent};
+use crate::system::loops::{Loops, column_scales};
+use crate::system::placement::{Placement, State, advance, place};
+use crate::system::topology::{ConstraintRow, Level};
+
+/// A redundant combination whose second derivative is larger than this (rows and columns scaled) marks a singular pose.
+const SINGULAR_POSE: f64 = 1e-6;
+
+/// Second-order matrices in minimal coordinates: `damping` is D, `stiffness` S; None where nothing acts.
+#[derive(Debug, Clone)]
+pub struct Matrices<T: Real> {
+    pub mass: DMatrix<T>,
+    pub damping: Option<DMatrix<T>>,
+    pub stiffness: DMatrix<T>,
+}
+
+#[derive(Debug, Clone)]
+pub struct Linearization {
+    pub matrices: Matrices<f64>,
+    pub loops: Option<Loops>,
+    /// B'' on the dependent coordinates
+    pub dependent_map: Option<DMatrix<f64>>,
+    pub lam: Vec<f64>,
+    /// generalised force that is not balanced, minimal coordinates
+    pub residual: DVector<f64>,
+    /// acceleration of the tree coordinates at z" = 0
+    pub acceleration: Option<Vec<f64>>,
+    /// 6 n_bodies x dof: twist of each body's origin, world axes, bodies in the order of the model
+    pub body_map: DMatrix<f64>,
+    /// (dof, 6): momentum of a common rigid motion about the world origin
+    pub ground_coupling: DMatrix<f64>,
+    /// the size of all forces at work, moments over the characteristic length, times that length
+    pub force_scale: f64,
+}
+
+/// Rows of tree coordinates to minimal ones, B''^T X.
+pub(super) fn reduce_rows<T: Real>(
+    x: DMatrix<T>,
+    loops: Option<(&Loops, &DMatrix<T>)>,
+) -> DMatrix<T> {
+    match loops {
+        None => x,
+        Some((l, b)) => {
+            let pick =
+                |rows: &[usize]| DMatrix::from_fn(rows.len(), x.ncols(), |i, j| x[(rows[i], j)]);
+            pick(&l.independent) + b.transpose() * pick(&l.dependent)
+        }
+    }
+}
+
+fn force_scale(scene: &Scene<'_, f64>, length: f64) -> f64 {
+    let size = |w: &Six<f64>| w.l.norm() * length + w.a.norm();
+    scene.body_wrenches(None).iter().map(size).sum::<f64>() + scene.connector_sizes(length)
+}
+
+impl Linearization {
+    /// Tree increments of minimal ones.
+    pub fn expand(&self, z: DVector<f64>) -> Result<DVector<f64>> {
+        let n = self.matrices.mass.nrows();
+        if z.len() != n || z.iter().any(|v| !v.is_finite()) {
+            return Err(Error::model(format!(
+                "{n} finite increments are needed, {} were given",
+                z.len()
+            )));
+        }
+        Ok(match (&self.loops, &self.dependent_map) {
+            (Some(l), Some(b)) => l.expand(b, &z),
+            _ => z,
+        })
+    }
+
+    /// Indices of the minimal coordinates among the tree coordinates.
+    pub fn coordinates(&self, n_tree: usize) -> Vec<usize> {
+        self.loops
+            .as_ref()
+            .map_or_else(|| (0..n_tree).collect(), |l| l.independent.clone())
+    }
+}
+
+pub struct Setting<'a> {
+    pub system: &'a System,
+    pub state: &'a State,
+    pub effects: Effects,
+}
+
+impl Setting<'_> {
+    pub(super) fn rate<T: Real>(&self) -> Option<Vec<T>> {
+        self.state
+            .moving()
+            .then(|| self.state.rate.iter().map(|r| T::from(*r)).collect())
+    }
+}
+
+/// B''' and B'''' along the motion.
+pub(super) struct Turning {
+    first: DMatrix<f64>,
+    second: DMatrix<f64>,
+}
+
+pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Linearization> {
+    let system = setting.system;
+    let topology = &*system.topology;
+    let rate = setting.rate::<f64>();
+    let placement = place(
+        topology,
+        &system.geometry,
+        &setting.state.relative,
+        rate.as_deref(),
+    );
+    let mut scene = Scene {
+        topology,
+        geometry: &system.geometry,
+        x: &system.x,
+        memory: &[],
+        placement: &placement,
+        rate: rate.as_deref(),
+        acceleration: None,
+        effects: setting.effects,
+    };
+    check_velocity_rows(setting)?;
+    let (_, jacobian) = scene.constraints();
+    let loops = Loops::analyse(system, &jacobian)?;
+    if loops.is_some() {
+        counts.add("loop factorisations", 1);
+    }
+    let b = loops.as_ref().map(|l| l.dependent_map(&jacobian));
+    if let (Some(l), Some(b)) = (&loops, &b) {
+        check_pose(system, &scene, l, b)?;
+    }
+    let turning = match (&loops, &rate) {
+        (Some(l), Some(rate)) => Some(turning(setting, l, rate)),
+        _ => None,
+    };
+    let acceleration =
+        turning
+            .as_ref()
+            .zip(loops.as_ref())
+            .zip(rate.as_ref())
+            .map(|((t, l), rate)| {
+                let z = DVector::from_fn(l.independent.len(), |k, _| rate[l.independent[k]]);
+                let mut y = vec![0.0; topology.dofs.len()];
+                for (k, v) in (&t.first * z).iter().enumerate() {
+                    y[l.dependent[k]] = *v;
+                }
+                y
+            });
+    scene.acceleration = acceleration.as_deref();
+    let tau = scene.residual(None);
+    let lam = loops
+        .as_ref()
+        .map_or_else(|| DVector::zeros(0), |l| l.multipliers(&jacobian, &tau));
+    let tangent = scene.tangent(Some(lam.as_slice()), counts);
+    let (matrices, residual) = match (&loops, &b) {
+        (Some(l), Some(b)) => (
+            reduce(&tangent, l, b, turning.as_ref()),
+            l.reduce_vector(&tau, b),
+        ),
+        _ => (unreduced(tangent), tau),
+    };
+    let body_map = body_map(
+        system,
+        &system.geometry,
+        &placement,
+        loops.as_ref().zip(b.as_ref()),
+    );
+    let ground_coupling = reduce_rows(scene.ground_coupling(), loops.as_ref().zip(b.as_ref()));
+    let force_scale = force_scale(&scene, system.length);
+    Ok(Linearization {
+        matrices,
+        dependent_map: b,
+        lam: lam.as_slice().to_vec(),
+        residual,
+        acceleration,
+        body_map,
+        ground_coupling,
+        force_scale,
+        loops,
+    })
+}
+
+fn total_damping<T: Real>(tangent: &Tangent<T>) -> Option<DMatrix<T>> {
+    match (&tangent.damping, &tangent.gyroscopic) {
+        (Some(c), Some(g)) => Some(c + g),
+        (Some(d), None) | (None, Some(d)) => Some(d.clone()),
+        (None, None) => None,
+    }
+}
+
+pub(super) fn unreduced<T: Real>(tangent: Tangent<T>) -> Matrices<T> {
+    let damping = total_damping(&tangent);
+    Matrices {
+        mass: tangent.mass,
+        damping,
+        stiffness: tangent.stiffness,
+    }
+}
+
+pub(super) fn reduce<T: Real>(
+    tangent: &Tangent<T>,
+    loops: &Loops,
+    b: &DMatrix<T>,
+    turning: Option<&Turning>,
+) -> Matrices<T> {
+    let total = total_damping(tangent);
+    let mut damping = total.as_ref().map(|d| loops.reduce(d, b));
+    let mut stiffness = loops.reduce(&tangent.stiffness, b);
+    if let Some(turning) = turning {
+        // columns of M and D on the dependent coordinates, where alone B'' changes
+        let project = |x: &DMatrix<T>, w: &DMatrix<f64>| {
+            let columns = DMatrix::from_fn(x.nrows(), loops.dependent.len(), |i, k| {
+                x[(i, loops.dependent[k])]
+            });
+            let full = columns * w.map(T::from);
+            let mut out = DMatrix::zeros(loops.independent.len(), full.ncols());
+            for j in 0..full.ncols() {
+                out.set_column(j, &loops.reduce_vector(&full.column(j).into_owned(), b));
+            }
+            out
+        };
+        let mass_first = project(&tangent.mass, &turning.first) * T::from(2.0);
+        stiffness += project(&tangent.mass, &turning.second);
+        if let Some(d) = &total {
+            stiffness += project(d, &turning.first);
+        }
+        damping = Some(damping.map_or_else(|| mass_first.clone(), |d| d + &mass_first));
+    }
+    Matrices {
+        mass: loops.reduce(&tangent.mass, b),
+        damping,
+        stiffness,
+    }
+}
+
+fn turning(setting: &Setting<'_>, loops: &Loops, rate: &[f64]) -> Turning {
+    let first = turning_pass(setting, loops, rate, None).0;
+    let z = DVector::from_fn(loops.independent.len(), |k, _| rate[loops.independent[k]]);
+    let mut acceleration = vec![0.0; rate.len()];
+    for (k, v) in (&first * z).iter().enumerate() {
+        acceleration[loops.dependent[k]] = *v;
+    }
+    let (first, second) = turning_pass(setting, loops, rate, Some(&acceleration));
+    Turning { first, second }
+}
+
+fn turning_pass(
+    setting: &Setting<'_>,
+    loops: &Loops,
+    rate: &[f64],
+    acceleration: Option<&[f64]>,
+) -> (DMatrix<f64>, DMatrix<f64>) {
+    let system = setting.system;
+    let x: Vec<Dual2_64> = system.x.iter().map(|v| Dual2_64::from(*v)).collect();
+    let geometry = Geometry::derive(&system.topology.tables, &x);
+    let mut relative: Vec<Pose<Dual2_64>> = setting
+        .state
+        .relative
+        .iter()
+        .map(Pose::<f64>::lifted)
+        .collect();
+    let dy: Vec<_> = (0..rate.len())
+        .map(|i| Dual2_64::new(0.0, rate[i], acceleration.map_or(0.0, |a| a[i])))
+        .collect();
+    advance(&system.topology, &mut relative, &dy);
+    let placement = place(&system.topology, &geometry, &relative, None);
+    let scene = Scene {
+        topology: &system.topology,
+        geometry: &geometry,
+        x: &x,
+        memory: &[],
+        placement: &placement,
+        rate: None,
+        acceleration: None,
+        effects: setting.effects,
+    };
+    let b = loops.dependent_map(&scene.constraints().1);
+    (b.map(|v| v.v1), b.map(|v| v.v2))
+}
+
+/// At rest a velocity row takes one freedom and leaves its displacement as a constant (a root at zero that is not reported).
+/// In motion that displacement turns B'', which minimal coordinates alone do not hold.
+fn check_velocity_rows(setting: &Setting<'_>) -> Result<()> {
+    let topology = &setting.system.topology;
+    let velocity = |r: &&ConstraintRow| r.level == Level::Velocity;
+    match topology.rows.iter().find(velocity) {
+        Some(row) if setting.state.moving() => Err(Error::model(format!(
+            "joint '{}' constrains velocities, and a model with such joints is linearised at rest only; linearise an equilibrium, set the \
+             bodies' velocities to zero, or follow the motion in time",
+            topology.tables.joints[row.joint].name
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Redundant rows that agree to first order but not to second: the pose where a mechanism may change its mobility.
+fn check_pose(
+    system: &System,
+    scene: &Scene<'_, f64>,
+    loops: &Loops,
+    b: &DMatrix<f64>,
+) -> Result<()> {
+    let n = system.n_tree();
+    let scale = column_scales(&system.topology, system.length);
+    for k in 0..loops.redundant.ncols() {
+        let lam: Vec<f64> = loops
+            .redundant
+            .column(k)
+            .iter()
+            .zip(&loops.row_scale)
+            .map(|(v, s)| v * s)
+            .collect();
+        let mut curvature = DMatrix::zeros(n, n);
+        scene.add_multiplier_stiffness(&lam, &mut curvature, &mut Counts::default());
+        let reduced = loops.reduce(&curvature, b);
+        let sym = DMatrix::from_fn(reduced.nrows(), reduced.ncols(), |i, j| {
+            0.5 * (reduced[(i, j)] + reduced[(j, i)])
+                * scale[loops.independent[i]]
+                * scale[loops.independent[j]]
+        });
+        let size = sym.amax();
+        if size > SINGULAR_POSE {
+            let worst = lam
+                .iter()
+                .enumerate()
+                .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+                .map_or(0, |(i, _)| i);
+            let joint = &system.topology.tables.joints[system.topology.rows[worst].joint].name;
+            return Err(Error::singular(format!(
+                "the mechanism is in a singular pose: around the loop through joint '{joint}' the constraints lose rank here, where its \
+                 mobility changes (second-order mismatch {size:.1e}); draw it slightly off this pose, or add what decides its branch"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Twist of each body's origin per minimal coordinate, world axes.
+pub fn body_map<T: Real>(
+    system: &System,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    loops: Option<(&Loops, &DMatrix<T>)>,
+) -> DMatrix<T> {
+    let topology = &*system.topology;
+    let n = topology.dofs.len();
+    let mut map = DMatrix::zeros(6 * topology.nodes.len(), n);
+    for (i, node) in topology.nodes.iter().enumerate() {
+        let pose = &placement.pose[i];
+        let origin = pose.p - pose.r * geometry.bodies[node.body].com;
+        let mut at = Some(i);
+        while let Some(k) = at {
+            let inner = &topology.nodes[k];
+            let arm = origin - placement.pose[k].p;
+            for d in inner.first..inner.first + inner.n {
+                let s: Six<T> = placement.column[d].motion_at(&arm);
+                for r in 0..6 {
+                    map[(6 * node.body + r, d)] = s.get(r);
+                }
+            }
+            at = inner.parent;
+        }
+    }
+    match loops {
+        None => map,
+        Some((l, b)) => {
+            let pick = |columns: &[usize]| {
+                DMatrix::from_fn(map.nrows(), columns.len(), |i, j| map[(i, columns[j])])
+            };
+            pick(&l.independent) + pick(&l.dependent) * b
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! Modes of `(s^2 M + s (C + G) + K + N) phi = 0` with dense matrices: n modes of n degrees of freedom, always.
+//!
+//! The route is the cheapest stable one: a symmetric eigenproblem without damping or with damping that the undamped
+//! modes diagonalise, a Hermitian one for conservative gyroscopic systems, else a general one on a state matrix in energy
+//! coordinates. All routes work on the matrices scaled to unit masses and hand over `RawMode`s, which `finish` orders,
+//! groups, normalises and judges.
+mod finish;
+mod general;
+mod pairing;
+mod quality;
+mod refine;
+mod rigid;
+mod state;
+mod subspace;
+mod symmetric;
+
+use faer::Mat;
+
+use crate::error::Result;
+use crate::linalg::dense::{C, cholesky};
+use crate::run::Counts;
+use crate::second_order::{SecondOrder, massless};
+
+use quality::Correction;
+pub use subspace::largest_component;
+
+/// What a mode is. The list is closed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// s = 0: nothing holds it.
+    Rigid,
+    /// A complex pair with Re s <= 0.
+    Vibration,
+    /// Two real roots, none of them positive.
+    Overdamped,
+    /// A complex pair with Re s > 0.
+    Flutter,
+    /// Two real roots, one of them positive.
+    Divergence,
+}
+
+impl Kind {
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Rigid => "rigid",
+            Kind::Vibration => "vibration",
+            Kind::Overdamped => "overdamped",
+            Kind::Flutter => "flutter",
+            Kind::Divergence => "divergence",
+        }
+    }
+}
+
+/// Modes in ascending |s|.
+#[derive(Debug, Clone)]
+pub struct Modal {
+    /// Of a complex pair the root with Im > 0, of two real roots the larger one.
+    pub s: Vec<C>,
+    /// The other root of each pair.
+    pub partner: Vec<C>,
+    pub shape: Mat<C>,
+    /// Left vectors, `psi^T Q(s) = 0`; None where they equal the shapes.
+    pub left: Option<Mat<C>>,
+    /// Shapes (and left vectors) of those partners that are real roots with a shape of their own: mode and column.
+    pub partner_mode: Vec<usize>,
+    pub partner_shape: Mat<C>,
+    pub partner_left: Option<Mat<C>>,
+    pub kind: Vec<Kind>,
+    pub near_defective: Vec<bool>,
+    /// Groups of repeated roots: first mode and number of modes.
+    pub groups: Vec<(usize, usize)>,
+    pub backward_error: Vec<f64>,
+    pub condition: Vec<f64>,
+    pub error: Vec<f64>,
+    pub route: &'static str,
+    pub counts: Counts,
+}
+
+/// A mode as the routes find it: coordinates scaled to unit mass, any normalisation.
+pub(crate) struct RawMode {
+    pub s: C,
+    pub partner: C,
+    pub x: Vec<C>,
+    /// None where it equals x.
+    pub y: Option<Vec<C>>,
+    /// None where it is the conjugate of x.
+    pub partner_x: Option<Vec<C>>,
+    pub partner_y: Option<Vec<C>>,
+    pub rigid: bool,
+    /// Relative error of s where the route knows better than the residual of the assembled matrices: (error, condition).
+    pub known: Option<(f64, f64)>,
+}
+
+pub(crate) struct Raw {
+    pub modes: Vec<RawMode>,
+    pub route: &'static str,
+    /// False where the two roots of every pair are known to be apart or the pair cannot be defective.
+    pub may_be_defective: bool,
+    pub correction: Correction,
+}
+
+/// All modes of a dense system. O(n^3).
+pub fn modes(system: &SecondOrder) -> Result<Modal> {
+    let (system, d) = system.scaled()?;
+    let mut counts = Counts::default();
+    counts.add("cholesky factorisations", 1);
+    let l = cholesky(system.m.as_ref()).map_err(massless)?;
+    let raw = solve(&system, &l, &mut counts)?;
+    finish::finish(&system, &d, raw, counts)
+}
+
+fn solve(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<Raw> {
+    if system.is_symmetric() {
+        match symmetric::solve(system, l, counts)? {
+            Some(raw) => return Ok(raw),
+            None => counts.add("proportionality tests failed", 1),
+        }
+    }
+    general::solve(system, l, counts)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,219 @@
+//! How good each pair is: backward error, condition, first-order error, distance from a defective root.
+use faer::prelude::*;
+use faer::{Mat, MatRef};
+
+use crate::linalg::dense::{C, EPS, absolute, dot, frobenius, modulus, real_times};
+use crate::second_order::SecondOrder;
+
+/// |psi^T Q'(s) phi| relative to its terms, below which a root counts as near-defective: two roots of one mode then agree
+/// to about this, and a damping ratio is within about its square of one.
+pub const NEAR_DEFECTIVE: f64 = 1e-6;
+
+/// Q(s) = s^2 m + s d + k with the norms that backward errors refer to.
+pub struct Terms {
+    pub m: Mat<f64>,
+    pub d: Option<Mat<f64>>,
+    pub k: Mat<f64>,
+    norms: [f64; 3],
+}
+
+impl Terms {
+    pub fn new(system: &SecondOrder) -> Self {
+        let (m, d, k) = (system.m.clone(), system.velocity(), system.position());
+        let norms = [
+            frobenius(m.as_ref()),
+            d.as_ref().map_or(0.0, |d| frobenius(d.as_ref())),
+            frobenius(k.as_ref()),
+        ];
+        Terms { m, d, k, norms }
+    }
+
+    /// |s|^2 |M| + |s| |D| + |S| in the Frobenius norm.
+    fn norm(&self, s: f64) -> f64 {
+        s * s * self.norms[0] + s * self.norms[1] + self.norms[2]
+    }
+
+    /// Q(s), or its transpose.
+    pub fn dynamic(&self, s: C, transposed: bool) -> Mat<C> {
+        let n = self.m.nrows();
+        Mat::from_fn(n, n, |i, j| {
+            let (i, j) = if transposed { (j, i) } else { (i, j) };
+            let damping = self.d.as_ref().map_or(C::ZERO, |d| s * d[(i, j)]);
+            s * s * self.m[(i, j)] + damping + self.k[(i, j)]
+        })
+    }
+
+    /// The products of m, d and k (transposed where asked) with the columns of x.
+    fn products(&self, x: MatRef<'_, C>, transposed: bool) -> Products {
+        let turn = |a: &Mat<f64>| {
+            if transposed {
+                real_times(a.transpose(), x)
+            } else {
+                real_times(a.as_ref(), x)
+            }
+        };
+        Products {
+            m: turn(&self.m),
+            d: self.d.as_ref().map(turn),
+            k: turn(&self.k),
+        }
+    }
+}
+
+struct Products {
+    m: Mat<C>,
+    d: Option<Mat<C>>,
+    k: Mat<C>,
+}
+
+impl Products {
+    fn residual(&self, s: C, i: usize, j: usize) -> C {
+        let damping = self.d.as_ref().map_or(C::ZERO, |d| s * d[(i, j)]);
+        s * s * self.m[(i, j)] + damping + self.k[(i, j)]
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+pub struct Quality {
+    /// |Q(s) x| / ((|s|^2 |M| + |s| |D| + |S|) |x|), the larger of right and left.
+    pub backward: f64,
+    /// Relative change of s for a relative change of every matrix entry.
+    pub condition: f64,
+    /// First-order relative error of s by this residual, and what rounding may hide in it.
+    pub error: f64,
+    /// psi^T Q(s) phi and psi^T Q'(s) phi.
+    pub defect: C,
+    pub denominator: C,
+    /// Absolute distance within which another root cannot be told from this one.
+    pub tolerance: f64,
+    /// |psi^T Q'(s) phi| relative to the sum of its terms' moduli.
+    pub separation: f64,
+}
+
+/// Share of EPS that the rounding of a residual usually leaves in each of its terms.
+const ROUNDING: f64 = 0.25 * EPS;
+const BLUR: f64 = 16.0 * EPS;
+/// Roots further apart than this are never called repeated, however badly conditioned they are.
+const CLOSEST: f64 = 1e-8;
+
+/// How an evaluation may move the roots by their first-order error y^T Q(s) x / y^T Q'(s) x, which it computes anyway.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Correction {
+    None,
+    /// Real roots stay real.
+    Any,
+    /// Roots are known to be imaginary.
+    Imaginary,
+}
+
+pub fn evaluate(
+    terms: &Terms,
+    s: &mut [C],
+    x: MatRef<'_, C>,
+    y: Option<MatRef<'_, C>>,
+    correction: Correction,
+) -> Vec<Quality> {
+    let products = terms.products(x, false);
+    let left = y.map(|y| (y, terms.products(y, true)));
+    let size = modulus(x);
+    let moduli = [
+        absolute(terms.m.as_ref()) * &size,
+        terms
+            .d
+            .as_ref()
+            .map_or_else(|| Mat::zeros(0, 0), |d| absolute(d.as_ref()) * &size),
+        absolute(terms.k.as_ref()) * &size,
+    ];
+    let mut all = Vec::with_capacity(s.len());
+    for (j, s) in s.iter_mut().enumerate() {
+        let (x, y) = (x.col(j), left.as_ref().map_or(x, |(y, _)| *y).col(j));
+        let judged = |s: C| judge(terms, s, j, &products, &moduli, x, y);
+        let mut quality = judged(*s);
+        if let Some(better) = corrected(*s, &quality, correction) {
+            *s = better;
+            quality = judged(better);
+        }
+        if let Some((y, products)) = &left {
+            let backward = backward_error(terms, *s, j, products, y.col(j));
+            quality.backward = quality.backward.max(backward);
+        }
+        all.push(quality);
+    }
+    all
+}
+
+fn corrected(s: C, quality: &Quality, correction: Correction) -> Option<C> {
+    // larger steps are no corrections, and near a double root the first order says nothing
+    const LARGEST: f64 = 1e-3;
+    const SEPARATED: f64 = 1e-4;
+    if correction == Correction::None || quality.separation < SEPARATED {
+        return None;
+    }
+    let mut step = quality.defect / quality.denominator;
+    match correction {
+        Correction::Imaginary => step.re = 0.0,
+        _ if s.im == 0.0 => step.im = 0.0,
+        _ => {}
+    }
+    (step.norm() > 0.0 && step.norm() < LARGEST * s.norm()).then(|| s - step)
+}
+
+fn backward_error(terms: &Terms, s: C, j: usize, products: &Products, x: ColRef<'_, C>) -> f64 {
+    let n = x.nrows();
+    let residual: f64 = (0..n).map(|i| products.residual(s, i, j).norm_sqr()).sum();
+    let scale = terms.norm(s.norm()) * x.norm_l2();
+    if scale > 0.0 {
+        residual.sqrt() / scale
+    } else {
+        0.0
+    }
+}
+
+fn judge(
+    terms: &Terms,
+    s: C,
+    j: usize,
+    products: &Products,
+    moduli: &[Mat<f64>; 3],
+    x: ColRef<'_, C>,
+    y: ColRef<'_, C>,
+) -> Quality {
+    let r = s.norm();
+    let mut denominator = 2.0 * s * dot(y, products.m.col(j));
+    if let Some(d) = &products.d {
+        denominator += dot(y, d.col(j));
+    }
+    let (mut defect, mut spread, mut slope) = (C::ZERO, 0.0, 0.0);
+    for i in 0..x.nrows() {
+        let (left, m, k) = (y[i].norm(), moduli[0][(i, j)], moduli[2][(i, j)]);
+        let d = if products.d.is_some() {
+            moduli[1][(i, j)]
+        } else {
+            0.0
+        };
+        defect += y[i] * products.residual(s, i, j);
+        spread += left * (r * r * m + r * d + k);
+        slope += left * (2.0 * r * m + d);
+    }
+    let scale = r * denominator.norm();
+    let relative = |v: f64| if v > 0.0 { v / scale } else { 0.0 };
+    let normwise = relative(terms.norm(r) * x.norm_l2() * y.norm_l2());
+    let condition = relative(spread);
+    let residual = defect.norm() + ROUNDING * spread;
+    // where two roots almost meet, s moves like the square root of the residual, with Q'' = 2 M
+    let curvature = r * r * dot(y, products.m.col(j)).norm();
+    let error = relative(residual).min((residual / curvature).sqrt());
+    Quality {
+        backward: backward_error(terms, s, j, products, x),
+        condition,
+        error,
+        defect,
+        denominator,
+        tolerance: r * (error + BLUR * normwise).min(CLOSEST),
+        separation: if slope > 0.0 {
+            denominator.norm() / slope
+        } else {
+            0.0
+        },
+    }
+}

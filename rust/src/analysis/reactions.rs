@@ -1,0 +1,110 @@
+//! Reactions of all joints at a state: wrenches on the second body at the joint's point, world axes.
+//!
+//! Redundant joints share their forces in a way that rigid bodies do not decide: of all distributions in balance this is the one
+//! of minimum norm over all joints, moments divided by the characteristic length.
+use nalgebra::{DMatrix, DVector};
+
+use crate::analysis::assembly::minimum_norm;
+use crate::analysis::linearize::{Linearization, Setting};
+use crate::error::Result;
+use crate::spatial::Six;
+use crate::system::System;
+use crate::system::assemble::Scene;
+use crate::system::connector::{Wanted, constraint_interaction};
+use crate::system::placement::{Placement, marker_pose, place};
+
+/// Per joint of the model: force and moment.
+pub fn reactions(setting: &Setting<'_>, base: &Linearization) -> Result<Vec<Six<f64>>> {
+    let system = setting.system;
+    let rate = setting.state.moving().then(|| setting.state.rate.clone());
+    let placement = place(
+        &system.topology,
+        &system.geometry,
+        &setting.state.relative,
+        rate.as_deref(),
+    );
+    let scene = Scene {
+        topology: &system.topology,
+        geometry: &system.geometry,
+        x: &system.x,
+        memory: &[],
+        placement: &placement,
+        rate: rate.as_deref(),
+        acceleration: base.acceleration.as_deref(),
+        effects: setting.effects,
+    };
+    let mut all = joint_wrenches(
+        system,
+        &scene,
+        &placement,
+        scene.body_wrenches(Some(&base.lam)),
+        &base.lam,
+    );
+    let Some(loops) = base.loops.as_ref().filter(|l| l.redundant.ncols() > 0) else {
+        return Ok(all);
+    };
+    let states: Vec<Vec<Six<f64>>> = (0..loops.redundant.ncols())
+        .map(|k| {
+            let lam: Vec<f64> = loops
+                .redundant
+                .column(k)
+                .iter()
+                .zip(&loops.row_scale)
+                .map(|(v, s)| v * s)
+                .collect();
+            joint_wrenches(
+                system,
+                &scene,
+                &placement,
+                scene.multiplier_wrenches(&lam),
+                &lam,
+            )
+        })
+        .collect();
+    let entry = |w: &[Six<f64>], i: usize| {
+        w[i / 6].get(i % 6) / if i % 6 < 3 { 1.0 } else { system.length }
+    };
+    let n = 6 * all.len();
+    let m = DMatrix::from_fn(n, states.len(), |i, k| entry(&states[k], i));
+    let alpha = minimum_norm(&m, &DVector::from_fn(n, |i, _| -entry(&all, i)))?;
+    for (k, state) in states.iter().enumerate() {
+        for (w, s) in all.iter_mut().zip(state) {
+            *w += s.scaled(alpha[k]);
+        }
+    }
+    Ok(all)
+}
+
+fn joint_wrenches(
+    system: &System,
+    scene: &Scene<'_, f64>,
+    placement: &Placement<f64>,
+    sums: Vec<Six<f64>>,
+    lam: &[f64],
+) -> Vec<Six<f64>> {
+    let topology = &*system.topology;
+    let subtree = scene.subtree_wrenches(sums);
+    let mut all = vec![Six::zero(); topology.tables.joints.len()];
+    let point = |joint: usize| {
+        marker_pose(
+            topology,
+            &placement.pose,
+            topology.tables.joints[joint].b,
+            &system.geometry.joints[joint].b,
+        )
+        .p
+    };
+    for (i, node) in topology.nodes.iter().enumerate() {
+        if let Some(j) = node.joint {
+            let w = subtree[i].wrench_at(&(point(j) - placement.pose[i].p));
+            all[j] = if node.reversed { -w } else { w };
+        }
+    }
+    let wanted = Wanted::FORCES;
+    for (joint, rows) in scene.cut_multipliers(lam) {
+        all[joint] =
+            constraint_interaction(topology, &system.geometry, placement, joint, &rows, wanted)
+                .wrench;
+    }
+    all
+}

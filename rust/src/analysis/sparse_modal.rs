@@ -1,0 +1,337 @@
+//! The n lowest modes of large sparse systems by shift-invert: K x = lambda M x, symmetric.
+//!
+//! The basis comes from a block Krylov space, completeness is shown by inertia counts, residuals are computed anew.
+use faer::{Mat, MatRef};
+
+use super::sparse_pencil::{Pencil, ShiftInvert};
+use crate::error::{Error, Result};
+use crate::linalg::krylov::{Operator, Options, Ritz, Space};
+use crate::linalg::sparse::Csc;
+use crate::run::{Cancel, Counts};
+
+/// Share of eps |K|/|M| that the rounding of an assembled K moves its eigenvalues by, typical of chains (measured).
+const ENTRY_NOISE: f64 = 0.05;
+/// Rounding of a sum of some ten thousand positive energies.
+const ROUNDING: f64 = 1e-14;
+/// Largest system of which the whole operator is formed where nearly all modes are wanted.
+const LARGEST_DENSE: usize = 2000;
+
+pub struct SymmetricModes {
+    /// lambda = omega^2, ascending; rigid ones exactly zero
+    pub lambda: Vec<f64>,
+    /// mass-normalised
+    pub shape: Mat<f64>,
+    /// |phi - (lambda - sigma) Op phi| in the mass norm: a bound of the relative error of lambda - sigma
+    pub residual: Vec<f64>,
+    /// estimated relative error of lambda; for rigid modes the absolute one, below which lambda cannot be told from zero
+    pub error: Vec<f64>,
+    pub rigid: usize,
+    pub sigma: f64,
+    /// a shift that would resolve modes which lie too close to zero for this one
+    softer: Option<f64>,
+    /// how it was made sure that no mode is missing: "inertia", "random restart" or "unverified"
+    pub verified: &'static str,
+    pub counts: Counts,
+}
+
+/// The `wanted` modes nearest to the shift, by default the lowest.
+pub fn lowest(
+    pencil: &impl Pencil,
+    wanted: usize,
+    sigma: Option<f64>,
+    cancel: &Cancel,
+) -> Result<SymmetricModes> {
+    if wanted == 0 || wanted > pencil.dim() {
+        return Err(Error::model(format!(
+            "n = {wanted} modes were asked for; the system has {} coordinates",
+            pencil.dim()
+        )));
+    }
+    let mut counts = Counts::default();
+    let mut modes = around(
+        pencil,
+        wanted,
+        start(pencil, wanted, sigma, &mut counts, cancel)?,
+        cancel,
+    )?;
+    counts.merge(&modes.counts);
+    for _ in 0..4 {
+        let Some(softer) = modes.softer.filter(|_| sigma.is_none()) else {
+            break;
+        };
+        counts.add("factorisations", 1);
+        modes = around(pencil, wanted, (pencil.shifted(softer)?, softer), cancel)?;
+        counts.merge(&modes.counts);
+    }
+    modes.counts = counts;
+    Ok(modes)
+}
+
+fn around(
+    pencil: &impl Pencil,
+    wanted: usize,
+    shift: (ShiftInvert<'_>, f64),
+    cancel: &Cancel,
+) -> Result<SymmetricModes> {
+    let (op, sigma) = shift;
+    let mut counts = Counts::default();
+    let options = Options::new(wanted, true);
+    if is_small(pencil, &options) {
+        counts.add("dense eigensolutions", 1);
+        let (theta, x) = every(pencil, &op, wanted)?;
+        let mut modes = finish(pencil, &op, x, &theta, sigma)?;
+        (modes.verified, modes.counts) = ("all computed", counts);
+        return Ok(modes);
+    }
+    let mut space = Space::new(&op, options)?;
+    let mut ritz = space.converge(cancel)?;
+    let mut verified = "unverified";
+    for _ in 0..5 {
+        match missed(pencil, &ritz, wanted, sigma, &mut counts) {
+            Some(false) => {
+                verified = "inertia";
+                break;
+            }
+            Some(true) => {
+                space.restart_afresh(&ritz, wanted)?;
+                ritz = space.converge(cancel)?;
+            }
+            None => {
+                let known: Vec<f64> = ritz.value.iter().take(wanted).map(|v| v.re).collect();
+                space.restart_afresh(&ritz, wanted)?;
+                ritz = space.probe(cancel)?;
+                let same = |(a, b): (&f64, &faer::c64)| (a - b.re).abs() <= 1e-9 * a.abs();
+                if known.iter().zip(&ritz.value).all(same) {
+                    verified = "random restart";
+                    break;
+                }
+                ritz = space.converge(cancel)?;
+            }
+        }
+    }
+    counts.merge(&space.counts);
+    let theta: Vec<f64> = ritz.value.iter().take(wanted).map(|v| v.re).collect();
+    let mut modes = finish(
+        pencil,
+        &op,
+        space.real_vectors(&ritz, wanted),
+        &theta,
+        sigma,
+    )?;
+    modes.verified = verified;
+    modes.counts = counts;
+    Ok(modes)
+}
+
+/// A Krylov basis would exhaust the space: then the operator is taken whole.
+fn is_small(pencil: &impl Pencil, options: &Options) -> bool {
+    pencil.free_dim() < options.dim + 3 * options.block
+}
+
+/// All eigenpairs of L^T Op L^-T, of which the `wanted` largest are returned.
+fn every(
+    pencil: &impl Pencil,
+    op: &ShiftInvert<'_>,
+    wanted: usize,
+) -> Result<(Vec<f64>, Mat<f64>)> {
+    let n = pencil.dim();
+    if n > LARGEST_DENSE {
+        return Err(Error::model(format!(
+            "{wanted} modes were asked for and about {} exist among {n} coordinates: use minimal coordinates",
+            pencil.free_dim()
+        )));
+    }
+    let m = Mat::from_fn(n, n, |i, j| pencil.mass().get(i, j));
+    let l = m
+        .llt(faer::Side::Lower)
+        .map_err(|_| Error::singular("the mass matrix is not positive definite"))?;
+    let l = l.L();
+    // Op L^-T = A^-1 L restricted to the coordinates
+    let mut columns = Mat::<f64>::identity(n, n);
+    l.transpose().solve_upper_triangular_in_place(&mut columns);
+    let mut x = Mat::zeros(n, n);
+    op.apply(columns.as_ref(), x.as_mut())?;
+    let b = l.transpose() * &x;
+    if !crate::linalg::quadratic::is_finite(b.as_ref()) {
+        return Err(Error::singular(
+            "the shifted matrix is singular; use another shift sigma",
+        ));
+    }
+    let symmetric = Mat::from_fn(n, n, |i, j| 0.5 * (b[(i, j)] + b[(j, i)]));
+    let eigen = symmetric
+        .self_adjoint_eigen(faer::Side::Lower)
+        .map_err(|_| Error::singular("the dense eigenproblem did not converge"))?;
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|a, b| eigen.S()[*b].abs().total_cmp(&eigen.S()[*a].abs()));
+    let largest = order.first().map_or(0.0, |k| eigen.S()[*k].abs());
+    // constraints leave exact zeros, which rounding blurs
+    order.retain(|k| eigen.S()[*k].abs() > 1e-13 * largest);
+    if order.len() < wanted {
+        return Err(Error::model(format!(
+            "n = {wanted} modes were asked for, but the constraints leave {}",
+            order.len()
+        )));
+    }
+    order.truncate(wanted);
+    let mut shape = Mat::from_fn(n, wanted, |i, j| eigen.U()[(i, order[j])]);
+    l.transpose().solve_upper_triangular_in_place(&mut shape);
+    Ok((order.iter().map(|k| eigen.S()[*k]).collect(), shape))
+}
+
+fn start<'a>(
+    pencil: &'a impl Pencil,
+    wanted: usize,
+    sigma: Option<f64>,
+    counts: &mut Counts,
+    cancel: &Cancel,
+) -> Result<(ShiftInvert<'a>, f64)> {
+    counts.add("factorisations", 1);
+    if let Some(sigma) = sigma {
+        if !sigma.is_finite() {
+            return Err(Error::model(format!("sigma = {sigma} is not finite")));
+        }
+        return Ok((pencil.shifted(sigma)?, sigma));
+    }
+    if let Some(op) = pencil.shifted_at_zero()? {
+        return Ok((op, 0.0));
+    }
+    // free or nearly so: a negative shift between the first elastic eigenvalue and the last wanted one, found from coarse
+    // Ritz values; these lie too high, so the shift only ever comes down
+    let mut sigma = -1e-4 * pencil.scale();
+    if is_small(pencil, &Options::new(wanted, true)) {
+        return Ok((pencil.shifted(sigma)?, sigma));
+    }
+    for _ in 0..12 {
+        counts.add("factorisations", 1);
+        let op = pencil.shifted(sigma)?;
+        let options = Options::new(wanted, true);
+        let coarse = Options {
+            dim: (wanted + 2 * options.block).div_ceil(options.block) * options.block,
+            ..options
+        };
+        let mut space = Space::new(&op, coarse)?;
+        let ritz = space.cycle(cancel)?;
+        counts.merge(&space.counts);
+        let elastic = ritz
+            .value
+            .iter()
+            .filter(|theta| theta.re > 0.0)
+            .map(|theta| sigma + 1.0 / theta.re);
+        let first = elastic
+            .filter(|l| *l > 1e-7 * sigma.abs())
+            .fold(f64::INFINITY, f64::min);
+        if 30.0 * first >= sigma.abs() {
+            return Ok((op, sigma));
+        }
+        sigma = -10.0 * first;
+    }
+    counts.add("factorisations", 1);
+    Ok((pencil.shifted(sigma)?, sigma))
+}
+
+/// Whether eigenvalues nearer to the shift than the wanted ones were overlooked; None where inertia cannot tell.
+fn missed(
+    pencil: &impl Pencil,
+    ritz: &Ritz,
+    wanted: usize,
+    sigma: f64,
+    counts: &mut Counts,
+) -> Option<bool> {
+    let distance = |k: usize| 1.0 / ritz.value[k].norm();
+    // the last of the wanted ones that is followed by a gap, so that a group cut in two is not counted
+    let total = ritz.value.iter().take_while(|v| v.norm() > 0.0).count();
+    let cut = (1..=wanted.min(total))
+        .rev()
+        .find(|c| *c == total || distance(*c) > distance(c - 1) * (1.0 + 1e-6))?;
+    let gap = if cut < total {
+        distance(cut) - distance(cut - 1)
+    } else {
+        f64::INFINITY
+    };
+    let radius = distance(cut - 1) + (0.5 * gap).min(1e-3 * distance(cut - 1));
+    counts.add("inertia counts", 2);
+    let above = pencil.count_below(sigma + radius)?;
+    let below = pencil.count_below(sigma - radius)?;
+    Some(above.saturating_sub(below) > cut)
+}
+
+fn finish(
+    pencil: &impl Pencil,
+    op: &ShiftInvert<'_>,
+    x: Mat<f64>,
+    values: &[f64],
+    sigma: f64,
+) -> Result<SymmetricModes> {
+    let (n, wanted) = (pencil.dim(), values.len());
+    // one more inverse iteration: it shows the residual and improves the shapes
+    let mut y = Mat::zeros(n, wanted);
+    op.apply(x.as_ref(), y.as_mut())?;
+    let mut residual = vec![0.0; wanted];
+    for k in 0..wanted {
+        let theta = values[k];
+        let difference = Mat::from_fn(n, 1, |i, _| y[(i, k)] / theta - x[(i, k)]);
+        residual[k] = mass_norm(pencil.mass(), difference.as_ref());
+        // deterministic sign: the largest component is positive
+        let largest = (0..n).fold(0, |a, i| {
+            if y[(i, k)].abs() > y[(a, k)].abs() {
+                i
+            } else {
+                a
+            }
+        });
+        let norm = mass_norm(pencil.mass(), y.subcols(k, 1)).copysign(y[(largest, k)]);
+        for i in 0..n {
+            y[(i, k)] /= norm;
+        }
+    }
+    let from_energy = pencil.energies(y.as_ref());
+    // what the entries of an assembled K leave of its low eigenvalues; sums of energies lose nothing of the kind
+    let exact = from_energy.is_some();
+    let data = if exact {
+        0.0
+    } else {
+        ENTRY_NOISE * f64::EPSILON * pencil.scale()
+    };
+    let mut lambda =
+        from_energy.unwrap_or_else(|| (0..wanted).map(|k| sigma + 1.0 / values[k]).collect());
+    let mut error = vec![0.0; wanted];
+    let (mut rigid, mut softest) = (0, f64::INFINITY);
+    for k in 0..wanted {
+        let from_vector = residual[k].powi(2) * ((lambda[k] - sigma) / lambda[k]).abs();
+        // below it lambda cannot be told from zero
+        let floor = match exact {
+            true => 1e3 * residual[k].powi(2) * sigma.abs() + 1e-26 * pencil.scale(),
+            false => 1e-12 * sigma.abs() + 1e2 * data,
+        };
+        if sigma != 0.0 && lambda[k].abs() <= floor {
+            error[k] = floor;
+            lambda[k] = 0.0;
+            rigid += 1;
+            continue;
+        }
+        if lambda[k] > 0.0 && lambda[k] < 1e-6 * sigma.abs() {
+            softest = softest.min(lambda[k]);
+        }
+        error[k] = data / lambda[k].abs() + from_vector + ROUNDING;
+    }
+    let mut order: Vec<usize> = (0..wanted).collect();
+    order.sort_by(|a, b| lambda[*a].total_cmp(&lambda[*b]));
+    Ok(SymmetricModes {
+        lambda: order.iter().map(|k| lambda[*k]).collect(),
+        residual: order.iter().map(|k| residual[*k]).collect(),
+        error: order.iter().map(|k| error[*k]).collect(),
+        shape: Mat::from_fn(n, wanted, |i, j| y[(i, order[j])]),
+        rigid,
+        sigma,
+        softer: softest.is_finite().then_some(-10.0 * softest),
+        verified: "unverified",
+        counts: Counts::default(),
+    })
+}
+
+fn mass_norm(m: &Csc, x: MatRef<'_, f64>) -> f64 {
+    let mut weighed = Mat::zeros(m.rows, 1);
+    m.multiply(x, weighed.as_mut(), false);
+    let sum: f64 = (0..m.rows).map(|i| x[(i, 0)] * weighed[(i, 0)]).sum();
+    sum.max(0.0).sqrt()
+}

@@ -1,0 +1,384 @@
+//! Symmetric pencils K x = lambda M x that can be shifted and inverted, in two forms.
+//!
+//! Assembled: K and M as they are. Mixed: [x; f; lam] with element forces and constraints as unknowns,
+//! [[K_geo - sigma M, G^T], [G, -compliance]], where a constraint is a row without compliance. Assembling K of a long chain of
+//! bushings loses its lowest modes to a condition that grows like n^4; the mixed form keeps them.
+use std::cell::RefCell;
+
+use faer::prelude::*;
+use faer::{Mat, MatMut, MatRef};
+
+use crate::error::{Error, Result};
+use crate::linalg::krylov::Operator;
+use crate::linalg::sparse::{Csc, Factor, negative_eigenvalues};
+
+/// Rows of one element, at most.
+const LARGEST_BLOCK: usize = 64;
+
+/// A symmetric pencil that can be shifted and inverted.
+pub trait Pencil {
+    fn dim(&self) -> usize;
+    /// Dimension of the space that constraints leave, at least.
+    fn free_dim(&self) -> usize;
+    fn mass(&self) -> &Csc;
+    fn shifted(&self, sigma: f64) -> Result<ShiftInvert<'_>>;
+    /// Rayleigh quotients, where they can be had more accurately than the Ritz values.
+    fn energies(&self, x: MatRef<'_, f64>) -> Option<Vec<f64>>;
+    /// Number of eigenvalues below s, None where it cannot be told.
+    fn count_below(&self, s: f64) -> Option<usize>;
+    /// Upper bound of the order of magnitude of the largest eigenvalue.
+    fn scale(&self) -> f64;
+    /// Whether a factor at zero shift can be trusted to be that of a regular matrix.
+    fn shifted_at_zero(&self) -> Result<Option<ShiftInvert<'_>>>;
+}
+
+/// x -> the first rows of A^-1 [M x; 0].
+pub struct ShiftInvert<'a> {
+    factor: Factor,
+    m: &'a Csc,
+    /// right-hand sides of the augmented system; fresh memory for each solve would cost as much as the solve
+    rhs: RefCell<Mat<f64>>,
+}
+
+impl<'a> ShiftInvert<'a> {
+    fn new(factor: Factor, m: &'a Csc) -> Self {
+        ShiftInvert {
+            factor,
+            m,
+            rhs: RefCell::new(Mat::new()),
+        }
+    }
+}
+
+impl Operator for ShiftInvert<'_> {
+    fn dim(&self) -> usize {
+        self.m.rows
+    }
+
+    fn apply(&self, x: MatRef<'_, f64>, mut out: MatMut<'_, f64>) -> Result<()> {
+        let n = self.m.rows;
+        if self.factor.n() == n {
+            self.m.multiply(x, out.as_mut(), false);
+            self.factor.solve(out);
+            return Ok(());
+        }
+        let mut rhs = self.rhs.borrow_mut();
+        if rhs.ncols() != x.ncols() {
+            *rhs = Mat::zeros(self.factor.n(), x.ncols());
+        }
+        self.m.multiply(x, rhs.as_mut().subrows_mut(0, n), false);
+        rhs.as_mut().subrows_mut(n, self.factor.n() - n).fill(0.0);
+        self.factor.solve(rhs.as_mut());
+        out.copy_from(rhs.subrows(0, n));
+        Ok(())
+    }
+
+    fn weigh(&self, x: MatRef<'_, f64>, out: MatMut<'_, f64>) {
+        self.m.multiply(x, out, false);
+    }
+}
+
+pub struct Assembled {
+    pub m: Csc,
+    pub k: Csc,
+}
+
+impl Assembled {
+    pub fn new(m: Csc, k: Csc) -> Result<Self> {
+        check_mass(&m)?;
+        if k.rows != m.rows || k.cols != m.rows {
+            return Err(Error::model(format!(
+                "K is {} x {}, M has {} rows",
+                k.rows, k.cols, m.rows
+            )));
+        }
+        if !k.is_symmetric() {
+            return Err(Error::model(
+                "K is not symmetric; pass it with the damping matrix to the general solver",
+            ));
+        }
+        Ok(Assembled { m, k })
+    }
+}
+
+fn check_mass(m: &Csc) -> Result<()> {
+    if m.rows == 0 || m.rows != m.cols {
+        return Err(Error::model(format!(
+            "M is {} x {}; it must be square",
+            m.rows, m.cols
+        )));
+    }
+    if !m.is_symmetric() {
+        return Err(Error::model("M is not symmetric"));
+    }
+    if Factor::cholesky(m, 1e-14)?.is_none() {
+        return Err(Error::singular(
+            "the mass matrix is not positive definite: give every coordinate a mass",
+        ));
+    }
+    Ok(())
+}
+
+impl Pencil for Assembled {
+    fn dim(&self) -> usize {
+        self.m.rows
+    }
+
+    fn free_dim(&self) -> usize {
+        self.m.rows
+    }
+
+    fn mass(&self) -> &Csc {
+        &self.m
+    }
+
+    fn shifted(&self, sigma: f64) -> Result<ShiftInvert<'_>> {
+        let a = self.k.combined(1.0, -sigma, &self.m);
+        let factor = match Factor::cholesky(&a, 0.0)? {
+            Some(factor) => factor,
+            None => Factor::lu(&a)?,
+        };
+        Ok(ShiftInvert::new(factor, &self.m))
+    }
+
+    fn energies(&self, _: MatRef<'_, f64>) -> Option<Vec<f64>> {
+        None
+    }
+
+    fn count_below(&self, s: f64) -> Option<usize> {
+        negative_eigenvalues(&self.k.combined(1.0, -s, &self.m))
+    }
+
+    fn scale(&self) -> f64 {
+        ratio(&self.k.diagonal(), &self.m.diagonal())
+    }
+
+    fn shifted_at_zero(&self) -> Result<Option<ShiftInvert<'_>>> {
+        let factor = Factor::cholesky(&self.k, 1e-12)?;
+        Ok(factor.map(|factor| ShiftInvert::new(factor, &self.m)))
+    }
+}
+
+fn ratio(k: &[f64], m: &[f64]) -> f64 {
+    let largest = k
+        .iter()
+        .zip(m)
+        .map(|(k, m)| k.abs() / m.max(f64::MIN_POSITIVE))
+        .fold(0.0, f64::max);
+    if largest > 0.0 && largest.is_finite() {
+        largest
+    } else {
+        1.0
+    }
+}
+
+/// The augmented form; `a` is the whole matrix at zero shift, its first rows belong to x.
+pub struct Mixed {
+    m: Csc,
+    a: Csc,
+    geometric: Csc,
+    /// G: rows of elements and constraints over x
+    rows: Csc,
+    stiffness: Stiffness,
+}
+
+/// Element stiffness: of rows alone, zero for constraints and for rows of a block, and of blocks of coupled rows.
+struct Stiffness {
+    single: Vec<f64>,
+    blocks: Vec<Coupled>,
+}
+
+struct Coupled {
+    rows: Vec<usize>,
+    stiffness: Mat<f64>,
+}
+
+impl Mixed {
+    pub fn new(m: Csc, a: Csc) -> Result<Self> {
+        check_mass(&m)?;
+        let (n, all) = (m.rows, a.rows);
+        if a.cols != all || all < n {
+            return Err(Error::model(format!(
+                "the augmented matrix is {} x {}; it must be square with at least the {n} rows of M",
+                a.rows, a.cols
+            )));
+        }
+        if !a.is_symmetric() {
+            return Err(Error::model("the augmented matrix is not symmetric"));
+        }
+        let stiffness = Stiffness::new(&a.block(n..all, n..all))?;
+        Ok(Mixed {
+            geometric: a.block(0..n, 0..n),
+            rows: a.block(n..all, 0..n),
+            stiffness,
+            m,
+            a,
+        })
+    }
+}
+
+impl Stiffness {
+    /// From the lower right corner, -compliance; rows without any are constraints.
+    fn new(corner: &Csc) -> Result<Self> {
+        let n = corner.rows;
+        let refuse = || {
+            Error::model(
+                "a compliance block (minus the lower right corner) is not positive definite",
+            )
+        };
+        let mut out = Stiffness {
+            single: vec![0.0; n],
+            blocks: Vec::new(),
+        };
+        let mut done = vec![false; n];
+        for first in 0..n {
+            if done[first] {
+                continue;
+            }
+            let rows = connected(corner, first, &mut done)?;
+            if rows.len() > 1 {
+                let block =
+                    Mat::from_fn(rows.len(), rows.len(), |i, j| -corner.get(rows[i], rows[j]));
+                let llt = block.llt(faer::Side::Lower).map_err(|_| refuse())?;
+                let stiffness = llt.solve(Mat::<f64>::identity(rows.len(), rows.len()));
+                out.blocks.push(Coupled { rows, stiffness });
+                continue;
+            }
+            let compliance = -corner.get(first, first);
+            if compliance < 0.0 {
+                return Err(refuse());
+            }
+            if compliance > 0.0 {
+                out.single[first] = 1.0 / compliance;
+            }
+        }
+        Ok(out)
+    }
+
+    /// Rows that are no constraints.
+    fn elastic_rows(&self) -> usize {
+        let single = self.single.iter().filter(|k| **k > 0.0).count();
+        single + self.blocks.iter().map(|b| b.rows.len()).sum::<usize>()
+    }
+
+    fn energy(&self, stretch: &Mat<f64>, c: usize) -> f64 {
+        let mut energy = 0.0;
+        for (i, k) in self.single.iter().enumerate() {
+            energy += k * stretch[(i, c)] * stretch[(i, c)];
+        }
+        for block in &self.blocks {
+            for (i, row) in block.rows.iter().enumerate() {
+                for (j, other) in block.rows.iter().enumerate() {
+                    energy += stretch[(*row, c)] * block.stiffness[(i, j)] * stretch[(*other, c)];
+                }
+            }
+        }
+        energy
+    }
+
+    fn diagonal(&self) -> Vec<f64> {
+        let mut diagonal = self.single.clone();
+        for block in &self.blocks {
+            for (i, row) in block.rows.iter().enumerate() {
+                diagonal[*row] = block.stiffness[(i, i)];
+            }
+        }
+        diagonal
+    }
+}
+
+/// Rows that share compliance with the first one.
+fn connected(corner: &Csc, first: usize, done: &mut [bool]) -> Result<Vec<usize>> {
+    let mut rows = vec![first];
+    done[first] = true;
+    let mut next = 0;
+    while next < rows.len() {
+        for (i, v) in corner.column(rows[next]) {
+            if v != 0.0 && !done[i] {
+                done[i] = true;
+                rows.push(i);
+            }
+        }
+        next += 1;
+        if rows.len() > LARGEST_BLOCK {
+            return Err(Error::model(format!(
+                "more than {LARGEST_BLOCK} coupled compliances; each element must have a block of its own"
+            )));
+        }
+    }
+    Ok(rows)
+}
+
+impl Pencil for Mixed {
+    fn dim(&self) -> usize {
+        self.m.rows
+    }
+
+    fn free_dim(&self) -> usize {
+        (self.m.rows + self.stiffness.elastic_rows()).saturating_sub(self.rows.rows)
+    }
+
+    fn mass(&self) -> &Csc {
+        &self.m
+    }
+
+    fn shifted(&self, sigma: f64) -> Result<ShiftInvert<'_>> {
+        let factor = Factor::lu(&self.a.combined(1.0, -sigma, &self.m))?;
+        Ok(ShiftInvert::new(factor, &self.m))
+    }
+
+    /// Energies are sums of positive terms over elements: accurate where x^T K x of an assembled K is all cancellation.
+    fn energies(&self, x: MatRef<'_, f64>) -> Option<Vec<f64>> {
+        let mut stretch = Mat::zeros(self.rows.rows, x.ncols());
+        self.rows.multiply(x, stretch.as_mut(), false);
+        let mut geometric = Mat::zeros(self.m.rows, x.ncols());
+        self.geometric.multiply(x, geometric.as_mut(), false);
+        let mut inertia = Mat::zeros(self.m.rows, x.ncols());
+        self.m.multiply(x, inertia.as_mut(), false);
+        let dot =
+            |a: &Mat<f64>, c: usize| (0..x.nrows()).map(|i| x[(i, c)] * a[(i, c)]).sum::<f64>();
+        let quotient =
+            |c: usize| (self.stiffness.energy(&stretch, c) + dot(&geometric, c)) / dot(&inertia, c);
+        Some((0..x.ncols()).map(quotient).collect())
+    }
+
+    fn count_below(&self, s: f64) -> Option<usize> {
+        let negative = negative_eigenvalues(&self.a.combined(1.0, -s, &self.m))?;
+        // Haynsworth: each row of an element or constraint adds one
+        negative.checked_sub(self.rows.rows)
+    }
+
+    fn scale(&self) -> f64 {
+        let mut stiffness: Vec<f64> = self.geometric.diagonal().iter().map(|k| k.abs()).collect();
+        let of_row = self.stiffness.diagonal();
+        for (i, j, g) in self.rows.entries() {
+            stiffness[j] += g * g * of_row[i];
+        }
+        ratio(&stiffness, &self.m.diagonal())
+    }
+
+    /// A singular matrix gives a factor all the same. What it solves for then violates x^T K x = x^T M w of x = K^-1 M w.
+    fn shifted_at_zero(&self) -> Result<Option<ShiftInvert<'_>>> {
+        let Ok(op) = self.shifted(0.0) else {
+            return Ok(None);
+        };
+        let n = self.m.rows;
+        let mut w = Mat::from_fn(n, 1, |i, _| ((i as f64) * 0.618_034 + 0.3).fract() - 0.5);
+        for _ in 0..2 {
+            let mut x = Mat::zeros(n, 1);
+            op.apply(w.as_ref(), x.as_mut())?;
+            let (mut mw, mut mx) = (Mat::zeros(n, 1), Mat::zeros(n, 1));
+            self.m.multiply(w.as_ref(), mw.as_mut(), false);
+            self.m.multiply(x.as_ref(), mx.as_mut(), false);
+            let dot = |a: &Mat<f64>| (0..n).map(|i| x[(i, 0)] * a[(i, 0)]).sum::<f64>();
+            let energy = self.energies(x.as_ref()).map_or(f64::NAN, |e| e[0]) * dot(&mx);
+            let work = dot(&mw);
+            let regular = (energy - work).abs() <= 1e-5 * work.abs();
+            if !regular {
+                return Ok(None);
+            }
+            w = x;
+        }
+        Ok(Some(op))
+    }
+}

@@ -1,0 +1,373 @@
+//! Explicit motion in tree coordinates: the classical Runge-Kutta method of order four on joint increments.
+//!
+//! ```text
+//! [M J^T] [y"]     [-h(y, y') ]        theta' = J_l^-1(theta) omega for rotation vectors, y' elsewhere
+//! [J  0 ] [lam]  = [-J' y'    ]
+//! ```
+//! Rows of both levels enter the accelerations alike. After each step position rows are closed by themselves, then all rates
+//! projected, both with the smallest change in the norm of M. Generic over the
+//! number type: with dual numbers the whole discrete motion is differentiated along a direction of the numbers. Memories of laws
+//! are frozen within a step.
+use nalgebra::{DMatrix, DVector};
+use num_dual::Dual;
+
+use crate::error::{Error, Result};
+use crate::model::geometry::Geometry;
+use crate::model::joint::JointKind;
+use crate::run::{Cancel, Counts};
+use crate::spatial::{Pose, Real, V3, left_jacobian_coefficient};
+use crate::system::System;
+use crate::system::assemble::{Effects, Scene};
+use crate::system::connector::motion_of;
+use crate::system::loops::{column_scales, row_scales};
+use crate::system::placement::{Placement, advance, place};
+use crate::system::topology::Level;
+
+/// A row whose part that the others do not have is smaller than this (rows and columns scaled) is redundant.
+const REDUNDANT: f64 = 1e-9;
+
+/// Where the model is and what its laws remember.
+#[derive(Debug, Clone)]
+pub struct Motion<T: Real> {
+    pub relative: Vec<Pose<T>>,
+    pub rate: Vec<T>,
+    pub memory: Vec<T>,
+}
+
+/// The fixed numbers of a run.
+pub struct Run<'a, T: Real> {
+    pub system: &'a System,
+    pub geometry: Geometry<T>,
+    pub x: Vec<T>,
+    /// cut rows that are kept, position rows first: redundant ones are dropped once, at the start
+    rows: Vec<usize>,
+    /// how many of them are position rows
+    n_position: usize,
+}
+
+impl<'a, T: Real> Run<'a, T> {
+    pub fn new(system: &'a System, x: Vec<T>, start: &Motion<T>) -> Self {
+        let geometry = Geometry::derive(&system.topology.tables, &x);
+        let relative: Vec<_> = start.relative.iter().map(Pose::real).collect();
+        let placement = place(&system.topology, &system.geometry, &relative, None);
+        let jacobian = crate::analysis::assembly::scene(system, &placement)
+            .constraints()
+            .1;
+        let rows = independent_rows(system, &jacobian);
+        let n_position = rows
+            .iter()
+            .take_while(|i| system.topology.rows[**i].level == Level::Position)
+            .count();
+        Run {
+            system,
+            geometry,
+            x,
+            rows,
+            n_position,
+        }
+    }
+
+    fn scene<'s>(&'s self, motion: &'s Motion<T>, placement: &'s Placement<T>) -> Scene<'s, T> {
+        Scene {
+            topology: &self.system.topology,
+            geometry: &self.geometry,
+            x: &self.x,
+            memory: &motion.memory,
+            placement,
+            rate: Some(&motion.rate),
+            acceleration: None,
+            effects: Effects::ALL,
+        }
+    }
+
+    fn place(&self, motion: &Motion<T>) -> Placement<T> {
+        place(
+            &self.system.topology,
+            &self.geometry,
+            &motion.relative,
+            Some(&motion.rate),
+        )
+    }
+
+    fn kept(&self, jacobian: &DMatrix<T>) -> DMatrix<T> {
+        DMatrix::from_fn(self.rows.len(), jacobian.ncols(), |i, j| {
+            jacobian[(self.rows[i], j)]
+        })
+    }
+
+    /// J' y' of the kept rows: the Jacobian carried along the motion by a dual number in time.
+    fn turning(&self, motion: &Motion<T>) -> DVector<T> {
+        let still = |v: &T| Dual::from_re(*v);
+        let x: Vec<Dual<T>> = self.x.iter().map(still).collect();
+        let geometry = Geometry::derive(&self.system.topology.tables, &x);
+        let lifted = |p: &Pose<T>| Pose {
+            p: p.p.map(Dual::from_re),
+            r: p.r.map(Dual::from_re),
+        };
+        let mut relative: Vec<Pose<Dual<T>>> = motion.relative.iter().map(lifted).collect();
+        let dy: Vec<_> = motion
+            .rate
+            .iter()
+            .map(|r| Dual::new(T::zero(), *r))
+            .collect();
+        advance(&self.system.topology, &mut relative, &dy);
+        let placement = place(&self.system.topology, &geometry, &relative, None);
+        let scene = Scene {
+            topology: &self.system.topology,
+            geometry: &geometry,
+            x: &x,
+            memory: &[],
+            placement: &placement,
+            rate: None,
+            acceleration: None,
+            effects: Effects::ALL,
+        };
+        let rate = DVector::from_column_slice(&motion.rate);
+        self.kept_dual(&scene.constraints().1) * rate
+    }
+
+    fn kept_dual(&self, jacobian: &DMatrix<Dual<T>>) -> DMatrix<T> {
+        DMatrix::from_fn(self.rows.len(), jacobian.ncols(), |i, j| {
+            jacobian[(self.rows[i], j)].eps
+        })
+    }
+
+    fn accelerations(&self, motion: &Motion<T>, counts: &mut Counts) -> Result<Vec<T>> {
+        counts.add("force evaluations", 1);
+        let placement = self.place(motion);
+        let scene = self.scene(motion, &placement);
+        let h = scene.residual(None);
+        let mass = scene.mass();
+        if self.rows.is_empty() {
+            return Ok(solve(&mass, &-h)?.as_slice().to_vec());
+        }
+        counts.add("multiplier solutions", 1);
+        let jacobian = self.kept(&scene.constraints().1);
+        let turning = self.turning(motion);
+        let both = solve(&saddle(&mass, &jacobian), &stacked(&-h, &-turning))?;
+        Ok(both.as_slice()[..mass.nrows()].to_vec())
+    }
+
+    /// Close position rows and make rates satisfy all rows, with the smallest change in kinetic energy.
+    fn project(&self, motion: &mut Motion<T>) -> Result<()> {
+        if self.rows.is_empty() {
+            return Ok(());
+        }
+        let topology = &self.system.topology;
+        if self.n_position > 0 {
+            for _ in 0..3 {
+                let placement = self.place(motion);
+                let scene = self.scene(motion, &placement);
+                let (phi, jacobian) = scene.constraints();
+                let closing = self.kept(&jacobian).rows(0, self.n_position).into_owned();
+                let miss = DVector::from_fn(self.n_position, |i, _| -phi[self.rows[i]]);
+                let step = correction(&scene, &closing, &miss)?;
+                advance(topology, &mut motion.relative, &step);
+            }
+        }
+        let placement = self.place(motion);
+        let scene = self.scene(motion, &placement);
+        let jacobian = self.kept(&scene.constraints().1);
+        let miss = -(&jacobian * DVector::from_column_slice(&motion.rate));
+        let step = correction(&scene, &jacobian, &miss)?;
+        for (rate, step) in motion.rate.iter_mut().zip(step) {
+            *rate += step;
+        }
+        Ok(())
+    }
+
+    fn remember(&self, motion: &mut Motion<T>, counts: &mut Counts) {
+        if motion.memory.is_empty() {
+            return;
+        }
+        counts.add("memory updates", 1);
+        let placement = self.place(motion);
+        for connector in self
+            .system
+            .topology
+            .connectors
+            .iter()
+            .filter(|c| !c.laws.is_empty())
+        {
+            let moved = motion_of(
+                &self.system.topology,
+                &self.geometry,
+                &placement,
+                &self.x,
+                connector,
+            );
+            for law in &connector.laws {
+                let (e, v) = moved[law.component];
+                let p = &self.x[law.x..law.x + law.law.n_params()];
+                law.law.eval(
+                    e,
+                    v,
+                    p,
+                    &mut motion.memory[law.memory..law.memory + law.law.n_memory()],
+                );
+            }
+        }
+    }
+
+    /// One step of length h.
+    pub fn step(&self, motion: &mut Motion<T>, h: f64, counts: &mut Counts) -> Result<()> {
+        let n = motion.rate.len();
+        let half = T::from(0.5 * h);
+        let full = T::from(h);
+        let mut slopes: Vec<(Vec<T>, Vec<T>)> = Vec::with_capacity(4);
+        for fraction in [None, Some(half), Some(half), Some(full)] {
+            let mut trial = motion.clone();
+            let mut increment = vec![T::zero(); n];
+            if let (Some(f), Some((dy, dv))) = (fraction, slopes.last()) {
+                for i in 0..n {
+                    increment[i] = dy[i] * f;
+                    trial.rate[i] += dv[i] * f;
+                }
+                advance(&self.system.topology, &mut trial.relative, &increment);
+            }
+            let acceleration = self.accelerations(&trial, counts)?;
+            slopes.push((self.increment_rates(&increment, &trial.rate), acceleration));
+        }
+        let weights = [h / 6.0, h / 3.0, h / 3.0, h / 6.0];
+        let mut increment = vec![T::zero(); n];
+        for ((dy, dv), w) in slopes.iter().zip(weights) {
+            for i in 0..n {
+                increment[i] += dy[i] * w;
+                motion.rate[i] += dv[i] * w;
+            }
+        }
+        advance(&self.system.topology, &mut motion.relative, &increment);
+        self.project(motion)?;
+        self.remember(motion, counts);
+        counts.add("steps", 1);
+        Ok(())
+    }
+
+    /// Rates of the increments from the joint rates: they differ where three rotations act together.
+    fn increment_rates(&self, increment: &[T], rate: &[T]) -> Vec<T> {
+        let mut out = rate.to_vec();
+        for node in &self.system.topology.nodes {
+            if !matches!(node.kind, JointKind::Spherical | JointKind::Free) {
+                continue;
+            }
+            let first = node.first + node.n - 3;
+            // coordinates of a reversed joint count backwards, so that increments act as their negatives
+            let sign = T::from(if node.reversed { -1.0 } else { 1.0 });
+            let theta = V3::from_fn(|i, _| increment[first + i] * sign);
+            let omega = V3::from_fn(|i, _| rate[first + i] * sign);
+            let (b, _) = left_jacobian_coefficient(theta.dot(&theta));
+            let turned =
+                omega - theta.cross(&omega) * T::from(0.5) + theta.cross(&theta.cross(&omega)) * b;
+            for i in 0..3 {
+                out[first + i] = turned[i] * sign;
+            }
+        }
+        out
+    }
+
+    /// Positions of all bodies' origins, in the order of the model.
+    pub fn positions(&self, motion: &Motion<T>) -> Vec<V3<T>> {
+        let placement = self.place(motion);
+        let mut out = vec![V3::zeros(); self.system.n_bodies()];
+        for (node, pose) in self.system.topology.nodes.iter().zip(&placement.pose) {
+            out[node.body] = pose.p - pose.r * self.geometry.bodies[node.body].com;
+        }
+        out
+    }
+
+    /// The motion after every step, the start included.
+    pub fn integrate(
+        &self,
+        mut motion: Motion<T>,
+        h: f64,
+        n: usize,
+        cancel: &Cancel,
+        counts: &mut Counts,
+    ) -> Result<Vec<Motion<T>>> {
+        let mut history = vec![motion.clone()];
+        for _ in 0..n {
+            cancel.check()?;
+            self.step(&mut motion, h, counts)?;
+            history.push(motion.clone());
+        }
+        Ok(history)
+    }
+}
+
+/// Rows that carry something of their own, position rows before velocity rows and large remainders before small ones.
+fn independent_rows(system: &System, jacobian: &DMatrix<f64>) -> Vec<usize> {
+    let topology = &system.topology;
+    let scale = row_scales(topology, system.length);
+    let columns = column_scales(topology, system.length);
+    let mut rest: Vec<DVector<f64>> = (0..jacobian.nrows())
+        .map(|i| {
+            DVector::from_fn(jacobian.ncols(), |j, _| {
+                jacobian[(i, j)] * scale[i] * columns[j]
+            })
+        })
+        .collect();
+    let largest = rest.iter().map(|r| r.norm()).fold(0.0, f64::max);
+    let mut kept: Vec<usize> = Vec::new();
+    for level in [Level::Position, Level::Velocity] {
+        loop {
+            let open = (0..rest.len()).filter(|i| topology.rows[*i].level == level);
+            let Some(best) = open.max_by(|i, j| rest[*i].norm().total_cmp(&rest[*j].norm())) else {
+                break;
+            };
+            if rest[best].norm() <= REDUNDANT * largest {
+                break;
+            }
+            let unit = rest[best].normalize();
+            for r in &mut rest {
+                // twice: once leaves rounding of the size of the first projection
+                for _ in 0..2 {
+                    *r -= &unit * unit.dot(r);
+                }
+            }
+            rest[best].fill(0.0);
+            kept.push(best);
+        }
+    }
+    kept
+}
+
+/// The smallest change of the increments, in the norm of M, that makes rows take the values `miss`.
+fn correction<T: Real>(
+    scene: &Scene<'_, T>,
+    jacobian: &DMatrix<T>,
+    miss: &DVector<T>,
+) -> Result<Vec<T>> {
+    let mass = scene.mass();
+    let n = mass.nrows();
+    let both = solve(&saddle(&mass, jacobian), &stacked(&DVector::zeros(n), miss))?;
+    Ok(both.as_slice()[..n].to_vec())
+}
+
+fn saddle<T: Real>(mass: &DMatrix<T>, jacobian: &DMatrix<T>) -> DMatrix<T> {
+    let (n, m) = (mass.nrows(), jacobian.nrows());
+    DMatrix::from_fn(n + m, n + m, |i, j| match (i < n, j < n) {
+        (true, true) => mass[(i, j)],
+        (true, false) => jacobian[(j - n, i)],
+        (false, true) => jacobian[(i - n, j)],
+        (false, false) => T::zero(),
+    })
+}
+
+fn stacked<T: Real>(a: &DVector<T>, b: &DVector<T>) -> DVector<T> {
+    DVector::from_iterator(a.len() + b.len(), a.iter().chain(b.iter()).copied())
+}
+
+/// A linear system over any number type: the real inverse, corrected once for each order of derivative.
+fn solve<T: Real>(a: &DMatrix<T>, b: &DVector<T>) -> Result<DVector<T>> {
+    let inverse = a
+        .map(|v| v.re())
+        .try_inverse()
+        .filter(|m| m.iter().all(|v| v.is_finite()))
+        .ok_or_else(|| Error::singular("the equations of motion are singular here"))?
+        .map(T::from);
+    let mut x = &inverse * b;
+    for _ in 0..T::NDERIV.max(1) {
+        x += &inverse * (b - a * &x);
+    }
+    Ok(x)
+}

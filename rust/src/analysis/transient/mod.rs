@@ -1,0 +1,2 @@
+//! Motion in time, one file per scheme.
+pub mod explicit;

@@ -1,0 +1,179 @@
+//! A scalar coordinate e of the relative motion u = A^T (p_B - p_A), R = A^T B of two markers, its gradient and its curvature.
+//!
+//! With xi the relative twist of b against a at p_B, in the axes A,
+//! ```text
+//! de = g . xi,    d(g) = h xi      (seen from a frame that moves with a)
+//! ```
+//! Constraint rows are such coordinates with a multiplier for force, elastic elements with a law: both make
+//! the wrench w = -sum g f on b at p_B, and its tangent  dw = -(sum g k g^T + sum h f) xi - (u_t x force).
+use crate::model::joint::Coordinate;
+use crate::spatial::{M3, Map6, Real, Six, V3, left_jacobian_coefficient, log_so3, outer, skew};
+
+/// Relative pose of a marker pair in the axes of A.
+#[derive(Debug, Clone, Copy)]
+pub struct Relative<T: Real> {
+    pub u: V3<T>,
+    pub r: M3<T>,
+}
+
+/// Value, gradient and curvature of one coordinate.
+#[derive(Debug, Clone, Copy)]
+pub struct Row<T: Real> {
+    pub e: T,
+    pub g: Six<T>,
+}
+
+fn unit<T: Real>(i: usize) -> V3<T> {
+    let mut e = V3::zeros();
+    e[i] = T::one();
+    e
+}
+
+impl<T: Real> Relative<T> {
+    pub fn row(&self, coordinate: Coordinate) -> Row<T> {
+        let zero = V3::zeros();
+        match coordinate {
+            Coordinate::Translation(i) => Row {
+                e: self.u[i],
+                g: Six::new(unit(i), zero),
+            },
+            Coordinate::Length => {
+                let length = self.u.dot(&self.u).sqrt();
+                Row {
+                    e: length,
+                    g: Six::new(self.u / length, zero),
+                }
+            }
+            Coordinate::Dot(i, j) => Row {
+                e: self.r[(i, j)],
+                g: Six::new(zero, self.entry_gradient(i, j)),
+            },
+            Coordinate::Angle { s, c } => {
+                let (sv, cv) = (self.r[s], self.r[c]);
+                let n = self.entry_gradient(s.0, s.1) * cv - self.entry_gradient(c.0, c.1) * sv;
+                Row {
+                    e: sv.atan2(cv),
+                    g: Six::new(zero, n / (sv * sv + cv * cv)),
+                }
+            }
+            Coordinate::RotationVector(i) => {
+                let phi = log_so3(&self.r);
+                Row {
+                    e: phi[i],
+                    g: Six::new(zero, inverse_left_transposed(&phi, &unit(i))),
+                }
+            }
+        }
+    }
+
+    /// The curvature h of the coordinate: the derivative of its gradient by xi.
+    pub fn curvature(&self, coordinate: Coordinate) -> Map6<T> {
+        let mut h = Map6::zero();
+        match coordinate {
+            Coordinate::Translation(_) => {}
+            Coordinate::Length => {
+                let length = self.u.dot(&self.u).sqrt();
+                let n = self.u / length;
+                h.ll = (M3::identity() - outer(&n, &n)) / length;
+            }
+            Coordinate::Dot(i, j) => h.aa = self.entry_curvature(i, j),
+            Coordinate::Angle { s, c } => h.aa = self.angle_curvature(s, c),
+            Coordinate::RotationVector(i) => {
+                h.aa = rotation_vector_curvature(&log_so3(&self.r), &unit(i))
+            }
+        }
+        h
+    }
+
+    // R_ij = A_i . w with w = R e_j, dw = xi x w
+    fn entry_gradient(&self, i: usize, j: usize) -> V3<T> {
+        let w: V3<T> = self.r.column(j).into_owned();
+        w.cross(&unit(i))
+    }
+
+    fn entry_curvature(&self, i: usize, j: usize) -> M3<T> {
+        let w: V3<T> = self.r.column(j).into_owned();
+        outer(&w, &unit(i)) - M3::from_diagonal_element(self.r[(i, j)])
+    }
+
+    fn angle_curvature(&self, s: (usize, usize), c: (usize, usize)) -> M3<T> {
+        let (sv, cv) = (self.r[s], self.r[c]);
+        let (ds, dc) = (self.entry_gradient(s.0, s.1), self.entry_gradient(c.0, c.1));
+        let d = sv * sv + cv * cv;
+        let n = ds * cv - dc * sv;
+        let dn = outer(&ds, &dc) - outer(&dc, &ds) + self.entry_curvature(s.0, s.1) * cv
+            - self.entry_curvature(c.0, c.1) * sv;
+        let dd = (dc * cv + ds * sv) * T::from(2.0);
+        dn / d - outer(&n, &dd) / (d * d)
+    }
+}
+
+/// J_l^-T(phi) f, the moment conjugate to a rotation vector.
+fn inverse_left_transposed<T: Real>(phi: &V3<T>, f: &V3<T>) -> V3<T> {
+    let (b, _) = left_jacobian_coefficient(phi.dot(phi));
+    f + phi.cross(f) * T::from(0.5) + phi.cross(&phi.cross(f)) * b
+}
+
+/// The derivative of J_l^-T(phi) f along d(phi) = J_l^-1 xi.
+fn rotation_vector_curvature<T: Real>(phi: &V3<T>, f: &V3<T>) -> M3<T> {
+    let (b, b_s) = left_jacobian_coefficient(phi.dot(phi));
+    let (p, pf) = (skew(phi), phi.cross(f));
+    let by_phi = -skew(f) * T::from(0.5) - (skew(&pf) + p * skew(f)) * b
+        + outer(&phi.cross(&pf), phi) * (b_s * 2.0);
+    let inverse_left = M3::identity() - p * T::from(0.5) + p * p * b;
+    by_phi * inverse_left
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::joint::{ANGLE_BETA, ANGLE_Z};
+    use crate::spatial::{exp_so3, lift3, lift33};
+    use num_dual::Dual64;
+
+    /// Every hand-derived gradient and curvature against duals along six directions, at small and large relative rotations.
+    #[test]
+    fn gradients_and_curvatures_match_duals() {
+        let all = [
+            Coordinate::Translation(1),
+            Coordinate::Length,
+            Coordinate::Dot(0, 2),
+            ANGLE_Z,
+            ANGLE_BETA,
+            Coordinate::RotationVector(0),
+            Coordinate::RotationVector(2),
+        ];
+        for scale in [0.0, 1e-3, 0.7, 2.5] {
+            let r = exp_so3(&(V3::new(0.3, -0.6, 0.74) * scale));
+            let u = V3::new(0.4, -0.2, 0.9);
+            let here = Relative { u, r };
+            for k in 0..6 {
+                let mut xi = [0.0; 6];
+                xi[k] = 1.0;
+                let dual = |at: usize| V3::from_fn(|i, _| Dual64::new(0.0, xi[at + i]));
+                let moved = Relative {
+                    u: lift3::<Dual64>(&u) + dual(0),
+                    r: exp_so3(&dual(3)) * lift33::<Dual64>(&r),
+                };
+                for coordinate in all {
+                    let (row, dual_row) = (here.row(coordinate), moved.row(coordinate));
+                    assert!(
+                        (dual_row.e.eps - row.g.get(k)).abs() < 1e-12,
+                        "{coordinate:?} {scale} {k}"
+                    );
+                    let h = here.curvature(coordinate);
+                    let expected = h.apply(&Six::new(
+                        V3::from_fn(|i, _| xi[i]),
+                        V3::from_fn(|i, _| xi[3 + i]),
+                    ));
+                    for i in 0..6 {
+                        assert!(
+                            (dual_row.g.get(i).eps - expected.get(i)).abs() < 1e-11,
+                            "{coordinate:?} {scale} {k} {i}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}

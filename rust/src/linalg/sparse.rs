@@ -1,0 +1,489 @@
+//! Sparse matrices in compressed columns, and factorisations that are checked: faer's pivots silently turn into infinities.
+use std::cell::RefCell;
+
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::sparse::linalg::SupernodalThreshold;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw,
+    factorize_symbolic_cholesky,
+};
+use faer::sparse::linalg::lu::{LuRef, NumericLu, SymbolicLu, factorize_symbolic_lu};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+use faer::{Conj, Mat, MatMut, MatRef, Par, Side};
+
+use crate::error::{Error, Result};
+
+/// Compressed columns with sorted, unique row indices.
+#[derive(Debug, Clone)]
+pub struct Csc {
+    pub rows: usize,
+    pub cols: usize,
+    pub start: Vec<u32>,
+    pub row: Vec<u32>,
+    pub value: Vec<f64>,
+}
+
+impl Csc {
+    /// From the three arrays of `scipy.sparse.csc_matrix`; duplicates are summed, rows are sorted.
+    pub fn new(
+        name: &str,
+        rows: usize,
+        cols: usize,
+        start: &[i64],
+        row: &[i64],
+        value: &[f64],
+    ) -> Result<Self> {
+        let bad = |why: &str| Err(Error::model(format!("sparse matrix {name}: {why}")));
+        if start.len() != cols + 1
+            || start.first() != Some(&0)
+            || start.windows(2).any(|w| w[1] < w[0])
+        {
+            return bad("its column pointers do not describe its columns");
+        }
+        if start[cols] as usize != row.len() || row.len() != value.len() {
+            return bad("its indices and values have different lengths");
+        }
+        if row.iter().any(|r| *r < 0 || *r as usize >= rows) {
+            return bad("a row index lies outside");
+        }
+        if value.iter().any(|v| !v.is_finite()) {
+            return bad("it contains NaN or infinite entries");
+        }
+        if value.len() > (u32::MAX / 4) as usize || rows.max(cols) > (u32::MAX / 4) as usize {
+            return bad("it is too large for 32-bit indices");
+        }
+        let triplets =
+            (0..cols).flat_map(|j| (start[j] as usize..start[j + 1] as usize).map(move |k| (j, k)));
+        let entries = triplets
+            .map(|(j, k)| (row[k] as usize, j, value[k]))
+            .collect();
+        Ok(Self::from_entries(rows, cols, entries))
+    }
+
+    pub fn from_entries(rows: usize, cols: usize, mut entries: Vec<(usize, usize, f64)>) -> Self {
+        if !entries
+            .windows(2)
+            .all(|w| (w[0].1, w[0].0) < (w[1].1, w[1].0))
+        {
+            entries.sort_by_key(|e| (e.1, e.0));
+        }
+        let mut out = Csc {
+            rows,
+            cols,
+            start: vec![0; cols + 1],
+            row: Vec::with_capacity(entries.len()),
+            value: Vec::with_capacity(entries.len()),
+        };
+        let mut last = None;
+        for (i, j, v) in entries {
+            if last == Some((i, j)) {
+                if let Some(sum) = out.value.last_mut() {
+                    *sum += v;
+                }
+                continue;
+            }
+            last = Some((i, j));
+            out.row.push(i as u32);
+            out.value.push(v);
+            out.start[j + 1] = out.row.len() as u32;
+        }
+        for j in 0..cols {
+            out.start[j + 1] = out.start[j + 1].max(out.start[j]);
+        }
+        out
+    }
+
+    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+        (0..self.cols).flat_map(move |j| self.column(j).map(move |(i, v)| (i, j, v)))
+    }
+
+    pub fn column(&self, j: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let range = self.start[j] as usize..self.start[j + 1] as usize;
+        self.row[range.clone()]
+            .iter()
+            .zip(&self.value[range])
+            .map(|(i, v)| (*i as usize, *v))
+    }
+
+    /// a self + b other, on the union of both patterns. `other` may be smaller; it then takes the leading block.
+    pub fn combined(&self, a: f64, b: f64, other: &Csc) -> Csc {
+        let first = self.entries().map(|(i, j, v)| (i, j, a * v));
+        let second = other.entries().map(|(i, j, v)| (i, j, b * v));
+        let mut entries: Vec<_> = first.collect();
+        if b != 0.0 {
+            entries.extend(second);
+        }
+        Csc::from_entries(self.rows, self.cols, entries)
+    }
+
+    pub fn diagonal(&self) -> Vec<f64> {
+        (0..self.cols)
+            .map(|j| {
+                self.column(j)
+                    .find(|(i, _)| *i == j)
+                    .map_or(0.0, |(_, v)| v)
+            })
+            .collect()
+    }
+
+    /// Rows and columns of the leading block that starts at `first`.
+    pub fn block(&self, rows: std::ops::Range<usize>, cols: std::ops::Range<usize>) -> Csc {
+        let inside = self
+            .entries()
+            .filter(|(i, j, _)| rows.contains(i) && cols.contains(j));
+        let entries = inside
+            .map(|(i, j, v)| (i - rows.start, j - cols.start, v))
+            .collect();
+        Csc::from_entries(rows.len(), cols.len(), entries)
+    }
+
+    /// Symmetric up to rounding of each entry.
+    pub fn is_symmetric(&self) -> bool {
+        if self.rows != self.cols {
+            return false;
+        }
+        let tol = 1e-14 * self.value.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
+        // one pointer per column walks down the entries below the diagonal while the mirrored ones come by in order
+        let mut next: Vec<u32> = self.start[..self.cols].to_vec();
+        for (i, j, v) in self.entries() {
+            if v.abs() <= tol {
+                continue;
+            }
+            let end = self.start[i + 1];
+            while next[i] < end && (self.row[next[i] as usize] as usize) < j {
+                next[i] += 1;
+            }
+            let at = next[i] as usize;
+            let mirror = if next[i] < end && self.row[at] as usize == j {
+                self.value[at]
+            } else {
+                0.0
+            };
+            if (v - mirror).abs() > tol {
+                return false;
+            }
+        }
+        true
+    }
+
+    pub fn get(&self, i: usize, j: usize) -> f64 {
+        let range = self.start[j] as usize..self.start[j + 1] as usize;
+        match self.row[range.clone()].binary_search(&(i as u32)) {
+            Ok(k) => self.value[range.start + k],
+            Err(_) => 0.0,
+        }
+    }
+
+    /// out = A x, or out += A x.
+    pub fn multiply(&self, x: MatRef<'_, f64>, mut out: MatMut<'_, f64>, add: bool) {
+        if !add {
+            out.fill(0.0);
+        }
+        for c in 0..x.ncols() {
+            let (Some(x), Some(y)) = (
+                x.col(c).try_as_col_major().map(|x| x.as_slice()),
+                out.rb_mut_col(c),
+            ) else {
+                continue;
+            };
+            for (j, xj) in x.iter().enumerate() {
+                let range = self.start[j] as usize..self.start[j + 1] as usize;
+                for (i, v) in self.row[range.clone()].iter().zip(&self.value[range]) {
+                    y[*i as usize] += v * xj;
+                }
+            }
+        }
+    }
+
+    /// A^T x for one vector.
+    pub fn transposed(&self, x: &[f64]) -> Vec<f64> {
+        (0..self.cols)
+            .map(|j| self.column(j).map(|(i, v)| v * x[i]).sum())
+            .collect()
+    }
+
+    fn as_faer(&self) -> SparseColMatRef<'_, u32, f64> {
+        SparseColMatRef::new(self.pattern(), &self.value)
+    }
+
+    pub fn pattern(&self) -> SymbolicSparseColMatRef<'_, u32> {
+        SymbolicSparseColMatRef::new_checked(self.rows, self.cols, &self.start, None, &self.row)
+    }
+
+    /// The values of this matrix at the entries of a pattern that contains its own.
+    pub fn spread_over(&self, pattern: &Csc) -> Vec<f64> {
+        pattern.entries().map(|(i, j, _)| self.get(i, j)).collect()
+    }
+}
+
+/// A column of a column-major matrix as a slice.
+trait ColumnSlice {
+    fn rb_mut_col(&mut self, j: usize) -> Option<&mut [f64]>;
+}
+
+impl ColumnSlice for MatMut<'_, f64> {
+    fn rb_mut_col(&mut self, j: usize) -> Option<&mut [f64]> {
+        use faer::prelude::ReborrowMut;
+        self.rb_mut()
+            .col_mut(j)
+            .try_as_col_major_mut()
+            .map(|c| c.as_slice_mut())
+    }
+}
+
+enum Kind {
+    Llt {
+        symbolic: SymbolicCholesky<u32>,
+        value: Vec<f64>,
+    },
+    Lu {
+        symbolic: SymbolicLu<u32>,
+        numeric: NumericLu<u32, f64>,
+    },
+}
+
+/// A sparse matrix ready for solves.
+pub struct Factor {
+    n: usize,
+    kind: Kind,
+    memory: RefCell<MemBuffer>,
+}
+
+impl Factor {
+    fn with(n: usize, kind: Kind) -> Self {
+        Factor {
+            n,
+            kind,
+            memory: RefCell::new(MemBuffer::new(StackReq::EMPTY)),
+        }
+    }
+}
+
+fn failed(what: &str, error: impl std::fmt::Debug) -> Error {
+    Error::singular(format!("sparse {what} failed: {error:?}"))
+}
+
+impl Factor {
+    /// Cholesky; None where the matrix is not safely positive definite: a pivot is noise of the diagonal entry it came from.
+    pub fn cholesky(a: &Csc, smallest_pivot: f64) -> Result<Option<Self>> {
+        let diagonal = a.diagonal();
+        if diagonal.iter().any(|d| *d <= 0.0) {
+            return Ok(None);
+        }
+        let symbolic = factorize_symbolic_cholesky(
+            a.as_faer().symbolic(),
+            Side::Upper,
+            Default::default(),
+            Default::default(),
+        )
+        .map_err(|e| failed("ordering", e))?;
+        let mut value = vec![0.0; symbolic.len_val()];
+        let mut memory = MemBuffer::try_new(
+            symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()),
+        )
+        .map_err(|e| failed("allocation", e))?;
+        let done = symbolic.factorize_numeric_llt(
+            &mut value,
+            a.as_faer(),
+            Side::Upper,
+            Default::default(),
+            Par::Seq,
+            MemStack::new(&mut memory),
+            Default::default(),
+        );
+        if done.is_err() {
+            return Ok(None);
+        }
+        let pivots = pivots(&symbolic, &value);
+        let order = symbolic.perm().map(|p| p.arrays().0.to_vec());
+        let safe = pivots.iter().enumerate().all(|(k, p)| {
+            let i = order.as_ref().map_or(k, |o| o[k] as usize);
+            p * p > smallest_pivot * diagonal[i]
+        });
+        if !safe {
+            return Ok(None);
+        }
+        Ok(Some(Factor::with(a.rows, Kind::Llt { symbolic, value })))
+    }
+
+    pub fn lu(a: &Csc) -> Result<Self> {
+        let symbolic = factorize_symbolic_lu(a.as_faer().symbolic(), Default::default())
+            .map_err(|e| failed("ordering", e))?;
+        let mut numeric = NumericLu::new();
+        let mut memory = MemBuffer::try_new(
+            symbolic.factorize_numeric_lu_scratch::<f64>(Par::Seq, Default::default()),
+        )
+        .map_err(|e| failed("allocation", e))?;
+        symbolic
+            .factorize_numeric_lu(
+                &mut numeric,
+                a.as_faer(),
+                Par::Seq,
+                MemStack::new(&mut memory),
+                Default::default(),
+            )
+            .map_err(|e| failed("factorisation", e))?;
+        Ok(Factor::with(a.rows, Kind::Lu { symbolic, numeric }))
+    }
+
+    pub fn solve(&self, rhs: MatMut<'_, f64>) {
+        let need = match &self.kind {
+            Kind::Llt { symbolic, .. } => {
+                symbolic.solve_in_place_scratch::<f64>(rhs.ncols(), Par::Seq)
+            }
+            Kind::Lu { symbolic, .. } => {
+                symbolic.solve_in_place_scratch::<f64>(rhs.ncols(), Par::Seq)
+            }
+        };
+        let mut memory = self.memory.borrow_mut();
+        if memory.len() < need.unaligned_bytes_required() {
+            *memory = MemBuffer::new(need);
+        }
+        let stack = MemStack::new(&mut memory);
+        match &self.kind {
+            Kind::Llt { symbolic, value } => LltRef::<'_, u32, f64>::new(symbolic, value)
+                .solve_in_place_with_conj(Conj::No, rhs, Par::Seq, stack),
+            Kind::Lu { symbolic, numeric } => LuRef::<'_, u32, f64>::new_unchecked(
+                symbolic, numeric,
+            )
+            .solve_in_place_with_conj(Conj::No, rhs, Par::Seq, stack),
+        }
+    }
+
+    pub fn n(&self) -> usize {
+        self.n
+    }
+}
+
+/// Diagonal of the factor in its own order.
+fn pivots(symbolic: &SymbolicCholesky<u32>, value: &[f64]) -> Vec<f64> {
+    match symbolic.raw() {
+        SymbolicCholeskyRaw::Simplicial(s) => (0..s.ncols())
+            .map(|j| value[s.col_ptr()[j] as usize])
+            .collect(),
+        SymbolicCholeskyRaw::Supernodal(s) => {
+            let mut out = vec![0.0; s.nrows()];
+            let llt =
+                faer::sparse::linalg::cholesky::supernodal::SupernodalLltRef::<'_, u32, f64>::new(
+                    s, value,
+                );
+            for k in 0..s.n_supernodes() {
+                let node = llt.supernode(k);
+                let width = node.val().ncols();
+                for c in 0..width {
+                    out[node.start() + c] = node.val()[(c, c)];
+                }
+            }
+            out
+        }
+    }
+}
+
+/// Number of negative eigenvalues of a symmetric matrix by Sylvester's law of inertia, from L D L^T without pivoting. None where
+/// that factorisation is not accurate: a solve with it leaves too large a residual.
+pub fn negative_eigenvalues(a: &Csc) -> Option<usize> {
+    let params = CholeskySymbolicParams {
+        supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SIMPLICIAL,
+        ..Default::default()
+    };
+    let symbolic = factorize_symbolic_cholesky(
+        a.as_faer().symbolic(),
+        Side::Upper,
+        Default::default(),
+        params,
+    )
+    .ok()?;
+    let mut value = vec![0.0; symbolic.len_val()];
+    let mut memory = MemBuffer::try_new(
+        symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default()),
+    )
+    .ok()?;
+    symbolic
+        .factorize_numeric_ldlt(
+            &mut value,
+            a.as_faer(),
+            Side::Upper,
+            Default::default(),
+            Par::Seq,
+            MemStack::new(&mut memory),
+            Default::default(),
+        )
+        .ok()?;
+    let n = a.rows;
+    let b = Mat::from_fn(n, 1, |i, _| ((i as f64) * 0.618_034 + 0.3).fract() - 0.5);
+    let mut x = b.clone();
+    let mut memory = MemBuffer::new(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
+    LdltRef::<'_, u32, f64>::new(&symbolic, &value).solve_in_place_with_conj(
+        Conj::No,
+        x.as_mut(),
+        Par::Seq,
+        MemStack::new(&mut memory),
+    );
+    let mut r = Mat::zeros(n, 1);
+    a.multiply(x.as_ref(), r.as_mut(), false);
+    let worst = (0..n)
+        .map(|i| (r[(i, 0)] - b[(i, 0)]).abs())
+        .fold(0.0, f64::max);
+    // inertia is right as long as the factors are those of a matrix close to a: ask for the residual of a stable solve
+    let rows = row_sizes(a, x.as_ref());
+    let scale = rows.iter().fold(0.0_f64, |s, v| s.max(*v)) + 0.5;
+    if worst.is_nan() || worst > 1e-11 * scale {
+        return None;
+    }
+    let d = pivots(&symbolic, &value);
+    Some(d.iter().filter(|p| **p < 0.0).count())
+}
+
+/// |A| |x|: what a residual is to be compared with.
+fn row_sizes(a: &Csc, x: MatRef<'_, f64>) -> Vec<f64> {
+    let mut out = vec![0.0; a.rows];
+    for (i, j, v) in a.entries() {
+        out[i] += (v * x[(j, 0)]).abs();
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tridiagonal(n: usize, diagonal: f64) -> Csc {
+        let mut entries = Vec::new();
+        for i in 0..n {
+            entries.push((i, i, diagonal));
+            if i > 0 {
+                entries.push((i, i - 1, -1.0));
+                entries.push((i - 1, i, -1.0));
+            }
+        }
+        Csc::from_entries(n, n, entries)
+    }
+
+    #[test]
+    fn factors_solve_and_inertia_counts() {
+        let n = 50;
+        let a = tridiagonal(n, 2.0);
+        let b = Mat::from_fn(n, 2, |i, j| (i + j) as f64);
+        let factors = [
+            Factor::cholesky(&a, 1e-12).unwrap().unwrap(),
+            Factor::lu(&a).unwrap(),
+        ];
+        for factor in factors {
+            let mut x = b.clone();
+            factor.solve(x.as_mut());
+            let mut r = Mat::zeros(n, 2);
+            a.multiply(x.as_ref(), r.as_mut(), false);
+            assert!((&r - &b).norm_max() < 1e-10);
+        }
+        // eigenvalues 2 - 2 cos(j pi / (n + 1)): those below 1 have j pi / (n + 1) < pi / 3
+        assert_eq!(
+            negative_eigenvalues(&tridiagonal(n, 2.0 - 1.0)),
+            Some((n + 1) / 3)
+        );
+        assert!(
+            Factor::cholesky(&tridiagonal(n, 1.0), 1e-12)
+                .unwrap()
+                .is_none()
+        );
+    }
+}

@@ -1,0 +1,158 @@
+//! What follows from the numbers: local markers, inertia tensors, natural lengths, over any number type.
+//!
+//! Tables hold world points of the drawn configuration; everything local is derived here and nowhere else, so that a derivative
+//! with respect to a drawn point has one source.
+use crate::model::joint::JointKind;
+use crate::model::tables::{BodyRef, ElementKind, FRAME_FROM_ORIENTATION, Tables};
+use crate::spatial::{M3, Pose, Real, V3, frame_of_axis, rotation_of_quaternion, skew};
+
+#[derive(Debug, Clone)]
+pub struct BodyGeometry<T: Real> {
+    pub mass: T,
+    /// about the centre of mass, body axes
+    pub inertia: M3<T>,
+    /// drawn pose: centre of mass in the world, body axes to world
+    pub drawn: Pose<T>,
+    /// centre of mass from the origin, body axes
+    pub com: V3<T>,
+}
+
+/// Two markers: poses in the frame of their body's centre of mass, or in the world on ground.
+#[derive(Debug, Clone)]
+pub struct MarkerPair<T: Real> {
+    pub a: Pose<T>,
+    pub b: Pose<T>,
+}
+
+#[derive(Debug, Clone)]
+pub struct Geometry<T: Real> {
+    pub bodies: Vec<BodyGeometry<T>>,
+    pub joints: Vec<MarkerPair<T>>,
+    pub elements: Vec<MarkerPair<T>>,
+    /// drawn distance of a spring-damper or distance joint; zero elsewhere
+    pub element_length: Vec<T>,
+    pub joint_length: Vec<T>,
+    /// local point and value; a follower's value in body axes, a dead load's in the world
+    pub loads: Vec<(V3<T>, V3<T>)>,
+    pub gravity: Option<V3<T>>,
+}
+
+fn vector<T: Real>(x: &[T], at: usize) -> V3<T> {
+    V3::new(x[at], x[at + 1], x[at + 2])
+}
+
+impl<T: Real> Geometry<T> {
+    pub fn derive(tables: &Tables, x: &[T]) -> Self {
+        let bodies: Vec<_> = tables
+            .bodies
+            .iter()
+            .map(|b| body(&x[b.x..b.x + 23]))
+            .collect();
+        let local = |body: BodyRef, world: &Pose<T>| match body {
+            None => *world,
+            Some(b) => bodies[b].drawn.inverse().then(world),
+        };
+        let pair =
+            |a: BodyRef, b: BodyRef, pa: V3<T>, pb: V3<T>, frame: (M3<T>, M3<T>)| MarkerPair {
+                a: local(a, &Pose { p: pa, r: frame.0 }),
+                b: local(b, &Pose { p: pb, r: frame.1 }),
+            };
+        let mut joints = Vec::with_capacity(tables.joints.len());
+        let mut joint_length = Vec::with_capacity(tables.joints.len());
+        for j in &tables.joints {
+            let n = &x[j.x..j.x + 36];
+            let (pa, pb) = (vector(n, 0), vector(n, 3));
+            let frame = joint_frame(j.kind, j.flags, n);
+            joints.push(pair(j.a, j.b, pa, pb, (frame, frame)));
+            joint_length.push(if j.kind == JointKind::Distance {
+                distance(&pa, &pb)
+            } else {
+                T::zero()
+            });
+        }
+        let mut elements = Vec::with_capacity(tables.elements.len());
+        let mut element_length = Vec::with_capacity(tables.elements.len());
+        for e in &tables.elements {
+            let n = &x[e.x..];
+            let pa = vector(n, 0);
+            let (pb, frame) = match e.kind {
+                ElementKind::SpringDamper => (vector(n, 3), M3::identity()),
+                ElementKind::Bushing => (vector(n, 3), rotation_of_quaternion(&n[6..10])),
+                ElementKind::Torsion => (pa, frame_of_axis(&vector(n, 3))),
+            };
+            elements.push(pair(e.a, e.b, pa, pb, (frame, frame)));
+            element_length.push(if e.kind == ElementKind::SpringDamper {
+                distance(&pa, &pb)
+            } else {
+                T::zero()
+            });
+        }
+        let loads = tables.loads.iter().map(|l| {
+            let drawn = &bodies[l.body].drawn;
+            let point = drawn.r.transpose() * (vector(x, l.x) - drawn.p);
+            let value = vector(x, l.x + 3);
+            (
+                point,
+                if l.follower {
+                    drawn.r.transpose() * value
+                } else {
+                    value
+                },
+            )
+        });
+        Geometry {
+            loads: loads.collect(),
+            joints,
+            elements,
+            element_length,
+            joint_length,
+            gravity: tables.gravity.map(|g| vector(x, g)),
+            bodies,
+        }
+    }
+}
+
+fn body<T: Real>(n: &[T]) -> BodyGeometry<T> {
+    let r = rotation_of_quaternion(&n[3..7]);
+    let com = vector(n, 7);
+    let inertia = M3::new(
+        n[11], n[14], n[15], n[14], n[12], n[16], n[15], n[16], n[13],
+    );
+    BodyGeometry {
+        mass: n[10],
+        inertia,
+        drawn: Pose {
+            p: vector(n, 0) + r * com,
+            r,
+        },
+        com,
+    }
+}
+
+fn joint_frame<T: Real>(kind: JointKind, flags: i64, n: &[T]) -> M3<T> {
+    if flags & FRAME_FROM_ORIENTATION != 0 {
+        return rotation_of_quaternion(&n[12..16]);
+    }
+    let axis = vector(n, 6);
+    if kind != JointKind::Universal {
+        return frame_of_axis(&axis);
+    }
+    let z = axis / axis.dot(&axis).sqrt();
+    let second = vector(n, 9);
+    let x = second - z * z.dot(&second);
+    let x = x / x.dot(&x).sqrt();
+    M3::from_columns(&[x, z.cross(&x), z])
+}
+
+fn distance<T: Real>(a: &V3<T>, b: &V3<T>) -> T {
+    let d = b - a;
+    let s = d.dot(&d);
+    // coincident points have no direction; what needs one refuses them, the others must not see NaN
+    if s.re() == 0.0 { T::zero() } else { s.sqrt() }
+}
+
+/// Rotational inertia about a point at `d` from the centre of mass, plus nothing else: m (|d|^2 - d d^T).
+pub fn parallel_axis<T: Real>(mass: T, d: &V3<T>) -> M3<T> {
+    let s = skew(d);
+    -(s * s) * mass
+}

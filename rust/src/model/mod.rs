@@ -1,0 +1,4 @@
+//! What the user described, as read from the Tables: bodies, joints, elements and loads, and what geometry follows from the numbers.
+pub mod geometry;
+pub mod joint;
+pub mod tables;

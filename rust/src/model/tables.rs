@@ -1,0 +1,145 @@
+//! The Tables (docs/tables.md): what Python hands over, parsed and checked once.
+use crate::error::{Error, Result};
+use crate::model::joint::JointKind;
+
+pub const HAS_K: i64 = 1;
+pub const HAS_C: i64 = 2;
+pub const HAS_PRELOAD: i64 = 4;
+pub const FRAME_FROM_ORIENTATION: i64 = 8;
+pub const LENGTH_GIVEN: i64 = 16;
+
+/// None is ground.
+pub type BodyRef = Option<usize>;
+
+#[derive(Debug, Clone)]
+pub struct BodySpec {
+    pub name: String,
+    pub x: usize,
+}
+
+#[derive(Debug, Clone)]
+pub struct JointSpec {
+    pub name: String,
+    pub kind: JointKind,
+    pub a: BodyRef,
+    pub b: BodyRef,
+    pub flags: i64,
+    pub x: usize,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ElementKind {
+    SpringDamper,
+    Bushing,
+    Torsion,
+}
+
+#[derive(Debug, Clone)]
+pub struct ElementSpec {
+    pub name: String,
+    pub kind: ElementKind,
+    pub a: BodyRef,
+    pub b: BodyRef,
+    pub flags: i64,
+    pub x: usize,
+}
+
+#[derive(Debug, Clone)]
+pub struct LoadSpec {
+    pub name: String,
+    pub torque: bool,
+    pub body: usize,
+    pub follower: bool,
+    pub x: usize,
+}
+
+/// Where a law acts: on one coordinate of an element or of a joint.
+#[derive(Debug, Clone)]
+pub struct LawSpec {
+    pub on_joint: bool,
+    pub owner: usize,
+    pub component: usize,
+    pub code: i64,
+    pub n: usize,
+    pub x: usize,
+}
+
+#[derive(Debug, Clone, Default)]
+pub struct Tables {
+    pub x: Vec<f64>,
+    pub bodies: Vec<BodySpec>,
+    pub joints: Vec<JointSpec>,
+    pub elements: Vec<ElementSpec>,
+    pub loads: Vec<LoadSpec>,
+    pub laws: Vec<LawSpec>,
+    pub gravity: Option<usize>,
+    /// first guesses of body poses: body, start of origin and quaternion
+    pub poses: Vec<(usize, usize)>,
+}
+
+impl Tables {
+    /// Every number must be finite and every index inside its table, whoever wrote them.
+    pub fn check(&self) -> Result<()> {
+        if let Some(i) = self.x.iter().position(|v| !v.is_finite()) {
+            return Err(Error::model(format!(
+                "number {i} of the tables is not finite"
+            )));
+        }
+        for body in &self.bodies {
+            self.inside(&body.name, body.x, 23)?;
+        }
+        for joint in &self.joints {
+            self.inside(&joint.name, joint.x, 36)?;
+            self.connects(&joint.name, joint.a, joint.b)?;
+        }
+        for element in &self.elements {
+            let n = if element.kind == ElementKind::Bushing {
+                88
+            } else {
+                10
+            };
+            self.inside(&element.name, element.x, n)?;
+            self.connects(&element.name, element.a, element.b)?;
+        }
+        for load in &self.loads {
+            self.inside(&load.name, load.x, 6)?;
+            self.connects(&load.name, Some(load.body), None)?;
+        }
+        for law in &self.laws {
+            self.inside("a law", law.x, law.n)?;
+        }
+        for (body, x) in &self.poses {
+            self.connects("a pose", Some(*body), None)?;
+            self.inside("a pose", *x, 7)?;
+        }
+        self.gravity
+            .map_or(Ok(()), |g| self.inside("gravity", g, 3))
+    }
+
+    fn inside(&self, name: &str, start: usize, n: usize) -> Result<()> {
+        if start.checked_add(n).is_none_or(|end| end > self.x.len()) {
+            return Err(Error::model(format!(
+                "'{name}': its numbers lie outside the value vector"
+            )));
+        }
+        Ok(())
+    }
+
+    fn connects(&self, name: &str, a: BodyRef, b: BodyRef) -> Result<()> {
+        if a.into_iter().chain(b).any(|body| body >= self.bodies.len()) {
+            return Err(Error::model(format!(
+                "'{name}' refers to a body that does not exist"
+            )));
+        }
+        if a == b {
+            return Err(Error::model(format!(
+                "'{name}' connects a body with itself"
+            )));
+        }
+        Ok(())
+    }
+
+    pub fn body_name(&self, body: BodyRef) -> &str {
+        body.map_or("ground", |b| &self.bodies[b].name)
+    }
+}

@@ -1,0 +1,322 @@
+//! Transfer functions and time response at the border.
+use std::sync::Arc;
+
+use faer::{Mat, c64};
+use numpy::{
+    Complex64, IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyReadonlyArray3,
+};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::border::{counts_dict, interruptible, matrix, to_numpy};
+use crate::analysis::frf::Reduction;
+use crate::analysis::frf_sensitivity::{self, Entry, Variation};
+use crate::analysis::history::History;
+use crate::analysis::ports::Ports;
+use crate::analysis::response::{self, Linear};
+use crate::error::{Error, Result};
+use crate::linalg::quadratic::Quadratic;
+
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<FrfReduction>()
+}
+
+type M2<'py> = PyReadonlyArray2<'py, f64>;
+type M3<'py> = PyReadonlyArray3<'py, f64>;
+
+/// What does not depend on frequency or ports: reduced once, used for any number of evaluations.
+#[pyclass(frozen, module = "mbrs._core")]
+pub struct FrfReduction {
+    inner: Arc<Reduction>,
+}
+
+#[pymethods]
+impl FrfReduction {
+    #[new]
+    #[pyo3(signature = (m, d, s))]
+    fn new(py: Python<'_>, m: M2<'_>, d: Option<M2<'_>>, s: M2<'_>) -> PyResult<Self> {
+        let (m, d, s) = (matrix(&m), d.map(|d| matrix(&d)), matrix(&s));
+        let inner = interruptible(py, move |_| Reduction::new(Quadratic::new(m, d, s)?))?;
+        Ok(FrfReduction {
+            inner: Arc::new(inner),
+        })
+    }
+
+    /// Poles in rad/s, or None where the mass matrix is not positive definite.
+    #[getter]
+    fn poles<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<Complex64>>> {
+        self.inner.poles().map(|p| p.into_pyarray(py))
+    }
+
+    #[getter]
+    fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        counts_dict(py, &self.inner.counts)
+    }
+
+    #[pyo3(signature = (l, f, order_in, d0, order_out, omega, modes=None))]
+    #[allow(clippy::too_many_arguments)]
+    fn evaluate<'py>(
+        &self,
+        py: Python<'py>,
+        l: M2<'_>,
+        f: M2<'_>,
+        order_in: Vec<u32>,
+        d0: Option<M2<'_>>,
+        order_out: u32,
+        omega: PyReadonlyArray1<'_, f64>,
+        modes: Option<usize>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let ports = ports(&l, &f, order_in, d0.as_ref(), order_out);
+        let omega: Vec<f64> = omega.as_array().to_vec();
+        let shape = [ports.l.nrows(), ports.f.ncols(), omega.len()];
+        let inner = self.inner.clone();
+        let values = interruptible(py, move |cancel| {
+            inner.evaluate(&ports, &omega, modes, cancel)
+        })?;
+        let out = PyDict::new(py);
+        out.set_item("value", values.h.into_pyarray(py).reshape(shape)?)?;
+        out.set_item("route", values.route.name())?;
+        out.set_item("error", values.error)?;
+        out.set_item("singular", values.singular)?;
+        out.set_item("counts", counts_dict(py, &values.counts)?)?;
+        Ok(out)
+    }
+
+    /// dH along parameters; matrices (n, n, n_p) and the like, or None where nothing changes.
+    #[pyo3(signature = (l, f, order_in, d0, order_out, omega, n_p, dm, dd, ds, df, dl, dd0))]
+    #[allow(clippy::too_many_arguments)]
+    fn sensitivity<'py>(
+        &self,
+        py: Python<'py>,
+        l: M2<'_>,
+        f: M2<'_>,
+        order_in: Vec<u32>,
+        d0: Option<M2<'_>>,
+        order_out: u32,
+        omega: PyReadonlyArray1<'_, f64>,
+        n_p: usize,
+        dm: Option<M3<'_>>,
+        dd: Option<M3<'_>>,
+        ds: Option<M3<'_>>,
+        df: Option<M3<'_>>,
+        dl: Option<M3<'_>>,
+        dd0: Option<M3<'_>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let ports = ports(&l, &f, order_in, d0.as_ref(), order_out);
+        let omega: Vec<f64> = omega.as_array().to_vec();
+        let n = self.inner.q.n();
+        let shapes = shapes(n, &ports);
+        let variations = (0..n_p)
+            .map(|p| {
+                let slice =
+                    |name, a: &Option<M3<'_>>| parameter_slice(name, a, shapes(name), n_p, p);
+                Ok(Variation {
+                    entries: entries(slice("dM", &dm)?, slice("dD", &dd)?, slice("dS", &ds)?),
+                    df: slice("dF", &df)?,
+                    dl: slice("dL", &dl)?,
+                    dd0: slice("dD0", &dd0)?,
+                })
+            })
+            .collect::<Result<Vec<_>>>()?;
+        let shape = [ports.l.nrows(), ports.f.ncols(), omega.len(), n_p];
+        let inner = self.inner.clone();
+        let values = interruptible(py, move |cancel| {
+            frf_sensitivity::sensitivity(&inner.q, &ports, &variations, &omega, cancel)
+        })?;
+        let out = PyDict::new(py);
+        out.set_item("value", values.dh.into_pyarray(py).reshape(shape)?)?;
+        out.set_item("error", values.error)?;
+        out.set_item("singular", values.singular)?;
+        out.set_item("counts", counts_dict(py, &values.counts)?)?;
+        Ok(out)
+    }
+
+    /// Motion of the outputs under loads u (n_in, n_t), linear between the times t.
+    #[pyo3(signature = (l, f, order_in, d0, t, u, bulge, x0, v0))]
+    #[allow(clippy::too_many_arguments)]
+    fn response<'py>(
+        &self,
+        py: Python<'py>,
+        l: M2<'_>,
+        f: M2<'_>,
+        order_in: Vec<u32>,
+        d0: Option<M2<'_>>,
+        t: PyReadonlyArray1<'_, f64>,
+        u: M2<'_>,
+        bulge: M2<'_>,
+        x0: PyReadonlyArray1<'_, f64>,
+        v0: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let ports = ports(&l, &f, order_in, d0.as_ref(), 0);
+        let history = history(&t, &u, &bulge);
+        let (x0, v0) = (x0.as_array().to_vec(), v0.as_array().to_vec());
+        let inner = self.inner.clone();
+        let (motion, route) = interruptible(py, move |cancel| {
+            let linear = Linear::new(&inner, &ports, &x0, &v0)?;
+            Ok((linear.run(&history, cancel)?, linear.route))
+        })?;
+        let out = motion_dict(py, &motion)?;
+        out.set_item("route", route)?;
+        Ok(out)
+    }
+
+    /// Derivative of the motion along parameters, one dict per parameter.
+    #[pyo3(signature = (l, f, order_in, d0, t, u, bulge, x0, v0, n_p, dm, dd, ds, df, dl, dd0))]
+    #[allow(clippy::too_many_arguments)]
+    fn response_sensitivity<'py>(
+        &self,
+        py: Python<'py>,
+        l: M2<'_>,
+        f: M2<'_>,
+        order_in: Vec<u32>,
+        d0: Option<M2<'_>>,
+        t: PyReadonlyArray1<'_, f64>,
+        u: M2<'_>,
+        bulge: M2<'_>,
+        x0: PyReadonlyArray1<'_, f64>,
+        v0: PyReadonlyArray1<'_, f64>,
+        n_p: usize,
+        dm: Option<M3<'_>>,
+        dd: Option<M3<'_>>,
+        ds: Option<M3<'_>>,
+        df: Option<M3<'_>>,
+        dl: Option<M3<'_>>,
+        dd0: Option<M3<'_>>,
+    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let ports = ports(&l, &f, order_in, d0.as_ref(), 0);
+        let history = history(&t, &u, &bulge);
+        let (x0, v0) = (x0.as_array().to_vec(), v0.as_array().to_vec());
+        let shapes = shapes(self.inner.q.n(), &ports);
+        let changes = (0..n_p)
+            .map(|p| {
+                let slice = |name: &'static str, a: &Option<M3<'_>>| -> Result<Mat<f64>> {
+                    let (rows, cols) = shapes(name);
+                    let value = parameter_slice(name, a, (rows, cols), n_p, p)?;
+                    Ok(value.unwrap_or_else(|| Mat::zeros(rows, cols)))
+                };
+                Ok([
+                    slice("dM", &dm)?,
+                    slice("dD", &dd)?,
+                    slice("dS", &ds)?,
+                    slice("dF", &df)?,
+                    slice("dL", &dl)?,
+                    slice("dD0", &dd0)?,
+                ])
+            })
+            .collect::<Result<Vec<_>>>()?;
+        let inner = self.inner.clone();
+        let motions = interruptible(py, move |cancel| {
+            let along = |c: &[Mat<f64>; 6]| {
+                let variation = response::Variation {
+                    dm: c[0].as_ref(),
+                    dd: c[1].as_ref(),
+                    ds: c[2].as_ref(),
+                    df: c[3].as_ref(),
+                    dl: c[4].as_ref(),
+                    dd0: c[5].as_ref(),
+                };
+                response::sensitivity(&inner, &ports, &variation, &x0, &v0, &history, cancel)
+            };
+            changes.iter().map(along).collect::<Result<Vec<_>>>()
+        })?;
+        motions.iter().map(|m| motion_dict(py, m)).collect()
+    }
+}
+
+fn motion_dict<'py>(py: Python<'py>, motion: &response::Motion) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    for (q, name) in ["displacement", "velocity", "acceleration"]
+        .iter()
+        .enumerate()
+    {
+        out.set_item(*name, to_numpy(py, motion.y[q].as_ref()))?;
+        out.set_item(
+            format!("{name}_error"),
+            to_numpy(py, motion.error[q].as_ref()),
+        )?;
+    }
+    out.set_item("counts", counts_dict(py, &motion.counts)?)?;
+    Ok(out)
+}
+
+fn ports(l: &M2<'_>, f: &M2<'_>, order_in: Vec<u32>, d0: Option<&M2<'_>>, order_out: u32) -> Ports {
+    Ports {
+        l: matrix(l),
+        f: matrix(f),
+        order_in,
+        order_out,
+        d0: d0.map(matrix),
+    }
+}
+
+fn history(t: &PyReadonlyArray1<'_, f64>, u: &M2<'_>, bulge: &M2<'_>) -> History {
+    History {
+        t: t.as_array().to_vec(),
+        u: matrix(u),
+        bulge: matrix(bulge),
+    }
+}
+
+fn shapes(n: usize, ports: &Ports) -> impl Fn(&str) -> (usize, usize) + use<> {
+    let (n_out, n_in) = (ports.l.nrows(), ports.f.ncols());
+    move |name| match name {
+        "dF" => (n, n_in),
+        "dL" => (n_out, n),
+        "dD0" => (n_out, n_in),
+        _ => (n, n),
+    }
+}
+
+/// The derivative of one matrix along parameter p, or None where it is all zero.
+fn parameter_slice(
+    name: &str,
+    a: &Option<M3<'_>>,
+    shape: (usize, usize),
+    n_p: usize,
+    p: usize,
+) -> Result<Option<Mat<f64>>> {
+    let Some(a) = a else { return Ok(None) };
+    let view = a.as_array();
+    let (rows, cols) = shape;
+    if view.shape() != [rows, cols, n_p] {
+        return Err(Error::model(format!(
+            "{name} has shape {:?}; it must be ({rows}, {cols}, {n_p})",
+            view.shape()
+        )));
+    }
+    let value = Mat::from_fn(rows, cols, |i, j| view[(i, j, p)]);
+    if !crate::linalg::quadratic::is_finite(value.as_ref()) {
+        return Err(Error::model(format!(
+            "{name} contains NaN or infinite entries"
+        )));
+    }
+    Ok((value.norm_max() > 0.0).then_some(value))
+}
+
+fn entries(dm: Option<Mat<f64>>, dd: Option<Mat<f64>>, ds: Option<Mat<f64>>) -> Vec<Entry> {
+    let Some(first) = dm.as_ref().or(dd.as_ref()).or(ds.as_ref()) else {
+        return Vec::new();
+    };
+    let n = first.nrows();
+    let at = |a: &Option<Mat<f64>>, i, j| a.as_ref().map_or(0.0, |a: &Mat<f64>| a[(i, j)]);
+    let mut entries = Vec::new();
+    for row in 0..n {
+        for col in 0..n {
+            let (m, d, s) = (at(&dm, row, col), at(&dd, row, col), at(&ds, row, col));
+            if m != 0.0 || d != 0.0 || s != 0.0 {
+                entries.push(Entry {
+                    row,
+                    col,
+                    dm: m,
+                    dd: d,
+                    ds: s,
+                });
+            }
+        }
+    }
+    entries
+}
+
+// faer's complex number and NumPy's are the same type; a change in either must not compile
+const _: fn(c64) -> Complex64 = |z| z;

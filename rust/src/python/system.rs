@@ -1,0 +1,483 @@
+//! The compiled model in Python: assembly, equilibrium, linearisation and its derivatives.
+//!
+//! A state crosses as `relative` (n_bodies, 12: translation, then the rotation matrix row by row, in tree order) and `rate`
+//! (n_tree,) or an empty array at rest. Bodies in all other arrays stand in the order of the model.
+use numpy::ndarray::{Array2, Array3};
+use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+use crate::analysis::assembly::{assemble, close, scene};
+use crate::analysis::equilibrium::{Equilibrium, equilibrium};
+use crate::analysis::linearize::{Linearization, Setting, linearize};
+use crate::analysis::reactions::reactions;
+use crate::error::{Error, Result};
+use crate::run::{Cancel, Counts};
+use crate::spatial::{M3, Pose, V3};
+use crate::system::System;
+use crate::system::assemble::Effects;
+use crate::system::connector::strain;
+use crate::system::loops::{redundant_joints, row_scales};
+use crate::system::placement::{State, advance, place};
+use crate::system::topology::Owner;
+
+use super::border::{counts_dict, guarded, interruptible};
+use super::motion;
+use super::tables::{tables, values};
+
+/// Below this number of tree coordinates a thread of its own costs more than it protects.
+const SHORT: usize = 60;
+
+#[pyclass(frozen, name = "System", module = "mbrs._core")]
+pub struct PySystem(pub System);
+
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<PySystem>()
+}
+
+/// Run where Ctrl-C can reach long work.
+pub fn run<T: Send + 'static>(
+    py: Python<'_>,
+    system: &System,
+    work: impl FnOnce(&System, &Cancel) -> Result<T> + Send + 'static,
+) -> PyResult<T> {
+    let system = system.clone();
+    if system.n_tree() < SHORT {
+        guarded(py, move || work(&system, &Cancel::default()))
+    } else {
+        interruptible(py, move |cancel| work(&system, cancel))
+    }
+}
+
+pub fn effects(without: &[String]) -> Result<Effects> {
+    let mut effects = Effects::ALL;
+    for name in without {
+        match name.as_str() {
+            "gravity" => effects.gravity = false,
+            "damping" => effects.damping = false,
+            "gyroscopic" => effects.gyroscopic = false,
+            "centrifugal" => effects.centrifugal = false,
+            "preload-stiffness" => effects.preload_stiffness = false,
+            "constraint-force-stiffness" => effects.constraint_force_stiffness = false,
+            "friction" => effects.friction = false,
+            "contact" => effects.contact = false,
+            // harmonic balance adds the laws themselves
+            "law-slopes" => effects.law_slopes = false,
+            // belong to other analyses: nothing to leave out here
+            "flexibility" | "drives" => {}
+            other => {
+                return Err(Error::model(format!(
+                    "the effect '{other}' cannot be switched off in this analysis"
+                )));
+            }
+        }
+    }
+    Ok(effects)
+}
+
+pub fn state_of(
+    system: &System,
+    relative: &PyReadonlyArray2<'_, f64>,
+    rate: &PyReadonlyArray1<'_, f64>,
+) -> Result<State> {
+    let view = relative.as_array();
+    if view.shape() != [system.n_bodies(), 12] {
+        return Err(Error::model(format!(
+            "a state of this model has {} rows of 12 numbers, not {:?}",
+            system.n_bodies(),
+            view.shape()
+        )));
+    }
+    let rate = values(rate);
+    if !rate.is_empty() && rate.len() != system.n_tree() {
+        return Err(Error::model(format!(
+            "a state of this model has {} rates, not {}",
+            system.n_tree(),
+            rate.len()
+        )));
+    }
+    if view.iter().chain(&rate).any(|v| !v.is_finite()) {
+        return Err(Error::model("the state contains NaN or infinite numbers"));
+    }
+    let pose = |i: usize| Pose {
+        p: V3::from_fn(|k, _| view[(i, k)]),
+        r: M3::from_fn(|r, c| view[(i, 3 + 3 * r + c)]),
+    };
+    Ok(State {
+        relative: (0..system.n_bodies()).map(pose).collect(),
+        rate,
+    })
+}
+
+fn empty(py: Python<'_>) -> PyResult<PyReadonlyArray1<'_, f64>> {
+    Ok(numpy::PyArray1::<f64>::zeros(py, 0, false).extract::<PyReadonlyArray1<'_, f64>>()?)
+}
+
+fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult<()> {
+    let relative = Array2::from_shape_fn((state.relative.len(), 12), |(i, k)| {
+        let pose = &state.relative[i];
+        if k < 3 {
+            pose.p[k]
+        } else {
+            pose.r[((k - 3) / 3, (k - 3) % 3)]
+        }
+    });
+    out.set_item("relative", relative.into_pyarray(py))?;
+    out.set_item("rate", state.rate.clone().into_pyarray(py))
+}
+
+pub fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
+    Array2::from_shape_fn(m.shape(), |(i, j)| m[(i, j)])
+}
+
+fn put_linearization(
+    py: Python<'_>,
+    out: &Bound<'_, PyDict>,
+    system: &System,
+    lin: &Linearization,
+) -> PyResult<()> {
+    let names: Vec<_> = lin
+        .coordinates(system.n_tree())
+        .iter()
+        .map(|i| system.topology.names[*i].clone())
+        .collect();
+    out.set_item("coordinates", names)?;
+    out.set_item("M", array(&lin.matrices.mass).into_pyarray(py))?;
+    out.set_item(
+        "D",
+        lin.matrices
+            .damping
+            .as_ref()
+            .map(|d| array(d).into_pyarray(py)),
+    )?;
+    out.set_item("S", array(&lin.matrices.stiffness).into_pyarray(py))?;
+    out.set_item("T", array(&lin.body_map).into_pyarray(py))?;
+    out.set_item(
+        "residual",
+        lin.residual.as_slice().to_vec().into_pyarray(py),
+    )?;
+    out.set_item(
+        "ground_coupling",
+        array(&lin.ground_coupling).into_pyarray(py),
+    )?;
+    out.set_item("force_scale", lin.force_scale)?;
+    out.set_item("multipliers", lin.lam.clone().into_pyarray(py))
+}
+
+#[pymethods]
+impl PySystem {
+    #[new]
+    fn new(py: Python<'_>, tables_dict: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let read = tables(tables_dict)?;
+        guarded(py, move || System::new(read)).map(PySystem)
+    }
+
+    fn with_values(&self, py: Python<'_>, x: PyReadonlyArray1<'_, f64>) -> PyResult<Self> {
+        let x = values(&x);
+        guarded(py, || self.0.with_values(x)).map(PySystem)
+    }
+
+    #[getter]
+    fn n_bodies(&self) -> usize {
+        self.0.n_bodies()
+    }
+
+    #[getter]
+    fn n_tree(&self) -> usize {
+        self.0.n_tree()
+    }
+
+    #[getter]
+    fn characteristic_length(&self) -> f64 {
+        self.0.length
+    }
+
+    /// Tree, cut joints and coordinates: what the structure alone decides.
+    fn topology<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let topology = &self.0.topology;
+        let out = PyDict::new(py);
+        let tree = PyList::empty(py);
+        for node in &topology.nodes {
+            let parent = node
+                .parent
+                .map(|p| topology.tables.bodies[topology.nodes[p].body].name.as_str());
+            let joint = node.joint.map(|j| topology.tables.joints[j].name.as_str());
+            tree.append((
+                &topology.tables.bodies[node.body].name,
+                parent,
+                joint,
+                node.kind.name(),
+            ))?;
+        }
+        out.set_item("tree", tree)?;
+        out.set_item(
+            "cut",
+            topology
+                .cut
+                .iter()
+                .map(|j| topology.tables.joints[*j].name.clone())
+                .collect::<Vec<_>>(),
+        )?;
+        out.set_item("coordinates", topology.names.clone())?;
+        out.set_item(
+            "row_joint",
+            topology
+                .rows
+                .iter()
+                .map(|r| topology.tables.joints[r.joint].name.clone())
+                .collect::<Vec<_>>(),
+        )?;
+        Ok(out)
+    }
+
+    /// The drawn state, loops closed and velocities made consistent.
+    fn assemble<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let (assembled, counts) = run(py, &self.0, |system, _| {
+            let mut counts = Counts::default();
+            assemble(system, &mut counts).map(|a| (a, counts))
+        })?;
+        let out = PyDict::new(py);
+        put_state(py, &out, &assembled.state)?;
+        out.set_item("velocity_correction", assembled.velocity_correction)?;
+        out.set_item("iterations", assembled.iterations)?;
+        out.set_item("counts", counts_dict(py, &counts)?)?;
+        Ok(out)
+    }
+
+    /// Pose and velocity of each body's origin: position (n, 3), rotation (n, 3, 3), velocity and angular velocity (n, 3), world.
+    fn bodies<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let state = state_of(&self.0, &relative, &rate)?;
+        let topology = &self.0.topology;
+        let rate = state.moving().then_some(state.rate.as_slice());
+        let placement = place(topology, &self.0.geometry, &state.relative, rate);
+        let n = self.0.n_bodies();
+        let (mut position, mut velocity, mut omega) = (
+            Array2::zeros((n, 3)),
+            Array2::zeros((n, 3)),
+            Array2::zeros((n, 3)),
+        );
+        let mut rotation = Array3::zeros((n, 3, 3));
+        for (i, node) in topology.nodes.iter().enumerate() {
+            let pose = &placement.pose[i];
+            let arm = -(pose.r * self.0.geometry.bodies[node.body].com);
+            for k in 0..3 {
+                position[(node.body, k)] = pose.p[k] + arm[k];
+                for l in 0..3 {
+                    rotation[(node.body, k, l)] = pose.r[(k, l)];
+                }
+            }
+            if let Some(v) = placement
+                .velocity
+                .as_ref()
+                .map(|v| v.body[i].motion_at(&arm))
+            {
+                for k in 0..3 {
+                    velocity[(node.body, k)] = v.l[k];
+                    omega[(node.body, k)] = v.a[k];
+                }
+            }
+        }
+        let out = PyDict::new(py);
+        out.set_item("position", position.into_pyarray(py))?;
+        out.set_item("rotation", rotation.into_pyarray(py))?;
+        out.set_item("velocity", velocity.into_pyarray(py))?;
+        out.set_item("angular_velocity", omega.into_pyarray(py))?;
+        Ok(out)
+    }
+
+    fn equilibrium<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        without: Vec<String>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let start = state_of(&self.0, &relative, &empty(py)?)?;
+        let effects = effects(&without)?;
+        let (eq, counts): (Equilibrium, Counts) = run(py, &self.0, move |system, cancel| {
+            let mut counts = Counts::default();
+            equilibrium(system, &start, effects, cancel, &mut counts).map(|e| (e, counts))
+        })?;
+        let out = PyDict::new(py);
+        put_state(py, &out, &eq.state)?;
+        put_linearization(py, &out, &self.0, &eq.linearization)?;
+        out.set_item("relative_residual", eq.residual)?;
+        out.set_item("error", eq.error)?;
+        out.set_item("iterations", eq.iterations)?;
+        out.set_item("stable", eq.stable)?;
+        out.set_item("free_directions", eq.free_directions)?;
+        out.set_item("counts", counts_dict(py, &counts)?)?;
+        Ok(out)
+    }
+
+    fn linearize<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+        without: Vec<String>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let state = state_of(&self.0, &relative, &rate)?;
+        let effects = effects(&without)?;
+        let (lin, counts) = run(py, &self.0, move |system, _| {
+            let mut counts = Counts::default();
+            linearize(
+                &Setting {
+                    system,
+                    state: &state,
+                    effects,
+                },
+                &mut counts,
+            )
+            .map(|l| (l, counts))
+        })?;
+        let out = PyDict::new(py);
+        put_linearization(py, &out, &self.0, &lin)?;
+        out.set_item(
+            "moving",
+            lin.acceleration.is_some() || rate.as_array().iter().any(|r| *r != 0.0),
+        )?;
+        if let Some(l) = &lin.loops {
+            out.set_item("rank", l.dependent.len())?;
+            let named = redundant_joints(&self.0.topology, l).into_iter();
+            out.set_item(
+                "redundant",
+                named
+                    .map(|(j, n)| (self.0.topology.tables.joints[j].name.clone(), n))
+                    .collect::<Vec<_>>(),
+            )?;
+        }
+        out.set_item("counts", counts_dict(py, &counts)?)?;
+        Ok(out)
+    }
+
+    /// A state advanced by increments of the minimal coordinates, loops closed.
+    fn advance<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        increments: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let mut state = state_of(&self.0, &relative, &empty(py)?)?;
+        let z = nalgebra::DVector::from_vec(values(&increments));
+        let moved = run(py, &self.0, move |system, _| {
+            let setting = Setting {
+                system,
+                state: &state,
+                effects: Effects::ALL,
+            };
+            let base = linearize(&setting, &mut Counts::default())?;
+            let dy = base.expand(z)?;
+            advance(&system.topology, &mut state.relative, dy.as_slice());
+            close(system, &mut state, &mut Counts::default())?;
+            Ok(state)
+        })?;
+        let out = PyDict::new(py);
+        put_state(py, &out, &moved)?;
+        Ok(out.as_any().get_item("relative")?)
+    }
+
+    /// How far given rates of the tree coordinates violate the cut joints, in rates of the scaled rows.
+    fn rate_mismatch(
+        &self,
+        py: Python<'_>,
+        relative: PyReadonlyArray2<'_, f64>,
+        rate: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<f64> {
+        let state = state_of(&self.0, &relative, &rate)?;
+        guarded(py, || {
+            let placement = place(&self.0.topology, &self.0.geometry, &state.relative, None);
+            let jacobian = scene(&self.0, &placement).constraints().1;
+            let scales = row_scales(&self.0.topology, self.0.length);
+            let miss = jacobian * nalgebra::DVector::from_vec(state.rate.clone());
+            Ok(miss
+                .iter()
+                .zip(&scales)
+                .map(|(m, s)| (m * s).abs())
+                .fold(0.0, f64::max))
+        })
+    }
+
+    /// Explicit motion from a state with `n_steps` of length `step`; along a direction of the values (indices, weights) also the
+    /// derivative of the positions.
+    fn integrate<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+        step: f64,
+        n_steps: usize,
+        direction: Option<(Vec<usize>, Vec<f64>)>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let state = state_of(&self.0, &relative, &rate)?;
+        motion::integrate(py, &self.0, state, step, n_steps, direction)
+    }
+
+    /// Where the laws act at a state, see `motion::law_places`.
+    fn law_places<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyList>> {
+        motion::law_places(py, &self.0, &state_of(&self.0, &relative, &rate)?)
+    }
+
+    /// Per elastic connector: gradient rows in tree-independent form (n, 6) about a world point, the bodies, k (n, n).
+    fn strains<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyList>> {
+        let state = state_of(&self.0, &relative, &empty(py)?)?;
+        let topology = &self.0.topology;
+        let placement = place(topology, &self.0.geometry, &state.relative, None);
+        let out = PyList::empty(py);
+        for c in &topology.connectors {
+            let one = strain(topology, &self.0.geometry, &placement, &self.0.x, c);
+            let name = match c.owner {
+                Owner::Element(i) => &topology.tables.elements[i].name,
+                Owner::Joint(i) => &topology.tables.joints[i].name,
+            };
+            let gradients =
+                Array2::from_shape_fn((one.gradients.len(), 6), |(i, k)| one.gradients[i].get(k));
+            let body = |b: Option<usize>| b.map_or(-1, |b| b as i64);
+            let point = one.point.as_slice().to_vec().into_pyarray(py);
+            out.append((
+                name,
+                body(c.a),
+                body(c.b),
+                point,
+                gradients.into_pyarray(py),
+                array(&one.k).into_pyarray(py),
+            ))?;
+        }
+        Ok(out)
+    }
+
+    /// Wrench of every joint on its second body at the joint's point, (n_joints, 6), world axes.
+    fn reactions<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+        without: Vec<String>,
+    ) -> PyResult<Bound<'py, numpy::PyArray2<f64>>> {
+        let state = state_of(&self.0, &relative, &rate)?;
+        let effects = effects(&without)?;
+        let all = run(py, &self.0, move |system, _| {
+            let setting = Setting {
+                system,
+                state: &state,
+                effects,
+            };
+            let base = linearize(&setting, &mut Counts::default())?;
+            reactions(&setting, &base)
+        })?;
+        Ok(Array2::from_shape_fn((all.len(), 6), |(i, k)| all[i].get(k)).into_pyarray(py))
+    }
+}

@@ -1,0 +1,207 @@
+//! Tables from the dict that Python writes (docs/tables.md).
+use numpy::PyReadonlyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::error::{Error, Result};
+use crate::model::joint::JointKind;
+use crate::model::tables::{
+    BodyRef, BodySpec, ElementKind, ElementSpec, JointSpec, LawSpec, LoadSpec, Tables,
+};
+
+struct Reader<'a, 'py>(&'a Bound<'py, PyDict>);
+
+impl Reader<'_, '_> {
+    fn item(&self, key: &str) -> PyResult<Bound<'_, PyAny>> {
+        self.0
+            .get_item(key)?
+            .ok_or_else(|| Error::model(format!("the tables have no '{key}'")).into())
+    }
+
+    fn ints(&self, key: &str) -> PyResult<Vec<i64>> {
+        let item = self.item(key)?;
+        if let Ok(array) = item.extract::<PyReadonlyArray1<'_, i64>>() {
+            return Ok(array.as_array().to_vec());
+        }
+        item.extract()
+    }
+
+    fn names(&self, key: &str) -> PyResult<Vec<String>> {
+        self.item(key)?.extract()
+    }
+}
+
+fn offset(x: i64) -> Result<usize> {
+    usize::try_from(x)
+        .map_err(|_| Error::model(format!("{x} is not an offset into the value vector")))
+}
+
+fn body(b: i64) -> BodyRef {
+    usize::try_from(b).ok()
+}
+
+fn same_length(key: &str, lengths: &[usize]) -> Result<()> {
+    if lengths.windows(2).any(|w| w[0] != w[1]) {
+        return Err(Error::model(format!(
+            "the '{key}' tables have different lengths {lengths:?}"
+        )));
+    }
+    Ok(())
+}
+
+pub fn values(array: &PyReadonlyArray1<'_, f64>) -> Vec<f64> {
+    array.as_array().iter().copied().collect()
+}
+
+pub fn tables(dict: &Bound<'_, PyDict>) -> PyResult<Tables> {
+    let reader = Reader(dict);
+    let x = values(&reader.item("x")?.extract::<PyReadonlyArray1<'_, f64>>()?);
+    let gravity = reader
+        .ints("gravity_x")?
+        .first()
+        .copied()
+        .and_then(|g| usize::try_from(g).ok());
+    let tables = Tables {
+        x,
+        bodies: bodies(&reader)?,
+        joints: joints(&reader)?,
+        elements: elements(&reader)?,
+        loads: loads(&reader)?,
+        laws: laws(&reader)?,
+        gravity,
+        poses: poses(&reader)?,
+    };
+    tables.check()?;
+    Ok(tables)
+}
+
+fn bodies(reader: &Reader<'_, '_>) -> PyResult<Vec<BodySpec>> {
+    let (names, x) = (reader.names("body_name")?, reader.ints("body_x")?);
+    same_length("body", &[names.len(), x.len()])?;
+    names
+        .into_iter()
+        .zip(x)
+        .map(|(name, x)| {
+            Ok(BodySpec {
+                name,
+                x: offset(x)?,
+            })
+        })
+        .collect()
+}
+
+fn joints(reader: &Reader<'_, '_>) -> PyResult<Vec<JointSpec>> {
+    let names = reader.names("joint_name")?;
+    let [kind, a, b, flags, x] = columns(
+        reader,
+        "joint",
+        ["type", "a", "b", "flags", "x"],
+        names.len(),
+    )?;
+    let one = |(i, name): (usize, String)| {
+        Ok(JointSpec {
+            name,
+            kind: JointKind::from_code(kind[i])?,
+            a: body(a[i]),
+            b: body(b[i]),
+            flags: flags[i],
+            x: offset(x[i])?,
+        })
+    };
+    names.into_iter().enumerate().map(one).collect()
+}
+
+fn elements(reader: &Reader<'_, '_>) -> PyResult<Vec<ElementSpec>> {
+    let names = reader.names("element_name")?;
+    let [kind, a, b, flags, x] = columns(
+        reader,
+        "element",
+        ["type", "a", "b", "flags", "x"],
+        names.len(),
+    )?;
+    let one = |(i, name): (usize, String)| {
+        let kind = match kind[i] {
+            0 => ElementKind::SpringDamper,
+            1 => ElementKind::Bushing,
+            2 => ElementKind::Torsion,
+            other => {
+                return Err(
+                    Error::model(format!("element '{name}': type {other} does not exist")).into(),
+                );
+            }
+        };
+        Ok(ElementSpec {
+            name,
+            kind,
+            a: body(a[i]),
+            b: body(b[i]),
+            flags: flags[i],
+            x: offset(x[i])?,
+        })
+    };
+    names.into_iter().enumerate().map(one).collect()
+}
+
+fn loads(reader: &Reader<'_, '_>) -> PyResult<Vec<LoadSpec>> {
+    let names = reader.names("load_name")?;
+    let [kind, on, frame, x] =
+        columns(reader, "load", ["type", "body", "frame", "x"], names.len())?;
+    let one = |(i, name): (usize, String)| {
+        Ok(LoadSpec {
+            name,
+            torque: kind[i] == 1,
+            body: offset(on[i])?,
+            follower: frame[i] == 1,
+            x: offset(x[i])?,
+        })
+    };
+    names.into_iter().enumerate().map(one).collect()
+}
+
+fn laws(reader: &Reader<'_, '_>) -> PyResult<Vec<LawSpec>> {
+    let owner = reader.ints("law_owner")?;
+    let [kind, component, code, n, x] = columns(
+        reader,
+        "law",
+        ["owner_kind", "component", "type", "n", "x"],
+        owner.len(),
+    )?;
+    let one = |(i, owner): (usize, i64)| {
+        let (owner, component) = (offset(owner)?, offset(component[i])?);
+        Ok(LawSpec {
+            on_joint: kind[i] == 1,
+            owner,
+            component,
+            code: code[i],
+            n: offset(n[i])?,
+            x: offset(x[i])?,
+        })
+    };
+    owner.into_iter().enumerate().map(one).collect()
+}
+
+fn poses(reader: &Reader<'_, '_>) -> PyResult<Vec<(usize, usize)>> {
+    if reader.0.get_item("pose_body")?.is_none() {
+        return Ok(Vec::new());
+    }
+    let (on, x) = (reader.ints("pose_body")?, reader.ints("pose_x")?);
+    same_length("pose", &[on.len(), x.len()])?;
+    on.into_iter()
+        .zip(x)
+        .map(|(b, x)| Ok((offset(b)?, offset(x)?)))
+        .collect()
+}
+
+fn columns<const N: usize>(
+    reader: &Reader<'_, '_>,
+    stem: &str,
+    keys: [&str; N],
+    n: usize,
+) -> PyResult<[Vec<i64>; N]> {
+    let mut all = [const { Vec::new() }; N];
+    for (column, key) in all.iter_mut().zip(keys) {
+        *column = reader.ints(&format!("{stem}_{key}"))?;
+        same_length(stem, &[n, column.len()])?;
+    }
+    Ok(all)
+}

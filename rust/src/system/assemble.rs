@@ -1,0 +1,503 @@
+//! Residual and tangent of the whole model in tree coordinates.
+//!
+//! ```text
+//! rho(y, y', y") = inertia - applied + J^T lam,   M = d rho/dy",  D = d rho/dy',  K = d rho/dy at constant lam
+//! ```
+use nalgebra::{DMatrix, DVector};
+
+use crate::model::geometry::Geometry;
+use crate::model::joint::{Coordinate, JointKind};
+use crate::model::tables::LENGTH_GIVEN;
+use crate::run::Counts;
+use crate::spatial::{Real, Six, absent};
+use crate::system::connector::{
+    Numbers, Wanted, add_tangent, add_wrench, constraint_interaction, constraint_rows, interaction,
+    load_interaction, path,
+};
+use crate::system::inertia::{InertiaInput, add_inertia, ground_coupling};
+use crate::system::placement::Placement;
+use crate::system::topology::{Connector, Topology};
+
+/// What is computed: an effect that a model does not contain costs nothing anyway; these switch off what it contains.
+#[derive(Debug, Clone, Copy)]
+pub struct Effects {
+    pub gravity: bool,
+    pub damping: bool,
+    pub gyroscopic: bool,
+    pub centrifugal: bool,
+    pub preload_stiffness: bool,
+    pub constraint_force_stiffness: bool,
+    /// slopes of nonlinear laws: off where harmonic balance adds the laws themselves
+    pub law_slopes: bool,
+    pub friction: bool,
+    pub contact: bool,
+}
+
+impl Effects {
+    pub const ALL: Effects = Effects {
+        gravity: true,
+        damping: true,
+        gyroscopic: true,
+        centrifugal: true,
+        preload_stiffness: true,
+        constraint_force_stiffness: true,
+        law_slopes: true,
+        friction: true,
+        contact: true,
+    };
+
+    /// Which forces of connectors and loads act.
+    fn wanted(&self) -> Wanted {
+        Wanted {
+            damping: self.damping,
+            friction: self.friction,
+            contact: self.contact,
+            ..Wanted::FORCES
+        }
+    }
+}
+
+/// Everything the assembly reads, over T.
+pub struct Scene<'a, T: Real> {
+    pub topology: &'a Topology,
+    pub geometry: &'a Geometry<T>,
+    pub x: &'a [T],
+    /// what laws remember; empty means centred
+    pub memory: &'a [T],
+    pub placement: &'a Placement<T>,
+    pub rate: Option<&'a [T]>,
+    pub acceleration: Option<&'a [T]>,
+    pub effects: Effects,
+}
+
+#[derive(Debug, Clone)]
+pub struct Tangent<T: Real> {
+    pub mass: DMatrix<T>,
+    pub damping: Option<DMatrix<T>>,
+    pub gyroscopic: Option<DMatrix<T>>,
+    pub stiffness: DMatrix<T>,
+}
+
+impl<T: Real> Scene<'_, T> {
+    fn inertia(&self, with_rates: bool) -> InertiaInput<'_, T> {
+        InertiaInput {
+            topology: self.topology,
+            geometry: self.geometry,
+            placement: self.placement,
+            rate: self.rate.filter(|_| with_rates),
+            acceleration: self.acceleration,
+            gravity: self.geometry.gravity.filter(|_| self.effects.gravity),
+        }
+    }
+
+    fn damped(&self) -> bool {
+        let damps = |c: &Connector| {
+            c.c.is_some() || self.effects.law_slopes && c.laws.iter().any(|l| l.law.uses_velocity())
+        };
+        self.effects.damping && self.topology.connectors.iter().any(damps)
+    }
+
+    fn numbers(&self) -> Numbers<'_, T> {
+        Numbers {
+            x: self.x,
+            memory: self.memory,
+        }
+    }
+
+    /// Per node: applied wrenches about the centre of mass, without inertia and multipliers.
+    fn applied(&self) -> Vec<Six<T>> {
+        let mut sums = vec![Six::zero(); self.topology.nodes.len()];
+        let wanted = self.effects.wanted();
+        for c in &self.topology.connectors {
+            let acting = interaction(
+                self.topology,
+                self.geometry,
+                self.placement,
+                self.numbers(),
+                c,
+                wanted,
+            );
+            add_wrench(self.topology, self.placement, &acting, &mut sums);
+        }
+        for load in 0..self.topology.tables.loads.len() {
+            let acting =
+                load_interaction(self.topology, self.geometry, self.placement, load, wanted);
+            add_wrench(self.topology, self.placement, &acting, &mut sums);
+        }
+        sums
+    }
+
+    /// Wrench of every body, inertia - applied (+ constraints of cut joints if `lam` is given), about its centre of mass.
+    pub fn body_wrenches(&self, lam: Option<&[T]>) -> Vec<Six<T>> {
+        let mut sums: Vec<_> = self.applied().into_iter().map(|w| -w).collect();
+        if let Some(forces) = self.inertia(self.effects.centrifugal).forces() {
+            for (sum, f) in sums.iter_mut().zip(forces) {
+                *sum += f;
+            }
+        }
+        if let Some(lam) = lam {
+            for (sum, w) in sums.iter_mut().zip(self.multiplier_wrenches(lam)) {
+                *sum += w;
+            }
+        }
+        sums
+    }
+
+    /// J^T lam as wrenches on the bodies, with the sign they have in rho.
+    pub fn multiplier_wrenches(&self, lam: &[T]) -> Vec<Six<T>> {
+        let mut sums = vec![Six::zero(); self.topology.nodes.len()];
+        let wanted = Wanted::FORCES;
+        for (joint, rows) in self.cut_multipliers(lam) {
+            let acting = constraint_interaction(
+                self.topology,
+                self.geometry,
+                self.placement,
+                joint,
+                &rows,
+                wanted,
+            );
+            add_wrench(self.topology, self.placement, &acting, &mut sums);
+        }
+        sums.into_iter().map(|w| -w).collect()
+    }
+
+    /// The mass matrix alone.
+    pub fn mass(&self) -> DMatrix<T> {
+        let n = self.topology.dofs.len();
+        let (mut mass, mut unused) = (DMatrix::zeros(n, n), DMatrix::zeros(0, 0));
+        let unloaded = InertiaInput {
+            rate: None,
+            acceleration: None,
+            gravity: None,
+            ..self.inertia(false)
+        };
+        add_inertia(&unloaded, &mut mass, &mut unused, None);
+        mass
+    }
+
+    /// Momentum of a common rigid motion of everything, about the world origin, per tree coordinate (n_tree, 6).
+    pub fn ground_coupling(&self) -> DMatrix<T> {
+        ground_coupling(&self.inertia(false))
+    }
+
+    /// The sum of the sizes of all connector forces, moments over the characteristic length.
+    pub fn connector_sizes(&self, length: f64) -> f64 {
+        let wanted = Wanted::FORCES;
+        let acting = self.topology.connectors.iter().map(|c| {
+            interaction(
+                self.topology,
+                self.geometry,
+                self.placement,
+                self.numbers(),
+                c,
+                wanted,
+            )
+        });
+        acting
+            .map(|w| w.wrench.l.map(|v| v.re()).norm() * length + w.wrench.a.map(|v| v.re()).norm())
+            .sum()
+    }
+
+    /// Multipliers of both levels grouped by cut joint: at rest a velocity row carries force like any other.
+    pub fn cut_multipliers(&self, lam: &[T]) -> Vec<(usize, Vec<(Coordinate, T)>)> {
+        let mut grouped: Vec<(usize, Vec<(Coordinate, T)>)> = Vec::new();
+        for (row, l) in self.topology.rows.iter().zip(lam) {
+            match grouped.last_mut().filter(|(joint, _)| *joint == row.joint) {
+                Some((_, rows)) => rows.push((row.coordinate, *l)),
+                None => grouped.push((row.joint, vec![(row.coordinate, *l)])),
+            }
+        }
+        grouped
+    }
+
+    /// Sum body wrenches to subtrees, about each node's centre of mass.
+    pub fn subtree_wrenches(&self, mut sums: Vec<Six<T>>) -> Vec<Six<T>> {
+        for node in (0..sums.len()).rev() {
+            if let Some(parent) = self.topology.nodes[node].parent {
+                let moved = sums[node]
+                    .wrench_at(&(self.placement.pose[parent].p - self.placement.pose[node].p));
+                sums[parent] += moved;
+            }
+        }
+        sums
+    }
+
+    /// rho in tree coordinates; without `lam` the multipliers are left out.
+    pub fn residual(&self, lam: Option<&[T]>) -> DVector<T> {
+        let sums = self.subtree_wrenches(self.body_wrenches(lam));
+        DVector::from_iterator(
+            self.topology.dofs.len(),
+            self.topology
+                .dofs
+                .iter()
+                .zip(&self.placement.column)
+                .map(|(dof, s)| s.dot(&sums[dof.node])),
+        )
+    }
+
+    /// Values Phi and Jacobian J of the rows of cut joints; a velocity row has value zero and its D for Jacobian.
+    pub fn constraints(&self) -> (DVector<T>, DMatrix<T>) {
+        let rows = &self.topology.rows;
+        let mut phi = DVector::zeros(rows.len());
+        let mut jacobian = DMatrix::zeros(rows.len(), self.topology.dofs.len());
+        let mut start = 0;
+        while start < rows.len() {
+            let joint = rows[start].joint;
+            let end = start
+                + rows[start..]
+                    .iter()
+                    .take_while(|r| r.joint == joint)
+                    .count();
+            self.joint_rows(joint, start, end, &mut phi, &mut jacobian);
+            start = end;
+        }
+        (phi, jacobian)
+    }
+
+    fn joint_rows(
+        &self,
+        joint: usize,
+        start: usize,
+        end: usize,
+        phi: &mut DVector<T>,
+        jacobian: &mut DMatrix<T>,
+    ) {
+        let spec = &self.topology.tables.joints[joint];
+        let coordinates: Vec<_> = self.topology.rows[start..end]
+            .iter()
+            .map(|r| r.coordinate)
+            .collect();
+        let (point, rows) = if spec.kind == JointKind::KnifeEdge {
+            self.knife_edge(joint)
+        } else {
+            constraint_rows(
+                self.topology,
+                self.geometry,
+                self.placement,
+                joint,
+                &coordinates,
+            )
+        };
+        let entries = path(self.topology, self.placement, spec.a, spec.b, &point);
+        for (i, (value, g)) in rows.iter().enumerate() {
+            let length = if spec.kind == JointKind::Distance {
+                self.distance(joint)
+            } else {
+                T::zero()
+            };
+            phi[start + i] = *value - length;
+            for entry in &entries {
+                jacobian[(start + i, entry.dof)] = g.dot(&entry.signed());
+            }
+        }
+    }
+
+    fn distance(&self, joint: usize) -> T {
+        let spec = &self.topology.tables.joints[joint];
+        let x = self.x[spec.x + 34];
+        if spec.flags & LENGTH_GIVEN != 0 {
+            x
+        } else {
+            self.geometry.joint_length[joint] + x
+        }
+    }
+
+    // the forbidden direction is the z axis of the second body's marker
+    fn knife_edge(&self, joint: usize) -> (crate::spatial::V3<T>, Vec<(T, Six<T>)>) {
+        let spec = &self.topology.tables.joints[joint];
+        let pair = &self.geometry.joints[joint];
+        let b = crate::system::placement::marker_pose(
+            self.topology,
+            &self.placement.pose,
+            spec.b,
+            &pair.b,
+        );
+        (
+            b.p,
+            vec![(
+                T::zero(),
+                Six::new(b.r.column(2).into_owned(), crate::spatial::V3::zeros()),
+            )],
+        )
+    }
+
+    pub fn tangent(&self, lam: Option<&[T]>, counts: &mut Counts) -> Tangent<T> {
+        let n = self.topology.dofs.len();
+        let mut mass = DMatrix::zeros(n, n);
+        let mut stiffness = DMatrix::zeros(n, n);
+        let moving = self.rate.is_some();
+        let mut gyroscopic = (moving && self.effects.gyroscopic).then(|| DMatrix::zeros(n, n));
+        add_inertia(
+            &self.inertia(self.effects.centrifugal || gyroscopic.is_some()),
+            &mut mass,
+            &mut stiffness,
+            gyroscopic.as_mut(),
+        );
+        if moving && !self.effects.centrifugal {
+            // the velocity terms of K came along with the gyroscopic ones: take them out again
+            let mut unused = DMatrix::zeros(n, n);
+            stiffness = DMatrix::zeros(n, n);
+            add_inertia(&self.inertia(false), &mut unused, &mut stiffness, None);
+        }
+        if self.geometry.gravity.is_some() && self.effects.gravity {
+            counts.add("gravity stiffness", 1);
+        }
+        if moving {
+            counts.add("velocity terms", 1);
+        }
+        let mut damping = self.damped().then(|| DMatrix::zeros(n, n));
+        self.add_connectors(&mut stiffness, damping.as_mut(), counts);
+        if let Some(lam) = lam.filter(|_| self.effects.constraint_force_stiffness) {
+            self.add_multiplier_stiffness(lam, &mut stiffness, counts);
+        }
+        self.add_switched(&mut stiffness);
+        Tangent {
+            mass,
+            damping,
+            gyroscopic,
+            stiffness,
+        }
+    }
+
+    fn add_connectors(
+        &self,
+        stiffness: &mut DMatrix<T>,
+        mut damping: Option<&mut DMatrix<T>>,
+        counts: &mut Counts,
+    ) {
+        let geometric = self.effects.preload_stiffness;
+        let wanted = Wanted {
+            tangent: true,
+            geometric,
+            laws: self.effects.law_slopes,
+            ..self.effects.wanted()
+        };
+        for c in &self.topology.connectors {
+            let acting = interaction(
+                self.topology,
+                self.geometry,
+                self.placement,
+                self.numbers(),
+                c,
+                wanted,
+            );
+            let own = damping.as_deref_mut().filter(|_| acting.damped);
+            add_tangent(
+                self.topology,
+                self.placement,
+                &acting,
+                geometric,
+                stiffness,
+                own,
+            );
+            counts.add("connector tangents", 1);
+            if self.effects.law_slopes && !c.laws.is_empty() {
+                counts.add("law tangents", c.laws.len() as u64);
+            }
+            if acting.damped {
+                counts.add("damper tangents", 1);
+            }
+            if geometric && !acting.wrench.is_absent() {
+                counts.add("preload stiffness", 1);
+            }
+        }
+        if geometric {
+            for load in 0..self.topology.tables.loads.len() {
+                let acting =
+                    load_interaction(self.topology, self.geometry, self.placement, load, wanted);
+                add_tangent(
+                    self.topology,
+                    self.placement,
+                    &acting,
+                    true,
+                    stiffness,
+                    None,
+                );
+                counts.add("load tangents", 1);
+            }
+        }
+    }
+
+    /// d(J^T lam)/dy of the cut joints.
+    pub fn add_multiplier_stiffness(
+        &self,
+        lam: &[T],
+        stiffness: &mut DMatrix<T>,
+        counts: &mut Counts,
+    ) {
+        let wanted = Wanted::GEOMETRY;
+        for (joint, rows) in self.cut_multipliers(lam) {
+            if rows.iter().all(|(_, l)| absent(l)) {
+                continue;
+            }
+            let acting = constraint_interaction(
+                self.topology,
+                self.geometry,
+                self.placement,
+                joint,
+                &rows,
+                wanted,
+            );
+            add_tangent(
+                self.topology,
+                self.placement,
+                &acting,
+                true,
+                stiffness,
+                None,
+            );
+            counts.add("constraint-force stiffness", 1);
+        }
+    }
+
+    /// Effects are switched off in the sense of absolute coordinates (wrenches at the centres of mass, world axes): without the
+    /// stiffness of constraint forces S is T^T (df/dq) T. In tree coordinates those forces appear as (dT/dy)^T f of all other
+    /// forces, which is taken out here; a left-out preload had its own share in it, which comes back.
+    fn add_switched(&self, stiffness: &mut DMatrix<T>) {
+        if !self.effects.constraint_force_stiffness {
+            self.add_map_changes(&self.body_wrenches(None), -T::one(), stiffness);
+        }
+        if !self.effects.preload_stiffness {
+            let applied: Vec<_> = self.applied().into_iter().map(|w| -w).collect();
+            self.add_map_changes(&applied, T::one(), stiffness);
+        }
+    }
+
+    /// factor x (dT/dy_j)_i . f summed over bodies: with v, w the motion of a body's centre of mass per coordinate, the
+    /// translation of the inner of two coordinates turns that of the other, and a carried axis turns with its carrier.
+    fn add_map_changes(&self, wrenches: &[Six<T>], factor: T, stiffness: &mut DMatrix<T>) {
+        for (node, f) in wrenches.iter().enumerate() {
+            if f.is_absent() {
+                continue;
+            }
+            let chain = self.chain(node);
+            for (rank_i, i, si) in &chain {
+                for (rank_j, j, sj) in &chain {
+                    // smaller rank: nearer to ground; equal: axes that do not carry each other
+                    let (inner, outer) = if rank_j < rank_i { (sj, si) } else { (si, sj) };
+                    let mut change = inner.a.cross(&outer.l).dot(&f.l);
+                    if rank_j < rank_i {
+                        change += sj.a.cross(&si.a).dot(&f.a);
+                    }
+                    stiffness[(*i, *j)] += change * factor;
+                }
+            }
+        }
+    }
+
+    /// The coordinates that move a body: rank along the chain, index, twist at the body's centre of mass.
+    fn chain(&self, node: usize) -> Vec<(usize, usize, Six<T>)> {
+        let mut out = Vec::new();
+        let mut at = Some(node);
+        while let Some(n) = at {
+            let spec = &self.topology.nodes[n];
+            let arm = self.placement.pose[node].p - self.placement.pose[n].p;
+            for d in spec.first..spec.first + spec.n {
+                let rank = 2 * spec.depth + self.topology.dofs[d].freedom.stage;
+                out.push((rank, d, self.placement.column[d].motion_at(&arm)));
+            }
+            at = spec.parent;
+        }
+        out
+    }
+}

@@ -1,0 +1,650 @@
+//! Forces and tangents of everything between two markers, along the path of tree coordinates that moves one against the other.
+//!
+//! A connector is invariant under common rigid motion, so only the coordinates between its two bodies feel it. With the wrench W
+//! on b about the fixed point where p_B is now, and its tangent by the relative twist, dW = K xi + C xi', the tree coordinates
+//! i, j on the path with signs s (+ on b's side, - on a's) and twists S at that point get
+//! ```text
+//! tau_i    = -s_i S_i . W
+//! K_ij     = -s_i S_i . K (s_j S_j) - s_i (S_j x S_i) . W   [j carries i]   - s_i S_i . (S_j x* W)   [j on a's side]
+//! D_ij     = -s_i S_i . C (s_j S_j)
+//! ```
+//! Constraint rows are connectors whose force is the multiplier.
+use nalgebra::DMatrix;
+use num_dual::Dual;
+
+use crate::kinematics::relative::Relative;
+use crate::laws::Law;
+use crate::model::geometry::{Geometry, MarkerPair};
+use crate::model::joint::{Coordinate, JointKind};
+use crate::model::tables::BodyRef;
+use crate::spatial::{Map6, Pose, Real, Six, V3, absent, skew};
+use crate::system::placement::{Placement, marker_pose};
+use crate::system::topology::{BoundLaw, Connector, Natural, Owner, Topology};
+
+/// One tree coordinate on the way between two bodies.
+#[derive(Debug, Clone, Copy)]
+pub struct PathEntry<T: Real> {
+    pub dof: usize,
+    pub on_b: bool,
+    pub s: Six<T>,
+    node: usize,
+    stage: usize,
+    order: usize,
+}
+
+impl<T: Real> PathEntry<T> {
+    /// The relative twist of b against a that this coordinate makes.
+    pub fn signed(&self) -> Six<T> {
+        if self.on_b { self.s } else { -self.s }
+    }
+
+    /// Does `other` carry this coordinate's axis?
+    fn carried_by(&self, other: &Self) -> bool {
+        self.on_b == other.on_b
+            && other.order > self.order
+            && (other.node != self.node || other.stage < self.stage)
+    }
+}
+
+/// The coordinates that move b against a, each with its twist at `point`.
+pub fn path<T: Real>(
+    topology: &Topology,
+    placement: &Placement<T>,
+    a: BodyRef,
+    b: BodyRef,
+    point: &V3<T>,
+) -> Vec<PathEntry<T>> {
+    let mut entries = Vec::new();
+    let (mut i, mut j) = (topology.node(a), topology.node(b));
+    let depth = |node: Option<usize>| node.map_or(-1, |n| topology.nodes[n].depth as i64);
+    while i != j {
+        let on_b = depth(j) >= depth(i);
+        let side = if on_b { &mut j } else { &mut i };
+        let Some(node) = *side else { break };
+        let spec = &topology.nodes[node];
+        let arm = point - placement.pose[node].p;
+        // outermost stage first, so that what carries an axis always comes later
+        for stage in [1, 0] {
+            for dof in (spec.first..spec.first + spec.n)
+                .filter(|d| topology.dofs[*d].freedom.stage == stage)
+            {
+                let order = entries.len();
+                entries.push(PathEntry {
+                    dof,
+                    on_b,
+                    s: placement.column[dof].motion_at(&arm),
+                    node,
+                    stage,
+                    order,
+                });
+            }
+        }
+        *side = spec.parent;
+    }
+    entries
+}
+
+/// A wrench on b about the current place of p_B (world axes), the opposite on a; tangents where they were asked for.
+#[derive(Debug, Clone)]
+pub struct Interaction<T: Real> {
+    pub a: BodyRef,
+    pub b: BodyRef,
+    pub point: V3<T>,
+    pub wrench: Six<T>,
+    /// does its force depend on the rate?
+    pub damped: bool,
+    pub tangent: Option<(Map6<T>, Map6<T>)>,
+}
+
+/// The numbers of the model and what its laws remember.
+#[derive(Debug, Clone, Copy)]
+pub struct Numbers<'a, T: Real> {
+    pub x: &'a [T],
+    pub memory: &'a [T],
+}
+
+/// What of a tangent is wanted.
+#[derive(Debug, Clone, Copy)]
+pub struct Wanted {
+    pub tangent: bool,
+    /// terms that are proportional to the force
+    pub geometric: bool,
+    pub damping: bool,
+    /// slopes of the laws; harmonic balance takes them from the elements instead
+    pub laws: bool,
+    pub friction: bool,
+    pub contact: bool,
+}
+
+impl Wanted {
+    /// Forces alone, all of them.
+    pub const FORCES: Wanted = Wanted {
+        tangent: false,
+        geometric: false,
+        damping: true,
+        laws: false,
+        friction: true,
+        contact: true,
+    };
+
+    /// The tangent of given forces, such as multipliers.
+    pub const GEOMETRY: Wanted = Wanted {
+        tangent: true,
+        geometric: true,
+        ..Wanted::FORCES
+    };
+
+    fn law(&self, law: Law) -> bool {
+        match law {
+            Law::CoulombTanh | Law::Jenkins | Law::Iwan { .. } => self.friction,
+            Law::Gap | Law::GapBilateral | Law::Hertz => self.contact,
+            _ => true,
+        }
+    }
+}
+
+fn pair_of<'g, T: Real>(geometry: &'g Geometry<T>, owner: Owner) -> &'g MarkerPair<T> {
+    match owner {
+        Owner::Element(i) => &geometry.elements[i],
+        Owner::Joint(i) => &geometry.joints[i],
+    }
+}
+
+struct Local<T: Real> {
+    a: Pose<T>,
+    b: Pose<T>,
+    relative: Relative<T>,
+    /// relative twist at p_B in the axes of A; None at rest
+    twist: Option<Six<T>>,
+}
+
+fn local<T: Real>(
+    topology: &Topology,
+    placement: &Placement<T>,
+    a: BodyRef,
+    b: BodyRef,
+    pair: &MarkerPair<T>,
+) -> Local<T> {
+    let pa = marker_pose(topology, &placement.pose, a, &pair.a);
+    let pb = marker_pose(topology, &placement.pose, b, &pair.b);
+    let t = pa.r.transpose();
+    let relative = Relative {
+        u: t * (pb.p - pa.p),
+        r: t * pb.r,
+    };
+    let twist = placement.velocity.as_ref().map(|velocity| {
+        let at = |body: BodyRef| {
+            topology.node(body).map_or_else(Six::zero, |n| {
+                velocity.body[n].motion_at(&(pb.p - placement.pose[n].p))
+            })
+        };
+        (at(b) - at(a)).rotated(&t)
+    });
+    Local {
+        a: pa,
+        b: pb,
+        relative,
+        twist,
+    }
+}
+
+/// Forces of a connector's coordinates, and their slopes by displacement and rate.
+struct Response<T: Real> {
+    force: [T; 6],
+    k: [[T; 6]; 6],
+    c: [[T; 6]; 6],
+    damped: bool,
+}
+
+/// The linear part and the laws at displacements `e` and rates `v` (None at rest).
+fn response<T: Real>(
+    connector: &Connector,
+    x: &[T],
+    memory: &[T],
+    e: &[T],
+    v: Option<&[T]>,
+    wanted: Wanted,
+) -> Response<T> {
+    let n = e.len();
+    let zero = [[T::zero(); 6]; 6];
+    let mut out = Response {
+        force: [T::zero(); 6],
+        k: zero,
+        c: zero,
+        damped: wanted.damping && connector.c.is_some(),
+    };
+    let entry = |start: usize, i: usize, j: usize| {
+        if connector.full {
+            x[start + i * n + j]
+        } else if i == j {
+            x[start + i]
+        } else {
+            T::zero()
+        }
+    };
+    for i in 0..n {
+        if let Some(p) = connector.preload {
+            out.force[i] += x[p + i];
+        }
+        for j in 0..n {
+            if let Some(k) = connector.k {
+                out.k[i][j] = entry(k, i, j);
+                out.force[i] += out.k[i][j] * e[j];
+            }
+            if let Some(c) = connector.c.filter(|_| wanted.damping) {
+                out.c[i][j] = entry(c, i, j);
+                if let Some(v) = v {
+                    out.force[i] += out.c[i][j] * v[j];
+                }
+            }
+        }
+    }
+    for law in connector.laws.iter().filter(|l| wanted.law(l.law)) {
+        add_law(
+            law,
+            x,
+            memory,
+            e[law.component],
+            v.map_or_else(T::zero, |v| v[law.component]),
+            wanted,
+            &mut out,
+        );
+    }
+    out
+}
+
+fn add_law<T: Real>(
+    bound: &BoundLaw,
+    x: &[T],
+    memory: &[T],
+    e: T,
+    v: T,
+    wanted: Wanted,
+    out: &mut Response<T>,
+) {
+    let i = bound.component;
+    let p = &x[bound.x..bound.x + bound.law.n_params()];
+    let n = bound.law.n_memory();
+    let centred = vec![T::zero(); n];
+    let z = if memory.is_empty() {
+        &centred
+    } else {
+        &memory[bound.memory..bound.memory + n]
+    };
+    let mut z_new = vec![T::zero(); n];
+    out.force[i] += bound.law.force(e, v, p, z, &mut z_new);
+    if !wanted.tangent || !wanted.laws {
+        return;
+    }
+    let constant = |a: &[T]| -> Vec<Dual<T>> { a.iter().map(|a| Dual::from_re(*a)).collect() };
+    let (pd, zd) = (constant(p), constant(z));
+    let mut zd_new = vec![Dual::from_re(T::zero()); n];
+    let by_e = bound.law.force(
+        Dual::new(e, T::one()),
+        Dual::from_re(v),
+        &pd,
+        &zd,
+        &mut zd_new,
+    );
+    out.k[i][i] += by_e.eps;
+    if bound.law.uses_velocity() && wanted.damping {
+        let by_v = bound.law.force(
+            Dual::from_re(e),
+            Dual::new(v, T::one()),
+            &pd,
+            &zd,
+            &mut zd_new,
+        );
+        out.c[i][i] += by_v.eps;
+        out.damped = true;
+    }
+}
+
+/// Displacement and rate of every coordinate of a connector; rates are zero at rest.
+pub fn motion_of<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    x: &[T],
+    connector: &Connector,
+) -> Vec<(T, T)> {
+    let here = local(
+        topology,
+        placement,
+        connector.a,
+        connector.b,
+        pair_of(geometry, connector.owner),
+    );
+    let rows = connector.coordinates.iter().map(|c| here.relative.row(*c));
+    let rate = |g: &Six<T>| here.twist.as_ref().map_or_else(T::zero, |v| g.dot(v));
+    let mut all: Vec<_> = rows.map(|r| (r.e, rate(&r.g))).collect();
+    offset_natural(connector, geometry, x, &mut all[0].0);
+    all
+}
+
+/// The force of an element or joint spring, and its tangents.
+pub fn interaction<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    numbers: Numbers<'_, T>,
+    connector: &Connector,
+    wanted: Wanted,
+) -> Interaction<T> {
+    let pair = pair_of(geometry, connector.owner);
+    let here = local(topology, placement, connector.a, connector.b, pair);
+    let n = connector.coordinates.len();
+    let rows: Vec<_> = connector
+        .coordinates
+        .iter()
+        .map(|c| here.relative.row(*c))
+        .collect();
+    let mut e: Vec<T> = rows.iter().map(|r| r.e).collect();
+    offset_natural(connector, geometry, numbers.x, &mut e[0]);
+    let rates: Option<Vec<T>> = here
+        .twist
+        .as_ref()
+        .map(|v| rows.iter().map(|r| r.g.dot(v)).collect());
+    let response = response(
+        connector,
+        numbers.x,
+        numbers.memory,
+        &e,
+        rates.as_deref(),
+        wanted,
+    );
+    let wrench = (0..n).fold(Six::zero(), |w, i| w + -rows[i].g.scaled(response.force[i]));
+    let tangent = wanted.tangent.then(|| {
+        let (mut k, mut c) = (Map6::zero(), Map6::zero());
+        for i in 0..n {
+            for j in 0..n {
+                let (kij, cij) = (response.k[i][j], response.c[i][j]);
+                if !absent(&kij) {
+                    k.add_outer(&rows[i].g, &rows[j].g, -kij);
+                }
+                if response.damped && !absent(&cij) {
+                    c.add_outer(&rows[i].g, &rows[j].g, -cij);
+                    if let Some(v) = here.twist.as_ref() {
+                        let slope =
+                            rate_gradient(&here.relative, connector.coordinates[j], &rows[j].g, v);
+                        k.add_outer(&rows[i].g, &slope, -cij);
+                    }
+                }
+            }
+        }
+        if wanted.geometric {
+            add_geometric(
+                &mut k,
+                &here.relative,
+                &connector.coordinates,
+                &response.force[..n],
+                &wrench,
+            );
+        }
+        (k.rotated(&here.a.r), c.rotated(&here.a.r))
+    });
+    Interaction {
+        a: connector.a,
+        b: connector.b,
+        point: here.b.p,
+        wrench: wrench.rotated(&here.a.r),
+        damped: response.damped,
+        tangent,
+    }
+}
+
+/// What an element's strain energy is made of: gradients of its coordinates (world axes about `point`) and its stiffness.
+pub struct Strain {
+    pub point: V3<f64>,
+    pub gradients: Vec<Six<f64>>,
+    pub k: DMatrix<f64>,
+}
+
+pub fn strain(
+    topology: &Topology,
+    geometry: &Geometry<f64>,
+    placement: &Placement<f64>,
+    x: &[f64],
+    connector: &Connector,
+) -> Strain {
+    let pair = pair_of(geometry, connector.owner);
+    let here = local(topology, placement, connector.a, connector.b, pair);
+    let n = connector.coordinates.len();
+    let gradients = connector
+        .coordinates
+        .iter()
+        .map(|c| here.relative.row(*c).g.rotated(&here.a.r))
+        .collect();
+    let entry = |i: usize, j: usize| match connector.k {
+        Some(s) if connector.full => x[s + i * n + j],
+        Some(s) if i == j => x[s + i],
+        _ => 0.0,
+    };
+    Strain {
+        point: here.b.p,
+        gradients,
+        k: DMatrix::from_fn(n, n, entry),
+    }
+}
+
+/// d(e')/d(xi) at a given relative twist field: (h xi) . v + g_l . (omega x xi_t).
+fn rate_gradient<T: Real>(
+    relative: &Relative<T>,
+    coordinate: Coordinate,
+    g: &Six<T>,
+    v: &Six<T>,
+) -> Six<T> {
+    let mut q = relative.curvature(coordinate).apply_transposed(v);
+    q.l += g.l.cross(&v.a);
+    q
+}
+
+fn add_geometric<T: Real>(
+    k: &mut Map6<T>,
+    relative: &Relative<T>,
+    coordinates: &[Coordinate],
+    force: &[T],
+    wrench: &Six<T>,
+) {
+    for (coordinate, f) in coordinates.iter().zip(force) {
+        if absent(f) || matches!(coordinate, Coordinate::Translation(_)) {
+            continue;
+        }
+        let h = relative.curvature(*coordinate);
+        k.ll -= h.ll * *f;
+        k.aa -= h.aa * *f;
+    }
+    // the point of the wrench moves with b
+    k.al -= skew(&wrench.l);
+}
+
+fn offset_natural<T: Real>(connector: &Connector, geometry: &Geometry<T>, x: &[T], e: &mut T) {
+    match connector.natural {
+        Natural::Zero => {}
+        Natural::Value { x: at } => *e -= x[at],
+        Natural::Length { x: at, given } => {
+            *e -= x[at];
+            if let (false, Owner::Element(i)) = (given, connector.owner) {
+                *e -= geometry.element_length[i];
+            }
+        }
+    }
+}
+
+/// The wrench of a set of constraint rows of one joint with given multipliers, W = -sum lam g, with its tangent.
+pub fn constraint_interaction<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    joint: usize,
+    rows: &[(Coordinate, T)],
+    wanted: Wanted,
+) -> Interaction<T> {
+    let spec = &topology.tables.joints[joint];
+    let here = local(topology, placement, spec.a, spec.b, &geometry.joints[joint]);
+    // the row of a knife edge is no slope of a coordinate: its direction turns with b
+    let knife = spec.kind == JointKind::KnifeEdge;
+    let gradient = |c: Coordinate| {
+        if knife {
+            Six::new(here.relative.r.column(2).into_owned(), V3::zeros())
+        } else {
+            here.relative.row(c).g
+        }
+    };
+    let wrench = rows
+        .iter()
+        .fold(Six::zero(), |w, (c, lam)| w + -gradient(*c).scaled(*lam));
+    let tangent = wanted.tangent.then(|| {
+        let mut k = Map6::zero();
+        let (coordinates, forces): (Vec<_>, Vec<_>) = rows.iter().copied().unzip();
+        add_geometric(&mut k, &here.relative, &coordinates, &forces, &wrench);
+        if knife {
+            k.la -= skew(&wrench.l);
+        }
+        (k.rotated(&here.a.r), Map6::zero())
+    });
+    Interaction {
+        a: spec.a,
+        b: spec.b,
+        point: here.b.p,
+        wrench: wrench.rotated(&here.a.r),
+        damped: false,
+        tangent,
+    }
+}
+
+/// Values of constraint rows and their gradients in world axes about p_B.
+pub fn constraint_rows<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    joint: usize,
+    coordinates: &[Coordinate],
+) -> (V3<T>, Vec<(T, Six<T>)>) {
+    let spec = &topology.tables.joints[joint];
+    let here = local(topology, placement, spec.a, spec.b, &geometry.joints[joint]);
+    let rows = coordinates.iter().map(|c| {
+        let row = here.relative.row(*c);
+        (row.e, row.g.rotated(&here.a.r))
+    });
+    (here.b.p, rows.collect())
+}
+
+/// A load: dead (constant in the world) or follower (carried along), as an interaction of ground with its body.
+pub fn load_interaction<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    load: usize,
+    wanted: Wanted,
+) -> Interaction<T> {
+    let spec = &topology.tables.loads[load];
+    let pose = &placement.pose[topology.node_of_body[spec.body]];
+    let (local, value) = &geometry.loads[load];
+    let value = if spec.follower {
+        pose.r * value
+    } else {
+        *value
+    };
+    let wrench = if spec.torque {
+        Six::new(V3::zeros(), value)
+    } else {
+        Six::new(value, V3::zeros())
+    };
+    let tangent = (wanted.tangent && wanted.geometric).then(|| {
+        let mut k = Map6::zero();
+        k.al = -skew(&wrench.l);
+        if spec.follower {
+            k.la = -skew(&wrench.l);
+            k.aa = -skew(&wrench.a);
+        }
+        (k, Map6::zero())
+    });
+    Interaction {
+        a: None,
+        b: Some(spec.body),
+        point: pose.p + pose.r * local,
+        wrench,
+        damped: false,
+        tangent,
+    }
+}
+
+/// The path formula of the module's head, added to K and D.
+pub fn add_tangent<T: Real>(
+    topology: &Topology,
+    placement: &Placement<T>,
+    interaction: &Interaction<T>,
+    geometric: bool,
+    stiffness: &mut DMatrix<T>,
+    mut damping: Option<&mut DMatrix<T>>,
+) {
+    let Some((k, c)) = &interaction.tangent else {
+        return;
+    };
+    let entries = path(
+        topology,
+        placement,
+        interaction.a,
+        interaction.b,
+        &interaction.point,
+    );
+    let moving_b = placement.velocity.as_ref().map(|velocity| {
+        let at = |node: usize| {
+            velocity.body[node].motion_at(&(interaction.point - placement.pose[node].p))
+        };
+        topology.node(interaction.b).map_or_else(Six::zero, at)
+    });
+    let turned = geometric && !interaction.wrench.is_absent();
+    for j in &entries {
+        let signed = j.signed();
+        let mut dw = k.apply(&signed);
+        if turned && !j.on_b {
+            dw += j.s.cross_force(&interaction.wrench);
+        }
+        let dv = c.apply(&signed);
+        if damping.is_some()
+            && let (Some(velocity), Some(vb)) = (placement.velocity.as_ref(), moving_b.as_ref())
+        {
+            let arm = interaction.point - placement.pose[j.node].p;
+            let relative = *vb - velocity.before[j.dof].motion_at(&arm);
+            let change = j.s.cross_motion(&relative);
+            dw += c.apply(&if j.on_b { change } else { -change });
+        }
+        for i in &entries {
+            let si = i.signed();
+            let mut kij = si.dot(&dw);
+            if turned && i.carried_by(j) {
+                let ds = j.s.cross_motion(&i.s);
+                kij += if i.on_b {
+                    ds.dot(&interaction.wrench)
+                } else {
+                    -ds.dot(&interaction.wrench)
+                };
+            }
+            stiffness[(i.dof, j.dof)] -= kij;
+            if let Some(damping) = damping.as_deref_mut() {
+                damping[(i.dof, j.dof)] -= si.dot(&dv);
+            }
+        }
+    }
+}
+
+/// Add the wrenches of an interaction to the bodies' sums, each about the body's centre of mass.
+pub fn add_wrench<T: Real>(
+    topology: &Topology,
+    placement: &Placement<T>,
+    interaction: &Interaction<T>,
+    sums: &mut [Six<T>],
+) {
+    if let Some(n) = topology.node(interaction.b) {
+        sums[n] += interaction
+            .wrench
+            .wrench_at(&(placement.pose[n].p - interaction.point));
+    }
+    if let Some(n) = topology.node(interaction.a) {
+        sums[n] += -interaction
+            .wrench
+            .wrench_at(&(placement.pose[n].p - interaction.point));
+    }
+}

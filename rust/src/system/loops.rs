@@ -1,0 +1,234 @@
+//! Closed loops: rank of the cut rows, dependent coordinates, and the transformation B'' from minimal to tree coordinates.
+//!
+//! Rows and columns are scaled by the characteristic length, so that neither the rank nor a minimum-norm choice depends on
+//! units. B'' = [-J_d^-1 J_i; 1]; for redundant rows the inverse is a left inverse, valid while the rows agree.
+use faer::prelude::*;
+use nalgebra::{DMatrix, DVector};
+
+use crate::error::{Error, Result};
+use crate::model::joint::Coordinate;
+use crate::spatial::Real;
+use crate::system::System;
+use crate::system::topology::{ConstraintRow, Level, Topology};
+
+/// Singular values below this part of the largest count as zero, and those between it and its square root are suspicious.
+const RANK_TOLERANCE: f64 = 1e-9;
+
+#[derive(Debug, Clone)]
+pub struct Loops {
+    pub dependent: Vec<usize>,
+    pub independent: Vec<usize>,
+    /// left inverse of J_d over the position and velocity rows, (r, n_rows)
+    pub left_inverse: DMatrix<f64>,
+    /// orthonormal left null space of the scaled rows, (n_rows, n_redundant), and its rows unscaled
+    pub redundant: DMatrix<f64>,
+    /// indices of rows that could be dropped
+    pub dropped: Vec<usize>,
+    pub row_scale: Vec<f64>,
+}
+
+pub fn row_scales(topology: &Topology, length: f64) -> Vec<f64> {
+    let scale = |row: &ConstraintRow| match row.coordinate {
+        Coordinate::Translation(_) | Coordinate::Length => 1.0 / length,
+        _ => 1.0,
+    };
+    topology.rows.iter().map(scale).collect()
+}
+
+pub fn column_scales(topology: &Topology, length: f64) -> Vec<f64> {
+    topology
+        .dofs
+        .iter()
+        .map(|d| if d.freedom.rotation { 1.0 } else { length })
+        .collect()
+}
+
+fn to_faer(m: &DMatrix<f64>) -> Mat<f64> {
+    Mat::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)])
+}
+
+/// Column-pivoted QR: the pivot order and the rank.
+fn pivots(m: &DMatrix<f64>) -> (Vec<usize>, usize) {
+    if m.is_empty() {
+        return ((0..m.ncols()).collect(), 0);
+    }
+    let qr = to_faer(m).col_piv_qr();
+    let (forward, _) = qr.P().arrays();
+    let order = forward.to_vec();
+    let r = qr.R();
+    let size = m.nrows().min(m.ncols());
+    let first = r[(0, 0)].abs();
+    let rank = (0..size)
+        .take_while(|k| r[(*k, *k)].abs() > RANK_TOLERANCE * first.max(f64::MIN_POSITIVE))
+        .count();
+    (order, rank)
+}
+
+impl Loops {
+    /// Analyse the Jacobian of the cut rows; None where there are no rows.
+    pub fn analyse(system: &System, jacobian: &DMatrix<f64>) -> Result<Option<Loops>> {
+        let topology = &system.topology;
+        if topology.rows.is_empty() {
+            return Ok(None);
+        }
+        let rows = row_scales(topology, system.length);
+        let columns = column_scales(topology, system.length);
+        let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| {
+            jacobian[(i, j)] * rows[i] * columns[j]
+        });
+        let (order, rank) = pivots(&scaled);
+        let mut dependent = order[..rank].to_vec();
+        dependent.sort_unstable();
+        let independent = (0..jacobian.ncols())
+            .filter(|j| dependent.binary_search(j).is_err())
+            .collect();
+        let jd = DMatrix::from_fn(scaled.nrows(), rank, |i, k| scaled[(i, dependent[k])]);
+        let (inverse, redundant) = left_inverse(&jd)?;
+        let left_inverse = DMatrix::from_fn(rank, rows.len(), |k, i| {
+            columns[dependent[k]] * inverse[(k, i)] * rows[i]
+        });
+        let (row_order, _) = pivots(&scaled.transpose());
+        let mut dropped = row_order[rank.min(row_order.len())..].to_vec();
+        dropped.sort_unstable();
+        Ok(Some(Loops {
+            dependent,
+            independent,
+            left_inverse,
+            redundant,
+            dropped,
+            row_scale: rows,
+        }))
+    }
+
+    /// B'' restricted to the dependent coordinates, -J_d^-1 J_i, over any number type: Newton corrections of the real inverse
+    /// give each further order of a dual number exactly.
+    pub fn dependent_map<T: Real>(&self, jacobian: &DMatrix<T>) -> DMatrix<T> {
+        let n = jacobian.nrows();
+        let jd = DMatrix::from_fn(n, self.dependent.len(), |i, k| {
+            jacobian[(i, self.dependent[k])]
+        });
+        let ji = DMatrix::from_fn(n, self.independent.len(), |i, k| {
+            jacobian[(i, self.independent[k])]
+        });
+        let inverse = self.left_inverse.map(T::from);
+        let mut b = -(&inverse * &ji);
+        for _ in 0..T::NDERIV.max(1) {
+            let miss = &ji + &jd * &b;
+            b -= &inverse * miss;
+        }
+        b
+    }
+
+    /// How far rows with this Jacobian are from agreeing: the redundant combinations of J B'', scaled.
+    pub fn disagreement<T: Real>(
+        &self,
+        jacobian: &DMatrix<T>,
+        dependent_map: &DMatrix<T>,
+    ) -> DMatrix<T> {
+        let n = jacobian.nrows();
+        let jd = DMatrix::from_fn(n, self.dependent.len(), |i, k| {
+            jacobian[(i, self.dependent[k])] * self.row_scale[i]
+        });
+        let ji = DMatrix::from_fn(n, self.independent.len(), |i, k| {
+            jacobian[(i, self.independent[k])] * self.row_scale[i]
+        });
+        self.redundant.transpose().map(T::from) * (ji + jd * dependent_map)
+    }
+
+    /// Multipliers that balance generalised forces on the dependent coordinates, of minimum norm in the scaled rows.
+    pub fn multipliers<T: Real>(&self, jacobian: &DMatrix<T>, tau: &DVector<T>) -> DVector<T> {
+        let n = jacobian.nrows();
+        let jd = DMatrix::from_fn(n, self.dependent.len(), |i, k| {
+            jacobian[(i, self.dependent[k])]
+        });
+        let right = DVector::from_fn(self.dependent.len(), |k, _| -tau[self.dependent[k]]);
+        let inverse = self.left_inverse.transpose().map(T::from);
+        let mut lam = &inverse * &right;
+        for _ in 0..T::NDERIV.max(1) {
+            let miss = &right - jd.transpose() * &lam;
+            lam += &inverse * miss;
+        }
+        lam
+    }
+
+    /// X'' = B''^T X B''.
+    pub fn reduce<T: Real>(&self, x: &DMatrix<T>, b: &DMatrix<T>) -> DMatrix<T> {
+        let pick = |rows: &[usize], columns: &[usize]| {
+            DMatrix::from_fn(rows.len(), columns.len(), |i, j| x[(rows[i], columns[j])])
+        };
+        let (d, i) = (&self.dependent, &self.independent);
+        let right_d = pick(d, i) + pick(d, d) * b;
+        let right_i = pick(i, i) + pick(i, d) * b;
+        right_i + b.transpose() * right_d
+    }
+
+    pub fn reduce_vector<T: Real>(&self, tau: &DVector<T>, b: &DMatrix<T>) -> DVector<T> {
+        let pick = |rows: &[usize]| DVector::from_fn(rows.len(), |i, _| tau[rows[i]]);
+        pick(&self.independent) + b.transpose() * pick(&self.dependent)
+    }
+
+    /// All tree coordinates from minimal ones.
+    pub fn expand<T: Real>(&self, b: &DMatrix<T>, z: &DVector<T>) -> DVector<T> {
+        let mut y = DVector::zeros(self.dependent.len() + self.independent.len());
+        let yd = b * z;
+        for (k, i) in self.independent.iter().enumerate() {
+            y[*i] = z[k];
+        }
+        for (k, d) in self.dependent.iter().enumerate() {
+            y[*d] = yd[k];
+        }
+        y
+    }
+
+    /// Correction of the dependent coordinates that closes position rows of value phi.
+    pub fn closing_step<T: Real>(&self, phi: &DVector<T>) -> DVector<T> {
+        let step = self.left_inverse.map(T::from) * phi;
+        let mut y = DVector::zeros(self.dependent.len() + self.independent.len());
+        for (k, d) in self.dependent.iter().enumerate() {
+            y[*d] = -step[k];
+        }
+        y
+    }
+}
+
+/// Pseudo-inverse of a matrix of full column rank and an orthonormal basis of its left null space, by the SVD.
+fn left_inverse(m: &DMatrix<f64>) -> Result<(DMatrix<f64>, DMatrix<f64>)> {
+    let (n, r) = m.shape();
+    if r == 0 {
+        return Ok((DMatrix::zeros(0, n), DMatrix::identity(n, n)));
+    }
+    let svd = to_faer(m).svd().map_err(|_| {
+        Error::singular("the singular values of the constraint rows could not be found")
+    })?;
+    let (u, s, v) = (svd.U(), svd.S().column_vector(), svd.V());
+    let inverse = DMatrix::from_fn(r, n, |i, j| {
+        (0..r).map(|k| v[(i, k)] / s[k] * u[(j, k)]).sum()
+    });
+    let null = DMatrix::from_fn(n, n - r, |i, j| u[(i, r + j)]);
+    Ok((inverse, null))
+}
+
+/// Names of the redundant rows: the joint and how many of its rows the others already enforce.
+pub fn redundant_joints(topology: &Topology, loops: &Loops) -> Vec<(usize, usize)> {
+    let mut found: Vec<(usize, usize)> = Vec::new();
+    for row in &loops.dropped {
+        let joint = topology.rows[*row].joint;
+        match found.iter_mut().find(|(j, _)| *j == joint) {
+            Some((_, n)) => *n += 1,
+            None => found.push((joint, 1)),
+        }
+    }
+    found
+}
+
+/// Position rows only: a velocity row has no value to close.
+pub fn gap(topology: &Topology, phi: &DVector<f64>, scales: &[f64]) -> (f64, Option<usize>) {
+    let mut worst = (0.0, None);
+    for (i, row) in topology.rows.iter().enumerate() {
+        let value = (phi[i] * scales[i]).abs();
+        if row.level == Level::Position && value > worst.0 {
+            worst = (value, Some(i));
+        }
+    }
+    worst
+}

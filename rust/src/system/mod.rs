@@ -1,0 +1,77 @@
+//! The compiled model: an immutable topology shared by all values of the numbers, and what is computed on it.
+//!
+//! ```text
+//! topology    spanning tree, tree coordinates, cut rows, connectors   (once per structure)
+//! placement   poses and motion columns of a state                      (per state)
+//! inertia     M and the velocity and gravity terms, by recursion       (per state)
+//! connector   forces and tangents of elements and constraints, along their paths
+//! loops       rank, dependent coordinates, the transformation B''
+//! ```
+pub mod assemble;
+pub mod connector;
+pub mod inertia;
+pub mod loops;
+pub mod placement;
+pub mod topology;
+
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::model::geometry::Geometry;
+use crate::model::tables::Tables;
+use crate::system::topology::Topology;
+
+/// Topology plus values: immutable and cheap to clone; new values keep the topology.
+#[derive(Debug, Clone)]
+pub struct System {
+    pub topology: Arc<Topology>,
+    pub x: Arc<Vec<f64>>,
+    pub geometry: Arc<Geometry<f64>>,
+    /// characteristic length: makes ranks and minimum-norm reactions independent of units
+    pub length: f64,
+}
+
+impl System {
+    pub fn new(tables: Tables) -> Result<Self> {
+        tables.check()?;
+        let x = tables.x.clone();
+        let topology = Arc::new(Topology::new(tables)?);
+        Ok(Self::from_parts(topology, x))
+    }
+
+    pub fn with_values(&self, x: Vec<f64>) -> Result<Self> {
+        if x.len() != self.x.len() {
+            return Err(crate::error::Error::model(format!(
+                "{} values were given, {} are needed",
+                x.len(),
+                self.x.len()
+            )));
+        }
+        if let Some(i) = x.iter().position(|v| !v.is_finite()) {
+            return Err(crate::error::Error::model(format!(
+                "value {i} is not finite"
+            )));
+        }
+        Ok(Self::from_parts(self.topology.clone(), x))
+    }
+
+    fn from_parts(topology: Arc<Topology>, x: Vec<f64>) -> Self {
+        let geometry = Geometry::derive(&topology.tables, &x);
+        let length = topology.characteristic_length(&geometry, &x);
+        System {
+            topology,
+            x: Arc::new(x),
+            geometry: Arc::new(geometry),
+            length,
+        }
+    }
+
+    pub fn n_bodies(&self) -> usize {
+        self.topology.nodes.len()
+    }
+
+    /// Number of tree coordinates.
+    pub fn n_tree(&self) -> usize {
+        self.topology.dofs.len()
+    }
+}

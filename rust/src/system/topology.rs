@@ -1,0 +1,400 @@
+//! Spanning tree and cut joints, tree coordinates, constraint rows and the list of everything that carries force.
+use std::collections::VecDeque;
+
+use crate::error::{Error, Result};
+use crate::laws::Law;
+use crate::model::geometry::Geometry;
+use crate::model::joint::{ANGLE_Z, Coordinate, Freedom, JointKind};
+use crate::model::tables::{
+    BodyRef, ElementKind, ElementSpec, HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, Tables,
+};
+use crate::spatial::V3;
+
+/// A body in the tree, and the joint that carries it.
+#[derive(Debug, Clone)]
+pub struct Node {
+    pub body: usize,
+    /// index of the inner node; None where the inner body is ground
+    pub parent: Option<usize>,
+    /// None: an implicit free joint to ground
+    pub joint: Option<usize>,
+    /// the inner body is the joint's second one
+    pub reversed: bool,
+    pub kind: JointKind,
+    pub first: usize,
+    pub n: usize,
+    pub depth: usize,
+}
+
+/// A tree coordinate.
+#[derive(Debug, Clone)]
+pub struct Dof {
+    pub node: usize,
+    pub freedom: Freedom,
+    /// -1 where the joint is reversed: coordinates count the motion of b relative to a
+    pub sign: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Level {
+    Position,
+    Velocity,
+}
+
+/// A constraint row of a cut joint; its level decides where it enters.
+#[derive(Debug, Clone)]
+pub struct ConstraintRow {
+    pub joint: usize,
+    pub coordinate: Coordinate,
+    pub level: Level,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub enum Owner {
+    Element(usize),
+    Joint(usize),
+}
+
+#[derive(Debug, Clone, Copy)]
+pub enum Natural {
+    Zero,
+    /// e is measured from the drawn distance + x, or from x alone if given
+    Length {
+        x: usize,
+        given: bool,
+    },
+    Value {
+        x: usize,
+    },
+}
+
+/// Anything elastic or dissipative between two markers: n coordinates and where their numbers are.
+#[derive(Debug, Clone)]
+pub struct Connector {
+    pub owner: Owner,
+    pub a: BodyRef,
+    pub b: BodyRef,
+    pub coordinates: Vec<Coordinate>,
+    /// start of k in x; full matrices are row-major with `stride` columns
+    pub k: Option<usize>,
+    pub c: Option<usize>,
+    pub preload: Option<usize>,
+    pub full: bool,
+    pub natural: Natural,
+    pub laws: Vec<BoundLaw>,
+}
+
+/// A law on one coordinate of a connector: where its parameters are in x and its memory in the state.
+#[derive(Debug, Clone)]
+pub struct BoundLaw {
+    pub component: usize,
+    pub law: Law,
+    pub x: usize,
+    pub memory: usize,
+}
+
+#[derive(Debug)]
+pub struct Topology {
+    pub tables: Tables,
+    pub nodes: Vec<Node>,
+    pub node_of_body: Vec<usize>,
+    pub dofs: Vec<Dof>,
+    pub names: Vec<String>,
+    pub cut: Vec<usize>,
+    pub rows: Vec<ConstraintRow>,
+    pub connectors: Vec<Connector>,
+    /// numbers that laws remember
+    pub n_memory: usize,
+}
+
+impl Topology {
+    pub fn new(tables: Tables) -> Result<Self> {
+        if tables.bodies.is_empty() {
+            return Err(Error::model(
+                "the model has no body: add one with m.body(...)",
+            ));
+        }
+        let (nodes, cut) = spanning_tree(&tables);
+        let mut node_of_body = vec![0; nodes.len()];
+        let mut dofs = Vec::new();
+        let mut names = Vec::new();
+        for (i, node) in nodes.iter().enumerate() {
+            node_of_body[node.body] = i;
+            let freedoms = node.kind.freedoms(node.reversed);
+            let stem = node
+                .joint
+                .map_or(&tables.bodies[node.body].name, |j| &tables.joints[j].name);
+            for freedom in freedoms {
+                names.push(if freedoms.len() == 1 {
+                    stem.clone()
+                } else {
+                    format!("{stem}.{}", freedom.suffix)
+                });
+                dofs.push(Dof {
+                    node: i,
+                    freedom: *freedom,
+                    sign: if node.reversed { -1.0 } else { 1.0 },
+                });
+            }
+        }
+        let rows = cut.iter().flat_map(|j| cut_rows(&tables, *j)).collect();
+        let (connectors, n_memory) = connectors(&tables)?;
+        Ok(Topology {
+            tables,
+            nodes,
+            node_of_body,
+            dofs,
+            names,
+            cut,
+            rows,
+            connectors,
+            n_memory,
+        })
+    }
+
+    pub fn node(&self, body: BodyRef) -> Option<usize> {
+        body.map(|b| self.node_of_body[b])
+    }
+
+    pub fn has_velocity_rows(&self) -> bool {
+        self.rows.iter().any(|r| r.level == Level::Velocity)
+    }
+
+    /// The largest distance of any located point from the mean of them all; 1 for a single point.
+    pub fn characteristic_length(&self, geometry: &Geometry<f64>, x: &[f64]) -> f64 {
+        let at = |i: usize| V3::new(x[i], x[i + 1], x[i + 2]);
+        let mut points: Vec<V3<f64>> = geometry.bodies.iter().map(|b| b.drawn.p).collect();
+        for j in &self.tables.joints {
+            points.extend([at(j.x), at(j.x + 3)]);
+        }
+        for e in &self.tables.elements {
+            points.push(at(e.x));
+            if e.kind != ElementKind::Torsion {
+                points.push(at(e.x + 3));
+            }
+        }
+        let mean = points.iter().sum::<V3<f64>>() / points.len() as f64;
+        let length = points.iter().map(|p| (p - mean).norm()).fold(0.0, f64::max);
+        if length > 0.0 { length } else { 1.0 }
+    }
+}
+
+fn cut_rows(tables: &Tables, joint: usize) -> Vec<ConstraintRow> {
+    let kind = tables.joints[joint].kind;
+    if kind == JointKind::KnifeEdge {
+        return vec![ConstraintRow {
+            joint,
+            coordinate: Coordinate::Translation(2),
+            level: Level::Velocity,
+        }];
+    }
+    let row = |c: &Coordinate| ConstraintRow {
+        joint,
+        coordinate: *c,
+        level: Level::Position,
+    };
+    kind.constraints().iter().map(row).collect()
+}
+
+fn spanning_tree(tables: &Tables) -> (Vec<Node>, Vec<usize>) {
+    let n = tables.bodies.len();
+    // joints at each body, ground last
+    let mut at: Vec<Vec<usize>> = vec![Vec::new(); n + 1];
+    for (j, joint) in tables.joints.iter().enumerate() {
+        if joint.kind.in_tree() {
+            at[joint.a.unwrap_or(n)].push(j);
+            at[joint.b.unwrap_or(n)].push(j);
+        }
+    }
+    let mut tree = Tree {
+        tables,
+        nodes: Vec::with_capacity(n),
+        place: vec![None; n],
+        used: vec![false; tables.joints.len()],
+        first: 0,
+    };
+    let mut queue = VecDeque::from([None]);
+    loop {
+        while let Some(inner) = queue.pop_front() {
+            for &j in &at[inner.unwrap_or(n)] {
+                let joint = &tables.joints[j];
+                let outer = if joint.a == inner { joint.b } else { joint.a };
+                if let Some(body) = outer.filter(|b| tree.place[*b].is_none()) {
+                    tree.attach(body, inner, Some(j));
+                    queue.push_back(Some(body));
+                }
+            }
+        }
+        match tree.free_start() {
+            Some((body, inner, joint)) => {
+                tree.attach(body, inner, joint);
+                queue.push_back(Some(body));
+            }
+            None => break,
+        }
+    }
+    let cut = (0..tables.joints.len())
+        .filter(|&j| !tree.used[j] && tables.joints[j].kind != JointKind::Free)
+        .collect();
+    (tree.nodes, cut)
+}
+
+struct Tree<'a> {
+    tables: &'a Tables,
+    nodes: Vec<Node>,
+    place: Vec<Option<usize>>,
+    used: Vec<bool>,
+    first: usize,
+}
+
+impl Tree<'_> {
+    fn attach(&mut self, body: usize, inner: BodyRef, joint: Option<usize>) {
+        let (kind, reversed) = match joint {
+            None => (JointKind::Free, false),
+            Some(j) => {
+                self.used[j] = true;
+                (self.tables.joints[j].kind, self.tables.joints[j].b == inner)
+            }
+        };
+        let parent = inner.and_then(|b| self.place[b]);
+        let n = kind.freedoms(reversed).len();
+        let depth = parent.map_or(0, |p| self.nodes[p].depth + 1);
+        self.place[body] = Some(self.nodes.len());
+        self.nodes.push(Node {
+            body,
+            parent,
+            joint,
+            reversed,
+            kind,
+            first: self.first,
+            n,
+            depth,
+        });
+        self.first += n;
+    }
+
+    /// Where the tree goes on when no joint leads further: along a user's free joint, else from ground.
+    fn free_start(&self) -> Option<(usize, BodyRef, Option<usize>)> {
+        let reached = |b: BodyRef| b.is_none_or(|b| self.place[b].is_some());
+        for (j, joint) in self.tables.joints.iter().enumerate() {
+            if joint.kind == JointKind::Free && reached(joint.a) != reached(joint.b) {
+                let (inner, outer) = if reached(joint.a) {
+                    (joint.a, joint.b)
+                } else {
+                    (joint.b, joint.a)
+                };
+                if let Some(body) = outer {
+                    return Some((body, inner, Some(j)));
+                }
+            }
+        }
+        self.place
+            .iter()
+            .position(Option::is_none)
+            .map(|body| (body, None, None))
+    }
+}
+
+/// Laws bound to their places, memory numbered in the order in which connectors ask for it.
+struct LawBinder<'a> {
+    tables: &'a Tables,
+    memory: usize,
+}
+
+impl LawBinder<'_> {
+    fn of(&mut self, on_joint: bool, owner: usize, n: usize) -> Result<Vec<BoundLaw>> {
+        let here = self
+            .tables
+            .laws
+            .iter()
+            .filter(|l| l.on_joint == on_joint && l.owner == owner);
+        here.map(|l| {
+            if l.component >= n {
+                return Err(Error::model(format!(
+                    "a law acts on coordinate {} of a connector that has {n}",
+                    l.component
+                )));
+            }
+            let law = Law::from_code(l.code, l.n)?;
+            let memory = self.memory;
+            self.memory += law.n_memory();
+            Ok(BoundLaw {
+                component: l.component,
+                law,
+                x: l.x,
+                memory,
+            })
+        })
+        .collect()
+    }
+}
+
+fn present(flags: i64, bit: i64, x: usize) -> Option<usize> {
+    (flags & bit != 0).then_some(x)
+}
+
+fn connectors(tables: &Tables) -> Result<(Vec<Connector>, usize)> {
+    let mut all = Vec::new();
+    let mut binder = LawBinder { tables, memory: 0 };
+    for (i, e) in tables.elements.iter().enumerate() {
+        let mut connector = element_connector(i, e);
+        connector.laws = binder.of(false, i, connector.coordinates.len())?;
+        all.push(connector);
+    }
+    for (i, j) in tables.joints.iter().enumerate() {
+        let coordinates = j.kind.free_coordinates().to_vec();
+        let laws = binder.of(true, i, coordinates.len())?;
+        let acts = j.flags & (HAS_K | HAS_C | HAS_PRELOAD) != 0 || !laws.is_empty();
+        if coordinates.is_empty() || !acts {
+            continue;
+        }
+        all.push(Connector {
+            owner: Owner::Joint(i),
+            a: j.a,
+            b: j.b,
+            coordinates,
+            k: present(j.flags, HAS_K, j.x + 16),
+            c: present(j.flags, HAS_C, j.x + 22),
+            preload: present(j.flags, HAS_PRELOAD, j.x + 28),
+            full: false,
+            natural: Natural::Zero,
+            laws,
+        });
+    }
+    Ok((all, binder.memory))
+}
+
+fn element_connector(i: usize, e: &ElementSpec) -> Connector {
+    let (coordinates, k, c, preload, natural) = match e.kind {
+        ElementKind::SpringDamper => {
+            let natural = Natural::Length {
+                x: e.x + 8,
+                given: e.flags & LENGTH_GIVEN != 0,
+            };
+            (vec![Coordinate::Length], e.x + 6, e.x + 7, e.x + 9, natural)
+        }
+        ElementKind::Bushing => {
+            let free = JointKind::Free.free_coordinates().to_vec();
+            (free, e.x + 10, e.x + 46, e.x + 82, Natural::Zero)
+        }
+        ElementKind::Torsion => (
+            vec![ANGLE_Z],
+            e.x + 6,
+            e.x + 7,
+            e.x + 9,
+            Natural::Value { x: e.x + 8 },
+        ),
+    };
+    Connector {
+        owner: Owner::Element(i),
+        a: e.a,
+        b: e.b,
+        coordinates,
+        k: present(e.flags, HAS_K, k),
+        c: present(e.flags, HAS_C, c),
+        preload: present(e.flags, HAS_PRELOAD, preload),
+        full: e.kind == ElementKind::Bushing,
+        natural,
+        laws: Vec::new(),
+    }
+}

@@ -1,0 +1,199 @@
+"""The command line with stand-in analyses: usage, exit codes, JSON, files."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import pickle
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from mbrs.cli import main, parse_frequency
+from mbrs.errors import MbrsWarning, NameNotFoundError
+from presentation_standins import hexapod_modes, oscillator_frf, sensitivity
+
+
+class _Saved(SimpleNamespace):
+    def save(self, path: Path) -> Path:
+        path.write_bytes(pickle.dumps(vars(self)))
+        return path
+
+    def __str__(self) -> str:
+        return "a table of " + self.what
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[tuple[str, tuple[Any, ...], dict[str, Any]]]:
+    """Stand-ins for the public analyses; records what they were called with."""
+    mb = importlib.import_module("mbrs")
+    made: list[tuple[str, tuple[Any, ...], dict[str, Any]]] = []
+
+    def stub(name: str, result: Any) -> None:
+        def call(*args: Any, **keywords: Any) -> Any:
+            made.append((name, args, keywords))
+            if isinstance(result, BaseException):
+                raise result
+            return result
+
+        monkeypatch.setattr(mb, name, call, raising=False)
+
+    modes = hexapod_modes()
+    modes.__class__ = type("Modes", (type(modes),), {"save": _Saved.save, "__str__": lambda self: "a table of modes"})
+    frf, sens = _Saved(what="frf", **vars(oscillator_frf())), _Saved(what="sens", **vars(sensitivity()))
+    for name, result in (("modes", modes), ("frf", frf), ("sensitivity", sens), ("equilibrium", "rest")):
+        stub(name, result)
+    stub("effects", [SimpleNamespace(name="damping", on=np.True_, why="c was given")])
+    stub("System", _Saved(what="bodies", dof=6))
+    load = staticmethod(lambda path: f"model of {Path(path).name}")
+    monkeypatch.setattr(mb, "Model", type("Model", (), {"load": load}), raising=False)
+    monkeypatch.chdir(tmp_path)
+    Path("m.toml").write_text("")
+    return made
+
+
+def _run(*arguments: str) -> Result:
+    return CliRunner().invoke(main, list(arguments))
+
+
+def test_modal_prints_a_table_and_passes_options_on(calls: list[Any]) -> None:
+    result = _run("modal", "m.toml", "--n", "20", "--without", "damping", "--without", "gravity", "--at", "equilibrium")
+    assert result.exit_code == 0 and result.stdout == "a table of modes\n"
+    assert calls[-1] == ("modes", ("model of m.toml",), {"at": "rest", "without": ("damping", "gravity"), "n": 20})
+
+
+def test_json_is_all_that_is_printed(calls: list[Any]) -> None:
+    data = json.loads(_run("modal", "m.toml", "--json").stdout)
+    assert data["analysis"] == "modal" and data["frequency"][5] == 36.7553 and "shape" not in data
+    assert len(json.loads(_run("modal", "m.toml", "--json", "--shapes").stdout)["shape"]["re"]) == 6
+    effects = [{"name": "damping", "on": True, "why": "c was given"}]
+    checked = json.loads(_run("check", "m.toml", "--json").stdout)
+    assert checked == {"analysis": "check", "file": "m.toml", "dof": 6, "effects": effects}
+
+
+def test_frf_passes_ports_and_frequencies_on(calls: list[Any]) -> None:
+    result = _run("frf", "m.toml", "--input", "p.force.z", "--output", "p.motion.z", "--output", "p.motion.x",
+                  "--frequency", "1:200", "--json")  # fmt: skip
+    assert result.exit_code == 0
+    passed = calls[-1][2]
+    assert passed["inputs"] == ["p.force.z"] and passed["outputs"] == ["p.motion.z", "p.motion.x"]
+    assert passed["frequency"] == (1.0, 200.0) and passed["kind"] == "receptance"
+    value = json.loads(result.stdout)["value"]
+    assert np.array(value["re"]).shape == np.array(value["im"]).shape == (1, 1, 800)
+    _run("frf", "m.toml", "--input", "base.z", "--output", "p.motion.z", "--frequency", "5")
+    assert calls[-1][2]["kind"] == "transmissibility" and calls[-1][2]["frequency"].tolist() == [5.0]
+
+
+def test_sens_asks_for_every_parameter(calls: list[Any]) -> None:
+    result = _run("sens", "m.toml", "--parameter", "k_leg", "--parameter", "p.inertia[0,1]", "--n", "3")
+    assert result.exit_code == 0 and result.stdout == "a table of sens\n"
+    assert calls[-2][0] == "modes" and calls[-2][2] == {"n": 3}
+    assert calls[-1][1][1] == ["k_leg", "p.inertia[0,1]"]
+
+
+def test_out_chooses_the_format_by_its_ending(calls: list[Any]) -> None:
+    assert "wrote r.json" in _run("modal", "m.toml", "--out", "r.json").stderr
+    assert json.loads(Path("r.json").read_text())["damping"][0] == 0.015
+    _run("modal", "m.toml", "--out", "r.html")
+    assert "mbrsViewer" in Path("r.html").read_text()
+    _run("frf", "m.toml", "--input", "a.force.z", "--output", "a.motion.z", "--frequency", "1:60:5", "--out", "f.html")
+    assert Path("f.html").read_text().count("<svg") == 2
+    _run("sens", "m.toml", "--parameter", "k_leg", "--out", "s.html")
+    assert "payload.mass" in Path("s.html").read_text()
+    _run("sens", "m.toml", "--parameter", "k_leg", "--out", "s.pkl")
+    assert pickle.loads(Path("s.pkl").read_bytes())["labels"][0] == "k_leg"
+
+
+def test_a_file_that_cannot_be_written_is_one_message(calls: list[Any]) -> None:
+    result = _run("modal", "m.toml", "--out", "absent/r.json")
+    assert result.exit_code == 1 and "cannot write absent/r.json: No such file" in result.stderr
+
+
+def test_a_format_that_needs_an_extra_names_it(calls: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    def save(*_: Any) -> None:
+        raise ModuleNotFoundError("No module named 'xarray'", name="xarray")
+
+    monkeypatch.setattr(_Saved, "save", save)
+    result = _run("sens", "m.toml", "--parameter", "k_leg", "--out", "r.nc")
+    assert result.exit_code == 1 and "pip install 'mbrs-dynamics[xarray]'" in result.stderr
+
+
+def test_errors_of_mbrs_are_one_message_and_exit_code_1(calls: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: Any, **__: Any) -> None:
+        raise NameNotFoundError("no parameter is called 'k_lag' [in m]; did you mean 'k_leg'?")
+
+    monkeypatch.setattr("mbrs.sensitivity", fail)
+    result = _run("sens", "m.toml", "--parameter", "k_lag")
+    assert result.exit_code == 1 and result.stdout == ""
+    assert result.stderr == "error: no parameter is called 'k_lag' [in m]; did you mean 'k_leg'?\n"
+
+
+def test_ctrl_c_gives_130(calls: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mbrs.modes", interrupt)
+    result = _run("modal", "m.toml")
+    assert result.exit_code == 130 and "Traceback" not in result.stderr
+
+
+def test_a_bug_is_not_dressed_up_as_a_user_error(calls: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    def bug(*_: Any, **__: Any) -> None:
+        raise ZeroDivisionError("inside")
+
+    monkeypatch.setattr("mbrs.modes", bug)
+    assert isinstance(_run("modal", "m.toml").exception, ZeroDivisionError)
+
+
+def test_warnings_are_one_line_each(calls: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    def warn(*_: Any, **__: Any) -> str:
+        warnings.warn("the grid misses 2 resonances", MbrsWarning, stacklevel=2)
+        return "table"
+
+    monkeypatch.setattr("mbrs.modes", warn)
+    with warnings.catch_warnings():
+        result = _run("modal", "m.toml")
+    assert result.stderr == "warning: the grid misses 2 resonances\n" and result.stdout == "table\n"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["modal", "absent.toml"],
+        ["modal"],
+        ["modal", "m.toml", "--n", "0"],
+        ["modal", "m.toml", "--at", "moon"],
+        ["frf", "m.toml", "--input", "a", "--output", "b"],
+        ["frf", "m.toml", "--input", "a", "--output", "b", "--frequency", "200:1"],
+        ["frf", "m.toml", "--input", "a", "--output", "b", "--frequency", "1:2:1.5"],
+        ["frf", "m.toml", "--input", "a", "--output", "b", "--frequency", "1:2:3:4"],
+        ["frf", "m.toml", "--input", "a", "--output", "b", "--frequency", "nan"],
+        ["frf", "m.toml", "--input", "a", "--output", "b", "--frequency", ""],
+        ["sens", "m.toml"],
+        ["nonsense"],
+    ],
+)
+def test_wrong_usage_gives_2(calls: list[Any], arguments: list[str]) -> None:
+    result = _run(*arguments)
+    assert result.exit_code == 2 and "Error" in result.stderr
+    assert calls == []
+
+
+def test_frequencies_are_read() -> None:
+    assert parse_frequency("1:200") == (1.0, 200.0)
+    assert parse_frequency("0:10:11").tolist() == list(range(11))
+    assert parse_frequency("1,2.5,1e2").tolist() == [1.0, 2.5, 100.0]
+    with pytest.raises(click.BadParameter, match="write 1:200"):
+        parse_frequency("1-200")
+
+
+def test_help_is_quick_to_import() -> None:
+    code = "import sys, mbrs.cli; assert not {'scipy', 'matplotlib', 'rich'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, env={"PYTHONPATH": ":".join(sys.path)})

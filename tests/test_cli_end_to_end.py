@@ -1,0 +1,119 @@
+"""The command line on real models: the isolator's closed form through the shell, and the page of the demo."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import mbrs as mb
+import numpy as np
+import pytest
+
+# Isolator of API.md section 1: six legs along the edges of a cube give 2 k in every direction and 2 c likewise.
+K, C, M = 2e5, 60.0, 20.0
+
+
+def _mbrs(*arguments: str, cwd: Path, code: int = 0, **environment: str) -> subprocess.CompletedProcess[str]:
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "COLUMNS": "120", **environment}
+    done = subprocess.run(
+        [sys.executable, "-m", "mbrs.cli", *arguments], cwd=cwd, env=env, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == code, done.stderr
+    assert "Traceback" not in done.stderr
+    return done
+
+
+@pytest.fixture
+def isolator(tmp_path: Path) -> Path:
+    mb.examples.cubic_hexapod().save(tmp_path / "isolator.toml")
+    return tmp_path
+
+
+def test_check_tells_degrees_of_freedom_and_effects(isolator: Path) -> None:
+    text = _mbrs("check", "isolator.toml", cwd=isolator).stdout
+    assert "payload" in text or "1 bod" in text
+    assert "damping" in text and "gravity" in text
+    data = json.loads(_mbrs("check", "isolator.toml", "--json", cwd=isolator).stdout)
+    on = {effect["name"] for effect in data["effects"] if effect["on"]}
+    assert on == {"damping"} and data["dof"] == 6 and data["n_bodies"] == 1
+
+
+def test_modal_gives_the_closed_form(isolator: Path) -> None:
+    data = json.loads(_mbrs("modal", "isolator.toml", "--n", "6", "--json", cwd=isolator).stdout)
+    f = np.sqrt(K / M) / (2 * np.pi)
+    expected = f * np.array([1, 1, 1, np.sqrt(4 / 3), np.sqrt(4 / 3), np.sqrt(16 / 3)])
+    assert data["frequency"] == pytest.approx(expected, rel=1e-10)
+    assert data["damping"][0] == pytest.approx(C / (2 * np.sqrt(K * M)), rel=1e-9)
+    assert data["stats"]["counts"]
+    table = _mbrs("modal", "isolator.toml", cwd=isolator).stdout
+    assert "15.915" in table and "36.755" in table
+
+
+def test_leaving_damping_out_changes_the_result(isolator: Path) -> None:
+    data = json.loads(_mbrs("modal", "isolator.toml", "--without", "damping", "--json", cwd=isolator).stdout)
+    assert data["damping"] == pytest.approx([0.0] * 6, abs=1e-12)
+
+
+def test_frf_gives_the_closed_form(isolator: Path) -> None:
+    ports = ["--input", "payload.force.z", "--output", "payload.motion.z"]
+    done = _mbrs("frf", "isolator.toml", *ports, "--frequency", "1:200:50", "--json", cwd=isolator)
+    data = json.loads(done.stdout)
+    w = 2 * np.pi * np.linspace(1, 200, 50)
+    value = np.array(data["value"]["re"])[0, 0] + 1j * np.array(data["value"]["im"])[0, 0]
+    assert value == pytest.approx(1 / (K - w**2 * M + 1j * w * C), rel=1e-9)
+    base = ["--input", "base.z", "--output", "payload.motion.z"]
+    data = json.loads(_mbrs("frf", "isolator.toml", *base, "--frequency", "5,20", "--json", cwd=isolator).stdout)
+    w = 2 * np.pi * np.array([5.0, 20.0])
+    value = np.array(data["value"]["re"])[0, 0] + 1j * np.array(data["value"]["im"])[0, 0]
+    assert value == pytest.approx((K + 1j * w * C) / (K - w**2 * M + 1j * w * C), rel=1e-9)
+
+
+def test_sens_gives_the_closed_form(isolator: Path) -> None:
+    arguments = ["--parameter", "k_leg", "--parameter", "payload.mass", "--json"]
+    data = json.loads(_mbrs("sens", "isolator.toml", *arguments, cwd=isolator).stdout)
+    f = np.sqrt(K / M) / (2 * np.pi)
+    assert data["frequency"][0] == pytest.approx([f / (2 * 1e5), -f / (2 * M)], rel=1e-8)
+
+
+def test_pages_are_written(isolator: Path) -> None:
+    _mbrs("modal", "isolator.toml", "--out", "modes.html", cwd=isolator)
+    page = (isolator / "modes.html").read_text(encoding="utf-8")
+    assert "mbrsViewer" in page and "36.755" in page and "://" not in page
+    _mbrs("sens", "isolator.toml", "--parameter", "k_leg", "--out", "sens.html", cwd=isolator)
+    assert "<svg" in (isolator / "sens.html").read_text(encoding="utf-8")
+
+
+def test_netcdf_and_pickle_come_back(isolator: Path) -> None:
+    ports = ["--input", "payload.force.z", "--output", "payload.motion.z", "--frequency", "1,5"]
+    _mbrs("frf", "isolator.toml", *ports, "--out", "h.pkl", cwd=isolator)
+    assert pickle.loads((isolator / "h.pkl").read_bytes()).value.shape == (1, 1, 2)
+    pytest.importorskip("h5py")
+    xarray = pytest.importorskip("xarray")
+    _mbrs("frf", "isolator.toml", *ports, "--out", "h.nc", cwd=isolator)
+    with xarray.open_dataset(isolator / "h.nc", engine="h5netcdf") as data:
+        w = 2 * np.pi * np.array([1.0, 5.0])
+        assert data["H"].values[0, 0] == pytest.approx(1 / (K - w**2 * M + 1j * w * C), rel=1e-9)
+
+
+def test_a_wrong_name_is_one_clear_message(isolator: Path) -> None:
+    done = _mbrs("sens", "isolator.toml", "--parameter", "k_lag", cwd=isolator, code=1)
+    assert done.stdout == "" and "k_lag" in done.stderr and "k_leg" in done.stderr
+    (isolator / "bad.toml").write_text("[[body]\n")
+    assert "bad.toml" in _mbrs("modal", "bad.toml", cwd=isolator, code=1).stderr
+
+
+def test_the_demo_works_with_the_base_install(tmp_path: Path) -> None:
+    """matplotlib and xarray are made impossible to import: the demo must not miss them."""
+    blocker = "import sys; sys.modules['matplotlib'] = sys.modules['xarray'] = None\n"
+    (tmp_path / "sitecustomize.py").write_text(blocker)
+    path = os.pathsep.join([str(tmp_path), *(p for p in sys.path if p)])
+    done = _mbrs("demo", cwd=tmp_path, PYTHONPATH=path)
+    assert "15.915" in done.stdout and "k_leg" in done.stdout and "wrote mbrs-demo.html" in done.stdout
+    page = (tmp_path / "mbrs-demo.html").read_text(encoding="utf-8")
+    assert page.count("<svg") >= 5 and "mbrsViewer" in page
+    assert not re.search(r"https?:|src=(?!\"data:)|@import", page)

@@ -1,0 +1,135 @@
+"""Every example script runs and leaves readable pictures; every example model gives the numbers of the plain reference.
+
+`examples/reference_numbers.json` is made by `mbrs.reference` alone (`examples/reference_numbers.py`).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import runpy
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import mbrs as mb
+import numpy as np
+import pytest
+from mbrs.tables import tables
+from scenes import same_tables
+
+EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
+MAKER = runpy.run_path(str(EXAMPLES / "reference_numbers.py"))
+CASES, AXES, NUMBERS = MAKER["CASES"], MAKER["AXES"], json.loads((EXAMPLES / "reference_numbers.json").read_text())
+SCRIPTS = sorted(p.name for p in EXAMPLES.glob("*.py") if p.name not in ("reference_numbers.py", "readme_picture.py"))
+
+# What each script must say and leave behind.
+SAYS = {
+    "api_1_modes.py": (["15.9155", "36.7553"], ["modes.html"]),
+    "api_2_loops.py": (["redundant constraints: 3 of 5", "Campbell"], []),
+    "chain.py": (["springs only", "60"], ["chain-modes.png", "chain-modes.html"]),
+    "hexapod.py": (["36.7553", "k_leg"], ["hexapod-transmissibility.png", "hexapod-sensitivity.png"]),
+    "ladder.py": (["redundant"], ["ladder-modes.png", "ladder-modes.html"]),
+    "quadruped.py": (["18 modes", "k_foot", "torso.motion.z"], ["quadruped-transfer-function.png"]),
+    "rotor.py": (["rigid", "Campbell"], ["rotor-campbell.png"]),
+    "stewart_platform.py": (["12 modes", "k_strut"], ["stewart-response.png", "stewart-transmissibility.png"]),
+    "tree.py": (["12 of 381 modes", "B6,32.motion.y / B6,1.force.x"], ["tree-transfer-function.png"]),
+    "wafer_stage.py": (["14 modes", "k_mount"], ["wafer-stage-transmissibility.png"]),
+}
+
+
+def test_every_script_is_listed():
+    assert sorted(SAYS) == SCRIPTS
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_script_runs(script, tmp_path):
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "MPLBACKEND": "Agg", "COLUMNS": "140"}
+    command = [sys.executable, str(EXAMPLES / script), str(tmp_path)]
+    done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 0, done.stderr
+    words, files = SAYS[script]
+    missing = [word for word in words if word.lower() not in done.stdout.lower()]
+    assert not missing, f"{missing} not in\n{done.stdout}"
+    for name in files:
+        content = (tmp_path / name).read_bytes()
+        start = b"\x89PNG" if name.endswith(".png") else b"<!doctype html>"
+        assert content[:15].lower().startswith(start.lower()) and len(content) > 8000, name
+
+
+def test_every_model_has_its_numbers():
+    assert list(NUMBERS) == list(CASES)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_toml_file_is_the_model(name):
+    assert same_tables(tables(mb.Model.load(EXAMPLES / f"{name}.toml")), tables(CASES[name].model())) == []
+
+
+@pytest.fixture(scope="module")
+def computed():
+    """Modes of each case, computed once by the core from the TOML file."""
+    found = {}
+
+    def modes(name):
+        if name not in found:
+            m = mb.Model.load(EXAMPLES / f"{name}.toml")
+            at = mb.equilibrium(m) if CASES[name].at_equilibrium else None
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", mb.MbrsWarning)
+                found[name] = m, at, mb.modes(m, at=at)
+        return found[name]
+
+    return modes
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_modes_agree_with_the_reference(name, computed):
+    _, _, modes = computed(name)
+    expected, n = NUMBERS[name], len(NUMBERS[name]["frequency"])
+    assert modes.n == expected["dof"]
+    f, zeta = np.array(expected["frequency"]), np.array(expected["damping"], dtype=float)
+    rigid = modes.kind[:n] == "rigid"
+    assert np.array_equal(rigid, f == 0.0)
+    error = np.abs(modes.frequency[:n] - f)[~rigid] / f[~rigid]
+    allowed = 1e-10 * np.maximum(modes.condition[:n][~rigid], 1.0)
+    print(f"{name}: frequencies within {error.max():.1e} of the reference")
+    assert np.all(error <= allowed)
+    assert np.all(np.abs(modes.damping[:n] - zeta)[~rigid] <= allowed)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_transfer_function_agrees_with_the_reference(name, computed):
+    m, at, _ = computed(name)
+    case, expected = CASES[name], NUMBERS[name]["H"]
+    ports = f"{case.force[0]}.force.{case.force[1]}", f"{case.motion[0]}.motion.{case.motion[1]}"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.MbrsWarning)
+        h = mb.frf(m, *ports, frequency=expected["frequency"], at=at).value[0, 0]
+    error = np.abs(h / (np.array(expected["re"]) + 1j * np.array(expected["im"])) - 1)
+    print(f"{name}: transfer function within {error.max():.1e} of the reference")
+    assert error.max() < 1e-8
+
+
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.parameters])
+def test_sensitivities_agree_with_the_reference(name, computed):
+    _, _, modes = computed(name)
+    expected, n = NUMBERS[name], len(NUMBERS[name]["frequency"])
+    s = mb.sensitivity(modes, list(CASES[name].parameters))
+    assert list(s.labels) == expected["labels"]
+    ours = np.asarray(s.frequency, dtype=float)[:n]
+    # Members of a repeated group have no order of their own: compare sorted values.
+    groups = [g for g in modes.groups if g[-1] < n]
+    whole = [i for i in range(n) if not any(i in g for g in modes.groups) and modes.kind[i] != "rigid"]
+    worst = 0.0
+    for p, column in enumerate(expected["sensitivity"]):
+        theirs = np.array(column, dtype=float)
+        scale = np.nanmax(np.abs(theirs))
+        pairs = [
+            (ours[whole, p], theirs[whole]),
+            *((np.sort(ours[list(g), p]), np.sort(theirs[list(g)])) for g in groups),
+        ]
+        worst = max(worst, *(np.max(np.abs(a - b), initial=0.0) / scale for a, b in pairs))
+    print(f"{name}: sensitivities within {worst:.1e} of the reference")
+    assert worst < 1e-8

@@ -1,0 +1,281 @@
+"""Tables as text and HTML, engineering prefixes, the progress line, JSON, pages and their charts."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from mbrs import animate
+from mbrs.errors import ModelError
+from mbrs.jsonable import dumps, result_data
+from mbrs.page import Section, page, svg
+from mbrs.progress import Progress
+from mbrs.report import html_table, number, si, table
+from presentation_standins import hexapod_modes, oscillator_frf, sensitivity
+
+
+def test_numbers_line_up_at_the_decimal_point() -> None:
+    text = table(["mode", "f [Hz]"], [[1, 15.9155], [2, 6.7553], [10, 0.0]])
+    lines = text.splitlines()
+    assert lines[2].endswith("15.9155") and lines[3].endswith(" 6.7553") and lines[4].endswith("      0")
+    assert len({len(line) for line in lines}) == 1
+
+
+def test_absent_values_and_complex_numbers() -> None:
+    text = table(["s", "zeta"], [[-1.5 + 100j, float("nan")], [complex(0, -2), None]])
+    assert "-1.5 + 100i" in text and "0 - 2i" in text
+    assert [line.split()[-1] for line in text.splitlines()[2:]] == ["-", "-"]
+
+
+def test_numbers_that_come_as_text_are_aligned_as_well() -> None:
+    lines = table(["a", "b", "c"], [["1.5", 2, "x"], ["-", "", "1"], ["12e-3", 10, "y"]]).splitlines()
+    assert lines[2:] == ["  1.5   2  x", "    -      1", "12e-3  10  y"]
+
+
+def test_a_wide_range_keeps_the_digits_of_small_values() -> None:
+    text = table(["x"], [[1.23456e-9], [4.56789e6]])
+    assert "1.23456e-09" in text and "4.56789e+06" in text
+
+
+@pytest.mark.parametrize(
+    "value", [1e300, 1e-300, np.inf, -np.inf, -0.0, np.float32(0.1), np.int64(7), True, [1.0, 2.0]]
+)
+def test_every_value_prints(value: object) -> None:
+    assert number(value)
+    assert table(["v"], [[value]]).splitlines()[-1].strip()
+
+
+def test_minus_zero_is_zero() -> None:
+    assert number(-0.0) == "0"
+    assert table(["v"], [[-0.0], [1.5]]).splitlines()[2].strip() == "0"
+
+
+def test_wide_tables_shorten_text_then_fold_and_lose_no_number() -> None:
+    values = np.arange(30) + 0.123456
+    text = table([f"c{i}" for i in range(31)], [["a very long name of a body " * 3, *values]], width=60)
+    assert max(len(line) for line in text.splitlines()) <= 60
+    for value in values:
+        assert f"{value:.4f}"[:6] in text
+    assert text.count("a very") == sum("----" in line for line in text.splitlines()) > 1
+
+
+def test_long_tables_say_what_they_leave_out() -> None:
+    text = table(["i"], [[i] for i in range(1000)], max_rows=30)
+    assert "(1000 rows, 970 of them not shown)" in text and "999" in text
+    assert len(text.splitlines()) == 2 + 31 + 1
+    assert len(table(["i"], [[i] for i in range(1000)], max_rows=None).splitlines()) == 1002
+
+
+def test_a_row_of_the_wrong_length_is_refused() -> None:
+    with pytest.raises(ModelError, match="row 1 of the table has 3 values, but there are 2 columns"):
+        table(["a", "b"], [[1, 2], [1, 2, 3]])
+
+
+def test_empty_table() -> None:
+    assert table(["a", "b"], []).splitlines()[0] == "a  b"
+
+
+def test_html_escapes_everything() -> None:
+    text = html_table(["<b>"], [["<script>alert(1)</script>"]], title="a & b", footer="x < y")
+    assert "<script>" not in text and "<b>" not in text and "a &amp; b" in text and "x &lt; y" in text
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (1.5e5, "N/m", "150 kN/m"),
+        (0.0, "m", "0 m"),
+        (999.97, "m", "1 km"),
+        (-2.5e-7, "s", "-250 ns"),
+        (20.0, "kg", "20 kg"),
+        (1e-20, "m", "1e-05 fm"),
+        (3.0, "", "3"),
+        (0.02, "m^2", "0.02 m^2"),
+        (float("inf"), "Hz", "inf Hz"),
+    ],
+)
+def test_engineering_prefixes(value: float, unit: str, text: str) -> None:
+    assert si(value, unit) == text
+
+
+class _Clock:
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def _progress(monkeypatch: pytest.MonkeyPatch, wanted: str, steps: int, each: float) -> str:
+    monkeypatch.setenv("MBRS_PROGRESS", wanted)
+    clock, stream = _Clock(), io.StringIO()
+    with Progress("frequencies", steps, stream=stream, clock=clock) as progress:
+        for i in range(steps):
+            clock.now += each
+            progress.advance(note=f"{i} Hz")
+    return stream.getvalue()
+
+
+def test_progress_is_silent_for_short_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert _progress(monkeypatch, "1", 9, 0.1) == ""
+
+
+def test_progress_is_silent_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert _progress(monkeypatch, "", 100, 0.1) == ""
+    assert _progress(monkeypatch, "0", 100, 0.1) == ""
+
+
+def test_progress_updates_one_line_and_clears_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = _progress(monkeypatch, "1", 50, 0.25)
+    assert "\n" not in text
+    assert "frequencies    8 % (4/50), 12 s left  3 Hz" in text
+    assert text.endswith("\r") and text.rsplit("\r", 2)[-2].strip() == ""
+
+
+def test_progress_survives_a_closed_stream(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MBRS_PROGRESS", "1")
+    stream, clock = io.StringIO(), _Clock()
+    stream.close()
+    with Progress("x", 10, stream=stream, clock=clock) as progress:
+        clock.now = 5.0
+        progress.advance(3)
+    assert progress.done == 3
+
+
+def test_json_holds_no_nan_and_splits_complex_numbers() -> None:
+    modes = hexapod_modes()
+    modes.damping[0] = np.nan
+    data = json.loads(dumps(result_data(modes, ("frequency", "damping", "eigenvalue", "absent"))))
+    assert data["damping"][0] is None and data["frequency"][3] == 18.3776
+    assert data["eigenvalue"]["im"][0] == pytest.approx(modes.eigenvalue[0].imag)
+    assert "absent" not in data and data["stats"]["counts"] == {"eigensolutions": 1}
+
+
+class _Balanced(HTMLParser):
+    """Checks that every tag is closed in order, and collects what the page would load."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.loads: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.loads += [value or "" for name, value in attrs if name in ("src", "href", "xlink:href")]
+        if tag not in ("meta", "img", "br"):
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.loads += [value or "" for name, value in attrs if name in ("src", "href", "xlink:href")]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open and self.open.pop() == tag, f"</{tag}> closes nothing"
+
+
+def _check_page(text: str) -> None:
+    parser = _Balanced()
+    parser.feed(text)
+    assert parser.open == []
+    assert all(one.startswith("data:") for one in parser.loads)
+    # no address of any kind: the page needs no network
+    assert not re.search(r"https?:|//[a-z]+\.[a-z]|@import|url\(", text)
+
+
+def test_a_page_is_complete_and_needs_no_network() -> None:
+    modes = hexapod_modes()
+    sections = [
+        Section("Modes <1>", [table(["f"], [[1.0]]), html_table(["f"], [[1.0]]), animate.modes(modes)], "a < b"),
+        ("Transfer function", svg.bode(oscillator_frf(2, 2), marks=modes.frequency)),
+        ("Sensitivities", [svg.tornado(sensitivity())]),
+    ]
+    text = page("A & B", sections, intro="x < y")
+    _check_page(text)
+    assert "<h2>Modes &lt;1&gt;</h2>" in text and "x &lt; y" in text and "<title>A &amp; B</title>" in text
+    assert text.count("const mbrsViewer") == 1
+
+
+def test_the_viewer_is_only_on_pages_that_need_it() -> None:
+    assert "mbrsViewer" not in page("t", [("s", "text")])
+
+
+def test_a_page_takes_matplotlib_figures() -> None:
+    plot = pytest.importorskip("mbrs.plot")
+    pytest.importorskip("matplotlib")
+    text = page("t", [("s", plot.tornado(sensitivity()))])
+    _check_page(text)
+    assert "data:image/png;base64," in text
+
+
+def test_an_empty_page_is_refused() -> None:
+    with pytest.raises(ModelError, match="at least one section"):
+        page("t", [])
+
+
+def _coordinates(path: str) -> np.ndarray:
+    return np.array([[float(v) for v in pair.split()] for pair in re.findall(r"[ML]([^ML]+)", path)])
+
+
+def test_chart_puts_points_where_they_belong() -> None:
+    text = svg.line_chart([svg.Line([1, 10, 100], [1, 2, 3])], x_label="x", y_label="y", x_log=True)
+    points = _coordinates(re.search(r'<path d="([^"]+)"', text).group(1))  # type: ignore[union-attr]
+    assert np.diff(points[:, 0]) == pytest.approx([np.diff(points[:, 0])[0]] * 2, abs=0.2)
+    assert points[0, 0] == pytest.approx(92) and points[2, 0] == pytest.approx(976)
+    assert np.all(np.diff(points[:, 1]) < 0.0)
+
+
+def test_chart_leaves_gaps_at_nan_and_keeps_peaks_when_thinning() -> None:
+    x = np.linspace(0, 1, 100_000)
+    y = np.zeros_like(x)
+    y[77_777] = 5.0
+    y[500:40_000] = np.nan
+    text = svg.line_chart([svg.Line(x, y)], x_label="x", y_label="y")
+    path = re.search(r'<path d="([^"]+)"', text).group(1)  # type: ignore[union-attr]
+    points = _coordinates(path)
+    assert path.count("M") == 2 and len(points) < 5000
+    top = points[np.argmin(points[:, 1])]
+    assert top[0] == pytest.approx(92 + 0.77777 * 884, abs=1.0)
+    assert points[:, 1].max() - top[1] > 200
+
+
+def test_chart_of_nothing_is_refused() -> None:
+    with pytest.raises(ModelError, match="nothing to draw"):
+        svg.line_chart([svg.Line([1.0, 2.0], [np.nan, 0.0])], x_label="x", y_label="y", y_log=True)
+    with pytest.raises(ModelError, match="2 places but 3 values"):
+        svg.line_chart([svg.Line([1.0, 2.0], [1.0, 2.0, 3.0], "a")], x_label="x", y_label="y")
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.0, 1.0), (-3e-9, 7e-9), (1e6, 1.0001e6), (5.0, 5.0), (-1e12, 1e12)])
+def test_chart_has_ticks_for_every_range(low: float, high: float) -> None:
+    text = svg.line_chart([svg.Line([0, 1], [low, high])], x_label="x", y_label="y")
+    labels = re.findall(r'text-anchor="end"[^>]*>([^<]+)<', text)
+    assert 2 <= len(labels) <= 12 and len(set(labels)) == len(labels)
+
+
+def test_bode_marks_peak_of_the_closed_form() -> None:
+    result = oscillator_frf()
+    text = svg.bode(result, marks=[10.0])
+    assert text.count("<svg") == 2 and text.count("stroke-dasharray") == 2 and "[m/N]" in text
+    points = _coordinates(re.search(r'<path d="([^"]+)"', text).group(1))  # type: ignore[union-attr]
+    peak = points[np.argmin(points[:, 1]), 0]
+    resonance = np.sqrt(1e4 / 2.0) / (2 * np.pi)
+    assert peak == pytest.approx(92 + 884 * np.log(resonance) / np.log(60.0), abs=2.0)
+
+
+def test_bode_of_an_infinite_resonance() -> None:
+    result = oscillator_frf()
+    result.value[0, 0, 10] = complex(np.inf, 0)
+    assert "inf" not in svg.bode(result).replace("sans-serif", "") and "nan" not in svg.bode(result)
+
+
+def test_tornado_is_sorted_and_leaves_out_what_has_no_size() -> None:
+    given = sensitivity()
+    given.values = np.array([1e5, 0.0, 20.0, 0.2])
+    text = svg.tornado(given)
+    names = re.findall(r">([a-z_0-9.\[\]]+)</text>", text)
+    kept = [name for name in names if name in given.labels]
+    # 0.01 * 20 * .3979 = .07958 > 0.01 * 1e5 * 7.95775e-5 = .0795775; a coordinate moves by 1 mm
+    assert kept == ["payload.mass", "k_leg", "leg0.at_b[2]"]
+    assert ">0.0796<" in text and ">0.0012<" in text
