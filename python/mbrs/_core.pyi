@@ -121,6 +121,7 @@ class HbmElements:
         code: list[int],
         count: list[int],
         values: list[float],
+        functions: list[Any],
         start: list[int],
         index: list[int],
         weight: list[float],
@@ -164,7 +165,9 @@ class HbmProblem:
     ) -> HbmProblem: ...
     @property
     def size(self) -> int: ...
-    def residual(self, y: NDArray[np.float64], omega: list[float]) -> dict[str, Any]: ...
+    def residual(
+        self, y: NDArray[np.float64], omega: list[float], level: float = 1.0, parameter: str = "omega"
+    ) -> dict[str, Any]: ...
     def solve(
         self,
         y: NDArray[np.float64],
@@ -204,6 +207,7 @@ class HbmBranch:
         stability: bool,
         events: bool,
         towards: NDArray[np.float64] | None = None,
+        across: bool = False,
     ) -> HbmBranch: ...
     def run(self, points: int, seconds: float) -> dict[str, Any]: ...
 

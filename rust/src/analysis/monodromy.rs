@@ -9,7 +9,7 @@ use faer::prelude::*;
 use num_complex::Complex64 as c64;
 
 use super::hbm::aft::Aft;
-use super::hbm::problem::Problem;
+use super::hbm::problem::{Problem, Tangents};
 use crate::error::{Error, Result};
 
 /// Coarsest number of steps per period, and how often it is doubled at most.
@@ -107,7 +107,7 @@ impl Splitting {
         let mut sum = 0.0;
         for level in 0..=DOUBLINGS {
             let steps = coarsest << level;
-            let tangents = self.tangents(problem, y, level, 2 * steps);
+            let tangents = self.tangents(problem, y, level, 2 * steps)?;
             sum = self.sum_of_exponents(&tangents);
             let mut row = vec![self.product(&tangents, steps, period)];
             for (order, coarse) in last.iter().enumerate() {
@@ -133,7 +133,7 @@ impl Splitting {
     }
 
     /// Mean trace of the variational equation.
-    fn sum_of_exponents(&self, tangents: &[(Vec<f64>, Vec<f64>)]) -> f64 {
+    fn sum_of_exponents(&self, tangents: &Tangents) -> f64 {
         let linear: f64 = (0..2 * self.n).map(|i| self.companion[(i, i)]).sum();
         tangents
             .iter()
@@ -152,7 +152,7 @@ impl Splitting {
         y: &[f64],
         level: usize,
         samples: usize,
-    ) -> Vec<(Vec<f64>, Vec<f64>)> {
+    ) -> Result<Tangents> {
         if self.samplers.len() <= level {
             self.samplers
                 .push(Aft::new(&problem.basis, &[samples], false));
@@ -160,7 +160,7 @@ impl Splitting {
         problem.tangents(y, &mut self.samplers[level])
     }
 
-    fn product(&self, tangents: &[(Vec<f64>, Vec<f64>)], steps: usize, period: f64) -> Mat<c64> {
+    fn product(&self, tangents: &Tangents, steps: usize, period: f64) -> Mat<c64> {
         let h = period / steps as f64;
         let kicker = Kicker {
             split: self,
@@ -227,7 +227,7 @@ fn modes(companion: &Mat<f64>) -> Option<(Vec<c64>, Mat<c64>)> {
 
 struct Kicker<'a> {
     split: &'a Splitting,
-    tangents: &'a [(Vec<f64>, Vec<f64>)],
+    tangents: &'a Tangents,
     h: f64,
 }
 

@@ -35,7 +35,7 @@ pub struct Stability {
 impl Stability {
     /// None for laws with memory, quasi-periodic motions, and condensed problems without their matrices.
     pub fn new(problem: &Problem) -> Result<Option<Stability>> {
-        if problem.elements.iter().any(|e| e.law.n_memory() > 0) || problem.omega.len() != 1 {
+        if problem.elements.iter().any(|e| e.force.has_memory()) || problem.omega.len() != 1 {
             return Ok(None);
         }
         let Some(splitting) = Splitting::new(problem)? else {
@@ -58,7 +58,7 @@ impl Stability {
         y: &[f64],
     ) -> Result<Floquet> {
         if let Some(inertia) = &self.inertia {
-            let rate = problem.rate_matrix(y);
+            let rate = problem.rate_matrix(y)?;
             let exponents = hill(problem, inertia, jacobian, rate.as_ref())?;
             if inertia.trace_fits(problem, &rate, &exponents) {
                 return Ok(Floquet {
