@@ -1,4 +1,6 @@
 //! Wall times of the core through its Rust API: `cargo bench`. What they mean stands in benches/README.md.
+// the tests use the models that no bench needs
+#[allow(dead_code)]
 #[path = "../tests/models.rs"]
 mod models;
 
@@ -7,9 +9,10 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use faer::Mat;
 use mbrs::analysis::assembly::assemble;
-use mbrs::analysis::frf::{Ports, Reduction};
+use mbrs::analysis::frf::Reduction;
 use mbrs::analysis::linearize::{Linearization, Setting, linearize};
 use mbrs::analysis::modal::modes;
+use mbrs::analysis::ports::Ports;
 use mbrs::error::Result;
 use mbrs::linalg::quadratic::Quadratic;
 use mbrs::model::tables::Tables;
@@ -130,7 +133,9 @@ fn transfer_functions(c: &mut Criterion) -> Result<()> {
     let mut group = c.benchmark_group("300 states, 6 x 6 x 400");
     group.sample_size(10);
     group.bench_function("reduce and evaluate", |b| {
-        b.iter(|| Reduction::new(quadratic.clone())?.evaluate(&ports, &omega, &Cancel::default()));
+        b.iter(|| {
+            Reduction::new(quadratic.clone())?.evaluate(&ports, &omega, None, &Cancel::default())
+        });
     });
     group.finish();
     Ok(())

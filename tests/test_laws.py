@@ -70,7 +70,9 @@ def test_function_law():
     law = laws.FunctionLaw(sinh)
     u, v = np.linspace(-2, 2, 11), np.linspace(1, 3, 11)
     f, f_u, f_v = law.sampled(u, v)
-    assert np.array_equal(f, sinh(u, v)) and np.allclose(f_u, np.cosh(u), rtol=1e-8) and np.allclose(f_v, 0.1, rtol=1e-8)
+    assert (
+        np.array_equal(f, sinh(u, v)) and np.allclose(f_u, np.cosh(u), rtol=1e-8) and np.allclose(f_v, 0.1, rtol=1e-8)
+    )
     assert pickle.loads(pickle.dumps(law)).force(1.0) == np.sinh(1.0)
     exact = laws.FunctionLaw(sinh, lambda u, v: (np.cosh(u), 0.1), w=[1.0])
     assert np.array_equal(exact.sampled(u, v)[1], np.cosh(u)) and repr(exact) == "FunctionLaw(sinh, w=[1.])"

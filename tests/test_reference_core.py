@@ -106,7 +106,7 @@ def test_derivatives_that_follow_the_equilibrium():
     independent = expected.partition.independent.tolist()
     directions = [unit(b, *p) for p in PARAMETERS[::3]]
     sparse = [(np.flatnonzero(d).tolist(), d[d != 0].tolist()) for d in directions]
-    rates = _core.directions(core, state["relative"], np.zeros(0), [], sparse, True, True)
+    rates = _core.directions(core, state["relative"], np.zeros(0), [], sparse, "equilibrium", True)
     shape = (len(found["coordinates"]),) * 2 + (len(sparse),)
     for name in ("dM", "dD", "dS"):
         row, column, direction, value = rates[name]

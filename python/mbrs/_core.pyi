@@ -9,10 +9,37 @@ from numpy.typing import NDArray
 _F1 = NDArray[np.float64]
 _F2 = NDArray[np.float64]
 _F3 = NDArray[np.float64]
+_Csc = tuple[NDArray[np.int64], NDArray[np.int64], _F1]
 _Ints = Sequence[int] | NDArray[np.int64]
 
 __version__: str
-__all__: list[str]
+__all__ = [
+    "CoreAssemblyError",
+    "CoreConvergenceError",
+    "CoreError",
+    "CoreModelError",
+    "CoreNotDifferentiableError",
+    "CoreSingularError",
+    "FrfReduction",
+    "HbmBranch",
+    "HbmElements",
+    "HbmLinear",
+    "HbmProblem",
+    "System",
+    "__version__",
+    "check_sparse_model",
+    "dense_modes",
+    "directions",
+    "eigen_sensitivities",
+    "law_force",
+    "mixed_modes",
+    "shape_sensitivities",
+    "sparse_count",
+    "sparse_frf",
+    "sparse_model_form",
+    "sparse_model_modes",
+    "sparse_modes",
+]
 
 class CoreError(Exception): ...
 class CoreModelError(CoreError): ...
@@ -29,6 +56,11 @@ def dense_modes(
     n: np.ndarray | None,
     kf: np.ndarray | None,
 ) -> dict[str, Any]: ...
+def check_sparse_model(system: System) -> None: ...
+def sparse_model_modes(
+    system: System, relative: _F2, rate: _F1, without: Sequence[str], n: int, sigma: float | None = None
+) -> dict[str, Any]: ...
+def sparse_model_form(system: System, relative: _F2, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
 
 @final
 class FrfReduction:
@@ -104,6 +136,7 @@ class System:
     def equilibrium(self, relative: _F2, without: Sequence[str]) -> dict[str, Any]: ...
     def linearize(self, relative: _F2, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
     def advance(self, relative: _F2, increments: _F1) -> _F2: ...
+    def law_places(self, relative: _F2, rate: _F1) -> list[tuple[int, int, int, _F1, _F1, float, float]]: ...
     def rate_mismatch(self, relative: _F2, rate: _F1) -> float: ...
     def integrate(
         self, relative: _F2, rate: _F1, step: float, n_steps: int, direction: _Direction | None
@@ -115,6 +148,7 @@ def law_force(
     code: int, values: list[float], u: NDArray[np.float64], v: NDArray[np.float64]
 ) -> NDArray[np.float64]: ...
 
+@final
 class HbmElements:
     def __new__(
         cls,
@@ -127,6 +161,7 @@ class HbmElements:
         weight: list[float],
     ) -> HbmElements: ...
 
+@final
 class HbmLinear:
     @staticmethod
     def full(
@@ -151,6 +186,7 @@ class HbmLinear:
     @property
     def size(self) -> int: ...
 
+@final
 class HbmProblem:
     def __new__(
         cls,
@@ -186,6 +222,7 @@ class HbmProblem:
     def expand(self, y: NDArray[np.float64], omega: list[float]) -> NDArray[np.float64]: ...
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
+@final
 class HbmBranch:
     def __new__(
         cls,
@@ -217,13 +254,9 @@ def directions(
     rate: _F1,
     without: Sequence[str],
     directions: Sequence[_Direction],
-    follow: bool,
+    follow: str,
     maps: bool,
 ) -> dict[str, Any]: ...
-
-_Csc = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]
-
-def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
 def sparse_count(m: _Csc, k: _Csc, below: float) -> int | None: ...
 def sparse_frf(
     m: _Csc,
@@ -236,4 +269,5 @@ def sparse_frf(
     order_out: int,
     omega: _F1,
 ) -> dict[str, Any]: ...
+def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
 def mixed_modes(m: _Csc, a: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...

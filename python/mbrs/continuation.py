@@ -255,7 +255,8 @@ class Branch(Iterator[BranchPoint]):
 
         Notes
         -----
-        At the point [dR/dy, dR/dp] has two null vectors; the new branch leaves along the one that is orthogonal to this branch.
+        At the point [dR/dy, dR/dp] has two null vectors; the new branch leaves along the one that is orthogonal to
+        this branch.
         """
         if event.kind != "branch-point":
             raise ModelError(f"branches cross at branch points only, not at a {event.kind}")

@@ -90,7 +90,7 @@ class Equilibrium(Result):
         snapshot = self.linearization.snapshot
         with core_errors():
             all_ = snapshot.system.reactions(self.state.relative, AT_REST, list(self.linearization.without))
-        return {joint.name: all_[i] for i, joint in enumerate(self.model.joints)}
+        return dict(zip(snapshot.tables["joint_name"], all_, strict=True))
 
     def __str__(self) -> str:
         from .report import table
@@ -100,14 +100,14 @@ class Equilibrium(Result):
             f"equilibrium of {self.model.name!r}: {self.status}, {how}, {self.iterations} iterations, "
             f"residual {self.residual:.1e}, error {self.error:.1e}"
         ]
-        t = self.linearization.snapshot.model
-        drawn = [np.asarray(b.values(0, 3)) for b in t.bodies]
+        t = self.linearization.snapshot.tables
+        drawn = [t["x"][start : start + 3] for start in t["body_x"]]
         rows = [
             (name, *p, float(np.linalg.norm(p - d)))
             for name, p, d in zip(self.bodies, self.poses["position"], drawn, strict=True)
         ]
         lines.append(table(["body", "x (m)", "y (m)", "z (m)", "moved (m)"], rows[:30]))
-        if self.model.joints:
+        if self.reactions:
             forces = [(name, *w) for name, w in self.reactions.items()]
             lines.append(
                 table(["reaction", "Fx (N)", "Fy (N)", "Fz (N)", "Mx (N m)", "My (N m)", "Mz (N m)"], forces[:30])
@@ -122,7 +122,7 @@ class Equilibrium(Result):
         """`xarray.Dataset` with position (body, axis), rotation (body, axis, axis_) and reaction (joint, component)."""
         import xarray
 
-        joints = [j.name for j in self.model.joints]
+        joints = list(self.reactions)
         reaction = np.array([self.reactions[j] for j in joints]).reshape(len(joints), 6)
         return xarray.Dataset(
             {

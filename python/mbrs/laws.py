@@ -239,7 +239,8 @@ class VaryingStiffness(Law):
 
 
 class FunctionLaw(Law):
-    """A law written in Python: the slow path, for harmonic balance only (some microseconds and the interpreter per evaluation).
+    """A law written in Python: the slow path, for harmonic balance only (some microseconds and the interpreter per
+    evaluation).
 
     Parameters
     ----------
@@ -296,7 +297,7 @@ class FunctionLaw(Law):
         array = np.asarray(value, dtype=float)
         if array.shape not in ((), shape):
             raise ModelError(f"FunctionLaw: {name} returned the shape {array.shape} for samples of the shape {shape}")
-        return np.ascontiguousarray(np.broadcast_to(array, shape))
+        return np.array(np.broadcast_to(array, shape))
 
     def __repr__(self) -> str:
         where = "" if self.w is None else f", w={np.array2string(self.w, threshold=6, separator=', ')}"

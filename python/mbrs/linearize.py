@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -28,13 +28,14 @@ _BALANCED = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Snapshot:
-    """The model as it was when a result was made: its compiled form, and the versions that say whether it changed
-    since.
+    """The model as it was when a result was made: its compiled form, its numbers, and the versions that say whether it
+    changed since.
     """
 
     model: Model
     system: Any
     versions: tuple[int, int]
+    tables: dict[str, Any]
 
     @classmethod
     def of(cls, model: Model) -> Snapshot:
@@ -43,28 +44,32 @@ class Snapshot:
             raise ModelError(f"expected a mb.Model, got {type(model).__name__}")
         with core_errors():
             system = model.compiled()
-        return cls(model, system, (model.structure_version, model.values_version))
+        return cls(model, system, (model.structure_version, model.values_version), tables(model))
+
+    @property
+    def current(self) -> bool:
+        """True while the model is as it was."""
+        return (self.model.structure_version, self.model.values_version) == self.versions
 
     def check_current(self, what: str) -> None:
         """Derivatives need the expressions as they were: refuse when the model was changed in between."""
-        if (self.model.structure_version, self.model.values_version) != self.versions:
+        if not self.current:
             raise ModelError(
                 f"model {self.model.name!r} was changed after this {what} was computed; compute it again, then its "
                 "sensitivities"
             )
 
     def __getstate__(self) -> dict[str, Any]:
-        return {
-            "model": self.model,
-            "current": (self.model.structure_version, self.model.values_version) == self.versions,
-        }
+        return {"model": self.model, "current": self.current, "tables": self.tables}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        model = state["model"]
-        object.__setattr__(self, "model", model)
-        object.__setattr__(self, "system", model.compiled())
-        now = (model.structure_version, model.values_version)
-        object.__setattr__(self, "versions", now if state["current"] else (-1, -1))
+        from . import _core
+
+        model, current = state["model"], state["current"]
+        system = model.compiled() if current else _core.System(state["tables"])
+        versions = (model.structure_version, model.values_version) if current else (-1, -1)
+        for name, value in (("model", model), ("system", system), ("versions", versions), ("tables", state["tables"])):
+            object.__setattr__(self, name, value)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,7 +136,7 @@ class Linearization(Result):
     @cached_property
     def body_mass_matrices(self) -> np.ndarray:
         """(n_bodies, 6, 6) mass matrix of each body about its origin, world axes."""
-        t = tables(self.model)
+        t = self.snapshot.tables
         x = t["x"]
         out = np.zeros((len(self.bodies), 6, 6))
         for i, start in enumerate(t["body_x"]):
@@ -148,7 +153,7 @@ class Linearization(Result):
         """Bodies, springs and joints to draw, at this state."""
         from .animate.geometry import scene_from_tables
 
-        scene = scene_from_tables(tables(self.model))
+        scene = scene_from_tables(self.snapshot.tables)
         return scene.moved(self.poses["position"], self.poses["rotation"])
 
     @cached_property
@@ -189,7 +194,7 @@ class Linearization(Result):
 
     def port_arm(self, port: Port) -> np.ndarray:
         """From the origin of a port's body to its point, world axes, now; of a port on ground its world point."""
-        t = tables(self.model)
+        t = self.snapshot.tables
         point = port.point
         if port.marker is not None and point is None:
             start = t["marker_x"][self.model.marker_index[port.marker]]
@@ -367,25 +372,25 @@ def linearize(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Linea
     state = state_of(m, snapshot.system, at)
     with core_errors():
         r = snapshot.system.linearize(state.relative, state.rate, list(without))
-    return _linearization(snapshot, state, r, without, start, warn=at is None)
+    return _linearization(snapshot, state, r, without, start, warn=True)
 
 
 def _linearization(
     snapshot: Snapshot, state: State, r: dict[str, Any], without: tuple[str, ...], start: float, warn: bool
 ) -> Linearization:
     model = snapshot.model
-    C, G = _split_damping(r["D"], state.moving)
-    K, N = _split_stiffness(
-        r["S"], conservative=not state.moving and not any(load.frame == "body" for load in model.loads)
-    )
+    C, G = _split_damping(r["D"], state.moving or _cross_coupled(model, "c"))
+    K, N = _split_stiffness(r["S"], conservative=not state.moving and not _has_no_potential(model))
     scale = r["force_scale"]
     unbalanced = float(np.max(np.abs(r["residual"]), initial=0.0))
     error = unbalanced / scale if scale > 0.0 else 0.0
+    if state.kind == "equilibrium" and error > _BALANCED:  # of values that have changed since
+        state = replace(state, kind="given")
     if warn and not state.moving and error > _BALANCED:
         worst = int(np.argmax(np.abs(np.linalg.solve(r["M"], r["residual"]))))
         acceleration = float(np.linalg.solve(r["M"], r["residual"])[worst])
         warnings.warn(
-            f"the drawn state of {model.name!r} is not in balance: {r['coordinates'][worst]!r} would accelerate at "
+            f"the {state.kind} state of {model.name!r} is not in balance: {r['coordinates'][worst]!r} would accelerate at "
             f"{-acceleration:.3g} (m or rad)/s2; linearise at mb.equilibrium(m) instead",
             MbrsWarning,
             stacklevel=3,
@@ -423,12 +428,22 @@ def _present(x: np.ndarray, of: np.ndarray) -> np.ndarray | None:
     return x if np.max(np.abs(x), initial=0.0) > 1e-13 * np.max(np.abs(of), initial=0.0) else None
 
 
-def _split_damping(D: np.ndarray | None, moving: bool) -> tuple[np.ndarray | None, np.ndarray | None]:
+def _has_no_potential(model: Any) -> bool:
+    return any(load.frame == "body" for load in model.loads) or _cross_coupled(model, "k")
+
+
+def _cross_coupled(model: Any, name: str) -> bool:
+    """True where a full 6 x 6 bushing is not symmetric, such as that of a journal bearing."""
+    full = (e for e in model.elements if e.shapes.get(name) == (6, 6))
+    return any(not np.array_equal(k, k.T) for k in (model.value(f"{e.name}.{name}") for e in full))
+
+
+def _split_damping(D: np.ndarray | None, skew: bool) -> tuple[np.ndarray | None, np.ndarray | None]:
     if D is None or not np.any(D):
         return None, None
     C, G = split(D)
-    # at rest dampers alone act, and theirs is symmetric
-    return (_present(C, D), _present(G, D)) if moving else (C, None)
+    # at rest dampers alone act, and theirs is symmetric unless they couple across
+    return (_present(C, D), _present(G, D)) if skew else (C, None)
 
 
 def _split_stiffness(S: np.ndarray, conservative: bool) -> tuple[np.ndarray, np.ndarray | None]:

@@ -139,11 +139,14 @@ class ModalResult(Result):
             A name that the model does not have; modes of plain matrices have no bodies.
         """
         names, maps = self._bodies()
+        motion = getattr(self.system, "body_motion", None)
         name = getattr(body, "name", body)
         if name not in names:
             known = ", ".join(names) if names else "none: these are modes of plain matrices"
             raise NameNotFoundError(f"there is no body {name!r}; bodies: {known}")
         i = names.index(name)
+        if motion is not None:
+            return np.asarray(motion(i), dtype=complex)
         return np.asarray(maps[6 * i : 6 * i + 6] @ self.shape, dtype=complex)
 
     def mac(self, other: Any, *, weight: Any = None) -> np.ndarray:
@@ -331,6 +334,12 @@ def modes(
     start = time.perf_counter()
     if isinstance(without, str):
         without = (without,)
+    if _is_large_model(m, n):
+        if stiffness_factor is not None:
+            raise ModelError("stiffness_factor= belongs to matrices; a model knows its own")
+        from .sparse_modal import model_modes
+
+        return model_modes(m, at, _positive(n), tuple(without), start)
     system, effects = _second_order(m, at, tuple(without))
     n = _count(n, len(system.coordinates))
     if getattr(system, "is_sparse", False):
@@ -357,12 +366,22 @@ def _second_order(m: Any, at: Any, without: tuple[str, ...]) -> tuple[Any, tuple
     return m, tuple(name for name, a in _MATRIX_EFFECTS.items() if getattr(m, a) is not None)
 
 
+def _is_large_model(m: Any, n: Any) -> bool:
+    if n is None or not hasattr(m, "compiled"):
+        return False
+    from .sparse_modal import is_large
+
+    return is_large(m, _positive(n))
+
+
 def _count(n: int | None, dof: int) -> int | None:
-    if n is None:
-        return None
+    return None if n is None else min(_positive(n), dof)
+
+
+def _positive(n: Any) -> int:
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
         raise ModelError(f"n must be a positive number of modes, got {n!r}")
-    return min(int(n), dof)
+    return int(n)
 
 
 def _sparse(system: Any, n: int | None, effects: tuple[str, ...], start: float) -> ModalResult:
@@ -440,14 +459,17 @@ def _matrix(name: str, a: Any) -> np.ndarray:
 def _energy_shares(r: ModalResult) -> EnergyShares:
     x = r.shape
 
-    def shares(a: np.ndarray | None) -> np.ndarray:
+    if hasattr(r.system, "body_motion"):
+        return _absolute_shares(r)
+
+    def shares(a: Any) -> np.ndarray:
         parts = (x.conj() * (a @ x)).real
         total = parts.sum(axis=0)
         scale = np.abs(parts).sum(axis=0)
         return np.divide(parts, total, out=np.full_like(parts, np.nan), where=np.abs(total) > 1e-12 * scale)
 
-    kinetic = shares(_array(r.system.M))
-    strain = shares(_array(r.system.K))
+    kinetic = shares(r.system.M)
+    strain = shares(r.system.K)
     strain[:, r.kind == "rigid"] = np.nan
     names, maps = r._bodies()
     masses = getattr(r.system, "body_mass_matrices", None)
@@ -467,6 +489,15 @@ def _energy_shares(r: ModalResult) -> EnergyShares:
     return EnergyShares(
         r.coordinates, kinetic, strain, names if per_body is not None else (), per_body, elements, per_element
     )
+
+
+def _absolute_shares(r: ModalResult) -> EnergyShares:
+    """Shares of a large model: of bodies and elements, not of coordinates, which have no sparse matrices."""
+    kinetic, elements, strain = r.system.energy()
+    total = strain.sum(axis=0)
+    strain = np.divide(strain, total, out=np.full(strain.shape, np.nan), where=(total > 0.0) & (r.kind != "rigid"))
+    none = np.full(r.shape.shape, np.nan)
+    return EnergyShares(r.coordinates, none, none, r.system.bodies, kinetic / kinetic.sum(axis=0), elements, strain)
 
 
 def _dominant(r: ModalResult) -> list[str]:

@@ -30,13 +30,11 @@ class NonlinearSystem(MechanicalSystem):
 
 
 def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> NonlinearSystem:
-    """M x" + (C + G) x' + (K + N) x + sum_e w_e (law_e(u_e + w_e . x, w_e . x') - law_e(u_e, 0)) = f of a model
-    about a state.
+    """M x" + (C + G) x' + (K + N) x + sum_e w_e (law_e(u_e + w_e . x, w_e . x') - law_e(u_e, 0)) = f about a state.
 
-    Geometry is linear in the minimal coordinates x, laws are not: the matrices hold everything but the slopes of
-    the laws, and every
-    ``law=`` of a spring or joint becomes an element along the gradient w_e (dof,) of its displacement, which is u_e
-    at the state.
+    Geometry is linear in the minimal coordinates x, laws are not: the matrices hold everything but the slopes of the
+    laws, and every ``law=`` of a spring or joint becomes an element along the gradient w_e (dof,) of its displacement,
+    which is u_e at the state.
 
     Parameters
     ----------
@@ -65,7 +63,7 @@ def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> 
 
     Notes
     -----
-    Where joints constrain velocities, the coordinates they leave stay at zero mean (see docs/needle.md). Cost: one
+    Where joints constrain velocities, the displacement they leave constant is zero (docs/needle.md). Cost: one
     linearisation.
 
     Examples

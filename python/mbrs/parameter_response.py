@@ -17,7 +17,8 @@ from .results import Result, Stats
 
 @dataclass(frozen=True, eq=False)
 class ParameterResponse(Result):
-    """A branch in a parameter: ``value`` (n,), ``X`` (n, dof, 2H+1), ``folds`` (values where the branch turns), ``error`` (n,).
+    """A branch in a parameter: ``value`` (n,), ``X`` (n, dof, 2H+1), ``folds`` (values where the branch turns),
+    ``error`` (n,).
 
     ``status``: "converged" (the end was reached), "left-at-start", "max-points", "stopped", "unresolved".
     """
@@ -94,7 +95,8 @@ def parameter_response(
 
     Notes
     -----
-    Pseudo-arclength continuation with the exact Jacobian of the core and a central difference along p: a slow path, some
+    Pseudo-arclength continuation with the exact Jacobian of the core and a central difference along p: a slow path,
+    some
     milliseconds and three systems per iteration. `frequency_response` is the fast one, for frequency and force level.
 
     Examples

@@ -40,13 +40,14 @@ class SparseDerivative:
         np.add.at(out, (self.row, self.column, self.direction), self.value)
         return out
 
-    def symmetric(self) -> SparseDerivative:
-        """The symmetric part; entries may then stand twice and add up."""
+    def symmetric(self, whole: np.ndarray) -> SparseDerivative:
+        """The symmetric part, but for the directions where ``whole`` (n_p,); entries may then stand twice and add up."""
+        half = ~whole[self.direction]
         return SparseDerivative(
-            np.concatenate([self.row, self.column]),
-            np.concatenate([self.column, self.row]),
-            np.tile(self.direction, 2),
-            np.tile(0.5 * self.value, 2),
+            np.concatenate([self.row, self.column[half]]),
+            np.concatenate([self.column, self.row[half]]),
+            np.concatenate([self.direction, self.direction[half]]),
+            np.concatenate([np.where(half, 0.5, 1.0) * self.value, 0.5 * self.value[half]]),
             self.shape,
         )
 
@@ -58,7 +59,8 @@ class LinearizationSensitivity(Result):
     Attributes
     ----------
     M, C, G, K, N
-        (dof, dof, n_p), None where the matrix itself is absent.
+        (dof, dof, n_p), None where the matrix itself is absent. G and N also exist where a parameter makes them: a single
+        entry of a full bushing, a given velocity.
     T
         (6 n_bodies, dof, n_p), of `mb.sensitivity` of a linearisation.
     position, rotation
@@ -97,7 +99,7 @@ class LinearizationSensitivity(Result):
     @cached_property
     def G(self) -> np.ndarray | None:
         """dG/dp, the skew part of the derivative of the damping."""
-        return None if self.linearization.G is None else split(self.damping.dense())[1]
+        return self._skew(self.damping, self.has_G)
 
     @cached_property
     def K(self) -> np.ndarray:
@@ -107,7 +109,26 @@ class LinearizationSensitivity(Result):
     @cached_property
     def N(self) -> np.ndarray | None:
         """dN/dp, the skew part of the derivative of the stiffness."""
-        return None if self.linearization.N is None else split(self.stiffness.dense())[1]
+        return self._skew(self.stiffness, self.has_N)
+
+    @staticmethod
+    def _skew(of: SparseDerivative, has: np.ndarray) -> np.ndarray | None:
+        return split(of.dense())[1] * has if np.any(has) else None
+
+    @cached_property
+    def has_G(self) -> np.ndarray:
+        """(n_p,) bool: parameters whose dG counts; without G in the model, those that bring one in."""
+        lin, along = self.linearization, self.directions
+        if lin.G is not None:
+            return np.ones(along.n, dtype=bool)
+        velocities = [int(s) + i for s in tables(lin.model)["body_x"] for i in range(17, 23)]
+        return _cross_couples(lin.model, along, "c") | _touches(along, velocities)
+
+    @cached_property
+    def has_N(self) -> np.ndarray:
+        """(n_p,) bool: parameters whose dN counts; without N in the model, those that bring one in."""
+        lin, along = self.linearization, self.directions
+        return np.ones(along.n, dtype=bool) if lin.N is not None else _cross_couples(lin.model, along, "k")
 
     @property
     def D(self) -> np.ndarray | None:
@@ -258,10 +279,16 @@ def _of_linearization(
     along = directions(lin.model, parameters)
     columns = [along.columns == p for p in range(along.n)]
     sparse = [(along.rows[c].tolist(), along.values[c].tolist()) for c in columns]
-    follows = follow and lin.state.kind == "equilibrium"
+    how = (
+        "drawn"
+        if lin.state.kind == "drawn"
+        else "equilibrium"
+        if follow and lin.state.kind == "equilibrium"
+        else "hold"
+    )
     with core_errors():
         r = _core.directions(
-            lin.snapshot.system, lin.state.relative, lin.state.rate, list(lin.without), sparse, follows, maps
+            lin.snapshot.system, lin.state.relative, lin.state.rate, list(lin.without), sparse, how, maps
         )
     motion = r["body_motion"].reshape(-1, 6, along.n)
     shape = (lin.n, lin.n, along.n)
@@ -282,10 +309,28 @@ def _of_linearization(
             time.perf_counter() - start,
             {"directions": along.n},
             lin.effects,
-            "follow" if follows else "hold",
+            "follow" if how == "equilibrium" else "hold",
         ),
         error=lin.error,
     )
+
+
+def _cross_couples(model: Any, along: Directions, name: str) -> np.ndarray:
+    """(n_p,) bool: directions along which the k or c of a full bushing becomes unsymmetric."""
+    out = np.zeros(along.n, dtype=bool)
+    start, places = {"k": 10, "c": 46}[name], tables(model)["element_x"]
+    for element in model.elements:
+        if element.shapes.get(name) == (6, 6):
+            d = _slice(along, int(places[element.index]) + start, 36).reshape(6, 6, -1)
+            out |= np.any(d != d.transpose(1, 0, 2), axis=(0, 1))
+    return out
+
+
+def _touches(along: Directions, places: Sequence[int]) -> np.ndarray:
+    """(n_p,) bool: directions with a part in some of the places of x."""
+    out = np.zeros(along.n, dtype=bool)
+    out[along.columns[np.isin(along.rows, places)]] = True
+    return out
 
 
 def _origin_motion(lin: Linearization, along: Directions, motion: np.ndarray) -> np.ndarray:
@@ -328,8 +373,7 @@ def _of_modes(result: Any, parameters: str | Sequence[str], follow: bool) -> Any
     lin = _source(result.system, "modal result")
     d = _of_linearization(lin, parameters, follow, maps=False)
     # at rest damping, and without followers stiffness, is symmetric: what is not is left by unbalanced moments
-    dD = d.damping.symmetric() if lin.G is None else d.damping
-    dS = d.stiffness.symmetric() if lin.N is None else d.stiffness
+    dD, dS = d.damping.symmetric(d.has_G), d.stiffness.symmetric(d.has_N)
     shapes = [d.directions.shape] if len(d.directions.shape) > 1 else None
     return eigen_sensitivity(result, d.mass, dD, dS, parameters=d.labels, units=d.units, shapes=shapes)
 

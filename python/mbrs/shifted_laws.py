@@ -38,9 +38,8 @@ def law_of(code: int, values: Sequence[float], w: np.ndarray) -> L.Law:
 def shifted(code: int, values: Sequence[float], w: np.ndarray, u0: float, where: str) -> list[L.Law]:
     """The laws of u = w . x that together are law(u0 + u) - law(u0).
 
-    Exact for polynomials, stops, contact and tables, whose numbers move; rate laws do not see u0. `ModelError`
-    where the shifted
-    law is none of the known ones: sliders, van der Pol's law and a varying stiffness that are displaced.
+    Exact for polynomials, stops, contact and tables, whose numbers move; rate laws do not see u0. `ModelError` where
+    the shifted law is none of the known ones: sliders, van der Pol's law and a varying stiffness that are displaced.
     """
     p = [float(v) for v in values]
     if u0 == 0.0 or code == 5:
@@ -65,8 +64,7 @@ def shifted(code: int, values: Sequence[float], w: np.ndarray, u0: float, where:
     else:
         raise ModelError(
             f"{where} is displaced by {u0:.3g} at this state, and {_CLASSES[code].__name__} cannot be counted from "
-            f"there; draw the "
-            "model so that it is at rest undeformed, or give the owner a natural length (angle) that makes it so"
+            "there; draw the model so that it is at rest undeformed, or give a natural length (angle) that makes it so"
         )
     held = _at_rest(moved, w)
     return moved if held == 0.0 else [*moved, law_of(1, [-held], w)]
@@ -74,12 +72,11 @@ def shifted(code: int, values: Sequence[float], w: np.ndarray, u0: float, where:
 
 def _at_rest(laws: Sequence[L.Law], w: np.ndarray) -> float:
     """The force that the laws hold at the state itself, along w: it belongs to the equilibrium."""
-
-    def side(law: L.Law) -> float:
-        same = law.w is w or (law.w is not None and np.array_equal(law.w, w))
-        return 1.0 if same else -1.0
-
-    return sum((float(law.force(0.0)) * side(law) for law in laws), 0.0)
+    held = 0.0
+    for law in laws:
+        along = 1.0 if law.w is not None and np.array_equal(law.w, w) else -1.0
+        held += along * float(law.force(0.0))
+    return held
 
 
 def _moved_polynomial(c: Sequence[float], u0: float) -> list[float]:

@@ -23,12 +23,12 @@ class State:
     rate
         (n_tree,) rates of the tree coordinates, or empty at rest.
     kind
-        "drawn", "equilibrium" (sensitivities then follow it) or "steady".
+        "drawn" (sensitivities then know the given velocities), "equilibrium" (they follow it), "steady" or "given".
     """
 
     relative: np.ndarray
     rate: np.ndarray
-    kind: str = "drawn"
+    kind: str = "given"
 
     @property
     def moving(self) -> bool:
@@ -51,7 +51,7 @@ def drawn(model: Any, system: Any) -> State:
             MbrsWarning,
             stacklevel=4,
         )
-    return State(made["relative"], made["rate"])
+    return State(made["relative"], made["rate"], "drawn")
 
 
 def state_of(model: Any, system: Any, at: Any) -> State:

@@ -122,14 +122,14 @@ def twist_map(sys: System, bodies: Motion, part: Partition) -> Jet:
 
 def assemble(sys: System, state: State, tolerance: float = 1e-13) -> State:
     """Bring the joints together: tree joints exactly, then cut ones by Newton steps of least norm in (length / L_c,
-    angle). A tree joint keeps its free coordinates, read off as docs/tables.md defines them.
+    angle). A tree joint keeps its free coordinates, read off the given poses as docs/tables.md defines them.
 
     The Jacobian's real part serves for the steps, so an imaginary part converges as well; both must before it ends.
     """
     dtype = np.result_type(state.r, state.R, sys.x, float)
     r, R = state.r.astype(dtype), state.R.astype(dtype)
     for t in sys.tree:
-        u, turn = relative_pose(t, r, R)
+        u, turn = relative_pose(t, state.r, state.R)
         free = [k for _, kind, _, k in t.coordinates if kind == "t"]
         place_outer(t, r, R, np.where(np.isin(np.arange(3), free), u, 0.0), _free_turn(t, turn))
     return close_loops(sys, State(r, R, state.v, state.w), tolerance)

@@ -21,15 +21,10 @@ from .linear import minimum_norm
 from .reader import Link
 from .so3 import Array, skew
 
-EFFECTS: tuple[str, ...] = (
-    "gravity",
-    "gyroscopic",
-    "centrifugal",
-    "preload-stiffness",
-    "constraint-force-stiffness",
-    "damping",
+EFFECTS = (
+    *("gravity", "gyroscopic", "centrifugal", "preload-stiffness", "constraint-force-stiffness", "damping"),
+    *("friction", "contact", "law-slopes"),
 )
-EFFECTS += ("friction", "contact", "law-slopes")
 
 
 def check_effects(without: Collection[str]) -> None:
@@ -180,9 +175,7 @@ def reach(link: Link, rows: Jet, p: jt.Pair) -> Reach:
 def link_response(
     link: Link, e: Array, rate: Array, damping: bool, without: Collection[str] = (), memory: Array | None = None
 ) -> tuple[Array, Array, Array]:
-    """Forces of a link's coordinates, preload + k e + c e' + laws, and the slopes by e and e'. Memory is centred if
-    not given.
-    """
+    """Forces of a link's coordinates, preload + k e + c e' + laws, and their slopes; memory centred if not given."""
     k, c, f = law_numbers(link)
     f = f + k @ e
     if damping:

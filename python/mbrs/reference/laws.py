@@ -80,7 +80,7 @@ def force(code: int, p: Array, u: Any, v: Any, z: Array) -> Answer:
     if code == VARYING:
         k = p[0] * np.cos(p[2])
         return k * u, k, 0.0, []
-    raise ModelError("mbrs.reference has no table laws on joints and elements; give a polynomial instead")
+    raise ModelError(f"mbrs.reference has no law of the code {code} on joints and elements")
 
 
 def _polynomial(c: Array, x: Any) -> tuple[Any, Any]:
@@ -124,6 +124,10 @@ def attach(t: Mapping[str, Any], x: Array, elements: list[Any], joints: list[Any
     for kind, links in enumerate((elements, joints)):
         for index, link in enumerate(links):
             for _, _, component, code, n, start in (r for r in rows if r[0] == kind and r[1] == index):
+                if code == TABLE:
+                    raise ModelError(
+                        f"mbrs.reference has no table laws, as on {link.name!r}; give a polynomial instead"
+                    )
                 law = BoundLaw(int(component), int(code), x[start : start + n], n_memory)
                 link.laws.append(law)
                 link.has_force = True

@@ -140,7 +140,10 @@ def linearize(
     lam = _multipliers(sys, base, f)
     M, D, S = _congruence(sys, base, lam, without)
     G_all, _ = dyn.constraint_jacobian(sys, state)
-    S = S + turning_of_columns(sys, state, part, T, f + G_all.T @ lam)
+    if (
+        "constraint-force-stiffness" not in without
+    ):  # without it, the congruence of the absolute tangents is all there is
+        S = S + turning_of_columns(sys, state, part, T, f + G_all.T @ lam)
     W, P, _ = velocity_constraints(sys, base)
     names = [sys.coordinates[i] for i in part.independent]
     C, G, K, N = (0.5 * (X + s * X.T) for X in (D, S) for s in (1, -1))
@@ -182,9 +185,7 @@ def _congruence(sys: System, base: Nominal, lam: Array, without: Collection[str]
     state, T = base.state, base.T
     Ki, Ci, Mi = dyn.inertia_tangents(sys, state, base.a)
     Ke, Ce = dyn.element_tangents(sys, state, "damping" not in without, "preload-stiffness" not in without, without)
-    static = Ke
-    if "preload-stiffness" not in without:
-        static = static + dyn.load_forces(sys, state)[1]
+    static = Ke + dyn.load_forces(sys, state)[1]
     if "constraint-force-stiffness" not in without:
         static = static + dyn.constraint_stiffness(sys, state, lam)
     spin, turn = state.w, split(base.a)[1]

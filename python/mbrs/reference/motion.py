@@ -1,10 +1,8 @@
-"""Motion in time by the scheme of ``rust/src/analysis/transient/explicit.rs``, in absolute coordinates, and where
-laws act.
+"""Motion in time by the scheme of ``rust/src/analysis/transient/explicit.rs``, and where laws act.
 
 Tree coordinates y with rates v, classical Runge-Kutta on joint increments, rows J of cut joints of both levels:
-[M J^T; J 0] [v'; lam] = [-h; -J' v]. After a step position rows are closed, then v is projected, in the norm of M;
-what laws
-remember is frozen within a step. Complex-safe: a complex step in x gives the derivative of the whole discrete motion.
+[M J^T; J 0] [v'; lam] = [-h; -J' v]. After a step position rows are closed, then v is projected, in the norm of M; what
+laws remember is frozen within a step. Complex-safe: a complex step in x gives the derivative of the discrete motion.
 """
 
 from __future__ import annotations
@@ -139,9 +137,7 @@ def remember(sys: System, m: Motion) -> Array:
 
 
 def law_motions(sys: System, state: State) -> list[tuple[BoundLaw, Array, Array, Array]]:
-    """Every law with its displacement, rate and the row (6 nb,) that makes its rate from the twists of the centres
-    of mass.
-    """
+    """Every law with its displacement, rate and the row (6 nb,) that makes its rate from the twists of the bodies."""
     bodies, v, out = motion(state), dyn.twists_of(state), []
     for link in dyn.forcing_links(sys):
         if not link.laws:
@@ -174,8 +170,8 @@ def step(sys: System, m: Motion, h: float, rows: Array, n_position: int) -> Moti
             increment = fraction * dy
             trial = Motion(advance(sys, m.state, increment), m.rate + fraction * dv, m.memory)
         slopes.append((increment_rates(sys, increment, trial.rate), accelerations(sys, trial, rows)))
-    (a, b, c, d), weights = slopes, (h / 6, h / 3, h / 3, h / 6)
-    total = [np.asarray(sum(w * s[i] for w, s in zip(weights, (a, b, c, d), strict=True))) for i in range(2)]
+    weights = np.array([h / 6, h / 3, h / 3, h / 6])
+    total = [weights @ np.array([s[i] for s in slopes]) for i in range(2)]
     moved = Motion(advance(sys, m.state, total[0]), m.rate + total[1], m.memory)
     moved = project(sys, moved, rows, n_position)
     return replace(moved, memory=remember(sys, moved))

@@ -1,11 +1,13 @@
 //! From the drawn configuration to a consistent state: loops closed, velocities made to agree with all constraints.
 use faer::prelude::*;
 use nalgebra::{DMatrix, DVector};
+use num_dual::Dual64;
 
 use crate::error::{Error, Result};
+use crate::model::geometry::Geometry;
 use crate::model::joint::Coordinate;
 use crate::run::Counts;
-use crate::spatial::{Pose, Six, V3, rotation_of_quaternion};
+use crate::spatial::{Pose, Real, Six, V3, rotation_of_quaternion};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene};
 use crate::system::loops::{column_scales, gap, row_scales};
@@ -161,11 +163,7 @@ fn cannot_close(system: &System, phi: &DVector<f64>, worst: Option<usize>, size:
 fn check_orientation(system: &System, placement: &Placement<f64>) -> Result<()> {
     for &j in &system.topology.cut {
         let spec = &system.topology.tables.joints[j];
-        let aligned = spec
-            .kind
-            .constraints()
-            .iter()
-            .any(|c| *c == Coordinate::Dot(0, 2));
+        let aligned = spec.kind.constraints().contains(&Coordinate::Dot(0, 2));
         let pair = &system.geometry.joints[j];
         let world = |body, local: &Pose<f64>| {
             crate::system::placement::marker_pose(&system.topology, &placement.pose, body, local)
@@ -224,7 +222,7 @@ fn set_velocities(system: &System, state: &mut State) -> Result<f64> {
             body[p].motion_at(&(pose.p - placement.pose[p].p))
         });
         let relative = wanted - carried;
-        let (m, right) = weighted_columns(system, &placement, node.first, node.n, &relative);
+        let (m, right) = weighted_columns(system, &placement, node, &relative);
         let solution = minimum_norm(&m, &right)?;
         let mut v = carried;
         for k in 0..node.n {
@@ -251,16 +249,60 @@ fn set_velocities(system: &System, state: &mut State) -> Result<f64> {
     Ok(correction)
 }
 
-fn weighted_columns(
+fn weighted_columns<T: Real>(
     system: &System,
-    placement: &Placement<f64>,
-    first: usize,
-    n: usize,
-    relative: &Six<f64>,
-) -> (DMatrix<f64>, DVector<f64>) {
-    let weight = |i: usize| if i < 3 { 1.0 } else { system.length };
-    let m = DMatrix::from_fn(6, n, |i, k| placement.column[first + k].get(i) * weight(i));
+    placement: &Placement<T>,
+    node: &Node,
+    relative: &Six<T>,
+) -> (DMatrix<T>, DVector<T>) {
+    let weight = |i: usize| T::from(if i < 3 { 1.0 } else { system.length });
+    let m = DMatrix::from_fn(6, node.n, |i, k| {
+        placement.column[node.first + k].get(i) * weight(i)
+    });
     (m, DVector::from_fn(6, |i, _| relative.get(i) * weight(i)))
+}
+
+/// The rates of the tree coordinates that come closest to the bodies' given velocities, joint by joint from ground outwards, over
+/// duals: their derivative along that of the numbers.
+pub fn given_rates(
+    system: &System,
+    geometry: &Geometry<Dual64>,
+    x: &[Dual64],
+    placement: &Placement<Dual64>,
+) -> Result<Vec<Dual64>> {
+    let topology = &*system.topology;
+    let mut rate = vec![Dual64::from(0.0); topology.dofs.len()];
+    let mut body: Vec<Six<Dual64>> = Vec::new();
+    for (n, node) in topology.nodes.iter().enumerate() {
+        let start = topology.tables.bodies[node.body].x;
+        let at = |i: usize| V3::new(x[start + i], x[start + i + 1], x[start + i + 2]);
+        let pose = &placement.pose[n];
+        let arm = pose.r * geometry.bodies[node.body].com;
+        let carried = node.parent.map_or_else(Six::zero, |p| {
+            body[p].motion_at(&(pose.p - placement.pose[p].p))
+        });
+        let relative = Six::new(at(17), at(20)).motion_at(&arm) - carried;
+        let (m, right) = weighted_columns(system, placement, node, &relative);
+        let mut v = carried;
+        for (k, r) in dual_least_squares(&m, &right)?.into_iter().enumerate() {
+            rate[node.first + k] = r;
+            v += placement.column[node.first + k].scaled(r);
+        }
+        body.push(v);
+    }
+    Ok(rate)
+}
+
+/// min |m x - b| for full column rank: the normal equations of the derivative, m^T m x' = (m^T (b - m x))'.
+fn dual_least_squares(m: &DMatrix<Dual64>, b: &DVector<Dual64>) -> Result<Vec<Dual64>> {
+    let real = m.map(|v| v.re);
+    let x = minimum_norm(&real, &b.map(|v| v.re))?;
+    let miss = m.transpose() * (b - m * x.map(Dual64::from));
+    let slope = minimum_norm(&(real.transpose() * &real), &miss.map(|v| v.eps))?;
+    Ok(x.iter()
+        .zip(&slope)
+        .map(|(x, d)| Dual64::new(*x, *d))
+        .collect())
 }
 
 /// The closest rates (scaled by the characteristic length) that satisfy the rows of the cut joints.

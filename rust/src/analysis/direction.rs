@@ -1,19 +1,22 @@
 //! The derivative of a linearisation along a direction of the numbers, the state following or held.
 //!
-//! One pass of dual numbers through assembly and linearisation. The equilibrium follows by dz = -K''^-1 d(B''^T rho), loops by
-//! dy_d = -J_d^-1 dPhi. What touches single elements or masses alone takes the short way of `local_direction`.
+//! One pass of dual numbers through assembly and linearisation. The equilibrium follows by dz = -K''^-1 d(B''^T rho), loops by the
+//! smallest change, dy = -J^+ dPhi. What touches single elements or masses alone takes the short way of `local_direction`.
 use nalgebra::{DMatrix, DVector};
 use num_dual::Dual64;
 
+use crate::analysis::assembly::{given_rates, minimum_norm};
 use crate::analysis::linearize::{
     Linearization, Setting, body_map, reduce, reduce_rows, unreduced,
 };
 use crate::analysis::local_direction::local_direction;
 use crate::error::{Error, Result};
 use crate::model::geometry::Geometry;
+use crate::model::tables::Tables;
 use crate::run::Counts;
 use crate::system::System;
 use crate::system::assemble::Scene;
+use crate::system::loops::column_scales;
 use crate::system::placement::{Placement, advance, lifted_relative, place};
 
 /// A parameter that moves redundant rows apart by more than this (relative) breaks the loop open.
@@ -36,11 +39,12 @@ pub struct Directional {
 }
 
 /// What else is wanted beside the matrices, and how the equilibrium is followed: `solve` gives K''^-1 r; None holds the
-/// configuration, but for what closing the loops needs.
+/// configuration, but for what closing the loops needs. `drawn`: the rates are those that the bodies' given velocities project to.
 #[derive(Clone, Copy)]
 pub struct Request<'a> {
     pub maps: bool,
     pub solve: Option<&'a Solve>,
+    pub drawn: bool,
 }
 
 pub type Solve = dyn Fn(&DVector<f64>) -> Result<DVector<f64>>;
@@ -87,7 +91,8 @@ fn dual_scene(
     base: &Linearization,
     dx: &[(usize, f64)],
     dy: &[f64],
-) -> DualScene {
+    drawn: bool,
+) -> Result<DualScene> {
     let system = setting.system;
     let mut x: Vec<Dual64> = system.x.iter().map(|v| Dual64::from(*v)).collect();
     for (i, d) in dx {
@@ -97,19 +102,33 @@ fn dual_scene(
     let mut relative = lifted_relative(&system.topology, &geometry, setting.state);
     let increments: Vec<_> = dy.iter().map(|d| Dual64::new(0.0, *d)).collect();
     advance(&system.topology, &mut relative, &increments);
-    let rate = setting.rate::<Dual64>();
+    let mut rate = setting.rate::<Dual64>();
+    if drawn && (rate.is_some() || gives_velocity(&system.topology.tables, dx)) {
+        let at_rest = place(&system.topology, &geometry, &relative, None);
+        rate = Some(given_rates(system, &geometry, &x, &at_rest)?);
+    }
     let placement = place(&system.topology, &geometry, &relative, rate.as_deref());
     let acceleration = base
         .acceleration
         .as_ref()
         .map(|a| a.iter().map(|v| Dual64::from(*v)).collect());
-    DualScene {
+    Ok(DualScene {
         x,
         geometry,
         placement,
         rate,
         acceleration,
-    }
+    })
+}
+
+fn gives_velocity(tables: &Tables, dx: &[(usize, f64)]) -> bool {
+    let of = |i: usize| {
+        tables
+            .bodies
+            .iter()
+            .any(|b| (b.x + 17..b.x + 23).contains(&i))
+    };
+    dx.iter().any(|(i, d)| *d != 0.0 && of(*i))
 }
 
 impl DualScene {
@@ -134,7 +153,9 @@ pub fn directional(
     dx: &[(usize, f64)],
     request: Request<'_>,
 ) -> Result<Directional> {
-    if setting.state.moving() && base.loops.is_some() {
+    let moving = setting.state.moving()
+        || request.drawn && gives_velocity(&setting.system.topology.tables, dx);
+    if moving && base.loops.is_some() {
         return Err(Error::NotDifferentiable(
             "derivatives at a moving state of a closed loop are not available yet; linearise at rest, or open the loop".into(),
         ));
@@ -145,7 +166,7 @@ pub fn directional(
     let n = setting.system.n_tree();
     let mut dy = closing(setting, base, dx)?;
     if let Some(solve) = request.solve {
-        let held = dual_scene(setting, base, dx, &dy);
+        let held = dual_scene(setting, base, dx, &dy, request.drawn)?;
         let scene = held.scene(setting);
         let tau = scene.residual(None);
         let r = match &base.loops {
@@ -166,23 +187,31 @@ pub fn directional(
             dy[i] += step[i];
         }
     }
-    derivative_at(setting, base, dx, dy, request.maps)
+    derivative_at(setting, base, dx, dy, request)
 }
 
-/// The change of dependent coordinates that keeps the loops closed.
+/// The smallest change of the tree coordinates that keeps the loops closed, as assembly would make it.
 fn closing(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)]) -> Result<Vec<f64>> {
-    let n = setting.system.n_tree();
+    let (system, n) = (setting.system, setting.system.n_tree());
     let Some(loops) = &base.loops else {
         return Ok(vec![0.0; n]);
     };
-    let held = dual_scene(setting, base, dx, &vec![0.0; n]);
-    let phi = held.scene(setting).constraints().0.map(|v| v.eps);
-    let scaled = DVector::from_fn(phi.len(), |i, _| phi[i] * loops.row_scale[i]);
+    let held = dual_scene(setting, base, dx, &vec![0.0; n], false)?;
+    let (phi, jacobian) = held.scene(setting).constraints();
+    let scaled = DVector::from_fn(phi.len(), |i, _| phi[i].eps * loops.row_scale[i]);
+    if scaled.amax() == 0.0 {
+        return Ok(vec![0.0; n]);
+    }
     let left = loops.redundant.transpose() * &scaled;
-    if left.amax() > BREAKS_LOOP * scaled.amax() && scaled.amax() > 0.0 {
+    if left.amax() > BREAKS_LOOP * scaled.amax() {
         return Err(breaks_loop(left.amax()));
     }
-    Ok(loops.closing_step(&phi).as_slice().to_vec())
+    let columns = column_scales(&system.topology, system.length);
+    let rows = DMatrix::from_fn(phi.len(), n, |i, j| {
+        jacobian[(i, j)].re * loops.row_scale[i] * columns[j]
+    });
+    let step = minimum_norm(&rows, &-scaled)?;
+    Ok((0..n).map(|i| step[i] * columns[i]).collect())
 }
 
 fn breaks_loop(size: f64) -> Error {
@@ -220,9 +249,9 @@ fn derivative_at(
     base: &Linearization,
     dx: &[(usize, f64)],
     dy: Vec<f64>,
-    maps: bool,
+    request: Request<'_>,
 ) -> Result<Directional> {
-    let moved = dual_scene(setting, base, dx, &dy);
+    let moved = dual_scene(setting, base, dx, &dy, request.drawn)?;
     let scene = moved.scene(setting);
     let tau = scene.residual(None);
     let (matrices, residual, lam, loops) = match &base.loops {
@@ -239,14 +268,14 @@ fn derivative_at(
             let lam = l.multipliers(&jacobian, &tau);
             let tangent = scene.tangent(Some(lam.as_slice()), &mut Counts::default());
             (
-                reduce(&tangent, l, &b, None),
+                reduce(&tangent, l, &b, None, setting.effects),
                 l.reduce_vector(&tau, &b),
                 lam,
                 Some((l, b)),
             )
         }
     };
-    let (map, coupling) = if maps {
+    let (map, coupling) = if request.maps {
         let loops = loops.as_ref().map(|(l, b)| (*l, b));
         let map = body_map(setting.system, &moved.geometry, &moved.placement, loops);
         (

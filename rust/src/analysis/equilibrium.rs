@@ -23,6 +23,9 @@ const NO_STIFFNESS: f64 = 1e-12;
 const PATIENCE: usize = 25;
 /// Longest step, radians or characteristic lengths.
 const LONGEST_STEP: f64 = 0.4;
+/// A saddle that the search ran into is left by a push of this size downhill, at most so many times.
+const PUSH: f64 = 0.05;
+const MAX_PUSHES: usize = 20;
 
 pub struct Equilibrium {
     pub state: State,
@@ -91,8 +94,24 @@ struct Spectrum {
     none: f64,
 }
 
+impl Spectrum {
+    /// No stiffness is negative beyond rounding.
+    fn stable(&self) -> bool {
+        let largest = self.values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        self.values.iter().all(|v| *v >= -1e-9 * largest)
+    }
+}
+
+/// Eigenvalues in ascending order.
 fn spectrum(k: &DMatrix<f64>) -> Result<Spectrum> {
     let n = k.nrows();
+    if n == 0 {
+        return Ok(Spectrum {
+            values: Vec::new(),
+            vectors: DMatrix::zeros(0, 0),
+            none: 0.0,
+        });
+    }
     let a = Mat::from_fn(n, n, |i, j| 0.5 * (k[(i, j)] + k[(j, i)]));
     let eigen = a
         .self_adjoint_eigen(Side::Lower)
@@ -119,7 +138,7 @@ pub fn equilibrium(
         rate: Vec::new(),
     };
     let mut local = Local::at(system, &state, effects, counts)?;
-    let (mut sigma, mut pushed) = (0.0, 0);
+    let (mut sigma, mut pushed, mut saddles) = (0.0, 0, 0);
     let mut best = (f64::INFINITY, state.clone());
     for iteration in 0..MAX_ITERATIONS {
         cancel.check()?;
@@ -151,7 +170,19 @@ pub fn equilibrium(
                     local = next;
                 }
             }
-            return finish(system, state, local, &spectrum, size, iteration);
+            // where the drawn state was in balance its balance is the answer, stable or not; a saddle on the way is not
+            if iteration > 0
+                && saddles < MAX_PUSHES
+                && let Some((next_state, next)) =
+                    leave_saddle(system, &state, &local, effects, counts)?
+            {
+                saddles += 1;
+                state = next_state;
+                local = next;
+                sigma = 0.0;
+                continue;
+            }
+            return finish(system, state, local, size, iteration);
         }
         let (next_state, next, relaxed) =
             advance_once(system, &state, &local, &spectrum, sigma, effects, counts)?;
@@ -177,6 +208,31 @@ pub fn equilibrium(
             .collect(),
         residual: best.0,
     })
+}
+
+/// A state beside an unstable one, along its most negative stiffness; None where it is stable or has no potential.
+fn leave_saddle(
+    system: &System,
+    state: &State,
+    local: &Local,
+    effects: Effects,
+    counts: &mut Counts,
+) -> Result<Option<(State, Local)>> {
+    let spectrum = spectrum(&local.k)?;
+    if !local.conservative() || spectrum.stable() {
+        return Ok(None);
+    }
+    let v = spectrum.vectors.column(0).into_owned();
+    for size in [PUSH, -PUSH, 0.1 * PUSH, -0.1 * PUSH] {
+        let push = &v * (size / v.amax());
+        if let Ok(beside) = moved(system, state, local, &push, 1.0, counts)
+            && let Ok(next) = Local::at(system, &beside, effects, counts)
+        {
+            counts.add("saddles left", 1);
+            return Ok(Some((beside, next)));
+        }
+    }
+    Ok(None)
 }
 
 fn pushed_freely(local: &Local, spectrum: &Spectrum, size: f64) -> bool {
@@ -347,7 +403,6 @@ fn finish(
     system: &System,
     state: State,
     local: Local,
-    _: &Spectrum,
     size: f64,
     iterations: usize,
 ) -> Result<Equilibrium> {
@@ -363,10 +418,7 @@ fn finish(
         }
     }
     let error = newton_step(&local, &spectrum, 0.0).map_or(f64::NAN, |s| s.amax());
-    let stable = spectrum
-        .values
-        .iter()
-        .all(|v| *v >= -1e-9 * spectrum.values.iter().fold(0.0, |m: f64, v| m.max(v.abs())));
+    let stable = spectrum.stable();
     let residual = local.r.amax() / size;
     Ok(Equilibrium {
         state,

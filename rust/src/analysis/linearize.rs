@@ -159,15 +159,17 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
                 }
                 y
             });
+    let acceleration = acceleration.filter(|_| setting.effects.centrifugal);
     scene.acceleration = acceleration.as_deref();
     let tau = scene.residual(None);
     let lam = loops
         .as_ref()
         .map_or_else(|| DVector::zeros(0), |l| l.multipliers(&jacobian, &tau));
     let tangent = scene.tangent(Some(lam.as_slice()), counts);
+    check_finite(&scene, &tangent)?;
     let (matrices, residual) = match (&loops, &b) {
         (Some(l), Some(b)) => (
-            reduce(&tangent, l, b, turning.as_ref()),
+            reduce(&tangent, l, b, turning.as_ref(), setting.effects),
             l.reduce_vector(&tau, b),
         ),
         _ => (unreduced(tangent), tau),
@@ -193,19 +195,17 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     })
 }
 
-fn total_damping<T: Real>(tangent: &Tangent<T>) -> Option<DMatrix<T>> {
-    match (&tangent.damping, &tangent.gyroscopic) {
-        (Some(c), Some(g)) => Some(c + g),
-        (Some(d), None) | (None, Some(d)) => Some(d.clone()),
-        (None, None) => None,
+fn sum<T: Real>(a: Option<DMatrix<T>>, b: Option<DMatrix<T>>) -> Option<DMatrix<T>> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(a + b),
+        (a, b) => a.or(b),
     }
 }
 
 pub(super) fn unreduced<T: Real>(tangent: Tangent<T>) -> Matrices<T> {
-    let damping = total_damping(&tangent);
     Matrices {
         mass: tangent.mass,
-        damping,
+        damping: sum(tangent.damping, tangent.gyroscopic),
         stiffness: tangent.stiffness,
     }
 }
@@ -215,35 +215,48 @@ pub(super) fn reduce<T: Real>(
     loops: &Loops,
     b: &DMatrix<T>,
     turning: Option<&Turning>,
+    effects: Effects,
 ) -> Matrices<T> {
-    let total = total_damping(tangent);
-    let mut damping = total.as_ref().map(|d| loops.reduce(d, b));
-    let mut stiffness = loops.reduce(&tangent.stiffness, b);
+    let reduced = |x: &DMatrix<T>| loops.reduce(x, b);
+    let mass = reduced(&tangent.mass);
+    let mut damping = tangent.damping.as_ref().map(reduced);
+    let mut stiffness = reduced(&tangent.stiffness);
+    let gyroscopic = tangent.gyroscopic.as_ref();
+    if effects.gyroscopic {
+        damping = sum(damping, gyroscopic.map(reduced));
+    }
     if let Some(turning) = turning {
-        // columns of M and D on the dependent coordinates, where alone B'' changes
-        let project = |x: &DMatrix<T>, w: &DMatrix<f64>| {
-            let columns = DMatrix::from_fn(x.nrows(), loops.dependent.len(), |i, k| {
-                x[(i, loops.dependent[k])]
-            });
-            let full = columns * w.map(T::from);
-            let mut out = DMatrix::zeros(loops.independent.len(), full.ncols());
-            for j in 0..full.ncols() {
-                out.set_column(j, &loops.reduce_vector(&full.column(j).into_owned(), b));
-            }
-            out
-        };
-        let mass_first = project(&tangent.mass, &turning.first) * T::from(2.0);
-        stiffness += project(&tangent.mass, &turning.second);
-        if let Some(d) = &total {
-            stiffness += project(d, &turning.first);
+        let along = |x: &DMatrix<T>, w: &DMatrix<f64>| turned(loops, x, w, b);
+        if effects.gyroscopic {
+            let first = along(&tangent.mass, &turning.first) * T::from(2.0);
+            damping = sum(damping, Some(first));
         }
-        damping = Some(damping.map_or_else(|| mass_first.clone(), |d| d + &mass_first));
+        let inertial = gyroscopic.filter(|_| effects.centrifugal);
+        for d in tangent.damping.as_ref().into_iter().chain(inertial) {
+            stiffness += along(d, &turning.first);
+        }
+        if effects.centrifugal {
+            stiffness += along(&tangent.mass, &turning.second);
+        }
     }
     Matrices {
-        mass: loops.reduce(&tangent.mass, b),
+        mass,
         damping,
         stiffness,
     }
+}
+
+/// B''^T X W for a change W of B'', which has rows on the dependent coordinates alone.
+fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<f64>, b: &DMatrix<T>) -> DMatrix<T> {
+    let columns = DMatrix::from_fn(x.nrows(), loops.dependent.len(), |i, k| {
+        x[(i, loops.dependent[k])]
+    });
+    let full = columns * w.map(T::from);
+    let mut out = DMatrix::zeros(loops.independent.len(), full.ncols());
+    for j in 0..full.ncols() {
+        out.set_column(j, &loops.reduce_vector(&full.column(j).into_owned(), b));
+    }
+    out
 }
 
 fn turning(setting: &Setting<'_>, loops: &Loops, rate: &[f64]) -> Turning {
@@ -304,6 +317,19 @@ fn check_velocity_rows(setting: &Setting<'_>) -> Result<()> {
         ))),
         _ => Ok(()),
     }
+}
+
+/// The one way to lose a tangent at finite numbers: an element between coinciding points has no direction.
+fn check_finite(scene: &Scene<'_, f64>, tangent: &Tangent<f64>) -> Result<()> {
+    if tangent.stiffness.iter().all(|v| v.is_finite()) {
+        return Ok(());
+    }
+    let named = scene
+        .undirected()
+        .map_or_else(|| "an element".into(), |name| format!("'{name}'"));
+    Err(Error::singular(format!(
+        "the end points of {named} coincide in this state, so that its direction is lost; use a bushing there, or move the points apart"
+    )))
 }
 
 /// Redundant rows that agree to first order but not to second: the pose where a mechanism may change its mobility.

@@ -18,6 +18,7 @@ pub mod monodromy;
 pub mod ports;
 pub mod reactions;
 pub mod response;
+pub mod sparse_bodies;
 pub mod sparse_damped;
 pub mod sparse_modal;
 pub mod sparse_pencil;

@@ -163,11 +163,11 @@ impl Block {
         let bulging = history.bulge.norm_max() > 0.0;
         let mut u = column(&history.u, 0);
         self.add_outputs(&x, y, 0);
-        for step in 0..n_t - 1 {
+        for (step, kind) in index.iter().enumerate().take(n_t - 1) {
             if step % 256 == 0 {
                 cancel.check()?;
             }
-            let Some(p) = cache.get(&index[step]) else {
+            let Some(p) = cache.get(kind) else {
                 continue;
             };
             let next = column(&history.u, step + 1);
@@ -399,6 +399,7 @@ pub fn sensitivity(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::linalg::quadratic::Quadratic;
 
     #[test]
     fn ramp_on_an_oscillator_is_exact_in_one_step() {

@@ -65,8 +65,8 @@ fn columns(all: &[Directional], pick: impl Fn(&Directional) -> &[f64]) -> Array2
     })
 }
 
-/// Derivatives along sparse directions (indices into the values, weights). `follow`: the equilibrium moves along; `maps`: also those of
-/// the body map and the ground coupling.
+/// Derivatives along sparse directions (indices into the values, weights). `follow`: "equilibrium" moves along, "drawn" follows the
+/// given velocities, "hold"; `maps`: also those of the body map and the ground coupling.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)]
 fn directions<'py>(
@@ -76,11 +76,12 @@ fn directions<'py>(
     rate: PyReadonlyArray1<'py, f64>,
     without: Vec<String>,
     directions: Vec<(Vec<usize>, Vec<f64>)>,
-    follow: bool,
+    follow: &str,
     maps: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let state = state_of(&system.0, &relative, &rate)?;
     let effects = effects(&without)?;
+    let (follow, drawn) = (follow == "equilibrium", follow == "drawn");
     let n_x = system.0.x.len();
     if directions
         .iter()
@@ -101,6 +102,7 @@ fn directions<'py>(
         let request = Request {
             maps,
             solve: solver.as_ref().map(|s| s as _),
+            drawn,
         };
         let one = |(indices, weights): (Vec<usize>, Vec<f64>)| {
             cancel.check()?;

@@ -10,7 +10,7 @@ use super::border::interruptible;
 use super::hbm::{HbmProblem, lock, parameter_called};
 use crate::analysis::hbm::basis::Finer;
 use crate::analysis::hbm::peak;
-use crate::analysis::hbm::problem::{Parameter, Problem};
+use crate::analysis::hbm::problem::Problem;
 use crate::analysis::hbm::response::{Event, Follower, Kind, Record, Settings, Status, unstable};
 use crate::analysis::hbm::start;
 use crate::error::{Error, Result};

@@ -9,6 +9,7 @@ mod hbm_linear;
 mod modal;
 mod motion;
 mod sparse;
+mod sparse_system;
 mod system;
 mod tables;
 
@@ -25,6 +26,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     hbm_branch::register(module)?;
     modal::register(module)?;
     sparse::register(module)?;
+    sparse_system::register(module)?;
     system::register(module)?;
     Ok(())
 }

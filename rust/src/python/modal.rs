@@ -44,7 +44,7 @@ fn dense_modes<'py>(
     as_dict(py, result)
 }
 
-fn as_dict<'py>(py: Python<'py>, r: Modal) -> PyResult<Bound<'py, PyDict>> {
+pub(super) fn as_dict<'py>(py: Python<'py>, r: Modal) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     dict.set_item("eigenvalue", complex(py, &r.s))?;
     dict.set_item("partner", complex(py, &r.partner))?;

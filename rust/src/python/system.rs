@@ -64,7 +64,7 @@ pub fn effects(without: &[String]) -> Result<Effects> {
             // harmonic balance adds the laws themselves
             "law-slopes" => effects.law_slopes = false,
             // belong to other analyses: nothing to leave out here
-            "flexibility" | "drives" => {}
+            "flexibility" | "drives" | "nonholonomic" => {}
             other => {
                 return Err(Error::model(format!(
                     "the effect '{other}' cannot be switched off in this analysis"
@@ -110,7 +110,7 @@ pub fn state_of(
 }
 
 fn empty(py: Python<'_>) -> PyResult<PyReadonlyArray1<'_, f64>> {
-    Ok(numpy::PyArray1::<f64>::zeros(py, 0, false).extract::<PyReadonlyArray1<'_, f64>>()?)
+    numpy::PyArray1::<f64>::zeros(py, 0, false).extract()
 }
 
 fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult<()> {
@@ -378,7 +378,7 @@ impl PySystem {
         })?;
         let out = PyDict::new(py);
         put_state(py, &out, &moved)?;
-        Ok(out.as_any().get_item("relative")?)
+        out.as_any().get_item("relative")
     }
 
     /// How far given rates of the tree coordinates violate the cut joints, in rates of the scaled rows.

@@ -16,7 +16,7 @@ use crate::system::connector::{
 };
 use crate::system::inertia::{InertiaInput, add_inertia, ground_coupling};
 use crate::system::placement::Placement;
-use crate::system::topology::{Connector, Topology};
+use crate::system::topology::{Connector, Owner, Topology};
 
 /// What is computed: an effect that a model does not contain costs nothing anyway; these switch off what it contains.
 #[derive(Debug, Clone, Copy)]
@@ -106,6 +106,18 @@ impl<T: Real> Scene<'_, T> {
 
     /// Per node: applied wrenches about the centre of mass, without inertia and multipliers.
     fn applied(&self) -> Vec<Six<T>> {
+        let mut sums = self.connected();
+        let wanted = self.effects.wanted();
+        for load in 0..self.topology.tables.loads.len() {
+            let acting =
+                load_interaction(self.topology, self.geometry, self.placement, load, wanted);
+            add_wrench(self.topology, self.placement, &acting, &mut sums);
+        }
+        sums
+    }
+
+    /// The part of springs and dampers in them.
+    fn connected(&self) -> Vec<Six<T>> {
         let mut sums = vec![Six::zero(); self.topology.nodes.len()];
         let wanted = self.effects.wanted();
         for c in &self.topology.connectors {
@@ -117,11 +129,6 @@ impl<T: Real> Scene<'_, T> {
                 c,
                 wanted,
             );
-            add_wrench(self.topology, self.placement, &acting, &mut sums);
-        }
-        for load in 0..self.topology.tables.loads.len() {
-            let acting =
-                load_interaction(self.topology, self.geometry, self.placement, load, wanted);
             add_wrench(self.topology, self.placement, &acting, &mut sums);
         }
         sums
@@ -196,6 +203,32 @@ impl<T: Real> Scene<'_, T> {
         acting
             .map(|w| w.wrench.l.map(|v| v.re()).norm() * length + w.wrench.a.map(|v| v.re()).norm())
             .sum()
+    }
+
+    /// The first connector whose force is no number.
+    pub fn undirected(&self) -> Option<&str> {
+        let tables = &self.topology.tables;
+        let lost = |c: &&Connector| {
+            let (geometry, placement) = (self.geometry, self.placement);
+            let w = interaction(
+                self.topology,
+                geometry,
+                placement,
+                self.numbers(),
+                c,
+                Wanted::FORCES,
+            )
+            .wrench;
+            (0..6).any(|i| !w.get(i).re().is_finite())
+        };
+        self.topology
+            .connectors
+            .iter()
+            .find(lost)
+            .map(|c| match c.owner {
+                Owner::Element(i) => tables.elements[i].name.as_str(),
+                Owner::Joint(i) => tables.joints[i].name.as_str(),
+            })
     }
 
     /// Multipliers of both levels grouped by cut joint: at rest a velocity row carries force like any other.
@@ -326,7 +359,10 @@ impl<T: Real> Scene<'_, T> {
         let mut mass = DMatrix::zeros(n, n);
         let mut stiffness = DMatrix::zeros(n, n);
         let moving = self.rate.is_some();
-        let mut gyroscopic = (moving && self.effects.gyroscopic).then(|| DMatrix::zeros(n, n));
+        // of a closed loop the stiffness reads them too, since B'' turns
+        let turning = self.effects.centrifugal && !self.topology.rows.is_empty();
+        let mut gyroscopic =
+            (moving && (self.effects.gyroscopic || turning)).then(|| DMatrix::zeros(n, n));
         add_inertia(
             &self.inertia(self.effects.centrifugal || gyroscopic.is_some()),
             &mut mass,
@@ -342,11 +378,12 @@ impl<T: Real> Scene<'_, T> {
         if self.geometry.gravity.is_some() && self.effects.gravity {
             counts.add("gravity stiffness", 1);
         }
-        if moving {
+        if moving && (self.effects.gyroscopic || self.effects.centrifugal) {
             counts.add("velocity terms", 1);
         }
         let mut damping = self.damped().then(|| DMatrix::zeros(n, n));
         self.add_connectors(&mut stiffness, damping.as_mut(), counts);
+        self.add_loads(&mut stiffness, counts);
         if let Some(lam) = lam.filter(|_| self.effects.constraint_force_stiffness) {
             self.add_multiplier_stiffness(lam, &mut stiffness, counts);
         }
@@ -401,20 +438,14 @@ impl<T: Real> Scene<'_, T> {
                 counts.add("preload stiffness", 1);
             }
         }
-        if geometric {
-            for load in 0..self.topology.tables.loads.len() {
-                let acting =
-                    load_interaction(self.topology, self.geometry, self.placement, load, wanted);
-                add_tangent(
-                    self.topology,
-                    self.placement,
-                    &acting,
-                    true,
-                    stiffness,
-                    None,
-                );
-                counts.add("load tangents", 1);
-            }
+    }
+
+    fn add_loads(&self, stiffness: &mut DMatrix<T>, counts: &mut Counts) {
+        let (topology, wanted) = (self.topology, Wanted::GEOMETRY);
+        for load in 0..topology.tables.loads.len() {
+            let acting = load_interaction(topology, self.geometry, self.placement, load, wanted);
+            add_tangent(topology, self.placement, &acting, true, stiffness, None);
+            counts.add("load tangents", 1);
         }
     }
 
@@ -452,14 +483,13 @@ impl<T: Real> Scene<'_, T> {
 
     /// Effects are switched off in the sense of absolute coordinates (wrenches at the centres of mass, world axes): without the
     /// stiffness of constraint forces S is T^T (df/dq) T. In tree coordinates those forces appear as (dT/dy)^T f of all other
-    /// forces, which is taken out here; a left-out preload had its own share in it, which comes back.
+    /// forces, which is taken out here; left-out forces of springs had their share in it, which comes back.
     fn add_switched(&self, stiffness: &mut DMatrix<T>) {
         if !self.effects.constraint_force_stiffness {
             self.add_map_changes(&self.body_wrenches(None), -T::one(), stiffness);
         }
         if !self.effects.preload_stiffness {
-            let applied: Vec<_> = self.applied().into_iter().map(|w| -w).collect();
-            self.add_map_changes(&applied, T::one(), stiffness);
+            self.add_map_changes(&self.connected(), -T::one(), stiffness);
         }
     }
 

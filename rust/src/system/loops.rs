@@ -179,16 +179,6 @@ impl Loops {
         }
         y
     }
-
-    /// Correction of the dependent coordinates that closes position rows of value phi.
-    pub fn closing_step<T: Real>(&self, phi: &DVector<T>) -> DVector<T> {
-        let step = self.left_inverse.map(T::from) * phi;
-        let mut y = DVector::zeros(self.dependent.len() + self.independent.len());
-        for (k, d) in self.dependent.iter().enumerate() {
-            y[*d] = -step[k];
-        }
-        y
-    }
 }
 
 /// Pseudo-inverse of a matrix of full column rank and an orthonormal basis of its left null space, by the SVD.

@@ -5,13 +5,16 @@
 //! placement   poses and motion columns of a state                      (per state)
 //! inertia     M and the velocity and gravity terms, by recursion       (per state)
 //! connector   forces and tangents of elements and constraints, along their paths
+//! sparse      everything once more in absolute coordinates, for thousands of bodies
 //! loops       rank, dependent coordinates, the transformation B''
 //! ```
 pub mod assemble;
 pub mod connector;
+pub mod connector_force;
 pub mod inertia;
 pub mod loops;
 pub mod placement;
+pub mod sparse;
 pub mod topology;
 
 use std::sync::Arc;

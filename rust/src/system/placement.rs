@@ -38,7 +38,7 @@ pub struct Velocity<T: Real> {
 }
 
 /// The markers of a node's joint on its inner and on its outer body.
-fn inner_outer<'g, T: Real>(pair: &'g MarkerPair<T>, reversed: bool) -> (&'g Pose<T>, &'g Pose<T>) {
+fn inner_outer<T: Real>(pair: &MarkerPair<T>, reversed: bool) -> (&Pose<T>, &Pose<T>) {
     if reversed {
         (&pair.b, &pair.a)
     } else {

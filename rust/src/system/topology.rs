@@ -212,6 +212,10 @@ fn spanning_tree(tables: &Tables) -> (Vec<Node>, Vec<usize>) {
         place: vec![None; n],
         used: vec![false; tables.joints.len()],
         first: 0,
+        free: (0..tables.joints.len())
+            .filter(|j| tables.joints[*j].kind == JointKind::Free)
+            .collect(),
+        next_body: 0,
     };
     let mut queue = VecDeque::from([None]);
     loop {
@@ -245,6 +249,10 @@ struct Tree<'a> {
     place: Vec<Option<usize>>,
     used: Vec<bool>,
     first: usize,
+    /// user's free joints that may still lead on
+    free: Vec<usize>,
+    /// no body before this one is unreached
+    next_body: usize,
 }
 
 impl Tree<'_> {
@@ -274,10 +282,14 @@ impl Tree<'_> {
     }
 
     /// Where the tree goes on when no joint leads further: along a user's free joint, else from ground.
-    fn free_start(&self) -> Option<(usize, BodyRef, Option<usize>)> {
-        let reached = |b: BodyRef| b.is_none_or(|b| self.place[b].is_some());
-        for (j, joint) in self.tables.joints.iter().enumerate() {
-            if joint.kind == JointKind::Free && reached(joint.a) != reached(joint.b) {
+    fn free_start(&mut self) -> Option<(usize, BodyRef, Option<usize>)> {
+        let (place, tables) = (&self.place, self.tables);
+        let reached = |b: BodyRef| b.is_none_or(|b| place[b].is_some());
+        self.free
+            .retain(|j| !(reached(tables.joints[*j].a) && reached(tables.joints[*j].b)));
+        for &j in &self.free {
+            let joint = &tables.joints[j];
+            if reached(joint.a) != reached(joint.b) {
                 let (inner, outer) = if reached(joint.a) {
                     (joint.a, joint.b)
                 } else {
@@ -288,10 +300,10 @@ impl Tree<'_> {
                 }
             }
         }
-        self.place
-            .iter()
-            .position(Option::is_none)
-            .map(|body| (body, None, None))
+        while self.place.get(self.next_body)?.is_some() {
+            self.next_body += 1;
+        }
+        Some((self.next_body, None, None))
     }
 }
 

@@ -274,6 +274,7 @@ impl Problem {
                 }
             }
         }
+        Ok(())
     }
 
     fn run(&mut self, y: &[f64], out: &mut Linearisation, want: Want) -> Result<()> {
@@ -323,12 +324,13 @@ impl Problem {
     /// df/du and df/dv of every element at the samples of a sampler on the same terms.
     pub fn tangents(&mut self, y: &[f64], sampler: &mut Aft) -> Result<Tangents> {
         std::mem::swap(&mut self.aft, sampler);
+        let n_e = self.elements.len();
         let one = |e: usize| -> Result<(Vec<f64>, Vec<f64>)> {
             self.evaluate_element(e, y, Want::Jacobian)?;
             let (f_u, f_v) = self.aft.tangents();
             Ok((f_u.to_vec(), f_v.to_vec()))
         };
-        let out = (0..self.elements.len()).map(one).collect();
+        let out = (0..n_e).map(one).collect();
         std::mem::swap(&mut self.aft, sampler);
         out
     }

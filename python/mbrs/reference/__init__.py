@@ -1,0 +1,61 @@
+"""The linear analyses once more, in plain NumPy, from the same tables: the check of the Rust core, never its servant.
+
+Absolute coordinates of the centres of mass, all joints as constraints, congruence with B' and B'' (METHODS.md a).
+Real quantities are complex-safe: a complex step in x gives their derivatives to rounding.
+"""
+
+from .assembly import assemble
+from .closure import closure_curvature, closure_defect
+from .dynamics import reactions
+from .equilibrium import equilibrium
+from .frf import frf, frf_derivative, motion_rows
+from .kinematics import State, System, advance, drawn_state, from_poses
+from .linearize import Linearization, linearize
+from .modal import Modes, constrained_roots, modes
+from .motion import Motion, integrate, law_rows
+from .precise import mp_eigenvalue_derivative
+from .response import response
+from .sensitivity import (
+    Derivative,
+    derivative,
+    eigenvalue_derivative,
+    frequency_derivative,
+    group_matrix,
+    real_part,
+    shape_derivative,
+)
+from .steady import steady_motion
+
+__all__ = [
+    "Derivative",
+    "Linearization",
+    "Modes",
+    "Motion",
+    "State",
+    "System",
+    "advance",
+    "assemble",
+    "closure_curvature",
+    "closure_defect",
+    "constrained_roots",
+    "derivative",
+    "drawn_state",
+    "eigenvalue_derivative",
+    "equilibrium",
+    "frequency_derivative",
+    "frf",
+    "frf_derivative",
+    "from_poses",
+    "group_matrix",
+    "integrate",
+    "law_rows",
+    "linearize",
+    "modes",
+    "motion_rows",
+    "mp_eigenvalue_derivative",
+    "reactions",
+    "real_part",
+    "response",
+    "shape_derivative",
+    "steady_motion",
+]

@@ -1,0 +1,230 @@
+"""The lowest modes of large systems: sparse matrices, and models with thousands of bodies."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from . import _core
+from ._border import core_errors
+from .effects import check_without, effects
+from .errors import MbrsWarning, ModelError
+from .linearize import _BALANCED, Snapshot
+from .results import Stats
+from .state import State, state_of
+
+# The dense route costs dof^3, the sparse one some hundred factorisations' worth of dof: from here on it wins.
+_LARGE = 400
+_PART = 10
+_UNRESOLVED = 1e-8
+
+
+def is_large(model: Any, n: int | None) -> bool:
+    """Whether modes of a model take the sparse route: few modes of many coordinates."""
+    if n is None or len(model.bodies) == 0:
+        return False
+    with core_errors():
+        n_tree = model.compiled().n_tree
+    return bool(n_tree > _LARGE and n * _PART < n_tree)
+
+
+@dataclass(frozen=True, eq=False)
+class SparseModel:
+    """What modes of a large model belong to: names, and the motion of all bodies; its matrices are made when asked for.
+
+    Attributes
+    ----------
+    coordinates, bodies
+        Names of the minimal coordinates and of the bodies.
+    motion
+        (6 n_bodies, n) motion of the centres of mass in each mode, world axes.
+    arm
+        (n_bodies, 3) from the centres of mass to the origins.
+    """
+
+    coordinates: tuple[str, ...]
+    bodies: tuple[str, ...]
+    motion: np.ndarray
+    arm: np.ndarray
+    state: State
+    without: tuple[str, ...]
+    snapshot: Snapshot
+
+    @property
+    def model(self) -> Any:
+        """The model."""
+        return self.snapshot.model
+
+    @cached_property
+    def poses(self) -> dict[str, np.ndarray]:
+        """Position (n, 3) and rotation (n, 3, 3) of the bodies' origins, world."""
+        with core_errors():
+            return self.snapshot.system.bodies(self.state.relative, self.state.rate)
+
+    @property
+    def geometry(self) -> Any:
+        """Bodies, springs and joints to draw, at this state."""
+        from .animate.geometry import scene_from_tables
+        from .tables import tables
+
+        return scene_from_tables(tables(self.model)).moved(self.poses["position"], self.poses["rotation"])
+
+    def body_motion(self, body: int) -> np.ndarray:
+        """(6, n) motion of a body's origin, world axes."""
+        x = self.motion[6 * body : 6 * body + 6]
+        return np.vstack([x[:3] + np.cross(x[3:], self.arm[body], axis=0), x[3:]])
+
+    @cached_property
+    def form(self) -> dict[str, Any]:
+        """Sparse matrices in absolute coordinates (centres of mass, world axes): see `matrices`."""
+        with core_errors():
+            return _core.sparse_model_form(
+                self.snapshot.system, self.state.relative, self.state.rate, list(self.without)
+            )
+
+    def energy(self) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
+        """Kinetic energy of each body (n_bodies, n); names of the elastic elements and the strain energy of each."""
+        from scipy.sparse import coo_array
+
+        x = self.motion.reshape(len(self.bodies), 6, -1)
+        kinetic = np.einsum("bin,bij,bjn->bn", x.conj(), self.form["mass"], x).real
+        i, j, v = self.form["rows"]
+        compliance, owner = self.form["compliance"], self.form["connector"]
+        stretch = coo_array((v, (i, j)), shape=(len(compliance), len(self.motion))).tocsr() @ self.motion
+        elastic = owner >= 0
+        energy = np.zeros((len(self.form["names"]), self.motion.shape[1]))
+        np.add.at(energy, owner[elastic], np.abs(stretch[elastic]) ** 2 / compliance[elastic][:, None])
+        return kinetic, tuple(self.form["names"]), energy
+
+
+def model_modes(model: Any, at: Any, n: int, without: Any, start: float) -> Any:
+    """The n lowest modes of a model at rest, by the sparse route."""
+    from .modal import _result
+
+    without = check_without(without)
+    snapshot = Snapshot.of(model)
+    with core_errors():
+        _core.check_sparse_model(snapshot.system)
+    state = state_of(model, snapshot.system, at)
+    with core_errors():
+        r = _core.sparse_model_modes(snapshot.system, state.relative, state.rate, list(without), n)
+    if at is None and r["unbalanced"] > _BALANCED:
+        warnings.warn(
+            f"the drawn state of {model.name!r} is not in balance: at {r['worst']!r} "
+            f"{r['unbalanced']:.1e} of all forces is "
+            "left over; take the modes at an equilibrium instead",
+            MbrsWarning,
+            stacklevel=4,
+        )
+    count = r["shape"].shape[1]
+    if not np.any(r["body"].imag):
+        r["body"] = r["body"].real.copy()
+    _sign(r)
+    names = tuple(body.name for body in model.bodies)
+    system = SparseModel(tuple(r["coordinates"]), names, r["body"], r["arm"], state, without, snapshot)
+    on = tuple(e for e in effects(model).on if e not in without)
+    r["backward_error"] = r["residual"]
+    # the small problem behind the modes has more of them, and no shapes of coordinates for partners
+    _truncate(r, count)
+    r["route"] = f"sparse, {r['route']} ({r['verified']})"
+    found = _result(system, r, count, on, start)
+    unresolved = bool(np.any(found.error > _UNRESOLVED))
+    return replace(found, status="unresolved" if unresolved else "converged")
+
+
+def _sign(r: dict[str, Any]) -> None:
+    """The largest component of each shape has a positive real part."""
+    size = np.abs(r["shape"])
+    first = np.argmax(size >= (1.0 - 1e-6) * size.max(axis=0), axis=0)
+    flip = np.where(r["shape"][first, np.arange(size.shape[1])].real < 0.0, -1.0, 1.0)
+    r["shape"] = r["shape"] * flip
+    r["body"] = r["body"] * flip
+
+
+def _truncate(r: dict[str, Any], n: int) -> None:
+    for key in ("eigenvalue", "partner", "near_defective", "condition", "error"):
+        r[key] = r[key][:n]
+    r["kind"] = r["kind"][:n]
+    r["partner_mode"] = np.zeros(0, dtype=np.int64)
+    r["partner_shape"] = np.zeros((len(r["coordinates"]), 0))
+    r["left"] = r["partner_left"] = None
+
+
+def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], start: float) -> Any:
+    """The n lowest modes of sparse matrices."""
+    from .modal import ModalResult
+
+    if n is None:
+        raise ModelError(
+            "modes of sparse matrices need n=, the number of the lowest modes, such as mb.modes(system, n=20)"
+        )
+    D, S = _sum(system.C, system.G), _sum(system.K, system.N)
+    with core_errors():
+        r = _core.sparse_modes(_arrays(system.M), None if D is None else _arrays(D), _arrays(S), n)
+    damped = "eigenvalue" in r
+    residual = r["residual"]
+    if damped:
+        s = r["eigenvalue"]
+        partner = np.where(s.imag != 0.0, s.conj(), np.nan)
+    else:
+        lam = r["lambda"]
+        root = np.sqrt(np.abs(lam))
+        s = np.where(lam >= 0.0, 1j * root, root)
+        partner = np.where(lam >= 0.0, -1j * root, -root)
+    kind = np.full(len(s), "vibration", dtype="U10")
+    kind[(s.imag == 0.0) & (s.real < 0.0)] = "overdamped"
+    kind[(s.imag == 0.0) & (s.real > 0.0)] = "divergence"
+    stable = -1e-12 * np.abs(s) if damped else 0.0
+    kind[(s.imag != 0.0) & (s.real > -stable)] = "flutter"
+    kind[s == 0.0] = "rigid"
+    shape = r["shape"]
+    unresolved = bool(np.any(residual > _UNRESOLVED))
+    return ModalResult(
+        eigenvalue=s,
+        roots=np.stack([s, partner], axis=1).ravel(),
+        shape=shape,
+        left=None,
+        kind=kind,
+        groups=_groups(s),
+        backward_error=residual,
+        condition=np.full(len(s), np.nan),
+        near_defective=np.zeros(len(s), dtype=bool),
+        coordinates=tuple(system.coordinates),
+        system=system,
+        partner_mode=np.zeros(0, dtype=np.int64),
+        partner_shape=np.zeros((shape.shape[0], 0)),
+        partner_left=None,
+        stats=Stats(time.perf_counter() - start, r["counts"], effects, r["route"]),
+        error=residual,
+        status="unresolved" if unresolved else "converged",
+    )
+
+
+def _groups(s: np.ndarray) -> tuple[tuple[int, ...], ...]:
+    """Neighbours that agree to 1e-9: members of one repeated eigenvalue."""
+    groups: list[list[int]] = []
+    for i, value in enumerate(s):
+        if groups and abs(value - s[groups[-1][-1]]) <= 1e-9 * abs(value):
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+    return tuple(tuple(g) for g in groups if len(g) > 1)
+
+
+def _sum(a: Any, b: Any) -> Any:
+    if a is None:
+        return b
+    return a if b is None else a + b
+
+
+def _arrays(a: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    from scipy.sparse import csc_array
+
+    c = csc_array(a)
+    c.sum_duplicates()
+    return c.indptr.astype(np.int64), c.indices.astype(np.int64), c.data.astype(float)

@@ -1,0 +1,164 @@
+//! Modes of models with thousands of bodies, and the sparse matrices behind them.
+use faer::Mat;
+use numpy::ndarray::{Array2, Array3};
+use numpy::{Complex64, IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::border::{interruptible, to_numpy_complex};
+use super::modal::as_dict;
+use super::system::{PySystem, effects, state_of};
+use crate::analysis::sparse_bodies::{BodyModes, modes};
+use crate::run::Counts;
+use crate::system::System;
+use crate::system::sparse::{Entries, SparseForm, check_loops};
+use crate::system::topology::Owner;
+
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(check_sparse_model, module)?)?;
+    module.add_function(wrap_pyfunction!(sparse_model_modes, module)?)?;
+    module.add_function(wrap_pyfunction!(sparse_model_form, module)?)
+}
+
+/// Refuses what the sparse route cannot do, before anything dense is made.
+#[pyfunction]
+fn check_sparse_model(system: PyRef<'_, PySystem>) -> PyResult<()> {
+    Ok(check_loops(&system.0)?)
+}
+
+/// The n lowest modes at a state at rest: the dict of `dense_modes` with shapes of the minimal coordinates, and the motion of
+/// the bodies about their centres of mass (6 n_bodies, n).
+#[pyfunction]
+#[pyo3(signature = (system, relative, rate, without, n, sigma=None))]
+fn sparse_model_modes<'py>(
+    py: Python<'py>,
+    system: PyRef<'py, PySystem>,
+    relative: PyReadonlyArray2<'py, f64>,
+    rate: PyReadonlyArray1<'py, f64>,
+    without: Vec<String>,
+    n: usize,
+    sigma: Option<f64>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let state = state_of(&system.0, &relative, &rate)?;
+    let effects = effects(&without)?;
+    let owned = system.0.clone();
+    let (mut found, shape) = interruptible(py, move |cancel| {
+        let found = modes(&owned, &state, effects, n, sigma, cancel)?;
+        let shape = minimal(&owned, &found);
+        Ok((found, shape))
+    })?;
+    let system = &system.0;
+    found.modal.counts.merge(&found.counts);
+    let out = as_dict(py, found.modal)?;
+    out.set_item("shape", to_numpy_complex(py, shape.as_ref()))?;
+    out.set_item("body", to_numpy_complex(py, found.body.as_ref()))?;
+    out.set_item("error", found.error.into_pyarray(py))?;
+    out.set_item("residual", found.residual.into_pyarray(py))?;
+    out.set_item("verified", found.verified)?;
+    let names: Vec<&str> = match &found.form.loops {
+        None => system.topology.names.iter().map(String::as_str).collect(),
+        Some(l) => l
+            .independent
+            .iter()
+            .map(|i| system.topology.names[*i].as_str())
+            .collect(),
+    };
+    out.set_item("coordinates", names)?;
+    let (unbalanced, worst) = found.form.unbalanced;
+    out.set_item("unbalanced", unbalanced)?;
+    out.set_item("worst", system.topology.names.get(worst))?;
+    out.set_item("arm", arms(system, &found.form).into_pyarray(py))?;
+    Ok(out)
+}
+
+fn minimal(system: &System, found: &BodyModes) -> Mat<Complex64> {
+    let part = |k: usize, f: &dyn Fn(Complex64) -> f64| {
+        let x: Vec<f64> = (0..found.body.nrows())
+            .map(|i| f(found.body[(i, k)]))
+            .collect();
+        found.form.minimal(system, &x)
+    };
+    let columns: Vec<_> = (0..found.body.ncols())
+        .map(|k| (part(k, &|v| v.re), part(k, &|v| v.im)))
+        .collect();
+    let rows = columns.first().map_or(0, |c| c.0.len());
+    Mat::from_fn(rows, columns.len(), |i, k| {
+        Complex64::new(columns[k].0[i], columns[k].1[i])
+    })
+}
+
+/// From the centres of mass to the bodies' origins, world axes.
+fn arms(system: &System, form: &SparseForm) -> Array2<f64> {
+    let topology = &*system.topology;
+    let mut out = Array2::zeros((topology.nodes.len(), 3));
+    for (i, node) in topology.nodes.iter().enumerate() {
+        let arm = form.placement.pose[i].r * system.geometry.bodies[node.body].com;
+        for k in 0..3 {
+            out[(node.body, k)] = -arm[k];
+        }
+    }
+    out
+}
+
+/// Masses, elastic rows with their weights and owners, geometric stiffness and damping, absolute coordinates.
+#[pyfunction]
+fn sparse_model_form<'py>(
+    py: Python<'py>,
+    system: PyRef<'py, PySystem>,
+    relative: PyReadonlyArray2<'py, f64>,
+    rate: PyReadonlyArray1<'py, f64>,
+    without: Vec<String>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let state = state_of(&system.0, &relative, &rate)?;
+    let effects = effects(&without)?;
+    let owned = system.0.clone();
+    let form = interruptible(py, move |_| {
+        SparseForm::new(&owned, &state, effects, &mut Counts::default())
+    })?;
+    let out = PyDict::new(py);
+    let mass = Array3::from_shape_fn((form.mass.len(), 6, 6), |(b, i, j)| {
+        let m = &form.mass[b];
+        match (i / 3, j / 3) {
+            (0, 0) => m.ll[(i, j)],
+            (1, 1) => m.aa[(i - 3, j - 3)],
+            _ => 0.0,
+        }
+    });
+    out.set_item("mass", mass.into_pyarray(py))?;
+    put_entries(&out, "rows", &form.rows)?;
+    put_entries(&out, "geometric", &form.geometric)?;
+    put_entries(&out, "damping", &form.damping)?;
+    out.set_item("compliance", form.compliance.into_pyarray(py))?;
+    let owner = |c: &Option<usize>| c.map_or(-1, |c| c as i64);
+    let owners: Vec<i64> = form.connector.iter().map(owner).collect();
+    out.set_item("connector", owners.into_pyarray(py))?;
+    let tables = &system.0.topology.tables;
+    let names: Vec<&str> = system
+        .0
+        .topology
+        .connectors
+        .iter()
+        .map(|c| match c.owner {
+            Owner::Element(i) => tables.elements[i].name.as_str(),
+            Owner::Joint(j) => tables.joints[j].name.as_str(),
+        })
+        .collect();
+    out.set_item("names", names)?;
+    Ok(out)
+}
+
+fn put_entries(out: &Bound<'_, PyDict>, key: &str, entries: &Entries) -> PyResult<()> {
+    let py = out.py();
+    let index = |f: &dyn Fn(&(usize, usize, f64)) -> usize| -> Vec<i64> {
+        entries.iter().map(|e| f(e) as i64).collect()
+    };
+    let values: Vec<f64> = entries.iter().map(|e| e.2).collect();
+    out.set_item(
+        key,
+        (
+            index(&|e| e.0).into_pyarray(py),
+            index(&|e| e.1).into_pyarray(py),
+            values.into_pyarray(py),
+        ),
+    )
+}

@@ -1,0 +1,193 @@
+"""M, C, G, K, N and T of the core against the NumPy reference: all joints and elements, at rest and moving, open and closed."""
+
+from __future__ import annotations
+
+import mbrs as mb
+import numpy as np
+import pytest
+from agreement import advanced, difference, drawn, show, spinning, worst_of
+from mbrs import reference as ref
+from mbrs.tables import tables
+from random_models import TREE_JOINTS, random_loop, random_tree
+
+TOLERANCE = 1e-10
+LOOPS = [
+    (("spherical", "universal", "cylindrical", "spherical"), False),
+    (("spherical", "universal", "cylindrical", "spherical"), True),
+    (("universal", "spherical", "spherical", "planar"), True),
+    (("spherical", "prismatic", "spherical", "cylindrical"), False),
+    (("cylindrical", "cylindrical", "cylindrical", "universal"), False),
+    (("revolute", "spherical", "spherical", "revolute", "cylindrical"), False),
+    (("spherical", "planar", "fixed", "spherical"), True),
+]
+
+
+@pytest.mark.parametrize("kind", TREE_JOINTS)
+def test_trees_of_each_joint(kind):
+    """Three bodies on one kind of joint, reversed or not: drawn, advanced, and moving there."""
+    found = []
+    for seed in range(6):
+        rng = np.random.default_rng([seed, TREE_JOINTS.index(kind)])
+        m = random_tree(rng, 3, ("revolute", kind), each=True)
+        found.append(difference(m, drawn(m)))
+        state = advanced(m, rng, 0.7)
+        found.append(difference(m, state))
+        found.append(difference(m, spinning(m, state, rng, 0.8)))
+    worst = worst_of(found)
+    show(kind, worst)
+    assert max(worst.values()) < TOLERANCE
+
+
+def test_trees_of_mixed_joints():
+    found = []
+    for seed in range(30):
+        rng = np.random.default_rng([1, seed])
+        m = random_tree(rng, int(rng.integers(1, 7)), followers=bool(seed % 2))
+        state = advanced(m, rng, 0.5)
+        found.append(difference(m, state))
+        found.append(difference(m, spinning(m, state, rng, 1.0)))
+    worst = worst_of(found)
+    show("mixed trees", worst)
+    assert max(worst.values()) < TOLERANCE
+
+
+def test_two_point_joints_of_trees():
+    """Joints drawn with two points that assembly brings together."""
+    found = []
+    for seed in range(12):
+        rng = np.random.default_rng([2, seed])
+        m = random_tree(rng, 4, slack=0.3)
+        assert_same_drawn_state(m)
+        found.append(difference(m, drawn(m)))
+    worst = worst_of(found)
+    show("two-point joints", worst)
+    assert max(worst.values()) < TOLERANCE
+
+
+def assert_same_drawn_state(m):
+    """Assembly is by the same rule in both."""
+    sys = ref.System(tables(m))
+    theirs = ref.assemble(sys, ref.kinematics.first_guess(sys))
+    ours = reference_pose(m, sys)
+    np.testing.assert_allclose(ours.r, theirs.r, atol=1e-11)
+    np.testing.assert_allclose(ours.R, theirs.R, atol=1e-11)
+
+
+def reference_pose(m, sys):
+    from agreement import reference_state
+
+    return reference_state(m, drawn(m), sys)
+
+
+@pytest.mark.parametrize("kinds, rod", LOOPS)
+def test_loops(kinds, rod):
+    """One or two loops, at an advanced state, at rest and moving (B'' turns in time)."""
+    found = []
+    for seed in range(3):
+        rng = np.random.default_rng([3, seed, len(kinds), rod])
+        m = random_loop(rng, kinds, rod=rod)
+        state = advanced(m, rng, 0.1)
+        found.append(difference(m, state))
+        found.append(difference(m, spinning(m, state, rng, 0.5)))
+    worst = worst_of(found)
+    show(f"{'-'.join(kinds)} rod {rod}", worst)
+    assert max(worst.values()) < TOLERANCE
+
+
+@pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+@pytest.mark.parametrize("kinds, rod", LOOPS[:2])
+def test_given_velocities_are_projected_on_loops(kinds, rod):
+    """The core's own projected velocities, whatever they are, satisfy the joints and give the reference's matrices."""
+    rng = np.random.default_rng([4, rod])
+    m = random_loop(rng, kinds, rod=rod, moving=True)
+    state = drawn(m)
+    assert state.moving
+    worst = difference(m, state)
+    show("projected velocities", worst)
+    assert max(worst.values()) < TOLERANCE
+
+
+def test_inconsistent_velocities_are_reported():
+    m = mb.Model("slider")
+    b = m.body("b", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0), velocity=(1.0, 0.5, 0))
+    m.prismatic("rail", m.ground, b, at=(0, 0, 0), axis="x")
+    with pytest.warns(mb.MbrsWarning, match=r"velocities of 'slider' contradict its joints.*0\.5 m/s"):
+        lin = mb.linearize(m)
+    np.testing.assert_allclose(lin.poses["velocity"], [[1, 0, 0]], atol=1e-14)
+
+
+@pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+@pytest.mark.parametrize(
+    "effect", ["gravity", "gyroscopic", "centrifugal", "preload-stiffness", "constraint-force-stiffness", "damping"]
+)
+def test_every_effect_can_be_left_out_in_the_same_sense(effect):
+    """What `without=` leaves out is the same set of terms in both."""
+    found = []
+    for seed in range(4):
+        rng = np.random.default_rng([5, seed])
+        m = random_tree(rng, 4) if seed % 2 else random_loop(rng, *LOOPS[0][:1])
+        state = advanced(m, rng, 0.1)
+        found.append(difference(m, state, (effect,)))
+        found.append(difference(m, spinning(m, state, rng, 0.5), (effect,)))
+    worst = worst_of(found)
+    show(f"without {effect}", worst)
+    assert max(worst.values()) < TOLERANCE
+
+
+@pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+def test_examples():
+    """Every shipped example, as drawn."""
+    e = mb.examples
+    models = [
+        e.chain(5),
+        e.chain(3, None),
+        e.tree(4, "spherical"),
+        *(e.ladder(3, joint) for joint in ("revolute", "prismatic", "cylindrical", "spherical")),
+        e.four_bar(),
+        e.cubic_hexapod(),
+        e.quadruped(),
+        e.stewart_platform(),
+        e.wafer_stage(),
+        e.rotor(),
+    ]
+    for m in models:
+        worst = difference(m, drawn(m))
+        show(m.name, worst)
+        assert max(worst.values()) < TOLERANCE
+
+
+def test_the_tree_is_the_same():
+    """Coordinate names, cut joints, degrees of freedom, characteristic length."""
+    for seed in range(20):
+        rng = np.random.default_rng([6, seed])
+        m = random_tree(rng, 5) if seed % 2 else random_loop(rng, LOOPS[seed % 7][0], rod=LOOPS[seed % 7][1])
+        sys, topology = ref.System(tables(m)), m.compiled().topology()
+        assert topology["coordinates"] == sys.coordinates
+        assert [b for b, *_ in topology["tree"]] == [sys.bodies[t.outer].name for t in sys.tree]
+        assert topology["cut"] == [link.name for link in sys.cut]
+        assert m.compiled().characteristic_length == pytest.approx(sys.length, rel=1e-14)
+        assert mb.System(m).dof == sys.dof
+
+
+def test_momentum_of_a_common_rigid_motion():
+    """`ground_coupling` = T^T M times the rigid motion of all bodies, from the body mass matrices."""
+    rng = np.random.default_rng(7)
+    m = random_loop(rng, LOOPS[0][0])
+    lin = mb.linearize(m, at=advanced(m, rng, 0.1))
+    expected = np.zeros_like(lin.ground_coupling)
+    for i, mass in enumerate(lin.body_mass_matrices):
+        x, y, z = lin.poses["position"][i]
+        rigid = np.eye(6)
+        rigid[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+        expected += lin.T[6 * i : 6 * i + 6].T @ mass @ rigid
+    np.testing.assert_allclose(lin.ground_coupling, expected, atol=1e-12 * np.abs(expected).max())
+
+
+def test_the_mass_matrix_is_that_of_the_bodies():
+    """M = sum of T_i^T M_i T_i."""
+    rng = np.random.default_rng(8)
+    m = random_tree(rng, 5)
+    lin = mb.linearize(m, at=advanced(m, rng, 0.5))
+    T = lin.T.reshape(len(lin.bodies), 6, lin.n)
+    expected = np.einsum("bij,bik,bkl->jl", T, lin.body_mass_matrices, T)
+    np.testing.assert_allclose(lin.M, expected, atol=1e-12 * np.abs(expected).max())

@@ -1,0 +1,212 @@
+"""Who may import whom (docs/architecture.md): the layers of the Python package and of the Rust core, and what stays optional."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import mbrs
+import pytest
+
+PACKAGE = Path(mbrs.__file__).parent
+RUST = PACKAGE.parents[1] / "rust" / "src"
+
+# From the bottom: a module may import its own layer and those below. What is not named belongs to "analyses".
+LAYERS = {
+    "words": {
+        "errors", "names", "values", "geometry", "expressions", "operations", "parameters", "store", "laws", "shifted_laws",
+        "attached_laws", "elements", "joints", "element_methods", "joint_methods", "bodies", "ports", "addresses", "varying",
+        "jsonable", "progress", "results", "mac", "measures", "_timing", "effects",
+    },
+    "model": {"model", "examples", "io"},
+    "tables": {"tables"},
+    "border": {"_border", "_core", "state", "second_order"},
+    "analyses": set(),
+    "top": {"study", "_effect_study", "cli", "demo", "sweep", "design", "check_gradients"},
+}  # fmt: skip
+ORDER = list(LAYERS)
+# They turn results into pictures and text, and see nothing but results.
+SHOWS = {"plot", "animate", "page", "report"}
+# What `import mbrs` must not pay for.
+OPTIONAL = {"scipy", "matplotlib", "xarray", "h5netcdf", "control", "mpmath", "click", "rich"}
+# A model saves, compiles and lists itself through these, imported when asked for; results draw themselves through SHOWS.
+LAZY = {("model", "io"), ("model", "tables"), ("model", "_core"), ("laws", "_core")}
+
+
+def modules():
+    for path in sorted(PACKAGE.rglob("*.py")):
+        relative = path.relative_to(PACKAGE).with_suffix("")
+        parts = relative.parts[:-1] if relative.name == "__init__" else relative.parts
+        yield path, parts, relative.name == "__init__"
+
+
+def is_module(parts):
+    base = PACKAGE.joinpath(*parts)
+    return base.with_suffix(".py").exists() or (base / "__init__.py").exists() or parts == ("_core",)
+
+
+def imports(path, parts, is_package):
+    """(target inside the package or None, name outside, at the top of the module) of every import but those for types."""
+    home = parts if is_package else parts[:-1]
+    found = []
+
+    def visit(node, top):
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+                continue
+            if isinstance(child, ast.Import):
+                found.extend((None, alias.name.split(".")[0], top) for alias in child.names)
+            elif isinstance(child, ast.ImportFrom) and child.level:
+                base = home[: len(home) - child.level + 1] + tuple(
+                    (child.module or "").split(".") if child.module else ()
+                )
+                for alias in child.names:
+                    full = (*base, alias.name)
+                    found.append((full if is_module(full) else base, "", top))
+            elif isinstance(child, ast.ImportFrom):
+                found.append((None, (child.module or "").split(".")[0], top))
+            visit(child, top and not isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef)))
+
+    visit(ast.parse(path.read_text(encoding="utf-8")), True)
+    return found
+
+
+GRAPH = {parts: imports(path, parts, is_package) for path, parts, is_package in modules()}
+
+
+def layer(parts):
+    head = parts[0] if parts else "__init__"
+    return next((name for name, members in LAYERS.items() if head in members), "analyses")
+
+
+def test_the_layers_are_of_this_package():
+    heads = {parts[0] for parts in GRAPH if parts} | {"_core"}
+    named = set().union(*LAYERS.values()) | SHOWS
+    assert named - heads <= {"sweep", "design"}, "the table above names modules that do not exist"
+    assert len(GRAPH) > 60
+
+
+def test_nothing_imports_upwards():
+    wrong = []
+    for parts, found in GRAPH.items():
+        if not parts or parts[0] in SHOWS | {"reference"}:
+            continue
+        for target, _, top in found:
+            if not target or target[0] in SHOWS | {"reference"} or target[0] == parts[0]:
+                continue
+            lazy = not top and (parts[0], target[0]) in LAZY
+            if not lazy and ORDER.index(layer(target)) > ORDER.index(layer(parts)):
+                wrong.append(f"{'.'.join(parts)} ({layer(parts)}) imports {'.'.join(target)} ({layer(target)})")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_pictures_and_reports_see_results_only():
+    allowed = SHOWS | {"errors", "results", "geometry", "progress"}
+    wrong = [
+        f"{'.'.join(parts)} imports {'.'.join(target)}"
+        for parts, found in GRAPH.items()
+        if parts and parts[0] in SHOWS
+        for target, _, _ in found
+        if target and target[0] not in allowed
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_nothing_public_imports_the_reference_and_it_knows_nothing_else():
+    for parts, found in GRAPH.items():
+        for target, _, _ in found:
+            if target and parts and parts[0] == "reference":
+                assert target[0] in ("reference", "errors"), f"{'.'.join(parts)} imports {'.'.join(target)}"
+            elif target:
+                assert target[0] != "reference", f"{'.'.join(parts)} imports the reference"
+
+
+def test_extras_are_imported_when_used():
+    # the command line and the reference load by themselves, never with the package
+    apart = ("cli", "reference")
+    found = [
+        (parts, name, top)
+        for parts, all_ in GRAPH.items()
+        for _, name, top in all_
+        if parts[:1] not in [(a,) for a in apart] and list(parts[:1]) not in [[a] for a in apart]
+    ]
+    wrong = [f"{'.'.join(parts)}: {name}" for parts, name, top in found if top and name in OPTIONAL]
+    assert not wrong, "imported at the top of a module: " + ", ".join(wrong)
+
+
+def test_import_mbrs_loads_numpy_and_little_else():
+    """Also building and solving a small model needs no plotting, no labelled data and no command line."""
+    code = (
+        "import sys, mbrs as mb\n"
+        f"heavy = {sorted(OPTIONAL)!r}\n"
+        "assert not any(name in sys.modules for name in heavy), [n for n in heavy if n in sys.modules]\n"
+        "assert 'mbrs.reference' not in sys.modules and 'mbrs._core' not in sys.modules\n"
+        "mb.modes(mb.examples.cubic_hexapod()); mb.effects(mb.examples.four_bar())\n"
+        "left = [n for n in heavy if n in sys.modules and n != 'scipy']\n"
+        "assert not left, left\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_files_have_one_idea():
+    long = [
+        str(p)
+        for p in [*PACKAGE.rglob("*.py"), *RUST.rglob("*.rs")]
+        if len(p.read_text(encoding="utf-8").splitlines()) > 600
+    ]
+    assert not long, f"longer than 600 lines: {long}"
+
+
+# --- Rust -----
+
+CRATE = {
+    "error": set(),
+    "run": {"error"},
+    "spatial": set(),
+    "linalg": {"error", "run"},
+    "laws": {"error"},
+    "model": {"error", "spatial", "laws"},
+    "kinematics": {"error", "spatial", "laws", "model"},
+    "system": {"error", "run", "spatial", "linalg", "laws", "model", "kinematics"},
+    "second_order": {"error", "run", "linalg", "laws"},
+    "solve": {"error", "run", "linalg"},
+    "analysis": {"error", "run", "spatial", "linalg", "laws", "model", "kinematics", "system", "second_order", "solve"},
+}
+
+
+@pytest.mark.skipif(not RUST.is_dir(), reason="an installed package has no Rust sources beside it")
+@pytest.mark.parametrize("name", list(CRATE))
+def test_the_core_imports_downwards(name):
+    files = [RUST / f"{name}.rs"] if (RUST / f"{name}.rs").exists() else sorted((RUST / name).rglob("*.rs"))
+    assert files
+    for path in files:
+        text = path.read_text(encoding="utf-8")
+        used = set(re.findall(r"\bcrate::([a-z_]+)", text)) - {name}
+        assert used <= CRATE[name], f"{path.relative_to(RUST)} uses {', '.join(sorted(used - CRATE[name]))}"
+
+
+@pytest.mark.skipif(not RUST.is_dir(), reason="an installed package has no Rust sources beside it")
+def test_only_the_border_knows_python():
+    declared = set(re.findall(r"^(?:pub )?mod ([a-z_]+);", (RUST / "lib.rs").read_text(encoding="utf-8"), re.M))
+    assert declared == {*CRATE, "python"}, "a new module of the crate needs a line in the table above"
+    for path in RUST.rglob("*.rs"):
+        if "python" not in path.relative_to(RUST).parts:
+            assert not re.search(r"\b(pyo3|numpy)::", path.read_text(encoding="utf-8")), path
+
+
+@pytest.mark.skipif(not RUST.is_dir(), reason="an installed package has no Rust sources beside it")
+def test_nothing_in_the_core_panics_on_purpose():
+    """No unwrap, expect or panic outside of tests."""
+    wrong = []
+    for path in RUST.rglob("*.rs"):
+        if path.name == "tests.rs":
+            continue
+        text = path.read_text(encoding="utf-8").split("#[cfg(test)]")[0]
+        for pattern in (r"\.unwrap\(\)", r"\.expect\(", r"\bpanic!\(", r"\bunreachable!\(", r"\btodo!\("):
+            if re.search(pattern, text):
+                wrong.append(f"{path.relative_to(RUST)}: {pattern}")
+    assert not wrong, "\n".join(wrong)
