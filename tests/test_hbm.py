@@ -4,8 +4,18 @@ import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, ModelError
 from mbrs.harmonic_balance import harmonic_balance
-from mbrs.laws import CoulombTanh, Cubic, FunctionLaw, Gap, Hertz, Iwan, Jenkins, Polynomial1D, VanDerPol,
-VaryingStiffness
+from mbrs.laws import (
+    CoulombTanh,
+    Cubic,
+    FunctionLaw,
+    Gap,
+    Hertz,
+    Iwan,
+    Jenkins,
+    Polynomial1D,
+    VanDerPol,
+    VaryingStiffness,
+)
 from mbrs.reference import hbm_balance
 from mbrs.second_order import MechanicalSystem
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from mbrs.errors import ModelError
 from mbrs.frequency_response import frequency_response
 from mbrs.harmonic_balance import harmonic_balance
