@@ -2,6 +2,7 @@
 shooting."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -194,6 +195,32 @@ def test_branch_point_of_a_symmetric_system():
         state = np.concatenate([one.displacement(0.0)[:, 0], one.velocity(0.0)[:, 0]])
         _, phi = hbm_shooting.flow(system, [0.2, 0.2], event.omega, state, 2 * np.pi / event.omega)
         assert np.min(np.abs(np.linalg.eigvals(phi) - 1)) < 1e-3
+
+
+def test_branch_switching():
+    # the antisymmetric branch that leaves the in-phase motion of two equal masses; both sides are mirror images
+    system = MechanicalSystem(
+        np.eye(2),
+        0.02 * np.eye(2),
+        [[0.9, 0.1], [0.1, 0.9]],
+        elements=[Cubic(1.0, w=[1.0, 0.0]), Cubic(1.0, w=[0.0, 1.0])],
+    )
+    branch = Branch(system, force=[0.2, 0.2], omega=(0.6, 2.2), harmonics=5, stability=False)
+    branch.run(1000)
+    event = next(e for e in branch.chunks.events if e.kind == "branch-point")
+    sides = []
+    for side in (1, -1):
+        other = branch.switch(event, side=side)
+        assert other.run(15) == 15
+        point = other.point(14)
+        assert np.max(np.abs(point.X[0] - point.X[1])) > 0.05  # the masses move apart
+        sides.append(point)
+        one = harmonic_balance(system, force=[0.2, 0.2], omega=point.omega, harmonics=5, x0=point.X)
+        assert np.allclose(one.X, point.X, atol=1e-8)
+    again = harmonic_balance(system, force=[0.2, 0.2], omega=sides[0].omega, harmonics=5, x0=sides[0].X[::-1])
+    assert np.allclose(again.X[::-1], sides[0].X, atol=1e-8)
+    with pytest.raises(ModelError, match="branch points only"):
+        branch.switch(replace(event, kind="fold"))
 
 
 def test_force_level_as_parameter():

@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, ModelError
 from mbrs.harmonic_balance import harmonic_balance
-from mbrs.laws import CoulombTanh, Cubic, Gap, Hertz, Iwan, Jenkins, Polynomial1D, VanDerPol, VaryingStiffness
+from mbrs.laws import (
+    CoulombTanh,
+    Cubic,
+    FunctionLaw,
+    Gap,
+    Hertz,
+    Iwan,
+    Jenkins,
+    Polynomial1D,
+    VanDerPol,
+    VaryingStiffness,
+)
 from mbrs.reference import hbm_balance
 from mbrs.second_order import MechanicalSystem
 
@@ -198,6 +209,34 @@ def test_failure_carries_what_it_reached():
     with pytest.raises(ConvergenceError, match="singular") as caught:
         harmonic_balance(free, force={0: [1.0], 1: [0.1]}, omega=0.9)
     assert caught.value.result.X.shape == (1, 15) and caught.value.result.status == "stopped"
+
+
+def cubic(u, v):
+    return 0.1 * u**3
+
+
+def test_function_law_equals_the_law_of_the_core():
+    system = MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[FunctionLaw(cubic, w=[1.0])])
+    one = harmonic_balance(system, force=[0.18], omega=0.9, n_samples=32)
+    same = harmonic_balance(duffing(), force=[0.18], omega=0.9, n_samples=32)
+    assert np.max(np.abs(one.X - same.X)) < 1e-10
+    assert one.verify() < 1e-6
+
+
+def test_function_that_returns_nan_or_fails_is_named():
+    def nan(u, v):
+        return np.full_like(u, np.nan)
+
+    def broken(u, v):
+        raise RuntimeError("no force today")
+
+    system = MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[FunctionLaw(nan, w=[1.0])])
+    with pytest.raises(ConvergenceError, match=r"elements\[0\], FunctionLaw\(nan.*not finite") as caught:
+        harmonic_balance(system, force=[0.18], omega=0.9)
+    assert caught.value.result is not None
+    system = MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[FunctionLaw(broken, w=[1.0])])
+    with pytest.raises(ModelError, match=r"elements\[0\], a function, failed: RuntimeError: no force today"):
+        harmonic_balance(system, force=[0.18], omega=0.9)
 
 
 def test_overflowing_law_is_named():

@@ -144,6 +144,19 @@ def test_frequency_response_of_a_condensed_chain():
         a.peak(0)
 
 
+def test_stability_of_a_condensed_chain_equals_that_of_the_full_one():
+    n = 8
+    system = chain(n, [Cubic(0.5, w=unit(n, (n - 1, 1.0))), VanDerPol(-0.2, w=unit(n, (3, 1.0)))], kind="dashpot")
+    given = dict(force={1: unit(n, (0, 0.02))}, omega=[0.15, 0.17], harmonics=3)
+    a = frequency_response(system, condense=True, **given)
+    b = frequency_response(system, condense=False, **given)
+    assert a.stats.route == "condensed, sparse" and a.exponents.shape == (2, 2 * n)
+    for i in range(2):
+        period = 2 * np.pi / a.omega[i]
+        mu = [np.sort_complex(np.round(np.exp(c.exponents[i] * period), 9)) for c in (a, b)]
+        assert np.max(np.abs(mu[0] - mu[1])) < 1e-7
+
+
 def test_work_does_not_depend_on_the_number_of_harmonics_that_stay():
     # one solution at one frequency: H + 1 dynamic stiffnesses, whatever the number of iterations
     one = harmonic_balance(chain(N, ELEMENTS), force=force(N), omega=0.31, harmonics=5, condense=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from . import _condensation, _core
 from .errors import ConvergenceError, MbrsError, ModelError, SingularError
-from .laws import Law
+from .laws import FunctionLaw, Law
 
 NONSMOOTH_SAMPLES = 512
 POLYNOMIAL = (0, 1, 2, 8, 11)  # codes of the laws that are polynomials in u and v
@@ -272,6 +272,7 @@ def core_elements(laws: Sequence[Law], directions: Sequence[np.ndarray]) -> Any:
         [law.code for law in laws],
         [len(v) for v in numbers],
         [x for v in numbers for x in v],
+        [law.sampled if isinstance(law, FunctionLaw) else None for law in laws],
         [int(i) for i in start],
         [int(i) for part in index for i in part],
         [float(x) for part in weight for x in part],

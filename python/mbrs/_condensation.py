@@ -15,6 +15,7 @@ from .laws import Law
 
 FULL_UNKNOWNS = 6000
 MODAL_COORDINATES = 1500
+STABILITY_COORDINATES = 64  # as in the core: larger condensed systems do not tell their stability
 WORTH_CONDENSING = 150
 
 
@@ -116,6 +117,7 @@ def _modal(matrices: tuple[np.ndarray, ...], retained: np.ndarray, forces: np.nd
             return None
     rr = [np.ascontiguousarray(A[np.ix_(retained, retained)]) for A in matrices]
     lr = [np.ascontiguousarray(shape.T @ A[np.ix_(local, retained)]) for A in matrices]
+    small = tuple(np.ascontiguousarray(A) for A in matrices) if len(matrices[0]) <= STABILITY_COORDINATES else None
     return _core.HbmLinear.modal(
         retained.tolist(),
         local.tolist(),
@@ -125,6 +127,7 @@ def _modal(matrices: tuple[np.ndarray, ...], retained: np.ndarray, forces: np.nd
         np.diag(damping).copy(),
         np.ascontiguousarray(shape),
         forces,
+        small,
     )
 
 

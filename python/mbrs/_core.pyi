@@ -155,6 +155,7 @@ class HbmElements:
         code: list[int],
         count: list[int],
         values: list[float],
+        functions: list[Any],
         start: list[int],
         index: list[int],
         weight: list[float],
@@ -180,6 +181,7 @@ class HbmLinear:
         damping: NDArray[np.float64],
         shape: NDArray[np.float64],
         forces: NDArray[np.complex128],
+        matrices: Any = None,
     ) -> HbmLinear: ...
     @property
     def size(self) -> int: ...
@@ -199,7 +201,9 @@ class HbmProblem:
     ) -> HbmProblem: ...
     @property
     def size(self) -> int: ...
-    def residual(self, y: NDArray[np.float64], omega: list[float]) -> dict[str, Any]: ...
+    def residual(
+        self, y: NDArray[np.float64], omega: list[float], level: float = 1.0, parameter: str = "omega"
+    ) -> dict[str, Any]: ...
     def solve(
         self,
         y: NDArray[np.float64],
@@ -240,6 +244,7 @@ class HbmBranch:
         stability: bool,
         events: bool,
         towards: NDArray[np.float64] | None = None,
+        across: bool = False,
     ) -> HbmBranch: ...
     def run(self, points: int, seconds: float) -> dict[str, Any]: ...
 

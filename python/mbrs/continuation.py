@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -146,7 +147,7 @@ class Branch(Iterator[BranchPoint]):
         self.status = "going"
         self.corrections = self.factorisations = 0
         self._corrections_before = self._factorisations_before = 0
-        self._read = 0
+        self._read = self._base = 0
         self._core = self._start(self.setup.start(x0), self._span[0], None)
 
     @property
@@ -156,7 +157,7 @@ class Branch(Iterator[BranchPoint]):
     def _problem(self, harmonics: Any) -> _balance.Setup:
         return _balance.prepare(self.system, self.force, harmonics, omega=self.omega[0], **self._prepare)
 
-    def _start(self, y: np.ndarray, begin: float, towards: np.ndarray | None) -> Any:
+    def _start(self, y: np.ndarray, begin: float, towards: np.ndarray | None, across: bool = False) -> Any:
         a, b = self._span
         return _balance.translated(
             _core.HbmBranch,
@@ -169,6 +170,7 @@ class Branch(Iterator[BranchPoint]):
             a,
             b,
             towards=towards,
+            across=across,
             **self._options,
         )
 
@@ -186,6 +188,8 @@ class Branch(Iterator[BranchPoint]):
     def _take(self, part: dict[str, Any]) -> None:
         base = len(self.chunks)
         events = part.pop("events")
+        for event in events:
+            event["before"] += self._base  # the core counts from where it was started
         if self._auto and self.tol is not None:
             part, events = self._richer(part, events)
         self.chunks.parts.append((self.setup, part))
@@ -220,7 +224,7 @@ class Branch(Iterator[BranchPoint]):
         part["corrections"] = part["factorisations"] = 0
         part = {key: value[:first] if isinstance(value, np.ndarray) else value for key, value in part.items()}
         part["status"] = "going"
-        limit = len(self.chunks) + first
+        self._base = limit = len(self.chunks) + first
         return part, [e for e in events if e["before"] < limit]
 
     def _last_point(self) -> np.ndarray | None:
@@ -236,6 +240,49 @@ class Branch(Iterator[BranchPoint]):
         out[: len(z) - 1] = z[:-1]
         out[-1] = z[-1]
         return out
+
+    def switch(self, event: Event, *, side: int = 1, size: float = 0.01) -> Branch:
+        """The other branch through a branch point of this one, followed over the same range.
+
+        Parameters
+        ----------
+        event
+            One of this branch's events, of the kind "branch-point".
+        side
+            1 or -1: to which side of this branch.
+        size
+            First distance from it, where the solution has length one.
+
+        Notes
+        -----
+        At the point [dR/dy, dR/dp] has two null vectors; the new branch leaves along the one that is orthogonal to
+        this branch.
+        """
+        if event.kind != "branch-point":
+            raise ModelError(f"branches cross at branch points only, not at a {event.kind}")
+        if side not in (1, -1):
+            raise ModelError(f"side must be 1 or -1, it is {side!r}")
+        over_omega = self.parameter == "omega"
+        p = event.omega if over_omega else event.level
+        y = self.setup.start(event.X)
+        at = _balance.translated(self.setup.core.residual, y, [event.omega], event.level, self.parameter)
+        scale = np.append(np.full(len(y), max(float(np.linalg.norm(y)), 1e-300)), abs(self._span[1] - self._span[0]))
+        matrix = np.column_stack([at["jacobian"], at["slope"]]) * scale
+        null = np.linalg.svd(matrix)[2][-2:]
+        i = min(max(event.index, 1), len(self.chunks) - 1)
+        along = null @ ((self._coordinates(i) - self._coordinates(i - 1)) / scale)
+        across = null.T @ np.array([-along[1], along[0]]) / np.linalg.norm(along)
+        step = side * size * across * scale
+        other = copy.copy(self)
+        other.chunks, other.status = Chunks(), "going"
+        other._read = other._base = other.corrections = other.factorisations = 0
+        other._corrections_before = other._factorisations_before = 0
+        other._core = other._start(y + step[:-1], p + float(step[-1]), step, across=True)
+        return other
+
+    def _coordinates(self, i: int) -> np.ndarray:
+        point = self.point(i)
+        return np.append(self.setup.start(point.X), point.omega if self.parameter == "omega" else point.level)
 
     def point(self, i: int) -> BranchPoint:
         """The point with this number."""

@@ -238,6 +238,72 @@ class VaryingStiffness(Law):
         super().__init__((_scalar(name, "k", k), float(order), _scalar(name, "phase", phase)), w)
 
 
+class FunctionLaw(Law):
+    """A law written in Python: the slow path, for harmonic balance only (some microseconds and the interpreter per
+    evaluation).
+
+    Parameters
+    ----------
+    function
+        ``function(u, v) -> force`` for arrays of displacements and rates; it must work elementwise and have no memory.
+    derivative
+        ``derivative(u, v) -> (df_du, df_dv)``; by default central differences, good for about ten digits, with which Newton's
+        method needs an iteration more.
+    w
+        Direction (n,) of u = w . x.
+
+    Notes
+    -----
+    A function that can be imported by name pickles with its system; a lambda does not.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mbrs.laws import FunctionLaw
+    >>> float(FunctionLaw(lambda u, v: np.sinh(u)).force(1.0))
+    1.1752011936438014
+    """
+
+    code = -1
+
+    def __init__(self, function: Any, derivative: Any = None, w: Any = None) -> None:
+        for name, value in (("function", function), ("derivative", derivative)):
+            if not callable(value) and (name == "function" or value is not None):
+                raise ModelError(f"FunctionLaw: {name} must be callable with (u, v), it is {value!r}")
+        self.function, self.derivative = function, derivative
+        super().__init__((), w)
+
+    def force(self, u: Any, v: Any = 0.0) -> np.ndarray:
+        """Force for displacements ``u`` and rates ``v``, arrays that broadcast."""
+        u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
+        return self._shaped("function", self.function(u, v), u.shape)
+
+    def sampled(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Force, df/du and df/dv at samples."""
+        force = self.force(u, v)
+        if self.derivative is not None:
+            slopes = self.derivative(u, v)
+            if not isinstance(slopes, tuple | list) or len(slopes) != 2:
+                raise ModelError("FunctionLaw: derivative must return (df_du, df_dv)")
+            f_u, f_v = (self._shaped("derivative", slope, u.shape) for slope in slopes)
+            return force, f_u, f_v
+        steps = [6e-6 * max(float(np.max(np.abs(x))), 1e-3) for x in (u, v)]
+        f_u = (self.force(u + steps[0], v) - self.force(u - steps[0], v)) / (2 * steps[0])
+        f_v = (self.force(u, v + steps[1]) - self.force(u, v - steps[1])) / (2 * steps[1])
+        return force, f_u, f_v
+
+    @staticmethod
+    def _shaped(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
+        array = np.asarray(value, dtype=float)
+        if array.shape not in ((), shape):
+            raise ModelError(f"FunctionLaw: {name} returned the shape {array.shape} for samples of the shape {shape}")
+        return np.array(np.broadcast_to(array, shape))
+
+    def __repr__(self) -> str:
+        where = "" if self.w is None else f", w={np.array2string(self.w, threshold=6, separator=', ')}"
+        return f"FunctionLaw({getattr(self.function, '__name__', self.function)}{where})"
+
+
 def _is_plain(value: Any) -> bool:
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 

@@ -10,6 +10,8 @@ import numpy as np
 
 def force(law: Any, u: np.ndarray, v: np.ndarray, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """f, df/du, df/dv of a law without memory at samples (u, v) and excitation phases."""
+    if type(law).__name__ == "FunctionLaw":
+        return law.sampled(u, v)
     p = np.asarray(law.numbers())
     zero = np.zeros_like(u)
     match type(law).__name__:

@@ -14,6 +14,7 @@ pub mod linearize;
 pub mod local_direction;
 pub mod modal;
 mod modes_of;
+pub mod monodromy;
 pub mod ports;
 pub mod reactions;
 pub mod response;

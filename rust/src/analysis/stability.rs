@@ -3,18 +3,21 @@
 //! A perturbation exp(s t) sum_k v_k (1, cos, sin) gives (s^2 D2 + s D1 + dR/dy) v = 0 with D2 = I x M and D1 = C plus 2 kappa M
 //! between cosine and sine plus the rate part of the laws. Of its 2 n (2H + 1) roots the 2 n of smallest |Im| are the exponents.
 //! Their sum must be -tr M^-1 (C + mean rate tangent) (Liouville): where it is not, the truncation has mixed up the roots and the
-//! monodromy matrix is integrated instead (fourth-order Magnus steps; A. Iserles, S. P. Norsett, Phil. Trans. R. Soc. A 357 (1999)).
+//! monodromy matrix is integrated instead. So it is where Hill's matrix would be large, and for condensed problems.
 use faer::Mat;
 use faer::prelude::*;
 use num_complex::Complex64 as c64;
 
 use super::hbm::problem::Problem;
+use super::monodromy::Splitting;
 use crate::error::{Error, Result};
 
 /// Largest difference between the sum of the exponents and the trace, relative to the base frequency, that passes.
 const TRACE_TOLERANCE: f64 = 1e-6;
 /// Exponents nearer than this (relative to the base frequency) to |Im| = omega/2 count as lying there.
 const EDGE: f64 = 1e-7;
+/// Largest Hill matrix; beyond, a period of integration is cheaper.
+const LARGEST_HILL: usize = 130;
 
 /// Exponents (1/s), and by which way they were found.
 #[derive(Debug, Clone)]
@@ -23,68 +26,91 @@ pub struct Floquet {
     pub by_hill: bool,
 }
 
-/// Exponents of the solution y; `jacobian` is dR/dy there. None for laws with memory and for condensed problems.
-pub fn exponents(
-    problem: &mut Problem,
-    jacobian: MatRef<'_, f64>,
-    y: &[f64],
-) -> Result<Option<Floquet>> {
-    if problem.elements.iter().any(|e| e.law.n_memory() > 0) || problem.omega.len() != 1 {
-        return Ok(None);
-    }
-    let Some(inertia) = Inertia::new(problem)? else {
-        return Ok(None);
-    };
-    let rate = problem.rate_matrix(y);
-    let found = hill(problem, &inertia, jacobian, rate.as_ref())?;
-    let n = problem.n();
-    let mut trace = 0.0;
-    for i in 0..n {
-        for j in 0..n {
-            trace += inertia.inverse[(i, j)] * (inertia.damping[(j, i)] + rate[(j, i)]);
+/// What the stability of the solutions of one problem needs.
+pub struct Stability {
+    inertia: Option<Inertia>,
+    splitting: Splitting,
+}
+
+impl Stability {
+    /// None for laws with memory, quasi-periodic motions, and condensed problems without their matrices.
+    pub fn new(problem: &Problem) -> Result<Option<Stability>> {
+        if problem.elements.iter().any(|e| e.force.has_memory()) || problem.omega.len() != 1 {
+            return Ok(None);
         }
+        let Some(splitting) = Splitting::new(problem)? else {
+            return Ok(None);
+        };
+        let small = 2 * problem.n() * problem.basis.n_coefficients() <= LARGEST_HILL;
+        let inertia = if small && splitting.size() == 2 * problem.n() {
+            Inertia::new(problem)
+        } else {
+            None
+        };
+        Ok(Some(Stability { inertia, splitting }))
     }
-    let w0 = problem.base_frequency();
-    let sum: f64 = found.iter().map(|s| s.re).sum();
-    if found.len() == 2 * n && (sum + trace).abs() <= TRACE_TOLERANCE * (w0 + trace.abs()) {
-        return Ok(Some(Floquet {
-            exponents: found,
-            by_hill: true,
-        }));
+
+    /// Exponents of the solution y; `jacobian` is dR/dy there.
+    pub fn exponents(
+        &mut self,
+        problem: &mut Problem,
+        jacobian: MatRef<'_, f64>,
+        y: &[f64],
+    ) -> Result<Floquet> {
+        if let Some(inertia) = &self.inertia {
+            let rate = problem.rate_matrix(y)?;
+            let exponents = hill(problem, inertia, jacobian, rate.as_ref())?;
+            if inertia.trace_fits(problem, &rate, &exponents) {
+                return Ok(Floquet {
+                    exponents,
+                    by_hill: true,
+                });
+            }
+        }
+        let (phi, sum) = self.splitting.monodromy(problem, y)?;
+        let exponents = from_monodromy(&phi, sum, problem.base_frequency())?;
+        Ok(Floquet {
+            exponents,
+            by_hill: false,
+        })
     }
-    let exponents = from_monodromy(&monodromy(problem, y)?, w0)?;
-    Ok(Some(Floquet {
-        exponents,
-        by_hill: false,
-    }))
+
+    /// Fundamental matrix of the state [x; x'] over one period.
+    pub fn monodromy(&mut self, problem: &mut Problem, y: &[f64]) -> Result<Mat<f64>> {
+        Ok(self.splitting.monodromy(problem, y)?.0)
+    }
 }
 
 struct Inertia {
     mass: Mat<f64>,
     damping: Mat<f64>,
-    stiffness: Mat<f64>,
     inverse: Mat<f64>,
 }
 
 impl Inertia {
-    fn new(problem: &Problem) -> Result<Option<Inertia>> {
-        let Some((mass, damping, stiffness)) = problem.linear.matrices() else {
-            return Ok(None);
-        };
+    fn new(problem: &Problem) -> Option<Inertia> {
+        let (mass, damping, _) = problem.linear.matrices()?;
         let inverse = mass
             .partial_piv_lu()
             .solve(Mat::<f64>::identity(mass.nrows(), mass.nrows()));
-        if !(0..inverse.nrows()).all(|i| inverse[(i, i)].is_finite()) {
-            return Err(Error::singular(
-                "stability needs a regular mass matrix; remove coordinates without mass",
-            ));
-        }
-        Ok(Some(Inertia {
+        Some(Inertia {
             mass,
             damping,
-            stiffness,
             inverse,
-        }))
+        })
+    }
+
+    fn trace_fits(&self, problem: &Problem, rate: &Mat<f64>, exponents: &[c64]) -> bool {
+        let n = problem.n();
+        let mut trace = 0.0;
+        for i in 0..n {
+            for j in 0..n {
+                trace += self.inverse[(i, j)] * (self.damping[(j, i)] + rate[(j, i)]);
+            }
+        }
+        let sum: f64 = exponents.iter().map(|s| s.re).sum();
+        exponents.len() == 2 * n
+            && (sum + trace).abs() <= TRACE_TOLERANCE * (problem.base_frequency() + trace.abs())
     }
 }
 
@@ -147,93 +173,27 @@ fn eigenvalues(a: &Mat<f64>) -> Result<Vec<c64>> {
     })
 }
 
-/// Fundamental matrix over one period of the state [x, x'/w0].
-pub fn monodromy(problem: &mut Problem, y: &[f64]) -> Result<Mat<f64>> {
-    let Some(inertia) = Inertia::new(problem)? else {
-        return Err(Error::model(
-            "the monodromy matrix needs a problem that is not condensed",
-        ));
-    };
-    let mut steps = 64;
-    let mut before = product_of_steps(problem, &inertia, y, steps);
-    loop {
-        steps *= 2;
-        let now = product_of_steps(problem, &inertia, y, steps);
-        let size = now.norm_max();
-        if (&now - &before).norm_max() <= 1e-9 * (1.0 + size) || steps >= 4096 {
-            return Ok(now);
-        }
-        before = now;
-    }
-}
-
-fn product_of_steps(problem: &mut Problem, inertia: &Inertia, y: &[f64], steps: usize) -> Mat<f64> {
-    let n = problem.n();
-    let w0 = problem.base_frequency();
-    let tangents = problem.tangents(y, 2 * steps);
-    let at = |sample: usize| -> Mat<f64> {
-        let (k, c) = problem.tangent_matrices(&tangents, sample % (2 * steps));
-        let k = &inertia.inverse * (&inertia.stiffness + k);
-        let c = &inertia.inverse * (&inertia.damping + c);
-        Mat::from_fn(2 * n, 2 * n, |i, j| match (i < n, j < n) {
-            (true, _) => f64::from(u8::from(j == i + n)),
-            (false, true) => -k[(i - n, j)] / (w0 * w0),
-            (false, false) => -c[(i - n, j - n)] / w0,
-        })
-    };
-    let h = std::f64::consts::TAU / steps as f64;
-    let mut phi = Mat::<f64>::identity(2 * n, 2 * n);
-    let mut first = at(0);
-    for step in 0..steps {
-        let (middle, last) = (at(2 * step + 1), at(2 * step + 2));
-        let commutator = &last * &first - &first * &last;
-        let omega = Mat::from_fn(2 * n, 2 * n, |i, j| {
-            h / 6.0 * (first[(i, j)] + 4.0 * middle[(i, j)] + last[(i, j)])
-                + h * h / 12.0 * commutator[(i, j)]
-        });
-        phi = exponential(&omega) * phi;
-        first = last;
-    }
-    phi
-}
-
-/// exp(A) by Taylor's series on A / 2^k with norm below 1/4, squared back.
-fn exponential(a: &Mat<f64>) -> Mat<f64> {
-    let n = a.nrows();
-    let norm = (0..n)
-        .map(|i| (0..n).map(|j| a[(i, j)].abs()).sum::<f64>())
-        .fold(0.0, f64::max);
-    let halvings = if norm > 0.25 {
-        (norm / 0.25).log2().ceil() as i32
-    } else {
-        0
-    };
-    let small = a * Scale(0.5_f64.powi(halvings));
-    let mut sum = Mat::<f64>::identity(n, n);
-    for order in (1..=11).rev() {
-        let next = &small * &sum * Scale(1.0 / f64::from(order));
-        sum = Mat::<f64>::identity(n, n) + next;
-    }
-    for _ in 0..halvings {
-        sum = &sum * &sum;
-    }
-    sum
-}
-
-/// ln(mu) / T for the multipliers mu, 0 <= Im <= w0/2 or its conjugate.
-fn from_monodromy(phi: &Mat<f64>, w0: f64) -> Result<Vec<c64>> {
+/// ln(mu) / T for the multipliers mu, 0 <= Im <= w0/2 or its conjugate. Multipliers below rounding are not seen; the mean of
+/// their exponents is what the sum of all leaves to them.
+fn from_monodromy(phi: &Mat<f64>, sum: f64, w0: f64) -> Result<Vec<c64>> {
     let period = std::f64::consts::TAU / w0;
-    let exponent = |mu: c64| {
-        // a multiplier below rounding cannot be told from zero; its exponent is then only a bound
-        let size = mu.norm().max(f64::MIN_POSITIVE);
-        c64::new(
-            size.ln(),
-            if mu.im == 0.0 && mu.re < 0.0 {
-                std::f64::consts::PI
-            } else {
-                mu.arg()
-            },
-        ) / period
+    let multipliers = eigenvalues(phi)?;
+    let visible = 1e-11 * phi.norm_max().max(f64::MIN_POSITIVE);
+    let exponent = |mu: &c64| {
+        let turn = if mu.im == 0.0 && mu.re < 0.0 {
+            std::f64::consts::PI
+        } else {
+            mu.arg()
+        };
+        c64::new(mu.norm().ln(), turn) / period
     };
-    Ok(eigenvalues(phi)?.into_iter().map(exponent).collect())
+    let mut exponents: Vec<c64> = multipliers
+        .iter()
+        .filter(|mu| mu.norm() > visible)
+        .map(exponent)
+        .collect();
+    let hidden = multipliers.len() - exponents.len();
+    let rest = sum - exponents.iter().map(|s| s.re).sum::<f64>();
+    exponents.extend((0..hidden).map(|_| c64::new(rest / hidden as f64, 0.0)));
+    Ok(exponents)
 }

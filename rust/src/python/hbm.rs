@@ -9,12 +9,13 @@ use pyo3::types::PyDict;
 use super::border::{guarded, interruptible, matrix, to_numpy};
 use super::hbm_branch::find_peak;
 use super::hbm_linear::HbmLinear;
+use crate::analysis::hbm::aft::{Force, Sampled};
 use crate::analysis::hbm::autonomous;
 use crate::analysis::hbm::basis::{Basis, Finer};
 use crate::analysis::hbm::estimate::{Estimate, Estimator};
 use crate::analysis::hbm::problem::{Element, Parameter, Problem};
 use crate::analysis::hbm::start;
-use crate::analysis::stability;
+use crate::analysis::stability::Stability;
 use crate::error::{Error, Result};
 use crate::laws::Law;
 use crate::solve::newton::{Options, Outcome};
@@ -60,24 +61,29 @@ pub struct HbmElements(Vec<Element>);
 
 #[pymethods]
 impl HbmElements {
-    /// Element e has the law `code[e]` with `count[e]` numbers, and the entries `start[e]..start[e+1]` of its direction.
+    /// Element e has the law `code[e]` with `count[e]` numbers, or `functions[e]`, and the entries `start[e]..start[e+1]` of its
+    /// direction. A function takes samples (u, v) and returns (force, df/du, df/dv).
     #[new]
     fn new(
         code: Vec<i64>,
         count: Vec<usize>,
         values: Vec<f64>,
+        functions: Vec<Option<Py<PyAny>>>,
         start: Vec<usize>,
         index: Vec<usize>,
         weight: Vec<f64>,
     ) -> PyResult<Self> {
         let n = code.len();
-        if count.len() != n || start.len() != n + 1 || index.len() != weight.len() {
+        if count.len() != n
+            || functions.len() != n
+            || start.len() != n + 1
+            || index.len() != weight.len()
+        {
             return Err(Error::model("elements: arrays of different lengths").into());
         }
         let mut elements = Vec::new();
         let mut at = 0;
-        for e in 0..n {
-            let law = Law::from_code(code[e], count[e])?;
+        for (e, function) in functions.into_iter().enumerate() {
             let params = values.get(at..at + count[e]);
             let range = start[e]..start[e + 1];
             let (Some(params), Some(index), Some(weight)) =
@@ -87,13 +93,58 @@ impl HbmElements {
             };
             at += count[e];
             let direction = index.iter().copied().zip(weight.iter().copied()).collect();
-            elements.push(Element {
-                law,
-                params: params.to_vec(),
-                direction,
-            });
+            let force = match function {
+                Some(function) => Force::Sampled(Arc::new(PythonLaw {
+                    function,
+                    element: e,
+                })),
+                None => Force::Known(Law::from_code(code[e], count[e])?, params.to_vec()),
+            };
+            elements.push(Element { force, direction });
         }
         Ok(Self(elements))
+    }
+}
+
+/// A law that is a Python function: the slow path, with the interpreter held for each evaluation.
+struct PythonLaw {
+    function: Py<PyAny>,
+    element: usize,
+}
+
+impl Sampled for PythonLaw {
+    fn evaluate(
+        &self,
+        u: &[f64],
+        v: &[f64],
+        f: &mut [f64],
+        f_u: &mut [f64],
+        f_v: &mut [f64],
+    ) -> Result<()> {
+        let call = |py: Python<'_>| -> PyResult<()> {
+            let arguments = (PyArray1::from_slice(py, u), PyArray1::from_slice(py, v));
+            let answer = self.function.call1(py, arguments)?;
+            let parts: [PyReadonlyArray1<'_, f64>; 3] = answer.extract(py)?;
+            for (part, out) in parts.iter().zip([f, f_u, f_v]) {
+                let part = part.as_array();
+                if part.len() != out.len() {
+                    return Err(Error::model(format!(
+                        "it returned {} values for {} samples",
+                        part.len(),
+                        out.len()
+                    ))
+                    .into());
+                }
+                out.iter_mut().zip(part.iter()).for_each(|(o, p)| *o = *p);
+            }
+            Ok(())
+        };
+        Python::attach(call).map_err(|e| {
+            Error::model(format!(
+                "elements[{}], a function, failed: {e}",
+                self.element
+            ))
+        })
     }
 }
 
@@ -147,19 +198,30 @@ impl HbmProblem {
         lock(&self.inner).size()
     }
 
-    /// Residual and Jacobian at the coefficients y (harmonic by harmonic) for the base frequencies omega.
+    /// Residual, Jacobian and slope by the parameter ("omega", "level" or "scale") at the coefficients y (harmonic by harmonic).
+    #[pyo3(signature = (y, omega, level=1.0, parameter="omega"))]
     fn residual<'py>(
         &self,
         py: Python<'py>,
         y: PyReadonlyArray1<'_, f64>,
         omega: Vec<f64>,
+        level: f64,
+        parameter: &str,
     ) -> PyResult<Bound<'py, PyDict>> {
         let y = y.as_slice()?.to_vec();
-        let out = guarded(py, || {
-            let mut problem = self.at(&omega, y.len())?;
+        let parameter = parameter_called(parameter)?;
+        let mut problem = self.separate()?;
+        if y.len() != problem.size() || omega.len() != problem.omega.len() {
+            return Err(Error::model("coefficients or frequencies of a wrong size").into());
+        }
+        problem.omega.clone_from(&omega);
+        problem.unit = omega;
+        problem.level = level;
+        problem.parameter = parameter;
+        let out = interruptible(py, move |_| {
             let mut out = Linearisation::new(y.len());
-            problem.parameter = Parameter::Omega(0);
-            problem.linearise(&y, omega[0], &mut out)?;
+            let value = problem.parameter_value();
+            problem.linearise(&y, value, &mut out)?;
             Ok(out)
         })?;
         let dict = PyDict::new(py);
@@ -257,13 +319,16 @@ impl HbmProblem {
         let (exponents, matrix) = interruptible(py, move |_| {
             let mut out = Linearisation::new(y.len());
             problem.linearise(&y, omega[0], &mut out)?;
-            let floquet = stability::exponents(&mut problem, out.jacobian.as_ref(), &y)?;
+            let Some(mut stability) = Stability::new(&problem)? else {
+                return Ok((None, None));
+            };
+            let floquet = stability.exponents(&mut problem, out.jacobian.as_ref(), &y)?;
             let matrix = if monodromy {
-                Some(stability::monodromy(&mut problem, &y)?)
+                Some(stability.monodromy(&mut problem, &y)?)
             } else {
                 None
             };
-            Ok((floquet.map(|f| f.exponents), matrix))
+            Ok((Some(floquet.exponents), matrix))
         })?;
         let exponents = exponents.map(|e| PyArray1::from_vec(py, e));
         Ok((exponents, matrix.map(|m| to_numpy(py, m.as_ref()))))
@@ -370,6 +435,17 @@ impl Solved {
     }
 }
 
+pub fn parameter_called(name: &str) -> Result<Parameter> {
+    match name {
+        "omega" => Ok(Parameter::Omega(0)),
+        "level" => Ok(Parameter::Level),
+        "scale" => Ok(Parameter::Scale),
+        other => Err(Error::model(format!(
+            "no continuation parameter is called {other}"
+        ))),
+    }
+}
+
 /// What the core relies on; Python has said the same in the words of the user before.
 fn check(
     basis: &Basis,
@@ -398,7 +474,7 @@ fn check(
             "harmonic balance: a direction beyond the last coordinate",
         ));
     }
-    if p > 1 && elements.iter().any(|e| e.law.n_memory() > 0) {
+    if p > 1 && elements.iter().any(|e| e.force.has_memory()) {
         return Err(Error::model(
             "laws with memory have no quasi-periodic form; use laws without memory",
         ));

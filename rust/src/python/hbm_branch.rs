@@ -7,10 +7,10 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use super::border::interruptible;
-use super::hbm::{HbmProblem, lock};
+use super::hbm::{HbmProblem, lock, parameter_called};
 use crate::analysis::hbm::basis::Finer;
 use crate::analysis::hbm::peak;
-use crate::analysis::hbm::problem::{Parameter, Problem};
+use crate::analysis::hbm::problem::Problem;
 use crate::analysis::hbm::response::{Event, Follower, Kind, Record, Settings, Status, unstable};
 use crate::analysis::hbm::start;
 use crate::error::{Error, Result};
@@ -40,10 +40,10 @@ struct Chunk {
 #[pymethods]
 impl HbmBranch {
     /// Solves at `begin` from the guess y; goes first along `towards` = [dy, dp], and until the parameter, "omega", "level" or "scale" (of all frequencies), leaves
-    /// the range from `start` to `stop`.
+    /// the range from `start` to `stop`. With `across` the first point lies in the plane through y across `towards`.
     #[new]
     #[pyo3(signature = (problem, y, omega, level, parameter, begin, start, stop, *, predictor, corrector, first_step, least_step,
-        largest_step, tolerance, stability, events, towards=None))]
+        largest_step, tolerance, stability, events, towards=None, across=false))]
     #[expect(clippy::too_many_arguments)]
     fn new(
         py: Python<'_>,
@@ -64,6 +64,7 @@ impl HbmBranch {
         stability: bool,
         events: bool,
         towards: Option<PyReadonlyArray1<'_, f64>>,
+        across: bool,
     ) -> PyResult<Self> {
         let options = options(
             predictor,
@@ -79,16 +80,7 @@ impl HbmBranch {
             stability,
             events,
         };
-        let parameter = match parameter {
-            "omega" => Parameter::Omega(0),
-            "level" => Parameter::Level,
-            "scale" => Parameter::Scale,
-            other => {
-                return Err(
-                    Error::model(format!("no continuation parameter is called {other}")).into(),
-                );
-            }
-        };
+        let parameter = parameter_called(parameter)?;
         let mut y = y.as_slice()?.to_vec();
         let finer = problem.finer.clone();
         let mut copy = problem.separate()?;
@@ -107,7 +99,11 @@ impl HbmBranch {
         }
         let follower = interruptible(py, move |cancel| {
             copy.set_parameter(begin);
-            first(copy, &finer, &mut y, towards.as_deref(), settings, cancel)
+            if across {
+                Follower::start(copy, &finer, &y, towards.as_deref(), settings)
+            } else {
+                first(copy, &finer, &mut y, towards.as_deref(), settings, cancel)
+            }
         })?;
         Ok(Self {
             inner: Arc::new(Mutex::new(follower)),

@@ -102,7 +102,8 @@ impl HbmLinear {
         Ok(Self(Mutex::new(Box::new(condensed))))
     }
 
-    /// All modes of the local coordinates with the retained ones held; `rr`, `lr` are triples of M, C, K parts.
+    /// All modes of the local coordinates with the retained ones held; `rr`, `lr` are triples of M, C, K parts;
+    /// `matrices` are M, C, K themselves if stability is to be told.
     #[staticmethod]
     #[expect(clippy::too_many_arguments)]
     fn modal(
@@ -115,6 +116,7 @@ impl HbmLinear {
         damping: PyReadonlyArray1<'_, f64>,
         shape: PyReadonlyArray2<'_, f64>,
         forces: PyReadonlyArray2<'_, Complex64>,
+        matrices: Option<[PyReadonlyArray2<'_, f64>; 3]>,
     ) -> PyResult<Self> {
         let (n_r, n_l) = (retained.len(), local.len());
         let [rr, lr] = [rr, lr].map(|parts| parts.map(|p| rows(&matrix(&p))));
@@ -133,6 +135,7 @@ impl HbmLinear {
         }
         let forces = terms(&forces);
         let modal_forces = Vec::new();
+        let matrices = matrices.map(|parts| parts.map(|p| matrix(&p)).into());
         let n = n_r + n_l;
         let mut modes = Modes {
             n,
@@ -144,6 +147,7 @@ impl HbmLinear {
             damping,
             shape,
             forces,
+            matrices,
             modal_forces,
         };
         let modes = guarded(py, move || {

@@ -5,11 +5,14 @@
 //! dFs_j/db_h = Re(c_{j-h} - c_{j+h}), the row j = 0 halved: exact on the grid, aliasing included.
 //! Laws with memory are marched over two periods, the derivative of each sample carried along; the second period counts.
 //! Source of the scheme: T. M. Cameron, J. H. Griffin, J. Appl. Mech. 56 (1989) 149-154.
+use std::sync::Arc;
+
 use num_complex::Complex64 as c64;
 use num_dual::Dual64;
 
 use super::basis::{Basis, Slots};
 use super::grid::{Grid, Slot};
+use crate::error::Result;
 use crate::laws::Law;
 
 /// Plans, tables and scratch of one thread. Coefficients are [a0, a1, b1, a2, b2, ...].
@@ -43,6 +46,39 @@ struct March {
     gamma: Vec<f64>,
     /// d samples / d coefficients, one contiguous column of samples each
     columns: Vec<f64>,
+}
+
+/// A law that is evaluated for all samples at once, by whatever lies behind it.
+pub trait Sampled: Send + Sync {
+    /// Force and its slopes by u and v at the samples.
+    fn evaluate(
+        &self,
+        u: &[f64],
+        v: &[f64],
+        f: &mut [f64],
+        f_u: &mut [f64],
+        f_v: &mut [f64],
+    ) -> Result<()>;
+}
+
+/// The law of an element.
+#[derive(Clone)]
+pub enum Force {
+    Known(Law, Vec<f64>),
+    Sampled(Arc<dyn Sampled>),
+}
+
+impl Force {
+    pub fn uses_velocity(&self) -> bool {
+        match self {
+            Force::Known(law, _) => law.uses_velocity(),
+            Force::Sampled(_) => true,
+        }
+    }
+
+    pub fn has_memory(&self) -> bool {
+        matches!(self, Force::Known(law, _) if law.n_memory() > 0)
+    }
 }
 
 /// What `Aft::element` is to compute.
@@ -88,16 +124,15 @@ impl Aft {
         self.grid.dims()
     }
 
-    /// Force of `law` on the motion with the coefficients `u`; `frequency` of every term and its `slope` along the parameter.
+    /// The force on the motion with the coefficients `u`; `frequency` of every term and its `slope` along the parameter.
     pub fn element(
         &mut self,
-        law: Law,
-        p: &[f64],
+        force: &Force,
         u: &[f64],
         frequency: &[f64],
         slope: &[f64],
         want: Want,
-    ) {
+    ) -> Result<()> {
         synthesise(
             &mut self.grid,
             &self.slots,
@@ -105,8 +140,7 @@ impl Aft {
             u,
             &mut self.u,
         );
-        let moving = law.uses_velocity();
-        if moving {
+        if force.uses_velocity() {
             derivative(u, frequency, &mut self.rate);
             synthesise(
                 &mut self.grid,
@@ -128,22 +162,28 @@ impl Aft {
         } else {
             self.v.fill(0.0);
         }
-        if law.n_memory() > 0 {
-            self.march(law, p, want);
-        } else {
-            self.memoryless(law, p, frequency, want);
+        match force {
+            Force::Known(law, p) if law.n_memory() > 0 => self.march(*law, p, want),
+            Force::Known(law, p) => {
+                self.sample(*law, p, want);
+                self.gather(law.uses_velocity(), frequency, want);
+            }
+            Force::Sampled(law) => {
+                law.evaluate(&self.u, &self.v, &mut self.f, &mut self.f_u, &mut self.f_v)?;
+                self.gather(true, frequency, want);
+            }
         }
+        Ok(())
     }
 
-    fn memoryless(&mut self, law: Law, p: &[f64], frequency: &[f64], want: Want) {
+    /// Force, and its tangents if wanted, at the samples.
+    fn sample(&mut self, law: Law, p: &[f64], want: Want) {
         if want == Want::Force {
             for i in 0..self.u.len() {
                 self.f[i] = law.force_at(self.phase[i], self.u[i], self.v[i], p, &[], &mut []);
             }
-            self.analyse_force();
             return;
         }
-        let moving = law.uses_velocity();
         let mut duals = [Dual64::from(0.0); 16];
         let heap: Vec<Dual64>;
         let pd: &[Dual64] = if p.len() <= duals.len() {
@@ -157,31 +197,24 @@ impl Aft {
             &heap
         };
         for i in 0..self.u.len() {
-            let (u, v) = (self.u[i], self.v[i]);
-            let along_u = law.force_at(
-                self.phase[i],
-                Dual64::new(u, 1.0),
-                Dual64::from(v),
-                pd,
-                &[],
-                &mut [],
-            );
+            let (tau, u, v) = (self.phase[i], self.u[i], self.v[i]);
+            let along_u = law.force_at(tau, Dual64::new(u, 1.0), Dual64::from(v), pd, &[], &mut []);
             self.f[i] = along_u.re;
             self.f_u[i] = along_u.eps;
-            if moving {
-                self.f_v[i] = law
-                    .force_at(
-                        self.phase[i],
-                        Dual64::from(u),
-                        Dual64::new(v, 1.0),
-                        pd,
-                        &[],
-                        &mut [],
-                    )
-                    .eps;
+            if law.uses_velocity() {
+                let along_v =
+                    law.force_at(tau, Dual64::from(u), Dual64::new(v, 1.0), pd, &[], &mut []);
+                self.f_v[i] = along_v.eps;
             }
         }
+    }
+
+    /// Coefficients of the samples, and the Jacobian from the tangents if wanted.
+    fn gather(&mut self, moving: bool, frequency: &[f64], want: Want) {
         self.analyse_force();
+        if want == Want::Force {
+            return;
+        }
         self.grid.analyse(&self.f_u, &mut self.spectrum);
         product_matrix(&self.slots, &self.spectrum, self.n_c, &mut self.jacobian);
         self.force_slope.fill(0.0);
@@ -409,18 +442,20 @@ mod tests {
             .collect();
         let slope = basis.slope(0);
         let mut aft = Aft::new(basis, dims, true);
+        let known = Force::Known(law, p.to_vec());
         aft.element(
-            law,
-            p,
+            &known,
             &u,
             &basis.frequencies(omega),
             &slope,
             Want::Jacobian,
-        );
+        )
+        .unwrap();
         let (jacobian, force_slope) = (aft.jacobian.clone(), aft.force_slope.clone());
         let h = 1e-6;
         let mut force = |u: &[f64], omega: &[f64]| {
-            aft.element(law, p, u, &basis.frequencies(omega), &slope, Want::Force);
+            aft.element(&known, u, &basis.frequencies(omega), &slope, Want::Force)
+                .unwrap();
             aft.force.clone()
         };
         for c in 0..=n_c {

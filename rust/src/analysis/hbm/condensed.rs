@@ -5,7 +5,7 @@ use faer::Mat;
 use num_complex::Complex64 as c64;
 
 use super::factor::{Factor, Ldl, Pattern};
-use super::linear::{Block, DynamicStiffness, Forces};
+use super::linear::{Block, DynamicStiffness, Forces, STABILITY_COORDINATES};
 use crate::error::{Error, Result};
 
 /// One entry of M, C and K at the same place.
@@ -39,6 +39,8 @@ pub struct Split {
     rl: Vec<Entry>,
     lr: Vec<Entry>,
     ll: Vec<Entry>,
+    /// all entries, kept for stability where the system is small
+    all: Vec<Entry>,
     symmetric: bool,
     pub forces: Forces,
 }
@@ -107,6 +109,11 @@ impl Split {
             rl,
             lr,
             ll,
+            all: if n <= STABILITY_COORDINATES {
+                entries.to_vec()
+            } else {
+                Vec::new()
+            },
             symmetric,
             forces,
         }
@@ -271,6 +278,18 @@ impl DynamicStiffness for Condensed {
             x[*old] = b[(l, 0)];
         }
         Ok(())
+    }
+
+    fn matrices(&self) -> Option<(Mat<f64>, Mat<f64>, Mat<f64>)> {
+        let n = self.split.n;
+        let matrix = |part: fn(&Entry) -> f64| {
+            let mut out = Mat::zeros(n, n);
+            for e in &self.split.all {
+                out[(e.row, e.column)] += part(e);
+            }
+            out
+        };
+        (n <= STABILITY_COORDINATES).then(|| (matrix(|e| e.m), matrix(|e| e.c), matrix(|e| e.k)))
     }
 
     fn restrict(&self, x: &[f64], y: &mut [f64]) {

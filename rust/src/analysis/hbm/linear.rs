@@ -6,6 +6,9 @@ use num_complex::Complex64 as c64;
 
 use crate::error::Result;
 
+/// Largest condensed system whose stability is told: the monodromy matrix costs O(n^2) per step of a thousand.
+pub const STABILITY_COORDINATES: usize = 64;
+
 /// S and dS/dw (n x n by rows), the force on the retained coordinates and its slope.
 #[derive(Debug, Clone)]
 pub struct Block {
@@ -40,7 +43,7 @@ pub trait DynamicStiffness: Send {
     fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()>;
     /// All coordinates, given the retained ones and the factor on the force.
     fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()>;
-    /// M, C, K of the retained coordinates where nothing is condensed.
+    /// M, C, K of all coordinates, where they are at hand.
     fn matrices(&self) -> Option<(Mat<f64>, Mat<f64>, Mat<f64>)> {
         None
     }

@@ -24,6 +24,8 @@ pub struct Modes {
     /// n_l x n_l
     pub shape: Mat<f64>,
     pub forces: Forces,
+    /// M, C, K of all coordinates, kept for stability where the system is small
+    pub matrices: Option<(Mat<f64>, Mat<f64>, Mat<f64>)>,
     /// Phi^T f_l per term
     pub modal_forces: Vec<Option<Vec<c64>>>,
 }
@@ -140,6 +142,10 @@ impl DynamicStiffness for Modal {
             }
         }
         Ok(())
+    }
+
+    fn matrices(&self) -> Option<(Mat<f64>, Mat<f64>, Mat<f64>)> {
+        self.0.matrices.clone()
     }
 
     fn restrict(&self, x: &[f64], y: &mut [f64]) {

@@ -4,20 +4,21 @@
 use faer::Mat;
 use num_complex::Complex64 as c64;
 
-use super::aft::{Aft, Want};
+use super::aft::{Aft, Force, Want};
 use super::basis::Basis;
 use super::linear::{Block, DynamicStiffness};
 use crate::error::Result;
-use crate::laws::Law;
 use crate::solve::{Curve, Linearisation};
 
 /// A law on the relative displacement u = w . x.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct Element {
-    pub law: Law,
-    pub params: Vec<f64>,
+    pub force: Force,
     pub direction: Vec<(usize, f64)>,
 }
+
+/// df/du and df/dv at the samples, for every element.
+pub type Tangents = Vec<(Vec<f64>, Vec<f64>)>;
 
 /// What the continuation parameter is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +65,7 @@ impl Problem {
         dims: &[usize],
     ) -> Result<Problem> {
         let n = linear.size();
-        let with_memory = elements.iter().any(|e| e.law.n_memory() > 0);
+        let with_memory = elements.iter().any(|e| e.force.has_memory());
         let aft = Aft::new(&basis, dims, with_memory);
         let retained = elements
             .iter()
@@ -227,18 +228,12 @@ impl Problem {
     }
 
     /// One element by itself; the answer is in `aft`.
-    fn evaluate_element(&mut self, e: usize, y: &[f64], want: Want) {
+    fn evaluate_element(&mut self, e: usize, y: &[f64], want: Want) -> Result<()> {
         let (frequency, slope) = (self.basis.frequencies(&self.omega), self.frequency_slope());
         self.collect_coefficients(e, y);
         let element = &self.elements[e];
-        self.aft.element(
-            element.law,
-            &element.params,
-            &self.coefficients,
-            &frequency,
-            &slope,
-            want,
-        );
+        self.aft
+            .element(&element.force, &self.coefficients, &frequency, &slope, want)
     }
 
     fn add_element(
@@ -249,19 +244,13 @@ impl Problem {
         slope: &[f64],
         out: &mut Linearisation,
         want: Want,
-    ) {
+    ) -> Result<()> {
         let (n, n_c) = (self.n, self.basis.n_coefficients());
         self.collect_coefficients(e, y);
         let direction = &self.retained[e];
         let element = &self.elements[e];
-        self.aft.element(
-            element.law,
-            &element.params,
-            &self.coefficients,
-            frequency,
-            slope,
-            want,
-        );
+        self.aft
+            .element(&element.force, &self.coefficients, frequency, slope, want)?;
         if self.broken.is_none() && !self.aft.force.iter().all(|f| f.is_finite()) {
             self.broken = Some(e);
         }
@@ -285,6 +274,7 @@ impl Problem {
                 }
             }
         }
+        Ok(())
     }
 
     fn run(&mut self, y: &[f64], out: &mut Linearisation, want: Want) -> Result<()> {
@@ -298,7 +288,7 @@ impl Problem {
         }
         self.add_linear(y, &slope, out, want);
         for e in 0..self.elements.len() {
-            self.add_element(e, y, &frequency, &slope, out, want);
+            self.add_element(e, y, &frequency, &slope, out, want)?;
         }
         Ok(())
     }
@@ -309,14 +299,14 @@ impl Problem {
     }
 
     /// sum_e W_e (matrix of df/dv) W_e^T on the coefficients, for stability.
-    pub fn rate_matrix(&mut self, y: &[f64]) -> Mat<f64> {
+    pub fn rate_matrix(&mut self, y: &[f64]) -> Result<Mat<f64>> {
         let (n, n_c) = (self.n, self.basis.n_coefficients());
         let mut out = Mat::zeros(n * n_c, n * n_c);
         for e in 0..self.elements.len() {
-            if !self.elements[e].law.uses_velocity() {
+            if !self.elements[e].force.uses_velocity() {
                 continue;
             }
-            self.evaluate_element(e, y, Want::Jacobian);
+            self.evaluate_element(e, y, Want::Jacobian)?;
             for &(i, wi) in &self.retained[e] {
                 for &(l, wl) in &self.retained[e] {
                     for c in 0..n_c {
@@ -328,44 +318,21 @@ impl Problem {
                 }
             }
         }
-        out
+        Ok(out)
     }
 
-    /// df/du and df/dv of every element at n_t equidistant instants of the period.
-    pub fn tangents(&mut self, y: &[f64], n_t: usize) -> Vec<(Vec<f64>, Vec<f64>)> {
-        let least = 2 * self.basis.reach()[0] + 2;
-        let fold = least.div_ceil(n_t);
-        let mut sampler = Aft::new(&self.basis, &[n_t * fold], false);
-        std::mem::swap(&mut self.aft, &mut sampler);
-        let mut out = Vec::new();
-        for e in 0..self.elements.len() {
-            self.evaluate_element(e, y, Want::Jacobian);
+    /// df/du and df/dv of every element at the samples of a sampler on the same terms.
+    pub fn tangents(&mut self, y: &[f64], sampler: &mut Aft) -> Result<Tangents> {
+        std::mem::swap(&mut self.aft, sampler);
+        let n_e = self.elements.len();
+        let one = |e: usize| -> Result<(Vec<f64>, Vec<f64>)> {
+            self.evaluate_element(e, y, Want::Jacobian)?;
             let (f_u, f_v) = self.aft.tangents();
-            out.push((
-                f_u.iter().step_by(fold).copied().collect(),
-                f_v.iter().step_by(fold).copied().collect(),
-            ));
-        }
-        std::mem::swap(&mut self.aft, &mut sampler);
+            Ok((f_u.to_vec(), f_v.to_vec()))
+        };
+        let out = (0..n_e).map(one).collect();
+        std::mem::swap(&mut self.aft, sampler);
         out
-    }
-
-    /// The tangents at one instant as matrices on the retained coordinates.
-    pub fn tangent_matrices(
-        &self,
-        tangents: &[(Vec<f64>, Vec<f64>)],
-        sample: usize,
-    ) -> (Mat<f64>, Mat<f64>) {
-        let (mut k, mut c) = (Mat::zeros(self.n, self.n), Mat::zeros(self.n, self.n));
-        for ((f_u, f_v), direction) in tangents.iter().zip(&self.retained) {
-            for &(i, wi) in direction {
-                for &(j, wj) in direction {
-                    k[(i, j)] += wi * wj * f_u[sample];
-                    c[(i, j)] += wi * wj * f_v[sample];
-                }
-            }
-        }
-        (k, c)
     }
 
     /// Coefficients of all coordinates, full_size x n_c by rows.
@@ -430,6 +397,7 @@ impl Curve for Problem {
 mod tests {
     use super::super::linear::Full;
     use super::*;
+    use crate::laws::Law;
     use std::sync::Arc;
 
     fn two_masses(parameter: Parameter) -> Problem {
@@ -448,8 +416,7 @@ mod tests {
             forces: Arc::new(forces),
         };
         let element = |law, params: &[f64], direction: &[(usize, f64)]| Element {
-            law,
-            params: params.to_vec(),
+            force: Force::Known(law, params.to_vec()),
             direction: direction.to_vec(),
         };
         let elements = vec![

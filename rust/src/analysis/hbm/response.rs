@@ -4,7 +4,7 @@ use num_complex::Complex64 as c64;
 use super::basis::Finer;
 use super::estimate::Estimator;
 use super::problem::Problem;
-use crate::analysis::stability::{self, Floquet};
+use crate::analysis::stability::{Floquet, Stability};
 use crate::error::{Error, Result};
 use crate::run::Cancel;
 use crate::solve::Linearisation;
@@ -72,6 +72,7 @@ pub struct Follower {
     pub events: Vec<Event>,
     branch: Branch,
     estimator: Estimator,
+    stability: Option<Stability>,
     count: usize,
     /// stability of the last record, which its reader may have taken away
     last: Option<Floquet>,
@@ -98,6 +99,11 @@ impl Follower {
             ));
         };
         let estimator = Estimator::new(&problem, finer)?;
+        let stability = if settings.stability {
+            Stability::new(&problem)?
+        } else {
+            None
+        };
         let mut follower = Follower {
             problem,
             settings,
@@ -106,6 +112,7 @@ impl Follower {
             events: Vec::new(),
             branch,
             estimator,
+            stability,
             count: 0,
             last: None,
         };
@@ -183,17 +190,14 @@ impl Follower {
     /// Error and stability of the present point; the workspace still holds its linearisation.
     fn record(&mut self) -> Result<()> {
         let point = self.branch.point().clone();
-        let floquet = if self.settings.stability {
-            self.problem.set_parameter(point.p());
-            stability::exponents(
-                &mut self.problem,
-                self.branch.work.out.jacobian.as_ref(),
-                point.y(),
-            )?
-        } else {
-            None
-        };
         self.problem.set_parameter(point.p());
+        let floquet = match self.stability.as_mut() {
+            Some(stability) => {
+                let jacobian = self.branch.work.out.jacobian.as_ref();
+                Some(stability.exponents(&mut self.problem, jacobian, point.y())?)
+            }
+            None => None,
+        };
         let error = self.estimator.estimate(&self.problem, point.y())?.error;
         self.last.clone_from(&floquet);
         self.records.push(Record {
@@ -262,20 +266,20 @@ impl Follower {
             return Ok(());
         }
         let mut exponent = c64::new(0.0, 0.0);
+        let Some(stability) = self.stability.as_mut() else {
+            return Ok(());
+        };
         let growth = |problem: &mut Problem, point: &Point, out: &Linearisation| -> Result<f64> {
             problem.set_parameter(point.p());
-            let floquet = stability::exponents(problem, out.jacobian.as_ref(), point.y())?;
-            let sorted = by_growth(floquet.map(|f| f.exponents).unwrap_or_default());
-            exponent = sorted.get(rank).copied().unwrap_or(c64::new(f64::NAN, 0.0));
+            let floquet = stability.exponents(problem, out.jacobian.as_ref(), point.y())?;
+            exponent = by_growth(floquet.exponents)
+                .get(rank)
+                .copied()
+                .unwrap_or(c64::new(f64::NAN, 0.0));
             Ok(exponent.re)
         };
-        let found = segment.zero(
-            &mut self.problem,
-            &mut self.branch.work,
-            cancel,
-            ends,
-            growth,
-        )?;
+        let work = &mut self.branch.work;
+        let found = segment.zero(&mut self.problem, work, cancel, ends, growth)?;
         let w0 = self.problem.base_frequency(); // that of the point found
         let distance = (exponent.im.abs() / w0 - 0.5).abs();
         let kind = if distance < 1e-4 {
