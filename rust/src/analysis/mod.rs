@@ -17,6 +17,7 @@ mod modes_of;
 pub mod ports;
 pub mod reactions;
 pub mod response;
+pub mod response_sensitivity;
 pub mod sparse_damped;
 pub mod sparse_modal;
 pub mod sparse_pencil;
