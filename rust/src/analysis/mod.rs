@@ -19,6 +19,7 @@ pub mod ports;
 pub mod reactions;
 pub mod response;
 pub mod sparse_bodies;
+pub mod response_sensitivity;
 pub mod sparse_damped;
 pub mod sparse_modal;
 pub mod sparse_pencil;

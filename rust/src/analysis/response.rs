@@ -5,7 +5,7 @@
 //! h (4 phi_2 - 8 phi_3) B b, which is how the interpolation error of a smooth load travels through the system.
 use std::collections::BTreeMap;
 
-use faer::{Mat, MatRef};
+use faer::Mat;
 
 use super::frf::Reduction;
 use super::history::History;
@@ -47,7 +47,10 @@ pub struct Motion {
     pub counts: Counts,
 }
 
-struct Propagator {
+/// The exact solution over one step, row-major.
+pub struct Propagator {
+    size: usize,
+    inputs: usize,
     e: Vec<f64>,
     start: Vec<f64>,
     end: Vec<f64>,
@@ -95,7 +98,7 @@ impl Linear {
         let mut counts = self.counts.clone();
         let mut y: [Mat<f64>; 3] = std::array::from_fn(|_| Mat::zeros(self.n_out, n_t));
         let mut error = y.clone();
-        self.add_direct(&mut y, history);
+        add_direct(&self.direct, &mut y, history);
         // direct terms carry bulges only between the times, so the error starts at zero
         for block in &self.blocks {
             let mut cache = BTreeMap::new();
@@ -110,13 +113,14 @@ impl Linear {
         counts.add("blocks", self.blocks.len() as u64);
         Ok(Motion { y, error, counts })
     }
+}
 
-    fn add_direct(&self, y: &mut [Mat<f64>; 3], history: &History) {
-        for (y, terms) in y.iter_mut().zip(&self.direct) {
-            for (order, term) in terms.iter().enumerate() {
-                if term.norm_max() > 0.0 {
-                    *y += term * history.derivative(order);
-                }
+/// What outputs see of the loads themselves.
+pub fn add_direct(direct: &[Vec<Mat<f64>>; 3], y: &mut [Mat<f64>; 3], history: &History) {
+    for (y, terms) in y.iter_mut().zip(direct) {
+        for (order, term) in terms.iter().enumerate() {
+            if term.norm_max() > 0.0 {
+                *y += term * history.derivative(order);
             }
         }
     }
@@ -124,21 +128,48 @@ impl Linear {
 
 impl Propagator {
     fn new(block: &Block, h: f64) -> Result<Self> {
-        let (k, w) = (block.a.nrows(), block.b.ncols());
+        let k = block.a.nrows();
         let scaled = Mat::from_fn(k, k, |i, j| h * block.a[(i, j)]);
-        let (e, [p1, p2, p3]) = phi_products(scaled.as_ref(), block.b.as_ref())?;
-        let rows = |value: &dyn Fn(usize, usize) -> f64, cols: usize| {
-            (0..k)
-                .flat_map(|i| (0..cols).map(move |j| (i, j)))
-                .map(|(i, j)| value(i, j))
-                .collect()
+        let (e, phi) = phi_products(scaled.as_ref(), block.b.as_ref())?;
+        Ok(Self::from_functions(&e, &phi, h))
+    }
+
+    /// From e^{hA} and phi_k(hA) B, or from their derivatives.
+    pub fn from_functions(e: &Mat<f64>, phi: &[Mat<f64>; 3], h: f64) -> Self {
+        let (k, w) = (e.nrows(), phi[0].ncols());
+        let [p1, p2, p3] = phi;
+        let rows = |cols: usize, value: &dyn Fn(usize, usize) -> f64| {
+            let places = (0..k).flat_map(|i| (0..cols).map(move |j| (i, j)));
+            places.map(|(i, j)| value(i, j)).collect()
         };
-        Ok(Propagator {
-            e: rows(&|i, j| e[(i, j)], k),
-            start: rows(&|i, j| h * (p1[(i, j)] - p2[(i, j)]), w),
-            end: rows(&|i, j| h * p2[(i, j)], w),
-            bulge: rows(&|i, j| h * (4.0 * p2[(i, j)] - 8.0 * p3[(i, j)]), w),
-        })
+        Propagator {
+            size: k,
+            inputs: w,
+            e: rows(k, &|i, j| e[(i, j)]),
+            start: rows(w, &|i, j| h * (p1[(i, j)] - p2[(i, j)])),
+            end: rows(w, &|i, j| h * p2[(i, j)]),
+            bulge: rows(w, &|i, j| h * (4.0 * p2[(i, j)] - 8.0 * p3[(i, j)])),
+        }
+    }
+
+    /// The state after a step, with the load going from u to next.
+    pub fn advance(&self, x: &[f64], u: &[f64], next: &[f64]) -> Vec<f64> {
+        let (k, w) = (self.size, self.inputs);
+        let row = |i: usize| {
+            dot(&self.e[i * k..(i + 1) * k], x)
+                + dot(&self.start[i * w..(i + 1) * w], u)
+                + dot(&self.end[i * w..(i + 1) * w], next)
+        };
+        (0..k).map(row).collect()
+    }
+
+    /// What deviations e of the state and bulges b of the load have become after a step.
+    pub fn advance_error(&self, e: &[f64], b: &[f64]) -> Vec<f64> {
+        let (k, w) = (self.size, self.inputs);
+        let row = |i: usize| {
+            dot(&self.e[i * k..(i + 1) * k], e) + dot(&self.bulge[i * w..(i + 1) * w], b)
+        };
+        (0..k).map(row).collect()
     }
 }
 
@@ -156,10 +187,8 @@ impl Block {
         error: &mut [Mat<f64>; 3],
         cancel: &Cancel,
     ) -> Result<()> {
-        let (k, w, n_t) = (self.a.nrows(), self.b.ncols(), history.t.len());
-        let column = |m: &Mat<f64>, j: usize| (0..w).map(|i| m[(i, j)]).collect::<Vec<f64>>();
         let mut x = self.x0.clone();
-        let mut e = vec![0.0; k];
+        let mut e = vec![0.0; x.len()];
         let bulging = history.bulge.norm_max() > 0.0;
         let mut u = column(&history.u, 0);
         self.add_outputs(&x, y, 0);
@@ -179,34 +208,37 @@ impl Block {
                 })
                 .collect();
             self.add_outputs(&x, y, step + 1);
+        add_outputs(&self.c, &x, y, 0);
+        for (step, which) in index.iter().enumerate() {
+            let Some(p) = cache.get(which) else { continue };
+            x = p.advance(&x, &column(&history.u, step), &column(&history.u, step + 1));
+            add_outputs(&self.c, &x, y, step + 1);
             if bulging {
-                let b = column(&history.bulge, step);
-                e = (0..k)
-                    .map(|i| {
-                        dot(&p.e[i * k..(i + 1) * k], &e) + dot(&p.bulge[i * w..(i + 1) * w], &b)
-                    })
-                    .collect();
-                self.add_outputs(&e, error, step + 1);
+                e = p.advance_error(&e, &column(&history.bulge, step));
+                add_outputs(&self.c, &e, error, step + 1);
             }
-            u = next;
         }
         Ok(())
     }
+}
 
-    fn add_outputs(&self, x: &[f64], y: &mut [Mat<f64>; 3], column: usize) {
-        for (c, y) in self.c.iter().zip(y.iter_mut()) {
-            for i in 0..c.nrows() {
-                let mut sum = 0.0;
-                for (j, xj) in x.iter().enumerate() {
-                    sum += c[(i, j)] * xj;
-                }
-                y[(i, column)] += sum;
+pub fn column(m: &Mat<f64>, j: usize) -> Vec<f64> {
+    (0..m.nrows()).map(|i| m[(i, j)]).collect()
+}
+
+pub fn add_outputs(c: &[Mat<f64>; 3], x: &[f64], y: &mut [Mat<f64>; 3], column: usize) {
+    for (c, y) in c.iter().zip(y.iter_mut()) {
+        for i in 0..c.nrows() {
+            let mut sum = 0.0;
+            for (j, xj) in x.iter().enumerate() {
+                sum += c[(i, j)] * xj;
             }
+            y[(i, column)] += sum;
         }
     }
 }
 
-fn check_state(n: usize, x0: &[f64], v0: &[f64]) -> Result<()> {
+pub fn check_state(n: usize, x0: &[f64], v0: &[f64]) -> Result<()> {
     for (name, v) in [("x0", x0), ("v0", v0)] {
         if v.len() != n {
             return Err(Error::model(format!(
@@ -313,87 +345,6 @@ fn complex_blocks(
         });
     }
     blocks
-}
-
-/// Derivatives of the mass-normalised system by one parameter, in the coordinates of the nominal one.
-pub struct Variation<'a> {
-    pub dm: MatRef<'a, f64>,
-    pub dd: MatRef<'a, f64>,
-    pub ds: MatRef<'a, f64>,
-    pub df: MatRef<'a, f64>,
-    pub dl: MatRef<'a, f64>,
-    pub dd0: MatRef<'a, f64>,
-}
-
-/// d y / d p along one parameter: the system and its derivative in one, [[A, 0], [dA, A]], propagated exactly like the motion itself.
-pub fn sensitivity(
-    reduction: &Reduction,
-    ports: &Ports,
-    variation: &Variation<'_>,
-    x0: &[f64],
-    v0: &[f64],
-    history: &History,
-    cancel: &Cancel,
-) -> Result<Motion> {
-    let n = reduction.q.n();
-    ports.check(n)?;
-    check_state(n, x0, v0)?;
-    let Some(form) = &reduction.normal else {
-        return Err(massless(&reduction.q));
-    };
-    let state = StateSpace::new(form, ports);
-    let rate = form.rate();
-    let congruent = |a: MatRef<'_, f64>| {
-        form.outputs(form.outputs(a).transpose())
-            .transpose()
-            .to_owned()
-    };
-    let dm = congruent(variation.dm);
-    let ds = congruent(variation.ds) - &dm * &form.s;
-    let mut dd = congruent(variation.dd);
-    if let Some(d) = &form.d {
-        dd -= &dm * d;
-    }
-    let f = form.inputs(ports.f.as_ref());
-    let df = form.inputs(variation.df) - &dm * &f;
-    let dl = form.outputs(variation.dl);
-    let (n2, n_in, n_out) = (2 * n, f.ncols(), dl.nrows());
-    let both = StateSpace {
-        a: Mat::from_fn(2 * n2, 2 * n2, |i, j| match (i < n2, j < n2) {
-            (true, true) => state.a[(i, j)],
-            (false, false) => state.a[(i - n2, j - n2)],
-            (true, false) => 0.0,
-            (false, true) if i - n2 < n => 0.0,
-            (false, true) if j < n => -ds[(i - n2 - n, j)] / rate,
-            (false, true) => -dd[(i - n2 - n, j - n)],
-        }),
-        b: Mat::from_fn(2 * n2, n_in, |i, j| match i {
-            i if i < n2 => state.b[(i, j)],
-            i if i < n2 + n => 0.0,
-            _ => df[(i - n2 - n, j)] / rate,
-        }),
-        c: Mat::from_fn(n_out, 2 * n2, |i, j| match j {
-            j if j < n => dl[(i, j)],
-            j if j < n2 => 0.0,
-            j => state.c[(i, j - n2)],
-        }),
-    };
-    let start = initial(form, x0, v0);
-    let linear = Linear {
-        direct: both.direct(&ports.order_in, Some(&variation.dd0.to_owned())),
-        n_out,
-        counts: Counts::default(),
-        route: "block exponential",
-        blocks: vec![Block {
-            b: both.driven(&ports.order_in),
-            c: both.outputs(),
-            x0: (0..2 * n2)
-                .map(|i| if i < n2 { start[(i, 0)] } else { 0.0 })
-                .collect(),
-            a: both.a,
-        }],
-    };
-    linear.run(history, cancel)
 }
 
 #[cfg(test)]

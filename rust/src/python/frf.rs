@@ -15,6 +15,7 @@ use crate::analysis::frf_sensitivity::{self, Entry, Variation};
 use crate::analysis::history::History;
 use crate::analysis::ports::Ports;
 use crate::analysis::response::{self, Linear};
+use crate::analysis::response_sensitivity;
 use crate::error::{Error, Result};
 use crate::linalg::quadratic::Quadratic;
 
@@ -195,30 +196,26 @@ impl FrfReduction {
                     let value = parameter_slice(name, a, (rows, cols), n_p, p)?;
                     Ok(value.unwrap_or_else(|| Mat::zeros(rows, cols)))
                 };
-                Ok([
-                    slice("dM", &dm)?,
-                    slice("dD", &dd)?,
-                    slice("dS", &ds)?,
-                    slice("dF", &df)?,
-                    slice("dL", &dl)?,
-                    slice("dD0", &dd0)?,
-                ])
+                Ok(response_sensitivity::Variation {
+                    dm: slice("dM", &dm)?,
+                    dd: slice("dD", &dd)?,
+                    ds: slice("dS", &ds)?,
+                    df: slice("dF", &df)?,
+                    dl: slice("dL", &dl)?,
+                    dd0: slice("dD0", &dd0)?,
+                })
             })
             .collect::<Result<Vec<_>>>()?;
         let inner = self.inner.clone();
         let motions = interruptible(py, move |cancel| {
-            let along = |c: &[Mat<f64>; 6]| {
-                let variation = response::Variation {
-                    dm: c[0].as_ref(),
-                    dd: c[1].as_ref(),
-                    ds: c[2].as_ref(),
-                    df: c[3].as_ref(),
-                    dl: c[4].as_ref(),
-                    dd0: c[5].as_ref(),
-                };
-                response::sensitivity(&inner, &ports, &variation, &x0, &v0, &history, cancel)
-            };
-            changes.iter().map(along).collect::<Result<Vec<_>>>()
+            response_sensitivity::sensitivities(
+                &inner,
+                &ports,
+                &changes,
+                (&x0, &v0),
+                &history,
+                cancel,
+            )
         })?;
         motions.iter().map(|m| motion_dict(py, m)).collect()
     }
