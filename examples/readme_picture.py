@@ -19,7 +19,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 PICTURE = Path(__file__).resolve().parent.parent / "docs" / "img" / "quadruped.png"
 BLUE, ORANGE, GREY = "#1f5fa8", "#d9662b", "#9aa7b5"
 # How far the point that moves the most is moved in the drawing, m.
-SHOWN_MOTION = 0.08
+SHOWN_MOTION = 0.12
 
 
 def moved(points: np.ndarray, origin: np.ndarray, twist: np.ndarray) -> np.ndarray:
@@ -37,7 +37,7 @@ def draw_mode(axes: Any, modes: Any, mode: int) -> None:
         before = vertices + b.origin
         solids.append((before, moved(before, b.origin, twists[b.name]) - before, faces))
     scale = SHOWN_MOTION / max(np.linalg.norm(d, axis=1).max() for _, d, _ in solids)
-    shades = colormaps["YlGnBu"]
+    shades = colormaps["YlOrRd"]
     for before, d, faces in solids:
         axes.add_collection3d(Line3DCollection([before[[*f, f[0]]] for f in faces], colors="#c7d0d9", linewidths=0.5))
         size = np.linalg.norm(d, axis=1) * scale / SHOWN_MOTION
@@ -49,8 +49,8 @@ def draw_mode(axes: Any, modes: Any, mode: int) -> None:
     feet = [link.at_a for link in scene.links if link.a is None]
     axes.scatter(*np.transpose(feet), marker="s", s=28, color=GREY, depthshade=False)
     axes.set(xlim=(-0.42, 0.42), ylim=(-0.42, 0.42), zlim=(0.0, 0.68))
-    axes.set_box_aspect((0.84, 0.84, 0.68), zoom=1.12)
-    axes.view_init(elev=16, azim=32)
+    axes.set_box_aspect((0.84, 0.84, 0.68), zoom=1.45)
+    axes.view_init(elev=18, azim=28)
     axes.set_axis_off()
     axes.set_title(
         f"mode {mode + 1}: {modes.frequency[mode]:.2f} Hz, damping {100 * modes.damping[mode]:.1f} %", fontsize=11
@@ -68,7 +68,7 @@ def draw_transfer_function(axes: Any, modes: Any, h: Any) -> None:
 
 
 def draw_sensitivities(axes: Any, s: Any, mode: int) -> None:
-    bars = tornado_bars(s, mode, most=5)
+    bars = tornado_bars(s, mode)
     place = np.arange(len(bars))
     axes.barh(place, [b.value for b in bars], color=[BLUE if b.value > 0 else ORANGE for b in bars], height=0.6)
     axes.set_yticks(place, [f"{b.label}\n{b.change}" for b in bars], fontsize=8.5)
@@ -92,7 +92,7 @@ def main(path: Path) -> None:
     s = mb.sensitivity(modes, ["k_leg", "k_foot", "torso.mass", "knee-FL.at_a[1]", "thigh-FL.mass"])
     figure = Figure(figsize=(12.5, 4.1), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(1, 3, width_ratios=(1.15, 1.1, 0.85))
+    grid = figure.add_gridspec(1, 3, width_ratios=(1.0, 1.15, 0.9))
     draw_mode(figure.add_subplot(grid[0], projection="3d"), modes, mode)
     draw_transfer_function(figure.add_subplot(grid[1]), modes, h)
     draw_sensitivities(figure.add_subplot(grid[2]), s, mode)

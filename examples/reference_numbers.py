@@ -97,10 +97,10 @@ CASES = {
         (3.0, 7.0, 65.0),
     ),
     "wafer_stage": Case(
-        lambda: mb.examples.wafer_stage(mounts=3),
+        mb.examples.wafer_stage,
         ("k_mount", "base.mass", "y guide.k", "flexures.k[2]"),
-        ("base", "y"),
-        ("chuck", "rx"),
+        ("base", "x"),
+        ("chuck", "x"),
         (2.0, 35.0, 200.0),
     ),
     "rotor": Case(mb.examples.rotor, ("disc.mass", "mount.k[0]"), *_DISC, (10.0, 50.0)),

@@ -1,5 +1,5 @@
 """A Stewart platform with flexure joints, 14 bodies and five loops: modes, transfer function, sensitivities, and the
-platform's motion after a slanting half-sine push.
+platform's motion after a half-sine push.
 
 python examples/stewart_platform.py [folder for the pictures]
 """
@@ -28,8 +28,8 @@ def push(t):
     return np.where(t < 0.01, 100.0 * np.sin(np.pi * t / 0.01), 0.0)
 
 
-loads = {"platform.force.x": push, "platform.force.z": push}
-y = mb.response(m, t=np.linspace(0.0, 0.6, 3001), loads=loads, outputs=["platform.motion.x", "platform.motion.z"])
+outputs = [f"platform.motion.{axis}" for axis in ("x", "y", "z")]
+y = mb.response(m, t=np.linspace(0.0, 0.6, 3001), loads={"platform.force.x": push}, outputs=outputs)
 print(y)
 
 h.plot().savefig(folder / "stewart-transmissibility.png")

@@ -11,16 +11,13 @@ import tempfile
 from pathlib import Path
 
 import mbrs as mb
-import numpy as np
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="mbrs-"))
 m = mb.examples.from_code("TL7SF1")
 modes = mb.modes(m, n=12)
 print(modes)
 
-# 381 lightly damped modes: so few points miss some resonances, and a warning says which.
-frequency = np.geomspace(1e-3, 1.0, 120)
-h = mb.frf(m, inputs=m["B6,1"].force("x"), outputs=m["B6,32"].motion("y"), frequency=frequency)
+h = mb.frf(m, inputs=m["B6,1"].force("x"), outputs=m["B6,32"].motion("y"), frequency=(0.05, 50))
 print()
 print(h)
 h.plot().savefig(folder / "tree-transfer-function.png")

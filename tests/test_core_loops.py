@@ -46,8 +46,13 @@ def test_bricard_moves():
     assert (system.dof, system.rank, sum(system.redundant.values())) == (1, 4, 1)
     m, state, gaps, found = p.model, drawn(p.model), [], []
     angles = []
+    before = None
     for _ in range(12):
-        state = State(m.compiled().advance(state.relative, np.array([0.15])), np.zeros(0))
+        # which coordinate is the independent one may change on the way: go on in the same sense
+        along = m.compiled().linearize(state.relative, np.zeros(0), [])["T"][:, 0]
+        step = 0.15 / np.abs(along).max() * (1.0 if before is None or before @ along > 0.0 else -1.0)
+        before = along * np.sign(step)
+        state = State(m.compiled().advance(state.relative, np.array([step])), np.zeros(0))
         sys = ref.System(tables(m))
         pose = reference_state(m, state, sys)
         gaps.append(np.abs(ref.assembly.constraint_values(sys, pose, sys.cut)).max())

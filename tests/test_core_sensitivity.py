@@ -199,7 +199,8 @@ def test_a_parameter_that_breaks_a_redundant_loop_is_an_error():
     for address in ("C.at_a[2]", "D.at_b[2]"):
         with pytest.raises(mb.NotDifferentiableError, match="breaks a redundant loop"):
             mb.sensitivity(lin, address)
-    fine = [a for a in all_addresses(m) if a.split(".")[0] not in "ABCD"]
+    # a loop that starts to move has no derivative yet
+    fine = [a for a in all_addresses(m) if a.split(".")[0] not in "ABCD" and "velocity" not in a]
     fine += ["A.at[0]", "B.at[1]", "C.at", "D.at_b[0]", "D.at_b[1]", "A.axis[2]", "C.axis[2]"]
     check("four-bar", compare(m, drawn(m), fine))
 

@@ -10,7 +10,6 @@ from mbrs.reference import (
     System,
     advance,
     assemble,
-    constrained_roots,
     drawn_state,
     equilibrium,
     from_poses,
@@ -196,30 +195,6 @@ def test_poses_and_origins():
     moved = advance(sys, State(state.r, state.R, state.v, state.w), np.array([1e-7, 0, 0, 0, 2e-7, 0]))
     before, after = (s.r[0] - s.R[0] @ sys.bodies[0].com for s in (state, moved))
     np.testing.assert_allclose((after - before) / 1e-7, lin.T[:3] @ [1, 0, 0, 0, 2, 0], atol=1e-6)
-
-
-def test_chaplygin_sleigh():
-    """Straight motion at speed u, centre of mass a ahead of the blade: s = -m a u / (I + m a^2).
-
-    Derived here: v_y' = -a w' - u w at the blade's constraint gives m (a w' + u w) = F and I w' = -a F.
-    """
-    m, inertia, a, u = 3.0, 0.4, 0.25, 2.0
-    b = Builder()
-    b.body("sleigh", m, (1, 1, inertia), at=(0, 0, 0), com=(a, 0, 0), v=(u, 0, 0))
-    b.joint("ice", "planar", None, "sleigh", (0, 0, 0))
-    b.joint("blade", "knife_edge", None, "sleigh", (0, 0, 0), axis=(0, 1, 0))
-    sys = System(b.tables())
-    lin = linearize(sys, drawn_state(sys))
-    np.testing.assert_allclose(lin.W, [[0, 1, 0]], atol=1e-15)
-    np.testing.assert_allclose(lin.P, [[0, 0, -u]], atol=1e-15)
-    roots = constrained_roots(lin.M, lin.D, lin.S, lin.W, lin.P)
-    assert len(roots) == 5
-    assert roots[-1] == pytest.approx(-m * a * u / (inertia + m * a * a))
-    # a sideways load is carried by the blade, not by an acceleration
-    b.load("wind", "force", "sleigh", (0, 0, 0), (0, 7.0, 0))
-    loaded = linearize(System(b.tables()), drawn_state(System(b.tables())))
-    blade = reactions(System(b.tables()), loaded.state, loaded.lam)["blade"]
-    np.testing.assert_allclose(blade[:3], [0, -7.0, 0], atol=1e-12)
 
 
 def test_what_the_reference_refuses():

@@ -45,17 +45,20 @@ def public_analyses():
 
 
 def test_the_list_is_what_the_package_offers():
-    assert {"modes", "linearize", "equilibrium", "frf", "response", "sensitivity", "steady_motion"} <= set(public_analyses())
+    assert {"modes", "linearize", "equilibrium", "frf", "response", "sensitivity", "steady_motion"} <= set(
+        public_analyses()
+    )
 
 
 @pytest.mark.parametrize("name", public_analyses())
 def test_analysis_has_a_counterpart(name):
     if name in COMPOSED:
         return
-    if hasattr(ref, name):
-        assert callable(getattr(ref, name))
+    if callable(getattr(ref, name, None)):
         return
-    assert name in OTHERWISE, f"mb.{name} has no counterpart in mbrs.reference: write one in plain NumPy, and a test that compares"
+    assert name in OTHERWISE, (
+        f"mb.{name} has no counterpart in mbrs.reference: write one in plain NumPy, and a test that compares"
+    )
     module, names = OTHERWISE[name]
     home = importlib.import_module(f"mbrs.reference.{module}")
     own = [n for n, v in vars(home).items() if inspect.isfunction(v) and v.__module__ == home.__name__]
@@ -72,8 +75,14 @@ def test_every_reference_module_is_used_by_a_test():
         if module.name in inner:
             continue
         home = importlib.import_module(f"mbrs.reference.{module.name}")
-        own = [n for n, v in vars(home).items() if inspect.isfunction(v) and v.__module__ == home.__name__ and not n.startswith("_")]
-        assert any(f"{n}(" in texts or f"{n}," in texts for n in own), f"no test uses anything of mbrs.reference.{module.name}"
+        own = [
+            n
+            for n, v in vars(home).items()
+            if inspect.isfunction(v) and v.__module__ == home.__name__ and not n.startswith("_")
+        ]
+        assert any(f"{n}(" in texts or f"{n}," in texts for n in own), (
+            f"no test uses anything of mbrs.reference.{module.name}"
+        )
 
 
 @pytest.mark.parametrize("speed", [0.0, 40.0, 300.0])
@@ -85,7 +94,9 @@ def test_steady_motion(speed):
     m = mb.Model("bent shaft", gravity=(0, 0, -9.81))
     g = m.body("gimbal", mass=1.0, inertia=(0.01, 0.012, 0.014), at=(0, 0, 0), com=(0.01, 0, 0.02))
     d = m.body("disc", mass=2.0, inertia=(0.02, 0.02, 0.03), at=(0, 0, 0.1))
-    m.universal("support", m.ground, g, at=(0, 0, 0), axis="x", axis2="y", k=(90.0, 120.0), c=(0.1, 0.2), preload=(0.4, -0.3))
+    m.universal(
+        "support", m.ground, g, at=(0, 0, 0), axis="x", axis2="y", k=(90.0, 120.0), c=(0.1, 0.2), preload=(0.4, -0.3)
+    )
     m.revolute("shaft", g, d, at=(0, 0, 0.1), axis="z")
     found = mb.steady_motion(m, {"shaft": speed})
     lin, torque = ref.steady_motion(ref.System(tables(m)), {"shaft": speed})
@@ -93,7 +104,9 @@ def test_steady_motion(speed):
     errors = {
         "pose": max(np.abs(pose.r - lin.state.r).max(), np.abs(pose.R - lin.state.R).max()),
         "M": relative_difference(found.linearization.M, lin.M),
-        "G": relative_difference(np.zeros_like(lin.G) if found.linearization.G is None else found.linearization.G, lin.G, lin.D),
+        "G": relative_difference(
+            np.zeros_like(lin.G) if found.linearization.G is None else found.linearization.G, lin.G, lin.D
+        ),
         "K": relative_difference(found.linearization.K, lin.K),
         "torque": abs(found.torque["shaft"] - torque[0]),
     }

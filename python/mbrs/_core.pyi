@@ -13,7 +13,33 @@ _Csc = tuple[NDArray[np.int64], NDArray[np.int64], _F1]
 _Ints = Sequence[int] | NDArray[np.int64]
 
 __version__: str
-__all__: list[str]
+__all__ = [
+    "CoreAssemblyError",
+    "CoreConvergenceError",
+    "CoreError",
+    "CoreModelError",
+    "CoreNotDifferentiableError",
+    "CoreSingularError",
+    "FrfReduction",
+    "HbmBranch",
+    "HbmElements",
+    "HbmLinear",
+    "HbmProblem",
+    "System",
+    "__version__",
+    "check_sparse_model",
+    "dense_modes",
+    "directions",
+    "eigen_sensitivities",
+    "law_force",
+    "mixed_modes",
+    "shape_sensitivities",
+    "sparse_count",
+    "sparse_frf",
+    "sparse_model_form",
+    "sparse_model_modes",
+    "sparse_modes",
+]
 
 class CoreError(Exception): ...
 class CoreModelError(CoreError): ...
@@ -110,6 +136,7 @@ class System:
     def equilibrium(self, relative: _F2, without: Sequence[str]) -> dict[str, Any]: ...
     def linearize(self, relative: _F2, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
     def advance(self, relative: _F2, increments: _F1) -> _F2: ...
+    def law_places(self, relative: _F2, rate: _F1) -> list[tuple[int, int, int, _F1, _F1, float, float]]: ...
     def rate_mismatch(self, relative: _F2, rate: _F1) -> float: ...
     def integrate(
         self, relative: _F2, rate: _F1, step: float, n_steps: int, direction: _Direction | None
@@ -121,6 +148,7 @@ def law_force(
     code: int, values: list[float], u: NDArray[np.float64], v: NDArray[np.float64]
 ) -> NDArray[np.float64]: ...
 
+@final
 class HbmElements:
     def __new__(
         cls,
@@ -132,6 +160,7 @@ class HbmElements:
         weight: list[float],
     ) -> HbmElements: ...
 
+@final
 class HbmLinear:
     @staticmethod
     def full(
@@ -155,6 +184,7 @@ class HbmLinear:
     @property
     def size(self) -> int: ...
 
+@final
 class HbmProblem:
     def __new__(
         cls,
@@ -188,6 +218,7 @@ class HbmProblem:
     def expand(self, y: NDArray[np.float64], omega: list[float]) -> NDArray[np.float64]: ...
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
+@final
 class HbmBranch:
     def __new__(
         cls,

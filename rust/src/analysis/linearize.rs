@@ -183,6 +183,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         .map_or_else(|| DVector::zeros(0), |l| l.multipliers(&jacobian, &tau));
     let tangent = scene.tangent(Some(lam.as_slice()), counts);
     let force_scale = force_scale(&scene, &tangent, system.length);
+    check_finite(&scene, &tangent)?;
     let (matrices, residual) = match (&loops, &b) {
         (Some(l), Some(b)) => (
             reduce(&tangent, l, b, turning.as_ref(), setting.effects),
@@ -336,6 +337,19 @@ fn check_velocity_rows(setting: &Setting<'_>) -> Result<()> {
         ))),
         _ => Ok(()),
     }
+}
+
+/// The one way to lose a tangent at finite numbers: an element between coinciding points has no direction.
+fn check_finite(scene: &Scene<'_, f64>, tangent: &Tangent<f64>) -> Result<()> {
+    if tangent.stiffness.iter().all(|v| v.is_finite()) {
+        return Ok(());
+    }
+    let named = scene
+        .undirected()
+        .map_or_else(|| "an element".into(), |name| format!("'{name}'"));
+    Err(Error::singular(format!(
+        "the end points of {named} coincide in this state, so that its direction is lost; use a bushing there, or move the points apart"
+    )))
 }
 
 /// Redundant rows that agree to first order but not to second: the pose where a mechanism may change its mobility.

@@ -111,7 +111,7 @@ pub fn local_direction(
     }
     let (mut stiffness, mut damping) = (Entries::default(), Entries::default());
     if !touched.connectors.is_empty() {
-        let (k, d) = connectors(setting, &placed, &touched.connectors, dx, request)?;
+        let (k, d) = connectors(setting, &placed, &touched.connectors, dx)?;
         stiffness = Entries::of(&k);
         damping = Entries::of(&d);
     }
@@ -191,13 +191,12 @@ fn lifted(placed: &Placement<f64>) -> Placement<Dual64> {
     }
 }
 
-/// Stiffness and damping of the touched connectors over dual numbers; None where their forces change and something follows.
+/// Stiffness and damping of the touched connectors over dual numbers; None where their forces change.
 fn connectors(
     setting: &Setting<'_>,
     placed: &Placement<f64>,
     touched: &[usize],
     dx: &[(usize, f64)],
-    request: Request<'_>,
 ) -> Option<(DMatrix<Dual64>, DMatrix<Dual64>)> {
     let system = setting.system;
     let topology = &*system.topology;
@@ -240,7 +239,7 @@ fn connectors(
         add_wrench(topology, &placement, &acting, &mut sums);
     }
     let moves = sums.iter().any(|w| changes(&w.l) || changes(&w.a));
-    (request.solve.is_none() || !moves).then_some((stiffness, damping))
+    (!moves).then_some((stiffness, damping))
 }
 
 fn changes(v: &V3<Dual64>) -> bool {

@@ -16,7 +16,7 @@ use crate::system::connector::{
 use crate::system::inertia::{InertiaInput, add_inertia, ground_coupling};
 use crate::system::path::{add_tangent, add_wrench, path};
 use crate::system::placement::Placement;
-use crate::system::topology::{Connector, Topology};
+use crate::system::topology::{Connector, Owner, Topology};
 
 /// What is computed: an effect that a model does not contain costs nothing anyway; these switch off what it contains.
 #[derive(Debug, Clone, Copy)]
@@ -205,6 +205,32 @@ impl<T: Real> Scene<'_, T> {
         acting
             .map(|w| w.wrench.l.map(|v| v.re()).norm() * length + w.wrench.a.map(|v| v.re()).norm())
             .sum()
+    }
+
+    /// The first connector whose force is no number.
+    pub fn undirected(&self) -> Option<&str> {
+        let tables = &self.topology.tables;
+        let lost = |c: &&Connector| {
+            let (geometry, placement) = (self.geometry, self.placement);
+            let w = interaction(
+                self.topology,
+                geometry,
+                placement,
+                self.numbers(),
+                c,
+                Wanted::FORCES,
+            )
+            .wrench;
+            (0..6).any(|i| !w.get(i).re().is_finite())
+        };
+        self.topology
+            .connectors
+            .iter()
+            .find(lost)
+            .map(|c| match c.owner {
+                Owner::Element(i) => tables.elements[i].name.as_str(),
+                Owner::Joint(i) => tables.joints[i].name.as_str(),
+            })
     }
 
     /// Multipliers of both levels grouped by cut joint: at rest a velocity row carries force like any other.

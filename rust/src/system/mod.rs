@@ -11,6 +11,7 @@
 //! ```
 pub mod assemble;
 pub mod connector;
+pub mod connector_force;
 pub mod inertia;
 pub mod loops;
 pub mod path;
