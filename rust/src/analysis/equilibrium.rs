@@ -445,10 +445,15 @@ pub fn equilibrium_solver(
     let n = scale.len();
     let k = &linearization.matrices.stiffness;
     let scaled = Mat::from_fn(n, n, |i, j| k[(i, j)] * scale[i] * scale[j]);
-    let svd = scaled
-        .svd()
+    // faer has no decomposition of an empty matrix
+    let svd = (n > 0)
+        .then(|| scaled.svd())
+        .transpose()
         .map_err(|_| Error::singular("the stiffness is not finite"))?;
     Ok(move |r: &DVector<f64>| {
+        let Some(svd) = &svd else {
+            return Ok(DVector::zeros(0));
+        };
         let (u, s, v) = (svd.U(), svd.S().column_vector(), svd.V());
         let right = DVector::from_fn(n, |i, _| r[i] * scale[i]);
         let mut z = DVector::<f64>::zeros(n);

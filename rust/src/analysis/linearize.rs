@@ -14,12 +14,16 @@ use crate::run::Counts;
 use crate::spatial::{Pose, Real, Six};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene, Tangent};
+use crate::system::connector::collapsed;
 use crate::system::loops::{Loops, column_scales};
 use crate::system::placement::{Placement, State, advance, place};
 use crate::system::topology::{ConstraintRow, Level};
 
 /// A redundant combination whose second derivative is larger than this (rows and columns scaled) marks a singular pose.
 const SINGULAR_POSE: f64 = 1e-6;
+
+/// Displacements below this, in characteristic lengths or radians, do not count as strains.
+const UNRESOLVED: f64 = 1e-8;
 
 /// Second-order matrices in minimal coordinates: `damping` is D, `stiffness` S; None where nothing acts.
 #[derive(Debug, Clone)]
@@ -63,9 +67,16 @@ pub(super) fn reduce_rows<T: Real>(
     }
 }
 
-fn force_scale(scene: &Scene<'_, f64>, length: f64) -> f64 {
+/// The size of all forces at work, moments over the characteristic length. Forces that the stiffness makes of displacements
+/// below a rounding of 1e-8 count as none: what is left of them is no imbalance.
+fn force_scale(scene: &Scene<'_, f64>, tangent: &Tangent<f64>, length: f64) -> f64 {
     let size = |w: &Six<f64>| w.l.norm() * length + w.a.norm();
-    scene.body_wrenches(None).iter().map(size).sum::<f64>() + scene.connector_sizes(length)
+    let columns = column_scales(scene.topology, length);
+    let stiffness = (0..columns.len())
+        .map(|i| tangent.stiffness[(i, i)].abs() * columns[i] * columns[i])
+        .fold(0.0, f64::max);
+    let forces = scene.body_wrenches(None).iter().map(size).sum::<f64>();
+    forces + scene.connector_sizes(length) + UNRESOLVED * stiffness
 }
 
 impl Linearization {
@@ -133,6 +144,11 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         effects: setting.effects,
     };
     check_velocity_rows(setting)?;
+    if let Some(name) = collapsed(topology, &system.geometry, &placement, system.length) {
+        return Err(Error::singular(format!(
+            "the ends of '{name}' coincide in this state, so that its direction is undefined: start elsewhere, or use a bushing"
+        )));
+    }
     let (_, jacobian) = scene.constraints();
     let loops = Loops::analyse(system, &jacobian)?;
     if loops.is_some() {
@@ -166,6 +182,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         .as_ref()
         .map_or_else(|| DVector::zeros(0), |l| l.multipliers(&jacobian, &tau));
     let tangent = scene.tangent(Some(lam.as_slice()), counts);
+    let force_scale = force_scale(&scene, &tangent, system.length);
     check_finite(&scene, &tangent)?;
     let (matrices, residual) = match (&loops, &b) {
         (Some(l), Some(b)) => (
@@ -181,7 +198,6 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         loops.as_ref().zip(b.as_ref()),
     );
     let ground_coupling = reduce_rows(scene.ground_coupling(), loops.as_ref().zip(b.as_ref()));
-    let force_scale = force_scale(&scene, system.length);
     Ok(Linearization {
         matrices,
         dependent_map: b,
@@ -310,6 +326,10 @@ fn check_velocity_rows(setting: &Setting<'_>) -> Result<()> {
     let topology = &setting.system.topology;
     let velocity = |r: &&ConstraintRow| r.level == Level::Velocity;
     match topology.rows.iter().find(velocity) {
+        Some(row) if !setting.effects.nonholonomic => Err(Error::model(format!(
+            "'nonholonomic' cannot be left out here: remove joint '{}' instead",
+            topology.tables.joints[row.joint].name
+        ))),
         Some(row) if setting.state.moving() => Err(Error::model(format!(
             "joint '{}' constrains velocities, and a model with such joints is linearised at rest only; linearise an equilibrium, set the \
              bodies' velocities to zero, or follow the motion in time",

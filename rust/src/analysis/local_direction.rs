@@ -10,9 +10,8 @@ use crate::analysis::linearize::{Linearization, Setting};
 use crate::model::geometry::Geometry;
 use crate::model::tables::{ElementKind, Tables};
 use crate::spatial::{M3, Pose, Six, V3};
-use crate::system::connector::{
-    Interaction, Numbers, Wanted, add_tangent, add_wrench, interaction,
-};
+use crate::system::connector::{Interaction, Numbers, Wanted, interaction};
+use crate::system::path::{add_tangent, add_wrench};
 use crate::system::placement::{Placement, place};
 use crate::system::topology::{Connector, Owner, Topology};
 

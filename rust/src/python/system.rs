@@ -61,6 +61,7 @@ pub fn effects(without: &[String]) -> Result<Effects> {
             "constraint-force-stiffness" => effects.constraint_force_stiffness = false,
             "friction" => effects.friction = false,
             "contact" => effects.contact = false,
+            "nonholonomic" => effects.nonholonomic = false,
             // harmonic balance adds the laws themselves
             "law-slopes" => effects.law_slopes = false,
             // belong to other analyses: nothing to leave out here

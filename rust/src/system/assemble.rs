@@ -11,10 +11,10 @@ use crate::model::tables::LENGTH_GIVEN;
 use crate::run::Counts;
 use crate::spatial::{Real, Six, absent};
 use crate::system::connector::{
-    Numbers, Wanted, add_tangent, add_wrench, constraint_interaction, constraint_rows, interaction,
-    load_interaction, path,
+    Numbers, Wanted, constraint_interaction, constraint_rows, interaction, load_interaction,
 };
 use crate::system::inertia::{InertiaInput, add_inertia, ground_coupling};
+use crate::system::path::{add_tangent, add_wrench, path};
 use crate::system::placement::Placement;
 use crate::system::topology::{Connector, Owner, Topology};
 
@@ -31,6 +31,7 @@ pub struct Effects {
     pub law_slopes: bool,
     pub friction: bool,
     pub contact: bool,
+    pub nonholonomic: bool,
 }
 
 impl Effects {
@@ -44,6 +45,7 @@ impl Effects {
         law_slopes: true,
         friction: true,
         contact: true,
+        nonholonomic: true,
     };
 
     /// Which forces of connectors and loads act.

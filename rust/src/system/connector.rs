@@ -1,88 +1,20 @@
-//! Forces and tangents of everything between two markers, along the path of tree coordinates that moves one against the other.
+//! Forces and tangents of everything between two markers.
 //!
-//! A connector is invariant under common rigid motion, so only the coordinates between its two bodies feel it. With the wrench W
-//! on b about the fixed point where p_B is now, and its tangent by the relative twist, dW = K xi + C xi', the tree coordinates
-//! i, j on the path with signs s (+ on b's side, - on a's) and twists S at that point get
-//! ```text
-//! tau_i    = -s_i S_i . W
-//! K_ij     = -s_i S_i . K (s_j S_j) - s_i (S_j x S_i) . W   [j carries i]   - s_i S_i . (S_j x* W)   [j on a's side]
-//! D_ij     = -s_i S_i . C (s_j S_j)
-//! ```
-//! Constraint rows are connectors whose force is the multiplier.
+//! A connector makes a wrench W on b about the fixed point where p_B is now, and the opposite on a. Its tangent by the relative
+//! twist xi is dW = K xi + C xi' with K = -sum g k g^T (kept as the gradients g and k, so that what has no stiffness has none but
+//! for rounding of single products) and terms proportional to the force. Constraint rows are connectors whose force is the
+//! multiplier. `path` spreads both over the tree coordinates.
 use nalgebra::DMatrix;
 
-use crate::kinematics::relative::Relative;
+use crate::kinematics::relative::{Relative, Row};
 use crate::laws::Law;
 use crate::model::geometry::{Geometry, MarkerPair};
 use crate::model::joint::{Coordinate, JointKind};
-use crate::model::tables::BodyRef;
+use crate::model::tables::{BodyRef, ElementKind};
 use crate::spatial::{Map6, Pose, Real, Six, V3, absent, skew};
 use crate::system::connector_force::response;
 use crate::system::placement::{Placement, marker_pose};
 use crate::system::topology::{Connector, Natural, Owner, Topology};
-
-/// One tree coordinate on the way between two bodies.
-#[derive(Debug, Clone, Copy)]
-pub struct PathEntry<T: Real> {
-    pub dof: usize,
-    pub on_b: bool,
-    pub s: Six<T>,
-    node: usize,
-    stage: usize,
-    order: usize,
-}
-
-impl<T: Real> PathEntry<T> {
-    /// The relative twist of b against a that this coordinate makes.
-    pub fn signed(&self) -> Six<T> {
-        if self.on_b { self.s } else { -self.s }
-    }
-
-    /// Does `other` carry this coordinate's axis?
-    fn carried_by(&self, other: &Self) -> bool {
-        self.on_b == other.on_b
-            && other.order > self.order
-            && (other.node != self.node || other.stage < self.stage)
-    }
-}
-
-/// The coordinates that move b against a, each with its twist at `point`.
-pub fn path<T: Real>(
-    topology: &Topology,
-    placement: &Placement<T>,
-    a: BodyRef,
-    b: BodyRef,
-    point: &V3<T>,
-) -> Vec<PathEntry<T>> {
-    let mut entries = Vec::new();
-    let (mut i, mut j) = (topology.node(a), topology.node(b));
-    let depth = |node: Option<usize>| node.map_or(-1, |n| topology.nodes[n].depth as i64);
-    while i != j {
-        let on_b = depth(j) >= depth(i);
-        let side = if on_b { &mut j } else { &mut i };
-        let Some(node) = *side else { break };
-        let spec = &topology.nodes[node];
-        let arm = point - placement.pose[node].p;
-        // outermost stage first, so that what carries an axis always comes later
-        for stage in [1, 0] {
-            for dof in (spec.first..spec.first + spec.n)
-                .filter(|d| topology.dofs[*d].freedom.stage == stage)
-            {
-                let order = entries.len();
-                entries.push(PathEntry {
-                    dof,
-                    on_b,
-                    s: placement.column[dof].motion_at(&arm),
-                    node,
-                    stage,
-                    order,
-                });
-            }
-        }
-        *side = spec.parent;
-    }
-    entries
-}
 
 /// A wrench on b about the current place of p_B (world axes), the opposite on a; tangents where they were asked for.
 #[derive(Debug, Clone)]
@@ -93,8 +25,24 @@ pub struct Interaction<T: Real> {
     pub wrench: Six<T>,
     /// does its force depend on the rate?
     pub damped: bool,
+    /// gradients of the coordinates (world axes) with their slopes; None of given forces
+    pub elastic: Option<Elastic<T>>,
+    /// K without the elastic part, and C
     pub tangent: Option<(Map6<T>, Map6<T>)>,
 }
+
+/// Slopes of up to six forces by as many coordinates and their rates.
+#[derive(Debug, Clone)]
+pub struct Elastic<T: Real> {
+    pub gradients: Vec<Six<T>>,
+    pub k: [[T; 6]; 6],
+    pub c: [[T; 6]; 6],
+}
+
+/// Differences of places are known to this part of the places, after the rotations along a short path.
+const ROUNDING: f64 = 32.0 * f64::EPSILON;
+/// Ends closer than this part of the characteristic length have no direction between them.
+const COLLAPSED: f64 = 1e-12;
 
 /// The numbers of the model and what its laws remember.
 #[derive(Debug, Clone, Copy)]
@@ -203,11 +151,17 @@ pub fn motion_of<T: Real>(
         connector.b,
         pair_of(geometry, connector.owner),
     );
-    let rows = connector.coordinates.iter().map(|c| here.relative.row(*c));
+    let rows: Vec<_> = connector
+        .coordinates
+        .iter()
+        .map(|c| here.relative.row(*c))
+        .collect();
     let rate = |g: &Six<T>| here.twist.as_ref().map_or_else(T::zero, |v| g.dot(v));
-    let mut all: Vec<_> = rows.map(|r| (r.e, rate(&r.g))).collect();
-    offset_natural(connector, geometry, x, &mut all[0].0);
-    all
+    let e = strains(connector, geometry, x, &here, &rows);
+    e.into_iter()
+        .zip(&rows)
+        .map(|(e, r)| (e, rate(&r.g)))
+        .collect()
 }
 
 /// The force of an element or joint spring, and its tangents.
@@ -227,8 +181,7 @@ pub fn interaction<T: Real>(
         .iter()
         .map(|c| here.relative.row(*c))
         .collect();
-    let mut e: Vec<T> = rows.iter().map(|r| r.e).collect();
-    offset_natural(connector, geometry, numbers.x, &mut e[0]);
+    let e = strains(connector, geometry, numbers.x, &here, &rows);
     let rates: Option<Vec<T>> = here
         .twist
         .as_ref()
@@ -246,10 +199,7 @@ pub fn interaction<T: Real>(
         let (mut k, mut c) = (Map6::zero(), Map6::zero());
         for i in 0..n {
             for j in 0..n {
-                let (kij, cij) = (response.k[i][j], response.c[i][j]);
-                if !absent(&kij) {
-                    k.add_outer(&rows[i].g, &rows[j].g, -kij);
-                }
+                let cij = response.c[i][j];
                 if response.damped && !absent(&cij) {
                     c.add_outer(&rows[i].g, &rows[j].g, -cij);
                     if let Some(v) = here.twist.as_ref() {
@@ -271,12 +221,18 @@ pub fn interaction<T: Real>(
         }
         (k.rotated(&here.a.r), c.rotated(&here.a.r))
     });
+    let elastic = wanted.tangent.then(|| Elastic {
+        gradients: rows.iter().map(|r| r.g.rotated(&here.a.r)).collect(),
+        k: response.k,
+        c: response.c,
+    });
     Interaction {
         a: connector.a,
         b: connector.b,
         point: here.b.p,
         wrench: wrench.rotated(&here.a.r),
         damped: response.damped,
+        elastic,
         tangent,
     }
 }
@@ -335,10 +291,13 @@ pub fn coordinate_tangent(
 ) -> CoordinateTangent {
     let pair = pair_of(geometry, connector.owner);
     let here = local(topology, placement, connector.a, connector.b, pair);
-    let rows = connector.coordinates.iter().map(|c| here.relative.row(*c));
-    let (mut e, gradients): (Vec<f64>, Vec<_>) =
-        rows.map(|r| (r.e, r.g.rotated(&here.a.r))).unzip();
-    offset_natural(connector, geometry, numbers.x, &mut e[0]);
+    let rows: Vec<_> = connector
+        .coordinates
+        .iter()
+        .map(|c| here.relative.row(*c))
+        .collect();
+    let gradients = rows.iter().map(|r| r.g.rotated(&here.a.r)).collect();
+    let e = strains(connector, geometry, numbers.x, &here, &rows);
     let slopes = response(connector, numbers.x, numbers.memory, &e, None, wanted);
     CoordinateTangent {
         point: here.b.p,
@@ -378,6 +337,57 @@ fn add_geometric<T: Real>(
     }
     // the point of the wrench moves with b
     k.al -= skew(&wrench.l);
+}
+
+/// The name of a spring or rod whose two ends are in one place.
+pub fn collapsed<'t>(
+    topology: &'t Topology,
+    geometry: &Geometry<f64>,
+    placement: &Placement<f64>,
+    length: f64,
+) -> Option<&'t str> {
+    let tables = &topology.tables;
+    let apart = |a, b, pair: &MarkerPair<f64>| {
+        let pa = marker_pose(topology, &placement.pose, a, &pair.a);
+        let pb = marker_pose(topology, &placement.pose, b, &pair.b);
+        (pb.p - pa.p).norm()
+    };
+    let springs = tables.elements.iter().zip(&geometry.elements);
+    let rods = tables.joints.iter().zip(&geometry.joints);
+    let spring = springs
+        .filter(|(e, _)| e.kind == ElementKind::SpringDamper)
+        .find(|(e, pair)| apart(e.a, e.b, pair) <= COLLAPSED * length)
+        .map(|(e, _)| e.name.as_str());
+    spring.or_else(|| {
+        rods.filter(|(j, _)| j.kind == JointKind::Distance)
+            .find(|(j, pair)| apart(j.a, j.b, pair) <= COLLAPSED * length)
+            .map(|(j, _)| j.name.as_str())
+    })
+}
+
+/// Displacements from the natural state. What is rounding of the places it is the difference of is exactly zero, so that a
+/// spring at its drawn length carries no force.
+fn strains<T: Real>(
+    connector: &Connector,
+    geometry: &Geometry<T>,
+    x: &[T],
+    here: &Local<T>,
+    rows: &[Row<T>],
+) -> Vec<T> {
+    let mut all: Vec<T> = rows.iter().map(|r| r.e).collect();
+    offset_natural(connector, geometry, x, &mut all[0]);
+    let far = |p: &V3<T>| p.iter().map(|v| v.re().abs()).fold(0.0, f64::max);
+    let reach = far(&here.a.p) + far(&here.b.p) + far(&here.relative.u);
+    for (e, coordinate) in all.iter_mut().zip(&connector.coordinates) {
+        let place = match coordinate {
+            Coordinate::Translation(_) | Coordinate::Length => reach,
+            _ => 1.0,
+        };
+        if e.re().abs() <= ROUNDING * place {
+            *e -= T::from(e.re());
+        }
+    }
+    all
 }
 
 fn offset_natural<T: Real>(connector: &Connector, geometry: &Geometry<T>, x: &[T], e: &mut T) {
@@ -431,6 +441,7 @@ pub fn constraint_interaction<T: Real>(
         point: here.b.p,
         wrench: wrench.rotated(&here.a.r),
         damped: false,
+        elastic: None,
         tangent,
     }
 }
@@ -488,85 +499,7 @@ pub fn load_interaction<T: Real>(
         point: pose.p + pose.r * local,
         wrench,
         damped: false,
+        elastic: None,
         tangent,
-    }
-}
-
-/// The path formula of the module's head, added to K and D.
-pub fn add_tangent<T: Real>(
-    topology: &Topology,
-    placement: &Placement<T>,
-    interaction: &Interaction<T>,
-    geometric: bool,
-    stiffness: &mut DMatrix<T>,
-    mut damping: Option<&mut DMatrix<T>>,
-) {
-    let Some((k, c)) = &interaction.tangent else {
-        return;
-    };
-    let entries = path(
-        topology,
-        placement,
-        interaction.a,
-        interaction.b,
-        &interaction.point,
-    );
-    let moving_b = placement.velocity.as_ref().map(|velocity| {
-        let at = |node: usize| {
-            velocity.body[node].motion_at(&(interaction.point - placement.pose[node].p))
-        };
-        topology.node(interaction.b).map_or_else(Six::zero, at)
-    });
-    let turned = geometric && !interaction.wrench.is_absent();
-    for j in &entries {
-        let signed = j.signed();
-        let mut dw = k.apply(&signed);
-        if turned && !j.on_b {
-            dw += j.s.cross_force(&interaction.wrench);
-        }
-        let dv = c.apply(&signed);
-        if damping.is_some()
-            && let (Some(velocity), Some(vb)) = (placement.velocity.as_ref(), moving_b.as_ref())
-        {
-            let arm = interaction.point - placement.pose[j.node].p;
-            let relative = *vb - velocity.before[j.dof].motion_at(&arm);
-            let change = j.s.cross_motion(&relative);
-            dw += c.apply(&if j.on_b { change } else { -change });
-        }
-        for i in &entries {
-            let si = i.signed();
-            let mut kij = si.dot(&dw);
-            if turned && i.carried_by(j) {
-                let ds = j.s.cross_motion(&i.s);
-                kij += if i.on_b {
-                    ds.dot(&interaction.wrench)
-                } else {
-                    -ds.dot(&interaction.wrench)
-                };
-            }
-            stiffness[(i.dof, j.dof)] -= kij;
-            if let Some(damping) = damping.as_deref_mut() {
-                damping[(i.dof, j.dof)] -= si.dot(&dv);
-            }
-        }
-    }
-}
-
-/// Add the wrenches of an interaction to the bodies' sums, each about the body's centre of mass.
-pub fn add_wrench<T: Real>(
-    topology: &Topology,
-    placement: &Placement<T>,
-    interaction: &Interaction<T>,
-    sums: &mut [Six<T>],
-) {
-    if let Some(n) = topology.node(interaction.b) {
-        sums[n] += interaction
-            .wrench
-            .wrench_at(&(placement.pose[n].p - interaction.point));
-    }
-    if let Some(n) = topology.node(interaction.a) {
-        sums[n] += -interaction
-            .wrench
-            .wrench_at(&(placement.pose[n].p - interaction.point));
     }
 }

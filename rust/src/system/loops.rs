@@ -13,6 +13,8 @@ use crate::system::topology::{ConstraintRow, Level, Topology};
 
 /// Singular values below this part of the largest count as zero, and those between it and its square root are suspicious.
 const RANK_TOLERANCE: f64 = 1e-9;
+/// Columns whose lengths differ by less are equally good pivots.
+const TIE: f64 = 1e-6;
 
 #[derive(Debug, Clone)]
 pub struct Loops {
@@ -47,21 +49,35 @@ fn to_faer(m: &DMatrix<f64>) -> Mat<f64> {
     Mat::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)])
 }
 
-/// Column-pivoted QR: the pivot order and the rank.
+/// Column-pivoted QR: the pivot order and the rank. Of columns as long as each other the first is taken, so that neither rounding
+/// nor units choose.
 fn pivots(m: &DMatrix<f64>) -> (Vec<usize>, usize) {
-    if m.is_empty() {
-        return ((0..m.ncols()).collect(), 0);
+    let (mut a, n) = (m.clone(), m.ncols());
+    let mut order: Vec<usize> = (0..n).collect();
+    let mut first = 0.0;
+    for k in 0..n {
+        let lengths: Vec<f64> = (k..n).map(|j| a.column(j).norm()).collect();
+        let longest = lengths.iter().copied().fold(0.0, f64::max);
+        first = f64::max(first, longest);
+        if k == m.nrows() || longest <= RANK_TOLERANCE * first.max(f64::MIN_POSITIVE) {
+            return (order, k);
+        }
+        let tied = lengths.iter().position(|l| *l >= (1.0 - TIE) * longest);
+        let chosen = k + tied.unwrap_or(0);
+        // the others keep their order
+        order[k..=chosen].rotate_right(1);
+        for j in (k..chosen).rev() {
+            a.swap_columns(j, j + 1);
+        }
+        let q = a.column(k) / a.column(k).norm();
+        for j in k + 1..n {
+            for _ in 0..2 {
+                let part = q.dot(&a.column(j));
+                a.column_mut(j).axpy(-part, &q, 1.0);
+            }
+        }
     }
-    let qr = to_faer(m).col_piv_qr();
-    let (forward, _) = qr.P().arrays();
-    let order = forward.to_vec();
-    let r = qr.R();
-    let size = m.nrows().min(m.ncols());
-    let first = r[(0, 0)].abs();
-    let rank = (0..size)
-        .take_while(|k| r[(*k, *k)].abs() > RANK_TOLERANCE * first.max(f64::MIN_POSITIVE))
-        .count();
-    (order, rank)
+    (order, n)
 }
 
 impl Loops {

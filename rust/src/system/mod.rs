@@ -4,7 +4,8 @@
 //! topology    spanning tree, tree coordinates, cut rows, connectors   (once per structure)
 //! placement   poses and motion columns of a state                      (per state)
 //! inertia     M and the velocity and gravity terms, by recursion       (per state)
-//! connector   forces and tangents of elements and constraints, along their paths
+//! connector   forces and tangents of elements and constraints
+//! path        the same in tree coordinates, along the way between two bodies
 //! sparse      everything once more in absolute coordinates, for thousands of bodies
 //! loops       rank, dependent coordinates, the transformation B''
 //! ```
@@ -13,6 +14,7 @@ pub mod connector;
 pub mod connector_force;
 pub mod inertia;
 pub mod loops;
+pub mod path;
 pub mod placement;
 pub mod sparse;
 pub mod topology;

@@ -471,12 +471,12 @@ impl Builder<'_> {
                     counts.add("preload stiffness", 1);
                 }
             }
-            for load in 0..topology.tables.loads.len() {
-                let acting = load_interaction(topology, geometry, placement, load, wanted);
-                if let Some((k, _)) = acting.tangent {
-                    self.add_interaction(&acting, &k);
-                    counts.add("load tangents", 1);
-                }
+        }
+        for load in 0..topology.tables.loads.len() {
+            let acting = load_interaction(topology, geometry, placement, load, Wanted::GEOMETRY);
+            if let Some((k, _)) = acting.tangent {
+                self.add_interaction(&acting, &k);
+                counts.add("load tangents", 1);
             }
         }
         if effects.constraint_force_stiffness {
