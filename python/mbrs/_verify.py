@@ -7,7 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from . import _condensation
+from . import _condensation, _midpoint
+
+LARGEST_EXPLICIT = 60
+HALVINGS = 7
+INSTANTS = 256
 
 
 def distance(solution: Any, rtol: float) -> float:
@@ -15,11 +19,13 @@ def distance(solution: Any, rtol: float) -> float:
     from scipy.integrate import solve_ivp
 
     system = solution.system
-    t = np.linspace(0, solution.period, 257)
-    x, v = solution.displacement(t), solution.velocity(t)
-    if any(law.has_memory for law in system.elements):
-        return _distance_with_sliders(solution, t, x, v, rtol)
+    if system.n > LARGEST_EXPLICIT or any(law.has_memory for law in system.elements):
+        load = load_of(system, [(h, h * solution.omega, f) for h, f in _terms(solution.force)])
+        histories = _histories(solution, solution.period)
+        return _by_midpoint(solution, load, float(solution.omega), solution.period, 1, histories)
     rate = first_order(system, solution.force, solution.omega)
+    t = np.linspace(0, solution.period, INSTANTS + 1)
+    x, v = solution.displacement(t), solution.velocity(t)
     size = max(np.max(np.abs(x)), np.finfo(float).tiny)
     scale = np.concatenate([np.full(system.n, size), np.full(system.n, max(np.max(np.abs(v)), np.finfo(float).tiny))])
     start = np.concatenate([x[:, 0], v[:, 0]])
@@ -29,109 +35,19 @@ def distance(solution: Any, rtol: float) -> float:
     return float(np.max(np.abs(motion.y[: system.n] - x)) / size)
 
 
-class Sliders:
-    """All sliders of a system: element ``w``, stiffness ``k`` and slip force ``f`` of each."""
-
-    def __init__(self, laws: Any) -> None:
-        pairs = [(law.w, law.numbers()) for law in laws if law.has_memory]
-        self.w = np.array([w for w, numbers in pairs for _ in range(len(numbers) // 2)])
-        self.k = np.array([k for _, numbers in pairs for k in numbers[0::2]])
-        self.f = np.array([f for _, numbers in pairs for f in numbers[1::2]])
-
-    def follow(self, x: np.ndarray) -> np.ndarray:
-        """Places after the displacements x (dof, n_t), from the middle: they are dragged where the spring would exceed
-        the slip force."""
-        z = np.zeros(len(self.k))
-        for u in (self.w @ x).T:
-            reach = self.f / self.k
-            z = np.clip(z, u - reach, u + reach)
-        return z
-
-
-def _distance_with_sliders(solution: Any, t: np.ndarray, x: np.ndarray, v: np.ndarray, rtol: float) -> float:
-    """The sliders begin where two periods of the solution take them; slip holds at +-f until the motion turns."""
-    from scipy.integrate import solve_ivp
-
-    system = solution.system
-    sliders = Sliders(system.elements)
-    others = _Without(system, [law for law in system.elements if not law.has_memory])
-    free = first_order(others, solution.force, solution.omega)
-    inverse = np.linalg.inv(_condensation.dense(system)[0])
-    n = system.n
-    fine = solution.displacement(np.linspace(0, solution.period, 8193))
-    z = sliders.follow(np.concatenate([fine, fine], axis=1))
-    tiny = np.finfo(float).tiny
-    size, speed = max(float(np.max(np.abs(x))), tiny), max(float(np.max(np.abs(v))), tiny)
-    slip = _slips(sliders, z, x[:, 0], v[:, 0])
-    state, now, worst = np.concatenate([x[:, 0], v[:, 0], z]), 0.0, 0.0
-    scale = np.concatenate([np.repeat([size, speed], n), np.full(len(z), size)])
-
-    while now < t[-1]:
-
-        def rate(s: float, y: np.ndarray, slip: np.ndarray = slip) -> np.ndarray:
-            u, du = sliders.w @ y[:n], sliders.w @ y[n : 2 * n]
-            force = np.where(slip, np.sign(u - y[2 * n :]) * sliders.f, sliders.k * (u - y[2 * n :]))
-            out = free(s, y[: 2 * n])
-            out[n:] -= inverse @ (sliders.w.T @ force)
-            return np.concatenate([out, np.where(slip, du, 0.0)])
-
-        def margin(y: np.ndarray, slip: np.ndarray = slip) -> np.ndarray:
-            u, du = sliders.w @ y[:n], sliders.w @ y[n : 2 * n]
-            spring = sliders.k * (u - y[2 * n :])
-            return np.where(slip, du * np.sign(spring) / speed, 1.0 - np.abs(spring) / sliders.f)
-
-        switches = [_Switch(margin, i) for i in range(len(z))]
-        after = t[t > now]
-        run = solve_ivp(rate, (now, t[-1]), state, method="DOP853", t_eval=after, rtol=rtol, atol=rtol * scale,
-                        events=switches)  # fmt: skip
-        if run.status < 0:
-            return float("inf")
-        if len(run.t):
-            there = np.searchsorted(t, run.t)
-            worst = max(worst, float(np.max(np.abs(run.y[:n] - x[:, there]))))
-        if run.status == 0:
-            break
-        met = np.array([len(times) > 0 for times in run.t_events])
-        state, arrived = run.y_events[int(np.argmax(met))][0], float(run.t_events[int(np.argmax(met))][0])
-        now = arrived if arrived > now else np.nextafter(now, np.inf)
-        # sliders that move alike switch together, up to the last digits
-        left, driven = margin(state), _slips(sliders, state[2 * n :], state[:n], state[n : 2 * n])
-        slip = slip ^ (met | (slip & (left <= 1e-13)) | (~slip & (left <= 0.0) & driven))
-    return worst / size
-
-
-def _slips(sliders: Sliders, z: np.ndarray, x: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Which sliders are at their limit and driven further."""
-    spring = sliders.k * (sliders.w @ x - z)
-    return (np.abs(spring) >= sliders.f * (1 - 1e-9)) & (spring * (sliders.w @ v) > 0)
-
-
-class _Switch:
-    """An event for SciPy's integrator: the margin of one slider passes zero."""
-
-    terminal, direction = True, -1.0
-
-    def __init__(self, margin: Any, i: int) -> None:
-        self.margin, self.i = margin, i
-
-    def __call__(self, t: float, y: np.ndarray) -> float:
-        return float(self.margin(y)[self.i])
-
-
-class _Without:
-    """A system with fewer elements."""
-
-    def __init__(self, system: Any, elements: list[Any]) -> None:
-        self.M, self.C, self.K, self.n = system.M, system.C, system.K, system.n
-        self.G, self.N = getattr(system, "G", None), getattr(system, "N", None)
-        self.elements = elements
-
-
 def distance_on_torus(solution: Any, cycles: float, rtol: float) -> float:
     """The same for a quasi-periodic solution, over a number of its longest base periods."""
     from scipy.integrate import solve_ivp
 
     system = solution.system
+    length = cycles * 2 * np.pi / np.min(solution.omega)
+    if system.n > LARGEST_EXPLICIT:
+        terms = [(1, w, np.asarray(f["force"], complex)) for f, w in zip(solution.forces, solution.omega, strict=True)]
+        load = load_of(system, terms, solution.static)
+        turns = int(np.ceil(cycles * np.max(solution.omega) / np.min(solution.omega)))
+        return _by_midpoint(
+            solution, load, float(solution.omega[0]), length, turns, [np.zeros(0)] * len(system.elements)
+        )
     free = first_order(system, {0: np.zeros(system.n)}, float(solution.omega[0]))
     inverse = np.linalg.inv(_condensation.dense(system)[0])
     static = np.zeros(system.n) if solution.static is None else np.asarray(solution.static, float)
@@ -141,7 +57,7 @@ def distance_on_torus(solution: Any, cycles: float, rtol: float) -> float:
         f = sum(((a * np.exp(1j * w * t)).real for a, w in sources), static)
         return free(t, y) + np.concatenate([np.zeros(system.n), inverse @ f])
 
-    t = np.linspace(0, cycles * 2 * np.pi / np.min(solution.omega), 1000)
+    t = np.linspace(0, length, 1000)
     x, v = solution.displacement(t), solution.velocity(t)
     tiny = np.finfo(float).tiny
     size, speed = max(float(np.max(np.abs(x))), tiny), max(float(np.max(np.abs(v))), tiny)
@@ -149,6 +65,55 @@ def distance_on_torus(solution: Any, cycles: float, rtol: float) -> float:
     start = np.concatenate([x[:, 0], v[:, 0]])
     motion = solve_ivp(rate, (0, t[-1]), start, method="DOP853", t_eval=t, rtol=rtol, atol=rtol * scale)
     return float(np.max(np.abs(motion.y[: system.n] - x)) / size) if motion.success else float("inf")
+
+
+def _terms(force: Any) -> list[tuple[int, np.ndarray]]:
+    given = dict(force) if isinstance(force, Mapping) else {1: force}
+    return [(h, np.asarray(f, complex)) for h, f in given.items()]
+
+
+def load_of(system: Any, terms: list[tuple[int, float, np.ndarray]], static: Any = None) -> Any:
+    """f(t) = static + sum of Re a exp(i w t) for terms (h, w, a); h = 0 is static too."""
+    constant = np.zeros(system.n) if static is None else np.asarray(static, float)
+    constant = constant + sum((a.real for h, _, a in terms if h == 0), np.zeros(system.n))
+    moving = [(w, a) for h, w, a in terms if h != 0 and np.any(a != 0)]
+    return lambda t: sum(((a * np.exp(1j * w * t)).real for w, a in moving), constant)
+
+
+def _histories(solution: Any, period: float) -> list[np.ndarray]:
+    """Displacements of the elements over the period before t = 0, for those that remember them."""
+    laws = solution.system.elements
+    if not any(law.has_memory for law in laws):
+        return [np.zeros(0)] * len(laws)
+    x = solution.displacement(np.linspace(-period, 0, 4097))
+    return [law.w @ x if law.has_memory else np.zeros(0) for law in laws]
+
+
+def _by_midpoint(
+    solution: Any, load: Any, omega: float, length: float, turns: int, histories: list[np.ndarray]
+) -> float:
+    """The distance by the midpoint rule, its step halved (and extrapolated where the laws are smooth) until a distance is
+    known to two digits."""
+    system = solution.system
+    t = np.linspace(0, length, INSTANTS + 1)
+    x = solution.displacement(t)
+    v = solution.velocity(np.zeros(1))[:, 0]
+    size = max(float(np.max(np.abs(x))), np.finfo(float).tiny)
+    smooth = _midpoint.is_smooth(system.elements)
+    row: list[np.ndarray] = []
+    for level in range(HALVINGS):
+        steps = INSTANTS * turns << level
+        y = _midpoint.integrate(system, load, omega, (x[:, 0], v), (length, steps), histories, steps // INSTANTS)
+        if not np.all(np.isfinite(y)):
+            return float("inf")
+        before, row = row, [y]
+        for order, coarse in enumerate(before if smooth else before[:0]):
+            row.append(row[-1] + (row[-1] - coarse) / (4.0 ** (order + 1) - 1))
+        off = float(np.max(np.abs(row[-1] - x)))
+        change = float(np.max(np.abs(row[-1] - before[-1]))) if before else np.inf
+        if change <= 0.02 * off + 1e-11 * size:
+            break
+    return max(off, change if np.isfinite(change) else 0.0) / size
 
 
 def first_order(system: Any, force: Any, omega: float) -> Any:

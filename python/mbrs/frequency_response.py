@@ -2,331 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from . import _balance
-from ._picked import label, picked, taken, weights
-from .continuation import MEANING, Branch, Event
+from .continuation import Branch
 from .errors import ConvergenceError, ModelError
-from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of, harmonic_balance
-from .progress import Progress
-from .report import html_table, table
-from .results import Result, Stats
-
-
-@dataclass(frozen=True, eq=False)
-class FrequencyResponse(Result):
-    """A branch of periodic solutions, point by point along the curve.
-
-    Attributes
-    ----------
-    omega, level
-        (n,) excitation frequency in rad/s and factor on the forces.
-    stable
-        (n,) bool; None where stability was not asked for; numbers with nan where it cannot be told (laws with memory).
-    exponents
-        (n, 2 dof) Floquet exponents in 1/s, or None.
-    events
-        Folds, branch points, Neimark-Sacker and period-doubling points, solved for.
-    error
-        (n,) estimate from the omitted harmonics relative to the largest coefficient.
-    status
-        "converged": the end of the range was reached; "max-points", "left-at-start" (the branch came back), "stopped"
-        (the step
-        became too small), "unresolved" (the end was reached, but an error exceeds the tolerance).
-    """
-
-    omega: np.ndarray
-    level: np.ndarray
-    stable: np.ndarray | None
-    exponents: np.ndarray | None
-    events: tuple[Event, ...]
-    parts: tuple[tuple[_balance.Setup, np.ndarray, np.ndarray], ...] = field(repr=False)
-    system: Any = field(default=None, repr=False)
-    force: Any = field(default=None, repr=False)
-    branch: Branch | None = field(default=None, repr=False)
-
-    @property
-    def frequency(self) -> np.ndarray:
-        """Excitation frequency, Hz."""
-        return self.omega / (2 * np.pi)
-
-    def __len__(self) -> int:
-        return len(self.omega)
-
-    @property
-    def X(self) -> np.ndarray:
-        """(n, dof, 2H+1) coefficients [a0, a1, b1, ...], zero-padded to the largest H; built at the first use."""
-        if "X" not in self._cache:
-            top = max(setup.harmonics[-1] for setup, _, _ in self.parts)
-            out = np.zeros((len(self), self.system.n, 2 * top + 1))
-            at = 0
-            for setup, omega, y in self.parts:
-                for w, row in zip(omega, y, strict=True):
-                    X = setup.expand(row, float(w))
-                    out[at, :, : X.shape[1]] = X
-                    at += 1
-            self._cache["X"] = out
-        return self._cache["X"]
-
-    @property
-    def varies(self) -> str:
-        """What changes along the curve: "frequency" or "level"."""
-        return "level" if len(self) > 1 and np.ptp(self.omega) == 0 else "frequency"
-
-    @property
-    def connected(self) -> bool:
-        """Whether the points follow each other on one branch; a list of frequencies only gives single solutions."""
-        return self.stats.counts.get("single solutions", 0) == 0
-
-    @property
-    def multipliers(self) -> np.ndarray | None:
-        """(n, 2 dof) Floquet multipliers exp(s T) over one period of the motion, or None."""
-        if self.exponents is None:
-            return None
-        period = 2 * np.pi * self.parts[0][0].subharmonic / self.omega
-        return np.exp(self.exponents * period[:, None])
-
-    def label(self, dof: Any = 0) -> str:
-        """Name of a displacement."""
-        return label(self.system, dof, self.system.n)
-
-    def _rows_of(self, dof: Any) -> np.ndarray:
-        """(n, 2H+1) of one displacement, without the memory that all of ``X`` would take."""
-        key = f"row {dof!r}"
-        if key not in self._cache:
-            if "X" in self._cache:
-                self._cache[key] = picked(self.X, self.system, dof)
-            else:
-                top = max(setup.harmonics[-1] for setup, _, _ in self.parts)
-                out, at = np.zeros((len(self), 2 * top + 1)), 0
-                row = weights(self.system, dof, self.system.n)
-                for setup, omega, y in self.parts:
-                    for w, z in zip(omega, y, strict=True):
-                        x = taken(setup.expand(z, float(w)), row)
-                        out[at, : len(x)] = x
-                        at += 1
-                self._cache[key] = out
-        return self._cache[key]
-
-    def coefficient(self, dof: Any = 0, harmonic: int = 1) -> np.ndarray:
-        """(n,) complex amplitudes a - i b of one harmonic of one displacement.
-
-        ``dof``: number or name of a coordinate, or, of a model, a motion such as ``body.motion("z")``.
-        """
-        x = self._rows_of(dof)
-        if _balance.whole("harmonic", harmonic) == 0:
-            return x[:, 0].astype(complex)
-        if harmonic > (x.shape[1] - 1) // 2:
-            return np.zeros(len(self), complex)
-        return x[:, 2 * harmonic - 1] - 1j * x[:, 2 * harmonic]
-
-    def amplitude(self, dof: Any = 0, harmonic: int | None = 1, n_t: int = 256) -> np.ndarray:
-        """(n,) magnitude of one harmonic of one displacement; ``harmonic=None``: largest |x| over ``n_t`` instants of
-        a period."""
-        if harmonic is not None:
-            return np.abs(self.coefficient(dof, harmonic))
-        return _largest(self._rows_of(dof), n_t)
-
-    def event_amplitude(self, event: Event, dof: Any = 0, harmonic: int | None = 1) -> float:
-        """The same of the motion at an event."""
-        x = picked(event.X, self.system, dof)
-        if harmonic is None:
-            return float(_largest(x[None, :], 256)[0])
-        if 2 * harmonic >= len(x):
-            return 0.0
-        return float(abs(x[0]) if harmonic == 0 else np.hypot(x[2 * harmonic - 1], x[2 * harmonic]))
-
-    def point(self, i: int) -> PeriodicSolution:
-        """The solution number ``i`` by itself."""
-        setup = self._part_of(i)[0]
-        X = self.X[i, :, : 2 * setup.harmonics[-1] + 1]
-        return self._solution(setup, float(self.omega[i]), float(self.level[i]), X, float(self.error[i]))
-
-    def at(self, event: Event) -> PeriodicSolution:
-        """The motion at an event, as a solution by itself."""
-        if event not in self.events:
-            raise ModelError(f"{event} is not an event of this curve")
-        near = min(event.index, len(self) - 1)
-        return self._solution(self._part_of(near)[0], event.omega, event.level, event.X, float(self.error[near]))
-
-    def peak(self, dof: int = 0, harmonic: int | None = 1) -> PeriodicSolution:
-        """The solution where the amplitude of one harmonic, or with None the largest displacement, is largest: solved
-        for
-        (d amplitude / d arclength = 0) from the largest point of the curve. Only for curves over frequency."""
-        i = int(np.argmax(self.amplitude(dof, harmonic)))
-        setup, _, y = self._part_of(i)
-        if np.ptp(self.omega) == 0:
-            raise ModelError("peak() needs a curve over frequency; this one runs over the force level")
-        level = float(self.level[i])
-        dof = self._kept(dof)
-        omega, y = setup.peak(y, float(self.omega[i]), level, dof, harmonic)
-        return self._solution(setup, omega, level, setup.expand(y, omega), float(self.error[i]))
-
-    def _kept(self, dof: Any) -> int:
-        names = [self.label(i) for i in range(self.system.n)] if isinstance(dof, str) else []
-        if isinstance(dof, str) and dof in names:
-            return names.index(dof)
-        if isinstance(dof, bool) or not isinstance(dof, int | np.integer) or not -self.system.n <= dof < self.system.n:
-            raise ModelError(f"peak() takes the number or name of a coordinate, not {dof!r}")
-        return int(dof) % self.system.n
-
-    def _solution(self, setup: Any, omega: float, level: float, X: np.ndarray, error: float) -> PeriodicSolution:
-        force = _balance.scaled_force(self.force, level)
-        return PeriodicSolution(
-            X,
-            omega,
-            setup.harmonics,
-            setup.subharmonic,
-            setup.n_samples,
-            self.system,
-            force,
-            error=error,
-            stats=self.stats,
-        )
-
-    def _part_of(self, i: int) -> tuple[_balance.Setup, float, np.ndarray]:
-        i = range(len(self))[i]
-        for setup, omega, y in self.parts:
-            if i < len(omega):
-                return setup, float(omega[i]), y[i]
-            i -= len(omega)
-        raise IndexError(i)
-
-    def resume(self, max_points: int = 1000) -> FrequencyResponse:
-        """The same branch with up to ``max_points`` more points; only in the process that made it."""
-        if self.branch is None:
-            raise ModelError("only the curve that frequency_response returned can be resumed, not one that was loaded")
-        started = perf_counter()
-        follow(self.branch, len(self.branch.chunks) + _balance.integer("max_points", max_points), None)
-        return collect(self.branch, perf_counter() - started + self.stats.wall_time)
-
-    def plot(self, dof: Any = 0, harmonic: int | None = 1, ax: Any = None, label: str | None = None) -> Any:
-        """Amplitude over frequency (or level), unstable parts dashed, events marked; returns the matplotlib figure.
-
-        ``ax``, ``label``: axes to draw into, for several curves in one picture, and a name of this one.
-        """
-        from .plot.nonlinear import curve
-
-        return curve(self, dof, harmonic, ax=ax, label=label)
-
-    def plot_multipliers(self) -> Any:
-        """Floquet multipliers in the complex plane, and the largest along the curve; returns the figure."""
-        from .plot.nonlinear import multipliers
-
-        return multipliers(self)
-
-    def to_xarray(self) -> Any:
-        """Coefficients, error and stability over the points of the curve, with omega and level as coordinates."""
-        import xarray as xr
-
-        n_c = self.X.shape[2]
-        names = [str(name) for name in getattr(self.system, "coordinates", range(self.X.shape[1]))]
-        columns = ["a0", *(f"{part}{h}" for h in range(1, n_c // 2 + 1) for part in "ab")]
-        data: dict[str, Any] = {"X": (("point", "coordinate", "coefficient"), self.X), "error": ("point", self.error)}
-        if self.stable is not None:
-            data["stable"] = ("point", self.stable)
-        if self.multipliers is not None:
-            data["multiplier"] = (
-                ("point", "part", "number"),
-                np.stack([self.multipliers.real, self.multipliers.imag], 1),
-            )
-        data["event_kind"] = ("event", np.array([e.kind for e in self.events], dtype=str))
-        data["event_omega"] = ("event", np.array([e.omega for e in self.events], dtype=float))
-        data["event_level"] = ("event", np.array([e.level for e in self.events], dtype=float))
-        return xr.Dataset(
-            data,
-            {
-                "coordinate": names,
-                "coefficient": columns,
-                "omega": ("point", self.omega),
-                "frequency": ("point", self.frequency),
-                "level": ("point", self.level),
-                **({} if self.multipliers is None else {"part": ["re", "im"]}),
-            },
-            {"status": self.status, "meaning": MEANING.get(self.status.split(":")[0], "")},
-        )
-
-    def table(self, *dofs: Any) -> str:
-        """The table of ``print(curve)`` for other displacements, such as ``curve.table(body.motion("z"))``."""
-        return table(*self.rows(dofs), title=self._heading(), footer="amplitudes of the first harmonic", digits=7)
-
-    def rows(self, dofs: Sequence[Any] = ()) -> tuple[list[str], list[list[Any]]]:
-        """Columns and rows of the table: ends, largest amplitudes and events, in the order of the curve.
-
-        ``dofs``: displacements to show; by default the three coordinates that move most.
-        """
-        shown = list(dofs) or [int(i) for i in np.argsort(-self._size(), kind="stable")[:3]]
-        picks: list[tuple[float, str, Any]] = [(0, "first", None), (len(self) - 1, "last", None)]
-        for i in shown:
-            picks.append((int(np.argmax(self.amplitude(i))), f"largest {self.label(i)}", None))
-        picks += [(e.index - 0.5, e.kind, e) for e in self.events]
-        heads = ["point", "", "omega", "f [Hz]", *(f"|{self.label(i)}|" for i in shown), "error", "stable"]
-        if self.varies == "level":
-            heads[3] = "level"
-        rows = []
-        for place, name, event in sorted(dict.fromkeys(picks), key=lambda pick: pick[0]):
-            i = min(int(np.ceil(place)), len(self) - 1)
-            where = event or self
-            omega, level = (event.omega, event.level) if event else (self.omega[i], self.level[i])
-            size = [self.event_amplitude(event, d) if event else self.amplitude(d)[i] for d in shown]
-            third = float(level) if self.varies == "level" else float(where.frequency if event else self.frequency[i])
-            error = "" if event else _error_text(self.error[i])
-            rows.append(["" if event else i, name, float(omega), third, *map(float, size), error,
-                         "" if event else self._stable_word(i)])  # fmt: skip
-        return heads, rows
-
-    def _size(self) -> np.ndarray:
-        """How much each coordinate moves, (dof,)."""
-        i = int(np.argmax([np.max(np.abs(y)) for _, _, part in self.parts for y in part]))
-        setup, omega, y = self._part_of(i)
-        return np.linalg.norm(setup.expand(y, omega)[:, 1:], axis=1)
-
-    def _stable_word(self, i: int) -> str:
-        if self.stable is None or np.isnan(float(self.stable[i])):
-            return "-"
-        return "yes" if self.stable[i] else "no"
-
-    def _heading(self) -> str:
-        word = self.status.split(":")[0]
-        text = (
-            f"FrequencyResponse: {self.status} ({MEANING.get(word, '')}), {len(self)} points, "
-            f"{self.frequency.min():.6g} to {self.frequency.max():.6g} Hz, largest estimated error "
-            f"{np.nanmax(self.error):.1e}, {self.stats.wall_time * 1e3:.3g} ms"
-        )
-        if self.stable is not None and not np.any(np.isnan(np.asarray(self.stable, float))):
-            text += f", {int(np.sum(~np.asarray(self.stable, bool)))} points unstable"
-        return text
-
-    def __str__(self) -> str:
-        return self.table()
-
-    def _repr_html_(self) -> str:
-        return html_table(*self.rows(), title=self._heading(), footer="amplitudes of the first harmonic", digits=7)
-
-    @property
-    def _cache(self) -> dict[str, Any]:
-        return self.__dict__.setdefault("_built", {})
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "_built"} | {"branch": None}
-
-
-def _error_text(error: float) -> str:
-    """Below the rounding of numbers an estimate says nothing more."""
-    return "<1e-16" if error < 1e-16 else f"{error:.1e}"
-
-
-def _largest(x: np.ndarray, n_t: int) -> np.ndarray:
-    """Largest |x| over a period, from coefficients (n, 2H+1)."""
-    top = (x.shape[1] - 1) // 2
-    phase = np.outer(np.arange(1, top + 1), np.linspace(0, 2 * np.pi, n_t, endpoint=False))
-    return np.max(np.abs(x[:, :1] + x[:, 1::2] @ np.cos(phase) + x[:, 2::2] @ np.sin(phase)), axis=1)
+from .harmonic_balance import effects_of, harmonic_balance
+from .nonlinear_system import as_system
+from .response_curve import FrequencyResponse, Part, collect, follow, known_stability
+from .results import Stats
 
 
 def frequency_response(
@@ -335,8 +22,6 @@ def frequency_response(
     force: Any = None,
     inputs: Any = None,
     amplitude: Any = None,
-    at: Any = None,
-    without: Any = (),
     omega: Any = None,
     frequency: Any = None,
     level: Any = 1.0,
@@ -356,18 +41,16 @@ def frequency_response(
     events: bool = True,
     max_points: int = 10000,
     progress: bool | None = None,
+    at: Any = None,
+    without: Any = (),
 ) -> FrequencyResponse:
     """Periodic responses of M x" + C x' + K x + sum_e w_e law_e = f(t) over a range of frequencies, through folds.
 
     Parameters
     ----------
-    inputs, amplitude, at, without
-        For a `Model`: ports such as ``body.force("x")`` (another name of ``force``), their amplitudes in N or N m, the
-        state of linearisation and effects to leave out; see `harmonic_balance`.
-    system, force, harmonics, n_samples, subharmonic, condense, x0
-        As for `harmonic_balance`; ``x0`` is a guess of the first point. ``harmonics="auto"`` adds harmonics wherever
-        the error
-        exceeds ``tol``.
+    system, force, inputs, amplitude, harmonics, n_samples, subharmonic, condense, x0, at, without
+        As for `harmonic_balance`; ``x0`` is a guess of the first point. ``harmonics="auto"`` adds harmonics, and samples
+        for laws that are no polynomials, wherever the error exceeds ``tol``.
     omega, frequency
         Exactly one, in rad/s or Hz: a tuple (start, end), end below start included, is followed by continuation; a
         list or an array
@@ -386,7 +69,9 @@ def frequency_response(
     tolerance
         Of the last Newton step in that space.
     stability
-        Floquet exponents of every point by Hill's method (not for laws with memory). O((2 dof (2H+1))^3) per point.
+        Floquet exponents of every point by Hill's method (not for laws with memory), O((2 dof (2H+1))^3) per point; of
+        large condensed systems by the monodromy matrix of a reduced model (nan where there is none that has the dynamic
+        stiffness of the system).
     events
         Locate special points; Neimark-Sacker and period doubling need ``stability``.
     max_points
@@ -421,11 +106,9 @@ def frequency_response(
     >>> [f"{event.kind} {event.omega:.5f}" for event in curve.events]
     ['fold 1.26960', 'fold 1.11570']
     """
-    from .nonlinear_system import as_system
-
     started = perf_counter()
-    system, force = as_system(system, _balance.one_of(force, inputs), amplitude, at, without)
     most = _balance.integer("max_points", max_points)
+    system, force = as_system(system, force, amplitude, at, without, inputs)
     w = omega if frequency is None else frequency
     if not isinstance(w, tuple) and np.ndim(w) == 1:
         return _points(
@@ -454,71 +137,6 @@ def frequency_response(
     )
     follow(branch, most, progress)
     return collect(branch, perf_counter() - started)
-
-
-def follow(branch: Branch, most: int, progress: bool | None) -> None:
-    """Runs a branch up to so many points, with a line on a terminal about where it is."""
-    with Progress("frequency response, points", always=progress) as line:
-        while branch.status == "going" and len(branch.chunks) < most:
-            before = len(branch.chunks)
-            branch.run(most - before, 0.2)
-            line.advance(len(branch.chunks) - before, note=_note(branch) if line.due else "")
-
-
-def _note(branch: Branch) -> str:
-    """Where a branch is: frequency, amplitude, harmonics, step, events."""
-    if len(branch.chunks) == 0:
-        return branch.status
-    last = branch.point(len(branch.chunks) - 1)
-    where = f"{last.omega / (2 * np.pi):.6g} Hz"
-    if branch.parameter == "level":
-        where += f"  level {last.level:.4g}"
-    return (
-        f"{where}  |X| {float(np.max(np.abs(last.X))):.4g}  H {branch.setup.harmonics[-1]}  step {last.step:.1e}  "
-        f"events {len(branch.chunks.events)}"
-    )
-
-
-def collect(branch: Branch, wall_time: float) -> FrequencyResponse:
-    """What a branch has so far, as a result."""
-    p, error = branch.chunks.column("p"), branch.chunks.column("error")
-    over_omega = branch.parameter == "omega"
-    omega = p if over_omega else np.full(len(p), branch.omega[0])
-    level = np.full(len(p), branch.level[0]) if over_omega else p
-    limit = UNRESOLVED if branch.tol is None else branch.tol
-    status = "max-points" if branch.status == "going" else branch.status
-    if status == "converged" and not np.all(error <= limit):
-        status = "unresolved"
-    parts = [(setup, part) for setup, part in branch.chunks.parts if len(part["p"])]
-    counts = {
-        "points": len(p),
-        "corrections": branch.corrections,
-        "factorisations": branch.factorisations,
-        "monodromies": sum(part["monodromies"] for _, part in parts),
-    }
-    return FrequencyResponse(
-        omega,
-        level,
-        _stable(branch.chunks.column("stable"), branch.stability),
-        branch.chunks.exponents(),
-        tuple(branch.chunks.events),
-        tuple(
-            (setup, part["p"] if over_omega else np.full(len(part["p"]), branch.omega[0]), part["y"])
-            for setup, part in parts
-        ),
-        branch.system,
-        branch.force,
-        branch,
-        stats=Stats(wall_time, counts, effects_of(branch.system), branch.setup.route),
-        error=error,
-        status=status,
-    )
-
-
-def _stable(column: np.ndarray, asked: bool) -> np.ndarray | None:
-    if not asked:
-        return None
-    return column if np.any(np.isnan(column)) else column.astype(bool)
 
 
 def _points(
@@ -567,8 +185,9 @@ def _points(
             break
         setup = _balance.prepare(system, scaled, one.harmonics, subharmonic, one.n_samples, float(one_omega), condense)
         y = setup.start(one)
-        s = setup.core.floquet(y, [float(one_omega)])[0] if stability else None
-        parts.append((setup, np.array([one_omega]), y[None, :]))
+        s = setup.exponents(y, float(one_omega)) if stability else None
+        # the forces of this set are scaled already
+        parts.append(Part(setup, np.array([one_omega]), np.ones(1), y[None, :]))
         errors.append(one.error)
         exponents.append(s)
         stable.append(np.nan if s is None else float(np.all(s.real <= 1e-9 * one_omega / subharmonic)))
@@ -579,7 +198,7 @@ def _points(
     return FrequencyResponse(
         np.asarray(w[:n]),
         np.full(n, float(level)),
-        _stable(np.array(stable), stability),
+        known_stability(np.array(stable), stability),
         None if any(s is None for s in exponents) else np.array(exponents),
         (),
         tuple(parts),
@@ -589,7 +208,7 @@ def _points(
             perf_counter() - started,
             {"points": n, "corrections": corrections, "single solutions": n},
             effects_of(system),
-            parts[-1][0].route,
+            parts[-1].setup.route,
         ),
         error=np.array(errors),
         status=status,
