@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _core
+from . import _checks, _core
 from .errors import ModelError
 from .laws import Law
 
@@ -45,8 +45,8 @@ def linear_part(
 ) -> Linear:
     """``condense``: True, False or "auto", which condenses where the full equations are large. Without ``turn`` the
     coordinates stay what they are, whatever the laws touch."""
-    if not isinstance(condense, bool) and condense != "auto":
-        raise ModelError(f'condense must be True, False or "auto", it is {condense!r}')
+    if not isinstance(condense, bool | str) or (isinstance(condense, str) and condense != "auto"):
+        raise ModelError(f'condense must be True, False or "auto", it is {_checks.shown(condense)}')
     directions = tuple(np.asarray(law.w) for law in laws)
     touched = np.flatnonzero(np.any([w != 0 for w in directions], axis=0)) if directions else np.zeros(0, int)
     small = system.n * n_c <= WORTH_CONDENSING

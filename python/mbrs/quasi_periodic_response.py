@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _balance, _core
+from . import _balance, _checks, _core
 from ._picked import label
 from .continuation import MEANING, STATUS
 from .errors import ModelError
@@ -181,7 +181,8 @@ def quasi_periodic_response(
     problem = Torus(system, forces, harmonics, indices, static, n_samples, condense)
     name, (a, b), other = _range(scale, level)
     limit = _balance.positive("tol", UNRESOLVED if tol is None else tol)
-    most = _balance.integer("max_points", max_points)
+    most = _checks.count("max_points", max_points, 10_000_000)
+    limits = _balance.steps(step, min_step, max_step)
     branch = _balance.translated(
         _core.HbmBranch,
         problem.core,
@@ -192,11 +193,11 @@ def quasi_periodic_response(
         a,
         a,
         b,
-        predictor=predictor,
-        corrector=corrector,
-        first_step=_balance.positive("step", step),
-        least_step=_balance.positive("min_step", min_step),
-        largest_step=_balance.positive("max_step", max_step),
+        predictor=_checks.choice("predictor", predictor, ("tangent", "secant", "lagrange")),
+        corrector=_checks.choice("corrector", corrector, ("pseudo-arclength", "arclength", "moore-penrose")),
+        first_step=limits[0],
+        least_step=limits[1],
+        largest_step=limits[2],
         tolerance=_balance.positive("tolerance", tolerance),
         stability=False,
         events=True,
@@ -211,10 +212,12 @@ def quasi_periodic_response(
 
 def _range(scale: Any, level: Any) -> tuple[str, tuple[float, float], float]:
     for name, value, other in (("scale", scale, level), ("level", level, scale)):
-        if np.shape(value) == (2,):
-            ends = np.asarray(value, float)
+        if isinstance(value, tuple | list | np.ndarray) and len(np.atleast_1d(np.asarray(value, dtype=object))) == 2:
+            ends = _checks.real_array(name, value)
             if not np.all(np.isfinite(ends)) or ends[0] == ends[1] or (name == "scale" and np.any(ends <= 0)):
-                raise ModelError(f"{name} must be a range of two different finite numbers, it is {value!r}")
+                raise ModelError(
+                    f"{name} must be a range of two different finite numbers, it is {_checks.shown(value)}"
+                )
             if np.shape(other) != ():
                 break
             return name, (float(ends[0]), float(ends[1])), _balance.checked_level(other)
