@@ -53,9 +53,8 @@ class FrequencyResponse(Result):
     error
         (n,) estimate from the omitted harmonics relative to the largest coefficient.
     status
-        "converged": the end of the range was reached; "max-points", "left-at-start" (the branch came back), "stopped"
-        (the step
-        became too small), "unresolved" (the end was reached, but an error exceeds the tolerance).
+        "converged": the end of the range was reached; "max-points", "left-at-start" (the branch came back), "stopped" (the
+        step became too small; ``reason`` says why), "unresolved" (the end was reached, but an error exceeds the tolerance).
     """
 
     omega: np.ndarray
@@ -67,6 +66,7 @@ class FrequencyResponse(Result):
     system: Any = field(default=None, repr=False)
     force: Any = field(default=None, repr=False)
     branch: Branch | None = field(default=None, repr=False)
+    reason: str = ""
 
     @property
     def frequency(self) -> np.ndarray:
@@ -214,6 +214,7 @@ class FrequencyResponse(Result):
         ]
         if self.stable is not None and not np.any(np.isnan(np.asarray(self.stable, float))):
             lines[0] += f", {int(np.sum(~np.asarray(self.stable, bool)))} points unstable"
+        lines += [f"  stopped: {self.reason}"] if self.reason else []
         return "\n".join([*lines, *(f"  {event}" for event in self.events)])
 
     @property
@@ -400,6 +401,7 @@ def collected(branch: Branch, wall_time: float) -> dict[str, Any]:
         system=branch.system,
         force=branch.force,
         branch=branch,
+        reason=branch.reason,
         stats=Stats(wall_time, counts, effects_of(branch.system), branch.setup.route),
         error=error,
         status=status,
