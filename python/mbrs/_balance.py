@@ -233,6 +233,13 @@ def integer(name: str, value: Any) -> int:
     return int(value)
 
 
+def whole(name: str, value: Any) -> int:
+    """An integer from 0 on, or `ModelError`."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
+        raise ModelError(f"{name} must be an integer from 0 on, it is {value!r}")
+    return int(value)
+
+
 def needed_samples(laws: Sequence[Law], terms: Sequence[int], subharmonic: int) -> int:
     """Samples per period without aliasing into the kept terms, (p + 1) H + 1 for a law of degree p, as a fast FFT
     size."""

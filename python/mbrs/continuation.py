@@ -16,6 +16,13 @@ from .harmonic_balance import MOST_HARMONICS, first_solution
 from .nonlinear_system import as_system
 
 STATUS = {"end": "converged", "start": "left-at-start", "stalled": "stopped"}
+MEANING = {
+    "converged": "the end of the range was reached",
+    "left-at-start": "the branch came back and left the range where it began",
+    "max-points": "cut at max_points; .resume() goes on",
+    "stopped": "the step became smaller than min_step; the points so far are kept",
+    "unresolved": "the end was reached, but an estimated error exceeds the tolerance: take more harmonics",
+}
 CHUNK_SECONDS = 0.2
 
 
@@ -103,7 +110,7 @@ class Branch(Iterator[BranchPoint]):
     --------
     >>> import mbrs as mb
     >>> duffing = mb.MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[mb.Cubic(0.1, w=[1.0])])
-    >>> branch = mb.continuation.Branch(duffing, force=[0.18], omega=(0.5, 1.6))
+    >>> branch = mb.Branch(duffing, force=[0.18], omega=(0.5, 1.6))
     >>> round(next(branch).omega, 6)
     0.5
     """

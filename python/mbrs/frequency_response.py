@@ -2,235 +2,18 @@
 
 from __future__ import annotations
 
-import sys
-from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from . import _balance
-from .continuation import Branch, Event
+from .continuation import Branch
 from .errors import ConvergenceError, ModelError
-from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of, harmonic_balance
+from .harmonic_balance import effects_of, harmonic_balance
 from .nonlinear_system import as_system
-from .results import Result, Stats
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """Points that share a set of harmonics: the core's unknowns ``y`` (n, size) and where they hold."""
-
-    setup: _balance.Setup
-    omega: np.ndarray
-    level: np.ndarray
-    y: np.ndarray
-    value: np.ndarray | None = None
-
-    def __len__(self) -> int:
-        return len(self.omega)
-
-    def expanded(self, i: int) -> np.ndarray:
-        """(dof, 2H+1) of one point."""
-        value = None if self.value is None else float(self.value[i])
-        return self.setup.expand(self.y[i], float(self.omega[i]), float(self.level[i]), value)
-
-
-@dataclass(frozen=True, eq=False)
-class FrequencyResponse(Result):
-    """A branch of periodic solutions, point by point along the curve.
-
-    Attributes
-    ----------
-    omega, level
-        (n,) excitation frequency in rad/s and factor on the forces.
-    stable
-        (n,) bool; None where stability was not asked for; numbers with nan where it cannot be told (laws with memory).
-    exponents
-        (n, 2 dof) Floquet exponents in 1/s, or None; of large systems those of a reduced model, filled up with nan.
-    events
-        Folds, branch points, Neimark-Sacker and period-doubling points, solved for.
-    error
-        (n,) estimate from the omitted harmonics relative to the largest coefficient.
-    status
-        "converged": the end of the range was reached; "max-points", "left-at-start" (the branch came back), "stopped" (the
-        step became too small; ``reason`` says why), "unresolved" (the end was reached, but an error exceeds the tolerance).
-    """
-
-    omega: np.ndarray
-    level: np.ndarray
-    stable: np.ndarray | None
-    exponents: np.ndarray | None
-    events: tuple[Event, ...]
-    parts: tuple[Part, ...] = field(repr=False)
-    system: Any = field(default=None, repr=False)
-    force: Any = field(default=None, repr=False)
-    branch: Branch | None = field(default=None, repr=False)
-    reason: str = ""
-
-    @property
-    def frequency(self) -> np.ndarray:
-        """Excitation frequency, Hz."""
-        return self.omega / (2 * np.pi)
-
-    def __len__(self) -> int:
-        return len(self.omega)
-
-    @property
-    def X(self) -> np.ndarray:
-        """(n, dof, 2H+1) coefficients [a0, a1, b1, ...], zero-padded to the largest H; built at the first use."""
-        if "X" not in self._cache:
-            top = max(part.setup.harmonics[-1] for part in self.parts)
-            out = np.zeros((len(self), self.system.n, 2 * top + 1))
-            for at in range(len(self)):
-                part, i = self._part_of(at)
-                X = part.expanded(i)
-                out[at, :, : X.shape[1]] = X
-            self._cache["X"] = out
-        return self._cache["X"]
-
-    def coefficient(self, dof: int = 0, harmonic: int = 1) -> np.ndarray:
-        """(n,) complex amplitudes a - i b of one harmonic of one coordinate."""
-        X = self.X[:, dof]
-        if harmonic == 0:
-            return X[:, 0].astype(complex)
-        if not 0 < harmonic <= (X.shape[1] - 1) // 2:
-            return np.zeros(len(self), complex)
-        return X[:, 2 * harmonic - 1] - 1j * X[:, 2 * harmonic]
-
-    def amplitude(self, dof: int = 0, harmonic: int | None = 1, n_t: int = 256) -> np.ndarray:
-        """(n,) magnitude of one harmonic of one coordinate; ``harmonic=None``: largest |x| over ``n_t`` instants of a
-        period."""
-        if harmonic is not None:
-            return np.abs(self.coefficient(dof, harmonic))
-        top = (self.X.shape[2] - 1) // 2
-        phase = np.outer(np.arange(1, top + 1), np.linspace(0, 2 * np.pi, n_t, endpoint=False))
-        motion = self.X[:, dof, 1::2] @ np.cos(phase) + self.X[:, dof, 2::2] @ np.sin(phase)
-        return np.max(np.abs(motion + self.X[:, dof, :1]), axis=1)
-
-    def point(self, i: int) -> PeriodicSolution:
-        """The solution number ``i`` by itself."""
-        part, k = self._part_of(i)
-        return self._solution(
-            part.setup, float(self.omega[i]), float(self.level[i]), part.expanded(k), float(self.error[i])
-        )
-
-    def peak(self, dof: int = 0, harmonic: int | None = 1) -> PeriodicSolution:
-        """The solution where the amplitude of one harmonic, or with None the largest displacement, is largest: solved
-        for
-        (d amplitude / d arclength = 0) from the largest point of the curve. Only for curves over frequency."""
-        i = int(np.argmax(self.amplitude(dof, harmonic)))
-        part, k = self._part_of(i)
-        setup = part.setup
-        if np.ptp(self.omega) == 0:
-            raise ModelError("peak() needs a curve over frequency; this one runs over the force level")
-        level = float(part.level[k])
-        omega, y = setup.peak(part.y[k], float(self.omega[i]), level, dof, harmonic)
-        X = setup.expand(y, omega, level)
-        return self._solution(setup, omega, float(self.level[i]), X, float(self.error[i]))
-
-    def _solution(self, setup: Any, omega: float, level: float, X: np.ndarray, error: float) -> PeriodicSolution:
-        force = _balance.scaled_force(self.force, level)
-        return PeriodicSolution(
-            X,
-            omega,
-            setup.harmonics,
-            setup.subharmonic,
-            setup.n_samples,
-            self.system,
-            force,
-            error=error,
-            stats=self.stats,
-        )
-
-    def _part_of(self, i: int) -> tuple[Part, int]:
-        i = range(len(self))[i]
-        for part in self.parts:
-            if i < len(part):
-                return part, i
-            i -= len(part)
-        raise IndexError(i)
-
-    def resume(self, max_points: int = 1000) -> FrequencyResponse:
-        """The same branch with up to ``max_points`` more points; only in the process that made it."""
-        if self.branch is None:
-            raise ModelError("only the curve that frequency_response returned can be resumed, not one that was loaded")
-        started = perf_counter()
-        self.branch.run(max_points)
-        return collect(self.branch, perf_counter() - started + self.stats.wall_time)
-
-    def plot(self, dof: int = 0, harmonic: int | None = 1, ax: Any = None) -> Any:
-        """Amplitude over frequency (or level), unstable parts dashed, events marked; returns the axes."""
-        import matplotlib.pyplot as plt
-
-        ax = plt.subplots()[1] if ax is None else ax
-        over_frequency = np.ptp(self.omega) > 0
-        x = self.frequency if over_frequency else self.level
-        y = self.amplitude(dof, harmonic)
-        known = self.stable is not None and not np.any(np.isnan(np.asarray(self.stable, float)))
-        stable = np.asarray(self.stable, bool) if known else np.ones(len(x), bool)
-        for part, style in ((stable, "-"), (~stable, "--")):
-            shown = part | np.roll(part, 1) & (np.arange(len(x)) > 0)
-            ax.plot(np.where(shown, x, np.nan), np.where(shown, y, np.nan), style, color="C0")
-        for kind, marker in (("fold", "o"), ("branch-point", "s"), ("neimark-sacker", "^"), ("period-doubling", "v")):
-            found = [e for e in self.events if e.kind == kind]
-            if found:
-                where = [e.frequency if over_frequency else e.level for e in found]
-                ax.plot(where, [_amplitude(e.X, dof, harmonic) for e in found], marker, color="C1", label=kind)
-        if self.events:
-            ax.legend()
-        name = self.system.coordinates[dof] if hasattr(self.system, "coordinates") else f"x{dof}"
-        what = "largest displacement" if harmonic is None else f"harmonic {harmonic}"
-        ax.set(xlabel="frequency in Hz" if over_frequency else "force level", ylabel=f"{what} of {name}")
-        return ax
-
-    def to_xarray(self) -> Any:
-        """Coefficients, error and stability over the points of the curve, with omega and level as coordinates."""
-        import xarray as xr
-
-        n_c = self.X.shape[2]
-        names = [str(name) for name in getattr(self.system, "coordinates", range(self.X.shape[1]))]
-        columns = ["a0", *(f"{part}{h}" for h in range(1, n_c // 2 + 1) for part in "ab")]
-        data = {"X": (("point", "coordinate", "coefficient"), self.X), "error": ("point", self.error)}
-        if self.stable is not None:
-            data["stable"] = ("point", self.stable)
-        return xr.Dataset(
-            data,
-            {
-                "coordinate": names,
-                "coefficient": columns,
-                "omega": ("point", self.omega),
-                "frequency": ("point", self.frequency),
-                "level": ("point", self.level),
-            },
-            {"status": self.status},
-        )
-
-    def __str__(self) -> str:
-        lines = [
-            f"FrequencyResponse: {self.status}, {len(self)} points, "
-            f"omega {self.omega.min():.6g} to {self.omega.max():.6g} rad/s, "
-            f"largest estimated error {np.nanmax(self.error):.1e}, {self.stats.wall_time * 1e3:.1f} ms"
-        ]
-        if self.stable is not None and not np.any(np.isnan(np.asarray(self.stable, float))):
-            lines[0] += f", {int(np.sum(~np.asarray(self.stable, bool)))} points unstable"
-        lines += [f"  stopped: {self.reason}"] if self.reason else []
-        return "\n".join([*lines, *(f"  {event}" for event in self.events)])
-
-    @property
-    def _cache(self) -> dict[str, Any]:
-        return self.__dict__.setdefault("_built", {})
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "_built"} | {"branch": None}
-
-
-def _amplitude(X: np.ndarray, dof: int, harmonic: int | None) -> float:
-    if harmonic is None:
-        top = (X.shape[1] - 1) // 2
-        phase = np.outer(np.arange(1, top + 1), np.linspace(0, 2 * np.pi, 256, endpoint=False))
-        return float(np.max(np.abs(X[dof, 0] + X[dof, 1::2] @ np.cos(phase) + X[dof, 2::2] @ np.sin(phase))))
-    return float(abs(X[dof, 0]) if harmonic == 0 else np.hypot(X[dof, 2 * harmonic - 1], X[dof, 2 * harmonic]))
+from .response_curve import FrequencyResponse, Part, collect, follow, known_stability
+from .results import Stats
 
 
 def frequency_response(
@@ -257,7 +40,7 @@ def frequency_response(
     stability: bool = True,
     events: bool = True,
     max_points: int = 10000,
-    progress: bool = False,
+    progress: bool | None = None,
     at: Any = None,
     without: Any = (),
 ) -> FrequencyResponse:
@@ -294,7 +77,8 @@ def frequency_response(
     max_points
         Points after which the curve is returned with the status "max-points"; `FrequencyResponse.resume` goes on.
     progress
-        Print a line now and then.
+        A line on standard error with frequency, amplitude, harmonics, step and number of events: None shows it on a
+        terminal after a second, True always, False never.
 
     Returns
     -------
@@ -351,75 +135,8 @@ def frequency_response(
         stability=stability,
         events=events,
     )
-    while branch.status == "going" and len(branch.chunks) < most:
-        branch.run(most - len(branch.chunks), 0.5 if progress else np.inf)
-        if progress:
-            _tell(branch)
+    follow(branch, most, progress)
     return collect(branch, perf_counter() - started)
-
-
-def _tell(branch: Branch) -> None:
-    n = len(branch.chunks)
-    if n:
-        last = branch.point(n - 1)
-        top = float(np.max(np.abs(last.X)))
-        print(
-            f"{n:6d} points  omega {last.omega:.6g}  level {last.level:.4g}  |X| {top:.4g}  "
-            f"H {branch.setup.harmonics[-1]}  "
-            f"step {last.step:.1e}  events {len(branch.chunks.events)}  {branch.status}",
-            file=sys.stderr,
-        )
-
-
-def collect(branch: Branch, wall_time: float) -> FrequencyResponse:
-    """What a branch has so far, as a result."""
-    return FrequencyResponse(**collected(branch, wall_time))
-
-
-def collected(branch: Branch, wall_time: float) -> dict[str, Any]:
-    """The same as fields of a result."""
-    error = branch.chunks.column("error")
-    limit = UNRESOLVED if branch.tol is None else branch.tol
-    status = "max-points" if branch.status == "going" else branch.status
-    if status == "converged" and not np.all(error <= limit):
-        status = "unresolved"
-    chunks = [(setup, part) for setup, part in branch.chunks.parts if len(part["p"])]
-    parts = tuple(_part(branch, setup, part) for setup, part in chunks)
-    counts = {
-        "points": len(error),
-        "corrections": branch.corrections,
-        "factorisations": branch.factorisations,
-        "monodromies": sum(part["monodromies"] for _, part in chunks),
-    }
-    return dict(
-        omega=np.concatenate([part.omega for part in parts]),
-        level=np.concatenate([part.level for part in parts]),
-        stable=_stable(branch.chunks.column("stable"), branch.stability),
-        exponents=branch.chunks.exponents(),
-        events=tuple(branch.chunks.events),
-        parts=parts,
-        system=branch.system,
-        force=branch.force,
-        branch=branch,
-        reason=branch.reason,
-        stats=Stats(wall_time, counts, effects_of(branch.system), branch.setup.route),
-        error=error,
-        status=status,
-    )
-
-
-def _part(branch: Branch, setup: _balance.Setup, chunk: dict[str, Any]) -> Part:
-    p = chunk["p"]
-    omega, level = np.full(len(p), branch.omega[0]), np.full(len(p), branch.level[0])
-    if branch.parameter == "family":
-        return Part(setup, omega, level, chunk["y"], p)
-    return Part(setup, p, level, chunk["y"]) if branch.parameter == "omega" else Part(setup, omega, p, chunk["y"])
-
-
-def _stable(column: np.ndarray, asked: bool) -> np.ndarray | None:
-    if not asked:
-        return None
-    return column if np.any(np.isnan(column)) else column.astype(bool)
 
 
 def _points(
@@ -481,7 +198,7 @@ def _points(
     return FrequencyResponse(
         np.asarray(w[:n]),
         np.full(n, float(level)),
-        _stable(np.array(stable), stability),
+        known_stability(np.array(stable), stability),
         None if any(s is None for s in exponents) else np.array(exponents),
         (),
         tuple(parts),
@@ -489,7 +206,7 @@ def _points(
         force,
         stats=Stats(
             perf_counter() - started,
-            {"points": n, "corrections": corrections},
+            {"points": n, "corrections": corrections, "single solutions": n},
             effects_of(system),
             parts[-1].setup.route,
         ),

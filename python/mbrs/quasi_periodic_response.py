@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 
 from . import _balance, _core
-from .continuation import STATUS
+from ._picked import label
+from .continuation import MEANING, STATUS
 from .errors import ModelError
 from .harmonic_balance import UNRESOLVED, effects_of
 from .quasi_periodic import MOST_AUTOMATIC, QuasiPeriodicSolution, Torus
+from .report import html_table, table
 from .results import Result, Stats
 
 
@@ -39,6 +41,7 @@ class QuasiPeriodicResponse(Result):
     value: np.ndarray | None = None
     parameter: str = "scale"
     family: Callable[[float], Any] | None = field(default=None, repr=False)
+    fold_places: tuple[float, ...] = ()
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "family": None}
@@ -46,13 +49,35 @@ class QuasiPeriodicResponse(Result):
     def __len__(self) -> int:
         return len(self.scale)
 
-    def coefficient(self, dof: int = 0, index: Sequence[int] = (1, 0)) -> np.ndarray:
-        """(n,) a - i b of one term of one coordinate."""
+    def coefficient(self, dof: Any = 0, index: Sequence[int] = (1, 0)) -> np.ndarray:
+        """(n,) a - i b of one term of one displacement."""
         return np.array([self.point(i).coefficient(dof, index) for i in range(len(self))])
 
-    def amplitude(self, dof: int = 0, index: Sequence[int] = (1, 0)) -> np.ndarray:
-        """(n,) magnitude of one term of one coordinate."""
+    def amplitude(self, dof: Any = 0, index: Sequence[int] = (1, 0)) -> np.ndarray:
+        """(n,) magnitude of one term of one displacement."""
         return np.abs(self.coefficient(dof, index))
+
+    def label(self, dof: Any = 0) -> str:
+        """Name of a displacement."""
+        return label(self.system, dof, self.X.shape[1])
+
+    @property
+    def varies(self) -> str:
+        """What changes along the branch: "scale", "level", "omega0" (a base frequency), or "value"."""
+        return self.parameter
+
+    def abscissa(self) -> tuple[np.ndarray, str, np.ndarray]:
+        """What the branch is drawn over, its name, and where the folds are."""
+        name, x = self.along
+        return x, name, np.array(self.fold_places, dtype=float)
+
+    def ordinates(self, dof: Any = 0, index: Any = None) -> list[tuple[str, np.ndarray, np.ndarray]]:
+        """Name, amplitude and amplitude at the folds of the term ``index``, or of one term for each force."""
+        chosen = np.eye(self.omega.shape[1], dtype=int).tolist() if index is None else [list(index)]
+        return [
+            (f"k = {tuple(k)}", self.amplitude(dof, k), np.array([f.amplitude(dof, k) for f in self.folds]))
+            for k in chosen
+        ]
 
     def point(self, i: int) -> QuasiPeriodicSolution:
         """One solution by itself."""
@@ -61,15 +86,49 @@ class QuasiPeriodicResponse(Result):
             object.__setattr__(one, "system", self.family(float(self.value[i])))
         return one
 
-    def plot(self, dof: int = 0, index: Sequence[int] = (1, 0), ax: Any = None) -> Any:
-        """Amplitude of one term over the parameter; returns the axes."""
-        import matplotlib.pyplot as plt
+    def plot(self, dof: Any = 0, index: Sequence[int] | None = None, ax: Any = None) -> Any:
+        """Amplitude of one term, or of one for each force, over the parameter, folds marked; returns the figure."""
+        from .plot.nonlinear import torus_branch
 
-        ax = plt.subplots()[1] if ax is None else ax
-        label, x = self.along
-        ax.plot(x, self.amplitude(dof, index))
-        ax.set(xlabel=label, ylabel=f"amplitude of {tuple(index)}")
-        return ax
+        return torus_branch(self, dof, index, ax=ax)
+
+    def to_xarray(self) -> Any:
+        """Coefficients and error over the points, with scale and level as coordinates."""
+        import xarray as xr
+
+        return xr.Dataset(
+            {
+                "X": (("point", "coordinate", "coefficient"), self.X),
+                "error": ("point", self.error),
+                "index": (("term", "base"), self.indices),
+                "omega": (("point", "base"), self.omega),
+            },
+            {
+                "scale": ("point", self.scale),
+                "level": ("point", self.level),
+                "parameter": ("point", self.along[1]),
+                "coordinate": [self.label(i) for i in range(self.X.shape[1])],
+            },
+            {"status": self.status},
+        )
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: ends and folds."""
+        x, name, marks = self.abscissa()
+        moving = int(np.argmax(np.linalg.norm(self.X, axis=(0, 2))))
+        terms = self.ordinates(moving)
+        heads = ["point", name, *(f"|{self.label(moving)}|, {text}" for text, _, _ in terms), "error"]
+        rows: list[list[Any]] = [["first", float(x[0]), *(float(y[0]) for _, y, _ in terms), f"{self.error[0]:.1e}"]]
+        for i, mark in enumerate(marks):
+            rows.append(["fold", float(mark), *(float(y[i]) for _, _, y in terms), f"{self.folds[i].error:.1e}"])
+        rows.append(["last", float(x[-1]), *(float(y[-1]) for _, y, _ in terms), f"{self.error[-1]:.1e}"])
+        return heads, rows
+
+    def _heading(self) -> str:
+        return (
+            f"QuasiPeriodicResponse: {self.status} ({MEANING.get(self.status, '')}), {len(self)} points, "
+            f"{len(self.folds)} folds, largest estimated error {np.max(self.error):.1e}"
+        )
 
     @property
     def along(self) -> tuple[str, np.ndarray]:
@@ -78,37 +137,13 @@ class QuasiPeriodicResponse(Result):
             return "value", self.value
         if self.parameter.startswith("omega"):
             return f"omega[{self.parameter[5:]}]", self.omega[:, int(self.parameter[5:])]
-        return (self.parameter, self.scale if self.parameter == "scale" else self.level)
-
-    def to_xarray(self) -> Any:
-        """Coefficients and error over the points, with the index vectors of the terms."""
-        import xarray as xr
-
-        names = [str(c) for c in getattr(self.system, "coordinates", range(self.X.shape[1]))]
-        parts = np.stack([self.X[:, :, 1::2], self.X[:, :, 2::2]], axis=3)
-        return xr.Dataset(
-            {
-                "mean": (("point", "coordinate"), self.X[:, :, 0]),
-                "X": (("point", "coordinate", "term", "part"), parts),
-                "index": (("term", "base"), self.indices),
-                "error": ("point", self.error),
-            },
-            {
-                "coordinate": names,
-                "part": ["cos", "sin"],
-                "omega": (("point", "base"), self.omega),
-                "level": ("point", self.level),
-                "parameter": ("point", self.along[1]),
-            },
-            {"status": self.status},
-        )
+        return ("force level", self.level) if self.parameter == "level" else ("factor on the frequencies", self.scale)
 
     def __str__(self) -> str:
-        label, x = self.along
-        return (
-            f"QuasiPeriodicResponse: {self.status}, {len(self)} points, {label} {x.min():.6g} to {x.max():.6g}, "
-            f"{len(self.indices)} terms, {len(self.folds)} folds, largest estimated error {np.max(self.error):.1e}"
-        )
+        return table(*self.rows(), title=self._heading())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.rows(), title=self._heading())
 
 
 def quasi_periodic_response(
@@ -334,6 +369,9 @@ def _collect(
         near = float(error[min(event["before"], len(error) - 1)])
         folds.append(_solution(curve, expanded(event["y"], float(event["p"])), w, at_level, near))
     object.__setattr__(curve, "folds", tuple(folds))
+    object.__setattr__(
+        curve, "fold_places", tuple(float(e["p"]) for part in parts for e in part["events"] if e["kind"] == "fold")
+    )
     return curve
 
 
