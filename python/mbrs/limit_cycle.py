@@ -70,9 +70,9 @@ def limit_cycle(
 
     Parameters
     ----------
-    system, at, without
-        `MechanicalSystem`, or `Model` (at a state, without effects, see `nonlinear_system`), whose equilibrium is unstable,
-        or that has a cycle anyway (then give ``x0``).
+    system
+        `MechanicalSystem` (or `Model`, its geometry linearised at the state ``at``, ``without`` some effects) whose
+        equilibrium is unstable, or that has a cycle anyway (then give ``x0``).
     harmonics
         Highest harmonic H, a sequence, or "auto": as many as ``.error <= tol`` needs.
     force
