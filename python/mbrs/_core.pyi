@@ -72,7 +72,15 @@ class FrfReduction:
     @property
     def counts(self) -> dict[str, int]: ...
     def evaluate(
-        self, l: _F2, f: _F2, order_in: _Ints, d0: _F2 | None, order_out: int, omega: _F1, modes: int | None = None
+        self,
+        l: _F2,
+        f: _F2,
+        order_in: _Ints,
+        d0: _F2 | None,
+        order_out: int,
+        omega: _F1,
+        modes: int | None = None,
+        checked: bool = True,
     ) -> dict[str, Any]: ...
     def sensitivity(
         self,

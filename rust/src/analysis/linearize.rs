@@ -404,20 +404,27 @@ pub fn body_map<T: Real>(
     let topology = &*system.topology;
     let n = topology.dofs.len();
     let mut map = DMatrix::zeros(6 * topology.nodes.len(), n);
-    for (i, node) in topology.nodes.iter().enumerate() {
-        let pose = &placement.pose[i];
-        let origin = pose.p - pose.r * geometry.bodies[node.body].com;
-        let mut at = Some(i);
-        while let Some(k) = at {
-            let inner = &topology.nodes[k];
-            let arm = origin - placement.pose[k].p;
-            for d in inner.first..inner.first + inner.n {
+    let origin: Vec<_> = (topology.nodes.iter().zip(&placement.pose))
+        .map(|(node, pose)| pose.p - pose.r * geometry.bodies[node.body].com)
+        .collect();
+    let mut carried = vec![false; topology.nodes.len()];
+    for (k, joint) in topology.nodes.iter().enumerate() {
+        // parents come first, so that one pass marks all that joint k carries
+        carried[k..].fill(false);
+        carried[k] = true;
+        for i in k..topology.nodes.len() {
+            carried[i] |= topology.nodes[i].parent.is_some_and(|p| p >= k && carried[p]);
+            if !carried[i] {
+                continue;
+            }
+            let row = 6 * topology.nodes[i].body;
+            let arm = origin[i] - placement.pose[k].p;
+            for d in joint.first..joint.first + joint.n {
                 let s: Six<T> = placement.column[d].motion_at(&arm);
                 for r in 0..6 {
-                    map[(6 * node.body + r, d)] = s.get(r);
+                    map[(row + r, d)] = s.get(r);
                 }
             }
-            at = inner.parent;
         }
     }
     match loops {

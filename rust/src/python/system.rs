@@ -127,8 +127,12 @@ fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult
     out.set_item("rate", state.rate.clone().into_pyarray(py))
 }
 
+/// Column by column, as it stands: a copy of the memory.
 pub fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
-    Array2::from_shape_fn(m.shape(), |(i, j)| m[(i, j)])
+    use numpy::ndarray::ShapeBuilder;
+    let shape = m.shape();
+    Array2::from_shape_vec(shape.f(), m.as_slice().to_vec())
+        .unwrap_or_else(|_| Array2::from_shape_fn(shape, |(i, j)| m[(i, j)]))
 }
 
 fn put_linearization(
