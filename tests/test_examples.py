@@ -28,6 +28,7 @@ SCRIPTS = sorted(p.name for p in EXAMPLES.glob("*.py") if p.name not in ("refere
 SAYS = {
     "api_1_modes.py": (["15.9155", "36.7553"], ["modes.html"]),
     "api_2_loops.py": (["redundant constraints: 3 of 5", "Campbell"], []),
+    "api_3_nonlinear.py": (["fold        1.115700", "k = (2, -1)", "period 6.66328", "largest rail"], []),
     "chain.py": (["springs only", "60"], ["chain-modes.png", "chain-modes.html"]),
     "hexapod.py": (["36.7553", "k_leg"], ["hexapod-transmissibility.png", "hexapod-sensitivity.png"]),
     "ladder.py": (["redundant"], ["ladder-modes.png", "ladder-modes.html"]),

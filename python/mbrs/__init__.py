@@ -47,6 +47,9 @@ _HOME = {
     "harmonic_balance": "harmonic_balance",
     "frequency_response": "frequency_response",
     "limit_cycle": "limit_cycle",
+    "quasi_periodic": "quasi_periodic",
+    "quasi_periodic_response": "quasi_periodic_response",
+    "parameter_response": "parameter_response",
     "nonlinear_system": "nonlinear_system",
     "Cubic": "laws",
     "Polynomial1D": "laws",
@@ -58,6 +61,7 @@ _HOME = {
     "TableLaw": "laws",
     "VanDerPol": "laws",
     "VaryingStiffness": "laws",
+    "FunctionLaw": "laws",
 }
 _MODULES = ("examples", "reference", "errors", "report", "plot", "animate")
 __all__ = sorted([*_HOME, "examples"])

@@ -187,6 +187,13 @@ def integer(name: str, value: Any) -> int:
     return int(value)
 
 
+def whole(name: str, value: Any) -> int:
+    """An integer from 0 on, or `ModelError`."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
+        raise ModelError(f"{name} must be an integer from 0 on, it is {value!r}")
+    return int(value)
+
+
 def needed_samples(laws: Sequence[Law], terms: Sequence[int], subharmonic: int) -> int:
     """Samples per period without aliasing into the kept terms, (p + 1) H + 1 for a law of degree p, as a fast FFT
     size."""
@@ -277,6 +284,13 @@ def core_elements(laws: Sequence[Law], directions: Sequence[np.ndarray]) -> Any:
         [int(i) for part in index for i in part],
         [float(x) for part in weight for x in part],
     )
+
+
+def one_of(force: Any, inputs: Any) -> Any:
+    """The forces, under whichever of the two names they were given."""
+    if (force is None) == (inputs is None):
+        raise ModelError("give the forces as force= (or inputs= for ports of a model), one of the two")
+    return inputs if force is None else force
 
 
 def one_frequency(omega: Any, frequency: Any) -> Any:

@@ -15,6 +15,13 @@ from .errors import ModelError
 from .harmonic_balance import MOST_HARMONICS
 
 STATUS = {"end": "converged", "start": "left-at-start", "stalled": "stopped"}
+MEANING = {
+    "converged": "the end of the range was reached",
+    "left-at-start": "the branch came back and left the range where it began",
+    "max-points": "cut at max_points; .resume() goes on",
+    "stopped": "the step became smaller than min_step; the points so far are kept",
+    "unresolved": "the end was reached, but an estimated error exceeds the tolerance: take more harmonics",
+}
 CHUNK_SECONDS = 0.2
 
 

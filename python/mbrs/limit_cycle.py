@@ -33,6 +33,21 @@ class LimitCycle(PeriodicSolution):
         others = np.delete(self.exponents, np.argmin(np.abs(self.exponents)))
         return bool(np.all(others.real <= 1e-9 * self.omega))
 
+    @property
+    def multipliers(self) -> np.ndarray | None:
+        """(2 dof,) Floquet multipliers exp(s T), one of them 1, or None."""
+        return None if self.exponents is None else np.exp(self.exponents * self.period)
+
+    def plot_multipliers(self) -> Any:
+        """Floquet multipliers in the complex plane with the unit circle; returns the figure."""
+        from .plot.nonlinear import multipliers
+
+        return multipliers(self)
+
+    def _heading(self) -> str:
+        word = {True: "stable", False: "unstable", None: "stability unknown"}[self.stable]
+        return f"{super()._heading()}\nperiod {self.period:.10g} s, {word}"
+
 
 def limit_cycle(
     system: Any,

@@ -10,8 +10,11 @@ from typing import Any
 import numpy as np
 
 from . import _balance
+from ._picked import label, picked
+from .continuation import MEANING
 from .errors import ConvergenceError, ModelError
 from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of, harmonic_balance
+from .report import html_table, table
 from .results import Result, Stats
 
 
@@ -32,27 +35,74 @@ class ParameterResponse(Result):
     def __len__(self) -> int:
         return len(self.value)
 
-    def amplitude(self, dof: int = 0, harmonic: int = 1) -> np.ndarray:
+    def amplitude(self, dof: Any = 0, harmonic: int = 1) -> np.ndarray:
         """(n,) magnitude of one harmonic of one coordinate."""
-        if harmonic == 0:
-            return np.abs(self.X[:, dof, 0])
-        return np.hypot(self.X[:, dof, 2 * harmonic - 1], self.X[:, dof, 2 * harmonic])
+        x = picked(self.X, self._system, dof)
+        if _balance.whole("harmonic", harmonic) == 0:
+            return np.abs(x[:, 0])
+        if harmonic > (x.shape[1] - 1) // 2:
+            return np.zeros(len(x))
+        return np.hypot(x[:, 2 * harmonic - 1], x[:, 2 * harmonic])
 
-    def plot(self, dof: int = 0, harmonic: int = 1, ax: Any = None) -> Any:
-        """Amplitude over the parameter; returns the axes."""
-        import matplotlib.pyplot as plt
+    @property
+    def _system(self) -> Any:
+        return None if self.family is None else self.family(float(self.value[0]))
 
-        ax = plt.subplots()[1] if ax is None else ax
-        ax.plot(self.value, self.amplitude(dof, harmonic))
-        ax.set(xlabel="parameter", ylabel=f"harmonic {harmonic} of coordinate {dof}")
-        return ax
+    def label(self, dof: Any = 0) -> str:
+        """Name of a coordinate."""
+        return label(self._system, dof, self.X.shape[1])
+
+    def abscissa(self) -> tuple[np.ndarray, str, np.ndarray]:
+        """What the branch is drawn over, its name, and where the folds are."""
+        return self.value, "parameter", self.folds
+
+    def ordinates(self, dof: Any = 0, index: Any = None) -> list[tuple[str, np.ndarray, np.ndarray]]:
+        """Name of the harmonic, its amplitude, and at the folds that of the nearest point."""
+        harmonic = 1 if index is None else index
+        y = self.amplitude(dof, harmonic)
+        turns = np.flatnonzero(np.diff(np.sign(np.diff(self.value)))) + 1
+        near = [y[min(turns, key=lambda i: abs(self.value[i] - fold), default=0)] for fold in self.folds]
+        return [(f"harmonic {harmonic}", y, np.array(near))]
+
+    def plot(self, dof: Any = 0, harmonic: int = 1, ax: Any = None) -> Any:
+        """Amplitude over the parameter, folds marked; returns the figure."""
+        from .plot.nonlinear import torus_branch
+
+        return torus_branch(self, dof, harmonic, ax=ax)
+
+    def to_xarray(self) -> Any:
+        """Coefficients and error over the value of the parameter."""
+        import xarray as xr
+
+        return xr.Dataset(
+            {"X": (("point", "coordinate", "coefficient"), self.X), "error": ("point", self.error)},
+            {"value": ("point", self.value), "coordinate": [self.label(i) for i in range(self.X.shape[1])]},
+            {"omega": self.omega, "status": self.status},
+        )
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: ends, largest amplitude and folds, in the order of the curve."""
+        moving = int(np.argmax(np.linalg.norm(self.X, axis=(0, 2))))
+        y = self.amplitude(moving)
+        picks = sorted({0: "first", int(np.argmax(y)): "largest", len(self) - 1: "last"}.items())
+        rows: list[list[Any]] = [
+            [i, name, float(self.value[i]), float(y[i]), f"{self.error[i]:.1e}"] for i, name in picks
+        ]
+        return ["point", "", "value", f"|{self.label(moving)}|", "error"], rows + [
+            ["", "fold", float(fold), None, ""] for fold in self.folds
+        ]
+
+    def _heading(self) -> str:
+        return (
+            f"ParameterResponse: {self.status} ({MEANING.get(self.status, '')}), {len(self)} points, "
+            f"omega = {self.omega:.8g} rad/s, largest estimated error {np.max(self.error):.1e}"
+        )
 
     def __str__(self) -> str:
-        return (
-            f"ParameterResponse: {self.status}, {len(self)} points, value {self.value.min():.6g} to "
-            f"{self.value.max():.6g}, folds {np.array2string(self.folds, precision=8)}, "
-            f"largest estimated error {np.max(self.error):.1e}"
-        )
+        return table(*self.rows(), title=self._heading(), footer="amplitudes of the first harmonic")
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.rows(), title=self._heading(), footer="amplitudes of the first harmonic")
 
 
 def parameter_response(

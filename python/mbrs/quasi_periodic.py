@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 
 from . import _balance, _condensation, _core
+from ._picked import label, picked
 from .errors import ConvergenceError, MbrsWarning, ModelError
 from .harmonic_balance import UNRESOLVED, effects_of
 from .laws import Law
+from .report import html_table, table
 from .results import Result, Stats
 
 COMMENSURABLE = 1e-9
@@ -56,35 +58,56 @@ class QuasiPeriodicSolution(Result):
         """Base frequencies, Hz."""
         return self.omega / (2 * np.pi)
 
-    def coefficient(self, dof: int = 0, index: Sequence[int] = (1, 0)) -> complex:
-        """a - i b of one term; zero for a term that is not kept. The term -k is the conjugate of k."""
+    def coefficient(self, dof: Any = 0, index: Sequence[int] = (1, 0)) -> complex:
+        """a - i b of one term; zero for a term that is not kept. The term -k is the conjugate of k.
+
+        ``dof``: number or name of a coordinate, or, of a model, a motion such as ``body.motion("z")``.
+        """
+        x = picked(self.X, self.system, dof)
         k = np.asarray(index)
+        if k.shape != (len(self.omega),) or not np.issubdtype(k.dtype, np.integer):
+            raise ModelError(f"index must be {len(self.omega)} integers, one for each base frequency; it is {index!r}")
         if not k.any():
-            return complex(self.X[dof, 0])
+            return complex(x[0])
         for sign in (1, -1):
             found = np.flatnonzero(np.all(self.indices == sign * k, axis=1))
             if len(found):
-                a, b = self.X[dof, 2 * found[0] + 1 : 2 * found[0] + 3]
+                a, b = x[2 * found[0] + 1 : 2 * found[0] + 3]
                 return complex(a, -sign * b)
         return 0j
 
-    def amplitude(self, dof: int = 0, index: Sequence[int] = (1, 0)) -> float:
-        """Magnitude of one term of one coordinate."""
+    def amplitude(self, dof: Any = 0, index: Sequence[int] = (1, 0)) -> float:
+        """Magnitude of one term of one displacement."""
         return abs(self.coefficient(dof, index))
 
-    def displacement(self, t: Any) -> np.ndarray:
-        """x at the times ``t``, (dof, n_t)."""
-        return self._series(t, 0)
+    def displacement(self, t: Any, dof: Any = None) -> np.ndarray:
+        """x at the times ``t``, (dof, n_t); (n_t,) of one displacement where ``dof`` names it."""
+        return self._series(t, 0, dof)
 
-    def velocity(self, t: Any) -> np.ndarray:
-        """x' at the times ``t``, (dof, n_t)."""
-        return self._series(t, 1)
+    def velocity(self, t: Any, dof: Any = None) -> np.ndarray:
+        """x' at the times ``t``, (dof, n_t) or (n_t,)."""
+        return self._series(t, 1, dof)
 
-    def _series(self, t: Any, derivative: int) -> np.ndarray:
+    def _series(self, t: Any, derivative: int, dof: Any) -> np.ndarray:
+        X = self.X if dof is None else picked(self.X, self.system, dof)[None, :]
         rate = self.indices @ self.omega
-        c = (self.X[:, 1::2] - 1j * self.X[:, 2::2]) * (1j * rate) ** derivative
-        moving = (c @ np.exp(1j * np.outer(rate, np.atleast_1d(np.asarray(t, float))))).real
-        return moving if derivative else moving + self.X[:, :1]
+        c = (X[:, 1::2] - 1j * X[:, 2::2]) * (1j * rate) ** derivative
+        x = (c @ np.exp(1j * np.outer(rate, np.atleast_1d(np.asarray(t, float))))).real
+        x = x if derivative else x + X[:, :1]
+        return x if dof is None else x[0]
+
+    def lines(self, dof: Any = 0) -> tuple[np.ndarray, np.ndarray, list[str]]:
+        """Frequencies in Hz, amplitudes and index vectors of the terms, by frequency, the mean first."""
+        x = picked(self.X, self.system, dof)
+        f = np.append(0.0, np.abs(self.indices @ self.frequency))
+        size = np.append(abs(x[0]), np.hypot(x[1::2], x[2::2]))
+        names = ["", *("(" + ", ".join(str(int(i)) for i in k) + ")" for k in self.indices)]
+        order = np.argsort(f, kind="stable")
+        return f[order], size[order], [names[i] for i in order]
+
+    def label(self, dof: Any = 0) -> str:
+        """Name of a displacement."""
+        return label(self.system, dof, len(self.X))
 
     def verify(self, cycles: float = 20.0, rtol: float = 1e-9) -> float:
         """Integrates from the solution's own state over so many of the longest base periods and returns the largest
@@ -94,16 +117,17 @@ class QuasiPeriodicSolution(Result):
 
         return distance_on_torus(self, cycles, rtol)
 
-    def plot(self, dof: int = 0, ax: Any = None) -> Any:
-        """Spectrum: amplitude over frequency in Hz; returns the axes."""
-        import matplotlib.pyplot as plt
+    def plot(self, dof: Any = 0, ax: Any = None) -> Any:
+        """Spectrum: amplitude over frequency in Hz, the largest terms named by index; returns the figure."""
+        from .plot.nonlinear import spectrum
 
-        ax = plt.subplots()[1] if ax is None else ax
-        f = np.abs(self.indices @ self.frequency)
-        ax.stem(f, np.hypot(self.X[dof, 1::2], self.X[dof, 2::2]), basefmt=" ")
-        name = self.system.coordinates[dof] if hasattr(self.system, "coordinates") else f"x{dof}"
-        ax.set(xlabel="frequency in Hz", ylabel=f"amplitude of {name}", yscale="log")
-        return ax
+        return spectrum(self, dof, ax=ax)
+
+    def plot_orbit(self, dof: Any = 0, ax: Any = None) -> Any:
+        """Thirty cycles of the slowest force in time, and velocity over displacement; returns the figure."""
+        from .plot.nonlinear import orbit
+
+        return orbit(self, dof, ax=ax)
 
     def to_xarray(self) -> Any:
         """Coefficients over coordinate, term and part, with the index vectors of the terms."""
@@ -122,18 +146,34 @@ class QuasiPeriodicSolution(Result):
             {"error": self.error, "status": self.status},
         )
 
-    def __str__(self) -> str:
-        lines = [
+    def rows(self, most: int = 12) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: the largest terms."""
+        size = np.max(np.hypot(self.X[:, 1::2], self.X[:, 2::2]), axis=0)
+        moving = np.argsort(-np.linalg.norm(self.X, axis=1), kind="stable")[:3]
+        heads = ["k", "f [Hz]", *(f"|{self.label(int(i))}|" for i in moving)]
+        rows: list[list[Any]] = [["0", 0.0, *(float(abs(self.X[i, 0])) for i in moving)]]
+        for j in np.argsort(-size, kind="stable")[:most]:
+            k = "(" + ", ".join(str(int(i)) for i in self.indices[j]) + ")"
+            amplitude = [float(np.hypot(*self.X[i, 2 * j + 1 : 2 * j + 3])) for i in moving]
+            rows.append([f"k = {k}", float(abs(self.indices[j] @ self.frequency)), *amplitude])
+        return heads, rows
+
+    def _heading(self) -> str:
+        return (
             f"QuasiPeriodicSolution: {self.status}, omega = {', '.join(f'{w:.8g}' for w in self.omega)} rad/s, "
             f"{len(self.indices)} terms, estimated error {self.error:.1e}"
-        ]
-        size = np.max(np.hypot(self.X[:, 1::2], self.X[:, 2::2]), axis=0)
-        for j in np.argsort(-size, kind="stable")[:8]:
-            k = ", ".join(str(int(i)) for i in self.indices[j])
-            lines.append(
-                f"  k = ({k})  {abs(self.indices[j] @ self.frequency):10.6g} Hz  largest amplitude {size[j]:.6g}"
-            )
-        return "\n".join(lines)
+        )
+
+    def _footer(self) -> str | None:
+        cut = f"(the largest 12 of {len(self.indices)} terms)" if len(self.indices) > 12 else ""
+        poor = "unresolved: the estimated error exceeds the tolerance; take more harmonics"
+        return "\n".join(filter(None, [cut, poor if self.status == "unresolved" else ""])) or None
+
+    def __str__(self) -> str:
+        return table(*self.rows(), title=self._heading(), footer=self._footer())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.rows(), title=self._heading(), footer=self._footer())
 
 
 def diamond(p: int, m: int) -> np.ndarray:
