@@ -4,7 +4,8 @@
     y'_n = (25 y_n - 48 y_n-1 + 36 y_n-2 - 16 y_n-3 + 3 y_n-4) / (12 h)
 
 Rotations by their vectors seen from the new pose, theta_n-k = log(R_n^T R_n-k), whose rate at t_n is the angular
-velocity in body axes; these velocities are what is differentiated. The start is of eighth order.
+velocity in body axes; no body may turn by pi within four steps. Velocities in body axes are what is differentiated.
+The start is of eighth order.
 """
 
 from __future__ import annotations

@@ -15,19 +15,25 @@ import numpy as np
 
 from ..errors import ModelError
 from . import dynamics as dyn
-from .assembly import close_loops, partition, twist_map
-from .kinematics import State, System, advance, motion
+from .assembly import close_loops, cut_jacobian, jacobian, null_space, partition, scales, twist_map
+from .kinematics import State, System, advance, motion, tree_twists
+from .linear import pivots
 from .motion import increment_rates
 from .so3 import Array
 from .transient import History, Instant, acceleration, memory_after, with_velocity
 
 
 class Chart:
-    """Minimal coordinates around a state."""
+    """Minimal coordinates around a state: ``places`` determine poses, the fewer ``speeds`` velocities, since rows that
+    restrict velocities alone leave places free.
+    """
 
     def __init__(self, sys: System, state: State) -> None:
         self.sys, self.base, self.part = sys, state, partition(sys, state)
-        free = set(self.part.independent.tolist())
+        row, column = scales(sys, velocity=False)
+        depend = pivots(row[:, None] * jacobian(sys, state, velocity=False) * column)
+        self.places = np.setdiff1d(np.arange(sys.ny), depend)
+        free = set(self.places.tolist())
         for t in sys.tree:
             turns = range(t.stop - 3, t.stop) if t.link.kind in ("spherical", "free") else ()
             if 0 < len(free.intersection(turns)) < 3:
@@ -38,37 +44,41 @@ class Chart:
 
     @property
     def size(self) -> int:
-        return len(self.part.independent)
+        return len(self.places)
 
-    def rates(self, state: State) -> Array:
-        """y' of a state with consistent velocities."""
+    def speeds(self, state: State) -> Array:
+        """Rates of the independent coordinates in a state with consistent velocities."""
         B = twist_map(self.sys, motion(state), self.part).value
         return np.linalg.lstsq(B, dyn.twists_of(state), rcond=None)[0]
 
     def pose(self, y: Array) -> State:
         increment = np.zeros(self.sys.ny)
-        increment[self.part.independent] = y
-        return close_loops(self.sys, advance(self.sys, self.base, increment), fixed=self.part.independent)
+        increment[self.places] = y
+        return close_loops(self.sys, advance(self.sys, self.base, increment), fixed=self.places)
 
-    def state(self, y: Array, rate: Array) -> State:
-        """The state at increments y whose coordinates change at the rate (n,) of `rates`."""
+    def state(self, y: Array, speed: Array) -> State:
+        """The state at increments y of the places, with the speeds of `speeds`."""
         pose = self.pose(y)
-        return with_velocity(pose, twist_map(self.sys, motion(pose), self.part).value @ rate)
+        return with_velocity(pose, twist_map(self.sys, motion(pose), self.part).value @ speed)
 
-    def slopes(self, y: Array, rate: Array, memory: Array) -> tuple[Array, Array]:
-        """Rates of the increments and of `rate`."""
-        state = self.state(y, rate)
+    def slopes(self, y: Array, speed: Array, memory: Array) -> tuple[Array, Array]:
+        """Rates of the increments and of the speeds."""
+        state = self.state(y, speed)
         T = twist_map(self.sys, motion(state, (state.v, state.w)), self.part)
-        drift = T.derivative(1) @ rate
+        drift = T.derivative(1) @ speed
         f = dyn.applied_residual(self.sys, state, drift, memory=memory)
         M = dyn.inertia_tangents(self.sys, state, np.zeros(6 * self.sys.nb))[2]
-        return self._increment_rates(y, rate), np.linalg.solve(T.value.T @ M @ T.value, -T.value.T @ f)
+        slope = np.linalg.solve(T.value.T @ M @ T.value, -T.value.T @ f)
+        return self._increment_rates(state, y, speed), slope
 
-    def _increment_rates(self, y: Array, rate: Array) -> Array:
-        """Three rotations that act together turn by J_l^-1 of their vector; they must be independent together."""
-        increment, full = np.zeros(self.sys.ny), np.zeros(self.sys.ny)
-        increment[self.part.independent], full[self.part.independent] = y, rate
-        return increment_rates(self.sys, increment, full)[self.part.independent]
+    def _increment_rates(self, state: State, y: Array, speed: Array) -> Array:
+        """Three rotations that act together turn by J_l^-1 of their vector."""
+        bodies, increment = motion(state), np.zeros(self.sys.ny)
+        increment[self.places], rate = y, speed
+        if len(self.part.dependent):
+            J = cut_jacobian(self.sys, bodies, tree_twists(self.sys, bodies))
+            rate = null_space(J, self.part).value @ speed
+        return increment_rates(self.sys, increment, rate)[self.places]
 
 
 def tableau() -> tuple[Array, Array]:
@@ -87,8 +97,8 @@ def explicit(sys: System, start: Instant, h: float, n: int, coefficients: Any = 
     for _ in range(n):
         now = history.instants[-1]
         chart = Chart(sys, now.state)
-        rate = chart.rates(now.state)
-        dy, dv = np.zeros((len(weights), chart.size)), np.zeros((len(weights), chart.size))
+        rate = chart.speeds(now.state)
+        dy, dv = np.zeros((len(weights), chart.size)), np.zeros((len(weights), len(rate)))
         for i, row in enumerate(A):
             dy[i], dv[i] = chart.slopes(h * row[:i] @ dy[:i], rate + h * row[:i] @ dv[:i], now.memory)
         state = chart.state(h * weights @ dy, rate + h * weights @ dv)
@@ -121,7 +131,7 @@ def oracle(sys: System, start: Instant, times: Sequence[float] | Array, rtol: fl
         def slope(_: float, z: Array, chart: Chart = chart, m: int = m, memory: Array = memory) -> Array:
             return np.concatenate(chart.slopes(z[:m], z[m:], memory))
 
-        z = np.concatenate([np.zeros(m), chart.rates(now.state)])
+        z = np.concatenate([np.zeros(m), chart.speeds(now.state)])
         atol = 1e-2 * rtol * max(1.0, float(np.max(np.abs(z), initial=0.0)))
         run = solve_ivp(slope, (now.t, t), z, method="DOP853", rtol=rtol, atol=atol)
         history.instants.append(_instant(sys, t, chart.state(run.y[:m, -1], run.y[m:, -1]), memory))
