@@ -14,6 +14,9 @@ from mbrs.reference.dynamics import constraint_jacobian, twists_of
 from mbrs.reference.transient import begin, gaps
 from mbrs.tables import tables
 
+SCHEMES = dict(
+    zip(("generalized-alpha", "bdf", "explicit"), (ref.generalized_alpha, ref.bdf4, ref.explicit), strict=True)
+)
 # what each problem is integrated over here, s: plain NumPy is slow
 SHORT = {name: make().t / 10 for name, make in zoo.SMOOTH.items()}
 
@@ -31,7 +34,7 @@ def places(system, history):
 
 def run(problem, method, n, t):
     s = ref.System(tables(problem.model))
-    history = ref.simulate(s, ref.drawn_state(s), t, t / n, method)
+    history = SCHEMES[method](s, begin(s, ref.drawn_state(s)), t / n, n)
     return s, history, problem.error(history.t, places(s, history))
 
 
