@@ -486,7 +486,6 @@ mod tests {
     }
 
     #[test]
-    #[ignore = "takes the direct route since the merge: route choice to be looked at"]
     fn critical_damping_falls_back_to_hessenberg() {
         // a row of equal critically damped oscillators, each driven by the next: one defective double root
         let n = 60;
