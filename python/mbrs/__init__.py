@@ -58,8 +58,8 @@ _HOME = {
     "VanDerPol": "laws",
     "VaryingStiffness": "laws",
 }
-_MODULES = ("examples", "reference", "errors", "report", "plot", "animate")
-__all__ = sorted([*_HOME, "examples"])
+_MODULES = ("examples", "reference", "errors", "report", "plot", "animate", "matrix_calculus")
+__all__ = sorted([*_HOME, "examples", "matrix_calculus"])
 
 
 class _Package(types.ModuleType):
