@@ -63,8 +63,8 @@ _HOME = {
     "VaryingStiffness": "laws",
     "FunctionLaw": "laws",
 }
-_MODULES = ("examples", "reference", "errors", "report", "plot", "animate")
-__all__ = sorted([*_HOME, "examples"])
+_MODULES = ("examples", "reference", "errors", "report", "plot", "animate", "matrix_calculus")
+__all__ = sorted([*_HOME, "examples", "matrix_calculus"])
 
 
 class _Package(types.ModuleType):
