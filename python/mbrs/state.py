@@ -23,12 +23,15 @@ class State:
     rate
         (n_tree,) rates of the tree coordinates, or empty at rest.
     kind
-        "drawn" (sensitivities then know the given velocities), "equilibrium" (they follow it), "steady" or "given".
+        "drawn" (sensitivities then know the given velocities), "equilibrium" or "steady" (they follow it), or "given".
+    driven
+        Indices of the tree coordinates that a steady motion keeps at their speeds.
     """
 
     relative: np.ndarray
     rate: np.ndarray
     kind: str = "given"
+    driven: tuple[int, ...] = ()
 
     @property
     def moving(self) -> bool:
