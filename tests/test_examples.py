@@ -114,14 +114,7 @@ def test_transfer_function_agrees_with_the_reference(name, computed):
     assert error.max() < 1e-8
 
 
-# Modes 7 to 9 and 10, 11 are repeated by symmetry; rounding of the matrices parts them by 4e-13, which the core does not
-# take for a group, so that how they mix, and their derivatives with them, is arbitrary.
-CLOSE = pytest.mark.xfail(strict=False, reason="repeated modes that rounding parts by 4e-13 are no group to the core")
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=CLOSE) if n == "stewart_platform" else n for n in NUMBERS if CASES[n].parameters]
-)
+@pytest.mark.parametrize("name", [n for n in NUMBERS if CASES[n].parameters])
 def test_sensitivities_agree_with_the_reference(name, computed):
     _, _, modes = computed(name)
     expected, n = NUMBERS[name], len(NUMBERS[name]["frequency"])
@@ -130,8 +123,8 @@ def test_sensitivities_agree_with_the_reference(name, computed):
     assert list(labels) == expected["labels"]
     ours = np.asarray(s.frequency, dtype=float)[:n]
     # Members of a repeated group have no order of their own: compare sorted values.
-    groups = [g for g in modes.groups if g[-1] < n]
-    whole = [i for i in range(n) if not any(i in g for g in modes.groups) and modes.kind[i] != "rigid"]
+    groups = [g for g in modes.clusters if g[-1] < n]
+    whole = [i for i in range(n) if not any(i in g for g in modes.clusters) and modes.kind[i] != "rigid"]
     worst = 0.0
     for p, column in enumerate(expected["sensitivity"]):
         theirs = np.array(column, dtype=float)

@@ -58,6 +58,7 @@ def dense_modes(
     k: np.ndarray,
     n: np.ndarray | None,
     kf: np.ndarray | None,
+    mf: np.ndarray | None = None,
 ) -> dict[str, Any]: ...
 def check_sparse_model(system: System) -> None: ...
 def sparse_model_modes(
@@ -294,6 +295,7 @@ def directions(
     directions: Sequence[_Direction],
     follow: str,
     maps: bool,
+    driven: Sequence[int] = (),
 ) -> dict[str, Any]: ...
 def sparse_count(m: _Csc, k: _Csc, below: float) -> int | None: ...
 def sparse_frf(

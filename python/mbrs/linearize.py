@@ -148,6 +148,20 @@ class Linearization(Result):
             out[i] = np.block([[m * np.eye(3), -m * s], [m * s, inertia - m * s @ s]])
         return out
 
+    @property
+    def mass_factor(self) -> np.ndarray:
+        """(6 n_bodies, dof) F with M = F^T F: it keeps light bodies whose mass M adds to a heavy one's."""
+        t = self.snapshot.tables
+        x, rows = t["x"], []
+        for i, start in enumerate(t["body_x"]):
+            r = self.poses["rotation"][i]
+            xx, yy, zz, xy, xz, yz = x[start + 11 : start + 17]
+            principal, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+            twist = twist_at(self.T[6 * i : 6 * i + 6], r @ x[start + 7 : start + 10])
+            turning = (r @ axes).T @ twist[3:]
+            rows += [np.sqrt(x[start + 10]) * twist[:3], np.sqrt(np.maximum(principal, 0.0))[:, None] * turning]
+        return np.concatenate(rows)
+
     @cached_property
     def geometry(self) -> Any:
         """Bodies, springs and joints to draw, at this state."""

@@ -165,7 +165,7 @@ class LinearizationSensitivity(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EquilibriumSensitivity(Result):
-    """How an equilibrium moves: ``position`` and ``rotation`` (n_bodies, 3, n_p), world; ``coordinate`` (n_tree,
+    """How an equilibrium or a steady motion moves: ``position`` and ``rotation`` (n_bodies, 3, n_p), world; ``coordinate`` (n_tree,
     n_p).
     """
 
@@ -209,12 +209,14 @@ def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: st
     Parameters
     ----------
     result
-        Of `mb.modes`, `mb.frf`, `mb.response`, `mb.equilibrium` or `mb.linearize`, computed from a model.
+        Of `mb.modes`, `mb.frf`, `mb.response`, `mb.equilibrium`, `mb.steady_motion` or `mb.linearize`, computed from a
+        model.
     parameters
         Addresses such as "k_leg", "payload.mass", "leg0.at_b[2]", "hinge.axis" (three columns).
     equilibrium
-        "follow": a result computed at an equilibrium is differentiated with the equilibrium moving along; "hold": the
-        configuration stays as it is (but for what closing the loops needs). At other states both mean hold.
+        "follow": a result computed at an equilibrium or in a steady motion is differentiated with it moving along, the
+        speeds staying as they are; "hold": the configuration stays as it is (but for what closing the loops needs). At
+        other states both mean hold: of a moving loop the rates of the independent coordinates are held.
 
     Returns
     -------
@@ -249,14 +251,15 @@ def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: st
     kind = type(result).__name__
     if kind == "Linearization":
         return _of_linearization(result, parameters, follow)
-    if kind == "Equilibrium":
+    if kind in ("Equilibrium", "SteadyMotion"):
         return _of_equilibrium(result, parameters)
     if kind == "ModalResult":
         return _of_modes(result, parameters, follow)
     if kind in ("FrfResult", "ResponseResult"):
         return _of_ports(result, parameters, follow)
     raise ModelError(
-        f"a {kind} has no sensitivities; give a result of mb.modes, mb.frf, mb.response, mb.equilibrium or mb.linearize"
+        f"a {kind} has no sensitivities; give a result of mb.modes, mb.frf, mb.response, mb.equilibrium, "
+        "mb.steady_motion or mb.linearize"
     )
 
 
@@ -279,16 +282,12 @@ def _of_linearization(
     along = directions(lin.model, parameters)
     columns = [along.columns == p for p in range(along.n)]
     sparse = [(along.rows[c].tolist(), along.values[c].tolist()) for c in columns]
-    how = (
-        "drawn"
-        if lin.state.kind == "drawn"
-        else "equilibrium"
-        if follow and lin.state.kind == "equilibrium"
-        else "hold"
-    )
+    followed = follow and lin.state.kind in ("equilibrium", "steady")
+    how = lin.state.kind if followed or lin.state.kind == "drawn" else "hold"
+    state = lin.state
     with core_errors():
         r = _core.directions(
-            lin.snapshot.system, lin.state.relative, lin.state.rate, list(lin.without), sparse, how, maps
+            lin.snapshot.system, state.relative, state.rate, list(lin.without), sparse, how, maps, list(state.driven)
         )
     motion = r["body_motion"].reshape(-1, 6, along.n)
     shape = (lin.n, lin.n, along.n)
@@ -309,7 +308,7 @@ def _of_linearization(
             time.perf_counter() - start,
             {"directions": along.n},
             lin.effects,
-            "follow" if how == "equilibrium" else "hold",
+            "follow" if followed else "hold",
         ),
         error=lin.error,
     )

@@ -127,7 +127,9 @@ def simulate(
             traj,
         )
     if traj.status == "interrupted":
-        warnings.warn(f"interrupted at t = {made['end']:.6g} s; the motion so far is returned", MbrsWarning, stacklevel=2)
+        warnings.warn(
+            f"interrupted at t = {made['end']:.6g} s; the motion so far is returned", MbrsWarning, stacklevel=2
+        )
     return traj
 
 
@@ -179,9 +181,7 @@ def _run(snapshot: Snapshot, state: State, without: Sequence[str], options: dict
         def report(part: float) -> None:
             progress.advance(int(1000 * part) - progress.done)
 
-        return _core.simulate_motion(
-            snapshot.system, state.relative, state.rate, list(without), options, report
-        )
+        return _core.simulate_motion(snapshot.system, state.relative, state.rate, list(without), options, report)
 
 
 def _trajectory(

@@ -435,16 +435,18 @@ fn finish(
 pub fn equilibrium_solver(
     system: &System,
     linearization: &Linearization,
+    driven: &[usize],
 ) -> Result<impl Fn(&DVector<f64>) -> Result<DVector<f64>> + use<>> {
     let all = column_scales(&system.topology, system.length);
-    let scale: Vec<f64> = linearization
-        .coordinates(system.n_tree())
-        .iter()
-        .map(|i| all[*i])
+    let coordinates = linearization.coordinates(system.n_tree());
+    let dof = coordinates.len();
+    let free: Vec<usize> = (0..dof)
+        .filter(|k| !driven.contains(&coordinates[*k]))
         .collect();
+    let scale: Vec<f64> = free.iter().map(|k| all[coordinates[*k]]).collect();
     let n = scale.len();
     let k = &linearization.matrices.stiffness;
-    let scaled = Mat::from_fn(n, n, |i, j| k[(i, j)] * scale[i] * scale[j]);
+    let scaled = Mat::from_fn(n, n, |i, j| k[(free[i], free[j])] * scale[i] * scale[j]);
     // faer has no decomposition of an empty matrix
     let svd = (n > 0)
         .then(|| scaled.svd())
@@ -452,10 +454,10 @@ pub fn equilibrium_solver(
         .map_err(|_| Error::singular("the stiffness is not finite"))?;
     Ok(move |r: &DVector<f64>| {
         let Some(svd) = &svd else {
-            return Ok(DVector::zeros(0));
+            return Ok(DVector::zeros(dof));
         };
         let (u, s, v) = (svd.U(), svd.S().column_vector(), svd.V());
-        let right = DVector::from_fn(n, |i, _| r[i] * scale[i]);
+        let right = DVector::from_fn(n, |i, _| r[free[i]] * scale[i]);
         let mut z = DVector::<f64>::zeros(n);
         for k in 0..n {
             let along: f64 = (0..n).map(|i| u[(i, k)] * right[i]).sum();
@@ -469,6 +471,10 @@ pub fn equilibrium_solver(
                 ));
             }
         }
-        Ok(DVector::from_fn(n, |i, _| z[i] * scale[i]))
+        let mut step = DVector::zeros(dof);
+        for i in 0..n {
+            step[free[i]] = z[i] * scale[i];
+        }
+        Ok(step)
     })
 }

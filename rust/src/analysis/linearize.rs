@@ -6,7 +6,7 @@
 //! At a moving state of a closed loop B'' changes in time; with y = B'' z,
 //! D'' = B''^T (D B'' + 2 M B''') and S'' = B''^T (S B'' + D B''' + M B''''), dots by second-order dual numbers in time.
 use nalgebra::{DMatrix, DVector};
-use num_dual::Dual2_64;
+use num_dual::Dual2;
 
 use crate::error::{Error, Result};
 use crate::model::geometry::Geometry;
@@ -118,9 +118,16 @@ impl Setting<'_> {
 }
 
 /// B''' and B'''' along the motion.
-pub(super) struct Turning {
-    first: DMatrix<f64>,
-    second: DMatrix<f64>,
+pub(super) struct Turning<T: Real> {
+    first: DMatrix<T>,
+    second: DMatrix<T>,
+}
+
+/// What B'' turns along: the numbers, the relative poses and the rates of the tree coordinates.
+pub(super) struct Path<'a, T: Real> {
+    pub x: &'a [T],
+    pub relative: &'a [Pose<T>],
+    pub rate: &'a [T],
 }
 
 pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Linearization> {
@@ -159,23 +166,22 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         check_pose(system, &scene, l, b)?;
     }
     let turning = match (&loops, &rate) {
-        (Some(l), Some(rate)) => Some(turning(setting, l, rate)),
+        (Some(l), Some(rate)) => {
+            let path = Path {
+                x: &system.x,
+                relative: &setting.state.relative,
+                rate,
+            };
+            Some(turning(setting, l, &path))
+        }
         _ => None,
     };
-    let acceleration =
-        turning
-            .as_ref()
-            .zip(loops.as_ref())
-            .zip(rate.as_ref())
-            .map(|((t, l), rate)| {
-                let z = DVector::from_fn(l.independent.len(), |k, _| rate[l.independent[k]]);
-                let mut y = vec![0.0; topology.dofs.len()];
-                for (k, v) in (&t.first * z).iter().enumerate() {
-                    y[l.dependent[k]] = *v;
-                }
-                y
-            });
-    let acceleration = acceleration.filter(|_| setting.effects.centrifugal);
+    let acceleration = match (&turning, &loops, &rate) {
+        (Some(t), Some(l), Some(rate)) if setting.effects.centrifugal => {
+            Some(t.acceleration(l, rate))
+        }
+        _ => None,
+    };
     scene.acceleration = acceleration.as_deref();
     let tau = scene.residual(None);
     let lam = loops
@@ -230,7 +236,7 @@ pub(super) fn reduce<T: Real>(
     tangent: &Tangent<T>,
     loops: &Loops,
     b: &DMatrix<T>,
-    turning: Option<&Turning>,
+    turning: Option<&Turning<T>>,
     effects: Effects,
 ) -> Matrices<T> {
     let reduced = |x: &DMatrix<T>| loops.reduce(x, b);
@@ -242,7 +248,7 @@ pub(super) fn reduce<T: Real>(
         damping = sum(damping, gyroscopic.map(reduced));
     }
     if let Some(turning) = turning {
-        let along = |x: &DMatrix<T>, w: &DMatrix<f64>| turned(loops, x, w, b);
+        let along = |x: &DMatrix<T>, w: &DMatrix<T>| turned(loops, x, w, b);
         if effects.gyroscopic {
             let first = along(&tangent.mass, &turning.first) * T::from(2.0);
             damping = sum(damping, Some(first));
@@ -263,11 +269,11 @@ pub(super) fn reduce<T: Real>(
 }
 
 /// B''^T X W for a change W of B'', which has rows on the dependent coordinates alone.
-fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<f64>, b: &DMatrix<T>) -> DMatrix<T> {
+fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<T>, b: &DMatrix<T>) -> DMatrix<T> {
     let columns = DMatrix::from_fn(x.nrows(), loops.dependent.len(), |i, k| {
         x[(i, loops.dependent[k])]
     });
-    let full = columns * w.map(T::from);
+    let full = columns * w;
     let mut out = DMatrix::zeros(loops.independent.len(), full.ncols());
     for j in 0..full.ncols() {
         out.set_column(j, &loops.reduce_vector(&full.column(j).into_owned(), b));
@@ -275,34 +281,51 @@ fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<f64>, b: &DMatrix<
     out
 }
 
-fn turning(setting: &Setting<'_>, loops: &Loops, rate: &[f64]) -> Turning {
-    let first = turning_pass(setting, loops, rate, None).0;
+impl<T: Real> Turning<T> {
+    /// Of the tree coordinates at z" = 0.
+    pub(super) fn acceleration(&self, loops: &Loops, rate: &[T]) -> Vec<T> {
+        accelerated(&self.first, loops, rate)
+    }
+}
+
+fn accelerated<T: Real>(first: &DMatrix<T>, loops: &Loops, rate: &[T]) -> Vec<T> {
     let z = DVector::from_fn(loops.independent.len(), |k, _| rate[loops.independent[k]]);
-    let mut acceleration = vec![0.0; rate.len()];
-    for (k, v) in (&first * z).iter().enumerate() {
+    let mut acceleration = vec![T::zero(); rate.len()];
+    for (k, v) in (first * z).iter().enumerate() {
         acceleration[loops.dependent[k]] = *v;
     }
-    let (first, second) = turning_pass(setting, loops, rate, Some(&acceleration));
+    acceleration
+}
+
+pub(super) fn turning<T: Real>(
+    setting: &Setting<'_>,
+    loops: &Loops,
+    path: &Path<'_, T>,
+) -> Turning<T> {
+    let first = turning_pass(setting, loops, path, None).0;
+    let acceleration = accelerated(&first, loops, path.rate);
+    let (first, second) = turning_pass(setting, loops, path, Some(&acceleration));
     Turning { first, second }
 }
 
-fn turning_pass(
+/// First and second derivative in time of B'' along y(t) = rate t + acceleration t^2 / 2.
+fn turning_pass<T: Real>(
     setting: &Setting<'_>,
     loops: &Loops,
-    rate: &[f64],
-    acceleration: Option<&[f64]>,
-) -> (DMatrix<f64>, DMatrix<f64>) {
+    path: &Path<'_, T>,
+    acceleration: Option<&[T]>,
+) -> (DMatrix<T>, DMatrix<T>) {
     let system = setting.system;
-    let x: Vec<Dual2_64> = system.x.iter().map(|v| Dual2_64::from(*v)).collect();
+    let x: Vec<Dual2<T>> = path.x.iter().map(|v| Dual2::from_re(*v)).collect();
     let geometry = Geometry::derive(&system.topology.tables, &x);
-    let mut relative: Vec<Pose<Dual2_64>> = setting
-        .state
-        .relative
-        .iter()
-        .map(Pose::<f64>::lifted)
-        .collect();
-    let dy: Vec<_> = (0..rate.len())
-        .map(|i| Dual2_64::new(0.0, rate[i], acceleration.map_or(0.0, |a| a[i])))
+    let still = |pose: &Pose<T>| Pose {
+        p: pose.p.map(Dual2::from_re),
+        r: pose.r.map(Dual2::from_re),
+    };
+    let mut relative: Vec<Pose<Dual2<T>>> = path.relative.iter().map(still).collect();
+    let at = |a: Option<&[T]>, i: usize| a.map_or(T::zero(), |a| a[i]);
+    let dy: Vec<_> = (0..path.rate.len())
+        .map(|i| Dual2::new(T::zero(), path.rate[i], at(acceleration, i)))
         .collect();
     advance(&system.topology, &mut relative, &dy);
     let placement = place(&system.topology, &geometry, &relative, None);
