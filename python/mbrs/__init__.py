@@ -62,6 +62,10 @@ _HOME = {
     "VanDerPol": "laws",
     "VaryingStiffness": "laws",
     "FunctionLaw": "laws",
+    "Ramp": "motions",
+    "Sine": "motions",
+    "Polynomial": "motions",
+    "Table": "motions",
 }
 _MODULES = ("examples", "reference", "errors", "report", "plot", "animate", "matrix_calculus")
 __all__ = sorted([*_HOME, "examples", "matrix_calculus"])

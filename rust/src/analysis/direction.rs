@@ -140,7 +140,7 @@ fn dual_scene(
             rate: &rate,
         };
         let turning = turning(setting, l, &path);
-        let acceleration = turning.acceleration(l, &rate);
+        let acceleration = turning.acceleration.clone();
         made.acceleration = setting.effects.centrifugal.then_some(acceleration);
         made.turning = Some(turning);
     }
@@ -232,6 +232,7 @@ impl DualScene {
             placement: &self.placement,
             rate: self.rate.as_deref(),
             acceleration: self.acceleration.as_deref(),
+            t: 0.0,
             effects: setting.effects,
         }
     }

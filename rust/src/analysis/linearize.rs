@@ -121,6 +121,8 @@ impl Setting<'_> {
 pub(super) struct Turning<T: Real> {
     first: DMatrix<T>,
     second: DMatrix<T>,
+    /// of all tree coordinates at z" = 0, drives at constant rate
+    pub(super) acceleration: Vec<T>,
 }
 
 /// What B'' turns along: the numbers, the relative poses and the rates of the tree coordinates.
@@ -148,6 +150,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         placement: &placement,
         rate: rate.as_deref(),
         acceleration: None,
+        t: 0.0,
         effects: setting.effects,
     };
     check_velocity_rows(setting)?;
@@ -176,12 +179,8 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         }
         _ => None,
     };
-    let acceleration = match (&turning, &loops, &rate) {
-        (Some(t), Some(l), Some(rate)) if setting.effects.centrifugal => {
-            Some(t.acceleration(l, rate))
-        }
-        _ => None,
-    };
+    let acceleration = turning.as_ref().map(|t| t.acceleration.clone());
+    let acceleration = acceleration.filter(|_| setting.effects.centrifugal);
     scene.acceleration = acceleration.as_deref();
     let tau = scene.residual(None);
     let lam = loops
@@ -281,40 +280,34 @@ fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<T>, b: &DMatrix<T>
     out
 }
 
-impl<T: Real> Turning<T> {
-    /// Of the tree coordinates at z" = 0.
-    pub(super) fn acceleration(&self, loops: &Loops, rate: &[T]) -> Vec<T> {
-        accelerated(&self.first, loops, rate)
-    }
-}
-
-fn accelerated<T: Real>(first: &DMatrix<T>, loops: &Loops, rate: &[T]) -> Vec<T> {
-    let z = DVector::from_fn(loops.independent.len(), |k, _| rate[loops.independent[k]]);
-    let mut acceleration = vec![T::zero(); rate.len()];
-    for (k, v) in (first * z).iter().enumerate() {
-        acceleration[loops.dependent[k]] = *v;
-    }
-    acceleration
-}
-
 pub(super) fn turning<T: Real>(
     setting: &Setting<'_>,
     loops: &Loops,
     path: &Path<'_, T>,
 ) -> Turning<T> {
-    let first = turning_pass(setting, loops, path, None).0;
-    let acceleration = accelerated(&first, loops, path.rate);
-    let (first, second) = turning_pass(setting, loops, path, Some(&acceleration));
-    Turning { first, second }
+    let jacobian = turning_jacobian(setting, path, None);
+    // J y" + J' y' = 0 with y" on the dependent coordinates alone
+    let bias = jacobian.map(|v| v.v1) * DVector::from_column_slice(path.rate);
+    let right = DMatrix::from_column_slice(bias.len(), 1, bias.as_slice());
+    let mut acceleration = vec![T::zero(); path.rate.len()];
+    let dependent = loops.balanced(&jacobian.map(|v| v.re), &right);
+    for (k, v) in dependent.iter().enumerate() {
+        acceleration[loops.dependent[k]] = *v;
+    }
+    let b = loops.dependent_map(&turning_jacobian(setting, path, Some(&acceleration)));
+    Turning {
+        first: b.map(|v| v.v1),
+        second: b.map(|v| v.v2),
+        acceleration,
+    }
 }
 
-/// First and second derivative in time of B'' along y(t) = rate t + acceleration t^2 / 2.
-fn turning_pass<T: Real>(
+/// J along y(t) = rate t + acceleration t^2 / 2, to second order in time.
+fn turning_jacobian<T: Real>(
     setting: &Setting<'_>,
-    loops: &Loops,
     path: &Path<'_, T>,
     acceleration: Option<&[T]>,
-) -> (DMatrix<T>, DMatrix<T>) {
+) -> DMatrix<Dual2<T>> {
     let system = setting.system;
     let x: Vec<Dual2<T>> = path.x.iter().map(|v| Dual2::from_re(*v)).collect();
     let geometry = Geometry::derive(&system.topology.tables, &x);
@@ -337,10 +330,10 @@ fn turning_pass<T: Real>(
         placement: &placement,
         rate: None,
         acceleration: None,
+        t: 0.0,
         effects: setting.effects,
     };
-    let b = loops.dependent_map(&scene.constraints().1);
-    (b.map(|v| v.v1), b.map(|v| v.v2))
+    scene.constraints().1
 }
 
 /// At rest a velocity row takes one freedom and leaves its displacement as a constant (a root at zero that is not reported).
@@ -349,10 +342,7 @@ fn check_velocity_rows(setting: &Setting<'_>) -> Result<()> {
     let topology = &setting.system.topology;
     let velocity = |r: &&ConstraintRow| r.level == Level::Velocity;
     match topology.rows.iter().find(velocity) {
-        Some(row) if !setting.effects.nonholonomic => Err(Error::model(format!(
-            "'nonholonomic' cannot be left out here: remove joint '{}' instead",
-            topology.tables.joints[row.joint].name
-        ))),
+        Some(_) if !setting.effects.nonholonomic => Ok(()),
         Some(row) if setting.state.moving() => Err(Error::model(format!(
             "joint '{}' constrains velocities, and a model with such joints is linearised at rest only; linearise an equilibrium, set the \
              bodies' velocities to zero, or follow the motion in time",
