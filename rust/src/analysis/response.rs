@@ -190,26 +190,11 @@ impl Block {
         let mut x = self.x0.clone();
         let mut e = vec![0.0; x.len()];
         let bulging = history.bulge.norm_max() > 0.0;
-        let mut u = column(&history.u, 0);
-        self.add_outputs(&x, y, 0);
-        for (step, kind) in index.iter().enumerate().take(n_t - 1) {
+        add_outputs(&self.c, &x, y, 0);
+        for (step, which) in index.iter().enumerate() {
             if step % 256 == 0 {
                 cancel.check()?;
             }
-            let Some(p) = cache.get(kind) else {
-                continue;
-            };
-            let next = column(&history.u, step + 1);
-            x = (0..k)
-                .map(|i| {
-                    dot(&p.e[i * k..(i + 1) * k], &x)
-                        + dot(&p.start[i * w..(i + 1) * w], &u)
-                        + dot(&p.end[i * w..(i + 1) * w], &next)
-                })
-                .collect();
-            self.add_outputs(&x, y, step + 1);
-        add_outputs(&self.c, &x, y, 0);
-        for (step, which) in index.iter().enumerate() {
             let Some(p) = cache.get(which) else { continue };
             x = p.advance(&x, &column(&history.u, step), &column(&history.u, step + 1));
             add_outputs(&self.c, &x, y, step + 1);

@@ -65,7 +65,7 @@ pub fn effects(without: &[String]) -> Result<Effects> {
             // harmonic balance adds the laws themselves
             "law-slopes" => effects.law_slopes = false,
             // belong to other analyses: nothing to leave out here
-            "flexibility" | "drives" | "nonholonomic" => {}
+            "flexibility" | "drives" => {}
             other => {
                 return Err(Error::model(format!(
                     "the effect '{other}' cannot be switched off in this analysis"

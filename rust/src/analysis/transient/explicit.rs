@@ -26,13 +26,7 @@ use crate::system::topology::Level;
 /// A row whose part that the others do not have is smaller than this (rows and columns scaled) is redundant.
 const REDUNDANT: f64 = 1e-9;
 
-/// Where the model is and what its laws remember.
-#[derive(Debug, Clone)]
-pub struct Motion<T: Real> {
-    pub relative: Vec<Pose<T>>,
-    pub rate: Vec<T>,
-    pub memory: Vec<T>,
-}
+pub use super::Motion;
 
 /// The fixed numbers of a run.
 pub struct Run<'a, T: Real> {
@@ -238,6 +232,7 @@ impl<'a, T: Real> Run<'a, T> {
         }
         advance(&self.system.topology, &mut motion.relative, &increment);
         self.project(motion)?;
+        motion.t += h;
         self.remember(motion, counts);
         counts.add("steps", 1);
         Ok(())
