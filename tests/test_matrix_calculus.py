@@ -17,11 +17,13 @@ def smooth(shape, of, seed):
 
 def differences(f, b, h=1e-5):
     """dA/dB in block layout, written out by its definition (eq. 6)."""
+
     def one(i, j):
         e = np.zeros_like(b)
         e[i, j] = h
         # five points: error h^4
         return (8 * (f(b + e) - f(b - e)) - (f(b + 2 * e) - f(b - 2 * e))) / (12 * h)
+
     return np.block([[one(i, j) for j in range(b.shape[1])] for i in range(b.shape[0])])
 
 

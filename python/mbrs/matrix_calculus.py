@@ -66,7 +66,7 @@ def _blocks(d: Any, s: int, t: int, name: str) -> tuple[np.ndarray, int, int]:
 
 
 def kron(a: Any, b: Any) -> np.ndarray:
-    """The Kronecker product: block (i, k) is a_ik b. (p, q) and (r, l) give (p r, q l); O(p q r l)."""
+    """The Kronecker product: block (i, k) is a_ik b. (p, q) and (r, u) give (p r, q u); O(p q r u)."""
     return np.kron(_matrix(a, "a"), _matrix(b, "b"))
 
 
@@ -78,7 +78,7 @@ def unit(i: int, k: int, p: int, q: int) -> np.ndarray:
 
 
 def permutation(p: int, q: int) -> np.ndarray:
-    """U of (p q, p q) with A kron C = U_pr (C kron A) U_lq for A (p, q), C (r, l); eq. 3.
+    """U of (p q, p q) with A kron C = U_pr (C kron A) U_uq for A (p, q), C (r, u); eq. 3.
 
     U = sum_i sum_k E_ik(p, q) kron E_ki(q, p).
 
@@ -226,13 +226,13 @@ def product_rule(a: Any, da: Any, d: Any, dd: Any, of: Sequence[int]) -> np.ndar
 
 
 def kron_rule(a: Any, da: Any, c: Any, dc: Any, of: Sequence[int]) -> np.ndarray:
-    """d(A kron C)/dB = dA/dB kron C + (I_s kron U_pr)(dC/dB kron A)(I_t kron U_lq), eq. 8; A (p, q), C (r, l)."""
+    """d(A kron C)/dB = dA/dB kron C + (I_s kron U_pr)(dC/dB kron A)(I_t kron U_uq), eq. 8; A (p, q), C (r, u)."""
     s, t = _shape(of, "of")
     left, right = _matrix(a, "a"), _matrix(c, "c")
     _fits(da, left, s, t, "da")
     _fits(dc, right, s, t, "dc")
-    (p, q), (r, l) = left.shape, right.shape
-    outer = np.kron(np.eye(s), permutation(p, r)), np.kron(np.eye(t), permutation(l, q))
+    (p, q), (r, u) = left.shape, right.shape
+    outer = np.kron(np.eye(s), permutation(p, r)), np.kron(np.eye(t), permutation(u, q))
     return np.kron(np.asarray(da), right) + outer[0] @ np.kron(np.asarray(dc), left) @ outer[1]
 
 
@@ -248,19 +248,19 @@ def chain_rule(da_dc: Any, dc: Any, a: Sequence[int], c: Sequence[int], of: Sequ
     a, c, of
         Shapes of A, C and B.
     """
-    (p, q), (r, l), (s, t) = _shape(a, "a"), _shape(c, "c"), _shape(of, "of")
-    by_row = entries(da_dc, (r, l)).reshape(p, q, r * l)
-    along = entries(dc, (s, t)).reshape(r * l, s, t)
-    outer = np.kron(np.eye(s), vetter(by_row[:, :, None, :], (1, r * l), 2))
+    (p, q), (r, u), (s, t) = _shape(a, "a"), _shape(c, "c"), _shape(of, "of")
+    by_row = entries(da_dc, (r, u)).reshape(p, q, r * u)
+    along = entries(dc, (s, t)).reshape(r * u, s, t)
+    outer = np.kron(np.eye(s), vetter(by_row[:, :, None, :], (1, r * u), 2))
     return outer @ np.kron(vetter(along[:, None], (s, t), 2), np.eye(q))
 
 
 def chain_rule_columns(da_dc: Any, dc: Any, a: Sequence[int], c: Sequence[int], of: Sequence[int]) -> np.ndarray:
     """dA(C(B))/dB = (d(cs C)^T/dB kron I_p)(I_t kron dA/d cs C), eq. 9, second form; arguments as `chain_rule`."""
-    (p, q), (r, l), (s, t) = _shape(a, "a"), _shape(c, "c"), _shape(of, "of")
-    by_column = entries(da_dc, (r, l)).transpose(0, 1, 3, 2).reshape(p, q, r * l)
-    along = entries(dc, (s, t)).transpose(1, 0, 2, 3).reshape(r * l, s, t)
-    inner = np.kron(np.eye(t), vetter(by_column[:, :, :, None], (r * l, 1), 2))
+    (p, q), (r, u), (s, t) = _shape(a, "a"), _shape(c, "c"), _shape(of, "of")
+    by_column = entries(da_dc, (r, u)).transpose(0, 1, 3, 2).reshape(p, q, r * u)
+    along = entries(dc, (s, t)).transpose(1, 0, 2, 3).reshape(r * u, s, t)
+    inner = np.kron(np.eye(t), vetter(by_column[:, :, :, None], (r * u, 1), 2))
     return np.kron(vetter(along[None], (s, t), 2), np.eye(p)) @ inner
 
 
