@@ -1,6 +1,6 @@
 """The Rust core: typed by hand and checked by stubtest. Not public; its results are wrapped by the modules of mbrs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -25,6 +25,7 @@ __all__ = [
     "HbmElements",
     "HbmLinear",
     "HbmProblem",
+    "RootInverse",
     "System",
     "__version__",
     "check_sparse_model",
@@ -33,6 +34,7 @@ __all__ = [
     "eigen_sensitivities",
     "law_force",
     "mixed_modes",
+    "root_solve",
     "shape_sensitivities",
     "sparse_count",
     "sparse_frf",
@@ -271,3 +273,25 @@ def sparse_frf(
 ) -> dict[str, Any]: ...
 def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
 def mixed_modes(m: _Csc, a: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
+
+@final
+class RootInverse:
+    def __new__(cls, h: np.ndarray) -> RootInverse: ...
+    def matrix(self) -> _F2 | None: ...
+    def apply(self, r: np.ndarray) -> _F1: ...
+
+def root_solve(
+    function: Callable[[_F1], _F1],
+    observer: Callable[[_F1, _F1], bool] | None,
+    x0: Sequence[float] | _F1,
+    broyden: bool,
+    tolerance: float,
+    rule: tuple[float, float, float, float, int],
+    guard: tuple[float, float, float],
+    limits: tuple[int, int, int, int],
+    fallback: bool,
+    differences: float | None,
+    pattern: tuple[Sequence[int], Sequence[int]] | None,
+    memory: int | None,
+    inverse: RootInverse | None,
+) -> dict[str, Any]: ...
