@@ -40,6 +40,7 @@ _HOME = {
     "sensitivity": "sensitivity",
     "eigen_sensitivity": "eigen_sensitivity",
     "steady_motion": "steady",
+    "simulate": "simulate",
     "campbell": "campbell",
     "check_gradients": "check_gradients",
     "accuracy_study": "study",

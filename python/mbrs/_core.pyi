@@ -35,7 +35,10 @@ __all__ = [
     "law_force",
     "mixed_modes",
     "root_solve",
+    "motion_quantities",
+    "motion_reactions",
     "shape_sensitivities",
+    "simulate_motion",
     "sparse_count",
     "sparse_frf",
     "sparse_model_form",
@@ -146,6 +149,33 @@ class System:
     def strains(self, relative: _F2) -> list[tuple[str, int, int, _F1, _F2, _F2]]: ...
     def reactions(self, relative: _F2, rate: _F1, without: Sequence[str]) -> _F2: ...
 
+def simulate_motion(
+    system: System,
+    relative: _F2,
+    rate: _F1,
+    without: Sequence[str],
+    options: dict[str, Any],
+    report: Callable[[float], None] | None = None,
+) -> dict[str, Any]: ...
+def motion_quantities(
+    system: System,
+    t: _F1,
+    relative: _F3,
+    rate: _F2,
+    memory: _F2,
+    acceleration: _F2,
+    without: Sequence[str],
+) -> dict[str, Any]: ...
+def motion_reactions(
+    system: System,
+    t: _F1,
+    relative: _F3,
+    rate: _F2,
+    memory: _F2,
+    acceleration: _F2,
+    multipliers: _F2,
+    without: Sequence[str],
+) -> _F3: ...
 def law_force(
     code: int, values: list[float], u: NDArray[np.float64], v: NDArray[np.float64]
 ) -> NDArray[np.float64]: ...

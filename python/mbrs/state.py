@@ -24,11 +24,17 @@ class State:
         (n_tree,) rates of the tree coordinates, or empty at rest.
     kind
         "drawn" (sensitivities then know the given velocities), "equilibrium" (they follow it), "steady" or "given".
+    memory
+        (n_memory,) what laws with memory remember, or empty: centred.
+    t
+        s; the time it was taken at.
     """
 
     relative: np.ndarray
     rate: np.ndarray
     kind: str = "given"
+    memory: np.ndarray = AT_REST
+    t: float = 0.0
 
     @property
     def moving(self) -> bool:

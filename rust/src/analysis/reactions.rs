@@ -11,6 +11,7 @@ use crate::spatial::Six;
 use crate::system::System;
 use crate::system::assemble::Scene;
 use crate::system::connector::{Wanted, constraint_interaction};
+use crate::system::loops::Loops;
 use crate::system::placement::{Placement, marker_pose, place};
 
 /// Per joint of the model: force and moment.
@@ -33,14 +34,25 @@ pub fn reactions(setting: &Setting<'_>, base: &Linearization) -> Result<Vec<Six<
         acceleration: base.acceleration.as_deref(),
         effects: setting.effects,
     };
+    shared(system, &scene, &placement, &base.lam, base.loops.as_ref())
+}
+
+/// Reactions from multipliers, redundant ones shared with the smallest norm.
+pub fn shared(
+    system: &System,
+    scene: &Scene<'_, f64>,
+    placement: &Placement<f64>,
+    lam: &[f64],
+    loops: Option<&Loops>,
+) -> Result<Vec<Six<f64>>> {
     let mut all = joint_wrenches(
         system,
-        &scene,
-        &placement,
-        scene.body_wrenches(Some(&base.lam)),
-        &base.lam,
+        scene,
+        placement,
+        scene.body_wrenches(Some(lam)),
+        lam,
     );
-    let Some(loops) = base.loops.as_ref().filter(|l| l.redundant.ncols() > 0) else {
+    let Some(loops) = loops.filter(|l| l.redundant.ncols() > 0) else {
         return Ok(all);
     };
     let states: Vec<Vec<Six<f64>>> = (0..loops.redundant.ncols())
@@ -54,8 +66,8 @@ pub fn reactions(setting: &Setting<'_>, base: &Linearization) -> Result<Vec<Six<
                 .collect();
             joint_wrenches(
                 system,
-                &scene,
-                &placement,
+                scene,
+                placement,
                 scene.multiplier_wrenches(&lam),
                 &lam,
             )

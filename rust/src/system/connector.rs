@@ -116,10 +116,7 @@ fn local<T: Real>(
     let pa = marker_pose(topology, &placement.pose, a, &pair.a);
     let pb = marker_pose(topology, &placement.pose, b, &pair.b);
     let t = pa.r.transpose();
-    let relative = Relative {
-        u: t * (pb.p - pa.p),
-        r: t * pb.r,
-    };
+    let relative = relative_of(topology, placement, a, b, pair);
     let twist = placement.velocity.as_ref().map(|velocity| {
         let at = |body: BodyRef| {
             topology.node(body).map_or_else(Six::zero, |n| {
@@ -133,6 +130,23 @@ fn local<T: Real>(
         b: pb,
         relative,
         twist,
+    }
+}
+
+/// The relative pose of a marker pair.
+pub fn relative_of<T: Real>(
+    topology: &Topology,
+    placement: &Placement<T>,
+    a: BodyRef,
+    b: BodyRef,
+    pair: &MarkerPair<T>,
+) -> Relative<T> {
+    let pa = marker_pose(topology, &placement.pose, a, &pair.a);
+    let pb = marker_pose(topology, &placement.pose, b, &pair.b);
+    let t = pa.r.transpose();
+    Relative {
+        u: t * (pb.p - pa.p),
+        r: t * pb.r,
     }
 }
 

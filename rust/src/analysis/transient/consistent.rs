@@ -129,11 +129,41 @@ impl Equations<'_, f64> {
         })
     }
 
-    /// Closed, aligned, with accelerations.
+    /// Closed, aligned, with accelerations: one factorisation for rates and accelerations.
     pub fn consistent(&self, mut m: Motion<f64>, counts: &mut Counts) -> Result<Instant> {
+        if self.n_rows() == 0 {
+            return self.instant(m, counts);
+        }
         self.close(&mut m, counts)?;
-        self.align(&mut m, counts)?;
-        self.instant(m, counts)
+        counts.add("velocity projections", 1);
+        counts.add("multiplier solutions", 1);
+        let (mass, jacobian) = (self.mass(&m), self.rows(&m).1);
+        let saddle = Saddle::new(&mass, &jacobian)?;
+        let miss = -self.row_rates_of(&m, &jacobian);
+        let step = saddle.solve(&DVector::zeros(self.n()), &miss)?.0;
+        for (rate, step) in m.rate.iter_mut().zip(step.iter()) {
+            *rate += step;
+        }
+        let h = self.forces(&m, counts);
+        self.check_forces(&h)?;
+        let gamma = self.row_bias(&m);
+        let (a, lam) = saddle.solve(&-h, &-gamma)?;
+        Ok(Instant {
+            motion: m,
+            acceleration: a.as_slice().to_vec(),
+            lam: lam.as_slice().to_vec(),
+        })
+    }
+
+    /// What position, velocity and acceleration rows leave over, scaled by the characteristic length.
+    pub fn residuals(&self, m: &Motion<f64>, a: &[f64]) -> [f64; 3] {
+        if self.n_rows() == 0 {
+            return [0.0; 3];
+        }
+        let (phi, jacobian) = self.rows(m);
+        let rates = self.row_rates_of(m, &jacobian);
+        let accelerations = &jacobian * DVector::from_column_slice(a) + self.row_bias(m);
+        [phi, rates, accelerations].map(|r| self.worst_row(&r).0)
     }
 
     fn check_forces(&self, h: &DVector<f64>) -> Result<()> {

@@ -16,7 +16,14 @@
 //! | `interpolate` | between two instants |
 //! | one file for each scheme | implements `Scheme` |
 pub mod consistent;
+mod dop853_numbers;
+pub mod driver;
+pub mod energy;
 pub mod explicit;
+pub mod explicit8;
+pub mod generalized_alpha;
+pub mod interpolate;
+pub mod methods;
 pub mod saddle;
 
 use nalgebra::{DMatrix, DVector};
@@ -96,6 +103,19 @@ pub trait Scheme {
 
     /// Something jumped (a restart, a kink): histories are worthless.
     fn reset(&mut self) {}
+
+    /// Motions at fractions of the step just made; the driver projects them. Called before `accept`.
+    fn between(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        step: &Step,
+        h: f64,
+        fractions: &[f64],
+        _counts: &mut Counts,
+    ) -> Result<Vec<Motion<f64>>> {
+        Ok(interpolate::quintic(eq, from, &step.end, h, fractions))
+    }
 }
 
 /// The equations of motion of a system: values lifted to T once, evaluated at motions.
@@ -212,8 +232,12 @@ impl<'a, T: Real> Equations<'a, T> {
 
     /// J v + Phi_t.
     pub fn row_rates(&self, m: &Motion<T>) -> DVector<T> {
-        let rate = DVector::from_column_slice(&m.rate);
-        self.rows(m).1 * rate
+        self.row_rates_of(m, &self.rows(m).1)
+    }
+
+    /// The same where J is known already.
+    pub fn row_rates_of(&self, m: &Motion<T>, jacobian: &DMatrix<T>) -> DVector<T> {
+        jacobian * DVector::from_column_slice(&m.rate)
     }
 
     /// gamma: what J a must cancel; the rate of J v + Phi_t at constant v, by a dual number in time.
@@ -281,6 +305,15 @@ impl<'a, T: Real> Equations<'a, T> {
         })
     }
 
+    /// The way back: omega = J_l(theta) theta'.
+    pub fn rates_of_increments(&self, increment: &[T], speed: &[T]) -> Vec<T> {
+        self.on_rotations(increment, speed, |theta, d| {
+            let (a, b) = left_jacobian_parts(theta.dot(&theta));
+            let turned = theta.cross(&d);
+            d + turned * a + theta.cross(&turned) * b
+        })
+    }
+
     /// The increments that lead from one motion to another; three rotations together are less than half a turn.
     pub fn difference(&self, from: &Motion<T>, to: &Motion<T>) -> Vec<T> {
         let topology = self.topology();
@@ -327,6 +360,30 @@ impl<'a, T: Real> Equations<'a, T> {
         }
         out
     }
+}
+
+/// (1 - cos t)/t^2 and (t - sin t)/t^3 of s = t^2: J_l = 1 + a theta^ + b theta^ theta^.
+fn left_jacobian_parts<T: Real>(s: T) -> (T, T) {
+    if s.re() < 0.05 {
+        let term = |c: [f64; 5]| c.iter().rev().fold(T::zero(), |sum, c| sum * s + *c);
+        let a = [
+            1.0 / 2.0,
+            -1.0 / 24.0,
+            1.0 / 720.0,
+            -1.0 / 40_320.0,
+            1.0 / 3_628_800.0,
+        ];
+        let b = [
+            1.0 / 6.0,
+            -1.0 / 120.0,
+            1.0 / 5040.0,
+            -1.0 / 362_880.0,
+            1.0 / 39_916_800.0,
+        ];
+        return (term(a), term(b));
+    }
+    let t = s.sqrt();
+    ((T::one() - t.cos()) / s, (t - t.sin()) / (s * t))
 }
 
 /// Changes of the two angles of R = Rz(alpha) Rx(beta) from a to b, by axis; a reversed joint holds the transpose.

@@ -1,0 +1,126 @@
+//! Which scheme runs, and a whole run from any start: consistent initial values first.
+use crate::error::{Error, Result};
+use crate::run::{Cancel, Counts};
+
+use super::driver::{Plan, Progress, Run, drive};
+use super::explicit8::Explicit8;
+use super::generalized_alpha::GeneralizedAlpha;
+use super::{Equations, Motion, Scheme};
+
+#[derive(Debug, Clone, Copy)]
+pub enum Method {
+    Auto,
+    Explicit,
+    /// spectral radius at infinity
+    GeneralizedAlpha(f64),
+}
+
+/// What generalised-alpha leaves of infinitely fast oscillations, unless it is told otherwise.
+const RHO: f64 = 0.8;
+
+impl Method {
+    pub fn named(name: &str, rho: Option<f64>) -> Result<Self> {
+        match name {
+            "auto" => Ok(Method::Auto),
+            "explicit" => Ok(Method::Explicit),
+            "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
+            other => Err(Error::model(format!("no method is called '{other}'"))),
+        }
+    }
+
+    fn name(&self) -> &'static str {
+        match self {
+            Method::Auto => "auto",
+            Method::Explicit => "explicit",
+            Method::GeneralizedAlpha(_) => "generalized-alpha",
+        }
+    }
+
+    fn scheme(&self) -> Box<dyn Scheme> {
+        match self {
+            Method::Auto | Method::Explicit => Box::new(Explicit8::default()),
+            Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
+        }
+    }
+
+    /// Schemes without local extrapolation: their tolerance is that of a unit of time.
+    fn per_unit_step(&self) -> bool {
+        matches!(self, Method::GeneralizedAlpha(_))
+    }
+}
+
+pub struct Simulated {
+    pub run: Run,
+    pub method: &'static str,
+    pub why: String,
+    /// largest change of a joint coordinate by closing the loops at the start, characteristic lengths or radians
+    pub position_correction: f64,
+    /// the same of a rate, per second
+    pub velocity_correction: f64,
+}
+
+pub fn simulate(
+    eq: &Equations<'_, f64>,
+    method: Method,
+    start: Motion<f64>,
+    mut plan: Plan,
+    cancel: &Cancel,
+    progress: &Progress,
+    counts: &mut Counts,
+) -> Result<Simulated> {
+    let given = start.clone();
+    let first = eq.consistent(start, counts).map_err(at_start)?;
+    let scales = eq.scales();
+    let size = |v: &[f64]| {
+        v.iter()
+            .zip(&scales)
+            .fold(0.0_f64, |s, (v, c)| s.max((v / c).abs()))
+    };
+    let position_correction = size(&eq.difference(&given, &first.motion));
+    let changed: Vec<f64> = first
+        .motion
+        .rate
+        .iter()
+        .zip(&given.rate)
+        .map(|(a, b)| a - b)
+        .collect();
+    let velocity_correction = size(&changed);
+    let (method, why) = chosen(eq, method, &plan, counts);
+    plan.per_unit_step = method.per_unit_step();
+    let mut scheme = method.scheme();
+    let run = drive(eq, scheme.as_mut(), first, &plan, cancel, progress, counts)?;
+    Ok(Simulated {
+        run,
+        method: method.name(),
+        why,
+        position_correction,
+        velocity_correction,
+    })
+}
+
+fn at_start(error: Error) -> Error {
+    match error {
+        Error::Convergence { message, .. } => {
+            Error::Assembly(format!("the motion cannot start: {message}"))
+        }
+        other => other,
+    }
+}
+
+fn chosen(
+    eq: &Equations<'_, f64>,
+    method: Method,
+    _plan: &Plan,
+    _counts: &mut Counts,
+) -> (Method, String) {
+    let Method::Auto = method else {
+        return (method, "as asked".into());
+    };
+    if eq.topology().connectors.is_empty() {
+        return (
+            Method::Explicit,
+            "no spring, damper or law: nothing can be stiff".into(),
+        );
+    }
+    (Method::Explicit, "the scene is not stiff".into())
+}
