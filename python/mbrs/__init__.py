@@ -51,6 +51,7 @@ _HOME = {
     "quasi_periodic": "quasi_periodic",
     "quasi_periodic_response": "quasi_periodic_response",
     "parameter_response": "parameter_response",
+    "Branch": "continuation",
     "nonlinear_system": "nonlinear_system",
     "Cubic": "laws",
     "Polynomial1D": "laws",

@@ -34,9 +34,9 @@ __all__ = [
     "eigen_sensitivities",
     "law_force",
     "mixed_modes",
-    "root_solve",
     "motion_quantities",
     "motion_reactions",
+    "root_solve",
     "shape_sensitivities",
     "simulate_motion",
     "sparse_count",
@@ -225,6 +225,8 @@ class HbmLinear:
         matrices: Any = None,
     ) -> HbmLinear: ...
     @property
+    def retained(self) -> list[int]: ...
+    @property
     def size(self) -> int: ...
 
 @final
@@ -242,8 +244,14 @@ class HbmProblem:
     ) -> HbmProblem: ...
     @property
     def size(self) -> int: ...
+    def with_family(self, family: Any, value: float, step: float) -> None: ...
     def residual(
-        self, y: NDArray[np.float64], omega: list[float], level: float = 1.0, parameter: str = "omega"
+        self,
+        y: NDArray[np.float64],
+        omega: list[float],
+        level: float = 1.0,
+        parameter: str = "omega",
+        value: float | None = None,
     ) -> dict[str, Any]: ...
     def solve(
         self,
@@ -255,12 +263,12 @@ class HbmProblem:
     ) -> dict[str, Any]: ...
     def cycle(self, z: NDArray[np.float64], tolerance: float = 1e-10, max_iterations: int = 50) -> dict[str, Any]: ...
     def floquet(
-        self, y: NDArray[np.float64], omega: list[float], monodromy: bool = False
+        self, y: NDArray[np.float64], omega: list[float], monodromy: bool = False, model: Any = None
     ) -> tuple[NDArray[np.complex128] | None, NDArray[np.float64] | None]: ...
     def peak(
         self, y: NDArray[np.float64], omega: float, level: float, coordinate: int, term: int | None
     ) -> tuple[float, NDArray[np.float64]]: ...
-    def expand(self, y: NDArray[np.float64], omega: list[float]) -> NDArray[np.float64]: ...
+    def expand(self, y: NDArray[np.float64], omega: list[float], level: float = 1.0) -> NDArray[np.float64]: ...
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
 @final
@@ -286,6 +294,7 @@ class HbmBranch:
         events: bool,
         towards: NDArray[np.float64] | None = None,
         across: bool = False,
+        model: Any = None,
     ) -> HbmBranch: ...
     def run(self, points: int, seconds: float) -> dict[str, Any]: ...
 

@@ -13,9 +13,29 @@ from ._picked import label, picked
 from .continuation import MEANING, Branch, Event
 from .errors import ConvergenceError, ModelError
 from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of, harmonic_balance
+from .nonlinear_system import as_system
 from .progress import Progress
 from .report import html_table, table
 from .results import Result, Stats
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Points that share a set of harmonics: the core's unknowns ``y`` (n, size) and where they hold."""
+
+    setup: _balance.Setup
+    omega: np.ndarray
+    level: np.ndarray
+    y: np.ndarray
+    value: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self.omega)
+
+    def expanded(self, i: int) -> np.ndarray:
+        """(dof, 2H+1) of one point."""
+        value = None if self.value is None else float(self.value[i])
+        return self.setup.expand(self.y[i], float(self.omega[i]), float(self.level[i]), value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +65,7 @@ class FrequencyResponse(Result):
     stable: np.ndarray | None
     exponents: np.ndarray | None
     events: tuple[Event, ...]
-    parts: tuple[tuple[_balance.Setup, np.ndarray, np.ndarray], ...] = field(repr=False)
+    parts: tuple[Part, ...] = field(repr=False)
     system: Any = field(default=None, repr=False)
     force: Any = field(default=None, repr=False)
     branch: Branch | None = field(default=None, repr=False)
@@ -62,14 +82,12 @@ class FrequencyResponse(Result):
     def X(self) -> np.ndarray:
         """(n, dof, 2H+1) coefficients [a0, a1, b1, ...], zero-padded to the largest H; built at the first use."""
         if "X" not in self._cache:
-            top = max(setup.harmonics[-1] for setup, _, _ in self.parts)
+            top = max(part.setup.harmonics[-1] for part in self.parts)
             out = np.zeros((len(self), self.system.n, 2 * top + 1))
-            at = 0
-            for setup, omega, y in self.parts:
-                for w, row in zip(omega, y, strict=True):
-                    X = setup.expand(row, float(w))
-                    out[at, :, : X.shape[1]] = X
-                    at += 1
+            for at in range(len(self)):
+                part, i = self._part_of(at)
+                X = part.expanded(i)
+                out[at, :, : X.shape[1]] = X
             self._cache["X"] = out
         return self._cache["X"]
 
@@ -88,7 +106,7 @@ class FrequencyResponse(Result):
         """(n, 2 dof) Floquet multipliers exp(s T) over one period of the motion, or None."""
         if self.exponents is None:
             return None
-        period = 2 * np.pi * self.parts[0][0].subharmonic / self.omega
+        period = 2 * np.pi * self.parts[0].setup.subharmonic / self.omega
         return np.exp(self.exponents * period[:, None])
 
     def label(self, dof: Any = 0) -> str:
@@ -102,11 +120,11 @@ class FrequencyResponse(Result):
             if "X" in self._cache:
                 self._cache[key] = picked(self.X, self.system, dof)
             else:
-                top = max(setup.harmonics[-1] for setup, _, _ in self.parts)
+                top = max(part.setup.harmonics[-1] for part in self.parts)
                 out, at = np.zeros((len(self), 2 * top + 1)), 0
-                for setup, omega, y in self.parts:
-                    for w, z in zip(omega, y, strict=True):
-                        x = picked(setup.expand(z, float(w)), self.system, dof)
+                for part in self.parts:
+                    for i in range(len(part)):
+                        x = picked(part.expanded(i), self.system, dof)
                         out[at, : len(x)] = x
                         at += 1
                 self._cache[key] = out
@@ -142,22 +160,25 @@ class FrequencyResponse(Result):
 
     def point(self, i: int) -> PeriodicSolution:
         """The solution number ``i`` by itself."""
-        setup = self._part_of(i)[0]
-        X = self.X[i, :, : 2 * setup.harmonics[-1] + 1]
-        return self._solution(setup, float(self.omega[i]), float(self.level[i]), X, float(self.error[i]))
+        part, k = self._part_of(i)
+        return self._solution(
+            part.setup, float(self.omega[i]), float(self.level[i]), part.expanded(k), float(self.error[i])
+        )
 
     def peak(self, dof: int = 0, harmonic: int | None = 1) -> PeriodicSolution:
         """The solution where the amplitude of one harmonic, or with None the largest displacement, is largest: solved
         for
         (d amplitude / d arclength = 0) from the largest point of the curve. Only for curves over frequency."""
         i = int(np.argmax(self.amplitude(dof, harmonic)))
-        setup, _, y = self._part_of(i)
+        part, k = self._part_of(i)
+        setup = part.setup
         if np.ptp(self.omega) == 0:
             raise ModelError("peak() needs a curve over frequency; this one runs over the force level")
-        level = float(self.level[i])
+        level = float(part.level[k])
         dof = self._kept(dof)
-        omega, y = setup.peak(y, float(self.omega[i]), level, dof, harmonic)
-        return self._solution(setup, omega, level, setup.expand(y, omega), float(self.error[i]))
+        omega, y = setup.peak(part.y[k], float(self.omega[i]), level, dof, harmonic)
+        X = setup.expand(y, omega, level)
+        return self._solution(setup, omega, float(self.level[i]), X, float(self.error[i]))
 
     def _kept(self, dof: Any) -> int:
         names = [self.label(i) for i in range(self.system.n)] if isinstance(dof, str) else []
@@ -181,12 +202,12 @@ class FrequencyResponse(Result):
             stats=self.stats,
         )
 
-    def _part_of(self, i: int) -> tuple[_balance.Setup, float, np.ndarray]:
+    def _part_of(self, i: int) -> tuple[Part, int]:
         i = range(len(self))[i]
-        for setup, omega, y in self.parts:
-            if i < len(omega):
-                return setup, float(omega[i]), y[i]
-            i -= len(omega)
+        for part in self.parts:
+            if i < len(part):
+                return part, i
+            i -= len(part)
         raise IndexError(i)
 
     def resume(self, max_points: int = 1000) -> FrequencyResponse:
@@ -267,9 +288,9 @@ class FrequencyResponse(Result):
 
     def _size(self) -> np.ndarray:
         """How much each coordinate moves, (dof,)."""
-        i = int(np.argmax([np.max(np.abs(y)) for _, _, part in self.parts for y in part]))
-        setup, omega, y = self._part_of(i)
-        return np.linalg.norm(setup.expand(y, omega)[:, 1:], axis=1)
+        i = int(np.argmax([np.max(np.abs(y)) for part in self.parts for y in part.y]))
+        part, k = self._part_of(i)
+        return np.linalg.norm(part.expanded(k)[:, 1:], axis=1)
 
     def _stable_word(self, i: int) -> str:
         if self.stable is None or np.isnan(float(self.stable[i])):
@@ -314,8 +335,6 @@ def frequency_response(
     force: Any = None,
     inputs: Any = None,
     amplitude: Any = None,
-    at: Any = None,
-    without: Any = (),
     omega: Any = None,
     frequency: Any = None,
     level: Any = 1.0,
@@ -335,18 +354,16 @@ def frequency_response(
     events: bool = True,
     max_points: int = 10000,
     progress: bool | None = None,
+    at: Any = None,
+    without: Any = (),
 ) -> FrequencyResponse:
     """Periodic responses of M x" + C x' + K x + sum_e w_e law_e = f(t) over a range of frequencies, through folds.
 
     Parameters
     ----------
-    inputs, amplitude, at, without
-        For a `Model`: ports such as ``body.force("x")`` (another name of ``force``), their amplitudes in N or N m, the
-        state of linearisation and effects to leave out; see `harmonic_balance`.
-    system, force, harmonics, n_samples, subharmonic, condense, x0
-        As for `harmonic_balance`; ``x0`` is a guess of the first point. ``harmonics="auto"`` adds harmonics wherever
-        the error
-        exceeds ``tol``.
+    system, force, inputs, amplitude, harmonics, n_samples, subharmonic, condense, x0, at, without
+        As for `harmonic_balance`; ``x0`` is a guess of the first point. ``harmonics="auto"`` adds harmonics, and samples
+        for laws that are no polynomials, wherever the error exceeds ``tol``.
     omega, frequency
         Exactly one, in rad/s or Hz: a tuple (start, end), end below start included, is followed by continuation; a
         list or an array
@@ -365,7 +382,9 @@ def frequency_response(
     tolerance
         Of the last Newton step in that space.
     stability
-        Floquet exponents of every point by Hill's method (not for laws with memory). O((2 dof (2H+1))^3) per point.
+        Floquet exponents of every point by Hill's method (not for laws with memory), O((2 dof (2H+1))^3) per point; of
+        large condensed systems by the monodromy matrix of a reduced model (nan where there is none that has the dynamic
+        stiffness of the system).
     events
         Locate special points; Neimark-Sacker and period doubling need ``stability``.
     max_points
@@ -400,11 +419,9 @@ def frequency_response(
     >>> [f"{event.kind} {event.omega:.5f}" for event in curve.events]
     ['fold 1.26960', 'fold 1.11570']
     """
-    from .nonlinear_system import as_system
-
     started = perf_counter()
-    system, force = as_system(system, _balance.one_of(force, inputs), amplitude, at, without)
     most = _balance.integer("max_points", max_points)
+    system, force = as_system(system, force, amplitude, at, without, inputs)
     w = omega if frequency is None else frequency
     if not isinstance(w, tuple) and np.ndim(w) == 1:
         return _points(
@@ -460,38 +477,46 @@ def _note(branch: Branch) -> str:
 
 def collect(branch: Branch, wall_time: float) -> FrequencyResponse:
     """What a branch has so far, as a result."""
-    p, error = branch.chunks.column("p"), branch.chunks.column("error")
-    over_omega = branch.parameter == "omega"
-    omega = p if over_omega else np.full(len(p), branch.omega[0])
-    level = np.full(len(p), branch.level[0]) if over_omega else p
+    return FrequencyResponse(**collected(branch, wall_time))
+
+
+def collected(branch: Branch, wall_time: float) -> dict[str, Any]:
+    """The same as fields of a result."""
+    error = branch.chunks.column("error")
     limit = UNRESOLVED if branch.tol is None else branch.tol
     status = "max-points" if branch.status == "going" else branch.status
     if status == "converged" and not np.all(error <= limit):
         status = "unresolved"
-    parts = [(setup, part) for setup, part in branch.chunks.parts if len(part["p"])]
+    chunks = [(setup, part) for setup, part in branch.chunks.parts if len(part["p"])]
+    parts = tuple(_part(branch, setup, part) for setup, part in chunks)
     counts = {
-        "points": len(p),
+        "points": len(error),
         "corrections": branch.corrections,
         "factorisations": branch.factorisations,
-        "monodromies": sum(part["monodromies"] for _, part in parts),
+        "monodromies": sum(part["monodromies"] for _, part in chunks),
     }
-    return FrequencyResponse(
-        omega,
-        level,
-        _stable(branch.chunks.column("stable"), branch.stability),
-        branch.chunks.exponents(),
-        tuple(branch.chunks.events),
-        tuple(
-            (setup, part["p"] if over_omega else np.full(len(part["p"]), branch.omega[0]), part["y"])
-            for setup, part in parts
-        ),
-        branch.system,
-        branch.force,
-        branch,
+    return dict(
+        omega=np.concatenate([part.omega for part in parts]),
+        level=np.concatenate([part.level for part in parts]),
+        stable=_stable(branch.chunks.column("stable"), branch.stability),
+        exponents=branch.chunks.exponents(),
+        events=tuple(branch.chunks.events),
+        parts=parts,
+        system=branch.system,
+        force=branch.force,
+        branch=branch,
         stats=Stats(wall_time, counts, effects_of(branch.system), branch.setup.route),
         error=error,
         status=status,
     )
+
+
+def _part(branch: Branch, setup: _balance.Setup, chunk: dict[str, Any]) -> Part:
+    p = chunk["p"]
+    omega, level = np.full(len(p), branch.omega[0]), np.full(len(p), branch.level[0])
+    if branch.parameter == "family":
+        return Part(setup, omega, level, chunk["y"], p)
+    return Part(setup, p, level, chunk["y"]) if branch.parameter == "omega" else Part(setup, omega, p, chunk["y"])
 
 
 def _stable(column: np.ndarray, asked: bool) -> np.ndarray | None:
@@ -546,8 +571,9 @@ def _points(
             break
         setup = _balance.prepare(system, scaled, one.harmonics, subharmonic, one.n_samples, float(one_omega), condense)
         y = setup.start(one)
-        s = setup.core.floquet(y, [float(one_omega)])[0] if stability else None
-        parts.append((setup, np.array([one_omega]), y[None, :]))
+        s = setup.exponents(y, float(one_omega)) if stability else None
+        # the forces of this set are scaled already
+        parts.append(Part(setup, np.array([one_omega]), np.ones(1), y[None, :]))
         errors.append(one.error)
         exponents.append(s)
         stable.append(np.nan if s is None else float(np.all(s.real <= 1e-9 * one_omega / subharmonic)))
@@ -568,7 +594,7 @@ def _points(
             perf_counter() - started,
             {"points": n, "corrections": corrections, "single solutions": n},
             effects_of(system),
-            parts[-1][0].route,
+            parts[-1].setup.route,
         ),
         error=np.array(errors),
         status=status,

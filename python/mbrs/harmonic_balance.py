@@ -16,7 +16,7 @@ from .report import html_table, table
 from .results import Result, Stats
 
 UNRESOLVED = 0.1
-MOST_HARMONICS = 255
+MOST_HARMONICS = _balance.MOST_HARMONICS
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +98,10 @@ class PeriodicSolution(Result):
 
     def verify(self, rtol: float = 1e-9) -> float:
         """Integrates one period from the solution's own state at t = 0 and returns the largest distance between the
-        two motions,
-        relative to the largest displacement. Laws with memory have no such state: they raise `ModelError`."""
+        two motions, relative to the largest displacement.
+
+        By DOP853; by the implicit midpoint rule with halved steps for more than 60 coordinates and for laws with memory,
+        whose sliders start where two periods of the solution leave them."""
         from ._verify import distance
 
         return distance(self, rtol)
@@ -187,6 +189,7 @@ def harmonic_balance(
     *,
     force: Any = None,
     inputs: Any = None,
+    amplitude: Any = None,
     omega: float | None = None,
     frequency: float | None = None,
     harmonics: Any = 7,
@@ -197,7 +200,6 @@ def harmonic_balance(
     tol: float | None = None,
     tolerance: float = 1e-10,
     max_iterations: int = 60,
-    amplitude: Any = None,
     at: Any = None,
     without: Any = (),
 ) -> PeriodicSolution:
@@ -210,17 +212,20 @@ def harmonic_balance(
     system
         `MechanicalSystem` with nonlinear ``elements``, or a `Model`, whose geometry is then linearised
         (`nonlinear_system`).
-    force, inputs
-        Two names of one thing. Of a model, ports such as ``body.force("x")``, with ``amplitude``. Else amplitudes (n,)
-        of the first harmonic, real for a cosine, complex a - i b for a cos + b sin; or ``{harmonic: (n,)}`` with 0 for
-        a static (real) force. Force units of the system.
+    force
+        Amplitudes (n,) of the first harmonic, real for a cosine, complex a - i b for a cos + b sin; or
+        ``{harmonic: (n,)}`` with 0 for a static (real) force. Force units of the system.
+    inputs, amplitude
+        In its place, of a model: a port such as ``body.force("x")`` or a list of them, or ``{harmonic: ports}``, and their
+        amplitudes, N or N m: one number or one for each, complex a - i b for a cos + b sin. 1 if left out.
     omega, frequency
         Excitation frequency in rad/s or in Hz; exactly one of them.
     harmonics
         Highest harmonic H, or a sequence of those to keep (of omega / subharmonic), or "auto": as many as ``.error <=
         tol`` needs.
     n_samples
-        Samples per period; chosen so that polynomial laws do not alias, at least 512 for others.
+        Samples per period; by default as many as polynomial laws need not to alias; for others at least 512, and doubled
+        while aliasing is the larger part of ``error``.
     subharmonic
         nu: the motion may have the period 2 pi nu / omega.
     condense
@@ -228,16 +233,12 @@ def harmonic_balance(
         True,
         False, or "auto" for systems large enough to gain from it. ``.stats.route`` tells what was done.
     x0
-        First guess: coefficients (dof, 2h+1) or an earlier result. The default starts at rest, and raises the force
-        step by step
-        if that fails.
+        First guess: coefficients (dof, 2h+1) or an earlier result. The default starts at rest with the linear response;
+        if that fails, the force is raised step by step, and if that fails, the harmonics are.
     tol
         Largest ``.error`` that is called resolved; 0.1, and 1e-6 for ``harmonics="auto"``.
     tolerance, max_iterations
         Of Newton's method: last step relative to the coefficients of a coordinate.
-    amplitude
-        Of the ports in ``force``, N or N m: one number or one for each; complex a - i b for a cos + b sin. 1 if
-        left out.
     at, without
         State of a model and effects to leave out, as for `mb.linearize`.
 
@@ -270,7 +271,7 @@ def harmonic_balance(
     from .nonlinear_system import as_system
 
     started = perf_counter()
-    system, force = as_system(system, _balance.one_of(force, inputs), amplitude, at, without)
+    system, force = as_system(system, force, amplitude, at, without, inputs)
     w = _balance.one_frequency(omega, frequency)
     if w.ndim != 0:
         raise ModelError("harmonic_balance solves at one frequency; frequency_response takes a range")
@@ -287,9 +288,8 @@ def harmonic_balance(
             max_iterations=max_iterations,
         )
         return _automatic(system, force, float(w), x0, 1e-6 if tol is None else tol, given)
-    setup = _balance.prepare(system, force, harmonics, subharmonic, n_samples, float(w), condense)
     options = dict(tolerance=tolerance, max_iterations=max_iterations)
-    answer = _balance.translated(setup.core.solve, setup.start(x0), [float(w)], **options)
+    setup, answer = _solved(system, force, harmonics, subharmonic, n_samples, float(w), condense, x0, options)
     result = PeriodicSolution(
         setup.expand(answer["y"], float(w)),
         float(w),
@@ -305,6 +305,56 @@ def harmonic_balance(
     if not answer["converged"]:
         raise _failure(system, answer, result)
     return result
+
+
+def _solved(
+    system: Any,
+    force: Any,
+    harmonics: Any,
+    subharmonic: int,
+    n_samples: int | None,
+    omega: float,
+    condense: bool | str,
+    x0: Any,
+    options: dict[str, Any],
+) -> tuple[_balance.Setup, dict[str, Any]]:
+    """The core's answer, with fewer harmonics first where all at once fail, and more samples where they are what lacks."""
+    given: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples, omega=omega, condense=condense)
+    setup = _balance.prepare(system, force, harmonics, **given)
+    answer = _balance.translated(setup.core.solve, setup.start(x0), [omega], **options)
+    if not answer["converged"] and answer["broken"] is None and x0 is None:
+        guess = ramped_start(system, force, setup.harmonics, given, options)
+        if guess is not None:
+            answer = _balance.translated(setup.core.solve, setup.start(guess), [omega], **options)
+    while answer["converged"]:
+        more = _balance.more_samples(setup.n_samples, answer["error"], answer["aliasing"], system.elements, n_samples)
+        if more is None:
+            break
+        finer = _balance.prepare(system, force, harmonics, least_samples=more, **given)
+        again = _balance.translated(finer.core.solve, answer["y"], [omega], **options)
+        if not again["converged"]:
+            break
+        for name in ("iterations", "evaluations", "factorisations"):
+            again[name] += answer[name]
+        setup, answer = finer, again
+    return setup, answer
+
+
+def ramped_start(
+    system: Any, force: Any, harmonics: tuple[int, ...], given: dict[str, Any], options: dict[str, Any]
+) -> np.ndarray | None:
+    """A first guess from sets of harmonics that grow, None where no set has a solution."""
+    forced = [h * given["subharmonic"] for h in force] if isinstance(force, Mapping) else [given["subharmonic"]]
+    guess = None
+    for top in (1, 2, 3, 5, 9, 17, 33, 65, 129):
+        fewer = [h for h in harmonics if h <= max(top, *forced)]
+        if len(fewer) == len(harmonics):
+            break
+        setup = _balance.prepare(system, force, fewer, **given)
+        answer = _balance.translated(setup.core.solve, setup.start(guess), [given["omega"]], **options)
+        if answer["converged"]:
+            guess = setup.expand(answer["y"], given["omega"])
+    return guess
 
 
 def _automatic(system: Any, force: Any, omega: float, x0: Any, tol: float, given: dict[str, Any]) -> PeriodicSolution:

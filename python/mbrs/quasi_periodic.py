@@ -16,6 +16,7 @@ from ._picked import label, picked
 from .errors import ConvergenceError, MbrsWarning, ModelError
 from .harmonic_balance import UNRESOLVED, effects_of
 from .laws import Law
+from .nonlinear_system import as_system, force_of_ports, nonlinear_system
 from .report import html_table, table
 from .results import Result, Stats
 
@@ -23,6 +24,8 @@ COMMENSURABLE = 1e-9
 SLOW = 1e-3
 NONSMOOTH_SAMPLES = 96
 MOST_UNKNOWNS = 6000
+MOST_AUTOMATIC = 3000  # unknowns, of the estimate too, up to which "auto" adds terms
+MOST_SAMPLES = 1 << 18
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +193,7 @@ def quasi_periodic(
     system: Any,
     forces: Sequence[Mapping[str, Any]],
     *,
-    harmonics: int = 7,
+    harmonics: int | str = 7,
     indices: Any = None,
     static: Any = None,
     n_samples: int | Sequence[int] | None = None,
@@ -199,6 +202,8 @@ def quasi_periodic(
     tol: float | None = None,
     tolerance: float = 1e-10,
     max_iterations: int = 60,
+    at: Any = None,
+    without: Sequence[str] = (),
 ) -> QuasiPeriodicSolution:
     """Response of M x" + C x' + K x + sum_e w_e law_e(w_e . x, w_e . x') to forces of p >= 2 incommensurable
     frequencies.
@@ -206,23 +211,25 @@ def quasi_periodic(
     Parameters
     ----------
     system
-        `MechanicalSystem` with nonlinear ``elements`` (laws without memory).
+        `MechanicalSystem` with nonlinear ``elements`` (laws without memory), or a `Model`, whose geometry is linearised.
     forces
-        One mapping per frequency: ``force`` (n,), real for a cosine, complex a - i b for a cos + b sin, and
-        ``omega`` (rad/s) or
-        ``frequency`` (Hz).
+        One mapping per frequency: ``force`` (n,), real for a cosine, complex a - i b for a cos + b sin, or of a model
+        ``inputs`` (ports) and ``amplitude``; and ``omega`` (rad/s) or ``frequency`` (Hz).
     harmonics
-        m: terms with |k_1| + ... + |k_p| <= m are kept.
+        m: terms with |k_1| + ... + |k_p| <= m are kept. "auto": as many as ``.error <= tol`` needs.
     indices
         (n_k, p) index vectors in place of that set; those of the forces must be among them.
     static
         Static force (n,) or None.
     n_samples
-        Samples per dimension; chosen without aliasing for polynomial laws, 96 for others.
+        Samples per dimension; chosen without aliasing for polynomial laws, 96 for others, doubled while aliasing is the
+        larger part of ``error``.
     x0
         An earlier solution to start from, of whatever terms; by default the solution with about m/2.
     tol
-        Largest ``.error`` that is called resolved, 0.1.
+        Largest ``.error`` that is called resolved; 0.1, and 1e-6 for ``harmonics="auto"``.
+    at, without
+        State of a model and effects to leave out, as for `mb.linearize`.
 
     Returns
     -------
@@ -255,17 +262,49 @@ def quasi_periodic(
     '-0.0014476+0.0357440j'
     """
     started = perf_counter()
-    problem = Torus(system, forces, harmonics, indices, static, n_samples, condense)
+    system, forces = sources_of(system, forces, at, without)
+    automatic = isinstance(harmonics, str)
+    if automatic and (harmonics != "auto" or indices is not None):
+        raise ModelError(f'harmonics must be a number or, without indices, "auto"; it is {harmonics!r}')
     _balance.positive("tolerance", tolerance)
-    limit = _balance.positive("tol", UNRESOLVED if tol is None else tol)
+    limit = _balance.positive("tol", (1e-6 if automatic else UNRESOLVED) if tol is None else tol)
     options: dict[str, Any] = dict(tolerance=tolerance, max_iterations=max_iterations)
-    if x0 is None and indices is None and harmonics > 2:
+    given = (static, n_samples, condense)
+    if automatic:
+        return _automatic(system, forces, given, x0, limit, options, started)
+    top: Any = harmonics
+    problem = Torus(system, forces, top, indices, *given)
+    if x0 is None and indices is None and top > 2:
         # a small set finds the branch, the large one only refines it
-        smaller = Torus(system, forces, max(1, harmonics // 2), None, static, None, condense)
+        smaller = Torus(system, forces, max(1, top // 2), None, static, None, condense)
         answer = _balance.translated(smaller.core.solve, smaller.start(None), list(smaller.omega), **options)
         x0 = smaller.solution(answer, limit, started) if answer["converged"] else None
-    answer = _balance.translated(problem.core.solve, problem.start(x0), list(problem.omega), **options)
-    result = problem.solution(answer, limit, started)
+    return _solved(problem, x0, limit, options, started)
+
+
+def sources_of(system: Any, forces: Any, at: Any, without: Sequence[str]) -> tuple[Any, Any]:
+    """System and forces as vectors, from a model with ports or a system with vectors."""
+    if not hasattr(system, "compiled"):
+        return as_system(system, (), None, at, without)[0], forces
+    made, plain = nonlinear_system(system, at=at, without=without), []
+    for i, source in enumerate(forces if isinstance(forces, Sequence) else []):
+        if not isinstance(source, Mapping) or not {"inputs", "force"} & set(source):
+            raise ModelError(f"forces[{i}] must be dict(inputs=port, amplitude=..., omega=...), it is {source!r}")
+        rest = {key: value for key, value in source.items() if key not in ("inputs", "force", "amplitude")}
+        ports = source["inputs"] if "inputs" in source else source["force"]
+        plain.append(dict(force=force_of_ports(made, ports, source.get("amplitude")), **rest))
+    return made, plain
+
+
+def _solved(problem: Torus, x0: Any, limit: float, options: dict[str, Any], started: float) -> QuasiPeriodicSolution:
+    """A solution of one set of terms, with more samples while they are what lacks."""
+    while True:
+        answer = _balance.translated(problem.core.solve, problem.start(x0), list(problem.omega), **options)
+        result = problem.solution(answer, limit, started)
+        finer = problem.finer(answer) if answer["converged"] else None
+        if finer is None:
+            break
+        problem, x0 = finer, result
     if not answer["converged"]:
         object.__setattr__(result, "status", "stopped")
         raise ConvergenceError(
@@ -274,6 +313,25 @@ def quasi_periodic(
             result,
         )
     return result
+
+
+def _automatic(
+    system: Any, forces: Any, given: tuple[Any, ...], x0: Any, limit: float, options: dict[str, Any], started: float
+) -> QuasiPeriodicSolution:
+    """Larger sets until the error estimate is below the tolerance, each started from the last."""
+    best, top = None, 2
+    while True:
+        problem = Torus(system, forces, top, None, *given)
+        if best is not None and problem.estimated_unknowns > MOST_AUTOMATIC:
+            return best
+        try:
+            best = _solved(problem, best if best is not None else x0, limit, options, started)
+        except ConvergenceError:
+            if problem.estimated_unknowns > MOST_AUTOMATIC // 4:
+                raise
+        if best is not None and best.error <= limit:
+            return best
+        top += 2 if top < 9 else 4
 
 
 class Torus:
@@ -288,12 +346,14 @@ class Torus:
         static: Any,
         n_samples: int | Sequence[int] | None,
         condense: bool | str,
+        least_samples: list[int] | None = None,
     ) -> None:
         laws = _balance.checked_system(system)
         for i, law in enumerate(laws):
             if law.has_memory:
                 raise ModelError(f"elements[{i}], {law!r}, has a memory; quasi-periodic balance needs laws without")
         self.system, self.forces, self.static = system, forces, static
+        self.arguments = (harmonics, indices, static, n_samples, condense)
         self.omega, vectors = _sources(system.n, forces)
         p = len(self.omega)
         self.indices = diamond(p, _balance.integer("harmonics", harmonics)) if indices is None else _checked(indices, p)
@@ -303,9 +363,13 @@ class Torus:
         kept = {tuple(k) for k in self.indices.tolist()}
         extra = np.array([k for k in extra.tolist() if tuple(k) not in kept]).reshape(-1, p)
         self.dims = _samples(n_samples, laws, self.indices)
+        if least_samples is not None:
+            self.dims = [max(n, least) for n, least in zip(self.dims, least_samples, strict=True)]
         fine = [
             max(a, b) for a, b in zip(self.dims, _samples(None, laws, np.vstack([self.indices, extra])), strict=True)
         ]
+        if any(law.code not in _balance.POLYNOMIAL for law in laws):
+            fine = [max(n, 3 * own // 2) for n, own in zip(fine, self.dims, strict=True)]  # to see the aliasing
         terms = np.zeros((len(self.indices) + 1, system.n), complex)
         if static is not None:
             terms[0] = _balance.force_vector(system.n, static, 0)
@@ -320,6 +384,7 @@ class Torus:
             raise ModelError(
                 f"{self.linear.core.size * n_c} unknowns are too many; take fewer harmonics or coordinates"
             )
+        self.estimated_unknowns = self.linear.core.size * (n_c + 2 * len(extra))
         elements = _balance.core_elements(laws, self.linear.directions)
         self.core = _balance.translated(
             _core.HbmProblem,
@@ -332,6 +397,16 @@ class Torus:
             extra.tolist(),
             fine,
         )
+
+    def finer(self, answer: Mapping[str, Any]) -> Torus | None:
+        """The same with twice the samples per dimension, where they are what limits an answer."""
+        n = int(np.prod(self.dims))
+        if n << len(self.dims) > MOST_SAMPLES:
+            return None
+        laws, given = self.system.elements, self.arguments[3]
+        if _balance.more_samples(1, answer["error"], answer["aliasing"], laws, given) is None:
+            return None
+        return Torus(self.system, self.forces, *self.arguments, least_samples=[2 * n for n in self.dims])
 
     def _refuse_periodic(self, top: int) -> None:
         k = diamond(len(self.omega), max(top, 5))

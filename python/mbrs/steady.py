@@ -216,7 +216,7 @@ def _solve(
             step[still] = _newton(r["S"][np.ix_(still, still)], residual, scale)
         tiny = float(np.max(np.abs(step), initial=0.0)) <= 1e-14 * max(1.0, snapshot.system.characteristic_length)
         if size <= 1e-14 * scale or tiny or (size >= previous and size <= 1e-10 * scale):
-            return State(relative, rate, "steady", tuple(driven)), r, iteration
+            return State(relative, rate, "steady", driven=tuple(driven)), r, iteration
         previous = size
         longest = float(np.max(np.abs(step)))
         step *= min(1.0, 0.3 / longest)

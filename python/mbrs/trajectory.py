@@ -248,7 +248,9 @@ class Trajectory(Result):
         known = [*self.snapshot.tables["drive_name"], *self.snapshot.tables["coupler_name"]]
         if key not in known:
             guess = nearest(str(key), known)
-            raise NameNotFoundError(f"there is no drive or coupler {key!r}" + (f"; did you mean {guess!r}?" if guess else ""))
+            raise NameNotFoundError(
+                f"there is no drive or coupler {key!r}" + (f"; did you mean {guess!r}?" if guess else "")
+            )
         rows = list(self.snapshot.system.topology()["row_joint"])
         return -self.multipliers[:, rows.index(key)]
 
