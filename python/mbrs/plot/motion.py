@@ -232,7 +232,7 @@ def steps(traj: Any) -> Panel:
 def error(traj: Any) -> Panel:
     """Estimated local error over the tolerance, at the end of each step."""
     t, value = np.asarray(traj.steps, dtype=float), np.asarray(traj.local_error, dtype=float)
-    if value.size == 0:
+    if not np.any(value > 0.0):
         raise ModelError("this motion was made in fixed steps, which have no local errors; simulate with rtol=")
     ends = t[-value.size :]
 
