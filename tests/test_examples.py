@@ -42,7 +42,7 @@ SAYS = {
     "rotor.py": (["rigid", "Campbell"], ["rotor-campbell.png"]),
     "slider_crank.py": (["stroke 300.0 mm", "redundant"], ["slider-crank.png", "slider-crank.html"]),
     "stewart_platform.py": (["12 modes", "k_strut"], ["stewart-response.png", "stewart-transmissibility.png"]),
-    "swing.py": (["-0.835430375, check value -0.835430375", "motor"], ["swing.png", "swing.html"]),
+    "swing.py": (["-0.835430375 rad, check value -0.835430375", "motor"], ["swing.png", "swing.html"]),
     "tree.py": (["12 of 381 modes", "B6,32.motion.y / B6,1.force.x"], ["tree-transfer-function.png"]),
     "wafer_stage.py": (["14 modes", "k_mount"], ["wafer-stage-transmissibility.png"]),
 }
