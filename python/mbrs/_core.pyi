@@ -316,7 +316,7 @@ def root_solve(
     x0: Sequence[float] | _F1,
     broyden: bool,
     tolerance: float,
-    rule: tuple[float, float, float, float, int],
+    rule: tuple[float, float, float, float, int, bool],
     guard: tuple[float, float, float],
     limits: tuple[int, int, int, int],
     fallback: bool,

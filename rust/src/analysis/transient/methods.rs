@@ -2,6 +2,10 @@
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
+use crate::solve::inverse::Family;
+
+use super::bdf_bfgs::BdfBfgs;
+use super::bdf_step::Form;
 use super::driver::{Plan, Progress, Run, drive};
 use super::explicit8::Explicit8;
 use super::generalized_alpha::GeneralizedAlpha;
@@ -13,6 +17,7 @@ pub enum Method {
     Explicit,
     /// spectral radius at infinity
     GeneralizedAlpha(f64),
+    BdfBfgs(Form, Family),
 }
 
 /// What generalised-alpha leaves of infinitely fast oscillations, unless it is told otherwise.
@@ -24,6 +29,12 @@ impl Method {
             "auto" => Ok(Method::Auto),
             "explicit" => Ok(Method::Explicit),
             "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
+            "bdf-bfgs" | "bdf-bfgs/ggl/bfgs" => Ok(Method::BdfBfgs(Form::Ggl, Family::Bfgs)),
+            "bdf-bfgs/ggl/broyden" => Ok(Method::BdfBfgs(Form::Ggl, Family::Broyden)),
+            "bdf-bfgs/symmetric/bfgs" => Ok(Method::BdfBfgs(Form::Symmetric, Family::Bfgs)),
+            "bdf-bfgs/symmetric/broyden" => {
+                Ok(Method::BdfBfgs(Form::Symmetric, Family::Broyden))
+            }
             other => Err(Error::model(format!("no method is called '{other}'"))),
         }
     }
@@ -33,6 +44,7 @@ impl Method {
             Method::Auto => "auto",
             Method::Explicit => "explicit",
             Method::GeneralizedAlpha(_) => "generalized-alpha",
+            Method::BdfBfgs(..) => "bdf-bfgs",
         }
     }
 
@@ -40,12 +52,13 @@ impl Method {
         match self {
             Method::Auto | Method::Explicit => Box::new(Explicit8::default()),
             Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
+            Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family)),
         }
     }
 
     /// Schemes without local extrapolation: their tolerance is that of a unit of time.
     fn per_unit_step(&self) -> bool {
-        matches!(self, Method::GeneralizedAlpha(_))
+        matches!(self, Method::GeneralizedAlpha(_) | Method::BdfBfgs(..))
     }
 }
 
