@@ -59,6 +59,10 @@ _HOME = {
     "TableLaw": "laws",
     "VanDerPol": "laws",
     "VaryingStiffness": "laws",
+    "Ramp": "motions",
+    "Sine": "motions",
+    "Polynomial": "motions",
+    "Table": "motions",
 }
 _MODULES = ("examples", "reference", "errors", "report", "plot", "animate")
 __all__ = sorted([*_HOME, "examples"])

@@ -6,15 +6,13 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::model::geometry::Geometry;
-use crate::model::joint::{Coordinate, JointKind};
-use crate::model::tables::LENGTH_GIVEN;
 use crate::run::Counts;
 use crate::spatial::{Real, Six, absent};
 use crate::system::connector::{
-    Numbers, Wanted, constraint_interaction, constraint_rows, interaction, load_interaction,
+    Numbers, Wanted, constraint_interaction, interaction, load_interaction,
 };
 use crate::system::inertia::{InertiaInput, add_inertia, ground_coupling};
-use crate::system::path::{add_tangent, add_wrench, path};
+use crate::system::path::{add_tangent, add_wrench};
 use crate::system::placement::Placement;
 use crate::system::topology::{Connector, Owner, Topology};
 
@@ -32,6 +30,7 @@ pub struct Effects {
     pub friction: bool,
     pub contact: bool,
     pub nonholonomic: bool,
+    pub drives: bool,
 }
 
 impl Effects {
@@ -46,6 +45,7 @@ impl Effects {
         friction: true,
         contact: true,
         nonholonomic: true,
+        drives: true,
     };
 
     /// Which forces of connectors and loads act.
@@ -69,6 +69,8 @@ pub struct Scene<'a, T: Real> {
     pub placement: &'a Placement<T>,
     pub rate: Option<&'a [T]>,
     pub acceleration: Option<&'a [T]>,
+    /// what drives and loads read; linear analyses hold it at zero
+    pub t: f64,
     pub effects: Effects,
 }
 
@@ -111,8 +113,14 @@ impl<T: Real> Scene<'_, T> {
         let mut sums = self.connected();
         let wanted = self.effects.wanted();
         for load in 0..self.topology.tables.loads.len() {
-            let acting =
-                load_interaction(self.topology, self.geometry, self.placement, load, wanted);
+            let acting = load_interaction(
+                self.topology,
+                self.geometry,
+                self.placement,
+                load,
+                self.t,
+                wanted,
+            );
             add_wrench(self.topology, self.placement, &acting, &mut sums);
         }
         sums
@@ -233,18 +241,6 @@ impl<T: Real> Scene<'_, T> {
             })
     }
 
-    /// Multipliers of both levels grouped by cut joint: at rest a velocity row carries force like any other.
-    pub fn cut_multipliers(&self, lam: &[T]) -> Vec<(usize, Vec<(Coordinate, T)>)> {
-        let mut grouped: Vec<(usize, Vec<(Coordinate, T)>)> = Vec::new();
-        for (row, l) in self.topology.rows.iter().zip(lam) {
-            match grouped.last_mut().filter(|(joint, _)| *joint == row.joint) {
-                Some((_, rows)) => rows.push((row.coordinate, *l)),
-                None => grouped.push((row.joint, vec![(row.coordinate, *l)])),
-            }
-        }
-        grouped
-    }
-
     /// Sum body wrenches to subtrees, about each node's centre of mass.
     pub fn subtree_wrenches(&self, mut sums: Vec<Six<T>>) -> Vec<Six<T>> {
         for node in (0..sums.len()).rev() {
@@ -267,92 +263,6 @@ impl<T: Real> Scene<'_, T> {
                 .iter()
                 .zip(&self.placement.column)
                 .map(|(dof, s)| s.dot(&sums[dof.node])),
-        )
-    }
-
-    /// Values Phi and Jacobian J of the rows of cut joints; a velocity row has value zero and its D for Jacobian.
-    pub fn constraints(&self) -> (DVector<T>, DMatrix<T>) {
-        let rows = &self.topology.rows;
-        let mut phi = DVector::zeros(rows.len());
-        let mut jacobian = DMatrix::zeros(rows.len(), self.topology.dofs.len());
-        let mut start = 0;
-        while start < rows.len() {
-            let joint = rows[start].joint;
-            let end = start
-                + rows[start..]
-                    .iter()
-                    .take_while(|r| r.joint == joint)
-                    .count();
-            self.joint_rows(joint, start, end, &mut phi, &mut jacobian);
-            start = end;
-        }
-        (phi, jacobian)
-    }
-
-    fn joint_rows(
-        &self,
-        joint: usize,
-        start: usize,
-        end: usize,
-        phi: &mut DVector<T>,
-        jacobian: &mut DMatrix<T>,
-    ) {
-        let spec = &self.topology.tables.joints[joint];
-        let coordinates: Vec<_> = self.topology.rows[start..end]
-            .iter()
-            .map(|r| r.coordinate)
-            .collect();
-        let (point, rows) = if spec.kind == JointKind::KnifeEdge {
-            self.knife_edge(joint)
-        } else {
-            constraint_rows(
-                self.topology,
-                self.geometry,
-                self.placement,
-                joint,
-                &coordinates,
-            )
-        };
-        let entries = path(self.topology, self.placement, spec.a, spec.b, &point);
-        for (i, (value, g)) in rows.iter().enumerate() {
-            let length = if spec.kind == JointKind::Distance {
-                self.distance(joint)
-            } else {
-                T::zero()
-            };
-            phi[start + i] = *value - length;
-            for entry in &entries {
-                jacobian[(start + i, entry.dof)] = g.dot(&entry.signed());
-            }
-        }
-    }
-
-    fn distance(&self, joint: usize) -> T {
-        let spec = &self.topology.tables.joints[joint];
-        let x = self.x[spec.x + 34];
-        if spec.flags & LENGTH_GIVEN != 0 {
-            x
-        } else {
-            self.geometry.joint_length[joint] + x
-        }
-    }
-
-    // the forbidden direction is the z axis of the second body's marker
-    fn knife_edge(&self, joint: usize) -> (crate::spatial::V3<T>, Vec<(T, Six<T>)>) {
-        let spec = &self.topology.tables.joints[joint];
-        let pair = &self.geometry.joints[joint];
-        let b = crate::system::placement::marker_pose(
-            self.topology,
-            &self.placement.pose,
-            spec.b,
-            &pair.b,
-        );
-        (
-            b.p,
-            vec![(
-                T::zero(),
-                Six::new(b.r.column(2).into_owned(), crate::spatial::V3::zeros()),
-            )],
         )
     }
 
@@ -445,7 +355,14 @@ impl<T: Real> Scene<'_, T> {
     fn add_loads(&self, stiffness: &mut DMatrix<T>, counts: &mut Counts) {
         let (topology, wanted) = (self.topology, Wanted::GEOMETRY);
         for load in 0..topology.tables.loads.len() {
-            let acting = load_interaction(topology, self.geometry, self.placement, load, wanted);
+            let acting = load_interaction(
+                topology,
+                self.geometry,
+                self.placement,
+                load,
+                self.t,
+                wanted,
+            );
             add_tangent(topology, self.placement, &acting, true, stiffness, None);
             counts.add("load tangents", 1);
         }

@@ -80,11 +80,12 @@ impl Equations<'_, f64> {
 
     fn open(&self, row: usize, size: f64) -> Error {
         let topology = self.topology();
-        let name = &topology.tables.joints[topology.rows[row].joint].name;
+        if let Some(error) = topology.tables.failure() {
+            return error;
+        }
+        let name = topology.row_name(row);
         Error::Convergence {
-            message: format!(
-                "joint '{name}' stays open by {size:.2e} characteristic lengths or radians"
-            ),
+            message: format!("'{name}' stays open by {size:.2e} characteristic lengths or radians"),
             best: Vec::new(),
             residual: size,
         }
@@ -169,14 +170,18 @@ impl Equations<'_, f64> {
     fn check_forces(&self, h: &DVector<f64>) -> Result<()> {
         match h.iter().position(|v| !v.is_finite()) {
             None => Ok(()),
-            Some(i) => Err(Error::Convergence {
-                message: format!(
-                    "the force along '{}' is no number",
-                    self.topology().names[i]
-                ),
-                best: Vec::new(),
-                residual: f64::NAN,
-            }),
+            Some(i) => Err(self
+                .topology()
+                .tables
+                .failure()
+                .unwrap_or(Error::Convergence {
+                    message: format!(
+                        "the force along '{}' is no number",
+                        self.topology().names[i]
+                    ),
+                    best: Vec::new(),
+                    residual: f64::NAN,
+                })),
         }
     }
 }

@@ -219,6 +219,10 @@ impl Driver<'_, '_, '_> {
                 Verdict::Accepted(step, size) => (step, size),
                 Verdict::Fatal(error) => return Err(error),
                 Verdict::Rejected(factor, why) => {
+                    if let Some(error) = self.eq.topology().tables.failure() {
+                        self.stop(here.motion.t, error.to_string());
+                        break;
+                    }
                     self.run.rejected += 1;
                     counts.add("rejected steps", 1);
                     failures += 1;

@@ -41,6 +41,7 @@ use crate::system::assemble::{Effects, Scene, Tangent};
 use crate::system::connector::motion_of;
 use crate::system::loops::{column_scales, row_scales};
 use crate::system::placement::{Placement, advance, place};
+use crate::system::rows::explicit_rates;
 use crate::system::topology::Topology;
 
 /// Where the model is, how it moves, and what its laws remember.
@@ -199,6 +200,7 @@ impl<'a, T: Real> Equations<'a, T> {
             placement,
             rate: Some(&m.rate),
             acceleration,
+            t: m.t,
             effects: self.effects,
         }
     }
@@ -244,7 +246,12 @@ impl<'a, T: Real> Equations<'a, T> {
 
     /// The same where J is known already.
     pub fn row_rates_of(&self, m: &Motion<T>, jacobian: &DMatrix<T>) -> DVector<T> {
-        jacobian * DVector::from_column_slice(&m.rate)
+        jacobian * DVector::from_column_slice(&m.rate) + self.explicit_rates(m).0
+    }
+
+    /// Phi_t and Phi_tt.
+    fn explicit_rates(&self, m: &Motion<T>) -> (DVector<T>, DVector<T>) {
+        explicit_rates(self.topology(), &self.geometry, self.effects, m.t)
     }
 
     /// gamma: what J a must cancel; the rate of J v + Phi_t at constant v, by a dual number in time.
@@ -268,13 +275,14 @@ impl<'a, T: Real> Equations<'a, T> {
             placement: &placement,
             rate: None,
             acceleration: None,
+            t: m.t,
             effects: self.effects,
         };
         let jacobian = scene.constraints().1;
         let turning = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| {
             jacobian[(i, j)].eps
         });
-        turning * DVector::from_column_slice(&m.rate)
+        turning * DVector::from_column_slice(&m.rate) + self.explicit_rates(m).1
     }
 
     /// M, D = dr/dv (damping and gyroscopic), K = dr/dq at constant v, a, lam.
@@ -302,6 +310,14 @@ impl<'a, T: Real> Equations<'a, T> {
                 law.law.eval(e, v, p, &mut m.memory[memory]);
             }
         }
+        let mut memory = std::mem::take(&mut m.memory);
+        let before = memory.clone();
+        let scene = Scene {
+            memory: &before,
+            ..self.scene(m, &placement, None)
+        };
+        scene.remember_turns(&mut memory);
+        m.memory = memory;
     }
 
     /// Rates of the increments theta from the joint rates: theta' = J_l^-1(theta) omega where three rotations act together.
