@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _core
-from ._border import core_errors
 from ._amplified import warn_amplified
+from ._border import core_errors
 from .effects import check_without, effects
 from .errors import ConvergenceError, MbrsWarning, ModelError
 from .linearize import Snapshot
@@ -74,7 +74,8 @@ def simulate(
         Generalised-alpha: what is left of infinitely fast oscillations after a step, 0 to 1 (0.8).
     form, update
         "bdf-bfgs": the equations of a step, "ggl" (default; positions and velocities, stabilised index 2) or "symmetric"
-        (positions and h^2 lam), and the inverse update, "bfgs" (default) or "broyden"; docs/root.md compares them.
+        (positions and h^2 lam), and the inverse update: "auto" (default; BFGS until it has failed twice, then Broyden's, which
+        ``stats.route`` tells), "bfgs" or "broyden"; docs/root.md compares them.
     max_step, first_step
         s; limits of the controlled steps.
     max_steps
@@ -137,7 +138,9 @@ def simulate(
             traj,
         )
     if traj.status == "interrupted":
-        warnings.warn(f"interrupted at t = {made['end']:.6g} s; the motion so far is returned", MbrsWarning, stacklevel=2)
+        warnings.warn(
+            f"interrupted at t = {made['end']:.6g} s; the motion so far is returned", MbrsWarning, stacklevel=2
+        )
     return traj
 
 
@@ -146,11 +149,11 @@ def _variant(method: str, form: Any, update: Any) -> str:
         return method
     if method != "bdf-bfgs":
         raise ModelError(f'form= and update= belong to method="bdf-bfgs", not to {shown(method)}')
-    form, update = "ggl" if form is None else form, "bfgs" if update is None else update
+    form, update = "ggl" if form is None else form, "auto" if update is None else update
     if form not in ("ggl", "symmetric"):
         raise ModelError(f"form= is 'ggl' or 'symmetric', got {shown(form)}")
-    if update not in ("bfgs", "broyden"):
-        raise ModelError(f"update= is 'bfgs' or 'broyden', got {shown(update)}")
+    if update not in ("auto", "bfgs", "broyden"):
+        raise ModelError(f"update= is 'auto', 'bfgs' or 'broyden', got {shown(update)}")
     return f"{method}/{form}/{update}"
 
 
@@ -202,9 +205,7 @@ def _run(snapshot: Snapshot, state: State, without: Sequence[str], options: dict
         def report(part: float) -> None:
             progress.advance(int(1000 * part) - progress.done)
 
-        return _core.simulate_motion(
-            snapshot.system, state.relative, state.rate, list(without), options, report
-        )
+        return _core.simulate_motion(snapshot.system, state.relative, state.rate, list(without), options, report)
 
 
 def _trajectory(

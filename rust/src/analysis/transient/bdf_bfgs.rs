@@ -28,6 +28,9 @@ const SOLVED: f64 = 1e-14;
 const ACCEPTABLE: f64 = 1e-11;
 const MAX_ITERATIONS: usize = 40;
 const PATIENCE: usize = 4;
+const DIFFERENCE: f64 = 1e-7;
+/// Failures of inverse BFGS after which Broyden's update stays.
+const STRIKES: u32 = 2;
 /// Error of a start step in characteristic lengths or radians.
 const START_ERROR: f64 = 1e-10;
 const MOST_DIVISIONS: u32 = 12;
@@ -39,6 +42,10 @@ const GROWTH: f64 = 1.25;
 pub struct BdfBfgs {
     form: Form,
     family: Family,
+    /// whether the update may become Broyden's for good
+    settles: bool,
+    /// steps at which inverse BFGS failed
+    strikes: u32,
     /// accepted instants before the present one, latest first
     past: Vec<Instant>,
     sizes: Option<Sizes>,
@@ -56,10 +63,13 @@ struct Kept {
 }
 
 impl BdfBfgs {
-    pub fn new(form: Form, family: Family) -> Self {
+    /// Without a family inverse BFGS runs until it has failed twice, Broyden's update from there on.
+    pub fn new(form: Form, family: Option<Family>) -> Self {
         BdfBfgs {
             form,
-            family,
+            family: family.unwrap_or(Family::Bfgs),
+            settles: family.is_none(),
+            strikes: 0,
             past: Vec::new(),
             sizes: None,
             kept: None,
@@ -206,17 +216,16 @@ impl BdfBfgs {
         let goal = (n as f64).sqrt();
         let mut x = vec![0.0; n];
         let mut last = f64::INFINITY;
-        for (attempt, family) in [self.family, self.family, Family::Broyden]
-            .iter()
-            .enumerate()
-        {
+        for attempt in 0..3 {
             if attempt > 0 || self.kept.is_none() {
-                self.form_inverse(step, &x, 1e-7)?;
+                self.form_inverse(step, &x, DIFFERENCE)?;
             }
-            if attempt == 2 {
+            let before = self.family;
+            let family = self.family_of(attempt);
+            if attempt > 0 && family != before {
                 step.counts.add("fallback steps", 1);
             }
-            let out = self.attempt(step, &x, *family, SOLVED * goal)?;
+            let out = self.attempt(step, &x, family, SOLVED * goal)?;
             last = out.f.iter().map(|v| v * v).sum::<f64>().sqrt();
             if last <= ACCEPTABLE * goal {
                 if last > SOLVED * goal {
@@ -237,6 +246,21 @@ impl BdfBfgs {
             best: Vec::new(),
             residual: last,
         })
+    }
+
+    /// A second failure with one update calls for the other; where the update may settle, the first does.
+    fn family_of(&mut self, attempt: usize) -> Family {
+        if attempt == 1 && self.settles && self.family == Family::Bfgs {
+            self.strikes += 1;
+        }
+        if self.strikes >= STRIKES {
+            self.family = Family::Broyden;
+        }
+        match attempt {
+            0 => self.family,
+            1 if !self.settles => self.family,
+            _ => Family::Broyden,
+        }
     }
 
     fn attempt(
@@ -401,6 +425,13 @@ impl Scheme for BdfBfgs {
         self.past.clear();
         self.lam = None;
         self.divisions = 0;
+    }
+
+    fn remark(&self) -> Option<String> {
+        (self.settles && self.family == Family::Broyden).then(|| {
+            "inverse BFGS failed twice, Broyden's update took over (the Jacobian is not symmetric)"
+                .into()
+        })
     }
 
     fn largest_growth(&self) -> f64 {

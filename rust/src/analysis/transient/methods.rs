@@ -17,7 +17,7 @@ pub enum Method {
     Explicit,
     /// spectral radius at infinity
     GeneralizedAlpha(f64),
-    BdfBfgs(Form, Family),
+    BdfBfgs(Form, Option<Family>),
 }
 
 /// What generalised-alpha leaves of infinitely fast oscillations, unless it is told otherwise.
@@ -29,11 +29,18 @@ impl Method {
             "auto" => Ok(Method::Auto),
             "explicit" => Ok(Method::Explicit),
             "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
-            "bdf-bfgs" | "bdf-bfgs/ggl/bfgs" => Ok(Method::BdfBfgs(Form::Ggl, Family::Bfgs)),
-            "bdf-bfgs/ggl/broyden" => Ok(Method::BdfBfgs(Form::Ggl, Family::Broyden)),
-            "bdf-bfgs/symmetric/bfgs" => Ok(Method::BdfBfgs(Form::Symmetric, Family::Bfgs)),
-            "bdf-bfgs/symmetric/broyden" => {
-                Ok(Method::BdfBfgs(Form::Symmetric, Family::Broyden))
+            name if name.starts_with("bdf-bfgs") => {
+                let form = if name.contains("/symmetric") {
+                    Form::Symmetric
+                } else {
+                    Form::Ggl
+                };
+                let family = match name.rsplit('/').next() {
+                    Some("bfgs") => Some(Family::Bfgs),
+                    Some("broyden") => Some(Family::Broyden),
+                    _ => None,
+                };
+                Ok(Method::BdfBfgs(form, family))
             }
             other => Err(Error::model(format!("no method is called '{other}'"))),
         }
@@ -98,10 +105,13 @@ pub fn simulate(
         .map(|(a, b)| a - b)
         .collect();
     let velocity_correction = size(&changed);
-    let (method, why) = chosen(eq, method, &plan, counts);
+    let (method, mut why) = chosen(eq, method, &plan, counts);
     plan.per_unit_step = method.per_unit_step();
     let mut scheme = method.scheme();
     let run = drive(eq, scheme.as_mut(), first, &plan, cancel, progress, counts)?;
+    if let Some(remark) = scheme.remark() {
+        why = format!("{why}; {remark}");
+    }
     Ok(Simulated {
         run,
         method: method.name(),

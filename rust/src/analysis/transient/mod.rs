@@ -107,6 +107,11 @@ pub trait Scheme {
     /// Something jumped (a restart, a kink): histories are worthless.
     fn reset(&mut self) {}
 
+    /// What a reader of the result should know of how it went.
+    fn remark(&self) -> Option<String> {
+        None
+    }
+
     /// How much longer than the last step the next one may be.
     fn largest_growth(&self) -> f64 {
         f64::INFINITY
