@@ -33,6 +33,7 @@ _HOME = {
     "linearize": "linearize",
     "modes": "modal",
     "mac": "mac",
+    "root": "root",
     "frf": "frf",
     "response": "response",
     "state_space": "state_space",

@@ -15,6 +15,8 @@
 //! | `driver` | fixed or controlled steps, output times, stops |
 //! | `interpolate` | between two instants |
 //! | one file for each scheme | implements `Scheme` |
+pub mod bdf_bfgs;
+pub mod bdf_step;
 pub mod consistent;
 mod dop853_numbers;
 pub mod driver;
@@ -104,6 +106,16 @@ pub trait Scheme {
 
     /// Something jumped (a restart, a kink): histories are worthless.
     fn reset(&mut self) {}
+
+    /// What a reader of the result should know of how it went.
+    fn remark(&self) -> Option<String> {
+        None
+    }
+
+    /// How much longer than the last step the next one may be.
+    fn largest_growth(&self) -> f64 {
+        f64::INFINITY
+    }
 
     /// Motions at fractions of the step just made; the driver projects them. Called before `accept`.
     fn between(
