@@ -33,6 +33,7 @@ _HOME = {
     "linearize": "linearize",
     "modes": "modal",
     "mac": "mac",
+    "root": "root",
     "frf": "frf",
     "response": "response",
     "state_space": "state_space",
@@ -63,8 +64,8 @@ _HOME = {
     "Polynomial": "motions",
     "Table": "motions",
 }
-_MODULES = ("examples", "reference", "errors", "report", "plot", "animate")
-__all__ = sorted([*_HOME, "examples"])
+_MODULES = ("examples", "reference", "errors", "report", "plot", "animate", "matrix_calculus")
+__all__ = sorted([*_HOME, "examples", "matrix_calculus"])
 
 
 class _Package(types.ModuleType):

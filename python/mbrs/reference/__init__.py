@@ -18,6 +18,7 @@ from .modal import Modes, constrained_roots, modes
 from .motion import Motion, integrate, law_rows
 from .precise import mp_eigenvalue_derivative
 from .response import response
+from .root import root
 from .sensitivity import (
     Derivative,
     derivative,
@@ -66,6 +67,7 @@ __all__ = [
     "reactions",
     "real_part",
     "response",
+    "root",
     "shape_derivative",
     "simulate",
     "steady_motion",
