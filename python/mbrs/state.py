@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ class State:
     relative: np.ndarray
     rate: np.ndarray
     kind: str = "given"
-    memory: np.ndarray = AT_REST
+    memory: np.ndarray = field(default_factory=lambda: AT_REST)
     t: float = 0.0
 
     @property
