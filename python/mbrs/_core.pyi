@@ -156,6 +156,7 @@ class System:
         self, relative: _F2, rate: _F1, step: float, n_steps: int, direction: _Direction | None
     ) -> dict[str, Any]: ...
     def strains(self, relative: _F2) -> list[tuple[str, int, int, _F1, _F2, _F2]]: ...
+    def rows(self, relative: _F2, rate: _F1, t: float, without: Sequence[str]) -> dict[str, Any]: ...
     def reactions(self, relative: _F2, rate: _F1, without: Sequence[str]) -> _F2: ...
 
 def simulate_motion(
@@ -335,7 +336,7 @@ def root_solve(
     x0: Sequence[float] | _F1,
     broyden: bool,
     tolerance: float,
-    rule: tuple[float, float, float, float, int],
+    rule: tuple[float, float, float, float, int, bool],
     guard: tuple[float, float, float],
     limits: tuple[int, int, int, int],
     fallback: bool,

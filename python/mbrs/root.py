@@ -55,10 +55,9 @@ class _Function:
             raise ModelError(
                 f"fun returned an array of shape {value.shape} for {n} unknowns; return one residual for each unknown"
             )
-        try:
-            return np.ascontiguousarray(value, dtype=np.float64).reshape(n)
-        except (TypeError, ValueError):
-            raise ModelError(f"fun returned {value.dtype} values; return an array of {n} real numbers") from None
+        if value.dtype.kind not in "fiub":
+            raise ModelError(f"fun returned {value.dtype} values; return an array of {n} real numbers")
+        return np.ascontiguousarray(value, dtype=np.float64).reshape(n)
 
 
 def root(
@@ -85,6 +84,7 @@ def root(
     sigma2: float = 1e-3,
     beta: float = 0.5,
     max_backtracks: int = 60,
+    invariant: bool = True,
     curvature: float = 1e-12,
     determinant: tuple[float, float] = (1e-10, 1e10),
     callback: Callable[[_F1, _F1], Any] | None = None,
@@ -136,9 +136,13 @@ def root(
     fallback, restarts, patience
         If the norm does not halve within ``patience`` iterations, H is formed anew from differences at the best point,
         ``restarts`` times; then, with ``fallback``, the update becomes Broyden's, from the best point and once more
-        from x0. The message tells. ``fallback=False, restarts=0`` is the bare method.
+        from x0. The message tells. ``fallback=False, restarts=0,
+        patience=10**6, invariant=False`` is the bare method.
     rho, sigma1, sigma2, beta, max_backtracks
         Constants of the line search.
+    invariant
+        Multiply sigma1 and sigma2 by min(1, |F|/|d|^2) of the first direction after H was formed. Without it (the source)
+        residuals that are small beside the square of the step are never reduced by a full step.
     curvature, determinant
         An update is left out if abs(y^T s) <= curvature abs(y) abs(s), or if abs(det H+/det H) leaves the
         interval; the ratio is -lambda s^T F/(y^T s) and costs nothing.
@@ -195,7 +199,7 @@ def root(
         x / function.x_scale,
         method == "broyden",
         float(tol),
-        (rho, sigma1, sigma2, beta, max_backtracks),
+        (rho, sigma1, sigma2, beta, max_backtracks, bool(invariant)),
         (curvature, *_interval(determinant)),
         (maxiter, 2**63 - 1 if maxfev is None else _count("maxfev", maxfev), patience, restarts),
         bool(fallback),

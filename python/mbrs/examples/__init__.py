@@ -11,9 +11,12 @@ from ._hexapod import cubic_hexapod, cubic_hexapod_points
 from ._lattices import chain, from_code, ladder, tree
 from ._pendulum_chain import pendulum_chain
 from ._quadruped import quadruped
+from ._quarter_car import quarter_car
+from ._rolling_disc import rolling_disc
 from ._rotor import rotor
 from ._slider_crank import slider_crank
 from ._stewart import stewart_platform
+from ._swing import swing
 from ._wafer_stage import wafer_stage
 
 __all__ = [
@@ -28,9 +31,12 @@ __all__ = [
     "ladder",
     "pendulum_chain",
     "quadruped",
+    "quarter_car",
+    "rolling_disc",
     "rotor",
     "slider_crank",
     "stewart_platform",
+    "swing",
     "tree",
     "wafer_stage",
 ]

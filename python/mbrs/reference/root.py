@@ -92,6 +92,7 @@ def root(
     sigma: float = 1e-3,
     beta: float = 0.5,
     max_backtracks: int = 60,
+    invariant: bool = True,
 ) -> Found:
     """The method of `mbrs.root` with whole matrices: O(n^3) per iteration, for checks."""
 
@@ -106,14 +107,16 @@ def root(
     if H0 is None and jac0 == "fd":
         out.H = _inverse(difference_jacobian(counted, x, f))
     out.iterates, out.norms = [x], [float(np.linalg.norm(f))]
-    halved, since, tries, update = out.norms[0], 0, 0, method
+    halved, since, tries, update, unit = out.norms[0], 0, 0, method, 0.0
     k = 0
     while k < maxiter:
         norm = float(np.linalg.norm(f))
         if norm <= tol:
             break
         d = -out.H @ f
-        lam, reached, back = search(counted, x, d, norm, k, rho, sigma, beta, max_backtracks)
+        if unit == 0.0:
+            unit = min(1.0, norm / (d @ d)) if invariant else 1.0
+        lam, reached, back = search(counted, x, d, norm, k, rho, unit * sigma, beta, max_backtracks)
         out.backtracks += back
         trouble = lam == 0.0
         if not trouble:
@@ -138,7 +141,7 @@ def root(
                 update = "broyden"
                 out.fallback = k if out.fallback is None else out.fallback
             x, f = first if tries == restarts + 2 else best
-            halved, since = float(np.linalg.norm(f)), k
+            halved, since, unit = float(np.linalg.norm(f)), k, 0.0
             out.H = _inverse(difference_jacobian(counted, x, f))
     out.x = x
     if np.linalg.norm(f) <= tol:

@@ -122,7 +122,7 @@ fn root_solve<'py>(
     x0: Vec<f64>,
     broyden: bool,
     tolerance: f64,
-    rule: (f64, f64, f64, f64, usize),
+    rule: (f64, f64, f64, f64, usize, bool),
     guard: (f64, f64, f64),
     limits: (usize, u64, usize, usize),
     fallback: bool,
@@ -162,6 +162,7 @@ fn root_solve<'py>(
             sigma2: rule.2,
             beta: rule.3,
             max_backtracks: rule.4,
+            invariant: rule.5,
         },
         guard: Guard {
             curvature: guard.0,

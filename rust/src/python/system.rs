@@ -11,6 +11,7 @@ use crate::analysis::assembly::{assemble, close, scene};
 use crate::analysis::equilibrium::{Equilibrium, equilibrium};
 use crate::analysis::linearize::{Linearization, Setting, linearize};
 use crate::analysis::reactions::reactions;
+use crate::analysis::transient::{Equations, Motion};
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 use crate::spatial::{M3, Pose, V3};
@@ -376,6 +377,38 @@ impl PySystem {
         let out = PyDict::new(py);
         put_state(py, &out, &moved)?;
         out.as_any().get_item("relative")
+    }
+
+    /// All constraint rows at a state and time: `phi`, `jacobian` over the tree coordinates, `rates` J v + Phi_t and `bias`, their
+    /// rate at constant v.
+    fn rows<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+        t: f64,
+        without: Vec<String>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let mut state = state_of(&self.0, &relative, &rate)?;
+        state.rate.resize(self.0.n_tree(), 0.0);
+        let effects = effects(&without)?;
+        let motion = Motion {
+            t,
+            relative: state.relative,
+            rate: state.rate,
+            memory: Vec::new(),
+        };
+        let (phi, jacobian, rates, bias) = guarded(py, || {
+            let eq = Equations::new(&self.0, self.0.x.to_vec(), effects);
+            let (phi, jacobian) = eq.rows(&motion);
+            Ok((phi, jacobian, eq.row_rates(&motion), eq.row_bias(&motion)))
+        })?;
+        let out = PyDict::new(py);
+        out.set_item("jacobian", array(&jacobian).into_pyarray(py))?;
+        for (name, v) in [("phi", phi), ("rates", rates), ("bias", bias)] {
+            out.set_item(name, v.as_slice().to_vec().into_pyarray(py))?;
+        }
+        Ok(out)
     }
 
     /// How far given rates of the tree coordinates violate the cut joints, in rates of the scaled rows.

@@ -141,6 +141,8 @@ struct Run<'a> {
     /// Best norm and iteration at which it was last halved.
     halved: (f64, usize),
     tries: usize,
+    /// factor of the line search since H was formed
+    unit: Option<f64>,
     out: Outcome,
 }
 
@@ -170,6 +172,7 @@ impl<'a> Run<'a> {
             best: (x.to_vec(), f.clone(), norm),
             halved: (norm, 0),
             tries: 0,
+            unit: None,
             x: x.to_vec(),
             f,
             norm,
@@ -199,13 +202,20 @@ impl<'a> Run<'a> {
             return Ok(Some(Status::Broken));
         }
         let (mut trial, mut reached) = (vec![0.0; n], vec![0.0; n]);
+        let rule = &self.options.rule;
+        let own = if rule.invariant {
+            f64::min(1.0, self.norm / line_search::dot(&d, &d))
+        } else {
+            1.0
+        };
+        let unit = *self.unit.get_or_insert(own);
         let from = line_search::From {
             x: &self.x,
             d: &d,
             norm: self.norm,
             k: self.out.iterations,
+            unit,
         };
-        let rule = &self.options.rule;
         let (taken, evaluations) =
             line_search::search(self.problem, rule, &from, &mut trial, &mut reached)?;
         self.out.evaluations += evaluations as u64;
@@ -276,6 +286,7 @@ impl<'a> Run<'a> {
     fn go_to(&mut self, x: Vec<f64>, f: Vec<f64>, norm: f64) {
         (self.x, self.f, self.norm) = (x, f, norm);
         self.halved = (norm, self.out.iterations);
+        self.unit = None;
     }
 
     /// H formed anew at the present point.

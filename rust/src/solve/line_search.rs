@@ -13,6 +13,9 @@ pub struct Rule {
     pub sigma2: f64,
     pub beta: f64,
     pub max_backtracks: usize,
+    /// sigma1 and sigma2 times min(1, |F|/|d|^2) of the first direction: without it a residual whose unit is large refuses every
+    /// full step.
+    pub invariant: bool,
 }
 
 impl Default for Rule {
@@ -23,6 +26,7 @@ impl Default for Rule {
             sigma2: 1e-3,
             beta: 0.5,
             max_backtracks: 60,
+            invariant: true,
         }
     }
 }
@@ -41,6 +45,8 @@ pub struct From<'a> {
     pub d: &'a [f64],
     pub norm: f64,
     pub k: usize,
+    /// factor of sigma1 and sigma2
+    pub unit: f64,
 }
 
 /// Searches from x along d; `trial` and `f` end as the last point tried and its residual. None: no point passed the test.
@@ -53,7 +59,7 @@ pub fn search(
     f: &mut [f64],
 ) -> Result<(Option<Taken>, usize)> {
     let (x, d, norm) = (from.x, from.d, from.norm);
-    let length2: f64 = d.iter().map(|v| v * v).sum();
+    let length2 = from.unit * dot(d, d);
     let eta = 1.0 / ((from.k + 1) as f64).powi(2);
     let mut lambda = 1.0;
     for backtracks in 0..=rule.max_backtracks {

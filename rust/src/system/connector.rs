@@ -467,6 +467,38 @@ pub fn constraint_rows<T: Real>(
     (here.b.p, rows.collect())
 }
 
+/// The second rate of a coordinate at given accelerations of the bodies: g . xi' + xi . h xi, in axes that move with a.
+pub fn constraint_bias<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    joint: usize,
+    coordinate: Coordinate,
+    accelerations: &[Six<T>],
+) -> T {
+    let spec = &topology.tables.joints[joint];
+    let here = local(topology, placement, spec.a, spec.b, &geometry.joints[joint]);
+    let (Some(xi), Some(velocity)) = (here.twist, placement.velocity.as_ref()) else {
+        return T::zero();
+    };
+    let at = |body: BodyRef, of: &[Six<T>]| {
+        topology.node(body).map_or_else(Six::zero, |n| {
+            of[n].motion_at(&(here.b.p - placement.pose[n].p))
+        })
+    };
+    let (va, vb) = (at(spec.a, &velocity.body), at(spec.b, &velocity.body));
+    let spatial = at(spec.b, accelerations) - at(spec.a, accelerations);
+    // the point moves with b; then the turning of the axes of a is taken out
+    let relative = vb - va;
+    let turned = Six::new(
+        spatial.l + relative.a.cross(&vb.l) - va.a.cross(&relative.l),
+        spatial.a - va.a.cross(&relative.a),
+    )
+    .rotated(&here.a.r.transpose());
+    let h = here.relative.curvature(coordinate);
+    here.relative.row(coordinate).g.dot(&turned) + xi.dot(&h.apply(&xi))
+}
+
 /// What motions add to a load's value at time t, in the axes in which the value is constant.
 fn varying<T: Real>(topology: &Topology, geometry: &Geometry<T>, load: usize, t: f64) -> V3<T> {
     let tables = &topology.tables;

@@ -2,6 +2,10 @@
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
+use crate::solve::inverse::Family;
+
+use super::bdf_bfgs::BdfBfgs;
+use super::bdf_step::Form;
 use super::driver::{Plan, Progress, Run, drive};
 use super::explicit8::Explicit8;
 use super::generalized_alpha::GeneralizedAlpha;
@@ -13,6 +17,7 @@ pub enum Method {
     Explicit,
     /// spectral radius at infinity
     GeneralizedAlpha(f64),
+    BdfBfgs(Form, Option<Family>),
 }
 
 /// What generalised-alpha leaves of infinitely fast oscillations, unless it is told otherwise.
@@ -24,6 +29,19 @@ impl Method {
             "auto" => Ok(Method::Auto),
             "explicit" => Ok(Method::Explicit),
             "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
+            name if name.starts_with("bdf-bfgs") => {
+                let form = if name.contains("/symmetric") {
+                    Form::Symmetric
+                } else {
+                    Form::Ggl
+                };
+                let family = match name.rsplit('/').next() {
+                    Some("bfgs") => Some(Family::Bfgs),
+                    Some("broyden") => Some(Family::Broyden),
+                    _ => None,
+                };
+                Ok(Method::BdfBfgs(form, family))
+            }
             other => Err(Error::model(format!("no method is called '{other}'"))),
         }
     }
@@ -33,6 +51,7 @@ impl Method {
             Method::Auto => "auto",
             Method::Explicit => "explicit",
             Method::GeneralizedAlpha(_) => "generalized-alpha",
+            Method::BdfBfgs(..) => "bdf-bfgs",
         }
     }
 
@@ -40,12 +59,13 @@ impl Method {
         match self {
             Method::Auto | Method::Explicit => Box::new(Explicit8::default()),
             Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
+            Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family)),
         }
     }
 
     /// Schemes without local extrapolation: their tolerance is that of a unit of time.
     fn per_unit_step(&self) -> bool {
-        matches!(self, Method::GeneralizedAlpha(_))
+        matches!(self, Method::GeneralizedAlpha(_) | Method::BdfBfgs(..))
     }
 }
 
@@ -85,10 +105,13 @@ pub fn simulate(
         .map(|(a, b)| a - b)
         .collect();
     let velocity_correction = size(&changed);
-    let (method, why) = chosen(eq, method, &plan, counts);
+    let (method, mut why) = chosen(eq, method, &plan, counts);
     plan.per_unit_step = method.per_unit_step();
     let mut scheme = method.scheme();
     let run = drive(eq, scheme.as_mut(), first, &plan, cancel, progress, counts)?;
+    if let Some(remark) = scheme.remark() {
+        why = format!("{why}; {remark}");
+    }
     Ok(Simulated {
         run,
         method: method.name(),
