@@ -141,6 +141,8 @@ struct Run<'a> {
     /// Best norm and iteration at which it was last halved.
     halved: (f64, usize),
     tries: usize,
+    /// iteration at which H was formed: eta counts from there
+    formed: usize,
     /// factor of the line search since H was formed
     unit: Option<f64>,
     out: Outcome,
@@ -172,6 +174,7 @@ impl<'a> Run<'a> {
             best: (x.to_vec(), f.clone(), norm),
             halved: (norm, 0),
             tries: 0,
+            formed: 0,
             unit: None,
             x: x.to_vec(),
             f,
@@ -213,7 +216,7 @@ impl<'a> Run<'a> {
             x: &self.x,
             d: &d,
             norm: self.norm,
-            k: self.out.iterations,
+            k: self.out.iterations - self.formed,
             unit,
         };
         let (taken, evaluations) =
@@ -287,6 +290,7 @@ impl<'a> Run<'a> {
         (self.x, self.f, self.norm) = (x, f, norm);
         self.halved = (norm, self.out.iterations);
         self.unit = None;
+        self.formed = self.out.iterations;
     }
 
     /// H formed anew at the present point.
