@@ -133,7 +133,9 @@ def test_two_body_swing():
     m.revolute("n", a, b, at=(2, 0, 0), axis="z")
     m.drive("motor", "m", mb.Ramp(np.pi / 3))
     # theta_B' = 0 at the start: B translates with n, and turns back against A
-    m.set({"A.velocity": (0, np.pi / 3, 0), "A.angular_velocity": (0, 0, np.pi / 3), "B.velocity": (0, 2 * np.pi / 3, 0)})
+    m.set(
+        {"A.velocity": (0, np.pi / 3, 0), "A.angular_velocity": (0, 0, np.pi / 3), "B.velocity": (0, 2 * np.pi / 3, 0)}
+    )
     traj = mb.simulate(m, t=[0.5, 1, 2, 3, 5], rtol=1e-11)
     theta = traj.joint("m") + traj.joint("n")
     known = np.array([-0.835430375, -2.363025261, -2.081860121, -0.818461015, -0.393332826])
@@ -217,7 +219,9 @@ def test_a_coupler_on_a_joint_that_closes_a_loop():
     assert np.ptp(np.asarray(traj.energy)) < 1e-7
 
 
-@pytest.mark.parametrize("value", [wind, (mb.Ramp(2.0), -1.0, mb.Polynomial([0, 0, 0.5])), (lambda t: 2 * t, -1, mb.Table([0, 9], [0, 40]))])
+@pytest.mark.parametrize(
+    "value", [wind, (mb.Ramp(2.0), -1.0, mb.Polynomial([0, 0, 0.5])), (lambda t: 2 * t, -1, mb.Table([0, 9], [0, 40]))]
+)
 def test_a_force_that_varies(value):
     """x" = 2 t, y" = -1 of a free body of 1 kg."""
     m = mb.Model("blown")
@@ -334,7 +338,11 @@ BAD = {
         ModelError,
         "moved by drive 'd' already",
     ),
-    "table backwards": (lambda m: m.drive("d", "hinge", mb.Table([0, 2, 1], [0, 1, 2])), ModelError, "d.t must increase"),
+    "table backwards": (
+        lambda m: m.drive("d", "hinge", mb.Table([0, 2, 1], [0, 1, 2])),
+        ModelError,
+        "d.t must increase",
+    ),
     "table in a load": (
         lambda m: m.force("f", "rod", value=(mb.Table([1, 1], [0, 1]), 0, 0)),
         ModelError,
@@ -343,9 +351,17 @@ BAD = {
     "table too short": (lambda m: m.drive("d", "hinge", mb.Table([0], [0])), ModelError, "at least two"),
     "uneven table": (lambda m: m.drive("d", "hinge", mb.Table([0, 1], [0, 1, 2])), ModelError, "as many times"),
     "a function that returns nan": (lambda m: m.drive("d", "hinge", lambda t: np.nan), ModelError, "d has a.*finite"),
-    "a function that raises": (lambda m: m.drive("d", "hinge", lambda t: 1 / t), ModelError, "ZeroDivisionError at t = 0"),
+    "a function that raises": (
+        lambda m: m.drive("d", "hinge", lambda t: 1 / t),
+        ModelError,
+        "ZeroDivisionError at t = 0",
+    ),
     "a function of text": (lambda m: m.drive("d", "hinge", lambda t: "no"), ModelError, "returned 'no'"),
-    "a vector function for a number": (lambda m: m.force("f", "rod", value=(wind, 0, 0)), ModelError, "return 1 numbers"),
+    "a vector function for a number": (
+        lambda m: m.force("f", "rod", value=(wind, 0, 0)),
+        ModelError,
+        "return 1 numbers",
+    ),
     "a number for a vector": (lambda m: m.force("f", "rod", value=crank_value), ModelError, "return 3 numbers"),
     "a bare motion as force": (lambda m: m.force("f", "rod", value=mb.Ramp(1)), ModelError, "put the motion into one"),
     "nan in a motion": (lambda m: m.drive("d", "hinge", mb.Ramp(np.nan)), ModelError, "d.rate must be a finite"),
@@ -398,5 +414,3 @@ def test_a_function_that_fails_on_the_way_keeps_the_trajectory(late):
         with pytest.raises(ConvergenceError, match="no more data" if late == "raise" else "nan") as caught:
             mb.simulate(m, t=1.0, rtol=1e-6)
         assert 0.3 < caught.value.result.t[-1] <= 0.5
-
-

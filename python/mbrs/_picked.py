@@ -12,9 +12,19 @@ from .ports import Port
 
 def picked(X: np.ndarray, system: Any, which: Any) -> np.ndarray:
     """The coefficients (..., n_c) of one displacement from those of all coordinates (..., dof, n_c)."""
-    if isinstance(which, Port) or (isinstance(which, str) and which not in _names(system, X.shape[-2])):
-        return np.einsum("i,...ij->...j", _port_row(system, which, X.shape[-2]), X)
-    return X[..., _number(system, which, X.shape[-2]), :]
+    return taken(X, weights(system, which, X.shape[-2]))
+
+
+def taken(X: np.ndarray, by: int | np.ndarray) -> np.ndarray:
+    """`picked` where the `weights` are known."""
+    return X[..., by, :] if isinstance(by, int) else np.einsum("i,...ij->...j", by, X)
+
+
+def weights(system: Any, which: Any, n: int) -> int | np.ndarray:
+    """The number of a coordinate, or the row (n,) of a motion."""
+    if isinstance(which, Port) or (isinstance(which, str) and which not in _names(system, n)):
+        return _port_row(system, which, n)
+    return _number(system, which, n)
 
 
 def label(system: Any, which: Any, n: int) -> str:
@@ -42,11 +52,12 @@ def _number(system: Any, which: Any, n: int) -> int:
 
 def _port_row(system: Any, which: Any, n: int) -> np.ndarray:
     lin = getattr(system, "linearization", None)
-    if lin is None:
+    if lin is None or (isinstance(which, str) and "." not in which):
         import difflib
 
         names = _names(system, n)
         near = difflib.get_close_matches(str(which), names, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"they are {', '.join(names[:8])}"
+        more = "" if len(names) <= 12 else ", ..."
+        hint = f"did you mean {near[0]!r}?" if near else f"they are {', '.join(names[:12])}{more}"
         raise NameNotFoundError(f"there is no coordinate {str(which)!r}; {hint}")
     return np.asarray(lin.output_map([which])[0][0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from . import _balance
-from ._picked import label, picked
+from ._picked import label, picked, taken, weights
 from .continuation import MEANING, Branch, Event
 from .errors import ConvergenceError, ModelError
 from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of, harmonic_balance
@@ -115,16 +116,17 @@ class FrequencyResponse(Result):
 
     def _rows_of(self, dof: Any) -> np.ndarray:
         """(n, 2H+1) of one displacement, without the memory that all of ``X`` would take."""
-        key = f"row {dof}"
+        key = f"row {dof!r}"
         if key not in self._cache:
             if "X" in self._cache:
                 self._cache[key] = picked(self.X, self.system, dof)
             else:
                 top = max(part.setup.harmonics[-1] for part in self.parts)
                 out, at = np.zeros((len(self), 2 * top + 1)), 0
+                row = weights(self.system, dof, self.system.n)
                 for part in self.parts:
                     for i in range(len(part)):
-                        x = picked(part.expanded(i), self.system, dof)
+                        x = taken(part.expanded(i), row)
                         out[at, : len(x)] = x
                         at += 1
                 self._cache[key] = out
@@ -164,6 +166,13 @@ class FrequencyResponse(Result):
         return self._solution(
             part.setup, float(self.omega[i]), float(self.level[i]), part.expanded(k), float(self.error[i])
         )
+
+    def at(self, event: Event) -> PeriodicSolution:
+        """The motion at an event, as a solution by itself."""
+        if event not in self.events:
+            raise ModelError(f"{event} is not an event of this curve")
+        near = min(event.index, len(self) - 1)
+        return self._solution(self._part_of(near)[0].setup, event.omega, event.level, event.X, float(self.error[near]))
 
     def peak(self, dof: int = 0, harmonic: int | None = 1) -> PeriodicSolution:
         """The solution where the amplitude of one harmonic, or with None the largest displacement, is largest: solved
@@ -218,14 +227,14 @@ class FrequencyResponse(Result):
         follow(self.branch, len(self.branch.chunks) + _balance.integer("max_points", max_points), None)
         return collect(self.branch, perf_counter() - started + self.stats.wall_time)
 
-    def plot(self, dof: Any = 0, harmonic: int | None = 1, ax: Any = None) -> Any:
+    def plot(self, dof: Any = 0, harmonic: int | None = 1, ax: Any = None, label: str | None = None) -> Any:
         """Amplitude over frequency (or level), unstable parts dashed, events marked; returns the matplotlib figure.
 
-        ``ax``: axes to draw into, for several curves in one picture.
+        ``ax``, ``label``: axes to draw into, for several curves in one picture, and a name of this one.
         """
         from .plot.nonlinear import curve
 
-        return curve(self, dof, harmonic, ax=ax)
+        return curve(self, dof, harmonic, ax=ax, label=label)
 
     def plot_multipliers(self) -> Any:
         """Floquet multipliers in the complex plane, and the largest along the curve; returns the figure."""
@@ -264,14 +273,21 @@ class FrequencyResponse(Result):
             {"status": self.status, "meaning": MEANING.get(self.status.split(":")[0], "")},
         )
 
-    def rows(self) -> tuple[list[str], list[list[Any]]]:
-        """Columns and rows of the table: ends, largest amplitudes and events, in the order of the curve."""
-        shown = np.argsort(-self._size(), kind="stable")[:3]
+    def table(self, *dofs: Any) -> str:
+        """The table of ``print(curve)`` for other displacements, such as ``curve.table(body.motion("z"))``."""
+        return table(*self.rows(dofs), title=self._heading(), footer="amplitudes of the first harmonic", digits=7)
+
+    def rows(self, dofs: Sequence[Any] = ()) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: ends, largest amplitudes and events, in the order of the curve.
+
+        ``dofs``: displacements to show; by default the three coordinates that move most.
+        """
+        shown = list(dofs) or [int(i) for i in np.argsort(-self._size(), kind="stable")[:3]]
         picks: list[tuple[float, str, Any]] = [(0, "first", None), (len(self) - 1, "last", None)]
         for i in shown:
-            picks.append((int(np.argmax(self.amplitude(int(i)))), f"largest {self.label(int(i))}", None))
+            picks.append((int(np.argmax(self.amplitude(i))), f"largest {self.label(i)}", None))
         picks += [(e.index - 0.5, e.kind, e) for e in self.events]
-        heads = ["point", "", "omega", "f [Hz]", *(f"|{self.label(int(i))}|" for i in shown), "error", "stable"]
+        heads = ["point", "", "omega", "f [Hz]", *(f"|{self.label(i)}|" for i in shown), "error", "stable"]
         if self.varies == "level":
             heads[3] = "level"
         rows = []
@@ -279,9 +295,9 @@ class FrequencyResponse(Result):
             i = min(int(np.ceil(place)), len(self) - 1)
             where = event or self
             omega, level = (event.omega, event.level) if event else (self.omega[i], self.level[i])
-            size = [self.event_amplitude(event, int(d)) if event else self.amplitude(int(d))[i] for d in shown]
+            size = [self.event_amplitude(event, d) if event else self.amplitude(d)[i] for d in shown]
             third = float(level) if self.varies == "level" else float(where.frequency if event else self.frequency[i])
-            error = "" if event else f"{self.error[i]:.1e}"
+            error = "" if event else _error_text(self.error[i])
             rows.append(["" if event else i, name, float(omega), third, *map(float, size), error,
                          "" if event else self._stable_word(i)])  # fmt: skip
         return heads, rows
@@ -309,7 +325,7 @@ class FrequencyResponse(Result):
         return text
 
     def __str__(self) -> str:
-        return table(*self.rows(), title=self._heading(), footer="amplitudes of the first harmonic", digits=7)
+        return self.table()
 
     def _repr_html_(self) -> str:
         return html_table(*self.rows(), title=self._heading(), footer="amplitudes of the first harmonic", digits=7)
@@ -320,6 +336,11 @@ class FrequencyResponse(Result):
 
     def __getstate__(self) -> dict[str, Any]:
         return {key: value for key, value in self.__dict__.items() if key != "_built"} | {"branch": None}
+
+
+def _error_text(error: float) -> str:
+    """Below the rounding of numbers an estimate says nothing more."""
+    return "<1e-16" if error < 1e-16 else f"{error:.1e}"
 
 
 def _largest(x: np.ndarray, n_t: int) -> np.ndarray:

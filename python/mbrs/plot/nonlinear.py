@@ -21,7 +21,7 @@ _MARKERS = {
 _FLOOR = 1e-16
 
 
-def curve(result: Any, dof: Any = 0, harmonic: int | None = 1, *, ax: Any = None) -> Any:
+def curve(result: Any, dof: Any = 0, harmonic: int | None = 1, *, ax: Any = None, label: str | None = None) -> Any:
     """Amplitude over frequency (or force level): unstable parts dashed, events marked where they were solved for.
 
     Parameters
@@ -30,8 +30,9 @@ def curve(result: Any, dof: Any = 0, harmonic: int | None = 1, *, ax: Any = None
         A `FrequencyResponse`.
     dof, harmonic
         Which amplitude, as for ``result.amplitude``; ``harmonic=None`` is the largest displacement.
-    ax
-        Axes to draw into, for several curves in one picture; a figure of its own by default.
+    ax, label
+        Axes to draw into, for several curves in one picture, and what to call this one there instead of telling stable
+        from unstable; a figure of its own by default.
 
     Returns
     -------
@@ -46,6 +47,7 @@ def curve(result: Any, dof: Any = 0, harmonic: int | None = 1, *, ax: Any = None
     ]
     with style():
         made, axes = _axes(ax)
+        before = len(axes.lines)
         if result.connected:
             color = _branch(axes, x, y, result.stable, marks, PALETTE[0] if ax is None else None)
         else:
@@ -55,6 +57,10 @@ def curve(result: Any, dof: Any = 0, harmonic: int | None = 1, *, ax: Any = None
             if at:
                 axes.plot(*zip(*at, strict=True), marker, color=color, mfc="white", ms=6, mew=1.4, ls="none",
                           label=name)  # fmt: skip
+        if label is not None:
+            for line in axes.lines[before:]:
+                line.set_label("_")
+            axes.lines[before].set_label(label)
         if axes.get_legend_handles_labels()[0]:
             axes.legend(loc="best")
         what = "largest displacement" if harmonic is None else "mean" if harmonic == 0 else f"harmonic {harmonic}"
