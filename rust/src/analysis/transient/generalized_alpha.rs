@@ -221,8 +221,7 @@ impl GeneralizedAlpha {
             let goal = SOLVED * h * h * size(&u.rate_slope) + 4.0 * f64::EPSILON;
             let rate = step / last;
             // the first correction says nothing about how fast they shrink
-            if step <= goal
-                || last.is_finite() && rate < 1.0 && step * rate / (1.0 - rate) <= goal
+            if step <= goal || last.is_finite() && rate < 1.0 && step * rate / (1.0 - rate) <= goal
             {
                 return Ok(());
             }
