@@ -16,10 +16,11 @@ use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 use crate::spatial::{M3, Pose, V3};
 use crate::system::System;
-use crate::system::assemble::Effects;
+use crate::system::assemble::{Effects, Scene};
 use crate::system::connector::strain;
 use crate::system::loops::{redundant_names, row_scales};
 use crate::system::placement::{State, advance, place};
+use crate::system::rows::explicit_rates;
 use crate::system::topology::Owner;
 
 use super::border::{counts_dict, guarded, interruptible};
@@ -233,11 +234,17 @@ impl PySystem {
     }
 
     /// The drawn state, loops closed and velocities made consistent; `hold`: with drives that stand still.
-    #[pyo3(signature = (hold=false))]
-    fn assemble<'py>(&self, py: Python<'py>, hold: bool) -> PyResult<Bound<'py, PyDict>> {
+    #[pyo3(signature = (hold=false, without=Vec::new()))]
+    fn assemble<'py>(
+        &self,
+        py: Python<'py>,
+        hold: bool,
+        without: Vec<String>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let effects = effects(&without)?;
         let (assembled, counts) = run(py, &self.0, move |system, _| {
             let mut counts = Counts::default();
-            assemble(system, hold, &mut counts).map(|a| (a, counts))
+            assemble(system, hold, effects, &mut counts).map(|a| (a, counts))
         })?;
         let out = PyDict::new(py);
         put_state(py, &out, &assembled.state)?;
@@ -354,24 +361,27 @@ impl PySystem {
     }
 
     /// A state advanced by increments of the minimal coordinates, loops closed.
+    #[pyo3(signature = (relative, increments, without=Vec::new()))]
     fn advance<'py>(
         &self,
         py: Python<'py>,
         relative: PyReadonlyArray2<'py, f64>,
         increments: PyReadonlyArray1<'py, f64>,
+        without: Vec<String>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let mut state = state_of(&self.0, &relative, &empty(py)?)?;
+        let effects = effects(&without)?;
         let z = nalgebra::DVector::from_vec(values(&increments));
         let moved = run(py, &self.0, move |system, _| {
             let setting = Setting {
                 system,
                 state: &state,
-                effects: Effects::ALL,
+                effects,
             };
             let base = linearize(&setting, &mut Counts::default())?;
             let dy = base.expand(z)?;
             advance(&system.topology, &mut state.relative, dy.as_slice());
-            close(system, &mut state, Effects::ALL, &mut Counts::default())?;
+            close(system, &mut state, effects, &mut Counts::default())?;
             Ok(state)
         })?;
         let out = PyDict::new(py);
@@ -411,19 +421,28 @@ impl PySystem {
         Ok(out)
     }
 
-    /// How far given rates of the tree coordinates violate the cut joints, in rates of the scaled rows.
+    /// How far given rates of the tree coordinates violate the rows at t = 0, in rates of the scaled rows.
+    #[pyo3(signature = (relative, rate, without=Vec::new()))]
     fn rate_mismatch(
         &self,
         py: Python<'_>,
         relative: PyReadonlyArray2<'_, f64>,
         rate: PyReadonlyArray1<'_, f64>,
+        without: Vec<String>,
     ) -> PyResult<f64> {
         let state = state_of(&self.0, &relative, &rate)?;
+        let effects = effects(&without)?;
         guarded(py, || {
-            let placement = place(&self.0.topology, &self.0.geometry, &state.relative, None);
-            let jacobian = scene(&self.0, &placement).constraints().1;
+            let (topology, geometry) = (&self.0.topology, &self.0.geometry);
+            let placement = place(topology, geometry, &state.relative, None);
+            let acting = Scene {
+                effects,
+                ..scene(&self.0, &placement)
+            };
+            let jacobian = acting.constraints().1;
+            let prescribed = explicit_rates(topology, geometry, effects, 0.0).0;
             let scales = row_scales(&self.0.topology, self.0.length);
-            let miss = jacobian * nalgebra::DVector::from_vec(state.rate.clone());
+            let miss = jacobian * nalgebra::DVector::from_vec(state.rate.clone()) + prescribed;
             Ok(miss
                 .iter()
                 .zip(&scales)

@@ -3,6 +3,7 @@ use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::error::{Error, Result};
+use crate::model::joint::JointKind;
 use crate::run::{Cancel, Counts};
 
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
@@ -212,6 +213,9 @@ impl Driver<'_, '_, '_> {
                 .speed
                 .max(self.scaled(&here.motion.rate))
                 .max(1e-3 * self.scaled(&here.acceleration) * total.min(h * 1e3));
+            if matches!(self.plan.steps, Steps::Controlled { .. }) {
+                h = h.min(self.half_turn(&here));
+            }
             let (length, target) = self.fitted(&here, h);
             let estimate = matches!(self.plan.steps, Steps::Controlled { .. });
             let tried = scheme.step(self.eq, &here, length, estimate, counts);
@@ -262,6 +266,19 @@ impl Driver<'_, '_, '_> {
         self.run.end = End::Stopped { t, message };
     }
 
+    /// A step in which no angle of a joint turns by half a turn, beyond which turns cannot be counted: v h + a h^2/2 <= 2.
+    fn half_turn(&self, here: &Instant) -> f64 {
+        const TURN: f64 = 2.0;
+        let nodes = self.eq.topology().nodes.iter();
+        let counted = nodes.filter(|n| !matches!(n.kind, JointKind::Spherical | JointKind::Free));
+        let dofs = counted.flat_map(|n| n.first..n.first + n.n);
+        let turning = dofs.filter(|d| self.eq.topology().dofs[*d].freedom.rotation);
+        turning.fold(f64::INFINITY, |h, d| {
+            let (v, a) = (here.motion.rate[d].abs(), here.acceleration[d].abs());
+            h.min(2.0 * TURN / (v + (v * v + 2.0 * a * TURN).sqrt()))
+        })
+    }
+
     /// The step that does not pass the end or a break, and the time it must hit exactly.
     fn fitted(&self, here: &Instant, h: f64) -> (f64, Option<f64>) {
         let t = here.motion.t;
@@ -297,7 +314,9 @@ impl Driver<'_, '_, '_> {
         let Some(error) = &step.error else {
             return Verdict::Accepted(step, 0.0);
         };
-        let mut size = self.size(error) / rtol;
+        // what starts from rest without force has no rate of its own yet
+        let reached = self.scaled(&step.end.motion.rate);
+        let mut size = self.size(error, self.speed.max(reached)) / rtol;
         let mut order = 1.0;
         if self.plan.per_unit_step {
             size *= (self.plan.end - self.start) / h;
@@ -319,8 +338,8 @@ impl Driver<'_, '_, '_> {
         Verdict::Rejected(factor, why)
     }
 
-    fn size(&self, error: &LocalError) -> f64 {
-        let speed = self.speed.max(1e-300);
+    fn size(&self, error: &LocalError, speed: f64) -> f64 {
+        let speed = speed.max(1e-300);
         let rate = self.scaled(&error.rate) / speed;
         let position = self.scaled(&error.position);
         if rate.is_nan() || position.is_nan() {
