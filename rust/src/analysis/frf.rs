@@ -140,7 +140,11 @@ impl Reduction {
             return Err(Error::model("omega contains NaN or infinite values"));
         }
         let mut counts = Counts::default();
-        let samples = if checked { self.samples(omega) } else { Vec::new() };
+        let samples = if checked {
+            self.samples(omega)
+        } else {
+            Vec::new()
+        };
         let checks = self.references(ports, omega, &samples, &mut counts);
         let measured = |evaluator: &Evaluator<'_>| {
             let distances = checks

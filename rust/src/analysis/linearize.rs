@@ -426,7 +426,9 @@ pub fn body_map<T: Real>(
         carried[k..].fill(false);
         carried[k] = true;
         for i in k..topology.nodes.len() {
-            carried[i] |= topology.nodes[i].parent.is_some_and(|p| p >= k && carried[p]);
+            carried[i] |= topology.nodes[i]
+                .parent
+                .is_some_and(|p| p >= k && carried[p]);
             if !carried[i] {
                 continue;
             }
