@@ -28,9 +28,9 @@ EFFECTS = (
 )
 _NEVER_OFF = frozenset({"loops", "redundancy"})
 _FRICTION_LAWS = frozenset({"Jenkins", "Iwan", "CoulombTanh"})
-# Codes of laws that depend on the rate without being friction: Polynomial1D with a velocity part, VanDerPol.
-_RATE_LAWS = frozenset({2, 8})
-_CONTACT_LAWS = frozenset({"Gap", "BilinearStop", "Hertz"})
+# Codes of laws that depend on the rate: Polynomial1D with a velocity part, CoulombTanh, VanDerPol.
+_RATE_LAWS = frozenset({2, 5, 8})
+_CONTACT_LAWS = frozenset({"Gap", "Hertz"})
 
 
 @dataclass(frozen=True)

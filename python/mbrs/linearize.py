@@ -173,7 +173,7 @@ class Linearization(Result):
     @cached_property
     def _strains(self) -> list[tuple[str, np.ndarray, np.ndarray]]:
         with core_errors():
-            rows = self.snapshot.system.strains(self.state.relative)
+            rows = self.snapshot.system.strains(self.state.relative, list(self.without))
         out = []
         for name, a, b, point, gradients, k in rows:
             relative = self._at(b, point) - self._at(a, point)
@@ -181,7 +181,9 @@ class Linearization(Result):
         return out
 
     def element_strain_energy(self, shape: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
-        """Names of the elastic elements and 1/2 e^H k e of each for each column of ``shape``, (n_elements, n)."""
+        """Names of the elastic elements and 1/2 e^H k e of each for each column of ``shape``, (n_elements, n); k holds the
+        slopes of their laws at this state.
+        """
         names = tuple(name for name, _, _ in self._strains)
         energy = np.zeros((len(names), shape.shape[1]))
         for i, (_, rows, k) in enumerate(self._strains):

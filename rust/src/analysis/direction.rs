@@ -3,7 +3,7 @@
 //! One pass of dual numbers through assembly and linearisation. The equilibrium follows by dz = -K''^-1 d(B''^T rho), loops by the
 //! smallest change, dy = -J^+ dPhi. What touches single elements or masses alone takes the short way of `local_direction`.
 use nalgebra::{DMatrix, DVector};
-use num_dual::Dual64;
+use num_dual::{Dual64, DualNum};
 
 use crate::analysis::assembly::{given_rates, minimum_norm};
 use crate::analysis::linearize::{
@@ -129,7 +129,7 @@ fn dual_scene(
             let given = given_rates(system, &made.geometry, &made.x, &made.placement)?;
             match &loops {
                 None => given,
-                Some((l, b)) => projected(system, l, b, &given)?,
+                Some((l, b)) => projected(&made, system, l, b, &given)?,
             }
         }
         Rates::Held => held_rates(setting, loops.as_ref().map(|(l, b)| (*l, b))),
@@ -185,15 +185,19 @@ fn held_rates(setting: &Setting<'_>, loops: Option<(&Loops, &DMatrix<Dual64>)>) 
 /// The rates nearest to the given ones that the loops allow, y = N z with N^T W (N z - given) = 0, W the inverse squares of the
 /// column scales.
 fn projected(
+    made: &DualScene,
     system: &System,
     loops: &Loops,
     b: &DMatrix<Dual64>,
     given: &[Dual64],
 ) -> Result<Vec<Dual64>> {
-    let weight: Vec<f64> = column_scales(&system.topology, system.length)
-        .iter()
-        .map(|s| 1.0 / (s * s))
-        .collect();
+    let length = system
+        .topology
+        .characteristic_length(&made.geometry, &made.x);
+    let weight = |i: usize| match system.topology.dofs[i].freedom.rotation {
+        true => Dual64::from(1.0),
+        false => (length * length).recip(),
+    };
     let n = loops.independent.len();
     let mut map = DMatrix::from_element(given.len(), n, Dual64::from(0.0));
     for k in 0..n {
@@ -202,7 +206,7 @@ fn projected(
             map[(*i, k)] = b[(row, k)];
         }
     }
-    let weighted = DMatrix::from_fn(given.len(), n, |i, k| map[(i, k)] * weight[i]);
+    let weighted = DMatrix::from_fn(given.len(), n, |i, k| map[(i, k)] * weight(i));
     let normal = weighted.transpose() * &map;
     let right = weighted.transpose() * DVector::from_row_slice(given);
     let inner = normal.map(|v| v.re);

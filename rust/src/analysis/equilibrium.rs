@@ -19,6 +19,8 @@ use crate::system::placement::{State, advance};
 const MAX_ITERATIONS: usize = 200;
 /// Stiffness below this part of the largest counts as none.
 const NO_STIFFNESS: f64 = 1e-12;
+/// What rounding usually leaves of a balance of forces, and of a pose, relative to their sizes.
+const ROUNDING: f64 = 0.25 * f64::EPSILON;
 /// Iterations that a force may push along a direction without stiffness before that is an error.
 const PATIENCE: usize = 25;
 /// Longest step, radians or characteristic lengths.
@@ -95,6 +97,17 @@ struct Spectrum {
 }
 
 impl Spectrum {
+    /// The largest displacement that forces of this size and no particular direction make.
+    fn answer_to(&self, force: f64) -> f64 {
+        let held = |k: &usize| self.values[*k].abs() > self.none;
+        let square = |i: usize| -> f64 {
+            let softness = |k: usize| (self.vectors[(i, k)] / self.values[k]).powi(2);
+            (0..self.values.len()).filter(held).map(softness).sum()
+        };
+        let largest = (0..self.values.len()).map(square).fold(0.0, f64::max);
+        force * largest.sqrt()
+    }
+
     /// No stiffness is negative beyond rounding.
     fn stable(&self) -> bool {
         let largest = self.values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
@@ -418,7 +431,8 @@ fn finish(
             free_directions.push(direction_names(system, &local, &v));
         }
     }
-    let error = newton_step(&local, &spectrum, 0.0).map_or(f64::NAN, |s| s.amax());
+    let step = newton_step(&local, &spectrum, 0.0).map_or(f64::NAN, |s| s.amax());
+    let error = step + spectrum.answer_to(ROUNDING * size) + ROUNDING;
     let stable = spectrum.stable();
     let residual = local.r.amax() / size;
     Ok(Equilibrium {
