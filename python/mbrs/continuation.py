@@ -103,7 +103,7 @@ class Branch(Iterator[BranchPoint]):
     --------
     >>> import mbrs as mb
     >>> duffing = mb.MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[mb.Cubic(0.1, w=[1.0])])
-    >>> branch = mb.continuation.Branch(duffing, force=[0.18], omega=(0.5, 1.6))
+    >>> branch = mb.Branch(duffing, force=[0.18], omega=(0.5, 1.6))
     >>> round(next(branch).omega, 6)
     0.5
     """
