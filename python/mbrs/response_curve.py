@@ -49,7 +49,7 @@ class FrequencyResponse(Result):
     stable
         (n,) bool; None where stability was not asked for; numbers with nan where it cannot be told (laws with memory).
     exponents
-        (n, 2 dof) Floquet exponents in 1/s, or None.
+        (n, 2 dof) Floquet exponents in 1/s, or None; of large systems those of a reduced model, filled up with nan.
     events
         Folds, branch points, Neimark-Sacker and period-doubling points, solved for.
     error
