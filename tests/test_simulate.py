@@ -48,11 +48,16 @@ def test_the_script_of_the_contract_runs(tmp_path):
     traj.save(tmp_path / "run.pickle")
 
 
-@pytest.mark.parametrize(("method", "order", "steps"), [("generalized-alpha", 2, (200, 400)), ("bdf", 4, (200, 400)), ("explicit", 8, (12, 24))])
+@pytest.mark.parametrize(
+    ("method", "order", "steps"),
+    [("generalized-alpha", 2, (200, 400)), ("bdf", 4, (200, 400)), ("explicit", 8, (12, 24))],
+)
 @pytest.mark.parametrize("name", ["double_pendulum", "spherical_pendulum", "free_body", "skate", "bushings"])
 def test_orders_of_fixed_steps(name, method, order, steps):
     problem = zoo.SMOOTH[name]()
-    errors = [error_of(problem, mb.simulate(problem.model, problem.t, step=problem.t / n, method=method)) for n in steps]
+    errors = [
+        error_of(problem, mb.simulate(problem.model, problem.t, step=problem.t / n, method=method)) for n in steps
+    ]
     slope = np.log2(errors[0] / errors[1])
     print(f"{name}, {method}: {errors[0]:.1e}, {errors[1]:.1e}, order {slope:.2f}")
     # the explicit scheme of order 8 often gains more than its order on problems of one frequency
@@ -106,7 +111,9 @@ def test_the_heavy_top_reaches_a_nanometre():
     problem = zoo.heavy_top(t=2.0)
     traj = mb.simulate(problem.model, [0.0, 2.0], rtol=1e-9)
     error = problem.error(traj.t, places(problem, traj))
-    print(f"heavy top at 2 s: {error:.1e} m in {traj.stats.wall_time:.3f} s, {traj.stats.counts['force evaluations']} evaluations")
+    print(
+        f"heavy top at 2 s: {error:.1e} m in {traj.stats.wall_time:.3f} s, {traj.stats.counts['force evaluations']} evaluations"
+    )
     assert error < 1e-9
 
 
@@ -230,7 +237,11 @@ def test_an_interrupt_returns_what_there_is():
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
-    assert traj.status == "interrupted" and len(traj.t) > 1 and np.isfinite(traj.position("link0" if "link0" in traj.bodies else traj.bodies[0])).all()
+    assert (
+        traj.status == "interrupted"
+        and len(traj.t) > 1
+        and np.isfinite(traj.position("link0" if "link0" in traj.bodies else traj.bodies[0])).all()
+    )
 
 
 # --- wrong input -----
