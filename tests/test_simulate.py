@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import signal
-import warnings
 
 import mbrs as mb
 import motion_problems as zoo
-import motion_truths as true
 import numpy as np
 import pytest
-from mbrs.errors import AssemblyError, ConvergenceError, MbrsWarning, ModelError, NameNotFoundError
+from mbrs.errors import ConvergenceError, MbrsWarning, ModelError, NameNotFoundError
 
 METHODS = ("explicit", "generalized-alpha", "bdf")
 G = 9.81

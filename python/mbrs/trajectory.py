@@ -82,7 +82,7 @@ class Trajectory(Result):
     message: str
     snapshot: Snapshot
     without: tuple[str, ...]
-    estimate: Callable[[Trajectory], float] | None = field(default=None, repr=False)
+    estimate: Callable[[Trajectory], float | None] | None = field(default=None, repr=False)
     error: Any = field(default=None, init=False)
 
     def __len__(self) -> int:
