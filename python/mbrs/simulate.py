@@ -123,7 +123,7 @@ def simulate(
         if name in _LINEAR_ONLY:
             raise ModelError(f"'{name}' is a part of a linearisation; a motion cannot be without it")
     snapshot = Snapshot.of(m)
-    state = state_of(m, snapshot.system, at, hold=False)
+    state = state_of(m, snapshot.system, at, hold=False, without=without)
     options = _options(t, rtol, step, method, state)
     for name, value in (("rho", rho), ("max_step", max_step), ("first_step", first_step), ("max_steps", max_steps)):
         if value is not None:

@@ -3,6 +3,7 @@ use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::error::{Error, Result};
+use crate::model::joint::JointKind;
 use crate::run::{Cancel, Counts};
 
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
@@ -213,6 +214,9 @@ impl Driver<'_, '_, '_> {
                 .speed
                 .max(self.scaled(&here.motion.rate))
                 .max(1e-3 * self.scaled(&here.acceleration) * total.min(h * 1e3));
+            if matches!(self.plan.steps, Steps::Controlled { .. }) {
+                h = h.min(self.half_turn(&here));
+            }
             let (length, target) = self.fitted(&here, h);
             let estimate = matches!(self.plan.steps, Steps::Controlled { .. });
             let tried = scheme.step(self.eq, &here, length, estimate, counts);
@@ -256,7 +260,7 @@ impl Driver<'_, '_, '_> {
             self.run.steps.push(here.motion.t);
             counts.add("steps", 1);
             progress.set((here.motion.t - t0) / total);
-            let tolerance = |e: &LocalError| self.size(e) / self.tolerance(length);
+            let tolerance = |e: &LocalError| self.size(e, self.speed) / self.tolerance(length);
             h = match scheme.proposal(&tolerance) {
                 Some(factor) => self.proposed(h, length, factor),
                 None => self.next(h, length, size, after_rejection, scheme),
@@ -269,6 +273,19 @@ impl Driver<'_, '_, '_> {
 
     fn stop(&mut self, t: f64, message: String) {
         self.run.end = End::Stopped { t, message };
+    }
+
+    /// A step in which no angle of a joint turns by half a turn, beyond which turns cannot be counted: v h + a h^2/2 <= 2.
+    fn half_turn(&self, here: &Instant) -> f64 {
+        const TURN: f64 = 2.0;
+        let nodes = self.eq.topology().nodes.iter();
+        let counted = nodes.filter(|n| !matches!(n.kind, JointKind::Spherical | JointKind::Free));
+        let dofs = counted.flat_map(|n| n.first..n.first + n.n);
+        let turning = dofs.filter(|d| self.eq.topology().dofs[*d].freedom.rotation);
+        turning.fold(f64::INFINITY, |h, d| {
+            let (v, a) = (here.motion.rate[d].abs(), here.acceleration[d].abs());
+            h.min(2.0 * TURN / (v + (v * v + 2.0 * a * TURN).sqrt()))
+        })
     }
 
     /// The step that does not pass the end or a break, and the time it must hit exactly.
@@ -321,7 +338,9 @@ impl Driver<'_, '_, '_> {
         let Some(error) = &step.error else {
             return Verdict::Accepted(step, 0.0);
         };
-        let size = self.size(error) / self.tolerance(h);
+        // what starts from rest without force has no rate of its own yet
+        let reached = self.scaled(&step.end.motion.rate);
+        let size = self.size(error, self.speed.max(reached)) / self.tolerance(h);
         if size <= 1.0 {
             return Verdict::Accepted(step, size);
         }
@@ -348,8 +367,8 @@ impl Driver<'_, '_, '_> {
         }
     }
 
-    fn size(&self, error: &LocalError) -> f64 {
-        let speed = self.speed.max(1e-300);
+    fn size(&self, error: &LocalError, speed: f64) -> f64 {
+        let speed = speed.max(1e-300);
         let rate = self.scaled(&error.rate) / speed;
         let position = self.scaled(&error.position);
         if rate.is_nan() || position.is_nan() {
