@@ -212,6 +212,7 @@ impl Bdf {
         });
     }
 
+    #[allow(clippy::too_many_arguments)]
     fn solve(
         &mut self,
         eq: &Equations<'_, f64>,
@@ -323,9 +324,12 @@ fn stretched(d: &mut [Pair], order: usize, factor: f64) {
         let mut m = vec![vec![0.0; order + 1]; order + 1];
         m[0].fill(1.0);
         for i in 1..=order {
-            for j in 1..=order {
-                m[i][j] = m[i - 1][j] * (i as f64 - 1.0 - factor * j as f64) / i as f64;
-            }
+            m[i] = (0..=order)
+                .map(|j| match j {
+                    0 => 0.0,
+                    _ => m[i - 1][j] * (i as f64 - 1.0 - factor * j as f64) / i as f64,
+                })
+                .collect();
         }
         m
     };
