@@ -156,7 +156,9 @@ def test_two_body_swing():
     m.revolute("n", a, b, at=(2, 0, 0), axis="z")
     m.drive("motor", "m", mb.Ramp(np.pi / 3))
     # theta_B' = 0 at the start: B translates with n, and turns back against A
-    m.set({"A.velocity": (0, np.pi / 3, 0), "A.angular_velocity": (0, 0, np.pi / 3), "B.velocity": (0, 2 * np.pi / 3, 0)})
+    m.set(
+        {"A.velocity": (0, np.pi / 3, 0), "A.angular_velocity": (0, 0, np.pi / 3), "B.velocity": (0, 2 * np.pi / 3, 0)}
+    )
     traj = mb.simulate(m, t=[0.5, 1, 2, 3, 5], rtol=1e-11)
     theta = traj.joint("m") + traj.joint("n")
     known = np.array([-0.835430375, -2.363025261, -2.081860121, -0.818461015, -0.393332826])
@@ -240,7 +242,9 @@ def test_a_coupler_on_a_joint_that_closes_a_loop():
     assert np.ptp(np.asarray(traj.energy)) < 1e-7
 
 
-@pytest.mark.parametrize("value", [wind, (mb.Ramp(2.0), -1.0, mb.Polynomial([0, 0, 0.5])), (lambda t: 2 * t, -1, mb.Table([0, 9], [0, 40]))])
+@pytest.mark.parametrize(
+    "value", [wind, (mb.Ramp(2.0), -1.0, mb.Polynomial([0, 0, 0.5])), (lambda t: 2 * t, -1, mb.Table([0, 9], [0, 40]))]
+)
 def test_a_force_that_varies(value):
     """x" = 2 t, y" = -1 of a free body of 1 kg."""
     m = mb.Model("blown")
@@ -309,6 +313,50 @@ def test_velocities_of_a_drive_enter_a_motion_but_not_a_linearisation():
     assert mb.simulate(m, t=[0.1]).rate[0, 0] == pytest.approx(3.0)
 
 
+def bent_shaft(drive):
+    """A rotor with its mass off the axis on a soft bearing; the shaft turns at 20 rad/s, driven or not."""
+    m = mb.Model("bent shaft")
+    h = m.body("housing", mass=2.0, inertia=(0.1, 0.1, 0.1), at=(0, 0, 0))
+    r = m.body("rotor", mass=1.0, inertia=(0.02, 0.02, 0.03), at=(0, 0, 0))
+    d = m.body("arm", mass=0.3, inertia=(1e-3, 1e-3, 1e-3), at=(0.2, 0, 0))
+    m.bushing("bearing", m.ground, h, at=(0, 0, 0), k=(5e3, 5e3, 5e3, 80, 80, 80), c=(5, 5, 5, 0.1, 0.1, 0.1))
+    m.revolute("shaft", h, r, at=(0, 0, 0), axis="z", c=0.01)
+    m.prismatic("slot", r, d, at=(0.2, 0, 0), axis="x", k=2e3, c=1.0)
+    if drive:
+        m.drive("motor", "shaft", mb.Ramp(20.0))
+    return m
+
+
+def test_steady_motion_of_a_driven_shaft():
+    """As without the drive at the same speed; the driven coordinate alone is gone, and the drive gives the torque."""
+    with pytest.warns(mb.MbrsWarning, match="over a turn"):
+        free = mb.steady_motion(bent_shaft(False), {"shaft": 20.0})
+        held = mb.steady_motion(bent_shaft(True))
+    assert held.speed == {"shaft": pytest.approx(20.0)}
+    assert held.torque["shaft"] == pytest.approx(free.torque["shaft"], rel=1e-9)
+    assert held.torque["shaft"] == pytest.approx(0.2, rel=1e-9)
+    one, two = free.linearization, held.linearization
+    assert set(one.coordinates) - set(two.coordinates) == {"shaft"}
+    keep = [one.coordinates.index(c) for c in two.coordinates]
+    for name in "MCGK":
+        a, b = getattr(one, name)[np.ix_(keep, keep)], getattr(two, name)
+        assert np.abs(a - b).max() < 1e-9 * np.abs(a).max(), name
+    slot = mb.simulate(bent_shaft(True), t=[0.01], at=held, rtol=1e-9)
+    assert slot.rate[0, list(slot.snapshot.system.topology()["coordinates"]).index("shaft")] == pytest.approx(20.0)
+
+
+def test_steady_motion_through_a_gear():
+    m = mb.Model("gears")
+    for i, name in enumerate(("pinion", "wheel")):
+        b = m.body(name, mass=1.0, inertia=(0.1, 0.1, 0.02), at=(i, 0, 0))
+        m.revolute(f"axle {name}", m.ground, b, at=(i, 0, 0), axis="z", c=0.1 * (i + 1))
+    m.coupler("mesh", "axle pinion", "axle wheel", -0.5)
+    m.drive("motor", "axle pinion", mb.Ramp(8.0))
+    found = mb.steady_motion(m)
+    assert found.speed == {"axle pinion": pytest.approx(8.0), "axle wheel": pytest.approx(-4.0)}
+    assert found.torque["axle pinion"] == pytest.approx(0.8 + 0.5 * 0.8)
+
+
 # --- models with drives as models -----
 
 
@@ -327,7 +375,7 @@ def test_saved_and_pickled(tmp_path):
     m = pendulum(lambda t: 0.1 * t)
     m.copy()
     for save in (lambda: m.save(tmp_path / "n.toml"), lambda: pickle.dumps(m)):
-        with pytest.raises(ModelError, match="motor.*cannot be saved.*top level"):
+        with pytest.raises(ModelError, match=r"motor.*cannot be saved.*top level"):
             save()
 
 
@@ -357,7 +405,11 @@ BAD = {
         ModelError,
         "moved by drive 'd' already",
     ),
-    "table backwards": (lambda m: m.drive("d", "hinge", mb.Table([0, 2, 1], [0, 1, 2])), ModelError, "d.t must increase"),
+    "table backwards": (
+        lambda m: m.drive("d", "hinge", mb.Table([0, 2, 1], [0, 1, 2])),
+        ModelError,
+        "d.t must increase",
+    ),
     "table in a load": (
         lambda m: m.force("f", "rod", value=(mb.Table([1, 1], [0, 1]), 0, 0)),
         ModelError,
@@ -366,9 +418,17 @@ BAD = {
     "table too short": (lambda m: m.drive("d", "hinge", mb.Table([0], [0])), ModelError, "at least two"),
     "uneven table": (lambda m: m.drive("d", "hinge", mb.Table([0, 1], [0, 1, 2])), ModelError, "as many times"),
     "a function that returns nan": (lambda m: m.drive("d", "hinge", lambda t: np.nan), ModelError, "d has a.*finite"),
-    "a function that raises": (lambda m: m.drive("d", "hinge", lambda t: 1 / t), ModelError, "ZeroDivisionError at t = 0"),
+    "a function that raises": (
+        lambda m: m.drive("d", "hinge", lambda t: 1 / t),
+        ModelError,
+        "ZeroDivisionError at t = 0",
+    ),
     "a function of text": (lambda m: m.drive("d", "hinge", lambda t: "no"), ModelError, "returned 'no'"),
-    "a vector function for a number": (lambda m: m.force("f", "rod", value=(wind, 0, 0)), ModelError, "return 1 numbers"),
+    "a vector function for a number": (
+        lambda m: m.force("f", "rod", value=(wind, 0, 0)),
+        ModelError,
+        "return 1 numbers",
+    ),
     "a number for a vector": (lambda m: m.force("f", "rod", value=crank_value), ModelError, "return 3 numbers"),
     "a bare motion as force": (lambda m: m.force("f", "rod", value=mb.Ramp(1)), ModelError, "put the motion into one"),
     "nan in a motion": (lambda m: m.drive("d", "hinge", mb.Ramp(np.nan)), ModelError, "d.rate must be a finite"),
@@ -395,7 +455,7 @@ def test_bad_input_leaves_the_model_as_it_was(case):
 
 
 def test_a_drive_that_the_loop_cannot_follow():
-    with pytest.raises(AssemblyError, match="drive 'motor' asks for a value of joint 'D'|cannot close"):
+    with pytest.raises(AssemblyError, match=r"drive 'motor' asks for a value of joint 'D'|cannot close"):
         m = four_bar()
         m.drive("motor", "D", 3.0)
         mb.System(m)
@@ -421,5 +481,3 @@ def test_a_function_that_fails_on_the_way_keeps_the_trajectory(late):
         with pytest.raises(ConvergenceError, match="no more data" if late == "raise" else "nan") as caught:
             mb.simulate(m, t=1.0, rtol=1e-6)
         assert 0.3 < caught.value.result.t[-1] <= 0.5
-
-

@@ -21,7 +21,15 @@ def test_every_number_at_a_held_state():
     state = State(m.compiled().assemble(True)["relative"], np.zeros(0))
     names = [n for n, item in m.items.items() if item.kind in KINDS] + ["disc on plate", "edge"]
     addresses = [a for a in all_addresses(m) if a.split(".")[0] in names]
-    assert {a.partition(".")[2] for a in addresses} >= {"amplitude", "coefficients", "t", "value", "ratio", "radius", "x_omega"}
+    assert {a.partition(".")[2] for a in addresses} >= {
+        "amplitude",
+        "coefficients",
+        "t",
+        "value",
+        "ratio",
+        "radius",
+        "x_omega",
+    }
     check("imposed", compare(m, state, addresses))
 
 
@@ -47,7 +55,9 @@ def test_every_number_at_an_equilibrium_that_follows():
     check("followed", compare(m, mb.equilibrium(m), addresses, follow=True))
 
 
-@pytest.mark.parametrize("address", ["shaker.amplitude", "shaker.phase", "gear.ratio", "gear.offset", "wind.z_coefficients[0]"])
+@pytest.mark.parametrize(
+    "address", ["shaker.amplitude", "shaker.phase", "gear.ratio", "gear.offset", "wind.z_coefficients[0]"]
+)
 def test_frequencies_against_differences(address):
     m = carriage()
     s = mb.sensitivity(mb.modes(m, at=mb.equilibrium(m)), [address])

@@ -166,7 +166,9 @@ def _rates(snapshot: Snapshot, begin: State, driven: Mapping[int, float], withou
     with core_errors():
         rows = snapshot.system.rows(begin.relative, np.zeros_like(rate), 0.0, list(without))
     held, values = np.eye(len(rate))[list(driven)], list(driven.values())
-    found = np.linalg.lstsq(np.vstack([rows["jacobian"], held]), np.concatenate([-rows["rates"], values]), rcond=1e-10)[0]
+    found = np.linalg.lstsq(np.vstack([rows["jacobian"], held]), np.concatenate([-rows["rates"], values]), rcond=1e-10)[
+        0
+    ]
     return np.where(np.abs(found) > 1e-14 * np.max(np.abs(found), initial=0.0), found, 0.0)
 
 
