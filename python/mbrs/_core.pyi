@@ -25,6 +25,7 @@ __all__ = [
     "HbmElements",
     "HbmLinear",
     "HbmProblem",
+    "RootInverse",
     "System",
     "__version__",
     "check_sparse_model",
@@ -35,6 +36,7 @@ __all__ = [
     "mixed_modes",
     "motion_quantities",
     "motion_reactions",
+    "root_solve",
     "shape_sensitivities",
     "simulate_motion",
     "sparse_count",
@@ -58,6 +60,7 @@ def dense_modes(
     k: np.ndarray,
     n: np.ndarray | None,
     kf: np.ndarray | None,
+    mf: np.ndarray | None = None,
 ) -> dict[str, Any]: ...
 def check_sparse_model(system: System) -> None: ...
 def sparse_model_modes(
@@ -75,7 +78,15 @@ class FrfReduction:
     @property
     def counts(self) -> dict[str, int]: ...
     def evaluate(
-        self, l: _F2, f: _F2, order_in: _Ints, d0: _F2 | None, order_out: int, omega: _F1, modes: int | None = None
+        self,
+        l: _F2,
+        f: _F2,
+        order_in: _Ints,
+        d0: _F2 | None,
+        order_out: int,
+        omega: _F1,
+        modes: int | None = None,
+        checked: bool = True,
     ) -> dict[str, Any]: ...
     def sensitivity(
         self,
@@ -146,6 +157,7 @@ class System:
     ) -> dict[str, Any]: ...
     def strains(self, relative: _F2) -> list[tuple[str, int, int, _F1, _F2, _F2]]: ...
     def rows(self, relative: _F2, rate: _F1, t: float, without: Sequence[str]) -> dict[str, Any]: ...
+    def strains(self, relative: _F2, without: Sequence[str]) -> list[tuple[str, int, int, _F1, _F2, _F2]]: ...
     def reactions(self, relative: _F2, rate: _F1, without: Sequence[str]) -> _F2: ...
 
 def simulate_motion(
@@ -215,6 +227,8 @@ class HbmLinear:
         matrices: Any = None,
     ) -> HbmLinear: ...
     @property
+    def retained(self) -> list[int]: ...
+    @property
     def size(self) -> int: ...
 
 @final
@@ -232,8 +246,14 @@ class HbmProblem:
     ) -> HbmProblem: ...
     @property
     def size(self) -> int: ...
+    def with_family(self, family: Any, value: float, step: float) -> None: ...
     def residual(
-        self, y: NDArray[np.float64], omega: list[float], level: float = 1.0, parameter: str = "omega"
+        self,
+        y: NDArray[np.float64],
+        omega: list[float],
+        level: float = 1.0,
+        parameter: str = "omega",
+        value: float | None = None,
     ) -> dict[str, Any]: ...
     def solve(
         self,
@@ -245,12 +265,12 @@ class HbmProblem:
     ) -> dict[str, Any]: ...
     def cycle(self, z: NDArray[np.float64], tolerance: float = 1e-10, max_iterations: int = 50) -> dict[str, Any]: ...
     def floquet(
-        self, y: NDArray[np.float64], omega: list[float], monodromy: bool = False
+        self, y: NDArray[np.float64], omega: list[float], monodromy: bool = False, model: Any = None
     ) -> tuple[NDArray[np.complex128] | None, NDArray[np.float64] | None]: ...
     def peak(
         self, y: NDArray[np.float64], omega: float, level: float, coordinate: int, term: int | None
     ) -> tuple[float, NDArray[np.float64]]: ...
-    def expand(self, y: NDArray[np.float64], omega: list[float]) -> NDArray[np.float64]: ...
+    def expand(self, y: NDArray[np.float64], omega: list[float], level: float = 1.0) -> NDArray[np.float64]: ...
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
 @final
@@ -276,6 +296,7 @@ class HbmBranch:
         events: bool,
         towards: NDArray[np.float64] | None = None,
         across: bool = False,
+        model: Any = None,
     ) -> HbmBranch: ...
     def run(self, points: int, seconds: float) -> dict[str, Any]: ...
 
@@ -287,6 +308,7 @@ def directions(
     directions: Sequence[_Direction],
     follow: str,
     maps: bool,
+    driven: Sequence[int] = (),
 ) -> dict[str, Any]: ...
 def sparse_count(m: _Csc, k: _Csc, below: float) -> int | None: ...
 def sparse_frf(
@@ -302,3 +324,25 @@ def sparse_frf(
 ) -> dict[str, Any]: ...
 def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
 def mixed_modes(m: _Csc, a: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
+
+@final
+class RootInverse:
+    def __new__(cls, h: np.ndarray) -> RootInverse: ...
+    def matrix(self) -> _F2 | None: ...
+    def apply(self, r: np.ndarray) -> _F1: ...
+
+def root_solve(
+    function: Callable[[_F1], _F1],
+    observer: Callable[[_F1, _F1], bool] | None,
+    x0: Sequence[float] | _F1,
+    broyden: bool,
+    tolerance: float,
+    rule: tuple[float, float, float, float, int, bool],
+    guard: tuple[float, float, float],
+    limits: tuple[int, int, int, int],
+    fallback: bool,
+    differences: float | None,
+    pattern: tuple[Sequence[int], Sequence[int]] | None,
+    memory: int | None,
+    inverse: RootInverse | None,
+) -> dict[str, Any]: ...

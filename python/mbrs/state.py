@@ -24,18 +24,21 @@ class State:
     rate
         (n_tree,) rates of the tree coordinates, or empty at rest.
     kind
-        "drawn" (sensitivities then know the given velocities), "equilibrium" (they follow it), "steady" or "given".
+        "drawn" (sensitivities then know the given velocities), "equilibrium" or "steady" (they follow it), or "given".
     memory
         (n_memory,) what laws with memory remember, or empty: centred.
     t
         s; the time it was taken at.
+    driven
+        Indices of the tree coordinates that a steady motion keeps at their speeds.
     """
 
     relative: np.ndarray
     rate: np.ndarray
     kind: str = "given"
-    memory: np.ndarray = field(default_factory=lambda: AT_REST)
+    memory: np.ndarray = field(default_factory=lambda: np.zeros(0))
     t: float = 0.0
+    driven: tuple[int, ...] = ()
 
     @property
     def moving(self) -> bool:

@@ -58,6 +58,11 @@ class SteadyMotion(Result):
         return self.linearization.model
 
     @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies, in the order of `poses`."""
+        return self.linearization.bodies
+
+    @property
     def poses(self) -> dict[str, np.ndarray]:
         """Position, rotation, velocity and angular velocity of the bodies' origins, world."""
         return self.linearization.poses
@@ -250,7 +255,7 @@ def _solve(
             step[still] = _newton(r["S"][np.ix_(still, still)], residual, scale)
         tiny = float(np.max(np.abs(step), initial=0.0)) <= 1e-14 * max(1.0, snapshot.system.characteristic_length)
         if size <= 1e-14 * scale or tiny or (size >= previous and size <= 1e-10 * scale):
-            return State(relative, rate, "steady"), r, iteration
+            return State(relative, rate, "steady", driven=tuple(driven)), r, iteration
         previous = size
         longest = float(np.max(np.abs(step)))
         step *= min(1.0, 0.3 / longest)

@@ -78,7 +78,7 @@ def inertia_tangents(sys: System, state: State, a: Array) -> tuple[Array, Array,
     d(I alpha + w x I w) = ([I alpha]^T + I [alpha] + [w] ([I w]^T + I [w])) dtheta + ([w] I - [I w]) dw + I dalpha.
     """
     n = 6 * sys.nb
-    K, C, M = (_zeros(sys, state, n, n).astype(np.result_type(a, state.r, sys.x)) for _ in range(3))
+    K, C, M = (_zeros(sys, state, n, n).astype(np.result_type(a, state.r, state.w, sys.x)) for _ in range(3))
     for i, b in enumerate(sys.bodies):
         inertia, w, k = world_inertia(sys, state, i), state.w[i], 6 * i
         alpha, rot = a[k + 3 : k + 6], slice(k + 3, k + 6)

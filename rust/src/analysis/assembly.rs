@@ -266,7 +266,7 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
             body[p].motion_at(&(pose.p - placement.pose[p].p))
         });
         let relative = wanted - carried;
-        let (m, right) = weighted_columns(system, &placement, node, &relative);
+        let (m, right) = weighted_columns(system.length, &placement, node, &relative);
         let solution = minimum_norm(&m, &right)?;
         let mut v = carried;
         for k in 0..node.n {
@@ -304,12 +304,12 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
 }
 
 fn weighted_columns<T: Real>(
-    system: &System,
+    length: T,
     placement: &Placement<T>,
     node: &Node,
     relative: &Six<T>,
 ) -> (DMatrix<T>, DVector<T>) {
-    let weight = |i: usize| T::from(if i < 3 { 1.0 } else { system.length });
+    let weight = |i: usize| if i < 3 { T::one() } else { length };
     let m = DMatrix::from_fn(6, node.n, |i, k| {
         placement.column[node.first + k].get(i) * weight(i)
     });
@@ -325,6 +325,7 @@ pub fn given_rates(
     placement: &Placement<Dual64>,
 ) -> Result<Vec<Dual64>> {
     let topology = &*system.topology;
+    let length = topology.characteristic_length(geometry, x);
     let mut rate = vec![Dual64::from(0.0); topology.dofs.len()];
     let mut body: Vec<Six<Dual64>> = Vec::new();
     for (n, node) in topology.nodes.iter().enumerate() {
@@ -336,7 +337,7 @@ pub fn given_rates(
             body[p].motion_at(&(pose.p - placement.pose[p].p))
         });
         let relative = Six::new(at(17), at(20)).motion_at(&arm) - carried;
-        let (m, right) = weighted_columns(system, placement, node, &relative);
+        let (m, right) = weighted_columns(length, placement, node, &relative);
         let mut v = carried;
         for (k, r) in dual_least_squares(&m, &right)?.into_iter().enumerate() {
             rate[node.first + k] = r;

@@ -19,6 +19,9 @@ use crate::system::System;
 use crate::system::assemble::{Effects, Scene};
 use crate::system::connector::strain;
 use crate::system::loops::{redundant_names, row_scales};
+use crate::system::assemble::Effects;
+use crate::system::connector::{Numbers, Wanted, coordinate_tangent};
+use crate::system::loops::{redundant_joints, row_scales};
 use crate::system::placement::{State, advance, place};
 use crate::system::rows::explicit_rates;
 use crate::system::topology::Owner;
@@ -130,8 +133,12 @@ fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult
     out.set_item("rate", state.rate.clone().into_pyarray(py))
 }
 
+/// Column by column, as it stands: a copy of the memory.
 pub fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
-    Array2::from_shape_fn(m.shape(), |(i, j)| m[(i, j)])
+    use numpy::ndarray::ShapeBuilder;
+    let shape = m.shape();
+    Array2::from_shape_vec(shape.f(), m.as_slice().to_vec())
+        .unwrap_or_else(|_| Array2::from_shape_fn(shape, |(i, j)| m[(i, j)]))
 }
 
 fn put_linearization(
@@ -472,18 +479,34 @@ impl PySystem {
         motion::law_places(py, &self.0, &state_of(&self.0, &relative, &rate)?)
     }
 
-    /// Per elastic connector: gradient rows in tree-independent form (n, 6) about a world point, the bodies, k (n, n).
+    /// Per elastic connector: gradient rows in tree-independent form (n, 6) about a world point, the bodies, k (n, n) with the
+    /// slopes of its laws.
     fn strains<'py>(
         &self,
         py: Python<'py>,
         relative: PyReadonlyArray2<'py, f64>,
+        without: Vec<String>,
     ) -> PyResult<Bound<'py, PyList>> {
         let state = state_of(&self.0, &relative, &empty(py)?)?;
+        let effects = effects(&without)?;
+        let wanted = Wanted {
+            laws: effects.law_slopes,
+            friction: effects.friction,
+            contact: effects.contact,
+            ..Wanted::SLOPES
+        };
+        let numbers = Numbers {
+            x: &self.0.x,
+            memory: &[],
+        };
         let topology = &self.0.topology;
         let placement = place(topology, &self.0.geometry, &state.relative, None);
         let out = PyList::empty(py);
         for c in &topology.connectors {
-            let one = strain(topology, &self.0.geometry, &placement, &self.0.x, c);
+            let geometry = &self.0.geometry;
+            let one = coordinate_tangent(topology, geometry, &placement, numbers, c, wanted);
+            let n = one.gradients.len();
+            let k = Array2::from_shape_fn((n, n), |(i, j)| one.k[i][j]);
             let name = match c.owner {
                 Owner::Element(i) => &topology.tables.elements[i].name,
                 Owner::Joint(i) => &topology.tables.joints[i].name,
@@ -498,7 +521,7 @@ impl PySystem {
                 body(c.b),
                 point,
                 gradients.into_pyarray(py),
-                array(&one.k).into_pyarray(py),
+                k.into_pyarray(py),
             ))?;
         }
         Ok(out)

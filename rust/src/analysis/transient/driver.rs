@@ -219,7 +219,7 @@ impl Driver<'_, '_, '_> {
             let (length, target) = self.fitted(&here, h);
             let estimate = matches!(self.plan.steps, Steps::Controlled { .. });
             let tried = scheme.step(self.eq, &here, length, estimate, counts);
-            let (mut step, size) = match self.judged(tried, length) {
+            let (mut step, size) = match self.judged(tried, length, scheme.power()) {
                 Verdict::Accepted(step, size) => (step, size),
                 Verdict::Fatal(error) => return Err(error),
                 Verdict::Rejected(factor, why) => {
@@ -255,7 +255,11 @@ impl Driver<'_, '_, '_> {
             self.run.steps.push(here.motion.t);
             counts.add("steps", 1);
             progress.set((here.motion.t - t0) / total);
-            h = self.next(h, length, size, after_rejection, scheme.order());
+            let tolerance = |e: &LocalError| self.size(e, self.speed) / self.tolerance(length);
+            h = match scheme.proposal(&tolerance) {
+                Some(factor) => self.proposed(h, length, factor),
+                None => self.next(h, length, size, after_rejection, scheme),
+            };
             after_rejection = false;
         }
         self.run.last = here;
@@ -300,7 +304,7 @@ impl Driver<'_, '_, '_> {
         }
     }
 
-    fn judged(&self, tried: Result<Step>, h: f64) -> Verdict {
+    fn judged(&self, tried: Result<Step>, h: f64, power: f64) -> Verdict {
         let step = match tried {
             Ok(step) => step,
             Err(error @ (Error::Convergence { .. } | Error::Singular(_))) => {
@@ -308,20 +312,12 @@ impl Driver<'_, '_, '_> {
             }
             Err(error) => return Verdict::Fatal(error),
         };
-        let Steps::Controlled { rtol, .. } = self.plan.steps else {
-            return Verdict::Accepted(step, 0.0);
-        };
         let Some(error) = &step.error else {
             return Verdict::Accepted(step, 0.0);
         };
         // what starts from rest without force has no rate of its own yet
         let reached = self.scaled(&step.end.motion.rate);
-        let mut size = self.size(error, self.speed.max(reached)) / rtol;
-        let mut order = 1.0;
-        if self.plan.per_unit_step {
-            size *= (self.plan.end - self.start) / h;
-            order = 0.0;
-        }
+        let size = self.size(error, self.speed.max(reached)) / self.tolerance(h);
         if size <= 1.0 {
             return Verdict::Accepted(step, size);
         }
@@ -329,13 +325,23 @@ impl Driver<'_, '_, '_> {
             "the step underflows: the error is set by '{}'",
             self.culprit(error)
         );
-        let power = f64::from(if self.plan.per_unit_step { 2 } else { 7 }) + order;
         let factor = if size.is_finite() {
             (SAFETY * size.powf(-1.0 / power)).clamp(0.1, 0.9)
         } else {
             0.1
         };
         Verdict::Rejected(factor, why)
+    }
+
+    /// What the local error of a step may be; infinite for fixed steps.
+    fn tolerance(&self, h: f64) -> f64 {
+        match self.plan.steps {
+            Steps::Fixed(_) => f64::INFINITY,
+            Steps::Controlled { rtol, .. } if self.plan.per_unit_step => {
+                rtol * h / (self.plan.end - self.start)
+            }
+            Steps::Controlled { rtol, .. } => rtol,
+        }
     }
 
     fn size(&self, error: &LocalError, speed: f64) -> f64 {
@@ -361,12 +367,37 @@ impl Driver<'_, '_, '_> {
         worst.map_or("", |i| &self.eq.topology().names[i])
     }
 
-    fn next(&self, wanted: f64, length: f64, size: f64, after_rejection: bool, order: u32) -> f64 {
+    /// The next step by a scheme's own proposal; one that was cut short for an output or the end says little.
+    fn proposed(&self, wanted: f64, length: f64, factor: f64) -> f64 {
         let Steps::Controlled { longest, .. } = self.plan.steps else {
             return wanted;
         };
-        let power = f64::from(order);
-        let grow = if after_rejection { 1.0 } else { GROW };
+        let next = length * factor;
+        (if length < 0.5 * wanted {
+            next.max(wanted * factor.min(1.0))
+        } else {
+            next
+        })
+        .min(longest)
+    }
+
+    fn next(
+        &self,
+        wanted: f64,
+        length: f64,
+        size: f64,
+        after_rejection: bool,
+        scheme: &dyn Scheme,
+    ) -> f64 {
+        let Steps::Controlled { longest, .. } = self.plan.steps else {
+            return wanted;
+        };
+        let power = scheme.power();
+        let grow = if after_rejection {
+            1.0
+        } else {
+            GROW.min(scheme.largest_growth())
+        };
         let factor = (SAFETY * size.max(1e-30).powf(-1.0 / power)).clamp(SHRINK, grow);
         let next = length * factor;
         // a step that was cut short says little about longer ones

@@ -312,7 +312,7 @@ impl<'a, T: Real> Run<'a, T> {
 }
 
 /// Rows that carry something of their own, position rows before velocity rows and large remainders before small ones.
-fn independent_rows(system: &System, jacobian: &DMatrix<f64>) -> Vec<usize> {
+pub(super) fn independent_rows(system: &System, jacobian: &DMatrix<f64>) -> Vec<usize> {
     let topology = &system.topology;
     let scale = row_scales(topology, system.length);
     let columns = column_scales(topology, system.length);

@@ -9,7 +9,7 @@
 //! G. Hulbert (1993) from the spectral radius at infinity. Newton corrects w = d(dq) and h^2 lam, so that no entry of
 //! [M + h g D + h^2 b K, J^T; J, 0] grows as h falls. Rates are projected at the end of every step, which takes the noise eps/h
 //! out that index 3 leaves in them, and accelerations and multipliers of the output come from the equations at that instant.
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use crate::error::{Error, Result};
 use crate::run::Counts;
@@ -141,27 +141,19 @@ impl GeneralizedAlpha {
         counts: &mut Counts,
     ) -> Result<()> {
         let (b, g) = self.p.slopes();
-        let tangent = eq.tangent(m, &u.rate_slope, &u.lam, counts);
-        let turned = eq.turned_columns(&(tangent.stiffness * (h * h * b)), dq);
-        let mut matrix = tangent.mass + turned;
-        for d in [&tangent.damping, &tangent.gyroscopic]
-            .into_iter()
-            .flatten()
-        {
-            matrix += d * (h * g);
-        }
-        let jacobian = eq.turned_columns(&eq.rows(m).1, dq);
-        counts.add("factorisations", 1);
-        self.kept = Some((h, Saddle::new(&matrix, &jacobian)?));
+        let factors = (h * g, h * h * b);
+        let (matrix, jacobian) =
+            eq.iteration_matrices(m, &u.rate_slope, &u.lam, factors, dq, counts);
+        self.kept = Some((h, Saddle::of(&matrix, &jacobian, None)?));
         Ok(())
     }
 
     /// Rows whose zero the step demands, in lengths and angles.
     fn rows(&self, eq: &Equations<'_, f64>, m: &Motion<f64>, h: f64) -> DVector<f64> {
         let (b, g) = self.p.slopes();
-        let (mut phi, jacobian) = eq.rows(m);
+        let (mut phi, jacobian) = eq.row_matrix(m);
         if eq.topology().has_velocity_rows() {
-            let rates = eq.row_rates_of(m, &jacobian);
+            let rates = jacobian.times(&m.rate) + eq.explicit_rates(m).0;
             for (i, row) in eq.topology().rows.iter().enumerate() {
                 if row.level == Level::Velocity {
                     phi[i] = rates[i] * h * b / g;
@@ -318,35 +310,5 @@ impl Scheme for GeneralizedAlpha {
     fn reset(&mut self) {
         self.carried = None;
         self.kept = None;
-    }
-}
-
-impl Equations<'_, f64> {
-    /// X J_l(theta): columns of three rotations together, so that X acts on changes of an increment theta.
-    pub fn turned_columns(&self, x: &DMatrix<f64>, theta: &[f64]) -> DMatrix<f64> {
-        let mut out = x.clone();
-        let n = self.n();
-        for node in &self.topology().nodes {
-            if node.n < 3
-                || !matches!(
-                    node.kind,
-                    crate::model::joint::JointKind::Spherical
-                        | crate::model::joint::JointKind::Free
-                )
-            {
-                continue;
-            }
-            let first = node.first + node.n - 3;
-            for k in 0..3 {
-                let mut unit = vec![0.0; n];
-                unit[first + k] = 1.0;
-                let mapped = self.rates_of_increments(theta, &unit);
-                for r in 0..x.nrows() {
-                    out[(r, first + k)] =
-                        (0..3).map(|l| x[(r, first + l)] * mapped[first + l]).sum();
-                }
-            }
-        }
-        out
     }
 }
