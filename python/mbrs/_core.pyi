@@ -33,6 +33,7 @@ __all__ = [
     "eigen_sensitivities",
     "law_force",
     "mixed_modes",
+    "motion_directions",
     "motion_quantities",
     "motion_reactions",
     "shape_sensitivities",
@@ -154,6 +155,9 @@ def simulate_motion(
     without: Sequence[str],
     options: dict[str, Any],
     report: Callable[[float], None] | None = None,
+) -> dict[str, Any]: ...
+def motion_directions(
+    system: System, relative: _F2, rate: _F1, without: Sequence[str], options: dict[str, Any]
 ) -> dict[str, Any]: ...
 def motion_quantities(
     system: System,

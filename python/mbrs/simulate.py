@@ -24,10 +24,10 @@ from .trajectory import Trajectory
 if TYPE_CHECKING:
     from .model import Model
 
-METHODS = ("auto", "explicit", "generalized-alpha")
+METHODS = ("auto", "explicit", "generalized-alpha", "ali3p")
 # effects of a linearisation: a motion has them in its forces or not at all
 _LINEAR_ONLY = frozenset({"gyroscopic", "preload-stiffness", "constraint-force-stiffness"})
-_ORDER = {"explicit": 8, "generalized-alpha": 2}
+_ORDER = {"explicit": 8, "generalized-alpha": 2, "ali3p": 2}
 _TIGHTEST, _LOOSEST = 1e-13, 1e-1
 
 
@@ -61,7 +61,8 @@ def simulate(
         s; fixed steps instead.
     method
         "auto" chooses from what the scene contains and says why in ``stats.route``; "explicit" (order 8, for scenes that
-        are not stiff); "generalized-alpha" (order 2, on the Lie group).
+        are not stiff); "generalized-alpha" (order 2, on the Lie group); "ali3p" (index-3 augmented Lagrangian with
+        projections, order 2: the scheme whose gradients `mb.gradient` takes).
     at
         Start: None (drawn, with the given velocities), an equilibrium, a steady motion, or ``traj.state(t)`` to go on.
     without

@@ -2,6 +2,7 @@
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
+use super::ali3p::{Ali3p, Weight};
 use super::driver::{Plan, Progress, Run, drive};
 use super::explicit8::Explicit8;
 use super::generalized_alpha::GeneralizedAlpha;
@@ -13,6 +14,7 @@ pub enum Method {
     Explicit,
     /// spectral radius at infinity
     GeneralizedAlpha(f64),
+    Ali3p(Weight),
 }
 
 /// What generalised-alpha leaves of infinitely fast oscillations, unless it is told otherwise.
@@ -24,6 +26,7 @@ impl Method {
             "auto" => Ok(Method::Auto),
             "explicit" => Ok(Method::Explicit),
             "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
+            "ali3p" => Ok(Method::Ali3p(Weight::Tangent)),
             other => Err(Error::model(format!("no method is called '{other}'"))),
         }
     }
@@ -33,6 +36,7 @@ impl Method {
             Method::Auto => "auto",
             Method::Explicit => "explicit",
             Method::GeneralizedAlpha(_) => "generalized-alpha",
+            Method::Ali3p(_) => "ali3p",
         }
     }
 
@@ -40,12 +44,13 @@ impl Method {
         match self {
             Method::Auto | Method::Explicit => Box::new(Explicit8::default()),
             Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
+            Method::Ali3p(weight) => Box::new(Ali3p::new(*weight)),
         }
     }
 
     /// Schemes without local extrapolation: their tolerance is that of a unit of time.
     fn per_unit_step(&self) -> bool {
-        matches!(self, Method::GeneralizedAlpha(_))
+        matches!(self, Method::GeneralizedAlpha(_) | Method::Ali3p(_))
     }
 }
 

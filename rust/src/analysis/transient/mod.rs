@@ -15,6 +15,7 @@
 //! | `driver` | fixed or controlled steps, output times, stops |
 //! | `interpolate` | between two instants |
 //! | one file for each scheme | implements `Scheme` |
+pub mod ali3p;
 pub mod consistent;
 mod dop853_numbers;
 pub mod driver;
@@ -24,6 +25,7 @@ pub mod explicit8;
 pub mod generalized_alpha;
 pub mod interpolate;
 pub mod methods;
+pub mod penalty;
 pub mod saddle;
 
 use nalgebra::{DMatrix, DVector};
