@@ -33,6 +33,7 @@ _HOME = {
     "linearize": "linearize",
     "modes": "modal",
     "mac": "mac",
+    "root": "root",
     "frf": "frf",
     "response": "response",
     "state_space": "state_space",
@@ -62,6 +63,10 @@ _HOME = {
     "TableLaw": "laws",
     "VanDerPol": "laws",
     "VaryingStiffness": "laws",
+    "Ramp": "motions",
+    "Sine": "motions",
+    "Polynomial": "motions",
+    "Table": "motions",
 }
 _MODULES = ("examples", "reference", "errors", "report", "plot", "animate", "matrix_calculus")
 __all__ = sorted([*_HOME, "examples", "matrix_calculus"])

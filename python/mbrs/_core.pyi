@@ -25,6 +25,7 @@ __all__ = [
     "HbmElements",
     "HbmLinear",
     "HbmProblem",
+    "RootInverse",
     "System",
     "__version__",
     "check_sparse_model",
@@ -34,6 +35,7 @@ __all__ = [
     "law_force",
     "mixed_modes",
     "motion_directions",
+    "root_solve",
     "motion_quantities",
     "motion_reactions",
     "shape_sensitivities",
@@ -135,7 +137,7 @@ class System:
     def characteristic_length(self) -> float: ...
     def with_values(self, x: _F1) -> System: ...
     def topology(self) -> dict[str, Any]: ...
-    def assemble(self) -> dict[str, Any]: ...
+    def assemble(self, hold: bool = False) -> dict[str, Any]: ...
     def bodies(self, relative: _F2, rate: _F1) -> dict[str, Any]: ...
     def equilibrium(self, relative: _F2, without: Sequence[str]) -> dict[str, Any]: ...
     def linearize(self, relative: _F2, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
@@ -305,3 +307,25 @@ def sparse_frf(
 ) -> dict[str, Any]: ...
 def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
 def mixed_modes(m: _Csc, a: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
+
+@final
+class RootInverse:
+    def __new__(cls, h: np.ndarray) -> RootInverse: ...
+    def matrix(self) -> _F2 | None: ...
+    def apply(self, r: np.ndarray) -> _F1: ...
+
+def root_solve(
+    function: Callable[[_F1], _F1],
+    observer: Callable[[_F1, _F1], bool] | None,
+    x0: Sequence[float] | _F1,
+    broyden: bool,
+    tolerance: float,
+    rule: tuple[float, float, float, float, int, bool],
+    guard: tuple[float, float, float],
+    limits: tuple[int, int, int, int],
+    fallback: bool,
+    differences: float | None,
+    pattern: tuple[Sequence[int], Sequence[int]] | None,
+    memory: int | None,
+    inverse: RootInverse | None,
+) -> dict[str, Any]: ...

@@ -252,7 +252,11 @@ def _flexibility(m: Model) -> tuple[bool, str]:
 
 
 def _drives(m: Model) -> tuple[bool, str]:
-    return False, "no joint is driven"
+    varying = [load.name for load in m.loads if load.motions]
+    parts = [f"drive {_listed([d.name for d in m.drives])}"] if m.drives else []
+    if varying:
+        parts.append(f"loads that vary in time ({_listed(varying)}), which stay when this is left out")
+    return (True, "; ".join(parts)) if m.drives else (False, "no joint is driven")
 
 
 def _nonholonomic(m: Model) -> tuple[bool, str]:

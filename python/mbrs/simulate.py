@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _core
+from ._amplified import warn_amplified
 from ._border import core_errors
 from .effects import check_without, effects
 from .errors import ConvergenceError, MbrsWarning, ModelError
@@ -24,10 +25,10 @@ from .trajectory import Trajectory
 if TYPE_CHECKING:
     from .model import Model
 
-METHODS = ("auto", "explicit", "generalized-alpha", "ali3p")
+METHODS = ("auto", "explicit", "generalized-alpha", "bdf-bfgs", "ali3p")
 # effects of a linearisation: a motion has them in its forces or not at all
 _LINEAR_ONLY = frozenset({"gyroscopic", "preload-stiffness", "constraint-force-stiffness"})
-_ORDER = {"explicit": 8, "generalized-alpha": 2, "ali3p": 2}
+_ORDER = {"explicit": 8, "generalized-alpha": 2, "bdf-bfgs": 4, "ali3p": 2}
 _TIGHTEST, _LOOSEST = 1e-13, 1e-1
 
 
@@ -41,6 +42,8 @@ def simulate(
     at: Any = None,
     without: Sequence[str] = (),
     rho: float | None = None,
+    form: str | None = None,
+    update: str | None = None,
     max_step: float | None = None,
     first_step: float | None = None,
     max_steps: int | None = None,
@@ -61,14 +64,19 @@ def simulate(
         s; fixed steps instead.
     method
         "auto" chooses from what the scene contains and says why in ``stats.route``; "explicit" (order 8, for scenes that
-        are not stiff); "generalized-alpha" (order 2, on the Lie group); "ali3p" (index-3 augmented Lagrangian with
-        projections, order 2: the scheme whose gradients `mb.gradient` takes).
+        are not stiff); "generalized-alpha" (order 2, on the Lie group); "bdf-bfgs" (order 4, no tangent: the equations of a
+        step are solved by inverse quasi-Newton updates, see `mb.root`; it warns of undamped modes that it amplifies); "ali3p"
+        (index-3 augmented Lagrangian with projections, order 2: the scheme whose gradients `mb.gradient` takes).
     at
         Start: None (drawn, with the given velocities), an equilibrium, a steady motion, or ``traj.state(t)`` to go on.
     without
         Effects to leave out: "gravity", "damping", "friction", "contact", "centrifugal".
     rho
         Generalised-alpha: what is left of infinitely fast oscillations after a step, 0 to 1 (0.8).
+    form, update
+        "bdf-bfgs": the equations of a step, "ggl" (default; positions and velocities, stabilised index 2) or "symmetric"
+        (positions and h^2 lam), and the inverse update: "auto" (default; BFGS until it has failed twice, then Broyden's, which
+        ``stats.route`` tells), "bfgs" or "broyden"; docs/root.md compares them.
     max_step, first_step
         s; limits of the controlled steps.
     max_steps
@@ -111,16 +119,19 @@ def simulate(
         if name in _LINEAR_ONLY:
             raise ModelError(f"'{name}' is a part of a linearisation; a motion cannot be without it")
     snapshot = Snapshot.of(m)
-    state = state_of(m, snapshot.system, at)
+    state = state_of(m, snapshot.system, at, hold=False)
     options = _options(t, rtol, step, method, state)
     for name, value in (("rho", rho), ("max_step", max_step), ("first_step", first_step), ("max_steps", max_steps)):
         if value is not None:
             options[name] = _number(name, value, positive=name != "rho")
     if rho is not None and not 0.0 <= rho <= 1.0:
         raise ModelError(f"rho= lies between 0 and 1, got {rho}")
+    options["method"] = _variant(method, form, update)
     made = _run(snapshot, state, without, options)
     traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
     _report_start(m, made)
+    if method == "bdf-bfgs":
+        warn_amplified(m, at, traj.steps)
     if traj.status == "stopped":
         raise ConvergenceError(
             f"the motion of {m.name!r} stopped at t = {made['end']:.9g} s: {made['message']}; the trajectory until then is "
@@ -128,8 +139,23 @@ def simulate(
             traj,
         )
     if traj.status == "interrupted":
-        warnings.warn(f"interrupted at t = {made['end']:.6g} s; the motion so far is returned", MbrsWarning, stacklevel=2)
+        warnings.warn(
+            f"interrupted at t = {made['end']:.6g} s; the motion so far is returned", MbrsWarning, stacklevel=2
+        )
     return traj
+
+
+def _variant(method: str, form: Any, update: Any) -> str:
+    if form is None and update is None:
+        return method
+    if method != "bdf-bfgs":
+        raise ModelError(f'form= and update= belong to method="bdf-bfgs", not to {shown(method)}')
+    form, update = "ggl" if form is None else form, "auto" if update is None else update
+    if form not in ("ggl", "symmetric"):
+        raise ModelError(f"form= is 'ggl' or 'symmetric', got {shown(form)}")
+    if update not in ("auto", "bfgs", "broyden"):
+        raise ModelError(f"update= is 'auto', 'bfgs' or 'broyden', got {shown(update)}")
+    return f"{method}/{form}/{update}"
 
 
 def _number(name: str, value: Any, *, positive: bool = True) -> float:
@@ -180,9 +206,7 @@ def _run(snapshot: Snapshot, state: State, without: Sequence[str], options: dict
         def report(part: float) -> None:
             progress.advance(int(1000 * part) - progress.done)
 
-        return _core.simulate_motion(
-            snapshot.system, state.relative, state.rate, list(without), options, report
-        )
+        return _core.simulate_motion(snapshot.system, state.relative, state.rate, list(without), options, report)
 
 
 def _trajectory(
@@ -231,7 +255,8 @@ def _estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) ->
     """Difference to a coarser run over the factor by which its error is larger."""
     if traj.status != "finished":
         return None
-    coarser = {**options, "method": traj.method, "outputs": [float(traj.t[-1])]}
+    method = traj.method if options["method"] == "auto" else options["method"]
+    coarser = {**options, "method": method, "outputs": [float(traj.t[-1])]}
     if "step" in options:
         coarser["step"] = 2.0 * options["step"]
         factor = 2.0 ** _ORDER[traj.method]

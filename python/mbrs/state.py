@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ class State:
     relative: np.ndarray
     rate: np.ndarray
     kind: str = "given"
-    memory: np.ndarray = AT_REST
+    memory: np.ndarray = field(default_factory=lambda: AT_REST)
     t: float = 0.0
 
     @property
@@ -42,12 +42,15 @@ class State:
         return bool(np.any(self.rate))
 
 
-def drawn(model: Any, system: Any) -> State:
-    """The drawn configuration with its given velocities: two-point joints brought together, loops closed."""
+def drawn(model: Any, system: Any, hold: bool = True) -> State:
+    """The drawn configuration with its given velocities: two-point joints brought together, loops closed.
+
+    ``hold``: drives stand still at their value of t = 0, as linear analyses see them.
+    """
     from ._border import core_errors
 
     with core_errors():
-        made = system.assemble()
+        made = system.assemble(hold)
     if made["velocity_correction"] > 1e-9 * max(1.0, float(np.abs(made["rate"]).max(initial=0.0))):
         import warnings
 
@@ -60,10 +63,10 @@ def drawn(model: Any, system: Any) -> State:
     return State(made["relative"], made["rate"], "drawn")
 
 
-def state_of(model: Any, system: Any, at: Any) -> State:
+def state_of(model: Any, system: Any, at: Any, hold: bool = True) -> State:
     """The state that ``at=`` means: None (drawn), a `State`, or a result that carries one."""
     if at is None:
-        return drawn(model, system)
+        return drawn(model, system, hold)
     state = getattr(at, "state", at)
     if callable(state) or not isinstance(state, State):
         raise ModelError(f"at= takes None (the drawn state), an equilibrium, a steady motion or a state; got {at!r}")

@@ -233,11 +233,21 @@ class Trajectory(Result):
         characteristic length.
         """
         key = getattr(name, "name", name)
-        known = list(self.snapshot.tables["joint_name"])
+        known = [*self.snapshot.tables["joint_name"], *self.snapshot.tables["drive_name"]]
         if key not in known:
             guess = nearest(str(key), known)
             raise NameNotFoundError(f"there is no joint {key!r}" + (f"; did you mean {guess!r}?" if guess else ""))
         return self._reactions[:, known.index(key)]
+
+    def drive_force(self, name: Any) -> np.ndarray:
+        """(n_t,) force (N) or torque (N m) that a drive or coupler exerts along its coordinate, of a coupler the second one."""
+        key = getattr(name, "name", name)
+        known = [*self.snapshot.tables["drive_name"], *self.snapshot.tables["coupler_name"]]
+        if key not in known:
+            guess = nearest(str(key), known)
+            raise NameNotFoundError(f"there is no drive or coupler {key!r}" + (f"; did you mean {guess!r}?" if guess else ""))
+        rows = list(self.snapshot.system.topology()["row_joint"])
+        return -self.multipliers[:, rows.index(key)]
 
     @cached_property
     def _reactions(self) -> np.ndarray:

@@ -4,11 +4,15 @@ the hexapod's.
 Each builder takes sizes by keyword and returns a `Model`.
 """
 
-from ._four_bar import four_bar
+from ._four_bar import four_bar, four_bars
+from ._gap import gap_problem
+from ._heavy_top import heavy_top
 from ._hexapod import cubic_hexapod, cubic_hexapod_points
 from ._lattices import chain, from_code, ladder, tree
+from ._pendulum_chain import pendulum_chain
 from ._quadruped import quadruped
 from ._rotor import rotor
+from ._slider_crank import slider_crank
 from ._stewart import stewart_platform
 from ._wafer_stage import wafer_stage
 
@@ -17,10 +21,15 @@ __all__ = [
     "cubic_hexapod",
     "cubic_hexapod_points",
     "four_bar",
+    "four_bars",
     "from_code",
+    "gap_problem",
+    "heavy_top",
     "ladder",
+    "pendulum_chain",
     "quadruped",
     "rotor",
+    "slider_crank",
     "stewart_platform",
     "tree",
     "wafer_stage",

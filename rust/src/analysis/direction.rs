@@ -141,6 +141,7 @@ impl DualScene {
             placement: &self.placement,
             rate: self.rate.as_deref(),
             acceleration: self.acceleration.as_deref(),
+            t: 0.0,
             effects: setting.effects,
         }
     }

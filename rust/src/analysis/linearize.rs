@@ -121,6 +121,8 @@ impl Setting<'_> {
 pub(super) struct Turning {
     first: DMatrix<f64>,
     second: DMatrix<f64>,
+    /// of all tree coordinates at z" = 0, drives at constant rate
+    acceleration: Vec<f64>,
 }
 
 pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Linearization> {
@@ -141,6 +143,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         placement: &placement,
         rate: rate.as_deref(),
         acceleration: None,
+        t: 0.0,
         effects: setting.effects,
     };
     check_velocity_rows(setting)?;
@@ -162,19 +165,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         (Some(l), Some(rate)) => Some(turning(setting, l, rate)),
         _ => None,
     };
-    let acceleration =
-        turning
-            .as_ref()
-            .zip(loops.as_ref())
-            .zip(rate.as_ref())
-            .map(|((t, l), rate)| {
-                let z = DVector::from_fn(l.independent.len(), |k, _| rate[l.independent[k]]);
-                let mut y = vec![0.0; topology.dofs.len()];
-                for (k, v) in (&t.first * z).iter().enumerate() {
-                    y[l.dependent[k]] = *v;
-                }
-                y
-            });
+    let acceleration = turning.as_ref().map(|t| t.acceleration.clone());
     let acceleration = acceleration.filter(|_| setting.effects.centrifugal);
     scene.acceleration = acceleration.as_deref();
     let tau = scene.residual(None);
@@ -276,22 +267,27 @@ fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<f64>, b: &DMatrix<
 }
 
 fn turning(setting: &Setting<'_>, loops: &Loops, rate: &[f64]) -> Turning {
-    let first = turning_pass(setting, loops, rate, None).0;
-    let z = DVector::from_fn(loops.independent.len(), |k, _| rate[loops.independent[k]]);
+    let jacobian = turning_jacobian(setting, rate, None).map(|v| v.v1);
+    // J y" + J' y' = 0 with y" on the dependent coordinates alone
+    let bias = jacobian * DVector::from_column_slice(rate);
     let mut acceleration = vec![0.0; rate.len()];
-    for (k, v) in (&first * z).iter().enumerate() {
-        acceleration[loops.dependent[k]] = *v;
+    for (k, v) in (&loops.left_inverse * bias).iter().enumerate() {
+        acceleration[loops.dependent[k]] = -v;
     }
-    let (first, second) = turning_pass(setting, loops, rate, Some(&acceleration));
-    Turning { first, second }
+    let b = loops.dependent_map(&turning_jacobian(setting, rate, Some(&acceleration)));
+    Turning {
+        first: b.map(|v| v.v1),
+        second: b.map(|v| v.v2),
+        acceleration,
+    }
 }
 
-fn turning_pass(
+/// J along the motion, to second order in time.
+fn turning_jacobian(
     setting: &Setting<'_>,
-    loops: &Loops,
     rate: &[f64],
     acceleration: Option<&[f64]>,
-) -> (DMatrix<f64>, DMatrix<f64>) {
+) -> DMatrix<Dual2_64> {
     let system = setting.system;
     let x: Vec<Dual2_64> = system.x.iter().map(|v| Dual2_64::from(*v)).collect();
     let geometry = Geometry::derive(&system.topology.tables, &x);
@@ -314,10 +310,10 @@ fn turning_pass(
         placement: &placement,
         rate: None,
         acceleration: None,
+        t: 0.0,
         effects: setting.effects,
     };
-    let b = loops.dependent_map(&scene.constraints().1);
-    (b.map(|v| v.v1), b.map(|v| v.v2))
+    scene.constraints().1
 }
 
 /// At rest a velocity row takes one freedom and leaves its displacement as a constant (a root at zero that is not reported).
@@ -326,10 +322,7 @@ fn check_velocity_rows(setting: &Setting<'_>) -> Result<()> {
     let topology = &setting.system.topology;
     let velocity = |r: &&ConstraintRow| r.level == Level::Velocity;
     match topology.rows.iter().find(velocity) {
-        Some(row) if !setting.effects.nonholonomic => Err(Error::model(format!(
-            "'nonholonomic' cannot be left out here: remove joint '{}' instead",
-            topology.tables.joints[row.joint].name
-        ))),
+        Some(_) if !setting.effects.nonholonomic => Ok(()),
         Some(row) if setting.state.moving() => Err(Error::model(format!(
             "joint '{}' constrains velocities, and a model with such joints is linearised at rest only; linearise an equilibrium, set the \
              bodies' velocities to zero, or follow the motion in time",

@@ -13,8 +13,10 @@ use crate::system::assemble::Scene;
 use crate::system::connector::{Wanted, constraint_interaction};
 use crate::system::loops::Loops;
 use crate::system::placement::{Placement, marker_pose, place};
+use crate::system::topology::Purpose;
 
-/// Per joint of the model: force and moment.
+/// Per joint of the model, then per drive (on the second body of its joint): force and moment. A joint's reaction does not contain
+/// what its drive does.
 pub fn reactions(setting: &Setting<'_>, base: &Linearization) -> Result<Vec<Six<f64>>> {
     let system = setting.system;
     let rate = setting.state.moving().then(|| setting.state.rate.clone());
@@ -32,6 +34,7 @@ pub fn reactions(setting: &Setting<'_>, base: &Linearization) -> Result<Vec<Six<
         placement: &placement,
         rate: rate.as_deref(),
         acceleration: base.acceleration.as_deref(),
+        t: 0.0,
         effects: setting.effects,
     };
     shared(system, &scene, &placement, &base.lam, base.loops.as_ref())
@@ -96,7 +99,7 @@ fn joint_wrenches(
 ) -> Vec<Six<f64>> {
     let topology = &*system.topology;
     let subtree = scene.subtree_wrenches(sums);
-    let mut all = vec![Six::zero(); topology.tables.joints.len()];
+    let mut all = vec![Six::zero(); topology.tables.joints.len() + topology.tables.drives.len()];
     let point = |joint: usize| {
         marker_pose(
             topology,
@@ -113,10 +116,15 @@ fn joint_wrenches(
         }
     }
     let wanted = Wanted::FORCES;
-    for (joint, rows) in scene.cut_multipliers(lam) {
-        all[joint] =
-            constraint_interaction(topology, &system.geometry, placement, joint, &rows, wanted)
-                .wrench;
+    for c in scene.carried(lam) {
+        let place = match c.purpose {
+            Purpose::Joint => c.joint,
+            Purpose::Drive(i) => topology.tables.joints.len() + i,
+            Purpose::Coupler(_) => continue,
+        };
+        let geometry = &system.geometry;
+        all[place] =
+            constraint_interaction(topology, geometry, placement, c.joint, &c.rows, wanted).wrench;
     }
     all
 }

@@ -9,6 +9,7 @@ mod hbm_branch;
 mod hbm_linear;
 mod modal;
 mod motion;
+mod root;
 mod simulate;
 mod sparse;
 mod sparse_system;
@@ -28,6 +29,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     hbm::register(module)?;
     hbm_branch::register(module)?;
     modal::register(module)?;
+    root::register(module)?;
     simulate::register(module)?;
     sparse::register(module)?;
     sparse_system::register(module)?;

@@ -157,7 +157,9 @@ fn simulate_motion<'py>(
         None => "auto".to_string(),
     };
     let method = Method::named(&method, number(options, "rho")?)?;
-    let (effects, plan) = (effects(&without)?, plan(options)?);
+    let (effects, mut plan) = (effects(&without)?, plan(options)?);
+    plan.breaks.extend(system.kinks(motion.t));
+    plan.breaks.sort_by(f64::total_cmp);
     let shared = system.clone();
     let (out, counts) = watched(py, report.as_ref(), move |cancel, progress| {
         let mut counts = Counts::default();
@@ -369,9 +371,10 @@ fn motion_reactions<'py>(
         };
         all.iter().enumerate().map(one).collect::<Result<Vec<_>>>()
     })?;
-    let joints = system.topology.tables.joints.len();
+    let tables = &system.topology.tables;
+    let wrenches = tables.joints.len() + tables.drives.len();
     Ok(
-        Array3::from_shape_fn((found.len(), joints, 6), |(i, j, k)| found[i][j].get(k))
+        Array3::from_shape_fn((found.len(), wrenches, 6), |(i, j, k)| found[i][j].get(k))
             .into_pyarray(py),
     )
 }

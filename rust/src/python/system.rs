@@ -17,7 +17,7 @@ use crate::spatial::{M3, Pose, V3};
 use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::connector::strain;
-use crate::system::loops::{redundant_joints, row_scales};
+use crate::system::loops::{redundant_names, row_scales};
 use crate::system::placement::{State, advance, place};
 use crate::system::topology::Owner;
 
@@ -62,10 +62,11 @@ pub fn effects(without: &[String]) -> Result<Effects> {
             "friction" => effects.friction = false,
             "contact" => effects.contact = false,
             "nonholonomic" => effects.nonholonomic = false,
+            "drives" => effects.drives = false,
             // harmonic balance adds the laws themselves
             "law-slopes" => effects.law_slopes = false,
             // belong to other analyses: nothing to leave out here
-            "flexibility" | "drives" => {}
+            "flexibility" => {}
             other => {
                 return Err(Error::model(format!(
                     "the effect '{other}' cannot be switched off in this analysis"
@@ -220,22 +221,18 @@ impl PySystem {
                 .collect::<Vec<_>>(),
         )?;
         out.set_item("coordinates", topology.names.clone())?;
-        out.set_item(
-            "row_joint",
-            topology
-                .rows
-                .iter()
-                .map(|r| topology.tables.joints[r.joint].name.clone())
-                .collect::<Vec<_>>(),
-        )?;
+        let rows = 0..topology.rows.len();
+        let names: Vec<_> = rows.map(|i| topology.row_name(i).to_owned()).collect();
+        out.set_item("row_joint", names)?;
         Ok(out)
     }
 
-    /// The drawn state, loops closed and velocities made consistent.
-    fn assemble<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let (assembled, counts) = run(py, &self.0, |system, _| {
+    /// The drawn state, loops closed and velocities made consistent; `hold`: with drives that stand still.
+    #[pyo3(signature = (hold=false))]
+    fn assemble<'py>(&self, py: Python<'py>, hold: bool) -> PyResult<Bound<'py, PyDict>> {
+        let (assembled, counts) = run(py, &self.0, move |system, _| {
             let mut counts = Counts::default();
-            assemble(system, &mut counts).map(|a| (a, counts))
+            assemble(system, hold, &mut counts).map(|a| (a, counts))
         })?;
         let out = PyDict::new(py);
         put_state(py, &out, &assembled.state)?;
@@ -344,13 +341,8 @@ impl PySystem {
         )?;
         if let Some(l) = &lin.loops {
             out.set_item("rank", l.dependent.len())?;
-            let named = redundant_joints(&self.0.topology, l).into_iter();
-            out.set_item(
-                "redundant",
-                named
-                    .map(|(j, n)| (self.0.topology.tables.joints[j].name.clone(), n))
-                    .collect::<Vec<_>>(),
-            )?;
+            let named = redundant_names(&self.0.topology, l, |row| effects.row(row));
+            out.set_item("redundant", named)?;
         }
         out.set_item("counts", counts_dict(py, &counts)?)?;
         Ok(out)
@@ -374,7 +366,7 @@ impl PySystem {
             let base = linearize(&setting, &mut Counts::default())?;
             let dy = base.expand(z)?;
             advance(&system.topology, &mut state.relative, dy.as_slice());
-            close(system, &mut state, &mut Counts::default())?;
+            close(system, &mut state, Effects::ALL, &mut Counts::default())?;
             Ok(state)
         })?;
         let out = PyDict::new(py);

@@ -6,7 +6,6 @@ use faer::prelude::*;
 use nalgebra::{DMatrix, DVector};
 
 use crate::error::{Error, Result};
-use crate::model::joint::Coordinate;
 use crate::spatial::Real;
 use crate::system::System;
 use crate::system::topology::{ConstraintRow, Level, Topology};
@@ -30,9 +29,12 @@ pub struct Loops {
 }
 
 pub fn row_scales(topology: &Topology, length: f64) -> Vec<f64> {
-    let scale = |row: &ConstraintRow| match row.coordinate {
-        Coordinate::Translation(_) | Coordinate::Length => 1.0 / length,
-        _ => 1.0,
+    let scale = |row: &ConstraintRow| {
+        if row.coordinate.is_length() {
+            1.0 / length
+        } else {
+            1.0
+        }
     };
     topology.rows.iter().map(scale).collect()
 }
@@ -214,14 +216,18 @@ fn left_inverse(m: &DMatrix<f64>) -> Result<(DMatrix<f64>, DMatrix<f64>)> {
     Ok((inverse, null))
 }
 
-/// Names of the redundant rows: the joint and how many of its rows the others already enforce.
-pub fn redundant_joints(topology: &Topology, loops: &Loops) -> Vec<(usize, usize)> {
-    let mut found: Vec<(usize, usize)> = Vec::new();
-    for row in &loops.dropped {
-        let joint = topology.rows[*row].joint;
-        match found.iter_mut().find(|(j, _)| *j == joint) {
+/// Names of the redundant rows: what makes them and how many of them the others already enforce. Rows that do not act are none.
+pub fn redundant_names(
+    topology: &Topology,
+    loops: &Loops,
+    acts: impl Fn(&ConstraintRow) -> bool,
+) -> Vec<(String, usize)> {
+    let mut found: Vec<(String, usize)> = Vec::new();
+    for row in loops.dropped.iter().filter(|i| acts(&topology.rows[**i])) {
+        let name = topology.row_name(*row);
+        match found.iter_mut().find(|(n, _)| n == name) {
             Some((_, n)) => *n += 1,
-            None => found.push((joint, 1)),
+            None => found.push((name.to_owned(), 1)),
         }
     }
     found

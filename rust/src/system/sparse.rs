@@ -70,6 +70,7 @@ impl SparseForm {
                 placement: &placement,
                 rate: None,
                 acceleration: None,
+                t: 0.0,
                 effects,
             },
             system,
@@ -172,6 +173,13 @@ fn check(system: &System, state: &State) -> Result<()> {
         return Err(Error::model(format!(
             "joint '{}' is nonholonomic, which the sparse route of large models does not know: {dense}",
             j.name
+        )));
+    }
+    let tables = &topology.tables;
+    let drives = tables.drives.iter().map(|d| &d.name);
+    if let Some(name) = drives.chain(tables.couplers.iter().map(|c| &c.name)).next() {
+        return Err(Error::model(format!(
+            "'{name}' is a drive or coupler, which the sparse route of large models does not know: {dense}"
         )));
     }
     check_loops(system)
@@ -473,7 +481,14 @@ impl Builder<'_> {
             }
         }
         for load in 0..topology.tables.loads.len() {
-            let acting = load_interaction(topology, geometry, placement, load, Wanted::GEOMETRY);
+            let acting = load_interaction(
+                topology,
+                geometry,
+                placement,
+                load,
+                self.scene.t,
+                Wanted::GEOMETRY,
+            );
             if let Some((k, _)) = acting.tangent {
                 self.add_interaction(&acting, &k);
                 counts.add("load tangents", 1);

@@ -3,10 +3,10 @@
 //! Directions go in chunks of `WIDTH` through vector-valued dual numbers; what is known of a step is evaluated with its derivative,
 //! what is not yet known as a constant, and the linear system of the step gives the derivative of the unknown.
 use nalgebra::{Const, DMatrix, DVector, SVector, U1};
-use num_dual::{Derivative, Dual64, DualSVec64};
+use num_dual::{Derivative, Dual, Dual64, DualSVec64};
 
 use crate::analysis::transient::ali3p::{
-    Record, Weight, balance, closure, metric_times, pulled, stars,
+    Record, Weight, balance, closure, lifted, metric_times, pulled, stars,
 };
 use crate::analysis::transient::penalty::Penalty;
 use crate::analysis::transient::{Equations, Instant, Motion};
@@ -85,6 +85,7 @@ impl Factors {
 /// A chunk of directions on its way.
 struct Chunk<'a> {
     eq: Equations<'a, Many>,
+    lifted: Option<Equations<'a, Dual<Many>>>,
     motion: Motion<Many>,
     acceleration: Vec<Many>,
     lam: Vec<Many>,
@@ -131,11 +132,13 @@ impl<'a> Chunk<'a> {
             rate: vector(one.motion.rate.len(), &|s, i| s.motion.rate[i]),
             memory: vector(one.motion.memory.len(), &|s, i| s.motion.memory[i]),
         };
+        let eq = Equations::new(system, x, effects);
         Ok(Chunk {
+            lifted: (eq.n_rows() > 0).then(|| lifted(&eq)),
             motion,
             acceleration: vector(one.acceleration.len(), &|s, i| s.acceleration[i]),
             lam: vector(one.lam.len(), &|s, i| s.lam[i]),
-            eq: Equations::new(system, x, effects),
+            eq,
             used: directions.len(),
         })
     }
@@ -164,10 +167,11 @@ impl<'a> Chunk<'a> {
         let (star, a_star) = stars(eq, &self.motion, &self.acceleration, &dq, h);
         let mut end = star.clone();
         let mut a_end = a_star.clone();
-        if let Some(projection) = &by.projection {
+        if let (Some(projection), Some(lifted)) = (&by.projection, &self.lifted) {
             let jacobian = eq.rows(&star).1;
             let metric = |delta: &[f64], y: &[f64]| {
-                metric_times(eq, &star, &a_star, &lift(delta), h, weight) + pulled(&jacobian, y)
+                metric_times(eq, lifted, &star, &a_star, &lift(delta), h, weight)
+                    + pulled(&jacobian, y)
             };
             for (v, d) in end.rate.iter_mut().zip(&record.dv) {
                 *v += *d;

@@ -516,11 +516,7 @@ mod tests {
         // second derivatives: the tape under a dual
         clear();
         let (a, b) = (leaf(x), leaf(y));
-        let inner = f(
-            Dual::new(a, Taped::one()),
-            Dual::new(b, Taped::zero()),
-        )
-        .eps;
+        let inner = f(Dual::new(a, Taped::one()), Dual::new(b, Taped::zero())).eps;
         let d = backwards(inner, 2);
         let second = f(
             Dual::new(Dual::new(x, 1.0), Dual::new(1.0, 0.0)),

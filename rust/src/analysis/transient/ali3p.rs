@@ -14,8 +14,6 @@ use num_dual::{Dual, Dual64};
 use crate::error::{Error, Result};
 use crate::run::Counts;
 use crate::spatial::{Pose, Real};
-use crate::system::assemble::Scene;
-use crate::system::placement::place;
 use crate::system::topology::Level;
 
 use super::penalty::Penalty;
@@ -92,44 +90,46 @@ pub fn closure<T: Real>(eq: &Equations<'_, T>, m: &Motion<T>, h: f64) -> DVector
     phi
 }
 
+/// The same equations over duals of their numbers.
+pub fn lifted<'a, T: Real>(eq: &Equations<'a, T>) -> Equations<'a, Dual<T>> {
+    let x = eq.x.iter().map(|v| Dual::from_re(*v)).collect();
+    Equations::with_geometry(eq.system, x, eq.geometry.map(Dual::from_re), eq.effects)
+}
+
 /// W delta: for the tangent metric the derivative of c (M a* + h) along (c delta, h/2 delta, delta).
 pub fn metric_times<T: Real>(
     eq: &Equations<'_, T>,
+    lifted: &Equations<'_, Dual<T>>,
     m: &Motion<T>,
     a: &[T],
     delta: &[T],
     h: f64,
     weight: Weight,
 ) -> DVector<T> {
-    let topology = eq.topology();
-    let Some((geometry, x)) = eq.timed.as_ref().filter(|_| weight == Weight::Tangent) else {
+    if weight == Weight::Mass {
         return eq.mass(m) * DVector::from_column_slice(delta);
+    }
+    let along = |v: &[T], f: f64| -> Vec<Dual<T>> {
+        v.iter()
+            .zip(delta)
+            .map(|(v, d)| Dual::new(*v, *d * f))
+            .collect()
     };
-    let along = |f: f64| -> Vec<T> { delta.iter().map(|d| *d * f).collect() };
-    let with = |v: &[T], d: Vec<T>| -> Vec<Dual<T>> {
-        v.iter().zip(d).map(|(v, d)| Dual::new(*v, d)).collect()
-    };
-    let lifted = |p: &Pose<T>| Pose {
+    let pose = |p: &Pose<T>| Pose {
         p: p.p.map(Dual::from_re),
         r: p.r.map(Dual::from_re),
     };
-    let mut relative: Vec<Pose<Dual<T>>> = m.relative.iter().map(lifted).collect();
-    let dy: Vec<Dual<T>> = with(&vec![T::zero(); delta.len()], along(0.25 * h * h));
-    crate::system::placement::advance(topology, &mut relative, &dy);
-    let rate = with(&m.rate, along(0.5 * h));
-    let acceleration = with(a, along(1.0));
-    let memory: Vec<Dual<T>> = m.memory.iter().map(|v| Dual::from_re(*v)).collect();
-    let placement = place(topology, geometry, &relative, Some(&rate));
-    let scene = Scene {
-        topology,
-        geometry,
-        x,
-        memory: &memory,
-        placement: &placement,
-        rate: Some(&rate),
-        acceleration: Some(&acceleration),
-        effects: eq.effects,
+    let start = Motion {
+        t: m.t,
+        relative: m.relative.iter().map(pose).collect(),
+        rate: along(&m.rate, 0.5 * h),
+        memory: m.memory.iter().map(|v| Dual::from_re(*v)).collect(),
     };
+    let none = vec![T::zero(); delta.len()];
+    let moved = start.moved(eq.topology(), &along(&none, 0.25 * h * h));
+    let a = along(a, 1.0);
+    let placement = lifted.place(&moved);
+    let scene = lifted.scene(&moved, &placement, Some(&a));
     scene.residual(None).map(|v| v.eps)
 }
 
@@ -171,38 +171,28 @@ impl Equations<'_, f64> {
 
     /// Rows of velocity level: h/2 d(J v*)/d(dq), column by column with a dual number.
     fn velocity_row_slopes(&self, from: &Instant, dq: &[f64], h: f64, right: &mut DMatrix<f64>) {
-        let Some((geometry, x)) = &self.timed else {
-            return;
-        };
-        let real = |v: &f64| Dual64::from(*v);
-        for j in 0..dq.len() {
-            let mut increment: Vec<Dual64> = dq.iter().map(real).collect();
-            increment[j].eps = 1.0;
-            let mut relative: Vec<Pose<Dual64>> = from
+        let dual = lifted(self);
+        let lift = |v: &[f64]| v.iter().map(|x| Dual64::from(*x)).collect::<Vec<_>>();
+        let start = Motion {
+            t: from.motion.t,
+            relative: from
                 .motion
                 .relative
                 .iter()
                 .map(Pose::<f64>::lifted)
-                .collect();
-            crate::system::placement::advance(self.topology(), &mut relative, &increment);
-            let placement = place(self.topology(), geometry, &relative, None);
-            let scene = Scene {
-                topology: self.topology(),
-                geometry,
-                x,
-                memory: &[],
-                placement: &placement,
-                rate: None,
-                acceleration: None,
-                effects: self.effects,
-            };
-            let rate = DVector::from_fn(dq.len(), |i, _| {
-                increment[i] * (2.0 / h) - from.motion.rate[i]
-            });
-            let rates = scene.constraints().1 * rate;
+                .collect(),
+            rate: lift(&from.motion.rate),
+            memory: lift(&from.motion.memory),
+        };
+        let a = lift(&from.acceleration);
+        for j in 0..dq.len() {
+            let mut increment = lift(dq);
+            increment[j].eps = 1.0;
+            let (m, _) = stars(&dual, &start, &a, &increment, h);
+            let rates = closure(&dual, &m, h);
             for (i, row) in self.topology().rows.iter().enumerate() {
                 if row.level == Level::Velocity {
-                    right[(i, j)] = 0.5 * h * rates[i].eps;
+                    right[(i, j)] = rates[i].eps;
                 }
             }
         }

@@ -219,6 +219,10 @@ impl Driver<'_, '_, '_> {
                 Verdict::Accepted(step, size) => (step, size),
                 Verdict::Fatal(error) => return Err(error),
                 Verdict::Rejected(factor, why) => {
+                    if let Some(error) = self.eq.topology().tables.failure() {
+                        self.stop(here.motion.t, error.to_string());
+                        break;
+                    }
                     self.run.rejected += 1;
                     counts.add("rejected steps", 1);
                     failures += 1;
@@ -247,7 +251,7 @@ impl Driver<'_, '_, '_> {
             self.run.steps.push(here.motion.t);
             counts.add("steps", 1);
             progress.set((here.motion.t - t0) / total);
-            h = self.next(h, length, size, after_rejection, scheme.order());
+            h = self.next(h, length, size, after_rejection, scheme);
             after_rejection = false;
         }
         self.run.last = here;
@@ -338,12 +342,23 @@ impl Driver<'_, '_, '_> {
         worst.map_or("", |i| &self.eq.topology().names[i])
     }
 
-    fn next(&self, wanted: f64, length: f64, size: f64, after_rejection: bool, order: u32) -> f64 {
+    fn next(
+        &self,
+        wanted: f64,
+        length: f64,
+        size: f64,
+        after_rejection: bool,
+        scheme: &dyn Scheme,
+    ) -> f64 {
         let Steps::Controlled { longest, .. } = self.plan.steps else {
             return wanted;
         };
-        let power = f64::from(order);
-        let grow = if after_rejection { 1.0 } else { GROW };
+        let power = f64::from(scheme.order());
+        let grow = if after_rejection {
+            1.0
+        } else {
+            GROW.min(scheme.largest_growth())
+        };
         let factor = (SAFETY * size.max(1e-30).powf(-1.0 / power)).clamp(SHRINK, grow);
         let next = length * factor;
         // a step that was cut short says little about longer ones

@@ -220,7 +220,9 @@ impl GeneralizedAlpha {
             let step = size(w.as_slice());
             let goal = SOLVED * h * h * size(&u.rate_slope) + 4.0 * f64::EPSILON;
             let rate = step / last;
-            if step <= goal || rate < 1.0 && step * rate / (1.0 - rate) <= goal {
+            // the first correction says nothing about how fast they shrink
+            if step <= goal || last.is_finite() && rate < 1.0 && step * rate / (1.0 - rate) <= goal
+            {
                 return Ok(());
             }
             if rate > SLOW && !renewed {

@@ -3,6 +3,10 @@ use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
 use super::ali3p::{Ali3p, Weight};
+use crate::solve::inverse::Family;
+
+use super::bdf_bfgs::BdfBfgs;
+use super::bdf_step::Form;
 use super::driver::{Plan, Progress, Run, drive};
 use super::explicit8::Explicit8;
 use super::generalized_alpha::GeneralizedAlpha;
@@ -15,6 +19,7 @@ pub enum Method {
     /// spectral radius at infinity
     GeneralizedAlpha(f64),
     Ali3p(Weight),
+    BdfBfgs(Form, Option<Family>),
 }
 
 /// What generalised-alpha leaves of infinitely fast oscillations, unless it is told otherwise.
@@ -27,6 +32,19 @@ impl Method {
             "explicit" => Ok(Method::Explicit),
             "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
             "ali3p" => Ok(Method::Ali3p(Weight::Tangent)),
+            name if name.starts_with("bdf-bfgs") => {
+                let form = if name.contains("/symmetric") {
+                    Form::Symmetric
+                } else {
+                    Form::Ggl
+                };
+                let family = match name.rsplit('/').next() {
+                    Some("bfgs") => Some(Family::Bfgs),
+                    Some("broyden") => Some(Family::Broyden),
+                    _ => None,
+                };
+                Ok(Method::BdfBfgs(form, family))
+            }
             other => Err(Error::model(format!("no method is called '{other}'"))),
         }
     }
@@ -37,6 +55,7 @@ impl Method {
             Method::Explicit => "explicit",
             Method::GeneralizedAlpha(_) => "generalized-alpha",
             Method::Ali3p(_) => "ali3p",
+            Method::BdfBfgs(..) => "bdf-bfgs",
         }
     }
 
@@ -45,12 +64,16 @@ impl Method {
             Method::Auto | Method::Explicit => Box::new(Explicit8::default()),
             Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
             Method::Ali3p(weight) => Box::new(Ali3p::new(*weight)),
+            Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family)),
         }
     }
 
     /// Schemes without local extrapolation: their tolerance is that of a unit of time.
     fn per_unit_step(&self) -> bool {
-        matches!(self, Method::GeneralizedAlpha(_) | Method::Ali3p(_))
+        matches!(
+            self,
+            Method::GeneralizedAlpha(_) | Method::BdfBfgs(..) | Method::Ali3p(_)
+        )
     }
 }
 
@@ -90,10 +113,13 @@ pub fn simulate(
         .map(|(a, b)| a - b)
         .collect();
     let velocity_correction = size(&changed);
-    let (method, why) = chosen(eq, method, &plan, counts);
+    let (method, mut why) = chosen(eq, method, &plan, counts);
     plan.per_unit_step = method.per_unit_step();
     let mut scheme = method.scheme();
     let run = drive(eq, scheme.as_mut(), first, &plan, cancel, progress, counts)?;
+    if let Some(remark) = scheme.remark() {
+        why = format!("{why}; {remark}");
+    }
     Ok(Simulated {
         run,
         method: method.name(),

@@ -16,6 +16,8 @@
 //! | `interpolate` | between two instants |
 //! | one file for each scheme | implements `Scheme` |
 pub mod ali3p;
+pub mod bdf_bfgs;
+pub mod bdf_step;
 pub mod consistent;
 mod dop853_numbers;
 pub mod driver;
@@ -24,12 +26,12 @@ pub mod explicit;
 pub mod explicit8;
 pub mod generalized_alpha;
 pub mod interpolate;
+pub mod matrix;
 pub mod methods;
 pub mod penalty;
 pub mod saddle;
 
 use nalgebra::{DMatrix, DVector};
-use num_dual::Dual;
 
 use crate::error::Result;
 use crate::model::geometry::Geometry;
@@ -41,6 +43,7 @@ use crate::system::assemble::{Effects, Scene, Tangent};
 use crate::system::connector::motion_of;
 use crate::system::loops::{column_scales, row_scales};
 use crate::system::placement::{Placement, advance, place};
+use crate::system::rows::explicit_rates;
 use crate::system::topology::Topology;
 
 /// Where the model is, how it moves, and what its laws remember.
@@ -106,6 +109,16 @@ pub trait Scheme {
     /// Something jumped (a restart, a kink): histories are worthless.
     fn reset(&mut self) {}
 
+    /// What a reader of the result should know of how it went.
+    fn remark(&self) -> Option<String> {
+        None
+    }
+
+    /// How much longer than the last step the next one may be.
+    fn largest_growth(&self) -> f64 {
+        f64::INFINITY
+    }
+
     /// Motions at fractions of the step just made; the driver projects them. Called before `accept`.
     fn between(
         &mut self,
@@ -126,24 +139,34 @@ pub struct Equations<'a, T: Real> {
     pub geometry: Geometry<T>,
     pub x: Vec<T>,
     pub effects: Effects,
-    /// the same with a dual number in time, for the rates of constraint rows
-    timed: Option<(Geometry<Dual<T>>, Vec<Dual<T>>)>,
+    /// large models: lists of entries instead of dense matrices
+    pub sparse: bool,
+    ordering: saddle::Ordering,
 }
+
+/// Above this number of coordinates and rows sparse factorisations are faster.
+const DENSE: usize = 60;
 
 impl<'a, T: Real> Equations<'a, T> {
     pub fn new(system: &'a System, x: Vec<T>, effects: Effects) -> Self {
-        let tables = &system.topology.tables;
-        let geometry = Geometry::derive(tables, &x);
-        let timed = (!system.topology.rows.is_empty()).then(|| {
-            let x: Vec<Dual<T>> = x.iter().map(|v| Dual::from_re(*v)).collect();
-            (Geometry::derive(tables, &x), x)
-        });
+        let geometry = Geometry::derive(&system.topology.tables, &x);
+        Equations::with_geometry(system, x, geometry, effects)
+    }
+
+    /// With a geometry that was derived before.
+    pub fn with_geometry(
+        system: &'a System,
+        x: Vec<T>,
+        geometry: Geometry<T>,
+        effects: Effects,
+    ) -> Self {
         Equations {
             system,
             geometry,
             x,
             effects,
-            timed,
+            sparse: system.n_tree() + system.topology.rows.len() > DENSE,
+            ordering: saddle::Ordering::default(),
         }
     }
 
@@ -194,6 +217,7 @@ impl<'a, T: Real> Equations<'a, T> {
             placement,
             rate: Some(&m.rate),
             acceleration,
+            t: m.t,
             effects: self.effects,
         }
     }
@@ -239,37 +263,19 @@ impl<'a, T: Real> Equations<'a, T> {
 
     /// The same where J is known already.
     pub fn row_rates_of(&self, m: &Motion<T>, jacobian: &DMatrix<T>) -> DVector<T> {
-        jacobian * DVector::from_column_slice(&m.rate)
+        jacobian * DVector::from_column_slice(&m.rate) + self.explicit_rates(m).0
     }
 
-    /// gamma: what J a must cancel; the rate of J v + Phi_t at constant v, by a dual number in time.
+    /// Phi_t and Phi_tt.
+    fn explicit_rates(&self, m: &Motion<T>) -> (DVector<T>, DVector<T>) {
+        explicit_rates(self.topology(), &self.geometry, self.effects, m.t)
+    }
+
+    /// gamma: what J a must cancel; the rate of J v + Phi_t at a = 0.
     pub fn row_bias(&self, m: &Motion<T>) -> DVector<T> {
-        let Some((geometry, x)) = &self.timed else {
-            return DVector::zeros(0);
-        };
-        let lifted = |p: &Pose<T>| Pose {
-            p: p.p.map(Dual::from_re),
-            r: p.r.map(Dual::from_re),
-        };
-        let mut relative: Vec<Pose<Dual<T>>> = m.relative.iter().map(lifted).collect();
-        let dy: Vec<_> = m.rate.iter().map(|r| Dual::new(T::zero(), *r)).collect();
-        advance(self.topology(), &mut relative, &dy);
-        let placement = place(self.topology(), geometry, &relative, None);
-        let scene = Scene {
-            topology: self.topology(),
-            geometry,
-            x,
-            memory: &[],
-            placement: &placement,
-            rate: None,
-            acceleration: None,
-            effects: self.effects,
-        };
-        let jacobian = scene.constraints().1;
-        let turning = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| {
-            jacobian[(i, j)].eps
-        });
-        turning * DVector::from_column_slice(&m.rate)
+        let placement = self.place(m);
+        let scene = self.scene(m, &placement, None);
+        scene.row_bias(&scene.carried_accelerations()) + self.explicit_rates(m).1
     }
 
     /// M, D = dr/dv (damping and gyroscopic), K = dr/dq at constant v, a, lam.
@@ -297,6 +303,14 @@ impl<'a, T: Real> Equations<'a, T> {
                 law.law.eval(e, v, p, &mut m.memory[memory]);
             }
         }
+        let mut memory = std::mem::take(&mut m.memory);
+        let before = memory.clone();
+        let scene = Scene {
+            memory: &before,
+            ..self.scene(m, &placement, None)
+        };
+        scene.remember_turns(&mut memory);
+        m.memory = memory;
     }
 
     /// Rates of the increments theta from the joint rates: theta' = J_l^-1(theta) omega where three rotations act together.
