@@ -19,7 +19,7 @@ from .matrix_calculus import Derivative
 from .names import shown
 from .objectives import AtTimes, Final, Integral, NewReading, Objective, Reader, evaluate
 from .readings import Asked, Names
-from .results import Result, Stats
+from .results import Result, Stats, added_counts
 from .state import State, state_of
 from .tables import Directions, directions
 
@@ -365,7 +365,32 @@ def _number_by_parameters(m: Model, label: str, own: Directions, c: int, along: 
 def _adjoint(
     run: Run, objectives: Sequence[Objective], along: Directions
 ) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
-    raise ModelError("method='adjoint' is not available yet; take method='direct'")
+    reader = _reader(run)
+    _read(run, objectives, reader)
+    for _ in range(_READINGS):
+        with core_errors():
+            forward = _core.MotionForward(
+                run.snapshot.system,
+                run.state.relative,
+                run.state.rate,
+                list(run.without),
+                run.options(list(reader.places), along),
+            )
+        try:
+            found = [evaluate(o, reader, run.times, forward.values()) for o in objectives]
+            break
+        except NewReading as new:
+            reader.add(new.asked)
+    else:
+        raise ModelError("the objective reads new quantities again and again; let it read the same ones at all times")
+    counts = [forward.counts()]
+    gradients = np.zeros((len(found), along.n))
+    for i, f in enumerate(found):
+        with core_errors():
+            gradients[i], work = forward.gradient(np.ascontiguousarray(f.seeds))
+        gradients[i] += explicit_part(run.model, f.explicit, along)
+        counts.append(work)
+    return np.array([f.value for f in found]), gradients, added_counts(*counts)
 
 
 def trajectory_sensitivity(traj: Trajectory, run: Run, along: Directions, what: str) -> Derivative:

@@ -1,9 +1,11 @@
 //! Gradients of a motion for Python.
 use numpy::ndarray::{Array1, Array2, Array3};
-use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::sync::Arc;
 
+use crate::analysis::gradient::adjoint::{Forward, backward, forward};
 use crate::analysis::gradient::direct::{Sensitivities, direct};
 use crate::analysis::gradient::quantity::{Drawn, Quantity, check};
 use crate::analysis::gradient::{Direction, Follow, Plan, first};
@@ -18,6 +20,7 @@ use super::border::{counts_dict, interruptible};
 use super::system::{PySystem, effects, state_of};
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<MotionForward>()?;
     module.add_function(wrap_pyfunction!(motion_directions, module)?)
 }
 
@@ -211,4 +214,85 @@ fn motion_directions<'py>(
     )?;
     out.set_item("counts", counts_dict(py, &counts)?)?;
     Ok(out)
+}
+
+/// A motion by ALI3-P, kept for going backwards.
+#[pyclass(frozen, module = "mbrs._core")]
+pub struct MotionForward {
+    system: System,
+    task: Arc<Task>,
+    run: Arc<Forward>,
+    counts: Counts,
+}
+
+#[pymethods]
+impl MotionForward {
+    /// Arguments as of `motion_directions`; the directions are those of `gradient`.
+    #[new]
+    fn new(
+        py: Python<'_>,
+        system: PyRef<'_, PySystem>,
+        relative: PyReadonlyArray2<'_, f64>,
+        rate: PyReadonlyArray1<'_, f64>,
+        without: Vec<String>,
+        options: &Bound<'_, PyDict>,
+    ) -> PyResult<Self> {
+        let task = Arc::new(task(&system.0, &relative, &rate, &without, options)?);
+        let (system, own) = (system.0.clone(), task.clone());
+        let inner = system.clone();
+        let (run, counts) = interruptible(py, move |cancel| {
+            let mut counts = Counts::default();
+            let eq = Equations::new(&inner, inner.x.to_vec(), own.effects);
+            let start = begin(&eq, &own, &mut counts)?;
+            let run = forward(&eq, start, &own.plan, &own.wanted, cancel, &mut counts)?;
+            Ok((run, counts))
+        })?;
+        Ok(MotionForward {
+            system,
+            task,
+            run: Arc::new(run),
+            counts,
+        })
+    }
+
+    /// (n_t, n) the wanted quantities.
+    fn values<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        let (n, w) = (self.task.plan.times.len(), self.run.width);
+        Array2::from_shape_fn((n, w), |(i, k)| self.run.values[i * w + k]).into_pyarray(py)
+    }
+
+    /// Work of the way forwards.
+    fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        counts_dict(py, &self.counts)
+    }
+
+    /// (n_p,) derivatives of sum(seeds * values), and the work of the way backwards.
+    fn gradient<'py>(
+        &self,
+        py: Python<'py>,
+        seeds: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyDict>)> {
+        let (system, task, run) = (self.system.clone(), self.task.clone(), self.run.clone());
+        let seeds = seeds.as_array().to_owned();
+        if seeds.shape() != [task.plan.times.len(), run.width] {
+            return Err(Error::model("the seeds do not fit the motion").into());
+        }
+        let seeds: Vec<f64> = seeds.iter().copied().collect();
+        let (found, counts) = interruptible(py, move |cancel| {
+            let mut counts = Counts::default();
+            let eq = Equations::new(&system, system.x.to_vec(), task.effects);
+            let found = backward(
+                &eq,
+                &run,
+                &task.plan,
+                &task.wanted,
+                &seeds,
+                &task.directions,
+                cancel,
+                &mut counts,
+            )?;
+            Ok((found, counts))
+        })?;
+        Ok((found.into_pyarray(py), counts_dict(py, &counts)?))
+    }
 }

@@ -10,6 +10,7 @@
 //! | `direct` | all directions along with the motion |
 //! | `adjoint` | the steps backwards, with checkpoints |
 //! | `tape` | numbers that remember where they come from |
+pub mod adjoint;
 pub mod direct;
 pub mod quantity;
 pub mod start;

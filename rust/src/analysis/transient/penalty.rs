@@ -61,6 +61,14 @@ impl Penalty {
         })
     }
 
+    /// A, without its scales.
+    pub fn matrix(&self) -> DMatrix<f64> {
+        let n = self.column.len();
+        DMatrix::from_fn(n, n, |i, j| {
+            self.a[(i, j)] / (self.column[i] * self.column[j])
+        })
+    }
+
     /// x (n, k) and y (m, k) with A x + L y = f, R x = g.
     pub fn solve(
         &self,
