@@ -169,6 +169,7 @@ def simulate_motion(
     options: dict[str, Any],
     report: Callable[[float], None] | None = None,
 ) -> dict[str, Any]: ...
+
 @final
 class MotionForward:
     def __new__(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Iterator, Sequence
@@ -150,7 +151,7 @@ def grid(start: float, end: float, step: float, through: Sequence[float] = ()) -
     """Times of steps of at most ``step`` that end at ``end`` and at the times given, equal between these."""
     marks = [start, *sorted(x for x in {float(x) for x in through} if start < x < end), end]
     out = [start]
-    for a, b in zip(marks[:-1], marks[1:], strict=True):
+    for a, b in itertools.pairwise(marks):
         n = max(1, math.ceil((b - a) / step * (1 - 1e-12) - 1e-9))
         out.extend(np.linspace(a, b, n + 1)[1:].tolist())
     return np.array(out)
