@@ -177,6 +177,7 @@ def test_law_that_returns_nan():
     curve = frequency_response(system, force=[0.18], omega=(0.5, 1.6), n_samples=32, stability=False)
     largest = np.max(np.abs(curve.amplitude(harmonic=None)))
     tell("law that returns nan", distance_to_the_edge=0.5 - largest)
+    assert "elements[0]" in curve.reason and "not finite" in str(curve)
     assert curve.status == "stopped" and 0.45 < largest < 0.51 and np.all(np.isfinite(curve.X))
 
 

@@ -176,7 +176,7 @@ class Branch(Iterator[BranchPoint]):
             events=bool(events),
         )
         self.chunks = Chunks()
-        self.status = "going"
+        self.status, self.reason = "going", ""
         self.corrections = self.factorisations = 0
         self._corrections_before = self._factorisations_before = 0
         self._read = self._base = 0
@@ -269,6 +269,13 @@ class Branch(Iterator[BranchPoint]):
         self.corrections = self._corrections_before + part.pop("corrections")
         self.factorisations = self._factorisations_before + part.pop("factorisations")
         self.status = STATUS.get(part["status"], part["status"])
+        if self.status == "stopped":
+            self.reason = self._why(part.get("broken"))
+
+    def _why(self, broken: int | None) -> str:
+        if broken is not None:
+            return f"elements[{broken}], {self.system.elements[broken]!r}, returned a force that is not finite"
+        return f"the corrector does not converge with the least step {self._options['least_step']:.0e}"
 
     def _richer(self, part: dict[str, Any], events: list[Any]) -> tuple[dict[str, Any], list[Any]]:
         """Cuts a chunk where harmonics or samples are too few, and goes on with more of them from the point before."""

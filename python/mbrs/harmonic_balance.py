@@ -249,8 +249,9 @@ def harmonic_balance(
         nu: the motion may have the period 2 pi nu / omega.
     condense
         Solve for the coordinates that elements touch alone, the others being eliminated exactly, harmonic by harmonic:
-        True,
-        False, or "auto" for systems large enough to gain from it. ``.stats.route`` tells what was done.
+        True, False, or "auto" for systems large enough to gain from it; by one sparse factorisation per harmonic
+        ("sparse") or by the modes of the rest while these coordinates are held, none left out ("modal").
+        ``.stats.route`` tells what was done.
     x0
         First guess: coefficients (dof, 2h+1) or an earlier result. The default starts at rest with the linear response;
         if that fails, the force is raised step by step, and if that fails, the harmonics are.
@@ -359,7 +360,8 @@ def first_solution(
 ) -> tuple[_balance.Setup, dict[str, Any]]:
     """The core's answer from a guess or from rest; where it fails, with harmonics that grow and with more samples: too few
     make the equations of a stiff contact rough."""
-    smooth = given["n_samples"] is not None or all(law.code in _balance.POLYNOMIAL for law in system.elements)
+    laws = _balance.checked_system(system)
+    smooth = given["n_samples"] is not None or all(law.code in _balance.POLYNOMIAL for law in laws)
     for least in (0,) if smooth else (0, _balance.MOST_SAMPLES // 8, _balance.MOST_SAMPLES // 2):
         setup = _balance.prepare(system, force, harmonics, least_samples=least, **given)
         answer = _balance.translated(setup.core.solve, setup.start(x0), [given["omega"]], **options)

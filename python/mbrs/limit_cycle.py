@@ -11,6 +11,7 @@ import numpy as np
 from . import _balance, _cycle_start
 from .errors import ConvergenceError, ModelError
 from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of
+from .nonlinear_system import nonlinear_system
 from .results import Stats
 
 
@@ -62,13 +63,16 @@ def limit_cycle(
     method: str = "auto",
     tolerance: float = 1e-10,
     max_iterations: int = 60,
+    at: Any = None,
+    without: Any = (),
 ) -> LimitCycle:
     """Periodic motion without periodic excitation, its frequency unknown.
 
     Parameters
     ----------
     system
-        `MechanicalSystem` whose equilibrium is unstable, or that has a cycle anyway (then give ``x0``).
+        `MechanicalSystem` (or `Model`, its geometry linearised at the state ``at``, ``without`` some effects) whose
+        equilibrium is unstable, or that has a cycle anyway (then give ``x0``).
     harmonics
         Highest harmonic H, a sequence, or "auto": as many as ``.error <= tol`` needs.
     force
@@ -109,6 +113,8 @@ def limit_cycle(
     6.663287
     """
     started = perf_counter()
+    if hasattr(system, "compiled"):
+        system = nonlinear_system(system, at=at, without=without)
     _balance.checked_system(system)
     if method not in ("auto", "harmonic-balance", "collocation"):
         raise ModelError(f'method must be "auto", "harmonic-balance" or "collocation", it is {method!r}')

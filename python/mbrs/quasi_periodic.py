@@ -347,6 +347,7 @@ class Torus:
         n_samples: int | Sequence[int] | None,
         condense: bool | str,
         least_samples: list[int] | None = None,
+        turn: bool = True,
     ) -> None:
         laws = _balance.checked_system(system)
         for i, law in enumerate(laws):
@@ -379,7 +380,8 @@ class Torus:
                 raise ModelError(f"indices lack the term of forces[{i}] itself, {np.eye(p, dtype=int)[i].tolist()}")
             terms[1 + at[0]] = vector
         n_c = 2 * len(self.indices) + 1
-        self.linear = _condensation.linear_part(system, laws, terms, n_c, condense)
+        self.terms, self.turn = terms, turn
+        self.linear = _condensation.linear_part(system, laws, terms, n_c, condense, turn)
         if self.linear.core.size * n_c > MOST_UNKNOWNS:
             raise ModelError(
                 f"{self.linear.core.size * n_c} unknowns are too many; take fewer harmonics or coordinates"
@@ -406,7 +408,17 @@ class Torus:
         laws, given = self.system.elements, self.arguments[3]
         if _balance.more_samples(1, answer["error"], answer["aliasing"], laws, given) is None:
             return None
-        return Torus(self.system, self.forces, *self.arguments, least_samples=[2 * n for n in self.dims])
+        return Torus(
+            self.system, self.forces, *self.arguments, least_samples=[2 * n for n in self.dims], turn=self.turn
+        )
+
+    def member(self, system: Any) -> tuple[Any, Any]:
+        """Linear part and elements of another system under the same forces, for the core."""
+        laws = _balance.checked_system(system)
+        linear = _condensation.linear_part(
+            system, laws, self.terms, 2 * len(self.indices) + 1, self.arguments[4], False
+        )
+        return linear.core, _balance.core_elements(laws, linear.directions)
 
     def _refuse_periodic(self, top: int) -> None:
         k = diamond(len(self.omega), max(top, 5))
@@ -441,9 +453,9 @@ class Torus:
         T = self.linear.transform
         return self.core.restrict(X if T is None else T.T @ X)
 
-    def expand(self, y: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    def expand(self, y: np.ndarray, omega: np.ndarray, level: float = 1.0) -> np.ndarray:
         """(dof, 2 n_k + 1) of all coordinates."""
-        X = _balance.translated(self.core.expand, y, omega.tolist())
+        X = _balance.translated(self.core.expand, y, omega.tolist(), level)
         return X if self.linear.transform is None else self.linear.transform @ X
 
     def solution(self, answer: Mapping[str, Any], limit: float, started: float) -> QuasiPeriodicSolution:
