@@ -296,7 +296,7 @@ def harmonic_balance(
     if w.ndim != 0:
         raise ModelError("harmonic_balance solves at one frequency; frequency_response takes a range")
     limit = _balance.positive("tol", UNRESOLVED if tol is None else tol)
-    _balance.positive("tolerance", tolerance)
+    options = _balance.newton(tolerance, max_iterations)
     if isinstance(harmonics, str):
         if harmonics != "auto":
             raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
@@ -304,11 +304,9 @@ def harmonic_balance(
             n_samples=n_samples,
             subharmonic=subharmonic,
             condense=condense,
-            tolerance=tolerance,
-            max_iterations=max_iterations,
+            **options,
         )
         return _automatic(system, force, float(w), x0, 1e-6 if tol is None else tol, given)
-    options = dict(tolerance=tolerance, max_iterations=max_iterations)
     setup, answer = _solved(system, force, harmonics, subharmonic, n_samples, float(w), condense, x0, options)
     result = PeriodicSolution(
         setup.expand(answer["y"], float(w)),

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _balance, _core
+from . import _balance, _checks, _core
 from ._picked import label
 from .continuation import MEANING, STATUS
 from .errors import ModelError
@@ -197,16 +197,17 @@ def quasi_periodic_response(
     started = perf_counter()
     automatic = isinstance(harmonics, str)
     if automatic and (harmonics != "auto" or indices is not None):
-        raise ModelError(f'harmonics must be a number or, without indices, "auto"; it is {harmonics!r}')
+        raise ModelError(f'harmonics must be a number or, without indices, "auto"; it is {_checks.shown(harmonics)}')
     limit = _balance.positive("tol", (1e-6 if automatic else UNRESOLVED) if tol is None else tol)
-    most = _balance.integer("max_points", max_points)
+    most = _checks.count("max_points", max_points, 10_000_000)
+    limits = _balance.steps(step, min_step, max_step)
     way = _way(system, forces, scale, level, value)
     options: dict[str, Any] = dict(
-        predictor=predictor,
-        corrector=corrector,
-        first_step=_balance.positive("step", step),
-        least_step=_balance.positive("min_step", min_step),
-        largest_step=_balance.positive("max_step", max_step),
+        predictor=_checks.choice("predictor", predictor, ("tangent", "secant", "lagrange")),
+        corrector=_checks.choice("corrector", corrector, ("pseudo-arclength", "arclength", "moore-penrose")),
+        first_step=limits[0],
+        least_step=limits[1],
+        largest_step=limits[2],
         tolerance=_balance.positive("tolerance", tolerance),
         stability=False,
         events=True,
