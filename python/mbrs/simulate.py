@@ -25,10 +25,10 @@ from .trajectory import Trajectory
 if TYPE_CHECKING:
     from .model import Model
 
-METHODS = ("auto", "explicit", "generalized-alpha", "bdf", "bdf-bfgs")
+METHODS = ("auto", "explicit", "generalized-alpha", "bdf", "bdf-bfgs", "ali3p")
 # effects of a linearisation: a motion has them in its forces or not at all
 _LINEAR_ONLY = frozenset({"gyroscopic", "preload-stiffness", "constraint-force-stiffness"})
-_ORDER = {"explicit": 8, "generalized-alpha": 2, "bdf": 4, "bdf-bfgs": 4}
+_ORDER = {"explicit": 8, "generalized-alpha": 2, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
 _TIGHTEST, _LOOSEST = 1e-13, 1e-1
 # changes of initial values below this are rounding
 _CHANGED = 1e-9
@@ -68,9 +68,10 @@ def simulate(
         s; fixed steps instead.
     method
         "auto" chooses from what the scene contains and says why in ``stats.route``; "explicit" (order 8, for scenes that
-        are not stiff); "generalized-alpha" (order 2, on the Lie group); "bdf" (orders 1 to 5 with Newton's method, for stiff scenes; order 4
-        with ``step``); "bdf-bfgs" (order 4, no tangent: the equations of a
-        step are solved by inverse quasi-Newton updates, see `mb.root`; it warns of undamped modes that it amplifies).
+        are not stiff); "generalized-alpha" (order 2, on the Lie group); "bdf" (orders 1 to 5 with Newton's method, for
+        stiff scenes; order 4 with ``step``); "bdf-bfgs" (order 4, no tangent: the equations of a step are solved by
+        inverse quasi-Newton updates, see `mb.root`; it warns of undamped modes that it amplifies); "ali3p" (index-3
+        augmented Lagrangian with projections, order 2: the scheme whose gradients `mb.gradient` takes).
     at
         Start: None (drawn, with the given velocities), an equilibrium, a steady motion, or ``traj.state(t)`` to go on.
     without

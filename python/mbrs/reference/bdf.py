@@ -13,7 +13,7 @@ import numpy as np
 
 from .explicit import explicit
 from .kinematics import System
-from .motion import velocity_rows
+from .motion import explicit_rates, velocity_rows
 from .so3 import Array
 from .transient import (
     History,
@@ -39,6 +39,7 @@ def bdf_step(sys: System, past: list[Instant], h: float) -> tuple[Instant, int]:
     Taylor prediction, h v, h^2 lam and mu, scaled.
     """
     now, n, velocity = past[0], sys.ny, velocity_rows(sys)
+    sys.t = now.t + h
     unit, n_rows = column_scales(sys), len(velocity)
     _, J = rows(sys, now.motion)
     force, lam_scale = force_scales(sys, now.motion) * h**2, multiplier_scales(sys, now.motion, J) / h**2
@@ -55,7 +56,7 @@ def bdf_step(sys: System, past: list[Instant], h: float) -> tuple[Instant, int]:
         seen = sum(w * difference(sys, end, p.motion) for w, p in zip(WEIGHTS[1:], past, strict=True))
         phi, J = rows(sys, end)
         kinematic = seen - h * v + J[~velocity].T @ (row_scales(sys)[~velocity] * unit.max() * mu)
-        level = row_scales(sys) * h * (J @ v)
+        level = row_scales(sys) * h * (J @ v + explicit_rates(sys)[0])
         dynamic = force * residual(sys, end, slope, lam)
         return np.concatenate([kinematic / unit, dynamic, level, (row_scales(sys) * phi)[~velocity]])
 

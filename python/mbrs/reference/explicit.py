@@ -114,6 +114,7 @@ def explicit(sys: System, start: Instant, h: float, n: int, coefficients: Any = 
         dy, dv = np.zeros((len(weights), sys.ny)), np.zeros((len(weights), sys.ny))
         for i, row in enumerate(A):
             y = h * row[:i] @ dy[:i]
+            sys.t = start.t + (step + np.sum(row[:i])) * h
             trial = moved(sys, now, y, now.rate + h * row[:i] @ dv[:i])
             dy[i], dv[i] = increment_rates(sys, y, trial.rate), acceleration(sys, trial)[0]
         end = moved(sys, now, h * weights @ dy, now.rate + h * weights @ dv)

@@ -89,6 +89,7 @@ def generalized_alpha(sys: System, start: Instant, h: float, n: int, rho: float 
     p, history = Numbers.of(rho), History([start])
     carried = Carried(start.a, start.a, start.lam)
     for i in range(n):
+        sys.t = start.t + (i + 1) * h
         end, carried, count = one_step(sys, p, history.instants[-1].motion, carried, h)
         history.iterations += count
         history.instants.append(marched(sys, consistent(sys, start.t + (i + 1) * h, end)))

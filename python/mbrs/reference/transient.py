@@ -1,10 +1,10 @@
 """Equations of motion in tree coordinates, once more: what every scheme in time of this package steps through.
 
-    M(q) v' + h(q, v) + J^T lam = 0,    Phi(q) = 0,    J v = 0
+    M(q) v' + h(q, v, t) + J^T lam = 0,    Phi(q, t) = 0,    J v + Phi_t = 0
 
 q are poses that move by increments of the tree coordinates, v their rates, J the rows of all cut joints, redundant ones
 included: multipliers are those of least norm. The same equations as ``rust/src/analysis/transient``, with slopes by
-complex steps.
+complex steps. The time is the one that the system holds, ``sys.t``.
 """
 
 from __future__ import annotations
@@ -21,7 +21,18 @@ from . import so3
 from .assembly import constraint_values, scales
 from .kinematics import State, System, advance, relative_pose
 from .linear import RANK_TOLERANCE
-from .motion import Motion, energy, increment_rates, mass, positions, remember, tree_map, velocity_rows, with_rates
+from .motion import (
+    Motion,
+    energy,
+    explicit_rates,
+    increment_rates,
+    mass,
+    positions,
+    remember,
+    tree_map,
+    velocity_rows,
+    with_rates,
+)
 from .so3 import Array
 
 TINY = 1e-30  # a complex step: derivatives to rounding
@@ -72,8 +83,14 @@ def rows(sys: System, m: Motion) -> tuple[Array, Array]:
 
 
 def row_bias(sys: System, m: Motion) -> Array:
-    """J' v: what J v' must cancel."""
-    return tree_map(sys, with_rates(sys, m), moving=True)[1].derivative(1).T @ m.rate
+    """J' v + Phi_tt: what J v' must cancel."""
+    turning = tree_map(sys, with_rates(sys, m), moving=True)[1].derivative(1).T @ m.rate
+    return turning + explicit_rates(sys)[1]
+
+
+def row_rates(sys: System, m: Motion) -> Array:
+    """J v + Phi_t."""
+    return rows(sys, m)[1] @ m.rate + explicit_rates(sys)[0]
 
 
 def residual(sys: System, m: Motion, a: Array, lam: Array) -> Array:
@@ -125,9 +142,9 @@ def close(sys: System, m: Motion) -> Motion:
 
 
 def align(sys: System, m: Motion) -> Motion:
-    """Rates brought to J v = 0 by the change of least kinetic energy."""
+    """Rates brought to J v + Phi_t = 0 by the change of least kinetic energy."""
     J = row_scales(sys)[:, None] * rows(sys, m)[1]
-    return m if len(J) == 0 else replace(m, rate=m.rate + smallest(sys, m, J, -J @ m.rate))
+    return m if len(J) == 0 else replace(m, rate=m.rate + smallest(sys, m, J, -row_scales(sys) * row_rates(sys, m)))
 
 
 def acceleration(sys: System, m: Motion) -> tuple[Array, Array]:
@@ -144,6 +161,7 @@ def acceleration(sys: System, m: Motion) -> tuple[Array, Array]:
 
 def consistent(sys: System, t: float, m: Motion) -> Instant:
     """Closed, aligned, with accelerations: what an accepted step ends with."""
+    sys.t = t
     m = align(sys, close(sys, m))
     return Instant(t, m, *acceleration(sys, m))
 
