@@ -25,6 +25,7 @@ __all__ = [
     "HbmElements",
     "HbmLinear",
     "HbmProblem",
+    "MotionForward",
     "RootInverse",
     "System",
     "__version__",
@@ -34,6 +35,7 @@ __all__ = [
     "eigen_sensitivities",
     "law_force",
     "mixed_modes",
+    "motion_directions",
     "motion_quantities",
     "motion_reactions",
     "root_solve",
@@ -166,6 +168,18 @@ def simulate_motion(
     without: Sequence[str],
     options: dict[str, Any],
     report: Callable[[float], None] | None = None,
+) -> dict[str, Any]: ...
+@final
+class MotionForward:
+    def __new__(
+        cls, system: System, relative: _F2, rate: _F1, without: Sequence[str], options: dict[str, Any]
+    ) -> MotionForward: ...
+    def values(self) -> _F2: ...
+    def counts(self) -> dict[str, int]: ...
+    def gradient(self, seeds: _F2) -> tuple[_F1, dict[str, int]]: ...
+
+def motion_directions(
+    system: System, relative: _F2, rate: _F1, without: Sequence[str], options: dict[str, Any]
 ) -> dict[str, Any]: ...
 def motion_quantities(
     system: System,

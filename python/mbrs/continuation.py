@@ -12,7 +12,7 @@ import numpy as np
 
 from . import _balance, _core
 from .errors import ConvergenceError, ModelError, SingularError
-from .harmonic_balance import MOST_HARMONICS, ramped_start
+from .harmonic_balance import MOST_HARMONICS, first_solution
 from .nonlinear_system import as_system
 
 STATUS = {"end": "converged", "start": "left-at-start", "stalled": "stopped"}
@@ -86,10 +86,17 @@ class Chunks:
         return np.concatenate([part[name] for _, part in self.parts]) if self.parts else np.zeros(0)
 
     def exponents(self) -> np.ndarray | None:
-        """(n, 2 dof) where every point has them."""
+        """(n, 2 dof) where every point has them; nan fills up where reduced models have fewer."""
         parts = [part for _, part in self.parts if len(part["p"])]
         known = [part["exponents"] for part in parts if "exponents" in part]
-        return np.concatenate(known) if known and len(known) == len(parts) else None
+        if not known or len(known) < len(parts):
+            return None
+        out = np.full((sum(len(part) for part in known), max(part.shape[1] for part in known)), np.nan, complex)
+        at = 0
+        for part in known:
+            out[at : at + len(part), : part.shape[1]] = part
+            at += len(part)
+        return out
 
 
 class Branch(Iterator[BranchPoint]):
@@ -103,7 +110,7 @@ class Branch(Iterator[BranchPoint]):
     --------
     >>> import mbrs as mb
     >>> duffing = mb.MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[mb.Cubic(0.1, w=[1.0])])
-    >>> branch = mb.continuation.Branch(duffing, force=[0.18], omega=(0.5, 1.6))
+    >>> branch = mb.Branch(duffing, force=[0.18], omega=(0.5, 1.6))
     >>> round(next(branch).omega, 6)
     0.5
     """
@@ -195,7 +202,8 @@ class Branch(Iterator[BranchPoint]):
         else:
             a, b = self._span
             setup = _balance.of_family(self.family, a, abs(b - a), harmonics, **given)
-        self._model = setup.model(max(self.omega)) if self.stability else None
+        # a reduced model is that of one system; a family has its own matrices, or no stability
+        self._model = setup.model(max(self.omega)) if self.stability and self.family is None else None
         return setup
 
     def _first(self, x0: Any) -> Any:
@@ -210,10 +218,11 @@ class Branch(Iterator[BranchPoint]):
             force = _balance.scaled_force(self.force, level)
             options = dict(tolerance=self._options["tolerance"], max_iterations=60)
             given = dict(omega=omega, **self._prepare)
-            guess = ramped_start(self.system, force, self.setup.harmonics, given, options)
-            if guess is None:
+            setup, answer = first_solution(self.system, force, self.setup.harmonics, given, None, options)
+            if not answer["converged"]:
                 raise
-            return self._start(self.setup.start(guess), begin, None)
+            self.setup = self._problem(self.setup.harmonics, setup.n_samples)
+            return self._start(answer["y"], begin, None)
 
     def _start(self, y: np.ndarray, begin: float, towards: np.ndarray | None, across: bool = False) -> Any:
         a, b = self._span
@@ -248,11 +257,12 @@ class Branch(Iterator[BranchPoint]):
         events = part.pop("events")
         for event in events:
             event["before"] += self._base  # the core counts from where it was started
+        setup = self.setup
         part, events = self._richer(part, events)
-        self.chunks.parts.append((self.setup, part))
+        self.chunks.parts.append((setup, part))
         for e in events:
             where = self._where(e["p"])
-            X = self.setup.expand(e["y"], *where)
+            X = setup.expand(e["y"], *where)
             s = None if e["exponent"] is None else complex(*e["exponent"])
             index = min(e["before"], base + len(part["p"]))
             self.chunks.events.append(Event(e["kind"], where[0], where[1], X, s, index, where[2]))

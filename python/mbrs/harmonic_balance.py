@@ -339,12 +339,7 @@ def _solved(
 ) -> tuple[_balance.Setup, dict[str, Any]]:
     """The core's answer, with fewer harmonics first where all at once fail, and more samples where they are what lacks."""
     given: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples, omega=omega, condense=condense)
-    setup = _balance.prepare(system, force, harmonics, **given)
-    answer = _balance.translated(setup.core.solve, setup.start(x0), [omega], **options)
-    if not answer["converged"] and answer["broken"] is None and x0 is None:
-        guess = ramped_start(system, force, setup.harmonics, given, options)
-        if guess is not None:
-            answer = _balance.translated(setup.core.solve, setup.start(guess), [omega], **options)
+    setup, answer = first_solution(system, force, harmonics, given, x0, options)
     while answer["converged"]:
         more = _balance.more_samples(setup.n_samples, answer["error"], answer["aliasing"], system.elements, n_samples)
         if more is None:
@@ -359,7 +354,26 @@ def _solved(
     return setup, answer
 
 
-def ramped_start(
+def first_solution(
+    system: Any, force: Any, harmonics: Any, given: dict[str, Any], x0: Any, options: dict[str, Any]
+) -> tuple[_balance.Setup, dict[str, Any]]:
+    """The core's answer from a guess or from rest; where it fails, with harmonics that grow and with more samples: too few
+    make the equations of a stiff contact rough."""
+    smooth = given["n_samples"] is not None or all(law.code in _balance.POLYNOMIAL for law in system.elements)
+    for least in (0,) if smooth else (0, _balance.MOST_SAMPLES // 8, _balance.MOST_SAMPLES // 2):
+        setup = _balance.prepare(system, force, harmonics, least_samples=least, **given)
+        answer = _balance.translated(setup.core.solve, setup.start(x0), [given["omega"]], **options)
+        if not answer["converged"] and x0 is None:
+            finer = dict(given, least_samples=least)
+            guess = _ramped_start(system, force, setup.harmonics, finer, options)
+            if guess is not None:
+                answer = _balance.translated(setup.core.solve, setup.start(guess), [given["omega"]], **options)
+        if answer["converged"]:
+            break
+    return setup, answer
+
+
+def _ramped_start(
     system: Any, force: Any, harmonics: tuple[int, ...], given: dict[str, Any], options: dict[str, Any]
 ) -> np.ndarray | None:
     """A first guess from sets of harmonics that grow, None where no set has a solution."""

@@ -143,6 +143,40 @@ pub enum MotionLaw<T: Real> {
 }
 
 impl<T: Real> MotionLaw<T> {
+    /// The same numbers as others, one by one in a fixed order.
+    pub fn map<U: Real>(&self, f: &mut impl FnMut(T) -> U) -> MotionLaw<U> {
+        let mut all = |v: &[T]| v.iter().map(|x| f(*x)).collect::<Vec<U>>();
+        match self {
+            MotionLaw::Ramp {
+                rate,
+                offset,
+                start,
+            } => MotionLaw::Ramp {
+                rate: f(*rate),
+                offset: f(*offset),
+                start: f(*start),
+            },
+            MotionLaw::Sine {
+                amplitude,
+                omega,
+                phase,
+                offset,
+            } => MotionLaw::Sine {
+                amplitude: f(*amplitude),
+                omega: f(*omega),
+                phase: f(*phase),
+                offset: f(*offset),
+            },
+            MotionLaw::Polynomial(c) => MotionLaw::Polynomial(all(c)),
+            MotionLaw::Table { t, v, curvature } => MotionLaw::Table {
+                t: all(t),
+                v: all(v),
+                curvature: all(curvature),
+            },
+            MotionLaw::Function(function, output) => MotionLaw::Function(function.clone(), *output),
+        }
+    }
+
     pub fn derive(spec: &MotionSpec, x: &[T]) -> Self {
         let p = &x[spec.x..spec.x + spec.n];
         let sine = |omega: T| MotionLaw::Sine {

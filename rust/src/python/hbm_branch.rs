@@ -165,7 +165,7 @@ fn first(problem: &mut Problem, y: &mut [f64], tolerance: f64, cancel: &Cancel) 
     if outcome.converged {
         return Ok(());
     }
-    let what = match problem.broken {
+    let what = match problem.ever_broken {
         Some(e) => format!("elements[{e}] returned a force that is not finite"),
         None => outcome.reason.to_string(),
     };

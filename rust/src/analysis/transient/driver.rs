@@ -60,10 +60,11 @@ pub struct Run {
     pub last: Instant,
 }
 
-const SAFETY: f64 = 0.9;
+const SAFETY: f64 = 0.85;
 const SHRINK: f64 = 0.2;
-const GROW: f64 = 5.0;
+const GROW: f64 = 3.0;
 const MAX_FAILURES: usize = 60;
+const DIVISIONS: usize = 5;
 
 /// Progress as a part of the whole, readable from another thread.
 #[derive(Debug, Default)]
@@ -221,7 +222,10 @@ impl Driver<'_, '_, '_> {
             let tried = scheme.step(self.eq, &here, length, estimate, counts);
             let (mut step, size) = match self.judged(tried, length, scheme.power()) {
                 Verdict::Accepted(step, size) => (step, size),
-                Verdict::Fatal(error) => return Err(error),
+                Verdict::Fatal(error) => {
+                    self.stop(here.motion.t, error.to_string());
+                    break;
+                }
                 Verdict::Rejected(factor, why) => {
                     if let Some(error) = self.eq.topology().tables.failure() {
                         self.stop(here.motion.t, error.to_string());
@@ -232,9 +236,13 @@ impl Driver<'_, '_, '_> {
                     failures += 1;
                     after_rejection = true;
                     h = length * factor;
-                    let tiny =
-                        h < 1e-14 * here.motion.t.abs().max(total) || failures > MAX_FAILURES;
-                    if tiny || matches!(self.plan.steps, Steps::Fixed(_)) {
+                    let most = match self.plan.steps {
+                        // a fixed step is divided where its equations have no solution, as in singular poses
+                        Steps::Fixed(_) => DIVISIONS,
+                        Steps::Controlled { .. } => MAX_FAILURES,
+                    };
+                    let tiny = h < 1e-14 * here.motion.t.abs().max(total);
+                    if tiny || failures > most {
                         self.stop(here.motion.t, why);
                         break;
                     }
@@ -294,13 +302,31 @@ impl Driver<'_, '_, '_> {
             .find(|b| *b > t + 1e-14 * self.plan.end.abs().max(1e-300));
         let target = ahead.map_or(self.plan.end, |b| b.min(self.plan.end));
         let left = target - t;
+        if let Steps::Fixed(grid) = self.plan.steps {
+            return self.on_grid(t, h, grid, target);
+        }
         if h >= left * (1.0 - 1e-9) {
             (left, Some(target))
-        } else if h > 0.5 * left && matches!(self.plan.steps, Steps::Controlled { .. }) {
+        } else if h > 0.5 * left {
             // two equal steps instead of one and a splinter
             (0.5 * left, None)
         } else {
             (h, None)
+        }
+    }
+
+    /// To the next multiple of the fixed step, or to a break or the end before it.
+    fn on_grid(&self, t: f64, h: f64, grid: f64, target: f64) -> (f64, Option<f64>) {
+        let next = self.start + grid * (((t - self.start) / grid + 1e-6).floor() + 1.0);
+        let cut = next >= target - 1e-9 * grid;
+        let aim = if cut { target } else { next };
+        if h < (aim - t) * (1.0 - 1e-6) {
+            (h, None)
+        } else if (aim - t - grid).abs() < 1e-9 * grid {
+            // whole steps have one length, so that factorisations and histories stay
+            (grid, Some(aim))
+        } else {
+            (aim - t, Some(aim))
         }
     }
 
@@ -367,10 +393,17 @@ impl Driver<'_, '_, '_> {
         worst.map_or("", |i| &self.eq.topology().names[i])
     }
 
+    fn grid(&self) -> f64 {
+        match self.plan.steps {
+            Steps::Fixed(h) => h,
+            Steps::Controlled { longest, .. } => longest,
+        }
+    }
+
     /// The next step by a scheme's own proposal; one that was cut short for an output or the end says little.
     fn proposed(&self, wanted: f64, length: f64, factor: f64) -> f64 {
         let Steps::Controlled { longest, .. } = self.plan.steps else {
-            return wanted;
+            return self.grid();
         };
         let next = length * factor;
         (if length < 0.5 * wanted {
@@ -390,7 +423,7 @@ impl Driver<'_, '_, '_> {
         scheme: &dyn Scheme,
     ) -> f64 {
         let Steps::Controlled { longest, .. } = self.plan.steps else {
-            return wanted;
+            return self.grid();
         };
         let power = scheme.power();
         let grow = if after_rejection {

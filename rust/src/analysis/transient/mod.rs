@@ -15,6 +15,7 @@
 //! | `driver` | fixed or controlled steps, output times, stops |
 //! | `interpolate` | between two instants |
 //! | one file for each scheme | implements `Scheme` |
+pub mod ali3p;
 pub mod bdf;
 pub mod bdf_bfgs;
 pub mod bdf_step;
@@ -28,6 +29,7 @@ pub mod generalized_alpha;
 pub mod interpolate;
 pub mod matrix;
 pub mod methods;
+pub mod penalty;
 pub mod saddle;
 pub mod stiffness;
 
@@ -161,6 +163,16 @@ const DENSE: usize = 60;
 impl<'a, T: Real> Equations<'a, T> {
     pub fn new(system: &'a System, x: Vec<T>, effects: Effects) -> Self {
         let geometry = Geometry::derive(&system.topology.tables, &x);
+        Equations::with_geometry(system, x, geometry, effects)
+    }
+
+    /// With a geometry that was derived before.
+    pub fn with_geometry(
+        system: &'a System,
+        x: Vec<T>,
+        geometry: Geometry<T>,
+        effects: Effects,
+    ) -> Self {
         Equations {
             system,
             geometry,
