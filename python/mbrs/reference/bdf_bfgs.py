@@ -22,6 +22,7 @@ from .bdf import WEIGHTS
 from .kinematics import State, System, advance, relative_pose
 from .motion import (
     Motion,
+    explicit_rates,
     increment_rates,
     independent_rows,
     integrate,
@@ -116,7 +117,7 @@ class _Step:
         which = np.searchsorted(self.position, self.rows[: self.n_position])
         gaps = constraint_values(sys, state, sys.cut)[which] if len(which) else np.zeros(0)
         gaps = gaps * self.rho[: self.n_position]
-        rates = self.g * self.rho * (J @ m.rate)
+        rates = self.g * self.rho * (J @ m.rate + explicit_rates(sys)[0][self.rows])
         if self.form == "ggl":
             speed = theta / self.g + self.theta_past - increment_rates(sys, theta, m.rate)
             stabilising = self.sigma * (J[: self.n_position].T @ (self.rho[: self.n_position] * mu))
@@ -141,7 +142,10 @@ def bdf_bfgs(
     H = None
     while len(course.motions) <= n:
         past = course.motions[:-5:-1]
-        step = _Step(sys, past, _slope(sys, past[0]), h, form)
+        sys.t = (len(course.motions) - 1) * h
+        slope = _slope(sys, past[0])
+        sys.t += h
+        step = _Step(sys, past, slope, h, form)
         for guess, last in ((H, False), (None, False), (None, True)):
             course.formations += guess is None
             way = "broyden" if last else method

@@ -1,14 +1,16 @@
-"""Explicit Runge-Kutta in minimal coordinates, which may change from step to step; and the tight oracle made of it.
+"""Explicit Runge-Kutta of order eight on tree increments, as in ``rust/src/analysis/transient/explicit8.rs``; and the
+tight oracle, in minimal coordinates that may change from one output to the next:
 
     (B^T M B) y" = -B^T (M B' y' + h - Q),   q' = B y',   B = B' B'' (METHODS.md a.2)
 
-y are increments of the independent tree coordinates from the start of the step; the dependent ones close the loops by
-Newton's method, so no constraint drifts. Rows of redundant constraints are dropped by their rank at the start.
+There y are increments of the independent tree coordinates; the dependent ones close the loops by Newton's method, so no
+constraint drifts. Rows of redundant constraints are dropped by their rank at the start.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,9 +20,10 @@ from . import dynamics as dyn
 from .assembly import close_loops, cut_jacobian, jacobian, null_space, partition, scales, twist_map
 from .kinematics import State, System, advance, motion, tree_twists
 from .linear import pivots
-from .motion import increment_rates
+from .linearize import split
+from .motion import Motion, increment_rates, with_rates
 from .so3 import Array
-from .transient import History, Instant, acceleration, memory_after, with_velocity
+from .transient import History, Instant, acceleration, consistent, marched, moved
 
 
 class Chart:
@@ -59,7 +62,13 @@ class Chart:
     def state(self, y: Array, speed: Array) -> State:
         """The state at increments y of the places, with the speeds of `speeds`."""
         pose = self.pose(y)
-        return with_velocity(pose, twist_map(self.sys, motion(pose), self.part).value @ speed)
+        v, w = split(twist_map(self.sys, motion(pose), self.part).value @ speed)
+        return replace(pose, v=v, w=w)
+
+    def motion(self, y: Array, speed: Array, memory: Array) -> Motion:
+        """The same with the rates of all tree coordinates."""
+        pose = self.pose(y)
+        return Motion(pose, self._rate(pose, speed), memory)
 
     def slopes(self, y: Array, speed: Array, memory: Array) -> tuple[Array, Array]:
         """Rates of the increments and of the speeds."""
@@ -71,14 +80,18 @@ class Chart:
         slope = np.linalg.solve(T.value.T @ M @ T.value, -T.value.T @ f)
         return self._increment_rates(state, y, speed), slope
 
+    def _rate(self, state: State, speed: Array) -> Array:
+        """Rates of all tree coordinates."""
+        if len(self.part.dependent) == 0:
+            return speed
+        bodies = motion(state)
+        return null_space(cut_jacobian(self.sys, bodies, tree_twists(self.sys, bodies)), self.part).value @ speed
+
     def _increment_rates(self, state: State, y: Array, speed: Array) -> Array:
         """Three rotations that act together turn by J_l^-1 of their vector."""
-        bodies, increment = motion(state), np.zeros(self.sys.ny)
-        increment[self.places], rate = y, speed
-        if len(self.part.dependent):
-            J = cut_jacobian(self.sys, bodies, tree_twists(self.sys, bodies))
-            rate = null_space(J, self.part).value @ speed
-        return increment_rates(self.sys, increment, rate)[self.places]
+        increment = np.zeros(self.sys.ny)
+        increment[self.places] = y
+        return increment_rates(self.sys, increment, self._rate(state, speed))[self.places]
 
 
 def tableau() -> tuple[Array, Array]:
@@ -91,25 +104,22 @@ def tableau() -> tuple[Array, Array]:
 
 
 def explicit(sys: System, start: Instant, h: float, n: int, coefficients: Any = None) -> History:
-    """n steps of length h (s) by the Runge-Kutta method (A, weights), of order 8 by default."""
+    """n steps of length h (s) by the Runge-Kutta method (A, weights), of order 8 by default: theta' = J_l^-1(theta) v
+    and v' of the equations with the rows at acceleration level; rows are closed and rates aligned after every step.
+    """
     A, weights = tableau() if coefficients is None else coefficients
     history = History([start])
-    for _ in range(n):
-        now = history.instants[-1]
-        chart = Chart(sys, now.state)
-        rate = chart.speeds(now.state)
-        dy, dv = np.zeros((len(weights), chart.size)), np.zeros((len(weights), len(rate)))
+    for step in range(n):
+        now = history.instants[-1].motion
+        dy, dv = np.zeros((len(weights), sys.ny)), np.zeros((len(weights), sys.ny))
         for i, row in enumerate(A):
-            dy[i], dv[i] = chart.slopes(h * row[:i] @ dy[:i], rate + h * row[:i] @ dv[:i], now.memory)
-        state = chart.state(h * weights @ dy, rate + h * weights @ dv)
-        history.instants.append(_instant(sys, now.t + h, state, now.memory))
+            y = h * row[:i] @ dy[:i]
+            sys.t = start.t + (step + np.sum(row[:i])) * h
+            trial = moved(sys, now, y, now.rate + h * row[:i] @ dv[:i])
+            dy[i], dv[i] = increment_rates(sys, y, trial.rate), acceleration(sys, trial)[0]
+        end = moved(sys, now, h * weights @ dy, now.rate + h * weights @ dv)
+        history.instants.append(marched(sys, consistent(sys, start.t + (step + 1) * h, end)))
     return history
-
-
-def _instant(sys: System, t: float, state: State, memory: Array) -> Instant:
-    memory = memory_after(sys, state, memory)
-    a, lam = acceleration(sys, state, memory)
-    return Instant(t, state, a, lam, memory)
 
 
 def oracle(sys: System, start: Instant, times: Sequence[float] | Array, rtol: float = 1e-13) -> History:
@@ -125,14 +135,15 @@ def oracle(sys: System, start: Instant, times: Sequence[float] | Array, rtol: fl
         now = history.instants[-1]
         if t <= now.t:
             continue
-        chart = Chart(sys, now.state)
-        m, memory = chart.size, now.memory
+        chart = Chart(sys, with_rates(sys, now.motion))
+        m, memory = chart.size, now.motion.memory
 
         def slope(_: float, z: Array, chart: Chart = chart, m: int = m, memory: Array = memory) -> Array:
             return np.concatenate(chart.slopes(z[:m], z[m:], memory))
 
-        z = np.concatenate([np.zeros(m), chart.speeds(now.state)])
+        z = np.concatenate([np.zeros(m), chart.speeds(chart.base)])
         atol = 1e-2 * rtol * max(1.0, float(np.max(np.abs(z), initial=0.0)))
         run = solve_ivp(slope, (now.t, t), z, method="DOP853", rtol=rtol, atol=atol)
-        history.instants.append(_instant(sys, t, chart.state(run.y[:m, -1], run.y[m:, -1]), memory))
+        end = chart.motion(run.y[:m, -1], run.y[m:, -1], memory)
+        history.instants.append(marched(sys, consistent(sys, t, end)))
     return history

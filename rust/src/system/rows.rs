@@ -9,12 +9,13 @@
 //! it remembers. Rows of an effect that is left out are zero, which the rank-revealing factorisations take for redundant.
 use nalgebra::{DMatrix, DVector};
 
+use crate::linalg::entries::Entries;
 use crate::model::geometry::Geometry;
 use crate::model::joint::{Coordinate, JointKind};
 use crate::model::tables::LENGTH_GIVEN;
-use crate::spatial::Real;
+use crate::spatial::{Real, Six};
 use crate::system::assemble::{Effects, Scene};
-use crate::system::connector::constraint_rows;
+use crate::system::connector::{constraint_bias, constraint_rows};
 use crate::system::path::path;
 use crate::system::topology::{ConstraintRow, Level, Purpose, Topology};
 
@@ -67,9 +68,15 @@ impl<T: Real> Scene<'_, T> {
 
     /// Values Phi and Jacobian J of all rows; a velocity row has the value zero and its D for Jacobian.
     pub fn constraints(&self) -> (DVector<T>, DMatrix<T>) {
+        let mut jacobian = DMatrix::zeros(self.topology.rows.len(), self.topology.dofs.len());
+        let phi = self.constraints_into(&mut jacobian);
+        (phi, jacobian)
+    }
+
+    /// Phi, with J into any place.
+    pub fn constraints_into(&self, jacobian: &mut impl Entries<T>) -> DVector<T> {
         let rows = &self.topology.rows;
         let mut phi = DVector::zeros(rows.len());
-        let mut jacobian = DMatrix::zeros(rows.len(), self.topology.dofs.len());
         let mut start = 0;
         while start < rows.len() {
             let end = start
@@ -85,18 +92,16 @@ impl<T: Real> Scene<'_, T> {
                 T::one(),
                 start,
                 &mut value,
-                &mut jacobian,
+                jacobian,
             );
             for (i, e) in (start..end).zip(value) {
                 if self.acts(&rows[i]) {
-                    phi[i] = self.value(&rows[i], e, i, &mut jacobian);
-                } else {
-                    jacobian.row_mut(i).fill(T::zero());
+                    phi[i] = self.value(&rows[i], e, i, jacobian);
                 }
             }
             start = end;
         }
-        (phi, jacobian)
+        phi
     }
 
     /// The values of coordinates of a joint; their gradients over the tree coordinates, times a factor, go into J.
@@ -107,7 +112,7 @@ impl<T: Real> Scene<'_, T> {
         factor: T,
         start: usize,
         values: &mut [T],
-        jacobian: &mut DMatrix<T>,
+        jacobian: &mut impl Entries<T>,
     ) {
         let (topology, placement) = (self.topology, self.placement);
         let spec = &topology.tables.joints[joint];
@@ -115,14 +120,17 @@ impl<T: Real> Scene<'_, T> {
         let entries = path(topology, placement, spec.a, spec.b, &point);
         for (i, (value, g)) in rows.iter().enumerate() {
             values[i] = *value;
+            if !self.acts(&topology.rows[start + i]) {
+                continue;
+            }
             for entry in &entries {
-                jacobian[(start + i, entry.dof)] += g.dot(&entry.signed()) * factor;
+                jacobian.add(start + i, entry.dof, g.dot(&entry.signed()) * factor);
             }
         }
     }
 
     /// Phi of a row whose coordinate is e.
-    fn value(&self, row: &ConstraintRow, e: T, i: usize, jacobian: &mut DMatrix<T>) -> T {
+    fn value(&self, row: &ConstraintRow, e: T, i: usize, jacobian: &mut impl Entries<T>) -> T {
         match row.purpose {
             Purpose::Joint
                 if self.topology.tables.joints[row.joint].kind == JointKind::Distance =>
@@ -152,6 +160,34 @@ impl<T: Real> Scene<'_, T> {
                 on(e, row.coordinate, 1) - ratio * on(value[0], first, 0) - offset
             }
         }
+    }
+
+    /// gamma of J a + gamma = 0: what all rows do at zero a, drives left out; `accelerations` of the bodies at a = 0.
+    pub fn row_bias(&self, accelerations: &[Six<T>]) -> DVector<T> {
+        let (topology, tables) = (self.topology, &self.topology.tables);
+        let bias = |joint: usize, coordinate: Coordinate| {
+            constraint_bias(
+                topology,
+                self.geometry,
+                self.placement,
+                joint,
+                coordinate,
+                accelerations,
+            )
+        };
+        let of = |row: &ConstraintRow| {
+            if !self.acts(row) {
+                return T::zero();
+            }
+            let own = bias(row.joint, row.coordinate);
+            let Purpose::Coupler(c) = row.purpose else {
+                return own;
+            };
+            let spec = &tables.couplers[c];
+            let first = tables.joints[spec.joints[0]].kind.free_coordinates()[spec.coordinates[0]];
+            own - self.x[spec.x] * bias(spec.joints[0], first)
+        };
+        DVector::from_iterator(topology.rows.len(), topology.rows.iter().map(of))
     }
 
     fn distance(&self, joint: usize) -> T {

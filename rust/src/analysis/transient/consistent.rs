@@ -1,13 +1,15 @@
 //! Positions on the constraints, rates along them, accelerations and multipliers that belong to both: what makes an instant.
 //!
 //! Corrections are the smallest in kinetic energy, min dy^T M dy, so that they leave the free motion alone.
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use crate::error::{Error, Result};
 use crate::run::Counts;
+use crate::system::assemble::Scene;
 use crate::system::placement::advance;
 use crate::system::topology::Level;
 
+use super::matrix::Matrix;
 use super::saddle::Saddle;
 use super::{Equations, Instant, Motion};
 
@@ -16,11 +18,67 @@ const CLOSED: f64 = 1e-14;
 const ACCEPTABLE: f64 = 1e-10;
 const CLOSING_STEPS: usize = 12;
 
+/// Everything that the accelerations follow from, at one placement.
+struct Evaluation {
+    mass: Matrix,
+    h: DVector<f64>,
+    jacobian: Matrix,
+    gamma: DVector<f64>,
+}
+
 impl Equations<'_, f64> {
-    fn position_rows(&self) -> Vec<usize> {
-        let rows = &self.topology().rows;
-        (0..rows.len())
-            .filter(|i| rows[*i].level == Level::Position)
+    fn matrix(&self, rows: usize) -> Matrix {
+        Matrix::zeros(rows, self.n(), self.sparse)
+    }
+
+    /// Phi and J, sparse where the model is large.
+    pub fn row_matrix(&self, m: &Motion<f64>) -> (DVector<f64>, Matrix) {
+        let placement = self.place(m);
+        let mut jacobian = self.matrix(self.n_rows());
+        let phi = self
+            .scene(m, &placement, None)
+            .constraints_into(&mut jacobian);
+        (phi, jacobian)
+    }
+
+    fn mass_of(&self, scene: &Scene<'_, f64>) -> Matrix {
+        let mut mass = self.matrix(self.n());
+        scene.mass_into(&mut mass, &mut Matrix::zeros(0, 0, self.sparse));
+        mass
+    }
+
+    fn saddle(&self, mass: &Matrix, jacobian: &Matrix, counts: &mut Counts) -> Result<Saddle> {
+        counts.add("mass factorisations", 1);
+        Saddle::of(mass, jacobian, Some(&self.ordering))
+    }
+
+    fn evaluated(&self, m: &Motion<f64>, counts: &mut Counts) -> Result<Evaluation> {
+        counts.add("force evaluations", 1);
+        let placement = self.place(m);
+        let scene = self.scene(m, &placement, None);
+        let h = scene.residual(None);
+        self.check_forces(&h)?;
+        let mut jacobian = self.matrix(self.n_rows());
+        let mut gamma = DVector::zeros(0);
+        if self.n_rows() > 0 {
+            counts.add("multiplier solutions", 1);
+            scene.constraints_into(&mut jacobian);
+            gamma = scene.row_bias(&scene.carried_accelerations()) + self.explicit_rates(m).1;
+        }
+        Ok(Evaluation {
+            mass: self.mass_of(&scene),
+            h,
+            jacobian,
+            gamma,
+        })
+    }
+
+    /// Which rows say where things are.
+    fn position_rows(&self) -> Vec<bool> {
+        self.topology()
+            .rows
+            .iter()
+            .map(|r| r.level == Level::Position)
             .collect()
     }
 
@@ -42,19 +100,16 @@ impl Equations<'_, f64> {
     /// Close the position rows.
     pub fn close(&self, m: &mut Motion<f64>, counts: &mut Counts) -> Result<()> {
         let kept = self.position_rows();
-        if kept.is_empty() {
+        if !kept.contains(&true) {
             return Ok(());
         }
         let mut last = f64::INFINITY;
         for _ in 0..CLOSING_STEPS {
-            let (phi, jacobian) = self.rows(m);
-            let phi = DVector::from_fn(phi.len(), |i, _| {
-                if self.topology().rows[i].level == Level::Position {
-                    phi[i]
-                } else {
-                    0.0
-                }
-            });
+            let placement = self.place(m);
+            let scene = self.scene(m, &placement, None);
+            let mut jacobian = self.matrix(self.n_rows());
+            let phi = scene.constraints_into(&mut jacobian);
+            let phi = DVector::from_fn(phi.len(), |i, _| if kept[i] { phi[i] } else { 0.0 });
             let (size, worst) = self.worst_row(&phi);
             if size <= CLOSED || size <= ACCEPTABLE * 0.1 && size > 0.5 * last {
                 return Ok(());
@@ -64,17 +119,17 @@ impl Equations<'_, f64> {
             }
             last = size;
             counts.add("position projections", 1);
-            let closing = DMatrix::from_fn(kept.len(), self.n(), |i, j| jacobian[(kept[i], j)]);
-            let miss = DVector::from_fn(kept.len(), |i, _| -phi[kept[i]]);
-            let step = Saddle::new(&self.mass(m), &closing)?
-                .solve(&DVector::zeros(self.n()), &miss)?
-                .0;
+            jacobian.keep_rows(&kept);
+            let saddle = self.saddle(&self.mass_of(&scene), &jacobian, counts)?;
+            let step = saddle.solve(&DVector::zeros(self.n()), &-phi)?.0;
             advance(self.topology(), &mut m.relative, step.as_slice());
         }
-        if last <= ACCEPTABLE {
+        let (phi, _) = self.row_matrix(m);
+        let phi = DVector::from_fn(phi.len(), |i, _| if kept[i] { phi[i] } else { 0.0 });
+        let (size, worst) = self.worst_row(&phi);
+        if size <= ACCEPTABLE {
             return Ok(());
         }
-        let (size, worst) = self.worst_row(&self.rows(m).0);
         Err(self.open(worst, size))
     }
 
@@ -93,36 +148,33 @@ impl Equations<'_, f64> {
 
     /// Make the rates agree with all rows.
     pub fn align(&self, m: &mut Motion<f64>, counts: &mut Counts) -> Result<()> {
-        if self.n_rows() == 0 {
-            return Ok(());
-        }
-        counts.add("velocity projections", 1);
-        let jacobian = self.rows(m).1;
-        let saddle = Saddle::new(&self.mass(m), &jacobian)?;
-        let (none, miss) = (DVector::zeros(self.n()), -self.row_rates(m));
-        for (rate, step) in m.rate.iter_mut().zip(saddle.solve(&none, &miss)?.0.iter()) {
-            *rate += step;
+        if self.n_rows() > 0 {
+            self.aligned(m, counts)?;
         }
         Ok(())
     }
 
+    /// The same, with the factors that the accelerations need as well.
+    fn aligned(&self, m: &mut Motion<f64>, counts: &mut Counts) -> Result<Saddle> {
+        counts.add("velocity projections", 1);
+        let placement = self.place(m);
+        let scene = self.scene(m, &placement, None);
+        let mut jacobian = self.matrix(self.n_rows());
+        scene.constraints_into(&mut jacobian);
+        let saddle = self.saddle(&self.mass_of(&scene), &jacobian, counts)?;
+        let miss = -(jacobian.times(&m.rate) + self.explicit_rates(m).0);
+        let step = saddle.solve(&DVector::zeros(self.n()), &miss)?.0;
+        for (rate, step) in m.rate.iter_mut().zip(step.iter()) {
+            *rate += step;
+        }
+        Ok(saddle)
+    }
+
     /// Accelerations and multipliers of a consistent motion.
     pub fn instant(&self, motion: Motion<f64>, counts: &mut Counts) -> Result<Instant> {
-        let (mass, h) = self.mass_and_forces(&motion, counts);
-        self.check_forces(&h)?;
-        if self.n_rows() == 0 {
-            let (a, _) =
-                Saddle::new(&mass, &DMatrix::zeros(0, self.n()))?.solve(&-h, &DVector::zeros(0))?;
-            return Ok(Instant {
-                motion,
-                acceleration: a.as_slice().to_vec(),
-                lam: Vec::new(),
-            });
-        }
-        counts.add("multiplier solutions", 1);
-        let jacobian = self.rows(&motion).1;
-        let gamma = self.row_bias(&motion);
-        let (a, lam) = Saddle::new(&mass, &jacobian)?.solve(&-h, &-gamma)?;
+        let now = self.evaluated(&motion, counts)?;
+        let saddle = self.saddle(&now.mass, &now.jacobian, counts)?;
+        let (a, lam) = saddle.solve(&-now.h, &-now.gamma)?;
         Ok(Instant {
             motion,
             acceleration: a.as_slice().to_vec(),
@@ -136,19 +188,9 @@ impl Equations<'_, f64> {
             return self.instant(m, counts);
         }
         self.close(&mut m, counts)?;
-        counts.add("velocity projections", 1);
-        counts.add("multiplier solutions", 1);
-        let (mass, jacobian) = (self.mass(&m), self.rows(&m).1);
-        let saddle = Saddle::new(&mass, &jacobian)?;
-        let miss = -self.row_rates_of(&m, &jacobian);
-        let step = saddle.solve(&DVector::zeros(self.n()), &miss)?.0;
-        for (rate, step) in m.rate.iter_mut().zip(step.iter()) {
-            *rate += step;
-        }
-        let h = self.forces(&m, counts);
-        self.check_forces(&h)?;
-        let gamma = self.row_bias(&m);
-        let (a, lam) = saddle.solve(&-h, &-gamma)?;
+        let saddle = self.aligned(&mut m, counts)?;
+        let now = self.evaluated(&m, counts)?;
+        let (a, lam) = saddle.solve(&-now.h, &-now.gamma)?;
         Ok(Instant {
             motion: m,
             acceleration: a.as_slice().to_vec(),
@@ -161,9 +203,9 @@ impl Equations<'_, f64> {
         if self.n_rows() == 0 {
             return [0.0; 3];
         }
-        let (phi, jacobian) = self.rows(m);
-        let rates = self.row_rates_of(m, &jacobian);
-        let accelerations = &jacobian * DVector::from_column_slice(a) + self.row_bias(m);
+        let (phi, jacobian) = self.row_matrix(m);
+        let rates = jacobian.times(&m.rate) + self.explicit_rates(m).0;
+        let accelerations = jacobian.times(a) + self.row_bias(m);
         [phi, rates, accelerations].map(|r| self.worst_row(&r).0)
     }
 

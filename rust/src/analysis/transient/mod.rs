@@ -15,6 +15,7 @@
 //! | `driver` | fixed or controlled steps, output times, stops |
 //! | `interpolate` | between two instants |
 //! | one file for each scheme | implements `Scheme` |
+pub mod bdf;
 pub mod bdf_bfgs;
 pub mod bdf_step;
 pub mod consistent;
@@ -25,11 +26,12 @@ pub mod explicit;
 pub mod explicit8;
 pub mod generalized_alpha;
 pub mod interpolate;
+pub mod matrix;
 pub mod methods;
 pub mod saddle;
+pub mod stiffness;
 
 use nalgebra::{DMatrix, DVector};
-use num_dual::Dual;
 
 use crate::error::Result;
 use crate::model::geometry::Geometry;
@@ -101,6 +103,17 @@ pub trait Scheme {
         counts: &mut Counts,
     ) -> Result<Step>;
 
+    /// Power of the step in the controlled error.
+    fn power(&self) -> f64 {
+        f64::from(self.order())
+    }
+
+    /// Factor of the next step, for schemes that choose their order; `size` of an error is one at its tolerance. Called after
+    /// `accept`.
+    fn proposal(&mut self, _size: &dyn Fn(&LocalError) -> f64) -> Option<f64> {
+        None
+    }
+
     /// The driver goes on from the end of this step (of length h): the place to move histories on.
     fn accept(&mut self, _eq: &Equations<'_, f64>, _from: &Instant, _step: &Step, _h: f64) {}
 
@@ -137,24 +150,24 @@ pub struct Equations<'a, T: Real> {
     pub geometry: Geometry<T>,
     pub x: Vec<T>,
     pub effects: Effects,
-    /// the same with a dual number in time, for the rates of constraint rows
-    timed: Option<(Geometry<Dual<T>>, Vec<Dual<T>>)>,
+    /// large models: lists of entries instead of dense matrices
+    pub sparse: bool,
+    ordering: saddle::Ordering,
 }
+
+/// Above this number of coordinates and rows sparse factorisations are faster.
+const DENSE: usize = 60;
 
 impl<'a, T: Real> Equations<'a, T> {
     pub fn new(system: &'a System, x: Vec<T>, effects: Effects) -> Self {
-        let tables = &system.topology.tables;
-        let geometry = Geometry::derive(tables, &x);
-        let timed = (!system.topology.rows.is_empty()).then(|| {
-            let x: Vec<Dual<T>> = x.iter().map(|v| Dual::from_re(*v)).collect();
-            (Geometry::derive(tables, &x), x)
-        });
+        let geometry = Geometry::derive(&system.topology.tables, &x);
         Equations {
             system,
             geometry,
             x,
             effects,
-            timed,
+            sparse: system.n_tree() + system.topology.rows.len() > DENSE,
+            ordering: saddle::Ordering::default(),
         }
     }
 
@@ -259,35 +272,11 @@ impl<'a, T: Real> Equations<'a, T> {
         explicit_rates(self.topology(), &self.geometry, self.effects, m.t)
     }
 
-    /// gamma: what J a must cancel; the rate of J v + Phi_t at constant v, by a dual number in time.
+    /// gamma: what J a must cancel; the rate of J v + Phi_t at a = 0.
     pub fn row_bias(&self, m: &Motion<T>) -> DVector<T> {
-        let Some((geometry, x)) = &self.timed else {
-            return DVector::zeros(0);
-        };
-        let lifted = |p: &Pose<T>| Pose {
-            p: p.p.map(Dual::from_re),
-            r: p.r.map(Dual::from_re),
-        };
-        let mut relative: Vec<Pose<Dual<T>>> = m.relative.iter().map(lifted).collect();
-        let dy: Vec<_> = m.rate.iter().map(|r| Dual::new(T::zero(), *r)).collect();
-        advance(self.topology(), &mut relative, &dy);
-        let placement = place(self.topology(), geometry, &relative, None);
-        let scene = Scene {
-            topology: self.topology(),
-            geometry,
-            x,
-            memory: &[],
-            placement: &placement,
-            rate: None,
-            acceleration: None,
-            t: m.t,
-            effects: self.effects,
-        };
-        let jacobian = scene.constraints().1;
-        let turning = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| {
-            jacobian[(i, j)].eps
-        });
-        turning * DVector::from_column_slice(&m.rate) + self.explicit_rates(m).1
+        let placement = self.place(m);
+        let scene = self.scene(m, &placement, None);
+        scene.row_bias(&scene.carried_accelerations()) + self.explicit_rates(m).1
     }
 
     /// M, D = dr/dv (damping and gyroscopic), K = dr/dq at constant v, a, lam.

@@ -7,62 +7,83 @@
 //! The regularised matrix has full rank for every J. Solving again for what is left (the proximal point iteration) takes the
 //! regularisation out: a component along a singular value sigma of J' A'^-1/2 shrinks by eps/(eps + sigma^2) each time. Along
 //! redundant combinations lam stays zero (minimum norm in the scaled rows) and rows that contradict each other are met as well as
-//! they can be.
+//! they can be. Large symmetric ones are quasi-definite by the same eps, so that L D L^T exists in the order of least fill.
+use std::cell::RefCell;
+use std::sync::Arc;
+
 use faer::prelude::*;
 use nalgebra::{DMatrix, DVector};
 
 use crate::error::{Error, Result};
+use crate::linalg::sparse::{Csc, Factor as SparseFactor};
+use crate::linalg::symmetric::{Ldl, Pattern};
+
+use super::matrix::Matrix;
 
 const PROXIMAL: f64 = 1e-9;
-const REFINEMENTS: usize = 6;
+/// Without pivoting a row may be eliminated before its columns, which loses 1/eps: less may be lost.
+const PROXIMAL_LDL: f64 = 1e-7;
+const REFINEMENTS: usize = 8;
 /// Below this size nalgebra factorises faster than faer.
 const SMALL: usize = 20;
 
+/// The ordering of a pattern, kept from one factorisation to the next.
+pub type Ordering = RefCell<Option<Arc<Pattern>>>;
+
 enum Factor {
     Small(nalgebra::LU<f64, nalgebra::Dyn, nalgebra::Dyn>),
-    Large(faer::linalg::solvers::PartialPivLu<f64>),
+    Large(Box<faer::linalg::solvers::PartialPivLu<f64>>),
+    Symmetric(Ldl),
+    Sparse(Box<SparseFactor>),
+}
+
+/// The scaled matrix without its regularisation.
+enum Scaled {
+    Dense(DMatrix<f64>),
+    List(Vec<(u32, u32, f64)>),
 }
 
 pub struct Saddle {
     n: usize,
-    /// scaled [A' J'^T; J' 0], for the remainders
-    matrix: DMatrix<f64>,
+    matrix: Scaled,
     column: Vec<f64>,
     row: Vec<f64>,
     factor: Factor,
 }
 
 impl Saddle {
-    /// A may be nonsymmetric; its diagonal sets the scale and must be positive.
+    /// A may be nonsymmetric; its diagonal sets the scale.
     pub fn new(a: &DMatrix<f64>, jacobian: &DMatrix<f64>) -> Result<Self> {
-        let (n, m) = (a.nrows(), jacobian.nrows());
-        if let Some(i) = (0..n).find(|i| !(a[(*i, *i)] > 0.0 && a[(*i, *i)].is_finite())) {
+        let (a, j) = (Matrix::Dense(a.clone()), Matrix::Dense(jacobian.clone()));
+        Self::of(&a, &j, None)
+    }
+
+    /// `ordering`: A is symmetric positive definite with places that stay; None: it may be anything.
+    pub fn of(a: &Matrix, jacobian: &Matrix, ordering: Option<&Ordering>) -> Result<Self> {
+        let (n, m) = (a.shape().0, jacobian.shape().0);
+        let diagonal = a.diagonal();
+        if let Some(i) = diagonal.iter().position(|d| *d == 0.0 || !d.is_finite()) {
             return Err(Error::singular(format!(
                 "the equations of motion are singular: tree coordinate {i} has the inertia {:.3e}",
-                a[(i, i)]
+                diagonal[i]
             )));
         }
-        let column: Vec<f64> = (0..n).map(|i| 1.0 / a[(i, i)].sqrt()).collect();
-        let row: Vec<f64> = (0..m)
-            .map(|i| {
-                let size = (0..n)
-                    .map(|j| (jacobian[(i, j)] * column[j]).powi(2))
-                    .sum::<f64>()
-                    .sqrt();
-                if size > 0.0 { 1.0 / size } else { 1.0 }
-            })
-            .collect();
-        let mut matrix = DMatrix::zeros(n + m, n + m);
-        for j in 0..n {
-            for i in 0..n {
-                matrix[(i, j)] = a[(i, j)] * column[i] * column[j];
-            }
-            for i in 0..m {
-                let v = jacobian[(i, j)] * row[i] * column[j];
-                matrix[(n + i, j)] = v;
-                matrix[(j, n + i)] = v;
-            }
+        let column: Vec<f64> = diagonal.iter().map(|d| 1.0 / d.abs().sqrt()).collect();
+        let mut row = vec![0.0; m];
+        jacobian.each(|i, j, v| row[i] += (v * column[j]).powi(2));
+        for r in &mut row {
+            *r = if *r > 0.0 { 1.0 / r.sqrt() } else { 1.0 };
         }
+        if a.is_sparse() {
+            return Self::sparse(a, jacobian, column, row, ordering);
+        }
+        let mut matrix = DMatrix::zeros(n + m, n + m);
+        a.each(|i, j, v| matrix[(i, j)] = v * column[i] * column[j]);
+        jacobian.each(|i, j, v| {
+            let v = v * row[i] * column[j];
+            matrix[(n + i, j)] = v;
+            matrix[(j, n + i)] = v;
+        });
         let mut regular = matrix.clone();
         for i in n..n + m {
             regular[(i, i)] = -PROXIMAL;
@@ -71,11 +92,63 @@ impl Saddle {
             Factor::Small(regular.lu())
         } else {
             let view = MatRef::from_column_major_slice(regular.as_slice(), n + m, n + m);
-            Factor::Large(view.partial_piv_lu())
+            Factor::Large(Box::new(view.partial_piv_lu()))
         };
+        let matrix = Scaled::Dense(matrix);
         Ok(Saddle {
             n,
             matrix,
+            column,
+            row,
+            factor,
+        })
+    }
+
+    fn sparse(
+        a: &Matrix,
+        jacobian: &Matrix,
+        column: Vec<f64>,
+        row: Vec<f64>,
+        ordering: Option<&Ordering>,
+    ) -> Result<Self> {
+        let (n, m) = (column.len(), row.len());
+        let mut list = Vec::new();
+        a.each(|i, j, v| list.push((i as u32, j as u32, v * column[i] * column[j])));
+        jacobian.each(|i, j, v| {
+            let v = v * row[i] * column[j];
+            list.push(((n + i) as u32, j as u32, v));
+            list.push((j as u32, (n + i) as u32, v));
+        });
+        let eps = if ordering.is_some() {
+            PROXIMAL_LDL
+        } else {
+            PROXIMAL
+        };
+        let regular = (n..n + m).map(|i| (i as u32, i as u32, -eps));
+        let all = || list.iter().copied().chain(regular.clone());
+        let factor = match ordering {
+            Some(ordering) => {
+                let mut kept = ordering.borrow_mut();
+                let pattern = match kept.as_ref() {
+                    Some(p) => p.clone(),
+                    None => {
+                        let places: Vec<(u32, u32)> = all().map(|(i, j, _)| (i, j)).collect();
+                        let made = Arc::new(Pattern::new(n + m, &places)?);
+                        *kept = Some(made.clone());
+                        made
+                    }
+                };
+                Factor::Symmetric(pattern.factor(all().map(|(_, _, v)| v))?)
+            }
+            None => {
+                let entries = all().map(|(i, j, v)| (i as usize, j as usize, v)).collect();
+                let lu = SparseFactor::lu(&Csc::from_entries(n + m, n + m, entries))?;
+                Factor::Sparse(Box::new(lu))
+            }
+        };
+        Ok(Saddle {
+            n,
+            matrix: Scaled::List(list),
             column,
             row,
             factor,
@@ -99,7 +172,7 @@ impl Saddle {
         let mut z = self.once(&right)?;
         let mut left = f64::INFINITY;
         for _ in 0..REFINEMENTS {
-            let miss = &right - &self.matrix * &z;
+            let miss = &right - self.times(&z);
             let size = miss.amax();
             // rows that contradict each other leave a remainder for ever
             if size <= 4.0 * f64::EPSILON * (right.amax() + z.amax()) || size > 0.5 * left {
@@ -114,13 +187,30 @@ impl Saddle {
         ))
     }
 
+    fn times(&self, z: &DVector<f64>) -> DVector<f64> {
+        match &self.matrix {
+            Scaled::Dense(m) => m * z,
+            Scaled::List(list) => {
+                let mut out = DVector::zeros(z.len());
+                for (i, j, v) in list {
+                    out[*i as usize] += v * z[*j as usize];
+                }
+                out
+            }
+        }
+    }
+
     fn once(&self, right: &DVector<f64>) -> Result<DVector<f64>> {
+        let column = |x: Mat<f64>| Some(DVector::from_fn(right.len(), |i, _| x[(i, 0)]));
+        let as_matrix = || Mat::from_fn(right.len(), 1, |i, _| right[i]);
         let solution = match &self.factor {
             Factor::Small(lu) => lu.solve(right),
-            Factor::Large(lu) => {
-                let b = Mat::from_fn(right.len(), 1, |i, _| right[i]);
-                let x = lu.solve(&b);
-                Some(DVector::from_fn(right.len(), |i, _| x[(i, 0)]))
+            Factor::Large(lu) => column(lu.solve(&as_matrix())),
+            Factor::Symmetric(ldl) => Some(DVector::from_vec(ldl.solve(right.as_slice()))),
+            Factor::Sparse(lu) => {
+                let mut x = as_matrix();
+                lu.solve(x.as_mut());
+                column(x)
             }
         };
         solution
@@ -136,6 +226,17 @@ impl Saddle {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::linalg::entries::{Entries, Triplets};
+
+    fn listed(m: &DMatrix<f64>) -> Matrix {
+        let mut t = Triplets::new(m.nrows(), m.ncols());
+        for i in 0..m.nrows() {
+            for j in 0..m.ncols() {
+                t.add(i, j, m[(i, j)]);
+            }
+        }
+        Matrix::Sparse(t)
+    }
 
     #[test]
     fn redundant_rows_share_and_the_solution_is_that_without_them() {
@@ -148,16 +249,22 @@ mod tests {
             .unwrap()
             .solve(&r, &DVector::from_row_slice(&[s]))
             .unwrap();
-        let (y, mu) = Saddle::new(&a, &twice)
-            .unwrap()
-            .solve(&r, &DVector::from_row_slice(&[s, 2.0 * s]))
-            .unwrap();
-        assert!((&x - &y).amax() < 1e-14);
-        assert!((&a * &x + once.transpose() * &lam - &r).amax() < 1e-14);
-        assert!((lam[0] - mu[0] - 2.0 * mu[1]).abs() < 1e-13);
-        assert!(
-            (mu[0] - 2.0 * mu[1]).abs() < 1e-7,
-            "rows of one direction carry alike when scaled"
-        );
+        let ordering = Ordering::default();
+        for saddle in [
+            Saddle::new(&a, &twice).unwrap(),
+            Saddle::of(&listed(&a), &listed(&twice), Some(&ordering)).unwrap(),
+            Saddle::of(&listed(&a), &listed(&twice), None).unwrap(),
+        ] {
+            let (y, mu) = saddle
+                .solve(&r, &DVector::from_row_slice(&[s, 2.0 * s]))
+                .unwrap();
+            assert!((&x - &y).amax() < 1e-14);
+            assert!((&a * &x + once.transpose() * &lam - &r).amax() < 1e-14);
+            assert!((lam[0] - mu[0] - 2.0 * mu[1]).abs() < 1e-13);
+            assert!(
+                (mu[0] - 2.0 * mu[1]).abs() < 1e-7,
+                "rows of one direction carry alike when scaled"
+            );
+        }
     }
 }
