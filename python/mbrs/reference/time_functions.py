@@ -19,7 +19,9 @@ def read_motions(t: Mapping[str, Any], x: Array) -> list[TimeFunction]:
     out = []
     for code, n, start, function, output in zip(*(t.get(f"motion_{k}", ()) for k in keys), strict=True):
         p = x[start : start + n]
-        out.append(_from_outside(t["functions"][function], int(output)) if code == FUNCTION else _built_in(int(code), p))
+        out.append(
+            _from_outside(t["functions"][function], int(output)) if code == FUNCTION else _built_in(int(code), p)
+        )
     return out
 
 
