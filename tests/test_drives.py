@@ -8,6 +8,7 @@ import mbrs as mb
 import numpy as np
 import pytest
 from mbrs.errors import AssemblyError, ConvergenceError, MbrsError, ModelError, NameNotFoundError
+from mbrs.reference.time_functions import read_motions
 from mbrs.tables import tables
 
 ROD = (1e-3, 1 / 12, 1 / 12)
@@ -36,7 +37,7 @@ def pendulum(motion=None, k=None):
     return m
 
 
-def four_bar(motion=None):
+def four_bar(motion=None, k=None):
     """Crank .3 m, coupler 1 m, rocker .7 m, base 1 m; spatial hinges, three of its constraints redundant."""
     m = mb.Model("driven four-bar", gravity=(0, -9.81, 0))
     a, c = 0.3, 0.7
@@ -52,7 +53,7 @@ def four_bar(motion=None):
 
     crank, coupler = rod("crank", np.zeros(3), p), rod("coupler", p, q)
     rocker = rod("rocker", q, np.array([1.0, 0, 0]))
-    m.revolute("A", m.ground, crank, at=(0, 0, 0), axis="z")
+    m.revolute("A", m.ground, crank, at=(0, 0, 0), axis="z", k=k)
     m.revolute("B", crank, coupler, at=p, axis="z")
     m.revolute("C", coupler, rocker, at=q, axis="z")
     m.revolute("D", rocker, m.ground, at=(1, 0, 0), axis="z")
@@ -119,6 +120,28 @@ def test_a_kink_is_met_exactly():
     assert np.allclose(traj.rate[:, 0], [0, 2, 2], atol=1e-12)
 
 
+@pytest.mark.parametrize("t", [0.0, 0.31, 1.0, 1.9, 2.5])
+def test_motions_of_core_and_reference(t):
+    """Value, rate and acceleration of every kind, read off the rows of driven sliders."""
+    motions = [
+        mb.Ramp(0.4, 0.1, 0.3), mb.Sine(0.3, 4.0, phase=0.2, offset=-0.1), mb.Sine(0.3, frequency=0.7), crank_angle,
+        mb.Polynomial([0.1, 0.2, -0.3, 0.4]), mb.Table([0, 0.5, 1.1, 2], [0.3, 0.9, -0.2, 0.5]),
+        mb.Table([0, 0.5, 1.1, 2], [0.3, 0.9, -0.2, 0.5], kind="linear"), mb.Table([0, 2], [1, 3]),
+    ]  # fmt: skip
+    m = mb.Model("sliders")
+    for i, motion in enumerate(motions):
+        b = m.body(f"b{i}", mass=1.0, inertia=(1, 1, 1), at=(i, 0, 0))
+        m.prismatic(f"s{i}", m.ground, b, at=(i, 0, 0), axis="z")
+        m.drive(f"d{i}", f"s{i}", motion)
+    core = m.compiled()
+    relative = np.zeros((len(motions), 12))
+    relative[:, [3, 7, 11]] = 1.0
+    made = core.rows(relative, np.zeros(len(motions)), t, [])
+    known = np.array([f(t) for f in read_motions(tables(m), tables(m)["x"])])
+    for i, name in enumerate(("phi", "rates", "bias")):
+        assert np.abs(made[name] + known[:, i]).max() < 1e-13, name
+
+
 # --- closed forms of motion -----
 
 
@@ -133,7 +156,9 @@ def test_two_body_swing():
     m.revolute("n", a, b, at=(2, 0, 0), axis="z")
     m.drive("motor", "m", mb.Ramp(np.pi / 3))
     # theta_B' = 0 at the start: B translates with n, and turns back against A
-    m.set({"A.velocity": (0, np.pi / 3, 0), "A.angular_velocity": (0, 0, np.pi / 3), "B.velocity": (0, 2 * np.pi / 3, 0)})
+    m.set(
+        {"A.velocity": (0, np.pi / 3, 0), "A.angular_velocity": (0, 0, np.pi / 3), "B.velocity": (0, 2 * np.pi / 3, 0)}
+    )
     traj = mb.simulate(m, t=[0.5, 1, 2, 3, 5], rtol=1e-11)
     theta = traj.joint("m") + traj.joint("n")
     known = np.array([-0.835430375, -2.363025261, -2.081860121, -0.818461015, -0.393332826])
@@ -217,7 +242,9 @@ def test_a_coupler_on_a_joint_that_closes_a_loop():
     assert np.ptp(np.asarray(traj.energy)) < 1e-7
 
 
-@pytest.mark.parametrize("value", [wind, (mb.Ramp(2.0), -1.0, mb.Polynomial([0, 0, 0.5])), (lambda t: 2 * t, -1, mb.Table([0, 9], [0, 40]))])
+@pytest.mark.parametrize(
+    "value", [wind, (mb.Ramp(2.0), -1.0, mb.Polynomial([0, 0, 0.5])), (lambda t: 2 * t, -1, mb.Table([0, 9], [0, 40]))]
+)
 def test_a_force_that_varies(value):
     """x" = 2 t, y" = -1 of a free body of 1 kg."""
     m = mb.Model("blown")
@@ -245,12 +272,12 @@ def test_a_follower_torque_that_varies():
 
 
 def test_linear_analyses_hold_a_drive_at_its_first_value():
-    held = four_bar(mb.Sine(0.4, 7.0, phase=0.3))
+    held = four_bar(mb.Sine(0.4, 7.0, phase=0.3), k=30.0)
     assert mb.System(held).dof == 0 and mb.System(four_bar()).dof == 1
     eq = mb.equilibrium(held)
     free = mb.equilibrium(held, without=("drives",))
     assert not np.allclose(eq.position("crank"), free.position("crank"))
-    assert np.allclose(free.position("crank"), mb.equilibrium(four_bar()).position("crank"), atol=1e-9)
+    assert np.allclose(free.position("crank"), mb.equilibrium(four_bar(k=30.0)).position("crank"), atol=1e-9)
     angle = np.pi / 2 + 0.4 * np.sin(0.3)
     assert np.allclose(eq.position("crank"), [0.15 * np.cos(angle), 0.15 * np.sin(angle), 0], atol=1e-12)
     assert abs(eq.reactions["motor"][5]) > 0.1
@@ -334,7 +361,11 @@ BAD = {
         ModelError,
         "moved by drive 'd' already",
     ),
-    "table backwards": (lambda m: m.drive("d", "hinge", mb.Table([0, 2, 1], [0, 1, 2])), ModelError, "d.t must increase"),
+    "table backwards": (
+        lambda m: m.drive("d", "hinge", mb.Table([0, 2, 1], [0, 1, 2])),
+        ModelError,
+        "d.t must increase",
+    ),
     "table in a load": (
         lambda m: m.force("f", "rod", value=(mb.Table([1, 1], [0, 1]), 0, 0)),
         ModelError,
@@ -343,9 +374,17 @@ BAD = {
     "table too short": (lambda m: m.drive("d", "hinge", mb.Table([0], [0])), ModelError, "at least two"),
     "uneven table": (lambda m: m.drive("d", "hinge", mb.Table([0, 1], [0, 1, 2])), ModelError, "as many times"),
     "a function that returns nan": (lambda m: m.drive("d", "hinge", lambda t: np.nan), ModelError, "d has a.*finite"),
-    "a function that raises": (lambda m: m.drive("d", "hinge", lambda t: 1 / t), ModelError, "ZeroDivisionError at t = 0"),
+    "a function that raises": (
+        lambda m: m.drive("d", "hinge", lambda t: 1 / t),
+        ModelError,
+        "ZeroDivisionError at t = 0",
+    ),
     "a function of text": (lambda m: m.drive("d", "hinge", lambda t: "no"), ModelError, "returned 'no'"),
-    "a vector function for a number": (lambda m: m.force("f", "rod", value=(wind, 0, 0)), ModelError, "return 1 numbers"),
+    "a vector function for a number": (
+        lambda m: m.force("f", "rod", value=(wind, 0, 0)),
+        ModelError,
+        "return 1 numbers",
+    ),
     "a number for a vector": (lambda m: m.force("f", "rod", value=crank_value), ModelError, "return 3 numbers"),
     "a bare motion as force": (lambda m: m.force("f", "rod", value=mb.Ramp(1)), ModelError, "put the motion into one"),
     "nan in a motion": (lambda m: m.drive("d", "hinge", mb.Ramp(np.nan)), ModelError, "d.rate must be a finite"),
@@ -398,5 +437,3 @@ def test_a_function_that_fails_on_the_way_keeps_the_trajectory(late):
         with pytest.raises(ConvergenceError, match="no more data" if late == "raise" else "nan") as caught:
             mb.simulate(m, t=1.0, rtol=1e-6)
         assert 0.3 < caught.value.result.t[-1] <= 0.5
-
-

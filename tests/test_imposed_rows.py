@@ -158,5 +158,3 @@ def test_steps_of_both_explicit_schemes_agree():
     print("steps", worst)
     assert worst < 1e-10 and np.abs(np.ptp(positions, axis=0)).max() > 0.01
     assert np.abs(made["rate"][-1] - history[-1].rate).max() < 1e-9
-
-

@@ -46,7 +46,9 @@ def test_steady_rolling_on_a_circle(lean, precession):
     t = np.linspace(0, 2 * np.pi / abs(precession), 9)
     traj = mb.simulate(m, t=t, rtol=1e-10)
     turn = precession * t
-    velocity = np.stack([np.cos(turn) * start[0] - np.sin(turn) * start[1], np.sin(turn) * start[0] + np.cos(turn) * start[1]], 1)
+    velocity = np.stack(
+        [np.cos(turn) * start[0] - np.sin(turn) * start[1], np.sin(turn) * start[0] + np.cos(turn) * start[1]], 1
+    )
     normal = traj.rotation("disc")[:, :, 2] if hasattr(traj, "rotation") else None
     worst = {
         "velocity": np.abs(traj.velocity("disc")[:, :2] - velocity).max(),
@@ -105,7 +107,12 @@ def test_chaplygin_sleigh():
     mass, inertia, a, w0 = 1.5, 0.2, 0.4, 3.0
     m = mb.Model("sleigh")
     b = m.body(
-        "sleigh", mass=mass, inertia=(0.1, 0.1, inertia), at=(a, 0, 0), velocity=(0, a * w0, 0), angular_velocity=(0, 0, w0)
+        "sleigh",
+        mass=mass,
+        inertia=(0.1, 0.1, inertia),
+        at=(a, 0, 0),
+        velocity=(0, a * w0, 0),
+        angular_velocity=(0, 0, w0),
     )
     m.planar("ice", m.ground, b, at=(0, 0, 0), axis="z")
     m.knife_edge("blade", m.ground, b, at=(0, 0, 0), axis="y")

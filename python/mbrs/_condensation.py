@@ -15,22 +15,36 @@ from .laws import Law
 
 FULL_UNKNOWNS = 6000
 MODAL_COORDINATES = 1500
-STABILITY_COORDINATES = 64  # as in the core: larger condensed systems do not tell their stability
+STABILITY_COORDINATES = 64  # as in the core: larger condensed systems tell their stability by a reduced model
+REDUCED_COORDINATES = 96
+FEWEST_MODES = 6
 WORTH_CONDENSING = 150
 
 
 @dataclass(frozen=True)
 class Linear:
-    """The core's object, how it was made, and the orthogonal matrix T of x = T y where coordinates were changed."""
+    """The core's object, how it was made, M, C, K in its coordinates, and the orthogonal matrix T of x = T y where
+    coordinates were changed."""
 
     core: Any
     route: str
     directions: tuple[np.ndarray, ...]
     transform: np.ndarray | None = None
+    matrices: tuple[Any, Any, Any] | None = None
+
+    def stability_model(self, top: float) -> tuple[np.ndarray, ...] | None:
+        """M, C, K of a model of a large system for motions up to the frequency ``top`` (rad/s); None where the core has
+        the matrices themselves, or where there is no such model."""
+        if self.matrices is None or self.matrices[0].shape[0] <= STABILITY_COORDINATES:
+            return None
+        return _reduced(self.matrices, np.asarray(self.core.retained), top)
 
 
-def linear_part(system: Any, laws: Sequence[Law], forces: np.ndarray, n_c: int, condense: bool | str) -> Linear:
-    """``condense``: True, False or "auto", which condenses where the full equations are large."""
+def linear_part(
+    system: Any, laws: Sequence[Law], forces: np.ndarray, n_c: int, condense: bool | str, turn: bool = True
+) -> Linear:
+    """``condense``: True, False or "auto", which condenses where the full equations are large. Without ``turn`` the
+    coordinates stay what they are, whatever the laws touch."""
     if not isinstance(condense, bool) and condense != "auto":
         raise ModelError(f'condense must be True, False or "auto", it is {condense!r}')
     directions = tuple(np.asarray(law.w) for law in laws)
@@ -40,16 +54,17 @@ def linear_part(system: Any, laws: Sequence[Law], forces: np.ndarray, n_c: int, 
         return _full(system, directions, forces, n_c)
     if len(touched) == 0:
         touched = np.array([0])  # a linear system: any coordinate carries the equations
-    rank = np.linalg.matrix_rank(np.array(directions)) if directions else 0
-    if 2 * rank < len(touched) and len(touched) > 8 and system.n <= MODAL_COORDINATES:
-        return _turned(system, directions, forces, int(rank))
+    if turn and len(touched) > 8 and system.n <= MODAL_COORDINATES:
+        rank = int(np.linalg.matrix_rank(np.array(directions)))
+        if 2 * rank < len(touched):
+            return _turned(system, directions, forces, rank)
     if len(touched) == system.n:
         return _full(system, directions, forces, n_c)
     matrices = _symmetric(system) if system.n <= MODAL_COORDINATES else None
     modal = None if matrices is None else _modal(matrices, touched, forces)
     if modal is not None:
-        return Linear(modal, "condensed, modal", directions)
-    return Linear(_sparse(system, touched, forces), "condensed, sparse", directions)
+        return Linear(modal, "condensed, modal", directions, None, matrices)
+    return _sparse(system, touched, forces, directions)
 
 
 def dense(system: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -85,7 +100,35 @@ def _turned(system: Any, directions: tuple[np.ndarray, ...], forces: np.ndarray,
     m, c, k = (A.ravel() for A in (M, C, K))
     turned_forces = np.ascontiguousarray(forces @ Q)
     core = _core.HbmLinear.sparse(system.n, row, column, m, c, k, np.arange(rank), turned_forces)
-    return Linear(core, "condensed, turned", turned, Q)
+    return Linear(core, "condensed, turned", turned, Q, (M, C, K))
+
+
+def _reduced(matrices: tuple[Any, Any, Any], retained: np.ndarray, top: float) -> tuple[np.ndarray, ...] | None:
+    """Craig and Bampton's model (AIAA J. 6 (1968) 1313-1319): static shapes of the retained coordinates, and the lowest
+    modes of the rest while they are held. The core checks it against the dynamic stiffness of the system."""
+    import scipy.sparse as sp
+    import scipy.sparse.linalg as spl
+
+    M, C, K = (sp.csc_matrix(A) for A in matrices)
+    local = np.setdiff1d(np.arange(M.shape[0]), retained)
+    most = min(REDUCED_COORDINATES - len(retained), len(local) - 2)
+    if most < FEWEST_MODES:
+        return None
+    M_ll, K_ll = M[np.ix_(local, local)], K[np.ix_(local, local)]
+    shift = -1e-9 * K_ll.diagonal().sum() / max(M_ll.diagonal().sum(), np.finfo(float).tiny)
+    try:
+        held = spl.splu(K_ll.tocsc())
+        square, shapes = spl.eigsh(K_ll, most, M=M_ll, sigma=shift, v0=np.ones(len(local)))
+    except (RuntimeError, ValueError, spl.ArpackError):
+        return None
+    order = np.argsort(square)
+    count = max(FEWEST_MODES, int(np.sum(square < (3 * top) ** 2)))
+    T = np.zeros((M.shape[0], len(retained) + min(count, most)))
+    T[retained, np.arange(len(retained))] = 1.0
+    T[local, : len(retained)] = -held.solve(K[np.ix_(local, retained)].toarray())
+    T[local, len(retained) :] = shapes[:, order[:count]]
+    reduced = tuple(np.ascontiguousarray(T.T @ (A @ T)) for A in (M, C, K))
+    return reduced if all(np.all(np.isfinite(A)) for A in reduced) else None
 
 
 def _symmetric(system: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
@@ -131,7 +174,7 @@ def _modal(matrices: tuple[np.ndarray, ...], retained: np.ndarray, forces: np.nd
     )
 
 
-def _sparse(system: Any, retained: np.ndarray, forces: np.ndarray) -> Any:
+def _sparse(system: Any, retained: np.ndarray, forces: np.ndarray, directions: tuple[np.ndarray, ...]) -> Linear:
     import scipy.sparse as sp
 
     def matrix(*parts: Any) -> Any:
@@ -152,6 +195,7 @@ def _sparse(system: Any, retained: np.ndarray, forces: np.ndarray) -> Any:
         np.add.at(out, np.searchsorted(places, A.col.astype(np.int64) * system.n + A.row), A.data)
         return out
 
-    return _core.HbmLinear.sparse(
+    core = _core.HbmLinear.sparse(
         system.n, places % system.n, places // system.n, values(M), values(C), values(K), retained, forces
     )
+    return Linear(core, "condensed, sparse", directions, None, (M, C, K))

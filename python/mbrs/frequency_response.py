@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
@@ -10,10 +10,33 @@ from typing import Any
 import numpy as np
 
 from . import _balance
-from .continuation import Branch, Event
+from ._picked import label, picked, taken, weights
+from .continuation import MEANING, Branch, Event
 from .errors import ConvergenceError, ModelError
 from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of, harmonic_balance
+from .nonlinear_system import as_system
+from .progress import Progress
+from .report import html_table, table
 from .results import Result, Stats
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Points that share a set of harmonics: the core's unknowns ``y`` (n, size) and where they hold."""
+
+    setup: _balance.Setup
+    omega: np.ndarray
+    level: np.ndarray
+    y: np.ndarray
+    value: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self.omega)
+
+    def expanded(self, i: int) -> np.ndarray:
+        """(dof, 2H+1) of one point."""
+        value = None if self.value is None else float(self.value[i])
+        return self.setup.expand(self.y[i], float(self.omega[i]), float(self.level[i]), value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +66,7 @@ class FrequencyResponse(Result):
     stable: np.ndarray | None
     exponents: np.ndarray | None
     events: tuple[Event, ...]
-    parts: tuple[tuple[_balance.Setup, np.ndarray, np.ndarray], ...] = field(repr=False)
+    parts: tuple[Part, ...] = field(repr=False)
     system: Any = field(default=None, repr=False)
     force: Any = field(default=None, repr=False)
     branch: Branch | None = field(default=None, repr=False)
@@ -60,53 +83,119 @@ class FrequencyResponse(Result):
     def X(self) -> np.ndarray:
         """(n, dof, 2H+1) coefficients [a0, a1, b1, ...], zero-padded to the largest H; built at the first use."""
         if "X" not in self._cache:
-            top = max(setup.harmonics[-1] for setup, _, _ in self.parts)
+            top = max(part.setup.harmonics[-1] for part in self.parts)
             out = np.zeros((len(self), self.system.n, 2 * top + 1))
-            at = 0
-            for setup, omega, y in self.parts:
-                for w, row in zip(omega, y, strict=True):
-                    X = setup.expand(row, float(w))
-                    out[at, :, : X.shape[1]] = X
-                    at += 1
+            for at in range(len(self)):
+                part, i = self._part_of(at)
+                X = part.expanded(i)
+                out[at, :, : X.shape[1]] = X
             self._cache["X"] = out
         return self._cache["X"]
 
-    def coefficient(self, dof: int = 0, harmonic: int = 1) -> np.ndarray:
-        """(n,) complex amplitudes a - i b of one harmonic of one coordinate."""
-        X = self.X[:, dof]
-        if harmonic == 0:
-            return X[:, 0].astype(complex)
-        if not 0 < harmonic <= (X.shape[1] - 1) // 2:
-            return np.zeros(len(self), complex)
-        return X[:, 2 * harmonic - 1] - 1j * X[:, 2 * harmonic]
+    @property
+    def varies(self) -> str:
+        """What changes along the curve: "frequency" or "level"."""
+        return "level" if len(self) > 1 and np.ptp(self.omega) == 0 else "frequency"
 
-    def amplitude(self, dof: int = 0, harmonic: int | None = 1, n_t: int = 256) -> np.ndarray:
-        """(n,) magnitude of one harmonic of one coordinate; ``harmonic=None``: largest |x| over ``n_t`` instants of a
-        period."""
+    @property
+    def connected(self) -> bool:
+        """Whether the points follow each other on one branch; a list of frequencies only gives single solutions."""
+        return self.stats.counts.get("single solutions", 0) == 0
+
+    @property
+    def multipliers(self) -> np.ndarray | None:
+        """(n, 2 dof) Floquet multipliers exp(s T) over one period of the motion, or None."""
+        if self.exponents is None:
+            return None
+        period = 2 * np.pi * self.parts[0].setup.subharmonic / self.omega
+        return np.exp(self.exponents * period[:, None])
+
+    def label(self, dof: Any = 0) -> str:
+        """Name of a displacement."""
+        return label(self.system, dof, self.system.n)
+
+    def _rows_of(self, dof: Any) -> np.ndarray:
+        """(n, 2H+1) of one displacement, without the memory that all of ``X`` would take."""
+        key = f"row {dof!r}"
+        if key not in self._cache:
+            if "X" in self._cache:
+                self._cache[key] = picked(self.X, self.system, dof)
+            else:
+                top = max(part.setup.harmonics[-1] for part in self.parts)
+                out, at = np.zeros((len(self), 2 * top + 1)), 0
+                row = weights(self.system, dof, self.system.n)
+                for part in self.parts:
+                    for i in range(len(part)):
+                        x = taken(part.expanded(i), row)
+                        out[at, : len(x)] = x
+                        at += 1
+                self._cache[key] = out
+        return self._cache[key]
+
+    def coefficient(self, dof: Any = 0, harmonic: int = 1) -> np.ndarray:
+        """(n,) complex amplitudes a - i b of one harmonic of one displacement.
+
+        ``dof``: number or name of a coordinate, or, of a model, a motion such as ``body.motion("z")``.
+        """
+        x = self._rows_of(dof)
+        if _balance.whole("harmonic", harmonic) == 0:
+            return x[:, 0].astype(complex)
+        if harmonic > (x.shape[1] - 1) // 2:
+            return np.zeros(len(self), complex)
+        return x[:, 2 * harmonic - 1] - 1j * x[:, 2 * harmonic]
+
+    def amplitude(self, dof: Any = 0, harmonic: int | None = 1, n_t: int = 256) -> np.ndarray:
+        """(n,) magnitude of one harmonic of one displacement; ``harmonic=None``: largest |x| over ``n_t`` instants of
+        a period."""
         if harmonic is not None:
             return np.abs(self.coefficient(dof, harmonic))
-        top = (self.X.shape[2] - 1) // 2
-        phase = np.outer(np.arange(1, top + 1), np.linspace(0, 2 * np.pi, n_t, endpoint=False))
-        motion = self.X[:, dof, 1::2] @ np.cos(phase) + self.X[:, dof, 2::2] @ np.sin(phase)
-        return np.max(np.abs(motion + self.X[:, dof, :1]), axis=1)
+        return _largest(self._rows_of(dof), n_t)
+
+    def event_amplitude(self, event: Event, dof: Any = 0, harmonic: int | None = 1) -> float:
+        """The same of the motion at an event."""
+        x = picked(event.X, self.system, dof)
+        if harmonic is None:
+            return float(_largest(x[None, :], 256)[0])
+        if 2 * harmonic >= len(x):
+            return 0.0
+        return float(abs(x[0]) if harmonic == 0 else np.hypot(x[2 * harmonic - 1], x[2 * harmonic]))
 
     def point(self, i: int) -> PeriodicSolution:
         """The solution number ``i`` by itself."""
-        setup = self._part_of(i)[0]
-        X = self.X[i, :, : 2 * setup.harmonics[-1] + 1]
-        return self._solution(setup, float(self.omega[i]), float(self.level[i]), X, float(self.error[i]))
+        part, k = self._part_of(i)
+        return self._solution(
+            part.setup, float(self.omega[i]), float(self.level[i]), part.expanded(k), float(self.error[i])
+        )
+
+    def at(self, event: Event) -> PeriodicSolution:
+        """The motion at an event, as a solution by itself."""
+        if event not in self.events:
+            raise ModelError(f"{event} is not an event of this curve")
+        near = min(event.index, len(self) - 1)
+        return self._solution(self._part_of(near)[0].setup, event.omega, event.level, event.X, float(self.error[near]))
 
     def peak(self, dof: int = 0, harmonic: int | None = 1) -> PeriodicSolution:
         """The solution where the amplitude of one harmonic, or with None the largest displacement, is largest: solved
         for
         (d amplitude / d arclength = 0) from the largest point of the curve. Only for curves over frequency."""
         i = int(np.argmax(self.amplitude(dof, harmonic)))
-        setup, _, y = self._part_of(i)
+        part, k = self._part_of(i)
+        setup = part.setup
         if np.ptp(self.omega) == 0:
             raise ModelError("peak() needs a curve over frequency; this one runs over the force level")
-        level = float(self.level[i])
-        omega, y = setup.peak(y, float(self.omega[i]), level, dof, harmonic)
-        return self._solution(setup, omega, level, setup.expand(y, omega), float(self.error[i]))
+        level = float(part.level[k])
+        dof = self._kept(dof)
+        omega, y = setup.peak(part.y[k], float(self.omega[i]), level, dof, harmonic)
+        X = setup.expand(y, omega, level)
+        return self._solution(setup, omega, float(self.level[i]), X, float(self.error[i]))
+
+    def _kept(self, dof: Any) -> int:
+        names = [self.label(i) for i in range(self.system.n)] if isinstance(dof, str) else []
+        if isinstance(dof, str) and dof in names:
+            return names.index(dof)
+        if isinstance(dof, bool) or not isinstance(dof, int | np.integer) or not -self.system.n <= dof < self.system.n:
+            raise ModelError(f"peak() takes the number or name of a coordinate, not {dof!r}")
+        return int(dof) % self.system.n
 
     def _solution(self, setup: Any, omega: float, level: float, X: np.ndarray, error: float) -> PeriodicSolution:
         force = _balance.scaled_force(self.force, level)
@@ -122,12 +211,12 @@ class FrequencyResponse(Result):
             stats=self.stats,
         )
 
-    def _part_of(self, i: int) -> tuple[_balance.Setup, float, np.ndarray]:
+    def _part_of(self, i: int) -> tuple[Part, int]:
         i = range(len(self))[i]
-        for setup, omega, y in self.parts:
-            if i < len(omega):
-                return setup, float(omega[i]), y[i]
-            i -= len(omega)
+        for part in self.parts:
+            if i < len(part):
+                return part, i
+            i -= len(part)
         raise IndexError(i)
 
     def resume(self, max_points: int = 1000) -> FrequencyResponse:
@@ -135,33 +224,23 @@ class FrequencyResponse(Result):
         if self.branch is None:
             raise ModelError("only the curve that frequency_response returned can be resumed, not one that was loaded")
         started = perf_counter()
-        self.branch.run(max_points)
+        follow(self.branch, len(self.branch.chunks) + _balance.integer("max_points", max_points), None)
         return collect(self.branch, perf_counter() - started + self.stats.wall_time)
 
-    def plot(self, dof: int = 0, harmonic: int | None = 1, ax: Any = None) -> Any:
-        """Amplitude over frequency (or level), unstable parts dashed, events marked; returns the axes."""
-        import matplotlib.pyplot as plt
+    def plot(self, dof: Any = 0, harmonic: int | None = 1, ax: Any = None, label: str | None = None) -> Any:
+        """Amplitude over frequency (or level), unstable parts dashed, events marked; returns the matplotlib figure.
 
-        ax = plt.subplots()[1] if ax is None else ax
-        over_frequency = np.ptp(self.omega) > 0
-        x = self.frequency if over_frequency else self.level
-        y = self.amplitude(dof, harmonic)
-        known = self.stable is not None and not np.any(np.isnan(np.asarray(self.stable, float)))
-        stable = np.asarray(self.stable, bool) if known else np.ones(len(x), bool)
-        for part, style in ((stable, "-"), (~stable, "--")):
-            shown = part | np.roll(part, 1) & (np.arange(len(x)) > 0)
-            ax.plot(np.where(shown, x, np.nan), np.where(shown, y, np.nan), style, color="C0")
-        for kind, marker in (("fold", "o"), ("branch-point", "s"), ("neimark-sacker", "^"), ("period-doubling", "v")):
-            found = [e for e in self.events if e.kind == kind]
-            if found:
-                where = [e.frequency if over_frequency else e.level for e in found]
-                ax.plot(where, [_amplitude(e.X, dof, harmonic) for e in found], marker, color="C1", label=kind)
-        if self.events:
-            ax.legend()
-        name = self.system.coordinates[dof] if hasattr(self.system, "coordinates") else f"x{dof}"
-        what = "largest displacement" if harmonic is None else f"harmonic {harmonic}"
-        ax.set(xlabel="frequency in Hz" if over_frequency else "force level", ylabel=f"{what} of {name}")
-        return ax
+        ``ax``, ``label``: axes to draw into, for several curves in one picture, and a name of this one.
+        """
+        from .plot.nonlinear import curve
+
+        return curve(self, dof, harmonic, ax=ax, label=label)
+
+    def plot_multipliers(self) -> Any:
+        """Floquet multipliers in the complex plane, and the largest along the curve; returns the figure."""
+        from .plot.nonlinear import multipliers
+
+        return multipliers(self)
 
     def to_xarray(self) -> Any:
         """Coefficients, error and stability over the points of the curve, with omega and level as coordinates."""
@@ -170,9 +249,17 @@ class FrequencyResponse(Result):
         n_c = self.X.shape[2]
         names = [str(name) for name in getattr(self.system, "coordinates", range(self.X.shape[1]))]
         columns = ["a0", *(f"{part}{h}" for h in range(1, n_c // 2 + 1) for part in "ab")]
-        data = {"X": (("point", "coordinate", "coefficient"), self.X), "error": ("point", self.error)}
+        data: dict[str, Any] = {"X": (("point", "coordinate", "coefficient"), self.X), "error": ("point", self.error)}
         if self.stable is not None:
             data["stable"] = ("point", self.stable)
+        if self.multipliers is not None:
+            data["multiplier"] = (
+                ("point", "part", "number"),
+                np.stack([self.multipliers.real, self.multipliers.imag], 1),
+            )
+        data["event_kind"] = ("event", np.array([e.kind for e in self.events], dtype=str))
+        data["event_omega"] = ("event", np.array([e.omega for e in self.events], dtype=float))
+        data["event_level"] = ("event", np.array([e.level for e in self.events], dtype=float))
         return xr.Dataset(
             data,
             {
@@ -181,19 +268,67 @@ class FrequencyResponse(Result):
                 "omega": ("point", self.omega),
                 "frequency": ("point", self.frequency),
                 "level": ("point", self.level),
+                **({} if self.multipliers is None else {"part": ["re", "im"]}),
             },
-            {"status": self.status},
+            {"status": self.status, "meaning": MEANING.get(self.status.split(":")[0], "")},
         )
 
-    def __str__(self) -> str:
-        lines = [
-            f"FrequencyResponse: {self.status}, {len(self)} points, "
-            f"omega {self.omega.min():.6g} to {self.omega.max():.6g} rad/s, "
-            f"largest estimated error {np.nanmax(self.error):.1e}, {self.stats.wall_time * 1e3:.1f} ms"
-        ]
+    def table(self, *dofs: Any) -> str:
+        """The table of ``print(curve)`` for other displacements, such as ``curve.table(body.motion("z"))``."""
+        return table(*self.rows(dofs), title=self._heading(), footer="amplitudes of the first harmonic", digits=7)
+
+    def rows(self, dofs: Sequence[Any] = ()) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: ends, largest amplitudes and events, in the order of the curve.
+
+        ``dofs``: displacements to show; by default the three coordinates that move most.
+        """
+        shown = list(dofs) or [int(i) for i in np.argsort(-self._size(), kind="stable")[:3]]
+        picks: list[tuple[float, str, Any]] = [(0, "first", None), (len(self) - 1, "last", None)]
+        for i in shown:
+            picks.append((int(np.argmax(self.amplitude(i))), f"largest {self.label(i)}", None))
+        picks += [(e.index - 0.5, e.kind, e) for e in self.events]
+        heads = ["point", "", "omega", "f [Hz]", *(f"|{self.label(i)}|" for i in shown), "error", "stable"]
+        if self.varies == "level":
+            heads[3] = "level"
+        rows = []
+        for place, name, event in sorted(dict.fromkeys(picks), key=lambda pick: pick[0]):
+            i = min(int(np.ceil(place)), len(self) - 1)
+            where = event or self
+            omega, level = (event.omega, event.level) if event else (self.omega[i], self.level[i])
+            size = [self.event_amplitude(event, d) if event else self.amplitude(d)[i] for d in shown]
+            third = float(level) if self.varies == "level" else float(where.frequency if event else self.frequency[i])
+            error = "" if event else _error_text(self.error[i])
+            rows.append(["" if event else i, name, float(omega), third, *map(float, size), error,
+                         "" if event else self._stable_word(i)])  # fmt: skip
+        return heads, rows
+
+    def _size(self) -> np.ndarray:
+        """How much each coordinate moves, (dof,)."""
+        i = int(np.argmax([np.max(np.abs(y)) for part in self.parts for y in part.y]))
+        part, k = self._part_of(i)
+        return np.linalg.norm(part.expanded(k)[:, 1:], axis=1)
+
+    def _stable_word(self, i: int) -> str:
+        if self.stable is None or np.isnan(float(self.stable[i])):
+            return "-"
+        return "yes" if self.stable[i] else "no"
+
+    def _heading(self) -> str:
+        word = self.status.split(":")[0]
+        text = (
+            f"FrequencyResponse: {self.status} ({MEANING.get(word, '')}), {len(self)} points, "
+            f"{self.frequency.min():.6g} to {self.frequency.max():.6g} Hz, largest estimated error "
+            f"{np.nanmax(self.error):.1e}, {self.stats.wall_time * 1e3:.3g} ms"
+        )
         if self.stable is not None and not np.any(np.isnan(np.asarray(self.stable, float))):
-            lines[0] += f", {int(np.sum(~np.asarray(self.stable, bool)))} points unstable"
-        return "\n".join([*lines, *(f"  {event}" for event in self.events)])
+            text += f", {int(np.sum(~np.asarray(self.stable, bool)))} points unstable"
+        return text
+
+    def __str__(self) -> str:
+        return self.table()
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.rows(), title=self._heading(), footer="amplitudes of the first harmonic", digits=7)
 
     @property
     def _cache(self) -> dict[str, Any]:
@@ -203,18 +338,24 @@ class FrequencyResponse(Result):
         return {key: value for key, value in self.__dict__.items() if key != "_built"} | {"branch": None}
 
 
-def _amplitude(X: np.ndarray, dof: int, harmonic: int | None) -> float:
-    if harmonic is None:
-        top = (X.shape[1] - 1) // 2
-        phase = np.outer(np.arange(1, top + 1), np.linspace(0, 2 * np.pi, 256, endpoint=False))
-        return float(np.max(np.abs(X[dof, 0] + X[dof, 1::2] @ np.cos(phase) + X[dof, 2::2] @ np.sin(phase))))
-    return float(abs(X[dof, 0]) if harmonic == 0 else np.hypot(X[dof, 2 * harmonic - 1], X[dof, 2 * harmonic]))
+def _error_text(error: float) -> str:
+    """Below the rounding of numbers an estimate says nothing more."""
+    return "<1e-16" if error < 1e-16 else f"{error:.1e}"
+
+
+def _largest(x: np.ndarray, n_t: int) -> np.ndarray:
+    """Largest |x| over a period, from coefficients (n, 2H+1)."""
+    top = (x.shape[1] - 1) // 2
+    phase = np.outer(np.arange(1, top + 1), np.linspace(0, 2 * np.pi, n_t, endpoint=False))
+    return np.max(np.abs(x[:, :1] + x[:, 1::2] @ np.cos(phase) + x[:, 2::2] @ np.sin(phase)), axis=1)
 
 
 def frequency_response(
     system: Any,
     *,
-    force: Any,
+    force: Any = None,
+    inputs: Any = None,
+    amplitude: Any = None,
     omega: Any = None,
     frequency: Any = None,
     level: Any = 1.0,
@@ -233,16 +374,17 @@ def frequency_response(
     stability: bool = True,
     events: bool = True,
     max_points: int = 10000,
-    progress: bool = False,
+    progress: bool | None = None,
+    at: Any = None,
+    without: Any = (),
 ) -> FrequencyResponse:
     """Periodic responses of M x" + C x' + K x + sum_e w_e law_e = f(t) over a range of frequencies, through folds.
 
     Parameters
     ----------
-    system, force, harmonics, n_samples, subharmonic, condense, x0
-        As for `harmonic_balance`; ``x0`` is a guess of the first point. ``harmonics="auto"`` adds harmonics wherever
-        the error
-        exceeds ``tol``.
+    system, force, inputs, amplitude, harmonics, n_samples, subharmonic, condense, x0, at, without
+        As for `harmonic_balance`; ``x0`` is a guess of the first point. ``harmonics="auto"`` adds harmonics, and samples
+        for laws that are no polynomials, wherever the error exceeds ``tol``.
     omega, frequency
         Exactly one, in rad/s or Hz: a tuple (start, end), end below start included, is followed by continuation; a
         list or an array
@@ -261,13 +403,16 @@ def frequency_response(
     tolerance
         Of the last Newton step in that space.
     stability
-        Floquet exponents of every point by Hill's method (not for laws with memory). O((2 dof (2H+1))^3) per point.
+        Floquet exponents of every point by Hill's method (not for laws with memory), O((2 dof (2H+1))^3) per point; of
+        large condensed systems by the monodromy matrix of a reduced model (nan where there is none that has the dynamic
+        stiffness of the system).
     events
         Locate special points; Neimark-Sacker and period doubling need ``stability``.
     max_points
         Points after which the curve is returned with the status "max-points"; `FrequencyResponse.resume` goes on.
     progress
-        Print a line now and then.
+        A line on standard error with frequency, amplitude, harmonics, step and number of events: None shows it on a
+        terminal after a second, True always, False never.
 
     Returns
     -------
@@ -297,6 +442,7 @@ def frequency_response(
     """
     started = perf_counter()
     most = _balance.integer("max_points", max_points)
+    system, force = as_system(system, force, amplitude, at, without, inputs)
     w = omega if frequency is None else frequency
     if not isinstance(w, tuple) and np.ndim(w) == 1:
         return _points(
@@ -323,60 +469,75 @@ def frequency_response(
         stability=stability,
         events=events,
     )
-    while branch.status == "going" and len(branch.chunks) < most:
-        branch.run(most - len(branch.chunks), 0.5 if progress else np.inf)
-        if progress:
-            _tell(branch)
+    follow(branch, most, progress)
     return collect(branch, perf_counter() - started)
 
 
-def _tell(branch: Branch) -> None:
-    n = len(branch.chunks)
-    if n:
-        last = branch.point(n - 1)
-        top = float(np.max(np.abs(last.X)))
-        print(
-            f"{n:6d} points  omega {last.omega:.6g}  level {last.level:.4g}  |X| {top:.4g}  "
-            f"H {branch.setup.harmonics[-1]}  "
-            f"step {last.step:.1e}  events {len(branch.chunks.events)}  {branch.status}",
-            file=sys.stderr,
-        )
+def follow(branch: Branch, most: int, progress: bool | None) -> None:
+    """Runs a branch up to so many points, with a line on a terminal about where it is."""
+    with Progress("frequency response, points", always=progress) as line:
+        while branch.status == "going" and len(branch.chunks) < most:
+            before = len(branch.chunks)
+            branch.run(most - before, 0.2)
+            line.advance(len(branch.chunks) - before, note=_note(branch) if line.due else "")
+
+
+def _note(branch: Branch) -> str:
+    """Where a branch is: frequency, amplitude, harmonics, step, events."""
+    if len(branch.chunks) == 0:
+        return branch.status
+    last = branch.point(len(branch.chunks) - 1)
+    where = f"{last.omega / (2 * np.pi):.6g} Hz"
+    if branch.parameter == "level":
+        where += f"  level {last.level:.4g}"
+    return (
+        f"{where}  |X| {float(np.max(np.abs(last.X))):.4g}  H {branch.setup.harmonics[-1]}  step {last.step:.1e}  "
+        f"events {len(branch.chunks.events)}"
+    )
 
 
 def collect(branch: Branch, wall_time: float) -> FrequencyResponse:
     """What a branch has so far, as a result."""
-    p, error = branch.chunks.column("p"), branch.chunks.column("error")
-    over_omega = branch.parameter == "omega"
-    omega = p if over_omega else np.full(len(p), branch.omega[0])
-    level = np.full(len(p), branch.level[0]) if over_omega else p
+    return FrequencyResponse(**collected(branch, wall_time))
+
+
+def collected(branch: Branch, wall_time: float) -> dict[str, Any]:
+    """The same as fields of a result."""
+    error = branch.chunks.column("error")
     limit = UNRESOLVED if branch.tol is None else branch.tol
     status = "max-points" if branch.status == "going" else branch.status
     if status == "converged" and not np.all(error <= limit):
         status = "unresolved"
-    parts = [(setup, part) for setup, part in branch.chunks.parts if len(part["p"])]
+    chunks = [(setup, part) for setup, part in branch.chunks.parts if len(part["p"])]
+    parts = tuple(_part(branch, setup, part) for setup, part in chunks)
     counts = {
-        "points": len(p),
+        "points": len(error),
         "corrections": branch.corrections,
         "factorisations": branch.factorisations,
-        "monodromies": sum(part["monodromies"] for _, part in parts),
+        "monodromies": sum(part["monodromies"] for _, part in chunks),
     }
-    return FrequencyResponse(
-        omega,
-        level,
-        _stable(branch.chunks.column("stable"), branch.stability),
-        branch.chunks.exponents(),
-        tuple(branch.chunks.events),
-        tuple(
-            (setup, part["p"] if over_omega else np.full(len(part["p"]), branch.omega[0]), part["y"])
-            for setup, part in parts
-        ),
-        branch.system,
-        branch.force,
-        branch,
+    return dict(
+        omega=np.concatenate([part.omega for part in parts]),
+        level=np.concatenate([part.level for part in parts]),
+        stable=_stable(branch.chunks.column("stable"), branch.stability),
+        exponents=branch.chunks.exponents(),
+        events=tuple(branch.chunks.events),
+        parts=parts,
+        system=branch.system,
+        force=branch.force,
+        branch=branch,
         stats=Stats(wall_time, counts, effects_of(branch.system), branch.setup.route),
         error=error,
         status=status,
     )
+
+
+def _part(branch: Branch, setup: _balance.Setup, chunk: dict[str, Any]) -> Part:
+    p = chunk["p"]
+    omega, level = np.full(len(p), branch.omega[0]), np.full(len(p), branch.level[0])
+    if branch.parameter == "family":
+        return Part(setup, omega, level, chunk["y"], p)
+    return Part(setup, p, level, chunk["y"]) if branch.parameter == "omega" else Part(setup, omega, p, chunk["y"])
 
 
 def _stable(column: np.ndarray, asked: bool) -> np.ndarray | None:
@@ -431,8 +592,9 @@ def _points(
             break
         setup = _balance.prepare(system, scaled, one.harmonics, subharmonic, one.n_samples, float(one_omega), condense)
         y = setup.start(one)
-        s = setup.core.floquet(y, [float(one_omega)])[0] if stability else None
-        parts.append((setup, np.array([one_omega]), y[None, :]))
+        s = setup.exponents(y, float(one_omega)) if stability else None
+        # the forces of this set are scaled already
+        parts.append(Part(setup, np.array([one_omega]), np.ones(1), y[None, :]))
         errors.append(one.error)
         exponents.append(s)
         stable.append(np.nan if s is None else float(np.all(s.real <= 1e-9 * one_omega / subharmonic)))
@@ -450,7 +612,10 @@ def _points(
         system,
         force,
         stats=Stats(
-            perf_counter() - started, {"points": n, "corrections": corrections}, effects_of(system), parts[-1][0].route
+            perf_counter() - started,
+            {"points": n, "corrections": corrections, "single solutions": n},
+            effects_of(system),
+            parts[-1].setup.route,
         ),
         error=np.array(errors),
         status=status,

@@ -15,6 +15,7 @@ from ._border import core_errors
 from .effects import check_without, effects
 from .errors import MbrsWarning, ModelError
 from .linearize import _BALANCED, Snapshot
+from .progress import Elapsed
 from .results import Stats
 from .state import State, state_of
 
@@ -111,7 +112,7 @@ def model_modes(model: Any, at: Any, n: int, without: Any, start: float) -> Any:
     with core_errors():
         _core.check_sparse_model(snapshot.system)
     state = state_of(model, snapshot.system, at)
-    with core_errors():
+    with core_errors(), Elapsed(f"lowest {n} modes of {model.name!r}"):
         r = _core.sparse_model_modes(snapshot.system, state.relative, state.rate, list(without), n)
     if at is None and r["unbalanced"] > _BALANCED:
         warnings.warn(
@@ -164,7 +165,7 @@ def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], start: fl
             "modes of sparse matrices need n=, the number of the lowest modes, such as mb.modes(system, n=20)"
         )
     D, S = _sum(system.C, system.G), _sum(system.K, system.N)
-    with core_errors():
+    with core_errors(), Elapsed(f"lowest {n} modes of {system.M.shape[0]} coordinates"):
         r = _core.sparse_modes(_arrays(system.M), None if D is None else _arrays(D), _arrays(S), n)
     damped = "eigenvalue" in r
     residual = r["residual"]
@@ -183,7 +184,10 @@ def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], start: fl
     kind[(s.imag != 0.0) & (s.real > -stable)] = "flutter"
     kind[s == 0.0] = "rigid"
     shape = r["shape"]
-    unresolved = bool(np.any(residual > _UNRESOLVED))
+    route = f"{r['route']} ({r['verified']})" if "verified" in r else r["route"]
+    # of lambda = -s^2, so half of it for s; a rigid mode has none, its error is the blur around zero
+    error = residual if damped else np.where(s == 0.0, 0.0, 0.5 * r["error"])
+    unresolved = bool(np.any(error > _UNRESOLVED))
     return ModalResult(
         eigenvalue=s,
         roots=np.stack([s, partner], axis=1).ravel(),
@@ -199,8 +203,8 @@ def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], start: fl
         partner_mode=np.zeros(0, dtype=np.int64),
         partner_shape=np.zeros((shape.shape[0], 0)),
         partner_left=None,
-        stats=Stats(time.perf_counter() - start, r["counts"], effects, r["route"]),
-        error=residual,
+        stats=Stats(time.perf_counter() - start, r["counts"], effects, route),
+        error=error,
         status="unresolved" if unresolved else "converged",
     )
 

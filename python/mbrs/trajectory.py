@@ -63,8 +63,8 @@ class Trajectory(Result):
     steps, local_error
         Times of all accepted steps, and the estimated local error of each over its tolerance (empty for fixed steps).
     error
-        Estimated error of the positions at the end: the largest of |dx|/(characteristic length) and of the angle of
-        rotation of any body, from a second run with coarser steps (computed when first asked for).
+        Estimated error: the largest |dx|/(characteristic length) and angle of rotation of any body at up to 50 of the outputs,
+        from a second run with coarser steps (made when first asked for).
     status
         "finished", "interrupted" (Ctrl-C) or "stopped" (a step that could not be made; `message` says why).
     """
@@ -82,7 +82,7 @@ class Trajectory(Result):
     message: str
     snapshot: Snapshot
     without: tuple[str, ...]
-    estimate: Callable[[Trajectory], float] | None = field(default=None, repr=False)
+    estimate: Callable[[Trajectory], float | None] | None = field(default=None, repr=False)
     error: Any = field(default=None, init=False)
 
     def __len__(self) -> int:
@@ -158,7 +158,9 @@ class Trajectory(Result):
             known = list(t["marker_name"])
             if name not in known:
                 guess = nearest(str(name), known)
-                raise NameNotFoundError(f"there is no marker {name!r}" + (f"; did you mean {guess!r}?" if guess else ""))
+                raise NameNotFoundError(
+                    f"there is no marker {name!r}" + (f"; did you mean {guess!r}?" if guess else "")
+                )
             index = known.index(name)
             body, start = int(t["marker_body"][index]), int(t["marker_x"][index])
             drawn = x[start : start + 3]
@@ -180,7 +182,8 @@ class Trajectory(Result):
         if key not in place:
             guess = nearest(str(key), place)
             raise NameNotFoundError(
-                f"there is no joint with free coordinates called {key!r}" + (f"; did you mean {guess!r}?" if guess else "")
+                f"there is no joint with free coordinates called {key!r}"
+                + (f"; did you mean {guess!r}?" if guess else "")
             )
         start, n = place[key]
         return self.joints[:, start] if n == 1 else self.joints[:, start : start + n]
@@ -245,7 +248,9 @@ class Trajectory(Result):
         known = [*self.snapshot.tables["drive_name"], *self.snapshot.tables["coupler_name"]]
         if key not in known:
             guess = nearest(str(key), known)
-            raise NameNotFoundError(f"there is no drive or coupler {key!r}" + (f"; did you mean {guess!r}?" if guess else ""))
+            raise NameNotFoundError(
+                f"there is no drive or coupler {key!r}" + (f"; did you mean {guess!r}?" if guess else "")
+            )
         rows = list(self.snapshot.system.topology()["row_joint"])
         return -self.multipliers[:, rows.index(key)]
 

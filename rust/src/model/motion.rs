@@ -43,10 +43,13 @@ impl Function {
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if last.as_ref().is_none_or(|(at, _)| *at != t) {
             match (self.call)(t) {
-                Ok(values) => *last = Some((t, values)),
+                Ok(values) => {
+                    self.failed(None);
+                    *last = Some((t, values));
+                }
                 Err(reason) => {
+                    self.failed(Some(reason));
                     *last = None;
-                    *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(reason);
                     return f64::NAN;
                 }
             }
@@ -56,12 +59,16 @@ impl Function {
             .unwrap_or(f64::NAN)
     }
 
-    /// The reason of the last failure, once.
+    fn failed(&self, reason: Option<String>) {
+        *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = reason;
+    }
+
+    /// Why the last call gave nothing.
     pub fn failure(&self) -> Option<String> {
         self.failure
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
-            .take()
+            .clone()
     }
 }
 
@@ -331,6 +338,10 @@ mod tests {
             return;
         };
         assert_eq!(f.failure().as_deref(), Some("too late"));
+        assert_eq!(
+            MotionLaw::<f64>::Function(Some(f.clone()), 0).at(0.1)[0],
+            0.1
+        );
         assert_eq!(f.failure(), None);
     }
 }

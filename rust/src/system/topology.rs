@@ -8,7 +8,7 @@ use crate::model::joint::{ANGLE_Z, Coordinate, Freedom, JointKind};
 use crate::model::tables::{
     BodyRef, ElementKind, ElementSpec, HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, Tables,
 };
-use crate::spatial::V3;
+use crate::spatial::{Real, V3};
 
 /// A body in the tree, and the joint that carries it.
 #[derive(Debug, Clone)]
@@ -195,9 +195,9 @@ impl Topology {
     }
 
     /// The largest distance of any located point from the mean of them all; 1 for a single point.
-    pub fn characteristic_length(&self, geometry: &Geometry<f64>, x: &[f64]) -> f64 {
+    pub fn characteristic_length<T: Real>(&self, geometry: &Geometry<T>, x: &[T]) -> T {
         let at = |i: usize| V3::new(x[i], x[i + 1], x[i + 2]);
-        let mut points: Vec<V3<f64>> = geometry.bodies.iter().map(|b| b.drawn.p).collect();
+        let mut points: Vec<V3<T>> = geometry.bodies.iter().map(|b| b.drawn.p).collect();
         for j in &self.tables.joints {
             points.extend([at(j.x), at(j.x + 3)]);
         }
@@ -207,9 +207,15 @@ impl Topology {
                 points.push(at(e.x + 3));
             }
         }
-        let mean = points.iter().sum::<V3<f64>>() / points.len() as f64;
-        let length = points.iter().map(|p| (p - mean).norm()).fold(0.0, f64::max);
-        if length > 0.0 { length } else { 1.0 }
+        let sum = points.iter().fold(V3::zeros(), |sum: V3<T>, p| sum + p);
+        let mean = sum * T::from(1.0 / points.len() as f64);
+        let squares = points.iter().map(|p| (p - mean).dot(&(p - mean)));
+        let farthest = squares.fold(T::zero(), |a, b| if b.re() > a.re() { b } else { a });
+        if farthest.re() > 0.0 {
+            farthest.sqrt()
+        } else {
+            T::one()
+        }
     }
 }
 

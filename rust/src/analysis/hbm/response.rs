@@ -3,6 +3,7 @@ use num_complex::Complex64 as c64;
 
 use super::basis::Finer;
 use super::estimate::Estimator;
+use super::linear::Matrices;
 use super::problem::Problem;
 use crate::analysis::stability::{Floquet, Stability};
 use crate::error::{Error, Result};
@@ -48,6 +49,8 @@ pub struct Record {
     pub y: Vec<f64>,
     pub p: f64,
     pub error: f64,
+    /// the part of it that more samples would remove
+    pub aliasing: f64,
     /// None where stability was not asked for or cannot be told
     pub floquet: Option<Floquet>,
     pub step: f64,
@@ -87,6 +90,7 @@ impl Follower {
         y: &[f64],
         towards: Option<&[f64]>,
         settings: Settings,
+        model: Option<&Matrices>,
     ) -> Result<Follower> {
         let default = Branch::along_parameter(y.len(), (settings.to - settings.from).signum());
         let p = problem.parameter_value();
@@ -100,7 +104,7 @@ impl Follower {
         };
         let estimator = Estimator::new(&problem, finer)?;
         let stability = if settings.stability {
-            Stability::new(&problem)?
+            Stability::new(&mut problem, model)?
         } else {
             None
         };
@@ -190,7 +194,7 @@ impl Follower {
     /// Error and stability of the present point; the workspace still holds its linearisation.
     fn record(&mut self) -> Result<()> {
         let point = self.branch.point().clone();
-        self.problem.set_parameter(point.p());
+        self.problem.set_parameter(point.p())?;
         let floquet = match self.stability.as_mut() {
             Some(stability) => {
                 let jacobian = self.branch.work.out.jacobian.as_ref();
@@ -198,12 +202,13 @@ impl Follower {
             }
             None => None,
         };
-        let error = self.estimator.estimate(&self.problem, point.y())?.error;
+        let estimate = self.estimator.estimate(&self.problem, point.y())?;
         self.last.clone_from(&floquet);
         self.records.push(Record {
             y: point.y().to_vec(),
             p: point.p(),
-            error,
+            error: estimate.error,
+            aliasing: estimate.aliasing,
             floquet,
             step: point.step,
             iterations: point.iterations,
@@ -270,7 +275,7 @@ impl Follower {
             return Ok(());
         };
         let growth = |problem: &mut Problem, point: &Point, out: &Linearisation| -> Result<f64> {
-            problem.set_parameter(point.p());
+            problem.set_parameter(point.p())?;
             let floquet = stability.exponents(problem, out.jacobian.as_ref(), point.y())?;
             exponent = by_growth(floquet.exponents)
                 .get(rank)
