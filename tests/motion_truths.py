@@ -102,7 +102,7 @@ def against_stop(times, mass, k, stop, gap, speed):
             s = wc * (t - reach)
             out.append(x0 + (gap - x0) * np.cos(s) + v / wc * np.sin(s))
         else:
-            out.append(A * np.sin(w * (t - stay)))
+            out.append(A * np.sin(w * (t - stay - 2 * reach) + np.pi))
     return np.array(out)
 
 
