@@ -20,6 +20,7 @@ import mbrs as mb
 import numpy as np
 import rivals_motion as rivals
 from linear import Row, circumstances, cpu, ms, table, write
+from mbrs.measures import motion_difference
 
 
 def _of_tests(name: str) -> Any:
@@ -182,19 +183,6 @@ def _order(problem: Any, method: str, order: int) -> Row:
 # --- errors over the zoo -----
 
 
-def pose_error(traj: Any, other: Any) -> float:
-    """Largest distance over the characteristic length, and largest angle, of two runs with the same outputs."""
-    length = traj.snapshot.system.characteristic_length
-    worst = 0.0
-    for body in traj.bodies:
-        moved = np.linalg.norm(traj.position(body) - other.position(body), axis=1).max() / length
-        turn = np.swapaxes(traj.rotation(body), 1, 2) @ other.rotation(body)
-        skew = [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]]
-        sine, cosine = 0.5 * np.linalg.norm(skew, axis=0), 0.5 * (np.trace(turn, axis1=1, axis2=2) - 1)
-        worst = max(worst, float(moved), float(np.arctan2(sine, cosine).max()))
-    return worst
-
-
 def tight(problem: Any, times: np.ndarray) -> Any:
     """A run that the truth confirms, to compare rotations with as well."""
     for rtol in (1e-12, 3e-11, 1e-13):
@@ -213,7 +201,9 @@ def slopes() -> list[Row]:
             times = np.linspace(0.0, problem.t, 9)
             exact = tight(problem, times)
             try:
-                errors = [pose_error(quiet(problem.model, t=times, rtol=r, method=method), exact) for r in tolerances]
+                errors = [
+                    motion_difference(quiet(problem.model, t=times, rtol=r, method=method), exact) for r in tolerances
+                ]
             except mb.MbrsError as reason:
                 print(f"{name}, {method}: {str(reason)[:100]}", file=sys.stderr)
                 continue
@@ -234,7 +224,7 @@ def estimates(count: int = 200) -> list[Row]:
         times = np.linspace(0.0, problem.t * rng.uniform(0.3, 1.0), 9)
         exact = tight(problem, times)
         traj = quiet(problem.model, t=times, rtol=10.0 ** rng.uniform(-9.0, -4.0))
-        ratios.append(pose_error(traj, exact) / traj.error)
+        ratios.append(motion_difference(traj, exact) / traj.error)
     near = float(np.mean((np.array(ratios) >= 0.1) & (np.array(ratios) <= 10.0)))
     low, middle, high = np.quantile(ratios, [0.025, 0.5, 0.975])
     text = (
@@ -287,14 +277,15 @@ def effects() -> list[Row]:
     """What is left out is not computed: time, and counts."""
     m = mb.examples.chain(20, joint="revolute", springs=1, gravity=(0.0, 0.0, -9.81))
     rows = []
-    whole = cpu(lambda: quiet(m, t=0.02, step=1e-4, method="explicit"), repeats=3)
-    texts = []
-    for name in ("gravity", "damping", "centrifugal"):
-        less = cpu(lambda name=name: quiet(m, t=0.02, step=1e-4, method="explicit", without=(name,)), repeats=3)
-        texts.append(f"without {name} {100 * (1 - less / whole):.1f} % faster")
-    rows.append(
-        Row("chain of 20 with springs: an effect left out", "faster by its cost", f"{ms(whole)}; " + ", ".join(texts))
-    )
+    left_out: list[tuple[str, ...]] = [(), *((name,) for name in ("gravity", "damping", "centrifugal"))]
+    best = dict.fromkeys(left_out, np.inf)
+    for _ in range(5):  # in turn, so that what else the machine does touches all of them
+        for without in left_out:
+            seconds = cpu(lambda w=without: quiet(m, t=0.02, step=1e-4, method="explicit", without=w), 1, 0.0)
+            best[without] = min(best[without], seconds)
+    texts = [f"without {w[0]} {100 * (1 - best[w] / best[()]):.1f} % faster" for w in left_out[1:]]
+    what = "chain of 20 with springs: an effect left out"
+    rows.append(Row(what, "faster by its cost", f"{ms(best[()])}; " + ", ".join(texts)))
     counts = quiet(m, t=0.02, step=1e-4, method="explicit").stats.counts
     absent = {k: counts.get(k, 0) for k in ("tangents", "factorisations", "velocity projections")}
     told = ", ".join(f"{n} {k}" for k, n in absent.items())

@@ -12,6 +12,8 @@ import motion_problems as zoo
 import numpy as np
 import pytest
 from mbrs import reference as ref
+from mbrs.errors import ModelError
+from mbrs.measures import motion_difference
 from mbrs.reference.transient import begin
 from mbrs.simulate import METHODS
 from mbrs.tables import tables
@@ -26,9 +28,13 @@ def problem(name):
 
 @functools.cache
 def tight(name):
-    """The end of a run at the tightest tolerance, whose distance from the truth `test_tight_runs_are_true` measures."""
-    p = problem(name)
-    return mb.simulate(p.model, t=[p.t], rtol=1e-12, method="explicit")
+    """A run at a tight tolerance, whose distance from the truth `test_tight_runs_are_true` measures."""
+    return simulated(name, t=times_of(name), rtol=1e-12, method="explicit")
+
+
+def times_of(name):
+    """Outputs at which runs are compared: one alone could be right by chance."""
+    return np.linspace(0.0, problem(name).t, 9)
 
 
 def simulated(name, **options):
@@ -38,16 +44,8 @@ def simulated(name, **options):
 
 
 def off(traj, other):
-    """What `traj.error` estimates: the largest |dx|/L_c and angle between the last poses of two runs."""
-    length = traj.snapshot.system.characteristic_length
-    worst = 0.0
-    for body in traj.bodies:
-        moved = np.linalg.norm(traj.position(body)[-1] - other.position(body)[-1]) / length
-        turn = traj.rotation(body)[-1].T @ other.rotation(body)[-1]
-        # of a small angle the skew part is the sine; good where 1 - cos would be lost in rounding
-        sine = 0.5 * np.linalg.norm([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-        worst = max(worst, moved, np.arctan2(sine, 0.5 * (np.trace(turn) - 1)))
-    return float(worst)
+    """What `traj.error` estimates: the largest |dx|/L_c and angle between two runs with the same outputs."""
+    return motion_difference(traj, other)
 
 
 @pytest.mark.parametrize("name", zoo.SMOOTH)
@@ -71,10 +69,10 @@ def test_auto_is_within_a_hundred_tolerances():
 
 @functools.cache
 def errors(name, method):
-    """True and estimated errors at the end over the tolerances."""
-    p, true, estimated = problem(name), [], []
+    """True and estimated errors over the tolerances."""
+    true, estimated = [], []
     for rtol in TOLERANCES:
-        traj = simulated(name, t=p.t, rtol=rtol, method=method)
+        traj = simulated(name, t=times_of(name), rtol=rtol, method=method)
         true.append(off(traj, tight(name)))
         estimated.append(traj.error)
     return np.array(true), np.array(estimated)
@@ -101,8 +99,9 @@ def test_error_estimates():
         name = names[i % len(names)]
         p = problem(name)
         end = p.t * rng.uniform(0.3, 1.0)
-        traj = simulated(name, t=[end], rtol=10.0 ** rng.uniform(-9.0, -4.0), method="explicit")
-        other = simulated(name, t=[end], rtol=1e-12, method="explicit")
+        times = np.linspace(0.0, end, 9)
+        traj = simulated(name, t=times, rtol=10.0 ** rng.uniform(-9.0, -4.0), method="explicit")
+        other = simulated(name, t=times, rtol=1e-12, method="explicit")
         ratios.append(off(traj, other) / traj.error)
     ratios = np.array(ratios)
     bounded = np.mean((ratios >= 0.01) & (ratios <= 10.0))
@@ -150,7 +149,7 @@ def test_orders(name, method, order):
     p = problem(name)
     true = []
     for n in (200, 400):
-        traj = simulated(name, t=[p.t], step=p.t / n, method=method)
+        traj = simulated(name, t=times_of(name), step=p.t / n, method=method)
         true.append(off(traj, tight(name)))
     slope = np.log2(true[0] / true[1])
     print(f"{name}, {method}: {true[0]:.1e}, {true[1]:.1e}, order {slope:.2f}")
@@ -247,3 +246,23 @@ def test_tighter_costs_more_and_a_longer_run_in_proportion():
     evaluations = [simulated("five_bar", t=1.0, rtol=r).stats.counts["force evaluations"] for r in (1e-4, 1e-7, 1e-10)]
     print(evaluations)
     assert evaluations[0] < evaluations[1] < evaluations[2]
+
+
+# --- studies -----
+
+
+def test_accuracy_study_of_a_motion():
+    """API.md section 6: without a reference the tightest run is taken, and errors fall with the tolerance."""
+    m = mb.examples.slider_crank()
+    study = mb.accuracy_study(mb.simulate, m, t=0.2, method=["explicit"], rtol=10.0 ** -np.arange(3, 10), repeat=1)
+    errors = [p.error for p in study.points]
+    print(study)
+    assert np.all(np.diff(np.log10(errors[:-1])) < 0.5) and errors[-2] < 1e-6 * errors[0]
+    assert study.recommend(error=1e-5) is not None
+
+
+def test_motion_difference_is_a_distance():
+    one, two = (simulated("free_body", t=[0.0, end], rtol=1e-8) for end in (0.2, 0.3))
+    assert motion_difference(one, one) == 0.0
+    with pytest.raises(ModelError, match="different times"):
+        motion_difference(one, two)
