@@ -139,7 +139,6 @@ def test_unknown_effects_are_refused():
 def test_constraint_forces_of_a_tree_count_as_work():
     """A hanging chain: its joints carry the weight below; in vacuum they carry nothing."""
 
-
     def chain(gravity):
         m = mb.Model("chain", gravity=gravity)
         before = m.ground

@@ -28,9 +28,7 @@ def sagging_chain(rng):
             return inner + (points[j][1] - points[j][0]) * mp.cos(turned[j])
 
         weight = [mp.mpf(float(v)) * mp.mpf(9.81) for v in mass]
-        return [
-            mp.mpf(float(k[i])) * angles[i] - mp.fsum(weight[j] * arm(i, j) for j in range(i, n)) for i in range(n)
-        ]
+        return [mp.mpf(float(k[i])) * angles[i] - mp.fsum(weight[j] * arm(i, j) for j in range(i, n)) for i in range(n)]
 
     return m, n, moments
 

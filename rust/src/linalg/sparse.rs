@@ -245,21 +245,31 @@ enum Kind {
 
 /// The elimination order of a pattern, kept for matrices that differ in values alone.
 #[derive(Default)]
-pub struct LuPlan(RefCell<Option<(Vec<u32>, Vec<u32>, Rc<SymbolicLu<u32>>)>>);
+pub struct LuPlan(RefCell<Option<Ordered>>);
+
+struct Ordered {
+    start: Vec<u32>,
+    row: Vec<u32>,
+    symbolic: Rc<SymbolicLu<u32>>,
+}
 
 impl LuPlan {
     fn of(&self, a: &Csc) -> Result<Rc<SymbolicLu<u32>>> {
         let mut kept = self.0.borrow_mut();
-        if let Some((start, row, symbolic)) = kept.as_ref()
-            && *start == a.start
-            && *row == a.row
+        if let Some(known) = kept.as_ref()
+            && known.start == a.start
+            && known.row == a.row
         {
-            return Ok(symbolic.clone());
+            return Ok(known.symbolic.clone());
         }
         let symbolic = factorize_symbolic_lu(a.as_faer().symbolic(), Default::default())
             .map_err(|e| failed("ordering", e))?;
         let symbolic = Rc::new(symbolic);
-        *kept = Some((a.start.clone(), a.row.clone(), symbolic.clone()));
+        *kept = Some(Ordered {
+            start: a.start.clone(),
+            row: a.row.clone(),
+            symbolic: symbolic.clone(),
+        });
         Ok(symbolic)
     }
 }
