@@ -33,19 +33,29 @@ _HOME = {
     "linearize": "linearize",
     "modes": "modal",
     "mac": "mac",
+    "root": "root",
     "frf": "frf",
     "response": "response",
     "state_space": "state_space",
     "sensitivity": "sensitivity",
     "eigen_sensitivity": "eigen_sensitivity",
     "steady_motion": "steady",
+    "simulate": "simulate",
     "campbell": "campbell",
     "check_gradients": "check_gradients",
+    "gradient": "gradient",
+    "Integral": "objectives",
+    "Final": "objectives",
+    "AtTimes": "objectives",
     "accuracy_study": "study",
     "effect_study": "study",
     "harmonic_balance": "harmonic_balance",
     "frequency_response": "frequency_response",
     "limit_cycle": "limit_cycle",
+    "quasi_periodic": "quasi_periodic",
+    "quasi_periodic_response": "quasi_periodic_response",
+    "parameter_response": "parameter_response",
+    "Branch": "continuation",
     "nonlinear_system": "nonlinear_system",
     "Cubic": "laws",
     "Polynomial1D": "laws",
@@ -57,9 +67,14 @@ _HOME = {
     "TableLaw": "laws",
     "VanDerPol": "laws",
     "VaryingStiffness": "laws",
+    "FunctionLaw": "laws",
+    "Ramp": "motions",
+    "Sine": "motions",
+    "Polynomial": "motions",
+    "Table": "motions",
 }
-_MODULES = ("examples", "reference", "errors", "report", "plot", "animate")
-__all__ = sorted([*_HOME, "examples"])
+_MODULES = ("examples", "reference", "errors", "report", "plot", "animate", "matrix_calculus")
+__all__ = sorted([*_HOME, "examples", "matrix_calculus"])
 
 
 class _Package(types.ModuleType):

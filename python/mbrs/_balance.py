@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,10 @@ from .errors import ConvergenceError, MbrsError, ModelError, SingularError
 from .laws import FunctionLaw, Law
 
 NONSMOOTH_SAMPLES = 512
+MOST_SAMPLES = 16384
+MOST_HARMONICS = 255
+ALIASED = 0.5  # part of the error from which on more samples pay
+NEGLIGIBLE = 1e-10
 POLYNOMIAL = (0, 1, 2, 8, 11)  # codes of the laws that are polynomials in u and v
 
 
@@ -27,6 +31,7 @@ class Setup:
     core: Any
     linear: _condensation.Linear
     arguments: tuple[Any, ...] = ()
+    member: Callable[[float], Any] | None = field(default=None, repr=False)
 
     def __reduce__(self) -> Any:
         return prepare, self.arguments  # the core's object does not travel; it is made again
@@ -40,10 +45,22 @@ class Setup:
         """How the linear part was treated."""
         return self.linear.route
 
-    def expand(self, y: np.ndarray, omega: float) -> np.ndarray:
-        """Coefficients (dof, 2 H + 1) of all coordinates for a vector of the core's unknowns."""
-        X = translated(self.core.expand, y, [omega])
+    def expand(self, y: np.ndarray, omega: float, level: float = 1.0, value: float | None = None) -> np.ndarray:
+        """Coefficients (dof, 2 H + 1) of all coordinates for a vector of the core's unknowns; ``value`` is that of the
+        parameter on which the system depends."""
+        if value is not None and self.member is not None and self.linear.route != "full":
+            system, force = self.member(value)
+            return prepare(system, force, *self.arguments[2:]).expand(y, omega, level)
+        X = translated(self.core.expand, y, [omega], level)
         return self.padded(X if self.linear.transform is None else self.linear.transform @ X)
+
+    def model(self, omega: float) -> tuple[np.ndarray, ...] | None:
+        """The reduced model that tells the stability of a large system up to the frequency ``omega``."""
+        return self.linear.stability_model((self.harmonics[-1] + 1) * omega / self.subharmonic)
+
+    def exponents(self, y: np.ndarray, omega: float) -> np.ndarray | None:
+        """Floquet exponents of a solution, or None where they cannot be told."""
+        return translated(self.core.floquet, y, [omega], model=self.model(omega))[0]
 
     def peak(self, y: np.ndarray, omega: float, level: float, dof: int, harmonic: int | None) -> tuple[float, Any]:
         """(omega, y) of the largest amplitude near y."""
@@ -128,22 +145,51 @@ def prepare(
     n_samples: int | None = None,
     omega: float = 1.0,
     condense: bool | str = "auto",
+    turn: bool = True,
+    least_samples: int = 0,
 ) -> Setup:
-    """Checks everything and builds the core's problem."""
+    """Checks everything and builds the core's problem; samples that are chosen are at least ``least_samples``."""
     laws = checked_system(system)
     subharmonic = integer("subharmonic", subharmonic)
     terms = checked_harmonics(harmonics, subharmonic)
     forces = _force_terms(system.n, force, terms, subharmonic)
     n = checked_samples(n_samples, laws, terms, subharmonic)
+    if n_samples is None:
+        n = max(n, least_samples)
     top = min(2 * terms[-1] + 1, terms[-1] + 6)  # the estimate looks at this many
     extra = [[h] for h in range(1, top + 1) if h not in terms]
     fine = max(2 * n, needed_samples(laws, (top,), subharmonic))
-    linear = _condensation.linear_part(system, laws, forces, 2 * len(terms) + 1, condense)
+    linear = _condensation.linear_part(system, laws, forces, 2 * len(terms) + 1, condense, turn)
     elements = core_elements(laws, linear.directions)
     indices = [[h] for h in terms]
     core = translated(_core.HbmProblem, linear.core, elements, indices, subharmonic, [omega], [n], extra, [fine])
-    arguments = (system, force, terms, subharmonic, n, omega, condense)
+    arguments = (system, force, terms, subharmonic, n, omega, condense, turn)
     return Setup(system, terms, subharmonic, n, core, linear, arguments)
+
+
+def of_family(member: Callable[[float], Any], value: float, span: float, harmonics: Any, **given: Any) -> Setup:
+    """The problem of a system that depends on a parameter: ``member(value)`` returns system and force."""
+    system, force = member(value)
+    setup = prepare(system, force, harmonics, turn=False, **given)
+    _, _, terms, subharmonic, _, _, condense, _ = setup.arguments
+
+    def made(p: float) -> tuple[Any, Any]:
+        system, force = member(p)
+        laws = checked_system(system)
+        forces = _force_terms(system.n, force, terms, subharmonic)
+        linear = _condensation.linear_part(system, laws, forces, 2 * len(terms) + 1, condense, turn=False)
+        return linear.core, core_elements(laws, linear.directions)
+
+    setup.core.with_family(made, value, 1e-5 * span)
+    return replace(setup, member=member)
+
+
+def more_samples(n: int, error: float, aliasing: float, laws: Sequence[Law], given: Any) -> int | None:
+    """Twice the samples where they, and not the harmonics, limit a solution, unless their number was given."""
+    known = given is not None or all(law.code in POLYNOMIAL for law in laws)
+    if known or 2 * n > MOST_SAMPLES or aliasing <= max(ALIASED * error, NEGLIGIBLE):
+        return None
+    return 2 * n
 
 
 def checked_system(system: Any) -> tuple[Law, ...]:
@@ -184,6 +230,13 @@ def checked_harmonics(harmonics: Any, subharmonic: int) -> tuple[int, ...]:
 def integer(name: str, value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
         raise ModelError(f"{name} must be positive integers, not {value!r}; the constant term is always kept")
+    return int(value)
+
+
+def whole(name: str, value: Any) -> int:
+    """An integer from 0 on, or `ModelError`."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
+        raise ModelError(f"{name} must be an integer from 0 on, it is {value!r}")
     return int(value)
 
 

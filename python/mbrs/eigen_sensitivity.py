@@ -350,18 +350,15 @@ def _shape_derivatives(sensitivity: EigenSensitivity) -> np.ndarray:
 
 def _error(modal: ModalResult) -> np.ndarray:
     """Errors of a derivative come from those of the vectors: the error of s, magnified where another root is near."""
-    s, roots = modal.eigenvalue, modal.roots
-    error = np.zeros(len(s))
+    s = modal.eigenvalue
+    distance = np.abs(modal.roots - s[:, None])
     cluster = {i: c for c in modal.clusters for i in c}
-    for i, value in enumerate(s):
-        members = list(cluster.get(i, (i,)))
-        distance = np.abs(roots - value)
-        own = [2 * j for j in members]
-        distance[own] = np.inf
-        gap = distance.min() if np.isfinite(distance.min()) else abs(value)
-        noise = modal.error[i] + _EPS * np.nan_to_num(modal.condition[i], nan=1.0)
-        error[i] = noise * (1.0 + (abs(value) / gap if gap > 0.0 else 0.0))
-    return error
+    for i in range(len(s)):
+        distance[i, [2 * j for j in cluster.get(i, (i,))]] = np.inf
+    gap = distance.min(axis=1, initial=np.inf)
+    gap = np.where(np.isfinite(gap), gap, np.abs(s))
+    noise = modal.error + _EPS * np.nan_to_num(modal.condition, nan=1.0)
+    return noise * (1.0 + np.divide(np.abs(s), gap, out=np.zeros(len(s)), where=gap > 0.0))
 
 
 def _omega(s: np.ndarray, ds: np.ndarray) -> np.ndarray:

@@ -447,6 +447,13 @@ def _linearization(
     )
 
 
+def symmetric(x: np.ndarray) -> np.ndarray:
+    """Symmetric part."""
+    out = x + x.T
+    out *= 0.5
+    return out
+
+
 def split(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Symmetric and skew part over the first two axes."""
     t = np.swapaxes(x, 0, 1)
@@ -464,22 +471,28 @@ def _has_no_potential(model: Any) -> bool:
 
 def _cross_coupled(model: Any, name: str) -> bool:
     """True where a full 6 x 6 bushing is not symmetric, such as that of a journal bearing."""
-    full = (e for e in model.elements if e.shapes.get(name) == (6, 6))
-    return any(not np.array_equal(k, k.T) for k in (model.value(f"{e.name}.{name}") for e in full))
+    cached = model.cache.get("full bushings")
+    if cached is None or cached[0] != model.structure_version:
+        full = [(e.name, n) for e in model.elements for n in ("k", "c") if e.shapes.get(n) == (6, 6)]
+        cached = model.cache["full bushings"] = (model.structure_version, full)
+    values = (model.value(f"{element}.{n}") for element, n in cached[1] if n == name)
+    return any(not np.array_equal(k, k.T) for k in values)
 
 
 def _split_damping(D: np.ndarray | None, skew: bool) -> tuple[np.ndarray | None, np.ndarray | None]:
     if D is None or not np.any(D):
         return None, None
+    if not skew:  # at rest dampers alone act, and theirs is symmetric unless they couple across
+        return symmetric(D), None
     C, G = split(D)
-    # at rest dampers alone act, and theirs is symmetric unless they couple across
-    return (_present(C, D), _present(G, D)) if skew else (C, None)
+    return _present(C, D), _present(G, D)
 
 
 def _split_stiffness(S: np.ndarray, conservative: bool) -> tuple[np.ndarray, np.ndarray | None]:
+    if conservative:  # a skew part is then what unbalanced moments leave in the increments of rotations
+        return symmetric(S), None
     K, N = split(S)
-    # with forces that have a potential, a skew part is what unbalanced moments leave in the increments of rotations
-    return K, None if conservative else _present(N, S)
+    return K, _present(N, S)
 
 
 def second_order_of(m: Any, at: Any, without: Sequence[str]) -> Linearization:

@@ -117,21 +117,33 @@ def _twist(lin: Linearization, body: int, point: np.ndarray) -> np.ndarray:
 
 
 def as_system(
-    system: Any, force: Any, amplitude: Any = None, at: Any = None, without: Sequence[str] = ()
+    system: Any, force: Any, amplitude: Any = None, at: Any = None, without: Sequence[str] = (), inputs: Any = None
 ) -> tuple[Any, Any]:
     """What harmonic balance works on, from a model or a system: the system, and forces as vectors (n,) by harmonic.
 
-    ``force`` may name ports of the model ("b.force.x", ``b.force("x")``), alone, in a list, or by harmonic in a dict;
-    ``amplitude`` (N or N m, complex a - i b for a cos + b sin) belongs to each of them, one number or one for each.
+    ``force``, or in its place ``inputs``, may name ports of the model ("b.force.x", ``b.force("x")``), alone, in a list, or
+    by harmonic in a dict; ``amplitude`` (N or N m, complex a - i b for a cos + b sin) belongs to each of them, one number
+    or one for each.
     """
+    if (force is None) == (inputs is None):
+        raise ModelError("give exactly one of force= (vectors of a system) and inputs= (ports of a model)")
+    if inputs is not None:
+        if not hasattr(system, "compiled"):
+            raise ModelError("inputs= are ports of a model; a MechanicalSystem takes force=(n,)")
+        force = inputs
     if not hasattr(system, "compiled"):
         if at is not None or tuple(without):
             raise ModelError("at= and without= are for models; a MechanicalSystem is what its matrices are")
         return system, force if amplitude is None else _scaled(force, amplitude)
     made = nonlinear_system(system, at=at, without=without)
+    return made, force_of_ports(made, force, amplitude)
+
+
+def force_of_ports(made: NonlinearSystem, force: Any, amplitude: Any = None) -> Any:
+    """Vectors (n,) by harmonic, or one, of ports of the model from which a system was made."""
     if isinstance(force, Mapping):
-        return made, {h: _vector(made, f, amplitude) for h, f in force.items()}
-    return made, _vector(made, force, amplitude)
+        return {h: _vector(made, f, amplitude) for h, f in force.items()}
+    return _vector(made, force, amplitude)
 
 
 def _scaled(force: Any, amplitude: Any) -> Any:

@@ -28,6 +28,8 @@ class Progress:
         Number of steps, or None where it is not known beforehand.
     stream, clock
         Where to write and what tells the time in seconds; for tests.
+    always
+        True shows it at once and wherever standard error goes, False never, None as said above.
 
     Examples
     --------
@@ -45,6 +47,7 @@ class Progress:
         *,
         stream: TextIO | None = None,
         clock: Callable[[], float] = time.monotonic,
+        always: bool | None = None,
     ) -> None:
         self.label = label
         self.total = total
@@ -54,11 +57,18 @@ class Progress:
         self._start = clock()
         self._last = -float("inf")
         self._width = 0
-        self._enabled = _wanted(self._stream)
+        self._enabled = _wanted(self._stream) if always is None else always
+        self._quiet = 0.0 if always else _QUIET_FOR
 
     def __enter__(self) -> Progress:
         self._start = self._clock()
         return self
+
+    @property
+    def due(self) -> bool:
+        """Whether the next `advance` would write, for notes that cost something."""
+        now = self._clock()
+        return self._enabled and now - self._start >= self._quiet and now - self._last >= _EVERY
 
     def advance(self, steps: int = 1, note: str = "") -> None:
         """Count ``steps`` as done; ``note`` is shown behind the line (a frequency, a residual)."""
@@ -66,7 +76,7 @@ class Progress:
         if not self._enabled:
             return
         now = self._clock()
-        if now - self._start >= _QUIET_FOR and now - self._last >= _EVERY:
+        if now - self._start >= self._quiet and now - self._last >= _EVERY:
             self._last = now
             self._write(self._line(now - self._start, note))
 

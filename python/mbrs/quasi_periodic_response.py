@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from . import _balance, _core
-from .continuation import STATUS
+from ._picked import label
+from .continuation import MEANING, STATUS
 from .errors import ModelError
 from .harmonic_balance import UNRESOLVED, effects_of
 from .quasi_periodic import QuasiPeriodicSolution, Torus
+from .report import html_table, table
 from .results import Result, Stats
 
 
@@ -40,36 +42,94 @@ class QuasiPeriodicResponse(Result):
     def __len__(self) -> int:
         return len(self.scale)
 
-    def coefficient(self, dof: int = 0, index: Sequence[int] = (1, 0)) -> np.ndarray:
-        """(n,) a - i b of one term of one coordinate."""
+    def coefficient(self, dof: Any = 0, index: Sequence[int] = (1, 0)) -> np.ndarray:
+        """(n,) a - i b of one term of one displacement."""
         return np.array([self.point(i).coefficient(dof, index) for i in range(len(self))])
 
-    def amplitude(self, dof: int = 0, index: Sequence[int] = (1, 0)) -> np.ndarray:
-        """(n,) magnitude of one term of one coordinate."""
+    def amplitude(self, dof: Any = 0, index: Sequence[int] = (1, 0)) -> np.ndarray:
+        """(n,) magnitude of one term of one displacement."""
         return np.abs(self.coefficient(dof, index))
+
+    def label(self, dof: Any = 0) -> str:
+        """Name of a displacement."""
+        return label(self.system, dof, self.X.shape[1])
+
+    @property
+    def varies(self) -> str:
+        """What changes along the branch: "scale" or "level"."""
+        return "scale" if np.ptp(self.scale) > 0 else "level"
+
+    def abscissa(self) -> tuple[np.ndarray, str, np.ndarray]:
+        """What the branch is drawn over, its name, and where the folds are."""
+        if self.varies == "level":
+            first = [np.max(np.abs(np.asarray(f["force"], complex))) for f in self.forces]
+            given = [
+                np.max(np.abs(np.asarray(f.forces[i]["force"]))) for f in self.folds for i in [int(np.argmax(first))]
+            ]
+            return self.level, "force level", np.array(given) / max(first)
+        base = self.omega[0] / self.scale[0]
+        return self.scale, "factor on the frequencies", np.array([f.omega[0] / base[0] for f in self.folds])
+
+    def ordinates(self, dof: Any = 0, index: Any = None) -> list[tuple[str, np.ndarray, np.ndarray]]:
+        """Name, amplitude and amplitude at the folds of the term ``index``, or of one term for each force."""
+        chosen = np.eye(self.omega.shape[1], dtype=int).tolist() if index is None else [list(index)]
+        return [
+            (f"k = {tuple(k)}", self.amplitude(dof, k), np.array([f.amplitude(dof, k) for f in self.folds]))
+            for k in chosen
+        ]
 
     def point(self, i: int) -> QuasiPeriodicSolution:
         """One solution by itself."""
         return _solution(self, self.X[i], self.omega[i], float(self.level[i]), float(self.error[i]))
 
-    def plot(self, dof: int = 0, index: Sequence[int] = (1, 0), ax: Any = None) -> Any:
-        """Amplitude of one term over the parameter; returns the axes."""
-        import matplotlib.pyplot as plt
+    def plot(self, dof: Any = 0, index: Sequence[int] | None = None, ax: Any = None) -> Any:
+        """Amplitude of one term, or of one for each force, over the parameter, folds marked; returns the figure."""
+        from .plot.nonlinear import torus_branch
 
-        ax = plt.subplots()[1] if ax is None else ax
-        x = self.scale if np.ptp(self.scale) > 0 else self.level
-        ax.plot(x, self.amplitude(dof, index))
-        ax.set(
-            xlabel="factor on frequencies" if x is self.scale else "force level", ylabel=f"amplitude of {tuple(index)}"
+        return torus_branch(self, dof, index, ax=ax)
+
+    def to_xarray(self) -> Any:
+        """Coefficients and error over the points, with scale and level as coordinates."""
+        import xarray as xr
+
+        return xr.Dataset(
+            {
+                "X": (("point", "coordinate", "coefficient"), self.X),
+                "error": ("point", self.error),
+                "index": (("term", "base"), self.indices),
+                "omega": (("point", "base"), self.omega),
+            },
+            {
+                "scale": ("point", self.scale),
+                "level": ("point", self.level),
+                "coordinate": [self.label(i) for i in range(self.X.shape[1])],
+            },
+            {"status": self.status},
         )
-        return ax
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: ends and folds."""
+        x, name, marks = self.abscissa()
+        moving = int(np.argmax(np.linalg.norm(self.X, axis=(0, 2))))
+        terms = self.ordinates(moving)
+        heads = ["point", name, *(f"|{self.label(moving)}|, {text}" for text, _, _ in terms), "error"]
+        rows: list[list[Any]] = [["first", float(x[0]), *(float(y[0]) for _, y, _ in terms), f"{self.error[0]:.1e}"]]
+        for i, mark in enumerate(marks):
+            rows.append(["fold", float(mark), *(float(y[i]) for _, _, y in terms), f"{self.folds[i].error:.1e}"])
+        rows.append(["last", float(x[-1]), *(float(y[-1]) for _, y, _ in terms), f"{self.error[-1]:.1e}"])
+        return heads, rows
+
+    def _heading(self) -> str:
+        return (
+            f"QuasiPeriodicResponse: {self.status} ({MEANING.get(self.status, '')}), {len(self)} points, "
+            f"{len(self.folds)} folds, largest estimated error {np.max(self.error):.1e}"
+        )
 
     def __str__(self) -> str:
-        return (
-            f"QuasiPeriodicResponse: {self.status}, {len(self)} points, scale {self.scale.min():.6g} to "
-            f"{self.scale.max():.6g}, level {self.level.min():.6g} to {self.level.max():.6g}, {len(self.folds)} folds, "
-            f"largest estimated error {np.max(self.error):.1e}"
-        )
+        return table(*self.rows(), title=self._heading())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.rows(), title=self._heading())
 
 
 def quasi_periodic_response(

@@ -335,12 +335,17 @@ def _touches(along: Directions, places: Sequence[int]) -> np.ndarray:
 def _origin_motion(lin: Linearization, along: Directions, motion: np.ndarray) -> np.ndarray:
     """Motion of origins from that of centres of mass: p = c - R com."""
     t = tables(lin.model)
-    out = motion[:, :3].copy()
-    for i, start in enumerate(t["body_x"]):
-        r = lin.poses["rotation"][i]
-        arm = r @ t["x"][start + 7 : start + 10]
-        out[i] -= np.cross(motion[i, 3:].T, arm).T + r @ _slice(along, start + 7, 3)
-    return out
+    places = np.asarray(t["body_x"], dtype=int)[:, None] + np.arange(7, 10)
+    rotation = np.asarray(lin.poses["rotation"])
+    com, change = np.asarray(t["x"])[places], np.zeros((places.size, along.n))
+    # which number of which centre of mass a row of dx/dp is, if any
+    number = np.full(len(t["x"]), -1)
+    number[places.ravel()] = np.arange(places.size)
+    at = number[along.rows]
+    np.add.at(change, (at[at >= 0], along.columns[at >= 0]), along.values[at >= 0])
+    arm = np.einsum("bij,bj->bi", rotation, com)
+    turned = np.cross(motion[:, 3:], arm[:, :, None], axis=1)
+    return motion[:, :3] - turned - np.einsum("bij,bjp->bip", rotation, change.reshape(*places.shape, along.n))
 
 
 def _slice(along: Directions, start: int, n: int) -> np.ndarray:

@@ -19,6 +19,7 @@ use crate::system::System;
 use crate::system::assemble::Scene;
 use crate::system::loops::{Loops, column_scales};
 use crate::system::placement::{Placement, advance, lifted_relative, place};
+use crate::system::topology::Level;
 
 /// A parameter that moves redundant rows apart by more than this (relative) breaks the loop open.
 const BREAKS_LOOP: f64 = 1e-7;
@@ -140,7 +141,7 @@ fn dual_scene(
             rate: &rate,
         };
         let turning = turning(setting, l, &path);
-        let acceleration = turning.acceleration(l, &rate);
+        let acceleration = turning.acceleration.clone();
         made.acceleration = setting.effects.centrifugal.then_some(acceleration);
         made.turning = Some(turning);
     }
@@ -236,6 +237,7 @@ impl DualScene {
             placement: &self.placement,
             rate: self.rate.as_deref(),
             acceleration: self.acceleration.as_deref(),
+            t: 0.0,
             effects: setting.effects,
         }
     }
@@ -309,7 +311,11 @@ fn closing(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)]) -> 
     }
     let columns = column_scales(&system.topology, system.length);
     let rows = DMatrix::from_fn(phi.len(), n, |i, j| {
-        jacobian[(i, j)].re * loops.row_scale[i] * columns[j]
+        // velocity rows do not say where anything is
+        match system.topology.rows[i].level {
+            Level::Position => jacobian[(i, j)].re * loops.row_scale[i] * columns[j],
+            Level::Velocity => 0.0,
+        }
     });
     let step = minimum_norm(&rows, &-scaled)?;
     Ok((0..n).map(|i| step[i] * columns[i]).collect())

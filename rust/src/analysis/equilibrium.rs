@@ -176,7 +176,7 @@ pub fn equilibrium(
         if residual <= 1e-14 || step.amax() <= 1e-14 || rounding {
             if residual > 1e-15 && residual.is_finite() {
                 // one last step costs nothing and takes the iterate to rounding level
-                let polished = moved(system, &state, &local, &step, 1.0, counts)?;
+                let polished = moved(system, &state, &local, &step, 1.0, effects, counts)?;
                 let next = Local::at(system, &polished, effects, counts)?;
                 if next.r.amax() <= local.r.amax() {
                     state = polished;
@@ -238,7 +238,7 @@ fn leave_saddle(
     let v = spectrum.vectors.column(0).into_owned();
     for size in [PUSH, -PUSH, 0.1 * PUSH, -0.1 * PUSH] {
         let push = &v * (size / v.amax());
-        if let Ok(beside) = moved(system, state, local, &push, 1.0, counts)
+        if let Ok(beside) = moved(system, state, local, &push, 1.0, effects, counts)
             && let Ok(next) = Local::at(system, &beside, effects, counts)
         {
             counts.add("saddles left", 1);
@@ -300,6 +300,7 @@ fn moved(
     local: &Local,
     step: &DVector<f64>,
     alpha: f64,
+    effects: Effects,
     counts: &mut Counts,
 ) -> Result<State> {
     let z = DVector::from_fn(step.len(), |i, _| step[i] * alpha * local.scale[i]);
@@ -312,7 +313,7 @@ fn moved(
     };
     let mut next = state.clone();
     advance(&system.topology, &mut next.relative, dy.as_slice());
-    close(system, &mut next, counts)?;
+    close(system, &mut next, effects, counts)?;
     Ok(next)
 }
 
@@ -335,7 +336,7 @@ fn advance_once(
         }
         let mut alpha = (LONGEST_STEP / step.amax()).min(1.0);
         for _ in 0..8 {
-            let trial = moved(system, state, local, &step, alpha, counts)
+            let trial = moved(system, state, local, &step, alpha, effects, counts)
                 .and_then(|s| Local::at(system, &s, effects, counts).map(|l| (s, l)));
             match trial {
                 Ok((next_state, next)) if acceptable(local, &next, &step) => {

@@ -121,6 +121,8 @@ impl Setting<'_> {
 pub(super) struct Turning<T: Real> {
     first: DMatrix<T>,
     second: DMatrix<T>,
+    /// of all tree coordinates at z" = 0, drives at constant rate
+    pub(super) acceleration: Vec<T>,
 }
 
 /// What B'' turns along: the numbers, the relative poses and the rates of the tree coordinates.
@@ -128,6 +130,54 @@ pub(super) struct Path<'a, T: Real> {
     pub x: &'a [T],
     pub relative: &'a [Pose<T>],
     pub rate: &'a [T],
+}
+
+/// J of the cut joints, their rank and redundancy, and B'', or None for an open tree.
+type Closed = (DMatrix<f64>, Option<Loops>, Option<DMatrix<f64>>);
+
+fn closed(setting: &Setting<'_>, scene: &Scene<'_, f64>) -> Result<Closed> {
+    let system = setting.system;
+    check_velocity_rows(setting)?;
+    if let Some(name) = collapsed(
+        scene.topology,
+        scene.geometry,
+        scene.placement,
+        system.length,
+    ) {
+        return Err(Error::singular(format!(
+            "the ends of '{name}' coincide in this state, so that its direction is undefined: start elsewhere, or use a bushing"
+        )));
+    }
+    let (_, jacobian) = scene.constraints();
+    let loops = Loops::analyse(system, &jacobian)?;
+    let b = loops.as_ref().map(|l| l.dependent_map(&jacobian));
+    if let (Some(l), Some(b)) = (&loops, &b) {
+        check_pose(system, scene, l, b)?;
+    }
+    Ok((jacobian, loops, b))
+}
+
+/// Which coordinates are free at rest in this state; of an open tree all, without any work.
+pub fn mobility(setting: &Setting<'_>) -> Result<Option<Loops>> {
+    let system = setting.system;
+    let placement = place(
+        &system.topology,
+        &system.geometry,
+        &setting.state.relative,
+        None,
+    );
+    let scene = Scene {
+        topology: &system.topology,
+        geometry: &system.geometry,
+        x: &system.x,
+        memory: &[],
+        placement: &placement,
+        rate: None,
+        acceleration: None,
+        t: 0.0,
+        effects: setting.effects,
+    };
+    Ok(closed(setting, &scene)?.1)
 }
 
 pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Linearization> {
@@ -148,22 +198,12 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         placement: &placement,
         rate: rate.as_deref(),
         acceleration: None,
+        t: 0.0,
         effects: setting.effects,
     };
-    check_velocity_rows(setting)?;
-    if let Some(name) = collapsed(topology, &system.geometry, &placement, system.length) {
-        return Err(Error::singular(format!(
-            "the ends of '{name}' coincide in this state, so that its direction is undefined: start elsewhere, or use a bushing"
-        )));
-    }
-    let (_, jacobian) = scene.constraints();
-    let loops = Loops::analyse(system, &jacobian)?;
+    let (jacobian, loops, b) = closed(setting, &scene)?;
     if loops.is_some() {
         counts.add("loop factorisations", 1);
-    }
-    let b = loops.as_ref().map(|l| l.dependent_map(&jacobian));
-    if let (Some(l), Some(b)) = (&loops, &b) {
-        check_pose(system, &scene, l, b)?;
     }
     let turning = match (&loops, &rate) {
         (Some(l), Some(rate)) => {
@@ -176,12 +216,8 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         }
         _ => None,
     };
-    let acceleration = match (&turning, &loops, &rate) {
-        (Some(t), Some(l), Some(rate)) if setting.effects.centrifugal => {
-            Some(t.acceleration(l, rate))
-        }
-        _ => None,
-    };
+    let acceleration = turning.as_ref().map(|t| t.acceleration.clone());
+    let acceleration = acceleration.filter(|_| setting.effects.centrifugal);
     scene.acceleration = acceleration.as_deref();
     let tau = scene.residual(None);
     let lam = loops
@@ -281,40 +317,34 @@ fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<T>, b: &DMatrix<T>
     out
 }
 
-impl<T: Real> Turning<T> {
-    /// Of the tree coordinates at z" = 0.
-    pub(super) fn acceleration(&self, loops: &Loops, rate: &[T]) -> Vec<T> {
-        accelerated(&self.first, loops, rate)
-    }
-}
-
-fn accelerated<T: Real>(first: &DMatrix<T>, loops: &Loops, rate: &[T]) -> Vec<T> {
-    let z = DVector::from_fn(loops.independent.len(), |k, _| rate[loops.independent[k]]);
-    let mut acceleration = vec![T::zero(); rate.len()];
-    for (k, v) in (first * z).iter().enumerate() {
-        acceleration[loops.dependent[k]] = *v;
-    }
-    acceleration
-}
-
 pub(super) fn turning<T: Real>(
     setting: &Setting<'_>,
     loops: &Loops,
     path: &Path<'_, T>,
 ) -> Turning<T> {
-    let first = turning_pass(setting, loops, path, None).0;
-    let acceleration = accelerated(&first, loops, path.rate);
-    let (first, second) = turning_pass(setting, loops, path, Some(&acceleration));
-    Turning { first, second }
+    let jacobian = turning_jacobian(setting, path, None);
+    // J y" + J' y' = 0 with y" on the dependent coordinates alone
+    let bias = jacobian.map(|v| v.v1) * DVector::from_column_slice(path.rate);
+    let right = DMatrix::from_column_slice(bias.len(), 1, bias.as_slice());
+    let mut acceleration = vec![T::zero(); path.rate.len()];
+    let dependent = loops.balanced(&jacobian.map(|v| v.re), &right);
+    for (k, v) in dependent.iter().enumerate() {
+        acceleration[loops.dependent[k]] = *v;
+    }
+    let b = loops.dependent_map(&turning_jacobian(setting, path, Some(&acceleration)));
+    Turning {
+        first: b.map(|v| v.v1),
+        second: b.map(|v| v.v2),
+        acceleration,
+    }
 }
 
-/// First and second derivative in time of B'' along y(t) = rate t + acceleration t^2 / 2.
-fn turning_pass<T: Real>(
+/// J along y(t) = rate t + acceleration t^2 / 2, to second order in time.
+fn turning_jacobian<T: Real>(
     setting: &Setting<'_>,
-    loops: &Loops,
     path: &Path<'_, T>,
     acceleration: Option<&[T]>,
-) -> (DMatrix<T>, DMatrix<T>) {
+) -> DMatrix<Dual2<T>> {
     let system = setting.system;
     let x: Vec<Dual2<T>> = path.x.iter().map(|v| Dual2::from_re(*v)).collect();
     let geometry = Geometry::derive(&system.topology.tables, &x);
@@ -337,10 +367,10 @@ fn turning_pass<T: Real>(
         placement: &placement,
         rate: None,
         acceleration: None,
+        t: 0.0,
         effects: setting.effects,
     };
-    let b = loops.dependent_map(&scene.constraints().1);
-    (b.map(|v| v.v1), b.map(|v| v.v2))
+    scene.constraints().1
 }
 
 /// At rest a velocity row takes one freedom and leaves its displacement as a constant (a root at zero that is not reported).
@@ -349,10 +379,7 @@ fn check_velocity_rows(setting: &Setting<'_>) -> Result<()> {
     let topology = &setting.system.topology;
     let velocity = |r: &&ConstraintRow| r.level == Level::Velocity;
     match topology.rows.iter().find(velocity) {
-        Some(row) if !setting.effects.nonholonomic => Err(Error::model(format!(
-            "'nonholonomic' cannot be left out here: remove joint '{}' instead",
-            topology.tables.joints[row.joint].name
-        ))),
+        Some(_) if !setting.effects.nonholonomic => Ok(()),
         Some(row) if setting.state.moving() => Err(Error::model(format!(
             "joint '{}' constrains velocities, and a model with such joints is linearised at rest only; linearise an equilibrium, set the \
              bodies' velocities to zero, or follow the motion in time",
@@ -427,20 +454,29 @@ pub fn body_map<T: Real>(
     let topology = &*system.topology;
     let n = topology.dofs.len();
     let mut map = DMatrix::zeros(6 * topology.nodes.len(), n);
-    for (i, node) in topology.nodes.iter().enumerate() {
-        let pose = &placement.pose[i];
-        let origin = pose.p - pose.r * geometry.bodies[node.body].com;
-        let mut at = Some(i);
-        while let Some(k) = at {
-            let inner = &topology.nodes[k];
-            let arm = origin - placement.pose[k].p;
-            for d in inner.first..inner.first + inner.n {
+    let origin: Vec<_> = (topology.nodes.iter().zip(&placement.pose))
+        .map(|(node, pose)| pose.p - pose.r * geometry.bodies[node.body].com)
+        .collect();
+    let mut carried = vec![false; topology.nodes.len()];
+    for (k, joint) in topology.nodes.iter().enumerate() {
+        // parents come first, so that one pass marks all that joint k carries
+        carried[k..].fill(false);
+        carried[k] = true;
+        for i in k..topology.nodes.len() {
+            carried[i] |= topology.nodes[i]
+                .parent
+                .is_some_and(|p| p >= k && carried[p]);
+            if !carried[i] {
+                continue;
+            }
+            let row = 6 * topology.nodes[i].body;
+            let arm = origin[i] - placement.pose[k].p;
+            for d in joint.first..joint.first + joint.n {
                 let s: Six<T> = placement.column[d].motion_at(&arm);
                 for r in 0..6 {
-                    map[(6 * node.body + r, d)] = s.get(r);
+                    map[(row + r, d)] = s.get(r);
                 }
             }
-            at = inner.parent;
         }
     }
     match loops {

@@ -70,6 +70,7 @@ fn follow<T: Seed>(
         x[*i] = T::seeded(system.x[*i], *d);
     }
     let start = Motion {
+        t: 0.0,
         relative: plan
             .state
             .relative

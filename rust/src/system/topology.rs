@@ -41,12 +41,31 @@ pub enum Level {
     Velocity,
 }
 
-/// A constraint row of a cut joint; its level decides where it enters.
+/// What a constraint row is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// the joint itself, where it is cut
+    Joint,
+    /// e - motion(t) = 0
+    Drive(usize),
+    /// e - ratio e_first - offset = 0
+    Coupler(usize),
+}
+
+/// A constraint row: a coordinate e of a joint (of a coupler its second one), and what it is for; its level decides where it enters.
 #[derive(Debug, Clone)]
 pub struct ConstraintRow {
     pub joint: usize,
     pub coordinate: Coordinate,
     pub level: Level,
+    pub purpose: Purpose,
+}
+
+impl ConstraintRow {
+    /// Rows that one object makes stand together.
+    pub fn belongs_with(&self, other: &Self) -> bool {
+        self.joint == other.joint && self.purpose == other.purpose
+    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -103,8 +122,10 @@ pub struct Topology {
     pub cut: Vec<usize>,
     pub rows: Vec<ConstraintRow>,
     pub connectors: Vec<Connector>,
-    /// numbers that laws remember
+    /// numbers that laws and couplers remember
     pub n_memory: usize,
+    /// where those of couplers start, two each: their coordinates, angles continuous over turns
+    pub turns: usize,
 }
 
 impl Topology {
@@ -137,8 +158,10 @@ impl Topology {
                 });
             }
         }
-        let rows = cut.iter().flat_map(|j| cut_rows(&tables, *j)).collect();
-        let (connectors, n_memory) = connectors(&tables)?;
+        let mut rows: Vec<_> = cut.iter().flat_map(|j| cut_rows(&tables, *j)).collect();
+        rows.extend(imposed_rows(&tables));
+        let (connectors, turns) = connectors(&tables)?;
+        let n_memory = turns + 2 * tables.couplers.len();
         Ok(Topology {
             tables,
             nodes,
@@ -149,7 +172,18 @@ impl Topology {
             rows,
             connectors,
             n_memory,
+            turns,
         })
+    }
+
+    /// The name of what makes a row.
+    pub fn row_name(&self, row: usize) -> &str {
+        let row = &self.rows[row];
+        match row.purpose {
+            Purpose::Joint => &self.tables.joints[row.joint].name,
+            Purpose::Drive(i) => &self.tables.drives[i].name,
+            Purpose::Coupler(i) => &self.tables.couplers[i].name,
+        }
     }
 
     pub fn node(&self, body: BodyRef) -> Option<usize> {
@@ -186,20 +220,40 @@ impl Topology {
 }
 
 fn cut_rows(tables: &Tables, joint: usize) -> Vec<ConstraintRow> {
-    let kind = tables.joints[joint].kind;
-    if kind == JointKind::KnifeEdge {
-        return vec![ConstraintRow {
-            joint,
-            coordinate: Coordinate::Translation(2),
-            level: Level::Velocity,
-        }];
-    }
-    let row = |c: &Coordinate| ConstraintRow {
+    let row = |coordinate, level| ConstraintRow {
         joint,
-        coordinate: *c,
-        level: Level::Position,
+        coordinate,
+        level,
+        purpose: Purpose::Joint,
     };
-    kind.constraints().iter().map(row).collect()
+    match tables.joints[joint].kind {
+        JointKind::KnifeEdge => vec![row(Coordinate::Edge, Level::Velocity)],
+        JointKind::RollingDisc => vec![
+            row(Coordinate::Disc(0), Level::Position),
+            row(Coordinate::Disc(1), Level::Velocity),
+            row(Coordinate::Disc(2), Level::Velocity),
+        ],
+        kind => {
+            let constraints = kind.constraints().iter();
+            constraints.map(|c| row(*c, Level::Position)).collect()
+        }
+    }
+}
+
+/// Rows of drives, then of couplers: on coordinates of tree joints and of cut joints alike.
+fn imposed_rows(tables: &Tables) -> Vec<ConstraintRow> {
+    let row = |joint: usize, coordinate: usize, purpose| ConstraintRow {
+        joint,
+        coordinate: tables.joints[joint].kind.free_coordinates()[coordinate],
+        level: Level::Position,
+        purpose,
+    };
+    let drives = tables.drives.iter().enumerate();
+    let couplers = tables.couplers.iter().enumerate();
+    drives
+        .map(|(i, d)| row(d.joint, d.coordinate, Purpose::Drive(i)))
+        .chain(couplers.map(|(i, c)| row(c.joints[1], c.coordinates[1], Purpose::Coupler(i))))
+        .collect()
 }
 
 fn spanning_tree(tables: &Tables) -> (Vec<Node>, Vec<usize>) {
