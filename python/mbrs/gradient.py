@@ -406,8 +406,15 @@ def _adjoint(
     return np.array([f.value for f in found]), gradients, added_counts(*counts)
 
 
-def trajectory_sensitivity(traj: Trajectory, run: Run, along: Directions, what: str) -> Derivative:
+def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
     """The derivative of a named quantity at the outputs of a trajectory; see `Trajectory.sensitivity`."""
+    if traj.start is None or not len(traj.parameters):
+        raise ModelError(
+            "this motion has no sensitivities; run mb.simulate(..., method='ali3p', parameters=['...']) to get them"
+        )
+    traj.snapshot.check_current("motion")
+    run = Run(traj.model, traj.snapshot, traj.start, traj.without, traj.steps)
+    along = directions(traj.model, traj.parameters)
     names = Names(run.snapshot.tables)
     asked = names.address(what)
     made = run.direct([asked], along)

@@ -13,7 +13,7 @@ import numpy as np
 
 from .explicit import explicit
 from .kinematics import System
-from .motion import explicit_rates, velocity_rows
+from .motion import velocity_rows
 from .so3 import Array
 from .transient import (
     History,
