@@ -28,9 +28,12 @@ SCRIPTS = sorted(p.name for p in EXAMPLES.glob("*.py") if p.name not in ("refere
 SAYS = {
     "api_1_modes.py": (["15.9155", "36.7553"], ["modes.html"]),
     "api_2_loops.py": (["redundant constraints: 3 of 5", "Campbell"], []),
+    "api_5_gradients.py": (["psi = 0.72", "shape of the gradient: (2, 3)", "(11, 6, 3)"], []),
     "chain.py": (["springs only", "60"], ["chain-modes.png", "chain-modes.html"]),
+    "five_bar_gradient.py": (["2.4319", "1.8448", "converged"], ["five-bar-convergence.png"]),
     "hexapod.py": (["36.7553", "k_leg"], ["hexapod-transmissibility.png", "hexapod-sensitivity.png"]),
     "ladder.py": (["redundant"], ["ladder-modes.png", "ladder-modes.html"]),
+    "nonholonomic.py": (["changes its sign: True", "edge.at[0]"], []),
     "quadruped.py": (["18 modes", "k_foot", "torso.motion.z"], ["quadruped-transfer-function.png"]),
     "rotor.py": (["rigid", "Campbell"], ["rotor-campbell.png"]),
     "stewart_platform.py": (["12 modes", "k_strut"], ["stewart-response.png", "stewart-transmissibility.png"]),

@@ -4,6 +4,7 @@ the hexapod's.
 Each builder takes sizes by keyword and returns a `Model`.
 """
 
+from ._five_bar import five_bar, ice_skate
 from ._four_bar import four_bar, four_bars
 from ._gap import gap_problem
 from ._heavy_top import heavy_top
@@ -20,11 +21,13 @@ __all__ = [
     "chain",
     "cubic_hexapod",
     "cubic_hexapod_points",
+    "five_bar",
     "four_bar",
     "four_bars",
     "from_code",
     "gap_problem",
     "heavy_top",
+    "ice_skate",
     "ladder",
     "pendulum_chain",
     "quadruped",
