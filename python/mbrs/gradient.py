@@ -328,7 +328,7 @@ def prepare(
 ) -> Run:
     """Start and steps of a motion."""
     snapshot = Snapshot.of(m)
-    state = state_of(m, snapshot.system, at, hold=False)
+    state = state_of(m, snapshot.system, at, hold=False, without=without)
     end = _number("t", t, state.t)
     through = [x for o in objectives for x in o.times]
     for x in through:
