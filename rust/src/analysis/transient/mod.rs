@@ -17,6 +17,8 @@
 //! | one file for each scheme | implements `Scheme` |
 pub mod bdf;
 pub mod bdf_bfgs;
+mod bdf_history;
+mod bdf_solver;
 pub mod bdf_step;
 pub mod consistent;
 mod dop853_numbers;
