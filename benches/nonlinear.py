@@ -126,7 +126,7 @@ def _per_point(system: Any, force: np.ndarray, most: int = 1000, repeats: int = 
     best = None
     for _ in range(repeats):
         begin = time.process_time()
-        branch = mb.continuation.Branch(system, force=force, omega=(0.8, 1.3), harmonics=7, stability=False, **more)
+        branch = mb.Branch(system, force=force, omega=(0.8, 1.3), harmonics=7, stability=False, **more)
         middle = time.process_time()
         points = branch.run(most)
         once = Timed((time.process_time() - middle) / points, middle - begin, points, branch.setup.route)

@@ -42,7 +42,7 @@ def test_passing_the_singular_pose_of_the_parallelogram(n, method):
     problem = zoo.four_bars(n, t=6.0, speed=1.0)
     rtol, limit = ASKED[method]
     traj = mb.simulate(problem.model, np.linspace(0, problem.t, 61), rtol=rtol, method=method)
-    x, y = traj.point("tip")[:, :2].T
+    y = traj.point("tip")[:, 1]
     passes = int(np.sum(np.diff(np.sign(y)) != 0))
     error = measured(problem, traj)
     print(f"{n} four-bar, {method}: {passes} passes, error {error:.1e}")
@@ -141,7 +141,8 @@ def test_a_drive_with_a_kink(method):
         warnings.simplefilter("ignore")
         traj = mb.simulate(m, [0.0, 0.3, 0.5, 0.8, 1.0, 1.6], rtol=ASKED[method][0], method=method)
     # angle from the vertical, w: a kink of the rail by dv turns it by -dv cos/l at once
-    y, here, out = np.array([0.0, -rates[0] / length]), 0.0, {0.0: 0.0}
+    # a body without a given velocity starts with that of the drives, here the whole pendulum with the carriage
+    y, here, out = np.array([0.0, 0.0]), 0.0, {0.0: 0.0}
     for k, stop in enumerate([0.5, 1.0, 1.6]):
         times = [t for t in (0.3, 0.5, 0.8, 1.0, 1.6) if here < t <= stop]
         found = solve_ivp(
@@ -152,7 +153,6 @@ def test_a_drive_with_a_kink(method):
         if k < 2:
             y = y + [0.0, -(rates[k + 1] - rates[k]) * np.cos(y[0]) / length]
     exact = np.array([out[t] for t in traj.t])
-    ours = np.arctan2(traj.position("bob")[:, 0] - traj.position("carriage")[:, 0], length)
     ours = np.arcsin((traj.position("bob")[:, 0] - traj.position("carriage")[:, 0]) / length)
     error = np.abs(ours - exact).max()
     print(f"kinks, {method}: angle {error:.1e} rad")

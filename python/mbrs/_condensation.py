@@ -9,15 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from . import _core
+from . import _checks, _core
 from .errors import ModelError
 from .laws import Law
 
 FULL_UNKNOWNS = 6000
 MODAL_COORDINATES = 1500
-STABILITY_COORDINATES = 64  # as in the core: larger condensed systems tell their stability by a reduced model
+STABILITY_COORDINATES = 64  # as in the core: up to here it has the matrices themselves
+WORTH_REDUCING = 16  # beyond, stability is cheaper by a reduced model
 REDUCED_COORDINATES = 96
-FEWEST_MODES = 6
+SHIFTS = 24
+ROUTES = ("auto", "modal", "sparse")
+NEGLIGIBLE_SHAPE = 1e-9
 WORTH_CONDENSING = 150
 
 
@@ -33,9 +36,8 @@ class Linear:
     matrices: tuple[Any, Any, Any] | None = None
 
     def stability_model(self, top: float) -> tuple[np.ndarray, ...] | None:
-        """M, C, K of a model of a large system for motions up to the frequency ``top`` (rad/s); None where the core has
-        the matrices themselves, or where there is no such model."""
-        if self.matrices is None or self.matrices[0].shape[0] <= STABILITY_COORDINATES:
+        """M, C, K of a model of a large system for motions up to the frequency ``top`` (rad/s); None for small ones."""
+        if self.matrices is None or self.matrices[0].shape[0] <= WORTH_REDUCING:
             return None
         return _reduced(self.matrices, np.asarray(self.core.retained), top)
 
@@ -43,10 +45,10 @@ class Linear:
 def linear_part(
     system: Any, laws: Sequence[Law], forces: np.ndarray, n_c: int, condense: bool | str, turn: bool = True
 ) -> Linear:
-    """``condense``: True, False or "auto", which condenses where the full equations are large. Without ``turn`` the
-    coordinates stay what they are, whatever the laws touch."""
-    if not isinstance(condense, bool) and condense != "auto":
-        raise ModelError(f'condense must be True, False or "auto", it is {condense!r}')
+    """``condense``: True, False, "modal", "sparse" or "auto", which condenses where the full equations are large. Without
+    ``turn`` the coordinates stay what they are, whatever the laws touch."""
+    if not isinstance(condense, bool) and (not isinstance(condense, str) or condense not in ROUTES):
+        raise ModelError(f'condense must be True, False, "auto", "modal" or "sparse", it is {_checks.shown(condense)}')
     directions = tuple(np.asarray(law.w) for law in laws)
     touched = np.flatnonzero(np.any([w != 0 for w in directions], axis=0)) if directions else np.zeros(0, int)
     small = system.n * n_c <= WORTH_CONDENSING
@@ -54,16 +56,21 @@ def linear_part(
         return _full(system, directions, forces, n_c)
     if len(touched) == 0:
         touched = np.array([0])  # a linear system: any coordinate carries the equations
-    if turn and len(touched) > 8 and system.n <= MODAL_COORDINATES:
+    if turn and condense not in ("modal", "sparse") and len(touched) > 8 and system.n <= MODAL_COORDINATES:
         rank = int(np.linalg.matrix_rank(np.array(directions)))
         if 2 * rank < len(touched):
             return _turned(system, directions, forces, rank)
     if len(touched) == system.n:
         return _full(system, directions, forces, n_c)
-    matrices = _symmetric(system) if system.n <= MODAL_COORDINATES else None
+    by_modes = condense == "modal" or (condense != "sparse" and system.n <= MODAL_COORDINATES)
+    matrices = _symmetric(system) if by_modes else None
     modal = None if matrices is None else _modal(matrices, touched, forces)
     if modal is not None:
         return Linear(modal, "condensed, modal", directions, None, matrices)
+    if condense == "modal":
+        raise ModelError(
+            'condense="modal" needs symmetric matrices whose damping does not couple the modes; use "sparse"'
+        )
     return _sparse(system, touched, forces, directions)
 
 
@@ -104,29 +111,35 @@ def _turned(system: Any, directions: tuple[np.ndarray, ...], forces: np.ndarray,
 
 
 def _reduced(matrices: tuple[Any, Any, Any], retained: np.ndarray, top: float) -> tuple[np.ndarray, ...] | None:
-    """Craig and Bampton's model (AIAA J. 6 (1968) 1313-1319): static shapes of the retained coordinates, and the lowest
-    modes of the rest while they are held. The core checks it against the dynamic stiffness of the system."""
+    """Congruence onto the retained coordinates and the shapes that the rest takes when these move at frequencies up to
+    ``top``: the dynamic stiffness is then interpolated at those frequencies (rational Krylov subspaces, E. J. Grimme, thesis,
+    Illinois 1997, chapter 3). The core checks it between them before it is used."""
     import scipy.sparse as sp
     import scipy.sparse.linalg as spl
 
     M, C, K = (sp.csc_matrix(A) for A in matrices)
-    local = np.setdiff1d(np.arange(M.shape[0]), retained)
-    most = min(REDUCED_COORDINATES - len(retained), len(local) - 2)
-    if most < FEWEST_MODES:
+    n, n_r = M.shape[0], len(retained)
+    local = np.setdiff1d(np.arange(n), retained)
+    most = min(REDUCED_COORDINATES - n_r, len(local))
+    ll, lr = np.ix_(local, local), np.ix_(local, retained)
+    shapes = []
+    for w in np.linspace(0.0, top, SHIFTS):
+        Z = K - w**2 * M + 1j * w * C
+        try:
+            shapes.append(-spl.splu(Z[ll].tocsc()).solve(Z[lr].toarray()))
+        except RuntimeError:
+            continue  # singular here; its neighbours tell as much
+    if not shapes or most < 1:
         return None
-    M_ll, K_ll = M[np.ix_(local, local)], K[np.ix_(local, local)]
-    shift = -1e-9 * K_ll.diagonal().sum() / max(M_ll.diagonal().sum(), np.finfo(float).tiny)
-    try:
-        held = spl.splu(K_ll.tocsc())
-        square, shapes = spl.eigsh(K_ll, most, M=M_ll, sigma=shift, v0=np.ones(len(local)))
-    except (RuntimeError, ValueError, spl.ArpackError):
-        return None
-    order = np.argsort(square)
-    count = max(FEWEST_MODES, int(np.sum(square < (3 * top) ** 2)))
-    T = np.zeros((M.shape[0], len(retained) + min(count, most)))
-    T[retained, np.arange(len(retained))] = 1.0
-    T[local, : len(retained)] = -held.solve(K[np.ix_(local, retained)].toarray())
-    T[local, len(retained) :] = shapes[:, order[:count]]
+    static = shapes[0].real
+    moving = np.hstack([part - s * static for x in shapes for part, s in ((x.real, 1.0), (x.imag, 0.0))])
+    size = np.linalg.norm(moving, axis=0)
+    kept = size > 0
+    basis, weight, _ = np.linalg.svd(moving[:, kept] / size[kept], full_matrices=False)
+    basis = basis[:, : min(most, int(np.sum(weight > NEGLIGIBLE_SHAPE * weight[0])))] if kept.any() else basis[:, :0]
+    T = np.zeros((n, n_r + basis.shape[1]))
+    T[retained, np.arange(n_r)] = 1.0
+    T[local, :n_r], T[local, n_r:] = static, basis
     reduced = tuple(np.ascontiguousarray(T.T @ (A @ T)) for A in (M, C, K))
     return reduced if all(np.all(np.isfinite(A)) for A in reduced) else None
 

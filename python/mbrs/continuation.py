@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from . import _balance, _core
+from . import _balance, _checks, _core
 from .errors import ConvergenceError, ModelError, SingularError
-from .harmonic_balance import MOST_HARMONICS, ramped_start
+from .harmonic_balance import MOST_HARMONICS, first_solution
 from .nonlinear_system import as_system
 
 STATUS = {"end": "converged", "start": "left-at-start", "stalled": "stopped"}
@@ -86,10 +86,17 @@ class Chunks:
         return np.concatenate([part[name] for _, part in self.parts]) if self.parts else np.zeros(0)
 
     def exponents(self) -> np.ndarray | None:
-        """(n, 2 dof) where every point has them."""
+        """(n, 2 dof) where every point has them; nan fills up where reduced models have fewer."""
         parts = [part for _, part in self.parts if len(part["p"])]
         known = [part["exponents"] for part in parts if "exponents" in part]
-        return np.concatenate(known) if known and len(known) == len(parts) else None
+        if not known or len(known) < len(parts):
+            return None
+        out = np.full((sum(len(part) for part in known), max(part.shape[1] for part in known)), np.nan, complex)
+        at = 0
+        for part in known:
+            out[at : at + len(part), : part.shape[1]] = part
+            at += len(part)
+        return out
 
 
 class Branch(Iterator[BranchPoint]):
@@ -103,7 +110,7 @@ class Branch(Iterator[BranchPoint]):
     --------
     >>> import mbrs as mb
     >>> duffing = mb.MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[mb.Cubic(0.1, w=[1.0])])
-    >>> branch = mb.continuation.Branch(duffing, force=[0.18], omega=(0.5, 1.6))
+    >>> branch = mb.Branch(duffing, force=[0.18], omega=(0.5, 1.6))
     >>> round(next(branch).omega, 6)
     0.5
     """
@@ -153,23 +160,21 @@ class Branch(Iterator[BranchPoint]):
             raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
         self.tol = _balance.positive("tol", tol) if tol is not None else (1e-6 if self._auto else None)
         self._prepare: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples, condense=condense)
-        self.stability = bool(stability)
+        self.stability = _checks.flag("stability", stability)
         self.setup = self._problem(_first_set(force if inputs is None else inputs) if self._auto else harmonics)
-        limits = [_balance.positive(n, v) for n, v in [("step", step), ("min_step", min_step), ("max_step", max_step)]]
-        if not limits[1] <= limits[0] <= limits[2]:
-            raise ModelError(f"min_step <= step <= max_step must hold, they are {limits[1]}, {limits[0]}, {limits[2]}")
+        limits = _balance.steps(step, min_step, max_step)
         self._options: dict[str, Any] = dict(
-            predictor=predictor,
-            corrector=corrector,
+            predictor=_checks.choice("predictor", predictor, ("tangent", "secant", "lagrange")),
+            corrector=_checks.choice("corrector", corrector, ("pseudo-arclength", "arclength", "moore-penrose")),
             first_step=limits[0],
             least_step=limits[1],
             largest_step=limits[2],
             tolerance=_balance.positive("tolerance", tolerance),
-            stability=bool(stability),
-            events=bool(events),
+            stability=self.stability,
+            events=_checks.flag("events", events),
         )
         self.chunks = Chunks()
-        self.status = "going"
+        self.status, self.reason = "going", ""
         self.corrections = self.factorisations = 0
         self._corrections_before = self._factorisations_before = 0
         self._read = self._base = 0
@@ -195,7 +200,8 @@ class Branch(Iterator[BranchPoint]):
         else:
             a, b = self._span
             setup = _balance.of_family(self.family, a, abs(b - a), harmonics, **given)
-        self._model = setup.model(max(self.omega)) if self.stability else None
+        # a reduced model is that of one system; a family has its own matrices, or no stability
+        self._model = setup.model(max(self.omega)) if self.stability and self.family is None else None
         return setup
 
     def _first(self, x0: Any) -> Any:
@@ -210,10 +216,11 @@ class Branch(Iterator[BranchPoint]):
             force = _balance.scaled_force(self.force, level)
             options = dict(tolerance=self._options["tolerance"], max_iterations=60)
             given = dict(omega=omega, **self._prepare)
-            guess = ramped_start(self.system, force, self.setup.harmonics, given, options)
-            if guess is None:
+            setup, answer = first_solution(self.system, force, self.setup.harmonics, given, None, options)
+            if not answer["converged"]:
                 raise
-            return self._start(self.setup.start(guess), begin, None)
+            self.setup = self._problem(self.setup.harmonics, setup.n_samples)
+            return self._start(answer["y"], begin, None)
 
     def _start(self, y: np.ndarray, begin: float, towards: np.ndarray | None, across: bool = False) -> Any:
         a, b = self._span
@@ -248,17 +255,25 @@ class Branch(Iterator[BranchPoint]):
         events = part.pop("events")
         for event in events:
             event["before"] += self._base  # the core counts from where it was started
+        setup = self.setup
         part, events = self._richer(part, events)
-        self.chunks.parts.append((self.setup, part))
+        self.chunks.parts.append((setup, part))
         for e in events:
             where = self._where(e["p"])
-            X = self.setup.expand(e["y"], *where)
+            X = setup.expand(e["y"], *where)
             s = None if e["exponent"] is None else complex(*e["exponent"])
             index = min(e["before"], base + len(part["p"]))
             self.chunks.events.append(Event(e["kind"], where[0], where[1], X, s, index, where[2]))
         self.corrections = self._corrections_before + part.pop("corrections")
         self.factorisations = self._factorisations_before + part.pop("factorisations")
         self.status = STATUS.get(part["status"], part["status"])
+        if self.status == "stopped":
+            self.reason = self._why(part.get("broken"))
+
+    def _why(self, broken: int | None) -> str:
+        if broken is not None:
+            return f"elements[{broken}], {self.system.elements[broken]!r}, returned a force that is not finite"
+        return f"the corrector does not converge with the least step {self._options['least_step']:.0e}"
 
     def _richer(self, part: dict[str, Any], events: list[Any]) -> tuple[dict[str, Any], list[Any]]:
         """Cuts a chunk where harmonics or samples are too few, and goes on with more of them from the point before."""
@@ -447,13 +462,14 @@ def _stretched(X: np.ndarray, factor: int) -> np.ndarray:
 
 def _first_set(force: Any) -> int:
     """Harmonics to begin with: those of the forces at least."""
-    return max(3, *(int(h) for h in force)) if isinstance(force, dict) and force else 3
+    given = [h for h in force if isinstance(h, int)] if isinstance(force, dict) else []
+    return max([3, *given])
 
 
 def _range_of_values(value: Any) -> tuple[float, float]:
-    ends = np.asarray(value, dtype=float) if np.shape(value) == (2,) else np.zeros(0)
+    ends = _checks.real_array("value, a range (start, end),", value)
     if ends.size != 2 or not np.all(np.isfinite(ends)) or ends[0] == ends[1]:
-        raise ModelError(f"value must be a range of two different finite numbers, it is {value!r}")
+        raise ModelError(f"value must be a range of two different finite numbers, it is {_checks.shown(value)}")
     return float(ends[0]), float(ends[1])
 
 
@@ -464,12 +480,7 @@ def _one_of_each(w: np.ndarray, level: Any) -> tuple[tuple[float, float], tuple[
 
 
 def _range_and_level(w: np.ndarray, level: Any) -> tuple[tuple[float, float], tuple[float, float]]:
-    try:
-        levels = np.asarray(level, dtype=float)
-    except (TypeError, ValueError):
-        raise ModelError(f"level must be a number or a range (a, b), it is {level!r}") from None
-    if not np.all(np.isfinite(levels)):
-        raise ModelError(f"level must be finite, it is {level!r}")
+    levels = _checks.real_array("level", level)
     if w.shape == (2,) and levels.shape == ():
         if w[0] == w[1]:
             raise ModelError(f"the range of frequencies is empty: {w[0]} to {w[1]}")

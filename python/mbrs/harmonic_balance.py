@@ -249,8 +249,9 @@ def harmonic_balance(
         nu: the motion may have the period 2 pi nu / omega.
     condense
         Solve for the coordinates that elements touch alone, the others being eliminated exactly, harmonic by harmonic:
-        True,
-        False, or "auto" for systems large enough to gain from it. ``.stats.route`` tells what was done.
+        True, False, or "auto" for systems large enough to gain from it; by one sparse factorisation per harmonic
+        ("sparse") or by the modes of the rest while these coordinates are held, none left out ("modal").
+        ``.stats.route`` tells what was done.
     x0
         First guess: coefficients (dof, 2h+1) or an earlier result. The default starts at rest with the linear response;
         if that fails, the force is raised step by step, and if that fails, the harmonics are.
@@ -295,7 +296,7 @@ def harmonic_balance(
     if w.ndim != 0:
         raise ModelError("harmonic_balance solves at one frequency; frequency_response takes a range")
     limit = _balance.positive("tol", UNRESOLVED if tol is None else tol)
-    _balance.positive("tolerance", tolerance)
+    options = _balance.newton(tolerance, max_iterations)
     if isinstance(harmonics, str):
         if harmonics != "auto":
             raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
@@ -303,11 +304,9 @@ def harmonic_balance(
             n_samples=n_samples,
             subharmonic=subharmonic,
             condense=condense,
-            tolerance=tolerance,
-            max_iterations=max_iterations,
+            **options,
         )
         return _automatic(system, force, float(w), x0, 1e-6 if tol is None else tol, given)
-    options = dict(tolerance=tolerance, max_iterations=max_iterations)
     setup, answer = _solved(system, force, harmonics, subharmonic, n_samples, float(w), condense, x0, options)
     result = PeriodicSolution(
         setup.expand(answer["y"], float(w)),
@@ -339,12 +338,7 @@ def _solved(
 ) -> tuple[_balance.Setup, dict[str, Any]]:
     """The core's answer, with fewer harmonics first where all at once fail, and more samples where they are what lacks."""
     given: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples, omega=omega, condense=condense)
-    setup = _balance.prepare(system, force, harmonics, **given)
-    answer = _balance.translated(setup.core.solve, setup.start(x0), [omega], **options)
-    if not answer["converged"] and answer["broken"] is None and x0 is None:
-        guess = ramped_start(system, force, setup.harmonics, given, options)
-        if guess is not None:
-            answer = _balance.translated(setup.core.solve, setup.start(guess), [omega], **options)
+    setup, answer = first_solution(system, force, harmonics, given, x0, options)
     while answer["converged"]:
         more = _balance.more_samples(setup.n_samples, answer["error"], answer["aliasing"], system.elements, n_samples)
         if more is None:
@@ -359,7 +353,27 @@ def _solved(
     return setup, answer
 
 
-def ramped_start(
+def first_solution(
+    system: Any, force: Any, harmonics: Any, given: dict[str, Any], x0: Any, options: dict[str, Any]
+) -> tuple[_balance.Setup, dict[str, Any]]:
+    """The core's answer from a guess or from rest; where it fails, with harmonics that grow and with more samples: too few
+    make the equations of a stiff contact rough."""
+    laws = _balance.checked_system(system)
+    smooth = given["n_samples"] is not None or all(law.code in _balance.POLYNOMIAL for law in laws)
+    for least in (0,) if smooth else (0, _balance.MOST_SAMPLES // 8, _balance.MOST_SAMPLES // 2):
+        setup = _balance.prepare(system, force, harmonics, least_samples=least, **given)
+        answer = _balance.translated(setup.core.solve, setup.start(x0), [given["omega"]], **options)
+        if not answer["converged"] and x0 is None:
+            finer = dict(given, least_samples=least)
+            guess = _ramped_start(system, force, setup.harmonics, finer, options)
+            if guess is not None:
+                answer = _balance.translated(setup.core.solve, setup.start(guess), [given["omega"]], **options)
+        if answer["converged"]:
+            break
+    return setup, answer
+
+
+def _ramped_start(
     system: Any, force: Any, harmonics: tuple[int, ...], given: dict[str, Any], options: dict[str, Any]
 ) -> np.ndarray | None:
     """A first guess from sets of harmonics that grow, None where no set has a solution."""

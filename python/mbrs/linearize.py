@@ -252,12 +252,26 @@ class Linearization(Result):
             raise ModelError("base motion of a moving (rotating) state is not available; linearise at rest")
         if not port.is_rotation:
             return np.r_[port.direction, np.zeros(3)]
-        if self.model.gravity is not None and np.any(self.model.gravity):
+        fixed = [load.name for load in self.model.loads if load.frame == "world"]
+        if fixed:
             raise ModelError(
-                f"{port.name!r} turns ground under gravity, which this input map does not hold; use a translation, or "
-                "leave gravity out of the model"
+                f"{port.name!r} turns ground, but the load {fixed[0]!r} keeps its direction in space, which this input map "
+                "does not hold; use a translation, or leave the load out"
             )
         return np.r_[np.zeros(3), port.direction]
+
+    def tilt_map(self, ports: Sequence[Any]) -> tuple[np.ndarray, tuple[int, ...]]:
+        """Columns (dof, k) of those inputs that turn ground under gravity, times their angle, and which inputs they are.
+
+        Seen from ground gravity turns by -angle: each body feels m (g x direction) angle.
+        """
+        columns, which = [], []
+        if self.model.gravity is not None and "gravity" not in self.without:
+            for j, port in enumerate(as_port(self.model, p) for p in ports):
+                if port.kind == "base" and port.is_rotation:
+                    columns.append(self.ground_coupling[:, :3] @ np.cross(self.model.gravity, port.direction))
+                    which.append(j)
+        return np.array(columns).reshape(len(which), self.n).T, tuple(which)
 
     def output_map(
         self, ports: Sequence[Any], inputs: Sequence[Any] = ()

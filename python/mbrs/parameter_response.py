@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from . import _balance
-from .continuation import Branch
+from . import _balance, _checks
+from .continuation import Branch, Event
 from .errors import ModelError
-from .frequency_response import FrequencyResponse, collected
 from .harmonic_balance import PeriodicSolution
 from .nonlinear_system import as_system
+from .response_curve import FrequencyResponse, collected, follow
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,14 +35,33 @@ class ParameterResponse(FrequencyResponse):
 
     def point(self, i: int) -> PeriodicSolution:
         """The solution number ``i`` by itself, with the system of its value."""
-        one = super().point(i)
+        return self._with_system(super().point(i), float(self.value[i]), float(self.level[i]))
+
+    @property
+    def varies(self) -> str:
+        """What changes along the curve: the name of the parameter."""
+        return self.name
+
+    def axis(self) -> tuple[np.ndarray, str]:
+        """What the curve is drawn over, (n,), and its name."""
+        return self.value, self.name
+
+    def place(self, event: Event) -> float:
+        """Where an event is on that axis."""
+        return float("nan") if event.value is None else event.value
+
+    def at(self, event: Event) -> PeriodicSolution:
+        """The motion at an event, with the system there."""
+        return self._with_system(super().at(event), self.place(event), event.level)
+
+    def _with_system(self, one: PeriodicSolution, value: float, level: float) -> PeriodicSolution:
         if self.family is not None:
-            system, force = self.family(float(self.value[i]))
+            system, force = self.family(value)
             object.__setattr__(one, "system", system)
-            object.__setattr__(one, "force", _balance.scaled_force(force, float(self.level[i])))
+            object.__setattr__(one, "force", _balance.scaled_force(force, level))
         return one
 
-    def peak(self, dof: int = 0, harmonic: int | None = 1) -> PeriodicSolution:
+    def peak(self, dof: Any = 0, harmonic: int | None = 1) -> PeriodicSolution:
         """The point of the curve with the largest amplitude; not solved for."""
         return self.point(int(np.argmax(self.amplitude(dof, harmonic))))
 
@@ -51,40 +70,20 @@ class ParameterResponse(FrequencyResponse):
         if self.branch is None:
             raise ModelError("only the curve that parameter_response returned can be resumed, not one that was loaded")
         started = perf_counter()
-        self.branch.run(max_points)
+        follow(self.branch, len(self.branch.chunks) + _balance.integer("max_points", max_points), None)
         return _collect(self.branch, self.name, perf_counter() - started + self.stats.wall_time)
-
-    def plot(self, dof: int = 0, harmonic: int | None = 1, ax: Any = None) -> Any:
-        """Amplitude over the parameter, unstable parts dashed, events marked; returns the axes."""
-        import matplotlib.pyplot as plt
-
-        ax = plt.subplots()[1] if ax is None else ax
-        y = self.amplitude(dof, harmonic)
-        known = self.stable is not None and not np.any(np.isnan(np.asarray(self.stable, float)))
-        stable = np.asarray(self.stable, bool) if known else np.ones(len(y), bool)
-        ax.plot(self.value, np.where(stable, y, np.nan), "-", color="C0")
-        ax.plot(self.value, np.where(~stable, y, np.nan), "--", color="C0")
-        for event in self.events:
-            near = y[min(event.index, len(y) - 1)]
-            ax.plot([event.value], [near], "o", color="C1", label=event.kind)
-        ax.set(xlabel=self.name, ylabel=f"harmonic {harmonic} of coordinate {dof}")
-        return ax
 
     def to_xarray(self) -> Any:
         """As of `FrequencyResponse`, with the value as a coordinate."""
         return super().to_xarray().assign_coords(value=("point", self.value))
 
-    def __str__(self) -> str:
-        lines = [
-            f"ParameterResponse: {self.status}, {len(self)} points, {self.name} {self.value.min():.6g} to "
-            f"{self.value.max():.6g}, largest estimated error {np.nanmax(self.error):.1e}, "
-            f"{self.stats.wall_time * 1e3:.1f} ms"
-        ]
-        return "\n".join([*lines, *(f"  {event}" for event in self.events)])
+    def _span(self) -> str:
+        return f"{self.name} {self.value.min():.6g} to {self.value.max():.6g} at {self.frequency[0]:.6g} Hz"
 
     def __getstate__(self) -> dict[str, Any]:
         # what makes the systems need not travel, so that the coefficients must
-        cache = {"X": self.X}
+        order = self.parts[0].setup.subharmonic if self.parts else 1
+        cache = {"X": self.X, "subharmonic": order}
         return {**super().__getstate__(), "family": None, "parts": (), "_built": cache}
 
 
@@ -157,7 +156,7 @@ def parameter_response(
     'converged'
     """
     started = perf_counter()
-    most = _balance.integer("max_points", max_points)
+    most = _checks.count("max_points", max_points, 10_000_000)
     made = _family(system, parameter, force, inputs, amplitude, at, without)
     given: dict[str, Any] = dict(
         omega=omega,
@@ -179,7 +178,7 @@ def parameter_response(
         events=events,
     )
     branch = Branch(None, family=made, value=value, force=force, inputs=inputs, **given)
-    branch.run(most)
+    follow(branch, most, None, "parameter response")
     return _collect(branch, parameter or "value", perf_counter() - started)
 
 

@@ -394,10 +394,14 @@ def _of_ports(result: Any, parameters: str | Sequence[str], follow: bool) -> Any
     d = _of_linearization(lin, parameters, follow)
     inputs = [as_port(lin.model, p) for p in result.linear.inputs]
     outputs = [as_port(lin.model, p) for p in result.linear.outputs]
+    tilts = [_tilt_change(d, inputs[j]) for j in result.linear.shared]
+    direct = _direct_change(d, outputs, inputs)
+    if direct is not None and tilts:
+        direct = np.concatenate([direct, np.zeros((len(outputs), len(tilts), d.directions.n))], axis=1)
     maps = {
-        "dF": np.stack([_input_change(d, port) for port in inputs], axis=1),
+        "dF": np.stack([*(_input_change(d, port) for port in inputs), *tilts], axis=1),
         "dL": np.stack([_row_change(d, port) for port in outputs]),
-        "dD0": _direct_change(d, outputs, inputs),
+        "dD0": direct,
     }
     matrices = {"dM": d.M, "dD": d.D, "dS": d.S}
     if type(result).__name__ == "FrfResult":
@@ -459,6 +463,18 @@ def _input_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
         return _row_change(d, port)
     assert d.ground_coupling is not None
     return -np.einsum("ikp,k->ip", d.ground_coupling, d.linearization._rigid(port))
+
+
+def _tilt_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
+    """(dof, n_p): change of the force per angle of ground that turns under gravity."""
+    assert d.ground_coupling is not None
+    model, lin = d.linearization.model, d.linearization
+    assert model.gravity is not None
+    change = _slice(d.directions, int(tables(model)["gravity_x"][0]), 3)
+    moved = np.cross(change.T, port.direction).T
+    return np.einsum("ikp,k->ip", d.ground_coupling[:, :3], np.cross(model.gravity, port.direction)) + (
+        lin.ground_coupling[:, :3] @ moved
+    )
 
 
 def _direct_change(d: LinearizationSensitivity, outputs: Sequence[Port], inputs: Sequence[Port]) -> np.ndarray | None:

@@ -6,6 +6,7 @@ import math
 import time
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,10 +26,10 @@ from .trajectory import Trajectory
 if TYPE_CHECKING:
     from .model import Model
 
-METHODS = ("auto", "explicit", "generalized-alpha", "bdf", "bdf-bfgs")
+METHODS = ("auto", "explicit", "generalized-alpha", "bdf", "bdf-bfgs", "ali3p")
 # effects of a linearisation: a motion has them in its forces or not at all
 _LINEAR_ONLY = frozenset({"gyroscopic", "preload-stiffness", "constraint-force-stiffness"})
-_ORDER = {"explicit": 8, "generalized-alpha": 2, "bdf": 4, "bdf-bfgs": 4}
+_ORDER = {"explicit": 8, "generalized-alpha": 2, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
 _TIGHTEST, _LOOSEST = 1e-13, 1e-1
 # changes of initial values below this are rounding
 _CHANGED = 1e-9
@@ -51,6 +52,7 @@ def simulate(
     max_step: float | None = None,
     first_step: float | None = None,
     max_steps: int | None = None,
+    parameters: str | Sequence[str] | None = None,
 ) -> Trajectory:
     """M(q) v' + h(q, v, t) + J^T lam = 0 with Phi(q, t) = 0 and J v + Phi_t = 0, from a state over a time.
 
@@ -68,9 +70,10 @@ def simulate(
         s; fixed steps instead.
     method
         "auto" chooses from what the scene contains and says why in ``stats.route``; "explicit" (order 8, for scenes that
-        are not stiff); "generalized-alpha" (order 2, on the Lie group); "bdf" (orders 1 to 5 with Newton's method, for stiff scenes; order 4
-        with ``step``); "bdf-bfgs" (order 4, no tangent: the equations of a
-        step are solved by inverse quasi-Newton updates, see `mb.root`; it warns of undamped modes that it amplifies).
+        are not stiff); "generalized-alpha" (order 2, on the Lie group); "bdf" (orders 1 to 5 with Newton's method, for
+        stiff scenes; order 4 with ``step``); "bdf-bfgs" (order 4, no tangent: the equations of a step are solved by
+        inverse quasi-Newton updates, see `mb.root`; it warns of undamped modes that it amplifies); "ali3p" (index-3
+        augmented Lagrangian with projections, order 2: the scheme whose gradients `mb.gradient` takes).
     at
         Start: None (drawn, with the given velocities), an equilibrium, a steady motion, or ``traj.state(t)`` to go on.
     without
@@ -85,6 +88,9 @@ def simulate(
         s; limits of the controlled steps.
     max_steps
         Stop after so many.
+    parameters
+        Addresses of numbers by which ``traj.sensitivity(...)`` is to differentiate (method "ali3p", which is then the one
+        that "auto" takes); the times of an array ``t`` end steps then.
 
     Returns
     -------
@@ -133,6 +139,8 @@ def simulate(
     options["method"] = _variant(method, form, update)
     made = _run(snapshot, state, without, options)
     traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
+    if parameters is not None:
+        traj = replace(traj, parameters=parameters, start=state)
     _report_start(m, made)
     if method == "bdf-bfgs" or (method == "bdf" and step is not None):
         warn_amplified(m, at, traj.steps)
@@ -160,6 +168,14 @@ def _variant(method: str, form: Any, update: Any) -> str:
     if update not in ("auto", "bfgs", "broyden"):
         raise ModelError(f"update= is 'auto', 'bfgs' or 'broyden', got {shown(update)}")
     return f"{method}/{form}/{update}"
+
+
+def _with_sensitivities(method: str) -> str:
+    if method not in ("auto", "ali3p"):
+        raise ModelError(
+            f"method={method!r} has no sensitivities; the one that has is method='ali3p', or leave parameters= out"
+        )
+    return "ali3p"
 
 
 def _number(name: str, value: Any, *, positive: bool = True) -> float:

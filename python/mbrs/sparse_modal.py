@@ -166,12 +166,11 @@ def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], start: fl
         )
     D, S = _sum(system.C, system.G), _sum(system.K, system.N)
     with core_errors(), Elapsed(f"lowest {n} modes of {system.M.shape[0]} coordinates"):
-        r = _core.sparse_modes(_arrays(system.M), None if D is None else _arrays(D), _arrays(S), n)
+        r = _lowest(system.M, D, S, n, symmetric=system.G is None and system.N is None)
     damped = "eigenvalue" in r
     residual = r["residual"]
     if damped:
-        s = r["eigenvalue"]
-        partner = np.where(s.imag != 0.0, s.conj(), np.nan)
+        s, partner = r["eigenvalue"], r["partner"]
     else:
         lam = r["lambda"]
         root = np.sqrt(np.abs(lam))
@@ -207,6 +206,49 @@ def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], start: fl
         error=error,
         status="unresolved" if unresolved else "converged",
     )
+
+
+def _lowest(M: Any, D: Any, S: Any, n: int, symmetric: bool) -> dict[str, Any]:
+    """The core's answer with n modes; of two real roots that make one overdamped mode the lower is its partner."""
+    arrays = _arrays(M), None if D is None else _arrays(D), _arrays(S)
+    wanted, dof = n, M.shape[0]
+    while True:
+        r = _core.sparse_modes(*arrays, wanted)
+        if "eigenvalue" not in r:
+            return r
+        s = r["eigenvalue"]
+        r["partner"] = np.where(s.imag != 0.0, s.conj(), np.nan)
+        if not symmetric:
+            return r
+        lower = _lower(M, D, s, r["shape"])
+        upper = np.flatnonzero(~lower)
+        if len(upper) >= n or wanted >= dof:
+            return _paired(r, upper[:n], np.flatnonzero(lower))
+        wanted = min(wanted + n - len(upper), dof)
+
+
+def _lower(M: Any, D: Any, s: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Real roots with x^T Q'(s) x < 0: the lower ones of every scalar quadratic."""
+    lower = np.zeros(len(s), dtype=bool)
+    for i in np.flatnonzero((s.imag == 0.0) & (s != 0.0)):
+        v = x[:, i].real
+        lower[i] = 2.0 * s[i].real * (v @ (M @ v)) + v @ (D @ v) < 0.0
+    return lower
+
+
+def _paired(r: dict[str, Any], upper: np.ndarray, lower: np.ndarray) -> dict[str, Any]:
+    """Each upper real root takes the lower one with the most similar shape; nan where that lies beyond what was computed."""
+    s, x = r["eigenvalue"], r["shape"]
+    unit = x / np.linalg.norm(x, axis=0)
+    free = list(lower)
+    for i in upper[(s[upper].imag == 0.0) & (len(lower) > 0)]:
+        likeness = np.abs(unit[:, free].conj().T @ unit[:, i]) if free else np.zeros(0)
+        if likeness.size and likeness.max() > 0.5:
+            r["partner"][i] = s[free.pop(int(np.argmax(likeness)))]
+    for key in ("eigenvalue", "partner", "residual"):
+        r[key] = r[key][upper]
+    r["shape"] = x[:, upper]
+    return r
 
 
 def _groups(s: np.ndarray) -> tuple[tuple[int, ...], ...]:

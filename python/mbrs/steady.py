@@ -246,7 +246,7 @@ def _solve(
             r = snapshot.system.linearize(relative, rate, list(without))
         _check_rates(snapshot, r, relative, rate, without)
         place = {name: i for i, name in enumerate(names)}
-        still = np.array([place[name] not in driven for name in r["coordinates"]])
+        still = np.array([place[name] not in driven for name in r["coordinates"]], dtype=bool)
         residual = r["residual"][still]
         size = float(np.max(np.abs(residual), initial=0.0))
         scale = max(r["force_scale"], np.finfo(float).tiny)

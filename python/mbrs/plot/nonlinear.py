@@ -38,13 +38,9 @@ def curve(result: Any, dof: Any = 0, harmonic: int | None = 1, *, ax: Any = None
     -------
     matplotlib.figure.Figure
     """
-    over_frequency = result.varies == "frequency"
-    x = result.frequency if over_frequency else result.level
+    x, name_of_x = result.axis()
     y = result.amplitude(dof, harmonic)
-    marks = [
-        (e.index, e.frequency if over_frequency else e.level, result.event_amplitude(e, dof, harmonic))
-        for e in result.events
-    ]
+    marks = [(e.index, result.place(e), result.event_amplitude(e, dof, harmonic)) for e in result.events]
     with style():
         made, axes = _axes(ax)
         before = len(axes.lines)
@@ -64,7 +60,7 @@ def curve(result: Any, dof: Any = 0, harmonic: int | None = 1, *, ax: Any = None
         if axes.get_legend_handles_labels()[0]:
             axes.legend(loc="best")
         what = "largest displacement" if harmonic is None else "mean" if harmonic == 0 else f"harmonic {harmonic}"
-        axes.set(xlabel="f [Hz]" if over_frequency else "force level", ylabel=f"{what} of {result.label(dof)}")
+        axes.set(xlabel=name_of_x, ylabel=f"{what} of {result.label(dof)}")
         if ax is None:
             axes.set_title(f"{result.status}: {len(result)} points")
     return made
@@ -195,17 +191,15 @@ def multipliers(result: Any) -> Any:
         plane.set(xlabel="Re", ylabel="Im", title="Floquet multipliers")
         plane.legend(loc="best")
         if many:
-            over_frequency = result.varies == "frequency"
-            x = result.frequency if over_frequency else result.level
+            x, name = result.axis()
             axes[1].axhline(1.0, color=FADED, lw=1.0)
             axes[1].plot(x, np.max(np.abs(values), axis=1), color=PALETTE[0])
-            axes[1].set(xlabel="f [Hz]" if over_frequency else "force level", ylabel="largest magnitude",
-                        title="stable at most 1")  # fmt: skip
+            axes[1].set(xlabel=name, ylabel="largest magnitude", title="stable at most 1")  # fmt: skip
     return made
 
 
 def torus_branch(result: Any, dof: Any = 0, index: Any = None, *, ax: Any = None) -> Any:
-    """Amplitudes of terms of a quasi-periodic branch, or of one harmonic of a parameter branch, folds marked."""
+    """Amplitudes of terms of a quasi-periodic branch, folds marked."""
     x, name, marks = result.abscissa()
     with style():
         made, axes = _axes(ax)

@@ -41,6 +41,7 @@ def bdf_step(sys: System, past: list[Instant], h: float) -> tuple[Instant, int]:
     """
     sys.t = past[0].t + h
     now, n, velocity = past[0], sys.ny, velocity_rows(sys)
+    sys.t = now.t + h
     unit, n_rows = column_scales(sys), len(velocity)
     _, J = rows(sys, now.motion)
     force, lam_scale = force_scales(sys, now.motion) * h**2, multiplier_scales(sys, now.motion, J) / h**2

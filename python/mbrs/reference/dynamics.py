@@ -293,7 +293,8 @@ def applied_residual(
 
 def reactions(sys: System, state: State, lam: Array) -> dict[str, Array]:
     """Constraint wrench of every joint on its second body at the second body's marker, world axes, (6,) by name."""
-    bodies, out, start = [*motion(state)[:-1], GROUND_MOTION], {}, 0
+    out: dict[str, Array] = {}
+    bodies, start = [*motion(state)[:-1], GROUND_MOTION], 0
     for rows_of in LEVELS:
         for link in sys.joints:
             rows = rows_of(link)

@@ -90,6 +90,7 @@ def explicit(sys: System, start: Instant, h: float, n: int, coefficients: Any = 
         for i, (row, node) in enumerate(zip(A, A.sum(axis=1), strict=True)):
             sys.t = start.t + (step + node) * h
             y = h * row[:i] @ dy[:i]
+            sys.t = start.t + (step + np.sum(row[:i])) * h
             trial = moved(sys, now, y, now.rate + h * row[:i] @ dv[:i])
             dy[i], dv[i] = increment_rates(sys, y, trial.rate), acceleration(sys, trial)[0]
         end = moved(sys, now, h * weights @ dy, now.rate + h * weights @ dv)

@@ -44,13 +44,14 @@ impl Stability {
         if problem.elements.iter().any(|e| e.force.has_memory()) || problem.omega.len() != 1 {
             return Ok(None);
         }
+        let reduced = match model {
+            Some(model) if represents(problem, model)? => Some(model),
+            _ => None,
+        };
         let own = problem.linear.matrices();
-        let Some(matrices) = own.as_ref().or(model) else {
+        let Some(matrices) = reduced.or(own.as_ref()) else {
             return Ok(None);
         };
-        if own.is_none() && !represents(problem, matrices)? {
-            return Ok(None);
-        }
         let splitting = Splitting::new(problem, matrices)?;
         let value = problem.family.as_ref().map(|f| f.value);
         let small = 2 * problem.n() * problem.basis.n_coefficients() <= LARGEST_HILL;

@@ -125,6 +125,50 @@ impl<T: Real> Geometry<T> {
     }
 }
 
+impl<T: Real> Geometry<T> {
+    /// The same numbers as others, one by one in a fixed order.
+    pub fn map<U: Real>(&self, mut f: impl FnMut(T) -> U) -> Geometry<U> {
+        fn pose<T: Real, U: Real>(p: &Pose<T>, f: &mut impl FnMut(T) -> U) -> Pose<U> {
+            Pose {
+                p: p.p.map(&mut *f),
+                r: p.r.map(&mut *f),
+            }
+        }
+        fn pairs<T: Real, U: Real>(
+            all: &[MarkerPair<T>],
+            f: &mut impl FnMut(T) -> U,
+        ) -> Vec<MarkerPair<U>> {
+            all.iter()
+                .map(|p| MarkerPair {
+                    a: pose(&p.a, f),
+                    b: pose(&p.b, f),
+                    radius: f(p.radius),
+                })
+                .collect()
+        }
+        let bodies = self.bodies.iter().map(|b| BodyGeometry {
+            mass: f(b.mass),
+            inertia: b.inertia.map(&mut f),
+            drawn: pose(&b.drawn, &mut f),
+            com: b.com.map(&mut f),
+        });
+        Geometry {
+            bodies: bodies.collect(),
+            joints: pairs(&self.joints, &mut f),
+            elements: pairs(&self.elements, &mut f),
+            element_length: self.element_length.iter().map(|v| f(*v)).collect(),
+            joint_length: self.joint_length.iter().map(|v| f(*v)).collect(),
+            motions: self.motions.iter().map(|m| m.map(&mut f)).collect(),
+            loads: self
+                .loads
+                .iter()
+                .map(|(p, v)| (p.map(&mut f), v.map(&mut f)))
+                .collect(),
+            gravity: self.gravity.map(|g| g.map(&mut f)),
+        }
+    }
+}
+
 fn body<T: Real>(n: &[T]) -> BodyGeometry<T> {
     let r = rotation_of_quaternion(&n[3..7]);
     let com = vector(n, 7);

@@ -103,8 +103,8 @@ impl MotionKind {
             1 => (Sine, n == 4),
             2 => (SineHertz, n == 4),
             3 => (Polynomial, n >= 1),
-            4 => (Table, n >= 4 && n % 2 == 0),
-            5 => (Lines, n >= 4 && n % 2 == 0),
+            4 => (Table, n >= 4 && n.is_multiple_of(2)),
+            5 => (Lines, n >= 4 && n.is_multiple_of(2)),
             6 => (Function, n == 0),
             _ => return Err(Error::model(format!("motion type {code} does not exist"))),
         };
@@ -143,6 +143,40 @@ pub enum MotionLaw<T: Real> {
 }
 
 impl<T: Real> MotionLaw<T> {
+    /// The same numbers as others, one by one in a fixed order.
+    pub fn map<U: Real>(&self, f: &mut impl FnMut(T) -> U) -> MotionLaw<U> {
+        let mut all = |v: &[T]| v.iter().map(|x| f(*x)).collect::<Vec<U>>();
+        match self {
+            MotionLaw::Ramp {
+                rate,
+                offset,
+                start,
+            } => MotionLaw::Ramp {
+                rate: f(*rate),
+                offset: f(*offset),
+                start: f(*start),
+            },
+            MotionLaw::Sine {
+                amplitude,
+                omega,
+                phase,
+                offset,
+            } => MotionLaw::Sine {
+                amplitude: f(*amplitude),
+                omega: f(*omega),
+                phase: f(*phase),
+                offset: f(*offset),
+            },
+            MotionLaw::Polynomial(c) => MotionLaw::Polynomial(all(c)),
+            MotionLaw::Table { t, v, curvature } => MotionLaw::Table {
+                t: all(t),
+                v: all(v),
+                curvature: all(curvature),
+            },
+            MotionLaw::Function(function, output) => MotionLaw::Function(function.clone(), *output),
+        }
+    }
+
     pub fn derive(spec: &MotionSpec, x: &[T]) -> Self {
         let p = &x[spec.x..spec.x + spec.n];
         let sine = |omega: T| MotionLaw::Sine {
@@ -280,7 +314,7 @@ fn natural_spline<T: Real>(t: &[T], v: &[T]) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use num_dual::{Dual2_64, DualNum};
+    use num_dual::Dual2_64;
 
     /// Rate and acceleration against a dual number in the coefficients: shifting the start of time is the same as time itself.
     #[test]
@@ -319,7 +353,7 @@ mod tests {
             }
         }
         let linear: Vec<Dual2_64> = [1.0, 2.0].iter().map(|v| Dual2_64::from(*v)).collect();
-        assert_eq!(MotionLaw::Polynomial(linear).at(2.0)[0].re(), 5.0);
+        assert_eq!(MotionLaw::Polynomial(linear).at(2.0)[0].re, 5.0);
     }
 
     #[test]

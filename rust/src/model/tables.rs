@@ -212,8 +212,8 @@ impl Tables {
 
     /// Why a function of the model could not be evaluated, where one could not.
     pub fn failure(&self) -> Option<Error> {
-        let functions = self.motions.iter().filter_map(|m| m.function.as_ref());
-        let message = functions.filter_map(|f| f.failure()).last()?;
+        let mut functions = self.motions.iter().filter_map(|m| m.function.as_ref());
+        let message = functions.find_map(|f| f.failure())?;
         Some(Error::Convergence {
             message,
             best: Vec::new(),

@@ -295,6 +295,7 @@ impl HbmProblem {
             problem.omega = omega;
             problem.level = level;
             problem.evaluations = 0;
+            problem.ever_broken = None;
             let outcome = start::solve(&mut problem, &mut y, options, cancel)?;
             let estimate = Estimator::new(&problem, &finer)?.estimate(&problem, &y)?;
             let all = problem.expand(&y)?;
@@ -305,7 +306,7 @@ impl HbmProblem {
                 estimate,
                 evaluations: problem.evaluations,
                 factorisations: problem.factorisations,
-                broken: problem.broken,
+                broken: problem.ever_broken,
             })
         })?;
         solved.to_dict(py)

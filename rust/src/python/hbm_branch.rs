@@ -34,6 +34,7 @@ struct Chunk {
     base: f64,
     corrections: u64,
     factorisations: u64,
+    broken: Option<usize>,
 }
 
 #[pymethods]
@@ -147,6 +148,7 @@ impl HbmBranch {
                 corrections: follower.corrections(),
                 factorisations: follower.factorisations(),
                 status: follower.status,
+                broken: follower.problem.ever_broken,
                 records: std::mem::take(&mut follower.records),
                 events: std::mem::take(&mut follower.events),
             })
@@ -165,7 +167,7 @@ fn first(problem: &mut Problem, y: &mut [f64], tolerance: f64, cancel: &Cancel) 
     if outcome.converged {
         return Ok(());
     }
-    let what = match problem.broken {
+    let what = match problem.ever_broken {
         Some(e) => format!("elements[{e}] returned a force that is not finite"),
         None => outcome.reason.to_string(),
     };
@@ -265,6 +267,7 @@ impl Chunk {
         dict.set_item("events", events)?;
         dict.set_item("corrections", self.corrections)?;
         dict.set_item("factorisations", self.factorisations)?;
+        dict.set_item("broken", self.broken)?;
         dict.set_item(
             "status",
             match self.status {

@@ -3,6 +3,7 @@ mod border;
 mod direction;
 mod eigen_sensitivity;
 mod frf;
+mod gradient;
 mod hbm;
 mod hbm_branch;
 mod hbm_linear;
@@ -24,6 +25,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     direction::register(module)?;
     eigen_sensitivity::register(module)?;
     frf::register(module)?;
+    gradient::register(module)?;
     hbm::register(module)?;
     hbm_branch::register(module)?;
     modal::register(module)?;

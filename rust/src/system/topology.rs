@@ -1,12 +1,12 @@
 //! Spanning tree and cut joints, tree coordinates, constraint rows and the list of everything that carries force.
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 
 use crate::error::{Error, Result};
 use crate::laws::Law;
 use crate::model::geometry::Geometry;
 use crate::model::joint::{ANGLE_Z, Coordinate, Freedom, JointKind};
 use crate::model::tables::{
-    BodyRef, ElementKind, ElementSpec, HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, Tables,
+    BodyRef, ElementKind, ElementSpec, HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, LawSpec, Tables,
 };
 use crate::spatial::{Real, V3};
 
@@ -369,18 +369,25 @@ impl Tree<'_> {
 
 /// Laws bound to their places, memory numbered in the order in which connectors ask for it.
 struct LawBinder<'a> {
-    tables: &'a Tables,
+    of_owner: HashMap<(bool, usize), Vec<&'a LawSpec>>,
     memory: usize,
 }
 
-impl LawBinder<'_> {
+impl<'a> LawBinder<'a> {
+    fn new(tables: &'a Tables) -> Self {
+        let mut of_owner: HashMap<_, Vec<_>> = HashMap::new();
+        for l in &tables.laws {
+            of_owner.entry((l.on_joint, l.owner)).or_default().push(l);
+        }
+        LawBinder {
+            of_owner,
+            memory: 0,
+        }
+    }
+
     fn of(&mut self, on_joint: bool, owner: usize, n: usize) -> Result<Vec<BoundLaw>> {
-        let here = self
-            .tables
-            .laws
-            .iter()
-            .filter(|l| l.on_joint == on_joint && l.owner == owner);
-        here.map(|l| {
+        let here = self.of_owner.remove(&(on_joint, owner)).unwrap_or_default();
+        let bound = here.into_iter().map(|l| {
             if l.component >= n {
                 return Err(Error::model(format!(
                     "a law acts on coordinate {} of a connector that has {n}",
@@ -396,8 +403,8 @@ impl LawBinder<'_> {
                 x: l.x,
                 memory,
             })
-        })
-        .collect()
+        });
+        bound.collect()
     }
 }
 
@@ -407,7 +414,7 @@ fn present(flags: i64, bit: i64, x: usize) -> Option<usize> {
 
 fn connectors(tables: &Tables) -> Result<(Vec<Connector>, usize)> {
     let mut all = Vec::new();
-    let mut binder = LawBinder { tables, memory: 0 };
+    let mut binder = LawBinder::new(tables);
     for (i, e) in tables.elements.iter().enumerate() {
         let mut connector = element_connector(i, e);
         connector.laws = binder.of(false, i, connector.coordinates.len())?;

@@ -55,6 +55,8 @@ pub struct Problem {
     coefficients: Vec<f64>,
     /// the first element whose force was not finite at the last evaluation
     pub broken: Option<usize>,
+    /// the last element of which that was true at any evaluation since this was cleared
+    pub ever_broken: Option<usize>,
     pub evaluations: u64,
     /// dynamic stiffnesses that were computed
     pub factorisations: u64,
@@ -92,6 +94,7 @@ impl Problem {
             family: None,
             parameter: Parameter::Omega(0),
             broken: None,
+            ever_broken: None,
             evaluations: 0,
             factorisations: 0,
         })
@@ -325,6 +328,7 @@ impl Problem {
             .element(&element.force, &self.coefficients, frequency, slope, want)?;
         if self.broken.is_none() && !self.aft.force.iter().all(|f| f.is_finite()) {
             self.broken = Some(e);
+            self.ever_broken = Some(e);
         }
         for &(i, wi) in direction {
             for row in 0..n_c {

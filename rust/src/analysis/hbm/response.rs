@@ -228,48 +228,50 @@ impl Follower {
             return Ok(());
         };
         let b = self.branch.point().clone();
-        let mut static_change = 0;
+        let mut between = Vec::new();
         if a.p_slope() * b.p_slope() < 0.0 {
-            static_change += 1;
             let ends = (a.p_slope(), b.p_slope());
             let work = &mut self.branch.work;
             let found = segment.zero(&mut self.problem, work, cancel, ends, |_, p, _| {
                 Ok(p.p_slope())
             })?;
+            between.extend(found.clone());
             self.push_event(Kind::Fold, found, None);
         }
-        if crossed.is_some() {
-            static_change += 1;
-            self.push_event(Kind::BranchPoint, crossed, None);
+        between.extend(crossed.clone());
+        self.push_event(Kind::BranchPoint, crossed, None);
+        let (Some(before), Some(after)) = (before, self.last.clone()) else {
+            return Ok(());
+        };
+        between.sort_by(|p, q| segment.distance(p).total_cmp(&segment.distance(q)));
+        let mut here = (a, before.exponents.clone(), false);
+        for point in between {
+            let there = (point.clone(), self.exponents_at(&point)?, true);
+            self.find_crossing(&here, &there, cancel)?;
+            here = there;
         }
-        if let (Some(before), Some(after)) = (before, self.last.clone()) {
-            self.find_crossing(&segment, before, &after, static_change, cancel)?;
-        }
-        Ok(())
+        self.find_crossing(&here, &(b, after.exponents, false), cancel)
     }
 
-    /// A root that crosses the imaginary axis otherwise than through zero.
-    fn find_crossing(
-        &mut self,
-        segment: &Segment,
-        a: &Floquet,
-        b: &Floquet,
-        static_change: usize,
-        cancel: &Cancel,
-    ) -> Result<()> {
+    fn exponents_at(&mut self, point: &Point) -> Result<Vec<c64>> {
+        let Some(stability) = self.stability.as_mut() else {
+            return Ok(Vec::new());
+        };
+        let mut out = Linearisation::new(point.y().len());
+        self.problem.set_parameter(point.p())?;
+        self.problem.linearise_here(point.y(), &mut out)?;
+        let floquet = stability.exponents(&mut self.problem, out.jacobian.as_ref(), point.y())?;
+        Ok(floquet.exponents)
+    }
+
+    /// A root that crosses the imaginary axis otherwise than through zero, between two places of the branch.
+    fn find_crossing(&mut self, a: &Place, b: &Place, cancel: &Cancel) -> Result<()> {
         let w0 = self.problem.base_frequency();
-        let (n_a, n_b) = (unstable(&a.exponents, w0), unstable(&b.exponents, w0));
-        if n_a.abs_diff(n_b) <= static_change {
+        let Some(rank) = crossing_rank(a, b, w0) else {
             return Ok(());
-        }
-        let rank = n_a.min(n_b);
-        let ends = (
-            nth_growth(&a.exponents, rank),
-            nth_growth(&b.exponents, rank),
-        );
-        if ends.0 * ends.1 >= 0.0 {
-            return Ok(());
-        }
+        };
+        let segment = Segment::new(&a.0, &b.0, self.settings.options);
+        let ends = (nth_growth(&a.1, rank), nth_growth(&b.1, rank));
         let mut exponent = c64::new(0.0, 0.0);
         let Some(stability) = self.stability.as_mut() else {
             return Ok(());
@@ -315,6 +317,35 @@ impl Follower {
 /// Exponents with a positive real part.
 pub fn unstable(exponents: &[c64], w0: f64) -> usize {
     exponents.iter().filter(|s| s.re > NEUTRAL * w0).count()
+}
+
+/// A point with its exponents; true where one of them is zero because the branch folds or meets another one.
+type Place = (Point, Vec<c64>, bool);
+
+/// Which exponent, in the order of growth, changes its sign between two places; the one that is zero at a fold or branch point
+/// does so too, and does not count.
+fn crossing_rank(a: &Place, b: &Place, w0: f64) -> Option<usize> {
+    let others = |place: &Place| {
+        let mut exponents = place.1.clone();
+        let least = (0..exponents.len())
+            .min_by(|i, j| exponents[*i].norm().total_cmp(&exponents[*j].norm()));
+        if let Some(least) = least.filter(|_| place.2) {
+            exponents.swap_remove(least);
+        }
+        unstable(&exponents, w0) as i64
+    };
+    let change = others(a) - others(b);
+    let crossed = match (a.2, b.2) {
+        (false, false) => change != 0,
+        (false, true) => !(0..=1).contains(&change),
+        (true, false) => !(-1..=0).contains(&change),
+        (true, true) => change.abs() >= 2,
+    };
+    let signs = |rank: &usize| {
+        let (x, y) = (nth_growth(&a.1, *rank), nth_growth(&b.1, *rank));
+        x * y < 0.0 && x.abs().min(y.abs()) > NEUTRAL * w0
+    };
+    crossed.then(|| (0..a.1.len()).find(signs)).flatten()
 }
 
 fn by_growth(mut exponents: Vec<c64>) -> Vec<c64> {

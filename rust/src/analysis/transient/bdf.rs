@@ -24,6 +24,8 @@ const MAX_ITERATIONS: usize = 8;
 /// A kept factorisation serves steps within this part of its own.
 const NEAR: f64 = 0.25;
 const SAFETY: f64 = 0.85;
+/// Corrections that stop falling below this are rounding.
+const ROUNDING: f64 = 1e-10;
 /// Rotations of a chart beyond this (radians) call for a new one.
 const WIDE: f64 = 1.0;
 /// Tolerance of the run that starts fixed steps.
@@ -290,7 +292,7 @@ impl Bdf {
             let rate = step / last;
             let near = step <= 0.1 * self.solved
                 || last.is_finite() && rate < 1.0 && step * rate / (1.0 - rate) <= self.solved;
-            if near || last.is_finite() && rate > 0.3 && step < 1e-13 {
+            if near || last.is_finite() && rate > 0.3 && step < ROUNDING {
                 let slope = eq.increment_rates(&y, &v);
                 y = (0..n)
                     .map(|i| guess.y[i] + c * slope[i] - psi.y[i])

@@ -222,7 +222,10 @@ impl Driver<'_, '_, '_> {
             let tried = scheme.step(self.eq, &here, length, estimate, counts);
             let (mut step, size) = match self.judged(tried, length, scheme.power()) {
                 Verdict::Accepted(step, size) => (step, size),
-                Verdict::Fatal(error) => return Err(error),
+                Verdict::Fatal(error) => {
+                    self.stop(here.motion.t, error.to_string());
+                    break;
+                }
                 Verdict::Rejected(factor, why) => {
                     if let Some(error) = self.eq.topology().tables.failure() {
                         self.stop(here.motion.t, error.to_string());

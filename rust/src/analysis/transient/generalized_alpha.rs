@@ -283,27 +283,24 @@ impl GeneralizedAlpha {
         })
     }
 
-    /// Leading terms of the local error, from the change of a (C h^3 q''' in the increment, C' h^3 q'''' in the rate).
-    fn estimate(&self, c: &Carried, a1: &[f64], h: f64) -> LocalError {
+    /// Leading terms of the local error, C h^3 q''' in the increment and C' h^3 q'''' in the rate. The accelerations of the instants
+    /// are taken for it: those of the scheme carry the noise of index 3 along the constraints.
+    fn estimate(&self, c: &Carried, slope: &[f64], h: f64) -> LocalError {
         let p = self.p;
         let shift = p.am - p.af;
         let position = shift / 2.0 + p.beta - 1.0 / 6.0;
         let rate = 0.5
             * ((1.0 - p.gamma) * shift * shift + p.gamma * (1.0 + shift) * (1.0 + shift))
             - 1.0 / 6.0;
-        let slope = |i: usize| (a1[i] - c.a[i]) / h;
         let second = |i: usize| {
             c.slope
                 .as_ref()
-                .map_or(0.0, |s| 2.0 * (slope(i) - s[i]) / (h + c.h))
+                .map_or(0.0, |s| 2.0 * (slope[i] - s[i]) / (h + c.h))
         };
+        let third = h.powi(3);
         LocalError {
-            position: (0..a1.len())
-                .map(|i| position * h.powi(3) * slope(i))
-                .collect(),
-            rate: (0..a1.len())
-                .map(|i| rate * h.powi(3) * second(i))
-                .collect(),
+            position: slope.iter().map(|s| position * third * s).collect(),
+            rate: (0..slope.len()).map(|i| rate * third * second(i)).collect(),
         }
     }
 }
@@ -336,23 +333,29 @@ impl Scheme for GeneralizedAlpha {
         };
         self.solve(eq, &from.motion, &c, &mut u, h, counts)?;
         let (_, m, a1) = self.end(eq, &from.motion, &c, &u, h);
-        let error = estimate.then(|| self.estimate(&c, &a1, h));
-        self.error.clone_from(&error);
         let end = eq.consistent(m, counts)?;
-        let slope = Some((0..a1.len()).map(|i| (a1[i] - c.a[i]) / h).collect());
+        let slope: Vec<f64> = (end.acceleration.iter().zip(&from.acceleration))
+            .map(|(a, b)| (a - b) / h)
+            .collect();
+        let error = estimate.then(|| self.estimate(&c, &slope, h));
+        self.error.clone_from(&error);
         self.tried = Some(Carried {
             t: end.motion.t,
             a: a1,
             rate_slope: u.rate_slope,
             lam: u.lam,
-            slope,
+            slope: Some(slope),
             h,
         });
         Ok(Step { end, error })
     }
 
-    fn accept(&mut self, _: &Equations<'_, f64>, _: &Instant, _: &Step, _: f64) {
-        self.carried = self.tried.take();
+    fn accept(&mut self, _: &Equations<'_, f64>, _: &Instant, step: &Step, _: f64) {
+        // the driver may have rounded the time to an output or the end
+        self.carried = self.tried.take().map(|c| Carried {
+            t: step.end.motion.t,
+            ..c
+        });
     }
 
     /// A new step costs a factorisation: only for a gain.

@@ -2,6 +2,7 @@
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
+use super::ali3p::{Ali3p, Weight};
 use crate::solve::inverse::Family;
 
 use super::bdf::Bdf;
@@ -18,6 +19,7 @@ pub enum Method {
     Explicit,
     /// spectral radius at infinity
     GeneralizedAlpha(f64),
+    Ali3p(Weight),
     BdfBfgs(Form, Option<Family>),
     Bdf,
 }
@@ -32,6 +34,7 @@ impl Method {
             "explicit" => Ok(Method::Explicit),
             "bdf" => Ok(Method::Bdf),
             "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
+            "ali3p" => Ok(Method::Ali3p(Weight::Tangent)),
             name if name.starts_with("bdf-bfgs") => {
                 let form = if name.contains("/symmetric") {
                     Form::Symmetric
@@ -54,6 +57,7 @@ impl Method {
             Method::Auto => "auto",
             Method::Explicit => "explicit",
             Method::GeneralizedAlpha(_) => "generalized-alpha",
+            Method::Ali3p(_) => "ali3p",
             Method::BdfBfgs(..) => "bdf-bfgs",
             Method::Bdf => "bdf",
         }
@@ -63,6 +67,7 @@ impl Method {
         match self {
             Method::Auto | Method::Explicit => Box::new(Explicit8::default()),
             Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
+            Method::Ali3p(weight) => Box::new(Ali3p::new(*weight)),
             Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family)),
             Method::Bdf => Box::new(Bdf::new(match steps {
                 Steps::Fixed(_) => None,
@@ -73,7 +78,10 @@ impl Method {
 
     /// Schemes without local extrapolation: their tolerance is that of a unit of time.
     fn per_unit_step(&self) -> bool {
-        matches!(self, Method::GeneralizedAlpha(_) | Method::BdfBfgs(..))
+        matches!(
+            self,
+            Method::GeneralizedAlpha(_) | Method::BdfBfgs(..) | Method::Ali3p(_)
+        )
     }
 }
 
