@@ -35,11 +35,11 @@ class Chart:
         depend = pivots(row[:, None] * jacobian(sys, state, velocity=False) * column)
         self.places = np.setdiff1d(np.arange(sys.ny), depend)
         free = set(self.places.tolist())
-        for t in sys.tree:
-            turns = range(t.stop - 3, t.stop) if t.link.kind in ("spherical", "free") else ()
+        for joint in sys.tree:
+            turns = range(joint.stop - 3, joint.stop) if joint.link.kind in ("spherical", "free") else ()
             if 0 < len(free.intersection(turns)) < 3:
                 raise ModelError(
-                    f"joint {t.link.name!r}: its three rotations depend on each other through a loop, and the charts of "
+                    f"joint {joint.link.name!r}: its three rotations depend on each other through a loop, and the charts of "
                     "mbrs.reference hold them together; use generalised-alpha or BDF"
                 )
 

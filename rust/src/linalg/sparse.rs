@@ -1,6 +1,6 @@
 //! Sparse matrices in compressed columns, and factorisations that are checked: faer's pivots silently turn into infinities.
 use std::cell::RefCell;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::sparse::linalg::SupernodalThreshold;
@@ -238,7 +238,7 @@ enum Kind {
         value: Vec<f64>,
     },
     Lu {
-        symbolic: Rc<SymbolicLu<u32>>,
+        symbolic: Arc<SymbolicLu<u32>>,
         numeric: NumericLu<u32, f64>,
     },
 }
@@ -250,11 +250,11 @@ pub struct LuPlan(RefCell<Option<Ordered>>);
 struct Ordered {
     start: Vec<u32>,
     row: Vec<u32>,
-    symbolic: Rc<SymbolicLu<u32>>,
+    symbolic: Arc<SymbolicLu<u32>>,
 }
 
 impl LuPlan {
-    fn of(&self, a: &Csc) -> Result<Rc<SymbolicLu<u32>>> {
+    fn of(&self, a: &Csc) -> Result<Arc<SymbolicLu<u32>>> {
         let mut kept = self.0.borrow_mut();
         if let Some(known) = kept.as_ref()
             && known.start == a.start
@@ -264,7 +264,7 @@ impl LuPlan {
         }
         let symbolic = factorize_symbolic_lu(a.as_faer().symbolic(), Default::default())
             .map_err(|e| failed("ordering", e))?;
-        let symbolic = Rc::new(symbolic);
+        let symbolic = Arc::new(symbolic);
         *kept = Some(Ordered {
             start: a.start.clone(),
             row: a.row.clone(),
