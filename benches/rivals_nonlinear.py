@@ -9,7 +9,8 @@ from __future__ import annotations
 import contextlib
 import io
 import logging
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,18 @@ C, K3, F, W0, W1 = 0.05, 1.0, 0.3, 0.8, 3.0
 Points = tuple[np.ndarray, np.ndarray]
 
 
+@contextlib.contextmanager
+def elsewhere() -> Iterator[None]:
+    """A directory that is thrown away: PyHarm leaves files where it runs."""
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        yield
+
+
 def pyharm(H: int) -> Callable[[], Points]:
     """PyHarm: continuation by arc length, 128 samples or more."""
     logging.disable(logging.CRITICAL)
-    from pyHarm.Maestro import Maestro
+    with elsewhere():
+        from pyHarm.Maestro import Maestro
 
     one = np.ones((1, 1))
     to_ground = {"connect": {"s": [0], "GROUND": [0]}, "dirs": [0]}
@@ -44,8 +53,9 @@ def pyharm(H: int) -> Callable[[], Points]:
     }
 
     def run() -> Points:
-        master = Maestro(problem)
-        master.operate()
+        with elsewhere():
+            master = Maestro(problem)
+            master.operate()
         solutions = [s.x for s in master.nls["FRF"].SolList if s.flag_accepted]
         table = master.system.expl_dofs
         X = np.zeros((len(solutions), H + 1), complex)
@@ -142,7 +152,8 @@ def pyharm_chain(n: int, points: int) -> Callable[[], float]:
     logging.disable(logging.CRITICAL)
     import time
 
-    from pyHarm.Maestro import Maestro
+    with elsewhere():
+        from pyHarm.Maestro import Maestro
 
     M, damping, K, middle, stiffness = chain(n)
     step = 0.01 * np.sqrt(n)
@@ -166,7 +177,8 @@ def pyharm_chain(n: int, points: int) -> Callable[[], float]:
     }
 
     def run() -> float:
-        master = Maestro(problem)
+        with elsewhere():
+            master = Maestro(problem)
         study = master.nls["FRF"]
         study.initialise(None)
         begin = time.process_time()

@@ -353,7 +353,7 @@ def test_first_point_that_does_not_exist():
         (dict(omega=1.0), "one range"),
         (dict(omega=(0.5, 1.0), level=(0.1, 1.0)), "one range"),
         (dict(omega=(0.5, 1.0), level=np.nan), "finite"),
-        (dict(omega=(0.5, 1.0), level="x"), "level must be"),
+        (dict(omega=(0.5, 1.0), level="x"), "level must"),
         (dict(omega=(0.5, -1.0)), "positive"),
         (dict(omega=(0.5, 1.0), predictor="x"), "no predictor"),
         (dict(omega=(0.5, 1.0), corrector="x"), "no corrector"),

@@ -23,7 +23,7 @@ EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 MAKER = runpy.run_path(str(EXAMPLES / "reference_numbers.py"))
 CASES, AXES, NUMBERS = MAKER["CASES"], MAKER["AXES"], json.loads((EXAMPLES / "reference_numbers.json").read_text())
 # nonlinear_*.py: tests/test_examples_nonlinear.py
-OTHERS = ("reference_numbers.py", "readme_picture.py", "error_table.py")
+OTHERS = ("reference_numbers.py", "readme_picture.py", "docs_picture.py", "error_table.py")
 SCRIPTS = sorted(p.name for p in EXAMPLES.glob("*.py") if p.name not in OTHERS and not p.name.startswith("nonlinear_"))
 
 # What each script must say and leave behind.
@@ -32,13 +32,16 @@ SAYS = {
     "api_2_loops.py": (["redundant constraints: 3 of 5", "Campbell"], []),
     "api_3_nonlinear.py": (["fold        1.115700", "k = (2, -1)", "period 6.66328", "largest rail"], []),
     "api_4_motion.py": (["finished", "success: true"], ["run.html"]),
+    "api_5_gradients.py": (["psi = 0.72", "shape of the gradient: (2, 3)", "(11, 6, 3)"], []),
     "chain.py": (["springs only", "60"], ["chain-modes.png", "chain-modes.html"]),
     "falling_chain.py": (["end off by"], ["falling-chain.png", "falling-chain.html"]),
+    "five_bar_gradient.py": (["2.4319", "1.8448", "converged"], ["five-bar-convergence.png"]),
     "four_bars.py": (["30 redundant"], ["four-bars.png", "four-bars-reactions.png", "four-bars.html"]),
     "gap_problem.py": (["rejected", "energy kept"], ["gap-problem.png", "gap-problem-error.png"]),
     "heavy_top.py": (["precession 2.2465", "finished"], ["heavy-top.png", "heavy-top.html"]),
     "hexapod.py": (["36.7553", "k_leg"], ["hexapod-transmissibility.png", "hexapod-sensitivity.png"]),
     "ladder.py": (["redundant"], ["ladder-modes.png", "ladder-modes.html"]),
+    "nonholonomic.py": (["changes its sign: True", "edge.at[0]"], []),
     "quadruped.py": (["18 modes", "k_foot", "torso.motion.z"], ["quadruped-transfer-function.png"]),
     "quarter_car.py": (["damper 2800", "finished"], ["quarter-car.png", "quarter-car-power.png", "quarter-car.html"]),
     "rolling_disc.py": (["leans between 20.1 and 33.2"], ["rolling-disc.png", "rolling-disc.html"]),

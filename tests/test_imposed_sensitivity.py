@@ -85,7 +85,9 @@ def test_a_motion_of_the_numbers_of_a_drive():
         at = np.flatnonzero(d)
         made = core.integrate(start["relative"], start["rate"], 0.01, 20, (at.tolist(), d[at].tolist()))
         h = 1e-6
-        ends = [core.with_values(x + s * d).integrate(start["relative"], start["rate"], 0.01, 20, None) for s in (-h, h)]
+        ends = [
+            core.with_values(x + s * d).integrate(start["relative"], start["rate"], 0.01, 20, None) for s in (-h, h)
+        ]
         known = (ends[1]["position"] - ends[0]["position"]) / (2 * h)
         # from the first step on: before, the differences start off the rows
         assert np.abs(made["derivative"][1:] - known[1:]).max() < 2e-7 * max(1.0, np.abs(known).max()), along.labels[k]

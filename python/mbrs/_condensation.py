@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _core
+from . import _checks, _core
 from .errors import ModelError
 from .laws import Law
 
@@ -19,6 +19,7 @@ STABILITY_COORDINATES = 64  # as in the core: up to here it has the matrices the
 WORTH_REDUCING = 16  # beyond, stability is cheaper by a reduced model
 REDUCED_COORDINATES = 96
 SHIFTS = 24
+ROUTES = ("auto", "modal", "sparse")
 NEGLIGIBLE_SHAPE = 1e-9
 WORTH_CONDENSING = 150
 
@@ -44,10 +45,11 @@ class Linear:
 def linear_part(
     system: Any, laws: Sequence[Law], forces: np.ndarray, n_c: int, condense: bool | str, turn: bool = True
 ) -> Linear:
-    """``condense``: True, False or "auto", which condenses where the full equations are large. Without ``turn`` the
-    coordinates stay what they are, whatever the laws touch."""
-    if not isinstance(condense, bool) and condense != "auto":
-        raise ModelError(f'condense must be True, False or "auto", it is {condense!r}')
+    """``condense``: True, False, "modal", "sparse" or "auto", which condenses where the full equations are large. Without
+    ``turn`` the coordinates stay what they are, whatever the laws touch."""
+    if not isinstance(condense, bool | str) or (isinstance(condense, str) and condense not in ROUTES):
+        given = _checks.shown(condense)
+        raise ModelError(f'condense must be True, False, "auto", "modal" or "sparse", it is {given}')
     directions = tuple(np.asarray(law.w) for law in laws)
     touched = np.flatnonzero(np.any([w != 0 for w in directions], axis=0)) if directions else np.zeros(0, int)
     small = system.n * n_c <= WORTH_CONDENSING
@@ -55,16 +57,21 @@ def linear_part(
         return _full(system, directions, forces, n_c)
     if len(touched) == 0:
         touched = np.array([0])  # a linear system: any coordinate carries the equations
-    if turn and len(touched) > 8 and system.n <= MODAL_COORDINATES:
+    if turn and condense not in ("modal", "sparse") and len(touched) > 8 and system.n <= MODAL_COORDINATES:
         rank = int(np.linalg.matrix_rank(np.array(directions)))
         if 2 * rank < len(touched):
             return _turned(system, directions, forces, rank)
     if len(touched) == system.n:
         return _full(system, directions, forces, n_c)
-    matrices = _symmetric(system) if system.n <= MODAL_COORDINATES else None
+    by_modes = condense == "modal" or (condense != "sparse" and system.n <= MODAL_COORDINATES)
+    matrices = _symmetric(system) if by_modes else None
     modal = None if matrices is None else _modal(matrices, touched, forces)
     if modal is not None:
         return Linear(modal, "condensed, modal", directions, None, matrices)
+    if condense == "modal":
+        raise ModelError(
+            'condense="modal" needs symmetric matrices whose damping does not couple the modes; use "sparse"'
+        )
     return _sparse(system, touched, forces, directions)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _balance, _core
+from . import _balance, _checks, _core
 from .errors import ConvergenceError, ModelError, SingularError
 from .harmonic_balance import MOST_HARMONICS, first_solution
 from .nonlinear_system import as_system
@@ -160,23 +160,21 @@ class Branch(Iterator[BranchPoint]):
             raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
         self.tol = _balance.positive("tol", tol) if tol is not None else (1e-6 if self._auto else None)
         self._prepare: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples, condense=condense)
-        self.stability = bool(stability)
+        self.stability = _checks.flag("stability", stability)
         self.setup = self._problem(_first_set(force if inputs is None else inputs) if self._auto else harmonics)
-        limits = [_balance.positive(n, v) for n, v in [("step", step), ("min_step", min_step), ("max_step", max_step)]]
-        if not limits[1] <= limits[0] <= limits[2]:
-            raise ModelError(f"min_step <= step <= max_step must hold, they are {limits[1]}, {limits[0]}, {limits[2]}")
+        limits = _balance.steps(step, min_step, max_step)
         self._options: dict[str, Any] = dict(
-            predictor=predictor,
-            corrector=corrector,
+            predictor=_checks.choice("predictor", predictor, ("tangent", "secant", "lagrange")),
+            corrector=_checks.choice("corrector", corrector, ("pseudo-arclength", "arclength", "moore-penrose")),
             first_step=limits[0],
             least_step=limits[1],
             largest_step=limits[2],
             tolerance=_balance.positive("tolerance", tolerance),
-            stability=bool(stability),
-            events=bool(events),
+            stability=self.stability,
+            events=_checks.flag("events", events),
         )
         self.chunks = Chunks()
-        self.status = "going"
+        self.status, self.reason = "going", ""
         self.corrections = self.factorisations = 0
         self._corrections_before = self._factorisations_before = 0
         self._read = self._base = 0
@@ -269,6 +267,13 @@ class Branch(Iterator[BranchPoint]):
         self.corrections = self._corrections_before + part.pop("corrections")
         self.factorisations = self._factorisations_before + part.pop("factorisations")
         self.status = STATUS.get(part["status"], part["status"])
+        if self.status == "stopped":
+            self.reason = self._why(part.get("broken"))
+
+    def _why(self, broken: int | None) -> str:
+        if broken is not None:
+            return f"elements[{broken}], {self.system.elements[broken]!r}, returned a force that is not finite"
+        return f"the corrector does not converge with the least step {self._options['least_step']:.0e}"
 
     def _richer(self, part: dict[str, Any], events: list[Any]) -> tuple[dict[str, Any], list[Any]]:
         """Cuts a chunk where harmonics or samples are too few, and goes on with more of them from the point before."""
@@ -320,7 +325,9 @@ class Branch(Iterator[BranchPoint]):
 
     def _poor(self, part: dict[str, Any]) -> tuple[int, Any, int] | None:
         """The first point that lacks something, and the harmonics and samples to go on with; None where none does."""
-        lacking = ~(part["error"] <= self.tol) if self._auto else part["aliasing"] > _balance.ALIASED * part["error"]
+        lacking = part["aliasing"] > _balance.ALIASED * part["error"]
+        if self._auto:
+            lacking = ~(part["error"] <= self.tol)
         if not np.any(lacking):
             return None
         laws, n = self.system.elements, self.setup.n_samples
@@ -328,7 +335,7 @@ class Branch(Iterator[BranchPoint]):
         top, nu = self.setup.harmonics[-1], self.setup.subharmonic
         for i, (error, aliasing) in enumerate(zip(part["error"], part["aliasing"], strict=True)):
             wanted = not self._auto or self.tol is None or not error <= self.tol
-            more = _balance.more_samples(n, error, aliasing, laws, given) if wanted else None
+            more = _balance.more_samples(n, error, aliasing, laws, given, self.tol) if wanted else None
             if more is not None:
                 return i, self.setup.harmonics, more
             if self._auto and wanted and top < MOST_HARMONICS * nu:
@@ -457,13 +464,14 @@ def _stretched(X: np.ndarray, factor: int) -> np.ndarray:
 
 def _first_set(force: Any) -> int:
     """Harmonics to begin with: those of the forces at least."""
-    return max(3, *(int(h) for h in force)) if isinstance(force, dict) and force else 3
+    given = [h for h in force if isinstance(h, int)] if isinstance(force, dict) else []
+    return max([3, *given])
 
 
 def _range_of_values(value: Any) -> tuple[float, float]:
-    ends = np.asarray(value, dtype=float) if np.shape(value) == (2,) else np.zeros(0)
+    ends = _checks.real_array("value, a range (start, end),", value)
     if ends.size != 2 or not np.all(np.isfinite(ends)) or ends[0] == ends[1]:
-        raise ModelError(f"value must be a range of two different finite numbers, it is {value!r}")
+        raise ModelError(f"value must be a range of two different finite numbers, it is {_checks.shown(value)}")
     return float(ends[0]), float(ends[1])
 
 
@@ -474,12 +482,7 @@ def _one_of_each(w: np.ndarray, level: Any) -> tuple[tuple[float, float], tuple[
 
 
 def _range_and_level(w: np.ndarray, level: Any) -> tuple[tuple[float, float], tuple[float, float]]:
-    try:
-        levels = np.asarray(level, dtype=float)
-    except (TypeError, ValueError):
-        raise ModelError(f"level must be a number or a range (a, b), it is {level!r}") from None
-    if not np.all(np.isfinite(levels)):
-        raise ModelError(f"level must be finite, it is {level!r}")
+    levels = _checks.real_array("level", level)
     if w.shape == (2,) and levels.shape == ():
         if w[0] == w[1]:
             raise ModelError(f"the range of frequencies is empty: {w[0]} to {w[1]}")

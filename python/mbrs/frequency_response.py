@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _balance
+from . import _balance, _checks
 from .continuation import Branch
 from .errors import ConvergenceError, ModelError
 from .harmonic_balance import effects_of, harmonic_balance
@@ -107,7 +107,9 @@ def frequency_response(
     ['fold 1.26960', 'fold 1.11570']
     """
     started = perf_counter()
-    most = _balance.integer("max_points", max_points)
+    most = _checks.count("max_points", max_points, 10_000_000)
+    if progress is not None:
+        progress = _checks.flag("progress", progress)
     system, force = as_system(system, force, amplitude, at, without, inputs)
     w = omega if frequency is None else frequency
     if not isinstance(w, tuple) and np.ndim(w) == 1:

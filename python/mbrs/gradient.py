@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -72,6 +73,23 @@ class MotionGradient(Result):
 
     __repr__ = __str__
 
+    def sensitivity(self, parameters: str | Sequence[str]) -> MotionSensitivity:
+        """The gradient as `mb.sensitivity` returns derivatives: ``value``, parameter axis last."""
+        named = [parameters] if isinstance(parameters, str) else list(parameters)
+        missing = [p for p in named if p not in self.labels]
+        if missing:
+            raise ModelError(
+                f"this gradient is by {', '.join(self.labels)}, not by {missing[0]!r}; compute it with that parameter"
+            )
+        flat = np.asarray(self.gradient).reshape(*np.shape(self.value), len(self.labels))
+        chosen = [self.labels.index(p) for p in named]
+        return MotionSensitivity(
+            value=flat[..., chosen],
+            labels=tuple(named),
+            units=tuple(self.units[i] for i in chosen),
+            stats=self.stats,
+        )
+
     def plot(self, kind: str = "tornado", **options: Any) -> Any:
         """Bars of the change of the objective per relative change of each parameter ("tornado")."""
         from .plot import gradients
@@ -90,6 +108,24 @@ class MotionGradient(Result):
         )
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionSensitivity(Result):
+    """Derivatives of objectives of a motion: ``value`` (..., n_p), by ``labels``."""
+
+    value: np.ndarray
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+
+    def __str__(self) -> str:
+        from .report import table
+
+        flat = self.value.reshape(-1, len(self.labels))
+        rows = [(label, unit, *flat[:, p]) for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))]
+        return table(["parameter", "unit", *("derivative" for _ in flat)], rows, title="objectives of a motion")
+
+    __repr__ = __str__
+
+
 @dataclass
 class Run:
     """A motion to be differentiated: model, start, times of the steps."""
@@ -100,6 +136,7 @@ class Run:
     without: tuple[str, ...]
     times: np.ndarray
     weight: str = "tangent"
+    keep: int = 2**23
 
     def options(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
         """What the core takes."""
@@ -112,6 +149,7 @@ class Run:
             "times": self.times.tolist(),
             "memory": self.state.memory.tolist(),
             "weight": self.weight,
+            "keep": self.keep,
             "drawn": self.state.kind in ("drawn", "equilibrium"),
             "velocities": self.state.kind == "drawn",
             "quantities": list(asked),
@@ -150,7 +188,7 @@ def grid(start: float, end: float, step: float, through: Sequence[float] = ()) -
     """Times of steps of at most ``step`` that end at ``end`` and at the times given, equal between these."""
     marks = [start, *sorted(x for x in {float(x) for x in through} if start < x < end), end]
     out = [start]
-    for a, b in zip(marks[:-1], marks[1:], strict=True):
+    for a, b in itertools.pairwise(marks):
         n = max(1, math.ceil((b - a) / step * (1 - 1e-12) - 1e-9))
         out.extend(np.linspace(a, b, n + 1)[1:].tolist())
     return np.array(out)
@@ -169,6 +207,7 @@ def gradient(
     at: Any = None,
     without: Sequence[str] = (),
     weight: str = "tangent",
+    keep: int = 2**23,
 ) -> MotionGradient:
     """Objectives of a motion and their exact derivatives by any design parameters.
 
@@ -198,6 +237,9 @@ def gradient(
         Effects to leave out.
     weight
         Metric of the projections: "tangent" (M + h/2 C + h^2/4 K) or "mass".
+    keep
+        Adjoint: a motion of more numbers than this is not kept but run again between checkpoints, as many as the root of
+        its steps.
 
     Returns
     -------
@@ -241,7 +283,7 @@ def gradient(
         raise ModelError(
             f"objective= takes mb.Integral, mb.Final or mb.AtTimes, or several of them, got {shown(objective)}"
         )
-    run = prepare(m, objectives, t, step, rtol, at, check_without(without), weight)
+    run = replace(prepare(m, objectives, t, step, rtol, at, check_without(without), weight), keep=max(0, int(keep)))
     along = directions(m, parameters)
     chosen = ("adjoint" if along.n > 8 * len(objectives) else "direct") if method == "auto" else method
     found = _adjoint(run, objectives, along) if chosen == "adjoint" else _direct(run, objectives, along)
@@ -405,8 +447,15 @@ def _adjoint(
     return np.array([f.value for f in found]), gradients, added_counts(*counts)
 
 
-def trajectory_sensitivity(traj: Trajectory, run: Run, along: Directions, what: str) -> Derivative:
+def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
     """The derivative of a named quantity at the outputs of a trajectory; see `Trajectory.sensitivity`."""
+    if traj.start is None or not len(traj.parameters):
+        raise ModelError(
+            "this motion has no sensitivities; run mb.simulate(..., method='ali3p', parameters=['...']) to get them"
+        )
+    traj.snapshot.check_current("motion")
+    run = Run(traj.model, traj.snapshot, traj.start, traj.without, traj.steps)
+    along = directions(traj.model, traj.parameters)
     names = Names(run.snapshot.tables)
     asked = names.address(what)
     made = run.direct([asked], along)

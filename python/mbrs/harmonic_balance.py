@@ -249,8 +249,9 @@ def harmonic_balance(
         nu: the motion may have the period 2 pi nu / omega.
     condense
         Solve for the coordinates that elements touch alone, the others being eliminated exactly, harmonic by harmonic:
-        True,
-        False, or "auto" for systems large enough to gain from it. ``.stats.route`` tells what was done.
+        True, False, or "auto" for systems large enough to gain from it; by one sparse factorisation per harmonic
+        ("sparse") or by the modes of the rest while these coordinates are held, none left out ("modal").
+        ``.stats.route`` tells what was done.
     x0
         First guess: coefficients (dof, 2h+1) or an earlier result. The default starts at rest with the linear response;
         if that fails, the force is raised step by step, and if that fails, the harmonics are.
@@ -295,7 +296,7 @@ def harmonic_balance(
     if w.ndim != 0:
         raise ModelError("harmonic_balance solves at one frequency; frequency_response takes a range")
     limit = _balance.positive("tol", UNRESOLVED if tol is None else tol)
-    _balance.positive("tolerance", tolerance)
+    options = _balance.newton(tolerance, max_iterations)
     if isinstance(harmonics, str):
         if harmonics != "auto":
             raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
@@ -303,12 +304,10 @@ def harmonic_balance(
             n_samples=n_samples,
             subharmonic=subharmonic,
             condense=condense,
-            tolerance=tolerance,
-            max_iterations=max_iterations,
+            **options,
         )
         return _automatic(system, force, float(w), x0, 1e-6 if tol is None else tol, given)
-    options = dict(tolerance=tolerance, max_iterations=max_iterations)
-    setup, answer = _solved(system, force, harmonics, subharmonic, n_samples, float(w), condense, x0, options)
+    setup, answer = _solved(system, force, harmonics, subharmonic, n_samples, float(w), condense, x0, options, tol)
     result = PeriodicSolution(
         setup.expand(answer["y"], float(w)),
         float(w),
@@ -336,12 +335,14 @@ def _solved(
     condense: bool | str,
     x0: Any,
     options: dict[str, Any],
+    tol: float | None,
 ) -> tuple[_balance.Setup, dict[str, Any]]:
     """The core's answer, with fewer harmonics first where all at once fail, and more samples where they are what lacks."""
     given: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples, omega=omega, condense=condense)
     setup, answer = first_solution(system, force, harmonics, given, x0, options)
     while answer["converged"]:
-        more = _balance.more_samples(setup.n_samples, answer["error"], answer["aliasing"], system.elements, n_samples)
+        error, aliasing = answer["error"], answer["aliasing"]
+        more = _balance.more_samples(setup.n_samples, error, aliasing, system.elements, n_samples, tol)
         if more is None:
             break
         finer = _balance.prepare(system, force, harmonics, least_samples=more, **given)
@@ -359,7 +360,8 @@ def first_solution(
 ) -> tuple[_balance.Setup, dict[str, Any]]:
     """The core's answer from a guess or from rest; where it fails, with harmonics that grow and with more samples: too few
     make the equations of a stiff contact rough."""
-    smooth = given["n_samples"] is not None or all(law.code in _balance.POLYNOMIAL for law in system.elements)
+    laws = _balance.checked_system(system)
+    smooth = given["n_samples"] is not None or all(law.code in _balance.POLYNOMIAL for law in laws)
     for least in (0,) if smooth else (0, _balance.MOST_SAMPLES // 8, _balance.MOST_SAMPLES // 2):
         setup = _balance.prepare(system, force, harmonics, least_samples=least, **given)
         answer = _balance.translated(setup.core.solve, setup.start(x0), [given["omega"]], **options)
@@ -368,7 +370,7 @@ def first_solution(
             guess = _ramped_start(system, force, setup.harmonics, finer, options)
             if guess is not None:
                 answer = _balance.translated(setup.core.solve, setup.start(guess), [given["omega"]], **options)
-        if answer["converged"]:
+        if answer["converged"] or answer["broken"] is not None:
             break
     return setup, answer
 

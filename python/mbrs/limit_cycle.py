@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from . import _balance, _cycle_start
+from . import _balance, _checks, _cycle_start
 from .errors import ConvergenceError, ModelError
 from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of
+from .nonlinear_system import nonlinear_system
 from .results import Stats
 
 
@@ -62,13 +63,16 @@ def limit_cycle(
     method: str = "auto",
     tolerance: float = 1e-10,
     max_iterations: int = 60,
+    at: Any = None,
+    without: Any = (),
 ) -> LimitCycle:
     """Periodic motion without periodic excitation, its frequency unknown.
 
     Parameters
     ----------
     system
-        `MechanicalSystem` whose equilibrium is unstable, or that has a cycle anyway (then give ``x0``).
+        `MechanicalSystem` (or `Model`, its geometry linearised at the state ``at``, ``without`` some effects) whose
+        equilibrium is unstable, or that has a cycle anyway (then give ``x0``).
     harmonics
         Highest harmonic H, a sequence, or "auto": as many as ``.error <= tol`` needs.
     force
@@ -109,20 +113,24 @@ def limit_cycle(
     6.663287
     """
     started = perf_counter()
+    if hasattr(system, "compiled"):
+        system = nonlinear_system(system, at=at, without=without)
+    elif at is not None or _checks.names("without", without):
+        raise ModelError("at= and without= are for models; a MechanicalSystem is what its matrices are")
     _balance.checked_system(system)
-    if method not in ("auto", "harmonic-balance", "collocation"):
-        raise ModelError(f'method must be "auto", "harmonic-balance" or "collocation", it is {method!r}')
+    _checks.choice("method", method, ("auto", "harmonic-balance", "collocation"))
     automatic = isinstance(harmonics, str)
     if automatic and harmonics != "auto":
         raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
     limit = _balance.positive("tol", (1e-6 if automatic else UNRESOLVED / 10) if tol is None else tol)
     static = _static_force(system, force)
     given: dict[str, Any] = dict(n_samples=n_samples, condense=condense)
-    options: dict[str, Any] = dict(tolerance=tolerance, max_iterations=max_iterations)
+    options = _balance.newton(tolerance, max_iterations)
     tops = _enrichment(harmonics)
     guess = (x0, omega) if x0 is not None else None
-    if guess is not None:
-        _balance.positive("omega (needed beside x0)", omega)
+    if guess is not None or omega is not None:
+        omega = float(_balance.one_frequency(_balance.positive("omega (needed beside x0)", omega), None))
+        guess = guess and (_balance.checked_guess(system.n, x0), omega)
     starts = [guess] if guess is not None else list(_cycle_start.candidates(system, static, omega))
     if method == "collocation":
         return _collocated(system, static, starts, None if automatic else harmonics, limit, started)
@@ -155,11 +163,9 @@ def _better(last: LimitCycle | None, other: LimitCycle) -> LimitCycle:
 
 def _enrichment(harmonics: Any) -> list[Any]:
     """Sets of harmonics of growing size, so that each start is near."""
-    if harmonics == "auto":
+    if isinstance(harmonics, str):
         return [1, 3, 5, 9, 15, 23, 35, 53, 79, 119, 179, 255]
-    top = max(harmonics) if not isinstance(harmonics, int | np.integer) else int(harmonics)
-    if isinstance(harmonics, bool) or top < 1:
-        raise ModelError(f"harmonics must be at least 1, they are {harmonics!r}")
+    top = _balance.checked_harmonics(harmonics, 1)[-1]
     return [*(h for h in (1, 3, 5, 9, 15, 23, 35, 53, 79, 119, 179) if h < top), harmonics]
 
 
@@ -170,7 +176,7 @@ def _static_force(system: Any, force: Any) -> dict[int, np.ndarray]:
         raise ModelError(
             "a limit cycle has static forces alone, force={0: vector}; harmonic_balance takes periodic ones"
         )
-    return dict(force)
+    return {0: _balance.force_vector(system.n, force.get(0, np.zeros(system.n)), 0).real}
 
 
 def _refine(

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _balance
+from . import _balance, _checks
 from .continuation import Branch, Event
 from .errors import ModelError
 from .harmonic_balance import PeriodicSolution
@@ -156,7 +156,7 @@ def parameter_response(
     'converged'
     """
     started = perf_counter()
-    most = _balance.integer("max_points", max_points)
+    most = _checks.count("max_points", max_points, 10_000_000)
     made = _family(system, parameter, force, inputs, amplitude, at, without)
     given: dict[str, Any] = dict(
         omega=omega,

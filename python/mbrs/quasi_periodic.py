@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import comb
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from . import _balance, _condensation, _core
+from . import _balance, _checks, _condensation, _core
 from ._picked import label, picked
 from .errors import ConvergenceError, MbrsWarning, ModelError
 from .harmonic_balance import UNRESOLVED, effects_of
@@ -24,6 +24,8 @@ COMMENSURABLE = 1e-9
 SLOW = 1e-3
 NONSMOOTH_SAMPLES = 96
 MOST_UNKNOWNS = 6000
+MOST_COMBINATIONS = 200_000
+MOST_SAMPLES = 1 << 22
 MOST_AUTOMATIC = 3000  # unknowns, of the estimate too, up to which "auto" adds terms
 MOST_SAMPLES = 1 << 18
 
@@ -179,11 +181,26 @@ class QuasiPeriodicSolution(Result):
         return html_table(*self.rows(), title=self._heading(), footer=self._footer())
 
 
+def n_terms(p: int, m: int) -> int:
+    """How many index vectors `diamond` has, (sum_i 2^i C(p, i) C(m, i) - 1) / 2 (METHODS.md b.2)."""
+    return (sum(2**i * comb(p, i) * comb(m, i) for i in range(min(p, m) + 1)) - 1) // 2
+
+
+def _diamond_of(p: int, harmonics: Any) -> np.ndarray:
+    m = _balance.integer("harmonics", harmonics)
+    if m > MOST_UNKNOWNS or 2 * n_terms(p, m) + 1 > MOST_UNKNOWNS:
+        raise ModelError(f"harmonics = {_checks.shown(harmonics)} with {p} frequencies are too many terms; take fewer")
+    return diamond(p, m)
+
+
 def diamond(p: int, m: int) -> np.ndarray:
     """Index vectors (n_k, p) with sum |k_i| <= m, one of each pair +-k (first non-zero entry positive), by order,
     without 0."""
-    box = np.array(list(itertools.product(range(-m, m + 1), repeat=p)), dtype=int)
-    box = box[(np.abs(box).sum(axis=1) <= m) & np.any(box != 0, axis=1)]
+    box = np.zeros((1, 0), dtype=int)
+    for _ in range(p):
+        left = m - np.abs(box).sum(axis=1)
+        box = np.vstack([np.append(k, i) for k, n in zip(box, left, strict=True) for i in range(-n, n + 1)])
+    box = box[np.any(box != 0, axis=1)]
     first = box[np.arange(len(box)), np.argmax(box != 0, axis=1)]
     box = box[first > 0]
     return box[np.lexsort([*(-box.T[::-1]), np.abs(box).sum(axis=1)])]
@@ -266,9 +283,8 @@ def quasi_periodic(
     automatic = isinstance(harmonics, str)
     if automatic and (harmonics != "auto" or indices is not None):
         raise ModelError(f'harmonics must be a number or, without indices, "auto"; it is {harmonics!r}')
-    _balance.positive("tolerance", tolerance)
     limit = _balance.positive("tol", (1e-6 if automatic else UNRESOLVED) if tol is None else tol)
-    options: dict[str, Any] = dict(tolerance=tolerance, max_iterations=max_iterations)
+    options = _balance.newton(tolerance, max_iterations)
     given = (static, n_samples, condense)
     if automatic:
         return _automatic(system, forces, given, x0, limit, options, started)
@@ -301,7 +317,7 @@ def _solved(problem: Torus, x0: Any, limit: float, options: dict[str, Any], star
     while True:
         answer = _balance.translated(problem.core.solve, problem.start(x0), list(problem.omega), **options)
         result = problem.solution(answer, limit, started)
-        finer = problem.finer(answer) if answer["converged"] else None
+        finer = problem.finer(answer, limit) if answer["converged"] else None
         if finer is None:
             break
         problem, x0 = finer, result
@@ -347,6 +363,7 @@ class Torus:
         n_samples: int | Sequence[int] | None,
         condense: bool | str,
         least_samples: list[int] | None = None,
+        turn: bool = True,
     ) -> None:
         laws = _balance.checked_system(system)
         for i, law in enumerate(laws):
@@ -356,8 +373,12 @@ class Torus:
         self.arguments = (harmonics, indices, static, n_samples, condense)
         self.omega, vectors = _sources(system.n, forces)
         p = len(self.omega)
-        self.indices = diamond(p, _balance.integer("harmonics", harmonics)) if indices is None else _checked(indices, p)
+        self.indices = _diamond_of(p, harmonics) if indices is None else _checked(indices, p)
         top = int(np.max(np.abs(self.indices).sum(axis=1)))
+        if n_terms(p, max(top + 2, 5)) > MOST_COMBINATIONS:
+            raise ModelError(
+                f"{p} frequencies in combinations up to the order {top} are too many; take fewer of them or a lower order"
+            )
         self._refuse_periodic(top)
         extra = diamond(p, top + 2)
         kept = {tuple(k) for k in self.indices.tolist()}
@@ -370,6 +391,10 @@ class Torus:
         ]
         if any(law.code not in _balance.POLYNOMIAL for law in laws):
             fine = [max(n, 3 * own // 2) for n, own in zip(fine, self.dims, strict=True)]  # to see the aliasing
+        if np.prod([float(n) for n in fine]) > MOST_SAMPLES:
+            raise ModelError(
+                f"{' x '.join(str(n) for n in fine)} samples are too many; give fewer (n_samples=), or take fewer harmonics"
+            )
         terms = np.zeros((len(self.indices) + 1, system.n), complex)
         if static is not None:
             terms[0] = _balance.force_vector(system.n, static, 0)
@@ -379,7 +404,8 @@ class Torus:
                 raise ModelError(f"indices lack the term of forces[{i}] itself, {np.eye(p, dtype=int)[i].tolist()}")
             terms[1 + at[0]] = vector
         n_c = 2 * len(self.indices) + 1
-        self.linear = _condensation.linear_part(system, laws, terms, n_c, condense)
+        self.terms, self.turn = terms, turn
+        self.linear = _condensation.linear_part(system, laws, terms, n_c, condense, turn)
         if self.linear.core.size * n_c > MOST_UNKNOWNS:
             raise ModelError(
                 f"{self.linear.core.size * n_c} unknowns are too many; take fewer harmonics or coordinates"
@@ -398,15 +424,25 @@ class Torus:
             fine,
         )
 
-    def finer(self, answer: Mapping[str, Any]) -> Torus | None:
+    def finer(self, answer: Mapping[str, Any], limit: float) -> Torus | None:
         """The same with twice the samples per dimension, where they are what limits an answer."""
         n = int(np.prod(self.dims))
         if n << len(self.dims) > MOST_SAMPLES:
             return None
         laws, given = self.system.elements, self.arguments[3]
-        if _balance.more_samples(1, answer["error"], answer["aliasing"], laws, given) is None:
+        if _balance.more_samples(1, answer["error"], answer["aliasing"], laws, given, limit) is None:
             return None
-        return Torus(self.system, self.forces, *self.arguments, least_samples=[2 * n for n in self.dims])
+        return Torus(
+            self.system, self.forces, *self.arguments, least_samples=[2 * n for n in self.dims], turn=self.turn
+        )
+
+    def member(self, system: Any) -> tuple[Any, Any]:
+        """Linear part and elements of another system under the same forces, for the core."""
+        laws = _balance.checked_system(system)
+        linear = _condensation.linear_part(
+            system, laws, self.terms, 2 * len(self.indices) + 1, self.arguments[4], False
+        )
+        return linear.core, _balance.core_elements(laws, linear.directions)
 
     def _refuse_periodic(self, top: int) -> None:
         k = diamond(len(self.omega), max(top, 5))
@@ -441,9 +477,9 @@ class Torus:
         T = self.linear.transform
         return self.core.restrict(X if T is None else T.T @ X)
 
-    def expand(self, y: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    def expand(self, y: np.ndarray, omega: np.ndarray, level: float = 1.0) -> np.ndarray:
         """(dof, 2 n_k + 1) of all coordinates."""
-        X = _balance.translated(self.core.expand, y, omega.tolist())
+        X = _balance.translated(self.core.expand, y, omega.tolist(), level)
         return X if self.linear.transform is None else self.linear.transform @ X
 
     def solution(self, answer: Mapping[str, Any], limit: float, started: float) -> QuasiPeriodicSolution:
@@ -483,7 +519,7 @@ def _sources(n: int, forces: Any) -> tuple[np.ndarray, list[np.ndarray]]:
 def _checked(indices: Any, p: int) -> np.ndarray:
     try:
         k = np.asarray(indices)
-    except ValueError:
+    except (ValueError, OverflowError):
         k = np.zeros(0)
     if k.ndim != 2 or k.shape[1] != p or k.shape[0] == 0 or not np.issubdtype(k.dtype, np.integer):
         raise ModelError(f"indices must be integers (n_k, {p}), their shape is {k.shape}")
@@ -502,10 +538,10 @@ def _samples(n_samples: Any, laws: Sequence[Law], indices: np.ndarray) -> list[i
     reach = np.max(np.abs(indices), axis=0)
     if n_samples is None:
         return [_balance.fast_size(max([2 * k + 2, *(_least(law, k) for law in laws)])) for k in reach.tolist()]
-    given = list(n_samples) if isinstance(n_samples, Sequence | np.ndarray) else [n_samples] * len(reach)
+    given = np.ravel(n_samples).tolist() if isinstance(n_samples, Sequence | np.ndarray) else [n_samples] * len(reach)
     if len(given) != len(reach):
-        raise ModelError(f"n_samples must be one number or {len(reach)}, it is {n_samples!r}")
-    given = [_balance.integer("n_samples", n) for n in given]
+        raise ModelError(f"n_samples must be one number or {len(reach)}, it is {_checks.shown(n_samples)}")
+    given = [_checks.count("n_samples", n, _balance.LARGEST_SAMPLE) for n in given]
     polynomial = [law for law in laws if law.code in _balance.POLYNOMIAL]
     for i, (n, k) in enumerate(zip(given, reach.tolist(), strict=True)):
         least = max([2 * k + 1, *(_least(law, k) for law in polynomial)])

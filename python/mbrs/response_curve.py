@@ -55,9 +55,8 @@ class FrequencyResponse(Result):
     error
         (n,) estimate from the omitted harmonics relative to the largest coefficient.
     status
-        "converged": the end of the range was reached; "max-points", "left-at-start" (the branch came back), "stopped"
-        (the step
-        became too small), "unresolved" (the end was reached, but an error exceeds the tolerance).
+        "converged": the end of the range was reached; "max-points", "left-at-start" (the branch came back), "stopped" (the
+        step became too small; ``reason`` says why), "unresolved" (the end was reached, but an error exceeds the tolerance).
     """
 
     omega: np.ndarray
@@ -69,6 +68,7 @@ class FrequencyResponse(Result):
     system: Any = field(default=None, repr=False)
     force: Any = field(default=None, repr=False)
     branch: Branch | None = field(default=None, repr=False)
+    reason: str = ""
 
     @property
     def frequency(self) -> np.ndarray:
@@ -331,7 +331,7 @@ class FrequencyResponse(Result):
         )
         if self.stable is not None and not np.any(np.isnan(np.asarray(self.stable, float))):
             text += f", {int(np.sum(~np.asarray(self.stable, bool)))} points unstable"
-        return text
+        return text if not self.reason else f"{text}; {self.reason}"
 
     def _span(self) -> str:
         where = f"{self.frequency.min():.6g} to {self.frequency.max():.6g} Hz"
@@ -418,6 +418,7 @@ def collected(branch: Branch, wall_time: float) -> dict[str, Any]:
         system=branch.system,
         force=branch.force,
         branch=branch,
+        reason=branch.reason,
         stats=Stats(wall_time, counts, effects_of(branch.system), branch.setup.route),
         error=error,
         status=status,

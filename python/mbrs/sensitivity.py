@@ -257,6 +257,8 @@ def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: st
         return _of_modes(result, parameters, follow)
     if kind in ("FrfResult", "ResponseResult"):
         return _of_ports(result, parameters, follow)
+    if kind == "MotionGradient":
+        return result.sensitivity(parameters)
     raise ModelError(
         f"a {kind} has no sensitivities; give a result of mb.modes, mb.frf, mb.response, mb.equilibrium, "
         "mb.steady_motion or mb.linearize"

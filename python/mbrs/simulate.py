@@ -6,6 +6,7 @@ import math
 import time
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,6 +52,7 @@ def simulate(
     max_step: float | None = None,
     first_step: float | None = None,
     max_steps: int | None = None,
+    parameters: str | Sequence[str] | None = None,
 ) -> Trajectory:
     """M(q) v' + h(q, v, t) + J^T lam = 0 with Phi(q, t) = 0 and J v + Phi_t = 0, from a state over a time.
 
@@ -86,6 +88,9 @@ def simulate(
         s; limits of the controlled steps.
     max_steps
         Stop after so many.
+    parameters
+        Addresses of numbers by which ``traj.sensitivity(...)`` is to differentiate (method "ali3p", which is then the one
+        that "auto" takes); the times of an array ``t`` end steps then.
 
     Returns
     -------
@@ -134,6 +139,8 @@ def simulate(
     options["method"] = _variant(method, form, update)
     made = _run(snapshot, state, without, options)
     traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
+    if parameters is not None:
+        traj = replace(traj, parameters=parameters, start=state)
     _report_start(m, made)
     if method == "bdf-bfgs" or (method == "bdf" and step is not None):
         warn_amplified(m, at, traj.steps)
@@ -161,6 +168,14 @@ def _variant(method: str, form: Any, update: Any) -> str:
     if update not in ("auto", "bfgs", "broyden"):
         raise ModelError(f"update= is 'auto', 'bfgs' or 'broyden', got {shown(update)}")
     return f"{method}/{form}/{update}"
+
+
+def _with_sensitivities(method: str) -> str:
+    if method not in ("auto", "ali3p"):
+        raise ModelError(
+            f"method={method!r} has no sensitivities; the one that has is method='ali3p', or leave parameters= out"
+        )
+    return "ali3p"
 
 
 def _number(name: str, value: Any, *, positive: bool = True) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -83,6 +83,8 @@ class Trajectory(Result):
     snapshot: Snapshot
     without: tuple[str, ...]
     estimate: Callable[[Trajectory], float | None] | None = field(default=None, repr=False)
+    parameters: str | Sequence[str] = ()
+    start: State | None = None
     error: Any = field(default=None, init=False)
 
     def __len__(self) -> int:
@@ -210,6 +212,31 @@ class Trajectory(Result):
             power[name] = q["power"][:, k]
         total = q["kinetic"] + q["gravity"] + sum(stored.values(), np.zeros(len(self.t)))
         return Energy(total, q["kinetic"], q["gravity"], stored, power)
+
+    def sensitivity(self, what: str) -> Any:
+        """The exact derivative of a quantity of the discrete motion by ``parameters=`` of `mb.simulate`, parameter axis last.
+
+        Parameters
+        ----------
+        what
+            "crank.position", "crank.velocity", "crank.acceleration", "crank.rotation" (world rotation vector, rad),
+            "crank.angular_velocity", "crank.angular_acceleration"; "P2", "P2.velocity", "P2.acceleration" of a marker; "A"
+            (the coordinates of a joint), "A.reaction".
+
+        Returns
+        -------
+        ndarray
+            (n_t, 3, n_p), (n_t, n_p) of a joint with one coordinate; an array parameter keeps its shape, ``.vetter()`` gives
+            the block layout.
+
+        Raises
+        ------
+        ModelError
+            A motion without ``parameters=``, or a model that was changed since.
+        """
+        from .gradient import trajectory_sensitivity
+
+        return trajectory_sensitivity(self, what)
 
     @property
     def residual(self) -> np.ndarray:

@@ -4,6 +4,7 @@ the hexapod's.
 Each builder takes sizes by keyword and returns a `Model`; the small nonlinear systems return a `MechanicalSystem`.
 """
 
+from ._five_bar import five_bar, ice_skate
 from ._four_bar import four_bar, four_bars
 from ._gap import gap_problem
 from ._heavy_top import heavy_top
@@ -35,11 +36,13 @@ __all__ = [
     "cubic_hexapod_points",
     "duffing",
     "engine_on_mounts",
+    "five_bar",
     "four_bar",
     "four_bars",
     "from_code",
     "gap_problem",
     "heavy_top",
+    "ice_skate",
     "jenkins_oscillator",
     "ladder",
     "ladder_with_gap",

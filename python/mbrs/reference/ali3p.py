@@ -36,6 +36,10 @@ class Mechanism:
     n_position: int = 0
     n_velocity: int = 0
 
+    def real(self) -> Mechanism:
+        """The mechanism at the real parts of whatever numbers it holds itself."""
+        return self
+
     def start(self, p: Array) -> tuple[Any, Array]:
         """Configuration and rates at t = 0, consistent with the rows."""
         raise NotImplementedError
@@ -144,8 +148,12 @@ class Factors:
 
 
 def effective_mass(M: Array, B: Array) -> Array:
-    """1 / diag(B M^-1 B^T): the mass that a row feels."""
-    return 1.0 / np.einsum("ij,ji->i", B, np.linalg.solve(M, B.T)) if len(B) else np.zeros(0)
+    """1 / diag(B M^-1 B^T): the mass that a row feels; none where a row is rounding only."""
+    if len(B) == 0:
+        return np.zeros(0)
+    light = np.einsum("ij,ji->i", B, np.linalg.solve(M, B.T))
+    felt = light > 1e-18 * light.max()
+    return np.where(felt, 1.0 / np.where(felt, light, 1.0), 0.0)
 
 
 class Scheme:
@@ -175,15 +183,15 @@ class Scheme:
 
     def factors(self, last: Instant, dq: Array, lam: Array) -> Factors:
         """The tangent of the step at real numbers."""
-        own = Scheme(self.mech, self.p.real, self.h, self.weight)
+        own = Scheme(self.mech.real(), self.p.real, self.h, self.weight)
         at = _real(last)
         dq, lam, n = dq.real, lam.real, self.mech.n
-        q = self.mech.advance(at.q, dq)
+        q = own.mech.advance(at.q, dq)
         A = columns(lambda x: own._balance(at, dq + x, lam), n)
-        B = self.mech.rows(at.t + self.h, q, own.p)
+        B = own.mech.rows(at.t + self.h, q, own.p)
         R = columns(lambda x: own._closure(at, dq + x), n) if len(B) else B
         # multipliers in units of c lam: the penalty is alpha c = 1e7 effective masses
-        return Factors(A, B.T, R, PENALTY * effective_mass(self.mech.mass(q, own.p), B))
+        return Factors(A, B.T, R, PENALTY * effective_mass(own.mech.mass(q, own.p), B))
 
     def step(self, last: Instant) -> Step:
         """To t + h."""
@@ -225,7 +233,7 @@ class Scheme:
         q, v = m.start(p)
         M, B = m.mass(q, p), m.rows(0.0, q, p)
         by = Factors(M, B.T, B, PENALTY * effective_mass(M.real, B.real))
-        zero = np.zeros(m.n, dtype=np.result_type(p, float))
+        zero = np.zeros(m.n, dtype=np.result_type(p, M, float))
         a, lam = by.solve(-m.residual(0.0, q, v, zero, p), -m.bias(0.0, q, v, p))
         return Instant(0.0, q, v, a, lam)
 

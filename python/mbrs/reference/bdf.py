@@ -1,6 +1,6 @@
 """Four-step BDF with constraints at position and velocity level (Gear, Gupta, Leimkuhler), Newton's method.
 
-    q' - v + J^T mu = 0,   M v' + h + J^T lam = 0,   Phi = 0,   J v = 0                           (METHODS.md c.3)
+    q' - v + J^T mu = 0,   M v' + h + J^T lam = 0,   Phi = 0,   J v + Phi_t = 0                         (METHODS.md c.3)
     y'_n = (25 y_n - 48 y_n-1 + 36 y_n-2 - 16 y_n-3 + 3 y_n-4) / (12 h)
 
 Past poses are seen from the new one, by the tree increments that lead there, whose rate at t_n is v; no ball joint may
@@ -13,7 +13,7 @@ import numpy as np
 
 from .explicit import explicit
 from .kinematics import System
-from .motion import explicit_rates, velocity_rows
+from .motion import velocity_rows
 from .so3 import Array
 from .transient import (
     History,
@@ -27,6 +27,7 @@ from .transient import (
     multiplier_scales,
     newton,
     residual,
+    row_rates,
     row_scales,
     rows,
 )
@@ -38,6 +39,7 @@ def bdf_step(sys: System, past: list[Instant], h: float) -> tuple[Instant, int]:
     """The step behind four past instants, latest first, and its iterations. Unknowns: increment from a second-order
     Taylor prediction, h v, h^2 lam and mu, scaled.
     """
+    sys.t = past[0].t + h
     now, n, velocity = past[0], sys.ny, velocity_rows(sys)
     sys.t = now.t + h
     unit, n_rows = column_scales(sys), len(velocity)
@@ -56,7 +58,7 @@ def bdf_step(sys: System, past: list[Instant], h: float) -> tuple[Instant, int]:
         seen = sum(w * difference(sys, end, p.motion) for w, p in zip(WEIGHTS[1:], past, strict=True))
         phi, J = rows(sys, end)
         kinematic = seen - h * v + J[~velocity].T @ (row_scales(sys)[~velocity] * unit.max() * mu)
-        level = row_scales(sys) * h * (J @ v + explicit_rates(sys)[0])
+        level = row_scales(sys) * h * row_rates(sys, v, J)
         dynamic = force * residual(sys, end, slope, lam)
         return np.concatenate([kinematic / unit, dynamic, level, (row_scales(sys) * phi)[~velocity]])
 

@@ -10,6 +10,7 @@ the classical Runge-Kutta method.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +38,8 @@ from .root import root
 from .so3 import Array
 
 START_PARTS = 64
+CURVATURE = 0.1
+_SOLVE: dict[str, Any] = {"tol": 1e-13, "fallback": False, "restarts": 0, "patience": 6}
 
 
 @dataclass
@@ -146,7 +149,7 @@ def bdf_bfgs(
         for guess, last in ((H, False), (None, False), (None, True)):
             course.formations += guess is None
             way = "broyden" if last else method
-            found = root(step, np.zeros(step.size), way, H0=guess, tol=1e-13, fallback=False, restarts=0, patience=6)
+            found = root(step, np.zeros(step.size), way, H0=guess, curvature=CURVATURE, **_SOLVE)
             course.iterations += len(found.norms) - 1
             course.evaluations += found.evaluations
             if min(found.norms) < 1e-11:

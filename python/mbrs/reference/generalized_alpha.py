@@ -27,6 +27,7 @@ from .transient import (
     multiplier_scales,
     newton,
     residual,
+    row_rates,
     row_scales,
     rows,
 )
@@ -75,7 +76,7 @@ def one_step(sys: System, p: Numbers, now: Motion, c: Carried, h: float) -> tupl
         slope, lam = c.slope + rate_scale * z[:n], c.lam + lam_scale * z[n:]
         end, _ = advanced(sys, p, now, c, slope, h)
         phi, J = rows(sys, end)
-        level = np.where(velocity, h * (J @ end.rate), phi)
+        level = np.where(velocity, h * row_rates(sys, end.rate, J), phi)
         return np.concatenate([force * residual(sys, end, slope, lam), row_scales(sys) * level])
 
     z, count = newton(equations, np.zeros(n + len(velocity)))
@@ -92,5 +93,5 @@ def generalized_alpha(sys: System, start: Instant, h: float, n: int, rho: float 
         sys.t = start.t + (i + 1) * h
         end, carried, count = one_step(sys, p, history.instants[-1].motion, carried, h)
         history.iterations += count
-        history.instants.append(marched(sys, consistent(sys, start.t + (i + 1) * h, end)))
+        history.instants.append(marched(sys, consistent(sys, sys.t, end)))
     return history

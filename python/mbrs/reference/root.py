@@ -93,6 +93,7 @@ def root(
     beta: float = 0.5,
     max_backtracks: int = 60,
     invariant: bool = True,
+    curvature: float = 1e-12,
 ) -> Found:
     """The method of `mbrs.root` with whole matrices: O(n^3) per iteration, for checks."""
 
@@ -121,7 +122,7 @@ def root(
         trouble = lam == 0.0
         if not trouble:
             if np.linalg.norm(reached) > tol:
-                new = updated(out.H, lam * d, reached - f, f, lam, update)
+                new = updated(out.H, lam * d, reached - f, f, lam, update, curvature)
                 out.skipped += new is None
                 out.H = out.H if new is None else new
             x, f, k = x + lam * d, reached, k + 1

@@ -3,8 +3,8 @@
     M(q) v' + h(q, v, t) + J^T lam = 0,    Phi(q, t) = 0,    J v + Phi_t = 0
 
 q are poses that move by increments of the tree coordinates, v their rates, J the rows of all cut joints, redundant ones
-included: multipliers are those of least norm. The same equations as ``rust/src/analysis/transient``, with slopes by
-complex steps. The time is the one that the system holds, ``sys.t``.
+included: multipliers are those of least norm; the time is what ``sys.t`` holds. The same equations as
+``rust/src/analysis/transient``, with slopes by complex steps.
 """
 
 from __future__ import annotations
@@ -88,9 +88,9 @@ def row_bias(sys: System, m: Motion) -> Array:
     return turning + explicit_rates(sys)[1]
 
 
-def row_rates(sys: System, m: Motion) -> Array:
+def row_rates(sys: System, rate: Array, J: Array) -> Array:
     """J v + Phi_t."""
-    return rows(sys, m)[1] @ m.rate + explicit_rates(sys)[0]
+    return J @ rate + explicit_rates(sys)[0]
 
 
 def residual(sys: System, m: Motion, a: Array, lam: Array) -> Array:
@@ -143,12 +143,14 @@ def close(sys: System, m: Motion) -> Motion:
 
 def align(sys: System, m: Motion) -> Motion:
     """Rates brought to J v + Phi_t = 0 by the change of least kinetic energy."""
-    J = row_scales(sys)[:, None] * rows(sys, m)[1]
-    return m if len(J) == 0 else replace(m, rate=m.rate + smallest(sys, m, J, -row_scales(sys) * row_rates(sys, m)))
+    J, s = rows(sys, m)[1], row_scales(sys)
+    if len(J) == 0:
+        return m
+    return replace(m, rate=m.rate + smallest(sys, m, s[:, None] * J, -s * row_rates(sys, m.rate, J)))
 
 
 def acceleration(sys: System, m: Motion) -> tuple[Array, Array]:
-    """v' and lam of [M J^T; J 0] [v'; lam] = [-h; -J' v] (METHODS.md c.3)."""
+    """v' and lam of [M J^T; J 0] [v'; lam] = [-h; -J' v - Phi_tt] (METHODS.md c.3)."""
     M, J = mass_matrix(sys, m), rows(sys, m)[1]
     free = np.linalg.solve(M, -residual(sys, m, np.zeros(sys.ny), np.zeros(len(J))))
     if len(J) == 0:
@@ -168,6 +170,7 @@ def consistent(sys: System, t: float, m: Motion) -> Instant:
 
 def begin(sys: System, state: State, rate: Array | None = None) -> Instant:
     """A consistent start at t = 0 with sliders centred; rates from the state's velocities unless they are given."""
+    sys.t = 0.0
     if rate is None:
         rate = np.linalg.lstsq(tree_map(sys, state)[0].value, dyn.twists_of(state), rcond=None)[0]
     return consistent(sys, 0.0, Motion(state, np.asarray(rate, dtype=float), np.zeros(sys.n_memory)))

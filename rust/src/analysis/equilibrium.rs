@@ -20,7 +20,7 @@ const MAX_ITERATIONS: usize = 200;
 /// Stiffness below this part of the largest counts as none.
 const NO_STIFFNESS: f64 = 1e-12;
 /// What rounding usually leaves of a balance of forces, and of a pose, relative to their sizes.
-const ROUNDING: f64 = 0.25 * f64::EPSILON;
+const ROUNDING: f64 = 0.05 * f64::EPSILON;
 /// Iterations that a force may push along a direction without stiffness before that is an error.
 const PATIENCE: usize = 25;
 /// Longest step, radians or characteristic lengths.

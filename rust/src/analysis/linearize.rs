@@ -132,6 +132,54 @@ pub(super) struct Path<'a, T: Real> {
     pub rate: &'a [T],
 }
 
+/// J of the cut joints, their rank and redundancy, and B'', or None for an open tree.
+type Closed = (DMatrix<f64>, Option<Loops>, Option<DMatrix<f64>>);
+
+fn closed(setting: &Setting<'_>, scene: &Scene<'_, f64>) -> Result<Closed> {
+    let system = setting.system;
+    check_velocity_rows(setting)?;
+    if let Some(name) = collapsed(
+        scene.topology,
+        scene.geometry,
+        scene.placement,
+        system.length,
+    ) {
+        return Err(Error::singular(format!(
+            "the ends of '{name}' coincide in this state, so that its direction is undefined: start elsewhere, or use a bushing"
+        )));
+    }
+    let (_, jacobian) = scene.constraints();
+    let loops = Loops::analyse(system, &jacobian)?;
+    let b = loops.as_ref().map(|l| l.dependent_map(&jacobian));
+    if let (Some(l), Some(b)) = (&loops, &b) {
+        check_pose(system, scene, l, b)?;
+    }
+    Ok((jacobian, loops, b))
+}
+
+/// Which coordinates are free at rest in this state; of an open tree all, without any work.
+pub fn mobility(setting: &Setting<'_>) -> Result<Option<Loops>> {
+    let system = setting.system;
+    let placement = place(
+        &system.topology,
+        &system.geometry,
+        &setting.state.relative,
+        None,
+    );
+    let scene = Scene {
+        topology: &system.topology,
+        geometry: &system.geometry,
+        x: &system.x,
+        memory: &[],
+        placement: &placement,
+        rate: None,
+        acceleration: None,
+        t: 0.0,
+        effects: setting.effects,
+    };
+    Ok(closed(setting, &scene)?.1)
+}
+
 pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Linearization> {
     let system = setting.system;
     let topology = &*system.topology;
@@ -153,20 +201,9 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         t: 0.0,
         effects: setting.effects,
     };
-    check_velocity_rows(setting)?;
-    if let Some(name) = collapsed(topology, &system.geometry, &placement, system.length) {
-        return Err(Error::singular(format!(
-            "the ends of '{name}' coincide in this state, so that its direction is undefined: start elsewhere, or use a bushing"
-        )));
-    }
-    let (_, jacobian) = scene.constraints();
-    let loops = Loops::analyse(system, &jacobian)?;
+    let (jacobian, loops, b) = closed(setting, &scene)?;
     if loops.is_some() {
         counts.add("loop factorisations", 1);
-    }
-    let b = loops.as_ref().map(|l| l.dependent_map(&jacobian));
-    if let (Some(l), Some(b)) = (&loops, &b) {
-        check_pose(system, &scene, l, b)?;
     }
     let turning = match (&loops, &rate) {
         (Some(l), Some(rate)) => {

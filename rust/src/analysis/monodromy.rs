@@ -241,13 +241,12 @@ impl Kicker<'_> {
                 .sum();
             let factor = self.h / (1.0 - 0.5 * self.h * f_v * own);
             let kick = split.kick.col_as_slice(0);
+            let seen: Vec<c64> = (0..phi.nrows())
+                .map(|i| (split.see_u[(0, i)] * f_u + split.see_v[(0, i)] * f_v) * factor)
+                .collect();
             for j in 0..phi.ncols() {
                 let column = phi.col_as_slice_mut(j);
-                let mut g = c64::new(0.0, 0.0);
-                for (i, z) in column.iter().enumerate() {
-                    g += (split.see_u[(0, i)] * f_u + split.see_v[(0, i)] * f_v) * z;
-                }
-                g *= factor;
+                let g: c64 = column.iter().zip(&seen).map(|(z, s)| s * z).sum();
                 for (z, b) in column.iter_mut().zip(kick) {
                     *z += b * g;
                 }

@@ -1,5 +1,6 @@
 //! Sparse matrices in compressed columns, and factorisations that are checked: faer's pivots silently turn into infinities.
 use std::cell::RefCell;
+use std::sync::Arc;
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::sparse::linalg::SupernodalThreshold;
@@ -237,9 +238,40 @@ enum Kind {
         value: Vec<f64>,
     },
     Lu {
-        symbolic: SymbolicLu<u32>,
+        symbolic: Arc<SymbolicLu<u32>>,
         numeric: NumericLu<u32, f64>,
     },
+}
+
+/// The elimination order of a pattern, kept for matrices that differ in values alone.
+#[derive(Default)]
+pub struct LuPlan(RefCell<Option<Ordered>>);
+
+struct Ordered {
+    start: Vec<u32>,
+    row: Vec<u32>,
+    symbolic: Arc<SymbolicLu<u32>>,
+}
+
+impl LuPlan {
+    fn of(&self, a: &Csc) -> Result<Arc<SymbolicLu<u32>>> {
+        let mut kept = self.0.borrow_mut();
+        if let Some(known) = kept.as_ref()
+            && known.start == a.start
+            && known.row == a.row
+        {
+            return Ok(known.symbolic.clone());
+        }
+        let symbolic = factorize_symbolic_lu(a.as_faer().symbolic(), Default::default())
+            .map_err(|e| failed("ordering", e))?;
+        let symbolic = Arc::new(symbolic);
+        *kept = Some(Ordered {
+            start: a.start.clone(),
+            row: a.row.clone(),
+            symbolic: symbolic.clone(),
+        });
+        Ok(symbolic)
+    }
 }
 
 /// A sparse matrix ready for solves.
@@ -307,8 +339,12 @@ impl Factor {
     }
 
     pub fn lu(a: &Csc) -> Result<Self> {
-        let symbolic = factorize_symbolic_lu(a.as_faer().symbolic(), Default::default())
-            .map_err(|e| failed("ordering", e))?;
+        Self::lu_as_planned(a, &LuPlan::default())
+    }
+
+    /// The same with an order that serves several matrices.
+    pub fn lu_as_planned(a: &Csc, plan: &LuPlan) -> Result<Self> {
+        let symbolic = plan.of(a)?;
         let mut numeric = NumericLu::new();
         let mut memory = MemBuffer::try_new(
             symbolic.factorize_numeric_lu_scratch::<f64>(Par::Seq, Default::default()),

@@ -116,6 +116,7 @@ fn task<'py>(
         plan: Plan {
             times,
             weight,
+            keep: need(options, "keep")?,
             follow: Follow {
                 drawn: need(options, "drawn")?,
                 velocities: need(options, "velocities")?,

@@ -34,6 +34,7 @@ struct Chunk {
     base: f64,
     corrections: u64,
     factorisations: u64,
+    broken: Option<usize>,
 }
 
 #[pymethods]
@@ -147,6 +148,7 @@ impl HbmBranch {
                 corrections: follower.corrections(),
                 factorisations: follower.factorisations(),
                 status: follower.status,
+                broken: follower.problem.ever_broken,
                 records: std::mem::take(&mut follower.records),
                 events: std::mem::take(&mut follower.events),
             })
@@ -265,6 +267,7 @@ impl Chunk {
         dict.set_item("events", events)?;
         dict.set_item("corrections", self.corrections)?;
         dict.set_item("factorisations", self.factorisations)?;
+        dict.set_item("broken", self.broken)?;
         dict.set_item(
             "status",
             match self.status {

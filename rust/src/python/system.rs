@@ -9,7 +9,7 @@ use pyo3::types::{PyDict, PyList};
 
 use crate::analysis::assembly::{assemble, close, scene};
 use crate::analysis::equilibrium::{Equilibrium, equilibrium};
-use crate::analysis::linearize::{Linearization, Setting, linearize};
+use crate::analysis::linearize::{Linearization, Setting, linearize, mobility};
 use crate::analysis::reactions::reactions;
 use crate::analysis::transient::{Equations, Motion};
 use crate::error::{Error, Result};
@@ -357,6 +357,35 @@ impl PySystem {
             out.set_item("redundant", named)?;
         }
         out.set_item("counts", counts_dict(py, &counts)?)?;
+        Ok(out)
+    }
+
+    /// Minimal coordinates at rest, with the rank of the loops and what is redundant in them.
+    fn mobility<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let state = state_of(&self.0, &relative, &empty(py)?)?;
+        let loops = run(py, &self.0, move |system, _| {
+            mobility(&Setting {
+                system,
+                state: &state,
+                effects: Effects::ALL,
+            })
+        })?;
+        let out = PyDict::new(py);
+        let topology = &self.0.topology;
+        let free = match &loops {
+            Some(l) => l.independent.clone(),
+            None => (0..self.0.n_tree()).collect(),
+        };
+        let names: Vec<_> = free.iter().map(|i| topology.names[*i].as_str()).collect();
+        out.set_item("coordinates", names)?;
+        if let Some(l) = &loops {
+            out.set_item("rank", l.dependent.len())?;
+            out.set_item("redundant", redundant_names(topology, l, |_| true))?;
+        }
         Ok(out)
     }
 

@@ -443,9 +443,6 @@ struct Stretch {
     records: Vec<Record>,
 }
 
-/// A motion of fewer numbers is kept as a whole; of a longer one checkpoints, as many as the root of its steps.
-const KEPT: usize = 1 << 23;
-
 /// The motion forwards, with its values at all instants.
 pub fn forward(
     eq: &Equations<'_, f64>,
@@ -458,7 +455,7 @@ pub fn forward(
     plan.check()?;
     let n = plan.n_steps();
     let numbers = 12 * eq.topology().nodes.len() + 6 * eq.n() + 4 * eq.n_rows();
-    let every = if n * numbers <= KEPT {
+    let every = if n * numbers <= plan.keep {
         n.max(1)
     } else {
         (n as f64).sqrt().ceil() as usize

@@ -31,6 +31,8 @@ pub struct Plan {
     pub times: Vec<f64>,
     pub weight: Weight,
     pub follow: Follow,
+    /// the way back keeps a motion of at most so many numbers whole; of a longer one checkpoints, as many as the root of its steps
+    pub keep: usize,
 }
 
 /// What the first instant follows besides closing its loops by the smallest change.

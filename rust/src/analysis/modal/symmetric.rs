@@ -223,8 +223,8 @@ fn sharpen(system: &SecondOrder, x: &Mat<f64>, spectrum: &mut Spectrum) {
                 .collect()
         }
     };
-    for j in spectrum.rigid..spectrum.lambda.len() {
-        spectrum.lambda[j] = (x.col(j).transpose() * kx.col(j)) / masses[j];
+    for (j, mass) in masses.iter().enumerate().skip(spectrum.rigid) {
+        spectrum.lambda[j] = (x.col(j).transpose() * kx.col(j)) / mass;
     }
     if system.mf.is_some() {
         let size = absolute(system.k.as_ref()) * absolute(x.as_ref());

@@ -18,6 +18,8 @@
 pub mod ali3p;
 pub mod bdf;
 pub mod bdf_bfgs;
+mod bdf_history;
+mod bdf_solver;
 pub mod bdf_step;
 pub mod consistent;
 mod dop853_numbers;
@@ -39,7 +41,7 @@ use crate::error::Result;
 use crate::model::geometry::Geometry;
 use crate::model::joint::JointKind;
 use crate::run::Counts;
-use crate::spatial::{M3, Pose, Real, V3, left_jacobian_coefficient, log_so3};
+use crate::spatial::{M3, Pose, Real, V3, left_jacobian_coefficient, log_so3, skew};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene, Tangent};
 use crate::system::connector::motion_of;
@@ -296,7 +298,38 @@ impl<'a, T: Real> Equations<'a, T> {
         counts.add("tangents", 1);
         let placement = self.place(m);
         let lam = (!lam.is_empty()).then_some(lam);
-        self.scene(m, &placement, Some(a)).tangent(lam, counts)
+        let mut made = self.scene(m, &placement, Some(a)).tangent(lam, counts);
+        self.hold_rates(m, a, &mut made);
+        made
+    }
+
+    /// A linearisation lets three rotations carry their rates along, dv = y' + y x v and da = y" + y' x v + y x a; here rates and
+    /// accelerations stay: with Omega y = y x v and A y = y x a, D - M Omega and K - (D - M Omega) Omega - M A.
+    fn hold_rates(&self, m: &Motion<T>, a: &[T], t: &mut Tangent<T>) {
+        let Some(d) = t.gyroscopic.as_mut() else {
+            return;
+        };
+        for node in &self.topology().nodes {
+            if !matches!(node.kind, JointKind::Spherical | JointKind::Free) {
+                continue;
+            }
+            let first = node.first + node.n - 3;
+            let sign = T::from(if node.reversed { 1.0 } else { -1.0 });
+            let turning = |v: &[T]| skew(&(V3::new(v[first], v[first + 1], v[first + 2]) * sign));
+            let (omega, alpha) = (turning(&m.rate), turning(a));
+            let mass = t.mass.columns(first, 3).into_owned();
+            let mut own = d.columns(first, 3).into_owned() - &mass * omega;
+            d.columns_mut(first, 3).copy_from(&own);
+            if let Some(damping) = &t.damping {
+                own += damping.columns(first, 3);
+            }
+            let change = own * omega + mass * alpha;
+            for (j, c) in change.column_iter().enumerate() {
+                for i in 0..c.len() {
+                    t.stiffness[(i, first + j)] -= c[i];
+                }
+            }
+        }
     }
 
     /// Memories of laws marched to this motion: for accepted steps only.

@@ -14,6 +14,8 @@ use crate::error::{Error, Result};
 
 const ALPHA: f64 = 1e7;
 const PASSES: usize = 40;
+/// Rows below this part of the largest carry nothing.
+const ROUNDING: f64 = 1e-9;
 
 pub struct Penalty {
     a: DMatrix<f64>,
@@ -34,13 +36,22 @@ impl Penalty {
                 if d > 0.0 { 1.0 / d.sqrt() } else { 1.0 }
             })
             .collect();
-        let row: Vec<f64> = (0..m)
+        let sizes: Vec<f64> = (0..m)
             .map(|i| {
-                let size = (0..n)
+                (0..n)
                     .map(|j| (right[(i, j)] * column[j]).powi(2))
                     .sum::<f64>()
-                    .sqrt();
-                if size > 0.0 { 1.0 / size } else { 1.0 }
+                    .sqrt()
+            })
+            .collect();
+        let largest = sizes.iter().copied().fold(0.0, f64::max);
+        // a row that is rounding only, as those across the plane of a flat loop, must not be blown up to a constraint
+        let row: Vec<f64> = sizes
+            .iter()
+            .map(|s| match s {
+                s if *s > ROUNDING * largest => 1.0 / s,
+                _ if largest > 0.0 => 1.0 / largest,
+                _ => 1.0,
             })
             .collect();
         let a = DMatrix::from_fn(n, n, |i, j| a[(i, j)] * column[i] * column[j]);
