@@ -16,7 +16,16 @@ FIVE_BAR = {1.0: (0.1144363742, (-0.62560973, 0.47715465)), 2.0: (0.2384041958, 
 
 SOME = {
     five_bar: ["spring1.length", "spring2.k", "bar1.mass", "bar1.at[0]", "A.at[0]"],
-    open_chain: ["a.mass", "S.at[1]", "U.axis", "bush.k[1]", "P.axis", "a.angular_velocity[1]", "b.com[0]", "pull.value[2]"],
+    open_chain: [
+        "a.mass",
+        "S.at[1]",
+        "U.axis",
+        "bush.k[1]",
+        "P.axis",
+        "a.angular_velocity[1]",
+        "b.com[0]",
+        "pull.value[2]",
+    ],
     spatial_loop: ["R1.at[0]", "rod.at_a[1]", "spring.c", "crank.inertia[0,1]", "spring.length"],
     blade: ["edge.at[0]", "spring.k", "blade.velocity[0]", "blade.angular_velocity[2]", "blade.mass"],
 }
@@ -33,7 +42,11 @@ def everything(m, redundant):
 
     def g(s):
         out = np.sum(s.position(body) * [1.0, -2.0, 0.5]) + 0.1 * np.sum(s.velocity(body) ** 2)
-        out = out + 0.01 * np.sum(s.acceleration(body) * [1.0, 0.3, -0.2]) + np.sum(s.rotation(body) * np.arange(9).reshape(3, 3))
+        out = (
+            out
+            + 0.01 * np.sum(s.acceleration(body) * [1.0, 0.3, -0.2])
+            + np.sum(s.rotation(body) * np.arange(9).reshape(3, 3))
+        )
         out = out + 0.1 * s.angular_velocity(body)[2] + 0.01 * s.angular_acceleration(body)[1]
         out = out + np.sum(s.joint(joint)) + np.sum(s.point((0.1, 0.2, 0.3), of=body) ** 2)
         return out if redundant else out + 0.02 * np.sum(s.reaction(joint))
@@ -41,12 +54,12 @@ def everything(m, redundant):
     return g
 
 
-def differences(m, psi, parameters, **options):
+def differences(m, psi, parameters, part=1e-3, **options):
     """Central differences of four points through the whole motion."""
     rows = []
     for p in parameters:
         now = m.value(p)
-        e = 1e-3 * max(1.0, abs(float(now)))
+        e = part * max(1.0, abs(float(now)))
         values = []
         for side in (1, -1, 2, -2):
             m.set({p: now + side * e})
@@ -156,7 +169,14 @@ def test_values_at_times_and_array_parameters():
 
 def test_trajectory_sensitivity_is_the_derivative_of_the_trajectory():
     m = silent(spatial_loop)
-    names = ["rocker.position", "rocker.velocity", "rocker.acceleration", "rocker.angular_velocity", "R1", "R2.reaction"]
+    names = [
+        "rocker.position",
+        "rocker.velocity",
+        "rocker.acceleration",
+        "rocker.angular_velocity",
+        "R1",
+        "R2.reaction",
+    ]
     read = {
         "rocker.position": lambda t: t.position("rocker"),
         "rocker.velocity": lambda t: t.velocity("rocker"),
@@ -216,7 +236,10 @@ def test_start_at_an_equilibrium_moves_along():
 def test_methods_count_their_work():
     m = silent(five_bar)
     psi = mb.Integral(drift)
-    run = {p: mb.gradient(m, psi, ["spring1.length"] * 1, t=0.1, step=0.01, method=p).stats.counts for p in ("direct", "adjoint")}
+    run = {
+        p: mb.gradient(m, psi, ["spring1.length"] * 1, t=0.1, step=0.01, method=p).stats.counts
+        for p in ("direct", "adjoint")
+    }
     assert run["direct"]["steps"] == run["adjoint"]["steps"] == 10
     assert run["direct"]["tangent linear steps"] == 10
     assert run["adjoint"]["adjoint steps"] == 10

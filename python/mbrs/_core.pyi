@@ -159,6 +159,7 @@ def simulate_motion(
     options: dict[str, Any],
     report: Callable[[float], None] | None = None,
 ) -> dict[str, Any]: ...
+
 @final
 class MotionForward:
     def __new__(

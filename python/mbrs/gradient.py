@@ -77,7 +77,9 @@ class MotionGradient(Result):
         named = [parameters] if isinstance(parameters, str) else list(parameters)
         missing = [p for p in named if p not in self.labels]
         if missing:
-            raise ModelError(f"this gradient is by {', '.join(self.labels)}, not by {missing[0]!r}; compute it with that parameter")
+            raise ModelError(
+                f"this gradient is by {', '.join(self.labels)}, not by {missing[0]!r}; compute it with that parameter"
+            )
         flat = np.asarray(self.gradient).reshape(*np.shape(self.value), len(self.labels))
         chosen = [self.labels.index(p) for p in named]
         return MotionSensitivity(
@@ -159,7 +161,13 @@ class Run:
             return []
         with core_errors():
             r = _core.directions(
-                self.snapshot.system, self.state.relative, self.state.rate, list(self.without), pairs, "equilibrium", False
+                self.snapshot.system,
+                self.state.relative,
+                self.state.rate,
+                list(self.without),
+                pairs,
+                "equilibrium",
+                False,
             )
         return np.asarray(r["tree_coordinates"]).T.tolist()
 
@@ -167,7 +175,11 @@ class Run:
         """Values of quantities at all steps, and their derivatives."""
         with core_errors():
             return _core.motion_directions(
-                self.snapshot.system, self.state.relative, self.state.rate, list(self.without), self.options(asked, along)
+                self.snapshot.system,
+                self.state.relative,
+                self.state.rate,
+                list(self.without),
+                self.options(asked, along),
             )
 
 
@@ -218,8 +230,8 @@ def gradient(
         "direct": one tangent linear model per parameter along with the motion. "adjoint": the steps backwards, once per
         objective. "auto": by their numbers.
     at
-        Start, as in `mb.simulate`; a drawn start follows the parameters (assembly and consistent velocities), an
-        equilibrium moves along, other states are held.
+        Start, as in `mb.simulate`; a drawn start follows the parameters (assembly and consistent velocities; the characteristic
+        length that weighs angles against lengths there is held), an equilibrium moves along, other states are held.
     without
         Effects to leave out.
     weight
@@ -265,19 +277,21 @@ def gradient(
         raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
     if weight not in ("tangent", "mass"):
         raise ModelError(f"weight= is 'tangent' or 'mass', got {shown(weight)}")
-    objectives = [objective] if isinstance(objective, Objective) else list(objective)
+    many = isinstance(objective, (list, tuple))
+    objectives = list(objective) if many else [objective]
     if not objectives or not all(isinstance(o, Objective) for o in objectives):
-        raise ModelError(f"objective= takes mb.Integral, mb.Final or mb.AtTimes, or several of them, got {shown(objective)}")
+        raise ModelError(
+            f"objective= takes mb.Integral, mb.Final or mb.AtTimes, or several of them, got {shown(objective)}"
+        )
     run = replace(prepare(m, objectives, t, step, rtol, at, check_without(without), weight), keep=max(0, int(keep)))
     along = directions(m, parameters)
     chosen = ("adjoint" if along.n > 8 * len(objectives) else "direct") if method == "auto" else method
     found = _adjoint(run, objectives, along) if chosen == "adjoint" else _direct(run, objectives, along)
     values, gradients, counts = found
-    single = isinstance(objective, Objective)
-    shaped = along.shaped(gradients[0] if single else gradients)
+    shaped = along.shaped(gradients if many else gradients[0])
     return MotionGradient(
-        value=float(values[0]) if single else values,
-        gradient=Derivative.of(shaped, along.shape, 0 if single else 1),
+        value=values if many else float(values[0]),
+        gradient=Derivative.of(shaped, along.shape, 1 if many else 0),
         labels=along.labels,
         units=along.units,
         t=run.times,

@@ -223,9 +223,7 @@ def _slopes(objective: Objective, reader: Reader, t: float, index: int, row: np.
     return out
 
 
-def _explicit(
-    objective: Objective, reader: Reader, t: float, index: int, row: np.ndarray
-) -> dict[str, np.ndarray]:
+def _explicit(objective: Objective, reader: Reader, t: float, index: int, row: np.ndarray) -> dict[str, np.ndarray]:
     out = {}
     for address, now in reader.addresses.items():
         start = np.asarray(now, dtype=float)

@@ -160,7 +160,9 @@ class Trajectory(Result):
             known = list(t["marker_name"])
             if name not in known:
                 guess = nearest(str(name), known)
-                raise NameNotFoundError(f"there is no marker {name!r}" + (f"; did you mean {guess!r}?" if guess else ""))
+                raise NameNotFoundError(
+                    f"there is no marker {name!r}" + (f"; did you mean {guess!r}?" if guess else "")
+                )
             index = known.index(name)
             body, start = int(t["marker_body"][index]), int(t["marker_x"][index])
             drawn = x[start : start + 3]
@@ -182,7 +184,8 @@ class Trajectory(Result):
         if key not in place:
             guess = nearest(str(key), place)
             raise NameNotFoundError(
-                f"there is no joint with free coordinates called {key!r}" + (f"; did you mean {guess!r}?" if guess else "")
+                f"there is no joint with free coordinates called {key!r}"
+                + (f"; did you mean {guess!r}?" if guess else "")
             )
         start, n = place[key]
         return self.joints[:, start] if n == 1 else self.joints[:, start : start + n]
@@ -272,7 +275,9 @@ class Trajectory(Result):
         known = [*self.snapshot.tables["drive_name"], *self.snapshot.tables["coupler_name"]]
         if key not in known:
             guess = nearest(str(key), known)
-            raise NameNotFoundError(f"there is no drive or coupler {key!r}" + (f"; did you mean {guess!r}?" if guess else ""))
+            raise NameNotFoundError(
+                f"there is no drive or coupler {key!r}" + (f"; did you mean {guess!r}?" if guess else "")
+            )
         rows = list(self.snapshot.system.topology()["row_joint"])
         return -self.multipliers[:, rows.index(key)]
 
