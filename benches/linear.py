@@ -289,7 +289,7 @@ def table(rows: list[Row]) -> str:
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
 
-def circumstances() -> str:
+def circumstances(programs_used: tuple[str, ...] = ("numpy", "scipy", "control", "exudyn", "pin")) -> str:
     """Machine, versions and how busy it was: without them a time means nothing."""
     from importlib.metadata import PackageNotFoundError, version
 
@@ -300,7 +300,7 @@ def circumstances() -> str:
             return f"{name} absent"
 
     load = ", ".join(f"{x:.1f}" for x in os.getloadavg())
-    programs = ", ".join(of(name) for name in ("numpy", "scipy", "control", "exudyn", "pin"))
+    programs = ", ".join(of(name) for name in programs_used)
     machine = f"{os.cpu_count()} cores ({platform.machine()}), load {load} when measured"
     return f"{machine}; Python {platform.python_version()}, {programs}."
 
@@ -314,8 +314,13 @@ def main(arguments: list[str]) -> None:
     text = f"{table(rows)}\n\n{circumstances()}"
     print(text)
     if "--write" in arguments:
-        before, _, rest = README.read_text().partition(BEGIN)
-        README.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.partition(END)[2]}")
+        write(text, BEGIN, END)
+
+
+def write(text: str, begin: str, end: str) -> None:
+    """Put a table into benches/README.md, between its two marks."""
+    before, _, rest = README.read_text().partition(begin)
+    README.write_text(f"{before}{begin}\n{text}\n{end}{rest.partition(end)[2]}")
 
 
 if __name__ == "__main__":

@@ -329,6 +329,45 @@ def skate():
     return MotionProblem("skate", m, 2.0, lambda t: {"skate": true.skate(t, tilt, speed, spin)}, "closed form")
 
 
+def swing(t=2.0):
+    """A driven hinge, and a check value from the paper's reconstruction (METHODS.md c.3)."""
+    length, rate = 2.0, np.pi / 3
+
+    def truth(times):
+        b, a = true.swing(times, length, 336.14, rate), rate * np.asarray(times)
+        tip = true.plane(length * np.cos(a), length * np.sin(a))
+        return {"A": 0.5 * tip, "end": tip + true.plane(length * np.cos(b), length * np.sin(b))}
+
+    m = mb.examples.swing(length)
+    return MotionProblem("swing", m, t, truth, "one angle, DOP853 1e-13", conserves=False, length=4.0)
+
+
+def rolling_disc():
+    mass, radius, lean, spin, turn = 1.5, 0.25, 0.35, 8.0, 0.6
+    axis, up = np.array([0, np.cos(lean), np.sin(lean)]), np.array([0, -np.sin(lean), np.cos(lean)])
+    w, across = spin * axis + turn * np.array([0, 0, 1.0]), mass * radius**2 / 4
+
+    def truth(t):
+        return {"disc": true.rolling(t, mass, radius, across, 2 * across, axis, radius * up, w)}
+
+    m = mb.examples.rolling_disc(mass, radius, lean, spin, turn)
+    return MotionProblem("rolling disc", m, 1.5, truth, "axis and spin, DOP853 1e-13")
+
+
+def quarter_car(t=1.0):
+    """The road's acceleration jumps where the bump ends."""
+    from mbrs.examples._quarter_car import BUMP_HEIGHT, BUMP_TIME
+
+    def truth(times):
+        u = true.over_bump(times, (40.0, 350.0), (1.9e5, 2.2e4), (100.0, 1.4e3), BUMP_HEIGHT, BUMP_TIME)
+        z = np.array([0.3, 0.8, 0.0]) + u
+        names = ("wheel", "body", "road")
+        return {name: np.stack([0 * z[:, i], 0 * z[:, i], z[:, i]], axis=1) for i, name in enumerate(names)}
+
+    m = mb.examples.quarter_car()
+    return MotionProblem("quarter car", m, t, truth, "matrix exponentials", smooth=False, conserves=False)
+
+
 SMOOTH: dict[str, Callable[[], MotionProblem]] = {
     f.__name__: f
     for f in (
@@ -346,5 +385,7 @@ SMOOTH: dict[str, Callable[[], MotionProblem]] = {
         heavy_top,
         free_body,
         skate,
+        swing,
+        rolling_disc,
     )
 }

@@ -102,7 +102,7 @@ def against_stop(times, mass, k, stop, gap, speed):
             s = wc * (t - reach)
             out.append(x0 + (gap - x0) * np.cos(s) + v / wc * np.sin(s))
         else:
-            out.append(A * np.sin(w * (t - stay)))
+            out.append(A * np.sin(w * (t - stay - 2 * reach) + np.pi))
     return np.array(out)
 
 
@@ -306,3 +306,47 @@ def skate(times, tilt, speed, spin):
     x = c * np.sin(w * t) / w + a / w * (t / 2 + np.sin(2 * w * t) / (4 * w))
     y = c * (1 - np.cos(w * t)) / w + a / w * np.sin(w * t) ** 2 / (2 * w)
     return plane(x, y)
+
+
+def rolling(times, mass, radius, across, along, axis, centre, w):
+    """Centre (n_t, 3) of a disc that rolls on z = 0: with r from the contact to the centre and v = w x r,
+    J w' + m r x (w' x r) = -w x J w - m r x (w x r' + g z), all about the world's axes.
+    """
+    z = np.array([0.0, 0.0, 1.0])
+
+    def slope(_, y):
+        n, spin = y[:3], y[3:6]
+        up = z - (z @ n) * n
+        size = np.linalg.norm(up)
+        dn = np.cross(spin, n)
+        d_up = -(z @ dn) * n - (z @ n) * dn
+        r, dr = radius * up / size, radius * (d_up / size - up * (up @ d_up) / size**3)
+        J = across * np.eye(3) + (along - across) * np.outer(n, n)
+        S = np.array([[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]])
+        right = -np.cross(spin, J @ spin) - mass * np.cross(r, np.cross(spin, dr) + G * z)
+        return np.concatenate([dn, np.linalg.solve(J - mass * S @ S, right), np.cross(spin, r)])
+
+    return solved(slope, np.concatenate([axis, w, centre]), times)[:, 6:]
+
+
+def over_bump(times, masses, springs, dampers, height, duration):
+    """Displacements (n_t, 2) of wheel and body, and that of the road, whose bump is h (1 - cos w t) / 2: the exponential of
+    x' = A x with the road's motion (1, cos w t, sin w t) among the states, up to the bump's end and after it.
+    """
+    from scipy.linalg import expm
+
+    (m1, m2), (kt, ks), (ct, cs), w = masses, springs, dampers, 2 * np.pi / duration
+    A = np.zeros((7, 7))
+    A[0, 2], A[1, 3] = 1, 1
+    A[2, :4] = np.array([-(kt + ks), ks, -(ct + cs), cs]) / m1
+    A[3, :4] = np.array([ks, -ks, cs, -cs]) / m2
+    A[2, 4:] = 0.5 * height / m1 * np.array([kt, -kt, ct * w])
+    A[5, 6], A[6, 5] = -w, w
+    start = np.array([0, 0, 0, 0, 1.0, 1.0, 0.0])
+    end = expm(A * duration) @ start
+    free = A[:4, :4]
+    out = []
+    for t in np.asarray(times, dtype=float):
+        state = expm(A * t) @ start if t <= duration else expm(free * (t - duration)) @ end[:4]
+        out.append([state[0], state[1], 0.5 * height * (1 - np.cos(w * t)) if t <= duration else 0.0])
+    return np.array(out)

@@ -117,3 +117,52 @@ def test_the_demo_works_with_the_base_install(tmp_path: Path) -> None:
     page = (tmp_path / "mbrs-demo.html").read_text(encoding="utf-8")
     assert page.count("<svg") >= 5 and "mbrsViewer" in page
     assert not re.search(r"https?:|src=(?!\"data:)|@import", page)
+
+
+@pytest.fixture
+def clearance(tmp_path: Path) -> Path:
+    mb.examples.clearance_oscillator().save(tmp_path / "clearance.toml")
+    return tmp_path
+
+
+NLFR = ("nlfr", "clearance.toml", "--input", "mass.force.x", "--amplitude", "3", "--output", "mass.motion.x")
+
+
+def test_nlfr_is_the_curve_of_the_package(clearance: Path) -> None:
+    data = json.loads(_mbrs(*NLFR, "--frequency", "5:25", "--harmonics", "1,3,5,7", "--json", cwd=clearance).stdout)
+    curve = mb.frequency_response(
+        mb.examples.clearance_oscillator(),
+        inputs="mass.force.x",
+        amplitude=3.0,
+        frequency=(5, 25),
+        harmonics=[1, 3, 5, 7],
+    )
+    assert data["amplitude"][0] == pytest.approx(curve.amplitude("mass.motion.x").tolist(), rel=1e-9)
+    assert [e["kind"] for e in data["events"]] == ["fold", "fold"] and data["status"] == "converged"
+    assert data["stable"].count(False) == int(np.sum(~curve.stable))
+    text = _mbrs(*NLFR, "--frequency", "5:25", "--harmonics", "1,3,5,7", cwd=clearance).stdout
+    assert "fold" in text and "|mass.motion.x|" in text
+
+
+def test_nlfr_follows_the_level_and_sweeps_down(clearance: Path) -> None:
+    level = json.loads(
+        _mbrs(*NLFR, "--frequency", "14", "--level", "0.1:2", "--harmonics", "5", "--json", cwd=clearance).stdout
+    )
+    assert level["level"][0] == pytest.approx(0.1) and set(level["frequency"]) == {14.0}
+    down = json.loads(_mbrs(*NLFR, "--frequency", "5:25", "--down", "--harmonics", "5", "--json", cwd=clearance).stdout)
+    assert down["frequency"][0] == 25.0 and [e["kind"] for e in down["events"]] == ["fold", "fold"]
+
+
+def test_nlfr_writes_a_page_and_refuses_nonsense(clearance: Path) -> None:
+    _mbrs(*NLFR, "--frequency", "5:25", "--harmonics", "5", "--out", "page.html", cwd=clearance)
+    page = (clearance / "page.html").read_text()
+    # the unstable part is drawn dashed in the colour of the stable one
+    paths = re.findall(r'<path d="M[^"]*" fill="none" stroke="(#\w+)"([^>]*)/>', page)
+    assert len(paths) == 2 and paths[0][0] == paths[1][0]
+    assert ["dasharray" in rest for _, rest in paths] == [False, True]
+    assert "neither auto" in _mbrs(*NLFR, "--frequency", "5:25", "--harmonics", "x", cwd=clearance, code=2).stderr
+    assert "not a factor" in _mbrs(*NLFR, "--frequency", "5:25", "--level", "a", cwd=clearance, code=2).stderr
+    assert "2 for 1" in _mbrs(*NLFR, "--amplitude", "3", "--frequency", "5:25", cwd=clearance, code=2).stderr
+    wrong = _mbrs("nlfr", "clearance.toml", "--input", "mas.force.x", "--output", "rail", "--frequency", "5:6",
+                  cwd=clearance, code=1).stderr  # fmt: skip
+    assert "did you mean" in wrong and "mass" in wrong

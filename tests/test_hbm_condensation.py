@@ -199,3 +199,68 @@ def test_bad_input(changes, text):
     n = 1000
     with pytest.raises(ModelError, match=text):
         harmonic_balance(chain(n, [Cubic(0.5, w=unit(n, (0, 1.0)))]), force=np.zeros(n), omega=1.0, **changes)
+
+
+def test_routes_can_be_chosen_and_agree():
+    system = chain(N, ELEMENTS)
+    given = dict(force=force(N), omega=0.31, harmonics=5)
+    modal, sparse, full = (harmonic_balance(system, condense=c, **given) for c in ("modal", "sparse", False))
+    assert [a.stats.route for a in (modal, sparse, full)] == ["condensed, modal", "condensed, sparse", "full"]
+    size = np.max(np.abs(full.X))
+    assert max(np.max(np.abs(a.X - full.X)) for a in (modal, sparse)) < 1e-10 * size
+    with pytest.raises(ModelError, match="does not couple"):
+        harmonic_balance(chain(N, ELEMENTS, kind="gyroscopic"), condense="modal", **given)
+
+
+def long_chain(n, law):
+    """Grounded at one end, its first mode near 1 rad/s, a law at the free end."""
+    k = (2 * n / np.pi) ** 2
+    K = sp.diags([np.r_[2 * np.ones(n - 1), 1.0] * k, -k * np.ones(n - 1), -k * np.ones(n - 1)], [0, 1, -1]).tocsc()
+    M = sp.identity(n, format="csc")
+    w = np.eye(n)[-1]
+    return MechanicalSystem(M, 0.05 * M + 0.01 * K, K, elements=[law(w)]), 0.05 * n * w
+
+
+def test_stability_of_a_large_system_by_a_reduced_model():
+    system, force = long_chain(30, lambda w: Cubic(1.5, w=w))
+    curve = frequency_response(system, force=force, omega=(0.9, 1.2), harmonics=5)
+    kinds = [event.kind for event in curve.events]
+    assert curve.exponents.shape[1] < 60 and kinds == ["fold", "fold"]  # 60 would be the whole system
+    off = 0.0
+    for i in range(0, len(curve), 8):
+        whole = _balance.prepare(system, force, 5, omega=float(curve.omega[i]), condense=False)
+        exact = whole.core.floquet(whole.start(curve.X[i]), [float(curve.omega[i])])[0]
+        slowest = np.sort(exact.real)[-2:]
+        own = np.sort(curve.exponents[i].real[np.isfinite(curve.exponents[i].real)])[-2:]
+        off = max(off, float(np.max(np.abs(slowest - own))))
+        assert bool(curve.stable[i]) == bool(np.all(exact.real <= 0))
+    print(f"slowest two exponents of the reduced model: largest difference {off:.1e}")
+    assert off < 1e-6
+
+
+def test_stability_of_a_thousand_masses_is_told():
+    system, force = long_chain(1000, lambda w: Cubic(50.0, w=w))
+    curve = frequency_response(system, force=force, omega=(1.0, 1.15), harmonics=5, max_step=0.2)
+    assert [event.kind for event in curve.events] == ["fold", "fold"] and curve.status == "converged"
+    stable = np.asarray(curve.stable, bool)
+    between = slice(curve.events[0].index, curve.events[1].index)
+    assert not stable[between].any() and stable[: between.start].all() and stable[between.stop :].all()
+
+
+def test_stability_is_not_claimed_without_a_model():
+    # every coordinate of 100 carries a law: nothing to condense and no model of fewer coordinates
+    n = 100
+    system, force = long_chain(n, lambda w: Cubic(1.0, w=w))
+    laws = [Cubic(0.01, w=row) for row in np.eye(n)[:97]]
+    many = MechanicalSystem(system.M, system.C, system.K, elements=laws)
+    one = _balance.prepare(many, force, 1, omega=1.0, condense=True)
+    assert one.model(1.0) is None and one.exponents(np.zeros(one.core.size), 1.0) is None
+
+
+@pytest.mark.parametrize("law", [lambda w: Cubic(5.0, w=w), lambda w: Jenkins(10.0, 5.0, w=w)])
+def test_large_systems_are_verified_in_time(law):
+    system, force = long_chain(100, law)
+    one = harmonic_balance(system, force=force, omega=1.1, harmonics=7)
+    off = one.verify()
+    print(f"chain of 100: estimated {one.error:.1e}, integrated {off:.1e}")
+    assert 0.1 < off / one.error < 10

@@ -100,7 +100,7 @@ def test_no_cycle_is_an_error():
         (dict(force={1: [1.0]}), "static forces alone"),
         (dict(harmonics=0), "at least 1"),
         (dict(harmonics="all"), '"auto"'),
-        (dict(method="magic"), "method must be"),
+        (dict(method="magic"), "no method"),
         (dict(x0=[[0.0, 2.0, 0.0]]), "omega"),
         (dict(tol=-1.0), "tol must be"),
     ],

@@ -221,3 +221,65 @@ def test_memory_has_no_quasi_periodic_form():
 def test_branch_needs_one_range(changes):
     with pytest.raises(ModelError, match="range"):
         quasi_periodic_response(duffing(), pair(2.0), **changes)
+
+
+def two_sines(second=1.5 * 2**0.5):
+    return [dict(force=[-0.25j], omega=1.5), dict(force=[-0.25j], omega=second)]
+
+
+def costar(k3=1.5):
+    return MechanicalSystem([[1.0]], [[0.1]], [[1.0]], elements=[Cubic(k3, w=[1.0])])
+
+
+def test_branch_in_one_of_the_frequencies():
+    curve = quasi_periodic_response(costar(), two_sines((2.1, 2.9)), harmonics=7)
+    assert curve.status in ("converged", "unresolved") and curve.parameter == "omega1"
+    assert np.all(curve.omega[:, 0] == 1.5) and curve.omega[0, 1] == 2.1 and curve.omega[-1, 1] == 2.9
+    for i in (0, len(curve) // 2, len(curve) - 1):
+        again = quasi_periodic(costar(), two_sines(float(curve.omega[i, 1])), harmonics=7, x0=curve.point(i))
+        assert np.allclose(again.X, curve.X[i], atol=1e-9)
+    name, values = curve.along
+    assert name == "omega[1]" and np.array_equal(values, curve.omega[:, 1])
+    assert curve.to_xarray().X.shape[0] == len(curve)
+
+
+def test_branch_in_a_parameter_of_the_system():
+    curve = quasi_periodic_response(costar, two_sines(), value=(0.1, 1.5), harmonics=5)
+    assert curve.value[0] == 0.1 and curve.value[-1] == 1.5
+    for i in (0, len(curve) // 2, len(curve) - 1):
+        again = quasi_periodic(costar(float(curve.value[i])), two_sines(), harmonics=5, x0=curve.point(i))
+        assert np.allclose(again.X, curve.X[i], atol=1e-9)
+    assert curve.point(3).system.elements[0].values[0] == curve.value[3]
+
+
+def test_branch_with_automatic_terms_equals_the_reference():
+    curve = quasi_periodic_response(costar(), two_sines(), level=(0.1, 1.0), harmonics="auto", tol=1e-5)
+    assert curve.status == "converged" and np.max(curve.error) <= 1e-5
+    i = len(curve) // 2
+    terms = np.zeros((len(curve.indices) + 1, 1), complex)
+    for j, k in enumerate(curve.indices.tolist()):
+        if k in ([1, 0], [0, 1]):
+            terms[1 + j] = -0.25j * curve.level[i]
+    n_t = 4 * int(np.max(curve.indices)) + 2
+    reference = hbm_quasi_periodic.solve(costar(), terms, curve.omega[i], curve.indices, [n_t, n_t], curve.X[i])
+    off = np.max(np.abs(reference - curve.X[i]))
+    print(f"branch in the level, {len(curve)} points, {len(curve.indices)} terms: from the reference {off:.1e}")
+    assert off < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("run", "text"),
+    [
+        (lambda: quasi_periodic_response(costar(), two_sines()), "give one range"),
+        (lambda: quasi_periodic_response(costar(), two_sines((2.0, 2.5)), level=(0.1, 1.0)), "give one range"),
+        (lambda: quasi_periodic_response(costar(), two_sines(), value=(0.1, 1.0)), "belong together"),
+        (lambda: quasi_periodic_response(costar, two_sines(), level=(0.1, 1.0)), "belong together"),
+        (lambda: quasi_periodic_response(costar(), two_sines((2.0, 2.0))), "two different"),
+        (lambda: quasi_periodic_response(costar(), two_sines(), scale=(1.0, np.nan)), "two different"),
+        (lambda: quasi_periodic(costar(), two_sines(), harmonics="many"), '"auto"'),
+        (lambda: quasi_periodic(costar(), two_sines(), harmonics=2.5), "harmonics"),
+    ],
+)
+def test_bad_ranges(run, text):
+    with pytest.raises(ModelError, match=text):
+        run()

@@ -19,7 +19,7 @@ LAYERS = {
     "words": {
         "errors", "names", "values", "geometry", "expressions", "operations", "parameters", "store", "laws", "shifted_laws",
         "attached_laws", "elements", "joints", "element_methods", "joint_methods", "bodies", "ports", "addresses", "varying",
-        "jsonable", "progress", "results", "mac", "measures", "_timing", "effects",
+        "jsonable", "motions", "drives", "progress", "results", "mac", "measures", "_timing", "effects",
     },
     "model": {"model", "examples", "io"},
     "tables": {"tables"},
@@ -33,7 +33,7 @@ SHOWS = {"plot", "animate", "page", "report"}
 # What `import mbrs` must not pay for.
 OPTIONAL = {"scipy", "matplotlib", "xarray", "h5netcdf", "control", "mpmath", "click", "rich"}
 # A model saves, compiles and lists itself through these, imported when asked for; results draw themselves through SHOWS.
-LAZY = {("model", "io"), ("model", "tables"), ("model", "_core"), ("laws", "_core")}
+LAZY = {("model", "io"), ("model", "tables"), ("model", "_core"), ("laws", "_core"), ("examples", "second_order")}
 
 
 def modules():

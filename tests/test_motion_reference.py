@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from mbrs import reference as ref
 from mbrs.errors import ConvergenceError
-from mbrs.reference.dynamics import constraint_jacobian, twists_of
-from mbrs.reference.transient import begin, gaps
+from mbrs.reference.motion import velocity_rows
+from mbrs.reference.transient import begin, rows
 from mbrs.tables import tables
 
 SCHEMES = dict(
@@ -28,7 +28,8 @@ def places(system, history):
     for name, body, x in zip(t["marker_name"], t["marker_body"], t["marker_x"], strict=True):
         b = system.bodies[body]
         local = b.R.T @ (system.x[x : x + 3] - b.centre)
-        out[name] = np.array([i.state.r[body] + i.state.R[body] @ local for i in history.instants])
+        states = [i.motion.state for i in history.instants]
+        out[name] = np.array([state.r[body] + state.R[body] @ local for state in states])
     return out
 
 
@@ -47,7 +48,7 @@ def test_explicit_agrees_with_the_hand_written_equations(name):
     assert error < 1e-11 * max(problem.length, 1.0)
 
 
-@pytest.mark.parametrize("name", ["double_pendulum", "spherical_pendulum", "bead_on_arm", "free_body", "skate"])
+@pytest.mark.parametrize("name", ["double_pendulum", "bead_on_arm", "free_body", "skate"])
 @pytest.mark.parametrize(("method", "order"), [("generalized-alpha", 2), ("bdf", 4)])
 def test_orders(name, method, order):
     """Halving the step: the error's slope is the order; BDF4 approaches it from below."""
@@ -57,17 +58,18 @@ def test_orders(name, method, order):
     assert abs(slope - order) < 0.25
 
 
-@pytest.mark.parametrize("method", ["generalized-alpha", "bdf", "explicit"])
+@pytest.mark.parametrize("method", SCHEMES)
 @pytest.mark.parametrize("name", ["four_bars", "spherical_pendulum", "skate"])
 def test_constraints_hold(name, method):
-    """Positions in all schemes; velocities in those that hold them."""
+    """Rows of both levels after every step, and their rates after the schemes that end with `consistent`."""
     s, history, _ = run(zoo.SMOOTH[name](), method, 10, SHORT[name])
-    gap = max(np.max(np.abs(gaps(s, i.state)), initial=0.0) for i in history.instants)
-    slip = max(np.max(np.abs(constraint_jacobian(s, i.state)[0] @ twists_of(i.state))) for i in history.instants)
-    print(f"{name}, {method}: positions {gap:.1e}, velocities {slip:.1e}")
+    gap, slip = 0.0, 0.0
+    for i in history.instants:
+        phi, J = rows(s, i.motion)
+        gap, slip = max(gap, np.max(np.abs(phi))), max(slip, np.max(np.abs(J @ i.motion.rate)))
+    print(f"{name}, {method}: positions {gap:.1e}, velocities {slip:.1e}, {int(np.sum(velocity_rows(s)))} of them only")
     assert gap < 1e-12
-    if method != "generalized-alpha":
-        assert slip < 1e-11
+    assert slip < 1e-11
 
 
 def test_bricard_keeps_its_energy():

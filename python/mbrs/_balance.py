@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from . import _condensation, _core
+from . import _checks, _condensation, _core
 from .errors import ConvergenceError, MbrsError, ModelError, SingularError
 from .laws import FunctionLaw, Law
 
 NONSMOOTH_SAMPLES = 512
+HIGHEST = 4096  # harmonics, and their subharmonics; more would not fit into dense equations
+LARGEST_SAMPLE = 1 << 18
+MOST_SAMPLES = 16384
+MOST_HARMONICS = 255
+ALIASED = 0.5  # part of the error from which on more samples pay
+NEGLIGIBLE = 1e-10
 POLYNOMIAL = (0, 1, 2, 8, 11)  # codes of the laws that are polynomials in u and v
 
 
@@ -27,6 +33,7 @@ class Setup:
     core: Any
     linear: _condensation.Linear
     arguments: tuple[Any, ...] = ()
+    member: Callable[[float], Any] | None = field(default=None, repr=False)
 
     def __reduce__(self) -> Any:
         return prepare, self.arguments  # the core's object does not travel; it is made again
@@ -40,10 +47,22 @@ class Setup:
         """How the linear part was treated."""
         return self.linear.route
 
-    def expand(self, y: np.ndarray, omega: float) -> np.ndarray:
-        """Coefficients (dof, 2 H + 1) of all coordinates for a vector of the core's unknowns."""
-        X = translated(self.core.expand, y, [omega])
+    def expand(self, y: np.ndarray, omega: float, level: float = 1.0, value: float | None = None) -> np.ndarray:
+        """Coefficients (dof, 2 H + 1) of all coordinates for a vector of the core's unknowns; ``value`` is that of the
+        parameter on which the system depends."""
+        if value is not None and self.member is not None and self.linear.route != "full":
+            system, force = self.member(value)
+            return prepare(system, force, *self.arguments[2:]).expand(y, omega, level)
+        X = translated(self.core.expand, y, [omega], level)
         return self.padded(X if self.linear.transform is None else self.linear.transform @ X)
+
+    def model(self, omega: float) -> tuple[np.ndarray, ...] | None:
+        """The reduced model that tells the stability of a large system up to the frequency ``omega``."""
+        return self.linear.stability_model((self.harmonics[-1] + 1) * omega / self.subharmonic)
+
+    def exponents(self, y: np.ndarray, omega: float) -> np.ndarray | None:
+        """Floquet exponents of a solution, or None where they cannot be told."""
+        return translated(self.core.floquet, y, [omega], model=self.model(omega))[0]
 
     def peak(self, y: np.ndarray, omega: float, level: float, dof: int, harmonic: int | None) -> tuple[float, Any]:
         """(omega, y) of the largest amplitude near y."""
@@ -69,13 +88,7 @@ class Setup:
         """The unknowns of the core for a first guess: None, coefficients (dof, 2 h + 1), or an earlier result."""
         X = np.zeros((self.system.n, self.n_c))
         if x0 is not None:
-            given = np.asarray(getattr(x0, "X", x0), dtype=float)
-            if given.ndim != 2 or given.shape[0] != self.system.n or given.shape[1] % 2 == 0:
-                raise ModelError(
-                    f"x0 must be coefficients (dof, 2h+1) with dof = {self.system.n}, its shape is {given.shape}"
-                )
-            if not np.all(np.isfinite(given)):
-                raise ModelError("x0 contains NaN or infinite entries")
+            given = checked_guess(self.system.n, x0)
             X[:, 0] = given[:, 0]
             for j, h in enumerate(self.harmonics):
                 if 2 * h < given.shape[1]:
@@ -98,10 +111,39 @@ def translated(call: Any, *args: Any, **kwargs: Any) -> Any:
         raise MbrsError(str(problem)) from None
 
 
+def checked_guess(n: int, x0: Any) -> np.ndarray:
+    """Coefficients (n, 2 h + 1) of a first guess: an array, or an earlier result."""
+    given = _checks.real_array("x0", getattr(x0, "X", x0))
+    if given.ndim != 2 or given.shape[0] != n or given.shape[1] % 2 == 0:
+        raise ModelError(f"x0 must be coefficients (dof, 2h+1) with dof = {n}, its shape is {given.shape}")
+    return given
+
+
+def steps(step: Any, least: Any, largest: Any) -> tuple[float, float, float]:
+    """First, least and largest step of a continuation, checked."""
+    first, low, high = (positive(n, v) for n, v in (("step", step), ("min_step", least), ("max_step", largest)))
+    if not low <= first <= high:
+        raise ModelError(f"min_step <= step <= max_step must hold, they are {low}, {first}, {high}")
+    if high > 10.0:
+        raise ModelError(f"max_step = {high:g} is larger than the whole curve, which has about the length 1; take 0.1")
+    return first, low, high
+
+
+def newton(tolerance: Any, max_iterations: Any) -> dict[str, Any]:
+    """The options of Newton's method, checked."""
+    if positive("tolerance", tolerance) >= 1.0:
+        raise ModelError(f"tolerance = {tolerance} is of the last step relative to the solution; it must be below 1")
+    return dict(
+        tolerance=positive("tolerance", tolerance),
+        max_iterations=_checks.count("max_iterations", max_iterations, 100_000),
+    )
+
+
 def checked_level(level: Any) -> float:
     """A finite factor on the forces."""
-    if isinstance(level, bool) or not isinstance(level, int | float | np.number) or not np.isfinite(level):
-        raise ModelError(f"level must be a finite number, it is {level!r}")
+    known = isinstance(level, int | float | np.integer | np.floating) and not isinstance(level, bool)
+    if not known or not abs(level) <= _checks.LARGEST:
+        raise ModelError(f"level must be a finite number, it is {_checks.shown(level)}")
     return float(level)
 
 
@@ -116,7 +158,7 @@ def scaled_force(force: Any, level: float) -> Any:
 def positive(name: str, value: Any) -> float:
     """A positive finite number, or `ModelError`."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0 < value < np.inf:
-        raise ModelError(f"{name} must be a positive number, it is {value!r}")
+        raise ModelError(f"{name} must be a positive number, it is {_checks.shown(value)}")
     return float(value)
 
 
@@ -128,22 +170,51 @@ def prepare(
     n_samples: int | None = None,
     omega: float = 1.0,
     condense: bool | str = "auto",
+    turn: bool = True,
+    least_samples: int = 0,
 ) -> Setup:
-    """Checks everything and builds the core's problem."""
+    """Checks everything and builds the core's problem; samples that are chosen are at least ``least_samples``."""
     laws = checked_system(system)
-    subharmonic = integer("subharmonic", subharmonic)
+    subharmonic = _checks.count("subharmonic", subharmonic, HIGHEST)
     terms = checked_harmonics(harmonics, subharmonic)
     forces = _force_terms(system.n, force, terms, subharmonic)
     n = checked_samples(n_samples, laws, terms, subharmonic)
+    if n_samples is None:
+        n = max(n, least_samples)
     top = min(2 * terms[-1] + 1, terms[-1] + 6)  # the estimate looks at this many
     extra = [[h] for h in range(1, top + 1) if h not in terms]
     fine = max(2 * n, needed_samples(laws, (top,), subharmonic))
-    linear = _condensation.linear_part(system, laws, forces, 2 * len(terms) + 1, condense)
+    linear = _condensation.linear_part(system, laws, forces, 2 * len(terms) + 1, condense, turn)
     elements = core_elements(laws, linear.directions)
     indices = [[h] for h in terms]
     core = translated(_core.HbmProblem, linear.core, elements, indices, subharmonic, [omega], [n], extra, [fine])
-    arguments = (system, force, terms, subharmonic, n, omega, condense)
+    arguments = (system, force, terms, subharmonic, n, omega, condense, turn)
     return Setup(system, terms, subharmonic, n, core, linear, arguments)
+
+
+def of_family(member: Callable[[float], Any], value: float, span: float, harmonics: Any, **given: Any) -> Setup:
+    """The problem of a system that depends on a parameter: ``member(value)`` returns system and force."""
+    system, force = member(value)
+    setup = prepare(system, force, harmonics, turn=False, **given)
+    _, _, terms, subharmonic, _, _, condense, _ = setup.arguments
+
+    def made(p: float) -> tuple[Any, Any]:
+        system, force = member(p)
+        laws = checked_system(system)
+        forces = _force_terms(system.n, force, terms, subharmonic)
+        linear = _condensation.linear_part(system, laws, forces, 2 * len(terms) + 1, condense, turn=False)
+        return linear.core, core_elements(laws, linear.directions)
+
+    setup.core.with_family(made, value, 1e-5 * span)
+    return replace(setup, member=member)
+
+
+def more_samples(n: int, error: float, aliasing: float, laws: Sequence[Law], given: Any) -> int | None:
+    """Twice the samples where they, and not the harmonics, limit a solution, unless their number was given."""
+    known = given is not None or all(law.code in POLYNOMIAL for law in laws)
+    if known or 2 * n > MOST_SAMPLES or aliasing <= max(ALIASED * error, NEGLIGIBLE):
+        return None
+    return 2 * n
 
 
 def checked_system(system: Any) -> tuple[Law, ...]:
@@ -172,18 +243,39 @@ def checked_harmonics(harmonics: Any, subharmonic: int) -> tuple[int, ...]:
     if isinstance(harmonics, int | np.integer) and not isinstance(harmonics, bool):
         if harmonics < 1:
             raise ModelError(f"harmonics must be at least 1, it is {harmonics}")
+        _bounded(int(harmonics) * subharmonic)
         return tuple(range(1, int(harmonics) * subharmonic + 1))
-    if isinstance(harmonics, str) or not isinstance(harmonics, Sequence | np.ndarray) or len(harmonics) == 0:
-        raise ModelError(f"harmonics must be a number or a sequence of positive integers, it is {harmonics!r}")
-    terms = [integer("harmonics", h) for h in harmonics]
+    if isinstance(harmonics, str) or not isinstance(harmonics, Sequence | np.ndarray) or np.size(harmonics) == 0:
+        given = _checks.shown(harmonics)
+        raise ModelError(f"harmonics must be a number or a sequence of positive integers, it is {given}")
+    terms = [integer("harmonics", h) for h in np.atleast_1d(np.asarray(harmonics, dtype=object))]
+    _bounded(max(terms))
     if len(set(terms)) != len(terms):
         raise ModelError(f"harmonics are given twice: {terms}")
     return tuple(sorted(terms))
 
 
+def _bounded(top: int) -> None:
+    if top > HIGHEST:
+        raise ModelError(
+            f"harmonics up to {_checks.shown(top)} (of the excitation frequency over subharmonic) are too many; "
+            f"take at most {HIGHEST}, or a sequence of those that matter"
+        )
+
+
 def integer(name: str, value: Any) -> int:
+    """A positive integer, or `ModelError`."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise ModelError(f"{name} must be positive integers, not {value!r}; the constant term is always kept")
+        raise ModelError(
+            f"{name} must be positive integers, not {_checks.shown(value)}; the constant term is always kept"
+        )
+    return int(value)
+
+
+def whole(name: str, value: Any) -> int:
+    """An integer from 0 on, or `ModelError`."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
+        raise ModelError(f"{name} must be an integer from 0 on, it is {_checks.shown(value)}")
     return int(value)
 
 
@@ -213,7 +305,7 @@ def checked_samples(n_samples: int | None, laws: Sequence[Law], terms: Sequence[
     """The number of samples: chosen, or what the user said if that does not alias polynomial laws."""
     if n_samples is None:
         return needed_samples(laws, terms, subharmonic)
-    n = integer("n_samples", n_samples)
+    n = _checks.count("n_samples", n_samples, LARGEST_SAMPLE)
     polynomial = [law for law in laws if law.code in POLYNOMIAL]
     least = max([2 * terms[-1] + 1, *(alias_free(law, terms[-1], subharmonic) for law in polynomial)])
     if n < least:
@@ -251,14 +343,11 @@ def _force_terms(n: int, force: Any, terms: tuple[int, ...], subharmonic: int) -
 
 def force_vector(n: int, vector: Any, h: int) -> np.ndarray:
     """A complex force (n,) of one harmonic, checked."""
-    try:
-        f = np.asarray(vector, dtype=complex)
-    except (TypeError, ValueError):
-        raise ModelError(f"force of harmonic {h} must be a vector (n,), it is {vector!r}") from None
+    if isinstance(vector, str | bytes) or vector is None:
+        raise ModelError(f"force of harmonic {h} must be a vector (n,), it is {_checks.shown(vector)}")
+    f = _checks.complex_array(f"force of harmonic {h}", vector)
     if f.shape != (n,):
         raise ModelError(f"force of harmonic {h} must have the shape ({n},), it has {f.shape}")
-    if not np.all(np.isfinite(f)):
-        raise ModelError(f"force of harmonic {h} contains NaN or infinite entries")
     return f
 
 
@@ -287,8 +376,10 @@ def one_frequency(omega: Any, frequency: Any) -> Any:
     name = "omega" if frequency is None else "frequency"
     try:
         array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise ModelError(f"{name} must be real, it is {value!r}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise ModelError(f"{name} must be real, it is {_checks.shown(value)}") from None
     if array.size == 0 or not np.all(np.isfinite(array)) or np.any(array <= 0):
-        raise ModelError(f"{name} must be positive and finite, it is {value!r}")
+        raise ModelError(f"{name} must be positive and finite, it is {_checks.shown(value)}")
+    if np.any(array > _checks.LARGEST) or np.any(array < 1 / _checks.LARGEST):
+        raise ModelError(f"{name} = {_checks.shown(value)} is beyond what can be squared; choose other units")
     return array if frequency is None else 2 * np.pi * array

@@ -9,30 +9,46 @@ from typing import Any
 
 import numpy as np
 
-from . import _core
+from . import _checks, _core
 from .errors import ModelError
 from .laws import Law
 
 FULL_UNKNOWNS = 6000
 MODAL_COORDINATES = 1500
-STABILITY_COORDINATES = 64  # as in the core: larger condensed systems do not tell their stability
+STABILITY_COORDINATES = 64  # as in the core: up to here it has the matrices themselves
+WORTH_REDUCING = 16  # beyond, stability is cheaper by a reduced model
+REDUCED_COORDINATES = 96
+SHIFTS = 24
+ROUTES = ("auto", "modal", "sparse")
+NEGLIGIBLE_SHAPE = 1e-9
 WORTH_CONDENSING = 150
 
 
 @dataclass(frozen=True)
 class Linear:
-    """The core's object, how it was made, and the orthogonal matrix T of x = T y where coordinates were changed."""
+    """The core's object, how it was made, M, C, K in its coordinates, and the orthogonal matrix T of x = T y where
+    coordinates were changed."""
 
     core: Any
     route: str
     directions: tuple[np.ndarray, ...]
     transform: np.ndarray | None = None
+    matrices: tuple[Any, Any, Any] | None = None
+
+    def stability_model(self, top: float) -> tuple[np.ndarray, ...] | None:
+        """M, C, K of a model of a large system for motions up to the frequency ``top`` (rad/s); None for small ones."""
+        if self.matrices is None or self.matrices[0].shape[0] <= WORTH_REDUCING:
+            return None
+        return _reduced(self.matrices, np.asarray(self.core.retained), top)
 
 
-def linear_part(system: Any, laws: Sequence[Law], forces: np.ndarray, n_c: int, condense: bool | str) -> Linear:
-    """``condense``: True, False or "auto", which condenses where the full equations are large."""
-    if not isinstance(condense, bool) and condense != "auto":
-        raise ModelError(f'condense must be True, False or "auto", it is {condense!r}')
+def linear_part(
+    system: Any, laws: Sequence[Law], forces: np.ndarray, n_c: int, condense: bool | str, turn: bool = True
+) -> Linear:
+    """``condense``: True, False, "modal", "sparse" or "auto", which condenses where the full equations are large. Without
+    ``turn`` the coordinates stay what they are, whatever the laws touch."""
+    if not isinstance(condense, bool) and (not isinstance(condense, str) or condense not in ROUTES):
+        raise ModelError(f'condense must be True, False, "auto", "modal" or "sparse", it is {_checks.shown(condense)}')
     directions = tuple(np.asarray(law.w) for law in laws)
     touched = np.flatnonzero(np.any([w != 0 for w in directions], axis=0)) if directions else np.zeros(0, int)
     small = system.n * n_c <= WORTH_CONDENSING
@@ -40,16 +56,22 @@ def linear_part(system: Any, laws: Sequence[Law], forces: np.ndarray, n_c: int, 
         return _full(system, directions, forces, n_c)
     if len(touched) == 0:
         touched = np.array([0])  # a linear system: any coordinate carries the equations
-    rank = np.linalg.matrix_rank(np.array(directions)) if directions else 0
-    if 2 * rank < len(touched) and len(touched) > 8 and system.n <= MODAL_COORDINATES:
-        return _turned(system, directions, forces, int(rank))
+    if turn and condense not in ("modal", "sparse") and len(touched) > 8 and system.n <= MODAL_COORDINATES:
+        rank = int(np.linalg.matrix_rank(np.array(directions)))
+        if 2 * rank < len(touched):
+            return _turned(system, directions, forces, rank)
     if len(touched) == system.n:
         return _full(system, directions, forces, n_c)
-    matrices = _symmetric(system) if system.n <= MODAL_COORDINATES else None
+    by_modes = condense == "modal" or (condense != "sparse" and system.n <= MODAL_COORDINATES)
+    matrices = _symmetric(system) if by_modes else None
     modal = None if matrices is None else _modal(matrices, touched, forces)
     if modal is not None:
-        return Linear(modal, "condensed, modal", directions)
-    return Linear(_sparse(system, touched, forces), "condensed, sparse", directions)
+        return Linear(modal, "condensed, modal", directions, None, matrices)
+    if condense == "modal":
+        raise ModelError(
+            'condense="modal" needs symmetric matrices whose damping does not couple the modes; use "sparse"'
+        )
+    return _sparse(system, touched, forces, directions)
 
 
 def dense(system: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -85,7 +107,41 @@ def _turned(system: Any, directions: tuple[np.ndarray, ...], forces: np.ndarray,
     m, c, k = (A.ravel() for A in (M, C, K))
     turned_forces = np.ascontiguousarray(forces @ Q)
     core = _core.HbmLinear.sparse(system.n, row, column, m, c, k, np.arange(rank), turned_forces)
-    return Linear(core, "condensed, turned", turned, Q)
+    return Linear(core, "condensed, turned", turned, Q, (M, C, K))
+
+
+def _reduced(matrices: tuple[Any, Any, Any], retained: np.ndarray, top: float) -> tuple[np.ndarray, ...] | None:
+    """Congruence onto the retained coordinates and the shapes that the rest takes when these move at frequencies up to
+    ``top``: the dynamic stiffness is then interpolated at those frequencies (rational Krylov subspaces, E. J. Grimme, thesis,
+    Illinois 1997, chapter 3). The core checks it between them before it is used."""
+    import scipy.sparse as sp
+    import scipy.sparse.linalg as spl
+
+    M, C, K = (sp.csc_matrix(A) for A in matrices)
+    n, n_r = M.shape[0], len(retained)
+    local = np.setdiff1d(np.arange(n), retained)
+    most = min(REDUCED_COORDINATES - n_r, len(local))
+    ll, lr = np.ix_(local, local), np.ix_(local, retained)
+    shapes = []
+    for w in np.linspace(0.0, top, SHIFTS):
+        Z = K - w**2 * M + 1j * w * C
+        try:
+            shapes.append(-spl.splu(Z[ll].tocsc()).solve(Z[lr].toarray()))
+        except RuntimeError:
+            continue  # singular here; its neighbours tell as much
+    if not shapes or most < 1:
+        return None
+    static = shapes[0].real
+    moving = np.hstack([part - s * static for x in shapes for part, s in ((x.real, 1.0), (x.imag, 0.0))])
+    size = np.linalg.norm(moving, axis=0)
+    kept = size > 0
+    basis, weight, _ = np.linalg.svd(moving[:, kept] / size[kept], full_matrices=False)
+    basis = basis[:, : min(most, int(np.sum(weight > NEGLIGIBLE_SHAPE * weight[0])))] if kept.any() else basis[:, :0]
+    T = np.zeros((n, n_r + basis.shape[1]))
+    T[retained, np.arange(n_r)] = 1.0
+    T[local, :n_r], T[local, n_r:] = static, basis
+    reduced = tuple(np.ascontiguousarray(T.T @ (A @ T)) for A in (M, C, K))
+    return reduced if all(np.all(np.isfinite(A)) for A in reduced) else None
 
 
 def _symmetric(system: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
@@ -131,7 +187,7 @@ def _modal(matrices: tuple[np.ndarray, ...], retained: np.ndarray, forces: np.nd
     )
 
 
-def _sparse(system: Any, retained: np.ndarray, forces: np.ndarray) -> Any:
+def _sparse(system: Any, retained: np.ndarray, forces: np.ndarray, directions: tuple[np.ndarray, ...]) -> Linear:
     import scipy.sparse as sp
 
     def matrix(*parts: Any) -> Any:
@@ -152,6 +208,7 @@ def _sparse(system: Any, retained: np.ndarray, forces: np.ndarray) -> Any:
         np.add.at(out, np.searchsorted(places, A.col.astype(np.int64) * system.n + A.row), A.data)
         return out
 
-    return _core.HbmLinear.sparse(
+    core = _core.HbmLinear.sparse(
         system.n, places % system.n, places // system.n, values(M), values(C), values(K), retained, forces
     )
+    return Linear(core, "condensed, sparse", directions, None, (M, C, K))

@@ -9,6 +9,8 @@ import numpy as np
 
 from . import _balance, _condensation, _verify
 
+COLLOCATION_SAMPLES = 1 << 15
+MOST_NODES = 40000
 AMPLITUDES = np.geomspace(1e-6, 1e6, 121)
 
 
@@ -126,8 +128,11 @@ def coefficients(samples: np.ndarray, top: int) -> np.ndarray:
     return out
 
 
-def collocate(system: Any, force: Any, start: tuple[Any, float], top: int) -> tuple[np.ndarray, float, float, int]:
-    """X, period, estimated relative error and mesh size of the cycle near ``start``, by fourth-order collocation."""
+def collocate(
+    system: Any, force: Any, start: tuple[Any, float], top: int, limit: float
+) -> tuple[np.ndarray, float, float, int]:
+    """X, period, estimated relative error and mesh size of the cycle near ``start``, by fourth-order collocation: at least
+    ``top`` harmonics, and as many as leave less than a third of the error ``limit``."""
     from scipy.integrate import solve_bvp
 
     X, w = start
@@ -148,9 +153,27 @@ def collocate(system: Any, force: Any, start: tuple[Any, float], top: int) -> tu
     def ends(a: np.ndarray, b: np.ndarray, _: np.ndarray) -> np.ndarray:
         return np.append(b - a, direction @ (a - anchor))
 
-    coarse = solve_bvp(fun, ends, mesh, y, p=[2 * np.pi / w], tol=1e-4, max_nodes=40000)
-    solution = solve_bvp(fun, ends, coarse.x, coarse.y, p=coarse.p, tol=1e-6, max_nodes=40000)
-    period = float(solution.p[0])
-    error = abs(period - float(coarse.p[0])) / period + float(np.max(solution.rms_residuals))
-    samples = solution.sol(np.linspace(0, 1, 16384, endpoint=False))[:n]
-    return coefficients(samples, top), period, error if solution.success else np.inf, len(solution.x)
+    phases = np.linspace(0, 1, COLLOCATION_SAMPLES, endpoint=False)
+    with np.errstate(all="ignore"):  # trials may be anywhere
+        solution = solve_bvp(fun, ends, mesh, y, p=[2 * np.pi / w], tol=1e-4, max_nodes=MOST_NODES)
+    error, samples, period = np.inf, solution.sol(phases)[:n], float(solution.p[0])
+    for tolerance in (1e-6, 1e-8):
+        with np.errstate(all="ignore"):
+            finer = solve_bvp(fun, ends, solution.x, solution.y, p=solution.p, tol=tolerance, max_nodes=MOST_NODES)
+        if not (solution.success and finer.success):
+            break
+        # the condition at t = 0 fixes the phase, so that the meshes can be compared at the same instants
+        before, period_before, solution = samples, period, finer
+        samples, period = finer.sol(phases)[:n], float(finer.p[0])
+        error = abs(period - period_before) / period
+        error += float(np.max(np.abs(samples - before)) / np.max(np.abs(samples)))
+        if error <= limit / 2:
+            break
+    if not np.isfinite(error):
+        return coefficients(samples, max(top, 255)), period, error, len(solution.x)
+    every = coefficients(samples, COLLOCATION_SAMPLES // 4)
+    amplitudes = np.hypot(every[:, 1::2], every[:, 2::2]) / np.max(np.abs(every))
+    left_out = np.max(np.cumsum(amplitudes[:, ::-1], axis=1), axis=0)[::-1]  # [h]: what the harmonics beyond h hold
+    enough = left_out <= limit / 3
+    top = max(top, 1, int(np.argmax(enough)) if np.any(enough) else len(left_out) - 1)
+    return every[:, : 2 * top + 1], period, error + float(left_out[min(top, len(left_out) - 1)]), len(solution.x)

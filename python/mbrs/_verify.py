@@ -7,8 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from . import _condensation
-from .errors import ModelError
+from . import _condensation, _midpoint
+
+LARGEST_EXPLICIT = 60
+HALVINGS = 7
+INSTANTS = 256
 
 
 def distance(solution: Any, rtol: float) -> float:
@@ -16,12 +19,12 @@ def distance(solution: Any, rtol: float) -> float:
     from scipy.integrate import solve_ivp
 
     system = solution.system
-    if any(law.has_memory for law in system.elements):
-        raise ModelError(
-            "verify() cannot integrate laws with memory: their slider positions are not part of the result"
-        )
+    if system.n > LARGEST_EXPLICIT or any(law.has_memory for law in system.elements):
+        load = load_of(system, [(h, h * solution.omega, f) for h, f in _terms(solution.force)])
+        histories = _histories(solution, solution.period)
+        return _by_midpoint(solution, load, float(solution.omega), solution.period, 1, histories)
     rate = first_order(system, solution.force, solution.omega)
-    t = np.linspace(0, solution.period, 257)
+    t = np.linspace(0, solution.period, INSTANTS + 1)
     x, v = solution.displacement(t), solution.velocity(t)
     size = max(np.max(np.abs(x)), np.finfo(float).tiny)
     scale = np.concatenate([np.full(system.n, size), np.full(system.n, max(np.max(np.abs(v)), np.finfo(float).tiny))])
@@ -37,6 +40,14 @@ def distance_on_torus(solution: Any, cycles: float, rtol: float) -> float:
     from scipy.integrate import solve_ivp
 
     system = solution.system
+    length = cycles * 2 * np.pi / np.min(solution.omega)
+    if system.n > LARGEST_EXPLICIT:
+        terms = [(1, w, np.asarray(f["force"], complex)) for f, w in zip(solution.forces, solution.omega, strict=True)]
+        load = load_of(system, terms, solution.static)
+        turns = int(np.ceil(cycles * np.max(solution.omega) / np.min(solution.omega)))
+        return _by_midpoint(
+            solution, load, float(solution.omega[0]), length, turns, [np.zeros(0)] * len(system.elements)
+        )
     free = first_order(system, {0: np.zeros(system.n)}, float(solution.omega[0]))
     inverse = np.linalg.inv(_condensation.dense(system)[0])
     static = np.zeros(system.n) if solution.static is None else np.asarray(solution.static, float)
@@ -46,7 +57,7 @@ def distance_on_torus(solution: Any, cycles: float, rtol: float) -> float:
         f = sum(((a * np.exp(1j * w * t)).real for a, w in sources), static)
         return free(t, y) + np.concatenate([np.zeros(system.n), inverse @ f])
 
-    t = np.linspace(0, cycles * 2 * np.pi / np.min(solution.omega), 1000)
+    t = np.linspace(0, length, 1000)
     x, v = solution.displacement(t), solution.velocity(t)
     tiny = np.finfo(float).tiny
     size, speed = max(float(np.max(np.abs(x))), tiny), max(float(np.max(np.abs(v))), tiny)
@@ -54,6 +65,55 @@ def distance_on_torus(solution: Any, cycles: float, rtol: float) -> float:
     start = np.concatenate([x[:, 0], v[:, 0]])
     motion = solve_ivp(rate, (0, t[-1]), start, method="DOP853", t_eval=t, rtol=rtol, atol=rtol * scale)
     return float(np.max(np.abs(motion.y[: system.n] - x)) / size) if motion.success else float("inf")
+
+
+def _terms(force: Any) -> list[tuple[int, np.ndarray]]:
+    given = dict(force) if isinstance(force, Mapping) else {1: force}
+    return [(h, np.asarray(f, complex)) for h, f in given.items()]
+
+
+def load_of(system: Any, terms: list[tuple[int, float, np.ndarray]], static: Any = None) -> Any:
+    """f(t) = static + sum of Re a exp(i w t) for terms (h, w, a); h = 0 is static too."""
+    constant = np.zeros(system.n) if static is None else np.asarray(static, float)
+    constant = constant + sum((a.real for h, _, a in terms if h == 0), np.zeros(system.n))
+    moving = [(w, a) for h, w, a in terms if h != 0 and np.any(a != 0)]
+    return lambda t: sum(((a * np.exp(1j * w * t)).real for w, a in moving), constant)
+
+
+def _histories(solution: Any, period: float) -> list[np.ndarray]:
+    """Displacements of the elements over the period before t = 0, for those that remember them."""
+    laws = solution.system.elements
+    if not any(law.has_memory for law in laws):
+        return [np.zeros(0)] * len(laws)
+    x = solution.displacement(np.linspace(-period, 0, 4097))
+    return [law.w @ x if law.has_memory else np.zeros(0) for law in laws]
+
+
+def _by_midpoint(
+    solution: Any, load: Any, omega: float, length: float, turns: int, histories: list[np.ndarray]
+) -> float:
+    """The distance by the midpoint rule, its step halved (and extrapolated where the laws are smooth) until a distance is
+    known to two digits."""
+    system = solution.system
+    t = np.linspace(0, length, INSTANTS + 1)
+    x = solution.displacement(t)
+    v = solution.velocity(np.zeros(1))[:, 0]
+    size = max(float(np.max(np.abs(x))), np.finfo(float).tiny)
+    smooth = _midpoint.is_smooth(system.elements)
+    row: list[np.ndarray] = []
+    for level in range(HALVINGS):
+        steps = INSTANTS * turns << level
+        y = _midpoint.integrate(system, load, omega, (x[:, 0], v), (length, steps), histories, steps // INSTANTS)
+        if not np.all(np.isfinite(y)):
+            return float("inf")
+        before, row = row, [y]
+        for order, coarse in enumerate(before if smooth else before[:0]):
+            row.append(row[-1] + (row[-1] - coarse) / (4.0 ** (order + 1) - 1))
+        off = float(np.max(np.abs(row[-1] - x)))
+        change = float(np.max(np.abs(row[-1] - before[-1]))) if before else np.inf
+        if change <= 0.02 * off + 1e-11 * size:
+            break
+    return max(off, change if np.isfinite(change) else 0.0) / size
 
 
 def first_order(system: Any, force: Any, omega: float) -> Any:

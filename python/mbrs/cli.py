@@ -1,4 +1,4 @@
-"""The command line: ``mbrs demo``, ``check``, ``modal``, ``frf``, ``sens``. Heavy imports wait for the command."""
+"""The command line: ``mbrs demo``, ``check``, ``modal``, ``frf``, ``nlfr``, ``sens``. Heavy imports wait for the command."""
 
 from __future__ import annotations
 
@@ -187,6 +187,87 @@ def sens(
     )
 
 
+@main.command()
+@_analysis_options
+@click.option("--input", "inputs", multiple=True, required=True, metavar="PORT",
+              help="A force or torque such as payload.force.z; repeat for more.")  # fmt: skip
+@click.option("--amplitude", "amplitudes", multiple=True, type=float, metavar="N",
+              help="Of each input in N or N m, in their order; one for all of them. 1 by default.")  # fmt: skip
+@click.option("--output", "outputs", multiple=True, required=True, metavar="MOTION",
+              help="Such as payload.motion.z, or the name of a coordinate; repeat for more.")  # fmt: skip
+@click.option("--frequency", required=True, metavar="HZ",
+              help="1:40 (followed through folds), 1,2,5 (these), or one number with --level a:b.")  # fmt: skip
+@click.option("--down", is_flag=True, help="Follow the range from its upper end.")
+@click.option("--level", default="1", show_default=True, metavar="FACTOR", help="On the forces; 0.1:2 follows it.")
+@click.option("--harmonics", default="auto", show_default=True, metavar="H", help="A number, 1,3,5 (these), or auto.")
+@click.option(
+    "--tol", type=float, metavar="ERROR", help="Largest estimated error called resolved; 1e-6 with auto, else 0.1."
+)
+@click.option("--no-stability", is_flag=True, help="Leave the Floquet exponents out.")
+def nlfr(
+    model: Path, at: str, without: tuple[str, ...], as_json: bool, out: Path | None, inputs: tuple[str, ...],
+    amplitudes: tuple[float, ...], outputs: tuple[str, ...], frequency: str, down: bool, level: str, harmonics: str,
+    tol: float | None, no_stability: bool,
+) -> None:  # fmt: skip
+    """Periodic response of a nonlinear model over frequency, by harmonic balance."""
+    mb = _api()
+    if len(amplitudes) not in (0, 1, len(inputs)):
+        raise click.BadParameter(f"{len(amplitudes)} for {len(inputs)} inputs", param_hint="--amplitude")
+    points, factor = parse_frequency(frequency), parse_level(level)
+    if down and isinstance(points, tuple):
+        points = points[::-1]
+    m = _load(model)
+    curve = mb.frequency_response(
+        m,
+        inputs=list(inputs),
+        amplitude=None if not amplitudes else amplitudes[0] if len(amplitudes) == 1 else list(amplitudes),
+        frequency=float(points[0]) if isinstance(factor, tuple) and len(points) == 1 else points,
+        level=factor,
+        harmonics=parse_harmonics(harmonics),
+        tol=tol,
+        stability=not no_stability,
+        **_state(m, at),
+        **_without(without),
+    )
+    names = ("omega", "frequency", "level", "stable")
+    extra = {
+        "inputs": inputs,
+        "outputs": outputs,
+        "amplitude": [curve.amplitude(name) for name in outputs],
+        "largest": [curve.amplitude(name, None) for name in outputs],
+        "events": [
+            {"kind": e.kind, "frequency": e.frequency, "level": e.level, "index": e.index,
+             "amplitude": [curve.event_amplitude(e, name) for name in outputs]}
+            for e in curve.events
+        ],
+    }  # fmt: skip
+    _deliver("nlfr", model, curve, names, as_json, out, extra, curve.table(*outputs))
+
+
+def parse_level(text: str) -> Any:
+    """``"1"`` is a number, ``"0.1:2"`` a range. Raises ``click.BadParameter`` for anything else."""
+    import math
+
+    try:
+        numbers = [float(part) for part in text.split(":")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (1, 2) or not all(math.isfinite(x) for x in numbers):
+        raise click.BadParameter(f"{text!r} is not a factor; write 1 or 0.1:2", param_hint="--level")
+    return numbers[0] if len(numbers) == 1 else (numbers[0], numbers[1])
+
+
+def parse_harmonics(text: str) -> Any:
+    """``"auto"``, ``"7"``, or ``"1,3,5"``. Raises ``click.BadParameter`` for anything else."""
+    if text == "auto":
+        return text
+    try:
+        numbers = [int(part) for part in text.split(",")]
+    except ValueError:
+        raise click.BadParameter(f"{text!r} is neither auto nor a number nor 1,3,5", param_hint="--harmonics") from None
+    return numbers[0] if len(numbers) == 1 else numbers
+
+
 def parse_frequency(text: str) -> Any:
     """``"1:200"`` is a range (tuple), ``"1:200:500"`` 500 even points, ``"1,2,5"`` these points, all in Hz.
 
@@ -231,12 +312,22 @@ def _without(names: tuple[str, ...]) -> dict[str, Any]:
     return {"without": names} if names else {}
 
 
-def _deliver(analysis: str, model: Path, result: Any, names: tuple[str, ...], as_json: bool, out: Path | None) -> None:
-    """Print the result, as text or JSON, and save it if asked to."""
+def _deliver(
+    analysis: str,
+    model: Path,
+    result: Any,
+    names: tuple[str, ...],
+    as_json: bool,
+    out: Path | None,
+    extra: dict[str, Any] | None = None,
+    text: str | None = None,
+) -> None:
+    """Print the result, as text or JSON, and save it if asked to; ``extra`` data belong into the JSON as well."""
     from .jsonable import dumps, result_data
 
     data = {"analysis": analysis, "file": str(model), **result_data(result, names)} if as_json or _is_json(out) else {}
-    click.echo(dumps(data) if as_json else str(result))
+    data |= (extra or {}) if data else {}
+    click.echo(dumps(data) if as_json else text or str(result))
     if out is None:
         return
     try:
@@ -245,12 +336,13 @@ def _deliver(analysis: str, model: Path, result: Any, names: tuple[str, ...], as
         elif out.suffix in (".html", ".htm"):
             from .demo import result_page
 
-            out.write_text(result_page(analysis, model.stem, result), encoding="utf-8")
+            outputs = tuple((extra or {}).get("outputs", ()))
+            out.write_text(result_page(analysis, model.stem, result, outputs), encoding="utf-8")
         else:
             result.save(out)
     except ImportError as problem:
-        extra = "pip install 'mbrs-dynamics[xarray]'"
-        raise click.ClickException(f"{out.suffix} needs {problem.name}, which is not installed: {extra}") from None
+        command = "pip install 'mbrs-dynamics[xarray]'"
+        raise click.ClickException(f"{out.suffix} needs {problem.name}, which is not installed: {command}") from None
     except OSError as problem:
         raise click.ClickException(f"cannot write {out}: {problem.strerror or problem}") from None
     click.echo(f"wrote {out}", err=True)

@@ -1,20 +1,28 @@
-"""Branches of periodic solutions in frequency or force level, as an iterator: the engine under
-`mbrs.frequency_response`."""
+"""Branches of periodic solutions in frequency, force level or a parameter of the system, as an iterator: the engine under
+`mbrs.frequency_response` and `mbrs.parameter_response`."""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from . import _balance, _core
-from .errors import ModelError
-from .harmonic_balance import MOST_HARMONICS
+from . import _balance, _checks, _core
+from .errors import ConvergenceError, ModelError, SingularError
+from .harmonic_balance import MOST_HARMONICS, first_solution
+from .nonlinear_system import as_system
 
 STATUS = {"end": "converged", "start": "left-at-start", "stalled": "stopped"}
+MEANING = {
+    "converged": "the end of the range was reached",
+    "left-at-start": "the branch came back and left the range where it began",
+    "max-points": "cut at max_points; .resume() goes on",
+    "stopped": "the step became smaller than min_step; the points so far are kept",
+    "unresolved": "the end was reached, but an estimated error exceeds the tolerance: take more harmonics",
+}
 CHUNK_SECONDS = 0.2
 
 
@@ -22,9 +30,9 @@ CHUNK_SECONDS = 0.2
 class Event:
     """A special point of a branch: ``kind`` "fold", "branch-point", "neimark-sacker" or "period-doubling".
 
-    ``omega`` (rad/s) and ``level`` say where, ``X`` (dof, 2H+1) the motion there, ``exponent`` the Floquet exponent
-    that crosses
-    (None where it does not matter), ``index`` the number of the first point of the branch behind it.
+    ``omega`` (rad/s), ``level`` and, on a branch in a parameter, its ``value`` say where, ``X`` (dof, 2H+1) is the motion
+    there, ``exponent`` the Floquet exponent that crosses (None where it does not matter), ``index`` the number of the first
+    point of the branch behind it.
     """
 
     kind: str
@@ -33,6 +41,7 @@ class Event:
     X: np.ndarray
     exponent: complex | None
     index: int
+    value: float | None = None
 
     @property
     def frequency(self) -> float:
@@ -40,6 +49,8 @@ class Event:
         return self.omega / (2 * np.pi)
 
     def __str__(self) -> str:
+        if self.value is not None:
+            return f"{self.kind} at value = {self.value:.10g}, omega = {self.omega:.6g} rad/s"
         return f"{self.kind} at omega = {self.omega:.10g} rad/s, level = {self.level:.6g}"
 
 
@@ -47,7 +58,7 @@ class Event:
 class BranchPoint:
     """One solution of a branch: ``omega``, ``level``, coefficients ``X`` (dof, 2H+1), ``error``, ``stable`` (nan: not
     known),
-    Floquet ``exponents`` or None, the ``step`` that led here."""
+    Floquet ``exponents`` or None, the ``step`` that led here, the ``value`` of the parameter of a branch in one."""
 
     omega: float
     level: float
@@ -56,6 +67,7 @@ class BranchPoint:
     stable: float
     exponents: np.ndarray | None
     step: float
+    value: float | None = None
 
 
 class Chunks:
@@ -74,24 +86,31 @@ class Chunks:
         return np.concatenate([part[name] for _, part in self.parts]) if self.parts else np.zeros(0)
 
     def exponents(self) -> np.ndarray | None:
-        """(n, 2 dof) where every point has them."""
+        """(n, 2 dof) where every point has them; nan fills up where reduced models have fewer."""
         parts = [part for _, part in self.parts if len(part["p"])]
         known = [part["exponents"] for part in parts if "exponents" in part]
-        return np.concatenate(known) if known and len(known) == len(parts) else None
+        if not known or len(known) < len(parts):
+            return None
+        out = np.full((sum(len(part) for part in known), max(part.shape[1] for part in known)), np.nan, complex)
+        at = 0
+        for part in known:
+            out[at : at + len(part), : part.shape[1]] = part
+            at += len(part)
+        return out
 
 
 class Branch(Iterator[BranchPoint]):
     """A branch of periodic solutions that is stepped point by point; iterate over it, or call `run`.
 
-    Takes what `mbrs.frequency_response` takes. With ``level=(a, b)`` the frequency is one number and the branch runs
-    in a factor on
-    the (non-static) forces.
+    Takes what `mbrs.frequency_response` takes. With ``level=(a, b)`` the frequency is one number and the branch runs in a
+    factor on the (non-static) forces. With ``value=(a, b)`` and ``family``, a function of the value that returns system and
+    force, it runs in that value, frequency and level being numbers.
 
     Examples
     --------
     >>> import mbrs as mb
     >>> duffing = mb.MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[mb.Cubic(0.1, w=[1.0])])
-    >>> branch = mb.continuation.Branch(duffing, force=[0.18], omega=(0.5, 1.6))
+    >>> branch = mb.Branch(duffing, force=[0.18], omega=(0.5, 1.6))
     >>> round(next(branch).omega, 6)
     0.5
     """
@@ -100,10 +119,14 @@ class Branch(Iterator[BranchPoint]):
         self,
         system: Any,
         *,
-        force: Any,
+        force: Any = None,
+        inputs: Any = None,
+        amplitude: Any = None,
         omega: Any = None,
         frequency: Any = None,
         level: Any = 1.0,
+        family: Callable[[float], tuple[Any, Any]] | None = None,
+        value: Any = None,
         harmonics: Any = 7,
         n_samples: int | None = None,
         subharmonic: int = 1,
@@ -118,44 +141,86 @@ class Branch(Iterator[BranchPoint]):
         tolerance: float = 1e-9,
         stability: bool = True,
         events: bool = True,
+        at: Any = None,
+        without: Any = (),
     ) -> None:
-        self.system, self.force = system, force
+        self.family = family
+        self.value: tuple[float, float] | None = None
         w = _balance.one_frequency(omega, frequency)
-        self.parameter = "omega" if w.shape == (2,) else "level"
-        self.omega, self.level = _range_and_level(w, level)
+        if family is None:
+            self.system, self.force = as_system(system, force, amplitude, at, without, inputs)
+            self.parameter = "omega" if w.shape == (2,) else "level"
+            self.omega, self.level = _range_and_level(w, level)
+        else:
+            self.parameter, self.value = "family", _range_of_values(value)
+            self.omega, self.level = _one_of_each(w, level)
+            self.system, self.force = family(self.value[0])
         self._auto = isinstance(harmonics, str)
         if self._auto and harmonics != "auto":
             raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
         self.tol = _balance.positive("tol", tol) if tol is not None else (1e-6 if self._auto else None)
         self._prepare: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples, condense=condense)
-        self.setup = self._problem(3 if self._auto else harmonics)
-        limits = [_balance.positive(n, v) for n, v in [("step", step), ("min_step", min_step), ("max_step", max_step)]]
-        if not limits[1] <= limits[0] <= limits[2]:
-            raise ModelError(f"min_step <= step <= max_step must hold, they are {limits[1]}, {limits[0]}, {limits[2]}")
+        self.stability = _checks.flag("stability", stability)
+        self.setup = self._problem(_first_set(force if inputs is None else inputs) if self._auto else harmonics)
+        limits = _balance.steps(step, min_step, max_step)
         self._options: dict[str, Any] = dict(
-            predictor=predictor,
-            corrector=corrector,
+            predictor=_checks.choice("predictor", predictor, ("tangent", "secant", "lagrange")),
+            corrector=_checks.choice("corrector", corrector, ("pseudo-arclength", "arclength", "moore-penrose")),
             first_step=limits[0],
             least_step=limits[1],
             largest_step=limits[2],
             tolerance=_balance.positive("tolerance", tolerance),
-            stability=bool(stability),
-            events=bool(events),
+            stability=self.stability,
+            events=_checks.flag("events", events),
         )
-        self.stability = bool(stability)
         self.chunks = Chunks()
-        self.status = "going"
+        self.status, self.reason = "going", ""
         self.corrections = self.factorisations = 0
         self._corrections_before = self._factorisations_before = 0
         self._read = self._base = 0
-        self._core = self._start(self.setup.start(x0), self._span[0], None)
+        self._exhausted = False  # more harmonics or samples did not find the branch again
+        self._core = self._first(x0)
 
     @property
     def _span(self) -> tuple[float, float]:
+        if self.value is not None:
+            return self.value
         return self.omega if self.parameter == "omega" else self.level
 
-    def _problem(self, harmonics: Any) -> _balance.Setup:
-        return _balance.prepare(self.system, self.force, harmonics, omega=self.omega[0], **self._prepare)
+    def _where(self, p: float) -> tuple[float, float, float | None]:
+        """Frequency, level and value at the parameter p."""
+        if self.parameter == "omega":
+            return p, self.level[0], None
+        return (self.omega[0], p, None) if self.parameter == "level" else (self.omega[0], self.level[0], p)
+
+    def _problem(self, harmonics: Any, least_samples: int = 0) -> _balance.Setup:
+        given = dict(omega=self.omega[0], least_samples=least_samples, **self._prepare)
+        if self.family is None:
+            setup = _balance.prepare(self.system, self.force, harmonics, **given)
+        else:
+            a, b = self._span
+            setup = _balance.of_family(self.family, a, abs(b - a), harmonics, **given)
+        # a reduced model is that of one system; a family has its own matrices, or no stability
+        self._model = setup.model(max(self.omega)) if self.stability and self.family is None else None
+        return setup
+
+    def _first(self, x0: Any) -> Any:
+        """The branch at the beginning of its range; where no start at rest leads there, with growing sets of harmonics."""
+        begin = self._span[0]
+        try:
+            return self._start(self.setup.start(x0), begin, None)
+        except ConvergenceError:
+            if x0 is not None:
+                raise
+            omega, level, _ = self._where(begin)
+            force = _balance.scaled_force(self.force, level)
+            options = dict(tolerance=self._options["tolerance"], max_iterations=60)
+            given = dict(omega=omega, **self._prepare)
+            setup, answer = first_solution(self.system, force, self.setup.harmonics, given, None, options)
+            if not answer["converged"]:
+                raise
+            self.setup = self._problem(self.setup.harmonics, setup.n_samples)
+            return self._start(answer["y"], begin, None)
 
     def _start(self, y: np.ndarray, begin: float, towards: np.ndarray | None, across: bool = False) -> Any:
         a, b = self._span
@@ -171,61 +236,110 @@ class Branch(Iterator[BranchPoint]):
             b,
             towards=towards,
             across=across,
+            model=self._model,
             **self._options,
         )
 
     def run(self, max_points: int = 1, seconds: float = np.inf) -> int:
         """Adds up to ``max_points`` points, within about ``seconds``; returns how many. `status` says why none came."""
-        wanted = max_points
-        while wanted > 0 and self.status == "going" and seconds > 0:
+        known = len(self.chunks)
+        while len(self.chunks) < known + max_points and self.status == "going" and seconds > 0:
+            wanted = known + max_points - len(self.chunks)
             points = min(wanted, 20) if self._auto else wanted
-            part = _balance.translated(self._core.run, points, min(seconds, CHUNK_SECONDS))
+            self._take(_balance.translated(self._core.run, points, min(seconds, CHUNK_SECONDS)))
             seconds -= CHUNK_SECONDS
-            wanted -= len(part["p"])
-            self._take(part)
-        return max_points - wanted
+        return len(self.chunks) - known
 
     def _take(self, part: dict[str, Any]) -> None:
         base = len(self.chunks)
         events = part.pop("events")
         for event in events:
             event["before"] += self._base  # the core counts from where it was started
-        if self._auto and self.tol is not None:
-            part, events = self._richer(part, events)
-        self.chunks.parts.append((self.setup, part))
+        setup = self.setup
+        part, events = self._richer(part, events)
+        self.chunks.parts.append((setup, part))
         for e in events:
-            omega, level = (e["p"], self.level[0]) if self.parameter == "omega" else (self.omega[0], e["p"])
-            X = self.setup.expand(e["y"], omega)
+            where = self._where(e["p"])
+            X = setup.expand(e["y"], *where)
             s = None if e["exponent"] is None else complex(*e["exponent"])
-            self.chunks.events.append(Event(e["kind"], omega, level, X, s, min(e["before"], base + len(part["p"]))))
+            index = min(e["before"], base + len(part["p"]))
+            self.chunks.events.append(Event(e["kind"], where[0], where[1], X, s, index, where[2]))
         self.corrections = self._corrections_before + part.pop("corrections")
         self.factorisations = self._factorisations_before + part.pop("factorisations")
         self.status = STATUS.get(part["status"], part["status"])
+        if self.status == "stopped":
+            self.reason = self._why(part.get("broken"))
+
+    def _why(self, broken: int | None) -> str:
+        if broken is not None:
+            return f"elements[{broken}], {self.system.elements[broken]!r}, returned a force that is not finite"
+        return f"the corrector does not converge with the least step {self._options['least_step']:.0e}"
 
     def _richer(self, part: dict[str, Any], events: list[Any]) -> tuple[dict[str, Any], list[Any]]:
-        """Cuts a chunk where its error passes the tolerance and goes on from there with more harmonics."""
-        poor = np.flatnonzero(~(part["error"] <= self.tol))
-        top = self.setup.harmonics[-1]
-        if len(poor) == 0 or top >= MOST_HARMONICS * self.setup.subharmonic:
+        """Cuts a chunk where harmonics or samples are too few, and goes on with more of them from the point before."""
+        found = None if self._exhausted else self._poor(part)
+        if found is None:
             return part, events
-        first = int(poor[0])
+        first, harmonics, samples = found
         z = np.column_stack([part["y"], part["p"]])
         before = z[first - 1] if first > 0 else self._last_point()
-        old, order = self.setup, max(top // self.setup.subharmonic, 1)
-        self.setup = self._problem(min(MOST_HARMONICS, order + max(2, order // 2)))
-        begin = float(part["p"][first])
-        here = self._embedded(old, z[first])
-        towards = None if before is None else here - self._embedded(old, before)
-        if towards is not None and len(part["p"]) == 1 and first == 0 and not np.any(towards):
-            towards = None
+        old, setup, model = self.setup, self.setup, self._model
+        self.setup = self._problem(harmonics, samples)
+        here = self._embedded(old, z[first] if before is None else before)
+        towards = None if before is None else self._embedded(old, z[first]) - here
+        core = self._restarted(here, towards)
+        if core is None:
+            self.setup, self._model, self._exhausted = setup, model, True
+            return part, events
+        self._core = core
         self._corrections_before += part["corrections"]
         self._factorisations_before += part["factorisations"]
-        self._core = self._start(here[:-1], begin, towards)
-        part["corrections"] = part["factorisations"] = 0
-        part = {key: value[:first] if isinstance(value, np.ndarray) else value for key, value in part.items()}
-        part["status"] = "going"
-        self._base = limit = len(self.chunks) + first
+        kept = max(first - 1, 0)
+        if first == 0 and before is not None:
+            self._forget_last()
+        part = {key: value[:kept] if isinstance(value, np.ndarray) else value for key, value in part.items()}
+        part.update(corrections=0, factorisations=0, status="going")
+        self._base = limit = len(self.chunks) + kept
         return part, [e for e in events if e["before"] < limit]
+
+    def _restarted(self, here: np.ndarray, towards: np.ndarray | None) -> Any:
+        """The branch in the present setup from a point of the last one, or None."""
+        # a plane across the branch meets it also beside a fold, where no solution may exist at the old parameter
+        first_of_all = towards is None or here[-1] == self._span[0]
+        for across in (False, True) if first_of_all else (True, False):
+            if across and towards is None:
+                continue
+            try:
+                return self._start(here[:-1], float(here[-1]), towards, across=across)
+            except (ConvergenceError, SingularError):
+                continue
+        return None
+
+    def _forget_last(self) -> None:
+        """The last point is about to come again, with more harmonics."""
+        while self.chunks.parts and not len(self.chunks.parts[-1][1]["p"]):
+            self.chunks.parts.pop()
+        setup, part = self.chunks.parts[-1]
+        shorter = {key: value[:-1] if isinstance(value, np.ndarray) else value for key, value in part.items()}
+        self.chunks.parts[-1] = (setup, shorter)
+
+    def _poor(self, part: dict[str, Any]) -> tuple[int, Any, int] | None:
+        """The first point that lacks something, and the harmonics and samples to go on with; None where none does."""
+        lacking = ~(part["error"] <= self.tol) if self._auto else part["aliasing"] > _balance.ALIASED * part["error"]
+        if not np.any(lacking):
+            return None
+        laws, n = self.system.elements, self.setup.n_samples
+        given = self._prepare["n_samples"]
+        top, nu = self.setup.harmonics[-1], self.setup.subharmonic
+        for i, (error, aliasing) in enumerate(zip(part["error"], part["aliasing"], strict=True)):
+            wanted = not self._auto or self.tol is None or not error <= self.tol
+            more = _balance.more_samples(n, error, aliasing, laws, given) if wanted else None
+            if more is not None:
+                return i, self.setup.harmonics, more
+            if self._auto and wanted and top < MOST_HARMONICS * nu:
+                order = max(top // nu, 1)
+                return i, min(MOST_HARMONICS, order + max(2, order // 2)), n
+        return None
 
     def _last_point(self) -> np.ndarray | None:
         for setup, part in reversed(self.chunks.parts):
@@ -242,12 +356,13 @@ class Branch(Iterator[BranchPoint]):
         return out
 
     def switch(self, event: Event, *, side: int = 1, size: float = 0.01) -> Branch:
-        """The other branch through a branch point of this one, followed over the same range.
+        """The other branch through a branch point of this one, or the motions of twice the period that leave it where the
+        period doubles, followed over the same range.
 
         Parameters
         ----------
         event
-            One of this branch's events, of the kind "branch-point".
+            One of this branch's events, of the kind "branch-point" or "period-doubling".
         side
             1 or -1: to which side of this branch.
         size
@@ -258,40 +373,60 @@ class Branch(Iterator[BranchPoint]):
         At the point [dR/dy, dR/dp] has two null vectors; the new branch leaves along the one that is orthogonal to
         this branch.
         """
-        if event.kind != "branch-point":
-            raise ModelError(f"branches cross at branch points only, not at a {event.kind}")
+        if event.kind not in ("branch-point", "period-doubling"):
+            raise ModelError(
+                f"branches cross at branch points only, and leave at period doublings, not at a {event.kind}"
+            )
         if side not in (1, -1):
             raise ModelError(f"side must be 1 or -1, it is {side!r}")
-        over_omega = self.parameter == "omega"
-        p = event.omega if over_omega else event.level
-        y = self.setup.start(event.X)
-        at = _balance.translated(self.setup.core.residual, y, [event.omega], event.level, self.parameter)
+        other = copy.copy(self)
+        apart = np.diff([self._coordinates(i) for i in self._around(event)], axis=0)[0]
+        if event.kind == "period-doubling":
+            apart = other._double(self, apart)
+        p = self._parameter_of(event)
+        y = other.setup.start(_stretched(event.X, other.setup.subharmonic // self.setup.subharmonic))
+        at = _balance.translated(other.setup.core.residual, y, [event.omega], event.level, self.parameter, event.value)
         scale = np.append(np.full(len(y), max(float(np.linalg.norm(y)), 1e-300)), abs(self._span[1] - self._span[0]))
         matrix = np.column_stack([at["jacobian"], at["slope"]]) * scale
         null = np.linalg.svd(matrix)[2][-2:]
-        i = min(max(event.index, 1), len(self.chunks) - 1)
-        along = null @ ((self._coordinates(i) - self._coordinates(i - 1)) / scale)
+        along = null @ (apart / scale)
         across = null.T @ np.array([-along[1], along[0]]) / np.linalg.norm(along)
         step = side * size * across * scale
-        other = copy.copy(self)
-        other.chunks, other.status = Chunks(), "going"
+        other.chunks, other.status, other._exhausted = Chunks(), "going", False
         other._read = other._base = other.corrections = other.factorisations = 0
         other._corrections_before = other._factorisations_before = 0
         other._core = other._start(y + step[:-1], p + float(step[-1]), step, across=True)
         return other
 
+    def _double(self, single: Branch, apart: np.ndarray) -> np.ndarray:
+        """Makes this a branch of twice the period of another; a step of that one, in the unknowns of this one."""
+        old = single.setup
+        self._prepare = dict(self._prepare, subharmonic=2 * old.subharmonic)
+        self.setup = self._problem(max(1, old.harmonics[-1] // old.subharmonic))
+        X = old.expand(apart[:-1], single.omega[0], 0.0)
+        return np.append(self.setup.start(_stretched(X, 2)), apart[-1])
+
+    def _around(self, event: Event) -> tuple[int, int]:
+        """Numbers of the points on both sides of an event."""
+        i = min(max(event.index, 1), len(self.chunks) - 1)
+        return i - 1, i
+
     def _coordinates(self, i: int) -> np.ndarray:
         point = self.point(i)
-        return np.append(self.setup.start(point.X), point.omega if self.parameter == "omega" else point.level)
+        return np.append(self.setup.start(point.X), self._parameter_of(point))
+
+    def _parameter_of(self, point: Any) -> float:
+        if point.value is not None:
+            return float(point.value)
+        return float(point.omega if self.parameter == "omega" else point.level)
 
     def point(self, i: int) -> BranchPoint:
         """The point with this number."""
         for setup, part in self.chunks.parts:
             if i < len(part["p"]):
-                p = float(part["p"][i])
-                omega, level = (p, self.level[0]) if self.parameter == "omega" else (self.omega[0], p)
+                omega, level, value = self._where(float(part["p"][i]))
                 exponents = part["exponents"][i] if "exponents" in part else None
-                X = setup.expand(part["y"][i], omega)
+                X = setup.expand(part["y"][i], omega, level, value)
                 return BranchPoint(
                     omega,
                     level,
@@ -300,24 +435,52 @@ class Branch(Iterator[BranchPoint]):
                     float(part["stable"][i]),
                     exponents,
                     float(part["step"][i]),
+                    value,
                 )
             i -= len(part["p"])
         raise IndexError(i)
 
     def __next__(self) -> BranchPoint:
-        if self._read >= len(self.chunks) and self.run(1) == 0:
-            raise StopIteration
+        while self._read >= len(self.chunks):
+            if self.status != "going":
+                raise StopIteration
+            self.run(1)
         self._read += 1
         return self.point(self._read - 1)
 
 
+def _stretched(X: np.ndarray, factor: int) -> np.ndarray:
+    """Coefficients in terms of a fundamental frequency that is smaller by an integer factor."""
+    if factor == 1:
+        return X
+    top = (X.shape[1] - 1) // 2
+    out = np.zeros((X.shape[0], 2 * factor * top + 1))
+    out[:, 0] = X[:, 0]
+    out[:, 2 * factor - 1 :: 2 * factor], out[:, 2 * factor :: 2 * factor] = X[:, 1::2], X[:, 2::2]
+    return out
+
+
+def _first_set(force: Any) -> int:
+    """Harmonics to begin with: those of the forces at least."""
+    given = [h for h in force if isinstance(h, int)] if isinstance(force, dict) else []
+    return max([3, *given])
+
+
+def _range_of_values(value: Any) -> tuple[float, float]:
+    ends = _checks.real_array("value, a range (start, end),", value)
+    if ends.size != 2 or not np.all(np.isfinite(ends)) or ends[0] == ends[1]:
+        raise ModelError(f"value must be a range of two different finite numbers, it is {_checks.shown(value)}")
+    return float(ends[0]), float(ends[1])
+
+
+def _one_of_each(w: np.ndarray, level: Any) -> tuple[tuple[float, float], tuple[float, float]]:
+    if w.ndim != 0:
+        raise ModelError("a branch in a parameter of the system works at one frequency")
+    return (float(w), float(w)), (_balance.checked_level(level), _balance.checked_level(level))
+
+
 def _range_and_level(w: np.ndarray, level: Any) -> tuple[tuple[float, float], tuple[float, float]]:
-    try:
-        levels = np.asarray(level, dtype=float)
-    except (TypeError, ValueError):
-        raise ModelError(f"level must be a number or a range (a, b), it is {level!r}") from None
-    if not np.all(np.isfinite(levels)):
-        raise ModelError(f"level must be finite, it is {level!r}")
+    levels = _checks.real_array("level", level)
     if w.shape == (2,) and levels.shape == ():
         if w[0] == w[1]:
             raise ModelError(f"the range of frequencies is empty: {w[0]} to {w[1]}")

@@ -87,8 +87,31 @@ def sensitivity_section(result: Any, title: str = "Sensitivities") -> Section:
     )
 
 
-def result_page(analysis: str, name: str, result: Any) -> str:
+def curve_section(curve: Any, outputs: tuple[str, ...]) -> Section:
+    """Table and chart of a nonlinear frequency response; unstable parts dashed."""
+    from .page.svg import Line, line_chart
+
+    x, name = curve.axis()
+    lines: list[Any] = []
+    companions: list[Any] = []
+    for i, output in enumerate(outputs):
+        y = curve.amplitude(output)
+        unstable = np.zeros(len(y), bool) if curve.stable is None else np.asarray(curve.stable, float) == 0.0
+        # the pieces share the points between them, so that the curve has no gaps
+        beside = np.append(unstable[1:], False) | np.insert(unstable[:-1], 0, False)
+        lines.append(Line(x, np.where(unstable, np.nan, y), output))
+        if unstable.any():
+            companions.append(Line(x, np.where(unstable | beside, y, np.nan), dashed=True, mate=i))
+    chart = line_chart([*lines, *companions], x_label=name, y_label="amplitude of harmonic 1", y_log=len(outputs) > 1)
+    return Section(
+        "Nonlinear frequency response", [html_table(*curve.rows(outputs), digits=7), chart], "Dashed: unstable."
+    )
+
+
+def result_page(analysis: str, name: str, result: Any, outputs: tuple[str, ...] = ()) -> str:
     """One result as a page, for ``--out page.html``."""
+    if analysis == "nlfr":
+        return page(f"{name}: {analysis}", [curve_section(result, outputs)])
     make = {"modal": modes_section, "sens": sensitivity_section}
     section = frf_section("Transfer function", result) if analysis == "frf" else make[analysis](result)
     return page(f"{name}: {analysis}", [section])

@@ -55,7 +55,9 @@ def find_joint(model: Model, joint: Any, where: str, key: str) -> Joint:
     """A joint by handle or name."""
     if isinstance(joint, Joint):
         if joint.model is not model:
-            raise problem(f"{where}.{key}", f"names {shown(joint)}, which belongs to another model; use this model's own")
+            raise problem(
+                f"{where}.{key}", f"names {shown(joint)}, which belongs to another model; use this model's own"
+            )
         return joint
     if not isinstance(joint, str):
         raise problem(f"{where}.{key}", f"must be a joint (its handle or name), got {shown(joint)}")
@@ -73,7 +75,8 @@ def coordinate_of(joint: Joint, coordinate: Any, where: str, key: str) -> int:
     address = f"{where}.{key}"
     if not known:
         raise problem(
-            address, f"does not exist: a {joint.type} joint such as {joint.name!r} has no free coordinate that could move"
+            address,
+            f"does not exist: a {joint.type} joint such as {joint.name!r} has no free coordinate that could move",
         )
     if coordinate is None:
         if len(known) > 1:
@@ -134,7 +137,9 @@ class DriveMethods:
         made.joint, made.coordinate = found.index, coordinate_of(found, coordinate, name, "coordinate")
         for other in self.drives:
             if (other.joint, other.coordinate) == (made.joint, made.coordinate):
-                raise problem(name + ".joint", f"is moved by drive {other.name!r} already; one coordinate follows one motion")
+                raise problem(
+                    name + ".joint", f"is moved by drive {other.name!r} already; one coordinate follows one motion"
+                )
         made.owner, made.component = None, -1
         entries = made.take(motion, name, 0)
         made.put(entries)

@@ -40,7 +40,8 @@ class Equilibrium(Result):
     residual
         Largest unbalanced generalised force over the size of all forces.
     error
-        Estimated distance to the exact equilibrium: the last Newton step, radians or characteristic lengths.
+        Estimated distance to the exact equilibrium: the Newton step that is left and what rounding of the forces hides,
+        radians or characteristic lengths.
     """
 
     state: State

@@ -2,219 +2,26 @@
 
 from __future__ import annotations
 
-import sys
-from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from . import _balance
-from .continuation import Branch, Event
+from . import _balance, _checks
+from .continuation import Branch
 from .errors import ConvergenceError, ModelError
-from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of, harmonic_balance
-from .results import Result, Stats
-
-
-@dataclass(frozen=True, eq=False)
-class FrequencyResponse(Result):
-    """A branch of periodic solutions, point by point along the curve.
-
-    Attributes
-    ----------
-    omega, level
-        (n,) excitation frequency in rad/s and factor on the forces.
-    stable
-        (n,) bool; None where stability was not asked for; numbers with nan where it cannot be told (laws with memory).
-    exponents
-        (n, 2 dof) Floquet exponents in 1/s, or None.
-    events
-        Folds, branch points, Neimark-Sacker and period-doubling points, solved for.
-    error
-        (n,) estimate from the omitted harmonics relative to the largest coefficient.
-    status
-        "converged": the end of the range was reached; "max-points", "left-at-start" (the branch came back), "stopped"
-        (the step
-        became too small), "unresolved" (the end was reached, but an error exceeds the tolerance).
-    """
-
-    omega: np.ndarray
-    level: np.ndarray
-    stable: np.ndarray | None
-    exponents: np.ndarray | None
-    events: tuple[Event, ...]
-    parts: tuple[tuple[_balance.Setup, np.ndarray, np.ndarray], ...] = field(repr=False)
-    system: Any = field(default=None, repr=False)
-    force: Any = field(default=None, repr=False)
-    branch: Branch | None = field(default=None, repr=False)
-
-    @property
-    def frequency(self) -> np.ndarray:
-        """Excitation frequency, Hz."""
-        return self.omega / (2 * np.pi)
-
-    def __len__(self) -> int:
-        return len(self.omega)
-
-    @property
-    def X(self) -> np.ndarray:
-        """(n, dof, 2H+1) coefficients [a0, a1, b1, ...], zero-padded to the largest H; built at the first use."""
-        if "X" not in self._cache:
-            top = max(setup.harmonics[-1] for setup, _, _ in self.parts)
-            out = np.zeros((len(self), self.system.n, 2 * top + 1))
-            at = 0
-            for setup, omega, y in self.parts:
-                for w, row in zip(omega, y, strict=True):
-                    X = setup.expand(row, float(w))
-                    out[at, :, : X.shape[1]] = X
-                    at += 1
-            self._cache["X"] = out
-        return self._cache["X"]
-
-    def coefficient(self, dof: int = 0, harmonic: int = 1) -> np.ndarray:
-        """(n,) complex amplitudes a - i b of one harmonic of one coordinate."""
-        X = self.X[:, dof]
-        if harmonic == 0:
-            return X[:, 0].astype(complex)
-        if not 0 < harmonic <= (X.shape[1] - 1) // 2:
-            return np.zeros(len(self), complex)
-        return X[:, 2 * harmonic - 1] - 1j * X[:, 2 * harmonic]
-
-    def amplitude(self, dof: int = 0, harmonic: int | None = 1, n_t: int = 256) -> np.ndarray:
-        """(n,) magnitude of one harmonic of one coordinate; ``harmonic=None``: largest |x| over ``n_t`` instants of a
-        period."""
-        if harmonic is not None:
-            return np.abs(self.coefficient(dof, harmonic))
-        top = (self.X.shape[2] - 1) // 2
-        phase = np.outer(np.arange(1, top + 1), np.linspace(0, 2 * np.pi, n_t, endpoint=False))
-        motion = self.X[:, dof, 1::2] @ np.cos(phase) + self.X[:, dof, 2::2] @ np.sin(phase)
-        return np.max(np.abs(motion + self.X[:, dof, :1]), axis=1)
-
-    def point(self, i: int) -> PeriodicSolution:
-        """The solution number ``i`` by itself."""
-        setup = self._part_of(i)[0]
-        X = self.X[i, :, : 2 * setup.harmonics[-1] + 1]
-        return self._solution(setup, float(self.omega[i]), float(self.level[i]), X, float(self.error[i]))
-
-    def peak(self, dof: int = 0, harmonic: int | None = 1) -> PeriodicSolution:
-        """The solution where the amplitude of one harmonic, or with None the largest displacement, is largest: solved
-        for
-        (d amplitude / d arclength = 0) from the largest point of the curve. Only for curves over frequency."""
-        i = int(np.argmax(self.amplitude(dof, harmonic)))
-        setup, _, y = self._part_of(i)
-        if np.ptp(self.omega) == 0:
-            raise ModelError("peak() needs a curve over frequency; this one runs over the force level")
-        level = float(self.level[i])
-        omega, y = setup.peak(y, float(self.omega[i]), level, dof, harmonic)
-        return self._solution(setup, omega, level, setup.expand(y, omega), float(self.error[i]))
-
-    def _solution(self, setup: Any, omega: float, level: float, X: np.ndarray, error: float) -> PeriodicSolution:
-        force = _balance.scaled_force(self.force, level)
-        return PeriodicSolution(
-            X,
-            omega,
-            setup.harmonics,
-            setup.subharmonic,
-            setup.n_samples,
-            self.system,
-            force,
-            error=error,
-            stats=self.stats,
-        )
-
-    def _part_of(self, i: int) -> tuple[_balance.Setup, float, np.ndarray]:
-        i = range(len(self))[i]
-        for setup, omega, y in self.parts:
-            if i < len(omega):
-                return setup, float(omega[i]), y[i]
-            i -= len(omega)
-        raise IndexError(i)
-
-    def resume(self, max_points: int = 1000) -> FrequencyResponse:
-        """The same branch with up to ``max_points`` more points; only in the process that made it."""
-        if self.branch is None:
-            raise ModelError("only the curve that frequency_response returned can be resumed, not one that was loaded")
-        started = perf_counter()
-        self.branch.run(max_points)
-        return collect(self.branch, perf_counter() - started + self.stats.wall_time)
-
-    def plot(self, dof: int = 0, harmonic: int | None = 1, ax: Any = None) -> Any:
-        """Amplitude over frequency (or level), unstable parts dashed, events marked; returns the axes."""
-        import matplotlib.pyplot as plt
-
-        ax = plt.subplots()[1] if ax is None else ax
-        over_frequency = np.ptp(self.omega) > 0
-        x = self.frequency if over_frequency else self.level
-        y = self.amplitude(dof, harmonic)
-        known = self.stable is not None and not np.any(np.isnan(np.asarray(self.stable, float)))
-        stable = np.asarray(self.stable, bool) if known else np.ones(len(x), bool)
-        for part, style in ((stable, "-"), (~stable, "--")):
-            shown = part | np.roll(part, 1) & (np.arange(len(x)) > 0)
-            ax.plot(np.where(shown, x, np.nan), np.where(shown, y, np.nan), style, color="C0")
-        for kind, marker in (("fold", "o"), ("branch-point", "s"), ("neimark-sacker", "^"), ("period-doubling", "v")):
-            found = [e for e in self.events if e.kind == kind]
-            if found:
-                where = [e.frequency if over_frequency else e.level for e in found]
-                ax.plot(where, [_amplitude(e.X, dof, harmonic) for e in found], marker, color="C1", label=kind)
-        if self.events:
-            ax.legend()
-        name = self.system.coordinates[dof] if hasattr(self.system, "coordinates") else f"x{dof}"
-        what = "largest displacement" if harmonic is None else f"harmonic {harmonic}"
-        ax.set(xlabel="frequency in Hz" if over_frequency else "force level", ylabel=f"{what} of {name}")
-        return ax
-
-    def to_xarray(self) -> Any:
-        """Coefficients, error and stability over the points of the curve, with omega and level as coordinates."""
-        import xarray as xr
-
-        n_c = self.X.shape[2]
-        names = [str(name) for name in getattr(self.system, "coordinates", range(self.X.shape[1]))]
-        columns = ["a0", *(f"{part}{h}" for h in range(1, n_c // 2 + 1) for part in "ab")]
-        data = {"X": (("point", "coordinate", "coefficient"), self.X), "error": ("point", self.error)}
-        if self.stable is not None:
-            data["stable"] = ("point", self.stable)
-        return xr.Dataset(
-            data,
-            {
-                "coordinate": names,
-                "coefficient": columns,
-                "omega": ("point", self.omega),
-                "frequency": ("point", self.frequency),
-                "level": ("point", self.level),
-            },
-            {"status": self.status},
-        )
-
-    def __str__(self) -> str:
-        lines = [
-            f"FrequencyResponse: {self.status}, {len(self)} points, "
-            f"omega {self.omega.min():.6g} to {self.omega.max():.6g} rad/s, "
-            f"largest estimated error {np.nanmax(self.error):.1e}, {self.stats.wall_time * 1e3:.1f} ms"
-        ]
-        if self.stable is not None and not np.any(np.isnan(np.asarray(self.stable, float))):
-            lines[0] += f", {int(np.sum(~np.asarray(self.stable, bool)))} points unstable"
-        return "\n".join([*lines, *(f"  {event}" for event in self.events)])
-
-    @property
-    def _cache(self) -> dict[str, Any]:
-        return self.__dict__.setdefault("_built", {})
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "_built"} | {"branch": None}
-
-
-def _amplitude(X: np.ndarray, dof: int, harmonic: int | None) -> float:
-    if harmonic is None:
-        top = (X.shape[1] - 1) // 2
-        phase = np.outer(np.arange(1, top + 1), np.linspace(0, 2 * np.pi, 256, endpoint=False))
-        return float(np.max(np.abs(X[dof, 0] + X[dof, 1::2] @ np.cos(phase) + X[dof, 2::2] @ np.sin(phase))))
-    return float(abs(X[dof, 0]) if harmonic == 0 else np.hypot(X[dof, 2 * harmonic - 1], X[dof, 2 * harmonic]))
+from .harmonic_balance import effects_of, harmonic_balance
+from .nonlinear_system import as_system
+from .response_curve import FrequencyResponse, Part, collect, follow, known_stability
+from .results import Stats
 
 
 def frequency_response(
     system: Any,
     *,
-    force: Any,
+    force: Any = None,
+    inputs: Any = None,
+    amplitude: Any = None,
     omega: Any = None,
     frequency: Any = None,
     level: Any = 1.0,
@@ -233,16 +40,17 @@ def frequency_response(
     stability: bool = True,
     events: bool = True,
     max_points: int = 10000,
-    progress: bool = False,
+    progress: bool | None = None,
+    at: Any = None,
+    without: Any = (),
 ) -> FrequencyResponse:
     """Periodic responses of M x" + C x' + K x + sum_e w_e law_e = f(t) over a range of frequencies, through folds.
 
     Parameters
     ----------
-    system, force, harmonics, n_samples, subharmonic, condense, x0
-        As for `harmonic_balance`; ``x0`` is a guess of the first point. ``harmonics="auto"`` adds harmonics wherever
-        the error
-        exceeds ``tol``.
+    system, force, inputs, amplitude, harmonics, n_samples, subharmonic, condense, x0, at, without
+        As for `harmonic_balance`; ``x0`` is a guess of the first point. ``harmonics="auto"`` adds harmonics, and samples
+        for laws that are no polynomials, wherever the error exceeds ``tol``.
     omega, frequency
         Exactly one, in rad/s or Hz: a tuple (start, end), end below start included, is followed by continuation; a
         list or an array
@@ -261,13 +69,16 @@ def frequency_response(
     tolerance
         Of the last Newton step in that space.
     stability
-        Floquet exponents of every point by Hill's method (not for laws with memory). O((2 dof (2H+1))^3) per point.
+        Floquet exponents of every point by Hill's method (not for laws with memory), O((2 dof (2H+1))^3) per point; of
+        large condensed systems by the monodromy matrix of a reduced model (nan where there is none that has the dynamic
+        stiffness of the system).
     events
         Locate special points; Neimark-Sacker and period doubling need ``stability``.
     max_points
         Points after which the curve is returned with the status "max-points"; `FrequencyResponse.resume` goes on.
     progress
-        Print a line now and then.
+        A line on standard error with frequency, amplitude, harmonics, step and number of events: None shows it on a
+        terminal after a second, True always, False never.
 
     Returns
     -------
@@ -296,7 +107,10 @@ def frequency_response(
     ['fold 1.26960', 'fold 1.11570']
     """
     started = perf_counter()
-    most = _balance.integer("max_points", max_points)
+    most = _checks.count("max_points", max_points, 10_000_000)
+    if progress is not None:
+        progress = _checks.flag("progress", progress)
+    system, force = as_system(system, force, amplitude, at, without, inputs)
     w = omega if frequency is None else frequency
     if not isinstance(w, tuple) and np.ndim(w) == 1:
         return _points(
@@ -323,66 +137,8 @@ def frequency_response(
         stability=stability,
         events=events,
     )
-    while branch.status == "going" and len(branch.chunks) < most:
-        branch.run(most - len(branch.chunks), 0.5 if progress else np.inf)
-        if progress:
-            _tell(branch)
+    follow(branch, most, progress)
     return collect(branch, perf_counter() - started)
-
-
-def _tell(branch: Branch) -> None:
-    n = len(branch.chunks)
-    if n:
-        last = branch.point(n - 1)
-        top = float(np.max(np.abs(last.X)))
-        print(
-            f"{n:6d} points  omega {last.omega:.6g}  level {last.level:.4g}  |X| {top:.4g}  "
-            f"H {branch.setup.harmonics[-1]}  "
-            f"step {last.step:.1e}  events {len(branch.chunks.events)}  {branch.status}",
-            file=sys.stderr,
-        )
-
-
-def collect(branch: Branch, wall_time: float) -> FrequencyResponse:
-    """What a branch has so far, as a result."""
-    p, error = branch.chunks.column("p"), branch.chunks.column("error")
-    over_omega = branch.parameter == "omega"
-    omega = p if over_omega else np.full(len(p), branch.omega[0])
-    level = np.full(len(p), branch.level[0]) if over_omega else p
-    limit = UNRESOLVED if branch.tol is None else branch.tol
-    status = "max-points" if branch.status == "going" else branch.status
-    if status == "converged" and not np.all(error <= limit):
-        status = "unresolved"
-    parts = [(setup, part) for setup, part in branch.chunks.parts if len(part["p"])]
-    counts = {
-        "points": len(p),
-        "corrections": branch.corrections,
-        "factorisations": branch.factorisations,
-        "monodromies": sum(part["monodromies"] for _, part in parts),
-    }
-    return FrequencyResponse(
-        omega,
-        level,
-        _stable(branch.chunks.column("stable"), branch.stability),
-        branch.chunks.exponents(),
-        tuple(branch.chunks.events),
-        tuple(
-            (setup, part["p"] if over_omega else np.full(len(part["p"]), branch.omega[0]), part["y"])
-            for setup, part in parts
-        ),
-        branch.system,
-        branch.force,
-        branch,
-        stats=Stats(wall_time, counts, effects_of(branch.system), branch.setup.route),
-        error=error,
-        status=status,
-    )
-
-
-def _stable(column: np.ndarray, asked: bool) -> np.ndarray | None:
-    if not asked:
-        return None
-    return column if np.any(np.isnan(column)) else column.astype(bool)
 
 
 def _points(
@@ -431,8 +187,9 @@ def _points(
             break
         setup = _balance.prepare(system, scaled, one.harmonics, subharmonic, one.n_samples, float(one_omega), condense)
         y = setup.start(one)
-        s = setup.core.floquet(y, [float(one_omega)])[0] if stability else None
-        parts.append((setup, np.array([one_omega]), y[None, :]))
+        s = setup.exponents(y, float(one_omega)) if stability else None
+        # the forces of this set are scaled already
+        parts.append(Part(setup, np.array([one_omega]), np.ones(1), y[None, :]))
         errors.append(one.error)
         exponents.append(s)
         stable.append(np.nan if s is None else float(np.all(s.real <= 1e-9 * one_omega / subharmonic)))
@@ -443,14 +200,17 @@ def _points(
     return FrequencyResponse(
         np.asarray(w[:n]),
         np.full(n, float(level)),
-        _stable(np.array(stable), stability),
+        known_stability(np.array(stable), stability),
         None if any(s is None for s in exponents) else np.array(exponents),
         (),
         tuple(parts),
         system,
         force,
         stats=Stats(
-            perf_counter() - started, {"points": n, "corrections": corrections}, effects_of(system), parts[-1][0].route
+            perf_counter() - started,
+            {"points": n, "corrections": corrections, "single solutions": n},
+            effects_of(system),
+            parts[-1].setup.route,
         ),
         error=np.array(errors),
         status=status,

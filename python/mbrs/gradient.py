@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import itertools
 import math
 import time
 from collections.abc import Iterator, Sequence
@@ -187,7 +189,7 @@ def grid(start: float, end: float, step: float, through: Sequence[float] = ()) -
     """Times of steps of at most ``step`` that end at ``end`` and at the times given, equal between these."""
     marks = [start, *sorted(x for x in {float(x) for x in through} if start < x < end), end]
     out = [start]
-    for a, b in zip(marks[:-1], marks[1:], strict=True):
+    for a, b in itertools.pairwise(marks):
         n = max(1, math.ceil((b - a) / step * (1 - 1e-12) - 1e-9))
         out.extend(np.linspace(a, b, n + 1)[1:].tolist())
     return np.array(out)
@@ -278,7 +280,7 @@ def gradient(
     if weight not in ("tangent", "mass"):
         raise ModelError(f"weight= is 'tangent' or 'mass', got {shown(weight)}")
     many = isinstance(objective, (list, tuple))
-    objectives = list(objective) if many else [objective]
+    objectives: list[Any] = list(objective) if isinstance(objective, (list, tuple)) else [objective]
     if not objectives or not all(isinstance(o, Objective) for o in objectives):
         raise ModelError(
             f"objective= takes mb.Integral, mb.Final or mb.AtTimes, or several of them, got {shown(objective)}"
@@ -327,7 +329,7 @@ def prepare(
 ) -> Run:
     """Start and steps of a motion."""
     snapshot = Snapshot.of(m)
-    state = state_of(m, snapshot.system, at, hold=False)
+    state = state_of(m, snapshot.system, at, hold=False, without=without)
     end = _number("t", t, state.t)
     through = [x for o in objectives for x in o.times]
     for x in through:

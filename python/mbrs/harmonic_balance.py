@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from . import _balance
+from ._picked import label, picked
 from .errors import ConvergenceError, ModelError
+from .report import html_table, table
 from .results import Result, Stats
 
 UNRESOLVED = 0.1
-MOST_HARMONICS = 255
+MOST_HARMONICS = _balance.MOST_HARMONICS
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,61 +54,95 @@ class PeriodicSolution(Result):
         """Period of the motion, s."""
         return 2 * np.pi * self.subharmonic / self.omega
 
-    def coefficient(self, dof: int = 0, harmonic: int = 1) -> complex:
-        """Complex amplitude a - i b of one harmonic: the motion is its real part times exp(i h omega t / nu)."""
-        if not 0 <= harmonic <= (self.X.shape[1] - 1) // 2:
-            return 0j
-        if harmonic == 0:
-            return complex(self.X[dof, 0])
-        return complex(self.X[dof, 2 * harmonic - 1], -self.X[dof, 2 * harmonic])
+    def coefficient(self, dof: Any = 0, harmonic: int = 1) -> complex:
+        """Complex amplitude a - i b of one harmonic: the motion is its real part times exp(i h omega t / nu).
 
-    def amplitude(self, dof: int = 0, harmonic: int = 1) -> float:
-        """Magnitude sqrt(a^2 + b^2) of one harmonic of one coordinate."""
+        ``dof``: number or name of a coordinate, or, of a model, a motion such as ``body.motion("z")``.
+        """
+        x = picked(self.X, self.system, dof)
+        if not 0 <= _balance.whole("harmonic", harmonic) <= (len(x) - 1) // 2:
+            return 0j
+        return complex(x[0]) if harmonic == 0 else complex(x[2 * harmonic - 1], -x[2 * harmonic])
+
+    def amplitude(self, dof: Any = 0, harmonic: int = 1) -> float:
+        """Magnitude sqrt(a^2 + b^2) of one harmonic of one displacement (``dof`` as for `coefficient`)."""
         return abs(self.coefficient(dof, harmonic))
 
-    def displacement(self, t: Any) -> np.ndarray:
-        """x at the times ``t``, (dof, n_t)."""
-        return self._series(t, 0)
+    def displacement(self, t: Any, dof: Any = None) -> np.ndarray:
+        """x at the times ``t``, (dof, n_t); (n_t,) of one displacement where ``dof`` names it."""
+        return self._series(t, 0, dof)
 
-    def velocity(self, t: Any) -> np.ndarray:
-        """x' at the times ``t``, (dof, n_t)."""
-        return self._series(t, 1)
+    def velocity(self, t: Any, dof: Any = None) -> np.ndarray:
+        """x' at the times ``t``, (dof, n_t) or (n_t,)."""
+        return self._series(t, 1, dof)
 
-    def _series(self, t: Any, derivative: int) -> np.ndarray:
-        h = np.arange((self.X.shape[1] - 1) // 2 + 1)
+    def _series(self, t: Any, derivative: int, dof: Any) -> np.ndarray:
+        X = self.X if dof is None else picked(self.X, self.system, dof)[None, :]
+        h = np.arange((X.shape[1] - 1) // 2 + 1)
         rate = h * self.omega / self.subharmonic
-        c = self.X[:, 0::2].astype(complex)
-        c[:, 1:] = self.X[:, 1::2] - 1j * self.X[:, 2::2]
+        c = X[:, 0::2].astype(complex)
+        c[:, 1:] = X[:, 1::2] - 1j * X[:, 2::2]
         c = c * (1j * rate) ** derivative
-        return (c @ np.exp(1j * np.outer(rate, np.atleast_1d(np.asarray(t, float))))).real
+        x = (c @ np.exp(1j * np.outer(rate, np.atleast_1d(np.asarray(t, float))))).real
+        return x if dof is None else x[0]
+
+    def largest(self, dof: Any = 0) -> float:
+        """Largest |x| of one displacement over a period: the best of many instants, refined by Newton's method."""
+        x = picked(self.X, self.system, dof)
+        h = np.arange((len(x) - 1) // 2 + 1)
+        c = x[0::2].astype(complex)
+        c[1:] = x[1::2] - 1j * x[2::2]
+
+        def motion(phase: Any, derivative: int = 0) -> np.ndarray:
+            return np.real(np.exp(1j * np.multiply.outer(phase, h)) @ (c * (1j * h) ** derivative))
+
+        phase = np.linspace(0, 2 * np.pi, max(256, 16 * len(h)), endpoint=False)
+        best = float(np.max(np.abs(motion(phase))))
+        at = float(phase[np.argmax(np.abs(motion(phase)))])
+        for _ in range(8):
+            bend = float(motion(at, 2))
+            step = -float(motion(at, 1)) / bend if bend else 0.0
+            at += float(np.clip(step, -(phase[1]), phase[1]))
+            best = max(best, abs(float(motion(at))))
+        return best
+
+    def lines(self, dof: Any = 0) -> tuple[np.ndarray, np.ndarray, list[str]]:
+        """Frequencies in Hz, amplitudes and names of the harmonics, the mean first."""
+        h = np.arange((self.X.shape[1] - 1) // 2 + 1)
+        size = np.array([self.amplitude(dof, int(i)) for i in h])
+        return h * self.frequency / self.subharmonic, size, [str(i) for i in h]
+
+    def label(self, dof: Any = 0) -> str:
+        """Name of a displacement."""
+        return label(self.system, dof, len(self.X))
 
     def verify(self, rtol: float = 1e-9) -> float:
         """Integrates one period from the solution's own state at t = 0 and returns the largest distance between the
-        two motions,
-        relative to the largest displacement. Laws with memory have no such state: they raise `ModelError`."""
+        two motions, relative to the largest displacement.
+
+        By DOP853; by the implicit midpoint rule with halved steps for more than 60 coordinates and for laws with memory,
+        whose sliders start where two periods of the solution leave them."""
         from ._verify import distance
 
         return distance(self, rtol)
 
-    def plot(self, dof: int = 0, ax: Any = None) -> Any:
-        """Harmonics as bars; returns the axes."""
-        import matplotlib.pyplot as plt
+    def plot(self, dof: Any = 0, ax: Any = None) -> Any:
+        """Harmonics as bars; returns the matplotlib figure. ``ax``: axes to draw into."""
+        from .plot.nonlinear import harmonics
 
-        ax = plt.subplots()[1] if ax is None else ax
-        top = (self.X.shape[1] - 1) // 2
-        ax.bar(np.arange(top + 1), [self.amplitude(dof, h) for h in range(top + 1)])
-        ax.set(xlabel="harmonic", ylabel=f"amplitude of {self._name(dof)}", yscale="log")
-        return ax
+        return harmonics(self, dof, ax=ax)
 
-    def plot_orbit(self, dof: int = 0, ax: Any = None) -> Any:
-        """Velocity over displacement; returns the axes."""
-        import matplotlib.pyplot as plt
+    def plot_orbit(self, dof: Any = 0, ax: Any = None) -> Any:
+        """One period in time, and velocity over displacement; returns the figure."""
+        from .plot.nonlinear import orbit
 
-        ax = plt.subplots()[1] if ax is None else ax
-        t = np.linspace(0, self.period, 513)
-        ax.plot(self.displacement(t)[dof], self.velocity(t)[dof])
-        ax.set(xlabel=self._name(dof), ylabel=f"d {self._name(dof)} / dt")
-        return ax
+        return orbit(self, dof, ax=ax)
+
+    def plot_spectrum(self, dof: Any = 0, ax: Any = None) -> Any:
+        """Amplitude over frequency in Hz; returns the figure."""
+        from .plot.nonlinear import spectrum
+
+        return spectrum(self, dof, ax=ax)
 
     def to_xarray(self) -> Any:
         """Coefficients over coordinate, harmonic and part (cos, sin)."""
@@ -120,30 +156,59 @@ class PeriodicSolution(Result):
         return xr.Dataset(
             {"X": (("coordinate", "harmonic", "part"), data)},
             {"coordinate": list(names), "harmonic": np.arange(top + 1), "part": ["cos", "sin"]},
-            {"omega": self.omega, "subharmonic": self.subharmonic, "error": self.error, "status": self.status},
+            {
+                "omega": self.omega,
+                "frequency": self.frequency,
+                "subharmonic": self.subharmonic,
+                "error": self.error,
+                "status": self.status,
+            },
         )
 
-    def _name(self, dof: int) -> str:
-        return str(self.system.coordinates[dof]) if hasattr(self.system, "coordinates") else f"x{dof}"
+    def rows(self, most: int = 20) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: the coordinates that move most, in their order."""
+        top = min(3, (self.X.shape[1] - 1) // 2)
+        size = np.linalg.norm(self.X, axis=1)
+        chosen = np.sort(np.argsort(-size, kind="stable")[:most])
+        heads = ["coordinate", "mean", *(f"|harmonic {h}|" for h in range(1, top + 1)), "largest |x|"]
+        return heads, [
+            [
+                self.label(int(i)),
+                float(self.X[i, 0]),
+                *(self.amplitude(int(i), h) for h in range(1, top + 1)),
+                self.largest(int(i)),
+            ]
+            for i in chosen
+        ]
+
+    def _heading(self) -> str:
+        nu = "" if self.subharmonic == 1 else f", of omega / {self.subharmonic}"
+        return (
+            f"{type(self).__name__}: {self.status}, omega = {self.omega:.10g} rad/s ({self.frequency:.6g} Hz), "
+            f"{len(self.harmonics)} harmonics up to {self.harmonics[-1]}{nu}, estimated error {self.error:.1e}"
+        )
+
+    def _footer(self) -> str | None:
+        notes = []
+        if len(self.X) > 20:
+            notes.append(f"({len(self.X)} coordinates, the 20 that move most are shown)")
+        if self.status == "unresolved":
+            notes.append("unresolved: the estimated error exceeds the tolerance; take more harmonics")
+        return "\n".join(notes) or None
 
     def __str__(self) -> str:
-        lines = [
-            f"{type(self).__name__}: {self.status}, omega = {self.omega:.10g} rad/s ({self.frequency:.6g} Hz), "
-            f"harmonics up to {self.harmonics[-1]}, estimated error {self.error:.1e}"
-        ]
-        lines += [f"{'coordinate':>12} {'mean':>13} {'|harmonic 1|':>13} {'|harmonic 2|':>13} {'|harmonic 3|':>13}"]
-        for dof in range(min(len(self.X), 12)):
-            values = [self.X[dof, 0], *(self.amplitude(dof, h) for h in (1, 2, 3))]
-            lines.append(f"{self._name(dof):>12} " + " ".join(f"{v:13.6g}" for v in values))
-        if len(self.X) > 12:
-            lines.append(f"{'...':>12} {len(self.X) - 12} more")
-        return "\n".join(lines)
+        return table(*self.rows(), title=self._heading(), footer=self._footer())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.rows(), title=self._heading(), footer=self._footer())
 
 
 def harmonic_balance(
     system: Any,
     *,
-    force: Any,
+    force: Any = None,
+    inputs: Any = None,
+    amplitude: Any = None,
     omega: float | None = None,
     frequency: float | None = None,
     harmonics: Any = 7,
@@ -154,7 +219,6 @@ def harmonic_balance(
     tol: float | None = None,
     tolerance: float = 1e-10,
     max_iterations: int = 60,
-    amplitude: Any = None,
     at: Any = None,
     without: Any = (),
 ) -> PeriodicSolution:
@@ -168,33 +232,33 @@ def harmonic_balance(
         `MechanicalSystem` with nonlinear ``elements``, or a `Model`, whose geometry is then linearised
         (`nonlinear_system`).
     force
-        Of a model, ports such as ``body.force("x")``, with ``amplitude``. Else amplitudes (n,) of the first harmonic,
-        real for a cosine, complex a - i b for a cos + b sin; or ``{harmonic: (n,)}``
-        with 0 for a static (real) force. Force units of the system.
+        Amplitudes (n,) of the first harmonic, real for a cosine, complex a - i b for a cos + b sin; or
+        ``{harmonic: (n,)}`` with 0 for a static (real) force. Force units of the system.
+    inputs, amplitude
+        In its place, of a model: a port such as ``body.force("x")`` or a list of them, or ``{harmonic: ports}``, and their
+        amplitudes, N or N m: one number or one for each, complex a - i b for a cos + b sin. 1 if left out.
     omega, frequency
         Excitation frequency in rad/s or in Hz; exactly one of them.
     harmonics
         Highest harmonic H, or a sequence of those to keep (of omega / subharmonic), or "auto": as many as ``.error <=
         tol`` needs.
     n_samples
-        Samples per period; chosen so that polynomial laws do not alias, at least 512 for others.
+        Samples per period; by default as many as polynomial laws need not to alias; for others at least 512, and doubled
+        while aliasing is the larger part of ``error``.
     subharmonic
         nu: the motion may have the period 2 pi nu / omega.
     condense
         Solve for the coordinates that elements touch alone, the others being eliminated exactly, harmonic by harmonic:
-        True,
-        False, or "auto" for systems large enough to gain from it. ``.stats.route`` tells what was done.
+        True, False, or "auto" for systems large enough to gain from it; by one sparse factorisation per harmonic
+        ("sparse") or by the modes of the rest while these coordinates are held, none left out ("modal").
+        ``.stats.route`` tells what was done.
     x0
-        First guess: coefficients (dof, 2h+1) or an earlier result. The default starts at rest, and raises the force
-        step by step
-        if that fails.
+        First guess: coefficients (dof, 2h+1) or an earlier result. The default starts at rest with the linear response;
+        if that fails, the force is raised step by step, and if that fails, the harmonics are.
     tol
         Largest ``.error`` that is called resolved; 0.1, and 1e-6 for ``harmonics="auto"``.
     tolerance, max_iterations
         Of Newton's method: last step relative to the coefficients of a coordinate.
-    amplitude
-        Of the ports in ``force``, N or N m: one number or one for each; complex a - i b for a cos + b sin. 1 if
-        left out.
     at, without
         State of a model and effects to leave out, as for `mb.linearize`.
 
@@ -227,12 +291,12 @@ def harmonic_balance(
     from .nonlinear_system import as_system
 
     started = perf_counter()
-    system, force = as_system(system, force, amplitude, at, without)
+    system, force = as_system(system, force, amplitude, at, without, inputs)
     w = _balance.one_frequency(omega, frequency)
     if w.ndim != 0:
         raise ModelError("harmonic_balance solves at one frequency; frequency_response takes a range")
     limit = _balance.positive("tol", UNRESOLVED if tol is None else tol)
-    _balance.positive("tolerance", tolerance)
+    options = _balance.newton(tolerance, max_iterations)
     if isinstance(harmonics, str):
         if harmonics != "auto":
             raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
@@ -240,13 +304,10 @@ def harmonic_balance(
             n_samples=n_samples,
             subharmonic=subharmonic,
             condense=condense,
-            tolerance=tolerance,
-            max_iterations=max_iterations,
+            **options,
         )
         return _automatic(system, force, float(w), x0, 1e-6 if tol is None else tol, given)
-    setup = _balance.prepare(system, force, harmonics, subharmonic, n_samples, float(w), condense)
-    options = dict(tolerance=tolerance, max_iterations=max_iterations)
-    answer = _balance.translated(setup.core.solve, setup.start(x0), [float(w)], **options)
+    setup, answer = _solved(system, force, harmonics, subharmonic, n_samples, float(w), condense, x0, options)
     result = PeriodicSolution(
         setup.expand(answer["y"], float(w)),
         float(w),
@@ -262,6 +323,71 @@ def harmonic_balance(
     if not answer["converged"]:
         raise _failure(system, answer, result)
     return result
+
+
+def _solved(
+    system: Any,
+    force: Any,
+    harmonics: Any,
+    subharmonic: int,
+    n_samples: int | None,
+    omega: float,
+    condense: bool | str,
+    x0: Any,
+    options: dict[str, Any],
+) -> tuple[_balance.Setup, dict[str, Any]]:
+    """The core's answer, with fewer harmonics first where all at once fail, and more samples where they are what lacks."""
+    given: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples, omega=omega, condense=condense)
+    setup, answer = first_solution(system, force, harmonics, given, x0, options)
+    while answer["converged"]:
+        more = _balance.more_samples(setup.n_samples, answer["error"], answer["aliasing"], system.elements, n_samples)
+        if more is None:
+            break
+        finer = _balance.prepare(system, force, harmonics, least_samples=more, **given)
+        again = _balance.translated(finer.core.solve, answer["y"], [omega], **options)
+        if not again["converged"]:
+            break
+        for name in ("iterations", "evaluations", "factorisations"):
+            again[name] += answer[name]
+        setup, answer = finer, again
+    return setup, answer
+
+
+def first_solution(
+    system: Any, force: Any, harmonics: Any, given: dict[str, Any], x0: Any, options: dict[str, Any]
+) -> tuple[_balance.Setup, dict[str, Any]]:
+    """The core's answer from a guess or from rest; where it fails, with harmonics that grow and with more samples: too few
+    make the equations of a stiff contact rough."""
+    laws = _balance.checked_system(system)
+    smooth = given["n_samples"] is not None or all(law.code in _balance.POLYNOMIAL for law in laws)
+    for least in (0,) if smooth else (0, _balance.MOST_SAMPLES // 8, _balance.MOST_SAMPLES // 2):
+        setup = _balance.prepare(system, force, harmonics, least_samples=least, **given)
+        answer = _balance.translated(setup.core.solve, setup.start(x0), [given["omega"]], **options)
+        if not answer["converged"] and x0 is None:
+            finer = dict(given, least_samples=least)
+            guess = _ramped_start(system, force, setup.harmonics, finer, options)
+            if guess is not None:
+                answer = _balance.translated(setup.core.solve, setup.start(guess), [given["omega"]], **options)
+        if answer["converged"]:
+            break
+    return setup, answer
+
+
+def _ramped_start(
+    system: Any, force: Any, harmonics: tuple[int, ...], given: dict[str, Any], options: dict[str, Any]
+) -> np.ndarray | None:
+    """A first guess from sets of harmonics that grow, None where no set has a solution."""
+    forced = [h * given["subharmonic"] for h in force] if isinstance(force, Mapping) else [given["subharmonic"]]
+    guess = None
+    for top in (1, 2, 3, 5, 9, 17, 33, 65, 129):
+        fewer = [h for h in harmonics if h <= max(top, *forced)]
+        if len(fewer) == len(harmonics):
+            break
+        setup = _balance.prepare(system, force, fewer, **given)
+        answer = _balance.translated(setup.core.solve, setup.start(guess), [given["omega"]], **options)
+        if answer["converged"]:
+            guess = setup.expand(answer["y"], given["omega"])
+    return guess
 
 
 def _automatic(system: Any, force: Any, omega: float, x0: Any, tol: float, given: dict[str, Any]) -> PeriodicSolution:

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from . import _balance, _cycle_start
+from . import _balance, _checks, _cycle_start
 from .errors import ConvergenceError, ModelError
 from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of
+from .nonlinear_system import nonlinear_system
 from .results import Stats
 
 
@@ -33,6 +34,21 @@ class LimitCycle(PeriodicSolution):
         others = np.delete(self.exponents, np.argmin(np.abs(self.exponents)))
         return bool(np.all(others.real <= 1e-9 * self.omega))
 
+    @property
+    def multipliers(self) -> np.ndarray | None:
+        """(2 dof,) Floquet multipliers exp(s T), one of them 1, or None."""
+        return None if self.exponents is None else np.exp(self.exponents * self.period)
+
+    def plot_multipliers(self) -> Any:
+        """Floquet multipliers in the complex plane with the unit circle; returns the figure."""
+        from .plot.nonlinear import multipliers
+
+        return multipliers(self)
+
+    def _heading(self) -> str:
+        word = {True: "stable", False: "unstable", None: "stability unknown"}[self.stable]
+        return f"{super()._heading()}\nperiod {self.period:.10g} s, {word}"
+
 
 def limit_cycle(
     system: Any,
@@ -44,16 +60,19 @@ def limit_cycle(
     n_samples: int | None = None,
     condense: bool | str = "auto",
     tol: float | None = None,
-    method: str = "harmonic-balance",
+    method: str = "auto",
     tolerance: float = 1e-10,
     max_iterations: int = 60,
+    at: Any = None,
+    without: Any = (),
 ) -> LimitCycle:
     """Periodic motion without periodic excitation, its frequency unknown.
 
     Parameters
     ----------
     system
-        `MechanicalSystem` whose equilibrium is unstable, or that has a cycle anyway (then give ``x0``).
+        `MechanicalSystem` (or `Model`, its geometry linearised at the state ``at``, ``without`` some effects) whose
+        equilibrium is unstable, or that has a cycle anyway (then give ``x0``).
     harmonics
         Highest harmonic H, a sequence, or "auto": as many as ``.error <= tol`` needs.
     force
@@ -67,9 +86,10 @@ def limit_cycle(
     tol
         Largest ``.error`` that is called resolved; 0.01, and 1e-6 for ``harmonics="auto"``.
     method
-        "harmonic-balance", or "collocation" on an adapted mesh in time (SciPy's ``solve_bvp``), which relaxation
-        oscillations
-        need; its ``X`` holds the first H harmonics of the result and its error refers to the residual of the mesh.
+        "harmonic-balance"; "collocation" on an adapted mesh in time (SciPy's ``solve_bvp``), which relaxation oscillations
+        need; or "auto": the first, and with ``harmonics="auto"`` the second where 255 harmonics are too few. ``X`` of
+        collocation holds at least H harmonics, and as many as ``tol`` needs; its ``error`` is the change of the last
+        refinement of the mesh and what those harmonics leave out.
 
     Returns
     -------
@@ -93,23 +113,27 @@ def limit_cycle(
     6.663287
     """
     started = perf_counter()
+    if hasattr(system, "compiled"):
+        system = nonlinear_system(system, at=at, without=without)
+    elif at is not None or _checks.names("without", without):
+        raise ModelError("at= and without= are for models; a MechanicalSystem is what its matrices are")
     _balance.checked_system(system)
-    if method not in ("harmonic-balance", "collocation"):
-        raise ModelError(f'method must be "harmonic-balance" or "collocation", it is {method!r}')
+    _checks.choice("method", method, ("auto", "harmonic-balance", "collocation"))
     automatic = isinstance(harmonics, str)
     if automatic and harmonics != "auto":
         raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
     limit = _balance.positive("tol", (1e-6 if automatic else UNRESOLVED / 10) if tol is None else tol)
     static = _static_force(system, force)
     given: dict[str, Any] = dict(n_samples=n_samples, condense=condense)
-    options: dict[str, Any] = dict(tolerance=tolerance, max_iterations=max_iterations)
+    options = _balance.newton(tolerance, max_iterations)
     tops = _enrichment(harmonics)
     guess = (x0, omega) if x0 is not None else None
-    if guess is not None:
-        _balance.positive("omega (needed beside x0)", omega)
+    if guess is not None or omega is not None:
+        omega = float(_balance.one_frequency(_balance.positive("omega (needed beside x0)", omega), None))
+        guess = guess and (_balance.checked_guess(system.n, x0), omega)
     starts = [guess] if guess is not None else list(_cycle_start.candidates(system, static, omega))
     if method == "collocation":
-        return _collocated(system, static, starts, 15 if automatic else harmonics, limit, started)
+        return _collocated(system, static, starts, None if automatic else harmonics, limit, started)
     last: LimitCycle | None = None
     for start in [*starts, None]:
         if start is None:
@@ -122,18 +146,26 @@ def limit_cycle(
         last = _refine(system, static, start, tops, limit, given, options, started) or last
         if last is not None and last.status == "converged":
             return last
+    if automatic and method == "auto" and not any(law.has_memory for law in system.elements):
+        try:
+            return _better(last, _collocated(system, static, starts if guess is not None else [], None, limit, started))
+        except ConvergenceError:
+            if last is not None:
+                return last
     if last is None:
         raise ConvergenceError("no limit cycle was found; give a guess with omega= and x0=", None)
     return last
 
 
+def _better(last: LimitCycle | None, other: LimitCycle) -> LimitCycle:
+    return other if last is None or other.error < last.error else last
+
+
 def _enrichment(harmonics: Any) -> list[Any]:
     """Sets of harmonics of growing size, so that each start is near."""
-    if harmonics == "auto":
+    if isinstance(harmonics, str):
         return [1, 3, 5, 9, 15, 23, 35, 53, 79, 119, 179, 255]
-    top = max(harmonics) if not isinstance(harmonics, int | np.integer) else int(harmonics)
-    if isinstance(harmonics, bool) or top < 1:
-        raise ModelError(f"harmonics must be at least 1, they are {harmonics!r}")
+    top = _balance.checked_harmonics(harmonics, 1)[-1]
     return [*(h for h in (1, 3, 5, 9, 15, 23, 35, 53, 79, 119, 179) if h < top), harmonics]
 
 
@@ -144,7 +176,7 @@ def _static_force(system: Any, force: Any) -> dict[int, np.ndarray]:
         raise ModelError(
             "a limit cycle has static forces alone, force={0: vector}; harmonic_balance takes periodic ones"
         )
-    return dict(force)
+    return {0: _balance.force_vector(system.n, force.get(0, np.zeros(system.n)), 0).real}
 
 
 def _refine(
@@ -182,7 +214,7 @@ def _refine(
 
 def _result(system: Any, force: Any, setup: Any, answer: Any, limit: float, started: float) -> LimitCycle:
     y, w = answer["z"][:-1], float(answer["z"][-1])
-    exponents = setup.core.floquet(y, [w])[0]
+    exponents = setup.exponents(y, w)
     counts = {key: answer[key] for key in ("iterations", "evaluations")}
     return LimitCycle(
         setup.expand(y, w),
@@ -200,12 +232,13 @@ def _result(system: Any, force: Any, setup: Any, answer: Any, limit: float, star
 
 
 def _collocated(system: Any, force: Any, starts: list[Any], harmonics: Any, limit: float, started: float) -> LimitCycle:
-    top = _balance.checked_harmonics(harmonics, 1)[-1]
+    top = 1 if harmonics is None else _balance.checked_harmonics(harmonics, 1)[-1]
     start = _cycle_start.by_integration(system, force) if len(starts) != 1 or starts[0][0] is None else starts[0]
     start = start or _cycle_start.by_integration(system, force)
     if start is None:
         raise ConvergenceError("no limit cycle was found by integration; give a guess with omega= and x0=", None)
-    X, period, error, nodes = _cycle_start.collocate(system, force, start, top)
+    X, period, error, nodes = _cycle_start.collocate(system, force, start, top, limit)
+    top = (X.shape[1] - 1) // 2
     return LimitCycle(
         X,
         2 * np.pi / period,

@@ -28,7 +28,19 @@ from .values import vector
 from .varying import Driver, assign, read
 
 # The order of their numbers in x.
-STORES = ("body", "joint", "element", "load", "marker", "element_law", "joint_law", "pose", "gravity", "motion", "coupler")
+STORES = (
+    "body",
+    "joint",
+    "element",
+    "load",
+    "marker",
+    "element_law",
+    "joint_law",
+    "pose",
+    "gravity",
+    "motion",
+    "coupler",
+)
 
 
 class Gravity(Item):

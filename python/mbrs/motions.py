@@ -7,6 +7,7 @@ addresses ("motor.amplitude"). A Python function is the slow path: the core call
 from __future__ import annotations
 
 import importlib
+import itertools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -281,7 +282,7 @@ class MotionItem(Item):
     def check(self, values: Sequence[float]) -> None:
         if self.code in (4, 5):
             t = values[: self.size // 2]
-            if any(not b > a for a, b in zip(t, t[1:], strict=False)):
+            if any(not b > a for a, b in itertools.pairwise(t)):
                 raise problem(self.name + ".t", f"must increase from point to point, got {shown(list(t))}")
 
     def motion_fields(self, prefix: str = "", unit: str = "") -> dict[str, Field]:

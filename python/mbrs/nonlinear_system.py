@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from . import _checks
 from ._border import core_errors
 from .effects import check_without
 from .errors import ModelError
@@ -76,7 +77,7 @@ def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> 
     ([[4.0]], (Cubic(3, w=[1.]),))
     """
     started = time.perf_counter()
-    without = check_without(without)
+    without = check_without(_checks.names("without", without))
     snapshot = Snapshot.of(m)
     state = state_of(m, snapshot.system, at)
     with core_errors():
@@ -117,43 +118,67 @@ def _twist(lin: Linearization, body: int, point: np.ndarray) -> np.ndarray:
 
 
 def as_system(
-    system: Any, force: Any, amplitude: Any = None, at: Any = None, without: Sequence[str] = ()
+    system: Any, force: Any, amplitude: Any = None, at: Any = None, without: Sequence[str] = (), inputs: Any = None
 ) -> tuple[Any, Any]:
     """What harmonic balance works on, from a model or a system: the system, and forces as vectors (n,) by harmonic.
 
-    ``force`` may name ports of the model ("b.force.x", ``b.force("x")``), alone, in a list, or by harmonic in a dict;
-    ``amplitude`` (N or N m, complex a - i b for a cos + b sin) belongs to each of them, one number or one for each.
+    ``force``, or in its place ``inputs``, may name ports of the model ("b.force.x", ``b.force("x")``), alone, in a list, or
+    by harmonic in a dict; ``amplitude`` (N or N m, complex a - i b for a cos + b sin) belongs to each of them, one number
+    or one for each.
     """
+    if (force is None) == (inputs is None):
+        raise ModelError("give exactly one of force= (vectors of a system) and inputs= (ports of a model)")
+    if inputs is not None:
+        if not hasattr(system, "compiled"):
+            raise ModelError("inputs= are ports of a model; a MechanicalSystem takes force=(n,)")
+        force = inputs
     if not hasattr(system, "compiled"):
-        if at is not None or tuple(without):
+        if at is not None or _checks.names("without", without):
             raise ModelError("at= and without= are for models; a MechanicalSystem is what its matrices are")
         return system, force if amplitude is None else _scaled(force, amplitude)
     made = nonlinear_system(system, at=at, without=without)
+    return made, force_of_ports(made, force, amplitude)
+
+
+def force_of_ports(made: NonlinearSystem, force: Any, amplitude: Any = None) -> Any:
+    """Vectors (n,) by harmonic, or one, of ports of the model from which a system was made."""
     if isinstance(force, Mapping):
-        return made, {h: _vector(made, f, amplitude) for h, f in force.items()}
-    return made, _vector(made, force, amplitude)
+        return {h: _vector(made, f, amplitude) for h, f in force.items()}
+    return _vector(made, force, amplitude)
 
 
 def _scaled(force: Any, amplitude: Any) -> Any:
+    size = _checks.complex_array("amplitude", amplitude)
     if isinstance(force, Mapping):
-        return {h: np.asarray(f) * amplitude for h, f in force.items()}
-    return np.asarray(force) * amplitude
+        return {h: _times(f, size) for h, f in force.items()}
+    return _times(force, size)
+
+
+def _times(force: Any, size: np.ndarray) -> np.ndarray:
+    vector = _checks.complex_array("force", force)
+    if size.ndim and size.shape != vector.shape:
+        raise ModelError(
+            f"amplitude must be one number or one for each of {vector.shape} forces, its shape is {size.shape}"
+        )
+    product = vector * size
+    return product if np.any(product.imag) else product.real
 
 
 def _vector(made: NonlinearSystem, force: Any, amplitude: Any) -> np.ndarray:
     ports = list(force) if isinstance(force, list | tuple) else [force]
     if not ports or not all(isinstance(p, str | Port) for p in ports):
-        return np.asarray(force) if amplitude is None else np.asarray(force) * amplitude
+        return np.asarray(force) if amplitude is None else _scaled(force, amplitude)
     columns, order, names = made.linearization.input_map(ports)
     if np.any(order):
         raise ModelError(
             f"harmonic balance takes forces and torques; {names[int(np.flatnonzero(order)[0])]!r} is a motion of ground"
         )
+    given = _checks.complex_array("amplitude", 1.0 if amplitude is None else amplitude)
     try:
-        size = np.broadcast_to(np.asarray(1.0 if amplitude is None else amplitude, dtype=complex), (len(ports),))
-    except (TypeError, ValueError):
+        size = np.broadcast_to(given, (len(ports),))
+    except ValueError:
         raise ModelError(
-            f"amplitude must be one number or one for each of {len(ports)} ports, it is {amplitude!r}"
+            f"amplitude must be one number or one for each of {len(ports)} ports, it is {_checks.shown(amplitude)}"
         ) from None
     total = columns @ size
     return total if np.any(total.imag) else total.real

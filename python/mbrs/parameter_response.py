@@ -1,103 +1,152 @@
-"""Branches of periodic responses in any parameter of a system: the system is made anew for each value."""
+"""Branches of periodic responses in any parameter of a system or model."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from . import _balance
-from .errors import ConvergenceError, ModelError
-from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of, harmonic_balance
-from .results import Result, Stats
+from . import _balance, _checks
+from .continuation import Branch, Event
+from .errors import ModelError
+from .harmonic_balance import PeriodicSolution
+from .nonlinear_system import as_system
+from .response_curve import FrequencyResponse, collected, follow
 
 
 @dataclass(frozen=True, eq=False)
-class ParameterResponse(Result):
-    """A branch in a parameter: ``value`` (n,), ``X`` (n, dof, 2H+1), ``folds`` (values where the branch turns),
-    ``error`` (n,).
+class ParameterResponse(FrequencyResponse):
+    """A branch in a parameter: ``value`` (n,), one for each point; ``omega`` and ``level`` stay what they are.
 
-    ``status``: "converged" (the end was reached), "left-at-start", "max-points", "stopped", "unresolved".
+    The rest is as of `FrequencyResponse`; every event has its ``value`` too. ``family`` makes the system for a value.
     """
 
-    value: np.ndarray
-    X: np.ndarray
-    folds: np.ndarray
-    omega: float
-    family: Callable[[float], Any] | None = field(default=None, repr=False)
+    value: np.ndarray = field(default_factory=lambda: np.zeros(0), kw_only=True)
+    name: str = field(default="value", kw_only=True)
+    family: Callable[[float], Any] | None = field(default=None, repr=False, kw_only=True)
 
-    def __len__(self) -> int:
-        return len(self.value)
+    @property
+    def folds(self) -> np.ndarray:
+        """Values at which the branch turns."""
+        return np.array([event.value for event in self.events if event.kind == "fold"], dtype=float)
 
-    def amplitude(self, dof: int = 0, harmonic: int = 1) -> np.ndarray:
-        """(n,) magnitude of one harmonic of one coordinate."""
-        if harmonic == 0:
-            return np.abs(self.X[:, dof, 0])
-        return np.hypot(self.X[:, dof, 2 * harmonic - 1], self.X[:, dof, 2 * harmonic])
+    def point(self, i: int) -> PeriodicSolution:
+        """The solution number ``i`` by itself, with the system of its value."""
+        return self._with_system(super().point(i), float(self.value[i]), float(self.level[i]))
 
-    def plot(self, dof: int = 0, harmonic: int = 1, ax: Any = None) -> Any:
-        """Amplitude over the parameter; returns the axes."""
-        import matplotlib.pyplot as plt
+    @property
+    def varies(self) -> str:
+        """What changes along the curve: the name of the parameter."""
+        return self.name
 
-        ax = plt.subplots()[1] if ax is None else ax
-        ax.plot(self.value, self.amplitude(dof, harmonic))
-        ax.set(xlabel="parameter", ylabel=f"harmonic {harmonic} of coordinate {dof}")
-        return ax
+    def axis(self) -> tuple[np.ndarray, str]:
+        """What the curve is drawn over, (n,), and its name."""
+        return self.value, self.name
 
-    def __str__(self) -> str:
-        return (
-            f"ParameterResponse: {self.status}, {len(self)} points, value {self.value.min():.6g} to "
-            f"{self.value.max():.6g}, folds {np.array2string(self.folds, precision=8)}, "
-            f"largest estimated error {np.max(self.error):.1e}"
-        )
+    def place(self, event: Event) -> float:
+        """Where an event is on that axis."""
+        return float("nan") if event.value is None else event.value
+
+    def at(self, event: Event) -> PeriodicSolution:
+        """The motion at an event, with the system there."""
+        return self._with_system(super().at(event), self.place(event), event.level)
+
+    def _with_system(self, one: PeriodicSolution, value: float, level: float) -> PeriodicSolution:
+        if self.family is not None:
+            system, force = self.family(value)
+            object.__setattr__(one, "system", system)
+            object.__setattr__(one, "force", _balance.scaled_force(force, level))
+        return one
+
+    def peak(self, dof: Any = 0, harmonic: int | None = 1) -> PeriodicSolution:
+        """The point of the curve with the largest amplitude; not solved for."""
+        return self.point(int(np.argmax(self.amplitude(dof, harmonic))))
+
+    def resume(self, max_points: int = 1000) -> ParameterResponse:
+        """The same branch with up to ``max_points`` more points; only in the process that made it."""
+        if self.branch is None:
+            raise ModelError("only the curve that parameter_response returned can be resumed, not one that was loaded")
+        started = perf_counter()
+        follow(self.branch, len(self.branch.chunks) + _balance.integer("max_points", max_points), None)
+        return _collect(self.branch, self.name, perf_counter() - started + self.stats.wall_time)
+
+    def to_xarray(self) -> Any:
+        """As of `FrequencyResponse`, with the value as a coordinate."""
+        return super().to_xarray().assign_coords(value=("point", self.value))
+
+    def _span(self) -> str:
+        return f"{self.name} {self.value.min():.6g} to {self.value.max():.6g} at {self.frequency[0]:.6g} Hz"
+
+    def __getstate__(self) -> dict[str, Any]:
+        # what makes the systems need not travel, so that the coefficients must
+        order = self.parts[0].setup.subharmonic if self.parts else 1
+        cache = {"X": self.X, "subharmonic": order}
+        return {**super().__getstate__(), "family": None, "parts": (), "_built": cache}
 
 
 def parameter_response(
-    family: Callable[[float], Any],
+    system: Any,
+    parameter: str | None = None,
     *,
     value: tuple[float, float],
-    force: Any,
+    force: Any = None,
+    inputs: Any = None,
+    amplitude: Any = None,
     omega: float | None = None,
     frequency: float | None = None,
+    level: float = 1.0,
     harmonics: Any = 7,
+    n_samples: int | None = None,
+    subharmonic: int = 1,
+    condense: bool | str = "auto",
     x0: Any = None,
     tol: float | None = None,
-    step: float = 0.02,
-    min_step: float = 1e-6,
+    predictor: str = "tangent",
+    corrector: str = "pseudo-arclength",
+    step: float = 0.01,
+    min_step: float = 1e-9,
     max_step: float = 0.1,
-    max_points: int = 1000,
+    tolerance: float = 1e-9,
+    stability: bool = True,
+    events: bool = True,
+    max_points: int = 10000,
+    at: Any = None,
+    without: Sequence[str] = (),
 ) -> ParameterResponse:
-    """Periodic responses at one frequency while a parameter of the system changes, folds included.
+    """Periodic responses at one frequency while a parameter p of the system changes, through folds: R(X, p) = 0.
 
     Parameters
     ----------
-    family
-        ``family(p)`` returns the `MechanicalSystem` for the value p, with the same coordinates for all values; for a model, for
-        instance ``lambda p: (m.set({"k": p}), nonlinear_system(m))[1]``.
+    system, parameter
+        A `Model` and the address of one of its numbers ("k_leg", "payload.mass", "rail.law[0]"); or a function of p that
+        returns the `MechanicalSystem`, with the same coordinates and elements for all p, and no ``parameter``.
     value
-        (start, end) of p.
-    force, omega, frequency, harmonics, x0, tol
-        As for `harmonic_balance`.
-    step, min_step, max_step
-        First, least and largest step where solution and range have length one.
+        (start, end) of p, in its unit.
+    force, inputs, amplitude, omega, frequency, level, harmonics, n_samples, subharmonic, condense, x0, tol, at, without
+        As for `frequency_response`, with one frequency and one level.
+    predictor, corrector, step, min_step, max_step, tolerance, stability, events, max_points
+        As for `frequency_response`.
 
     Returns
     -------
     ParameterResponse
+        ``value``, ``X``, ``stable``, ``events``, ``error``, ``status`` as of `FrequencyResponse`.
 
     Raises
     ------
+    ModelError
+        Wrong input, or a system that cannot be made for a value on the way.
     ConvergenceError
         The first point was not found.
 
     Notes
     -----
-    Pseudo-arclength continuation with the exact Jacobian of the core and a central difference along p: a slow path,
-    some
-    milliseconds and three systems per iteration. `frequency_response` is the fast one, for frequency and force level.
+    The continuation of `frequency_response` with the exact Jacobian; dR/dp is a central difference between two systems, on
+    whose accuracy neither solutions nor folds depend. Three systems are made per iteration, which takes most of the time.
+    Numbers of a model are as before when the function returns.
 
     Examples
     --------
@@ -107,148 +156,60 @@ def parameter_response(
     'converged'
     """
     started = perf_counter()
-    w = _balance.one_frequency(omega, frequency)
-    if w.ndim != 0:
-        raise ModelError("parameter_response works at one frequency")
-    a, b = _range(value)
-    limits = [_balance.positive(n, v) for n, v in [("step", step), ("min_step", min_step), ("max_step", max_step)]]
-    most = _balance.integer("max_points", max_points)
-    limit = _balance.positive("tol", UNRESOLVED if tol is None else tol)
-    first = harmonic_balance(family(a), force=force, omega=float(w), harmonics=harmonics, x0=x0, condense=False)
-    follower = _Follower(family, force, float(w), harmonics, (a, b), first, limits)
-    while follower.status == "going" and len(follower.points) < most:
-        follower.advance()
-    values = np.array([z[-1] for z in follower.points])
-    X = np.array([follower.expand(z) for z in follower.points])
-    error = np.array([follower.error(z) for z in follower.points])
-    status = "max-points" if follower.status == "going" else follower.status
-    if status == "converged" and not np.all(error <= limit):
-        status = "unresolved"
-    counts = {"points": len(values), "corrections": follower.corrections}
-    return ParameterResponse(
-        values,
-        X,
-        np.array(follower.folds),
-        float(w),
-        family,
-        stats=Stats(perf_counter() - started, counts, effects_of(family(a)), "full"),
-        error=error,
-        status=status,
+    most = _checks.count("max_points", max_points, 10_000_000)
+    made = _family(system, parameter, force, inputs, amplitude, at, without)
+    given: dict[str, Any] = dict(
+        omega=omega,
+        frequency=frequency,
+        level=level,
+        harmonics=harmonics,
+        n_samples=n_samples,
+        subharmonic=subharmonic,
+        condense=condense,
+        x0=x0,
+        tol=tol,
+        predictor=predictor,
+        corrector=corrector,
+        step=step,
+        min_step=min_step,
+        max_step=max_step,
+        tolerance=tolerance,
+        stability=stability,
+        events=events,
     )
+    branch = Branch(None, family=made, value=value, force=force, inputs=inputs, **given)
+    follow(branch, most, None, "parameter response")
+    return _collect(branch, parameter or "value", perf_counter() - started)
 
 
-def _range(value: Any) -> tuple[float, float]:
-    ends = np.asarray(value, dtype=float) if np.shape(value) == (2,) else np.zeros(0)
-    if ends.size != 2 or not np.all(np.isfinite(ends)) or ends[0] == ends[1]:
-        raise ModelError(f"value must be a range of two different finite numbers, it is {value!r}")
-    return float(ends[0]), float(ends[1])
+def _collect(branch: Branch, name: str, wall_time: float) -> ParameterResponse:
+    fields = collected(branch, wall_time)
+    value = np.concatenate([part.value for part in fields["parts"]])
+    return ParameterResponse(**fields, value=value, name=name, family=branch.family)
 
 
-class _Follower:
-    def __init__(
-        self,
-        family: Callable[[float], Any],
-        force: Any,
-        omega: float,
-        harmonics: Any,
-        span: tuple[float, float],
-        first: PeriodicSolution,
-        limits: list[float],
-    ) -> None:
-        self.family, self.force, self.omega, self.harmonics, self.span = family, force, omega, harmonics, span
-        self.step, self.least, self.largest = limits
-        self.status, self.corrections, self.folds = "going", 0, list[float]()
-        setup = self._setup(span[0])
-        z = np.append(setup.start(first), span[0])
-        towards = np.zeros(len(z))
-        towards[-1] = np.sign(span[1] - span[0])
-        self.points = [z]
-        self.tangent = self._correct(z, towards, self._scale(z))[1]
+def _family(
+    system: Any, parameter: str | None, force: Any, inputs: Any, amplitude: Any, at: Any, without: Sequence[str]
+) -> Callable[[float], tuple[Any, Any]]:
+    """p -> (system, force)"""
+    if hasattr(system, "compiled"):
+        if not isinstance(parameter, str):
+            raise ModelError(
+                f'parameter must be the address of a number of the model, such as "k", it is {parameter!r}'
+            )
+        address = parameter
 
-    def _setup(self, p: float) -> _balance.Setup:
-        return _balance.prepare(self.family(p), self.force, self.harmonics, omega=self.omega, condense=False)
-
-    def expand(self, z: np.ndarray) -> np.ndarray:
-        return self._setup(z[-1]).expand(z[:-1], self.omega)
-
-    def error(self, z: np.ndarray) -> float:
-        options = dict(tolerance=1e-8, max_iterations=10)
-        return float(_balance.translated(self._setup(z[-1]).core.solve, z[:-1], [self.omega], **options)["error"])
-
-    def _scale(self, z: np.ndarray) -> np.ndarray:
-        size = max(float(np.linalg.norm(z[:-1])), 1e-300)
-        return np.append(np.full(len(z) - 1, size), abs(self.span[1] - self.span[0]))
-
-    def _residual(self, z: np.ndarray) -> dict[str, Any]:
-        return _balance.translated(self._setup(float(z[-1])).core.residual, z[:-1], [self.omega])
-
-    def _linear(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        here = self._residual(z)
-        h = 1e-5 * abs(self.span[1] - self.span[0])
-        up, down = (self._residual(np.append(z[:-1], z[-1] + d))["residual"] for d in (h, -h))
-        return here["residual"], np.column_stack([here["jacobian"], (up - down) / (2 * h)])
-
-    def _correct(self, z: np.ndarray, border: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-        """Newton's method in the plane through z across ``border`` (scaled); point, scaled tangent, iterations."""
-        for iteration in range(1, 9):
-            self.corrections += 1
-            R, J = self._linear(z)
-            A = np.vstack([J * scale, border])
-            rows = np.max(np.abs(A), axis=1)
-            step = np.linalg.solve(A / rows[:, None], -np.append(R, 0.0) / rows)
-            z = z + step * scale
-            if np.max(np.abs(step)) < 1e-8:
-                tangent = np.linalg.solve(A / rows[:, None], np.append(np.zeros(len(R)), 1.0))
-                return z, tangent / np.linalg.norm(tangent), iteration
-        raise ConvergenceError("the corrector did not converge")
-
-    def advance(self) -> None:
-        z, scale = self.points[-1], self._scale(self.points[-1])
-        while True:
+        def of_model(p: float) -> tuple[Any, Any]:
+            before = system.value(address)
+            system.set({address: p})
             try:
-                new, tangent, iterations = self._correct(z + self.step * self.tangent * scale, self.tangent, scale)
-            except (ConvergenceError, np.linalg.LinAlgError):
-                iterations, tangent = 99, self.tangent
-            if iterations < 99 and tangent @ self.tangent > 0.5:
-                break
-            self.step /= 2
-            if self.step < self.least:
-                self.status = "stopped"
-                return
-        if tangent[-1] * self.tangent[-1] < 0:
-            self.folds.append(self._fold(z, scale, self.tangent, self.step, tangent[-1]))
-        turned = tangent * scale / self._scale(new)
-        self.tangent = turned / np.linalg.norm(turned)
-        self.step = min(self.largest, self.step * (1.5 if iterations <= 3 else 1.0 if iterations <= 5 else 0.6))
-        self._append(new)
+                return as_system(system, force, amplitude, at, without, inputs)
+            finally:
+                system.set({address: before})
 
-    def _append(self, new: np.ndarray) -> None:
-        a, b = self.span
-        forward = np.sign(b - a)
-        if (new[-1] - b) * forward >= 0 or (new[-1] - a) * forward < 0:
-            end = b if (new[-1] - b) * forward >= 0 else a
-            self.status = "converged" if end == b else "left-at-start"
-            old = self.points[-1]
-            border = np.append(np.zeros(len(new) - 1), 1.0)
-            new = old + (end - old[-1]) / (new[-1] - old[-1]) * (new - old)
-            new[-1] = end
-            new = self._correct(new, border, self._scale(new))[0]
-        self.points.append(new)
-
-    def _fold(self, z: np.ndarray, scale: np.ndarray, direction: np.ndarray, length: float, end: float) -> float:
-        """Value where dp/ds = 0 between two points, by the method of false position (Illinois)."""
-        low, high = (0.0, float(direction[-1])), (length, float(end))
-        weights = [1.0, 1.0]
-        value = z[-1]
-        for _ in range(40):
-            a, b = low[1] * weights[0], high[1] * weights[1]
-            s = low[0] + (high[0] - low[0]) * a / (a - b)
-            point, tangent, _ = self._correct(z + s * direction * scale, direction, scale)
-            value = float(point[-1])
-            if (tangent[-1] < 0) == (low[1] < 0):
-                low, weights = (s, float(tangent[-1])), [1.0, weights[1] / 2]
-            else:
-                high, weights = (s, float(tangent[-1])), [weights[0] / 2, 1.0]
-            if abs(tangent[-1]) < 1e-10 or high[0] - low[0] < 1e-10 * length:
-                break
-        return value
+        return of_model
+    if not callable(system):
+        raise ModelError("parameter_response needs a Model with the address of a number, or a function of the value")
+    if parameter is not None:
+        raise ModelError("parameter= is the address of a number of a model; a function of the value needs none")
+    return lambda p: as_system(system(p), force, amplitude, at, without, inputs)

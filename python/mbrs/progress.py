@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable
 from types import TracebackType
@@ -27,6 +28,8 @@ class Progress:
         Number of steps, or None where it is not known beforehand.
     stream, clock
         Where to write and what tells the time in seconds; for tests.
+    always
+        True shows it at once and wherever standard error goes, False never, None as said above.
 
     Examples
     --------
@@ -44,6 +47,7 @@ class Progress:
         *,
         stream: TextIO | None = None,
         clock: Callable[[], float] = time.monotonic,
+        always: bool | None = None,
     ) -> None:
         self.label = label
         self.total = total
@@ -53,11 +57,18 @@ class Progress:
         self._start = clock()
         self._last = -float("inf")
         self._width = 0
-        self._enabled = _wanted(self._stream)
+        self._enabled = _wanted(self._stream) if always is None else always
+        self._quiet = 0.0 if always else _QUIET_FOR
 
     def __enter__(self) -> Progress:
         self._start = self._clock()
         return self
+
+    @property
+    def due(self) -> bool:
+        """Whether the next `advance` would write, for notes that cost something."""
+        now = self._clock()
+        return self._enabled and now - self._start >= self._quiet and now - self._last >= _EVERY
 
     def advance(self, steps: int = 1, note: str = "") -> None:
         """Count ``steps`` as done; ``note`` is shown behind the line (a frequency, a residual)."""
@@ -65,7 +76,7 @@ class Progress:
         if not self._enabled:
             return
         now = self._clock()
-        if now - self._start >= _QUIET_FOR and now - self._last >= _EVERY:
+        if now - self._start >= self._quiet and now - self._last >= _EVERY:
             self._last = now
             self._write(self._line(now - self._start, note))
 
@@ -96,6 +107,42 @@ class Progress:
             self._stream.flush()
         except (OSError, ValueError):
             self._enabled = False
+
+
+class Elapsed(Progress):
+    """Shows ``label  12 s`` while one call that cannot count its steps lasts longer than a second.
+
+    A thread of its own keeps the line up to date; it exists only where the line would be shown.
+
+    Examples
+    --------
+    >>> with Elapsed("lowest modes"):
+    ...     sum(range(1000))
+    499500
+    """
+
+    def __enter__(self) -> Elapsed:
+        super().__enter__()
+        self._over = threading.Event()
+        self._ticker = threading.Thread(target=self._tick, daemon=True) if self._enabled else None
+        if self._ticker is not None:
+            self._ticker.start()
+        return self
+
+    def _tick(self) -> None:
+        while not self._over.wait(_EVERY):
+            self.advance(0)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._over.set()
+        if self._ticker is not None:
+            self._ticker.join()
+        super().__exit__(kind, value, trace)
+
+    def _line(self, elapsed: float, note: str) -> str:
+        return f"{self.label}  {_duration(elapsed)}"
 
 
 def _wanted(stream: TextIO) -> bool:

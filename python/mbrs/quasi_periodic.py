@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
-import itertools
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import comb
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from . import _balance, _condensation, _core
+from . import _balance, _checks, _condensation, _core
+from ._picked import label, picked
 from .errors import ConvergenceError, MbrsWarning, ModelError
 from .harmonic_balance import UNRESOLVED, effects_of
 from .laws import Law
+from .nonlinear_system import as_system, force_of_ports, nonlinear_system
+from .report import html_table, table
 from .results import Result, Stats
 
 COMMENSURABLE = 1e-9
 SLOW = 1e-3
 NONSMOOTH_SAMPLES = 96
 MOST_UNKNOWNS = 6000
+MOST_COMBINATIONS = 200_000
+MOST_SAMPLES = 1 << 22
+MOST_AUTOMATIC = 3000  # unknowns, of the estimate too, up to which "auto" adds terms
+MOST_SAMPLES = 1 << 18
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,35 +63,56 @@ class QuasiPeriodicSolution(Result):
         """Base frequencies, Hz."""
         return self.omega / (2 * np.pi)
 
-    def coefficient(self, dof: int = 0, index: Sequence[int] = (1, 0)) -> complex:
-        """a - i b of one term; zero for a term that is not kept. The term -k is the conjugate of k."""
+    def coefficient(self, dof: Any = 0, index: Sequence[int] = (1, 0)) -> complex:
+        """a - i b of one term; zero for a term that is not kept. The term -k is the conjugate of k.
+
+        ``dof``: number or name of a coordinate, or, of a model, a motion such as ``body.motion("z")``.
+        """
+        x = picked(self.X, self.system, dof)
         k = np.asarray(index)
+        if k.shape != (len(self.omega),) or not np.issubdtype(k.dtype, np.integer):
+            raise ModelError(f"index must be {len(self.omega)} integers, one for each base frequency; it is {index!r}")
         if not k.any():
-            return complex(self.X[dof, 0])
+            return complex(x[0])
         for sign in (1, -1):
             found = np.flatnonzero(np.all(self.indices == sign * k, axis=1))
             if len(found):
-                a, b = self.X[dof, 2 * found[0] + 1 : 2 * found[0] + 3]
+                a, b = x[2 * found[0] + 1 : 2 * found[0] + 3]
                 return complex(a, -sign * b)
         return 0j
 
-    def amplitude(self, dof: int = 0, index: Sequence[int] = (1, 0)) -> float:
-        """Magnitude of one term of one coordinate."""
+    def amplitude(self, dof: Any = 0, index: Sequence[int] = (1, 0)) -> float:
+        """Magnitude of one term of one displacement."""
         return abs(self.coefficient(dof, index))
 
-    def displacement(self, t: Any) -> np.ndarray:
-        """x at the times ``t``, (dof, n_t)."""
-        return self._series(t, 0)
+    def displacement(self, t: Any, dof: Any = None) -> np.ndarray:
+        """x at the times ``t``, (dof, n_t); (n_t,) of one displacement where ``dof`` names it."""
+        return self._series(t, 0, dof)
 
-    def velocity(self, t: Any) -> np.ndarray:
-        """x' at the times ``t``, (dof, n_t)."""
-        return self._series(t, 1)
+    def velocity(self, t: Any, dof: Any = None) -> np.ndarray:
+        """x' at the times ``t``, (dof, n_t) or (n_t,)."""
+        return self._series(t, 1, dof)
 
-    def _series(self, t: Any, derivative: int) -> np.ndarray:
+    def _series(self, t: Any, derivative: int, dof: Any) -> np.ndarray:
+        X = self.X if dof is None else picked(self.X, self.system, dof)[None, :]
         rate = self.indices @ self.omega
-        c = (self.X[:, 1::2] - 1j * self.X[:, 2::2]) * (1j * rate) ** derivative
-        moving = (c @ np.exp(1j * np.outer(rate, np.atleast_1d(np.asarray(t, float))))).real
-        return moving if derivative else moving + self.X[:, :1]
+        c = (X[:, 1::2] - 1j * X[:, 2::2]) * (1j * rate) ** derivative
+        x = (c @ np.exp(1j * np.outer(rate, np.atleast_1d(np.asarray(t, float))))).real
+        x = x if derivative else x + X[:, :1]
+        return x if dof is None else x[0]
+
+    def lines(self, dof: Any = 0) -> tuple[np.ndarray, np.ndarray, list[str]]:
+        """Frequencies in Hz, amplitudes and index vectors of the terms, by frequency, the mean first."""
+        x = picked(self.X, self.system, dof)
+        f = np.append(0.0, np.abs(self.indices @ self.frequency))
+        size = np.append(abs(x[0]), np.hypot(x[1::2], x[2::2]))
+        names = ["", *("(" + ", ".join(str(int(i)) for i in k) + ")" for k in self.indices)]
+        order = np.argsort(f, kind="stable")
+        return f[order], size[order], [names[i] for i in order]
+
+    def label(self, dof: Any = 0) -> str:
+        """Name of a displacement."""
+        return label(self.system, dof, len(self.X))
 
     def verify(self, cycles: float = 20.0, rtol: float = 1e-9) -> float:
         """Integrates from the solution's own state over so many of the longest base periods and returns the largest
@@ -94,16 +122,17 @@ class QuasiPeriodicSolution(Result):
 
         return distance_on_torus(self, cycles, rtol)
 
-    def plot(self, dof: int = 0, ax: Any = None) -> Any:
-        """Spectrum: amplitude over frequency in Hz; returns the axes."""
-        import matplotlib.pyplot as plt
+    def plot(self, dof: Any = 0, ax: Any = None) -> Any:
+        """Spectrum: amplitude over frequency in Hz, the largest terms named by index; returns the figure."""
+        from .plot.nonlinear import spectrum
 
-        ax = plt.subplots()[1] if ax is None else ax
-        f = np.abs(self.indices @ self.frequency)
-        ax.stem(f, np.hypot(self.X[dof, 1::2], self.X[dof, 2::2]), basefmt=" ")
-        name = self.system.coordinates[dof] if hasattr(self.system, "coordinates") else f"x{dof}"
-        ax.set(xlabel="frequency in Hz", ylabel=f"amplitude of {name}", yscale="log")
-        return ax
+        return spectrum(self, dof, ax=ax)
+
+    def plot_orbit(self, dof: Any = 0, ax: Any = None) -> Any:
+        """Thirty cycles of the slowest force in time, and velocity over displacement; returns the figure."""
+        from .plot.nonlinear import orbit
+
+        return orbit(self, dof, ax=ax)
 
     def to_xarray(self) -> Any:
         """Coefficients over coordinate, term and part, with the index vectors of the terms."""
@@ -122,25 +151,56 @@ class QuasiPeriodicSolution(Result):
             {"error": self.error, "status": self.status},
         )
 
-    def __str__(self) -> str:
-        lines = [
+    def rows(self, most: int = 12) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: the largest terms."""
+        size = np.max(np.hypot(self.X[:, 1::2], self.X[:, 2::2]), axis=0)
+        moving = np.argsort(-np.linalg.norm(self.X, axis=1), kind="stable")[:3]
+        heads = ["k", "f [Hz]", *(f"|{self.label(int(i))}|" for i in moving)]
+        rows: list[list[Any]] = [["0", 0.0, *(float(abs(self.X[i, 0])) for i in moving)]]
+        for j in np.argsort(-size, kind="stable")[:most]:
+            k = "(" + ", ".join(str(int(i)) for i in self.indices[j]) + ")"
+            amplitude = [float(np.hypot(*self.X[i, 2 * j + 1 : 2 * j + 3])) for i in moving]
+            rows.append([f"k = {k}", float(abs(self.indices[j] @ self.frequency)), *amplitude])
+        return heads, rows
+
+    def _heading(self) -> str:
+        return (
             f"QuasiPeriodicSolution: {self.status}, omega = {', '.join(f'{w:.8g}' for w in self.omega)} rad/s, "
             f"{len(self.indices)} terms, estimated error {self.error:.1e}"
-        ]
-        size = np.max(np.hypot(self.X[:, 1::2], self.X[:, 2::2]), axis=0)
-        for j in np.argsort(-size, kind="stable")[:8]:
-            k = ", ".join(str(int(i)) for i in self.indices[j])
-            lines.append(
-                f"  k = ({k})  {abs(self.indices[j] @ self.frequency):10.6g} Hz  largest amplitude {size[j]:.6g}"
-            )
-        return "\n".join(lines)
+        )
+
+    def _footer(self) -> str | None:
+        cut = f"(the largest 12 of {len(self.indices)} terms)" if len(self.indices) > 12 else ""
+        poor = "unresolved: the estimated error exceeds the tolerance; take more harmonics"
+        return "\n".join(filter(None, [cut, poor if self.status == "unresolved" else ""])) or None
+
+    def __str__(self) -> str:
+        return table(*self.rows(), title=self._heading(), footer=self._footer())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.rows(), title=self._heading(), footer=self._footer())
+
+
+def n_terms(p: int, m: int) -> int:
+    """How many index vectors `diamond` has, (sum_i 2^i C(p, i) C(m, i) - 1) / 2 (METHODS.md b.2)."""
+    return (sum(2**i * comb(p, i) * comb(m, i) for i in range(min(p, m) + 1)) - 1) // 2
+
+
+def _diamond_of(p: int, harmonics: Any) -> np.ndarray:
+    m = _balance.integer("harmonics", harmonics)
+    if m > MOST_UNKNOWNS or 2 * n_terms(p, m) + 1 > MOST_UNKNOWNS:
+        raise ModelError(f"harmonics = {_checks.shown(harmonics)} with {p} frequencies are too many terms; take fewer")
+    return diamond(p, m)
 
 
 def diamond(p: int, m: int) -> np.ndarray:
     """Index vectors (n_k, p) with sum |k_i| <= m, one of each pair +-k (first non-zero entry positive), by order,
     without 0."""
-    box = np.array(list(itertools.product(range(-m, m + 1), repeat=p)), dtype=int)
-    box = box[(np.abs(box).sum(axis=1) <= m) & np.any(box != 0, axis=1)]
+    box = np.zeros((1, 0), dtype=int)
+    for _ in range(p):
+        left = m - np.abs(box).sum(axis=1)
+        box = np.vstack([np.append(k, i) for k, n in zip(box, left, strict=True) for i in range(-n, n + 1)])
+    box = box[np.any(box != 0, axis=1)]
     first = box[np.arange(len(box)), np.argmax(box != 0, axis=1)]
     box = box[first > 0]
     return box[np.lexsort([*(-box.T[::-1]), np.abs(box).sum(axis=1)])]
@@ -150,7 +210,7 @@ def quasi_periodic(
     system: Any,
     forces: Sequence[Mapping[str, Any]],
     *,
-    harmonics: int = 7,
+    harmonics: int | str = 7,
     indices: Any = None,
     static: Any = None,
     n_samples: int | Sequence[int] | None = None,
@@ -159,6 +219,8 @@ def quasi_periodic(
     tol: float | None = None,
     tolerance: float = 1e-10,
     max_iterations: int = 60,
+    at: Any = None,
+    without: Sequence[str] = (),
 ) -> QuasiPeriodicSolution:
     """Response of M x" + C x' + K x + sum_e w_e law_e(w_e . x, w_e . x') to forces of p >= 2 incommensurable
     frequencies.
@@ -166,23 +228,25 @@ def quasi_periodic(
     Parameters
     ----------
     system
-        `MechanicalSystem` with nonlinear ``elements`` (laws without memory).
+        `MechanicalSystem` with nonlinear ``elements`` (laws without memory), or a `Model`, whose geometry is linearised.
     forces
-        One mapping per frequency: ``force`` (n,), real for a cosine, complex a - i b for a cos + b sin, and
-        ``omega`` (rad/s) or
-        ``frequency`` (Hz).
+        One mapping per frequency: ``force`` (n,), real for a cosine, complex a - i b for a cos + b sin, or of a model
+        ``inputs`` (ports) and ``amplitude``; and ``omega`` (rad/s) or ``frequency`` (Hz).
     harmonics
-        m: terms with |k_1| + ... + |k_p| <= m are kept.
+        m: terms with |k_1| + ... + |k_p| <= m are kept. "auto": as many as ``.error <= tol`` needs.
     indices
         (n_k, p) index vectors in place of that set; those of the forces must be among them.
     static
         Static force (n,) or None.
     n_samples
-        Samples per dimension; chosen without aliasing for polynomial laws, 96 for others.
+        Samples per dimension; chosen without aliasing for polynomial laws, 96 for others, doubled while aliasing is the
+        larger part of ``error``.
     x0
         An earlier solution to start from, of whatever terms; by default the solution with about m/2.
     tol
-        Largest ``.error`` that is called resolved, 0.1.
+        Largest ``.error`` that is called resolved; 0.1, and 1e-6 for ``harmonics="auto"``.
+    at, without
+        State of a model and effects to leave out, as for `mb.linearize`.
 
     Returns
     -------
@@ -215,17 +279,48 @@ def quasi_periodic(
     '-0.0014476+0.0357440j'
     """
     started = perf_counter()
-    problem = Torus(system, forces, harmonics, indices, static, n_samples, condense)
-    _balance.positive("tolerance", tolerance)
-    limit = _balance.positive("tol", UNRESOLVED if tol is None else tol)
-    options: dict[str, Any] = dict(tolerance=tolerance, max_iterations=max_iterations)
-    if x0 is None and indices is None and harmonics > 2:
+    system, forces = sources_of(system, forces, at, without)
+    automatic = isinstance(harmonics, str)
+    if automatic and (harmonics != "auto" or indices is not None):
+        raise ModelError(f'harmonics must be a number or, without indices, "auto"; it is {harmonics!r}')
+    limit = _balance.positive("tol", (1e-6 if automatic else UNRESOLVED) if tol is None else tol)
+    options = _balance.newton(tolerance, max_iterations)
+    given = (static, n_samples, condense)
+    if automatic:
+        return _automatic(system, forces, given, x0, limit, options, started)
+    top: Any = harmonics
+    problem = Torus(system, forces, top, indices, *given)
+    if x0 is None and indices is None and top > 2:
         # a small set finds the branch, the large one only refines it
-        smaller = Torus(system, forces, max(1, harmonics // 2), None, static, None, condense)
+        smaller = Torus(system, forces, max(1, top // 2), None, static, None, condense)
         answer = _balance.translated(smaller.core.solve, smaller.start(None), list(smaller.omega), **options)
         x0 = smaller.solution(answer, limit, started) if answer["converged"] else None
-    answer = _balance.translated(problem.core.solve, problem.start(x0), list(problem.omega), **options)
-    result = problem.solution(answer, limit, started)
+    return _solved(problem, x0, limit, options, started)
+
+
+def sources_of(system: Any, forces: Any, at: Any, without: Sequence[str]) -> tuple[Any, Any]:
+    """System and forces as vectors, from a model with ports or a system with vectors."""
+    if not hasattr(system, "compiled"):
+        return as_system(system, (), None, at, without)[0], forces
+    made, plain = nonlinear_system(system, at=at, without=without), []
+    for i, source in enumerate(forces if isinstance(forces, Sequence) else []):
+        if not isinstance(source, Mapping) or not {"inputs", "force"} & set(source):
+            raise ModelError(f"forces[{i}] must be dict(inputs=port, amplitude=..., omega=...), it is {source!r}")
+        rest = {key: value for key, value in source.items() if key not in ("inputs", "force", "amplitude")}
+        ports = source["inputs"] if "inputs" in source else source["force"]
+        plain.append(dict(force=force_of_ports(made, ports, source.get("amplitude")), **rest))
+    return made, plain
+
+
+def _solved(problem: Torus, x0: Any, limit: float, options: dict[str, Any], started: float) -> QuasiPeriodicSolution:
+    """A solution of one set of terms, with more samples while they are what lacks."""
+    while True:
+        answer = _balance.translated(problem.core.solve, problem.start(x0), list(problem.omega), **options)
+        result = problem.solution(answer, limit, started)
+        finer = problem.finer(answer) if answer["converged"] else None
+        if finer is None:
+            break
+        problem, x0 = finer, result
     if not answer["converged"]:
         object.__setattr__(result, "status", "stopped")
         raise ConvergenceError(
@@ -234,6 +329,25 @@ def quasi_periodic(
             result,
         )
     return result
+
+
+def _automatic(
+    system: Any, forces: Any, given: tuple[Any, ...], x0: Any, limit: float, options: dict[str, Any], started: float
+) -> QuasiPeriodicSolution:
+    """Larger sets until the error estimate is below the tolerance, each started from the last."""
+    best, top = None, 2
+    while True:
+        problem = Torus(system, forces, top, None, *given)
+        if best is not None and problem.estimated_unknowns > MOST_AUTOMATIC:
+            return best
+        try:
+            best = _solved(problem, best if best is not None else x0, limit, options, started)
+        except ConvergenceError:
+            if problem.estimated_unknowns > MOST_AUTOMATIC // 4:
+                raise
+        if best is not None and best.error <= limit:
+            return best
+        top += 2 if top < 9 else 4
 
 
 class Torus:
@@ -248,24 +362,39 @@ class Torus:
         static: Any,
         n_samples: int | Sequence[int] | None,
         condense: bool | str,
+        least_samples: list[int] | None = None,
+        turn: bool = True,
     ) -> None:
         laws = _balance.checked_system(system)
         for i, law in enumerate(laws):
             if law.has_memory:
                 raise ModelError(f"elements[{i}], {law!r}, has a memory; quasi-periodic balance needs laws without")
         self.system, self.forces, self.static = system, forces, static
+        self.arguments = (harmonics, indices, static, n_samples, condense)
         self.omega, vectors = _sources(system.n, forces)
         p = len(self.omega)
-        self.indices = diamond(p, _balance.integer("harmonics", harmonics)) if indices is None else _checked(indices, p)
+        self.indices = _diamond_of(p, harmonics) if indices is None else _checked(indices, p)
         top = int(np.max(np.abs(self.indices).sum(axis=1)))
+        if n_terms(p, max(top + 2, 5)) > MOST_COMBINATIONS:
+            raise ModelError(
+                f"{p} frequencies in combinations up to the order {top} are too many; take fewer of them or a lower order"
+            )
         self._refuse_periodic(top)
         extra = diamond(p, top + 2)
         kept = {tuple(k) for k in self.indices.tolist()}
         extra = np.array([k for k in extra.tolist() if tuple(k) not in kept]).reshape(-1, p)
         self.dims = _samples(n_samples, laws, self.indices)
+        if least_samples is not None:
+            self.dims = [max(n, least) for n, least in zip(self.dims, least_samples, strict=True)]
         fine = [
             max(a, b) for a, b in zip(self.dims, _samples(None, laws, np.vstack([self.indices, extra])), strict=True)
         ]
+        if any(law.code not in _balance.POLYNOMIAL for law in laws):
+            fine = [max(n, 3 * own // 2) for n, own in zip(fine, self.dims, strict=True)]  # to see the aliasing
+        if np.prod([float(n) for n in fine]) > MOST_SAMPLES:
+            raise ModelError(
+                f"{' x '.join(str(n) for n in fine)} samples are too many; give fewer (n_samples=), or take fewer harmonics"
+            )
         terms = np.zeros((len(self.indices) + 1, system.n), complex)
         if static is not None:
             terms[0] = _balance.force_vector(system.n, static, 0)
@@ -275,11 +404,13 @@ class Torus:
                 raise ModelError(f"indices lack the term of forces[{i}] itself, {np.eye(p, dtype=int)[i].tolist()}")
             terms[1 + at[0]] = vector
         n_c = 2 * len(self.indices) + 1
-        self.linear = _condensation.linear_part(system, laws, terms, n_c, condense)
+        self.terms, self.turn = terms, turn
+        self.linear = _condensation.linear_part(system, laws, terms, n_c, condense, turn)
         if self.linear.core.size * n_c > MOST_UNKNOWNS:
             raise ModelError(
                 f"{self.linear.core.size * n_c} unknowns are too many; take fewer harmonics or coordinates"
             )
+        self.estimated_unknowns = self.linear.core.size * (n_c + 2 * len(extra))
         elements = _balance.core_elements(laws, self.linear.directions)
         self.core = _balance.translated(
             _core.HbmProblem,
@@ -292,6 +423,26 @@ class Torus:
             extra.tolist(),
             fine,
         )
+
+    def finer(self, answer: Mapping[str, Any]) -> Torus | None:
+        """The same with twice the samples per dimension, where they are what limits an answer."""
+        n = int(np.prod(self.dims))
+        if n << len(self.dims) > MOST_SAMPLES:
+            return None
+        laws, given = self.system.elements, self.arguments[3]
+        if _balance.more_samples(1, answer["error"], answer["aliasing"], laws, given) is None:
+            return None
+        return Torus(
+            self.system, self.forces, *self.arguments, least_samples=[2 * n for n in self.dims], turn=self.turn
+        )
+
+    def member(self, system: Any) -> tuple[Any, Any]:
+        """Linear part and elements of another system under the same forces, for the core."""
+        laws = _balance.checked_system(system)
+        linear = _condensation.linear_part(
+            system, laws, self.terms, 2 * len(self.indices) + 1, self.arguments[4], False
+        )
+        return linear.core, _balance.core_elements(laws, linear.directions)
 
     def _refuse_periodic(self, top: int) -> None:
         k = diamond(len(self.omega), max(top, 5))
@@ -326,9 +477,9 @@ class Torus:
         T = self.linear.transform
         return self.core.restrict(X if T is None else T.T @ X)
 
-    def expand(self, y: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    def expand(self, y: np.ndarray, omega: np.ndarray, level: float = 1.0) -> np.ndarray:
         """(dof, 2 n_k + 1) of all coordinates."""
-        X = _balance.translated(self.core.expand, y, omega.tolist())
+        X = _balance.translated(self.core.expand, y, omega.tolist(), level)
         return X if self.linear.transform is None else self.linear.transform @ X
 
     def solution(self, answer: Mapping[str, Any], limit: float, started: float) -> QuasiPeriodicSolution:
@@ -368,7 +519,7 @@ def _sources(n: int, forces: Any) -> tuple[np.ndarray, list[np.ndarray]]:
 def _checked(indices: Any, p: int) -> np.ndarray:
     try:
         k = np.asarray(indices)
-    except ValueError:
+    except (ValueError, OverflowError):
         k = np.zeros(0)
     if k.ndim != 2 or k.shape[1] != p or k.shape[0] == 0 or not np.issubdtype(k.dtype, np.integer):
         raise ModelError(f"indices must be integers (n_k, {p}), their shape is {k.shape}")
@@ -387,10 +538,10 @@ def _samples(n_samples: Any, laws: Sequence[Law], indices: np.ndarray) -> list[i
     reach = np.max(np.abs(indices), axis=0)
     if n_samples is None:
         return [_balance.fast_size(max([2 * k + 2, *(_least(law, k) for law in laws)])) for k in reach.tolist()]
-    given = list(n_samples) if isinstance(n_samples, Sequence | np.ndarray) else [n_samples] * len(reach)
+    given = np.ravel(n_samples).tolist() if isinstance(n_samples, Sequence | np.ndarray) else [n_samples] * len(reach)
     if len(given) != len(reach):
-        raise ModelError(f"n_samples must be one number or {len(reach)}, it is {n_samples!r}")
-    given = [_balance.integer("n_samples", n) for n in given]
+        raise ModelError(f"n_samples must be one number or {len(reach)}, it is {_checks.shown(n_samples)}")
+    given = [_checks.count("n_samples", n, _balance.LARGEST_SAMPLE) for n in given]
     polynomial = [law for law in laws if law.code in _balance.POLYNOMIAL]
     for i, (n, k) in enumerate(zip(given, reach.tolist(), strict=True)):
         least = max([2 * k + 1, *(_least(law, k) for law in polynomial)])

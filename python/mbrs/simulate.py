@@ -21,17 +21,20 @@ from .names import shown
 from .progress import Progress
 from .results import Stats
 from .state import State, state_of
-from .tables import directions
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
     from .model import Model
 
-METHODS = ("auto", "explicit", "generalized-alpha", "bdf-bfgs", "ali3p")
+METHODS = ("auto", "explicit", "generalized-alpha", "bdf", "bdf-bfgs", "ali3p")
 # effects of a linearisation: a motion has them in its forces or not at all
 _LINEAR_ONLY = frozenset({"gyroscopic", "preload-stiffness", "constraint-force-stiffness"})
-_ORDER = {"explicit": 8, "generalized-alpha": 2, "bdf-bfgs": 4, "ali3p": 2}
+_ORDER = {"explicit": 8, "generalized-alpha": 2, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
 _TIGHTEST, _LOOSEST = 1e-13, 1e-1
+# changes of initial values below this are rounding
+_CHANGED = 1e-9
+# outputs at which the error is estimated
+_COMPARED = 50
 
 
 def simulate(
@@ -67,9 +70,10 @@ def simulate(
         s; fixed steps instead.
     method
         "auto" chooses from what the scene contains and says why in ``stats.route``; "explicit" (order 8, for scenes that
-        are not stiff); "generalized-alpha" (order 2, on the Lie group); "bdf-bfgs" (order 4, no tangent: the equations of a
-        step are solved by inverse quasi-Newton updates, see `mb.root`; it warns of undamped modes that it amplifies); "ali3p"
-        (index-3 augmented Lagrangian with projections, order 2: the scheme whose gradients `mb.gradient` takes).
+        are not stiff); "generalized-alpha" (order 2, on the Lie group); "bdf" (orders 1 to 5 with Newton's method, for
+        stiff scenes; order 4 with ``step``); "bdf-bfgs" (order 4, no tangent: the equations of a step are solved by
+        inverse quasi-Newton updates, see `mb.root`; it warns of undamped modes that it amplifies); "ali3p" (index-3
+        augmented Lagrangian with projections, order 2: the scheme whose gradients `mb.gradient` takes).
     at
         Start: None (drawn, with the given velocities), an equilibrium, a steady motion, or ``traj.state(t)`` to go on.
     without
@@ -125,7 +129,7 @@ def simulate(
         if name in _LINEAR_ONLY:
             raise ModelError(f"'{name}' is a part of a linearisation; a motion cannot be without it")
     snapshot = Snapshot.of(m)
-    state = state_of(m, snapshot.system, at, hold=False)
+    state = state_of(m, snapshot.system, at, hold=False, without=without)
     if parameters is not None:
         method = _with_sensitivities(method)
         directions(m, parameters)
@@ -143,7 +147,7 @@ def simulate(
     if parameters is not None:
         traj = replace(traj, parameters=parameters, start=state)
     _report_start(m, made)
-    if method == "bdf-bfgs":
+    if method == "bdf-bfgs" or (method == "bdf" and step is not None):
         warn_amplified(m, at, traj.steps)
     if traj.status == "stopped":
         raise ConvergenceError(
@@ -261,11 +265,11 @@ def _trajectory(
 
 
 def _report_start(m: Model, made: dict[str, Any]) -> None:
-    for what, unit, floor in (("position", "", 1e-9), ("velocity", " per second", 1e-9)):
+    for what, plural, unit in (("position", "positions", ""), ("velocity", "velocities", " per second")):
         size = made[f"{what}_correction"]
-        if size > floor:
+        if size > _CHANGED:
             warnings.warn(
-                f"the initial {what}s of {m.name!r} contradict its joints; joint coordinates were changed by up to {size:.3g} "
+                f"the initial {plural} of {m.name!r} contradict its joints; joint coordinates were changed by up to {size:.3g} "
                 f"radians or characteristic lengths{unit} to agree",
                 MbrsWarning,
                 stacklevel=3,
@@ -273,11 +277,12 @@ def _report_start(m: Model, made: dict[str, Any]) -> None:
 
 
 def _estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) -> float | None:
-    """Difference to a coarser run over the factor by which its error is larger."""
-    if traj.status != "finished":
+    """Largest difference to a coarser run over the factor by which the latter's error is larger."""
+    if traj.status != "finished" or len(traj.t) < 2:
         return None
+    compared = np.unique(np.linspace(1, len(traj.t) - 1, min(len(traj.t) - 1, _COMPARED)).astype(int))
     method = traj.method if options["method"] == "auto" else options["method"]
-    coarser = {**options, "method": method, "outputs": [float(traj.t[-1])]}
+    coarser = {**options, "method": method, "outputs": traj.t[compared].tolist()}
     if "step" in options:
         coarser["step"] = 2.0 * options["step"]
         factor = 2.0 ** _ORDER[traj.method]
@@ -297,14 +302,14 @@ def _estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) ->
             made["acceleration"],
             list(traj.without),
         )
-    return _distance(traj, other) / (factor - 1.0)
+    return _distance(traj, compared, other) / (factor - 1.0)
 
 
-def _distance(traj: Trajectory, other: dict[str, Any]) -> float:
-    """Largest distance of the last poses: over the characteristic length, and as an angle."""
-    p, q = traj.poses["position"][-1], traj.poses["orientation"][-1]
-    moved = np.linalg.norm(p - other["position"][-1], axis=1).max() / traj.snapshot.system.characteristic_length
+def _distance(traj: Trajectory, compared: np.ndarray, other: dict[str, Any]) -> float:
+    """Largest distance of poses: over the characteristic length, and as an angle."""
+    p, q = traj.poses["position"][compared], traj.poses["orientation"][compared]
+    moved = np.linalg.norm(p - other["position"], axis=-1).max() / traj.snapshot.system.characteristic_length
     chord = np.minimum(
-        np.linalg.norm(q - other["orientation"][-1], axis=1), np.linalg.norm(q + other["orientation"][-1], axis=1)
+        np.linalg.norm(q - other["orientation"], axis=-1), np.linalg.norm(q + other["orientation"], axis=-1)
     )
     return float(max(moved, 2.0 * chord.max()))

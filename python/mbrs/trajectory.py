@@ -63,8 +63,8 @@ class Trajectory(Result):
     steps, local_error
         Times of all accepted steps, and the estimated local error of each over its tolerance (empty for fixed steps).
     error
-        Estimated error of the positions at the end: the largest of |dx|/(characteristic length) and of the angle of
-        rotation of any body, from a second run with coarser steps (computed when first asked for).
+        Estimated error: the largest |dx|/(characteristic length) and angle of rotation of any body at up to 50 of the outputs,
+        from a second run with coarser steps (made when first asked for).
     status
         "finished", "interrupted" (Ctrl-C) or "stopped" (a step that could not be made; `message` says why).
     """
@@ -82,7 +82,7 @@ class Trajectory(Result):
     message: str
     snapshot: Snapshot
     without: tuple[str, ...]
-    estimate: Callable[[Trajectory], float] | None = field(default=None, repr=False)
+    estimate: Callable[[Trajectory], float | None] | None = field(default=None, repr=False)
     parameters: str | Sequence[str] = ()
     start: State | None = None
     error: Any = field(default=None, init=False)

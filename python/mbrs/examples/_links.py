@@ -17,9 +17,9 @@ SLIGHT = 0.012
 def rod(
     m: Model,
     name: str,
-    ends: Sequence[Sequence[float]],
+    ends: Sequence[Any],
     mass: float,
-    velocities: Sequence[Sequence[float]] | None = None,
+    velocities: Sequence[Any] | None = None,
 ) -> Any:
     """A uniform rod between two points (x, y) whose ends move at the velocities (vx, vy), across it alike."""
     (p, q) = (np.array([*e, 0.0]) for e in ends)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..laws import Jenkins
 from ..model import Model
 
 # Invented: kg, kg m2; flexures N m/rad, N m s/rad; struts N/m, N s/m.
@@ -13,7 +14,9 @@ _FLEXURE_K, _FLEXURE_C = (6.0, 6.0, 9.0), (2e-3, 2e-3, 2e-3)
 _STRUT_K, _STRUT_C = 6e4, 80.0
 
 
-def stewart_platform(radius: float = 0.25, height: float = 0.2, spread: float = 0.35) -> Model:
+def stewart_platform(
+    radius: float = 0.25, height: float = 0.2, spread: float = 0.35, friction: float = 0.0, sticking: float = 1.5e5
+) -> Model:
     """A platform on six struts: 14 bodies (with the fixed base), 12 degrees of freedom, five loops.
 
     Each strut is two bodies, a prismatic joint and a spring-damper along it; its ends are flexures: spherical joints
@@ -26,6 +29,9 @@ def stewart_platform(radius: float = 0.25, height: float = 0.2, spread: float = 
         m: of both circles of joints, and of the upper above the lower.
     spread
         rad: half the angle between the two joints of a pair, at the base; the platform's pairs lie between the base's.
+
+    friction, sticking
+        N: what the slides of the struts hold before they slip, none by default; N/m: their stiffness until then.
 
     Returns
     -------
@@ -42,7 +48,8 @@ def stewart_platform(radius: float = 0.25, height: float = 0.2, spread: float = 
         pair = (i // 2) * 2 * np.pi / 3
         foot = _on_circle(radius, pair + side * spread, 0.0)
         head = _on_circle(radius, pair + side * (np.pi / 3 - spread), height)
-        _strut(m, i, base, platform, foot, head, k, c)
+        law = Jenkins(sticking, friction) if friction else None
+        _strut(m, i, base, platform, foot, head, k, c, law)
     return m
 
 
@@ -51,7 +58,15 @@ def _on_circle(radius: float, angle: float, z: float) -> np.ndarray:
 
 
 def _strut(
-    m: Model, i: int, base: object, platform: object, foot: np.ndarray, head: np.ndarray, k: object, c: object
+    m: Model,
+    i: int,
+    base: object,
+    platform: object,
+    foot: np.ndarray,
+    head: np.ndarray,
+    k: object,
+    c: object,
+    law: Jenkins | None,
 ) -> None:
     along = head - foot
     turned = _frame_along(along)
@@ -60,7 +75,7 @@ def _strut(
     upper = m.body(f"upper{i}", mass=_ROD, inertia=_ROD_INERTIA, at=points["upper"], orientation=turned)
     flexure = {"orientation": turned, "k": _FLEXURE_K, "c": _FLEXURE_C}
     m.spherical(f"foot{i}", base, lower, at=tuple(foot), **flexure)
-    m.prismatic(f"strut{i}", lower, upper, at=points["middle"], axis=tuple(along))
+    m.prismatic(f"strut{i}", lower, upper, at=points["middle"], axis=tuple(along), law=law)
     m.spherical(f"head{i}", upper, platform, at=tuple(head), **flexure)
     m.spring_damper(f"spring{i}", lower, upper, at=(points["lower"], points["upper"]), k=k, c=c)
 

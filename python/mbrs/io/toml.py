@@ -235,7 +235,7 @@ def _motions(model: Model, value: Any) -> Any:
     kind = given.pop("kind", None)
     made = {k: _numbers(model, v) for k, v in given.items()}
     try:
-        return TYPES[name](**made) if kind is None else TYPES[name](**made, kind=kind)
+        return TYPES[name](**made, **({} if kind is None else {"kind": kind}))
     except TypeError:
         raise problem("motion", f"of type {name} cannot have the entries {', '.join(value)}") from None
 

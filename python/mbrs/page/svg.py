@@ -31,6 +31,7 @@ class Line:
     y: Any
     label: str = ""
     dashed: bool = False
+    mate: int | None = None  # the number of the curve whose colour it shares
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,8 @@ def line_chart(
                    height - _BOTTOM, top, tight=y_ticks is not None)  # fmt: skip
     parts = [_frame(x_axis, y_axis, top, height, x_label, y_label, title, y_ticks)]
     parts += [_mark(float(x_axis.place(m)), top, height) for m in marks if x_axis.low <= m <= x_axis.high]
-    parts += [_path(line, x_axis, y_axis, PALETTE[i % len(PALETTE)]) for i, line in enumerate(kept)]
+    colours = [PALETTE[(i if line.mate is None else line.mate) % len(PALETTE)] for i, line in enumerate(kept)]
+    parts += [_path(line, x_axis, y_axis, colour) for line, colour in zip(kept, colours, strict=True)]
     parts += [_legend(row, 20 + 20 * i) for i, row in enumerate(rows)]
     return _svg(height, title or y_label, parts)
 
@@ -178,8 +180,8 @@ def _drawable(line: Line, x_log: bool, y_log: bool) -> Line:
         raise ModelError(f"curve {line.label!r} has {x.size} places but {y.size} values")
     good = np.isfinite(x) & np.isfinite(y) & ((x > 0.0) | (not x_log)) & ((y > 0.0) | (not y_log))
     if not good.any():
-        return Line(x[:0], y[:0], line.label, line.dashed)
-    return Line(np.where(good, x, np.nan), np.where(good, y, np.nan), line.label, line.dashed)
+        return Line(x[:0], y[:0], line.label, line.dashed, line.mate)
+    return Line(np.where(good, x, np.nan), np.where(good, y, np.nan), line.label, line.dashed, line.mate)
 
 
 def _axis(groups: Sequence[np.ndarray], log: bool, start: float, end: float, *, tight: bool) -> _Axis:

@@ -1,121 +1,78 @@
 """Four-step BDF with constraints at position and velocity level (Gear, Gupta, Leimkuhler), Newton's method.
 
-    q' - v + G^T mu = 0,   M v' + h - Q + G^T lam = 0,   Phi = 0,   G v = 0                      (METHODS.md c.3)
+    q' - v + J^T mu = 0,   M v' + h + J^T lam = 0,   Phi = 0,   J v + Phi_t = 0                         (METHODS.md c.3)
     y'_n = (25 y_n - 48 y_n-1 + 36 y_n-2 - 16 y_n-3 + 3 y_n-4) / (12 h)
 
-Rotations by their vectors seen from the new pose, theta_n-k = log(R_n^T R_n-k), whose rate at t_n is the angular
-velocity in body axes; no body may turn by pi within four steps. Velocities in body axes are what is differentiated.
-The start is of eighth order.
+Past poses are seen from the new one, by the tree increments that lead there, whose rate at t_n is v; no ball joint may
+turn by pi within four steps. The start is of eighth order.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from . import dynamics as dyn
-from . import so3
 from .explicit import explicit
-from .generalized_alpha import carried, to_body, to_world, turned
-from .kinematics import State, System
+from .kinematics import System
+from .motion import velocity_rows
 from .so3 import Array
-from .transient import History, Instant, Scaling, gaps, memory_after, moved, newton, tangents, with_velocity
+from .transient import (
+    History,
+    Instant,
+    acceleration,
+    column_scales,
+    difference,
+    force_scales,
+    marched,
+    moved,
+    multiplier_scales,
+    newton,
+    residual,
+    row_rates,
+    row_scales,
+    rows,
+)
 
 WEIGHTS = np.array([25.0, -48.0, 36.0, -16.0, 3.0]) / 12
 
 
-class _Step:
-    """The equations of one step behind four past instants (latest first); the state moves while they are solved."""
+def bdf_step(sys: System, past: list[Instant], h: float) -> tuple[Instant, int]:
+    """The step behind four past instants, latest first, and its iterations. Unknowns: increment from a second-order
+    Taylor prediction, h v, h^2 lam and mu, scaled.
+    """
+    sys.t = past[0].t + h
+    now, n, velocity = past[0], sys.ny, velocity_rows(sys)
+    sys.t = now.t + h
+    unit, n_rows = column_scales(sys), len(velocity)
+    _, J = rows(sys, now.motion)
+    force, lam_scale = force_scales(sys, now.motion) * h**2, multiplier_scales(sys, now.motion, J) / h**2
+    guess = moved(sys, now.motion, h * now.motion.rate + 0.5 * h * h * now.a, now.motion.rate + h * now.a)
 
-    def __init__(self, sys: System, past: list[Instant], h: float) -> None:
-        self.sys, self.past, self.h, self.scale = sys, past, h, Scaling.of(sys)
-        now = past[0]
-        self.past_v = [to_body(p.state, dyn.twists_of(p.state)) for p in past]
-        v, a = dyn.twists_of(now.state), now.a
-        self.state = moved(now.state, h * v + 0.5 * h * h * a)
-        self.v = self.past_v[0] + h * to_body(now.state, a)
-        self.lam = now.lam.copy()
-        self.n_position = len(gaps(sys, now.state))
-        self.mu = np.zeros(self.n_position)
-        self.follow()
+    def unpacked(z: Array) -> tuple[Array, Array, Array, Array]:
+        y, v, lam, mu = np.split(z, [n, 2 * n, 2 * n + n_rows])
+        return unit * y, guess.rate + unit * v / h, now.lam + lam_scale * lam, mu
 
-    def follow(self) -> None:
-        rate = WEIGHTS[0] * self.v + sum(w * v for w, v in zip(WEIGHTS[1:], self.past_v, strict=True))
-        self.a = to_world(self.state, rate / self.h)
-        self.state = with_velocity(self.state, to_world(self.state, self.v))
+    def equations(z: Array) -> Array:
+        y, v, lam, mu = unpacked(z)
+        end = moved(sys, guess, y, v)
+        slope = (WEIGHTS[0] * v + sum(w * p.motion.rate for w, p in zip(WEIGHTS[1:], past, strict=True))) / h
+        seen = sum(w * difference(sys, end, p.motion) for w, p in zip(WEIGHTS[1:], past, strict=True))
+        phi, J = rows(sys, end)
+        kinematic = seen - h * v + J[~velocity].T @ (row_scales(sys)[~velocity] * unit.max() * mu)
+        level = row_scales(sys) * h * row_rates(sys, v, J)
+        dynamic = force * residual(sys, end, slope, lam)
+        return np.concatenate([kinematic / unit, dynamic, level, (row_scales(sys) * phi)[~velocity]])
 
-    def chart(self, past: State) -> Array:
-        """A past pose seen from the new one: translation in the world, rotation vector in new body axes."""
-        turns = [so3.log(R.T @ S) for R, S in zip(self.state.R, past.R, strict=True)]
-        return np.concatenate([past.r - self.state.r, np.array(turns).reshape(-1, 3)], axis=1).reshape(-1)
-
-    def chart_rate(self) -> tuple[Array, Array]:
-        """h q' and its slope over world increments of the new pose."""
-        rate, slope = np.zeros(6 * self.sys.nb), np.zeros((6 * self.sys.nb,) * 2)
-        for w, p in zip(WEIGHTS[1:], self.past, strict=True):
-            seen = self.chart(p.state)
-            rate += w * seen
-            for i, R in enumerate(self.state.R):
-                t, k = slice(6 * i, 6 * i + 3), slice(6 * i + 3, 6 * i + 6)
-                slope[t, t] -= w * np.eye(3)
-                slope[k, k] -= w * so3.left_jacobian_inverse(seen[k]) @ R.T
-        return rate, slope
-
-    def blocks(self) -> tuple[Array, Array]:
-        """G of all rows over world twists, and of the position rows over those of `v`."""
-        G = dyn.constraint_jacobian(self.sys, self.state)[0]
-        return G, G[: self.n_position] @ turned(self.state)
-
-    def residual(self) -> Array:
-        s, h = self.scale, self.h
-        G, Gb = self.blocks()
-        kinematic = self.chart_rate()[0] - h * self.v + Gb.T @ (s.row[: self.n_position] * self.mu)
-        f = dyn.applied_residual(self.sys, self.state, self.a, memory=self.past[0].memory) + G.T @ self.lam
-        rows = [gaps(self.sys, self.state) * s.row[: self.n_position], h * s.row * (G @ dyn.twists_of(self.state))]
-        return np.concatenate([kinematic / s.q, s.force * f * self.force_unit(), *rows])
-
-    def force_unit(self) -> float:
-        return self.h**2 / (max(float(b.mass) for b in self.sys.bodies) * self.sys.length)
-
-    def matrix(self) -> Array:
-        """Unknowns (dr / L_c, dtheta), h v likewise, lam h^2 / (m L_c), and mu in units of the position."""
-        s, h, m = self.scale, self.h, 6 * self.sys.nb
-        G, Gb = self.blocks()
-        K, C, M = tangents(self.sys, self.state, self.a, self.lam)
-        turn, v, unit = turned(self.state), dyn.twists_of(self.state), self.force_unit()
-        by_q = K + C @ carried(self.state, v) + M @ carried(self.state, self.a)
-        by_v = C @ turn + M @ turn * (WEIGHTS[0] / h)
-        p = self.n_position
-        A = np.zeros((2 * m + p + len(G),) * 2)
-        A[:m, :m] = self.chart_rate()[1] * s.q / s.q[:, None]
-        A[:m, m : 2 * m] = -np.eye(m)
-        A[:m, 2 * m + len(G) :] = (Gb.T * s.row[:p]) / s.q[:, None]
-        A[m : 2 * m, :m] = s.force[:, None] * by_q * s.q * unit
-        A[m : 2 * m, m : 2 * m] = s.force[:, None] * by_v * s.q * unit / h
-        A[m : 2 * m, 2 * m : 2 * m + len(G)] = s.force[:, None] * G.T * s.row
-        A[2 * m : 2 * m + p, :m] = s.row[:p, None] * G[:p] * s.q
-        # (dG v)/dq is left out of the velocity rows: a lower order of h
-        A[2 * m + p :, m : 2 * m] = s.row[:, None] * (G @ turn) * s.q
-        return A
-
-    def update(self, d: Array) -> None:
-        s, m, rows = self.scale, 6 * self.sys.nb, len(self.lam)
-        self.state = moved(self.state, s.q * d[:m])
-        self.v = self.v + s.q * d[m : 2 * m] / self.h
-        self.lam = self.lam + s.row * d[2 * m : 2 * m + rows] / self.force_unit()
-        self.mu = self.mu + d[2 * m + rows :]
-        self.follow()
+    z, count = newton(equations, np.zeros(2 * n + n_rows + int(np.sum(~velocity))))
+    y, v, lam, _ = unpacked(z)
+    end = moved(sys, guess, y, v)
+    return Instant(now.t + h, end, acceleration(sys, end)[0], lam), count
 
 
 def bdf4(sys: System, start: Instant, h: float, n: int, past: list[Instant] | None = None) -> History:
     """n steps of length h (s) from three explicit ones, or from ``past``: four instants, earliest first."""
     history = explicit(sys, start, h, min(3, n)) if past is None else History(list(past))
     while len(history.instants) <= n:
-        recent = history.instants[:-5:-1]
-        step = _Step(sys, recent, h)
-        history.iterations += newton(step.residual, step.matrix, step.update)
-        memory = recent[0].memory
-        end = Instant(recent[0].t + h, step.state, step.a, step.lam, memory)
-        history.instants.append(replace(end, memory=memory_after(sys, step.state, memory)))
+        end, count = bdf_step(sys, history.instants[:-5:-1], h)
+        history.iterations += count
+        history.instants.append(marched(sys, end))
     return history

@@ -10,6 +10,7 @@ the classical Runge-Kutta method.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from .bdf import WEIGHTS
 from .kinematics import State, System, advance, relative_pose
 from .motion import (
     Motion,
+    explicit_rates,
     increment_rates,
     independent_rows,
     integrate,
@@ -36,6 +38,8 @@ from .root import root
 from .so3 import Array
 
 START_PARTS = 64
+CURVATURE = 0.1
+_SOLVE: dict[str, Any] = {"tol": 1e-13, "fallback": False, "restarts": 0, "patience": 6}
 
 
 @dataclass
@@ -113,7 +117,7 @@ class _Step:
         which = np.searchsorted(self.position, self.rows[: self.n_position])
         gaps = constraint_values(sys, state, sys.cut)[which] if len(which) else np.zeros(0)
         gaps = gaps * self.rho[: self.n_position]
-        rates = self.g * self.rho * (J @ m.rate)
+        rates = self.g * self.rho * (J @ m.rate + explicit_rates(sys)[0][self.rows])
         if self.form == "ggl":
             speed = theta / self.g + self.theta_past - increment_rates(sys, theta, m.rate)
             stabilising = self.sigma * (J[: self.n_position].T @ (self.rho[: self.n_position] * mu))
@@ -138,11 +142,14 @@ def bdf_bfgs(
     H = None
     while len(course.motions) <= n:
         past = course.motions[:-5:-1]
-        step = _Step(sys, past, _slope(sys, past[0]), h, form)
+        sys.t = (len(course.motions) - 1) * h
+        slope = _slope(sys, past[0])
+        sys.t += h
+        step = _Step(sys, past, slope, h, form)
         for guess, last in ((H, False), (None, False), (None, True)):
             course.formations += guess is None
             way = "broyden" if last else method
-            found = root(step, np.zeros(step.size), way, H0=guess, tol=1e-13, fallback=False, restarts=0, patience=6)
+            found = root(step, np.zeros(step.size), way, H0=guess, curvature=CURVATURE, **_SOLVE)
             course.iterations += len(found.norms) - 1
             course.evaluations += found.evaluations
             if min(found.norms) < 1e-11:

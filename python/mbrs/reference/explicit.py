@@ -1,9 +1,10 @@
-"""Explicit Runge-Kutta in minimal coordinates, which may change from step to step; and the tight oracle made of it.
+"""Explicit Runge-Kutta of order eight on tree increments, as in ``rust/src/analysis/transient/explicit8.rs``; and the
+tight oracle, in minimal coordinates that may change from one output to the next:
 
-    (B^T M B) y" = -B^T (M B' y' + h - Q),   q' = B y',   B = B' B'' (METHODS.md a.2)
+    y" from [M J^T; J 0] [v'; lam] = [-h; -J' v - Phi_tt]
 
-y are increments of the independent tree coordinates from the start of the step; the dependent ones close the loops by
-Newton's method, so no constraint drifts. Rows of redundant constraints are dropped by their rank at the start.
+There y are increments of the independent tree coordinates; the dependent ones close the loops by Newton's method, so no
+constraint drifts. Rows of redundant constraints are dropped by their rank at the start.
 """
 
 from __future__ import annotations
@@ -14,13 +15,12 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from . import dynamics as dyn
-from .assembly import close_loops, cut_jacobian, jacobian, null_space, partition, scales, twist_map
-from .kinematics import State, System, advance, motion, tree_twists
+from .assembly import close_loops, jacobian, partition, scales
+from .kinematics import State, System, advance
 from .linear import pivots
-from .motion import increment_rates
+from .motion import Motion, explicit_rates, increment_rates, tree_map, with_rates
 from .so3 import Array
-from .transient import History, Instant, acceleration, memory_after, with_velocity
+from .transient import History, Instant, acceleration, consistent, marched, moved
 
 
 class Chart:
@@ -28,57 +28,45 @@ class Chart:
     restrict velocities alone leave places free.
     """
 
-    def __init__(self, sys: System, state: State) -> None:
+    def __init__(self, sys: System, state: State, t: float = 0.0) -> None:
+        sys.t = t
         self.sys, self.base, self.part = sys, state, partition(sys, state)
         row, column = scales(sys, velocity=False)
         depend = pivots(row[:, None] * jacobian(sys, state, velocity=False) * column)
         self.places = np.setdiff1d(np.arange(sys.ny), depend)
         free = set(self.places.tolist())
-        for t in sys.tree:
-            turns = range(t.stop - 3, t.stop) if t.link.kind in ("spherical", "free") else ()
+        for joint in sys.tree:
+            turns = range(joint.stop - 3, joint.stop) if joint.link.kind in ("spherical", "free") else ()
             if 0 < len(free.intersection(turns)) < 3:
                 raise ModelError(
-                    f"joint {t.link.name!r}: its three rotations depend on each other through a loop, and the charts of "
+                    f"joint {joint.link.name!r}: its three rotations depend on each other through a loop, and the charts of "
                     "mbrs.reference hold them together; use generalised-alpha or BDF"
                 )
-
-    @property
-    def size(self) -> int:
-        return len(self.places)
-
-    def speeds(self, state: State) -> Array:
-        """Rates of the independent coordinates in a state with consistent velocities."""
-        B = twist_map(self.sys, motion(state), self.part).value
-        return np.linalg.lstsq(B, dyn.twists_of(state), rcond=None)[0]
 
     def pose(self, y: Array) -> State:
         increment = np.zeros(self.sys.ny)
         increment[self.places] = y
         return close_loops(self.sys, advance(self.sys, self.base, increment), fixed=self.places)
 
-    def state(self, y: Array, speed: Array) -> State:
-        """The state at increments y of the places, with the speeds of `speeds`."""
-        pose = self.pose(y)
-        return with_velocity(pose, twist_map(self.sys, motion(pose), self.part).value @ speed)
+    def motion(self, t: float, y: Array, speed: Array, memory: Array) -> Motion:
+        """The motion at the time t whose places are y after the start and whose independent rates are ``speed``: the
+        others follow from J v + Phi_t = 0.
+        """
+        self.sys.t = t
+        pose, rate, part = self.pose(y), np.zeros(self.sys.ny), self.part
+        rate[part.independent] = speed
+        if len(part.dependent):
+            J = tree_map(self.sys, pose)[1].value.T[part.rows]
+            miss = -explicit_rates(self.sys)[0][part.rows] - J @ rate
+            rate[part.dependent] = np.linalg.solve(J[:, part.dependent], miss)
+        return Motion(pose, rate, memory)
 
-    def slopes(self, y: Array, speed: Array, memory: Array) -> tuple[Array, Array]:
-        """Rates of the increments and of the speeds."""
-        state = self.state(y, speed)
-        T = twist_map(self.sys, motion(state, (state.v, state.w)), self.part)
-        drift = T.derivative(1) @ speed
-        f = dyn.applied_residual(self.sys, state, drift, memory=memory)
-        M = dyn.inertia_tangents(self.sys, state, np.zeros(6 * self.sys.nb))[2]
-        slope = np.linalg.solve(T.value.T @ M @ T.value, -T.value.T @ f)
-        return self._increment_rates(state, y, speed), slope
-
-    def _increment_rates(self, state: State, y: Array, speed: Array) -> Array:
-        """Three rotations that act together turn by J_l^-1 of their vector."""
-        bodies, increment = motion(state), np.zeros(self.sys.ny)
-        increment[self.places], rate = y, speed
-        if len(self.part.dependent):
-            J = cut_jacobian(self.sys, bodies, tree_twists(self.sys, bodies))
-            rate = null_space(J, self.part).value @ speed
-        return increment_rates(self.sys, increment, rate)[self.places]
+    def slopes(self, t: float, y: Array, speed: Array, memory: Array) -> tuple[Array, Array]:
+        """Rates of the increments, which for three rotations that act together are J_l^-1 of the rates, and of the speeds."""
+        m, increment = self.motion(t, y, speed, memory), np.zeros(self.sys.ny)
+        increment[self.places] = y
+        slope = acceleration(self.sys, m)[0][self.part.independent]
+        return increment_rates(self.sys, increment, m.rate)[self.places], slope
 
 
 def tableau() -> tuple[Array, Array]:
@@ -91,25 +79,23 @@ def tableau() -> tuple[Array, Array]:
 
 
 def explicit(sys: System, start: Instant, h: float, n: int, coefficients: Any = None) -> History:
-    """n steps of length h (s) by the Runge-Kutta method (A, weights), of order 8 by default."""
+    """n steps of length h (s) by the Runge-Kutta method (A, weights), of order 8 by default: theta' = J_l^-1(theta) v
+    and v' of the equations with the rows at acceleration level; rows are closed and rates aligned after every step.
+    """
     A, weights = tableau() if coefficients is None else coefficients
     history = History([start])
-    for _ in range(n):
-        now = history.instants[-1]
-        chart = Chart(sys, now.state)
-        rate = chart.speeds(now.state)
-        dy, dv = np.zeros((len(weights), chart.size)), np.zeros((len(weights), len(rate)))
-        for i, row in enumerate(A):
-            dy[i], dv[i] = chart.slopes(h * row[:i] @ dy[:i], rate + h * row[:i] @ dv[:i], now.memory)
-        state = chart.state(h * weights @ dy, rate + h * weights @ dv)
-        history.instants.append(_instant(sys, now.t + h, state, now.memory))
+    for step in range(n):
+        now = history.instants[-1].motion
+        dy, dv = np.zeros((len(weights), sys.ny)), np.zeros((len(weights), sys.ny))
+        for i, (row, node) in enumerate(zip(A, A.sum(axis=1), strict=True)):
+            sys.t = start.t + (step + node) * h
+            y = h * row[:i] @ dy[:i]
+            sys.t = start.t + (step + np.sum(row[:i])) * h
+            trial = moved(sys, now, y, now.rate + h * row[:i] @ dv[:i])
+            dy[i], dv[i] = increment_rates(sys, y, trial.rate), acceleration(sys, trial)[0]
+        end = moved(sys, now, h * weights @ dy, now.rate + h * weights @ dv)
+        history.instants.append(marched(sys, consistent(sys, start.t + (step + 1) * h, end)))
     return history
-
-
-def _instant(sys: System, t: float, state: State, memory: Array) -> Instant:
-    memory = memory_after(sys, state, memory)
-    a, lam = acceleration(sys, state, memory)
-    return Instant(t, state, a, lam, memory)
 
 
 def oracle(sys: System, start: Instant, times: Sequence[float] | Array, rtol: float = 1e-13) -> History:
@@ -125,14 +111,15 @@ def oracle(sys: System, start: Instant, times: Sequence[float] | Array, rtol: fl
         now = history.instants[-1]
         if t <= now.t:
             continue
-        chart = Chart(sys, now.state)
-        m, memory = chart.size, now.memory
+        chart = Chart(sys, with_rates(sys, now.motion), now.t)
+        m, memory = len(chart.places), now.motion.memory
 
-        def slope(_: float, z: Array, chart: Chart = chart, m: int = m, memory: Array = memory) -> Array:
-            return np.concatenate(chart.slopes(z[:m], z[m:], memory))
+        def slope(t: float, z: Array, chart: Chart = chart, m: int = m, memory: Array = memory) -> Array:
+            return np.concatenate(chart.slopes(t, z[:m], z[m:], memory))
 
-        z = np.concatenate([np.zeros(m), chart.speeds(now.state)])
+        z = np.concatenate([np.zeros(m), now.motion.rate[chart.part.independent]])
         atol = 1e-2 * rtol * max(1.0, float(np.max(np.abs(z), initial=0.0)))
         run = solve_ivp(slope, (now.t, t), z, method="DOP853", rtol=rtol, atol=atol)
-        history.instants.append(_instant(sys, t, chart.state(run.y[:m, -1], run.y[m:, -1]), memory))
+        end = chart.motion(t, run.y[:m, -1], run.y[m:, -1], memory)
+        history.instants.append(marched(sys, consistent(sys, t, end)))
     return history

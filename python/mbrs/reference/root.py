@@ -93,6 +93,7 @@ def root(
     beta: float = 0.5,
     max_backtracks: int = 60,
     invariant: bool = True,
+    curvature: float = 1e-12,
 ) -> Found:
     """The method of `mbrs.root` with whole matrices: O(n^3) per iteration, for checks."""
 
@@ -108,20 +109,20 @@ def root(
         out.H = _inverse(difference_jacobian(counted, x, f))
     out.iterates, out.norms = [x], [float(np.linalg.norm(f))]
     halved, since, tries, update, unit = out.norms[0], 0, 0, method, 0.0
-    k = 0
+    k = begun = 0
     while k < maxiter:
         norm = float(np.linalg.norm(f))
         if norm <= tol:
             break
         d = -out.H @ f
         if unit == 0.0:
-            unit = min(1.0, norm / (d @ d)) if invariant else 1.0
-        lam, reached, back = search(counted, x, d, norm, k, rho, unit * sigma, beta, max_backtracks)
+            unit = min(1.0, norm / float(d @ d)) if invariant else 1.0
+        lam, reached, back = search(counted, x, d, norm, k - begun, rho, unit * sigma, beta, max_backtracks)
         out.backtracks += back
         trouble = lam == 0.0
         if not trouble:
             if np.linalg.norm(reached) > tol:
-                new = updated(out.H, lam * d, reached - f, f, lam, update)
+                new = updated(out.H, lam * d, reached - f, f, lam, update, curvature)
                 out.skipped += new is None
                 out.H = out.H if new is None else new
             x, f, k = x + lam * d, reached, k + 1
@@ -142,6 +143,7 @@ def root(
                 out.fallback = k if out.fallback is None else out.fallback
             x, f = first if tries == restarts + 2 else best
             halved, since, unit = float(np.linalg.norm(f)), k, 0.0
+            begun = k if tries == restarts + 2 else begun
             out.H = _inverse(difference_jacobian(counted, x, f))
     out.x = x
     if np.linalg.norm(f) <= tol:

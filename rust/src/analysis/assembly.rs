@@ -30,13 +30,18 @@ pub struct Assembled {
 /// The drawn state: two-point joints brought together, loops closed by the smallest change, velocities projected.
 ///
 /// `hold`: drives stand still at their values of t = 0, as linear analyses take them; else they give their rates.
-pub fn assemble(system: &System, hold: bool, counts: &mut Counts) -> Result<Assembled> {
+pub fn assemble(
+    system: &System,
+    hold: bool,
+    effects: Effects,
+    counts: &mut Counts,
+) -> Result<Assembled> {
     let mut state = State {
         relative: start(system),
         rate: Vec::new(),
     };
-    let iterations = close(system, &mut state, Effects::ALL, counts)?;
-    let velocity_correction = set_velocities(system, &mut state, hold)?;
+    let iterations = close(system, &mut state, effects, counts)?;
+    let velocity_correction = set_velocities(system, &mut state, hold, effects)?;
     Ok(Assembled {
         state,
         velocity_correction,
@@ -236,7 +241,7 @@ pub fn minimum_norm(m: &DMatrix<f64>, right: &DVector<f64>) -> Result<DVector<f6
 }
 
 /// Rates of the tree coordinates from the bodies' given velocities, made to satisfy the cut joints.
-fn set_velocities(system: &System, state: &mut State, hold: bool) -> Result<f64> {
+fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effects) -> Result<f64> {
     let topology = &*system.topology;
     let given = |node: usize| {
         let x = topology.tables.bodies[topology.nodes[node].body].x;
@@ -245,7 +250,7 @@ fn set_velocities(system: &System, state: &mut State, hold: bool) -> Result<f64>
     };
     let resting = |n: usize| given(n).0.amax() == 0.0 && given(n).1.amax() == 0.0;
     let placement = place(topology, &system.geometry, &state.relative, None);
-    let prescribed = explicit_rates(topology, &system.geometry, Effects::ALL, 0.0).0;
+    let prescribed = explicit_rates(topology, &system.geometry, effects, 0.0).0;
     let driven = prescribed.amax() != 0.0;
     if (0..topology.nodes.len()).all(resting) && (hold || !driven) {
         return Ok(0.0);
@@ -261,7 +266,7 @@ fn set_velocities(system: &System, state: &mut State, hold: bool) -> Result<f64>
             body[p].motion_at(&(pose.p - placement.pose[p].p))
         });
         let relative = wanted - carried;
-        let (m, right) = weighted_columns(system, &placement, node, &relative);
+        let (m, right) = weighted_columns(system.length, &placement, node, &relative);
         let solution = minimum_norm(&m, &right)?;
         let mut v = carried;
         for k in 0..node.n {
@@ -271,9 +276,9 @@ fn set_velocities(system: &System, state: &mut State, hold: bool) -> Result<f64>
         body.push(v);
     }
     let mut held = rate.clone();
-    project_rates(system, &placement, &mut rate, false)?;
+    project_rates(system, &placement, &mut rate, false, effects)?;
     if hold && driven {
-        project_rates(system, &placement, &mut held, true)?;
+        project_rates(system, &placement, &mut held, true, effects)?;
     } else {
         held.clone_from(&rate);
     }
@@ -299,12 +304,12 @@ fn set_velocities(system: &System, state: &mut State, hold: bool) -> Result<f64>
 }
 
 fn weighted_columns<T: Real>(
-    system: &System,
+    length: T,
     placement: &Placement<T>,
     node: &Node,
     relative: &Six<T>,
 ) -> (DMatrix<T>, DVector<T>) {
-    let weight = |i: usize| T::from(if i < 3 { 1.0 } else { system.length });
+    let weight = |i: usize| if i < 3 { T::one() } else { length };
     let m = DMatrix::from_fn(6, node.n, |i, k| {
         placement.column[node.first + k].get(i) * weight(i)
     });
@@ -320,6 +325,7 @@ pub fn given_rates(
     placement: &Placement<Dual64>,
 ) -> Result<Vec<Dual64>> {
     let topology = &*system.topology;
+    let length = topology.characteristic_length(geometry, x);
     let mut rate = vec![Dual64::from(0.0); topology.dofs.len()];
     let mut body: Vec<Six<Dual64>> = Vec::new();
     for (n, node) in topology.nodes.iter().enumerate() {
@@ -331,7 +337,7 @@ pub fn given_rates(
             body[p].motion_at(&(pose.p - placement.pose[p].p))
         });
         let relative = Six::new(at(17), at(20)).motion_at(&arm) - carried;
-        let (m, right) = weighted_columns(system, placement, node, &relative);
+        let (m, right) = weighted_columns(length, placement, node, &relative);
         let mut v = carried;
         for (k, r) in dual_least_squares(&m, &right)?.into_iter().enumerate() {
             rate[node.first + k] = r;
@@ -360,14 +366,15 @@ fn project_rates(
     placement: &Placement<f64>,
     rate: &mut [f64],
     hold: bool,
+    effects: Effects,
 ) -> Result<()> {
     if system.topology.rows.is_empty() {
         return Ok(());
     }
     let rows = row_scales(&system.topology, system.length);
     let columns = column_scales(&system.topology, system.length);
-    let (_, jacobian) = scene(system, placement).constraints();
-    let mut given = explicit_rates(&system.topology, &system.geometry, Effects::ALL, 0.0).0;
+    let (_, jacobian) = with(system, placement, effects).constraints();
+    let mut given = explicit_rates(&system.topology, &system.geometry, effects, 0.0).0;
     if hold {
         given.fill(0.0);
     }

@@ -9,6 +9,7 @@ use faer::prelude::*;
 use num_complex::Complex64 as c64;
 
 use super::hbm::aft::Aft;
+use super::hbm::linear::Matrices;
 use super::hbm::problem::{Problem, Tangents};
 use crate::error::{Error, Result};
 
@@ -37,14 +38,11 @@ pub struct Splitting {
 }
 
 impl Splitting {
-    /// None for condensed problems that do not carry their matrices.
-    pub fn new(problem: &Problem) -> Result<Option<Splitting>> {
-        let Some((mass, damping, stiffness)) = problem.linear.matrices() else {
-            return Ok(None);
-        };
+    /// Matrices whose first coordinates are those that the problem retains.
+    pub fn new(problem: &Problem, (mass, damping, stiffness): &Matrices) -> Result<Splitting> {
         let (n, n_e) = (mass.nrows(), problem.elements.len());
         let lu = mass.partial_piv_lu();
-        let (c, k) = (lu.solve(&damping), lu.solve(&stiffness));
+        let (c, k) = (lu.solve(damping), lu.solve(stiffness));
         let companion = Mat::from_fn(2 * n, 2 * n, |i, j| match (i < n, j < n) {
             (true, _) => f64::from(u8::from(j == i + n)),
             (false, true) => -k[(i - n, j)],
@@ -56,8 +54,8 @@ impl Splitting {
             ));
         }
         let mut w = Mat::<f64>::zeros(n, n_e);
-        for (e, element) in problem.elements.iter().enumerate() {
-            for &(i, weight) in &element.direction {
+        for (e, direction) in problem.retained().iter().enumerate() {
+            for &(i, weight) in direction {
                 w[(i, e)] += weight;
             }
         }
@@ -79,7 +77,7 @@ impl Splitting {
         let from_state = to_state
             .partial_piv_lu()
             .solve(Mat::<c64>::identity(2 * n, 2 * n));
-        Ok(Some(Splitting {
+        Ok(Splitting {
             n,
             kick: &from_state * complex(&push, n) * Scale(c64::new(-1.0, 0.0)),
             see_u: complex(&w, 0).transpose() * &to_state,
@@ -89,7 +87,7 @@ impl Splitting {
             from_state,
             companion,
             samplers: Vec::new(),
-        }))
+        })
     }
 
     /// Coordinates of the state, 2 n.
@@ -243,13 +241,12 @@ impl Kicker<'_> {
                 .sum();
             let factor = self.h / (1.0 - 0.5 * self.h * f_v * own);
             let kick = split.kick.col_as_slice(0);
+            let seen: Vec<c64> = (0..phi.nrows())
+                .map(|i| (split.see_u[(0, i)] * f_u + split.see_v[(0, i)] * f_v) * factor)
+                .collect();
             for j in 0..phi.ncols() {
                 let column = phi.col_as_slice_mut(j);
-                let mut g = c64::new(0.0, 0.0);
-                for (i, z) in column.iter().enumerate() {
-                    g += (split.see_u[(0, i)] * f_u + split.see_v[(0, i)] * f_v) * z;
-                }
-                g *= factor;
+                let g: c64 = column.iter().zip(&seen).map(|(z, s)| s * z).sum();
                 for (z, b) in column.iter_mut().zip(kick) {
                     *z += b * g;
                 }

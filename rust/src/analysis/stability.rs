@@ -8,6 +8,7 @@ use faer::Mat;
 use faer::prelude::*;
 use num_complex::Complex64 as c64;
 
+use super::hbm::linear::{Block, Matrices};
 use super::hbm::problem::Problem;
 use super::monodromy::Splitting;
 use crate::error::{Error, Result};
@@ -18,6 +19,8 @@ const TRACE_TOLERANCE: f64 = 1e-6;
 const EDGE: f64 = 1e-7;
 /// Largest Hill matrix; beyond, a period of integration is cheaper.
 const LARGEST_HILL: usize = 130;
+/// Largest relative difference of dynamic stiffness between a system and the reduced model that tells its stability.
+const MODEL_TOLERANCE: f64 = 1e-3;
 
 /// Exponents (1/s), and by which way they were found.
 #[derive(Debug, Clone)]
@@ -30,24 +33,38 @@ pub struct Floquet {
 pub struct Stability {
     inertia: Option<Inertia>,
     splitting: Splitting,
+    /// parameter of the system that the matrices belong to, where they depend on it
+    value: Option<f64>,
 }
 
 impl Stability {
-    /// None for laws with memory, quasi-periodic motions, and condensed problems without their matrices.
-    pub fn new(problem: &Problem) -> Result<Option<Stability>> {
+    /// `model`: matrices of a reduced model of a large system, the retained coordinates first. None for laws with memory,
+    /// quasi-periodic motions, condensed problems without matrices, and a reduced model that is not one of the system.
+    pub fn new(problem: &mut Problem, model: Option<&Matrices>) -> Result<Option<Stability>> {
         if problem.elements.iter().any(|e| e.force.has_memory()) || problem.omega.len() != 1 {
             return Ok(None);
         }
-        let Some(splitting) = Splitting::new(problem)? else {
+        let reduced = match model {
+            Some(model) if represents(problem, model)? => Some(model),
+            _ => None,
+        };
+        let own = problem.linear.matrices();
+        let Some(matrices) = reduced.or(own.as_ref()) else {
             return Ok(None);
         };
+        let splitting = Splitting::new(problem, matrices)?;
+        let value = problem.family.as_ref().map(|f| f.value);
         let small = 2 * problem.n() * problem.basis.n_coefficients() <= LARGEST_HILL;
         let inertia = if small && splitting.size() == 2 * problem.n() {
             Inertia::new(problem)
         } else {
             None
         };
-        Ok(Some(Stability { inertia, splitting }))
+        Ok(Some(Stability {
+            inertia,
+            splitting,
+            value,
+        }))
     }
 
     /// Exponents of the solution y; `jacobian` is dR/dy there.
@@ -57,6 +74,11 @@ impl Stability {
         jacobian: MatRef<'_, f64>,
         y: &[f64],
     ) -> Result<Floquet> {
+        if self.value != problem.family.as_ref().map(|f| f.value)
+            && let Some(renewed) = Stability::new(problem, None)?
+        {
+            *self = renewed;
+        }
         if let Some(inertia) = &self.inertia {
             let rate = problem.rate_matrix(y)?;
             let exponents = hill(problem, inertia, jacobian, rate.as_ref())?;
@@ -79,6 +101,34 @@ impl Stability {
     pub fn monodromy(&mut self, problem: &mut Problem, y: &[f64]) -> Result<Mat<f64>> {
         Ok(self.splitting.monodromy(problem, y)?.0)
     }
+}
+
+/// Whether a reduced model has the dynamic stiffness of the retained coordinates at all frequencies up to the first harmonic that
+/// is left out, half ones included, between which the exponents lie.
+fn represents(problem: &mut Problem, model: &Matrices) -> Result<bool> {
+    let n_r = problem.n();
+    let (m, c, k) = model;
+    let mut block = Block::new(n_r);
+    let top = problem.basis.reach()[0] + 1;
+    for half in 0..=2 * top {
+        let w = 0.5 * half as f64 * problem.base_frequency();
+        if problem.linear.evaluate(w, usize::MAX, &mut block).is_err() {
+            continue; // an undamped resonance of what is condensed; its neighbours tell as much
+        }
+        let z = Mat::from_fn(m.nrows(), m.nrows(), |i, j| {
+            c64::new(k[(i, j)] - w * w * m[(i, j)], w * c[(i, j)])
+        });
+        let n_l = m.nrows() - n_r;
+        let inner = z.submatrix(n_r, n_r, n_l, n_l).partial_piv_lu();
+        let influence = inner.solve(z.submatrix(n_r, 0, n_l, n_r));
+        let reduced = z.submatrix(0, 0, n_r, n_r) - z.submatrix(0, n_r, n_r, n_l) * influence;
+        let exact = Mat::from_fn(n_r, n_r, |i, j| block.s[i * n_r + j]);
+        let off = (&reduced - &exact).norm_max();
+        if off.is_nan() || off > MODEL_TOLERANCE * exact.norm_max() {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 struct Inertia {

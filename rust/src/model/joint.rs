@@ -148,6 +148,11 @@ impl JointKind {
             .ok_or_else(|| Error::model(format!("joint type {code} does not exist")))
     }
 
+    /// Does it have rows that restrict velocities alone?
+    pub fn is_nonholonomic(self) -> bool {
+        matches!(self, JointKind::KnifeEdge | JointKind::RollingDisc)
+    }
+
     /// May this joint carry a body in the spanning tree before the free joints are looked at?
     pub fn in_tree(self) -> bool {
         !matches!(

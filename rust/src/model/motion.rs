@@ -43,10 +43,13 @@ impl Function {
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         if last.as_ref().is_none_or(|(at, _)| *at != t) {
             match (self.call)(t) {
-                Ok(values) => *last = Some((t, values)),
+                Ok(values) => {
+                    self.failed(None);
+                    *last = Some((t, values));
+                }
                 Err(reason) => {
+                    self.failed(Some(reason));
                     *last = None;
-                    *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(reason);
                     return f64::NAN;
                 }
             }
@@ -56,12 +59,16 @@ impl Function {
             .unwrap_or(f64::NAN)
     }
 
-    /// The reason of the last failure, once.
+    fn failed(&self, reason: Option<String>) {
+        *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = reason;
+    }
+
+    /// Why the last call gave nothing.
     pub fn failure(&self) -> Option<String> {
         self.failure
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
-            .take()
+            .clone()
     }
 }
 
@@ -96,8 +103,8 @@ impl MotionKind {
             1 => (Sine, n == 4),
             2 => (SineHertz, n == 4),
             3 => (Polynomial, n >= 1),
-            4 => (Table, n >= 4 && n % 2 == 0),
-            5 => (Lines, n >= 4 && n % 2 == 0),
+            4 => (Table, n >= 4 && n.is_multiple_of(2)),
+            5 => (Lines, n >= 4 && n.is_multiple_of(2)),
             6 => (Function, n == 0),
             _ => return Err(Error::model(format!("motion type {code} does not exist"))),
         };
@@ -307,7 +314,7 @@ fn natural_spline<T: Real>(t: &[T], v: &[T]) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use num_dual::{Dual2_64, DualNum};
+    use num_dual::Dual2_64;
 
     /// Rate and acceleration against a dual number in the coefficients: shifting the start of time is the same as time itself.
     #[test]
@@ -346,7 +353,7 @@ mod tests {
             }
         }
         let linear: Vec<Dual2_64> = [1.0, 2.0].iter().map(|v| Dual2_64::from(*v)).collect();
-        assert_eq!(MotionLaw::Polynomial(linear).at(2.0)[0].re(), 5.0);
+        assert_eq!(MotionLaw::Polynomial(linear).at(2.0)[0].re, 5.0);
     }
 
     #[test]
@@ -365,6 +372,10 @@ mod tests {
             return;
         };
         assert_eq!(f.failure().as_deref(), Some("too late"));
+        assert_eq!(
+            MotionLaw::<f64>::Function(Some(f.clone()), 0).at(0.1)[0],
+            0.1
+        );
         assert_eq!(f.failure(), None);
     }
 }

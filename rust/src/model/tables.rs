@@ -198,13 +198,27 @@ impl Tables {
         Ok(())
     }
 
-    /// Why a function of the model could not be evaluated, if one could not since this was last asked.
+    /// The first nonholonomic joint, drive or coupler.
+    pub fn unusual(&self) -> Option<&str> {
+        let joints = self.joints.iter().filter(|j| j.kind.is_nonholonomic());
+        let drives = self.drives.iter().map(|d| d.name.as_str());
+        let couplers = self.couplers.iter().map(|c| c.name.as_str());
+        let mut all = joints
+            .map(|j| j.name.as_str())
+            .chain(drives)
+            .chain(couplers);
+        all.next()
+    }
+
+    /// Why a function of the model could not be evaluated, where one could not.
     pub fn failure(&self) -> Option<Error> {
-        let functions = self.motions.iter().filter_map(|m| m.function.as_ref());
-        functions
-            .filter_map(|f| f.failure())
-            .last()
-            .map(Error::Model)
+        let mut functions = self.motions.iter().filter_map(|m| m.function.as_ref());
+        let message = functions.find_map(|f| f.failure())?;
+        Some(Error::Convergence {
+            message,
+            best: Vec::new(),
+            residual: f64::NAN,
+        })
     }
 
     fn connects(&self, name: &str, a: BodyRef, b: BodyRef) -> Result<()> {

@@ -13,6 +13,8 @@ use crate::analysis::hbm::aft::{Force, Sampled};
 use crate::analysis::hbm::autonomous;
 use crate::analysis::hbm::basis::{Basis, Finer};
 use crate::analysis::hbm::estimate::{Estimate, Estimator};
+use crate::analysis::hbm::family::{Family, Member, Placed};
+use crate::analysis::hbm::linear::Matrices;
 use crate::analysis::hbm::problem::{Element, Parameter, Problem};
 use crate::analysis::hbm::start;
 use crate::analysis::stability::Stability;
@@ -148,6 +150,35 @@ impl Sampled for PythonLaw {
     }
 }
 
+/// Python's `family(value)`, which returns (HbmLinear, HbmElements).
+struct PythonFamily(Py<PyAny>);
+
+impl Family for PythonFamily {
+    fn member(&self, value: f64) -> Result<Member> {
+        Python::attach(|py| -> PyResult<Member> {
+            let answer = self.0.call1(py, (value,))?;
+            let (linear, elements): (Bound<'_, HbmLinear>, Bound<'_, HbmElements>) =
+                answer.extract(py)?;
+            let linear = lock(&linear.get().0).copied()?;
+            Ok(Member {
+                linear,
+                elements: elements.get().0.clone(),
+            })
+        })
+        .map_err(|e| {
+            Error::model(format!(
+                "the system could not be made for the parameter {value}: {e}"
+            ))
+        })
+    }
+}
+
+/// M, C, K from Python.
+pub fn matrices(parts: &[PyReadonlyArray2<'_, f64>; 3]) -> Matrices {
+    let [m, c, k] = parts.each_ref().map(matrix);
+    (m, c, k)
+}
+
 /// One set of terms, forces and samples; `omega` may be changed by every call.
 #[pyclass(frozen)]
 pub struct HbmProblem {
@@ -198,8 +229,17 @@ impl HbmProblem {
         lock(&self.inner).size()
     }
 
-    /// Residual, Jacobian and slope by the parameter ("omega", "level" or "scale") at the coefficients y (harmonic by harmonic).
-    #[pyo3(signature = (y, omega, level=1.0, parameter="omega"))]
+    /// Lets the system depend on a parameter: `family(value)` returns (HbmLinear, HbmElements); `step` is that of differences.
+    fn with_family(&self, family: Py<PyAny>, value: f64, step: f64) {
+        lock(&self.inner).family = Some(Placed {
+            family: Arc::new(PythonFamily(family)),
+            value,
+            step,
+        });
+    }
+
+    /// Residual, Jacobian and slope by the parameter ("omega", "level", "scale" or "family") at the coefficients y (harmonic by harmonic).
+    #[pyo3(signature = (y, omega, level=1.0, parameter="omega", value=None))]
     fn residual<'py>(
         &self,
         py: Python<'py>,
@@ -207,6 +247,7 @@ impl HbmProblem {
         omega: Vec<f64>,
         level: f64,
         parameter: &str,
+        value: Option<f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let y = y.as_slice()?.to_vec();
         let parameter = parameter_called(parameter)?;
@@ -220,7 +261,7 @@ impl HbmProblem {
         problem.parameter = parameter;
         let out = interruptible(py, move |_| {
             let mut out = Linearisation::new(y.len());
-            let value = problem.parameter_value();
+            let value = value.unwrap_or_else(|| problem.parameter_value());
             problem.linearise(&y, value, &mut out)?;
             Ok(out)
         })?;
@@ -243,7 +284,7 @@ impl HbmProblem {
         max_iterations: usize,
     ) -> PyResult<Bound<'py, PyDict>> {
         let mut y = y.as_slice()?.to_vec();
-        drop(self.at(&omega, y.len())?);
+        drop(self.at(&omega, y.len(), level)?);
         let (inner, finer) = (self.inner.clone(), self.finer.clone());
         let options = Options {
             tolerance,
@@ -254,6 +295,7 @@ impl HbmProblem {
             problem.omega = omega;
             problem.level = level;
             problem.evaluations = 0;
+            problem.ever_broken = None;
             let outcome = start::solve(&mut problem, &mut y, options, cancel)?;
             let estimate = Estimator::new(&problem, &finer)?.estimate(&problem, &y)?;
             let all = problem.expand(&y)?;
@@ -264,7 +306,7 @@ impl HbmProblem {
                 estimate,
                 evaluations: problem.evaluations,
                 factorisations: problem.factorisations,
-                broken: problem.broken,
+                broken: problem.ever_broken,
             })
         })?;
         solved.to_dict(py)
@@ -305,21 +347,24 @@ impl HbmProblem {
     }
 
     /// Floquet exponents of a solution (None where they cannot be told), and the monodromy matrix if asked for.
-    #[pyo3(signature = (y, omega, monodromy=false))]
+    /// `model`: M, C, K of a reduced model of a large system, retained coordinates first.
+    #[pyo3(signature = (y, omega, monodromy=false, model=None))]
     fn floquet<'py>(
         &self,
         py: Python<'py>,
         y: PyReadonlyArray1<'_, f64>,
         omega: Vec<f64>,
         monodromy: bool,
+        model: Option<[PyReadonlyArray2<'_, f64>; 3]>,
     ) -> PyResult<(Option<Array<'py, Complex64>>, Option<Matrix<'py>>)> {
         let y = y.as_slice()?.to_vec();
-        drop(self.at(&omega, y.len())?);
+        drop(self.at(&omega, y.len(), 1.0)?);
         let mut problem = self.separate()?;
+        let model = model.as_ref().map(matrices);
         let (exponents, matrix) = interruptible(py, move |_| {
             let mut out = Linearisation::new(y.len());
-            problem.linearise(&y, omega[0], &mut out)?;
-            let Some(mut stability) = Stability::new(&problem)? else {
+            problem.linearise_here(&y, &mut out)?;
+            let Some(mut stability) = Stability::new(&mut problem, model.as_ref())? else {
                 return Ok((None, None));
             };
             let floquet = stability.exponents(&mut problem, out.jacobian.as_ref(), &y)?;
@@ -359,14 +404,16 @@ impl HbmProblem {
     }
 
     /// All coordinates (n, n_c) of a vector y.
+    #[pyo3(signature = (y, omega, level=1.0))]
     fn expand<'py>(
         &self,
         py: Python<'py>,
         y: PyReadonlyArray1<'_, f64>,
         omega: Vec<f64>,
+        level: f64,
     ) -> PyResult<Bound<'py, PyAny>> {
         let y = y.as_slice()?.to_vec();
-        let all = guarded(py, || self.at(&omega, y.len())?.expand(&y))?;
+        let all = guarded(py, || self.at(&omega, y.len(), level)?.expand(&y))?;
         Ok(to_numpy(py, all.as_ref()).into_any())
     }
 
@@ -397,12 +444,13 @@ impl HbmProblem {
         problem.on(problem.basis.clone(), &problem.dims())
     }
 
-    fn at(&self, omega: &[f64], size: usize) -> Result<MutexGuard<'_, Problem>> {
+    fn at(&self, omega: &[f64], size: usize, level: f64) -> Result<MutexGuard<'_, Problem>> {
         let mut problem = lock(&self.inner);
         if omega.len() != problem.omega.len() || size != problem.size() {
             return Err(Error::model("coefficients or frequencies of a wrong size"));
         }
         problem.omega.copy_from_slice(omega);
+        problem.level = level;
         Ok(problem)
     }
 }
@@ -429,7 +477,7 @@ impl Solved {
         dict.set_item("factorisations", self.factorisations)?;
         dict.set_item("step", self.outcome.step)?;
         dict.set_item("error", self.estimate.error)?;
-        dict.set_item("error_retained", self.estimate.retained)?;
+        dict.set_item("aliasing", self.estimate.aliasing)?;
         dict.set_item("broken", self.broken)?;
         Ok(dict)
     }
@@ -440,9 +488,13 @@ pub fn parameter_called(name: &str) -> Result<Parameter> {
         "omega" => Ok(Parameter::Omega(0)),
         "level" => Ok(Parameter::Level),
         "scale" => Ok(Parameter::Scale),
-        other => Err(Error::model(format!(
-            "no continuation parameter is called {other}"
-        ))),
+        "family" => Ok(Parameter::Family),
+        other => match other.strip_prefix("omega").map(str::parse) {
+            Some(Ok(i)) => Ok(Parameter::Omega(i)),
+            _ => Err(Error::model(format!(
+                "no continuation parameter is called {other}"
+            ))),
+        },
     }
 }
 

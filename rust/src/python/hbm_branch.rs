@@ -2,15 +2,14 @@
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use numpy::{Complex64, PyArray1, PyArray2, PyReadonlyArray1};
+use numpy::{Complex64, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use super::border::interruptible;
-use super::hbm::{HbmProblem, lock, parameter_called};
-use crate::analysis::hbm::basis::Finer;
+use super::hbm::{HbmProblem, lock, matrices, parameter_called};
 use crate::analysis::hbm::peak;
-use crate::analysis::hbm::problem::Problem;
+use crate::analysis::hbm::problem::{Parameter, Problem};
 use crate::analysis::hbm::response::{Event, Follower, Kind, Record, Settings, Status, unstable};
 use crate::analysis::hbm::start;
 use crate::error::{Error, Result};
@@ -35,6 +34,7 @@ struct Chunk {
     base: f64,
     corrections: u64,
     factorisations: u64,
+    broken: Option<usize>,
 }
 
 #[pymethods]
@@ -43,7 +43,7 @@ impl HbmBranch {
     /// the range from `start` to `stop`. With `across` the first point lies in the plane through y across `towards`.
     #[new]
     #[pyo3(signature = (problem, y, omega, level, parameter, begin, start, stop, *, predictor, corrector, first_step, least_step,
-        largest_step, tolerance, stability, events, towards=None, across=false))]
+        largest_step, tolerance, stability, events, towards=None, across=false, model=None))]
     #[expect(clippy::too_many_arguments)]
     fn new(
         py: Python<'_>,
@@ -65,6 +65,7 @@ impl HbmBranch {
         events: bool,
         towards: Option<PyReadonlyArray1<'_, f64>>,
         across: bool,
+        model: Option<[PyReadonlyArray2<'_, f64>; 3]>,
     ) -> PyResult<Self> {
         let options = options(
             predictor,
@@ -90,6 +91,14 @@ impl HbmBranch {
         copy.unit.clone_from(&omega);
         copy.omega = omega;
         copy.level = level;
+        if matches!(parameter, Parameter::Omega(i) if i >= copy.omega.len()) {
+            return Err(Error::model("there is no such base frequency").into());
+        }
+        if parameter == Parameter::Family && copy.family.is_none() {
+            return Err(
+                Error::model("a branch in a parameter of the system needs its family").into(),
+            );
+        }
         copy.parameter = parameter;
         let towards = towards
             .map(|t| t.as_slice().map(<[f64]>::to_vec))
@@ -97,13 +106,20 @@ impl HbmBranch {
         if y.len() != copy.size() || towards.as_ref().is_some_and(|t| t.len() != y.len() + 1) {
             return Err(Error::model("a branch starts with coefficients of a wrong size").into());
         }
+        let model = model.as_ref().map(matrices);
         let follower = interruptible(py, move |cancel| {
-            copy.set_parameter(begin);
-            if across {
-                Follower::start(copy, &finer, &y, towards.as_deref(), settings)
-            } else {
-                first(copy, &finer, &mut y, towards.as_deref(), settings, cancel)
+            copy.set_parameter(begin)?;
+            if !across {
+                first(&mut copy, &mut y, tolerance, cancel)?;
             }
+            Follower::start(
+                copy,
+                &finer,
+                &y,
+                towards.as_deref(),
+                settings,
+                model.as_ref(),
+            )
         })?;
         Ok(Self {
             inner: Arc::new(Mutex::new(follower)),
@@ -132,6 +148,7 @@ impl HbmBranch {
                 corrections: follower.corrections(),
                 factorisations: follower.factorisations(),
                 status: follower.status,
+                broken: follower.problem.ever_broken,
                 records: std::mem::take(&mut follower.records),
                 events: std::mem::take(&mut follower.events),
             })
@@ -140,23 +157,17 @@ impl HbmBranch {
     }
 }
 
-fn first(
-    mut problem: Problem,
-    finer: &Finer,
-    y: &mut [f64],
-    towards: Option<&[f64]>,
-    settings: Settings,
-    cancel: &Cancel,
-) -> Result<Follower> {
+/// The first point, found from the guess y.
+fn first(problem: &mut Problem, y: &mut [f64], tolerance: f64, cancel: &Cancel) -> Result<()> {
     let newton = newton::Options {
-        tolerance: settings.options.tolerance,
+        tolerance,
         max_iterations: 60,
     };
-    let outcome = start::solve(&mut problem, y, newton, cancel)?;
+    let outcome = start::solve(problem, y, newton, cancel)?;
     if outcome.converged {
-        return Follower::start(problem, finer, y, towards, settings);
+        return Ok(());
     }
-    let what = match problem.broken {
+    let what = match problem.ever_broken {
         Some(e) => format!("elements[{e}] returned a force that is not finite"),
         None => outcome.reason.to_string(),
     };
@@ -217,6 +228,7 @@ impl Chunk {
         };
         dict.set_item("p", column(&|r| r.p))?;
         dict.set_item("error", column(&|r| r.error))?;
+        dict.set_item("aliasing", column(&|r| r.aliasing))?;
         dict.set_item("step", column(&|r| r.step))?;
         dict.set_item("iterations", column(&|r| r.iterations as f64))?;
         let stable = |r: &Record| match &r.floquet {
@@ -255,6 +267,7 @@ impl Chunk {
         dict.set_item("events", events)?;
         dict.set_item("corrections", self.corrections)?;
         dict.set_item("factorisations", self.factorisations)?;
+        dict.set_item("broken", self.broken)?;
         dict.set_item(
             "status",
             match self.status {

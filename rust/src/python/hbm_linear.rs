@@ -157,6 +157,12 @@ impl HbmLinear {
         Ok(Self(Mutex::new(Box::new(Modal(Arc::new(modes))))))
     }
 
+    /// Retained coordinates, by their numbers in the system.
+    #[getter]
+    fn retained(&self) -> Vec<usize> {
+        lock(&self.0).retained()
+    }
+
     /// Number of retained coordinates.
     #[getter]
     fn size(&self) -> usize {

@@ -111,7 +111,9 @@ fn watched<T: Send + 'static>(
                     shared.0.stop();
                 }
                 if let Some(report) = report {
-                    report.call1((shared.1.get(),))?;
+                    report
+                        .call1((shared.1.get(),))
+                        .inspect_err(|_| shared.0.stop())?;
                 }
             }
         }

@@ -5,6 +5,9 @@ use faer::prelude::*;
 use super::{Curve, Linearisation};
 use crate::error::Result;
 
+/// Largest last step whose effect on slopes and exponents does not count.
+const NEAR: f64 = 1e-7;
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Predictor {
     Tangent,
@@ -207,7 +210,9 @@ pub(super) fn correct(
             .iter_mut()
             .enumerate()
             .for_each(|(i, t)| *t = work.rhs[(i, 1)] / length);
-        if size <= options.tolerance {
+        // the next step of a contracting iteration would be at most size^2 / last; the linearisation kept is that before this step
+        let contracts = iterations > 1 && size <= NEAR && size * (size / last) <= options.tolerance;
+        if size <= options.tolerance || contracts {
             return Ok(Some(finish(
                 curve,
                 &x,

@@ -6,6 +6,7 @@ use faer::linalg::solvers::DenseSolveCore;
 
 use super::limited_memory::Pairs;
 use super::line_search::{dot, norm2};
+use crate::linalg::dense::is_finite;
 use crate::linalg::sparse::Factor;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,6 +73,9 @@ impl Inverse {
     /// The inverse of a Jacobian, or None where it is singular to working accuracy. O(n^3).
     pub fn of(jacobian: &Mat<f64>) -> Option<Inverse> {
         let n = jacobian.nrows();
+        if !is_finite(jacobian.as_ref()) {
+            return None;
+        }
         let inverse = jacobian.partial_piv_lu().inverse();
         let regular = (0..n).all(|j| (0..n).all(|i| inverse[(i, j)].is_finite()))
             && inverse.norm_l2() * jacobian.norm_l2() < 1e14;
@@ -81,6 +85,9 @@ impl Inverse {
     /// V S (S^2 + mu^2)^-1 U^T with mu = 1e-8 of the largest singular value: a bounded stand-in where the inverse does not exist.
     pub fn regularised(jacobian: &Mat<f64>) -> Option<Inverse> {
         let n = jacobian.nrows();
+        if !is_finite(jacobian.as_ref()) {
+            return None;
+        }
         let svd = jacobian.svd().ok()?;
         let (u, v) = (svd.U(), svd.V());
         let sigma: Vec<f64> = (0..n).map(|i| svd.S().column_vector()[i]).collect();
@@ -209,5 +216,54 @@ impl Base {
             factor.solve(x.as_mut());
             r.iter_mut().enumerate().for_each(|(i, v)| *v = x[(i, 0)]);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GUARD: Guard = Guard {
+        curvature: 1e-12,
+        determinant: (1e-10, 1e10),
+    };
+
+    /// H y = s after an update of either family, dense or limited, and both forms apply alike.
+    #[test]
+    fn secant_equation_and_forms_agree() {
+        for family in [Family::Bfgs, Family::Broyden] {
+            let mut whole = Inverse::identity(3);
+            let mut few = Inverse::limited(Base::Identity, 5, family);
+            for k in 0..4 {
+                let f = [1.0, -0.5 + k as f64, 0.3];
+                let mut s = [0.0; 3];
+                whole.apply(&f, &mut s);
+                s.iter_mut().for_each(|v| *v *= -0.5);
+                let y = [0.9 * s[0] + 0.2 * s[1], 1.5 * s[1] - 0.1 * s[2], 0.7 * s[2]];
+                let step = Step {
+                    s: &s,
+                    y: &y,
+                    f: &f,
+                    lambda: 0.5,
+                };
+                assert_eq!(
+                    whole.update(family, &GUARD, &step),
+                    few.update(family, &GUARD, &step)
+                );
+                let (mut a, mut b) = ([0.0; 3], [0.0; 3]);
+                whole.apply(&y, &mut a);
+                few.apply(&y, &mut b);
+                for i in 0..3 {
+                    assert!((a[i] - s[i]).abs() < 1e-12, "{family:?} {a:?} {s:?}");
+                    assert!((a[i] - b[i]).abs() < 1e-12, "{family:?} {a:?} {b:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_is_made_of_what_is_no_number() {
+        let j = Mat::from_fn(2, 2, |i, _| if i == 0 { f64::NAN } else { 1.0 });
+        assert!(Inverse::of(&j).is_none() && Inverse::regularised(&j).is_none());
     }
 }

@@ -141,6 +141,8 @@ struct Run<'a> {
     /// Best norm and iteration at which it was last halved.
     halved: (f64, usize),
     tries: usize,
+    /// iteration that left the first point: eta counts from there
+    first: usize,
     /// factor of the line search since H was formed
     unit: Option<f64>,
     out: Outcome,
@@ -172,6 +174,7 @@ impl<'a> Run<'a> {
             best: (x.to_vec(), f.clone(), norm),
             halved: (norm, 0),
             tries: 0,
+            first: 0,
             unit: None,
             x: x.to_vec(),
             f,
@@ -213,7 +216,7 @@ impl<'a> Run<'a> {
             x: &self.x,
             d: &d,
             norm: self.norm,
-            k: self.out.iterations,
+            k: self.out.iterations - self.first,
             unit,
         };
         let (taken, evaluations) =
@@ -276,6 +279,7 @@ impl<'a> Run<'a> {
                 let (x, f) = self.start.clone();
                 let norm = norm2(&f);
                 self.go_to(x, f, norm);
+                self.first = self.out.iterations;
             }
         } else {
             return Ok(None);

@@ -41,9 +41,9 @@ impl Pairs {
             add(r, -weight[i], &self.y[i]);
         }
         base(r);
-        for i in 0..m {
-            let back = dot(&self.y[i], r) / dot(&self.s[i], &self.y[i]);
-            add(r, weight[i] - back, &self.s[i]);
+        for ((s, y), weight) in self.s.iter().zip(&self.y).zip(&weight) {
+            let back = dot(y, r) / dot(s, y);
+            add(r, weight - back, s);
         }
     }
 

@@ -30,6 +30,15 @@ impl Linearisation {
         }
     }
 
+    /// For residuals alone.
+    pub fn without_jacobian(n: usize) -> Linearisation {
+        Linearisation {
+            residual: vec![0.0; n],
+            jacobian: Mat::zeros(0, 0),
+            slope: vec![0.0; n],
+        }
+    }
+
     pub fn is_finite(&self) -> bool {
         self.residual.iter().all(|x| x.is_finite())
     }

@@ -44,6 +44,16 @@ impl Segment {
         }
     }
 
+    /// How far along the segment a point lies.
+    pub fn distance(&self, point: &Point) -> f64 {
+        scaled(&point.z, &self.scale)
+            .iter()
+            .zip(&self.centre)
+            .zip(&self.direction)
+            .map(|((x, c), d)| (x - c) * d)
+            .sum()
+    }
+
     /// The solution at the distance s, started between two places.
     fn at(
         &self,

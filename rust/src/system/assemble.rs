@@ -327,6 +327,9 @@ impl<T: Real> Scene<'_, T> {
             self.add_multiplier_stiffness(lam, &mut stiffness, counts);
         }
         self.add_switched(&mut stiffness);
+        if self.effects.constraint_force_stiffness && T::NDERIV == 0 {
+            self.count_carrying_joints(counts);
+        }
         Tangent {
             mass,
             damping,
@@ -437,6 +440,16 @@ impl<T: Real> Scene<'_, T> {
         }
         if !self.effects.preload_stiffness {
             self.add_map_changes(&self.connected(), -T::one(), stiffness);
+        }
+    }
+
+    /// In tree coordinates the forces of tree joints have their stiffness in the turning columns of all other forces: joints that
+    /// carry a force count as work done.
+    fn count_carrying_joints(&self, counts: &mut Counts) {
+        let sums = self.subtree_wrenches(self.body_wrenches(None));
+        let loaded = sums.iter().filter(|w| !w.is_absent()).count();
+        if loaded > 0 {
+            counts.add("constraint-force stiffness", loaded as u64);
         }
     }
 

@@ -4,7 +4,6 @@
 //! twist xi is dW = K xi + C xi' with K = -sum g k g^T (kept as the gradients g and k, so that what has no stiffness has none but
 //! for rounding of single products) and terms proportional to the force. Constraint rows are connectors whose force is the
 //! multiplier. `path` spreads both over the tree coordinates.
-use nalgebra::DMatrix;
 
 use crate::kinematics::relative::{Relative, Row};
 use crate::laws::Law;
@@ -73,6 +72,13 @@ impl Wanted {
         laws: false,
         friction: true,
         contact: true,
+    };
+
+    /// Slopes of springs and laws, without the terms that are proportional to their forces.
+    pub const SLOPES: Wanted = Wanted {
+        tangent: true,
+        laws: true,
+        ..Wanted::FORCES
     };
 
     /// The tangent of given forces, such as multipliers.
@@ -249,40 +255,6 @@ pub fn interaction<T: Real>(
         damped: response.damped,
         elastic,
         tangent,
-    }
-}
-
-/// What an element's strain energy is made of: gradients of its coordinates (world axes about `point`) and its stiffness.
-pub struct Strain {
-    pub point: V3<f64>,
-    pub gradients: Vec<Six<f64>>,
-    pub k: DMatrix<f64>,
-}
-
-pub fn strain(
-    topology: &Topology,
-    geometry: &Geometry<f64>,
-    placement: &Placement<f64>,
-    x: &[f64],
-    connector: &Connector,
-) -> Strain {
-    let pair = pair_of(geometry, connector.owner);
-    let here = local(topology, placement, connector.a, connector.b, pair);
-    let n = connector.coordinates.len();
-    let gradients = connector
-        .coordinates
-        .iter()
-        .map(|c| here.relative.row(*c).g.rotated(&here.a.r))
-        .collect();
-    let entry = |i: usize, j: usize| match connector.k {
-        Some(s) if connector.full => x[s + i * n + j],
-        Some(s) if i == j => x[s + i],
-        _ => 0.0,
-    };
-    Strain {
-        point: here.b.p,
-        gradients,
-        k: DMatrix::from_fn(n, n, entry),
     }
 }
 

@@ -118,20 +118,23 @@ impl Loops {
         }))
     }
 
-    /// B'' restricted to the dependent coordinates, -J_d^-1 J_i, over any number type: Newton corrections of the real inverse
-    /// give each further order of a dual number exactly.
+    /// B'' restricted to the dependent coordinates, -J_d^-1 J_i.
     pub fn dependent_map<T: Real>(&self, jacobian: &DMatrix<T>) -> DMatrix<T> {
-        let n = jacobian.nrows();
-        let jd = DMatrix::from_fn(n, self.dependent.len(), |i, k| {
-            jacobian[(i, self.dependent[k])]
-        });
-        let ji = DMatrix::from_fn(n, self.independent.len(), |i, k| {
+        let ji = DMatrix::from_fn(jacobian.nrows(), self.independent.len(), |i, k| {
             jacobian[(i, self.independent[k])]
         });
+        self.balanced(jacobian, &ji)
+    }
+
+    /// -J_d^-1 R over any number type: Newton corrections of the real inverse give each further order of a dual number exactly.
+    pub fn balanced<T: Real>(&self, jacobian: &DMatrix<T>, right: &DMatrix<T>) -> DMatrix<T> {
+        let jd = DMatrix::from_fn(jacobian.nrows(), self.dependent.len(), |i, k| {
+            jacobian[(i, self.dependent[k])]
+        });
         let inverse = self.left_inverse.map(T::from);
-        let mut b = -(&inverse * &ji);
+        let mut b = -(&inverse * right);
         for _ in 0..T::NDERIV.max(1) {
-            let miss = &ji + &jd * &b;
+            let miss = right + &jd * &b;
             b -= &inverse * miss;
         }
         b

@@ -164,22 +164,9 @@ fn check(system: &System, state: &State) -> Result<()> {
             "follower loads make the stiffness nonsymmetric, which the sparse route of large models does not know: {dense}"
         )));
     }
-    if let Some(j) = topology
-        .tables
-        .joints
-        .iter()
-        .find(|j| matches!(j.kind, JointKind::KnifeEdge | JointKind::RollingDisc))
-    {
+    if let Some(name) = topology.tables.unusual() {
         return Err(Error::model(format!(
-            "joint '{}' is nonholonomic, which the sparse route of large models does not know: {dense}",
-            j.name
-        )));
-    }
-    let tables = &topology.tables;
-    let drives = tables.drives.iter().map(|d| &d.name);
-    if let Some(name) = drives.chain(tables.couplers.iter().map(|c| &c.name)).next() {
-        return Err(Error::model(format!(
-            "'{name}' is a drive or coupler, which the sparse route of large models does not know: {dense}"
+            "'{name}' is a nonholonomic joint, a drive or a coupler, which the sparse route of large models does not know: {dense}"
         )));
     }
     check_loops(system)

@@ -1,14 +1,14 @@
 //! Spanning tree and cut joints, tree coordinates, constraint rows and the list of everything that carries force.
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 
 use crate::error::{Error, Result};
 use crate::laws::Law;
 use crate::model::geometry::Geometry;
 use crate::model::joint::{ANGLE_Z, Coordinate, Freedom, JointKind};
 use crate::model::tables::{
-    BodyRef, ElementKind, ElementSpec, HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, Tables,
+    BodyRef, ElementKind, ElementSpec, HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, LawSpec, Tables,
 };
-use crate::spatial::V3;
+use crate::spatial::{Real, V3};
 
 /// A body in the tree, and the joint that carries it.
 #[derive(Debug, Clone)]
@@ -195,9 +195,9 @@ impl Topology {
     }
 
     /// The largest distance of any located point from the mean of them all; 1 for a single point.
-    pub fn characteristic_length(&self, geometry: &Geometry<f64>, x: &[f64]) -> f64 {
+    pub fn characteristic_length<T: Real>(&self, geometry: &Geometry<T>, x: &[T]) -> T {
         let at = |i: usize| V3::new(x[i], x[i + 1], x[i + 2]);
-        let mut points: Vec<V3<f64>> = geometry.bodies.iter().map(|b| b.drawn.p).collect();
+        let mut points: Vec<V3<T>> = geometry.bodies.iter().map(|b| b.drawn.p).collect();
         for j in &self.tables.joints {
             points.extend([at(j.x), at(j.x + 3)]);
         }
@@ -207,9 +207,15 @@ impl Topology {
                 points.push(at(e.x + 3));
             }
         }
-        let mean = points.iter().sum::<V3<f64>>() / points.len() as f64;
-        let length = points.iter().map(|p| (p - mean).norm()).fold(0.0, f64::max);
-        if length > 0.0 { length } else { 1.0 }
+        let sum = points.iter().fold(V3::zeros(), |sum: V3<T>, p| sum + p);
+        let mean = sum * T::from(1.0 / points.len() as f64);
+        let squares = points.iter().map(|p| (p - mean).dot(&(p - mean)));
+        let farthest = squares.fold(T::zero(), |a, b| if b.re() > a.re() { b } else { a });
+        if farthest.re() > 0.0 {
+            farthest.sqrt()
+        } else {
+            T::one()
+        }
     }
 }
 
@@ -363,18 +369,25 @@ impl Tree<'_> {
 
 /// Laws bound to their places, memory numbered in the order in which connectors ask for it.
 struct LawBinder<'a> {
-    tables: &'a Tables,
+    of_owner: HashMap<(bool, usize), Vec<&'a LawSpec>>,
     memory: usize,
 }
 
-impl LawBinder<'_> {
+impl<'a> LawBinder<'a> {
+    fn new(tables: &'a Tables) -> Self {
+        let mut of_owner: HashMap<_, Vec<_>> = HashMap::new();
+        for l in &tables.laws {
+            of_owner.entry((l.on_joint, l.owner)).or_default().push(l);
+        }
+        LawBinder {
+            of_owner,
+            memory: 0,
+        }
+    }
+
     fn of(&mut self, on_joint: bool, owner: usize, n: usize) -> Result<Vec<BoundLaw>> {
-        let here = self
-            .tables
-            .laws
-            .iter()
-            .filter(|l| l.on_joint == on_joint && l.owner == owner);
-        here.map(|l| {
+        let here = self.of_owner.remove(&(on_joint, owner)).unwrap_or_default();
+        let bound = here.into_iter().map(|l| {
             if l.component >= n {
                 return Err(Error::model(format!(
                     "a law acts on coordinate {} of a connector that has {n}",
@@ -390,8 +403,8 @@ impl LawBinder<'_> {
                 x: l.x,
                 memory,
             })
-        })
-        .collect()
+        });
+        bound.collect()
     }
 }
 
@@ -401,7 +414,7 @@ fn present(flags: i64, bit: i64, x: usize) -> Option<usize> {
 
 fn connectors(tables: &Tables) -> Result<(Vec<Connector>, usize)> {
     let mut all = Vec::new();
-    let mut binder = LawBinder { tables, memory: 0 };
+    let mut binder = LawBinder::new(tables);
     for (i, e) in tables.elements.iter().enumerate() {
         let mut connector = element_connector(i, e);
         connector.laws = binder.of(false, i, connector.coordinates.len())?;

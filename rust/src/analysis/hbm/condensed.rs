@@ -5,7 +5,7 @@ use faer::Mat;
 use num_complex::Complex64 as c64;
 
 use super::factor::{Factor, Ldl, Pattern};
-use super::linear::{Block, DynamicStiffness, Forces, STABILITY_COORDINATES};
+use super::linear::{Block, DynamicStiffness, Forces, Matrices, STABILITY_COORDINATES, reordered};
 use crate::error::{Error, Result};
 
 /// One entry of M, C and K at the same place.
@@ -280,14 +280,19 @@ impl DynamicStiffness for Condensed {
         Ok(())
     }
 
-    fn matrices(&self) -> Option<(Mat<f64>, Mat<f64>, Mat<f64>)> {
+    fn retained(&self) -> Vec<usize> {
+        self.split.retained.clone()
+    }
+
+    fn matrices(&self) -> Option<Matrices> {
         let n = self.split.n;
+        let order = [self.split.retained.as_slice(), &self.split.local].concat();
         let matrix = |part: fn(&Entry) -> f64| {
             let mut out = Mat::zeros(n, n);
             for e in &self.split.all {
                 out[(e.row, e.column)] += part(e);
             }
-            out
+            reordered(&out, &order)
         };
         (n <= STABILITY_COORDINATES).then(|| (matrix(|e| e.m), matrix(|e| e.c), matrix(|e| e.k)))
     }

@@ -7,7 +7,7 @@ use faer::prelude::*;
 use super::basis::Finer;
 use super::problem::Problem;
 use crate::error::Result;
-use crate::solve::{Curve, Linearisation};
+use crate::solve::{Curve as _, Linearisation};
 
 pub struct Estimator {
     larger: Problem,
@@ -19,8 +19,8 @@ pub struct Estimator {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Estimate {
     pub error: f64,
-    /// the part of it in the retained terms
-    pub retained: f64,
+    /// what the finer grid alone changes in the retained terms
+    pub aliasing: f64,
 }
 
 impl Estimator {
@@ -40,15 +40,24 @@ impl Estimator {
 
     /// `y` is a solution of `problem` at its present parameter.
     pub fn estimate(&mut self, problem: &Problem, y: &[f64]) -> Result<Estimate> {
-        self.larger.follow(problem);
+        self.larger.follow(problem)?;
         self.y.fill(0.0);
         // `extended` keeps the order of the old terms and appends the new ones
         self.y[..y.len()].copy_from_slice(y);
-        let value = problem.parameter_value();
-        self.larger.linearise(&self.y, value, &mut self.out)?;
-        let mut step = faer::Mat::from_fn(self.y.len(), 1, |i, _| self.out.residual[i]);
-        self.out.jacobian.partial_piv_lu().solve_in_place(&mut step);
-        let step: Vec<f64> = (0..self.y.len()).map(|i| step[(i, 0)]).collect();
+        self.larger.linearise_here(&self.y, &mut self.out)?;
+        let n_own = y.len();
+        let mut steps = faer::Mat::from_fn(self.y.len(), 2, |i, column| {
+            if column == 0 || i < n_own {
+                self.out.residual[i]
+            } else {
+                0.0
+            }
+        });
+        self.out
+            .jacobian
+            .partial_piv_lu()
+            .solve_in_place(&mut steps);
+        let step = steps.col_as_slice(0);
         let largest = amplitudes(y, problem.n()).fold(0.0, f64::max);
         if largest == 0.0 && step.iter().all(|x| *x == 0.0) {
             return Ok(Estimate::default());
@@ -56,8 +65,9 @@ impl Estimator {
         let n = problem.n();
         let sum = |part: &[f64]| coordinate_sums(part, n).into_iter().fold(0.0, f64::max);
         Ok(Estimate {
-            error: sum(&step) / largest,
-            retained: sum(&step[..y.len()]) / largest,
+            error: sum(step) / largest,
+            // on the grid of the solution the first residuals vanish
+            aliasing: sum(&steps.col_as_slice(1)[..n_own]) / largest,
         })
     }
 }

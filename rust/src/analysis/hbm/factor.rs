@@ -126,6 +126,9 @@ pub struct Ldl {
     l: Vec<c64>,
     d: Vec<c64>,
     scratch: Vec<c64>,
+    /// entries of each column of L so far, and the last row that has met each index
+    filled: Vec<usize>,
+    mark: Vec<usize>,
 }
 
 /// The old index whose pivot vanished.
@@ -187,14 +190,17 @@ impl Ldl {
             l: vec![zero; nonzeros],
             d: vec![zero; n],
             scratch: vec![zero; n],
+            filled: vec![0; n],
+            mark: vec![NONE; n],
         })
     }
 
     pub fn factorise(&mut self, values: &[c64]) -> std::result::Result<(), ZeroPivot> {
         let n = self.n;
         let y = &mut self.scratch;
-        let mut filled = vec![0; n];
-        let mut mark = vec![NONE; n];
+        let (filled, mark) = (&mut self.filled, &mut self.mark);
+        filled.fill(0);
+        mark.fill(NONE);
         let (mut path, mut order) = (Vec::new(), Vec::new());
         for k in 0..n {
             mark[k] = k;

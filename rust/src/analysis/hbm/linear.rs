@@ -6,7 +6,7 @@ use num_complex::Complex64 as c64;
 
 use crate::error::Result;
 
-/// Largest condensed system whose stability is told: the monodromy matrix costs O(n^2) per step of a thousand.
+/// Largest condensed system that carries its own matrices for stability; larger ones need a reduced model.
 pub const STABILITY_COORDINATES: usize = 64;
 
 /// S and dS/dw (n x n by rows), the force on the retained coordinates and its slope.
@@ -43,8 +43,10 @@ pub trait DynamicStiffness: Send {
     fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()>;
     /// All coordinates, given the retained ones and the factor on the force.
     fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()>;
-    /// M, C, K of all coordinates, where they are at hand.
-    fn matrices(&self) -> Option<(Mat<f64>, Mat<f64>, Mat<f64>)> {
+    /// The retained coordinates, by their numbers in the system.
+    fn retained(&self) -> Vec<usize>;
+    /// M, C, K of all coordinates, the retained ones first, where they are at hand.
+    fn matrices(&self) -> Option<Matrices> {
         None
     }
     /// The retained coordinates of a vector of all coordinates.
@@ -53,6 +55,14 @@ pub trait DynamicStiffness: Send {
     fn copied(&self) -> Result<Box<dyn DynamicStiffness>>;
     /// The retained part of a direction given in all coordinates; it must vanish on the others.
     fn retain(&self, direction: &[(usize, f64)]) -> Result<Vec<(usize, f64)>>;
+}
+
+/// M, C, K.
+pub type Matrices = (Mat<f64>, Mat<f64>, Mat<f64>);
+
+/// The same matrix with rows and columns in another order.
+pub fn reordered(a: &Mat<f64>, order: &[usize]) -> Mat<f64> {
+    Mat::from_fn(order.len(), order.len(), |i, j| a[(order[i], order[j])])
 }
 
 /// Nothing condensed: dense matrices by rows; C and K may hold gyroscopic and circulatory parts.
@@ -95,7 +105,11 @@ impl DynamicStiffness for Full {
         y.copy_from_slice(x);
     }
 
-    fn matrices(&self) -> Option<(Mat<f64>, Mat<f64>, Mat<f64>)> {
+    fn retained(&self) -> Vec<usize> {
+        (0..self.n).collect()
+    }
+
+    fn matrices(&self) -> Option<Matrices> {
         let matrix = |a: &[f64]| Mat::from_fn(self.n, self.n, |i, j| a[i * self.n + j]);
         Some((matrix(&self.m), matrix(&self.c), matrix(&self.k)))
     }

@@ -8,6 +8,7 @@ pub mod basis;
 pub mod condensed;
 pub mod estimate;
 pub mod factor;
+pub mod family;
 pub mod grid;
 pub mod linear;
 pub mod modal;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use faer::Mat;
 use num_complex::Complex64 as c64;
 
-use super::linear::{Block, DynamicStiffness, Forces};
+use super::linear::{Block, DynamicStiffness, Forces, Matrices, reordered};
 use crate::error::{Error, Result};
 
 /// Symmetric matrices in modal coordinates; made once, shared by all copies.
@@ -25,7 +25,7 @@ pub struct Modes {
     pub shape: Mat<f64>,
     pub forces: Forces,
     /// M, C, K of all coordinates, kept for stability where the system is small
-    pub matrices: Option<(Mat<f64>, Mat<f64>, Mat<f64>)>,
+    pub matrices: Option<Matrices>,
     /// Phi^T f_l per term
     pub modal_forces: Vec<Option<Vec<c64>>>,
 }
@@ -54,6 +54,64 @@ impl Modes {
 
     fn pole(&self, k: usize, w: f64) -> c64 {
         c64::new(self.stiffness[k] - w * w, w * self.damping[k])
+    }
+
+    /// S and dS/dw that the modes add to a single retained coordinate: the hot loop of large systems with one element, in lanes so
+    /// that the compiler may use vector instructions.
+    fn add_single(&self, w: f64, s: &mut c64, slope: &mut c64) {
+        const LANES: usize = 4;
+        let [m, c, k] = &self.lr;
+        let mut sums = [[0.0; LANES]; 4];
+        let whole = self.stiffness.len() / LANES * LANES;
+        for start in (0..whole).step_by(LANES) {
+            let part = start..start + LANES;
+            let (m, c, k) = (&m[part.clone()], &c[part.clone()], &k[part.clone()]);
+            let (lambda, d) = (&self.stiffness[part.clone()], &self.damping[part]);
+            for l in 0..LANES {
+                let added = single_mode(w, m[l], c[l], k[l], lambda[l], d[l]);
+                for (sum, a) in sums.iter_mut().zip(added) {
+                    sum[l] += a;
+                }
+            }
+        }
+        let mut total = sums.map(|lanes| lanes.iter().sum::<f64>());
+        for i in whole..self.stiffness.len() {
+            let added = single_mode(w, m[i], c[i], k[i], self.stiffness[i], self.damping[i]);
+            for (sum, a) in total.iter_mut().zip(added) {
+                *sum += a;
+            }
+        }
+        *s += c64::new(total[0], total[1]);
+        *slope += c64::new(total[2], total[3]);
+    }
+}
+
+/// z q and 2 z' q + q^2 p' of one mode, as real and imaginary parts; q = -z / p.
+#[inline(always)]
+fn single_mode(w: f64, m: f64, c: f64, k: f64, lambda: f64, d: f64) -> [f64; 4] {
+    let (z_re, z_im) = (k - w * w * m, w * c);
+    let (p_re, p_im) = (lambda - w * w, w * d);
+    let inverse = -1.0 / (p_re * p_re + p_im * p_im);
+    let q_re = (z_re * p_re + z_im * p_im) * inverse;
+    let q_im = (z_im * p_re - z_re * p_im) * inverse;
+    let (dz_re, dz_im) = (-4.0 * w * m, 2.0 * c);
+    let (qq_re, qq_im) = (q_re * q_re - q_im * q_im, 2.0 * q_re * q_im);
+    let dp_re = -2.0 * w;
+    [
+        z_re * q_re - z_im * q_im,
+        z_re * q_im + z_im * q_re,
+        dz_re * q_re - dz_im * q_im + qq_re * dp_re - qq_im * d,
+        dz_re * q_im + dz_im * q_re + qq_re * d + qq_im * dp_re,
+    ]
+}
+
+fn finite(block: &Block, w: f64) -> Result<()> {
+    if block.s.iter().all(|x| x.re.is_finite() && x.im.is_finite()) {
+        Ok(())
+    } else {
+        Err(Error::singular(format!(
+            "the condensed coordinates are in undamped resonance at {w} rad/s"
+        )))
     }
 }
 
@@ -87,6 +145,10 @@ impl DynamicStiffness for Modal {
             block.force[i] = force.map_or(c64::new(0.0, 0.0), |f| f[modes.retained[i]]);
             block.force_slope[i] = c64::new(0.0, 0.0);
         }
+        if n_r == 1 && modal.is_none() {
+            modes.add_single(w, &mut block.s[0], &mut block.s_slope[0]);
+            return finite(block, w);
+        }
         let mut coupling = vec![(c64::new(0.0, 0.0), c64::new(0.0, 0.0)); n_r];
         for k in 0..modes.local.len() {
             let inverse = modes.pole(k, w).inv();
@@ -112,13 +174,7 @@ impl DynamicStiffness for Modal {
                 }
             }
         }
-        if block.s.iter().all(|x| x.re.is_finite() && x.im.is_finite()) {
-            Ok(())
-        } else {
-            Err(Error::singular(format!(
-                "the condensed coordinates are in undamped resonance at {w} rad/s"
-            )))
-        }
+        finite(block, w)
     }
 
     fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()> {
@@ -144,8 +200,18 @@ impl DynamicStiffness for Modal {
         Ok(())
     }
 
-    fn matrices(&self) -> Option<(Mat<f64>, Mat<f64>, Mat<f64>)> {
-        self.0.matrices.clone()
+    fn retained(&self) -> Vec<usize> {
+        self.0.retained.clone()
+    }
+
+    fn matrices(&self) -> Option<Matrices> {
+        let order = [self.0.retained.as_slice(), &self.0.local].concat();
+        let (m, c, k) = self.0.matrices.as_ref()?;
+        Some((
+            reordered(m, &order),
+            reordered(c, &order),
+            reordered(k, &order),
+        ))
     }
 
     fn restrict(&self, x: &[f64], y: &mut [f64]) {

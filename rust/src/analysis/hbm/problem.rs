@@ -6,8 +6,9 @@ use num_complex::Complex64 as c64;
 
 use super::aft::{Aft, Force, Want};
 use super::basis::Basis;
+use super::family::{Member, Placed};
 use super::linear::{Block, DynamicStiffness};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::solve::{Curve, Linearisation};
 
 /// A law on the relative displacement u = w . x.
@@ -31,6 +32,8 @@ pub enum Parameter {
     Level,
     /// factor on all forces, by which a first solution is approached
     Ramp,
+    /// a number of the system itself, which its family turns into matrices and laws
+    Family,
 }
 
 pub struct Problem {
@@ -44,6 +47,7 @@ pub struct Problem {
     pub ramp: f64,
     pub parameter: Parameter,
     pub aft: Aft,
+    pub family: Option<Placed>,
     n: usize,
     retained: Vec<Vec<(usize, f64)>>,
     blocks: Vec<Block>,
@@ -51,6 +55,8 @@ pub struct Problem {
     coefficients: Vec<f64>,
     /// the first element whose force was not finite at the last evaluation
     pub broken: Option<usize>,
+    /// the last element of which that was true at any evaluation since this was cleared
+    pub ever_broken: Option<usize>,
     pub evaluations: u64,
     /// dynamic stiffnesses that were computed
     pub factorisations: u64,
@@ -85,8 +91,10 @@ impl Problem {
             omega,
             level: 1.0,
             ramp: 1.0,
+            family: None,
             parameter: Parameter::Omega(0),
             broken: None,
+            ever_broken: None,
             evaluations: 0,
             factorisations: 0,
         })
@@ -100,11 +108,19 @@ impl Problem {
         other.level = self.level;
         other.ramp = self.ramp;
         other.parameter = self.parameter;
+        other.family.clone_from(&self.family);
         Ok(other)
     }
 
     /// Takes over frequencies, forces and the blocks of a problem with the same first terms.
-    pub fn follow(&mut self, other: &Problem) {
+    pub fn follow(&mut self, other: &Problem) -> Result<()> {
+        if let (Some(own), Some(theirs)) = (&self.family, &other.family)
+            && own.value != theirs.value
+        {
+            let (linear, elements) = (other.linear.copied()?, other.elements.clone());
+            self.install(Member { linear, elements })?;
+            self.family.clone_from(&other.family);
+        }
         self.omega.clone_from(&other.omega);
         self.unit.clone_from(&other.unit);
         self.level = other.level;
@@ -116,6 +132,7 @@ impl Problem {
                 self.blocks_at[j] = *w;
             }
         }
+        Ok(())
     }
 
     /// Samples per dimension.
@@ -128,13 +145,68 @@ impl Problem {
         self.n
     }
 
-    pub fn set_parameter(&mut self, value: f64) {
+    /// The elements' directions in retained coordinates.
+    pub fn retained(&self) -> &[Vec<(usize, f64)>] {
+        &self.retained
+    }
+
+    /// Another linear part and other laws in the place of the present ones.
+    fn install(&mut self, member: Member) -> Result<()> {
+        let Member { linear, elements } = member;
+        if linear.size() != self.n || elements.len() != self.elements.len() {
+            return Err(Error::model(
+                "the family changes the number of coordinates or elements with its parameter; keep them",
+            ));
+        }
+        self.retained = elements
+            .iter()
+            .map(|e| linear.retain(&e.direction))
+            .collect::<Result<_>>()?;
+        (self.linear, self.elements) = (linear, elements);
+        self.blocks_at.fill(f64::NAN);
+        Ok(())
+    }
+
+    /// dR/dp by a central difference between two other members of the family; folds do not depend on its accuracy.
+    fn family_slope(&mut self, y: &[f64], out: &mut Linearisation) -> Result<()> {
+        let Some(Placed {
+            family,
+            value,
+            step,
+        }) = self.family.clone()
+        else {
+            return Ok(());
+        };
+        let (linear, elements) = (self.linear.copied()?, self.elements.clone());
+        let (blocks, blocks_at) = (self.blocks.clone(), self.blocks_at.clone());
+        let mut other = Linearisation::without_jacobian(y.len());
+        out.slope.fill(0.0);
+        for sign in [1.0, -1.0] {
+            self.install(family.member(value + sign * step)?)?;
+            self.run(y, &mut other, Want::Force)?;
+            for (slope, r) in out.slope.iter_mut().zip(&other.residual) {
+                *slope += sign * r / (2.0 * step);
+            }
+        }
+        self.install(Member { linear, elements })?;
+        (self.blocks, self.blocks_at) = (blocks, blocks_at);
+        Ok(())
+    }
+
+    pub fn set_parameter(&mut self, value: f64) -> Result<()> {
         match self.parameter {
             Parameter::Omega(i) => self.omega[i] = value,
             Parameter::Scale => self.omega = self.unit.iter().map(|w| w * value).collect(),
             Parameter::Level => self.level = value,
             Parameter::Ramp => self.ramp = value,
+            Parameter::Family => {
+                if let Some(family) = self.family.clone().filter(|f| f.value != value) {
+                    self.install(family.family.member(value)?)?;
+                    self.family = Some(Placed { value, ..family });
+                }
+            }
         }
+        Ok(())
     }
 
     pub fn parameter_value(&self) -> f64 {
@@ -143,6 +215,7 @@ impl Problem {
             Parameter::Scale => self.omega[0] / self.unit[0],
             Parameter::Level => self.level,
             Parameter::Ramp => self.ramp,
+            Parameter::Family => self.family.as_ref().map_or(f64::NAN, |f| f.value),
         }
     }
 
@@ -151,7 +224,9 @@ impl Problem {
         match self.parameter {
             Parameter::Omega(i) => self.basis.slope(i),
             Parameter::Scale => self.basis.frequencies(&self.unit),
-            Parameter::Level | Parameter::Ramp => vec![0.0; self.basis.n_harmonics()],
+            Parameter::Level | Parameter::Ramp | Parameter::Family => {
+                vec![0.0; self.basis.n_harmonics()]
+            }
         }
     }
 
@@ -253,6 +328,7 @@ impl Problem {
             .element(&element.force, &self.coefficients, frequency, slope, want)?;
         if self.broken.is_none() && !self.aft.force.iter().all(|f| f.is_finite()) {
             self.broken = Some(e);
+            self.ever_broken = Some(e);
         }
         for &(i, wi) in direction {
             for row in 0..n_c {
@@ -291,6 +367,11 @@ impl Problem {
             self.add_element(e, y, &frequency, &slope, out, want)?;
         }
         Ok(())
+    }
+
+    /// Residual and Jacobian at the present parameter; the slope counts only where the parameter is none of the system.
+    pub fn linearise_here(&mut self, y: &[f64], out: &mut Linearisation) -> Result<()> {
+        self.run(y, out, Want::Jacobian)
     }
 
     /// Frequency of the slowest possible term of a periodic motion.
@@ -365,12 +446,16 @@ impl Curve for Problem {
     }
 
     fn linearise(&mut self, y: &[f64], parameter: f64, out: &mut Linearisation) -> Result<()> {
-        self.set_parameter(parameter);
-        self.run(y, out, Want::Jacobian)
+        self.set_parameter(parameter)?;
+        self.run(y, out, Want::Jacobian)?;
+        if self.parameter == Parameter::Family {
+            self.family_slope(y, out)?;
+        }
+        Ok(())
     }
 
     fn residual(&mut self, y: &[f64], parameter: f64, out: &mut Linearisation) -> Result<()> {
-        self.set_parameter(parameter);
+        self.set_parameter(parameter)?;
         self.run(y, out, Want::Force)
     }
 

@@ -3,6 +3,7 @@ use num_complex::Complex64 as c64;
 
 use super::basis::Finer;
 use super::estimate::Estimator;
+use super::linear::Matrices;
 use super::problem::Problem;
 use crate::analysis::stability::{Floquet, Stability};
 use crate::error::{Error, Result};
@@ -48,6 +49,8 @@ pub struct Record {
     pub y: Vec<f64>,
     pub p: f64,
     pub error: f64,
+    /// the part of it that more samples would remove
+    pub aliasing: f64,
     /// None where stability was not asked for or cannot be told
     pub floquet: Option<Floquet>,
     pub step: f64,
@@ -87,6 +90,7 @@ impl Follower {
         y: &[f64],
         towards: Option<&[f64]>,
         settings: Settings,
+        model: Option<&Matrices>,
     ) -> Result<Follower> {
         let default = Branch::along_parameter(y.len(), (settings.to - settings.from).signum());
         let p = problem.parameter_value();
@@ -100,7 +104,7 @@ impl Follower {
         };
         let estimator = Estimator::new(&problem, finer)?;
         let stability = if settings.stability {
-            Stability::new(&problem)?
+            Stability::new(&mut problem, model)?
         } else {
             None
         };
@@ -190,7 +194,7 @@ impl Follower {
     /// Error and stability of the present point; the workspace still holds its linearisation.
     fn record(&mut self) -> Result<()> {
         let point = self.branch.point().clone();
-        self.problem.set_parameter(point.p());
+        self.problem.set_parameter(point.p())?;
         let floquet = match self.stability.as_mut() {
             Some(stability) => {
                 let jacobian = self.branch.work.out.jacobian.as_ref();
@@ -198,12 +202,13 @@ impl Follower {
             }
             None => None,
         };
-        let error = self.estimator.estimate(&self.problem, point.y())?.error;
+        let estimate = self.estimator.estimate(&self.problem, point.y())?;
         self.last.clone_from(&floquet);
         self.records.push(Record {
             y: point.y().to_vec(),
             p: point.p(),
-            error,
+            error: estimate.error,
+            aliasing: estimate.aliasing,
             floquet,
             step: point.step,
             iterations: point.iterations,
@@ -223,54 +228,56 @@ impl Follower {
             return Ok(());
         };
         let b = self.branch.point().clone();
-        let mut static_change = 0;
+        let mut between = Vec::new();
         if a.p_slope() * b.p_slope() < 0.0 {
-            static_change += 1;
             let ends = (a.p_slope(), b.p_slope());
             let work = &mut self.branch.work;
             let found = segment.zero(&mut self.problem, work, cancel, ends, |_, p, _| {
                 Ok(p.p_slope())
             })?;
+            between.extend(found.clone());
             self.push_event(Kind::Fold, found, None);
         }
-        if crossed.is_some() {
-            static_change += 1;
-            self.push_event(Kind::BranchPoint, crossed, None);
+        between.extend(crossed.clone());
+        self.push_event(Kind::BranchPoint, crossed, None);
+        let (Some(before), Some(after)) = (before, self.last.clone()) else {
+            return Ok(());
+        };
+        between.sort_by(|p, q| segment.distance(p).total_cmp(&segment.distance(q)));
+        let mut here = (a, before.exponents.clone(), false);
+        for point in between {
+            let there = (point.clone(), self.exponents_at(&point)?, true);
+            self.find_crossing(&here, &there, cancel)?;
+            here = there;
         }
-        if let (Some(before), Some(after)) = (before, self.last.clone()) {
-            self.find_crossing(&segment, before, &after, static_change, cancel)?;
-        }
-        Ok(())
+        self.find_crossing(&here, &(b, after.exponents, false), cancel)
     }
 
-    /// A root that crosses the imaginary axis otherwise than through zero.
-    fn find_crossing(
-        &mut self,
-        segment: &Segment,
-        a: &Floquet,
-        b: &Floquet,
-        static_change: usize,
-        cancel: &Cancel,
-    ) -> Result<()> {
+    fn exponents_at(&mut self, point: &Point) -> Result<Vec<c64>> {
+        let Some(stability) = self.stability.as_mut() else {
+            return Ok(Vec::new());
+        };
+        let mut out = Linearisation::new(point.y().len());
+        self.problem.set_parameter(point.p())?;
+        self.problem.linearise_here(point.y(), &mut out)?;
+        let floquet = stability.exponents(&mut self.problem, out.jacobian.as_ref(), point.y())?;
+        Ok(floquet.exponents)
+    }
+
+    /// A root that crosses the imaginary axis otherwise than through zero, between two places of the branch.
+    fn find_crossing(&mut self, a: &Place, b: &Place, cancel: &Cancel) -> Result<()> {
         let w0 = self.problem.base_frequency();
-        let (n_a, n_b) = (unstable(&a.exponents, w0), unstable(&b.exponents, w0));
-        if n_a.abs_diff(n_b) <= static_change {
+        let Some(rank) = crossing_rank(a, b, w0) else {
             return Ok(());
-        }
-        let rank = n_a.min(n_b);
-        let ends = (
-            nth_growth(&a.exponents, rank),
-            nth_growth(&b.exponents, rank),
-        );
-        if ends.0 * ends.1 >= 0.0 {
-            return Ok(());
-        }
+        };
+        let segment = Segment::new(&a.0, &b.0, self.settings.options);
+        let ends = (nth_growth(&a.1, rank), nth_growth(&b.1, rank));
         let mut exponent = c64::new(0.0, 0.0);
         let Some(stability) = self.stability.as_mut() else {
             return Ok(());
         };
         let growth = |problem: &mut Problem, point: &Point, out: &Linearisation| -> Result<f64> {
-            problem.set_parameter(point.p());
+            problem.set_parameter(point.p())?;
             let floquet = stability.exponents(problem, out.jacobian.as_ref(), point.y())?;
             exponent = by_growth(floquet.exponents)
                 .get(rank)
@@ -310,6 +317,35 @@ impl Follower {
 /// Exponents with a positive real part.
 pub fn unstable(exponents: &[c64], w0: f64) -> usize {
     exponents.iter().filter(|s| s.re > NEUTRAL * w0).count()
+}
+
+/// A point with its exponents; true where one of them is zero because the branch folds or meets another one.
+type Place = (Point, Vec<c64>, bool);
+
+/// Which exponent, in the order of growth, changes its sign between two places; the one that is zero at a fold or branch point
+/// does so too, and does not count.
+fn crossing_rank(a: &Place, b: &Place, w0: f64) -> Option<usize> {
+    let others = |place: &Place| {
+        let mut exponents = place.1.clone();
+        let least = (0..exponents.len())
+            .min_by(|i, j| exponents[*i].norm().total_cmp(&exponents[*j].norm()));
+        if let Some(least) = least.filter(|_| place.2) {
+            exponents.swap_remove(least);
+        }
+        unstable(&exponents, w0) as i64
+    };
+    let change = others(a) - others(b);
+    let crossed = match (a.2, b.2) {
+        (false, false) => change != 0,
+        (false, true) => !(0..=1).contains(&change),
+        (true, false) => !(-1..=0).contains(&change),
+        (true, true) => change.abs() >= 2,
+    };
+    let signs = |rank: &usize| {
+        let (x, y) = (nth_growth(&a.1, *rank), nth_growth(&b.1, *rank));
+        x * y < 0.0 && x.abs().min(y.abs()) > NEUTRAL * w0
+    };
+    crossed.then(|| (0..a.1.len()).find(signs)).flatten()
 }
 
 fn by_growth(mut exponents: Vec<c64>) -> Vec<c64> {

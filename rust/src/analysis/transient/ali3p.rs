@@ -16,6 +16,7 @@ use crate::run::Counts;
 use crate::spatial::{Pose, Real};
 use crate::system::topology::Level;
 
+use super::matrix::turn_columns;
 use super::penalty::Penalty;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
@@ -141,6 +142,12 @@ pub fn pulled<T: Real>(jacobian: &DMatrix<T>, y: &[f64]) -> DVector<T> {
 }
 
 impl Equations<'_, f64> {
+    /// X J_l(theta): columns of three rotations together, so that X acts on changes of an increment theta.
+    fn turned_columns(&self, mut x: DMatrix<f64>, theta: &[f64]) -> DMatrix<f64> {
+        turn_columns(&mut x, &self.rotation_maps(theta));
+        x
+    }
+
     /// The matrix of a step: derivative of balance and closure by (dq, c lam).
     pub fn step_matrix(
         &self,
@@ -152,8 +159,7 @@ impl Equations<'_, f64> {
     ) -> Result<Penalty> {
         let (m, a) = stars(self, &from.motion, &from.acceleration, dq, h);
         let tangent = self.tangent(&m, &a, lam, counts);
-        let mut matrix =
-            tangent.mass + self.turned_columns(&(tangent.stiffness * (0.25 * h * h)), dq);
+        let mut matrix = tangent.mass + self.turned_columns(tangent.stiffness * (0.25 * h * h), dq);
         for d in [&tangent.damping, &tangent.gyroscopic]
             .into_iter()
             .flatten()
@@ -161,7 +167,7 @@ impl Equations<'_, f64> {
             matrix += d * (0.5 * h);
         }
         let jacobian = self.rows(&m).1;
-        let mut right = self.turned_columns(&jacobian, dq);
+        let mut right = self.turned_columns(jacobian.clone(), dq);
         if self.topology().has_velocity_rows() {
             self.velocity_row_slopes(from, dq, h, &mut right);
         }

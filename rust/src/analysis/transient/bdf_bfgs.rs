@@ -11,19 +11,26 @@ use crate::error::{Error, Result};
 use crate::run::Counts;
 use crate::solve::Residual;
 use crate::solve::differences;
-use crate::solve::inverse::{Family, Inverse};
+use crate::solve::inverse::{Family, Guard, Inverse};
 use crate::solve::inverse_bfgs::{Options, Outcome, Start, Status, solve};
 use crate::solve::line_search::Rule;
 
 use super::bdf_step::{BdfStep, Form, Guess, Sizes, derivative_weights, value_weights};
 use super::explicit::independent_rows;
 use super::explicit8::Explicit8;
+use super::interpolate::quintic;
 use super::saddle::Saddle;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
 const STEPS: usize = 4;
-/// Norm at which the equations of a step count as solved, times the root of their number.
-const SOLVED: f64 = 1e-14;
+/// Norm at which the equations of a step count as solved, over the motion within the step and the root of their number.
+const SOLVED: f64 = 1e-12;
+/// Limits of that norm: rounding of rows and of increments, and what any step has to reach.
+const ROUNDING_OF_ROWS: f64 = 1e-15;
+const ROUNDING: f64 = 1e-17;
+const LOOSEST: f64 = 1e-14;
+/// Least cosine between y and s for an update: where BFGS meets a nonsymmetric or indefinite Jacobian, smaller ones ruin H.
+const CURVATURE: f64 = 0.1;
 /// Where rounding stops the iteration above that, this is taken.
 const ACCEPTABLE: f64 = 1e-11;
 const MAX_ITERATIONS: usize = 40;
@@ -53,6 +60,13 @@ pub struct BdfBfgs {
     lam: Option<(f64, Vec<f64>)>,
     tried: Option<Vec<f64>>,
     divisions: u32,
+}
+
+/// A past motion: its increments from the present pose, and its rates.
+struct Past {
+    t: f64,
+    theta: Vec<f64>,
+    rate: Vec<f64>,
 }
 
 /// An inverse and the factors of the equations it belongs to.
@@ -165,14 +179,52 @@ impl BdfBfgs {
         }
     }
 
-    /// Increments of past poses from the present one, rates and times, the present first.
-    fn history(&self, eq: &Equations<'_, f64>, from: &Instant) -> Vec<(f64, Vec<f64>, Vec<f64>)> {
-        let mut all = vec![(from.motion.t, vec![0.0; eq.n()], from.motion.rate.clone())];
-        for past in &self.past {
-            let theta = eq.difference(&from.motion, &past.motion);
-            all.push((past.motion.t, theta, past.motion.rate.clone()));
-        }
+    /// The present first.
+    fn history(&self, eq: &Equations<'_, f64>, from: &Instant, h: f64) -> Vec<Past> {
+        let mut times = vec![from.motion.t];
+        times.extend(self.past.iter().map(|p| p.motion.t));
+        let widest = times.windows(2).fold(0.0_f64, |a, w| a.max(w[0] - w[1]));
+        let covered = times[times.len() - 1] <= from.motion.t - h * self.past.len() as f64;
+        let motions = if widest > GROWTH * h && covered {
+            self.between(eq, from, h, &times)
+        } else {
+            self.past.iter().map(|p| p.motion.clone()).collect()
+        };
+        let seen = |m: &Motion<f64>| Past {
+            t: m.t,
+            theta: eq.difference(&from.motion, m),
+            rate: m.rate.clone(),
+        };
+        let mut all = vec![seen(&from.motion)];
+        all.extend(motions.iter().map(seen));
         all
+    }
+
+    /// Past motions at distances h, between the instants there are: behind a shortened step old distances would set the error.
+    fn between(
+        &self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        h: f64,
+        times: &[f64],
+    ) -> Vec<Motion<f64>> {
+        let oldest = times.len() - 1;
+        let mut out = Vec::new();
+        for j in 1..=oldest {
+            let t = from.motion.t - h * j as f64;
+            let newer = (0..oldest)
+                .find(|k| times[k + 1] <= t)
+                .unwrap_or(oldest - 1);
+            let to = if newer == 0 {
+                from
+            } else {
+                &self.past[newer - 1]
+            };
+            let gap = times[newer] - times[newer + 1];
+            let part = [(t - times[newer + 1]) / gap];
+            out.extend(quintic(eq, &self.past[newer], to, gap, &part));
+        }
+        out
     }
 
     /// H and factors of the equations from a difference Jacobian at x.
@@ -203,6 +255,17 @@ impl BdfBfgs {
         Ok(())
     }
 
+    fn tolerance(&self, step: &BdfStep<'_, '_>) -> f64 {
+        let moved = step.guess.theta.iter().zip(&step.sizes.sigma);
+        let size = moved.fold(0.0_f64, |a, (v, s)| a.max((v / s).abs()));
+        let floor = if step.sizes.kept.is_empty() {
+            ROUNDING
+        } else {
+            ROUNDING_OF_ROWS
+        };
+        (SOLVED * size).clamp(floor, LOOSEST)
+    }
+
     /// The equations of a step: with the H there is, with a new one, with a new one and Broyden's update.
     fn solve(&mut self, step: &mut BdfStep<'_, '_>, n: usize) -> Result<Vec<f64>> {
         // far from the length it was made for an inverse is worth less than a new one
@@ -214,6 +277,7 @@ impl BdfBfgs {
             self.kept = None;
         }
         let goal = (n as f64).sqrt();
+        let solved = goal * self.tolerance(step);
         let mut x = vec![0.0; n];
         let mut last = f64::INFINITY;
         for attempt in 0..3 {
@@ -225,10 +289,10 @@ impl BdfBfgs {
             if attempt > 0 && family != before {
                 step.counts.add("fallback steps", 1);
             }
-            let out = self.attempt(step, &x, family, SOLVED * goal)?;
+            let out = self.attempt(step, &x, family, solved)?;
             last = out.f.iter().map(|v| v * v).sum::<f64>().sqrt();
             if last <= ACCEPTABLE * goal {
-                if last > SOLVED * goal {
+                if last > solved {
                     step.counts.add("steps at rounding", 1);
                 }
                 return Ok(out.x);
@@ -286,6 +350,10 @@ impl BdfBfgs {
                 max_backtracks: 12,
                 ..Rule::default()
             },
+            guard: Guard {
+                curvature: CURVATURE,
+                ..Options::default().guard
+            },
             start: Start::Identity,
             patience: PATIENCE,
             restarts: 0,
@@ -317,9 +385,9 @@ impl BdfBfgs {
         counts: &mut Counts,
     ) -> Result<Step> {
         let sizes = self.sizes(eq, &from.motion);
-        let history = self.history(eq, from);
+        let history = self.history(eq, from, h);
         let t = from.motion.t + h;
-        let times: Vec<f64> = history.iter().map(|p| p.0).collect();
+        let times: Vec<f64> = history.iter().map(|p| p.t).collect();
         let mut nodes = vec![t];
         nodes.extend(&times[..STEPS]);
         let weights = derivative_weights(&nodes);
@@ -338,8 +406,8 @@ impl BdfBfgs {
             base: &from.motion,
             t,
             g: 1.0 / weights[0],
-            theta_past: past(&|j| history[j].1.clone()),
-            rate_past: past(&|j| history[j].2.clone()),
+            theta_past: past(&|j| history[j].theta.clone()),
+            rate_past: past(&|j| history[j].rate.clone()),
             guess,
             row_factor: vec![1.0; n],
             counts,
@@ -359,8 +427,8 @@ impl BdfBfgs {
                 both.map(|(y, e)| LEADING * (y - e)).collect()
             };
             LocalError {
-                position: miss(&at.theta, &|j| history[j].1.clone()),
-                rate: miss(&motion.rate, &|j| history[j].2.clone()),
+                position: miss(&at.theta, &|j| history[j].theta.clone()),
+                rate: miss(&motion.rate, &|j| history[j].rate.clone()),
             }
         });
         self.tried = Some(at.lam);

@@ -3,6 +3,7 @@ use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::error::{Error, Result};
+use crate::model::joint::JointKind;
 use crate::run::{Cancel, Counts};
 
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
@@ -59,10 +60,11 @@ pub struct Run {
     pub last: Instant,
 }
 
-const SAFETY: f64 = 0.9;
+const SAFETY: f64 = 0.85;
 const SHRINK: f64 = 0.2;
-const GROW: f64 = 5.0;
+const GROW: f64 = 3.0;
 const MAX_FAILURES: usize = 60;
+const DIVISIONS: usize = 5;
 
 /// Progress as a part of the whole, readable from another thread.
 #[derive(Debug, Default)]
@@ -212,12 +214,18 @@ impl Driver<'_, '_, '_> {
                 .speed
                 .max(self.scaled(&here.motion.rate))
                 .max(1e-3 * self.scaled(&here.acceleration) * total.min(h * 1e3));
+            if matches!(self.plan.steps, Steps::Controlled { .. }) {
+                h = h.min(self.half_turn(&here));
+            }
             let (length, target) = self.fitted(&here, h);
             let estimate = matches!(self.plan.steps, Steps::Controlled { .. });
             let tried = scheme.step(self.eq, &here, length, estimate, counts);
-            let (mut step, size) = match self.judged(tried, length) {
+            let (mut step, size) = match self.judged(tried, length, scheme.power()) {
                 Verdict::Accepted(step, size) => (step, size),
-                Verdict::Fatal(error) => return Err(error),
+                Verdict::Fatal(error) => {
+                    self.stop(here.motion.t, error.to_string());
+                    break;
+                }
                 Verdict::Rejected(factor, why) => {
                     if let Some(error) = self.eq.topology().tables.failure() {
                         self.stop(here.motion.t, error.to_string());
@@ -228,9 +236,13 @@ impl Driver<'_, '_, '_> {
                     failures += 1;
                     after_rejection = true;
                     h = length * factor;
-                    let tiny =
-                        h < 1e-14 * here.motion.t.abs().max(total) || failures > MAX_FAILURES;
-                    if tiny || matches!(self.plan.steps, Steps::Fixed(_)) {
+                    let most = match self.plan.steps {
+                        // a fixed step is divided where its equations have no solution, as in singular poses
+                        Steps::Fixed(_) => DIVISIONS,
+                        Steps::Controlled { .. } => MAX_FAILURES,
+                    };
+                    let tiny = h < 1e-14 * here.motion.t.abs().max(total);
+                    if tiny || failures > most {
                         self.stop(here.motion.t, why);
                         break;
                     }
@@ -251,7 +263,11 @@ impl Driver<'_, '_, '_> {
             self.run.steps.push(here.motion.t);
             counts.add("steps", 1);
             progress.set((here.motion.t - t0) / total);
-            h = self.next(h, length, size, after_rejection, scheme);
+            let tolerance = |e: &LocalError| self.size(e, self.speed) / self.tolerance(length);
+            h = match scheme.proposal(&tolerance) {
+                Some(factor) => self.proposed(h, length, factor),
+                None => self.next(h, length, size, after_rejection, scheme),
+            };
             after_rejection = false;
         }
         self.run.last = here;
@@ -260,6 +276,19 @@ impl Driver<'_, '_, '_> {
 
     fn stop(&mut self, t: f64, message: String) {
         self.run.end = End::Stopped { t, message };
+    }
+
+    /// A step in which no angle of a joint turns by half a turn, beyond which turns cannot be counted: v h + a h^2/2 <= 2.
+    fn half_turn(&self, here: &Instant) -> f64 {
+        const TURN: f64 = 2.0;
+        let nodes = self.eq.topology().nodes.iter();
+        let counted = nodes.filter(|n| !matches!(n.kind, JointKind::Spherical | JointKind::Free));
+        let dofs = counted.flat_map(|n| n.first..n.first + n.n);
+        let turning = dofs.filter(|d| self.eq.topology().dofs[*d].freedom.rotation);
+        turning.fold(f64::INFINITY, |h, d| {
+            let (v, a) = (here.motion.rate[d].abs(), here.acceleration[d].abs());
+            h.min(2.0 * TURN / (v + (v * v + 2.0 * a * TURN).sqrt()))
+        })
     }
 
     /// The step that does not pass the end or a break, and the time it must hit exactly.
@@ -273,9 +302,12 @@ impl Driver<'_, '_, '_> {
             .find(|b| *b > t + 1e-14 * self.plan.end.abs().max(1e-300));
         let target = ahead.map_or(self.plan.end, |b| b.min(self.plan.end));
         let left = target - t;
+        if let Steps::Fixed(grid) = self.plan.steps {
+            return self.on_grid(t, h, grid, target);
+        }
         if h >= left * (1.0 - 1e-9) {
             (left, Some(target))
-        } else if h > 0.5 * left && matches!(self.plan.steps, Steps::Controlled { .. }) {
+        } else if h > 0.5 * left {
             // two equal steps instead of one and a splinter
             (0.5 * left, None)
         } else {
@@ -283,7 +315,22 @@ impl Driver<'_, '_, '_> {
         }
     }
 
-    fn judged(&self, tried: Result<Step>, h: f64) -> Verdict {
+    /// To the next multiple of the fixed step, or to a break or the end before it.
+    fn on_grid(&self, t: f64, h: f64, grid: f64, target: f64) -> (f64, Option<f64>) {
+        let next = self.start + grid * (((t - self.start) / grid + 1e-6).floor() + 1.0);
+        let cut = next >= target - 1e-9 * grid;
+        let aim = if cut { target } else { next };
+        if h < (aim - t) * (1.0 - 1e-6) {
+            (h, None)
+        } else if (aim - t - grid).abs() < 1e-9 * grid {
+            // whole steps have one length, so that factorisations and histories stay
+            (grid, Some(aim))
+        } else {
+            (aim - t, Some(aim))
+        }
+    }
+
+    fn judged(&self, tried: Result<Step>, h: f64, power: f64) -> Verdict {
         let step = match tried {
             Ok(step) => step,
             Err(error @ (Error::Convergence { .. } | Error::Singular(_))) => {
@@ -291,18 +338,12 @@ impl Driver<'_, '_, '_> {
             }
             Err(error) => return Verdict::Fatal(error),
         };
-        let Steps::Controlled { rtol, .. } = self.plan.steps else {
-            return Verdict::Accepted(step, 0.0);
-        };
         let Some(error) = &step.error else {
             return Verdict::Accepted(step, 0.0);
         };
-        let mut size = self.size(error) / rtol;
-        let mut order = 1.0;
-        if self.plan.per_unit_step {
-            size *= (self.plan.end - self.start) / h;
-            order = 0.0;
-        }
+        // what starts from rest without force has no rate of its own yet
+        let reached = self.scaled(&step.end.motion.rate);
+        let size = self.size(error, self.speed.max(reached)) / self.tolerance(h);
         if size <= 1.0 {
             return Verdict::Accepted(step, size);
         }
@@ -310,7 +351,6 @@ impl Driver<'_, '_, '_> {
             "the step underflows: the error is set by '{}'",
             self.culprit(error)
         );
-        let power = f64::from(if self.plan.per_unit_step { 2 } else { 7 }) + order;
         let factor = if size.is_finite() {
             (SAFETY * size.powf(-1.0 / power)).clamp(0.1, 0.9)
         } else {
@@ -319,8 +359,19 @@ impl Driver<'_, '_, '_> {
         Verdict::Rejected(factor, why)
     }
 
-    fn size(&self, error: &LocalError) -> f64 {
-        let speed = self.speed.max(1e-300);
+    /// What the local error of a step may be; infinite for fixed steps.
+    fn tolerance(&self, h: f64) -> f64 {
+        match self.plan.steps {
+            Steps::Fixed(_) => f64::INFINITY,
+            Steps::Controlled { rtol, .. } if self.plan.per_unit_step => {
+                rtol * h / (self.plan.end - self.start)
+            }
+            Steps::Controlled { rtol, .. } => rtol,
+        }
+    }
+
+    fn size(&self, error: &LocalError, speed: f64) -> f64 {
+        let speed = speed.max(1e-300);
         let rate = self.scaled(&error.rate) / speed;
         let position = self.scaled(&error.position);
         if rate.is_nan() || position.is_nan() {
@@ -342,6 +393,27 @@ impl Driver<'_, '_, '_> {
         worst.map_or("", |i| &self.eq.topology().names[i])
     }
 
+    fn grid(&self) -> f64 {
+        match self.plan.steps {
+            Steps::Fixed(h) => h,
+            Steps::Controlled { longest, .. } => longest,
+        }
+    }
+
+    /// The next step by a scheme's own proposal; one that was cut short for an output or the end says little.
+    fn proposed(&self, wanted: f64, length: f64, factor: f64) -> f64 {
+        let Steps::Controlled { longest, .. } = self.plan.steps else {
+            return self.grid();
+        };
+        let next = length * factor;
+        (if length < 0.5 * wanted {
+            next.max(wanted * factor.min(1.0))
+        } else {
+            next
+        })
+        .min(longest)
+    }
+
     fn next(
         &self,
         wanted: f64,
@@ -351,9 +423,9 @@ impl Driver<'_, '_, '_> {
         scheme: &dyn Scheme,
     ) -> f64 {
         let Steps::Controlled { longest, .. } = self.plan.steps else {
-            return wanted;
+            return self.grid();
         };
-        let power = f64::from(scheme.order());
+        let power = scheme.power();
         let grow = if after_rejection {
             1.0
         } else {

@@ -11,6 +11,9 @@ use crate::run::Counts;
 use super::dop853_numbers::{A, B, C, D, E3, E5, Row, STAGES};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
+/// The estimate exceeds that of order 5 at most by this factor.
+const MOST: f64 = 10.0;
+
 #[derive(Default)]
 pub struct Explicit8 {
     /// slopes (theta', v') of the stages of the last step, and of its end
@@ -72,12 +75,19 @@ impl Explicit8 {
     }
 }
 
-/// |e5|^2 / sqrt(|e5|^2 + 0.01 |e3|^2): of the order of the method, from two estimates of low order.
-fn combined(e5: &[f64], e3: &[f64]) -> Vec<f64> {
-    let square = |e: &[f64]| e.iter().map(|v| v * v).sum::<f64>();
-    let (five, three) = (square(e5), square(e3));
+/// e5 |e5|/(0.1 |e3|): of the order of the method, from two estimates of low order (II.10 of the book takes less where e5 is the
+/// larger one; there the estimate would fall with the sixth power of the step only).
+fn combined(e5: Vec<f64>, e3: &[f64], scales: &[f64]) -> Vec<f64> {
+    let size = |e: &[f64]| {
+        e.iter()
+            .zip(scales)
+            .map(|(v, c)| (v / c).powi(2))
+            .sum::<f64>()
+            .sqrt()
+    };
+    let (five, three) = (size(&e5), size(e3));
     let factor = if five > 0.0 {
-        (five / (five + 0.01 * three)).sqrt()
+        (five / (0.1 * three)).min(MOST)
     } else {
         0.0
     };
@@ -114,9 +124,10 @@ impl Scheme for Explicit8 {
                 weighted(&self.slopes, E5, h, n),
                 weighted(&self.slopes, E3, h, n),
             );
+            let scales = eq.scales();
             LocalError {
-                position: combined(&five.0, &three.0),
-                rate: combined(&five.1, &three.1),
+                position: combined(five.0, &three.0, &scales),
+                rate: combined(five.1, &three.1, &scales),
             }
         });
         self.slopes.push(Slope {

@@ -9,7 +9,7 @@
 //! G. Hulbert (1993) from the spectral radius at infinity. Newton corrects w = d(dq) and h^2 lam, so that no entry of
 //! [M + h g D + h^2 b K, J^T; J, 0] grows as h falls. Rates are projected at the end of every step, which takes the noise eps/h
 //! out that index 3 leaves in them, and accelerations and multipliers of the output come from the equations at that instant.
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use crate::error::{Error, Result};
 use crate::run::Counts;
@@ -18,7 +18,10 @@ use crate::system::topology::Level;
 use super::saddle::Saddle;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
-const MAX_ITERATIONS: usize = 12;
+/// In a singular pose Newton's method gains one bit at a time.
+const MAX_ITERATIONS: usize = 50;
+/// Part of a step after which the first rate of the acceleration is taken.
+const AHEAD: f64 = 1e-2;
 /// A kept factorisation is renewed when the corrections shrink more slowly.
 const SLOW: f64 = 0.1;
 /// Corrections stop at this part of h^2 a: far below the error of the step.
@@ -70,6 +73,7 @@ pub struct GeneralizedAlpha {
     carried: Option<Carried>,
     tried: Option<Carried>,
     kept: Option<(f64, Saddle)>,
+    error: Option<LocalError>,
 }
 
 /// An unknown end of a step.
@@ -86,21 +90,65 @@ impl GeneralizedAlpha {
             carried: None,
             tried: None,
             kept: None,
+            error: None,
         }
     }
 
-    fn start(&self, from: &Instant) -> Carried {
-        self.carried
-            .clone()
-            .filter(|c| c.t == from.motion.t)
-            .unwrap_or_else(|| Carried {
+    /// a is the acceleration at t + (alpha_m - alpha_f) h: it is shifted when the step changes, and at the start.
+    fn start(
+        &self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        h: f64,
+        estimate: bool,
+        counts: &mut Counts,
+    ) -> Result<Carried> {
+        let shift = self.p.am - self.p.af;
+        let mut c = match self.carried.clone().filter(|c| c.t == from.motion.t) {
+            Some(c) => c,
+            None => Carried {
                 t: from.motion.t,
                 a: from.acceleration.clone(),
                 rate_slope: from.acceleration.clone(),
                 lam: from.lam.clone(),
-                slope: None,
+                slope: if estimate {
+                    Some(self.jerk(eq, from, h, counts)?)
+                } else {
+                    None
+                },
                 h: 0.0,
-            })
+            },
+        };
+        if let Some(slope) = &c.slope {
+            for (a, s) in c.a.iter_mut().zip(slope) {
+                *a += shift * (h - c.h) * s;
+            }
+        }
+        Ok(c)
+    }
+
+    /// The rate of the acceleration, from the instant a small part of a step later.
+    fn jerk(
+        &self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        h: f64,
+        counts: &mut Counts,
+    ) -> Result<Vec<f64>> {
+        let d = AHEAD * h;
+        let mut m = from.motion.clone();
+        let increment: Vec<f64> = (from.motion.rate.iter().zip(&from.acceleration))
+            .map(|(v, a)| d * (v + 0.5 * d * a))
+            .collect();
+        m = m.moved(eq.topology(), &increment);
+        m.t += d;
+        for (v, a) in m.rate.iter_mut().zip(&from.acceleration) {
+            *v += d * a;
+        }
+        let ahead = eq.consistent(m, counts)?;
+        Ok((ahead.acceleration.iter().zip(&from.acceleration))
+            .map(|(a, b)| (a - b) / d)
+            .collect())
     }
 
     /// Increment, motion and algorithmic acceleration that belong to a guess of v'.
@@ -125,8 +173,8 @@ impl GeneralizedAlpha {
             .collect();
         let mut m = from.moved(eq.topology(), &dq);
         m.t = from.t + h;
-        for i in 0..n {
-            m.rate[i] += h * ((1.0 - p.gamma) * c.a[i] + p.gamma * a1[i]);
+        for ((rate, a0), a1) in m.rate.iter_mut().zip(&c.a).zip(&a1) {
+            *rate += h * ((1.0 - p.gamma) * a0 + p.gamma * a1);
         }
         (dq, m, a1)
     }
@@ -141,27 +189,19 @@ impl GeneralizedAlpha {
         counts: &mut Counts,
     ) -> Result<()> {
         let (b, g) = self.p.slopes();
-        let tangent = eq.tangent(m, &u.rate_slope, &u.lam, counts);
-        let turned = eq.turned_columns(&(tangent.stiffness * (h * h * b)), dq);
-        let mut matrix = tangent.mass + turned;
-        for d in [&tangent.damping, &tangent.gyroscopic]
-            .into_iter()
-            .flatten()
-        {
-            matrix += d * (h * g);
-        }
-        let jacobian = eq.turned_columns(&eq.rows(m).1, dq);
-        counts.add("factorisations", 1);
-        self.kept = Some((h, Saddle::new(&matrix, &jacobian)?));
+        let factors = (h * g, h * h * b);
+        let (matrix, jacobian) =
+            eq.iteration_matrices(m, &u.rate_slope, &u.lam, factors, dq, counts);
+        self.kept = Some((h, Saddle::of(&matrix, &jacobian, None)?));
         Ok(())
     }
 
     /// Rows whose zero the step demands, in lengths and angles.
     fn rows(&self, eq: &Equations<'_, f64>, m: &Motion<f64>, h: f64) -> DVector<f64> {
         let (b, g) = self.p.slopes();
-        let (mut phi, jacobian) = eq.rows(m);
+        let (mut phi, jacobian) = eq.row_matrix(m);
         if eq.topology().has_velocity_rows() {
-            let rates = eq.row_rates_of(m, &jacobian);
+            let rates = jacobian.times(&m.rate) + eq.explicit_rates(m).0;
             for (i, row) in eq.topology().rows.iter().enumerate() {
                 if row.level == Level::Velocity {
                     phi[i] = rates[i] * h * b / g;
@@ -196,7 +236,6 @@ impl GeneralizedAlpha {
         {
             self.kept = None;
         }
-        let mut renewed = false;
         for _ in 0..MAX_ITERATIONS {
             counts.add("iterations", 1);
             let (dq, m, _) = self.end(eq, from, c, u, h);
@@ -207,7 +246,6 @@ impl GeneralizedAlpha {
             }
             if self.kept.is_none() {
                 self.factor(eq, &m, u, &dq, h, counts)?;
-                renewed = true;
             }
             let Some((_, saddle)) = &self.kept else { break };
             let (w, mu) = saddle.solve(&-r, &-phi)?;
@@ -225,15 +263,16 @@ impl GeneralizedAlpha {
             {
                 return Ok(());
             }
-            if rate > SLOW && !renewed {
-                self.kept = None;
-            } else if rate > 2.0 && last.is_finite() {
-                break;
-            } else if rate > 0.5 && step < 1e-13 {
-                // rounding is reached
+            // rounding is reached
+            if rate > 0.5 && step < 1e-13 {
                 return Ok(());
             }
-            renewed = false;
+            if rate > SLOW {
+                self.kept = None;
+            }
+            if rate > 1e3 && last.is_finite() {
+                break;
+            }
             last = step;
         }
         self.kept = None;
@@ -244,27 +283,24 @@ impl GeneralizedAlpha {
         })
     }
 
-    /// Leading terms of the local error, from the change of a (C h^3 q''' in the increment, C' h^3 q'''' in the rate).
-    fn estimate(&self, c: &Carried, a1: &[f64], h: f64) -> LocalError {
+    /// Leading terms of the local error, C h^3 q''' in the increment and C' h^3 q'''' in the rate. The accelerations of the instants
+    /// are taken for it: those of the scheme carry the noise of index 3 along the constraints.
+    fn estimate(&self, c: &Carried, slope: &[f64], h: f64) -> LocalError {
         let p = self.p;
         let shift = p.am - p.af;
         let position = shift / 2.0 + p.beta - 1.0 / 6.0;
         let rate = 0.5
             * ((1.0 - p.gamma) * shift * shift + p.gamma * (1.0 + shift) * (1.0 + shift))
             - 1.0 / 6.0;
-        let slope = |i: usize| (a1[i] - c.a[i]) / h;
         let second = |i: usize| {
             c.slope
                 .as_ref()
-                .map_or(0.0, |s| 2.0 * (slope(i) - s[i]) / (h + c.h))
+                .map_or(0.0, |s| 2.0 * (slope[i] - s[i]) / (h + c.h))
         };
+        let third = h.powi(3);
         LocalError {
-            position: (0..a1.len())
-                .map(|i| position * h.powi(3) * slope(i))
-                .collect(),
-            rate: (0..a1.len())
-                .map(|i| rate * h.powi(3) * second(i))
-                .collect(),
+            position: slope.iter().map(|s| position * third * s).collect(),
+            rate: (0..slope.len()).map(|i| rate * third * second(i)).collect(),
         }
     }
 }
@@ -290,63 +326,51 @@ impl Scheme for GeneralizedAlpha {
         estimate: bool,
         counts: &mut Counts,
     ) -> Result<Step> {
-        let c = self.start(from);
+        let c = self.start(eq, from, h, estimate, counts)?;
         let mut u = Unknown {
             rate_slope: c.rate_slope.clone(),
             lam: c.lam.clone(),
         };
         self.solve(eq, &from.motion, &c, &mut u, h, counts)?;
         let (_, m, a1) = self.end(eq, &from.motion, &c, &u, h);
-        let error = estimate.then(|| self.estimate(&c, &a1, h));
         let end = eq.consistent(m, counts)?;
-        let slope = Some((0..a1.len()).map(|i| (a1[i] - c.a[i]) / h).collect());
+        let slope: Vec<f64> = (end.acceleration.iter().zip(&from.acceleration))
+            .map(|(a, b)| (a - b) / h)
+            .collect();
+        let error = estimate.then(|| self.estimate(&c, &slope, h));
+        self.error.clone_from(&error);
         self.tried = Some(Carried {
             t: end.motion.t,
             a: a1,
             rate_slope: u.rate_slope,
             lam: u.lam,
-            slope,
+            slope: Some(slope),
             h,
         });
         Ok(Step { end, error })
     }
 
-    fn accept(&mut self, _: &Equations<'_, f64>, _: &Instant, _: &Step, _: f64) {
-        self.carried = self.tried.take();
+    fn accept(&mut self, _: &Equations<'_, f64>, _: &Instant, step: &Step, _: f64) {
+        // the driver may have rounded the time to an output or the end
+        self.carried = self.tried.take().map(|c| Carried {
+            t: step.end.motion.t,
+            ..c
+        });
+    }
+
+    /// A new step costs a factorisation: only for a gain.
+    fn proposal(&mut self, size: &dyn Fn(&LocalError) -> f64) -> Option<f64> {
+        let error = self.error.take()?;
+        let factor = (0.85 / size(&error).max(1e-12).sqrt()).clamp(0.2, 2.0);
+        Some(if (0.95..1.2).contains(&factor) {
+            1.0
+        } else {
+            factor
+        })
     }
 
     fn reset(&mut self) {
         self.carried = None;
         self.kept = None;
-    }
-}
-
-impl Equations<'_, f64> {
-    /// X J_l(theta): columns of three rotations together, so that X acts on changes of an increment theta.
-    pub fn turned_columns(&self, x: &DMatrix<f64>, theta: &[f64]) -> DMatrix<f64> {
-        let mut out = x.clone();
-        let n = self.n();
-        for node in &self.topology().nodes {
-            if node.n < 3
-                || !matches!(
-                    node.kind,
-                    crate::model::joint::JointKind::Spherical
-                        | crate::model::joint::JointKind::Free
-                )
-            {
-                continue;
-            }
-            let first = node.first + node.n - 3;
-            for k in 0..3 {
-                let mut unit = vec![0.0; n];
-                unit[first + k] = 1.0;
-                let mapped = self.rates_of_increments(theta, &unit);
-                for r in 0..x.nrows() {
-                    out[(r, first + k)] =
-                        (0..3).map(|l| x[(r, first + l)] * mapped[first + l]).sum();
-                }
-            }
-        }
-        out
     }
 }

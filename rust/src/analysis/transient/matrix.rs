@@ -9,6 +9,18 @@ pub enum Matrix {
     Sparse(Triplets),
 }
 
+/// Columns first..first + 3 times a 3 x 3 matrix, for all such triples.
+pub fn turn_columns(m: &mut DMatrix<f64>, triples: &[(usize, [[f64; 3]; 3])]) {
+    for (first, map) in triples {
+        for r in 0..m.nrows() {
+            let old = [m[(r, *first)], m[(r, first + 1)], m[(r, first + 2)]];
+            for k in 0..3 {
+                m[(r, first + k)] = (0..3).map(|l| old[l] * map[l][k]).sum();
+            }
+        }
+    }
+}
+
 impl Entries<f64> for Matrix {
     fn add(&mut self, i: usize, j: usize, v: f64) {
         match self {
@@ -110,16 +122,7 @@ impl Matrix {
             return;
         }
         match self {
-            Matrix::Dense(m) => {
-                for (first, map) in triples {
-                    for r in 0..m.nrows() {
-                        let old = [m[(r, *first)], m[(r, first + 1)], m[(r, first + 2)]];
-                        for k in 0..3 {
-                            m[(r, first + k)] = (0..3).map(|l| old[l] * map[l][k]).sum();
-                        }
-                    }
-                }
-            }
+            Matrix::Dense(m) => turn_columns(m, triples),
             Matrix::Sparse(t) => {
                 let mut of = vec![None; t.cols];
                 for (first, map) in triples {

@@ -5,12 +5,13 @@ use crate::run::{Cancel, Counts};
 use super::ali3p::{Ali3p, Weight};
 use crate::solve::inverse::Family;
 
+use super::bdf::Bdf;
 use super::bdf_bfgs::BdfBfgs;
 use super::bdf_step::Form;
-use super::driver::{Plan, Progress, Run, drive};
+use super::driver::{Plan, Progress, Run, Steps, drive};
 use super::explicit8::Explicit8;
 use super::generalized_alpha::GeneralizedAlpha;
-use super::{Equations, Motion, Scheme};
+use super::{Equations, Instant, Motion, Scheme};
 
 #[derive(Debug, Clone, Copy)]
 pub enum Method {
@@ -20,6 +21,7 @@ pub enum Method {
     GeneralizedAlpha(f64),
     Ali3p(Weight),
     BdfBfgs(Form, Option<Family>),
+    Bdf,
 }
 
 /// What generalised-alpha leaves of infinitely fast oscillations, unless it is told otherwise.
@@ -30,6 +32,7 @@ impl Method {
         match name {
             "auto" => Ok(Method::Auto),
             "explicit" => Ok(Method::Explicit),
+            "bdf" => Ok(Method::Bdf),
             "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
             "ali3p" => Ok(Method::Ali3p(Weight::Tangent)),
             name if name.starts_with("bdf-bfgs") => {
@@ -56,15 +59,20 @@ impl Method {
             Method::GeneralizedAlpha(_) => "generalized-alpha",
             Method::Ali3p(_) => "ali3p",
             Method::BdfBfgs(..) => "bdf-bfgs",
+            Method::Bdf => "bdf",
         }
     }
 
-    fn scheme(&self) -> Box<dyn Scheme> {
+    fn scheme(&self, steps: Steps) -> Box<dyn Scheme> {
         match self {
             Method::Auto | Method::Explicit => Box::new(Explicit8::default()),
             Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
             Method::Ali3p(weight) => Box::new(Ali3p::new(*weight)),
             Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family)),
+            Method::Bdf => Box::new(Bdf::new(match steps {
+                Steps::Fixed(_) => None,
+                Steps::Controlled { rtol, .. } => Some(rtol),
+            })),
         }
     }
 
@@ -113,9 +121,9 @@ pub fn simulate(
         .map(|(a, b)| a - b)
         .collect();
     let velocity_correction = size(&changed);
-    let (method, mut why) = chosen(eq, method, &plan, counts);
+    let (method, mut why) = chosen(eq, method, &first, &plan, counts)?;
     plan.per_unit_step = method.per_unit_step();
-    let mut scheme = method.scheme();
+    let mut scheme = method.scheme(plan.steps);
     let run = drive(eq, scheme.as_mut(), first, &plan, cancel, progress, counts)?;
     if let Some(remark) = scheme.remark() {
         why = format!("{why}; {remark}");
@@ -138,20 +146,42 @@ fn at_start(error: Error) -> Error {
     }
 }
 
+/// Vibrations or decays faster than the motion by this factor, and this many of them in the whole time, call for an implicit method.
+const STIFF: f64 = 300.0;
+const MANY: f64 = 3000.0;
+
 fn chosen(
     eq: &Equations<'_, f64>,
     method: Method,
-    _plan: &Plan,
-    _counts: &mut Counts,
-) -> (Method, String) {
+    first: &Instant,
+    plan: &Plan,
+    counts: &mut Counts,
+) -> Result<(Method, String)> {
     let Method::Auto = method else {
-        return (method, "as asked".into());
+        return Ok((method, "as asked".into()));
     };
     if eq.topology().connectors.is_empty() {
-        return (
-            Method::Explicit,
-            "no spring, damper or law: nothing can be stiff".into(),
-        );
+        let why = "no spring, damper or law: nothing can be stiff".into();
+        return Ok((Method::Explicit, why));
     }
-    (Method::Explicit, "the scene is not stiff".into())
+    let scales = eq.scales();
+    let size = |v: &[f64]| {
+        v.iter()
+            .zip(&scales)
+            .fold(0.0_f64, |s, (v, c)| s.max((v / c).abs()))
+    };
+    let time = plan.end - first.motion.t;
+    let motion = size(&first.motion.rate)
+        .max(size(&first.acceleration).sqrt())
+        .max(1.0 / time);
+    let fastest = eq.fastest(first, counts)?;
+    let text = format!(
+        "the fastest vibration or decay ({fastest:.2e} 1/s) is {:.1e} times as fast as the motion",
+        fastest / motion
+    );
+    if fastest > STIFF * motion && fastest * time > MANY {
+        Ok((Method::Bdf, format!("stiff: {text}")))
+    } else {
+        Ok((Method::Explicit, format!("not stiff: {text}")))
+    }
 }

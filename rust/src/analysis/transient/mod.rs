@@ -16,6 +16,7 @@
 //! | `interpolate` | between two instants |
 //! | one file for each scheme | implements `Scheme` |
 pub mod ali3p;
+pub mod bdf;
 pub mod bdf_bfgs;
 pub mod bdf_step;
 pub mod consistent;
@@ -30,6 +31,7 @@ pub mod matrix;
 pub mod methods;
 pub mod penalty;
 pub mod saddle;
+pub mod stiffness;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -102,6 +104,17 @@ pub trait Scheme {
         estimate: bool,
         counts: &mut Counts,
     ) -> Result<Step>;
+
+    /// Power of the step in the controlled error.
+    fn power(&self) -> f64 {
+        f64::from(self.order())
+    }
+
+    /// Factor of the next step, for schemes that choose their order; `size` of an error is one at its tolerance. Called after
+    /// `accept`.
+    fn proposal(&mut self, _size: &dyn Fn(&LocalError) -> f64) -> Option<f64> {
+        None
+    }
 
     /// The driver goes on from the end of this step (of length h): the place to move histories on.
     fn accept(&mut self, _eq: &Equations<'_, f64>, _from: &Instant, _step: &Step, _h: f64) {}

@@ -32,9 +32,9 @@ pub type Ordering = RefCell<Option<Arc<Pattern>>>;
 
 enum Factor {
     Small(nalgebra::LU<f64, nalgebra::Dyn, nalgebra::Dyn>),
-    Large(faer::linalg::solvers::PartialPivLu<f64>),
+    Large(Box<faer::linalg::solvers::PartialPivLu<f64>>),
     Symmetric(Ldl),
-    Sparse(SparseFactor),
+    Sparse(Box<SparseFactor>),
 }
 
 /// The scaled matrix without its regularisation.
@@ -92,7 +92,7 @@ impl Saddle {
             Factor::Small(regular.lu())
         } else {
             let view = MatRef::from_column_major_slice(regular.as_slice(), n + m, n + m);
-            Factor::Large(view.partial_piv_lu())
+            Factor::Large(Box::new(view.partial_piv_lu()))
         };
         let matrix = Scaled::Dense(matrix);
         Ok(Saddle {
@@ -142,7 +142,8 @@ impl Saddle {
             }
             None => {
                 let entries = all().map(|(i, j, v)| (i as usize, j as usize, v)).collect();
-                Factor::Sparse(SparseFactor::lu(&Csc::from_entries(n + m, n + m, entries))?)
+                let lu = SparseFactor::lu(&Csc::from_entries(n + m, n + m, entries))?;
+                Factor::Sparse(Box::new(lu))
             }
         };
         Ok(Saddle {
