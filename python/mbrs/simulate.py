@@ -21,6 +21,7 @@ from .names import shown
 from .progress import Progress
 from .results import Stats
 from .state import State, state_of
+from .tables import directions
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
