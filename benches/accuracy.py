@@ -15,6 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import accuracy_motion
 import accuracy_nonlinear as nonlinear
 import mbrs as mb
 import numpy as np
@@ -183,11 +184,16 @@ def _oscillator(t: float, w: float) -> float:
     return steady + math.exp(-rate * t) * (a * math.cos(wd * t) + (v + rate * a) / wd * math.sin(wd * t))
 
 
+def _motion(name: str, title: str, text: str, make: Callable[[], Any]) -> Callable[[], Section]:
+    return lambda: Section(name, title, text, make())
+
+
 SECTIONS: dict[str, Callable[[], Section]] = {
     "dense": dense_modes,
     "sparse": sparse_modes,
     "truncation": truncation,
     "response": response,
+    **{name: _motion(name, *rest) for name, rest in accuracy_motion.sections().items()},
     **{name: lambda make=make: Section(*make()) for name, make in nonlinear.SECTIONS.items()},
 }
 
@@ -212,6 +218,7 @@ def main(names: list[str]) -> None:
         section.study.plot().savefig(DOCS / "img" / f"accuracy-{section.name}.png")
         parts.append(markdown(section))
     if not names:
+        parts.append(accuracy_motion.against_evaluations())
         (DOCS / "accuracy.md").write_text("\n".join(parts))
     elif (DOCS / "accuracy.md").exists():
         _replace(parts[1:])

@@ -29,7 +29,7 @@ fn dense(m: &nalgebra::DMatrix<f64>) -> Mat<f64> {
 
 fn linearized(system: &System) -> Result<Linearization> {
     let mut counts = Counts::default();
-    let state = assemble(system, &mut counts)?.state;
+    let state = assemble(system, true, Effects::ALL, &mut counts)?.state;
     let effects = Effects::ALL;
     let setting = Setting {
         system,

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from mbrs import reference as ref
 from mbrs.linearize import Snapshot, linearize
-from mbrs.reference.assembly import close_loops, jacobian
-from mbrs.reference.kinematics import place_outer, relative_pose
+from mbrs.reference.assembly import close_loops, jacobian, partition, twist_map
+from mbrs.reference.kinematics import motion, place_outer, relative_pose
+from mbrs.reference.linearize import split
 from mbrs.state import AT_REST, State, state_of
 from mbrs.tables import tables
 
@@ -49,7 +50,7 @@ def spinning(m, state, rng, size):
     if J.size:
         for _ in range(2):
             rate = rate - np.linalg.lstsq(J, J @ rate, rcond=1e-10)[0]
-    return State(state.relative, rate, "steady")
+    return State(state.relative, rate)
 
 
 def relative_difference(a, b, scale=None):
@@ -98,11 +99,11 @@ def show(title, numbers):
     print(f"{title}: " + ", ".join(f"{k} {v:.1e}" for k, v in numbers.items()))
 
 
-def held(m, state):
+def held(m, state, keep=None):
     """For the reference's derivatives: the state that a core state becomes when numbers change and the configuration is held.
 
     Relative poses of the tree joints stay, but for the drawn offsets of two-point joints, which follow the drawing; loops are
-    closed by the smallest change.
+    closed by the smallest change. Of a moving state the rates of the coordinates in ``keep`` stay, and loops decide the others.
     """
     real = ref.System(tables(m))
     base = reference_state(m, state, real)
@@ -116,7 +117,12 @@ def held(m, state):
             free = [k for _, kind, _, k in t.coordinates if kind == "t"]
             place_outer(t, r, R, u + np.where(np.isin(np.arange(3), free), moved, 0.0), turn)
         zero = np.zeros((sys.nb, 3))
-        return close_loops(sys, ref.State(r, R, zero, zero))
+        still = close_loops(sys, ref.State(r, R, zero, zero))
+        if not state.moving:
+            return still
+        twists = twist_map(sys, motion(still), partition(sys, still, keep)).value
+        v, w = split(twists @ state.rate[keep])
+        return ref.State(still.r, still.R, v, w)
 
     return state_of
 

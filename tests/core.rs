@@ -31,7 +31,7 @@ fn second_order(lin: &Linearization) -> Result<SecondOrder> {
 
 fn linearized(system: &System) -> Result<Linearization> {
     let mut counts = Counts::default();
-    let state = assemble(system, &mut counts)?.state;
+    let state = assemble(system, true, Effects::ALL, &mut counts)?.state;
     let effects = Effects::ALL;
     let setting = Setting {
         system,
@@ -44,7 +44,7 @@ fn linearized(system: &System) -> Result<Linearization> {
 fn balanced(tables: Tables, cancel: &Cancel) -> Result<Equilibrium> {
     let system = System::new(tables)?;
     let mut counts = Counts::default();
-    let state = assemble(&system, &mut counts)?.state;
+    let state = assemble(&system, true, Effects::ALL, &mut counts)?.state;
     equilibrium(&system, &state, Effects::ALL, cancel, &mut counts)
 }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mbrs as mb
 import numpy as np
 import pytest
-from agreement import advanced, all_addresses, drawn, held, relative_difference, show, worst_of
+from agreement import advanced, all_addresses, drawn, held, relative_difference, show, spinning, worst_of
 from mbrs import reference as ref
 from mbrs.tables import directions, tables
 from random_models import TREE_JOINTS, random_loop, random_tree
@@ -34,7 +34,7 @@ def compare(m, state, addresses, follow=False, seed=0):
     lin = mb.linearize(m, at=state)
     state = getattr(state, "state", state)
     keep = [ref.System(tables(m)).coordinates.index(name) for name in lin.coordinates]
-    where = held(m, state)
+    where = held(m, state, keep)
     state_of = (lambda sys: ref.equilibrium(sys, where(sys))[0]) if follow else where
     worst = {}
     for address in addresses:
@@ -88,6 +88,79 @@ def test_every_number_of_a_loop(kinds, rod):
     m = random_loop(rng, kinds, rod=rod)
     addresses = [a for a in all_addresses(m) if not a.startswith(("mount", "strut", "torsion", "spring"))]
     check("-".join(kinds), compare(m, advanced(m, rng, 0.1), addresses))
+
+
+LOOPS = [
+    ("spherical", "universal", "cylindrical", "spherical"),
+    ("universal", "spherical", "spherical", "planar"),
+    ("spherical", "prismatic", "spherical", "fixed"),
+]
+
+
+@pytest.mark.parametrize("kinds", LOOPS)
+def test_every_number_of_a_moving_loop(kinds):
+    """B'' turns in time, and how it turns depends on every point and axis of the loop."""
+    rng = np.random.default_rng([16, len(kinds[0])])
+    m = random_loop(rng, kinds)
+    state = spinning(m, advanced(m, rng, 0.1), rng, 0.7)
+    assert state.moving
+    addresses = [a for a in all_addresses(m) if not a.startswith(("mount", "strut", "torsion", "spring"))]
+    addresses = [a for a in addresses if "velocity" not in a]
+    check("moving " + "-".join(kinds), compare(m, state, addresses))
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_given_velocities_of_a_loop(moving):
+    """Differences of the whole analysis at the drawn state, at rest and moving: the velocities are projected on the loop."""
+    rng = np.random.default_rng([17, moving])
+    m = random_loop(rng, LOOPS[0], moving=moving)
+    addresses = ["b1.velocity[0]", "b2.angular_velocity[1]", "b0.velocity[2]"]
+    velocity_terms = lambda r: r.G  # noqa: E731
+    if moving:
+        stiffness = mb.check_gradients(mb.linearize, m, [*addresses, "j1.at_a[0]", "b1.at[1]", "b2.mass"])
+        print(stiffness)
+        assert stiffness
+        assert mb.check_gradients(mb.linearize, m, [*addresses, "j3.at_b[2]", "b1.com[0]"], value=velocity_terms)
+    else:
+        lin = mb.linearize(m)
+        assert lin.G is None
+        for address in addresses:
+            x, weights = combined(m, address, rng)
+            d = mb.sensitivity(lin, address)
+            rates = rates_by_differences(m, x)
+            with_dampers, without = (
+                m.compiled().linearize(lin.state.relative, r, [])["D"] for r in (rates, np.zeros(0))
+            )
+            change = with_dampers - without  # G is linear in the rates
+            assert relative_difference(d.D[..., 0] * weights[0], change) < 1e-7
+
+
+def test_a_steady_motion_that_follows():
+    """A governor: an arm on a sprung hinge, carried round, lifts with the mass and falls with the spring; its speed stays."""
+    m = mb.Model("governor", gravity=(0, 0, -9.81))
+    shaft = m.body("shaft", mass=3.0, inertia=(0.1, 0.1, 0.2), at=(0, 0, 0))
+    arm = m.body("arm", mass=0.7, inertia=(0.02, 0.03, 0.01), at=(0.3, 0, -0.2))
+    m.revolute("bearing", m.ground, shaft, at=(0, 0, 0), axis="z")
+    m.revolute("hinge", shaft, arm, at=(0.1, 0, 0), axis="y", k=4.0, c=0.05)
+    speed = {"bearing": 7.0}
+    steady = mb.steady_motion(m, speed)
+    real = ref.System(tables(m))
+    names = real.coordinates
+    assert np.abs(steady.poses["position"][1] - (0.3, 0, -0.2)).max() > 1e-2
+    addresses = ["arm.mass", "arm.com[0]", "hinge.k", "hinge.at[0]", "hinge.axis[0]", "arm.inertia[1,1]", "gravity[2]"]
+    found = mb.sensitivity(steady, addresses)
+    motion, matrices = [], []
+    d = mb.sensitivity(steady.linearization, addresses)
+    for p, x in enumerate(directions(m, addresses).dense.T):
+        sys = ref.System(tables(m), tables(m)["x"] + 1e-30j * x)
+        lin, _ = ref.steady_motion(sys, {names[0]: 7.0})
+        origin = lin.state.r - np.array([R @ b.com for R, b in zip(lin.state.R, sys.bodies, strict=True)])
+        motion.append(relative_difference(found.position[..., p], origin.imag / 1e-30, np.array([1e-3])))
+        for mine, other in ((d.M, lin.M), (d.D, lin.D), (d.S, lin.S)):
+            matrices.append(relative_difference(mine[..., p], np.imag(other) / 1e-30, np.abs(other).max() + 0 * x))
+    show("governor", {"position": max(motion), "matrices": max(matrices)})
+    assert max(*motion, *matrices) < TOLERANCE
+    assert mb.check_gradients(lambda m: mb.modes(m, at=mb.steady_motion(m, speed)), m, ["arm.mass", "hinge.k"])
 
 
 def suspended(rng, kinds=("spherical", "universal", "cylindrical", "spherical")):
@@ -199,7 +272,6 @@ def test_a_parameter_that_breaks_a_redundant_loop_is_an_error():
     for address in ("C.at_a[2]", "D.at_b[2]"):
         with pytest.raises(mb.NotDifferentiableError, match="breaks a redundant loop"):
             mb.sensitivity(lin, address)
-    # a loop that starts to move has no derivative yet
     fine = [a for a in all_addresses(m) if a.split(".")[0] not in "ABCD" and "velocity" not in a]
     fine += ["A.at[0]", "B.at[1]", "C.at", "D.at_b[0]", "D.at_b[1]", "A.axis[2]", "C.axis[2]"]
     check("four-bar", compare(m, drawn(m), fine))

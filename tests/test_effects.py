@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
+
 import mbrs as mb
 import numpy as np
 import pytest
 from mbrs.effects import EFFECTS
+from random_models import N_FREE, add_body, random_quaternion
 
 pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
 
@@ -131,3 +134,66 @@ def test_unknown_effects_are_refused():
     for never in ("loops", "redundancy"):
         with pytest.raises(mb.ModelError, match="cannot be switched off"):
             mb.linearize(m, without=(never,))
+
+
+def test_constraint_forces_of_a_tree_count_as_work():
+    """A hanging chain: its joints carry the weight below; in vacuum they carry nothing."""
+
+    def chain(gravity):
+        m = mb.Model("chain", gravity=gravity)
+        before = m.ground
+        for i in range(4):
+            b = m.body(f"b{i}", mass=1.0, inertia=(0.01, 0.01, 0.01), at=(0, 0, -0.5 - i))
+            m.revolute(f"j{i}", before, b, at=(0, 0, -i), axis="y", k=5.0)
+            before = b
+        return m
+
+    assert "constraint-force stiffness" not in mb.linearize(chain(None)).stats.counts
+    hanging = chain((0, 0, -9.81))
+    full, less = mb.linearize(hanging), mb.linearize(hanging, without="constraint-force-stiffness")
+    assert full.stats.counts["constraint-force stiffness"] == 4
+    assert "constraint-force stiffness" not in less.stats.counts
+    assert np.abs(full.K - less.K).max() > 1.0
+
+
+def test_rounding_is_no_preload():
+    """Springs at their drawn length in skew trees, also far from the origin: no preload work, and no state off balance."""
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        m, far = mb.Model("skew"), 10.0 ** rng.uniform(0, 5)
+        before, place = m.ground, np.array([far, 0.0, 0.0])
+        for i in range(4):
+            here = place + rng.normal(size=3)
+            b = add_body(m, rng, f"b{i}", here)
+            kind = str(rng.choice(["revolute", "cylindrical", "universal", "spherical", "prismatic", "planar"]))
+            turned = random_quaternion(rng)
+            k = 1e4 * rng.random(N_FREE[kind])
+            getattr(m, kind)(f"j{i}", before, b, at=0.5 * (place + here), orientation=turned, k=k)
+            m.bushing(f"u{i}", before, b, at=0.3 * place + 0.7 * here, k=1e5 * rng.random(6), orientation=turned)
+            m.spring_damper(f"s{i}", before, b, at=(place + rng.normal(size=3), here + rng.normal(size=3)), k=1e6)
+            before, place = b, here
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            lin = mb.linearize(m)
+        assert not {"preload stiffness", "constraint-force stiffness"} & set(lin.stats.counts)
+
+
+def test_rate_laws_are_damping():
+    """Dry friction and a velocity polynomial damp; the table says so, and leaving it out removes C."""
+    for law in (mb.CoulombTanh(2.0, 0.1), mb.Polynomial1D([0.0], [0.0, 3.0])):
+        m = mb.Model("rated")
+        b = m.body("b", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
+        m.prismatic("rail", m.ground, b, at=(0, 0, 0), axis="x", k=100.0, law=law)
+        assert mb.effects(m)["damping"].on
+        assert mb.linearize(m).C is not None and mb.linearize(m, without="damping").C is None
+
+
+def test_strain_energy_holds_the_slopes_of_laws():
+    """Two equal springs in parallel, one of them a law: half of the energy each."""
+    m = mb.Model("parallel")
+    b = m.body("b", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
+    m.prismatic("rail", m.ground, b, at=(0, 0, 0), axis="x", law=mb.Polynomial1D([0.0, 50.0]))
+    m.spring_damper("spring", m.ground, b, at=((-1, 0, 0), (0, 0, 0)), k=50.0)
+    shares = mb.modes(m).energy()
+    named = dict(zip(shares.elements, shares.strain_element[:, 0], strict=True))
+    assert named == pytest.approx({"rail": 0.5, "spring": 0.5})

@@ -36,7 +36,21 @@ def test_second_script_shows_what_it_says(monkeypatch, tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "degrees of freedom: 1 " in printed and "redundant constraints: 3 of 5" in printed
     assert names["A"].shape == (2, 2) and names["eq"].status == "converged"
-    assert len(BLOCKS) == 2
+
+
+def test_third_script_finds_the_folds(monkeypatch, tmp_path, capsys):
+    names = run(BLOCKS[2], monkeypatch, tmp_path)
+    # METHODS.md b.3: folds near 1.26960 and 1.11570
+    assert [round(event.omega, 5) for event in names["curve"].events] == [1.2696, 1.1157]
+    assert "1.26960" in capsys.readouterr().out
+
+
+def test_fourth_script_moves_the_four_bar(monkeypatch, tmp_path, capsys):
+    names = run(BLOCKS[3], monkeypatch, tmp_path)
+    traj = names["traj"]
+    assert traj.t[-1] == 2.0 and 0 < traj.error < 1e-6
+    assert "explicit" in capsys.readouterr().out
+    assert len(BLOCKS) == 4
 
 
 def test_links_lead_to_files():

@@ -204,6 +204,3 @@ def test_what_the_reference_refuses():
     table = dict(law_owner_kind=[1], law_owner=[0], law_component=[0], law_type=[7], law_n=[4], law_x=[0])
     with pytest.raises(ModelError, match="table laws"):
         System({**b.tables(), **table})
-    b.joint("disc", "rolling_disc", None, "rod", (0, 0, 0))
-    with pytest.raises(ModelError, match="rolling"):
-        System(b.tables())

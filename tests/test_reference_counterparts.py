@@ -81,7 +81,7 @@ def test_every_reference_module_is_used_by_a_test():
         own = [
             n
             for n, v in vars(home).items()
-            if inspect.isfunction(v) and v.__module__ == home.__name__ and not n.startswith("_")
+            if (inspect.isfunction(v) or inspect.isclass(v)) and v.__module__ == home.__name__ and not n.startswith("_")
         ]
         assert any(f"{n}(" in texts or f"{n}," in texts for n in own), (
             f"no test uses anything of mbrs.reference.{module.name}"

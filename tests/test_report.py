@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+import time
 from html.parser import HTMLParser
 
 import numpy as np
@@ -13,7 +14,7 @@ from mbrs import animate
 from mbrs.errors import ModelError
 from mbrs.jsonable import dumps, result_data
 from mbrs.page import Section, page, svg
-from mbrs.progress import Progress
+from mbrs.progress import Elapsed, Progress
 from mbrs.report import html_table, number, si, table
 from presentation_standins import hexapod_modes, oscillator_frf, sensitivity
 
@@ -279,3 +280,21 @@ def test_tornado_is_sorted_and_leaves_out_what_has_no_size() -> None:
     # 0.01 * 20 * .3979 = .07958 > 0.01 * 1e5 * 7.95775e-5 = .0795775; a coordinate moves by 1 mm
     assert kept == ["payload.mass", "k_leg", "leg0.at_b[2]"]
     assert ">0.0796<" in text and ">0.0012<" in text
+
+
+def test_a_call_that_cannot_count_shows_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thread writes the line while the caller is busy; the line is cleared at the end, and without a terminal nothing runs."""
+    monkeypatch.setattr("mbrs.progress._QUIET_FOR", 0.0)
+    monkeypatch.setattr("mbrs.progress._EVERY", 0.005)
+    monkeypatch.setenv("MBRS_PROGRESS", "1")
+    stream = io.StringIO()
+    with Elapsed("lowest modes", stream=stream) as progress:
+        deadline = time.monotonic() + 20.0
+        while "lowest modes" not in stream.getvalue() and time.monotonic() < deadline:
+            time.sleep(0.001)
+        ticker = progress._ticker
+    assert "lowest modes  0 s" in stream.getvalue() and stream.getvalue().endswith("\r")
+    assert ticker is not None and not ticker.is_alive()
+    monkeypatch.setenv("MBRS_PROGRESS", "0")
+    with Elapsed("lowest modes", stream=stream) as progress:
+        assert progress._ticker is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mbrs as mb
 import numpy as np
 import pytest
 import scipy.linalg
@@ -275,3 +276,31 @@ def test_wrong_input_is_named(call, error, text):
     K = arrays(springs(10, True).T @ springs(10, True))
     with pytest.raises(error, match=text):
         call(arrays(sp.identity(10)), K)
+
+
+# --- through the public door
+
+
+@pytest.mark.parametrize("damping", ["none", "proportional", "general"])
+def test_modes_of_a_sparse_mechanical_system(damping):
+    """mb.modes(m, n=20) of scipy.sparse matrices against all modes of the same dense ones."""
+    n = 300
+    K, M = sp.csc_array(springs(n, True).T @ springs(n, True)), sp.eye_array(n, format="csc")
+    C = {"none": None, "proportional": 1e-3 * K, "general": sp.diags(0.02 * (np.arange(n) % 3), format="csc")}[damping]
+    found = mb.modes(mb.MechanicalSystem(M, C, K), n=20)
+    dense = mb.modes(mb.MechanicalSystem(M.toarray(), None if C is None else C.toarray(), K.toarray()), n=20)
+    assert found.stats.route.startswith("sparse") and found.status == "converged" and found.n == 20
+    true = np.abs(found.eigenvalue / dense.eigenvalue - 1)
+    print(f"{damping}: error {true.max():.1e}, estimate {found.error.max():.1e}, {found.stats.route}")
+    assert true.max() < 1e-9
+    overlap = np.abs(np.einsum("ij,ij->j", found.shape.conj(), dense.shape))
+    np.testing.assert_allclose(overlap, np.linalg.norm(found.shape, axis=0) * np.linalg.norm(dense.shape, axis=0))
+
+
+def test_the_error_of_sparse_modes_is_the_solver_s_own():
+    """Relative error of s: half of that of lambda = -s^2, zero for rigid modes."""
+    K, M = sp.csc_array(springs(200, False).T @ springs(200, False)), sp.eye_array(200, format="csc")
+    r = _core.sparse_modes(arrays(M), None, arrays(K), 6)
+    found = mb.modes(mb.MechanicalSystem(M, None, K), n=6)
+    assert found.kind[0] == "rigid" and found.error[0] == 0.0
+    np.testing.assert_allclose(found.error[1:], 0.5 * r["error"][1:], rtol=1e-6)

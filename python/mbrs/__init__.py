@@ -33,14 +33,24 @@ _HOME = {
     "linearize": "linearize",
     "modes": "modal",
     "mac": "mac",
+    "root": "root",
     "frf": "frf",
     "response": "response",
     "state_space": "state_space",
     "sensitivity": "sensitivity",
     "eigen_sensitivity": "eigen_sensitivity",
     "steady_motion": "steady",
+    "simulate": "simulate",
     "campbell": "campbell",
     "check_gradients": "check_gradients",
+    "gradient": "gradient",
+    "problem": "design_problem",
+    "Bounded": "design_problem",
+    "Frequency": "design_problem",
+    "Damping": "design_problem",
+    "Integral": "objectives",
+    "Final": "objectives",
+    "AtTimes": "objectives",
     "accuracy_study": "study",
     "effect_study": "study",
     "harmonic_balance": "harmonic_balance",
@@ -62,9 +72,13 @@ _HOME = {
     "VanDerPol": "laws",
     "VaryingStiffness": "laws",
     "FunctionLaw": "laws",
+    "Ramp": "motions",
+    "Sine": "motions",
+    "Polynomial": "motions",
+    "Table": "motions",
 }
-_MODULES = ("examples", "reference", "errors", "report", "plot", "animate")
-__all__ = sorted([*_HOME, "examples"])
+_MODULES = ("examples", "reference", "errors", "report", "plot", "animate", "matrix_calculus")
+__all__ = sorted([*_HOME, "examples", "matrix_calculus"])
 
 
 class _Package(types.ModuleType):

@@ -1,6 +1,6 @@
 """The Rust core: typed by hand and checked by stubtest. Not public; its results are wrapped by the modules of mbrs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, final
 
 import numpy as np
@@ -25,6 +25,8 @@ __all__ = [
     "HbmElements",
     "HbmLinear",
     "HbmProblem",
+    "MotionForward",
+    "RootInverse",
     "System",
     "__version__",
     "check_sparse_model",
@@ -33,7 +35,12 @@ __all__ = [
     "eigen_sensitivities",
     "law_force",
     "mixed_modes",
+    "motion_directions",
+    "motion_quantities",
+    "motion_reactions",
+    "root_solve",
     "shape_sensitivities",
+    "simulate_motion",
     "sparse_count",
     "sparse_frf",
     "sparse_model_form",
@@ -55,6 +62,7 @@ def dense_modes(
     k: np.ndarray,
     n: np.ndarray | None,
     kf: np.ndarray | None,
+    mf: np.ndarray | None = None,
 ) -> dict[str, Any]: ...
 def check_sparse_model(system: System) -> None: ...
 def sparse_model_modes(
@@ -72,7 +80,15 @@ class FrfReduction:
     @property
     def counts(self) -> dict[str, int]: ...
     def evaluate(
-        self, l: _F2, f: _F2, order_in: _Ints, d0: _F2 | None, order_out: int, omega: _F1, modes: int | None = None
+        self,
+        l: _F2,
+        f: _F2,
+        order_in: _Ints,
+        d0: _F2 | None,
+        order_out: int,
+        omega: _F1,
+        modes: int | None = None,
+        checked: bool = True,
     ) -> dict[str, Any]: ...
     def sensitivity(
         self,
@@ -131,19 +147,61 @@ class System:
     def characteristic_length(self) -> float: ...
     def with_values(self, x: _F1) -> System: ...
     def topology(self) -> dict[str, Any]: ...
-    def assemble(self) -> dict[str, Any]: ...
+    def assemble(self, hold: bool = False, without: Sequence[str] = ()) -> dict[str, Any]: ...
     def bodies(self, relative: _F2, rate: _F1) -> dict[str, Any]: ...
     def equilibrium(self, relative: _F2, without: Sequence[str]) -> dict[str, Any]: ...
     def linearize(self, relative: _F2, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
-    def advance(self, relative: _F2, increments: _F1) -> _F2: ...
+    def mobility(self, relative: _F2) -> dict[str, Any]: ...
+    def advance(self, relative: _F2, increments: _F1, without: Sequence[str] = ()) -> _F2: ...
     def law_places(self, relative: _F2, rate: _F1) -> list[tuple[int, int, int, _F1, _F1, float, float]]: ...
-    def rate_mismatch(self, relative: _F2, rate: _F1) -> float: ...
+    def rate_mismatch(self, relative: _F2, rate: _F1, without: Sequence[str] = ()) -> float: ...
     def integrate(
         self, relative: _F2, rate: _F1, step: float, n_steps: int, direction: _Direction | None
     ) -> dict[str, Any]: ...
-    def strains(self, relative: _F2) -> list[tuple[str, int, int, _F1, _F2, _F2]]: ...
+    def rows(self, relative: _F2, rate: _F1, t: float, without: Sequence[str]) -> dict[str, Any]: ...
+    def strains(self, relative: _F2, without: Sequence[str]) -> list[tuple[str, int, int, _F1, _F2, _F2]]: ...
     def reactions(self, relative: _F2, rate: _F1, without: Sequence[str]) -> _F2: ...
 
+def simulate_motion(
+    system: System,
+    relative: _F2,
+    rate: _F1,
+    without: Sequence[str],
+    options: dict[str, Any],
+    report: Callable[[float], None] | None = None,
+) -> dict[str, Any]: ...
+
+@final
+class MotionForward:
+    def __new__(
+        cls, system: System, relative: _F2, rate: _F1, without: Sequence[str], options: dict[str, Any]
+    ) -> MotionForward: ...
+    def values(self) -> _F2: ...
+    def counts(self) -> dict[str, int]: ...
+    def gradient(self, seeds: _F2) -> tuple[_F1, dict[str, int]]: ...
+
+def motion_directions(
+    system: System, relative: _F2, rate: _F1, without: Sequence[str], options: dict[str, Any]
+) -> dict[str, Any]: ...
+def motion_quantities(
+    system: System,
+    t: _F1,
+    relative: _F3,
+    rate: _F2,
+    memory: _F2,
+    acceleration: _F2,
+    without: Sequence[str],
+) -> dict[str, Any]: ...
+def motion_reactions(
+    system: System,
+    t: _F1,
+    relative: _F3,
+    rate: _F2,
+    memory: _F2,
+    acceleration: _F2,
+    multipliers: _F2,
+    without: Sequence[str],
+) -> _F3: ...
 def law_force(
     code: int, values: list[float], u: NDArray[np.float64], v: NDArray[np.float64]
 ) -> NDArray[np.float64]: ...
@@ -265,6 +323,7 @@ def directions(
     directions: Sequence[_Direction],
     follow: str,
     maps: bool,
+    driven: Sequence[int] = (),
 ) -> dict[str, Any]: ...
 def sparse_count(m: _Csc, k: _Csc, below: float) -> int | None: ...
 def sparse_frf(
@@ -280,3 +339,25 @@ def sparse_frf(
 ) -> dict[str, Any]: ...
 def sparse_modes(m: _Csc, d: _Csc | None, s: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
 def mixed_modes(m: _Csc, a: _Csc, n: int, sigma: float | None = None) -> dict[str, Any]: ...
+
+@final
+class RootInverse:
+    def __new__(cls, h: np.ndarray) -> RootInverse: ...
+    def matrix(self) -> _F2 | None: ...
+    def apply(self, r: np.ndarray) -> _F1: ...
+
+def root_solve(
+    function: Callable[[_F1], _F1],
+    observer: Callable[[_F1, _F1], bool] | None,
+    x0: Sequence[float] | _F1,
+    broyden: bool,
+    tolerance: float,
+    rule: tuple[float, float, float, float, int, bool],
+    guard: tuple[float, float, float],
+    limits: tuple[int, int, int, int],
+    fallback: bool,
+    differences: float | None,
+    pattern: tuple[Sequence[int], Sequence[int]] | None,
+    memory: int | None,
+    inverse: RootInverse | None,
+) -> dict[str, Any]: ...

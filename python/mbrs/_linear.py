@@ -22,7 +22,11 @@ _SPARSE_FROM = 400
 
 @dataclass(frozen=True, eq=False)
 class LinearSystem:
-    """M y" + D y' + S y = F u, outputs L y + D0 u; an input may enter through its derivative of order ``order_in``."""
+    """M y" + D y' + S y = F u, outputs L y + D0 u; an input may enter through its derivative of order ``order_in``.
+
+    Columns of F beyond the inputs belong once more to the inputs that ``shared`` names: ground that turns under gravity
+    acts by its angular acceleration and by its angle.
+    """
 
     M: Any
     D: Any
@@ -36,10 +40,21 @@ class LinearSystem:
     outputs: tuple[str, ...]
     effects: tuple[str, ...]
     source: Any = None
+    shared: tuple[int, ...] = ()
 
     @property
     def n(self) -> int:
         return len(self.coordinates)
+
+    def joined(self, a: np.ndarray, axis: int) -> np.ndarray:
+        """Columns of F back to inputs: what belongs to one input is added up."""
+        if not self.shared:
+            return a
+        n_in = len(self.inputs)
+        own, more = np.split(np.moveaxis(a, axis, 0), [n_in])
+        own = own.copy()
+        np.add.at(own, list(self.shared), more)
+        return np.moveaxis(own, 0, axis)
 
     @property
     def is_large(self) -> bool:
@@ -95,11 +110,14 @@ def linear_system(m: Any, inputs: Any, outputs: Any, at: Any, without: Sequence[
     system, effects = second_order(m, at, without)
     used = {k: getattr(system, k) if e in effects else None for k, e in _EFFECT_OF.items()}
     coordinates = tuple(system.coordinates)
-    D0 = None
+    D0, shared = None, ()
     if hasattr(system, "input_map"):
         ports_in, ports_out = as_list(inputs), as_list(outputs)
         F, order_in, names_in = system.input_map(ports_in)
         L, D0, names_out = system.output_map(ports_out, ports_in)
+        tilt, shared = system.tilt_map(ports_in)
+        F, order_in = np.hstack([F, tilt]), np.concatenate([order_in, np.zeros(len(shared), dtype=np.int64)])
+        D0 = np.hstack([D0, np.zeros((len(L), len(shared)))])
     else:
         F, names_in = directions(inputs, coordinates, "inputs")
         W, names_out = directions(outputs, coordinates, "outputs")
@@ -119,6 +137,7 @@ def linear_system(m: Any, inputs: Any, outputs: Any, at: Any, without: Sequence[
         outputs=tuple(names_out),
         effects=effects,
         source=system,
+        shared=shared,
     )
 
 

@@ -28,9 +28,9 @@ EFFECTS = (
 )
 _NEVER_OFF = frozenset({"loops", "redundancy"})
 _FRICTION_LAWS = frozenset({"Jenkins", "Iwan", "CoulombTanh"})
-# Codes of laws that depend on the rate without being friction: Polynomial1D with a velocity part, VanDerPol.
-_RATE_LAWS = frozenset({2, 8})
-_CONTACT_LAWS = frozenset({"Gap", "BilinearStop", "Hertz"})
+# Codes of laws that depend on the rate: Polynomial1D with a velocity part, CoulombTanh, VanDerPol.
+_RATE_LAWS = frozenset({2, 5, 8})
+_CONTACT_LAWS = frozenset({"Gap", "Hertz"})
 
 
 @dataclass(frozen=True)
@@ -101,11 +101,12 @@ def effects(model: Model) -> EffectsTable:
     """
     if not hasattr(model, "stores"):
         raise ModelError(f"effects needs a mb.Model, got {shown(model)}")
-    rows = []
-    for name in EFFECTS:
-        on, why = _RULES[name](model)
-        rows.append(Effect(name, on, why))
-    return EffectsTable(model.name, tuple(rows))
+    versions = (model.structure_version, model.values_version)
+    cached = model.cache.get("effects")
+    if cached is None or cached[0] != versions:
+        rows = tuple(Effect(name, *_RULES[name](model)) for name in EFFECTS)
+        cached = model.cache["effects"] = (versions, EffectsTable(model.name, rows))
+    return cached[1]
 
 
 def check_without(names: Any) -> tuple[str, ...]:
@@ -252,7 +253,11 @@ def _flexibility(m: Model) -> tuple[bool, str]:
 
 
 def _drives(m: Model) -> tuple[bool, str]:
-    return False, "no joint is driven"
+    varying = [load.name for load in m.loads if load.motions]
+    parts = [f"drive {_listed([d.name for d in m.drives])}"] if m.drives else []
+    if varying:
+        parts.append(f"loads that vary in time ({_listed(varying)}), which stay when this is left out")
+    return (True, "; ".join(parts)) if m.drives else (False, "no joint is driven")
 
 
 def _nonholonomic(m: Model) -> tuple[bool, str]:

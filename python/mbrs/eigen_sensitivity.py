@@ -68,7 +68,7 @@ class EigenSensitivity(Result):
     parameters, units, shapes
         Labels, their units, and the shape of each (``()`` for a number); n_p is the sum of their sizes.
     groups
-        A `GroupSensitivity` for every repeated group.
+        A `GroupSensitivity` for every repeated group, ``modal.clusters``: also of roots that agree to 1e-11.
     modal
         The modes these are derivatives of.
     """
@@ -114,7 +114,7 @@ class EigenSensitivity(Result):
         return self._shaped(self._flat_shape)
 
     def group(self, i: int) -> GroupSensitivity:
-        """The i-th repeated group, in the order of ``modal.groups``."""
+        """The i-th repeated group, in the order of ``modal.clusters``."""
         if not -len(self.groups) <= i < len(self.groups):
             raise ModelError(
                 f"there is no group {i}: these modes have {len(self.groups)} groups of repeated eigenvalues"
@@ -302,7 +302,7 @@ def _solve(
     names = tuple(_labels(labels, shapes))
     groups = tuple(
         GroupSensitivity(indices, complex(modal.eigenvalue[indices[0]]), matrices, names)
-        for indices, matrices in zip(modal.groups, r["groups"], strict=True)
+        for indices, matrices in zip(modal.clusters, r["groups"], strict=True)
         if indices[0] not in cut
     )
     counts = {"eigensolutions": 0, "directions": flat.shape[1]}
@@ -332,7 +332,7 @@ def _modes(modal: ModalResult) -> Any:
         None if left is None else left.astype(complex),
         (modal.kind == "rigid").tolist(),
         modal.near_defective.tolist(),
-        [(g[0], len(g)) for g in modal.groups],
+        [(g[0], len(g)) for g in modal.clusters],
     )
 
 
@@ -350,17 +350,15 @@ def _shape_derivatives(sensitivity: EigenSensitivity) -> np.ndarray:
 
 def _error(modal: ModalResult) -> np.ndarray:
     """Errors of a derivative come from those of the vectors: the error of s, magnified where another root is near."""
-    s, roots = modal.eigenvalue, modal.roots
-    error = np.zeros(len(s))
-    for i, value in enumerate(s):
-        members = list(modal.group_of(i))
-        distance = np.abs(roots - value)
-        own = [2 * j for j in members]
-        distance[own] = np.inf
-        gap = distance.min() if np.isfinite(distance.min()) else abs(value)
-        noise = modal.error[i] + _EPS * np.nan_to_num(modal.condition[i], nan=1.0)
-        error[i] = noise * (1.0 + (abs(value) / gap if gap > 0.0 else 0.0))
-    return error
+    s = modal.eigenvalue
+    distance = np.abs(modal.roots - s[:, None])
+    cluster = {i: c for c in modal.clusters for i in c}
+    for i in range(len(s)):
+        distance[i, [2 * j for j in cluster.get(i, (i,))]] = np.inf
+    gap = distance.min(axis=1, initial=np.inf)
+    gap = np.where(np.isfinite(gap), gap, np.abs(s))
+    noise = modal.error + _EPS * np.nan_to_num(modal.condition, nan=1.0)
+    return noise * (1.0 + np.divide(np.abs(s), gap, out=np.zeros(len(s)), where=gap > 0.0))
 
 
 def _omega(s: np.ndarray, ds: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from .attached_laws import NewLaws, add_laws
 from .elements import HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, LOAD_FRAMES, SIX, Element, Load
 from .geometry import quaternion
+from .motions import FUNCTION, Motion, MotionItem, TimeFunction
 from .names import problem, shown
 from .values import Number, array, is_pair, point_pair, scalar, shape_of, vector
 from .values import axis as direction
@@ -197,16 +198,51 @@ class ElementMethods:
     def force(  # type: ignore[misc]
         self: Model, name: str, body: Any, *, at: Any = None, value: Any, frame: str = "world"
     ) -> Load:
-        """A constant force ``value`` (3,), N, at the world point ``at`` of the body (its origin by default).
+        """A force ``value`` (3,), N, at the world point ``at`` of the body (its origin by default).
 
         ``frame="world"``: keeps its direction; ``"body"``: turns with the body (a follower), value in world axes as
-        drawn.
+        drawn. A component may be a motion (`Ramp`, `Sine`, `Polynomial`, `Table`) or a function of t (s); ``value`` may be one
+        function that returns (3,). Their numbers have addresses such as "pull.x_amplitude". Linear analyses take t = 0.
+
+        >>> import mbrs as mb
+        >>> m = mb.Model("shaken"); p = m.body("plate", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
+        >>> m.force("shaker", p, value=(mb.Sine(5.0, frequency=10.0), 0, 0))
+        <load 'shaker' of 'shaken'>
         """
         return _add_load(self, "force", name, body, at, value, frame)
 
     def torque(self: Model, name: str, body: Any, *, value: Any, frame: str = "world") -> Load:  # type: ignore[misc]
-        """A constant torque ``value`` (3,), N m; ``frame`` as for `force`."""
+        """A torque ``value`` (3,), N m; ``frame`` and what varies in time as for `force`."""
         return _add_load(self, "torque", name, body, (0.0, 0.0, 0.0), value, frame)
+
+
+def _parted(load: Load, value: Any) -> tuple[list[Number], dict[int, list[Number]]]:
+    """The constant part of a load's value, and the numbers of the motions of its components."""
+    where = load.name + ".value"
+    load.motions = []
+    if isinstance(value, Motion):
+        raise problem(where, "must be three components: put the motion into one, such as (motion, 0, 0)")
+    whole = None
+    if callable(value):
+        whole = TimeFunction(value, where, 3)
+        whole(0.0)
+        value = (whole,) * 3
+    varying: dict[int, list[Number]] = {}
+    constant = list(value) if isinstance(value, (list, tuple)) else value
+    if isinstance(constant, list) and len(constant) == 3:
+        for i, one in enumerate(constant):
+            if not (isinstance(one, Motion) or callable(one)):
+                continue
+            item = MotionItem(load.model, load.name)
+            item.owner, item.component = load, i
+            if whole is None:
+                varying[i] = item.take(one, f"{load.name}.{'xyz'[i]}", 1)
+            else:
+                item.code, item.groups, item.function, varying[i] = FUNCTION, (), whole, []
+            item.check(item.evaluated(varying[i]))
+            load.motions.append(item)
+            constant[i] = 0.0
+    return vector(constant, where), varying
 
 
 def _add_load(model: Model, type_: str, name: Any, body: Any, at: Any, value: Any, frame: Any) -> Load:
@@ -222,7 +258,12 @@ def _add_load(model: Model, type_: str, name: Any, body: Any, at: Any, value: An
     if at is not None and is_pair(at):
         raise problem(where, "must be one point (3,): a force acts at one")
     point = model.bodies[load.body].entries(0, 3) if at is None else vector(at, where)
-    load.put([*point, *vector(value, name + ".value")])
+    constant, varying = _parted(load, value)
+    load.put([*point, *constant])
     load.index = len(model.loads)
+    for item in load.motions:
+        item.place = len(model.motions)
+        item.put(varying[item.component])
+        model.motions.append(item)
     model.register(load, model.loads)
     return load

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from .attached_laws import law_fields
+from .motions import MotionItem
 from .names import problem
 from .store import Field, Item, plain, single
 
@@ -112,11 +113,12 @@ def check_drawn_length(name: str, what: str, values: Sequence[float], flags: int
 
 
 class Load(Item):
-    """Handle of a constant force or torque; see `Model.force` and `Model.torque`."""
+    """Handle of a force or torque; see `Model.force` and `Model.torque`."""
 
-    __slots__ = ("body", "frame", "type")
+    __slots__ = ("body", "frame", "motions", "type")
     body: int
     frame: str
+    motions: list[MotionItem]  # of those components that vary in time
     type: str
     store = "load"
     kind = "load"
@@ -126,5 +128,15 @@ class Load(Item):
         return 6
 
     def fields(self) -> dict[str, Field]:
-        value = plain(self.start + 3, 3, "N" if self.type == "force" else "N m")
-        return {"at": plain(self.start, 3, "m"), "value": value} if self.type == "force" else {"value": value}
+        unit = "N" if self.type == "force" else "N m"
+        out = {"value": plain(self.start + 3, 3, unit)}
+        if self.type == "force":
+            out = {"at": plain(self.start, 3, "m"), **out}
+        for motion in self.motions:
+            out.update(motion.motion_fields("xyz"[motion.component] + "_", unit))
+        return out
+
+    def recheck(self) -> None:
+        super().recheck()
+        for motion in self.motions:
+            motion.recheck()

@@ -40,7 +40,8 @@ class Equilibrium(Result):
     residual
         Largest unbalanced generalised force over the size of all forces.
     error
-        Estimated distance to the exact equilibrium: the last Newton step, radians or characteristic lengths.
+        Estimated distance to the exact equilibrium: the Newton step that is left and what rounding of the forces hides,
+        radians or characteristic lengths.
     """
 
     state: State
@@ -83,6 +84,8 @@ class Equilibrium(Result):
     def reactions(self) -> dict[str, np.ndarray]:
         """Wrench (6,) of each joint on its second body at the joint's point, world axes, N and N m.
 
+        Drives stand under their own names, on the second body of their joint; its own reaction is without them.
+
         Where constraints are redundant, rigid bodies do not decide how they share; these are the reactions of
         minimum norm,
         moments divided by the model's characteristic length.
@@ -90,7 +93,8 @@ class Equilibrium(Result):
         snapshot = self.linearization.snapshot
         with core_errors():
             all_ = snapshot.system.reactions(self.state.relative, AT_REST, list(self.linearization.without))
-        return dict(zip(snapshot.tables["joint_name"], all_, strict=True))
+        names = [*snapshot.tables["joint_name"], *snapshot.tables["drive_name"]]
+        return dict(zip(names, all_, strict=True))
 
     def __str__(self) -> str:
         from .report import table

@@ -213,7 +213,7 @@ def frf(
         raise ModelError(f"kind={kind!r} is not known; it is one of {', '.join(_ORDER)}")
     points, limits = _grid(frequency, omega)
     linear = linear_system(m, inputs, outputs, at, without)
-    if kind == "transmissibility" and np.any(linear.order_in != 2):
+    if kind == "transmissibility" and np.any(linear.order_in[: len(linear.inputs)] != 2):
         raise ModelError("a transmissibility needs motions of the base as inputs, such as mb.base_motion('z')")
     if modes is not None and (not isinstance(modes, int | np.integer) or modes < 1):
         raise ModelError(f"modes={modes!r} must be a number of modes, at least 1")
@@ -272,7 +272,7 @@ def frf_sensitivity(
     dM, dD, dS
         (n, n, n_p) derivatives of M, D = C + G, S = K + N; None where nothing changes. Zeros cost nothing.
     dF, dL, dD0
-        (n, n_in, n_p), (n_out, n, n_p), (n_out, n_in, n_p), or None.
+        (n, n_in, n_p), (n_out, n, n_p), (n_out, n_in, n_p), or None; columns in the order of ``linear.F``.
 
     Returns
     -------
@@ -297,7 +297,7 @@ def frf_sensitivity(
             *(None if a is None else np.asarray(a, dtype=float) for a in (dM, dD, dS, dF, dL, dD0)),
         )
     return FrfSensitivity(
-        value=raw["value"],
+        value=linear.joined(raw["value"], 1),
         frequency=omega / (2 * np.pi),
         omega=omega,
         kind=kind,
@@ -319,9 +319,10 @@ class _Dense:
         self.poles: np.ndarray | None = self.reduction.poles
         self.counts: Mapping[str, int] = self.reduction.counts if made else {}
 
-    def evaluate(self, omega: np.ndarray) -> dict[str, Any]:
+    def evaluate(self, omega: np.ndarray, checked: bool = True) -> dict[str, Any]:
         p = self.linear
-        return self.reduction.evaluate(p.L, p.F, p.order_in, p.D0, self.order_out, omega, self.modes)
+        raw = self.reduction.evaluate(p.L, p.F, p.order_in, p.D0, self.order_out, omega, self.modes, checked)
+        return {**raw, "value": p.joined(raw["value"], 1)}
 
 
 class _Sparse:
@@ -361,9 +362,11 @@ class _Sparse:
         s = found["eigenvalue"] if "eigenvalue" in found else 1j * np.sqrt(found["lambda"].astype(complex))
         return np.concatenate([s, np.conj(s)])
 
-    def evaluate(self, omega: np.ndarray) -> dict[str, Any]:
+    def evaluate(self, omega: np.ndarray, checked: bool = True) -> dict[str, Any]:
+        """Each frequency is solved for, and its residual checked, whatever ``checked`` says."""
         p = self.linear
-        return _core.sparse_frf(*self.arrays, p.L, p.F, p.order_in, p.D0, self.order_out, omega)
+        raw = _core.sparse_frf(*self.arrays, p.L, p.F, p.order_in, p.D0, self.order_out, omega)
+        return {**raw, "value": p.joined(raw["value"], 1)}
 
 
 def _grid(frequency: Any, omega: Any) -> tuple[np.ndarray | None, tuple[float, float] | None]:
@@ -438,7 +441,7 @@ def _warn_missed(solver: _Dense | _Sparse, points: np.ndarray, poles: np.ndarray
             suspects.append(pole.imag)
     if not suspects:
         return
-    peaks = solver.evaluate(np.array(suspects, dtype=float))["value"]
+    peaks = solver.evaluate(np.array(suspects, dtype=float), checked=False)["value"]
     place = np.argsort(np.abs(points), kind="stable")
     missed = []
     for s, w in enumerate(suspects):

@@ -148,6 +148,20 @@ class Linearization(Result):
             out[i] = np.block([[m * np.eye(3), -m * s], [m * s, inertia - m * s @ s]])
         return out
 
+    @property
+    def mass_factor(self) -> np.ndarray:
+        """(6 n_bodies, dof) F with M = F^T F: it keeps light bodies whose mass M adds to a heavy one's."""
+        t = self.snapshot.tables
+        x, rows = t["x"], []
+        for i, start in enumerate(t["body_x"]):
+            r = self.poses["rotation"][i]
+            xx, yy, zz, xy, xz, yz = x[start + 11 : start + 17]
+            principal, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+            twist = twist_at(self.T[6 * i : 6 * i + 6], r @ x[start + 7 : start + 10])
+            turning = (r @ axes).T @ twist[3:]
+            rows += [np.sqrt(x[start + 10]) * twist[:3], np.sqrt(np.maximum(principal, 0.0))[:, None] * turning]
+        return np.concatenate(rows)
+
     @cached_property
     def geometry(self) -> Any:
         """Bodies, springs and joints to draw, at this state."""
@@ -159,7 +173,7 @@ class Linearization(Result):
     @cached_property
     def _strains(self) -> list[tuple[str, np.ndarray, np.ndarray]]:
         with core_errors():
-            rows = self.snapshot.system.strains(self.state.relative)
+            rows = self.snapshot.system.strains(self.state.relative, list(self.without))
         out = []
         for name, a, b, point, gradients, k in rows:
             relative = self._at(b, point) - self._at(a, point)
@@ -167,7 +181,9 @@ class Linearization(Result):
         return out
 
     def element_strain_energy(self, shape: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
-        """Names of the elastic elements and 1/2 e^H k e of each for each column of ``shape``, (n_elements, n)."""
+        """Names of the elastic elements and 1/2 e^H k e of each for each column of ``shape``, (n_elements, n); k holds the
+        slopes of their laws at this state.
+        """
         names = tuple(name for name, _, _ in self._strains)
         energy = np.zeros((len(names), shape.shape[1]))
         for i, (_, rows, k) in enumerate(self._strains):
@@ -236,12 +252,26 @@ class Linearization(Result):
             raise ModelError("base motion of a moving (rotating) state is not available; linearise at rest")
         if not port.is_rotation:
             return np.r_[port.direction, np.zeros(3)]
-        if self.model.gravity is not None and np.any(self.model.gravity):
+        fixed = [load.name for load in self.model.loads if load.frame == "world"]
+        if fixed:
             raise ModelError(
-                f"{port.name!r} turns ground under gravity, which this input map does not hold; use a translation, or "
-                "leave gravity out of the model"
+                f"{port.name!r} turns ground, but the load {fixed[0]!r} keeps its direction in space, which this input map "
+                "does not hold; use a translation, or leave the load out"
             )
         return np.r_[np.zeros(3), port.direction]
+
+    def tilt_map(self, ports: Sequence[Any]) -> tuple[np.ndarray, tuple[int, ...]]:
+        """Columns (dof, k) of those inputs that turn ground under gravity, times their angle, and which inputs they are.
+
+        Seen from ground gravity turns by -angle: each body feels m (g x direction) angle.
+        """
+        columns, which = [], []
+        if self.model.gravity is not None and "gravity" not in self.without:
+            for j, port in enumerate(as_port(self.model, p) for p in ports):
+                if port.kind == "base" and port.is_rotation:
+                    columns.append(self.ground_coupling[:, :3] @ np.cross(self.model.gravity, port.direction))
+                    which.append(j)
+        return np.array(columns).reshape(len(which), self.n).T, tuple(which)
 
     def output_map(
         self, ports: Sequence[Any], inputs: Sequence[Any] = ()
@@ -417,6 +447,13 @@ def _linearization(
     )
 
 
+def symmetric(x: np.ndarray) -> np.ndarray:
+    """Symmetric part."""
+    out = x + x.T
+    out *= 0.5
+    return out
+
+
 def split(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Symmetric and skew part over the first two axes."""
     t = np.swapaxes(x, 0, 1)
@@ -434,22 +471,28 @@ def _has_no_potential(model: Any) -> bool:
 
 def _cross_coupled(model: Any, name: str) -> bool:
     """True where a full 6 x 6 bushing is not symmetric, such as that of a journal bearing."""
-    full = (e for e in model.elements if e.shapes.get(name) == (6, 6))
-    return any(not np.array_equal(k, k.T) for k in (model.value(f"{e.name}.{name}") for e in full))
+    cached = model.cache.get("full bushings")
+    if cached is None or cached[0] != model.structure_version:
+        full = [(e.name, n) for e in model.elements for n in ("k", "c") if e.shapes.get(n) == (6, 6)]
+        cached = model.cache["full bushings"] = (model.structure_version, full)
+    values = (model.value(f"{element}.{n}") for element, n in cached[1] if n == name)
+    return any(not np.array_equal(k, k.T) for k in values)
 
 
 def _split_damping(D: np.ndarray | None, skew: bool) -> tuple[np.ndarray | None, np.ndarray | None]:
     if D is None or not np.any(D):
         return None, None
+    if not skew:  # at rest dampers alone act, and theirs is symmetric unless they couple across
+        return symmetric(D), None
     C, G = split(D)
-    # at rest dampers alone act, and theirs is symmetric unless they couple across
-    return (_present(C, D), _present(G, D)) if skew else (C, None)
+    return _present(C, D), _present(G, D)
 
 
 def _split_stiffness(S: np.ndarray, conservative: bool) -> tuple[np.ndarray, np.ndarray | None]:
+    if conservative:  # a skew part is then what unbalanced moments leave in the increments of rotations
+        return symmetric(S), None
     K, N = split(S)
-    # with forces that have a potential, a skew part is what unbalanced moments leave in the increments of rotations
-    return K, None if conservative else _present(N, S)
+    return K, _present(N, S)
 
 
 def second_order_of(m: Any, at: Any, without: Sequence[str]) -> Linearization:

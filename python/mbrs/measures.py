@@ -15,6 +15,7 @@ __all__ = [
     "frequency_difference",
     "largest_difference",
     "measure_for",
+    "motion_difference",
     "own_estimate",
 ]
 
@@ -23,13 +24,16 @@ def measure_for(result: Any) -> Callable[[Any, Any], float]:
     """The default measure for this kind of result.
 
     Modes are compared by their frequencies, transfer functions and responses by their values, harmonic-balance curves
-    by their peak, numbers and arrays element by element; anything else that has an ``error`` by that estimate.
+    by their peak, motions by poses, numbers and arrays element by element; anything else that has an ``error`` by that
+    estimate.
 
     Raises
     ------
     ModelError
         Nothing in the result can be compared; give ``measure=``.
     """
+    if hasattr(result, "poses") and hasattr(result, "t"):
+        return motion_difference
     if hasattr(result, "eigenvalue") and hasattr(result, "frequency"):
         return frequency_difference
     if hasattr(result, "X") and hasattr(result, "omega"):
@@ -105,6 +109,23 @@ def _same_points(result: Any, reference: Any) -> None:
         ours, theirs = getattr(result, name, None), getattr(reference, name, None)
         if ours is not None and theirs is not None and not np.allclose(ours, theirs, rtol=1e-9, atol=0.0):
             raise ModelError(f"the results were computed at different {name}; give {name} as the same array to both")
+
+
+def motion_difference(result: Any, reference: Any) -> float:
+    """Largest distance of a body, over the characteristic length, or angle between its two orientations.
+
+    At all outputs where both motions have the same ones, else at the end, which must be the same.
+    """
+    ours, theirs = np.asarray(result.t, dtype=float), np.asarray(reference.t, dtype=float)
+    if ours.size == 0 or theirs.size == 0 or not np.isclose(ours[-1], theirs[-1], rtol=1e-12, atol=0.0):
+        raise ModelError("motions that end at different times cannot be compared; give t= the same value")
+    same = ours.shape == theirs.shape and np.allclose(ours, theirs, rtol=1e-12, atol=0.0)
+    at = slice(None) if same else slice(-1, None)
+    length = float(result.snapshot.system.characteristic_length)
+    (p, q), (r, s) = ((one.poses["position"][at], one.poses["orientation"][at]) for one in (result, reference))
+    chord = np.minimum(np.linalg.norm(q - s, axis=-1), np.linalg.norm(q + s, axis=-1))
+    moved = np.linalg.norm(p - r, axis=-1) / length
+    return max(_largest(moved), _largest(4.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))))
 
 
 def curve_difference(result: Any, reference: Any) -> float:

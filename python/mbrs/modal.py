@@ -22,6 +22,10 @@ from .second_order import MechanicalSystem
 KINDS = ("rigid", "vibration", "overdamped", "flutter", "divergence")
 _MATRIX_EFFECTS = {"damping": "C", "gyroscopic": "G", "circulatory": "N"}
 _UNRESOLVED = 1e-9
+# A smaller pivot of M means that light bodies drown in the rounding of heavy ones; then a factor of M is taken.
+_LIGHTEST = 1e-5
+# Roots that a symmetry makes equal come out this far apart: positions and closed loops carry some rounding.
+_SAME = 1e-11
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -124,6 +128,28 @@ class ModalResult(Result):
     def group_of(self, mode: int) -> tuple[int, ...]:
         """Indices of the repeated group that a mode belongs to; the mode alone if there is none."""
         return next((g for g in self.groups if mode in g), (mode,))
+
+    @cached_property
+    def clusters(self) -> tuple[tuple[int, ...], ...]:
+        """`groups`, widened by neighbours that agree to 1e-11 of |s|.
+
+        A symmetry makes such roots equal and the rounding of positions and of closed loops parts them, so that how
+        their shapes mix is arbitrary: derivatives treat them as one repeated eigenvalue.
+        """
+        joined: list[list[int]] = []
+        group = {i: g for g in self.groups for i in g}
+        for i in range(self.n):
+            last = joined[-1][-1] if joined else None
+            if last is not None and (group.get(i) == group.get(last, ()) or self._same(last, i)):
+                joined[-1].append(i)
+            else:
+                joined.append([i])
+        return tuple(tuple(c) for c in joined if len(c) > 1)
+
+    def _same(self, i: int, j: int) -> bool:
+        if "rigid" in (self.kind[i], self.kind[j]) or self.near_defective[i] or self.near_defective[j]:
+            return False
+        return abs(self.eigenvalue[i] - self.eigenvalue[j]) <= _SAME * abs(self.eigenvalue[j])
 
     def body_shape(self, body: Any) -> np.ndarray:
         """Motion of a body's origin, (6, n) complex: x y z rx ry rz in world axes, m and rad.
@@ -403,6 +429,9 @@ def _dense(system: Any, n: int | None, effects: tuple[str, ...], factor: Any, st
     try:
         with core_errors():
             r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f)
+            if r["mass_pivot"] < _LIGHTEST and hasattr(system, "mass_factor"):
+                mf = system.mass_factor
+                r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f, mf)
     except SingularError as problem:
         names = tuple(system.coordinates)
         text = re.sub(r"\{coordinate (\d+)\}", lambda hit: f"coordinate {names[int(hit[1])]!r}", str(problem))

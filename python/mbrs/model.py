@@ -12,12 +12,14 @@ import numpy as np
 from .addresses import Target, target
 from .attached_laws import LawItem
 from .bodies import Body, Ground, Marker, Pose, add_body, add_marker
+from .drives import Coupler, Drive, DriveMethods
 from .element_methods import ElementMethods
 from .elements import Element, Load
 from .errors import ModelError
 from .expressions import Program, rebuild_all
 from .joint_methods import JointMethods
 from .joints import Joint
+from .motions import MotionItem
 from .names import GROUND, check_name, located, not_found, problem, shown
 from .parameters import ArrayParameter, ParameterSpace
 from .parameters import Symbol as Parameter
@@ -26,7 +28,19 @@ from .values import vector
 from .varying import Driver, assign, read
 
 # The order of their numbers in x.
-STORES = ("body", "joint", "element", "load", "marker", "element_law", "joint_law", "pose", "gravity")
+STORES = (
+    "body",
+    "joint",
+    "element",
+    "load",
+    "marker",
+    "element_law",
+    "joint_law",
+    "pose",
+    "gravity",
+    "motion",
+    "coupler",
+)
 
 
 class Gravity(Item):
@@ -44,7 +58,7 @@ class Gravity(Item):
         return {"gravity": plain(self.start, 3, "m/s2")}
 
 
-class Model(JointMethods, ElementMethods):
+class Model(JointMethods, DriveMethods, ElementMethods):
     """A spatial multibody system as the user describes it: bodies, joints, springs, loads, parameters.
 
     Parameters
@@ -86,6 +100,9 @@ class Model(JointMethods, ElementMethods):
         self.joints: list[Joint] = []
         self.elements: list[Element] = []
         self.loads: list[Load] = []
+        self.drives: list[Drive] = []
+        self.couplers: list[Coupler] = []
+        self.motions: list[MotionItem] = []
         self.markers: list[Marker] = []
         self.poses: list[Pose] = []
         self.laws: dict[str, list[LawItem]] = {"element": [], "joint": []}

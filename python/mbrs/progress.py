@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable
 from types import TracebackType
@@ -106,6 +107,42 @@ class Progress:
             self._stream.flush()
         except (OSError, ValueError):
             self._enabled = False
+
+
+class Elapsed(Progress):
+    """Shows ``label  12 s`` while one call that cannot count its steps lasts longer than a second.
+
+    A thread of its own keeps the line up to date; it exists only where the line would be shown.
+
+    Examples
+    --------
+    >>> with Elapsed("lowest modes"):
+    ...     sum(range(1000))
+    499500
+    """
+
+    def __enter__(self) -> Elapsed:
+        super().__enter__()
+        self._over = threading.Event()
+        self._ticker = threading.Thread(target=self._tick, daemon=True) if self._enabled else None
+        if self._ticker is not None:
+            self._ticker.start()
+        return self
+
+    def _tick(self) -> None:
+        while not self._over.wait(_EVERY):
+            self.advance(0)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._over.set()
+        if self._ticker is not None:
+            self._ticker.join()
+        super().__exit__(kind, value, trace)
+
+    def _line(self, elapsed: float, note: str) -> str:
+        return f"{self.label}  {_duration(elapsed)}"
 
 
 def _wanted(stream: TextIO) -> bool:

@@ -197,7 +197,7 @@ def quasi_periodic_response(
     started = perf_counter()
     automatic = isinstance(harmonics, str)
     if automatic and (harmonics != "auto" or indices is not None):
-        raise ModelError(f'harmonics must be a number or, without indices, "auto"; it is {harmonics!r}')
+        raise ModelError(f'harmonics must be a number or, without indices, "auto"; it is {_checks.shown(harmonics)}')
     limit = _balance.positive("tol", (1e-6 if automatic else UNRESOLVED) if tol is None else tol)
     most = _checks.count("max_points", max_points, 10_000_000)
     limits = _balance.steps(step, min_step, max_step)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -195,6 +195,9 @@ def response(
     ports, functions = _load_pairs(loads)
     linear = _with_inputs(m, ports, outputs, at, without)
     history = load_history(times, functions, linear.inputs)
+    if linear.shared:
+        again = list(linear.shared)
+        history = replace(history, u=_again(history.u, again), bulge=_again(history.bulge, again))
     state = (_state(x0, linear.n, "x0"), _state(v0, linear.n, "v0"))
     reduction, made = linear.reduction()
     with core_errors():
@@ -338,6 +341,10 @@ def _load_pairs(loads: Any) -> tuple[list[Any], list[Any]]:
     return ports, functions
 
 
+def _again(a: np.ndarray, rows: list[int]) -> np.ndarray:
+    return a[[*range(len(a)), *rows]]
+
+
 def _with_inputs(m: Any, ports: list[Any], outputs: Any, at: Any, without: Sequence[str]) -> LinearSystem:
     """Free motion has no loads: any coordinate stands in for the input then, with no force."""
     from .second_order import MechanicalSystem
@@ -360,8 +367,6 @@ def _with_inputs(m: Any, ports: list[Any], outputs: Any, at: Any, without: Seque
 
 
 def _renamed(linear: LinearSystem, names: tuple[str, ...]) -> LinearSystem:
-    from dataclasses import replace
-
     k = len(names)
     return replace(linear, inputs=names, F=linear.F[:, :k], order_in=linear.order_in[:k])
 

@@ -165,7 +165,7 @@ class LinearizationSensitivity(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EquilibriumSensitivity(Result):
-    """How an equilibrium moves: ``position`` and ``rotation`` (n_bodies, 3, n_p), world; ``coordinate`` (n_tree,
+    """How an equilibrium or a steady motion moves: ``position`` and ``rotation`` (n_bodies, 3, n_p), world; ``coordinate`` (n_tree,
     n_p).
     """
 
@@ -209,12 +209,14 @@ def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: st
     Parameters
     ----------
     result
-        Of `mb.modes`, `mb.frf`, `mb.response`, `mb.equilibrium` or `mb.linearize`, computed from a model.
+        Of `mb.modes`, `mb.frf`, `mb.response`, `mb.equilibrium`, `mb.steady_motion` or `mb.linearize`, computed from a
+        model.
     parameters
         Addresses such as "k_leg", "payload.mass", "leg0.at_b[2]", "hinge.axis" (three columns).
     equilibrium
-        "follow": a result computed at an equilibrium is differentiated with the equilibrium moving along; "hold": the
-        configuration stays as it is (but for what closing the loops needs). At other states both mean hold.
+        "follow": a result computed at an equilibrium or in a steady motion is differentiated with it moving along, the
+        speeds staying as they are; "hold": the configuration stays as it is (but for what closing the loops needs). At
+        other states both mean hold: of a moving loop the rates of the independent coordinates are held.
 
     Returns
     -------
@@ -249,14 +251,17 @@ def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: st
     kind = type(result).__name__
     if kind == "Linearization":
         return _of_linearization(result, parameters, follow)
-    if kind == "Equilibrium":
+    if kind in ("Equilibrium", "SteadyMotion"):
         return _of_equilibrium(result, parameters)
     if kind == "ModalResult":
         return _of_modes(result, parameters, follow)
     if kind in ("FrfResult", "ResponseResult"):
         return _of_ports(result, parameters, follow)
+    if kind == "MotionGradient":
+        return result.sensitivity(parameters)
     raise ModelError(
-        f"a {kind} has no sensitivities; give a result of mb.modes, mb.frf, mb.response, mb.equilibrium or mb.linearize"
+        f"a {kind} has no sensitivities; give a result of mb.modes, mb.frf, mb.response, mb.equilibrium, "
+        "mb.steady_motion or mb.linearize"
     )
 
 
@@ -279,16 +284,12 @@ def _of_linearization(
     along = directions(lin.model, parameters)
     columns = [along.columns == p for p in range(along.n)]
     sparse = [(along.rows[c].tolist(), along.values[c].tolist()) for c in columns]
-    how = (
-        "drawn"
-        if lin.state.kind == "drawn"
-        else "equilibrium"
-        if follow and lin.state.kind == "equilibrium"
-        else "hold"
-    )
+    followed = follow and lin.state.kind in ("equilibrium", "steady")
+    how = lin.state.kind if followed or lin.state.kind == "drawn" else "hold"
+    state = lin.state
     with core_errors():
         r = _core.directions(
-            lin.snapshot.system, lin.state.relative, lin.state.rate, list(lin.without), sparse, how, maps
+            lin.snapshot.system, state.relative, state.rate, list(lin.without), sparse, how, maps, list(state.driven)
         )
     motion = r["body_motion"].reshape(-1, 6, along.n)
     shape = (lin.n, lin.n, along.n)
@@ -309,7 +310,7 @@ def _of_linearization(
             time.perf_counter() - start,
             {"directions": along.n},
             lin.effects,
-            "follow" if how == "equilibrium" else "hold",
+            "follow" if followed else "hold",
         ),
         error=lin.error,
     )
@@ -336,12 +337,17 @@ def _touches(along: Directions, places: Sequence[int]) -> np.ndarray:
 def _origin_motion(lin: Linearization, along: Directions, motion: np.ndarray) -> np.ndarray:
     """Motion of origins from that of centres of mass: p = c - R com."""
     t = tables(lin.model)
-    out = motion[:, :3].copy()
-    for i, start in enumerate(t["body_x"]):
-        r = lin.poses["rotation"][i]
-        arm = r @ t["x"][start + 7 : start + 10]
-        out[i] -= np.cross(motion[i, 3:].T, arm).T + r @ _slice(along, start + 7, 3)
-    return out
+    places = np.asarray(t["body_x"], dtype=int)[:, None] + np.arange(7, 10)
+    rotation = np.asarray(lin.poses["rotation"])
+    com, change = np.asarray(t["x"])[places], np.zeros((places.size, along.n))
+    # which number of which centre of mass a row of dx/dp is, if any
+    number = np.full(len(t["x"]), -1)
+    number[places.ravel()] = np.arange(places.size)
+    at = number[along.rows]
+    np.add.at(change, (at[at >= 0], along.columns[at >= 0]), along.values[at >= 0])
+    arm = np.einsum("bij,bj->bi", rotation, com)
+    turned = np.cross(motion[:, 3:], arm[:, :, None], axis=1)
+    return motion[:, :3] - turned - np.einsum("bij,bjp->bip", rotation, change.reshape(*places.shape, along.n))
 
 
 def _slice(along: Directions, start: int, n: int) -> np.ndarray:
@@ -390,10 +396,14 @@ def _of_ports(result: Any, parameters: str | Sequence[str], follow: bool) -> Any
     d = _of_linearization(lin, parameters, follow)
     inputs = [as_port(lin.model, p) for p in result.linear.inputs]
     outputs = [as_port(lin.model, p) for p in result.linear.outputs]
+    tilts = [_tilt_change(d, inputs[j]) for j in result.linear.shared]
+    direct = _direct_change(d, outputs, inputs)
+    if direct is not None and tilts:
+        direct = np.concatenate([direct, np.zeros((len(outputs), len(tilts), d.directions.n))], axis=1)
     maps = {
-        "dF": np.stack([_input_change(d, port) for port in inputs], axis=1),
+        "dF": np.stack([*(_input_change(d, port) for port in inputs), *tilts], axis=1),
         "dL": np.stack([_row_change(d, port) for port in outputs]),
-        "dD0": _direct_change(d, outputs, inputs),
+        "dD0": direct,
     }
     matrices = {"dM": d.M, "dD": d.D, "dS": d.S}
     if type(result).__name__ == "FrfResult":
@@ -455,6 +465,18 @@ def _input_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
         return _row_change(d, port)
     assert d.ground_coupling is not None
     return -np.einsum("ikp,k->ip", d.ground_coupling, d.linearization._rigid(port))
+
+
+def _tilt_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
+    """(dof, n_p): change of the force per angle of ground that turns under gravity."""
+    assert d.ground_coupling is not None
+    model, lin = d.linearization.model, d.linearization
+    assert model.gravity is not None
+    change = _slice(d.directions, int(tables(model)["gravity_x"][0]), 3)
+    moved = np.cross(change.T, port.direction).T
+    return np.einsum("ikp,k->ip", d.ground_coupling[:, :3], np.cross(model.gravity, port.direction)) + (
+        lin.ground_coupling[:, :3] @ moved
+    )
 
 
 def _direct_change(d: LinearizationSensitivity, outputs: Sequence[Port], inputs: Sequence[Port]) -> np.ndarray | None:

@@ -15,6 +15,7 @@ from ._border import core_errors
 from .effects import check_without, effects
 from .errors import MbrsWarning, ModelError
 from .linearize import _BALANCED, Snapshot
+from .progress import Elapsed
 from .results import Stats
 from .state import State, state_of
 
@@ -111,7 +112,7 @@ def model_modes(model: Any, at: Any, n: int, without: Any, start: float) -> Any:
     with core_errors():
         _core.check_sparse_model(snapshot.system)
     state = state_of(model, snapshot.system, at)
-    with core_errors():
+    with core_errors(), Elapsed(f"lowest {n} modes of {model.name!r}"):
         r = _core.sparse_model_modes(snapshot.system, state.relative, state.rate, list(without), n)
     if at is None and r["unbalanced"] > _BALANCED:
         warnings.warn(
@@ -164,13 +165,12 @@ def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], start: fl
             "modes of sparse matrices need n=, the number of the lowest modes, such as mb.modes(system, n=20)"
         )
     D, S = _sum(system.C, system.G), _sum(system.K, system.N)
-    with core_errors():
-        r = _core.sparse_modes(_arrays(system.M), None if D is None else _arrays(D), _arrays(S), n)
+    with core_errors(), Elapsed(f"lowest {n} modes of {system.M.shape[0]} coordinates"):
+        r = _lowest(system.M, D, S, n, symmetric=system.G is None and system.N is None)
     damped = "eigenvalue" in r
     residual = r["residual"]
     if damped:
-        s = r["eigenvalue"]
-        partner = np.where(s.imag != 0.0, s.conj(), np.nan)
+        s, partner = r["eigenvalue"], r["partner"]
     else:
         lam = r["lambda"]
         root = np.sqrt(np.abs(lam))
@@ -183,7 +183,10 @@ def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], start: fl
     kind[(s.imag != 0.0) & (s.real > -stable)] = "flutter"
     kind[s == 0.0] = "rigid"
     shape = r["shape"]
-    unresolved = bool(np.any(residual > _UNRESOLVED))
+    route = f"{r['route']} ({r['verified']})" if "verified" in r else r["route"]
+    # of lambda = -s^2, so half of it for s; a rigid mode has none, its error is the blur around zero
+    error = residual if damped else np.where(s == 0.0, 0.0, 0.5 * r["error"])
+    unresolved = bool(np.any(error > _UNRESOLVED))
     return ModalResult(
         eigenvalue=s,
         roots=np.stack([s, partner], axis=1).ravel(),
@@ -199,10 +202,53 @@ def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], start: fl
         partner_mode=np.zeros(0, dtype=np.int64),
         partner_shape=np.zeros((shape.shape[0], 0)),
         partner_left=None,
-        stats=Stats(time.perf_counter() - start, r["counts"], effects, r["route"]),
-        error=residual,
+        stats=Stats(time.perf_counter() - start, r["counts"], effects, route),
+        error=error,
         status="unresolved" if unresolved else "converged",
     )
+
+
+def _lowest(M: Any, D: Any, S: Any, n: int, symmetric: bool) -> dict[str, Any]:
+    """The core's answer with n modes; of two real roots that make one overdamped mode the lower is its partner."""
+    arrays = _arrays(M), None if D is None else _arrays(D), _arrays(S)
+    wanted, dof = n, M.shape[0]
+    while True:
+        r = _core.sparse_modes(*arrays, wanted)
+        if "eigenvalue" not in r:
+            return r
+        s = r["eigenvalue"]
+        r["partner"] = np.where(s.imag != 0.0, s.conj(), np.nan)
+        if not symmetric:
+            return r
+        lower = _lower(M, D, s, r["shape"])
+        upper = np.flatnonzero(~lower)
+        if len(upper) >= n or wanted >= dof:
+            return _paired(r, upper[:n], np.flatnonzero(lower))
+        wanted = min(wanted + n - len(upper), dof)
+
+
+def _lower(M: Any, D: Any, s: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Real roots with x^T Q'(s) x < 0: the lower ones of every scalar quadratic."""
+    lower = np.zeros(len(s), dtype=bool)
+    for i in np.flatnonzero((s.imag == 0.0) & (s != 0.0)):
+        v = x[:, i].real
+        lower[i] = 2.0 * s[i].real * (v @ (M @ v)) + v @ (D @ v) < 0.0
+    return lower
+
+
+def _paired(r: dict[str, Any], upper: np.ndarray, lower: np.ndarray) -> dict[str, Any]:
+    """Each upper real root takes the lower one with the most similar shape; nan where that lies beyond what was computed."""
+    s, x = r["eigenvalue"], r["shape"]
+    unit = x / np.linalg.norm(x, axis=0)
+    free = list(lower)
+    for i in upper[(s[upper].imag == 0.0) & (len(lower) > 0)]:
+        likeness = np.abs(unit[:, free].conj().T @ unit[:, i]) if free else np.zeros(0)
+        if likeness.size and likeness.max() > 0.5:
+            r["partner"][i] = s[free.pop(int(np.argmax(likeness)))]
+    for key in ("eigenvalue", "partner", "residual"):
+        r[key] = r[key][upper]
+    r["shape"] = x[:, upper]
+    return r
 
 
 def _groups(s: np.ndarray) -> tuple[tuple[int, ...], ...]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,12 +24,21 @@ class State:
     rate
         (n_tree,) rates of the tree coordinates, or empty at rest.
     kind
-        "drawn" (sensitivities then know the given velocities), "equilibrium" (they follow it), "steady" or "given".
+        "drawn" (sensitivities then know the given velocities), "equilibrium" or "steady" (they follow it), or "given".
+    memory
+        (n_memory,) what laws with memory remember, or empty: centred.
+    t
+        s; the time it was taken at.
+    driven
+        Indices of the tree coordinates that a steady motion keeps at their speeds.
     """
 
     relative: np.ndarray
     rate: np.ndarray
     kind: str = "given"
+    memory: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    t: float = 0.0
+    driven: tuple[int, ...] = ()
 
     @property
     def moving(self) -> bool:
@@ -36,12 +46,15 @@ class State:
         return bool(np.any(self.rate))
 
 
-def drawn(model: Any, system: Any) -> State:
-    """The drawn configuration with its given velocities: two-point joints brought together, loops closed."""
+def drawn(model: Any, system: Any, hold: bool = True, without: Sequence[str] = ()) -> State:
+    """The drawn configuration with its given velocities: two-point joints brought together, loops closed.
+
+    ``hold``: drives stand still at their value of t = 0, as linear analyses see them.
+    """
     from ._border import core_errors
 
     with core_errors():
-        made = system.assemble()
+        made = system.assemble(hold, list(without))
     if made["velocity_correction"] > 1e-9 * max(1.0, float(np.abs(made["rate"]).max(initial=0.0))):
         import warnings
 
@@ -54,10 +67,10 @@ def drawn(model: Any, system: Any) -> State:
     return State(made["relative"], made["rate"], "drawn")
 
 
-def state_of(model: Any, system: Any, at: Any) -> State:
+def state_of(model: Any, system: Any, at: Any, hold: bool = True, without: Sequence[str] = ()) -> State:
     """The state that ``at=`` means: None (drawn), a `State`, or a result that carries one."""
     if at is None:
-        return drawn(model, system)
+        return drawn(model, system, hold, without)
     state = getattr(at, "state", at)
     if callable(state) or not isinstance(state, State):
         raise ModelError(f"at= takes None (the drawn state), an equilibrium, a steady motion or a state; got {at!r}")

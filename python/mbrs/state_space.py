@@ -132,6 +132,7 @@ def state_space(
         C = C @ A
     star = "*" if np.any(linear.order_in) else ""
     states = tuple(f"{c}{star}" for c in linear.coordinates) + tuple(f"d/dt {c}{star}" for c in linear.coordinates)
+    driven, D = linear.joined(driven, 1), linear.joined(D, 1)
     return StateSpace(A, driven, C, D, states, linear.inputs, linear.outputs)
 
 
@@ -168,8 +169,9 @@ def _direct(linear: LinearSystem, C: np.ndarray, powers: list[np.ndarray], q: in
                 D[:, j] = total
             elif np.any(total):
                 worst = linear.outputs[int(np.argmax(np.abs(total)))]
+                name = [*linear.inputs, *(linear.inputs[i] for i in linear.shared)][j]
                 raise ModelError(
-                    f"output {worst!r} depends on derivative {r} of input {linear.inputs[j]!r}: there is no state "
+                    f"output {worst!r} depends on derivative {r} of input {name!r}: there is no state "
                     "space; take a lower derivative of the output, or drive the base by its acceleration"
                 )
     return D

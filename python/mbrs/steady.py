@@ -13,6 +13,7 @@ import numpy as np
 from ._border import core_errors
 from .effects import check_without
 from .errors import ConvergenceError, MbrsWarning, ModelError, SingularError
+from .joints import KINDS
 from .linearize import Linearization, Snapshot, _linearization
 from .names import not_found
 from .results import Result, Stats
@@ -57,6 +58,11 @@ class SteadyMotion(Result):
         return self.linearization.model
 
     @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies, in the order of `poses`."""
+        return self.linearization.bodies
+
+    @property
     def poses(self) -> dict[str, np.ndarray]:
         """Position, rotation, velocity and angular velocity of the bodies' origins, world."""
         return self.linearization.poses
@@ -71,7 +77,9 @@ class SteadyMotion(Result):
     __repr__ = __str__
 
 
-def steady_motion(m: Model, speed: Mapping[str, float], *, at: Any = None, without: Sequence[str] = ()) -> SteadyMotion:
+def steady_motion(
+    m: Model, speed: Mapping[str, float] | None = None, *, at: Any = None, without: Sequence[str] = ()
+) -> SteadyMotion:
     """The state in which the named joints turn at constant speed and all forces, inertia included, balance.
 
     rho(y, y', 0) = 0 on all coordinates but the driven ones, y' = speed on these and zero elsewhere.
@@ -83,7 +91,8 @@ def steady_motion(m: Model, speed: Mapping[str, float], *, at: Any = None, witho
     speed
         rad/s (m/s for sliding coordinates) by joint, body or coordinate: ``{"shaft": 60.0}``. A joint or body must
         have one
-        rotation; name the coordinate ("rotor.rx") where it has several.
+        rotation; name the coordinate ("rotor.rx") where it has several. Drives add their rates of t = 0, couplers what
+        follows from them; a model whose drives move needs no ``speed``.
     at
         Where to start: None (drawn), an equilibrium, another steady motion.
     without
@@ -121,10 +130,11 @@ def steady_motion(m: Model, speed: Mapping[str, float], *, at: Any = None, witho
     snapshot = Snapshot.of(m)
     begin = state_of(m, snapshot.system, at)
     names = snapshot.system.topology()["coordinates"]
-    driven = {_coordinate(m, snapshot.system, names, key): _speed(key, value) for key, value in _items(speed).items()}
-    rate = np.zeros(len(names))
-    for index, value in driven.items():
-        rate[index] = value
+    given = {} if speed is None and m.drives and "drives" not in without else _items(speed)
+    driven = {_coordinate(m, snapshot.system, names, key): _speed(key, value) for key, value in given.items()}
+    rate = _rates(snapshot, begin, driven, without)
+    if (m.drives or m.couplers) and np.any(rate):
+        driven = {int(i): float(rate[i]) for i in np.flatnonzero(rate)}
     state, found, iterations = _solve(snapshot, begin, rate, names, driven, without)
     linearization = _linearization(snapshot, state, found, without, start, warn=False)
     varies = _variation(snapshot, state, found, driven, without)
@@ -137,6 +147,7 @@ def steady_motion(m: Model, speed: Mapping[str, float], *, at: Any = None, witho
             stacklevel=2,
         )
     residual = dict(zip(found["coordinates"], found["residual"], strict=True))
+    residual.update(_drive_forces(snapshot, found, names, without))
     return SteadyMotion(
         state=state,
         speed={names[i]: value for i, value in driven.items()},
@@ -147,6 +158,39 @@ def steady_motion(m: Model, speed: Mapping[str, float], *, at: Any = None, witho
         error=varies,
         status="converged",
     )
+
+
+def _rates(snapshot: Snapshot, begin: State, driven: Mapping[int, float], without: tuple[str, ...]) -> np.ndarray:
+    """Rates of the tree coordinates: the given ones, those of drives, and what couplers make of both; zero elsewhere."""
+    rate = np.zeros(snapshot.system.n_tree)
+    for index, value in driven.items():
+        rate[index] = value
+    model = snapshot.model
+    if not (model.drives or model.couplers):
+        return rate
+    with core_errors():
+        rows = snapshot.system.rows(begin.relative, np.zeros_like(rate), 0.0, list(without))
+    held, values = np.eye(len(rate))[list(driven)], list(driven.values())
+    found = np.linalg.lstsq(np.vstack([rows["jacobian"], held]), np.concatenate([-rows["rates"], values]), rcond=1e-10)[
+        0
+    ]
+    return np.where(np.abs(found) > 1e-14 * np.max(np.abs(found), initial=0.0), found, 0.0)
+
+
+def _drive_forces(
+    snapshot: Snapshot, found: dict[str, Any], names: Sequence[str], without: tuple[str, ...]
+) -> dict[str, float]:
+    """What each drive of a tree joint exerts, by the coordinate that it moves."""
+    model, out = snapshot.model, {}
+    rows = list(snapshot.system.topology()["row_joint"])
+    for drive in model.drives if "drives" not in without else ():
+        joint = model.joints[drive.joint]
+        ending = KINDS[joint.type].coordinates[drive.coordinate]
+        if joint.type == "universal":
+            ending = ("alpha", "beta")[drive.coordinate]
+        name = joint.name if joint.name in names else f"{joint.name}.{ending}"
+        out[name] = -float(found["multipliers"][rows.index(drive.name)])
+    return out
 
 
 def _items(speed: Any) -> Mapping[str, Any]:
@@ -200,9 +244,9 @@ def _solve(
     for iteration in range(_MAX_ITERATIONS):
         with core_errors():
             r = snapshot.system.linearize(relative, rate, list(without))
-        _check_rates(snapshot, r, relative, rate)
+        _check_rates(snapshot, r, relative, rate, without)
         place = {name: i for i, name in enumerate(names)}
-        still = np.array([place[name] not in driven for name in r["coordinates"]])
+        still = np.array([place[name] not in driven for name in r["coordinates"]], dtype=bool)
         residual = r["residual"][still]
         size = float(np.max(np.abs(residual), initial=0.0))
         scale = max(r["force_scale"], np.finfo(float).tiny)
@@ -211,7 +255,7 @@ def _solve(
             step[still] = _newton(r["S"][np.ix_(still, still)], residual, scale)
         tiny = float(np.max(np.abs(step), initial=0.0)) <= 1e-14 * max(1.0, snapshot.system.characteristic_length)
         if size <= 1e-14 * scale or tiny or (size >= previous and size <= 1e-10 * scale):
-            return State(relative, rate, "steady"), r, iteration
+            return State(relative, rate, "steady", driven=tuple(driven)), r, iteration
         previous = size
         longest = float(np.max(np.abs(step)))
         step *= min(1.0, 0.3 / longest)
@@ -234,11 +278,13 @@ def _newton(S: np.ndarray, residual: np.ndarray, scale: float) -> np.ndarray:
     return step
 
 
-def _check_rates(snapshot: Snapshot, r: dict[str, Any], relative: np.ndarray, rate: np.ndarray) -> None:
+def _check_rates(
+    snapshot: Snapshot, r: dict[str, Any], relative: np.ndarray, rate: np.ndarray, without: tuple[str, ...]
+) -> None:
     if "rank" not in r:
         return
     with core_errors():
-        miss = snapshot.system.rate_mismatch(relative, rate)
+        miss = snapshot.system.rate_mismatch(relative, rate, list(without))
     if miss > 1e-9 * float(np.max(np.abs(rate), initial=0.0)):
         raise ModelError(
             "a closed loop does not let these speeds be constant with everything else at rest; drive a joint outside "
@@ -251,6 +297,11 @@ def _variation(
 ) -> float:
     """Largest relative change of the matrices when the driven coordinates have turned on by angles of no symmetry."""
     names = list(snapshot.system.topology()["coordinates"])
+    if snapshot.model.drives and "drives" not in without:
+        # drives hold the angles that are to be turned
+        without = (*without, "drives")
+        with core_errors():
+            found = snapshot.system.linearize(state.relative, state.rate, list(without))
     minimal = list(found["coordinates"])
     worst = 0.0
     for angle in (0.61, 1.93):
@@ -259,7 +310,7 @@ def _variation(
             if value != 0.0 and names[index] in minimal:
                 step[minimal.index(names[index])] = angle
         with core_errors():
-            relative = snapshot.system.advance(state.relative, step)
+            relative = snapshot.system.advance(state.relative, step, list(without))
             turned = snapshot.system.linearize(relative, state.rate, list(without))
         for key in ("M", "D", "S"):
             a, b = found[key], turned[key]

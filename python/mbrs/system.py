@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ._border import core_errors
 from .linearize import Snapshot
-from .state import AT_REST, state_of
+from .state import state_of
 
 if TYPE_CHECKING:
     from .model import Model
@@ -63,8 +63,7 @@ class System:
         snapshot = Snapshot.of(model)
         state = state_of(model, snapshot.system, None)
         with core_errors():
-            # degrees of freedom do not depend on rates, and some models are linearised at rest only
-            found = snapshot.system.linearize(state.relative, AT_REST, [])
+            found = snapshot.system.mobility(state.relative)
         topology = snapshot.system.topology()
         self.name = model.name
         self.n_bodies = len(model.bodies)

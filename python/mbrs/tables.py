@@ -80,6 +80,7 @@ def _structure(model: Model) -> dict[str, Any]:
         **_items("load", model.loads, base, ("type", "body", "frame")),
         **_items("marker", model.markers, base, ("body",)),
         **_laws(model, base),
+        **_motions(model, base),
         "pose_body": _integers(p.body for p in model.poses),
         "pose_x": _integers(base["pose"] + p.start for p in model.poses),
         "gravity_x": _integers([base["gravity"] if model.gravity_item is not None else -1]),
@@ -116,6 +117,36 @@ def _laws(model: Model, base: dict[str, int]) -> dict[str, Any]:
         "law_type": _integers(law.code for law in laws),
         "law_n": _integers(law.n for law in laws),
         "law_x": _integers(base[law.store] + law.start for law in laws),
+    }
+
+
+def _motions(model: Model, base: dict[str, int]) -> dict[str, Any]:
+    motions = model.motions
+    functions = [m.function for m in motions if m.function is not None]
+    # the components of one vector function share it
+    functions = list({id(f): f for f in functions}.values())
+    index = {id(f): i for i, f in enumerate(functions)}
+    loaded = [m for m in motions if m.owner is not None]
+    return {
+        "functions": functions,
+        "motion_type": _integers(m.code for m in motions),
+        "motion_n": _integers(m.size for m in motions),
+        "motion_x": _integers(base["motion"] + m.start for m in motions),
+        "motion_function": _integers(index.get(id(m.function), -1) for m in motions),
+        "motion_output": _integers(m.component if m.function and m.function.outputs == 3 else 0 for m in motions),
+        "drive_name": [d.name for d in model.drives],
+        "drive_joint": _integers(d.joint for d in model.drives),
+        "drive_coordinate": _integers(d.coordinate for d in model.drives),
+        "drive_motion": _integers(d.place for d in model.drives),
+        "load_motion_load": _integers(m.owner.index for m in loaded),
+        "load_motion_component": _integers(m.component for m in loaded),
+        "load_motion_motion": _integers(m.place for m in loaded),
+        "coupler_name": [c.name for c in model.couplers],
+        "coupler_first": _integers(c.first for c in model.couplers),
+        "coupler_second": _integers(c.second for c in model.couplers),
+        "coupler_first_coordinate": _integers(c.first_coordinate for c in model.couplers),
+        "coupler_second_coordinate": _integers(c.second_coordinate for c in model.couplers),
+        "coupler_x": _integers(base["coupler"] + c.start for c in model.couplers),
     }
 
 

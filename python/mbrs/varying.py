@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 # Fields whose numbers an object checks together; the others only have to be finite.
 _CHECKED = frozenset(
     {"mass", "inertia", "orientation", "axis", "axis2", "at", "at_a", "at_b", "length", "radius", "angle"}
+    | {"t", "x_t", "y_t", "z_t"}
 )
 
 

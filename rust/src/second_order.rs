@@ -19,6 +19,8 @@ pub struct SecondOrder {
     pub n: Option<Mat<f64>>,
     /// Any factor with K = kf^T kf; it holds low frequencies that rounding has erased from an assembled K.
     pub kf: Option<Mat<f64>>,
+    /// Any factor with M = mf^T mf; it holds light bodies that rounding has erased from an assembled M.
+    pub mf: Option<Mat<f64>>,
 }
 
 /// Relative asymmetry that counts as rounding.
@@ -56,7 +58,29 @@ impl SecondOrder {
                 ));
             }
         }
-        Ok(SecondOrder { m, c, g, k, n, kf })
+        Ok(SecondOrder {
+            m,
+            c,
+            g,
+            k,
+            n,
+            kf,
+            mf: None,
+        })
+    }
+
+    /// The same system with a factor of its mass matrix.
+    pub fn with_mass_factor(self, mf: Mat<f64>) -> Result<Self> {
+        let size = self.size();
+        if mf.ncols() != size || mf.nrows() < size || !is_finite(mf.as_ref()) {
+            return Err(Error::model(format!(
+                "the mass factor must be finite, with {size} columns and no fewer rows"
+            )));
+        }
+        Ok(SecondOrder {
+            mf: Some(mf),
+            ..self
+        })
     }
 
     pub fn size(&self) -> usize {
@@ -98,16 +122,15 @@ impl SecondOrder {
             d.push((-0.5 * mass.log2()).round().exp2());
         }
         let both = |a: &Mat<f64>| Mat::from_fn(n, n, |i, j| a[(i, j)] * d[i] * d[j]);
+        let columns = |f: &Mat<f64>| Mat::from_fn(f.nrows(), n, |i, j| f[(i, j)] * d[j]);
         let scaled = SecondOrder {
             m: both(&self.m),
             c: self.c.as_ref().map(both),
             g: self.g.as_ref().map(both),
             k: both(&self.k),
             n: self.n.as_ref().map(both),
-            kf: self
-                .kf
-                .as_ref()
-                .map(|f| Mat::from_fn(f.nrows(), n, |i, j| f[(i, j)] * d[j])),
+            kf: self.kf.as_ref().map(columns),
+            mf: self.mf.as_ref().map(columns),
         };
         Ok((scaled, d))
     }

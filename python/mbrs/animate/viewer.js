@@ -132,7 +132,8 @@ const mbrsViewer = (() => {
   }
 
   // Faces of all bodies that look towards the viewer, as [depth, painter]; bodies are convex, so the others are hidden.
-  function bodyItems(ctx, scene, state, cam, items, outline, alpha) {
+  // ``tint``: how much each body glows, 0 to 1; without it, how far it is from its place.
+  function bodyItems(ctx, scene, state, cam, items, outline, alpha, tint) {
     const light = [-0.4, 0.5, 0.77], byBody = scene.bodies.length > 800;
     scene.bodies.forEach((body, b) => {
       const o = scene.origins[b], k = 12 * b, n = body.v.length / 3, screen = [], level = [];
@@ -145,7 +146,7 @@ const mbrsViewer = (() => {
           travel += (d - body.v[3 * i + j]) ** 2;
         }
         screen.push(cam.project(p));
-        level.push(Math.sqrt(travel) / scene.reach);
+        level.push(tint ? tint[b] : Math.sqrt(travel) / scene.reach);
       }
       const whole = screen.reduce((sum, p) => sum + p[2], 0) / n;
       for (const face of scene.faces[body.f]) {
@@ -260,26 +261,109 @@ const mbrsViewer = (() => {
     return input;
   }
 
+  // The part that modes and motions share: a canvas to turn, shift and zoom, and the bar of controls below it.
+  function makeStage(root, scene, label) {
+    const home = () => ({ az: scene.view[0], el: scene.view[1], zoom: 1, pan: [0, 0] });
+    const box = make(root, "div", { className: "mbrs-stage" });
+    const canvas = make(box, "canvas", { tabIndex: 0 });
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", label);
+    const title = make(box, "div", { className: "mbrs-title" });
+    const bar = make(box, "div", { className: "mbrs-bar" });
+    const stage = { canvas, title, bar, view: home(), dirty: true };
+    stage.addReset = () => {
+      make(bar, "button", { type: "button", textContent: "Reset view" }).onclick = () => {
+        stage.view = home();
+        stage.dirty = true;
+      };
+    };
+    interact(stage);
+    return stage;
+  }
+
+  function interact(stage) {
+    const { canvas } = stage, pointers = new Map();
+    canvas.onpointerdown = (e) => {
+      canvas.setPointerCapture(e.pointerId);
+      pointers.set(e.pointerId, [e.clientX, e.clientY]);
+    };
+    canvas.onpointerup = canvas.onpointercancel = (e) => pointers.delete(e.pointerId);
+    canvas.onpointermove = (e) => {
+      const from = pointers.get(e.pointerId), { view } = stage;
+      if (!from) return;
+      const dx = e.clientX - from[0], dy = e.clientY - from[1];
+      pointers.set(e.pointerId, [e.clientX, e.clientY]);
+      if (pointers.size > 1 || e.shiftKey || e.buttons === 2 || e.buttons === 4) {
+        view.pan = [view.pan[0] + dx / pointers.size, view.pan[1] + dy / pointers.size];
+      } else {
+        view.az -= 0.008 * dx;
+        view.el = Math.max(-Math.PI / 2, Math.min(Math.PI / 2, view.el + 0.008 * dy));
+      }
+      stage.dirty = true;
+    };
+    canvas.oncontextmenu = (e) => e.preventDefault();
+    canvas.addEventListener("wheel", (e) => {
+      e.preventDefault();
+      stage.view.zoom = Math.max(0.05, Math.min(200, stage.view.zoom * Math.exp(-0.0015 * e.deltaY)));
+      stage.dirty = true;
+    }, { passive: false });
+    new ResizeObserver(() => { stage.dirty = true; }).observe(canvas);
+  }
+
+  // Draws one instant: ``state`` of the bodies, outlines at ``ghost`` if given, ``behind`` and ``options`` as the caller likes.
+  function paint(stage, scene, state, ghost, options) {
+    const { canvas, view } = stage, ctx = canvas.getContext("2d");
+    const width = canvas.clientWidth, height = canvas.clientHeight, ratio = window.devicePixelRatio || 1;
+    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+      canvas.width = Math.round(width * ratio);
+      canvas.height = Math.round(height * ratio);
+    }
+    ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
+    ctx.clearRect(0, 0, width, height);
+    ctx.lineJoin = "round";
+    const cam = camera(view, width, height, scene), step = drawGrid(ctx, cam, scene), items = [];
+    if (options.behind) options.behind(ctx, cam);
+    if (ghost) bodyItems(ctx, scene, ghost, cam, items, true, 1);
+    items.splice(0).forEach((item) => item[1]());
+    bodyItems(ctx, scene, state, cam, items, false, options.clear ? 0.45 : 1, options.tint);
+    linkItems(ctx, scene, state, cam, items);
+    jointItems(ctx, scene, state, cam, items);
+    items.sort((p, q) => p[0] - q[0]).forEach((item) => item[1]());
+    if (options.names) drawLabels(ctx, scene, state, cam);
+    drawTriad(ctx, view, height);
+    ctx.fillStyle = "#66727f";
+    ctx.textAlign = "right";
+    ctx.fillText(`grid ${Number(step.toPrecision(3))} m`, width - 12, height - 16);
+  }
+
+  // Calls draw(seconds since the last call) as often as the screen shows a picture, while there is something new.
+  function animate(stage, playing, draw) {
+    let last = null;
+    function tick(now) {
+      const elapsed = last === null ? 0 : Math.min((now - last) / 1000, 0.1);
+      last = now;
+      if ((playing() || stage.dirty) && stage.canvas.clientWidth > 0) {
+        stage.dirty = false;
+        draw(playing() ? elapsed : 0);
+      }
+      requestAnimationFrame(tick);
+    }
+    requestAnimationFrame(tick);
+  }
+
   return Object.assign(function (root, scene) {
     scene.origins = scene.bodies.map((body) => body.o);
-    const shapes = scene.modes.map((mode) => decode(mode.shape));
-    const home = () => ({ az: scene.view[0], el: scene.view[1], zoom: 1, pan: [0, 0] });
-    let view = home(), current = scene.start, phase = 0, playing = true, last = null, dirty = true;
+    const shapes = scene.modes.map((mode) => decode(mode.shape)), n = scene.bodies.length;
+    let current = scene.start, phase = 0, playing = true;
 
     root.classList.add("mbrs-viewer");
     const list = make(root, "div", { className: "mbrs-modes" });
-    const stage = make(root, "div", { className: "mbrs-stage" });
-    const canvas = make(stage, "canvas", { tabIndex: 0 });
-    canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", "animated mode shape");
-    const title = make(stage, "div", { className: "mbrs-title" });
-    const bar = make(stage, "div", { className: "mbrs-bar" });
+    const stage = makeStage(root, scene, "animated mode shape"), { bar, title, canvas } = stage;
     const play = make(bar, "button", { type: "button", textContent: "Pause" });
     const amplitude = slider(bar, "amplitude", 0, 3, 1), speed = slider(bar, "speed", 0.05, 2, 0.5);
-    const ghost = checkbox(bar, "rest position", scene.bodies.length <= 200), names = checkbox(bar, "names", false);
+    const ghost = checkbox(bar, "rest position", n <= 200), names = checkbox(bar, "names", false);
     const clear = checkbox(bar, "see through", false);
-    const reset = make(bar, "button", { type: "button", textContent: "Reset view" });
-    const ctx = canvas.getContext("2d");
+    stage.addReset();
 
     const table = make(list, "table", {});
     const head = make(make(table, "thead", {}), "tr", {});
@@ -299,70 +383,9 @@ const mbrsViewer = (() => {
       // scrollIntoView would move the page that holds the viewer as well
       const row = rows[current], top = row.offsetTop - 40;
       if (top < list.scrollTop || top > list.scrollTop + list.clientHeight - 80) list.scrollTop = top;
-      dirty = true;
+      stage.dirty = true;
     }
 
-    function draw() {
-      const width = canvas.clientWidth, height = canvas.clientHeight, ratio = window.devicePixelRatio || 1;
-      if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
-        canvas.width = Math.round(width * ratio);
-        canvas.height = Math.round(height * ratio);
-      }
-      ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
-      ctx.clearRect(0, 0, width, height);
-      ctx.lineJoin = "round";
-      const cam = camera(view, width, height, scene), n = scene.bodies.length;
-      const step = drawGrid(ctx, cam, scene);
-      const state = pose(shapes[current], n, phase, Number(amplitude.value)), items = [];
-      if (ghost.checked) bodyItems(ctx, scene, pose(shapes[current], n, 0, 0), cam, items, true, 1);
-      items.splice(0).forEach((item) => item[1]());
-      bodyItems(ctx, scene, state, cam, items, false, clear.checked ? 0.45 : 1);
-      linkItems(ctx, scene, state, cam, items);
-      jointItems(ctx, scene, state, cam, items);
-      items.sort((p, q) => p[0] - q[0]).forEach((item) => item[1]());
-      if (names.checked) drawLabels(ctx, scene, state, cam);
-      drawTriad(ctx, view, height);
-      ctx.fillStyle = "#66727f";
-      ctx.textAlign = "right";
-      ctx.fillText(`grid ${Number(step.toPrecision(3))} m`, width - 12, height - 16);
-    }
-
-    function tick(now) {
-      const elapsed = last === null ? 0 : Math.min((now - last) / 1000, 0.1);
-      last = now;
-      if (playing) phase = (phase + 2 * Math.PI * Number(speed.value) * elapsed) % (2 * Math.PI);
-      if ((playing || dirty) && canvas.clientWidth > 0) {
-        dirty = false;
-        draw();
-      }
-      requestAnimationFrame(tick);
-    }
-
-    const pointers = new Map();
-    canvas.onpointerdown = (e) => {
-      canvas.setPointerCapture(e.pointerId);
-      pointers.set(e.pointerId, [e.clientX, e.clientY]);
-    };
-    canvas.onpointerup = canvas.onpointercancel = (e) => pointers.delete(e.pointerId);
-    canvas.onpointermove = (e) => {
-      const from = pointers.get(e.pointerId);
-      if (!from) return;
-      const dx = e.clientX - from[0], dy = e.clientY - from[1];
-      pointers.set(e.pointerId, [e.clientX, e.clientY]);
-      if (pointers.size > 1 || e.shiftKey || e.buttons === 2 || e.buttons === 4) {
-        view.pan = [view.pan[0] + dx / pointers.size, view.pan[1] + dy / pointers.size];
-      } else {
-        view.az -= 0.008 * dx;
-        view.el = Math.max(-Math.PI / 2, Math.min(Math.PI / 2, view.el + 0.008 * dy));
-      }
-      dirty = true;
-    };
-    canvas.oncontextmenu = (e) => e.preventDefault();
-    canvas.addEventListener("wheel", (e) => {
-      e.preventDefault();
-      view.zoom = Math.max(0.05, Math.min(200, view.zoom * Math.exp(-0.0015 * e.deltaY)));
-      dirty = true;
-    }, { passive: false });
     canvas.onkeydown = (e) => {
       const action = { ArrowUp: () => select(current - 1), ArrowDown: () => select(current + 1), " ": () => play.click() }[e.key];
       if (action) {
@@ -374,18 +397,18 @@ const mbrsViewer = (() => {
       playing = !playing;
       play.textContent = playing ? "Pause" : "Play";
     };
-    reset.onclick = () => {
-      view = home();
-      dirty = true;
-    };
-    [amplitude, speed, ghost, names, clear].forEach((input) => input.addEventListener("input", () => { dirty = true; }));
-    new ResizeObserver(() => { dirty = true; }).observe(canvas);
+    [amplitude, speed, ghost, names, clear].forEach((input) => input.addEventListener("input", () => { stage.dirty = true; }));
     if (scene.phase !== null) {
       phase = scene.phase;
       play.click();
     }
     select(current);
-    requestAnimationFrame(tick);
-  }, { pose, rotation, moved });
+    animate(stage, () => playing, (elapsed) => {
+      phase = (phase + 2 * Math.PI * Number(speed.value) * elapsed) % (2 * Math.PI);
+      const state = pose(shapes[current], n, phase, Number(amplitude.value));
+      const rest = ghost.checked ? pose(shapes[current], n, 0, 0) : null;
+      paint(stage, scene, state, rest, { clear: clear.checked, names: names.checked });
+    });
+  }, { pose, rotation, moved, decode, make, slider, checkbox, makeStage, paint, animate });
 })();
 if (typeof module !== "undefined") module.exports = mbrsViewer;

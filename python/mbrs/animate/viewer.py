@@ -45,10 +45,10 @@ class Viewer:
         start = (
             'document.querySelectorAll(".mbrs-scene").forEach((place) => {'
             'const scene = JSON.parse(place.querySelector("script").textContent);'
-            'mbrsViewer(place.appendChild(document.createElement("div")), scene);});'
+            "(scene.motion ? mbrsMotion : mbrsViewer)(place.appendChild(document.createElement('div')), scene);});"
         )
         style = _asset("viewer.css") + "\n.mbrs-scene > div { height: 100%; box-sizing: border-box; }"
-        return f"<style>\n{style}\n</style>\n<script>\n{_asset('viewer.js')}\n{start}\n</script>"
+        return f"<style>\n{style}\n</style>\n<script>\n{_asset('viewer.js')}\n{_asset('motion.js')}\n{start}\n</script>"
 
     def html(self) -> str:
         """One complete page."""
@@ -124,10 +124,21 @@ def modes(
 
 def _data(result: Any, scene: SceneGeometry, count: int, select: int, phase: float | None) -> dict[str, Any]:
     points, size = scene.points, scene.size
-    low, high = points.min(axis=0), points.max(axis=0)
-    bodies, faces, solids = _bodies(scene)
+    shapes, solids = _shapes(result, scene, count), _bodies(scene)[2]
+    return {
+        **scene_data(scene, points.min(axis=0), points.max(axis=0)),
+        "reach": _REACH * size,
+        "modes": [_mode(result, i, _drawn(shapes[:, :, i], solids, size)) for i in range(count)],
+        "start": select,
+        "phase": phase,
+    }
+
+
+def scene_data(scene: SceneGeometry, low: np.ndarray, high: np.ndarray) -> dict[str, Any]:
+    """What every viewer needs of a scene that stays within the box from ``low`` to ``high`` (3,), m."""
+    bodies, faces, _ = _bodies(scene)
     index = {**scene.index, None: -1}
-    shapes = _shapes(result, scene, count)
+    size = float(np.linalg.norm(high - low)) or scene.size
     return {
         "size": size,
         "centre": _rounded(0.5 * (low + high), size),
@@ -135,14 +146,11 @@ def _data(result: Any, scene: SceneGeometry, count: int, select: int, phase: flo
         "view": _view(high - low, size),
         "half": _rounded(0.5 * (high - low), size),
         "grain": _thickness(scene),
-        "reach": _REACH * size,
+        "reach": 0.0,
         "bodies": bodies,
         "faces": faces,
         "links": [_link(one, index, size) for one in scene.links],
         "joints": [_joint(one, index, size) for one in scene.joints],
-        "modes": [_mode(result, i, _drawn(shapes[:, :, i], solids, size)) for i in range(count)],
-        "start": select,
-        "phase": phase,
     }
 
 

@@ -4,7 +4,10 @@ the hexapod's.
 Each builder takes sizes by keyword and returns a `Model`; the small nonlinear systems return a `MechanicalSystem`.
 """
 
-from ._four_bar import four_bar
+from ._five_bar import five_bar, ice_skate
+from ._four_bar import four_bar, four_bars
+from ._gap import gap_problem
+from ._heavy_top import heavy_top
 from ._hexapod import cubic_hexapod, cubic_hexapod_points
 from ._lattices import chain, from_code, ladder, tree
 from ._nonlinear import clearance_oscillator, engine_on_mounts, ladder_with_gap
@@ -16,9 +19,14 @@ from ._oscillators import (
     two_tone_duffing,
     van_der_pol,
 )
+from ._pendulum_chain import pendulum_chain
 from ._quadruped import quadruped
+from ._quarter_car import quarter_car
+from ._rolling_disc import rolling_disc
 from ._rotor import rotor
+from ._slider_crank import slider_crank
 from ._stewart import stewart_platform
+from ._swing import swing
 from ._wafer_stage import wafer_stage
 
 __all__ = [
@@ -28,14 +36,24 @@ __all__ = [
     "cubic_hexapod_points",
     "duffing",
     "engine_on_mounts",
+    "five_bar",
     "four_bar",
+    "four_bars",
     "from_code",
+    "gap_problem",
+    "heavy_top",
+    "ice_skate",
     "jenkins_oscillator",
     "ladder",
     "ladder_with_gap",
+    "pendulum_chain",
     "quadruped",
+    "quarter_car",
+    "rolling_disc",
     "rotor",
+    "slider_crank",
     "stewart_platform",
+    "swing",
     "tree",
     "two_mass_cubic",
     "two_mass_stop",

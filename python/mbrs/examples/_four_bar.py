@@ -1,4 +1,4 @@
-"""The four-bar linkage of API.md section 2."""
+"""The four-bar linkage of API.md section 2, and a row of four-bars."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from ..geometry import rotation
 from ..model import Model
+from ._links import rod
 
 
 def four_bar(width: float = 1.0, height: float = 1.0, mass: float = 1.0, gravity: float = 9.81) -> Model:
@@ -32,4 +33,32 @@ def four_bar(width: float = 1.0, height: float = 1.0, mass: float = 1.0, gravity
     m.torque("motor", a, value=(0, 0, 0.5))
     m.force("pull", b, at=middle, value=(1.0, 0, 0))
     m.marker("P2", b, at=(width, height, 0))
+    return m
+
+
+def four_bars(n: int = 1, speed: float = 1.0, gravity: float = 9.81) -> Model:
+    """The IFToMM benchmark "N four-bar mechanism": n + 1 upright rods "post0" ... on ground, n couplers "beam0" ... on
+    top, all 1 m and 1 kg.
+
+    ``speed`` m/s of the upper pins along x at the start, ``gravity`` m/s2 downwards (-y). Hinges about z: "foot0" ...,
+    "left0" ..., "right0" ...; marker "tip" on the first post's upper pin. One degree of freedom; all links align once in
+    every half turn. Spatial bodies: 3 n redundant constraints. Source: Gonzalez, Dopico, Gonzalez and Cuadrado,
+    Multibody Syst. Dyn. 16 (2006) 65-83.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> mb.System(mb.examples.four_bars(2)).dof
+    1
+    """
+    m = Model(f"{n} four-bars", gravity=(0.0, -gravity, 0.0))
+    top = (speed, 0.0)
+    posts = [rod(m, f"post{i}", [(i, 0), (i, 1)], 1.0, [(0, 0), top]) for i in range(n + 1)]
+    beams = [rod(m, f"beam{i}", [(i, 1), (i + 1, 1)], 1.0, [top, top]) for i in range(n)]
+    for i, post in enumerate(posts):
+        m.revolute(f"foot{i}", m.ground, post, at=(i, 0, 0), axis="z")
+    for i, beam in enumerate(beams):
+        m.revolute(f"left{i}", posts[i], beam, at=(i, 1, 0), axis="z")
+        m.revolute(f"right{i}", posts[i + 1], beam, at=(i + 1, 1, 0), axis="z")
+    m.marker("tip", posts[0], at=(0, 1, 0))
     return m

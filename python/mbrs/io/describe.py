@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from ..drives import Coupler, Drive
 from ..elements import LENGTH_GIVEN, SIX, Element, Load
 from ..expressions import Expression
 from ..joints import FRAME_GIVEN, KINDS, Joint
@@ -28,6 +29,10 @@ def describe(model: Model) -> Iterator[tuple[str, Table]]:
         yield "[[body]]", _body(body, poses.get(body.index))
     for joint in model.joints:
         yield "[[joint]]", _joint(joint)
+    for drive in model.drives:
+        yield "[[drive]]", _drive(drive)
+    for coupler in model.couplers:
+        yield "[[coupler]]", _coupler(coupler)
     for element in model.elements:
         yield "[[element]]", _element(element)
     for load in model.loads:
@@ -152,11 +157,40 @@ def _add_laws(table: Table, owner: Any, names: Sequence[str]) -> Table:
     return table
 
 
+def _drive(drive: Drive) -> Table:
+    joint = drive.model.joints[drive.joint]
+    table: Table = {"name": drive.name, "joint": joint.name, "motion": drive.described()}
+    known = KINDS[joint.type].coordinates
+    return {**table, "coordinate": known[drive.coordinate]} if len(known) > 1 else table
+
+
+def _coupler(coupler: Coupler) -> Table:
+    table: Table = {"name": coupler.name}
+    for key in ("first", "second"):
+        joint = coupler.model.joints[getattr(coupler, key)]
+        table[key] = joint.name
+        known = KINDS[joint.type].coordinates
+        if len(known) > 1:
+            table[f"{key}_coordinate"] = known[getattr(coupler, f"{key}_coordinate")]
+    ratio, offset = coupler.entries(0, 2)
+    table["ratio"] = ratio
+    return _with_one(table, "offset", offset)
+
+
+def _load_value(load: Load) -> Any:
+    value: list[Any] = load.entries(3, 3)  # type: ignore[assignment]
+    for motion in load.motions:
+        if motion.function is not None and motion.function.outputs == 3:
+            return motion.described()
+        value[motion.component] = motion.described()
+    return value
+
+
 def _load(load: Load) -> Table:
     table: Table = {"type": load.type, "name": load.name, "body": load.model.body_name(load.body)}
     if load.type == "force":
         table["at"] = load.entries(0, 3)
-    table["value"] = load.entries(3, 3)
+    table["value"] = _load_value(load)
     if load.frame != "world":
         table["frame"] = load.frame
     return table

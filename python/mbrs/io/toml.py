@@ -16,6 +16,7 @@ from ..errors import DuplicateNameError, InertiaError, MbrsError, ModelError, Na
 from ..expressions import Expression
 from ..joints import KINDS
 from ..model import Model
+from ..motions import TYPES, resolve
 from ..names import nearest, problem
 from ..values import shape_of
 from .describe import describe
@@ -25,14 +26,15 @@ from .locate import Places
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _WIDTH = 100
 # Keys whose strings are text; in all others a string is an expression.
-_TEXT = frozenset({"name", "type", "a", "b", "body", "frame"})
+_TEXT = frozenset({"name", "type", "a", "b", "body", "frame", "joint", "first", "second"})
+_TEXT |= {"coordinate", "first_coordinate", "second_coordinate"}
 _AXIS_WORD = re.compile(r"[+-]?[xyz]")
 _TYPES = {
     "joint": tuple(KINDS),
     "element": ("spring_damper", "bushing", "torsion"),
     "load": ("force", "torque"),
 }
-_TABLES = ("body", "joint", "element", "load", "marker")
+_TABLES = ("body", "joint", "drive", "coupler", "element", "load", "marker")
 
 
 def save(model: Model, path: str | Path) -> Path:
@@ -175,6 +177,8 @@ class _Reader:
     def _decoded(self, model: Model, table: str, number: int, key: str, value: Any) -> Any:
         if key in _TEXT or (key in ("axis", "axis2") and isinstance(value, str) and _AXIS_WORD.fullmatch(value)):
             return value
+        if key == "motion" or (table == "load" and key == "value"):
+            return self._guarded(table, number, lambda: _motions(model, value), key)
         if key == "law":
             return self._guarded(table, number, lambda: _laws(model, value), key)
         return self._guarded(table, number, lambda: _numbers(model, value), key)
@@ -214,6 +218,26 @@ def _numbers(model: Model, value: Any) -> Any:
     if isinstance(value, list):
         return [_numbers(model, v) for v in value]
     return value
+
+
+def _motions(model: Model, value: Any) -> Any:
+    """Motions {type, numbers}, functions "module:name", numbers and expressions."""
+    if isinstance(value, list):
+        return [_motions(model, v) for v in value]
+    if isinstance(value, str) and ":" in value:
+        return resolve(value)
+    if not isinstance(value, dict):
+        return _numbers(model, value)
+    given = dict(value)
+    name = given.pop("type", None)
+    if name not in TYPES:
+        raise problem("motion", f"has no type {name!r}; known: {', '.join(TYPES)}", NameNotFoundError)
+    kind = given.pop("kind", None)
+    made = {k: _numbers(model, v) for k, v in given.items()}
+    try:
+        return TYPES[name](**made, **({} if kind is None else {"kind": kind}))
+    except TypeError:
+        raise problem("motion", f"of type {name} cannot have the entries {', '.join(value)}") from None
 
 
 def _laws(model: Model, value: Any) -> Any:

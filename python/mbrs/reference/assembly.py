@@ -28,7 +28,7 @@ class Partition:
 
 
 def cut_row_names(sys: System) -> list[str]:
-    return [f"{link.name}[{i}]" for link in sys.cut for i in range(len(jt.all_rows(link.kind)))]
+    return [f"{link.name}[{i}]" for link in sys.cut for i in range(len(jt.all_rows(link)))]
 
 
 def link_rows(link: Link, p: jt.Pair, rows: Sequence[jt.Row]) -> Jet:
@@ -40,7 +40,16 @@ def constraint_values(sys: System, state: State, links: Sequence[Link]) -> Array
     bodies, out = motion(state), []
     for link in links:
         p = link_pair(link, bodies)
-        out += [jt.constraint_value(row, p, link.length) for row in jt.CONSTRAINTS[link.kind]]
+        if link.row is None:
+            out += [jt.constraint_value(row, p, link.length) for row in jt.position_rows(link)]
+        elif link.first is None:
+            assert link.motion is not None
+            phi = jt.imposed_value(link.row, p) - link.motion(sys.t)[0]
+            turns = np.round(phi.real / (2 * np.pi)) if link.row[0] in ("angle", "beta") else 0.0
+            out.append(phi - 2 * np.pi * turns)
+        else:  # within half a turn of the drawn positions
+            first = jt.imposed_value(link.first.row, link_pair(link.first, bodies))
+            out.append(jt.imposed_value(link.row, p) - link.ratio * first - link.length)
     return np.array(out)
 
 
@@ -50,18 +59,21 @@ def cut_jacobian(sys: System, bodies: Motion, twists: list[tuple[Jet, Jet]], vel
     """
     out = []
     for link in sys.cut:
-        rows = jt.all_rows(link.kind) if velocity else jt.CONSTRAINTS[link.kind]
-        if rows:
-            p = link_pair(link, bodies)
-            xi = p.twist(twists[link.a.body], twists[link.b.body])
-            out.append(link_rows(link, p, rows) @ xi.T)
+        if jt.all_rows(link) if velocity else jt.position_rows(link):
+            parts = []
+            for part, factor in jt.terms(link):
+                p = link_pair(part, bodies)
+                rows = jt.all_rows(part) if velocity else jt.position_rows(part)
+                xi = p.twist(twists[part.a.body], twists[part.b.body])
+                parts.append(factor * (link_rows(part, p, rows) @ xi.T))
+            out.append(sum(parts[1:], parts[0]))
     return stack(out).T if out else jet(np.zeros((sys.ny, 0)))
 
 
 def scales(sys: System, velocity: bool = True) -> tuple[Array, Array]:
     """Factors that make J free of units: rows in metres by 1/L_c, columns in metres by L_c."""
-    rows_of = jt.all_rows if velocity else jt.CONSTRAINTS.__getitem__
-    rows = np.array([jt.is_length(row) for link in sys.cut for row in rows_of(link.kind)], dtype=bool)
+    rows_of = jt.all_rows if velocity else jt.position_rows
+    rows = np.array([jt.is_length(row) for link in sys.cut for row in rows_of(link)], dtype=bool)
     return np.where(rows, 1 / sys.length, 1.0), np.where(sys.is_length, sys.length, 1.0)
 
 
@@ -151,7 +163,7 @@ def _free_turn(t: TreeJoint, R: Array) -> Array:
 
 def close_loops(sys: System, state: State, tolerance: float = 1e-13, fixed: Sequence[int] | Array = ()) -> State:
     """Newton on the cut rows; the tree coordinates in ``fixed`` get no increments."""
-    if not any(jt.CONSTRAINTS[link.kind] for link in sys.cut):
+    if not any(jt.position_rows(link) for link in sys.cut):
         return state
     row_scale, column_scale = scales(sys, velocity=False)
     movable = np.setdiff1d(np.arange(sys.ny), np.asarray(fixed, dtype=int))

@@ -23,7 +23,7 @@ from .so3 import Array, skew
 
 EFFECTS = (
     *("gravity", "gyroscopic", "centrifugal", "preload-stiffness", "constraint-force-stiffness", "damping"),
-    *("friction", "contact", "law-slopes"),
+    *("friction", "contact", "law-slopes", "drives", "nonholonomic"),
 )
 
 
@@ -31,6 +31,9 @@ def check_effects(without: Collection[str]) -> None:
     for name in without:
         if name not in EFFECTS:
             raise ModelError(f"unknown effect {name!r}; known are {', '.join(EFFECTS)}")
+
+
+LEVELS = (jt.position_rows, jt.velocity_rows)
 
 
 def _zeros(sys: System, state: State, *shape: int) -> Array:
@@ -75,7 +78,7 @@ def inertia_tangents(sys: System, state: State, a: Array) -> tuple[Array, Array,
     d(I alpha + w x I w) = ([I alpha]^T + I [alpha] + [w] ([I w]^T + I [w])) dtheta + ([w] I - [I w]) dw + I dalpha.
     """
     n = 6 * sys.nb
-    K, C, M = (_zeros(sys, state, n, n).astype(np.result_type(a, state.r, sys.x)) for _ in range(3))
+    K, C, M = (_zeros(sys, state, n, n).astype(np.result_type(a, state.r, state.w, sys.x)) for _ in range(3))
     for i, b in enumerate(sys.bodies):
         inertia, w, k = world_inertia(sys, state, i), state.w[i], 6 * i
         alpha, rot = a[k + 3 : k + 6], slice(k + 3, k + 6)
@@ -100,7 +103,7 @@ def load_forces(sys: System, state: State, gravity: bool = True) -> tuple[Array,
         if load.body < 0:
             continue
         R, k = state.R[load.body], 6 * load.body
-        arm, value = R @ load.s, load.value
+        arm, value = R @ load.s, load.at(sys.t)
         if load.follower:
             value = R @ sys.bodies[load.body].R.T @ value
         force, rot = slice(k, k + 3), slice(k + 3, k + 6)
@@ -241,14 +244,15 @@ def twists_of(state: State) -> Array:
 def constraint_jacobian(sys: System, state: State) -> tuple[Array, Array]:
     """G (rows of all joints, 6 nb), velocity constraints last, and True for the rows whose multiplier is a force."""
     bodies, blocks, force = motion(state), [np.zeros((0, 6 * sys.nb))], [np.zeros(0, dtype=bool)]
-    for table in (jt.CONSTRAINTS, jt.VELOCITY_CONSTRAINTS):
+    for rows_of in LEVELS:
         for link in sys.joints:
-            rows = table.get(link.kind, [])
+            rows = rows_of(link)
             if rows:
-                p = link_pair(link, bodies)
-                on = reach(link, link_rows(link, p, rows), p)
-                block = np.zeros((len(rows), 6 * sys.nb), dtype=on.J.value.dtype)
-                block[:, on.columns] = on.J.value[on.kept].T
+                block = np.zeros((len(rows), 6 * sys.nb), dtype=np.result_type(state.r, state.R, sys.x, float))
+                for part, factor in jt.terms(link):
+                    p = link_pair(part, bodies)
+                    on = reach(part, link_rows(part, p, rows_of(part)), p)
+                    block[:, on.columns] += factor * on.J.value[on.kept].T
                 blocks.append(block)
                 force.append(np.array([jt.is_length(row) for row in rows]))
     return np.concatenate(blocks), np.concatenate(force)
@@ -266,13 +270,14 @@ def constraint_stiffness(sys: System, state: State, lam: Array) -> Array:
     """d(G^T lam)/dq of all joints."""
     K = _zeros(sys, state, 6 * sys.nb, 6 * sys.nb).astype(np.result_type(lam, state.r))
     start = 0
-    for table in (jt.CONSTRAINTS, jt.VELOCITY_CONSTRAINTS):
+    for rows_of in LEVELS:
         for link in sys.joints:
-            rows = table.get(link.kind, [])
+            rows = rows_of(link)
             if rows:
-                p = jt.pair(link, *directions(state, link))
-                on = reach(link, link_rows(link, p, rows), p)
-                on.add_matrix(K, on.geometric(lam[start : start + len(rows)]))
+                for part, factor in jt.terms(link):
+                    p = jt.pair(part, *directions(state, part))
+                    on = reach(part, link_rows(part, p, rows_of(part)), p)
+                    on.add_matrix(K, on.geometric(factor * lam[start : start + len(rows)]))
                 start += len(rows)
     return K
 
@@ -288,15 +293,17 @@ def applied_residual(
 
 def reactions(sys: System, state: State, lam: Array) -> dict[str, Array]:
     """Constraint wrench of every joint on its second body at the second body's marker, world axes, (6,) by name."""
-    bodies, out, start = [*motion(state)[:-1], GROUND_MOTION], {}, 0
-    for table in (jt.CONSTRAINTS, jt.VELOCITY_CONSTRAINTS):
+    out: dict[str, Array] = {}
+    bodies, start = [*motion(state)[:-1], GROUND_MOTION], 0
+    for rows_of in LEVELS:
         for link in sys.joints:
-            rows = table.get(link.kind, [])
+            rows = rows_of(link)
             if not rows and link.name in out:
                 continue
             p = link_pair(link, bodies)
             wrench = -(lam[start : start + len(rows)] @ link_rows(link, p, rows).value)
             A = p.A.value
-            out[link.name] = np.concatenate([A @ wrench[:3], A @ wrench[3:]])
+            made = np.concatenate([A @ wrench[:3], A @ wrench[3:]])
+            out[link.name] = out[link.name] + made if link.name in out else made  # both levels of a rolling disc
             start += len(rows)
     return out

@@ -23,6 +23,7 @@ def equilibrium(
     generalised force that is left. Steps use the real part of S, its least-norm inverse where directions are
     unrestrained; an imaginary part (a complex step) converges by the same steps and is waited for.
     """
+    sys = sys.leaving_out(without)
     state = assemble(sys, first_guess(sys) if state0 is None else state0).at_rest
     lin = linearize(sys, state, without=without)
     size, imaginary = _size(sys, lin), np.inf

@@ -7,6 +7,7 @@ force f along it is the wrench -G^T f on the second body at p_B in the first mar
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -36,18 +37,43 @@ CONSTRAINTS: dict[str, list[Row]] = {
     "free": [],
     "distance": [("distance", 0, 0)],
     "knife_edge": [],
+    "rolling_disc": [("disc", 0, 0)],
 }
 # rows that restrict velocities only
-VELOCITY_CONSTRAINTS: dict[str, list[Row]] = {"knife_edge": [("knife", 0, 0)]}
+VELOCITY_CONSTRAINTS: dict[str, list[Row]] = {
+    "knife_edge": [("knife", 0, 0)],
+    "rolling_disc": [("disc", 1, 0), ("disc", 2, 0)],
+}
 
 
-def velocity_rows(kind: str) -> list[Row]:
-    return VELOCITY_CONSTRAINTS.get(kind, [])
+def position_rows(link: Link) -> list[Row]:
+    """Rows that restrict positions."""
+    return CONSTRAINTS[link.kind] if link.row is None else [link.row]
 
 
-def all_rows(kind: str) -> list[Row]:
-    """Rows of both levels; a joint has one level or the other."""
-    return CONSTRAINTS[kind] + velocity_rows(kind)
+def velocity_rows(link: Link) -> list[Row]:
+    """Rows that restrict velocities alone."""
+    return [] if link.slides else VELOCITY_CONSTRAINTS.get(link.kind, [])
+
+
+def all_rows(link: Link) -> list[Row]:
+    """Rows of both levels, those of positions first."""
+    return position_rows(link) + velocity_rows(link)
+
+
+def imposed_row(kind: str, coordinate: int) -> Row:
+    """The row of a drive on a joint's free coordinate."""
+    for what, i in FREE[kind]:
+        n = 3 if what == "log" else 1
+        if coordinate < n:
+            return (what, coordinate if what == "log" else i, 0)
+        coordinate -= n
+    raise IndexError(f"a {kind} joint has no such coordinate")
+
+
+def terms(link: Link) -> list[tuple[Link, Any]]:
+    """Whose rows a link sums, with what factors: a coupler those of its two joints."""
+    return [(link, 1.0)] if link.first is None else [(link, 1.0), (link.first, -link.ratio)]
 
 
 # free coordinates for forces: ("u", i), ("angle", Z), ("beta", X), ("log", 0); the last stands for three
@@ -62,6 +88,9 @@ FREE: dict[str, list[tuple[str, int]]] = {
     "free": [("u", X), ("u", Y), ("u", Z), ("log", 0)],
     "distance": [],
     "knife_edge": [],
+    "rolling_disc": [],
+    "drive": [],
+    "coupler": [],
     "bushing": [("u", X), ("u", Y), ("u", Z), ("log", 0)],
     "torsion": [("angle", Z)],
     "spring_damper": [("stretch", 0)],
@@ -80,6 +109,7 @@ class Pair:
     point: Jet
     centre_a: Jet
     centre_b: Jet
+    radius: Array
 
     def twist(self, a: tuple[Jet, Jet], b: tuple[Jet, Jet]) -> Jet:
         """Relative twists (m, 6) for m motions of the two bodies: rows of (velocity of the centre of mass, angular
@@ -96,7 +126,7 @@ def pair(link: Link, a: tuple[Jet, Jet], b: tuple[Jet, Jet]) -> Pair:
     (ca, Ra), (cb, Rb) = a, b
     A, B = Ra @ link.a.F, Rb @ link.b.F
     p_a, p_b = ca + link.a.s[None, :] @ Ra.T, cb + link.b.s[None, :] @ Rb.T
-    return Pair((p_b - p_a) @ A, A.T @ B, A, p_b, ca, cb)
+    return Pair((p_b - p_a) @ A, A.T @ B, A, p_b, ca, cb, link.radius)
 
 
 def translation_row(i: int) -> Jet:
@@ -116,6 +146,14 @@ def constraint_row(row: Row, p: Pair) -> Jet:
         return _rotation_rows(cross(column(p.R, j), np.eye(3)[i : i + 1]))
     if kind == "knife":
         return column(p.R, Z) @ np.eye(3, 6)
+    if kind == "disc":
+        return disc_row(i, p)
+    if kind == "angle":
+        return angle_row(p)
+    if kind == "beta":
+        return beta_row(p)
+    if kind == "log":
+        return np.eye(3)[i : i + 1] @ rotation_vector_rows(p)
     return stretch_row(p)
 
 
@@ -125,12 +163,37 @@ def constraint_value(row: Row, p: Pair, length: Array) -> Array:
         return p.u.value[0, i]
     if kind == "dot":
         return p.R.value[i, j]
+    if kind == "disc":
+        n = p.R.value[:, Z]
+        return p.u.value[0, Z] - p.radius * np.sqrt(n[X] ** 2 + n[Y] ** 2)
     return so3.norm(p.u.value) - length
+
+
+def imposed_value(row: Row, p: Pair) -> Array:
+    """The coordinate that a drive moves."""
+    (kind, i, _), R = row, p.R.value
+    if kind == "u":
+        return p.u.value[0, i]
+    if kind == "angle":
+        return so3.atan2(R[Y, X], R[X, X])
+    return so3.atan2(R[Z, Y], R[Z, Z]) if kind == "beta" else so3.log(R)[i]
 
 
 def is_length(row: Row) -> bool:
     """True for rows in metres; products of axes have no unit."""
-    return row[0] != "dot"
+    return row[0] not in ("dot", "angle", "beta", "log")
+
+
+def disc_row(k: int, p: Pair) -> Jet:
+    """The velocity of the disc's material point at the contact, c = r ((n.z) n - z)/rho from its centre, along z (k = 0),
+    the track n x z/rho (1) and z x (n x z)/rho (2).
+    """
+    n, z = column(p.R, Z), np.eye(3)[Z:]
+    track = cross(n, z)
+    inverse = power(dot(track, track), -0.5)
+    contact = p.radius * inverse * (entry(p.R, Z, Z) * n - z)
+    t = (jet(z), inverse * track, inverse * cross(z, track))[k]
+    return t @ np.eye(3, 6) + cross(contact, t) @ np.eye(3, 6, 3)
 
 
 def stretch_row(p: Pair) -> Jet:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -62,7 +63,23 @@ class System:
         self.loads = reader.read_loads(tables, self.x, self.bodies)
         self.gravity = reader.read_gravity(tables, self.x)
         self.tree, self.cut = spanning_tree(self.bodies, self.joints)
+        imposed = reader.read_imposed(tables, self.x, self.joints)
+        # rows like those of joints that are cut
+        self.joints, self.cut = [*self.joints, *imposed], [*self.cut, *imposed]
+        self.t = 0.0  # what motions read; linear analyses hold it
         self.length = reader.characteristic_length(reader.located_points(tables, self.x, self.bodies))
+
+    def leaving_out(self, without: Collection[str]) -> System:
+        """The system without drives or without nonholonomic rows, where these effects are named."""
+        if not {"drives", "nonholonomic"} & set(without):
+            return self
+        out = copy(self)
+        out.__dict__.pop("_drawn_partition", None)
+        for name in ("joints", "cut"):
+            kept = [link for link in getattr(self, name) if not ("drives" in without and link.kind == "drive")]
+            slides = "nonholonomic" in without
+            setattr(out, name, [replace(link, slides=slides) if jt.velocity_rows(link) else link for link in kept])
+        return out
 
     @property
     def nb(self) -> int:

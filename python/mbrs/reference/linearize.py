@@ -129,7 +129,8 @@ def linearize(
     Cost O(nb^3). Source: METHODS.md a.2; the terms of a moving state are derived here.
     """
     dyn.check_effects(without)
-    if np.any(dyn.twists_of(state) != 0) and any(jt.velocity_rows(link.kind) for link in sys.joints):
+    sys = sys.leaving_out(without)
+    if np.any(dyn.twists_of(state) != 0) and any(jt.velocity_rows(link) for link in sys.joints):
         raise ModelError(
             "a model with joints that restrict velocities is linearised at rest only; give it no velocities"
         )
@@ -156,17 +157,20 @@ def velocity_constraints(sys: System, base: Nominal) -> tuple[Array, Array, Arra
     W = G T; P y collects (dG) v and G (T' - W0 T) y.
     """
     state, T = base.state, base.T
-    links = [link for link in sys.joints if link.kind in jt.VELOCITY_CONSTRAINTS]
+    links = [link for link in sys.joints if jt.velocity_rows(link)]
+    n = sum(len(jt.velocity_rows(link)) for link in links)
     G = dyn.constraint_jacobian(sys, state)[0]
-    G = G[len(G) - len(links) :]
+    G = G[len(G) - n :]
     v = dyn.twists_of(state)
-    along, rate = np.zeros_like(G @ T), np.zeros(len(links), dtype=T.dtype)
-    for i, link in enumerate(links):
+    along, rate, i = np.zeros_like(G @ T), np.zeros(n, dtype=T.dtype), 0
+    for link in links:
         p = jt.pair(link, *dyn.directions(state, link))
-        on = dyn.reach(link, link_rows(link, p, jt.VELOCITY_CONSTRAINTS[link.kind]), p)
-        turning = on.J.derivative_along(12)[:, :, 0] @ on.take(v)  # d(G v) for the twelve directions at fixed v
-        along[i] = turning[on.kept] @ T[on.columns]
-        rate[i] = turning[on.kept] @ v[on.columns]
+        on = dyn.reach(link, link_rows(link, p, jt.velocity_rows(link)), p)
+        for k in range(len(jt.velocity_rows(link))):
+            turning = on.J.derivative_along(12)[:, :, k] @ on.take(v)  # d(G v) for the twelve directions at fixed v
+            along[i] = turning[on.kept] @ T[on.columns]
+            rate[i] = turning[on.kept] @ v[on.columns]
+            i += 1
     return G @ T, along + G @ (base.dT - turned(sys, state.w, T)), rate + G @ base.a
 
 

@@ -8,6 +8,7 @@ laws remember is frozen within a step. Complex-safe: a complex step in x gives t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -67,8 +68,20 @@ def independent_rows(sys: System, state: State) -> tuple[Array, int]:
 
 def velocity_rows(sys: System) -> Array:
     """True for the cut rows that restrict velocities only."""
-    flags = [[False] * len(jt.CONSTRAINTS[link.kind]) + [True] * len(jt.velocity_rows(link.kind)) for link in sys.cut]
+    flags = [[False] * len(jt.position_rows(link)) + [True] * len(jt.velocity_rows(link)) for link in sys.cut]
     return np.array([f for link in flags for f in link], dtype=bool)
+
+
+def explicit_rates(sys: System) -> tuple[Array, Array]:
+    """Phi_t and Phi_tt of the cut rows at the time of the system: what drives do by themselves."""
+    out: list[Any] = []
+    for link in sys.cut:
+        if link.motion is not None:
+            out.append(-link.motion(sys.t)[1:])
+        else:
+            out += [np.zeros(2)] * len(jt.all_rows(link))
+    both = np.array(out).reshape(-1, 2)
+    return both[:, 0], both[:, 1]
 
 
 def accelerations(sys: System, m: Motion, rows: Array) -> Array:
@@ -79,6 +92,7 @@ def accelerations(sys: System, m: Motion, rows: Array) -> Array:
     h = T.value.T @ dyn.applied_residual(sys, state, drift, memory=m.memory)
     J, turning = Jt.value.T[rows], (Jt.derivative(1).T @ m.rate)[rows]
     M = mass(sys, state, T.value)
+    turning = turning + explicit_rates(sys)[1][rows]
     return np.linalg.solve(_saddle(M, J), np.concatenate([-h, -turning]))[: sys.ny]
 
 
@@ -112,7 +126,8 @@ def project(sys: System, m: Motion, rows: Array, n_position: int) -> Motion:
             state = advance(sys, state, step)
     T, Jt = tree_map(sys, state)
     J = Jt.value.T[rows]
-    rate = m.rate + _correction(mass(sys, state, T.value), J, -J @ m.rate)
+    miss = -J @ m.rate - explicit_rates(sys)[0][rows]
+    rate = m.rate + _correction(mass(sys, state, T.value), J, miss)
     return Motion(state, rate, m.memory)
 
 
@@ -161,9 +176,11 @@ def law_rows(sys: System, lin: Linearization) -> list[tuple[BoundLaw, Array, Arr
 
 
 def step(sys: System, m: Motion, h: float, rows: Array, n_position: int) -> Motion:
-    """One step of length h."""
+    """One step of length h from the time that the system holds, which moves on."""
     slopes: list[tuple[Array, Array]] = []
+    before = sys.t
     for fraction in (0.0, 0.5 * h, 0.5 * h, h):
+        sys.t = before + fraction
         increment, trial = 0 * m.rate, m
         if fraction:
             dy, dv = slopes[-1]

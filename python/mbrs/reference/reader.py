@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import ModelError
 from . import so3
 from .so3 import Array
+from .time_functions import TimeFunction, read_motions
 
 JOINTS = ["fixed", "revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "free"]
 JOINTS += ["distance", "knife_edge", "rolling_disc"]
@@ -57,6 +58,13 @@ class Link:
     length: Array = field(default_factory=lambda: np.zeros(()))
     has_force: bool = False
     laws: list[Any] = field(default_factory=list)
+    radius: Array = field(default_factory=lambda: np.zeros(()))
+    # of a drive or coupler: its row, the motion it follows, the joint, row and ratio that it is coupled with
+    row: Any = None
+    motion: TimeFunction | None = None
+    first: Link | None = None
+    ratio: Array = field(default_factory=lambda: np.zeros(()))
+    slides: bool = False  # without its velocity rows
 
 
 @dataclass
@@ -69,6 +77,14 @@ class Load:
     body: int
     s: Array
     value: Array
+    varying: list[tuple[int, TimeFunction]] = field(default_factory=list)
+
+    def at(self, t: float) -> Array:
+        """The value at a time."""
+        out = self.value
+        for component, motion in self.varying:
+            out = out + np.eye(3)[component] * motion(t)[0]
+        return out
 
 
 GROUND = Body("ground", np.zeros(3), np.eye(3), np.zeros(3), np.zeros(()), np.zeros((3, 3)), np.zeros(3), np.zeros(3))
@@ -134,8 +150,6 @@ def read_joints(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Link
     joints = []
     for name, kind, a, b, flags, i in _rows(t, "joint"):
         label = JOINTS[int(kind)]
-        if label == "rolling_disc":
-            raise ModelError(f"joint {name!r}: mbrs.reference has no rolling discs; leave it out")
         if a == b:
             raise ModelError(f"joint {name!r} connects a body with itself; give two different bodies")
         at_a, at_b, axis, axis2 = x[i : i + 3], x[i + 3 : i + 6], x[i + 6 : i + 9], x[i + 9 : i + 12]
@@ -148,8 +162,10 @@ def read_joints(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Link
         else:
             frame = axis_frame(axis)
         law = _law(flags, np.diag(x[i + 16 : i + 22]), np.diag(x[i + 22 : i + 28]), x[i + 28 : i + 34])
-        ends = marker(bodies, a, at_a, frame), marker(bodies, b, at_b, frame)
-        joints.append(Link(name, label, *ends, **law, length=_length(flags, at_a, at_b, x[i + 34])))
+        second = axis_frame(axis2) if label == "rolling_disc" else frame
+        ends = marker(bodies, a, at_a, frame), marker(bodies, b, at_b, second)
+        length = _length(flags, at_a, at_b, x[i + 34])
+        joints.append(Link(name, label, *ends, **law, length=length, radius=x[i + 35]))
     return joints
 
 
@@ -175,11 +191,37 @@ def read_elements(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Li
 
 def read_loads(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Load]:
     keys = ("name", "type", "body", "frame", "x")
-    loads = []
+    loads: list[Load] = []
     for name, kind, body, frame, i in zip(*(t.get(f"load_{k}", ()) for k in keys), strict=True):
         m = marker(bodies, body, x[i : i + 3], np.eye(3))
         loads.append(Load(name, ("force", "torque")[int(kind)], bool(frame), int(body), m.s, x[i + 3 : i + 6]))
+    motions, ends = read_motions(t, x), ("load", "component", "motion")
+    for load, component, motion in zip(*(t.get(f"load_motion_{k}", ()) for k in ends), strict=True):
+        loads[load].varying.append((int(component), motions[motion]))
     return loads
+
+
+def read_imposed(t: Mapping[str, Any], x: Array, joints: list[Link]) -> list[Link]:
+    """Drives, then couplers, as links with one row each on the markers of their joint (of a coupler the second one)."""
+    from .joints import imposed_row
+
+    motions, out = read_motions(t, x), []
+    none = np.zeros((6, 6))
+
+    def link(name: str, kind: str, joint: Link, coordinate: int) -> Link:
+        return Link(name, kind, joint.a, joint.b, none, none, np.zeros(6), row=imposed_row(joint.kind, coordinate))
+
+    for name, joint, coordinate, motion in zip(
+        *(t.get(f"drive_{k}", ()) for k in ("name", "joint", "coordinate", "motion")), strict=True
+    ):
+        out.append(link(name, "drive", joints[joint], coordinate))
+        out[-1].motion = motions[motion]
+    keys = ("name", "first", "second", "first_coordinate", "second_coordinate", "x")
+    for name, a, b, of_a, of_b, i in zip(*(t.get(f"coupler_{k}", ()) for k in keys), strict=True):
+        out.append(link(name, "coupler", joints[b], of_b))
+        out[-1].first = link(name, "drive", joints[a], of_a)
+        out[-1].ratio, out[-1].length = x[i], x[i + 1]
+    return out
 
 
 def read_gravity(t: Mapping[str, Any], x: Array) -> Array:

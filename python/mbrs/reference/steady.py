@@ -19,7 +19,8 @@ def steady_motion(
 ) -> tuple[Linearization, Array]:
     """rho(y, y', 0) = 0 on the coordinates that are not driven, y' = speed on those that are; open trees.
 
-    Newton with S of the moving state, which is the derivative of rho at constant rates. Returns the linearisation there and
+    Newton with the real part of S of the moving state, which is the derivative of rho at constant rates; the imaginary part of a
+    complex step must converge as well. Returns the linearisation there and
     the generalised forces (n_driven,) that keep the speeds.
     """
     if sys.cut:
@@ -27,15 +28,17 @@ def steady_motion(
     driven = np.array([name in speed for name in sys.coordinates])
     rate = np.array([float(speed.get(name, 0.0)) for name in sys.coordinates])
     state = assemble(sys, first_guess(sys)).at_rest
+    imaginary = np.inf
     for _ in range(60):
         lin = linearize(sys, turning(sys, state, rate), without=without)
-        step = np.zeros(sys.ny)
-        S = lin.S[np.ix_(~driven, ~driven)]
+        step = np.zeros(sys.ny, lin.residual.dtype)
+        S = lin.S.real[np.ix_(~driven, ~driven)]
         step[~driven] = -np.linalg.lstsq(S, lin.residual[~driven], rcond=1e-12)[0]
-        longest = np.max(np.abs(step), initial=0.0)
-        if longest <= tolerance:
+        longest, previous = np.max(np.abs(step.real), initial=0.0), imaginary
+        imaginary = np.max(np.abs(step.imag), initial=0.0)
+        if longest <= tolerance and (imaginary == 0.0 or imaginary >= 0.5 * previous):
             return lin, lin.residual[driven]
-        state = advance(sys, state, step * min(1.0, 0.3 / longest))
+        state = advance(sys, state, step * min(1.0, 0.3 / max(longest, 1e-300)))
     raise ConvergenceError("no steady motion within 60 steps; approach the speeds in steps", state)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from .reader import Body, Link, Marker
 
-ALWAYS_CUT = ("distance", "knife_edge")
+ALWAYS_CUT = ("distance", "knife_edge", "rolling_disc")
 NEVER_CANDIDATE = ("free", *ALWAYS_CUT)
 
 # motion of b relative to a: (ending of the name, "t" or "r", frame "inner" "a" "b", axis)

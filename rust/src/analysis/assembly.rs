@@ -14,7 +14,8 @@ use crate::system::loops::{column_scales, gap, row_scales};
 use crate::system::placement::{
     Placement, State, advance, drawn_relative, place, relative_from_poses,
 };
-use crate::system::topology::{Level, Node};
+use crate::system::rows::explicit_rates;
+use crate::system::topology::{Level, Node, Purpose};
 
 const CLOSED: f64 = 1e-13;
 const MAX_ITERATIONS: usize = 60;
@@ -27,13 +28,20 @@ pub struct Assembled {
 }
 
 /// The drawn state: two-point joints brought together, loops closed by the smallest change, velocities projected.
-pub fn assemble(system: &System, counts: &mut Counts) -> Result<Assembled> {
+///
+/// `hold`: drives stand still at their values of t = 0, as linear analyses take them; else they give their rates.
+pub fn assemble(
+    system: &System,
+    hold: bool,
+    effects: Effects,
+    counts: &mut Counts,
+) -> Result<Assembled> {
     let mut state = State {
         relative: start(system),
         rate: Vec::new(),
     };
-    let iterations = close(system, &mut state, counts)?;
-    let velocity_correction = set_velocities(system, &mut state)?;
+    let iterations = close(system, &mut state, effects, counts)?;
+    let velocity_correction = set_velocities(system, &mut state, hold, effects)?;
     Ok(Assembled {
         state,
         velocity_correction,
@@ -79,12 +87,25 @@ pub fn scene<'a>(system: &'a System, placement: &'a Placement<f64>) -> Scene<'a,
         placement,
         rate: None,
         acceleration: None,
+        t: 0.0,
         effects: Effects::ALL,
     }
 }
 
+fn with<'a>(system: &'a System, placement: &'a Placement<f64>, effects: Effects) -> Scene<'a, f64> {
+    Scene {
+        effects,
+        ..scene(system, placement)
+    }
+}
+
 /// Newton on the position rows with the minimum-norm step; returns the number of steps.
-pub fn close(system: &System, state: &mut State, counts: &mut Counts) -> Result<usize> {
+pub fn close(
+    system: &System,
+    state: &mut State,
+    effects: Effects,
+    counts: &mut Counts,
+) -> Result<usize> {
     if system.topology.rows.is_empty() {
         return Ok(0);
     }
@@ -93,7 +114,12 @@ pub fn close(system: &System, state: &mut State, counts: &mut Counts) -> Result<
     let mut best = f64::INFINITY;
     for iteration in 0..MAX_ITERATIONS {
         let placement = place(&system.topology, &system.geometry, &state.relative, None);
-        let (phi, jacobian) = scene(system, &placement).constraints();
+        let (phi, jacobian) = with(system, &placement, effects).constraints();
+        if phi.iter().any(|v| !v.is_finite()) {
+            return Err(system.topology.tables.failure().unwrap_or_else(|| {
+                Error::Assembly("the constraints cannot be evaluated in this state".into())
+            }));
+        }
         let (size, worst) = gap(&system.topology, &phi, &rows);
         if size <= CLOSED {
             check_orientation(system, &placement)?;
@@ -127,7 +153,7 @@ pub fn close(system: &System, state: &mut State, counts: &mut Counts) -> Result<
         counts.add("assembly iterations", 1);
     }
     let placement = place(&system.topology, &system.geometry, &state.relative, None);
-    let (phi, _) = scene(system, &placement).constraints();
+    let (phi, _) = with(system, &placement, effects).constraints();
     let (size, worst) = gap(&system.topology, &phi, &rows);
     if size < 1e-9 {
         Ok(MAX_ITERATIONS)
@@ -143,7 +169,22 @@ fn cannot_close(system: &System, phi: &DVector<f64>, worst: Option<usize>, size:
     let spec = &system.topology.rows[row];
     let joint = &system.topology.tables.joints[spec.joint];
     let (what, unit) = match spec.coordinate {
-        Coordinate::Translation(_) | Coordinate::Length => ("points are apart by", "m"),
+        c if spec.purpose != Purpose::Joint => {
+            let kind = if matches!(spec.purpose, Purpose::Drive(_)) {
+                "drive"
+            } else {
+                "coupler"
+            };
+            let unit = if c.is_length() { "m" } else { "rad" };
+            return Error::Assembly(format!(
+                "{kind} '{}' asks for a value of joint '{}' that the model cannot take: it is off by {:.6} {unit} at the closest approach; \
+                 check its value at t = 0 and whether another drive or a closed loop already fixes this coordinate",
+                system.topology.row_name(row),
+                joint.name,
+                phi[row].abs()
+            ));
+        }
+        c if c.is_length() => ("points are apart by", "m"),
         _ => ("axes are off by", "rad"),
     };
     let bodies = format!(
@@ -200,17 +241,20 @@ pub fn minimum_norm(m: &DMatrix<f64>, right: &DVector<f64>) -> Result<DVector<f6
 }
 
 /// Rates of the tree coordinates from the bodies' given velocities, made to satisfy the cut joints.
-fn set_velocities(system: &System, state: &mut State) -> Result<f64> {
+fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effects) -> Result<f64> {
     let topology = &*system.topology;
     let given = |node: usize| {
         let x = topology.tables.bodies[topology.nodes[node].body].x;
         let at = |i: usize| V3::new(system.x[x + i], system.x[x + i + 1], system.x[x + i + 2]);
         (at(17), at(20))
     };
-    if (0..topology.nodes.len()).all(|n| given(n).0.amax() == 0.0 && given(n).1.amax() == 0.0) {
+    let resting = |n: usize| given(n).0.amax() == 0.0 && given(n).1.amax() == 0.0;
+    let placement = place(topology, &system.geometry, &state.relative, None);
+    let prescribed = explicit_rates(topology, &system.geometry, effects, 0.0).0;
+    let driven = prescribed.amax() != 0.0;
+    if (0..topology.nodes.len()).all(resting) && (hold || !driven) {
         return Ok(0.0);
     }
-    let placement = place(topology, &system.geometry, &state.relative, None);
     let mut rate = vec![0.0; topology.dofs.len()];
     let mut body: Vec<Six<f64>> = Vec::new();
     for (n, node) in topology.nodes.iter().enumerate() {
@@ -222,7 +266,7 @@ fn set_velocities(system: &System, state: &mut State) -> Result<f64> {
             body[p].motion_at(&(pose.p - placement.pose[p].p))
         });
         let relative = wanted - carried;
-        let (m, right) = weighted_columns(system, &placement, node, &relative);
+        let (m, right) = weighted_columns(system.length, &placement, node, &relative);
         let solution = minimum_norm(&m, &right)?;
         let mut v = carried;
         for k in 0..node.n {
@@ -231,7 +275,13 @@ fn set_velocities(system: &System, state: &mut State) -> Result<f64> {
         }
         body.push(v);
     }
-    project_rates(system, &placement, &mut rate)?;
+    let mut held = rate.clone();
+    project_rates(system, &placement, &mut rate, false, effects)?;
+    if hold && driven {
+        project_rates(system, &placement, &mut held, true, effects)?;
+    } else {
+        held.clone_from(&rate);
+    }
     let moving = place(topology, &system.geometry, &state.relative, Some(&rate));
     let mut correction: f64 = 0.0;
     for (n, node) in topology.nodes.iter().enumerate() {
@@ -241,21 +291,25 @@ fn set_velocities(system: &System, state: &mut State) -> Result<f64> {
         let pose = &placement.pose[n];
         let origin = v.motion_at(&-(pose.r * system.geometry.bodies[node.body].com));
         let (velocity, omega) = given(n);
+        // a body without a given velocity takes that of the drives
+        if driven && resting(n) {
+            continue;
+        }
         correction = correction
             .max((origin.l - velocity).norm())
             .max((origin.a - omega).norm() * system.length);
     }
-    state.rate = rate;
+    state.rate = held;
     Ok(correction)
 }
 
 fn weighted_columns<T: Real>(
-    system: &System,
+    length: T,
     placement: &Placement<T>,
     node: &Node,
     relative: &Six<T>,
 ) -> (DMatrix<T>, DVector<T>) {
-    let weight = |i: usize| T::from(if i < 3 { 1.0 } else { system.length });
+    let weight = |i: usize| if i < 3 { T::one() } else { length };
     let m = DMatrix::from_fn(6, node.n, |i, k| {
         placement.column[node.first + k].get(i) * weight(i)
     });
@@ -271,6 +325,7 @@ pub fn given_rates(
     placement: &Placement<Dual64>,
 ) -> Result<Vec<Dual64>> {
     let topology = &*system.topology;
+    let length = topology.characteristic_length(geometry, x);
     let mut rate = vec![Dual64::from(0.0); topology.dofs.len()];
     let mut body: Vec<Six<Dual64>> = Vec::new();
     for (n, node) in topology.nodes.iter().enumerate() {
@@ -282,7 +337,7 @@ pub fn given_rates(
             body[p].motion_at(&(pose.p - placement.pose[p].p))
         });
         let relative = Six::new(at(17), at(20)).motion_at(&arm) - carried;
-        let (m, right) = weighted_columns(system, placement, node, &relative);
+        let (m, right) = weighted_columns(length, placement, node, &relative);
         let mut v = carried;
         for (k, r) in dual_least_squares(&m, &right)?.into_iter().enumerate() {
             rate[node.first + k] = r;
@@ -305,19 +360,30 @@ fn dual_least_squares(m: &DMatrix<Dual64>, b: &DVector<Dual64>) -> Result<Vec<Du
         .collect())
 }
 
-/// The closest rates (scaled by the characteristic length) that satisfy the rows of the cut joints.
-pub fn project_rates(system: &System, placement: &Placement<f64>, rate: &mut [f64]) -> Result<()> {
+/// The closest rates (scaled by the characteristic length) that satisfy all rows, drives moving or held.
+fn project_rates(
+    system: &System,
+    placement: &Placement<f64>,
+    rate: &mut [f64],
+    hold: bool,
+    effects: Effects,
+) -> Result<()> {
     if system.topology.rows.is_empty() {
         return Ok(());
     }
     let rows = row_scales(&system.topology, system.length);
     let columns = column_scales(&system.topology, system.length);
-    let (_, jacobian) = scene(system, placement).constraints();
+    let (_, jacobian) = with(system, placement, effects).constraints();
+    let mut given = explicit_rates(&system.topology, &system.geometry, effects, 0.0).0;
+    if hold {
+        given.fill(0.0);
+    }
     let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| {
         jacobian[(i, j)] * rows[i] * columns[j]
     });
     let y = DVector::from_fn(rate.len(), |i, _| rate[i] / columns[i]);
-    let step = minimum_norm(&scaled, &-(&scaled * &y))?;
+    let given = DVector::from_fn(given.len(), |i, _| given[i] * rows[i]);
+    let step = minimum_norm(&scaled, &-(&scaled * &y + given))?;
     for i in 0..rate.len() {
         rate[i] += step[i] * columns[i];
     }

@@ -3,21 +3,23 @@
 //! One pass of dual numbers through assembly and linearisation. The equilibrium follows by dz = -K''^-1 d(B''^T rho), loops by the
 //! smallest change, dy = -J^+ dPhi. What touches single elements or masses alone takes the short way of `local_direction`.
 use nalgebra::{DMatrix, DVector};
-use num_dual::Dual64;
+use num_dual::{Dual64, DualNum};
 
 use crate::analysis::assembly::{given_rates, minimum_norm};
 use crate::analysis::linearize::{
-    Linearization, Setting, body_map, reduce, reduce_rows, unreduced,
+    Linearization, Path, Setting, Turning, body_map, reduce, reduce_rows, turning, unreduced,
 };
 use crate::analysis::local_direction::local_direction;
 use crate::error::{Error, Result};
 use crate::model::geometry::Geometry;
 use crate::model::tables::Tables;
 use crate::run::Counts;
+use crate::spatial::Pose;
 use crate::system::System;
 use crate::system::assemble::Scene;
-use crate::system::loops::column_scales;
+use crate::system::loops::{Loops, column_scales};
 use crate::system::placement::{Placement, advance, lifted_relative, place};
+use crate::system::topology::Level;
 
 /// A parameter that moves redundant rows apart by more than this (relative) breaks the loop open.
 const BREAKS_LOOP: f64 = 1e-7;
@@ -84,6 +86,16 @@ struct DualScene {
     placement: Placement<Dual64>,
     rate: Option<Vec<Dual64>>,
     acceleration: Option<Vec<Dual64>>,
+    turning: Option<Turning<Dual64>>,
+}
+
+/// How the rates change along a direction.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Rates {
+    /// Those of the independent coordinates stay; a loop decides the others.
+    Held,
+    /// They are those that the bodies' given velocities project to.
+    Drawn,
 }
 
 fn dual_scene(
@@ -91,8 +103,56 @@ fn dual_scene(
     base: &Linearization,
     dx: &[(usize, f64)],
     dy: &[f64],
-    drawn: bool,
+    rates: Rates,
 ) -> Result<DualScene> {
+    let system = setting.system;
+    let (x, geometry, relative) = varied(setting, dx, dy);
+    let moving = setting.state.moving()
+        || rates == Rates::Drawn && gives_velocity(&system.topology.tables, dx);
+    let mut made = DualScene {
+        placement: place(&system.topology, &geometry, &relative, None),
+        x,
+        geometry,
+        rate: None,
+        acceleration: None,
+        turning: None,
+    };
+    if !moving {
+        return Ok(made);
+    }
+    let loops = base.loops.as_ref().map(|l| {
+        let jacobian = made.scene(setting).constraints().1;
+        (l, l.dependent_map(&jacobian))
+    });
+    let rate = match rates {
+        Rates::Drawn => {
+            let given = given_rates(system, &made.geometry, &made.x, &made.placement)?;
+            match &loops {
+                None => given,
+                Some((l, b)) => projected(&made, system, l, b, &given)?,
+            }
+        }
+        Rates::Held => held_rates(setting, loops.as_ref().map(|(l, b)| (*l, b))),
+    };
+    if let Some((l, _)) = &loops {
+        let path = Path {
+            x: &made.x,
+            relative: &relative,
+            rate: &rate,
+        };
+        let turning = turning(setting, l, &path);
+        let acceleration = turning.acceleration.clone();
+        made.acceleration = setting.effects.centrifugal.then_some(acceleration);
+        made.turning = Some(turning);
+    }
+    made.placement = place(&system.topology, &made.geometry, &relative, Some(&rate));
+    made.rate = Some(rate);
+    Ok(made)
+}
+
+type Varied = (Vec<Dual64>, Geometry<Dual64>, Vec<Pose<Dual64>>);
+
+fn varied(setting: &Setting<'_>, dx: &[(usize, f64)], dy: &[f64]) -> Varied {
     let system = setting.system;
     let mut x: Vec<Dual64> = system.x.iter().map(|v| Dual64::from(*v)).collect();
     for (i, d) in dx {
@@ -102,23 +162,59 @@ fn dual_scene(
     let mut relative = lifted_relative(&system.topology, &geometry, setting.state);
     let increments: Vec<_> = dy.iter().map(|d| Dual64::new(0.0, *d)).collect();
     advance(&system.topology, &mut relative, &increments);
-    let mut rate = setting.rate::<Dual64>();
-    if drawn && (rate.is_some() || gives_velocity(&system.topology.tables, dx)) {
-        let at_rest = place(&system.topology, &geometry, &relative, None);
-        rate = Some(given_rates(system, &geometry, &x, &at_rest)?);
+    (x, geometry, relative)
+}
+
+fn held_rates(setting: &Setting<'_>, loops: Option<(&Loops, &DMatrix<Dual64>)>) -> Vec<Dual64> {
+    let mut rate: Vec<Dual64> = setting
+        .state
+        .rate
+        .iter()
+        .map(|r| Dual64::from(*r))
+        .collect();
+    rate.resize(setting.system.n_tree(), Dual64::from(0.0));
+    let Some((l, b)) = loops else { return rate };
+    let z = DVector::from_fn(l.independent.len(), |k, _| rate[l.independent[k]]);
+    // the rounding of the state's own rates stays
+    for (k, v) in (b * z).iter().enumerate() {
+        rate[l.dependent[k]].eps = v.eps;
     }
-    let placement = place(&system.topology, &geometry, &relative, rate.as_deref());
-    let acceleration = base
-        .acceleration
-        .as_ref()
-        .map(|a| a.iter().map(|v| Dual64::from(*v)).collect());
-    Ok(DualScene {
-        x,
-        geometry,
-        placement,
-        rate,
-        acceleration,
-    })
+    rate
+}
+
+/// The rates nearest to the given ones that the loops allow, y = N z with N^T W (N z - given) = 0, W the inverse squares of the
+/// column scales.
+fn projected(
+    made: &DualScene,
+    system: &System,
+    loops: &Loops,
+    b: &DMatrix<Dual64>,
+    given: &[Dual64],
+) -> Result<Vec<Dual64>> {
+    let length = system
+        .topology
+        .characteristic_length(&made.geometry, &made.x);
+    let weight = |i: usize| match system.topology.dofs[i].freedom.rotation {
+        true => Dual64::from(1.0),
+        false => (length * length).recip(),
+    };
+    let n = loops.independent.len();
+    let mut map = DMatrix::from_element(given.len(), n, Dual64::from(0.0));
+    for k in 0..n {
+        map[(loops.independent[k], k)] = Dual64::from(1.0);
+        for (row, i) in loops.dependent.iter().enumerate() {
+            map[(*i, k)] = b[(row, k)];
+        }
+    }
+    let weighted = DMatrix::from_fn(given.len(), n, |i, k| map[(i, k)] * weight(i));
+    let normal = weighted.transpose() * &map;
+    let right = weighted.transpose() * DVector::from_row_slice(given);
+    let inner = normal.map(|v| v.re);
+    let z = minimum_norm(&inner, &right.map(|v| v.re))?.map(Dual64::from);
+    let miss = right - &normal * &z;
+    let slope = minimum_norm(&inner, &miss.map(|v| v.eps))?;
+    let z = DVector::from_fn(n, |k, _| Dual64::new(z[k].re, slope[k]));
+    Ok((map * z).as_slice().to_vec())
 }
 
 fn gives_velocity(tables: &Tables, dx: &[(usize, f64)]) -> bool {
@@ -141,6 +237,7 @@ impl DualScene {
             placement: &self.placement,
             rate: self.rate.as_deref(),
             acceleration: self.acceleration.as_deref(),
+            t: 0.0,
             effects: setting.effects,
         }
     }
@@ -153,20 +250,18 @@ pub fn directional(
     dx: &[(usize, f64)],
     request: Request<'_>,
 ) -> Result<Directional> {
-    let moving = setting.state.moving()
-        || request.drawn && gives_velocity(&setting.system.topology.tables, dx);
-    if moving && base.loops.is_some() {
-        return Err(Error::NotDifferentiable(
-            "derivatives at a moving state of a closed loop are not available yet; linearise at rest, or open the loop".into(),
-        ));
-    }
     if let Some(local) = local_direction(setting, base, dx, request) {
         return Ok(local);
     }
     let n = setting.system.n_tree();
+    let rates = if request.drawn {
+        Rates::Drawn
+    } else {
+        Rates::Held
+    };
     let mut dy = closing(setting, base, dx)?;
     if let Some(solve) = request.solve {
-        let held = dual_scene(setting, base, dx, &dy, request.drawn)?;
+        let held = dual_scene(setting, base, dx, &dy, rates)?;
         let scene = held.scene(setting);
         let tau = scene.residual(None);
         let r = match &base.loops {
@@ -187,7 +282,7 @@ pub fn directional(
             dy[i] += step[i];
         }
     }
-    derivative_at(setting, base, dx, dy, request)
+    derivative_at(setting, base, dx, dy, request, rates)
 }
 
 /// The smallest change of the tree coordinates that keeps the loops closed, as assembly would make it.
@@ -196,7 +291,15 @@ fn closing(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)]) -> 
     let Some(loops) = &base.loops else {
         return Ok(vec![0.0; n]);
     };
-    let held = dual_scene(setting, base, dx, &vec![0.0; n], false)?;
+    let (x, geometry, relative) = varied(setting, dx, &vec![0.0; n]);
+    let held = DualScene {
+        placement: place(&system.topology, &geometry, &relative, None),
+        x,
+        geometry,
+        rate: None,
+        acceleration: None,
+        turning: None,
+    };
     let (phi, jacobian) = held.scene(setting).constraints();
     let scaled = DVector::from_fn(phi.len(), |i, _| phi[i].eps * loops.row_scale[i]);
     if scaled.amax() == 0.0 {
@@ -208,7 +311,11 @@ fn closing(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)]) -> 
     }
     let columns = column_scales(&system.topology, system.length);
     let rows = DMatrix::from_fn(phi.len(), n, |i, j| {
-        jacobian[(i, j)].re * loops.row_scale[i] * columns[j]
+        // velocity rows do not say where anything is
+        match system.topology.rows[i].level {
+            Level::Position => jacobian[(i, j)].re * loops.row_scale[i] * columns[j],
+            Level::Velocity => 0.0,
+        }
     });
     let step = minimum_norm(&rows, &-scaled)?;
     Ok((0..n).map(|i| step[i] * columns[i]).collect())
@@ -250,8 +357,9 @@ fn derivative_at(
     dx: &[(usize, f64)],
     dy: Vec<f64>,
     request: Request<'_>,
+    rates: Rates,
 ) -> Result<Directional> {
-    let moved = dual_scene(setting, base, dx, &dy, request.drawn)?;
+    let moved = dual_scene(setting, base, dx, &dy, rates)?;
     let scene = moved.scene(setting);
     let tau = scene.residual(None);
     let (matrices, residual, lam, loops) = match &base.loops {
@@ -268,7 +376,7 @@ fn derivative_at(
             let lam = l.multipliers(&jacobian, &tau);
             let tangent = scene.tangent(Some(lam.as_slice()), &mut Counts::default());
             (
-                reduce(&tangent, l, &b, None, setting.effects),
+                reduce(&tangent, l, &b, moved.turning.as_ref(), setting.effects),
                 l.reduce_vector(&tau, &b),
                 lam,
                 Some((l, b)),

@@ -19,6 +19,8 @@ use crate::system::placement::{State, advance};
 const MAX_ITERATIONS: usize = 200;
 /// Stiffness below this part of the largest counts as none.
 const NO_STIFFNESS: f64 = 1e-12;
+/// What rounding usually leaves of a balance of forces, and of a pose, relative to their sizes.
+const ROUNDING: f64 = 0.05 * f64::EPSILON;
 /// Iterations that a force may push along a direction without stiffness before that is an error.
 const PATIENCE: usize = 25;
 /// Longest step, radians or characteristic lengths.
@@ -95,6 +97,17 @@ struct Spectrum {
 }
 
 impl Spectrum {
+    /// The largest displacement that forces of this size and no particular direction make.
+    fn answer_to(&self, force: f64) -> f64 {
+        let held = |k: &usize| self.values[*k].abs() > self.none;
+        let square = |i: usize| -> f64 {
+            let softness = |k: usize| (self.vectors[(i, k)] / self.values[k]).powi(2);
+            (0..self.values.len()).filter(held).map(softness).sum()
+        };
+        let largest = (0..self.values.len()).map(square).fold(0.0, f64::max);
+        force * largest.sqrt()
+    }
+
     /// No stiffness is negative beyond rounding.
     fn stable(&self) -> bool {
         let largest = self.values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
@@ -163,7 +176,7 @@ pub fn equilibrium(
         if residual <= 1e-14 || step.amax() <= 1e-14 || rounding {
             if residual > 1e-15 && residual.is_finite() {
                 // one last step costs nothing and takes the iterate to rounding level
-                let polished = moved(system, &state, &local, &step, 1.0, counts)?;
+                let polished = moved(system, &state, &local, &step, 1.0, effects, counts)?;
                 let next = Local::at(system, &polished, effects, counts)?;
                 if next.r.amax() <= local.r.amax() {
                     state = polished;
@@ -225,7 +238,7 @@ fn leave_saddle(
     let v = spectrum.vectors.column(0).into_owned();
     for size in [PUSH, -PUSH, 0.1 * PUSH, -0.1 * PUSH] {
         let push = &v * (size / v.amax());
-        if let Ok(beside) = moved(system, state, local, &push, 1.0, counts)
+        if let Ok(beside) = moved(system, state, local, &push, 1.0, effects, counts)
             && let Ok(next) = Local::at(system, &beside, effects, counts)
         {
             counts.add("saddles left", 1);
@@ -287,6 +300,7 @@ fn moved(
     local: &Local,
     step: &DVector<f64>,
     alpha: f64,
+    effects: Effects,
     counts: &mut Counts,
 ) -> Result<State> {
     let z = DVector::from_fn(step.len(), |i, _| step[i] * alpha * local.scale[i]);
@@ -299,7 +313,7 @@ fn moved(
     };
     let mut next = state.clone();
     advance(&system.topology, &mut next.relative, dy.as_slice());
-    close(system, &mut next, counts)?;
+    close(system, &mut next, effects, counts)?;
     Ok(next)
 }
 
@@ -322,7 +336,7 @@ fn advance_once(
         }
         let mut alpha = (LONGEST_STEP / step.amax()).min(1.0);
         for _ in 0..8 {
-            let trial = moved(system, state, local, &step, alpha, counts)
+            let trial = moved(system, state, local, &step, alpha, effects, counts)
                 .and_then(|s| Local::at(system, &s, effects, counts).map(|l| (s, l)));
             match trial {
                 Ok((next_state, next)) if acceptable(local, &next, &step) => {
@@ -417,7 +431,8 @@ fn finish(
             free_directions.push(direction_names(system, &local, &v));
         }
     }
-    let error = newton_step(&local, &spectrum, 0.0).map_or(f64::NAN, |s| s.amax());
+    let step = newton_step(&local, &spectrum, 0.0).map_or(f64::NAN, |s| s.amax());
+    let error = step + spectrum.answer_to(ROUNDING * size) + ROUNDING;
     let stable = spectrum.stable();
     let residual = local.r.amax() / size;
     Ok(Equilibrium {
@@ -435,16 +450,18 @@ fn finish(
 pub fn equilibrium_solver(
     system: &System,
     linearization: &Linearization,
+    driven: &[usize],
 ) -> Result<impl Fn(&DVector<f64>) -> Result<DVector<f64>> + use<>> {
     let all = column_scales(&system.topology, system.length);
-    let scale: Vec<f64> = linearization
-        .coordinates(system.n_tree())
-        .iter()
-        .map(|i| all[*i])
+    let coordinates = linearization.coordinates(system.n_tree());
+    let dof = coordinates.len();
+    let free: Vec<usize> = (0..dof)
+        .filter(|k| !driven.contains(&coordinates[*k]))
         .collect();
+    let scale: Vec<f64> = free.iter().map(|k| all[coordinates[*k]]).collect();
     let n = scale.len();
     let k = &linearization.matrices.stiffness;
-    let scaled = Mat::from_fn(n, n, |i, j| k[(i, j)] * scale[i] * scale[j]);
+    let scaled = Mat::from_fn(n, n, |i, j| k[(free[i], free[j])] * scale[i] * scale[j]);
     // faer has no decomposition of an empty matrix
     let svd = (n > 0)
         .then(|| scaled.svd())
@@ -452,10 +469,10 @@ pub fn equilibrium_solver(
         .map_err(|_| Error::singular("the stiffness is not finite"))?;
     Ok(move |r: &DVector<f64>| {
         let Some(svd) = &svd else {
-            return Ok(DVector::zeros(0));
+            return Ok(DVector::zeros(dof));
         };
         let (u, s, v) = (svd.U(), svd.S().column_vector(), svd.V());
-        let right = DVector::from_fn(n, |i, _| r[i] * scale[i]);
+        let right = DVector::from_fn(n, |i, _| r[free[i]] * scale[i]);
         let mut z = DVector::<f64>::zeros(n);
         for k in 0..n {
             let along: f64 = (0..n).map(|i| u[(i, k)] * right[i]).sum();
@@ -469,6 +486,10 @@ pub fn equilibrium_solver(
                 ));
             }
         }
-        Ok(DVector::from_fn(n, |i, _| z[i] * scale[i]))
+        let mut step = DVector::zeros(dof);
+        for i in 0..n {
+            step[free[i]] = z[i] * scale[i];
+        }
+        Ok(step)
     })
 }

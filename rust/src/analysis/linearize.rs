@@ -6,7 +6,7 @@
 //! At a moving state of a closed loop B'' changes in time; with y = B'' z,
 //! D'' = B''^T (D B'' + 2 M B''') and S'' = B''^T (S B'' + D B''' + M B''''), dots by second-order dual numbers in time.
 use nalgebra::{DMatrix, DVector};
-use num_dual::Dual2_64;
+use num_dual::Dual2;
 
 use crate::error::{Error, Result};
 use crate::model::geometry::Geometry;
@@ -118,9 +118,66 @@ impl Setting<'_> {
 }
 
 /// B''' and B'''' along the motion.
-pub(super) struct Turning {
-    first: DMatrix<f64>,
-    second: DMatrix<f64>,
+pub(super) struct Turning<T: Real> {
+    first: DMatrix<T>,
+    second: DMatrix<T>,
+    /// of all tree coordinates at z" = 0, drives at constant rate
+    pub(super) acceleration: Vec<T>,
+}
+
+/// What B'' turns along: the numbers, the relative poses and the rates of the tree coordinates.
+pub(super) struct Path<'a, T: Real> {
+    pub x: &'a [T],
+    pub relative: &'a [Pose<T>],
+    pub rate: &'a [T],
+}
+
+/// J of the cut joints, their rank and redundancy, and B'', or None for an open tree.
+type Closed = (DMatrix<f64>, Option<Loops>, Option<DMatrix<f64>>);
+
+fn closed(setting: &Setting<'_>, scene: &Scene<'_, f64>) -> Result<Closed> {
+    let system = setting.system;
+    check_velocity_rows(setting)?;
+    if let Some(name) = collapsed(
+        scene.topology,
+        scene.geometry,
+        scene.placement,
+        system.length,
+    ) {
+        return Err(Error::singular(format!(
+            "the ends of '{name}' coincide in this state, so that its direction is undefined: start elsewhere, or use a bushing"
+        )));
+    }
+    let (_, jacobian) = scene.constraints();
+    let loops = Loops::analyse(system, &jacobian)?;
+    let b = loops.as_ref().map(|l| l.dependent_map(&jacobian));
+    if let (Some(l), Some(b)) = (&loops, &b) {
+        check_pose(system, scene, l, b)?;
+    }
+    Ok((jacobian, loops, b))
+}
+
+/// Which coordinates are free at rest in this state; of an open tree all, without any work.
+pub fn mobility(setting: &Setting<'_>) -> Result<Option<Loops>> {
+    let system = setting.system;
+    let placement = place(
+        &system.topology,
+        &system.geometry,
+        &setting.state.relative,
+        None,
+    );
+    let scene = Scene {
+        topology: &system.topology,
+        geometry: &system.geometry,
+        x: &system.x,
+        memory: &[],
+        placement: &placement,
+        rate: None,
+        acceleration: None,
+        t: 0.0,
+        effects: setting.effects,
+    };
+    Ok(closed(setting, &scene)?.1)
 }
 
 pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Linearization> {
@@ -141,40 +198,25 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         placement: &placement,
         rate: rate.as_deref(),
         acceleration: None,
+        t: 0.0,
         effects: setting.effects,
     };
-    check_velocity_rows(setting)?;
-    if let Some(name) = collapsed(topology, &system.geometry, &placement, system.length) {
-        return Err(Error::singular(format!(
-            "the ends of '{name}' coincide in this state, so that its direction is undefined: start elsewhere, or use a bushing"
-        )));
-    }
-    let (_, jacobian) = scene.constraints();
-    let loops = Loops::analyse(system, &jacobian)?;
+    let (jacobian, loops, b) = closed(setting, &scene)?;
     if loops.is_some() {
         counts.add("loop factorisations", 1);
     }
-    let b = loops.as_ref().map(|l| l.dependent_map(&jacobian));
-    if let (Some(l), Some(b)) = (&loops, &b) {
-        check_pose(system, &scene, l, b)?;
-    }
     let turning = match (&loops, &rate) {
-        (Some(l), Some(rate)) => Some(turning(setting, l, rate)),
+        (Some(l), Some(rate)) => {
+            let path = Path {
+                x: &system.x,
+                relative: &setting.state.relative,
+                rate,
+            };
+            Some(turning(setting, l, &path))
+        }
         _ => None,
     };
-    let acceleration =
-        turning
-            .as_ref()
-            .zip(loops.as_ref())
-            .zip(rate.as_ref())
-            .map(|((t, l), rate)| {
-                let z = DVector::from_fn(l.independent.len(), |k, _| rate[l.independent[k]]);
-                let mut y = vec![0.0; topology.dofs.len()];
-                for (k, v) in (&t.first * z).iter().enumerate() {
-                    y[l.dependent[k]] = *v;
-                }
-                y
-            });
+    let acceleration = turning.as_ref().map(|t| t.acceleration.clone());
     let acceleration = acceleration.filter(|_| setting.effects.centrifugal);
     scene.acceleration = acceleration.as_deref();
     let tau = scene.residual(None);
@@ -230,7 +272,7 @@ pub(super) fn reduce<T: Real>(
     tangent: &Tangent<T>,
     loops: &Loops,
     b: &DMatrix<T>,
-    turning: Option<&Turning>,
+    turning: Option<&Turning<T>>,
     effects: Effects,
 ) -> Matrices<T> {
     let reduced = |x: &DMatrix<T>| loops.reduce(x, b);
@@ -242,7 +284,7 @@ pub(super) fn reduce<T: Real>(
         damping = sum(damping, gyroscopic.map(reduced));
     }
     if let Some(turning) = turning {
-        let along = |x: &DMatrix<T>, w: &DMatrix<f64>| turned(loops, x, w, b);
+        let along = |x: &DMatrix<T>, w: &DMatrix<T>| turned(loops, x, w, b);
         if effects.gyroscopic {
             let first = along(&tangent.mass, &turning.first) * T::from(2.0);
             damping = sum(damping, Some(first));
@@ -263,11 +305,11 @@ pub(super) fn reduce<T: Real>(
 }
 
 /// B''^T X W for a change W of B'', which has rows on the dependent coordinates alone.
-fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<f64>, b: &DMatrix<T>) -> DMatrix<T> {
+fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<T>, b: &DMatrix<T>) -> DMatrix<T> {
     let columns = DMatrix::from_fn(x.nrows(), loops.dependent.len(), |i, k| {
         x[(i, loops.dependent[k])]
     });
-    let full = columns * w.map(T::from);
+    let full = columns * w;
     let mut out = DMatrix::zeros(loops.independent.len(), full.ncols());
     for j in 0..full.ncols() {
         out.set_column(j, &loops.reduce_vector(&full.column(j).into_owned(), b));
@@ -275,34 +317,45 @@ fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<f64>, b: &DMatrix<
     out
 }
 
-fn turning(setting: &Setting<'_>, loops: &Loops, rate: &[f64]) -> Turning {
-    let first = turning_pass(setting, loops, rate, None).0;
-    let z = DVector::from_fn(loops.independent.len(), |k, _| rate[loops.independent[k]]);
-    let mut acceleration = vec![0.0; rate.len()];
-    for (k, v) in (&first * z).iter().enumerate() {
-        acceleration[loops.dependent[k]] = *v;
-    }
-    let (first, second) = turning_pass(setting, loops, rate, Some(&acceleration));
-    Turning { first, second }
-}
-
-fn turning_pass(
+pub(super) fn turning<T: Real>(
     setting: &Setting<'_>,
     loops: &Loops,
-    rate: &[f64],
-    acceleration: Option<&[f64]>,
-) -> (DMatrix<f64>, DMatrix<f64>) {
+    path: &Path<'_, T>,
+) -> Turning<T> {
+    let jacobian = turning_jacobian(setting, path, None);
+    // J y" + J' y' = 0 with y" on the dependent coordinates alone
+    let bias = jacobian.map(|v| v.v1) * DVector::from_column_slice(path.rate);
+    let right = DMatrix::from_column_slice(bias.len(), 1, bias.as_slice());
+    let mut acceleration = vec![T::zero(); path.rate.len()];
+    let dependent = loops.balanced(&jacobian.map(|v| v.re), &right);
+    for (k, v) in dependent.iter().enumerate() {
+        acceleration[loops.dependent[k]] = *v;
+    }
+    let b = loops.dependent_map(&turning_jacobian(setting, path, Some(&acceleration)));
+    Turning {
+        first: b.map(|v| v.v1),
+        second: b.map(|v| v.v2),
+        acceleration,
+    }
+}
+
+/// J along y(t) = rate t + acceleration t^2 / 2, to second order in time.
+fn turning_jacobian<T: Real>(
+    setting: &Setting<'_>,
+    path: &Path<'_, T>,
+    acceleration: Option<&[T]>,
+) -> DMatrix<Dual2<T>> {
     let system = setting.system;
-    let x: Vec<Dual2_64> = system.x.iter().map(|v| Dual2_64::from(*v)).collect();
+    let x: Vec<Dual2<T>> = path.x.iter().map(|v| Dual2::from_re(*v)).collect();
     let geometry = Geometry::derive(&system.topology.tables, &x);
-    let mut relative: Vec<Pose<Dual2_64>> = setting
-        .state
-        .relative
-        .iter()
-        .map(Pose::<f64>::lifted)
-        .collect();
-    let dy: Vec<_> = (0..rate.len())
-        .map(|i| Dual2_64::new(0.0, rate[i], acceleration.map_or(0.0, |a| a[i])))
+    let still = |pose: &Pose<T>| Pose {
+        p: pose.p.map(Dual2::from_re),
+        r: pose.r.map(Dual2::from_re),
+    };
+    let mut relative: Vec<Pose<Dual2<T>>> = path.relative.iter().map(still).collect();
+    let at = |a: Option<&[T]>, i: usize| a.map_or(T::zero(), |a| a[i]);
+    let dy: Vec<_> = (0..path.rate.len())
+        .map(|i| Dual2::new(T::zero(), path.rate[i], at(acceleration, i)))
         .collect();
     advance(&system.topology, &mut relative, &dy);
     let placement = place(&system.topology, &geometry, &relative, None);
@@ -314,10 +367,10 @@ fn turning_pass(
         placement: &placement,
         rate: None,
         acceleration: None,
+        t: 0.0,
         effects: setting.effects,
     };
-    let b = loops.dependent_map(&scene.constraints().1);
-    (b.map(|v| v.v1), b.map(|v| v.v2))
+    scene.constraints().1
 }
 
 /// At rest a velocity row takes one freedom and leaves its displacement as a constant (a root at zero that is not reported).
@@ -326,10 +379,7 @@ fn check_velocity_rows(setting: &Setting<'_>) -> Result<()> {
     let topology = &setting.system.topology;
     let velocity = |r: &&ConstraintRow| r.level == Level::Velocity;
     match topology.rows.iter().find(velocity) {
-        Some(row) if !setting.effects.nonholonomic => Err(Error::model(format!(
-            "'nonholonomic' cannot be left out here: remove joint '{}' instead",
-            topology.tables.joints[row.joint].name
-        ))),
+        Some(_) if !setting.effects.nonholonomic => Ok(()),
         Some(row) if setting.state.moving() => Err(Error::model(format!(
             "joint '{}' constrains velocities, and a model with such joints is linearised at rest only; linearise an equilibrium, set the \
              bodies' velocities to zero, or follow the motion in time",
@@ -404,20 +454,29 @@ pub fn body_map<T: Real>(
     let topology = &*system.topology;
     let n = topology.dofs.len();
     let mut map = DMatrix::zeros(6 * topology.nodes.len(), n);
-    for (i, node) in topology.nodes.iter().enumerate() {
-        let pose = &placement.pose[i];
-        let origin = pose.p - pose.r * geometry.bodies[node.body].com;
-        let mut at = Some(i);
-        while let Some(k) = at {
-            let inner = &topology.nodes[k];
-            let arm = origin - placement.pose[k].p;
-            for d in inner.first..inner.first + inner.n {
+    let origin: Vec<_> = (topology.nodes.iter().zip(&placement.pose))
+        .map(|(node, pose)| pose.p - pose.r * geometry.bodies[node.body].com)
+        .collect();
+    let mut carried = vec![false; topology.nodes.len()];
+    for (k, joint) in topology.nodes.iter().enumerate() {
+        // parents come first, so that one pass marks all that joint k carries
+        carried[k..].fill(false);
+        carried[k] = true;
+        for i in k..topology.nodes.len() {
+            carried[i] |= topology.nodes[i]
+                .parent
+                .is_some_and(|p| p >= k && carried[p]);
+            if !carried[i] {
+                continue;
+            }
+            let row = 6 * topology.nodes[i].body;
+            let arm = origin[i] - placement.pose[k].p;
+            for d in joint.first..joint.first + joint.n {
                 let s: Six<T> = placement.column[d].motion_at(&arm);
                 for r in 0..6 {
-                    map[(6 * node.body + r, d)] = s.get(r);
+                    map[(row + r, d)] = s.get(r);
                 }
             }
-            at = inner.parent;
         }
     }
     match loops {

@@ -8,6 +8,7 @@ mod frf_routes;
 pub mod frf_sensitivity;
 mod frf_singular;
 pub mod frf_sparse;
+pub mod gradient;
 pub mod hbm;
 pub mod history;
 pub mod linearize;

@@ -11,9 +11,12 @@ use crate::spatial::Six;
 use crate::system::System;
 use crate::system::assemble::Scene;
 use crate::system::connector::{Wanted, constraint_interaction};
+use crate::system::loops::Loops;
 use crate::system::placement::{Placement, marker_pose, place};
+use crate::system::topology::Purpose;
 
-/// Per joint of the model: force and moment.
+/// Per joint of the model, then per drive (on the second body of its joint): force and moment. A joint's reaction does not contain
+/// what its drive does.
 pub fn reactions(setting: &Setting<'_>, base: &Linearization) -> Result<Vec<Six<f64>>> {
     let system = setting.system;
     let rate = setting.state.moving().then(|| setting.state.rate.clone());
@@ -31,16 +34,28 @@ pub fn reactions(setting: &Setting<'_>, base: &Linearization) -> Result<Vec<Six<
         placement: &placement,
         rate: rate.as_deref(),
         acceleration: base.acceleration.as_deref(),
+        t: 0.0,
         effects: setting.effects,
     };
+    shared(system, &scene, &placement, &base.lam, base.loops.as_ref())
+}
+
+/// Reactions from multipliers, redundant ones shared with the smallest norm.
+pub fn shared(
+    system: &System,
+    scene: &Scene<'_, f64>,
+    placement: &Placement<f64>,
+    lam: &[f64],
+    loops: Option<&Loops>,
+) -> Result<Vec<Six<f64>>> {
     let mut all = joint_wrenches(
         system,
-        &scene,
-        &placement,
-        scene.body_wrenches(Some(&base.lam)),
-        &base.lam,
+        scene,
+        placement,
+        scene.body_wrenches(Some(lam)),
+        lam,
     );
-    let Some(loops) = base.loops.as_ref().filter(|l| l.redundant.ncols() > 0) else {
+    let Some(loops) = loops.filter(|l| l.redundant.ncols() > 0) else {
         return Ok(all);
     };
     let states: Vec<Vec<Six<f64>>> = (0..loops.redundant.ncols())
@@ -54,8 +69,8 @@ pub fn reactions(setting: &Setting<'_>, base: &Linearization) -> Result<Vec<Six<
                 .collect();
             joint_wrenches(
                 system,
-                &scene,
-                &placement,
+                scene,
+                placement,
                 scene.multiplier_wrenches(&lam),
                 &lam,
             )
@@ -84,7 +99,7 @@ fn joint_wrenches(
 ) -> Vec<Six<f64>> {
     let topology = &*system.topology;
     let subtree = scene.subtree_wrenches(sums);
-    let mut all = vec![Six::zero(); topology.tables.joints.len()];
+    let mut all = vec![Six::zero(); topology.tables.joints.len() + topology.tables.drives.len()];
     let point = |joint: usize| {
         marker_pose(
             topology,
@@ -101,10 +116,15 @@ fn joint_wrenches(
         }
     }
     let wanted = Wanted::FORCES;
-    for (joint, rows) in scene.cut_multipliers(lam) {
-        all[joint] =
-            constraint_interaction(topology, &system.geometry, placement, joint, &rows, wanted)
-                .wrench;
+    for c in scene.carried(lam) {
+        let place = match c.purpose {
+            Purpose::Joint => c.joint,
+            Purpose::Drive(i) => topology.tables.joints.len() + i,
+            Purpose::Coupler(_) => continue,
+        };
+        let geometry = &system.geometry;
+        all[place] =
+            constraint_interaction(topology, geometry, placement, c.joint, &c.rows, wanted).wrench;
     }
     all
 }

@@ -10,7 +10,7 @@ use faer::{Mat, MatMut, MatRef};
 
 use crate::error::{Error, Result};
 use crate::linalg::krylov::Operator;
-use crate::linalg::sparse::{Csc, Factor, negative_eigenvalues};
+use crate::linalg::sparse::{Csc, Factor, LuPlan, negative_eigenvalues};
 
 /// Rows of one element, at most.
 const LARGEST_BLOCK: usize = 64;
@@ -180,6 +180,7 @@ pub struct Mixed {
     /// G: rows of elements and constraints over x
     rows: Csc,
     stiffness: Stiffness,
+    plan: LuPlan,
 }
 
 /// Element stiffness: of rows alone, zero for constraints and for rows of a block, and of blocks of coupled rows.
@@ -213,6 +214,7 @@ impl Mixed {
             stiffness,
             m,
             a,
+            plan: LuPlan::default(),
         })
     }
 }
@@ -323,7 +325,7 @@ impl Pencil for Mixed {
     }
 
     fn shifted(&self, sigma: f64) -> Result<ShiftInvert<'_>> {
-        let factor = Factor::lu(&self.a.combined(1.0, -sigma, &self.m))?;
+        let factor = Factor::lu_as_planned(&self.a.combined(1.0, -sigma, &self.m), &self.plan)?;
         Ok(ShiftInvert::new(factor, &self.m))
     }
 

@@ -3,6 +3,7 @@
 //! Tables hold world points of the drawn configuration; everything local is derived here and nowhere else, so that a derivative
 //! with respect to a drawn point has one source.
 use crate::model::joint::JointKind;
+use crate::model::motion::MotionLaw;
 use crate::model::tables::{BodyRef, ElementKind, FRAME_FROM_ORIENTATION, Tables};
 use crate::spatial::{M3, Pose, Real, V3, frame_of_axis, rotation_of_quaternion, skew};
 
@@ -22,6 +23,8 @@ pub struct BodyGeometry<T: Real> {
 pub struct MarkerPair<T: Real> {
     pub a: Pose<T>,
     pub b: Pose<T>,
+    /// of a rolling disc; zero elsewhere
+    pub radius: T,
 }
 
 #[derive(Debug, Clone)]
@@ -32,6 +35,7 @@ pub struct Geometry<T: Real> {
     /// drawn distance of a spring-damper or distance joint; zero elsewhere
     pub element_length: Vec<T>,
     pub joint_length: Vec<T>,
+    pub motions: Vec<MotionLaw<T>>,
     /// local point and value; a follower's value in body axes, a dead load's in the world
     pub loads: Vec<(V3<T>, V3<T>)>,
     pub gravity: Option<V3<T>>,
@@ -56,14 +60,18 @@ impl<T: Real> Geometry<T> {
             |a: BodyRef, b: BodyRef, pa: V3<T>, pb: V3<T>, frame: (M3<T>, M3<T>)| MarkerPair {
                 a: local(a, &Pose { p: pa, r: frame.0 }),
                 b: local(b, &Pose { p: pb, r: frame.1 }),
+                radius: T::zero(),
             };
         let mut joints = Vec::with_capacity(tables.joints.len());
         let mut joint_length = Vec::with_capacity(tables.joints.len());
         for j in &tables.joints {
             let n = &x[j.x..j.x + 36];
             let (pa, pb) = (vector(n, 0), vector(n, 3));
-            let frame = joint_frame(j.kind, j.flags, n);
-            joints.push(pair(j.a, j.b, pa, pb, (frame, frame)));
+            let frames = joint_frames(j.kind, j.flags, n);
+            joints.push(MarkerPair {
+                radius: n[35],
+                ..pair(j.a, j.b, pa, pb, frames)
+            });
             joint_length.push(if j.kind == JointKind::Distance {
                 distance(&pa, &pb)
             } else {
@@ -106,8 +114,57 @@ impl<T: Real> Geometry<T> {
             elements,
             element_length,
             joint_length,
+            motions: tables
+                .motions
+                .iter()
+                .map(|m| MotionLaw::derive(m, x))
+                .collect(),
             gravity: tables.gravity.map(|g| vector(x, g)),
             bodies,
+        }
+    }
+}
+
+impl<T: Real> Geometry<T> {
+    /// The same numbers as others, one by one in a fixed order.
+    pub fn map<U: Real>(&self, mut f: impl FnMut(T) -> U) -> Geometry<U> {
+        fn pose<T: Real, U: Real>(p: &Pose<T>, f: &mut impl FnMut(T) -> U) -> Pose<U> {
+            Pose {
+                p: p.p.map(&mut *f),
+                r: p.r.map(&mut *f),
+            }
+        }
+        fn pairs<T: Real, U: Real>(
+            all: &[MarkerPair<T>],
+            f: &mut impl FnMut(T) -> U,
+        ) -> Vec<MarkerPair<U>> {
+            all.iter()
+                .map(|p| MarkerPair {
+                    a: pose(&p.a, f),
+                    b: pose(&p.b, f),
+                    radius: f(p.radius),
+                })
+                .collect()
+        }
+        let bodies = self.bodies.iter().map(|b| BodyGeometry {
+            mass: f(b.mass),
+            inertia: b.inertia.map(&mut f),
+            drawn: pose(&b.drawn, &mut f),
+            com: b.com.map(&mut f),
+        });
+        Geometry {
+            bodies: bodies.collect(),
+            joints: pairs(&self.joints, &mut f),
+            elements: pairs(&self.elements, &mut f),
+            element_length: self.element_length.iter().map(|v| f(*v)).collect(),
+            joint_length: self.joint_length.iter().map(|v| f(*v)).collect(),
+            motions: self.motions.iter().map(|m| m.map(&mut f)).collect(),
+            loads: self
+                .loads
+                .iter()
+                .map(|(p, v)| (p.map(&mut f), v.map(&mut f)))
+                .collect(),
+            gravity: self.gravity.map(|g| g.map(&mut f)),
         }
     }
 }
@@ -126,6 +183,16 @@ fn body<T: Real>(n: &[T]) -> BodyGeometry<T> {
             r,
         },
         com,
+    }
+}
+
+/// The frames on both bodies as drawn: the same but for a rolling disc, whose second frame has the disc's axis for z.
+fn joint_frames<T: Real>(kind: JointKind, flags: i64, n: &[T]) -> (M3<T>, M3<T>) {
+    let frame = joint_frame(kind, flags, n);
+    if kind == JointKind::RollingDisc {
+        (frame, frame_of_axis(&vector(n, 9)))
+    } else {
+        (frame, frame)
     }
 }
 

@@ -32,6 +32,21 @@ pub enum Coordinate {
     Length,
     /// A_i . B_j = R_ij
     Dot(usize, usize),
+    /// velocity of p_B along B_z; no displacement belongs to it
+    Edge,
+    /// motion of the disc's material point at its lowest place: 0 along the normal (the height of the disc), 1 along the track,
+    /// 2 across it; displacements belong to the first alone
+    Disc(usize),
+}
+
+impl Coordinate {
+    /// Measured in metres?
+    pub fn is_length(self) -> bool {
+        !matches!(
+            self,
+            Coordinate::RotationVector(_) | Coordinate::Angle { .. } | Coordinate::Dot(..)
+        )
+    }
 }
 
 /// Rotation about the common z axis.
@@ -131,6 +146,11 @@ impl JointKind {
             .ok()
             .and_then(|i| ALL.get(i).copied())
             .ok_or_else(|| Error::model(format!("joint type {code} does not exist")))
+    }
+
+    /// Does it have rows that restrict velocities alone?
+    pub fn is_nonholonomic(self) -> bool {
+        matches!(self, JointKind::KnifeEdge | JointKind::RollingDisc)
     }
 
     /// May this joint carry a body in the spanning tree before the free joints are looked at?

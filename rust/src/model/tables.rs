@@ -1,6 +1,7 @@
 //! The Tables (docs/tables.md): what Python hands over, parsed and checked once.
 use crate::error::{Error, Result};
 use crate::model::joint::JointKind;
+use crate::model::motion::MotionSpec;
 
 pub const HAS_K: i64 = 1;
 pub const HAS_C: i64 = 2;
@@ -64,6 +65,34 @@ pub struct LawSpec {
     pub x: usize,
 }
 
+/// A joint coordinate that follows a motion.
+#[derive(Debug, Clone)]
+pub struct DriveSpec {
+    pub name: String,
+    pub joint: usize,
+    /// among the free coordinates of the joint
+    pub coordinate: usize,
+    pub motion: usize,
+}
+
+/// second - ratio first - offset = 0 of two joint coordinates; numbers: ratio 0, offset 1.
+#[derive(Debug, Clone)]
+pub struct CouplerSpec {
+    pub name: String,
+    /// first and second
+    pub joints: [usize; 2],
+    pub coordinates: [usize; 2],
+    pub x: usize,
+}
+
+/// A motion added to one component of a load's value.
+#[derive(Debug, Clone)]
+pub struct LoadMotionSpec {
+    pub load: usize,
+    pub component: usize,
+    pub motion: usize,
+}
+
 #[derive(Debug, Clone, Default)]
 pub struct Tables {
     pub x: Vec<f64>,
@@ -72,6 +101,10 @@ pub struct Tables {
     pub elements: Vec<ElementSpec>,
     pub loads: Vec<LoadSpec>,
     pub laws: Vec<LawSpec>,
+    pub motions: Vec<MotionSpec>,
+    pub drives: Vec<DriveSpec>,
+    pub couplers: Vec<CouplerSpec>,
+    pub load_motions: Vec<LoadMotionSpec>,
     pub gravity: Option<usize>,
     /// first guesses of body poses: body, start of origin and quaternion
     pub poses: Vec<(usize, usize)>,
@@ -108,6 +141,27 @@ impl Tables {
         for law in &self.laws {
             self.inside("a law", law.x, law.n)?;
         }
+        for motion in &self.motions {
+            self.inside("a motion", motion.x, motion.n)?;
+        }
+        for drive in &self.drives {
+            self.drives(&drive.name, drive.joint, drive.coordinate)?;
+            self.follows(&drive.name, drive.motion)?;
+        }
+        for coupler in &self.couplers {
+            self.inside(&coupler.name, coupler.x, 2)?;
+            for (joint, coordinate) in coupler.joints.iter().zip(coupler.coordinates) {
+                self.drives(&coupler.name, *joint, coordinate)?;
+            }
+        }
+        for m in &self.load_motions {
+            if m.load >= self.loads.len() || m.component >= 3 {
+                return Err(Error::model(
+                    "a motion belongs to a load that does not exist",
+                ));
+            }
+            self.follows(&self.loads[m.load].name, m.motion)?;
+        }
         for (body, x) in &self.poses {
             self.connects("a pose", Some(*body), None)?;
             self.inside("a pose", *x, 7)?;
@@ -123,6 +177,48 @@ impl Tables {
             )));
         }
         Ok(())
+    }
+
+    fn drives(&self, name: &str, joint: usize, coordinate: usize) -> Result<()> {
+        let free = self.joints.get(joint).map(|j| j.kind.free_coordinates());
+        if free.is_none_or(|free| coordinate >= free.len()) {
+            return Err(Error::model(format!(
+                "'{name}' refers to a joint coordinate that does not exist"
+            )));
+        }
+        Ok(())
+    }
+
+    fn follows(&self, name: &str, motion: usize) -> Result<()> {
+        if motion >= self.motions.len() {
+            return Err(Error::model(format!(
+                "'{name}' refers to a motion that does not exist"
+            )));
+        }
+        Ok(())
+    }
+
+    /// The first nonholonomic joint, drive or coupler.
+    pub fn unusual(&self) -> Option<&str> {
+        let joints = self.joints.iter().filter(|j| j.kind.is_nonholonomic());
+        let drives = self.drives.iter().map(|d| d.name.as_str());
+        let couplers = self.couplers.iter().map(|c| c.name.as_str());
+        let mut all = joints
+            .map(|j| j.name.as_str())
+            .chain(drives)
+            .chain(couplers);
+        all.next()
+    }
+
+    /// Why a function of the model could not be evaluated, where one could not.
+    pub fn failure(&self) -> Option<Error> {
+        let mut functions = self.motions.iter().filter_map(|m| m.function.as_ref());
+        let message = functions.find_map(|f| f.failure())?;
+        Some(Error::Convergence {
+            message,
+            best: Vec::new(),
+            residual: f64::NAN,
+        })
     }
 
     fn connects(&self, name: &str, a: BodyRef, b: BodyRef) -> Result<()> {

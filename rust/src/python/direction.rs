@@ -66,8 +66,10 @@ fn columns(all: &[Directional], pick: impl Fn(&Directional) -> &[f64]) -> Array2
 }
 
 /// Derivatives along sparse directions (indices into the values, weights). `follow`: "equilibrium" moves along, "drawn" follows the
-/// given velocities, "hold"; `maps`: also those of the body map and the ground coupling.
+/// given velocities, "steady" moves along on all tree coordinates but the `driven` ones, "hold"; `maps`: also those of the body map
+/// and the ground coupling.
 #[pyfunction]
+#[pyo3(signature = (system, relative, rate, without, directions, follow, maps, driven=Vec::new()))]
 #[allow(clippy::too_many_arguments)]
 fn directions<'py>(
     py: Python<'py>,
@@ -78,10 +80,14 @@ fn directions<'py>(
     directions: Vec<(Vec<usize>, Vec<f64>)>,
     follow: &str,
     maps: bool,
+    driven: Vec<usize>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let state = state_of(&system.0, &relative, &rate)?;
     let effects = effects(&without)?;
-    let (follow, drawn) = (follow == "equilibrium", follow == "drawn");
+    let (follow, drawn) = (
+        matches!(follow, "equilibrium" | "steady"),
+        follow == "drawn",
+    );
     let n_x = system.0.x.len();
     if directions
         .iter()
@@ -97,7 +103,7 @@ fn directions<'py>(
         };
         let base = linearize(&setting, &mut Counts::default())?;
         let solver = follow
-            .then(|| equilibrium_solver(system, &base))
+            .then(|| equilibrium_solver(system, &base, &driven))
             .transpose()?;
         let request = Request {
             maps,

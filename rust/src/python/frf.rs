@@ -55,7 +55,7 @@ impl FrfReduction {
         counts_dict(py, &self.inner.counts)
     }
 
-    #[pyo3(signature = (l, f, order_in, d0, order_out, omega, modes=None))]
+    #[pyo3(signature = (l, f, order_in, d0, order_out, omega, modes=None, checked=true))]
     #[allow(clippy::too_many_arguments)]
     fn evaluate<'py>(
         &self,
@@ -67,13 +67,14 @@ impl FrfReduction {
         order_out: u32,
         omega: PyReadonlyArray1<'_, f64>,
         modes: Option<usize>,
+        checked: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         let ports = ports(&l, &f, order_in, d0.as_ref(), order_out);
         let omega: Vec<f64> = omega.as_array().to_vec();
         let shape = [ports.l.nrows(), ports.f.ncols(), omega.len()];
         let inner = self.inner.clone();
         let values = interruptible(py, move |cancel| {
-            inner.evaluate(&ports, &omega, modes, cancel)
+            inner.evaluate(&ports, &omega, modes, checked, cancel)
         })?;
         let out = PyDict::new(py);
         out.set_item("value", values.h.into_pyarray(py).reshape(shape)?)?;

@@ -22,7 +22,8 @@ pub(super) fn optional(array: &Optional<'_>) -> Option<Mat<f64>> {
 pub(super) const LARGE: usize = 64;
 
 #[pyfunction]
-#[pyo3(signature = (m, c, g, k, n, kf))]
+#[pyo3(signature = (m, c, g, k, n, kf, mf=None))]
+#[allow(clippy::too_many_arguments)]
 fn dense_modes<'py>(
     py: Python<'py>,
     m: PyReadonlyArray2<'py, f64>,
@@ -31,11 +32,19 @@ fn dense_modes<'py>(
     k: PyReadonlyArray2<'py, f64>,
     n: Optional<'py>,
     kf: Optional<'py>,
+    mf: Optional<'py>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (m, k) = (matrix(&m), matrix(&k));
     let (c, g, n, kf) = (optional(&c), optional(&g), optional(&n), optional(&kf));
+    let mf = optional(&mf);
     let large = m.nrows() >= LARGE;
-    let work = move || modes(&SecondOrder::new(m, c, g, k, n, kf)?);
+    let work = move || {
+        let system = SecondOrder::new(m, c, g, k, n, kf)?;
+        match mf {
+            None => modes(&system),
+            Some(mf) => modes(&system.with_mass_factor(mf)?),
+        }
+    };
     let result = if large {
         interruptible(py, move |_| work())?
     } else {
@@ -67,6 +76,7 @@ pub(super) fn as_dict<'py>(py: Python<'py>, r: Modal) -> PyResult<Bound<'py, PyD
     dict.set_item("condition", r.condition.into_pyarray(py))?;
     dict.set_item("error", r.error.into_pyarray(py))?;
     dict.set_item("route", r.route)?;
+    dict.set_item("mass_pivot", r.mass_pivot)?;
     dict.set_item("counts", counts_dict(py, &r.counts)?)?;
     Ok(dict)
 }

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 use crate::spatial::{Pose, Real, V3};
 use crate::system::System;
-use crate::system::connector::{motion_of, strain};
+use crate::system::connector::{Numbers, Wanted, coordinate_tangent, motion_of};
 use crate::system::placement::{State, place};
 
 use super::border::counts_dict;
@@ -70,6 +70,7 @@ fn follow<T: Seed>(
         x[*i] = T::seeded(system.x[*i], *d);
     }
     let start = Motion {
+        t: 0.0,
         relative: plan
             .state
             .relative
@@ -172,10 +173,21 @@ pub fn law_places<'py>(
     let topology = &*system.topology;
     let rate = state.moving().then_some(state.rate.as_slice());
     let placement = place(topology, &system.geometry, &state.relative, rate);
+    let numbers = Numbers {
+        x: &system.x,
+        memory: &[],
+    };
     let out = PyList::empty(py);
     for c in topology.connectors.iter().filter(|c| !c.laws.is_empty()) {
         let moved = motion_of(topology, &system.geometry, &placement, &system.x, c);
-        let here = strain(topology, &system.geometry, &placement, &system.x, c);
+        let here = coordinate_tangent(
+            topology,
+            &system.geometry,
+            &placement,
+            numbers,
+            c,
+            Wanted::FORCES,
+        );
         for law in &c.laws {
             let (e, v) = moved[law.component];
             let gradient = here.gradients[law.component];

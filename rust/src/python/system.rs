@@ -9,16 +9,18 @@ use pyo3::types::{PyDict, PyList};
 
 use crate::analysis::assembly::{assemble, close, scene};
 use crate::analysis::equilibrium::{Equilibrium, equilibrium};
-use crate::analysis::linearize::{Linearization, Setting, linearize};
+use crate::analysis::linearize::{Linearization, Setting, linearize, mobility};
 use crate::analysis::reactions::reactions;
+use crate::analysis::transient::{Equations, Motion};
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 use crate::spatial::{M3, Pose, V3};
 use crate::system::System;
-use crate::system::assemble::Effects;
-use crate::system::connector::strain;
-use crate::system::loops::{redundant_joints, row_scales};
+use crate::system::assemble::{Effects, Scene};
+use crate::system::connector::{Numbers, Wanted, coordinate_tangent};
+use crate::system::loops::{redundant_names, row_scales};
 use crate::system::placement::{State, advance, place};
+use crate::system::rows::explicit_rates;
 use crate::system::topology::Owner;
 
 use super::border::{counts_dict, guarded, interruptible};
@@ -62,10 +64,11 @@ pub fn effects(without: &[String]) -> Result<Effects> {
             "friction" => effects.friction = false,
             "contact" => effects.contact = false,
             "nonholonomic" => effects.nonholonomic = false,
+            "drives" => effects.drives = false,
             // harmonic balance adds the laws themselves
             "law-slopes" => effects.law_slopes = false,
             // belong to other analyses: nothing to leave out here
-            "flexibility" | "drives" => {}
+            "flexibility" => {}
             other => {
                 return Err(Error::model(format!(
                     "the effect '{other}' cannot be switched off in this analysis"
@@ -127,8 +130,12 @@ fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult
     out.set_item("rate", state.rate.clone().into_pyarray(py))
 }
 
+/// Column by column, as it stands: a copy of the memory.
 pub fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
-    Array2::from_shape_fn(m.shape(), |(i, j)| m[(i, j)])
+    use numpy::ndarray::ShapeBuilder;
+    let shape = m.shape();
+    Array2::from_shape_vec(shape.f(), m.as_slice().to_vec())
+        .unwrap_or_else(|_| Array2::from_shape_fn(shape, |(i, j)| m[(i, j)]))
 }
 
 fn put_linearization(
@@ -220,22 +227,24 @@ impl PySystem {
                 .collect::<Vec<_>>(),
         )?;
         out.set_item("coordinates", topology.names.clone())?;
-        out.set_item(
-            "row_joint",
-            topology
-                .rows
-                .iter()
-                .map(|r| topology.tables.joints[r.joint].name.clone())
-                .collect::<Vec<_>>(),
-        )?;
+        let rows = 0..topology.rows.len();
+        let names: Vec<_> = rows.map(|i| topology.row_name(i).to_owned()).collect();
+        out.set_item("row_joint", names)?;
         Ok(out)
     }
 
-    /// The drawn state, loops closed and velocities made consistent.
-    fn assemble<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let (assembled, counts) = run(py, &self.0, |system, _| {
+    /// The drawn state, loops closed and velocities made consistent; `hold`: with drives that stand still.
+    #[pyo3(signature = (hold=false, without=Vec::new()))]
+    fn assemble<'py>(
+        &self,
+        py: Python<'py>,
+        hold: bool,
+        without: Vec<String>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let effects = effects(&without)?;
+        let (assembled, counts) = run(py, &self.0, move |system, _| {
             let mut counts = Counts::default();
-            assemble(system, &mut counts).map(|a| (a, counts))
+            assemble(system, hold, effects, &mut counts).map(|a| (a, counts))
         })?;
         let out = PyDict::new(py);
         put_state(py, &out, &assembled.state)?;
@@ -344,37 +353,64 @@ impl PySystem {
         )?;
         if let Some(l) = &lin.loops {
             out.set_item("rank", l.dependent.len())?;
-            let named = redundant_joints(&self.0.topology, l).into_iter();
-            out.set_item(
-                "redundant",
-                named
-                    .map(|(j, n)| (self.0.topology.tables.joints[j].name.clone(), n))
-                    .collect::<Vec<_>>(),
-            )?;
+            let named = redundant_names(&self.0.topology, l, |row| effects.row(row));
+            out.set_item("redundant", named)?;
         }
         out.set_item("counts", counts_dict(py, &counts)?)?;
         Ok(out)
     }
 
+    /// Minimal coordinates at rest, with the rank of the loops and what is redundant in them.
+    fn mobility<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let state = state_of(&self.0, &relative, &empty(py)?)?;
+        let loops = run(py, &self.0, move |system, _| {
+            mobility(&Setting {
+                system,
+                state: &state,
+                effects: Effects::ALL,
+            })
+        })?;
+        let out = PyDict::new(py);
+        let topology = &self.0.topology;
+        let free = match &loops {
+            Some(l) => l.independent.clone(),
+            None => (0..self.0.n_tree()).collect(),
+        };
+        let names: Vec<_> = free.iter().map(|i| topology.names[*i].as_str()).collect();
+        out.set_item("coordinates", names)?;
+        if let Some(l) = &loops {
+            out.set_item("rank", l.dependent.len())?;
+            out.set_item("redundant", redundant_names(topology, l, |_| true))?;
+        }
+        Ok(out)
+    }
+
     /// A state advanced by increments of the minimal coordinates, loops closed.
+    #[pyo3(signature = (relative, increments, without=Vec::new()))]
     fn advance<'py>(
         &self,
         py: Python<'py>,
         relative: PyReadonlyArray2<'py, f64>,
         increments: PyReadonlyArray1<'py, f64>,
+        without: Vec<String>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let mut state = state_of(&self.0, &relative, &empty(py)?)?;
+        let effects = effects(&without)?;
         let z = nalgebra::DVector::from_vec(values(&increments));
         let moved = run(py, &self.0, move |system, _| {
             let setting = Setting {
                 system,
                 state: &state,
-                effects: Effects::ALL,
+                effects,
             };
             let base = linearize(&setting, &mut Counts::default())?;
             let dy = base.expand(z)?;
             advance(&system.topology, &mut state.relative, dy.as_slice());
-            close(system, &mut state, &mut Counts::default())?;
+            close(system, &mut state, effects, &mut Counts::default())?;
             Ok(state)
         })?;
         let out = PyDict::new(py);
@@ -382,19 +418,60 @@ impl PySystem {
         out.as_any().get_item("relative")
     }
 
-    /// How far given rates of the tree coordinates violate the cut joints, in rates of the scaled rows.
+    /// All constraint rows at a state and time: `phi`, `jacobian` over the tree coordinates, `rates` J v + Phi_t and `bias`, their
+    /// rate at constant v.
+    fn rows<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+        t: f64,
+        without: Vec<String>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let mut state = state_of(&self.0, &relative, &rate)?;
+        state.rate.resize(self.0.n_tree(), 0.0);
+        let effects = effects(&without)?;
+        let motion = Motion {
+            t,
+            relative: state.relative,
+            rate: state.rate,
+            memory: Vec::new(),
+        };
+        let (phi, jacobian, rates, bias) = guarded(py, || {
+            let eq = Equations::new(&self.0, self.0.x.to_vec(), effects);
+            let (phi, jacobian) = eq.rows(&motion);
+            Ok((phi, jacobian, eq.row_rates(&motion), eq.row_bias(&motion)))
+        })?;
+        let out = PyDict::new(py);
+        out.set_item("jacobian", array(&jacobian).into_pyarray(py))?;
+        for (name, v) in [("phi", phi), ("rates", rates), ("bias", bias)] {
+            out.set_item(name, v.as_slice().to_vec().into_pyarray(py))?;
+        }
+        Ok(out)
+    }
+
+    /// How far given rates of the tree coordinates violate the rows at t = 0, in rates of the scaled rows.
+    #[pyo3(signature = (relative, rate, without=Vec::new()))]
     fn rate_mismatch(
         &self,
         py: Python<'_>,
         relative: PyReadonlyArray2<'_, f64>,
         rate: PyReadonlyArray1<'_, f64>,
+        without: Vec<String>,
     ) -> PyResult<f64> {
         let state = state_of(&self.0, &relative, &rate)?;
+        let effects = effects(&without)?;
         guarded(py, || {
-            let placement = place(&self.0.topology, &self.0.geometry, &state.relative, None);
-            let jacobian = scene(&self.0, &placement).constraints().1;
+            let (topology, geometry) = (&self.0.topology, &self.0.geometry);
+            let placement = place(topology, geometry, &state.relative, None);
+            let acting = Scene {
+                effects,
+                ..scene(&self.0, &placement)
+            };
+            let jacobian = acting.constraints().1;
+            let prescribed = explicit_rates(topology, geometry, effects, 0.0).0;
             let scales = row_scales(&self.0.topology, self.0.length);
-            let miss = jacobian * nalgebra::DVector::from_vec(state.rate.clone());
+            let miss = jacobian * nalgebra::DVector::from_vec(state.rate.clone()) + prescribed;
             Ok(miss
                 .iter()
                 .zip(&scales)
@@ -428,18 +505,34 @@ impl PySystem {
         motion::law_places(py, &self.0, &state_of(&self.0, &relative, &rate)?)
     }
 
-    /// Per elastic connector: gradient rows in tree-independent form (n, 6) about a world point, the bodies, k (n, n).
+    /// Per elastic connector: gradient rows in tree-independent form (n, 6) about a world point, the bodies, k (n, n) with the
+    /// slopes of its laws.
     fn strains<'py>(
         &self,
         py: Python<'py>,
         relative: PyReadonlyArray2<'py, f64>,
+        without: Vec<String>,
     ) -> PyResult<Bound<'py, PyList>> {
         let state = state_of(&self.0, &relative, &empty(py)?)?;
+        let effects = effects(&without)?;
+        let wanted = Wanted {
+            laws: effects.law_slopes,
+            friction: effects.friction,
+            contact: effects.contact,
+            ..Wanted::SLOPES
+        };
+        let numbers = Numbers {
+            x: &self.0.x,
+            memory: &[],
+        };
         let topology = &self.0.topology;
         let placement = place(topology, &self.0.geometry, &state.relative, None);
         let out = PyList::empty(py);
         for c in &topology.connectors {
-            let one = strain(topology, &self.0.geometry, &placement, &self.0.x, c);
+            let geometry = &self.0.geometry;
+            let one = coordinate_tangent(topology, geometry, &placement, numbers, c, wanted);
+            let n = one.gradients.len();
+            let k = Array2::from_shape_fn((n, n), |(i, j)| one.k[i][j]);
             let name = match c.owner {
                 Owner::Element(i) => &topology.tables.elements[i].name,
                 Owner::Joint(i) => &topology.tables.joints[i].name,
@@ -454,7 +547,7 @@ impl PySystem {
                 body(c.b),
                 point,
                 gradients.into_pyarray(py),
-                array(&one.k).into_pyarray(py),
+                k.into_pyarray(py),
             ))?;
         }
         Ok(out)

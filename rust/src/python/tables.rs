@@ -1,12 +1,16 @@
 //! Tables from the dict that Python writes (docs/tables.md).
+use std::sync::Arc;
+
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::error::{Error, Result};
 use crate::model::joint::JointKind;
+use crate::model::motion::{Called, Function, MotionKind, MotionSpec};
 use crate::model::tables::{
-    BodyRef, BodySpec, ElementKind, ElementSpec, JointSpec, LawSpec, LoadSpec, Tables,
+    BodyRef, BodySpec, CouplerSpec, DriveSpec, ElementKind, ElementSpec, JointSpec, LawSpec,
+    LoadMotionSpec, LoadSpec, Tables,
 };
 
 struct Reader<'a, 'py>(&'a Bound<'py, PyDict>);
@@ -68,6 +72,10 @@ pub fn tables(dict: &Bound<'_, PyDict>) -> PyResult<Tables> {
         elements: elements(&reader)?,
         loads: loads(&reader)?,
         laws: laws(&reader)?,
+        motions: motions(&reader)?,
+        drives: drives(&reader)?,
+        couplers: couplers(&reader)?,
+        load_motions: load_motions(&reader)?,
         gravity,
         poses: poses(&reader)?,
     };
@@ -178,6 +186,120 @@ fn laws(reader: &Reader<'_, '_>) -> PyResult<Vec<LawSpec>> {
         })
     };
     owner.into_iter().enumerate().map(one).collect()
+}
+
+/// Tables without motions need not have their keys.
+fn optional<const N: usize>(
+    reader: &Reader<'_, '_>,
+    stem: &str,
+    keys: [&str; N],
+) -> PyResult<Option<[Vec<i64>; N]>> {
+    let first = format!("{stem}_{}", keys[0]);
+    if reader.0.get_item(&first)?.is_none() {
+        return Ok(None);
+    }
+    let n = reader.ints(&first)?.len();
+    columns(reader, stem, keys, n).map(Some)
+}
+
+fn motions(reader: &Reader<'_, '_>) -> PyResult<Vec<MotionSpec>> {
+    let keys = ["type", "n", "x", "function", "output"];
+    let Some([code, n, x, function, output]) = optional(reader, "motion", keys)? else {
+        return Ok(Vec::new());
+    };
+    let functions: Vec<Arc<Function>> = match reader.0.get_item("functions")? {
+        Some(all) => all
+            .extract::<Vec<Py<PyAny>>>()?
+            .into_iter()
+            .map(|f| Arc::new(python_function(f)))
+            .collect(),
+        None => Vec::new(),
+    };
+    let one = |i: usize| {
+        let n = offset(n[i])?;
+        let kind = MotionKind::from_code(code[i], n)?;
+        let own = usize::try_from(function[i])
+            .ok()
+            .and_then(|f| functions.get(f).cloned());
+        if kind == MotionKind::Function && own.is_none() {
+            return Err(Error::model("a motion refers to a function that does not exist").into());
+        }
+        Ok(MotionSpec {
+            kind,
+            n,
+            x: offset(x[i])?,
+            function: own,
+            output: offset(output[i])?,
+        })
+    };
+    (0..code.len()).map(one).collect()
+}
+
+/// mbrs.motions makes callables that return a list of floats, checked, or raise an error that names their owner.
+fn python_function(f: Py<PyAny>) -> Function {
+    Function::new(move |t| -> Called {
+        Python::attach(|py| {
+            let made = f.call1(py, (t,)).and_then(|v| v.extract::<Vec<f64>>(py));
+            made.map_err(|e| e.value(py).to_string())
+        })
+    })
+}
+
+fn drives(reader: &Reader<'_, '_>) -> PyResult<Vec<DriveSpec>> {
+    let keys = ["joint", "coordinate", "motion"];
+    let Some([joint, coordinate, motion]) = optional(reader, "drive", keys)? else {
+        return Ok(Vec::new());
+    };
+    let names = reader.names("drive_name")?;
+    same_length("drive", &[names.len(), joint.len()])?;
+    let one = |(i, name)| {
+        Ok(DriveSpec {
+            name,
+            joint: offset(joint[i])?,
+            coordinate: offset(coordinate[i])?,
+            motion: offset(motion[i])?,
+        })
+    };
+    names.into_iter().enumerate().map(one).collect()
+}
+
+fn couplers(reader: &Reader<'_, '_>) -> PyResult<Vec<CouplerSpec>> {
+    let keys = [
+        "first",
+        "second",
+        "first_coordinate",
+        "second_coordinate",
+        "x",
+    ];
+    let Some([first, second, of_first, of_second, x]) = optional(reader, "coupler", keys)? else {
+        return Ok(Vec::new());
+    };
+    let names = reader.names("coupler_name")?;
+    same_length("coupler", &[names.len(), x.len()])?;
+    let one = |(i, name)| {
+        Ok(CouplerSpec {
+            name,
+            joints: [offset(first[i])?, offset(second[i])?],
+            coordinates: [offset(of_first[i])?, offset(of_second[i])?],
+            x: offset(x[i])?,
+        })
+    };
+    names.into_iter().enumerate().map(one).collect()
+}
+
+fn load_motions(reader: &Reader<'_, '_>) -> PyResult<Vec<LoadMotionSpec>> {
+    let keys = ["load", "component", "motion"];
+    let Some([load, component, motion]) = optional(reader, "load_motion", keys)? else {
+        return Ok(Vec::new());
+    };
+    let one = |i: usize| {
+        Ok(LoadMotionSpec {
+            load: offset(load[i])?,
+            component: offset(component[i])?,
+            motion: offset(motion[i])?,
+        })
+    };
+    (0..load.len()).map(one).collect()
 }
 
 fn poses(reader: &Reader<'_, '_>) -> PyResult<Vec<(usize, usize)>> {

@@ -1,6 +1,11 @@
 //! Solvers for R(y, p) = 0 that know nothing of mechanics.
 pub mod continuation;
 pub mod corrector;
+pub mod differences;
+pub mod inverse;
+pub mod inverse_bfgs;
+pub mod limited_memory;
+pub mod line_search;
 pub mod newton;
 pub mod segment;
 
@@ -48,4 +53,14 @@ pub trait Curve {
     fn residual(&mut self, y: &[f64], parameter: f64, out: &mut Linearisation) -> Result<()>;
     /// Sizes of the unknowns, all positive: what steps are measured against.
     fn scale(&self, y: &[f64], out: &mut [f64]);
+}
+
+/// F(x) = 0 of which only values are known.
+pub trait Residual {
+    fn residual(&mut self, x: &[f64], out: &mut [f64]) -> Result<()>;
+
+    /// Called with every accepted point; true stops the iteration.
+    fn accepted(&mut self, _x: &[f64], _f: &[f64]) -> Result<bool> {
+        Ok(false)
+    }
 }

@@ -3,18 +3,19 @@
 //! ```text
 //! rho(y, y', y") = inertia - applied + J^T lam,   M = d rho/dy",  D = d rho/dy',  K = d rho/dy at constant lam
 //! ```
+use std::marker::PhantomData;
+
 use nalgebra::{DMatrix, DVector};
 
+use crate::linalg::entries::Entries;
 use crate::model::geometry::Geometry;
-use crate::model::joint::{Coordinate, JointKind};
-use crate::model::tables::LENGTH_GIVEN;
 use crate::run::Counts;
 use crate::spatial::{Real, Six, absent};
 use crate::system::connector::{
-    Numbers, Wanted, constraint_interaction, constraint_rows, interaction, load_interaction,
+    Numbers, Wanted, constraint_interaction, interaction, load_interaction,
 };
 use crate::system::inertia::{InertiaInput, add_inertia, ground_coupling};
-use crate::system::path::{add_tangent, add_wrench, path};
+use crate::system::path::{add_tangent, add_wrench};
 use crate::system::placement::Placement;
 use crate::system::topology::{Connector, Owner, Topology};
 
@@ -32,6 +33,7 @@ pub struct Effects {
     pub friction: bool,
     pub contact: bool,
     pub nonholonomic: bool,
+    pub drives: bool,
 }
 
 impl Effects {
@@ -46,6 +48,7 @@ impl Effects {
         friction: true,
         contact: true,
         nonholonomic: true,
+        drives: true,
     };
 
     /// Which forces of connectors and loads act.
@@ -69,15 +72,18 @@ pub struct Scene<'a, T: Real> {
     pub placement: &'a Placement<T>,
     pub rate: Option<&'a [T]>,
     pub acceleration: Option<&'a [T]>,
+    /// what drives and loads read; linear analyses hold it at zero
+    pub t: f64,
     pub effects: Effects,
 }
 
 #[derive(Debug, Clone)]
-pub struct Tangent<T: Real> {
-    pub mass: DMatrix<T>,
-    pub damping: Option<DMatrix<T>>,
-    pub gyroscopic: Option<DMatrix<T>>,
-    pub stiffness: DMatrix<T>,
+pub struct Tangent<T: Real, E = DMatrix<T>> {
+    pub mass: E,
+    pub damping: Option<E>,
+    pub gyroscopic: Option<E>,
+    pub stiffness: E,
+    pub number: PhantomData<T>,
 }
 
 impl<T: Real> Scene<'_, T> {
@@ -90,6 +96,16 @@ impl<T: Real> Scene<'_, T> {
             acceleration: self.acceleration,
             gravity: self.geometry.gravity.filter(|_| self.effects.gravity),
         }
+    }
+
+    /// Per node: what its acceleration would be if no tree coordinate accelerated, gravity left out.
+    pub fn carried_accelerations(&self) -> Vec<Six<T>> {
+        InertiaInput {
+            acceleration: None,
+            gravity: None,
+            ..self.inertia(true)
+        }
+        .body_accelerations()
     }
 
     fn damped(&self) -> bool {
@@ -111,8 +127,14 @@ impl<T: Real> Scene<'_, T> {
         let mut sums = self.connected();
         let wanted = self.effects.wanted();
         for load in 0..self.topology.tables.loads.len() {
-            let acting =
-                load_interaction(self.topology, self.geometry, self.placement, load, wanted);
+            let acting = load_interaction(
+                self.topology,
+                self.geometry,
+                self.placement,
+                load,
+                self.t,
+                wanted,
+            );
             add_wrench(self.topology, self.placement, &acting, &mut sums);
         }
         sums
@@ -173,15 +195,20 @@ impl<T: Real> Scene<'_, T> {
     /// The mass matrix alone.
     pub fn mass(&self) -> DMatrix<T> {
         let n = self.topology.dofs.len();
-        let (mut mass, mut unused) = (DMatrix::zeros(n, n), DMatrix::zeros(0, 0));
+        let mut mass = DMatrix::zeros(n, n);
+        self.mass_into(&mut mass, &mut DMatrix::zeros(0, 0));
+        mass
+    }
+
+    /// The same into any place; `unused` stays as it is.
+    pub fn mass_into<E: Entries<T>>(&self, mass: &mut E, unused: &mut E) {
         let unloaded = InertiaInput {
             rate: None,
             acceleration: None,
             gravity: None,
             ..self.inertia(false)
         };
-        add_inertia(&unloaded, &mut mass, &mut unused, None);
-        mass
+        add_inertia(&unloaded, mass, unused, None);
     }
 
     /// Momentum of a common rigid motion of everything, about the world origin, per tree coordinate (n_tree, 6).
@@ -233,18 +260,6 @@ impl<T: Real> Scene<'_, T> {
             })
     }
 
-    /// Multipliers of both levels grouped by cut joint: at rest a velocity row carries force like any other.
-    pub fn cut_multipliers(&self, lam: &[T]) -> Vec<(usize, Vec<(Coordinate, T)>)> {
-        let mut grouped: Vec<(usize, Vec<(Coordinate, T)>)> = Vec::new();
-        for (row, l) in self.topology.rows.iter().zip(lam) {
-            match grouped.last_mut().filter(|(joint, _)| *joint == row.joint) {
-                Some((_, rows)) => rows.push((row.coordinate, *l)),
-                None => grouped.push((row.joint, vec![(row.coordinate, *l)])),
-            }
-        }
-        grouped
-    }
-
     /// Sum body wrenches to subtrees, about each node's centre of mass.
     pub fn subtree_wrenches(&self, mut sums: Vec<Six<T>>) -> Vec<Six<T>> {
         for node in (0..sums.len()).rev() {
@@ -270,101 +285,23 @@ impl<T: Real> Scene<'_, T> {
         )
     }
 
-    /// Values Phi and Jacobian J of the rows of cut joints; a velocity row has value zero and its D for Jacobian.
-    pub fn constraints(&self) -> (DVector<T>, DMatrix<T>) {
-        let rows = &self.topology.rows;
-        let mut phi = DVector::zeros(rows.len());
-        let mut jacobian = DMatrix::zeros(rows.len(), self.topology.dofs.len());
-        let mut start = 0;
-        while start < rows.len() {
-            let joint = rows[start].joint;
-            let end = start
-                + rows[start..]
-                    .iter()
-                    .take_while(|r| r.joint == joint)
-                    .count();
-            self.joint_rows(joint, start, end, &mut phi, &mut jacobian);
-            start = end;
-        }
-        (phi, jacobian)
-    }
-
-    fn joint_rows(
-        &self,
-        joint: usize,
-        start: usize,
-        end: usize,
-        phi: &mut DVector<T>,
-        jacobian: &mut DMatrix<T>,
-    ) {
-        let spec = &self.topology.tables.joints[joint];
-        let coordinates: Vec<_> = self.topology.rows[start..end]
-            .iter()
-            .map(|r| r.coordinate)
-            .collect();
-        let (point, rows) = if spec.kind == JointKind::KnifeEdge {
-            self.knife_edge(joint)
-        } else {
-            constraint_rows(
-                self.topology,
-                self.geometry,
-                self.placement,
-                joint,
-                &coordinates,
-            )
-        };
-        let entries = path(self.topology, self.placement, spec.a, spec.b, &point);
-        for (i, (value, g)) in rows.iter().enumerate() {
-            let length = if spec.kind == JointKind::Distance {
-                self.distance(joint)
-            } else {
-                T::zero()
-            };
-            phi[start + i] = *value - length;
-            for entry in &entries {
-                jacobian[(start + i, entry.dof)] = g.dot(&entry.signed());
-            }
-        }
-    }
-
-    fn distance(&self, joint: usize) -> T {
-        let spec = &self.topology.tables.joints[joint];
-        let x = self.x[spec.x + 34];
-        if spec.flags & LENGTH_GIVEN != 0 {
-            x
-        } else {
-            self.geometry.joint_length[joint] + x
-        }
-    }
-
-    // the forbidden direction is the z axis of the second body's marker
-    fn knife_edge(&self, joint: usize) -> (crate::spatial::V3<T>, Vec<(T, Six<T>)>) {
-        let spec = &self.topology.tables.joints[joint];
-        let pair = &self.geometry.joints[joint];
-        let b = crate::system::placement::marker_pose(
-            self.topology,
-            &self.placement.pose,
-            spec.b,
-            &pair.b,
-        );
-        (
-            b.p,
-            vec![(
-                T::zero(),
-                Six::new(b.r.column(2).into_owned(), crate::spatial::V3::zeros()),
-            )],
-        )
-    }
-
     pub fn tangent(&self, lam: Option<&[T]>, counts: &mut Counts) -> Tangent<T> {
         let n = self.topology.dofs.len();
-        let mut mass = DMatrix::zeros(n, n);
-        let mut stiffness = DMatrix::zeros(n, n);
+        self.tangent_into(lam, counts, || DMatrix::zeros(n, n))
+    }
+
+    /// The same into any places.
+    pub fn tangent_into<E: Entries<T>>(
+        &self,
+        lam: Option<&[T]>,
+        counts: &mut Counts,
+        empty: impl Fn() -> E,
+    ) -> Tangent<T, E> {
+        let (mut mass, mut stiffness) = (empty(), empty());
         let moving = self.rate.is_some();
         // of a closed loop the stiffness reads them too, since B'' turns
         let turning = self.effects.centrifugal && !self.topology.rows.is_empty();
-        let mut gyroscopic =
-            (moving && (self.effects.gyroscopic || turning)).then(|| DMatrix::zeros(n, n));
+        let mut gyroscopic = (moving && (self.effects.gyroscopic || turning)).then(&empty);
         add_inertia(
             &self.inertia(self.effects.centrifugal || gyroscopic.is_some()),
             &mut mass,
@@ -373,8 +310,8 @@ impl<T: Real> Scene<'_, T> {
         );
         if moving && !self.effects.centrifugal {
             // the velocity terms of K came along with the gyroscopic ones: take them out again
-            let mut unused = DMatrix::zeros(n, n);
-            stiffness = DMatrix::zeros(n, n);
+            let mut unused = empty();
+            stiffness = empty();
             add_inertia(&self.inertia(false), &mut unused, &mut stiffness, None);
         }
         if self.geometry.gravity.is_some() && self.effects.gravity {
@@ -383,25 +320,29 @@ impl<T: Real> Scene<'_, T> {
         if moving && (self.effects.gyroscopic || self.effects.centrifugal) {
             counts.add("velocity terms", 1);
         }
-        let mut damping = self.damped().then(|| DMatrix::zeros(n, n));
+        let mut damping = self.damped().then(&empty);
         self.add_connectors(&mut stiffness, damping.as_mut(), counts);
         self.add_loads(&mut stiffness, counts);
         if let Some(lam) = lam.filter(|_| self.effects.constraint_force_stiffness) {
             self.add_multiplier_stiffness(lam, &mut stiffness, counts);
         }
         self.add_switched(&mut stiffness);
+        if self.effects.constraint_force_stiffness && T::NDERIV == 0 {
+            self.count_carrying_joints(counts);
+        }
         Tangent {
             mass,
             damping,
             gyroscopic,
             stiffness,
+            number: PhantomData,
         }
     }
 
-    fn add_connectors(
+    fn add_connectors<E: Entries<T>>(
         &self,
-        stiffness: &mut DMatrix<T>,
-        mut damping: Option<&mut DMatrix<T>>,
+        stiffness: &mut E,
+        mut damping: Option<&mut E>,
         counts: &mut Counts,
     ) {
         let geometric = self.effects.preload_stiffness;
@@ -442,20 +383,27 @@ impl<T: Real> Scene<'_, T> {
         }
     }
 
-    fn add_loads(&self, stiffness: &mut DMatrix<T>, counts: &mut Counts) {
+    fn add_loads<E: Entries<T>>(&self, stiffness: &mut E, counts: &mut Counts) {
         let (topology, wanted) = (self.topology, Wanted::GEOMETRY);
         for load in 0..topology.tables.loads.len() {
-            let acting = load_interaction(topology, self.geometry, self.placement, load, wanted);
+            let acting = load_interaction(
+                topology,
+                self.geometry,
+                self.placement,
+                load,
+                self.t,
+                wanted,
+            );
             add_tangent(topology, self.placement, &acting, true, stiffness, None);
             counts.add("load tangents", 1);
         }
     }
 
     /// d(J^T lam)/dy of the cut joints.
-    pub fn add_multiplier_stiffness(
+    pub fn add_multiplier_stiffness<E: Entries<T>>(
         &self,
         lam: &[T],
-        stiffness: &mut DMatrix<T>,
+        stiffness: &mut E,
         counts: &mut Counts,
     ) {
         let wanted = Wanted::GEOMETRY;
@@ -486,7 +434,7 @@ impl<T: Real> Scene<'_, T> {
     /// Effects are switched off in the sense of absolute coordinates (wrenches at the centres of mass, world axes): without the
     /// stiffness of constraint forces S is T^T (df/dq) T. In tree coordinates those forces appear as (dT/dy)^T f of all other
     /// forces, which is taken out here; left-out forces of springs had their share in it, which comes back.
-    fn add_switched(&self, stiffness: &mut DMatrix<T>) {
+    fn add_switched(&self, stiffness: &mut impl Entries<T>) {
         if !self.effects.constraint_force_stiffness {
             self.add_map_changes(&self.body_wrenches(None), -T::one(), stiffness);
         }
@@ -495,9 +443,19 @@ impl<T: Real> Scene<'_, T> {
         }
     }
 
+    /// In tree coordinates the forces of tree joints have their stiffness in the turning columns of all other forces: joints that
+    /// carry a force count as work done.
+    fn count_carrying_joints(&self, counts: &mut Counts) {
+        let sums = self.subtree_wrenches(self.body_wrenches(None));
+        let loaded = sums.iter().filter(|w| !w.is_absent()).count();
+        if loaded > 0 {
+            counts.add("constraint-force stiffness", loaded as u64);
+        }
+    }
+
     /// factor x (dT/dy_j)_i . f summed over bodies: with v, w the motion of a body's centre of mass per coordinate, the
     /// translation of the inner of two coordinates turns that of the other, and a carried axis turns with its carrier.
-    fn add_map_changes(&self, wrenches: &[Six<T>], factor: T, stiffness: &mut DMatrix<T>) {
+    fn add_map_changes(&self, wrenches: &[Six<T>], factor: T, stiffness: &mut impl Entries<T>) {
         for (node, f) in wrenches.iter().enumerate() {
             if f.is_absent() {
                 continue;
@@ -511,7 +469,7 @@ impl<T: Real> Scene<'_, T> {
                     if rank_j < rank_i {
                         change += sj.a.cross(&si.a).dot(&f.a);
                     }
-                    stiffness[(*i, *j)] += change * factor;
+                    stiffness.add(*i, *j, change * factor);
                 }
             }
         }

@@ -4,7 +4,6 @@
 //! twist xi is dW = K xi + C xi' with K = -sum g k g^T (kept as the gradients g and k, so that what has no stiffness has none but
 //! for rounding of single products) and terms proportional to the force. Constraint rows are connectors whose force is the
 //! multiplier. `path` spreads both over the tree coordinates.
-use nalgebra::DMatrix;
 
 use crate::kinematics::relative::{Relative, Row};
 use crate::laws::Law;
@@ -75,6 +74,13 @@ impl Wanted {
         contact: true,
     };
 
+    /// Slopes of springs and laws, without the terms that are proportional to their forces.
+    pub const SLOPES: Wanted = Wanted {
+        tangent: true,
+        laws: true,
+        ..Wanted::FORCES
+    };
+
     /// The tangent of given forces, such as multipliers.
     pub const GEOMETRY: Wanted = Wanted {
         tangent: true,
@@ -116,10 +122,7 @@ fn local<T: Real>(
     let pa = marker_pose(topology, &placement.pose, a, &pair.a);
     let pb = marker_pose(topology, &placement.pose, b, &pair.b);
     let t = pa.r.transpose();
-    let relative = Relative {
-        u: t * (pb.p - pa.p),
-        r: t * pb.r,
-    };
+    let relative = relative_of(topology, placement, a, b, pair);
     let twist = placement.velocity.as_ref().map(|velocity| {
         let at = |body: BodyRef| {
             topology.node(body).map_or_else(Six::zero, |n| {
@@ -133,6 +136,24 @@ fn local<T: Real>(
         b: pb,
         relative,
         twist,
+    }
+}
+
+/// The relative pose of a marker pair.
+pub fn relative_of<T: Real>(
+    topology: &Topology,
+    placement: &Placement<T>,
+    a: BodyRef,
+    b: BodyRef,
+    pair: &MarkerPair<T>,
+) -> Relative<T> {
+    let pa = marker_pose(topology, &placement.pose, a, &pair.a);
+    let pb = marker_pose(topology, &placement.pose, b, &pair.b);
+    let t = pa.r.transpose();
+    Relative {
+        u: t * (pb.p - pa.p),
+        r: t * pb.r,
+        radius: pair.radius,
     }
 }
 
@@ -237,40 +258,6 @@ pub fn interaction<T: Real>(
     }
 }
 
-/// What an element's strain energy is made of: gradients of its coordinates (world axes about `point`) and its stiffness.
-pub struct Strain {
-    pub point: V3<f64>,
-    pub gradients: Vec<Six<f64>>,
-    pub k: DMatrix<f64>,
-}
-
-pub fn strain(
-    topology: &Topology,
-    geometry: &Geometry<f64>,
-    placement: &Placement<f64>,
-    x: &[f64],
-    connector: &Connector,
-) -> Strain {
-    let pair = pair_of(geometry, connector.owner);
-    let here = local(topology, placement, connector.a, connector.b, pair);
-    let n = connector.coordinates.len();
-    let gradients = connector
-        .coordinates
-        .iter()
-        .map(|c| here.relative.row(*c).g.rotated(&here.a.r))
-        .collect();
-    let entry = |i: usize, j: usize| match connector.k {
-        Some(s) if connector.full => x[s + i * n + j],
-        Some(s) if i == j => x[s + i],
-        _ => 0.0,
-    };
-    Strain {
-        point: here.b.p,
-        gradients,
-        k: DMatrix::from_fn(n, n, entry),
-    }
-}
-
 /// Gradients of a connector's coordinates (world axes about `point`), and the slopes of its forces by displacement and rate.
 pub struct CoordinateTangent {
     pub point: V3<f64>,
@@ -333,6 +320,7 @@ fn add_geometric<T: Real>(
         }
         let h = relative.curvature(*coordinate);
         k.ll -= h.ll * *f;
+        k.la -= h.la * *f;
         k.aa -= h.aa * *f;
     }
     // the point of the wrench moves with b
@@ -414,25 +402,13 @@ pub fn constraint_interaction<T: Real>(
 ) -> Interaction<T> {
     let spec = &topology.tables.joints[joint];
     let here = local(topology, placement, spec.a, spec.b, &geometry.joints[joint]);
-    // the row of a knife edge is no slope of a coordinate: its direction turns with b
-    let knife = spec.kind == JointKind::KnifeEdge;
-    let gradient = |c: Coordinate| {
-        if knife {
-            Six::new(here.relative.r.column(2).into_owned(), V3::zeros())
-        } else {
-            here.relative.row(c).g
-        }
-    };
-    let wrench = rows
-        .iter()
-        .fold(Six::zero(), |w, (c, lam)| w + -gradient(*c).scaled(*lam));
+    let wrench = rows.iter().fold(Six::zero(), |w, (c, lam)| {
+        w + -here.relative.row(*c).g.scaled(*lam)
+    });
     let tangent = wanted.tangent.then(|| {
         let mut k = Map6::zero();
         let (coordinates, forces): (Vec<_>, Vec<_>) = rows.iter().copied().unzip();
         add_geometric(&mut k, &here.relative, &coordinates, &forces, &wrench);
-        if knife {
-            k.la -= skew(&wrench.l);
-        }
         (k.rotated(&here.a.r), Map6::zero())
     });
     Interaction {
@@ -463,22 +439,67 @@ pub fn constraint_rows<T: Real>(
     (here.b.p, rows.collect())
 }
 
+/// The second rate of a coordinate at given accelerations of the bodies: g . xi' + xi . h xi, in axes that move with a.
+pub fn constraint_bias<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    joint: usize,
+    coordinate: Coordinate,
+    accelerations: &[Six<T>],
+) -> T {
+    let spec = &topology.tables.joints[joint];
+    let here = local(topology, placement, spec.a, spec.b, &geometry.joints[joint]);
+    let (Some(xi), Some(velocity)) = (here.twist, placement.velocity.as_ref()) else {
+        return T::zero();
+    };
+    let at = |body: BodyRef, of: &[Six<T>]| {
+        topology.node(body).map_or_else(Six::zero, |n| {
+            of[n].motion_at(&(here.b.p - placement.pose[n].p))
+        })
+    };
+    let (va, vb) = (at(spec.a, &velocity.body), at(spec.b, &velocity.body));
+    let spatial = at(spec.b, accelerations) - at(spec.a, accelerations);
+    // the point moves with b; then the turning of the axes of a is taken out
+    let relative = vb - va;
+    let turned = Six::new(
+        spatial.l + relative.a.cross(&vb.l) - va.a.cross(&relative.l),
+        spatial.a - va.a.cross(&relative.a),
+    )
+    .rotated(&here.a.r.transpose());
+    let h = here.relative.curvature(coordinate);
+    here.relative.row(coordinate).g.dot(&turned) + xi.dot(&h.apply(&xi))
+}
+
+/// What motions add to a load's value at time t, in the axes in which the value is constant.
+fn varying<T: Real>(topology: &Topology, geometry: &Geometry<T>, load: usize, t: f64) -> V3<T> {
+    let tables = &topology.tables;
+    let mut value = V3::zeros();
+    for m in tables.load_motions.iter().filter(|m| m.load == load) {
+        value[m.component] += geometry.motions[m.motion].at(t)[0];
+    }
+    let spec = &tables.loads[load];
+    if spec.follower {
+        geometry.bodies[spec.body].drawn.r.transpose() * value
+    } else {
+        value
+    }
+}
+
 /// A load: dead (constant in the world) or follower (carried along), as an interaction of ground with its body.
 pub fn load_interaction<T: Real>(
     topology: &Topology,
     geometry: &Geometry<T>,
     placement: &Placement<T>,
     load: usize,
+    t: f64,
     wanted: Wanted,
 ) -> Interaction<T> {
     let spec = &topology.tables.loads[load];
     let pose = &placement.pose[topology.node_of_body[spec.body]];
     let (local, value) = &geometry.loads[load];
-    let value = if spec.follower {
-        pose.r * value
-    } else {
-        *value
-    };
+    let value = value + varying(topology, geometry, load, t);
+    let value = if spec.follower { pose.r * value } else { value };
     let wrench = if spec.torque {
         Six::new(V3::zeros(), value)
     } else {

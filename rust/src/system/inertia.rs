@@ -5,6 +5,7 @@
 //! body to body, so that a model far from the origin loses nothing. Gravity is the acceleration -g of ground.
 use nalgebra::DMatrix;
 
+use crate::linalg::entries::Entries;
 use crate::model::geometry::Geometry;
 use crate::spatial::{M3, Map6, Real, Six, V3, outer, skew};
 use crate::system::placement::Placement;
@@ -125,6 +126,11 @@ impl<T: Real> InertiaInput<'_, T> {
         Accelerations { body, before }
     }
 
+    /// Per node: the spatial acceleration about the centre of mass.
+    pub fn body_accelerations(&self) -> Vec<Six<T>> {
+        self.accelerations().body
+    }
+
     /// Per node: the inertia force I a + v x* I v - gravity about the centre of mass.
     pub fn forces(&self) -> Option<Vec<Six<T>>> {
         if !self.loaded() {
@@ -170,11 +176,11 @@ pub fn ground_coupling<T: Real>(input: &InertiaInput<'_, T>) -> DMatrix<T> {
 }
 
 /// Add M; with gravity or motion K; with motion D, all over the tree coordinates.
-pub fn add_inertia<T: Real>(
+pub fn add_inertia<T: Real, E: Entries<T>>(
     input: &InertiaInput<'_, T>,
-    mass: &mut DMatrix<T>,
-    stiffness: &mut DMatrix<T>,
-    gyroscopic: Option<&mut DMatrix<T>>,
+    mass: &mut E,
+    stiffness: &mut E,
+    gyroscopic: Option<&mut E>,
 ) {
     let own = input.composites();
     let loads = input.loaded().then(|| {
@@ -317,15 +323,15 @@ impl<T: Real> Walk<T> {
     }
 
     #[allow(clippy::too_many_arguments)]
-    fn run(
+    fn run<E: Entries<T>>(
         mut self,
         input: &InertiaInput<'_, T>,
         node: usize,
         i: usize,
         columns: Option<&Carried<T>>,
-        mass: &mut DMatrix<T>,
-        stiffness: &mut DMatrix<T>,
-        mut gyroscopic: Option<&mut DMatrix<T>>,
+        mass: &mut E,
+        stiffness: &mut E,
+        mut gyroscopic: Option<&mut E>,
     ) {
         let topology = input.topology;
         let stage = topology.dofs[i].freedom.stage;
@@ -337,8 +343,10 @@ impl<T: Real> Walk<T> {
                 let own = at == node;
                 if !own || j <= i {
                     let m = self.momentum.dot(s);
-                    mass[(i, j)] = m;
-                    mass[(j, i)] = m;
+                    mass.add(i, j, m);
+                    if i != j {
+                        mass.add(j, i, m);
+                    }
                 }
                 let j_stage = topology.dofs[j].freedom.stage;
                 if own && j_stage > stage {
@@ -365,16 +373,16 @@ impl<T: Real> Walk<T> {
         s: &Six<T>,
         carries: bool,
         columns: Option<&Carried<T>>,
-        k: &mut DMatrix<T>,
+        k: &mut impl Entries<T>,
     ) {
         let (Some(q), Some(columns)) = (self.position_column.as_ref(), columns) else {
             return;
         };
-        k[(j, i)] += s.dot(q);
+        k.add(j, i, s.dot(q));
         if carries {
-            k[(i, j)] += self.momentum.dot(&columns.second[j]);
+            k.add(i, j, self.momentum.dot(&columns.second[j]));
             if let (Some(b), Some(first)) = (self.coriolis_row.as_ref(), columns.first.as_ref()) {
-                k[(i, j)] += b.dot(&first[j]);
+                k.add(i, j, b.dot(&first[j]));
             }
         }
     }
@@ -386,7 +394,7 @@ impl<T: Real> Walk<T> {
         s: &Six<T>,
         carries: bool,
         columns: Option<&Carried<T>>,
-        g: &mut DMatrix<T>,
+        g: &mut impl Entries<T>,
     ) {
         let (Some(column), Some(b), Some(first)) = (
             self.rate_column.as_ref(),
@@ -395,9 +403,9 @@ impl<T: Real> Walk<T> {
         ) else {
             return;
         };
-        g[(j, i)] += s.dot(column);
+        g.add(j, i, s.dot(column));
         if carries {
-            g[(i, j)] += b.dot(s) + self.momentum.dot(&first[j]) * T::from(2.0);
+            g.add(i, j, b.dot(s) + self.momentum.dot(&first[j]) * T::from(2.0));
         }
     }
 

@@ -6,7 +6,6 @@ use faer::prelude::*;
 use nalgebra::{DMatrix, DVector};
 
 use crate::error::{Error, Result};
-use crate::model::joint::Coordinate;
 use crate::spatial::Real;
 use crate::system::System;
 use crate::system::topology::{ConstraintRow, Level, Topology};
@@ -30,9 +29,12 @@ pub struct Loops {
 }
 
 pub fn row_scales(topology: &Topology, length: f64) -> Vec<f64> {
-    let scale = |row: &ConstraintRow| match row.coordinate {
-        Coordinate::Translation(_) | Coordinate::Length => 1.0 / length,
-        _ => 1.0,
+    let scale = |row: &ConstraintRow| {
+        if row.coordinate.is_length() {
+            1.0 / length
+        } else {
+            1.0
+        }
     };
     topology.rows.iter().map(scale).collect()
 }
@@ -116,20 +118,23 @@ impl Loops {
         }))
     }
 
-    /// B'' restricted to the dependent coordinates, -J_d^-1 J_i, over any number type: Newton corrections of the real inverse
-    /// give each further order of a dual number exactly.
+    /// B'' restricted to the dependent coordinates, -J_d^-1 J_i.
     pub fn dependent_map<T: Real>(&self, jacobian: &DMatrix<T>) -> DMatrix<T> {
-        let n = jacobian.nrows();
-        let jd = DMatrix::from_fn(n, self.dependent.len(), |i, k| {
-            jacobian[(i, self.dependent[k])]
-        });
-        let ji = DMatrix::from_fn(n, self.independent.len(), |i, k| {
+        let ji = DMatrix::from_fn(jacobian.nrows(), self.independent.len(), |i, k| {
             jacobian[(i, self.independent[k])]
         });
+        self.balanced(jacobian, &ji)
+    }
+
+    /// -J_d^-1 R over any number type: Newton corrections of the real inverse give each further order of a dual number exactly.
+    pub fn balanced<T: Real>(&self, jacobian: &DMatrix<T>, right: &DMatrix<T>) -> DMatrix<T> {
+        let jd = DMatrix::from_fn(jacobian.nrows(), self.dependent.len(), |i, k| {
+            jacobian[(i, self.dependent[k])]
+        });
         let inverse = self.left_inverse.map(T::from);
-        let mut b = -(&inverse * &ji);
+        let mut b = -(&inverse * right);
         for _ in 0..T::NDERIV.max(1) {
-            let miss = &ji + &jd * &b;
+            let miss = right + &jd * &b;
             b -= &inverse * miss;
         }
         b
@@ -214,14 +219,18 @@ fn left_inverse(m: &DMatrix<f64>) -> Result<(DMatrix<f64>, DMatrix<f64>)> {
     Ok((inverse, null))
 }
 
-/// Names of the redundant rows: the joint and how many of its rows the others already enforce.
-pub fn redundant_joints(topology: &Topology, loops: &Loops) -> Vec<(usize, usize)> {
-    let mut found: Vec<(usize, usize)> = Vec::new();
-    for row in &loops.dropped {
-        let joint = topology.rows[*row].joint;
-        match found.iter_mut().find(|(j, _)| *j == joint) {
+/// Names of the redundant rows: what makes them and how many of them the others already enforce. Rows that do not act are none.
+pub fn redundant_names(
+    topology: &Topology,
+    loops: &Loops,
+    acts: impl Fn(&ConstraintRow) -> bool,
+) -> Vec<(String, usize)> {
+    let mut found: Vec<(String, usize)> = Vec::new();
+    for row in loops.dropped.iter().filter(|i| acts(&topology.rows[**i])) {
+        let name = topology.row_name(*row);
+        match found.iter_mut().find(|(n, _)| n == name) {
             Some((_, n)) => *n += 1,
-            None => found.push((joint, 1)),
+            None => found.push((name.to_owned(), 1)),
         }
     }
     found

@@ -7,6 +7,7 @@
 //! connector   forces and tangents of elements and constraints
 //! path        the same in tree coordinates, along the way between two bodies
 //! sparse      everything once more in absolute coordinates, for thousands of bodies
+//! rows        values and Jacobian of all constraint rows
 //! loops       rank, dependent coordinates, the transformation B''
 //! ```
 pub mod assemble;
@@ -16,6 +17,7 @@ pub mod inertia;
 pub mod loops;
 pub mod path;
 pub mod placement;
+pub mod rows;
 pub mod sparse;
 pub mod topology;
 
@@ -69,6 +71,15 @@ impl System {
             geometry: Arc::new(geometry),
             length,
         }
+    }
+
+    /// Times after `start` at which a motion is not smooth, ascending.
+    pub fn kinks(&self, start: f64) -> Vec<f64> {
+        let all = self.geometry.motions.iter().flat_map(|m| m.kinks());
+        let mut times: Vec<f64> = all.filter(|t| *t > start).collect();
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        times
     }
 
     pub fn n_bodies(&self) -> usize {

@@ -9,8 +9,7 @@
 //!            - s_i (S_j x S_i) . W   [j carries i]   - s_i S_i . (S_j x* W)   [j on a's side]
 //! D_ij     = (s_i S_i . g) c (g . s_j S_j)
 //! ```
-use nalgebra::DMatrix;
-
+use crate::linalg::entries::Entries;
 use crate::model::tables::BodyRef;
 use crate::spatial::{Real, Six, V3, absent};
 use crate::system::connector::{Elastic, Interaction};
@@ -81,13 +80,13 @@ pub fn path<T: Real>(
 }
 
 /// The path formula of the module's head, added to K and D.
-pub fn add_tangent<T: Real>(
+pub fn add_tangent<T: Real, E: Entries<T>>(
     topology: &Topology,
     placement: &Placement<T>,
     interaction: &Interaction<T>,
     geometric: bool,
-    stiffness: &mut DMatrix<T>,
-    mut damping: Option<&mut DMatrix<T>>,
+    stiffness: &mut E,
+    mut damping: Option<&mut E>,
 ) {
     let entries = path(
         topology,
@@ -121,7 +120,7 @@ fn add_elastic<T: Real>(
     entries: &[PathEntry<T>],
     elastic: &Elastic<T>,
     k: &[[T; 6]; 6],
-    out: &mut DMatrix<T>,
+    out: &mut impl Entries<T>,
 ) {
     let n = elastic.gradients.len();
     let strains: Vec<[T; 6]> = entries
@@ -146,7 +145,7 @@ fn add_elastic<T: Real>(
         }
         for (i, fi) in entries.iter().zip(&strains) {
             let sum = (0..n).fold(T::zero(), |sum, a| sum + fi[a] * force[a]);
-            out[(i.dof, j.dof)] += sum;
+            out.add(i.dof, j.dof, sum);
         }
     }
 }
@@ -158,7 +157,7 @@ fn add_carried<T: Real>(
     interaction: &Interaction<T>,
     entries: &[PathEntry<T>],
     (geometric, damped): (bool, bool),
-    stiffness: &mut DMatrix<T>,
+    stiffness: &mut impl Entries<T>,
 ) {
     let Some((k, c)) = &interaction.tangent else {
         return;
@@ -194,7 +193,7 @@ fn add_carried<T: Real>(
                     -ds.dot(&interaction.wrench)
                 };
             }
-            stiffness[(i.dof, j.dof)] -= kij;
+            stiffness.add(i.dof, j.dof, -kij);
         }
     }
 }

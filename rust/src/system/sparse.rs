@@ -70,6 +70,7 @@ impl SparseForm {
                 placement: &placement,
                 rate: None,
                 acceleration: None,
+                t: 0.0,
                 effects,
             },
             system,
@@ -163,15 +164,9 @@ fn check(system: &System, state: &State) -> Result<()> {
             "follower loads make the stiffness nonsymmetric, which the sparse route of large models does not know: {dense}"
         )));
     }
-    if let Some(j) = topology
-        .tables
-        .joints
-        .iter()
-        .find(|j| matches!(j.kind, JointKind::KnifeEdge | JointKind::RollingDisc))
-    {
+    if let Some(name) = topology.tables.unusual() {
         return Err(Error::model(format!(
-            "joint '{}' is nonholonomic, which the sparse route of large models does not know: {dense}",
-            j.name
+            "'{name}' is a nonholonomic joint, a drive or a coupler, which the sparse route of large models does not know: {dense}"
         )));
     }
     check_loops(system)
@@ -473,7 +468,14 @@ impl Builder<'_> {
             }
         }
         for load in 0..topology.tables.loads.len() {
-            let acting = load_interaction(topology, geometry, placement, load, Wanted::GEOMETRY);
+            let acting = load_interaction(
+                topology,
+                geometry,
+                placement,
+                load,
+                self.scene.t,
+                Wanted::GEOMETRY,
+            );
             if let Some((k, _)) = acting.tangent {
                 self.add_interaction(&acting, &k);
                 counts.add("load tangents", 1);

@@ -1,14 +1,14 @@
 //! Spanning tree and cut joints, tree coordinates, constraint rows and the list of everything that carries force.
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 
 use crate::error::{Error, Result};
 use crate::laws::Law;
 use crate::model::geometry::Geometry;
 use crate::model::joint::{ANGLE_Z, Coordinate, Freedom, JointKind};
 use crate::model::tables::{
-    BodyRef, ElementKind, ElementSpec, HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, Tables,
+    BodyRef, ElementKind, ElementSpec, HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, LawSpec, Tables,
 };
-use crate::spatial::V3;
+use crate::spatial::{Real, V3};
 
 /// A body in the tree, and the joint that carries it.
 #[derive(Debug, Clone)]
@@ -41,12 +41,31 @@ pub enum Level {
     Velocity,
 }
 
-/// A constraint row of a cut joint; its level decides where it enters.
+/// What a constraint row is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// the joint itself, where it is cut
+    Joint,
+    /// e - motion(t) = 0
+    Drive(usize),
+    /// e - ratio e_first - offset = 0
+    Coupler(usize),
+}
+
+/// A constraint row: a coordinate e of a joint (of a coupler its second one), and what it is for; its level decides where it enters.
 #[derive(Debug, Clone)]
 pub struct ConstraintRow {
     pub joint: usize,
     pub coordinate: Coordinate,
     pub level: Level,
+    pub purpose: Purpose,
+}
+
+impl ConstraintRow {
+    /// Rows that one object makes stand together.
+    pub fn belongs_with(&self, other: &Self) -> bool {
+        self.joint == other.joint && self.purpose == other.purpose
+    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -103,8 +122,10 @@ pub struct Topology {
     pub cut: Vec<usize>,
     pub rows: Vec<ConstraintRow>,
     pub connectors: Vec<Connector>,
-    /// numbers that laws remember
+    /// numbers that laws and couplers remember
     pub n_memory: usize,
+    /// where those of couplers start, two each: their coordinates, angles continuous over turns
+    pub turns: usize,
 }
 
 impl Topology {
@@ -137,8 +158,10 @@ impl Topology {
                 });
             }
         }
-        let rows = cut.iter().flat_map(|j| cut_rows(&tables, *j)).collect();
-        let (connectors, n_memory) = connectors(&tables)?;
+        let mut rows: Vec<_> = cut.iter().flat_map(|j| cut_rows(&tables, *j)).collect();
+        rows.extend(imposed_rows(&tables));
+        let (connectors, turns) = connectors(&tables)?;
+        let n_memory = turns + 2 * tables.couplers.len();
         Ok(Topology {
             tables,
             nodes,
@@ -149,7 +172,18 @@ impl Topology {
             rows,
             connectors,
             n_memory,
+            turns,
         })
+    }
+
+    /// The name of what makes a row.
+    pub fn row_name(&self, row: usize) -> &str {
+        let row = &self.rows[row];
+        match row.purpose {
+            Purpose::Joint => &self.tables.joints[row.joint].name,
+            Purpose::Drive(i) => &self.tables.drives[i].name,
+            Purpose::Coupler(i) => &self.tables.couplers[i].name,
+        }
     }
 
     pub fn node(&self, body: BodyRef) -> Option<usize> {
@@ -161,9 +195,9 @@ impl Topology {
     }
 
     /// The largest distance of any located point from the mean of them all; 1 for a single point.
-    pub fn characteristic_length(&self, geometry: &Geometry<f64>, x: &[f64]) -> f64 {
+    pub fn characteristic_length<T: Real>(&self, geometry: &Geometry<T>, x: &[T]) -> T {
         let at = |i: usize| V3::new(x[i], x[i + 1], x[i + 2]);
-        let mut points: Vec<V3<f64>> = geometry.bodies.iter().map(|b| b.drawn.p).collect();
+        let mut points: Vec<V3<T>> = geometry.bodies.iter().map(|b| b.drawn.p).collect();
         for j in &self.tables.joints {
             points.extend([at(j.x), at(j.x + 3)]);
         }
@@ -173,27 +207,53 @@ impl Topology {
                 points.push(at(e.x + 3));
             }
         }
-        let mean = points.iter().sum::<V3<f64>>() / points.len() as f64;
-        let length = points.iter().map(|p| (p - mean).norm()).fold(0.0, f64::max);
-        if length > 0.0 { length } else { 1.0 }
+        let sum = points.iter().fold(V3::zeros(), |sum: V3<T>, p| sum + p);
+        let mean = sum * T::from(1.0 / points.len() as f64);
+        let squares = points.iter().map(|p| (p - mean).dot(&(p - mean)));
+        let farthest = squares.fold(T::zero(), |a, b| if b.re() > a.re() { b } else { a });
+        if farthest.re() > 0.0 {
+            farthest.sqrt()
+        } else {
+            T::one()
+        }
     }
 }
 
 fn cut_rows(tables: &Tables, joint: usize) -> Vec<ConstraintRow> {
-    let kind = tables.joints[joint].kind;
-    if kind == JointKind::KnifeEdge {
-        return vec![ConstraintRow {
-            joint,
-            coordinate: Coordinate::Translation(2),
-            level: Level::Velocity,
-        }];
-    }
-    let row = |c: &Coordinate| ConstraintRow {
+    let row = |coordinate, level| ConstraintRow {
         joint,
-        coordinate: *c,
-        level: Level::Position,
+        coordinate,
+        level,
+        purpose: Purpose::Joint,
     };
-    kind.constraints().iter().map(row).collect()
+    match tables.joints[joint].kind {
+        JointKind::KnifeEdge => vec![row(Coordinate::Edge, Level::Velocity)],
+        JointKind::RollingDisc => vec![
+            row(Coordinate::Disc(0), Level::Position),
+            row(Coordinate::Disc(1), Level::Velocity),
+            row(Coordinate::Disc(2), Level::Velocity),
+        ],
+        kind => {
+            let constraints = kind.constraints().iter();
+            constraints.map(|c| row(*c, Level::Position)).collect()
+        }
+    }
+}
+
+/// Rows of drives, then of couplers: on coordinates of tree joints and of cut joints alike.
+fn imposed_rows(tables: &Tables) -> Vec<ConstraintRow> {
+    let row = |joint: usize, coordinate: usize, purpose| ConstraintRow {
+        joint,
+        coordinate: tables.joints[joint].kind.free_coordinates()[coordinate],
+        level: Level::Position,
+        purpose,
+    };
+    let drives = tables.drives.iter().enumerate();
+    let couplers = tables.couplers.iter().enumerate();
+    drives
+        .map(|(i, d)| row(d.joint, d.coordinate, Purpose::Drive(i)))
+        .chain(couplers.map(|(i, c)| row(c.joints[1], c.coordinates[1], Purpose::Coupler(i))))
+        .collect()
 }
 
 fn spanning_tree(tables: &Tables) -> (Vec<Node>, Vec<usize>) {
@@ -309,18 +369,25 @@ impl Tree<'_> {
 
 /// Laws bound to their places, memory numbered in the order in which connectors ask for it.
 struct LawBinder<'a> {
-    tables: &'a Tables,
+    of_owner: HashMap<(bool, usize), Vec<&'a LawSpec>>,
     memory: usize,
 }
 
-impl LawBinder<'_> {
+impl<'a> LawBinder<'a> {
+    fn new(tables: &'a Tables) -> Self {
+        let mut of_owner: HashMap<_, Vec<_>> = HashMap::new();
+        for l in &tables.laws {
+            of_owner.entry((l.on_joint, l.owner)).or_default().push(l);
+        }
+        LawBinder {
+            of_owner,
+            memory: 0,
+        }
+    }
+
     fn of(&mut self, on_joint: bool, owner: usize, n: usize) -> Result<Vec<BoundLaw>> {
-        let here = self
-            .tables
-            .laws
-            .iter()
-            .filter(|l| l.on_joint == on_joint && l.owner == owner);
-        here.map(|l| {
+        let here = self.of_owner.remove(&(on_joint, owner)).unwrap_or_default();
+        let bound = here.into_iter().map(|l| {
             if l.component >= n {
                 return Err(Error::model(format!(
                     "a law acts on coordinate {} of a connector that has {n}",
@@ -336,8 +403,8 @@ impl LawBinder<'_> {
                 x: l.x,
                 memory,
             })
-        })
-        .collect()
+        });
+        bound.collect()
     }
 }
 
@@ -347,7 +414,7 @@ fn present(flags: i64, bit: i64, x: usize) -> Option<usize> {
 
 fn connectors(tables: &Tables) -> Result<(Vec<Connector>, usize)> {
     let mut all = Vec::new();
-    let mut binder = LawBinder { tables, memory: 0 };
+    let mut binder = LawBinder::new(tables);
     for (i, e) in tables.elements.iter().enumerate() {
         let mut connector = element_connector(i, e);
         connector.laws = binder.of(false, i, connector.coordinates.len())?;

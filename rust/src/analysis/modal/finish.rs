@@ -413,6 +413,7 @@ impl Settled {
             near_defective: self.near_defective,
             groups: self.groups,
             route,
+            mass_pivot: f64::NAN,
             counts,
         }
     }

@@ -49,7 +49,10 @@ pub fn solve(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<
         modes,
         route: route(system, conservative),
         may_be_defective: !conservative,
-        correction: if conservative {
+        correction: if system.mf.is_some() {
+            // the residual of an assembled M would undo what its factor knows
+            Correction::None
+        } else if conservative {
             Correction::Imaginary
         } else {
             Correction::Any

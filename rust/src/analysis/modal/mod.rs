@@ -73,6 +73,8 @@ pub struct Modal {
     pub condition: Vec<f64>,
     pub error: Vec<f64>,
     pub route: &'static str,
+    /// Smallest pivot of M relative to its diagonal: what elimination has left of the lightest motion.
+    pub mass_pivot: f64,
     pub counts: Counts,
 }
 
@@ -104,9 +106,40 @@ pub fn modes(system: &SecondOrder) -> Result<Modal> {
     let (system, d) = system.scaled()?;
     let mut counts = Counts::default();
     counts.add("cholesky factorisations", 1);
-    let l = cholesky(system.m.as_ref()).map_err(massless)?;
+    let l = match &system.mf {
+        None => cholesky(system.m.as_ref()).map_err(massless)?,
+        Some(mf) => triangular(mf).map_err(massless)?,
+    };
     let raw = solve(&system, &l, &mut counts)?;
-    finish::finish(&system, &d, raw, counts)
+    let mass_pivot = (0..l.nrows())
+        .map(|i| l[(i, i)].powi(2) / system.m[(i, i)])
+        .fold(1.0, f64::min);
+    Ok(Modal {
+        mass_pivot,
+        ..finish::finish(&system, &d, raw, counts)?
+    })
+}
+
+/// L of M = L L^T from a factor of M, heavy rows first: Householder's reflections then keep what the light rows hold.
+fn triangular(mf: &Mat<f64>) -> std::result::Result<Mat<f64>, usize> {
+    let n = mf.ncols();
+    let size = |i: usize| (0..n).fold(0.0f64, |m, j| m.max(mf[(i, j)].abs()));
+    let mut order: Vec<usize> = (0..mf.nrows()).collect();
+    order.sort_by(|&a, &b| size(b).total_cmp(&size(a)));
+    let sorted = Mat::from_fn(mf.nrows(), n, |i, j| mf[(order[i], j)]);
+    let qr = sorted.qr();
+    let r = qr.thin_R();
+    let massless = |i: &usize| r[(*i, *i)] == 0.0 || !r[(*i, *i)].is_finite();
+    match (0..n).find(massless) {
+        Some(i) => Err(i),
+        None => Ok(Mat::from_fn(n, n, |i, j| {
+            if i >= j {
+                r[(j, i)] * r[(j, j)].signum()
+            } else {
+                0.0
+            }
+        })),
+    }
 }
 
 fn solve(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<Raw> {

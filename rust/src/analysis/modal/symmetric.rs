@@ -6,7 +6,9 @@ use super::quality::Correction;
 use super::rigid::{factor_null, no_svd, polished, symmetric_null};
 use super::{Raw, RawMode};
 use crate::error::Result;
-use crate::linalg::dense::{C, EPS, beside, completed, frobenius, real, reduced, symmetrised};
+use crate::linalg::dense::{
+    C, EPS, absolute, beside, completed, frobenius, real, reduced, symmetrised,
+};
 use crate::linalg::eigen;
 use crate::run::Counts;
 use crate::second_order::SecondOrder;
@@ -207,10 +209,35 @@ fn rotate_groups(spectrum: &mut Spectrum, modal: &Mat<f64>, tolerance: f64) -> b
 
 /// Rayleigh quotients with the unreduced matrices: their error is that of single entries, not of the largest eigenvalue.
 fn sharpen(system: &SecondOrder, x: &Mat<f64>, spectrum: &mut Spectrum) {
-    let (kx, mx) = (&system.k * x, &system.m * x);
-    for j in spectrum.rigid..spectrum.lambda.len() {
-        spectrum.lambda[j] =
-            (x.col(j).transpose() * kx.col(j)) / (x.col(j).transpose() * mx.col(j));
+    let kx = &system.k * x;
+    let masses: Vec<f64> = match &system.mf {
+        None => {
+            let mx = &system.m * x;
+            let mass = |j: usize| x.col(j).transpose() * mx.col(j);
+            (0..x.ncols()).map(mass).collect()
+        }
+        Some(mf) => {
+            let moved = mf * x;
+            (0..x.ncols())
+                .map(|j| moved.col(j).squared_norm_l2())
+                .collect()
+        }
+    };
+    for (j, mass) in masses.iter().enumerate().skip(spectrum.rigid) {
+        spectrum.lambda[j] = (x.col(j).transpose() * kx.col(j)) / mass;
+    }
+    if system.mf.is_some() {
+        let size = absolute(system.k.as_ref()) * absolute(x.as_ref());
+        let judged = |j: usize| {
+            let strain: f64 = (0..x.nrows()).map(|i| x[(i, j)].abs() * size[(i, j)]).sum();
+            let condition = strain / (spectrum.lambda[j].abs() * masses[j]);
+            (0.5 * EPS * (condition + 1.0), condition)
+        };
+        let known = (0..x.ncols()).map(|j| match j < spectrum.rigid {
+            true => (0.0, f64::NAN),
+            false => judged(j),
+        });
+        spectrum.known = Some(known.collect());
     }
 }
 

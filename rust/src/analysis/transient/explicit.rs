@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! [M J^T] [y"]     [-h(y, y') ]        theta' = J_l^-1(theta) omega for rotation vectors, y' elsewhere
-//! [J  0 ] [lam]  = [-J' y'    ]
+//! [J  0 ] [lam]  = [-J' y' - Phi_tt]
 //! ```
 //! Rows of both levels enter the accelerations alike. After each step position rows are closed by themselves, then all rates
 //! projected, both with the smallest change in the norm of M. Generic over the
@@ -21,18 +21,13 @@ use crate::system::assemble::{Effects, Scene};
 use crate::system::connector::motion_of;
 use crate::system::loops::{column_scales, row_scales};
 use crate::system::placement::{Placement, advance, place};
+use crate::system::rows::explicit_rates;
 use crate::system::topology::Level;
 
 /// A row whose part that the others do not have is smaller than this (rows and columns scaled) is redundant.
 const REDUNDANT: f64 = 1e-9;
 
-/// Where the model is and what its laws remember.
-#[derive(Debug, Clone)]
-pub struct Motion<T: Real> {
-    pub relative: Vec<Pose<T>>,
-    pub rate: Vec<T>,
-    pub memory: Vec<T>,
-}
+pub use super::Motion;
 
 /// The fixed numbers of a run.
 pub struct Run<'a, T: Real> {
@@ -76,6 +71,7 @@ impl<'a, T: Real> Run<'a, T> {
             placement,
             rate: Some(&motion.rate),
             acceleration: None,
+            t: motion.t,
             effects: Effects::ALL,
         }
     }
@@ -95,7 +91,7 @@ impl<'a, T: Real> Run<'a, T> {
         })
     }
 
-    /// J' y' of the kept rows: the Jacobian carried along the motion by a dual number in time.
+    /// J' y' + Phi_tt of the kept rows: the Jacobian carried along the motion by a dual number in time.
     fn turning(&self, motion: &Motion<T>) -> DVector<T> {
         let still = |v: &T| Dual::from_re(*v);
         let x: Vec<Dual<T>> = self.x.iter().map(still).collect();
@@ -120,10 +116,20 @@ impl<'a, T: Real> Run<'a, T> {
             placement: &placement,
             rate: None,
             acceleration: None,
+            t: motion.t,
             effects: Effects::ALL,
         };
         let rate = DVector::from_column_slice(&motion.rate);
-        self.kept_dual(&scene.constraints().1) * rate
+        let prescribed = self.prescribed(motion.t).1;
+        self.kept_dual(&scene.constraints().1) * rate + prescribed
+    }
+
+    /// Phi_t and Phi_tt of the kept rows.
+    fn prescribed(&self, t: f64) -> (DVector<T>, DVector<T>) {
+        let topology = &self.system.topology;
+        let (first, second) = explicit_rates(topology, &self.geometry, Effects::ALL, t);
+        let kept = |v: &DVector<T>| DVector::from_fn(self.rows.len(), |i, _| v[self.rows[i]]);
+        (kept(&first), kept(&second))
     }
 
     fn kept_dual(&self, jacobian: &DMatrix<Dual<T>>) -> DMatrix<T> {
@@ -168,7 +174,8 @@ impl<'a, T: Real> Run<'a, T> {
         let placement = self.place(motion);
         let scene = self.scene(motion, &placement);
         let jacobian = self.kept(&scene.constraints().1);
-        let miss = -(&jacobian * DVector::from_column_slice(&motion.rate));
+        let rate = DVector::from_column_slice(&motion.rate);
+        let miss = -(&jacobian * rate + self.prescribed(motion.t).0);
         let step = correction(&scene, &jacobian, &miss)?;
         for (rate, step) in motion.rate.iter_mut().zip(step) {
             *rate += step;
@@ -207,6 +214,14 @@ impl<'a, T: Real> Run<'a, T> {
                 );
             }
         }
+        let before = motion.memory.clone();
+        let scene = Scene {
+            memory: &before,
+            ..self.scene(motion, &placement)
+        };
+        let mut memory = before.clone();
+        scene.remember_turns(&mut memory);
+        motion.memory = memory;
     }
 
     /// One step of length h.
@@ -219,6 +234,7 @@ impl<'a, T: Real> Run<'a, T> {
             let mut trial = motion.clone();
             let mut increment = vec![T::zero(); n];
             if let (Some(f), Some((dy, dv))) = (fraction, slopes.last()) {
+                trial.t += f.re();
                 for i in 0..n {
                     increment[i] = dy[i] * f;
                     trial.rate[i] += dv[i] * f;
@@ -237,6 +253,7 @@ impl<'a, T: Real> Run<'a, T> {
             }
         }
         advance(&self.system.topology, &mut motion.relative, &increment);
+        motion.t += h;
         self.project(motion)?;
         self.remember(motion, counts);
         counts.add("steps", 1);
@@ -295,7 +312,7 @@ impl<'a, T: Real> Run<'a, T> {
 }
 
 /// Rows that carry something of their own, position rows before velocity rows and large remainders before small ones.
-fn independent_rows(system: &System, jacobian: &DMatrix<f64>) -> Vec<usize> {
+pub(super) fn independent_rows(system: &System, jacobian: &DMatrix<f64>) -> Vec<usize> {
     let topology = &system.topology;
     let scale = row_scales(topology, system.length);
     let columns = column_scales(topology, system.length);

@@ -1,2 +1,464 @@
-//! Motion in time, one file per scheme.
+//! Motion in time. This file is the common interface: the equations, what one instant holds, and what a scheme is.
+//!
+//! ```text
+//! r = M(q) a + h(q, v, t) + J^T lam = 0         h: velocity terms and gravity minus applied forces
+//! Phi(q, t) = 0,   J v + Phi_t = 0 (also rows that exist on velocity level alone),   J a + gamma(q, v, t) = 0
+//! ```
+//! q are the relative poses of the tree joints; v and a their rates in tree coordinates. Poses move along the Lie group by
+//! `advance(q, dy)`; every increment dy, rate and acceleration is in the tree coordinates of docs/tables.md. All rows of cut
+//! joints stand in the order of `topology.rows`, redundant ones too: `saddle` solves with them, whatever their rank.
+//!
+//! | file | |
+//! |---|---|
+//! | `saddle` | [A J^T; J 0] with redundant rows |
+//! | `consistent` | closing, projection of rates, accelerations and multipliers: all that makes an `Instant` |
+//! | `driver` | fixed or controlled steps, output times, stops |
+//! | `interpolate` | between two instants |
+//! | one file for each scheme | implements `Scheme` |
+pub mod ali3p;
+pub mod bdf;
+pub mod bdf_bfgs;
+mod bdf_history;
+mod bdf_solver;
+pub mod bdf_step;
+pub mod consistent;
+mod dop853_numbers;
+pub mod driver;
+pub mod energy;
 pub mod explicit;
+pub mod explicit8;
+pub mod generalized_alpha;
+pub mod interpolate;
+pub mod matrix;
+pub mod methods;
+pub mod penalty;
+pub mod saddle;
+pub mod stiffness;
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::error::Result;
+use crate::model::geometry::Geometry;
+use crate::model::joint::JointKind;
+use crate::run::Counts;
+use crate::spatial::{M3, Pose, Real, V3, left_jacobian_coefficient, log_so3, skew};
+use crate::system::System;
+use crate::system::assemble::{Effects, Scene, Tangent};
+use crate::system::connector::motion_of;
+use crate::system::loops::{column_scales, row_scales};
+use crate::system::placement::{Placement, advance, place};
+use crate::system::rows::explicit_rates;
+use crate::system::topology::Topology;
+
+/// Where the model is, how it moves, and what its laws remember.
+#[derive(Debug, Clone)]
+pub struct Motion<T: Real> {
+    pub t: f64,
+    pub relative: Vec<Pose<T>>,
+    pub rate: Vec<T>,
+    pub memory: Vec<T>,
+}
+
+impl<T: Real> Motion<T> {
+    /// Moved by increments of the tree coordinates; time and rates stay.
+    pub fn moved(&self, topology: &Topology, increment: &[T]) -> Self {
+        let mut out = self.clone();
+        advance(topology, &mut out.relative, increment);
+        out
+    }
+}
+
+/// A motion with the accelerations and multipliers that belong to it.
+#[derive(Debug, Clone)]
+pub struct Instant {
+    pub motion: Motion<f64>,
+    pub acceleration: Vec<f64>,
+    /// one per row of `topology.rows`, with the sign of r = M a + h + J^T lam
+    pub lam: Vec<f64>,
+}
+
+/// One step of a scheme, not accepted yet.
+#[derive(Debug, Clone)]
+pub struct Step {
+    pub end: Instant,
+    /// local error estimates, not scaled, in tree coordinates; None where none was asked for
+    pub error: Option<LocalError>,
+}
+
+#[derive(Debug, Clone)]
+pub struct LocalError {
+    pub position: Vec<f64>,
+    pub rate: Vec<f64>,
+}
+
+/// A way to get from one instant to the next. Fields may keep histories and factorisations from step to step.
+pub trait Scheme {
+    /// Power of the step in the error of the whole motion.
+    fn order(&self) -> u32;
+
+    /// From `from` over the time h; `estimate` asks for the local error. An `Error::Convergence` or `Error::Singular` makes the
+    /// driver try a smaller step; other errors end the run.
+    fn step(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        h: f64,
+        estimate: bool,
+        counts: &mut Counts,
+    ) -> Result<Step>;
+
+    /// Power of the step in the controlled error.
+    fn power(&self) -> f64 {
+        f64::from(self.order())
+    }
+
+    /// Factor of the next step, for schemes that choose their order; `size` of an error is one at its tolerance. Called after
+    /// `accept`.
+    fn proposal(&mut self, _size: &dyn Fn(&LocalError) -> f64) -> Option<f64> {
+        None
+    }
+
+    /// The driver goes on from the end of this step (of length h): the place to move histories on.
+    fn accept(&mut self, _eq: &Equations<'_, f64>, _from: &Instant, _step: &Step, _h: f64) {}
+
+    /// Something jumped (a restart, a kink): histories are worthless.
+    fn reset(&mut self) {}
+
+    /// What a reader of the result should know of how it went.
+    fn remark(&self) -> Option<String> {
+        None
+    }
+
+    /// How much longer than the last step the next one may be.
+    fn largest_growth(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    /// Motions at fractions of the step just made; the driver projects them. Called before `accept`.
+    fn between(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        step: &Step,
+        h: f64,
+        fractions: &[f64],
+        _counts: &mut Counts,
+    ) -> Result<Vec<Motion<f64>>> {
+        Ok(interpolate::quintic(eq, from, &step.end, h, fractions))
+    }
+}
+
+/// The equations of motion of a system: values lifted to T once, evaluated at motions.
+pub struct Equations<'a, T: Real> {
+    pub system: &'a System,
+    pub geometry: Geometry<T>,
+    pub x: Vec<T>,
+    pub effects: Effects,
+    /// large models: lists of entries instead of dense matrices
+    pub sparse: bool,
+    ordering: saddle::Ordering,
+}
+
+/// Above this number of coordinates and rows sparse factorisations are faster.
+const DENSE: usize = 60;
+
+impl<'a, T: Real> Equations<'a, T> {
+    pub fn new(system: &'a System, x: Vec<T>, effects: Effects) -> Self {
+        let geometry = Geometry::derive(&system.topology.tables, &x);
+        Equations::with_geometry(system, x, geometry, effects)
+    }
+
+    /// With a geometry that was derived before.
+    pub fn with_geometry(
+        system: &'a System,
+        x: Vec<T>,
+        geometry: Geometry<T>,
+        effects: Effects,
+    ) -> Self {
+        Equations {
+            system,
+            geometry,
+            x,
+            effects,
+            sparse: system.n_tree() + system.topology.rows.len() > DENSE,
+            ordering: saddle::Ordering::default(),
+        }
+    }
+
+    pub fn topology(&self) -> &'a Topology {
+        &self.system.topology
+    }
+
+    /// Number of tree coordinates.
+    pub fn n(&self) -> usize {
+        self.system.n_tree()
+    }
+
+    pub fn n_rows(&self) -> usize {
+        self.topology().rows.len()
+    }
+
+    /// Characteristic length of lengths, one of angles: an increment over it is dimensionless.
+    pub fn scales(&self) -> Vec<f64> {
+        column_scales(self.topology(), self.system.length)
+    }
+
+    /// Factors that make the rows dimensionless.
+    pub fn row_scales(&self) -> Vec<f64> {
+        row_scales(self.topology(), self.system.length)
+    }
+
+    pub fn place(&self, m: &Motion<T>) -> Placement<T> {
+        place(
+            self.topology(),
+            &self.geometry,
+            &m.relative,
+            Some(m.rate.as_slice()),
+        )
+    }
+
+    /// The one place where the time of a motion meets the system.
+    pub fn scene<'s>(
+        &'s self,
+        m: &'s Motion<T>,
+        placement: &'s Placement<T>,
+        acceleration: Option<&'s [T]>,
+    ) -> Scene<'s, T> {
+        Scene {
+            topology: self.topology(),
+            geometry: &self.geometry,
+            x: &self.x,
+            memory: &m.memory,
+            placement,
+            rate: Some(&m.rate),
+            acceleration,
+            t: m.t,
+            effects: self.effects,
+        }
+    }
+
+    /// h(q, v, t): what M a + J^T lam has to balance, with the opposite sign.
+    pub fn forces(&self, m: &Motion<T>, counts: &mut Counts) -> DVector<T> {
+        counts.add("force evaluations", 1);
+        let placement = self.place(m);
+        self.scene(m, &placement, None).residual(None)
+    }
+
+    pub fn mass(&self, m: &Motion<T>) -> DMatrix<T> {
+        let placement = self.place(m);
+        self.scene(m, &placement, None).mass()
+    }
+
+    /// M and h together: one placement for both.
+    pub fn mass_and_forces(&self, m: &Motion<T>, counts: &mut Counts) -> (DMatrix<T>, DVector<T>) {
+        counts.add("force evaluations", 1);
+        let placement = self.place(m);
+        let scene = self.scene(m, &placement, None);
+        (scene.mass(), scene.residual(None))
+    }
+
+    /// r = M a + h + J^T lam, without ever forming M or J.
+    pub fn residual(&self, m: &Motion<T>, a: &[T], lam: &[T], counts: &mut Counts) -> DVector<T> {
+        counts.add("force evaluations", 1);
+        let placement = self.place(m);
+        let lam = (!lam.is_empty()).then_some(lam);
+        self.scene(m, &placement, Some(a)).residual(lam)
+    }
+
+    /// Phi(q, t) and J; a velocity row has the value zero and its D for a row of J.
+    pub fn rows(&self, m: &Motion<T>) -> (DVector<T>, DMatrix<T>) {
+        let placement = self.place(m);
+        self.scene(m, &placement, None).constraints()
+    }
+
+    /// J v + Phi_t.
+    pub fn row_rates(&self, m: &Motion<T>) -> DVector<T> {
+        self.row_rates_of(m, &self.rows(m).1)
+    }
+
+    /// The same where J is known already.
+    pub fn row_rates_of(&self, m: &Motion<T>, jacobian: &DMatrix<T>) -> DVector<T> {
+        jacobian * DVector::from_column_slice(&m.rate) + self.explicit_rates(m).0
+    }
+
+    /// Phi_t and Phi_tt.
+    fn explicit_rates(&self, m: &Motion<T>) -> (DVector<T>, DVector<T>) {
+        explicit_rates(self.topology(), &self.geometry, self.effects, m.t)
+    }
+
+    /// gamma: what J a must cancel; the rate of J v + Phi_t at a = 0.
+    pub fn row_bias(&self, m: &Motion<T>) -> DVector<T> {
+        let placement = self.place(m);
+        let scene = self.scene(m, &placement, None);
+        scene.row_bias(&scene.carried_accelerations()) + self.explicit_rates(m).1
+    }
+
+    /// M, D = dr/dv (damping and gyroscopic), K = dr/dq at constant v, a, lam.
+    pub fn tangent(&self, m: &Motion<T>, a: &[T], lam: &[T], counts: &mut Counts) -> Tangent<T> {
+        counts.add("tangents", 1);
+        let placement = self.place(m);
+        let lam = (!lam.is_empty()).then_some(lam);
+        let mut made = self.scene(m, &placement, Some(a)).tangent(lam, counts);
+        self.hold_rates(m, a, &mut made);
+        made
+    }
+
+    /// A linearisation lets three rotations carry their rates along, dv = y' + y x v and da = y" + y' x v + y x a; here rates and
+    /// accelerations stay: with Omega y = y x v and A y = y x a, D - M Omega and K - (D - M Omega) Omega - M A.
+    fn hold_rates(&self, m: &Motion<T>, a: &[T], t: &mut Tangent<T>) {
+        let Some(d) = t.gyroscopic.as_mut() else {
+            return;
+        };
+        for node in &self.topology().nodes {
+            if !matches!(node.kind, JointKind::Spherical | JointKind::Free) {
+                continue;
+            }
+            let first = node.first + node.n - 3;
+            let sign = T::from(if node.reversed { 1.0 } else { -1.0 });
+            let turning = |v: &[T]| skew(&(V3::new(v[first], v[first + 1], v[first + 2]) * sign));
+            let (omega, alpha) = (turning(&m.rate), turning(a));
+            let mass = t.mass.columns(first, 3).into_owned();
+            let mut own = d.columns(first, 3).into_owned() - &mass * omega;
+            d.columns_mut(first, 3).copy_from(&own);
+            if let Some(damping) = &t.damping {
+                own += damping.columns(first, 3);
+            }
+            let change = own * omega + mass * alpha;
+            for (j, c) in change.column_iter().enumerate() {
+                for i in 0..c.len() {
+                    t.stiffness[(i, first + j)] -= c[i];
+                }
+            }
+        }
+    }
+
+    /// Memories of laws marched to this motion: for accepted steps only.
+    pub fn remember(&self, m: &mut Motion<T>, counts: &mut Counts) {
+        if m.memory.is_empty() {
+            return;
+        }
+        counts.add("memory updates", 1);
+        let placement = self.place(m);
+        let topology = self.topology();
+        for c in topology.connectors.iter().filter(|c| !c.laws.is_empty()) {
+            let moved = motion_of(topology, &self.geometry, &placement, &self.x, c);
+            for law in &c.laws {
+                let (e, v) = moved[law.component];
+                let p = &self.x[law.x..law.x + law.law.n_params()];
+                let memory = law.memory..law.memory + law.law.n_memory();
+                law.law.eval(e, v, p, &mut m.memory[memory]);
+            }
+        }
+        let mut memory = std::mem::take(&mut m.memory);
+        let before = memory.clone();
+        let scene = Scene {
+            memory: &before,
+            ..self.scene(m, &placement, None)
+        };
+        scene.remember_turns(&mut memory);
+        m.memory = memory;
+    }
+
+    /// Rates of the increments theta from the joint rates: theta' = J_l^-1(theta) omega where three rotations act together.
+    pub fn increment_rates(&self, increment: &[T], rate: &[T]) -> Vec<T> {
+        self.on_rotations(increment, rate, |theta, omega| {
+            let (b, _) = left_jacobian_coefficient(theta.dot(&theta));
+            omega - theta.cross(&omega) * T::from(0.5) + theta.cross(&theta.cross(&omega)) * b
+        })
+    }
+
+    /// The way back: omega = J_l(theta) theta'.
+    pub fn rates_of_increments(&self, increment: &[T], speed: &[T]) -> Vec<T> {
+        self.on_rotations(increment, speed, |theta, d| {
+            let (a, b) = left_jacobian_parts(theta.dot(&theta));
+            let turned = theta.cross(&d);
+            d + turned * a + theta.cross(&turned) * b
+        })
+    }
+
+    /// The increments that lead from one motion to another; three rotations together are less than half a turn.
+    pub fn difference(&self, from: &Motion<T>, to: &Motion<T>) -> Vec<T> {
+        let topology = self.topology();
+        let mut out = vec![T::zero(); self.n()];
+        for (i, node) in topology.nodes.iter().enumerate() {
+            let (p, q) = (&from.relative[i], &to.relative[i]);
+            let sign = T::from(if node.reversed { -1.0 } else { 1.0 });
+            let turned = q.r * p.r.transpose();
+            let inner = log_so3(&turned);
+            let universal = (node.kind == JointKind::Universal)
+                .then(|| universal_angles(node.reversed, &p.r, &q.r));
+            for (k, f) in node.kind.freedoms(node.reversed).iter().enumerate() {
+                let d = match (f.rotation, &universal) {
+                    (false, _) => q.p[f.axis] - p.p[f.axis],
+                    (true, Some(angles)) => angles[f.axis],
+                    (true, None) => inner[f.axis],
+                };
+                out[node.first + k] = d * sign;
+            }
+        }
+        out
+    }
+
+    fn on_rotations(
+        &self,
+        increment: &[T],
+        rate: &[T],
+        map: impl Fn(V3<T>, V3<T>) -> V3<T>,
+    ) -> Vec<T> {
+        let mut out = rate.to_vec();
+        for node in &self.topology().nodes {
+            if !matches!(node.kind, JointKind::Spherical | JointKind::Free) {
+                continue;
+            }
+            let first = node.first + node.n - 3;
+            // coordinates of a reversed joint count backwards, so that increments act as their negatives
+            let sign = T::from(if node.reversed { -1.0 } else { 1.0 });
+            let theta = V3::from_fn(|i, _| increment[first + i] * sign);
+            let omega = V3::from_fn(|i, _| rate[first + i] * sign);
+            let mapped = map(theta, omega);
+            for i in 0..3 {
+                out[first + i] = mapped[i] * sign;
+            }
+        }
+        out
+    }
+}
+
+/// (1 - cos t)/t^2 and (t - sin t)/t^3 of s = t^2: J_l = 1 + a theta^ + b theta^ theta^.
+fn left_jacobian_parts<T: Real>(s: T) -> (T, T) {
+    if s.re() < 0.05 {
+        let term = |c: [f64; 5]| c.iter().rev().fold(T::zero(), |sum, c| sum * s + *c);
+        let a = [
+            1.0 / 2.0,
+            -1.0 / 24.0,
+            1.0 / 720.0,
+            -1.0 / 40_320.0,
+            1.0 / 3_628_800.0,
+        ];
+        let b = [
+            1.0 / 6.0,
+            -1.0 / 120.0,
+            1.0 / 5040.0,
+            -1.0 / 362_880.0,
+            1.0 / 39_916_800.0,
+        ];
+        return (term(a), term(b));
+    }
+    let t = s.sqrt();
+    ((T::one() - t.cos()) / s, (t - t.sin()) / (s * t))
+}
+
+/// Changes of the two angles of R = Rz(alpha) Rx(beta) from a to b, by axis; a reversed joint holds the transpose.
+fn universal_angles<T: Real>(reversed: bool, p: &M3<T>, q: &M3<T>) -> [T; 3] {
+    let angles = |r: &M3<T>| {
+        let ab = if reversed { r.transpose() } else { *r };
+        (ab[(1, 0)].atan2(ab[(0, 0)]), ab[(2, 1)].atan2(ab[(2, 2)]))
+    };
+    let turn = |d: T| {
+        let whole = (d.re() / std::f64::consts::TAU).round() * std::f64::consts::TAU;
+        d - T::from(whole)
+    };
+    let ((a0, b0), (a1, b1)) = (angles(p), angles(q));
+    let s = T::from(if reversed { -1.0 } else { 1.0 });
+    [turn(b1 - b0) * s, T::zero(), turn(a1 - a0) * s]
+}

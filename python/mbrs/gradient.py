@@ -1,0 +1,474 @@
+"""Gradients of a motion: `mb.gradient`, and the sensitivities of a trajectory."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _core
+from ._border import core_errors
+from .effects import check_without, effects
+from .errors import ModelError
+from .linearize import Snapshot
+from .matrix_calculus import Derivative
+from .names import shown
+from .objectives import AtTimes, Final, Integral, NewReading, Objective, Reader, evaluate
+from .readings import Asked, Names
+from .results import Result, Stats, added_counts
+from .state import State, state_of
+from .tables import Directions, directions
+
+if TYPE_CHECKING:
+    from .model import Model
+    from .trajectory import Trajectory
+
+METHODS = ("direct", "adjoint", "auto")
+SCHEMES = ("ali3p",)
+_READINGS = 20
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionGradient(Result):
+    """Value and gradient of objectives of a motion; unpacks as ``value, gradient``.
+
+    Attributes
+    ----------
+    value
+        A float, or (n_obj,) for several objectives.
+    gradient
+        (n_p,), or in the shape of the one array parameter; (n_obj, ...) for several objectives. ``.vetter()`` gives the
+        block layout.
+    labels, units
+        Of the parameters.
+    t
+        (n_t,) s; ends of the steps.
+    method
+        "direct" or "adjoint".
+    """
+
+    value: Any
+    gradient: Derivative
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    t: np.ndarray
+    method: str
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter((self.value, self.gradient))
+
+    def __str__(self) -> str:
+        from .report import table
+
+        flat = np.asarray(self.gradient).reshape(-1, len(self.labels))
+        rows = [(label, unit, *flat[:, p]) for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))]
+        names = ["gradient"] if np.ndim(self.value) == 0 else [f"gradient {i}" for i in range(len(flat))]
+        value = f"{self.value:.9g}" if np.ndim(self.value) == 0 else ", ".join(f"{v:.9g}" for v in self.value)
+        return table(["parameter", "unit", *names], rows, title=f"objective {value} ({self.stats.route})")
+
+    __repr__ = __str__
+
+    def sensitivity(self, parameters: str | Sequence[str]) -> MotionSensitivity:
+        """The gradient as `mb.sensitivity` returns derivatives: ``value``, parameter axis last."""
+        named = [parameters] if isinstance(parameters, str) else list(parameters)
+        missing = [p for p in named if p not in self.labels]
+        if missing:
+            raise ModelError(
+                f"this gradient is by {', '.join(self.labels)}, not by {missing[0]!r}; compute it with that parameter"
+            )
+        flat = np.asarray(self.gradient).reshape(*np.shape(self.value), len(self.labels))
+        chosen = [self.labels.index(p) for p in named]
+        return MotionSensitivity(
+            value=flat[..., chosen],
+            labels=tuple(named),
+            units=tuple(self.units[i] for i in chosen),
+            stats=self.stats,
+        )
+
+    def plot(self, kind: str = "tornado", **options: Any) -> Any:
+        """Bars of the change of the objective per relative change of each parameter ("tornado")."""
+        from .plot import gradients
+
+        return gradients.tornado(self, **options)
+
+    def to_xarray(self) -> Any:
+        """`xarray.Dataset` over the parameters."""
+        import xarray
+
+        flat = np.asarray(self.gradient).reshape(-1, len(self.labels))
+        return xarray.Dataset(
+            {"gradient": (("objective", "parameter"), flat), "value": (("objective",), np.atleast_1d(self.value))},
+            coords={"parameter": list(self.labels), "unit": ("parameter", list(self.units))},
+            attrs={"method": self.method},
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionSensitivity(Result):
+    """Derivatives of objectives of a motion: ``value`` (..., n_p), by ``labels``."""
+
+    value: np.ndarray
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+
+    def __str__(self) -> str:
+        from .report import table
+
+        flat = self.value.reshape(-1, len(self.labels))
+        rows = [(label, unit, *flat[:, p]) for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))]
+        return table(["parameter", "unit", *("derivative" for _ in flat)], rows, title="objectives of a motion")
+
+    __repr__ = __str__
+
+
+@dataclass
+class Run:
+    """A motion to be differentiated: model, start, times of the steps."""
+
+    model: Model
+    snapshot: Snapshot
+    state: State
+    without: tuple[str, ...]
+    times: np.ndarray
+    weight: str = "tangent"
+    keep: int = 2**23
+
+    def options(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
+        """What the core takes."""
+        pairs: list[tuple[list[int], list[float]]] = []
+        if along is not None:
+            for p in range(along.n):
+                inside = along.columns == p
+                pairs.append((along.rows[inside].tolist(), along.values[inside].tolist()))
+        return {
+            "times": self.times.tolist(),
+            "memory": self.state.memory.tolist(),
+            "weight": self.weight,
+            "keep": self.keep,
+            "drawn": self.state.kind in ("drawn", "equilibrium"),
+            "velocities": self.state.kind == "drawn",
+            "quantities": list(asked),
+            "directions": pairs,
+            "shift": self._shift(pairs),
+        }
+
+    def _shift(self, pairs: list[tuple[list[int], list[float]]]) -> list[list[float]]:
+        if self.state.kind != "equilibrium" or not pairs:
+            return []
+        with core_errors():
+            r = _core.directions(
+                self.snapshot.system,
+                self.state.relative,
+                self.state.rate,
+                list(self.without),
+                pairs,
+                "equilibrium",
+                False,
+            )
+        return np.asarray(r["tree_coordinates"]).T.tolist()
+
+    def direct(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
+        """Values of quantities at all steps, and their derivatives."""
+        with core_errors():
+            return _core.motion_directions(
+                self.snapshot.system,
+                self.state.relative,
+                self.state.rate,
+                list(self.without),
+                self.options(asked, along),
+            )
+
+
+def grid(start: float, end: float, step: float, through: Sequence[float] = ()) -> np.ndarray:
+    """Times of steps of at most ``step`` that end at ``end`` and at the times given, equal between these."""
+    marks = [start, *sorted(x for x in {float(x) for x in through} if start < x < end), end]
+    out = [start]
+    for a, b in itertools.pairwise(marks):
+        n = max(1, math.ceil((b - a) / step * (1 - 1e-12) - 1e-9))
+        out.extend(np.linspace(a, b, n + 1)[1:].tolist())
+    return np.array(out)
+
+
+def gradient(
+    m: Model,
+    objective: Objective | Sequence[Objective],
+    parameters: str | Sequence[str],
+    t: float,
+    *,
+    step: float | None = None,
+    rtol: float | None = None,
+    scheme: str = "ali3p",
+    method: str = "auto",
+    at: Any = None,
+    without: Sequence[str] = (),
+    weight: str = "tangent",
+    keep: int = 2**23,
+) -> MotionGradient:
+    """Objectives of a motion and their exact derivatives by any design parameters.
+
+    The derivative is that of the discrete solution: of the steps as they are, with their lengths and iterations frozen.
+
+    Parameters
+    ----------
+    m
+        The model, with its present values.
+    objective
+        `mb.Integral`, `mb.Final`, `mb.AtTimes`, or several of them.
+    parameters
+        Addresses such as "spring1.length", "k", "crank.mass", "V" (an array parameter: the gradient keeps its shape).
+    t
+        s; the end of the motion. Zero length is allowed: the start alone.
+    step, rtol
+        s, fixed steps (equal, at most so long, ending at t); or a tolerance that chooses them first. 1e-7 if neither is given.
+    scheme
+        "ali3p".
+    method
+        "direct": one tangent linear model per parameter along with the motion. "adjoint": the steps backwards, once per
+        objective. "auto": by their numbers.
+    at
+        Start, as in `mb.simulate`; a drawn start follows the parameters (assembly and consistent velocities; the characteristic
+        length that weighs angles against lengths there is held), an equilibrium moves along, other states are held.
+    without
+        Effects to leave out.
+    weight
+        Metric of the projections: "tangent" (M + h/2 C + h^2/4 K) or "mass".
+    keep
+        Adjoint: a motion of more numbers than this is not kept but run again between checkpoints, as many as the root of
+        its steps.
+
+    Returns
+    -------
+    MotionGradient
+        Unpacks as ``value, gradient``; the parameter axis is last.
+
+    Raises
+    ------
+    NameNotFoundError
+        An unknown address; the message proposes the nearest.
+    ModelError
+        An objective that returns no finite number, a scheme without sensitivities.
+    NotDifferentiableError
+        An objective that is not analytic; a parameter that breaks a redundant loop.
+
+    Notes
+    -----
+    Direct: O(n_p) tangent steps; adjoint: O(1) in n_p. Source: METHODS.md (e), after Dopico and co-workers.
+
+    Examples
+    --------
+    >>> import numpy as np, mbrs as mb
+    >>> m = mb.Model("one"); k = m.parameter("k", 4.0)
+    >>> p = m.body("p", mass=1.0, inertia=(1, 1, 1), at=(1, 0, 0), velocity=(0, 0, 0))
+    >>> rail = m.prismatic("rail", m.ground, p, at=(1, 0, 0), axis="x", k=k, preload=4.0)
+    >>> value, grad = mb.gradient(m, mb.Final(lambda s: s.position("p")[0]), "k", t=1.0, step=1e-3)
+    >>> bool(abs(value - np.cos(2.0)) < 1e-5)
+    True
+    """
+    begin = time.perf_counter()
+    if scheme not in SCHEMES:
+        raise ModelError(
+            f"scheme={scheme!r} has no sensitivities; the one that has is scheme='ali3p' (mb.simulate runs it as method='ali3p')"
+        )
+    if method not in METHODS:
+        raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
+    if weight not in ("tangent", "mass"):
+        raise ModelError(f"weight= is 'tangent' or 'mass', got {shown(weight)}")
+    many = isinstance(objective, (list, tuple))
+    objectives: list[Any] = list(objective) if isinstance(objective, (list, tuple)) else [objective]
+    if not objectives or not all(isinstance(o, Objective) for o in objectives):
+        raise ModelError(
+            f"objective= takes mb.Integral, mb.Final or mb.AtTimes, or several of them, got {shown(objective)}"
+        )
+    run = replace(prepare(m, objectives, t, step, rtol, at, check_without(without), weight), keep=max(0, int(keep)))
+    along = directions(m, parameters)
+    chosen = ("adjoint" if along.n > 8 * len(objectives) else "direct") if method == "auto" else method
+    found = _adjoint(run, objectives, along) if chosen == "adjoint" else _direct(run, objectives, along)
+    values, gradients, counts = found
+    shaped = along.shaped(gradients if many else gradients[0])
+    return MotionGradient(
+        value=values if many else float(values[0]),
+        gradient=Derivative.of(shaped, along.shape, 1 if many else 0),
+        labels=along.labels,
+        units=along.units,
+        t=run.times,
+        method=chosen,
+        stats=Stats(
+            time.perf_counter() - begin,
+            counts,
+            tuple(e.name for e in effects(m) if e.on and e.name not in run.without),
+            f"ali3p, {chosen}, {len(run.times) - 1} steps",
+        ),
+    )
+
+
+def _number(name: str, value: Any, least: float) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ModelError(f"{name}= must be a number, got {shown(value)}") from None
+    if not math.isfinite(number) or number < least:
+        raise ModelError(f"{name}= must be a finite number of at least {least:g}, got {shown(value)}")
+    return number
+
+
+def prepare(
+    m: Model,
+    objectives: Sequence[Objective],
+    t: float,
+    step: float | None,
+    rtol: float | None,
+    at: Any,
+    without: tuple[str, ...],
+    weight: str = "tangent",
+) -> Run:
+    """Start and steps of a motion."""
+    snapshot = Snapshot.of(m)
+    state = state_of(m, snapshot.system, at, hold=False, without=without)
+    end = _number("t", t, state.t)
+    through = [x for o in objectives for x in o.times]
+    for x in through:
+        if not state.t <= x <= end:
+            raise ModelError(f"mb.AtTimes names t = {x:g} s, outside the motion from {state.t:g} to {end:g} s")
+    if step is not None and rtol is not None:
+        raise ModelError("give rtol= (steps chosen first) or step= (fixed steps), not both")
+    if end == state.t:
+        times = np.array([end])
+    elif step is not None:
+        h = _number("step", step, np.finfo(float).tiny)
+        if (end - state.t) / h > 1e8:
+            raise ModelError(f"step={step} would need more than 1e8 steps")
+        times = grid(state.t, end, h, through)
+    else:
+        from .simulate import simulate
+
+        marks = np.array(sorted({*(x for x in through if x > state.t), end}))
+        traj = simulate(m, marks, rtol=1e-7 if rtol is None else rtol, method="ali3p", at=state, without=without)
+        times = np.unique(np.concatenate([traj.steps, marks]))
+    return Run(m, snapshot, state, without, times, weight)
+
+
+def _reader(run: Run) -> Reader:
+    return Reader(Names(run.snapshot.tables), run.model.value)
+
+
+def _read(run: Run, objectives: Sequence[Objective], reader: Reader) -> None:
+    """What the objectives read at the start: values are fetched one by one until they are content."""
+    from .objectives import number
+
+    short = Run(run.model, run.snapshot, run.state, run.without, run.times[:1], run.weight)
+    for _ in range(10 * _READINGS):
+        row = short.direct(list(reader.places), None)["values"][0] if reader.places else np.zeros(0)
+        try:
+            for o in objectives:
+                number(o, reader.instant(float(run.times[0]), 0, row))
+            return
+        except NewReading as new:
+            reader.add(new.asked)
+    raise ModelError("the objective reads more quantities than a motion has; check its function")
+
+
+def _direct(
+    run: Run, objectives: Sequence[Objective], along: Directions
+) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
+    reader = _reader(run)
+    _read(run, objectives, reader)
+    for _ in range(_READINGS):
+        made = run.direct(list(reader.places), along)
+        try:
+            found = [evaluate(o, reader, made["t"], made["values"]) for o in objectives]
+            break
+        except NewReading as new:
+            reader.add(new.asked)
+    else:
+        raise ModelError("the objective reads new quantities again and again; let it read the same ones at all times")
+    gradients = np.array([np.einsum("tc,tcp->p", f.seeds, made["derivatives"]) for f in found])
+    for i, f in enumerate(found):
+        gradients[i] += explicit_part(run.model, f.explicit, along)
+    return np.array([f.value for f in found]), gradients, dict(made["counts"])
+
+
+def explicit_part(m: Model, explicit: dict[str, np.ndarray], along: Directions) -> np.ndarray:
+    """(n_p,): objectives that read numbers of the model itself."""
+    out = np.zeros(along.n)
+    for address, d in explicit.items():
+        own = directions(m, address)
+        for c, label in enumerate(own.labels):
+            out += d[c] * _number_by_parameters(m, label, own, c, along)
+    return out
+
+
+def _number_by_parameters(m: Model, label: str, own: Directions, c: int, along: Directions) -> np.ndarray:
+    """d(number)/dp: one where it is the parameter itself, else what its place in x does."""
+    out = np.array([1.0 if label == other else 0.0 for other in along.labels])
+    target = m.target(label)
+    if target.field is None:
+        return out
+    inside = own.columns == c
+    for p in range(along.n):
+        if out[p] == 0.0:
+            there = (along.columns == p) & np.isin(along.rows, own.rows[inside][:1])
+            out[p] = along.values[there].sum()
+    return out
+
+
+def _adjoint(
+    run: Run, objectives: Sequence[Objective], along: Directions
+) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
+    reader = _reader(run)
+    _read(run, objectives, reader)
+    for _ in range(_READINGS):
+        with core_errors():
+            forward = _core.MotionForward(
+                run.snapshot.system,
+                run.state.relative,
+                run.state.rate,
+                list(run.without),
+                run.options(list(reader.places), along),
+            )
+        try:
+            found = [evaluate(o, reader, run.times, forward.values()) for o in objectives]
+            break
+        except NewReading as new:
+            reader.add(new.asked)
+    else:
+        raise ModelError("the objective reads new quantities again and again; let it read the same ones at all times")
+    counts = [forward.counts()]
+    gradients = np.zeros((len(found), along.n))
+    for i, f in enumerate(found):
+        with core_errors():
+            gradients[i], work = forward.gradient(np.ascontiguousarray(f.seeds))
+        gradients[i] += explicit_part(run.model, f.explicit, along)
+        counts.append(work)
+    return np.array([f.value for f in found]), gradients, added_counts(*counts)
+
+
+def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
+    """The derivative of a named quantity at the outputs of a trajectory; see `Trajectory.sensitivity`."""
+    if traj.start is None or not len(traj.parameters):
+        raise ModelError(
+            "this motion has no sensitivities; run mb.simulate(..., method='ali3p', parameters=['...']) to get them"
+        )
+    traj.snapshot.check_current("motion")
+    run = Run(traj.model, traj.snapshot, traj.start, traj.without, traj.steps)
+    along = directions(traj.model, traj.parameters)
+    names = Names(run.snapshot.tables)
+    asked = names.address(what)
+    made = run.direct([asked], along)
+    at = np.searchsorted(made["t"], traj.t - 1e-12 * max(1.0, abs(float(traj.t[-1]))))
+    values, d = made["values"][at], made["derivatives"][at]
+    if asked[0] == "rotation":
+        # the world rotation vector of dR R^T
+        R = values.reshape(-1, 3, 3)
+        spin = np.einsum("nijp,nkj->nikp", d.reshape(len(d), 3, 3, -1), R)
+        d = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
+    single = d.shape[1] == 1
+    shaped = along.shaped(d[:, 0] if single else d)
+    return Derivative.of(shaped, along.shape, 0 if single else 1)
+
+
+__all__ = ["AtTimes", "Final", "Integral", "MotionGradient", "gradient"]

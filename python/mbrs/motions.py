@@ -1,0 +1,318 @@
+"""Prescribed functions of time, for drives and for loads: `Ramp`, `Sine`, `Polynomial`, `Table`, or a Python function.
+
+The built-in ones give value, rate and acceleration exactly, in the core; their numbers may be parameter expressions and have
+addresses ("motor.amplitude"). A Python function is the slow path: the core calls it at every evaluation.
+"""
+
+from __future__ import annotations
+
+import importlib
+import itertools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from .errors import ModelError
+from .names import problem, shown
+from .store import Field, Item, plain, single
+from .values import Number, array, scalar, shape_of
+
+FUNCTION = 6
+# Differences over seven points this far apart (s) stand for the derivatives of a function that does not give them.
+_STEP = 1e-3
+
+
+class Motion:
+    """Base of the motions: ``code`` and ``entries`` are what the core reads, ``layout`` names the entries."""
+
+    code = -1
+    layout: tuple[tuple[str, int | None], ...] = ()
+
+    def __init__(self, *groups: Any) -> None:
+        self.groups = groups
+
+    def entries(self, where: str) -> list[list[Number]]:
+        """The numbers of each named group, checked; ``where`` heads messages."""
+        out = []
+        for (name, size), given in zip(self.layout, self.groups, strict=True):
+            address = f"{where}.{name}"
+            if size == 1:
+                out.append([scalar(given, address)])
+                continue
+            shape = shape_of(given)
+            if len(shape) != 1 or shape[0] < 1:
+                raise problem(address, f"must be a list of numbers, got {shown(given)}")
+            out.append(array(given, shape, address))
+        return out
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(f'{n}={g}' for (n, _), g in zip(self.layout, self.groups, strict=True))})"
+
+
+class Ramp(Motion):
+    """offset + rate (t - start) from ``start`` (s) on, offset before: with ``start=0`` a steady rate.
+
+    Parameters
+    ----------
+    rate
+        Per second: rad/s or m/s for a drive, N/s or N m/s for a load.
+    offset
+        Value until the start.
+    start
+        s. The rate jumps there; a driven model then takes the jump as an impact.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> mb.Ramp(2.0)
+    Ramp(rate=2.0, offset=0.0, start=0.0)
+    """
+
+    code = 0
+    layout = (("rate", 1), ("offset", 1), ("start", 1))
+
+    def __init__(self, rate: Any, offset: Any = 0.0, start: Any = 0.0) -> None:
+        super().__init__(rate, offset, start)
+
+
+class Sine(Motion):
+    """offset + amplitude sin(omega t + phase).
+
+    Parameters
+    ----------
+    amplitude
+        rad, m, N or N m.
+    omega, frequency
+        rad/s or Hz: exactly one of them.
+    phase
+        rad.
+    offset
+        As the amplitude.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> mb.Sine(0.1, frequency=5.0)
+    Sine(amplitude=0.1, frequency=5.0, phase=0.0, offset=0.0)
+    """
+
+    code = 1
+    layout = (("amplitude", 1), ("omega", 1), ("phase", 1), ("offset", 1))
+
+    def __init__(
+        self, amplitude: Any, omega: Any = None, *, frequency: Any = None, phase: Any = 0.0, offset: Any = 0.0
+    ) -> None:
+        if (omega is None) == (frequency is None):
+            raise ModelError("Sine takes exactly one of omega= (rad/s) and frequency= (Hz)")
+        if omega is None:
+            self.code = 2
+            self.layout = (("amplitude", 1), ("frequency", 1), ("phase", 1), ("offset", 1))
+        super().__init__(amplitude, frequency if omega is None else omega, phase, offset)
+
+
+class Polynomial(Motion):
+    """c_0 + c_1 t + c_2 t^2 + ...; t in s.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> mb.Polynomial([0.0, 1.0, -0.5])
+    Polynomial(coefficients=[0.0, 1.0, -0.5])
+    """
+
+    code = 3
+    layout = (("coefficients", None),)
+
+    def __init__(self, coefficients: Any) -> None:
+        super().__init__(coefficients)
+
+
+class Table(Motion):
+    """A curve through points: the natural cubic spline (acceleration continuous), or straight lines; the end values outside.
+
+    Parameters
+    ----------
+    t
+        (n,) s, increasing; n >= 2.
+    value
+        (n,).
+    kind
+        "cubic" or "linear". The rate of straight lines jumps at every point: a driven model takes that as an impact.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> mb.Table([0.0, 1.0, 2.0], [0.0, 0.5, 0.0])
+    Table(t=[0.0, 1.0, 2.0], value=[0.0, 0.5, 0.0])
+    """
+
+    code = 4
+    layout = (("t", None), ("value", None))
+
+    def __init__(self, t: Any, value: Any, kind: str = "cubic") -> None:
+        if kind not in ("cubic", "linear"):
+            raise ModelError(f"Table: kind= is 'cubic' or 'linear', got {shown(kind)}")
+        if kind == "linear":
+            self.code = 5
+        super().__init__(t, value)
+
+    def entries(self, where: str) -> list[list[Number]]:
+        """Times and values, as many of one as of the other."""
+        t, value = super().entries(where)
+        if len(t) < 2 or len(t) != len(value):
+            raise problem(where, f"needs as many times as values, at least two; got {len(t)} and {len(value)}")
+        return [t, value]
+
+
+class TimeFunction:
+    """A Python function of t with what the core needs: floats, checked, and errors that name their owner.
+
+    ``outputs``: 0 for a drive (value, or value, rate and acceleration), 1 for one number, 3 for a vector.
+    """
+
+    def __init__(self, function: Callable[[float], Any], where: str, outputs: int) -> None:
+        self.function, self.where, self.outputs = function, where, outputs
+
+    def __call__(self, t: float) -> list[float]:
+        """Numbers at t: [value, rate, acceleration] of a drive."""
+        made = self._numbers(t)
+        if self.outputs or len(made) == 3:
+            return made
+        before, after = ([self._numbers(t + s * k * _STEP)[0] for k in (1, 2, 3)] for s in (-1, 1))
+        odd, even = ([a + s * b for a, b in zip(after, before, strict=True)] for s in (-1, 1))
+        rate = (45 * odd[0] - 9 * odd[1] + odd[2]) / (60 * _STEP)
+        acceleration = (270 * even[0] - 27 * even[1] + 2 * even[2] - 490 * made[0]) / (180 * _STEP**2)
+        return [made[0], rate, acceleration]
+
+    def _numbers(self, t: float) -> list[float]:
+        try:
+            made = self.function(t)
+        except Exception as reason:
+            raise problem(
+                self.where, f"has a function that raised {type(reason).__name__} at t = {t:.9g} s: {reason}"
+            ) from None
+        try:
+            flat = np.asarray(made, dtype=float).ravel()
+        except (TypeError, ValueError):
+            raise problem(self.where, f"has a function that returned {shown(made)} at t = {t:.9g} s") from None
+        allowed = (self.outputs,) if self.outputs else (1, 3)
+        if flat.size not in allowed:
+            need = " or ".join(map(str, allowed))
+            raise problem(self.where, f"has a function that must return {need} numbers, got {shown(made)}")
+        if not np.all(np.isfinite(flat)):
+            raise problem(self.where, f"has a function that returned {shown(made)} at t = {t:.9g} s; it must be finite")
+        return [float(v) for v in flat]
+
+    @property
+    def name(self) -> str:
+        """``module:name``, by which the function comes back from a file."""
+        module, name = getattr(self.function, "__module__", None), getattr(self.function, "__qualname__", None)
+        try:
+            found = module != "__main__" and resolve(f"{module}:{name}") is self.function
+        except ModelError:
+            found = False
+        if not found:
+            raise problem(
+                self.where,
+                f"has the function {shown(self.function)}, which cannot be saved: it is not importable by name; define it "
+                "at the top level of a module",
+            )
+        return f"{module}:{name}"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (self.name, self.where, self.outputs)
+
+    def __deepcopy__(self, memo: Any) -> TimeFunction:
+        return self
+
+
+def _restored(name: str, where: str, outputs: int) -> TimeFunction:
+    return TimeFunction(resolve(name), where, outputs)
+
+
+def resolve(name: str) -> Callable[[float], Any]:
+    """The function that ``module:name`` means."""
+    module, _, path = name.partition(":")
+    try:
+        found: Any = importlib.import_module(module)
+        for part in path.split("."):
+            found = getattr(found, part)
+    except (ImportError, AttributeError, ValueError) as reason:
+        raise ModelError(f"the function {name!r} cannot be imported: {reason}") from None
+    if not callable(found):
+        raise ModelError(f"{name!r} is no function")
+    return found  # type: ignore[no-any-return]
+
+
+class MotionItem(Item):
+    """A motion as a model keeps it: its kind, its numbers or its function, whom it moves."""
+
+    __slots__ = ("code", "component", "function", "groups", "owner", "place")
+    code: int
+    component: int  # of the load that owns it; -1 of a drive
+    function: TimeFunction | None
+    groups: tuple[tuple[str, int, bool], ...]  # name, how many numbers, one number rather than a list
+    owner: Any
+    place: int  # among the motions of the model
+    store = "motion"
+    kind = "motion"
+
+    @property
+    def size(self) -> int:
+        return sum(n for _, n, _ in self.groups)
+
+    def take(self, motion: Any, where: str, outputs: int) -> list[Number]:
+        """Read a motion, a function or a number; returns the numbers to be put."""
+        self.function = None
+        if isinstance(motion, Motion):
+            entries = motion.entries(where)
+            self.code = motion.code
+            self.groups = tuple(
+                (name, len(e), size == 1) for (name, size), e in zip(motion.layout, entries, strict=True)
+            )
+            return [v for group in entries for v in group]
+        if callable(motion):
+            self.code, self.groups = FUNCTION, ()
+            self.function = TimeFunction(motion, where, outputs)
+            self.function(0.0)
+            return []
+        return self.take(Polynomial([scalar(motion, where)]), where, outputs)
+
+    def check(self, values: Sequence[float]) -> None:
+        if self.code in (4, 5):
+            t = values[: self.size // 2]
+            if any(not b > a for a, b in itertools.pairwise(t)):
+                raise problem(self.name + ".t", f"must increase from point to point, got {shown(list(t))}")
+
+    def motion_fields(self, prefix: str = "", unit: str = "") -> dict[str, Field]:
+        """Addresses of the numbers."""
+        out, start = {}, self.start
+        for name, n, one in self.groups:
+            made = single(start, _unit(name, unit)) if one else plain(start, n, _unit(name, unit))
+            out[prefix + name] = Field(made.slots, made.shape, made.units, store="motion")
+            start += n
+        return out
+
+    def described(self) -> Any:
+        """What a file holds: {type, numbers}, or "module:name"."""
+        if self.function is not None:
+            return self.function.name
+        table: dict[str, Any] = {"type": _NAMES[self.code]}
+        start = 0
+        for name, n, one in self.groups:
+            entries = self.entries(start, n)
+            table[name] = entries[0] if one else entries
+            start += n
+        if self.code == 5:
+            table["kind"] = "linear"
+        return table
+
+
+_NAMES = ("Ramp", "Sine", "Sine", "Polynomial", "Table", "Table")
+TYPES: dict[str, type[Motion]] = {"Ramp": Ramp, "Sine": Sine, "Polynomial": Polynomial, "Table": Table}
+
+
+def _unit(name: str, unit: str) -> str:
+    fixed = {"start": "s", "t": "s", "omega": "rad/s", "frequency": "Hz", "phase": "rad"}
+    return fixed.get(name, f"{unit}/s" if name == "rate" and unit else "" if name == "coefficients" else unit)

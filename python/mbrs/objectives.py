@@ -1,0 +1,257 @@
+"""What of a motion is to be small: integrals over time, final values, values at given times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .errors import ModelError, NotDifferentiableError
+from .names import shown
+from .readings import Asked, Instant, Names
+
+_COMPLEX_STEP = 1e-40
+# Complex steps that differ from differences by more than this (relative) differentiate something else.
+_PROBE = 1e-4
+
+
+def _called(function: Any, what: str) -> Callable[[Instant], Any]:
+    if not callable(function):
+        raise ModelError(f"{what} takes a function of the state, such as lambda s: np.sum(s.point('P') ** 2)")
+    return function
+
+
+@dataclass(frozen=True)
+class Integral:
+    """The integral of function(s) over the motion, by the trapezoidal rule on its steps: the quadrature of the scheme, order 2.
+
+    Parameters
+    ----------
+    function
+        A function of a state s (`mbrs.readings.Instant`) that returns a number, written with NumPy; analytic (no abs, no
+        np.linalg.norm: use np.sqrt(np.sum(x**2))), because it is differentiated by complex steps.
+
+    Examples
+    --------
+    >>> import numpy as np, mbrs as mb
+    >>> psi = mb.Integral(lambda s: np.sum(s.position("crank") ** 2))
+    """
+
+    function: Callable[[Instant], Any]
+
+    def __post_init__(self) -> None:
+        _called(self.function, "mb.Integral")
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Times that must end a step."""
+        return ()
+
+    def weights(self, t: np.ndarray) -> np.ndarray:
+        """(n_t,) what each instant counts."""
+        w = np.zeros(len(t))
+        dt = np.diff(t)
+        w[:-1] += 0.5 * dt
+        w[1:] += 0.5 * dt
+        return w
+
+
+@dataclass(frozen=True)
+class Final:
+    """function(s) at the end of the motion; see `Integral`."""
+
+    function: Callable[[Instant], Any]
+
+    def __post_init__(self) -> None:
+        _called(self.function, "mb.Final")
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Times that must end a step."""
+        return ()
+
+    def weights(self, t: np.ndarray) -> np.ndarray:
+        """(n_t,) what each instant counts."""
+        w = np.zeros(len(t))
+        w[-1] = 1.0
+        return w
+
+
+@dataclass(frozen=True)
+class AtTimes:
+    """The sum of function(s) over given times; steps end there. ``s.index`` counts the times; see `Integral`.
+
+    Parameters
+    ----------
+    at
+        (n,) s, increasing.
+    function
+        As in `Integral`.
+
+    Examples
+    --------
+    >>> import numpy as np, mbrs as mb
+    >>> data = np.zeros((2, 3))                                       # measured points
+    >>> psi = mb.AtTimes([0.5, 1.0], lambda s: np.sum((s.position("crank") - data[s.index]) ** 2))
+    """
+
+    at: Sequence[float]
+    function: Callable[[Instant], Any]
+
+    def __post_init__(self) -> None:
+        _called(self.function, "mb.AtTimes")
+        try:
+            t = np.asarray(self.at, dtype=float)
+        except (TypeError, ValueError):
+            raise ModelError(f"mb.AtTimes takes increasing times first, got {shown(self.at)}") from None
+        if t.ndim != 1 or not t.size or not np.all(np.isfinite(t)) or np.any(np.diff(t) <= 0):
+            raise ModelError(f"mb.AtTimes takes increasing finite times first, got {shown(self.at)}")
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Times that must end a step."""
+        return tuple(float(t) for t in self.at)
+
+    def weights(self, t: np.ndarray) -> np.ndarray:
+        """(n_t,) what each instant counts."""
+        w = np.zeros(len(t))
+        w[np.argmin(np.abs(t[:, None] - np.array(self.times)), axis=0)] = 1.0
+        return w
+
+
+Objective = Integral | Final | AtTimes
+
+
+class NewReading(Exception):
+    """A state was asked for something that was not among the quantities of the run."""
+
+    def __init__(self, asked: Asked) -> None:
+        super().__init__(asked)
+        self.asked = asked
+
+
+@dataclass
+class Reader:
+    """The quantities of a run, their places in its rows, and the addresses of numbers that objectives read."""
+
+    names: Names
+    value_of: Callable[[str], Any]
+    places: dict[Asked, slice] = field(default_factory=dict)
+    addresses: dict[str, Any] = field(default_factory=dict)
+
+    def add(self, asked: Asked) -> None:
+        """One quantity more."""
+        start = self.width
+        self.places[asked] = slice(start, start + self.names.width(asked))
+
+    @property
+    def width(self) -> int:
+        """Numbers per instant."""
+        return max((s.stop for s in self.places.values()), default=0)
+
+    def instant(self, t: float, index: int, row: np.ndarray, values: dict[str, Any] | None = None) -> Instant:
+        """The state object of a row of numbers."""
+
+        def read(asked: Asked) -> np.ndarray:
+            if asked not in self.places:
+                raise NewReading(asked)
+            return row[self.places[asked]]
+
+        def value(address: str) -> Any:
+            if address not in self.addresses:
+                self.addresses[address] = self.value_of(address)
+            return self.addresses[address] if values is None or address not in values else values[address]
+
+        return Instant(self.names, t, index, read, value)
+
+
+def number(objective: Objective, s: Instant, real: bool = True) -> complex:
+    """The value of an objective's function, checked."""
+    found = objective.function(s)
+    if np.ndim(found) != 0 or isinstance(found, (str, bytes)) or found is None:
+        raise ModelError(
+            f"the objective must return one number, got {shown(found)} at t = {s.t:.6g} s; sum it up, as in np.sum(x ** 2)"
+        )
+    try:
+        value = complex(found)
+    except (TypeError, ValueError):
+        raise ModelError(f"the objective must return one number, got {shown(found)} at t = {s.t:.6g} s") from None
+    if not (math.isfinite(value.real) and math.isfinite(value.imag)):
+        raise ModelError(f"the objective is {found} at t = {s.t:.6g} s; keep it finite along the whole motion")
+    if real and value.imag != 0.0:
+        raise ModelError(f"the objective is complex ({found}) at t = {s.t:.6g} s; return a real number")
+    return value
+
+
+@dataclass
+class Evaluation:
+    """Value of an objective, its derivative by what was read (n_t, width) and by addresses {address: array}."""
+
+    value: float
+    seeds: np.ndarray
+    explicit: dict[str, np.ndarray]
+
+
+def evaluate(objective: Objective, reader: Reader, t: np.ndarray, rows: np.ndarray) -> Evaluation:
+    """Run an objective over a motion and differentiate it by complex steps."""
+    weights = objective.weights(t)
+    used = np.flatnonzero(weights) if not isinstance(objective, Integral) else np.arange(len(t))
+    seeds = np.zeros_like(rows)
+    explicit: dict[str, np.ndarray] = {}
+    total = 0.0
+    for index, i in enumerate(used):
+        total += weights[i] * number(objective, reader.instant(float(t[i]), index, rows[i])).real
+        seeds[i] = weights[i] * _slopes(objective, reader, float(t[i]), index, rows[i])
+        for address, d in _explicit(objective, reader, float(t[i]), index, rows[i]).items():
+            explicit[address] = explicit.get(address, 0.0) + weights[i] * d
+    if len(used):
+        middle = len(used) // 2
+        _probe(objective, reader, float(t[used[middle]]), middle, rows[used[middle]])
+    return Evaluation(total, seeds, explicit)
+
+
+def _slopes(objective: Objective, reader: Reader, t: float, index: int, row: np.ndarray) -> np.ndarray:
+    out = np.zeros(len(row))
+    moved = row.astype(complex)
+    for k in range(len(row)):
+        moved[k] = row[k] + 1j * _COMPLEX_STEP
+        out[k] = number(objective, reader.instant(t, index, moved), real=False).imag / _COMPLEX_STEP
+        moved[k] = row[k]
+    return out
+
+
+def _explicit(objective: Objective, reader: Reader, t: float, index: int, row: np.ndarray) -> dict[str, np.ndarray]:
+    out = {}
+    for address, now in reader.addresses.items():
+        start = np.asarray(now, dtype=float)
+        d = np.zeros(start.size)
+        for k in range(start.size):
+            moved = start.astype(complex).ravel()
+            moved[k] += 1j * _COMPLEX_STEP
+            given = {address: moved.reshape(start.shape) if start.ndim else moved[0]}
+            d[k] = number(objective, reader.instant(t, index, row, given), real=False).imag / _COMPLEX_STEP
+        out[address] = d
+    return out
+
+
+def _probe(objective: Objective, reader: Reader, t: float, index: int, row: np.ndarray) -> None:
+    """Complex steps see analytic functions only: compare with a difference along one random direction."""
+    if not len(row):
+        return
+    along = np.random.default_rng(0).normal(size=len(row)) * np.maximum(np.abs(row), 1e-3)
+    exact = float(_slopes(objective, reader, t, index, row) @ along)
+
+    def at(f: float) -> float:
+        return number(objective, reader.instant(t, index, row + f * along)).real
+
+    coarse, fine = ((at(h) - at(-h)) / (2 * h) for h in (1e-4, 5e-5))
+    best = (4 * fine - coarse) / 3
+    noise = abs(best - fine) + 1e-9 * abs(at(0.0)) / 1e-4
+    if abs(best - exact) > _PROBE * max(abs(best), abs(exact)) + 100 * noise:
+        raise NotDifferentiableError(
+            f"complex steps through the objective give {exact:.6g} where differences give {best:.6g} (t = {t:.6g} s): it is not "
+            "analytic there. Avoid abs, np.linalg.norm, conjugates, .real and comparisons; write np.sqrt(np.sum(x**2))"
+        )

@@ -1,0 +1,390 @@
+"""The result of `mb.simulate`: what moved, how, and how accurately it is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from . import _core
+from ._border import core_errors
+from .errors import ModelError, NameNotFoundError
+from .linearize import Snapshot
+from .names import nearest
+from .results import Result
+from .state import State
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Energy:
+    """Energies of a motion; behaves as the array of their sum.
+
+    Attributes
+    ----------
+    total, kinetic, gravity
+        (n_t,) J. Gravity counts from the world origin, springs from their unstretched state.
+    stored
+        (n_t,) J of each element and joint spring by name; without an entry: no energy belongs to its forces.
+    power
+        (n_t,) W that each element takes out of the motion, by name: what it stores and what it dissipates.
+    """
+
+    total: np.ndarray
+    kinetic: np.ndarray
+    gravity: np.ndarray
+    stored: dict[str, np.ndarray]
+    power: dict[str, np.ndarray]
+
+    def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
+        return np.asarray(self.total, dtype=dtype)
+
+    def __len__(self) -> int:
+        return len(self.total)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.total[index]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(Result):
+    """A motion in time.
+
+    Attributes
+    ----------
+    t
+        (n_t,) s.
+    relative, rate, memory
+        (n_t, n_bodies, 12), (n_t, n_tree), (n_t, n_memory): the states as the core holds them; `state` makes one of them.
+    acceleration, multipliers
+        (n_t, n_tree), (n_t, n_rows): of the tree coordinates, and of the rows of the joints that close loops.
+    steps, local_error
+        Times of all accepted steps, and the estimated local error of each over its tolerance (empty for fixed steps).
+    error
+        Estimated error: the largest |dx|/(characteristic length) and angle of rotation of any body at up to 50 of the outputs,
+        from a second run with coarser steps (made when first asked for).
+    status
+        "finished", "interrupted" (Ctrl-C) or "stopped" (a step that could not be made; `message` says why).
+    """
+
+    t: np.ndarray
+    relative: np.ndarray
+    rate: np.ndarray
+    memory: np.ndarray
+    acceleration: np.ndarray
+    multipliers: np.ndarray
+    joints: np.ndarray
+    steps: np.ndarray
+    local_error: np.ndarray
+    method: str
+    message: str
+    snapshot: Snapshot
+    without: tuple[str, ...]
+    estimate: Callable[[Trajectory], float | None] | None = field(default=None, repr=False)
+    parameters: str | Sequence[str] = ()
+    start: State | None = None
+    error: Any = field(default=None, init=False)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def model(self) -> Any:
+        """The model this belongs to."""
+        return self.snapshot.model
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies."""
+        return tuple(self.snapshot.tables["body_name"])
+
+    @cached_property
+    def _quantities(self) -> dict[str, Any]:
+        with core_errors():
+            return _core.motion_quantities(
+                self.snapshot.system,
+                self.t,
+                self.relative,
+                self.rate,
+                self.memory,
+                self.acceleration,
+                list(self.without),
+            )
+
+    def _body(self, body: Any) -> int:
+        name = getattr(body, "name", body)
+        if name not in self.bodies:
+            guess = nearest(str(name), self.bodies)
+            raise NameNotFoundError(f"there is no body {name!r}" + (f"; did you mean {guess!r}?" if guess else ""))
+        return self.bodies.index(name)
+
+    def position(self, body: Any) -> np.ndarray:
+        """(n_t, 3) world position of a body's origin, m."""
+        return self._quantities["position"][:, self._body(body)]
+
+    def velocity(self, body: Any) -> np.ndarray:
+        """(n_t, 3) world velocity of a body's origin, m/s."""
+        return self._quantities["velocity"][:, self._body(body)]
+
+    def orientation(self, body: Any) -> np.ndarray:
+        """(n_t, 4) unit quaternion of a body, scalar first, body to world; its sign is continuous in time."""
+        q = self._quantities["orientation"][:, self._body(body)]
+        flips = np.sum(q[1:] * q[:-1], axis=1) < 0.0
+        sign = np.concatenate([[1.0], np.where(np.cumsum(flips) % 2, -1.0, 1.0)]) if len(q) else np.zeros(0)
+        return q * sign[:, None]
+
+    def angular_velocity(self, body: Any) -> np.ndarray:
+        """(n_t, 3) angular velocity of a body, rad/s, world axes."""
+        return self._quantities["angular_velocity"][:, self._body(body)]
+
+    def rotation(self, body: Any) -> np.ndarray:
+        """(n_t, 3, 3) rotation matrix of a body, body to world."""
+        w, x, y, z = self._quantities["orientation"][:, self._body(body)].T
+        return np.stack(
+            [
+                np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], axis=-1),
+                np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], axis=-1),
+                np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1),
+            ],
+            axis=1,
+        )
+
+    def point(self, marker: Any, *, of: Any = None) -> np.ndarray:
+        """(n_t, 3) world position of a marker (by name), or of a drawn world point ``marker`` (3,) fixed in body ``of``."""
+        t = self.snapshot.tables
+        x = t["x"]
+        if of is None:
+            name = getattr(marker, "name", marker)
+            known = list(t["marker_name"])
+            if name not in known:
+                guess = nearest(str(name), known)
+                raise NameNotFoundError(
+                    f"there is no marker {name!r}" + (f"; did you mean {guess!r}?" if guess else "")
+                )
+            index = known.index(name)
+            body, start = int(t["marker_body"][index]), int(t["marker_x"][index])
+            drawn = x[start : start + 3]
+        else:
+            body, drawn = self._body(of), np.asarray(marker, dtype=float)
+            if drawn.shape != (3,) or not np.all(np.isfinite(drawn)):
+                raise ModelError(f"a point is three finite numbers, got {marker!r}")
+        if body < 0:
+            return np.broadcast_to(drawn, (len(self.t), 3)).copy()
+        start = int(t["body_x"][body])
+        local = _matrix(x[start + 3 : start + 7]).T @ (drawn - x[start : start + 3])
+        name = self.bodies[body]
+        return self.position(name) + self.rotation(name) @ local
+
+    def joint(self, name: Any) -> np.ndarray:
+        """Free coordinates of a joint: (n_t,) where it has one, else (n_t, n); rad and m, angles continuous over turns."""
+        key = getattr(name, "name", name)
+        place = self._joint_places
+        if key not in place:
+            guess = nearest(str(key), place)
+            raise NameNotFoundError(
+                f"there is no joint with free coordinates called {key!r}"
+                + (f"; did you mean {guess!r}?" if guess else "")
+            )
+        start, n = place[key]
+        return self.joints[:, start] if n == 1 else self.joints[:, start : start + n]
+
+    @cached_property
+    def _joint_places(self) -> dict[str, tuple[int, int]]:
+        out, start = {}, 0
+        for name, kind in zip(self.snapshot.tables["joint_name"], self.snapshot.tables["joint_type"], strict=True):
+            n = _FREE[int(kind)]
+            if n:
+                out[name] = (start, n)
+            start += n
+        return out
+
+    @cached_property
+    def energy(self) -> Energy:
+        """Energies (J) and powers (W); ``traj.energy`` itself acts as the (n_t,) total."""
+        q = self._quantities
+        stored: dict[str, np.ndarray] = {}
+        power: dict[str, np.ndarray] = {}
+        for k, name in enumerate(q["elements"]):
+            if not np.any(np.isnan(q["stored"][:, k])):
+                stored[name] = q["stored"][:, k]
+            power[name] = q["power"][:, k]
+        total = q["kinetic"] + q["gravity"] + sum(stored.values(), np.zeros(len(self.t)))
+        return Energy(total, q["kinetic"], q["gravity"], stored, power)
+
+    def sensitivity(self, what: str) -> Any:
+        """The exact derivative of a quantity of the discrete motion by ``parameters=`` of `mb.simulate`, parameter axis last.
+
+        Parameters
+        ----------
+        what
+            "crank.position", "crank.velocity", "crank.acceleration", "crank.rotation" (world rotation vector, rad),
+            "crank.angular_velocity", "crank.angular_acceleration"; "P2", "P2.velocity", "P2.acceleration" of a marker; "A"
+            (the coordinates of a joint), "A.reaction".
+
+        Returns
+        -------
+        ndarray
+            (n_t, 3, n_p), (n_t, n_p) of a joint with one coordinate; an array parameter keeps its shape, ``.vetter()`` gives
+            the block layout.
+
+        Raises
+        ------
+        ModelError
+            A motion without ``parameters=``, or a model that was changed since.
+        """
+        from .gradient import trajectory_sensitivity
+
+        return trajectory_sensitivity(self, what)
+
+    @property
+    def residual(self) -> np.ndarray:
+        """(n_t, 3): what the constraints leave over at position, velocity and acceleration level, scaled."""
+        return self._quantities["residual"]
+
+    def state(self, t: float | int | None = None) -> State:
+        """The state at an output time (the last one without ``t``), to be given as ``at=`` to any analysis.
+
+        Raises
+        ------
+        ModelError
+            A time that is no output time.
+        """
+        i = len(self.t) - 1 if t is None else int(np.argmin(np.abs(self.t - t)))
+        if t is not None and abs(self.t[i] - t) > 1e-9 * max(1.0, abs(float(t))):
+            raise ModelError(f"t = {t} is no output time; the nearest is {self.t[i]:.9g}: name times with t=[...]")
+        return State(self.relative[i], self.rate[i], "given", self.memory[i], float(self.t[i]))
+
+    def reaction(self, name: Any) -> np.ndarray:
+        """(n_t, 6) wrench of a joint on its second body at the joint's point: force (N) and moment (N m), world axes.
+
+        Where constraints are redundant these are the reactions of minimum norm over all joints, moments divided by the
+        characteristic length.
+        """
+        key = getattr(name, "name", name)
+        known = [*self.snapshot.tables["joint_name"], *self.snapshot.tables["drive_name"]]
+        if key not in known:
+            guess = nearest(str(key), known)
+            raise NameNotFoundError(f"there is no joint {key!r}" + (f"; did you mean {guess!r}?" if guess else ""))
+        return self._reactions[:, known.index(key)]
+
+    def drive_force(self, name: Any) -> np.ndarray:
+        """(n_t,) force (N) or torque (N m) that a drive or coupler exerts along its coordinate, of a coupler the second one."""
+        key = getattr(name, "name", name)
+        known = [*self.snapshot.tables["drive_name"], *self.snapshot.tables["coupler_name"]]
+        if key not in known:
+            guess = nearest(str(key), known)
+            raise NameNotFoundError(
+                f"there is no drive or coupler {key!r}" + (f"; did you mean {guess!r}?" if guess else "")
+            )
+        rows = list(self.snapshot.system.topology()["row_joint"])
+        return -self.multipliers[:, rows.index(key)]
+
+    @cached_property
+    def _reactions(self) -> np.ndarray:
+        with core_errors():
+            return _core.motion_reactions(
+                self.snapshot.system,
+                self.t,
+                self.relative,
+                self.rate,
+                self.memory,
+                self.acceleration,
+                self.multipliers,
+                list(self.without),
+            )
+
+    @property
+    def poses(self) -> dict[str, np.ndarray]:
+        """Position (n_t, n_b, 3), orientation (n_t, n_b, 4), velocity and angular velocity (n_t, n_b, 3), world."""
+        return {k: self._quantities[k] for k in ("position", "orientation", "velocity", "angular_velocity")}
+
+    def plot(self, what: str = "motion", **options: Any) -> Any:
+        """Curves over time; see `mbrs.plot.motion`."""
+        from .plot import motion
+
+        return motion.plot(self, what, **options)
+
+    def animate(self, path: Any = None, **options: Any) -> Any:
+        """The motion as one self-contained page (`mbrs.animate.motion`); written to ``path`` if that is given."""
+        from .animate import motion
+
+        viewer = motion.motion(self, **options)
+        return viewer if path is None else viewer.write(path)
+
+    def to_xarray(self) -> Any:
+        """`xarray.Dataset` over time: poses and velocities of the bodies, joint coordinates, energies, residuals."""
+        import xarray
+
+        q = self._quantities
+        names = {name: self.joint(name) for name in self._joint_places}
+        joints = {f"joint {name}": (("time",) if v.ndim == 1 else ("time", f"{name}_"), v) for name, v in names.items()}
+        return xarray.Dataset(
+            {
+                "position": (("time", "body", "axis"), q["position"]),
+                "orientation": (("time", "body", "quaternion"), q["orientation"]),
+                "velocity": (("time", "body", "axis"), q["velocity"]),
+                "angular_velocity": (("time", "body", "axis"), q["angular_velocity"]),
+                "energy": (("time",), self.energy.total),
+                "kinetic": (("time",), self.energy.kinetic),
+                "residual": (("time", "level"), self.residual),
+                **joints,
+            },
+            coords={
+                "time": self.t,
+                "body": list(self.bodies),
+                "axis": ["x", "y", "z"],
+                "quaternion": ["w", "x", "y", "z"],
+                "level": ["position", "velocity", "acceleration"],
+            },
+            attrs={"status": self.status, "method": self.method, "model": self.model.name},
+        )
+
+    def __str__(self) -> str:
+        n = self.stats.counts
+        span = f"{self.t[0]:.6g} to {self.t[-1]:.6g} s" if len(self.t) else "nothing"
+        lines = [
+            f"motion of {self.model.name!r}: {self.status}, {span}, {len(self.t)} outputs",
+            f"  {self.stats.route}",
+            f"  {len(self.steps) - 1} steps, {n.get('rejected steps', 0)} rejected, "
+            f"{n.get('force evaluations', 0)} force evaluations, {n.get('tangents', 0)} tangents, "
+            f"{self.stats.wall_time:.3g} s",
+        ]
+        if len(self.t):
+            p, v, a = self.residual.max(axis=0)
+            lines.append(f"  constraints hold to {p:.1e} (position), {v:.1e} (velocity), {a:.1e} (acceleration)")
+        if self.message:
+            lines.append(f"  {self.message}")
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+    def __getstate__(self) -> dict[str, Any]:
+        # the second run is a closure of this process: an estimate is kept if it was made
+        return {**self.__dict__, "estimate": None}
+
+
+def _error(self: Trajectory) -> float | None:
+    if "_error" not in self.__dict__:
+        self.__dict__["_error"] = self.estimate(self) if self.estimate is not None else None
+    found: float | None = self.__dict__["_error"]
+    return found
+
+
+# a property may not stand in the class body, where the dataclass would take it for a default
+Trajectory.error = property(_error, doc="Estimated error of the positions, see the class.")  # type: ignore[assignment]
+
+# free coordinates by type of joint (docs/tables.md)
+_FREE = (0, 1, 1, 2, 2, 3, 3, 6, 0, 0, 0)
+
+
+def _matrix(q: np.ndarray) -> np.ndarray:
+    w, x, y, z = np.asarray(q) / np.linalg.norm(q)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

@@ -1,0 +1,211 @@
+//! The derivative of the first instant: loops close by the smallest change, rates follow the bodies' given velocities and agree
+//! with the rows, accelerations and multipliers follow from both.
+//!
+//! ```text
+//! dy:  dy + J^T . = 0,  J dy = -dPhi          v - v_g + J^T mu = 0,  J v + Phi_t = 0   (scaled by the characteristic length)
+//! M a + h + J^T lam = 0,  J a + gamma = 0
+//! ```
+use nalgebra::{DMatrix, DVector};
+use num_dual::Dual64;
+
+use crate::analysis::assembly::given_rates;
+use crate::analysis::transient::ali3p::pulled;
+use crate::analysis::transient::penalty::Penalty;
+use crate::analysis::transient::{Equations, Instant, Motion};
+use crate::error::{Error, Result};
+use crate::run::Counts;
+use crate::spatial::Pose;
+use crate::system::placement::{State, advance, lifted_relative, place};
+use crate::system::topology::Level;
+
+use super::Follow;
+
+/// A direction that moves redundant rows apart by more than this (relative) breaks a loop open.
+const BREAKS_LOOP: f64 = 1e-7;
+
+/// The first instant with its derivative along one direction.
+pub struct Start {
+    pub motion: Motion<Dual64>,
+    pub acceleration: Vec<Dual64>,
+    pub lam: Vec<Dual64>,
+}
+
+/// What the derivatives along all directions share.
+pub struct Starting<'a> {
+    eq: &'a Equations<'a, f64>,
+    first: &'a Instant,
+    follow: &'a Follow,
+    /// [S^-2 J^T; J 0] of the position rows and of all rows; [M J^T; J 0]
+    closing: Option<Penalty>,
+    aligning: Option<Penalty>,
+    accelerating: Penalty,
+    position: Vec<usize>,
+    jacobian: DMatrix<f64>,
+}
+
+impl<'a> Starting<'a> {
+    pub fn new(eq: &'a Equations<'a, f64>, first: &'a Instant, follow: &'a Follow) -> Result<Self> {
+        let jacobian = eq.rows(&first.motion).1;
+        let rows = &eq.topology().rows;
+        let position: Vec<usize> = (0..rows.len())
+            .filter(|i| rows[*i].level == Level::Position)
+            .collect();
+        let scales = eq.scales();
+        let weight = DMatrix::from_fn(eq.n(), eq.n(), |i, j| {
+            if i == j { scales[i].powi(-2) } else { 0.0 }
+        });
+        let with = |rows: &DMatrix<f64>| -> Result<Option<Penalty>> {
+            (rows.nrows() > 0)
+                .then(|| Penalty::new(&weight, &rows.transpose(), rows))
+                .transpose()
+        };
+        let closing = with(&DMatrix::from_fn(position.len(), eq.n(), |i, j| {
+            jacobian[(position[i], j)]
+        }))?;
+        Ok(Starting {
+            closing,
+            aligning: with(&jacobian)?,
+            accelerating: Penalty::new(&eq.mass(&first.motion), &jacobian.transpose(), &jacobian)?,
+            eq,
+            first,
+            follow,
+            position,
+            jacobian,
+        })
+    }
+
+    /// [M J^T; J 0] at the start.
+    pub fn accelerating(&self) -> &Penalty {
+        &self.accelerating
+    }
+
+    /// Do positions and rates of the start depend on numbers at all?
+    pub fn is_constant(&self) -> bool {
+        let topology = self.eq.topology();
+        let two_points = topology.nodes.iter().any(|n| {
+            n.joint
+                .is_some_and(|_| !n.kind.freedoms(n.reversed).iter().all(|f| f.rotation))
+        });
+        topology.rows.is_empty()
+            && self.follow.shift.is_empty()
+            && !(two_points && self.follow.drawn)
+            && !self.follow.velocities
+    }
+
+    /// Positions and rates alone, along direction p.
+    pub fn motion(&self, dual: &Equations<'_, Dual64>, p: usize) -> Result<Motion<Dual64>> {
+        let (eq, first) = (self.eq, &self.first.motion);
+        let topology = eq.topology();
+        let state = State {
+            relative: first.relative.clone(),
+            rate: first.rate.clone(),
+        };
+        let relative = if self.follow.drawn {
+            lifted_relative(topology, &dual.geometry, &state)
+        } else {
+            first.relative.iter().map(Pose::<f64>::lifted).collect()
+        };
+        let lift = |v: &[f64]| v.iter().map(|x| Dual64::from(*x)).collect::<Vec<_>>();
+        let mut m = Motion {
+            t: first.t,
+            relative,
+            rate: lift(&first.rate),
+            memory: lift(&first.memory),
+        };
+        if let Some(shift) = self.follow.shift.get(p) {
+            let dy: Vec<_> = shift.iter().map(|d| Dual64::new(0.0, *d)).collect();
+            advance(topology, &mut m.relative, &dy);
+        }
+        if let Some(closing) = &self.closing {
+            let dy = self.close(&dual.rows(&m).0, closing)?;
+            advance(topology, &mut m.relative, &dy);
+        }
+        self.rates(dual, &mut m)?;
+        Ok(m)
+    }
+
+    fn close(&self, phi: &DVector<Dual64>, closing: &Penalty) -> Result<Vec<Dual64>> {
+        let scale = self.eq.row_scales();
+        let miss = DVector::from_fn(self.position.len(), |i, _| -phi[self.position[i]].eps);
+        let (dy, _) = closing.solve_one(&DVector::zeros(self.eq.n()), &miss)?;
+        let whole = |i: usize| scale[self.position[i]];
+        let size = (0..miss.len())
+            .map(|i| (miss[i] * whole(i)).abs())
+            .fold(0.0, f64::max);
+        let left = (0..miss.len())
+            .map(|i| {
+                let reached: f64 = (0..dy.len())
+                    .map(|j| self.jacobian[(self.position[i], j)] * dy[j])
+                    .sum();
+                ((reached - miss[i]) * whole(i)).abs()
+            })
+            .fold(0.0, f64::max);
+        // below the second bound both are rounding
+        if left > BREAKS_LOOP * size && left > 1e-10 {
+            return Err(Error::NotDifferentiable(format!(
+                "this parameter breaks a redundant loop open: its constraints agree only at the present value (they part at the rate \
+                 {left:.1e}), so the derivative does not exist; vary parameters that keep the loop closed together, or release the \
+                 redundant constraint"
+            )));
+        }
+        Ok(dy.iter().map(|d| Dual64::new(0.0, *d)).collect())
+    }
+
+    /// Rates: those of the bodies' given velocities where the start is drawn, with the smallest change that the rows ask for.
+    fn rates(&self, dual: &Equations<'_, Dual64>, m: &mut Motion<Dual64>) -> Result<()> {
+        let eq = self.eq;
+        let n = eq.n();
+        let now = &self.first.motion.rate;
+        if self.follow.velocities {
+            let placement = place(eq.topology(), &dual.geometry, &m.relative, None);
+            m.rate = given_rates(eq.system, &dual.geometry, &dual.x, &placement)?;
+        }
+        let Some(aligning) = &self.aligning else {
+            return Ok(());
+        };
+        let given: Vec<f64> = m.rate.iter().map(|v| v.re).collect();
+        let slope: Vec<f64> = m.rate.iter().map(|v| v.eps).collect();
+        let change = DVector::from_fn(n, |i, _| now[i] - given[i]);
+        let (_, mu) = aligning.solve_one(&DVector::zeros(n), &(&self.jacobian * change))?;
+        m.rate = (0..n).map(|i| Dual64::new(now[i], slope[i])).collect();
+        let (_, jacobian) = dual.rows(m);
+        let turned = pulled(&jacobian, mu.as_slice()).map(|v| -v.eps);
+        let miss = dual.row_rates_of(m, &jacobian).map(|v| -v.eps);
+        let (d, _) = aligning.solve_one(&turned, &miss)?;
+        for (v, d) in m.rate.iter_mut().zip(d.iter()) {
+            v.eps += d;
+        }
+        Ok(())
+    }
+
+    /// Everything along direction p, which `dual` was seeded with.
+    pub fn along(
+        &self,
+        dual: &Equations<'_, Dual64>,
+        p: usize,
+        counts: &mut Counts,
+    ) -> Result<Start> {
+        let motion = self.motion(dual, p)?;
+        let lift = |v: &[f64]| v.iter().map(|x| Dual64::from(*x)).collect::<Vec<_>>();
+        let (a, lam) = (lift(&self.first.acceleration), lift(&self.first.lam));
+        let f = dual.residual(&motion, &a, &lam, counts).map(|v| -v.eps);
+        let g = if self.jacobian.nrows() > 0 {
+            let jacobian = dual.rows(&motion).1;
+            (dual.row_bias(&motion) + jacobian * DVector::from_vec(a.clone())).map(|v| -v.eps)
+        } else {
+            DVector::zeros(0)
+        };
+        let (da, dlam) = self.accelerating.solve_one(&f, &g)?;
+        let with = |v: &[f64], d: &DVector<f64>| {
+            v.iter()
+                .zip(d.iter())
+                .map(|(v, d)| Dual64::new(*v, *d))
+                .collect()
+        };
+        Ok(Start {
+            motion,
+            acceleration: with(&self.first.acceleration, &da),
+            lam: with(&self.first.lam, &dlam),
+        })
+    }
+}

@@ -1,0 +1,427 @@
+//! ALI3-P: index-3 augmented Lagrangian with the trapezoidal rule and projections, on the Lie group.
+//!
+//! ```text
+//! q1 = q0 exp(dq),  v* = 2/h dq - v0,  a* = 2/h (v* - v0) - a0,  c = h^2/4
+//! c (M a* + h(q1, v*) + J^T lam) = 0,   Phi(q1) = 0   (rows on velocity level: J v* + Phi_t = 0)
+//! W (v1 - v*) + J^T kappa = 0,  J v1 + Phi_t = 0;   W (a1 - a*) + J^T nu = 0,  J a1 + gamma = 0
+//! ```
+//! W = M + h/2 D + c K at (q1, v*, a*), or M. Every linear system is solved by penalties and multiplier updates until nothing
+//! changes (`penalty`), so that the penalty leaves no trace and redundant rows are welcome. After METHODS.md (e), a reading of
+//! Dopico and co-workers; the functions below are generic, so that `gradient` differentiates the very same text.
+use nalgebra::{DMatrix, DVector};
+use num_dual::{Dual, Dual64};
+
+use crate::error::{Error, Result};
+use crate::run::Counts;
+use crate::spatial::{Pose, Real};
+use crate::system::topology::Level;
+
+use super::matrix::turn_columns;
+use super::penalty::Penalty;
+use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
+
+const MAX_ITERATIONS: usize = 25;
+/// Newton's error is squared by its last step: a correction below this part of the increment leaves rounding only.
+const SOLVED: f64 = 1e-9;
+
+/// The metric of the projections.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Weight {
+    #[default]
+    Tangent,
+    Mass,
+}
+
+/// All that is needed to repeat a step without iterating.
+#[derive(Debug, Clone)]
+pub struct Record {
+    pub h: f64,
+    pub dq: Vec<f64>,
+    pub lam: Vec<f64>,
+    /// v1 - v* and a1 - a*, and the multipliers that made them
+    pub dv: Vec<f64>,
+    pub kappa: Vec<f64>,
+    pub da: Vec<f64>,
+    pub nu: Vec<f64>,
+}
+
+/// What the trapezoidal rule makes of an increment: motion with v*, and a*.
+pub fn stars<T: Real>(
+    eq: &Equations<'_, T>,
+    from: &Motion<T>,
+    a0: &[T],
+    dq: &[T],
+    h: f64,
+) -> (Motion<T>, Vec<T>) {
+    let mut m = from.moved(eq.topology(), dq);
+    m.t = from.t + h;
+    let f = 2.0 / h;
+    let mut a = Vec::with_capacity(dq.len());
+    for i in 0..dq.len() {
+        let v = dq[i] * f - from.rate[i];
+        a.push((v - from.rate[i]) * f - a0[i]);
+        m.rate[i] = v;
+    }
+    (m, a)
+}
+
+/// c (M a* + h + J^T lam).
+pub fn balance<T: Real>(
+    eq: &Equations<'_, T>,
+    m: &Motion<T>,
+    a: &[T],
+    lam: &[T],
+    h: f64,
+    counts: &mut Counts,
+) -> DVector<T> {
+    eq.residual(m, a, lam, counts) * T::from(0.25 * h * h)
+}
+
+/// Phi of position rows, h/2 (J v* + Phi_t) of velocity rows.
+pub fn closure<T: Real>(eq: &Equations<'_, T>, m: &Motion<T>, h: f64) -> DVector<T> {
+    let (mut phi, jacobian) = eq.rows(m);
+    if eq.topology().has_velocity_rows() {
+        let rates = eq.row_rates_of(m, &jacobian);
+        for (i, row) in eq.topology().rows.iter().enumerate() {
+            if row.level == Level::Velocity {
+                phi[i] = rates[i] * (0.5 * h);
+            }
+        }
+    }
+    phi
+}
+
+/// The same equations over duals of their numbers.
+pub fn lifted<'a, T: Real>(eq: &Equations<'a, T>) -> Equations<'a, Dual<T>> {
+    let x = eq.x.iter().map(|v| Dual::from_re(*v)).collect();
+    Equations::with_geometry(eq.system, x, eq.geometry.map(Dual::from_re), eq.effects)
+}
+
+/// W delta: for the tangent metric the derivative of c (M a* + h) along (c delta, h/2 delta, delta).
+pub fn metric_times<T: Real>(
+    eq: &Equations<'_, T>,
+    lifted: &Equations<'_, Dual<T>>,
+    m: &Motion<T>,
+    a: &[T],
+    delta: &[T],
+    h: f64,
+    weight: Weight,
+) -> DVector<T> {
+    if weight == Weight::Mass {
+        return eq.mass(m) * DVector::from_column_slice(delta);
+    }
+    let along = |v: &[T], f: f64| -> Vec<Dual<T>> {
+        v.iter()
+            .zip(delta)
+            .map(|(v, d)| Dual::new(*v, *d * f))
+            .collect()
+    };
+    let pose = |p: &Pose<T>| Pose {
+        p: p.p.map(Dual::from_re),
+        r: p.r.map(Dual::from_re),
+    };
+    let start = Motion {
+        t: m.t,
+        relative: m.relative.iter().map(pose).collect(),
+        rate: along(&m.rate, 0.5 * h),
+        memory: m.memory.iter().map(|v| Dual::from_re(*v)).collect(),
+    };
+    let none = vec![T::zero(); delta.len()];
+    let moved = start.moved(eq.topology(), &along(&none, 0.25 * h * h));
+    let a = along(a, 1.0);
+    let placement = lifted.place(&moved);
+    let scene = lifted.scene(&moved, &placement, Some(&a));
+    scene.residual(None).map(|v| v.eps)
+}
+
+/// J^T y, y one number per row.
+pub fn pulled<T: Real>(jacobian: &DMatrix<T>, y: &[f64]) -> DVector<T> {
+    DVector::from_fn(jacobian.ncols(), |j, _| {
+        (0..jacobian.nrows()).fold(T::zero(), |s, i| s + jacobian[(i, j)] * y[i])
+    })
+}
+
+impl Equations<'_, f64> {
+    /// X J_l(theta): columns of three rotations together, so that X acts on changes of an increment theta.
+    fn turned_columns(&self, mut x: DMatrix<f64>, theta: &[f64]) -> DMatrix<f64> {
+        turn_columns(&mut x, &self.rotation_maps(theta));
+        x
+    }
+
+    /// The matrix of a step: derivative of balance and closure by (dq, c lam).
+    pub fn step_matrix(
+        &self,
+        from: &Instant,
+        dq: &[f64],
+        lam: &[f64],
+        h: f64,
+        counts: &mut Counts,
+    ) -> Result<Penalty> {
+        let (m, a) = stars(self, &from.motion, &from.acceleration, dq, h);
+        let tangent = self.tangent(&m, &a, lam, counts);
+        let mut matrix = tangent.mass + self.turned_columns(tangent.stiffness * (0.25 * h * h), dq);
+        for d in [&tangent.damping, &tangent.gyroscopic]
+            .into_iter()
+            .flatten()
+        {
+            matrix += d * (0.5 * h);
+        }
+        let jacobian = self.rows(&m).1;
+        let mut right = self.turned_columns(jacobian.clone(), dq);
+        if self.topology().has_velocity_rows() {
+            self.velocity_row_slopes(from, dq, h, &mut right);
+        }
+        counts.add("factorisations", 1);
+        Penalty::new(&matrix, &jacobian.transpose(), &right)
+    }
+
+    /// Rows of velocity level: h/2 d(J v*)/d(dq), column by column with a dual number.
+    fn velocity_row_slopes(&self, from: &Instant, dq: &[f64], h: f64, right: &mut DMatrix<f64>) {
+        let dual = lifted(self);
+        let lift = |v: &[f64]| v.iter().map(|x| Dual64::from(*x)).collect::<Vec<_>>();
+        let start = Motion {
+            t: from.motion.t,
+            relative: from
+                .motion
+                .relative
+                .iter()
+                .map(Pose::<f64>::lifted)
+                .collect(),
+            rate: lift(&from.motion.rate),
+            memory: lift(&from.motion.memory),
+        };
+        let a = lift(&from.acceleration);
+        for j in 0..dq.len() {
+            let mut increment = lift(dq);
+            increment[j].eps = 1.0;
+            let (m, _) = stars(&dual, &start, &a, &increment, h);
+            let rates = closure(&dual, &m, h);
+            for (i, row) in self.topology().rows.iter().enumerate() {
+                if row.level == Level::Velocity {
+                    right[(i, j)] = rates[i].eps;
+                }
+            }
+        }
+    }
+
+    /// The matrix of both projections.
+    pub fn projection_matrix(
+        &self,
+        m: &Motion<f64>,
+        a: &[f64],
+        jacobian: &DMatrix<f64>,
+        h: f64,
+        weight: Weight,
+        counts: &mut Counts,
+    ) -> Result<Penalty> {
+        let matrix = match weight {
+            Weight::Mass => self.mass(m),
+            Weight::Tangent => {
+                let tangent = self.tangent(m, a, &[], counts);
+                let mut w = tangent.mass + tangent.stiffness * (0.25 * h * h);
+                for d in [&tangent.damping, &tangent.gyroscopic]
+                    .into_iter()
+                    .flatten()
+                {
+                    w += d * (0.5 * h);
+                }
+                w
+            }
+        };
+        counts.add("factorisations", 1);
+        Penalty::new(&matrix, &jacobian.transpose(), jacobian)
+    }
+
+    /// One step, with what is needed to repeat it.
+    pub fn ali3p_step(
+        &self,
+        from: &Instant,
+        h: f64,
+        weight: Weight,
+        counts: &mut Counts,
+    ) -> Result<(Instant, Record)> {
+        let n = self.n();
+        let (v0, a0) = (&from.motion.rate, &from.acceleration);
+        let mut dq: Vec<f64> = (0..n).map(|i| h * v0[i] + 0.5 * h * h * a0[i]).collect();
+        let mut lam = from.lam.clone();
+        self.newton(from, h, &mut dq, &mut lam, counts)?;
+        let (m, a) = stars(self, &from.motion, a0, &dq, h);
+        let mut record = Record {
+            h,
+            dq,
+            lam,
+            dv: Vec::new(),
+            kappa: Vec::new(),
+            da: Vec::new(),
+            nu: Vec::new(),
+        };
+        let mut end = Instant {
+            motion: m,
+            acceleration: a,
+            lam: record.lam.clone(),
+        };
+        if self.n_rows() > 0 {
+            self.project(&mut end, &mut record, weight, counts)?;
+        }
+        Ok((end, record))
+    }
+
+    fn project(
+        &self,
+        end: &mut Instant,
+        record: &mut Record,
+        weight: Weight,
+        counts: &mut Counts,
+    ) -> Result<()> {
+        let jacobian = self.rows(&end.motion).1;
+        let by = self.projection_matrix(
+            &end.motion,
+            &end.acceleration,
+            &jacobian,
+            record.h,
+            weight,
+            counts,
+        )?;
+        counts.add("velocity projections", 1);
+        counts.add("acceleration projections", 1);
+        let none = DVector::zeros(self.n());
+        let (dv, kappa) = by.solve_one(&none, &-self.row_rates_of(&end.motion, &jacobian))?;
+        for (v, d) in end.motion.rate.iter_mut().zip(dv.iter()) {
+            *v += d;
+        }
+        let miss =
+            self.row_bias(&end.motion) + &jacobian * DVector::from_column_slice(&end.acceleration);
+        let (da, nu) = by.solve_one(&none, &-miss)?;
+        for (a, d) in end.acceleration.iter_mut().zip(da.iter()) {
+            *a += d;
+        }
+        record.dv = dv.as_slice().to_vec();
+        record.kappa = kappa.as_slice().to_vec();
+        record.da = da.as_slice().to_vec();
+        record.nu = nu.as_slice().to_vec();
+        Ok(())
+    }
+
+    fn newton(
+        &self,
+        from: &Instant,
+        h: f64,
+        dq: &mut [f64],
+        lam: &mut [f64],
+        counts: &mut Counts,
+    ) -> Result<()> {
+        let scales = self.scales();
+        let size = |v: &[f64]| {
+            v.iter()
+                .zip(&scales)
+                .fold(0.0_f64, |s, (v, c)| s.max((v / c).abs()))
+        };
+        let c = 0.25 * h * h;
+        let mut last = f64::INFINITY;
+        for _ in 0..MAX_ITERATIONS {
+            counts.add("iterations", 1);
+            let (m, a) = stars(self, &from.motion, &from.acceleration, dq, h);
+            let r = balance(self, &m, &a, lam, h, counts);
+            let phi = closure(self, &m, h);
+            if r.iter().chain(phi.iter()).any(|v| !v.is_finite()) {
+                return Err(unsolved(h, f64::NAN));
+            }
+            let by = self.step_matrix(from, dq, lam, h, counts)?;
+            let (x, y) = by.solve_one(&-r, &-phi)?;
+            for (d, x) in dq.iter_mut().zip(x.iter()) {
+                *d += x;
+            }
+            for (l, y) in lam.iter_mut().zip(y.iter()) {
+                *l += y / c;
+            }
+            let step = size(x.as_slice());
+            let whole = size(dq).max(c * size(&from.acceleration));
+            if step <= SOLVED * whole || step <= 4.0 * f64::EPSILON {
+                return Ok(());
+            }
+            if step > 2.0 * last && step > 1.0 {
+                break;
+            }
+            // rounding of a long way or of stiff forces: no further progress
+            if step > 0.5 * last && step < 1e-12 {
+                return Ok(());
+            }
+            last = step;
+        }
+        Err(unsolved(h, last))
+    }
+}
+
+fn unsolved(h: f64, residual: f64) -> Error {
+    Error::Convergence {
+        message: format!("the equations of a step of {h:.2e} s did not converge"),
+        best: Vec::new(),
+        residual,
+    }
+}
+
+/// The scheme as a driver sees it.
+#[derive(Default)]
+pub struct Ali3p {
+    pub weight: Weight,
+    /// change of the acceleration over the last step, and its length
+    slope: Option<(Vec<f64>, f64)>,
+}
+
+impl Ali3p {
+    pub fn new(weight: Weight) -> Self {
+        Ali3p {
+            weight,
+            slope: None,
+        }
+    }
+
+    /// Leading terms of the trapezoidal rule: h^3/12 of the third and of the fourth derivative.
+    fn estimate(&self, from: &Instant, end: &Instant, h: f64) -> LocalError {
+        let n = end.acceleration.len();
+        let slope = |i: usize| (end.acceleration[i] - from.acceleration[i]) / h;
+        let second = |i: usize| {
+            self.slope
+                .as_ref()
+                .map_or(0.0, |(s, before)| 2.0 * (slope(i) - s[i]) / (h + before))
+        };
+        let factor = h * h * h / 12.0;
+        LocalError {
+            position: (0..n).map(|i| factor * slope(i)).collect(),
+            rate: (0..n).map(|i| factor * second(i)).collect(),
+        }
+    }
+}
+
+impl Scheme for Ali3p {
+    fn order(&self) -> u32 {
+        2
+    }
+
+    fn step(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        h: f64,
+        estimate: bool,
+        counts: &mut Counts,
+    ) -> Result<Step> {
+        let (end, _) = eq.ali3p_step(from, h, self.weight, counts)?;
+        let error = estimate.then(|| self.estimate(from, &end, h));
+        Ok(Step { end, error })
+    }
+
+    fn accept(&mut self, _eq: &Equations<'_, f64>, from: &Instant, step: &Step, h: f64) {
+        let slope = step
+            .end
+            .acceleration
+            .iter()
+            .zip(&from.acceleration)
+            .map(|(a, b)| (a - b) / h);
+        self.slope = Some((slope.collect(), h));
+    }
+
+    fn reset(&mut self) {
+        self.slope = None;
+    }
+}

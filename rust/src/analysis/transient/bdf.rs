@@ -1,0 +1,534 @@
+//! Backward differences of orders one to five with variable steps, Newton with factorisations that are kept.
+//!
+//! The numerical differentiation formulas of L. Shampine and M. Reichelt, SIAM J. Sci. Comput. 18 (1997) 1-22: differences on a
+//! grid of equal steps that are mapped when the step changes; with y = (theta, v), theta increments from the pose of a chart,
+//! ```text
+//! c theta' = psi + d,  theta' = J_l^-1(theta) v;    c a = psi_v + d_v;    M a + h(q, v, t) + J^T lam = 0,  J v + Phi_t = 0
+//! ```
+//! Newton corrects c dv and c^2 lam, so that nothing grows as the step falls. Positions are projected at the end of a step, and the
+//! correction enters the differences (as in the projection of C. Lubich's and E. Eich's codes), so that histories stay consistent.
+//! With fixed steps the order is four, and a run with small steps of its own gives the first four points.
+use std::collections::VecDeque;
+
+use crate::error::{Error, Result};
+use crate::run::{Cancel, Counts};
+
+use super::driver::{Plan, Progress, Steps, drive};
+use super::saddle::Saddle;
+use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
+
+const MOST: usize = 5;
+const FIXED: usize = 4;
+const KAPPA: [f64; 6] = [0.0, -0.1850, -1.0 / 9.0, -0.0823, -0.0415, 0.0];
+const MAX_ITERATIONS: usize = 8;
+/// A kept factorisation serves steps within this part of its own.
+const NEAR: f64 = 0.25;
+const SAFETY: f64 = 0.85;
+/// Corrections that stop falling below this are rounding.
+const ROUNDING: f64 = 1e-10;
+/// Rotations of a chart beyond this (radians) call for a new one.
+const WIDE: f64 = 1.0;
+/// Tolerance of the run that starts fixed steps.
+const START: f64 = 1e-11;
+
+fn gamma(k: usize) -> f64 {
+    (1..=k).map(|j| 1.0 / j as f64).sum()
+}
+
+fn alpha(k: usize) -> f64 {
+    (1.0 - KAPPA[k]) * gamma(k)
+}
+
+fn error_constant(k: usize) -> f64 {
+    let kappa = KAPPA.get(k).copied().unwrap_or(0.0);
+    kappa * gamma(k) + 1.0 / (k as f64 + 1.0)
+}
+
+/// Increments from the chart, and rates.
+#[derive(Debug, Clone)]
+struct Pair {
+    y: Vec<f64>,
+    v: Vec<f64>,
+}
+
+impl Pair {
+    fn zero(n: usize) -> Self {
+        Pair {
+            y: vec![0.0; n],
+            v: vec![0.0; n],
+        }
+    }
+
+    fn add(&mut self, o: &Pair, factor: f64) {
+        for (a, b) in self.y.iter_mut().zip(&o.y) {
+            *a += factor * b;
+        }
+        for (a, b) in self.v.iter_mut().zip(&o.v) {
+            *a += factor * b;
+        }
+    }
+
+    fn error(&self, factor: f64) -> LocalError {
+        LocalError {
+            position: self.y.iter().map(|v| v * factor).collect(),
+            rate: self.v.iter().map(|v| v * factor).collect(),
+        }
+    }
+}
+
+/// Where the differences count from, and the differences on a grid of steps h that ends at t.
+struct History {
+    t: f64,
+    h: f64,
+    chart: Motion<f64>,
+    d: Vec<Pair>,
+    equal: usize,
+}
+
+pub struct Bdf {
+    order: usize,
+    /// steps of one length and order: their errors have no tolerance that could choose
+    fixed: bool,
+    /// allowed remainder of Newton's method, in the units of the tolerance
+    solved: f64,
+    history: Option<History>,
+    /// points of the start of fixed steps
+    start: VecDeque<Instant>,
+    points: Vec<Instant>,
+    kept: Option<(f64, Saddle)>,
+    tried: Option<Pair>,
+}
+
+struct Trial {
+    motion: Motion<f64>,
+    y: Vec<f64>,
+}
+
+impl Bdf {
+    /// None: fixed steps.
+    pub fn new(rtol: Option<f64>) -> Self {
+        Bdf {
+            order: 1,
+            fixed: rtol.is_none(),
+            solved: rtol.map_or(1e-13, |r| 0.01 * r),
+            history: None,
+            start: VecDeque::new(),
+            points: Vec::new(),
+            kept: None,
+            tried: None,
+        }
+    }
+
+    fn begin(&mut self, from: &Instant, h: f64) {
+        let n = from.motion.rate.len();
+        let scaled = |v: &[f64]| v.iter().map(|x| x * h).collect();
+        let mut d = vec![Pair::zero(n); MOST + 3];
+        d[0].v.clone_from(&from.motion.rate);
+        d[1] = Pair {
+            y: scaled(&from.motion.rate),
+            v: scaled(&from.acceleration),
+        };
+        self.order = 1;
+        self.history = Some(History {
+            t: from.motion.t,
+            h,
+            chart: from.motion.clone(),
+            d,
+            equal: 0,
+        });
+    }
+
+    /// The first points of fixed steps, from a run with steps of its own.
+    fn prepare(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        h: f64,
+        counts: &mut Counts,
+    ) -> Result<()> {
+        let times: Vec<f64> = (1..=FIXED).map(|k| from.motion.t + k as f64 * h).collect();
+        let plan = Plan {
+            end: times[FIXED - 1],
+            steps: Steps::Controlled {
+                rtol: START,
+                first: None,
+                longest: h,
+            },
+            outputs: Some(times),
+            breaks: Vec::new(),
+            per_unit_step: false,
+            max_steps: 100_000,
+        };
+        let mut scheme = Bdf::new(Some(START));
+        let run = drive(
+            eq,
+            &mut scheme,
+            from.clone(),
+            &plan,
+            &Cancel::default(),
+            &Progress::default(),
+            counts,
+        )?;
+        if run.outputs.len() < FIXED {
+            return Err(Error::Convergence {
+                message: "the first steps could not be made".into(),
+                best: Vec::new(),
+                residual: f64::NAN,
+            });
+        }
+        self.points = vec![from.clone()];
+        self.start = run.outputs.into_iter().map(|o| o.instant).collect();
+        Ok(())
+    }
+
+    /// Differences of equally distant points, the last one first.
+    fn collect(&mut self, eq: &Equations<'_, f64>, h: f64) {
+        let points = std::mem::take(&mut self.points);
+        let Some(last) = points.last() else { return };
+        let n = eq.n();
+        let mut row: Vec<Pair> = points
+            .iter()
+            .rev()
+            .map(|p| Pair {
+                y: eq.difference(&last.motion, &p.motion),
+                v: p.motion.rate.clone(),
+            })
+            .collect();
+        let mut d = Vec::with_capacity(MOST + 3);
+        while let Some(first) = row.first() {
+            d.push(first.clone());
+            row = row
+                .windows(2)
+                .map(|w| {
+                    let mut next = w[0].clone();
+                    next.add(&w[1], -1.0);
+                    next
+                })
+                .collect();
+        }
+        d.resize(MOST + 3, Pair::zero(n));
+        self.order = FIXED;
+        self.history = Some(History {
+            t: last.motion.t,
+            h,
+            chart: last.motion.clone(),
+            d,
+            equal: 0,
+        });
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn solve(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        guess: &Pair,
+        psi: &Pair,
+        c: f64,
+        from: &Instant,
+        t: f64,
+        counts: &mut Counts,
+    ) -> Result<Trial> {
+        let Some(chart) = self.history.as_ref().map(|h| h.chart.clone()) else {
+            return Err(Error::singular("a multistep method without history"));
+        };
+        let scales = eq.scales();
+        let size = |v: &[f64]| {
+            v.iter()
+                .zip(&scales)
+                .fold(0.0_f64, |s, (v, c)| s.max((v / c).abs()))
+        };
+        let n = eq.n();
+        let speed = size(&guess.v)
+            .max(size(&from.motion.rate))
+            .max(c * size(&from.acceleration))
+            .max(1e-300);
+        let (mut v, mut y, mut lam) = (guess.v.clone(), guess.y.clone(), from.lam.clone());
+        if self
+            .kept
+            .as_ref()
+            .is_some_and(|(kept, _)| (kept / c - 1.0).abs() > NEAR)
+        {
+            self.kept = None;
+        }
+        let mut last = f64::INFINITY;
+        let mut fresh = false;
+        for _ in 0..MAX_ITERATIONS {
+            counts.add("iterations", 1);
+            let slope = eq.increment_rates(&y, &v);
+            let wanted: Vec<f64> = (0..n)
+                .map(|i| guess.y[i] + c * slope[i] - psi.y[i])
+                .collect();
+            y = wanted;
+            let mut m = chart.moved(eq.topology(), &y);
+            m.t = t;
+            m.rate.clone_from(&v);
+            m.memory.clone_from(&from.motion.memory);
+            let a: Vec<f64> = (0..n).map(|i| (psi.v[i] + v[i] - guess.v[i]) / c).collect();
+            let r = eq.residual(&m, &a, &lam, counts) * (c * c);
+            let rates = eq.row_rates_sparse(&m) * c;
+            if r.iter().chain(rates.iter()).any(|v| !v.is_finite()) {
+                return Err(eq
+                    .topology()
+                    .tables
+                    .failure()
+                    .unwrap_or(Error::Convergence {
+                        message: format!("a force is no number at t = {t:.9} s"),
+                        best: Vec::new(),
+                        residual: f64::NAN,
+                    }));
+            }
+            if self.kept.is_none() {
+                let (matrix, jacobian) =
+                    eq.iteration_matrices(&m, &a, &lam, (c, c * c), &y, counts);
+                self.kept = Some((c, Saddle::of(&matrix, &jacobian, None)?));
+                fresh = true;
+            }
+            let Some((_, saddle)) = &self.kept else { break };
+            let (w, mu) = saddle.solve(&-r, &-rates)?;
+            for (v, w) in v.iter_mut().zip(w.iter()) {
+                *v += w / c;
+            }
+            for (l, d) in lam.iter_mut().zip(mu.iter()) {
+                *l += d / (c * c);
+            }
+            let step = size(w.as_slice()).max(size(w.as_slice()) / (c * speed));
+            let rate = step / last;
+            let near = step <= 0.1 * self.solved
+                || last.is_finite() && rate < 1.0 && step * rate / (1.0 - rate) <= self.solved;
+            if near || last.is_finite() && rate > 0.3 && step < ROUNDING {
+                let slope = eq.increment_rates(&y, &v);
+                y = (0..n)
+                    .map(|i| guess.y[i] + c * slope[i] - psi.y[i])
+                    .collect();
+                let mut m = chart.moved(eq.topology(), &y);
+                m.t = t;
+                m.rate = v;
+                m.memory.clone_from(&from.motion.memory);
+                return Ok(Trial { motion: m, y });
+            }
+            if last.is_finite() && rate > 2.0 && fresh {
+                break;
+            }
+            if last.is_finite() && rate > 0.3 && !fresh {
+                self.kept = None;
+            }
+            last = step;
+        }
+        self.kept = None;
+        Err(Error::Convergence {
+            message: format!("the equations of a step to t = {t:.9} s did not converge"),
+            best: Vec::new(),
+            residual: last,
+        })
+    }
+}
+
+/// Differences on a grid with steps longer by `factor` (Shampine and Reichelt, R U).
+fn stretched(d: &mut [Pair], order: usize, factor: f64) {
+    let map = |factor: f64| {
+        let mut m = vec![vec![0.0; order + 1]; order + 1];
+        m[0].fill(1.0);
+        for i in 1..=order {
+            m[i] = (0..=order)
+                .map(|j| match j {
+                    0 => 0.0,
+                    _ => m[i - 1][j] * (i as f64 - 1.0 - factor * j as f64) / i as f64,
+                })
+                .collect();
+        }
+        m
+    };
+    let (r, u) = (map(factor), map(1.0));
+    let n = d[0].y.len();
+    let old: Vec<Pair> = d[..=order].to_vec();
+    for (i, target) in d.iter_mut().enumerate().take(order + 1) {
+        *target = Pair::zero(n);
+        for (j, source) in old.iter().enumerate() {
+            // (R U)^T
+            let weight: f64 = (0..=order).map(|k| r[j][k] * u[k][i]).sum();
+            if weight != 0.0 {
+                target.add(source, weight);
+            }
+        }
+    }
+}
+
+impl Scheme for Bdf {
+    fn order(&self) -> u32 {
+        self.order as u32
+    }
+
+    fn power(&self) -> f64 {
+        self.order as f64 + 1.0
+    }
+
+    fn step(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        h: f64,
+        estimate: bool,
+        counts: &mut Counts,
+    ) -> Result<Step> {
+        if self.history.as_ref().is_none_or(|k| k.t != from.motion.t) {
+            self.history = None;
+            if estimate {
+                self.begin(from, h);
+            } else {
+                if self.start.is_empty() && self.points.is_empty() {
+                    self.prepare(eq, from, h, counts)?;
+                }
+                if let Some(end) = self
+                    .start
+                    .pop_front()
+                    .filter(|p| p.motion.t <= from.motion.t + h * (1.0 + 1e-9))
+                {
+                    self.points.push(end.clone());
+                    return Ok(Step { end, error: None });
+                }
+                // the end came before the start was through
+                if self.points.len() <= FIXED {
+                    self.begin(from, h);
+                } else {
+                    self.collect(eq, h);
+                }
+            }
+        }
+        let k = self.order;
+        let (guess, psi) = {
+            let Some(history) = self.history.as_mut() else {
+                return Err(Error::singular("a multistep method without history"));
+            };
+            if (history.h / h - 1.0).abs() > 1e-12 {
+                stretched(&mut history.d, k, h / history.h);
+                history.h = h;
+                history.equal = 0;
+            }
+            let n = eq.n();
+            let (mut guess, mut psi) = (Pair::zero(n), Pair::zero(n));
+            for (m, d) in history.d.iter().enumerate().take(k + 1) {
+                guess.add(d, 1.0);
+                psi.add(d, gamma(m) / alpha(k));
+            }
+            (guess, psi)
+        };
+        let c = h / alpha(k);
+        let trial = self.solve(eq, &guess, &psi, c, from, from.motion.t + h, counts)?;
+        let end = eq.consistent(trial.motion.clone(), counts)?;
+        let projected = eq.increment_rates(&trial.y, &eq.difference(&trial.motion, &end.motion));
+        let mut d = Pair {
+            y: trial.y,
+            v: end.motion.rate.clone(),
+        };
+        for (y, p) in d.y.iter_mut().zip(projected) {
+            *y += p;
+        }
+        d.add(&guess, -1.0);
+        let error = estimate.then(|| d.error(error_constant(k)));
+        self.tried = Some(d);
+        Ok(Step { end, error })
+    }
+
+    fn accept(&mut self, eq: &Equations<'_, f64>, _from: &Instant, step: &Step, _h: f64) {
+        let k = self.order;
+        let (Some(history), Some(d)) = (self.history.as_mut(), self.tried.take()) else {
+            return;
+        };
+        let mut above = d.clone();
+        above.add(&history.d[k + 1], -1.0);
+        history.d[k + 2] = above;
+        history.d[k + 1] = d;
+        for i in (0..=k).rev() {
+            let next = history.d[i + 1].clone();
+            history.d[i].add(&next, 1.0);
+        }
+        history.equal += 1;
+        history.t = step.end.motion.t;
+        if eq.widest_rotation(&history.d[0].y) > WIDE {
+            recharted(eq, history, k + 2);
+        }
+    }
+
+    fn proposal(&mut self, size: &dyn Fn(&LocalError) -> f64) -> Option<f64> {
+        if self.fixed {
+            return None;
+        }
+        let k = self.order;
+        let history = self.history.as_mut()?;
+        if history.equal <= k {
+            return Some(1.0);
+        }
+        let norm =
+            |order: usize, m: usize| size(&history.d[m].error(error_constant(order))).max(1e-12);
+        let factor = |order: usize| norm(order, order + 1).powf(-1.0 / (order as f64 + 1.0));
+        let same = factor(k);
+        let lower = if k > 1 { factor(k - 1) } else { 0.0 };
+        let higher = if k < MOST { factor(k + 1) } else { 0.0 };
+        let best = same.max(lower).max(higher);
+        let mut chosen = k;
+        if best == lower {
+            chosen = k - 1;
+        } else if best == higher && higher > same {
+            chosen = k + 1;
+        }
+        let factor = (SAFETY * best).clamp(0.2, 10.0);
+        // a new step costs a factorisation: only for a gain
+        if chosen == k && (0.9..1.3).contains(&factor) {
+            return Some(1.0);
+        }
+        self.order = chosen;
+        Some(factor)
+    }
+
+    fn reset(&mut self) {
+        self.history = None;
+        self.kept = None;
+        self.start.clear();
+        self.points.clear();
+    }
+}
+
+/// Past points counted from the pose of the last one.
+fn recharted(eq: &Equations<'_, f64>, history: &mut History, order: usize) {
+    let order = order.min(MOST + 1);
+    // y_(n-j) = sum_m (-1)^m C(j, m) D_m
+    let n = eq.n();
+    let point = |j: usize| {
+        let mut sum = Pair::zero(n);
+        let mut binomial = 1.0;
+        for (m, d) in history.d.iter().enumerate().take(j + 1) {
+            sum.add(d, if m % 2 == 0 { binomial } else { -binomial });
+            binomial *= (j - m) as f64 / (m as f64 + 1.0);
+        }
+        sum
+    };
+    let points: Vec<Pair> = (0..=order).map(point).collect();
+    let motions: Vec<Motion<f64>> = points
+        .iter()
+        .map(|p| history.chart.moved(eq.topology(), &p.y))
+        .collect();
+    let mut row: Vec<Pair> = points
+        .iter()
+        .zip(&motions)
+        .map(|(p, m)| Pair {
+            y: eq.difference(&motions[0], m),
+            v: p.v.clone(),
+        })
+        .collect();
+    let mut k = 0;
+    while let Some(first) = row.first() {
+        history.d[k] = first.clone();
+        k += 1;
+        row = row
+            .windows(2)
+            .map(|w| {
+                let mut next = w[0].clone();
+                next.add(&w[1], -1.0);
+                next
+            })
+            .collect();
+    }
+    let mut chart = history.chart.clone();
+    chart.relative.clone_from(&motions[0].relative);
+    history.chart = chart;
+}

@@ -1,0 +1,201 @@
+//! Four-step BDF whose equations are solved without any tangent: the derivative-free multibody solver of J. Algorithms & Comput.
+//! Technol. (2017), doi 10.1177/1748301817729990.
+//!
+//! Taylor predictor of second order, corrector of order four with constraints on position and velocity level (`bdf_step`), solved
+//! by inverse quasi-Newton updates (`bdf_solver`). Four steps of order eight start it, divided where the scene is too stiff for
+//! them (`bdf_history`). Unequal steps use the weights of the polynomial through the actual times.
+use nalgebra::{DMatrix, DVector};
+
+use crate::error::Result;
+use crate::run::Counts;
+use crate::solve::inverse::Family;
+
+use super::bdf_history::{GROWTH, History};
+use super::bdf_solver::StepSolver;
+use super::bdf_step::{BdfStep, Form, Guess, Sizes, derivative_weights, value_weights};
+use super::explicit::independent_rows;
+use super::saddle::Saddle;
+use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
+
+const STEPS: usize = 4;
+/// Leading term of the error over the fifth difference: (1/5)/(25/12).
+const LEADING: f64 = 12.0 / 125.0;
+
+pub struct BdfBfgs {
+    form: Form,
+    solver: StepSolver,
+    history: History,
+    sizes: Option<Sizes>,
+    /// multipliers of the kept rows at the last accepted instant, and of the step that is tried
+    lam: Option<(f64, Vec<f64>)>,
+    tried: Option<Vec<f64>>,
+}
+
+impl BdfBfgs {
+    pub fn new(form: Form, family: Option<Family>) -> Self {
+        BdfBfgs {
+            form,
+            solver: StepSolver::new(family),
+            history: History::default(),
+            sizes: None,
+            lam: None,
+            tried: None,
+        }
+    }
+
+    fn sizes(&mut self, eq: &Equations<'_, f64>, m: &Motion<f64>) -> Sizes {
+        let make = || {
+            let jacobian = eq.rows(m).1;
+            let kept = independent_rows(eq.system, &jacobian);
+            Sizes::new(eq, &eq.mass(m), kept)
+        };
+        self.sizes.get_or_insert_with(make).clone()
+    }
+
+    /// Multipliers of the kept rows at an instant.
+    fn multipliers(
+        &self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        sizes: &Sizes,
+    ) -> Result<Vec<f64>> {
+        if let Some((t, lam)) = &self.lam
+            && *t == from.motion.t
+        {
+            return Ok(lam.clone());
+        }
+        if sizes.kept.is_empty() {
+            return Ok(Vec::new());
+        }
+        let jacobian = eq.rows(&from.motion).1;
+        let kept = DMatrix::from_fn(sizes.kept.len(), eq.n(), |r, i| {
+            jacobian[(sizes.kept[r], i)]
+        });
+        let load = jacobian.transpose() * DVector::from_column_slice(&from.lam);
+        // M x + J_k^T lam_k = J^T lam with J_k x = 0: x vanishes, the kept rows carry what all carried
+        let saddle = Saddle::new(&eq.mass(&from.motion), &kept)?;
+        let (_, lam) = saddle.solve(&load, &DVector::zeros(kept.nrows()))?;
+        Ok(lam.as_slice().to_vec())
+    }
+
+    fn corrected(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        h: f64,
+        counts: &mut Counts,
+    ) -> Result<Step> {
+        let sizes = self.sizes(eq, &from.motion);
+        let history = self.history.seen_from(eq, from, h);
+        let t = from.motion.t + h;
+        let times: Vec<f64> = history.iter().map(|p| p.t).collect();
+        let mut nodes = vec![t];
+        nodes.extend(&times[..STEPS]);
+        let weights = derivative_weights(&nodes);
+        let past = |of: &dyn Fn(usize) -> Vec<f64>| combined(&weights[1..], of, eq.n());
+        let (v, a) = (&from.motion.rate, &from.acceleration);
+        let guess = Guess {
+            theta: (0..eq.n()).map(|i| h * v[i] + 0.5 * h * h * a[i]).collect(),
+            rate: (0..eq.n()).map(|i| v[i] + h * a[i]).collect(),
+            lam: self.multipliers(eq, from, &sizes)?,
+        };
+        let n = sizes.unknowns(self.form);
+        let mut step = BdfStep {
+            eq,
+            form: self.form,
+            sizes: &sizes,
+            base: &from.motion,
+            t,
+            g: 1.0 / weights[0],
+            theta_past: past(&|j| history[j].theta.clone()),
+            rate_past: past(&|j| history[j].rate.clone()),
+            guess,
+            row_factor: vec![1.0; n],
+            counts,
+        };
+        let x = self.solver.solve(&mut step, n)?;
+        let at = step.meaning(&x);
+        let counts = &mut *step.counts;
+        let mut motion = at.motion;
+        if self.form == Form::Symmetric && !sizes.kept.is_empty() {
+            eq.align(&mut motion, counts)?;
+        }
+        let error = (history.len() > STEPS).then(|| {
+            let ahead = value_weights(&times[..=STEPS], t);
+            let miss = |now: &[f64], of: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> {
+                let expected = combined(&ahead, of, eq.n());
+                let both = now.iter().zip(expected);
+                both.map(|(y, e)| LEADING * (y - e)).collect()
+            };
+            LocalError {
+                position: miss(&at.theta, &|j| history[j].theta.clone()),
+                rate: miss(&motion.rate, &|j| history[j].rate.clone()),
+            }
+        });
+        self.tried = Some(at.lam);
+        let end = eq.instant(motion, counts)?;
+        Ok(Step { end, error })
+    }
+}
+
+fn combined(weights: &[f64], of: &dyn Fn(usize) -> Vec<f64>, n: usize) -> Vec<f64> {
+    let mut sum = vec![0.0; n];
+    for (j, w) in weights.iter().enumerate() {
+        for (s, v) in sum.iter_mut().zip(of(j)) {
+            *s += w * v;
+        }
+    }
+    sum
+}
+
+impl Scheme for BdfBfgs {
+    fn order(&self) -> u32 {
+        STEPS as u32
+    }
+
+    fn step(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        h: f64,
+        estimate: bool,
+        counts: &mut Counts,
+    ) -> Result<Step> {
+        if self.history.past.len() >= STEPS - 1 + usize::from(estimate) {
+            return self.corrected(eq, from, h, counts);
+        }
+        self.tried = None;
+        let end = self.history.start(eq, from, h, counts)?;
+        let none = || LocalError {
+            position: vec![0.0; eq.n()],
+            rate: vec![0.0; eq.n()],
+        };
+        Ok(Step {
+            end,
+            error: estimate.then(none),
+        })
+    }
+
+    fn accept(&mut self, _: &Equations<'_, f64>, from: &Instant, step: &Step, _: f64) {
+        self.history.past.insert(0, from.clone());
+        self.history.past.truncate(STEPS);
+        self.lam = self.tried.take().map(|lam| (step.end.motion.t, lam));
+    }
+
+    fn reset(&mut self) {
+        self.history.clear();
+        self.lam = None;
+    }
+
+    fn remark(&self) -> Option<String> {
+        self.solver.remark()
+    }
+
+    fn largest_growth(&self) -> f64 {
+        if self.history.past.len() < STEPS {
+            1.0
+        } else {
+            GROWTH
+        }
+    }
+}

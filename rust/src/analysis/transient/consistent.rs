@@ -1,0 +1,229 @@
+//! Positions on the constraints, rates along them, accelerations and multipliers that belong to both: what makes an instant.
+//!
+//! Corrections are the smallest in kinetic energy, min dy^T M dy, so that they leave the free motion alone.
+use nalgebra::DVector;
+
+use crate::error::{Error, Result};
+use crate::run::Counts;
+use crate::system::assemble::Scene;
+use crate::system::placement::advance;
+use crate::system::topology::Level;
+
+use super::matrix::Matrix;
+use super::saddle::Saddle;
+use super::{Equations, Instant, Motion};
+
+/// Rows are closed when smaller than this (scaled), or when they get no smaller.
+const CLOSED: f64 = 1e-14;
+const ACCEPTABLE: f64 = 1e-10;
+const CLOSING_STEPS: usize = 12;
+
+/// Everything that the accelerations follow from, at one placement.
+struct Evaluation {
+    mass: Matrix,
+    h: DVector<f64>,
+    jacobian: Matrix,
+    gamma: DVector<f64>,
+}
+
+impl Equations<'_, f64> {
+    fn matrix(&self, rows: usize) -> Matrix {
+        Matrix::zeros(rows, self.n(), self.sparse)
+    }
+
+    /// Phi and J, sparse where the model is large.
+    pub fn row_matrix(&self, m: &Motion<f64>) -> (DVector<f64>, Matrix) {
+        let placement = self.place(m);
+        let mut jacobian = self.matrix(self.n_rows());
+        let phi = self
+            .scene(m, &placement, None)
+            .constraints_into(&mut jacobian);
+        (phi, jacobian)
+    }
+
+    fn mass_of(&self, scene: &Scene<'_, f64>) -> Matrix {
+        let mut mass = self.matrix(self.n());
+        scene.mass_into(&mut mass, &mut Matrix::zeros(0, 0, self.sparse));
+        mass
+    }
+
+    fn saddle(&self, mass: &Matrix, jacobian: &Matrix, counts: &mut Counts) -> Result<Saddle> {
+        counts.add("mass factorisations", 1);
+        Saddle::of(mass, jacobian, Some(&self.ordering))
+    }
+
+    fn evaluated(&self, m: &Motion<f64>, counts: &mut Counts) -> Result<Evaluation> {
+        counts.add("force evaluations", 1);
+        let placement = self.place(m);
+        let scene = self.scene(m, &placement, None);
+        let h = scene.residual(None);
+        self.check_forces(&h)?;
+        let mut jacobian = self.matrix(self.n_rows());
+        let mut gamma = DVector::zeros(0);
+        if self.n_rows() > 0 {
+            counts.add("multiplier solutions", 1);
+            scene.constraints_into(&mut jacobian);
+            gamma = scene.row_bias(&scene.carried_accelerations()) + self.explicit_rates(m).1;
+        }
+        Ok(Evaluation {
+            mass: self.mass_of(&scene),
+            h,
+            jacobian,
+            gamma,
+        })
+    }
+
+    /// Which rows say where things are.
+    fn position_rows(&self) -> Vec<bool> {
+        self.topology()
+            .rows
+            .iter()
+            .map(|r| r.level == Level::Position)
+            .collect()
+    }
+
+    /// The largest of scaled rows, and which.
+    pub fn worst_row(&self, rows: &DVector<f64>) -> (f64, usize) {
+        let scaled = rows
+            .iter()
+            .zip(self.row_scales())
+            .map(|(v, s)| (v * s).abs());
+        scaled.enumerate().fold((0.0, 0), |worst, (i, v)| {
+            if v > worst.0 || v.is_nan() {
+                (v, i)
+            } else {
+                worst
+            }
+        })
+    }
+
+    /// Close the position rows.
+    pub fn close(&self, m: &mut Motion<f64>, counts: &mut Counts) -> Result<()> {
+        let kept = self.position_rows();
+        if !kept.contains(&true) {
+            return Ok(());
+        }
+        let mut last = f64::INFINITY;
+        for _ in 0..CLOSING_STEPS {
+            let placement = self.place(m);
+            let scene = self.scene(m, &placement, None);
+            let mut jacobian = self.matrix(self.n_rows());
+            let phi = scene.constraints_into(&mut jacobian);
+            let phi = DVector::from_fn(phi.len(), |i, _| if kept[i] { phi[i] } else { 0.0 });
+            let (size, worst) = self.worst_row(&phi);
+            if size <= CLOSED || size <= ACCEPTABLE * 0.1 && size > 0.5 * last {
+                return Ok(());
+            }
+            if !size.is_finite() || size > 1e3 {
+                return Err(self.open(worst, size));
+            }
+            last = size;
+            counts.add("position projections", 1);
+            jacobian.keep_rows(&kept);
+            let saddle = self.saddle(&self.mass_of(&scene), &jacobian, counts)?;
+            let step = saddle.solve(&DVector::zeros(self.n()), &-phi)?.0;
+            advance(self.topology(), &mut m.relative, step.as_slice());
+        }
+        let (phi, _) = self.row_matrix(m);
+        let phi = DVector::from_fn(phi.len(), |i, _| if kept[i] { phi[i] } else { 0.0 });
+        let (size, worst) = self.worst_row(&phi);
+        if size <= ACCEPTABLE {
+            return Ok(());
+        }
+        Err(self.open(worst, size))
+    }
+
+    fn open(&self, row: usize, size: f64) -> Error {
+        let topology = self.topology();
+        if let Some(error) = topology.tables.failure() {
+            return error;
+        }
+        let name = topology.row_name(row);
+        Error::Convergence {
+            message: format!("'{name}' stays open by {size:.2e} characteristic lengths or radians"),
+            best: Vec::new(),
+            residual: size,
+        }
+    }
+
+    /// Make the rates agree with all rows.
+    pub fn align(&self, m: &mut Motion<f64>, counts: &mut Counts) -> Result<()> {
+        if self.n_rows() > 0 {
+            self.aligned(m, counts)?;
+        }
+        Ok(())
+    }
+
+    /// The same, with the factors that the accelerations need as well.
+    fn aligned(&self, m: &mut Motion<f64>, counts: &mut Counts) -> Result<Saddle> {
+        counts.add("velocity projections", 1);
+        let placement = self.place(m);
+        let scene = self.scene(m, &placement, None);
+        let mut jacobian = self.matrix(self.n_rows());
+        scene.constraints_into(&mut jacobian);
+        let saddle = self.saddle(&self.mass_of(&scene), &jacobian, counts)?;
+        let miss = -(jacobian.times(&m.rate) + self.explicit_rates(m).0);
+        let step = saddle.solve(&DVector::zeros(self.n()), &miss)?.0;
+        for (rate, step) in m.rate.iter_mut().zip(step.iter()) {
+            *rate += step;
+        }
+        Ok(saddle)
+    }
+
+    /// Accelerations and multipliers of a consistent motion.
+    pub fn instant(&self, motion: Motion<f64>, counts: &mut Counts) -> Result<Instant> {
+        let now = self.evaluated(&motion, counts)?;
+        let saddle = self.saddle(&now.mass, &now.jacobian, counts)?;
+        let (a, lam) = saddle.solve(&-now.h, &-now.gamma)?;
+        Ok(Instant {
+            motion,
+            acceleration: a.as_slice().to_vec(),
+            lam: lam.as_slice().to_vec(),
+        })
+    }
+
+    /// Closed, aligned, with accelerations: one factorisation for rates and accelerations.
+    pub fn consistent(&self, mut m: Motion<f64>, counts: &mut Counts) -> Result<Instant> {
+        if self.n_rows() == 0 {
+            return self.instant(m, counts);
+        }
+        self.close(&mut m, counts)?;
+        let saddle = self.aligned(&mut m, counts)?;
+        let now = self.evaluated(&m, counts)?;
+        let (a, lam) = saddle.solve(&-now.h, &-now.gamma)?;
+        Ok(Instant {
+            motion: m,
+            acceleration: a.as_slice().to_vec(),
+            lam: lam.as_slice().to_vec(),
+        })
+    }
+
+    /// What position, velocity and acceleration rows leave over, scaled by the characteristic length.
+    pub fn residuals(&self, m: &Motion<f64>, a: &[f64]) -> [f64; 3] {
+        if self.n_rows() == 0 {
+            return [0.0; 3];
+        }
+        let (phi, jacobian) = self.row_matrix(m);
+        let rates = jacobian.times(&m.rate) + self.explicit_rates(m).0;
+        let accelerations = jacobian.times(a) + self.row_bias(m);
+        [phi, rates, accelerations].map(|r| self.worst_row(&r).0)
+    }
+
+    fn check_forces(&self, h: &DVector<f64>) -> Result<()> {
+        match h.iter().position(|v| !v.is_finite()) {
+            None => Ok(()),
+            Some(i) => Err(self
+                .topology()
+                .tables
+                .failure()
+                .unwrap_or(Error::Convergence {
+                    message: format!(
+                        "the force along '{}' is no number",
+                        self.topology().names[i]
+                    ),
+                    best: Vec::new(),
+                    residual: f64::NAN,
+                })),
+        }
+    }
+}

@@ -1,0 +1,507 @@
+//! From instant to instant: steps of fixed or controlled length, output times, breaks, and what happened when it ends early.
+use std::f64::consts::TAU;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::error::{Error, Result};
+use crate::model::joint::JointKind;
+use crate::run::{Cancel, Counts};
+
+use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
+
+/// How steps are chosen.
+#[derive(Debug, Clone, Copy)]
+pub enum Steps {
+    Fixed(f64),
+    /// sum of the local errors of positions (characteristic lengths, radians) and of rates (over the largest rate)
+    Controlled {
+        rtol: f64,
+        first: Option<f64>,
+        longest: f64,
+    },
+}
+
+pub struct Plan {
+    pub end: f64,
+    pub steps: Steps,
+    /// None: every accepted step
+    pub outputs: Option<Vec<f64>>,
+    /// times at which a step must end and histories start anew, ascending
+    pub breaks: Vec<f64>,
+    /// a scheme that extrapolates locally holds the error of a step to the tolerance, others that of a unit of time
+    pub per_unit_step: bool,
+    pub max_steps: usize,
+}
+
+#[derive(Debug, Clone)]
+pub enum End {
+    Finished,
+    Interrupted,
+    /// when, and why
+    Stopped {
+        t: f64,
+        message: String,
+    },
+}
+
+/// An instant, and the coordinates of all joints (`Equations::joint_coordinates`), angles continuous over turns.
+pub struct Output {
+    pub instant: Instant,
+    pub joints: Vec<f64>,
+}
+
+pub struct Run {
+    pub outputs: Vec<Output>,
+    /// times of all accepted steps, the start included
+    pub steps: Vec<f64>,
+    /// estimated local error of every step over its tolerance
+    pub local: Vec<f64>,
+    pub rejected: usize,
+    pub end: End,
+    pub last: Instant,
+}
+
+const SAFETY: f64 = 0.85;
+const SHRINK: f64 = 0.2;
+const GROW: f64 = 3.0;
+const MAX_FAILURES: usize = 60;
+const DIVISIONS: usize = 5;
+
+/// Progress as a part of the whole, readable from another thread.
+#[derive(Debug, Default)]
+pub struct Progress(AtomicU64);
+
+impl Progress {
+    fn set(&self, part: f64) {
+        self.0.store(part.to_bits(), Ordering::Relaxed);
+    }
+
+    pub fn get(&self) -> f64 {
+        f64::from_bits(self.0.load(Ordering::Relaxed))
+    }
+}
+
+struct Driver<'e, 's, 'p> {
+    eq: &'e Equations<'s, f64>,
+    plan: &'p Plan,
+    scales: Vec<f64>,
+    start: f64,
+    /// largest rate so far, in characteristic lengths or radians per second
+    speed: f64,
+    next_output: usize,
+    angles: Vec<bool>,
+    /// coordinates of the joints at the last accepted step
+    joints: Vec<f64>,
+    run: Run,
+}
+
+pub fn drive(
+    eq: &Equations<'_, f64>,
+    scheme: &mut dyn Scheme,
+    start: Instant,
+    plan: &Plan,
+    cancel: &Cancel,
+    progress: &Progress,
+    counts: &mut Counts,
+) -> Result<Run> {
+    let mut driver = Driver {
+        eq,
+        plan,
+        scales: eq.scales(),
+        start: start.motion.t,
+        speed: 0.0,
+        next_output: 0,
+        angles: eq.angles(),
+        joints: eq.joint_coordinates(&start.motion, &eq.place(&start.motion)),
+        run: Run {
+            outputs: Vec::new(),
+            steps: vec![start.motion.t],
+            local: Vec::new(),
+            rejected: 0,
+            end: End::Finished,
+            last: start.clone(),
+        },
+    };
+    driver.at_start(&start);
+    driver.march(scheme, start, cancel, progress, counts)?;
+    Ok(driver.run)
+}
+
+impl Driver<'_, '_, '_> {
+    fn scaled(&self, v: &[f64]) -> f64 {
+        v.iter().zip(&self.scales).fold(0.0_f64, |s, (v, c)| {
+            let v = (v / c).abs();
+            if v > s || v.is_nan() { v } else { s }
+        })
+    }
+
+    fn at_start(&mut self, start: &Instant) {
+        match &self.plan.outputs {
+            None => self.put(start.clone(), self.joints.clone()),
+            Some(times) => {
+                let n = times.iter().take_while(|t| **t <= start.motion.t).count();
+                for _ in 0..n {
+                    self.put(start.clone(), self.joints.clone());
+                }
+                self.next_output = n;
+            }
+        }
+    }
+
+    fn put(&mut self, instant: Instant, joints: Vec<f64>) {
+        self.run.outputs.push(Output { instant, joints });
+    }
+
+    /// Coordinates of the joints, angles continued from the last accepted step.
+    fn continued(&self, m: &Motion<f64>) -> Vec<f64> {
+        let mut now = self.eq.joint_coordinates(m, &self.eq.place(m));
+        for ((now, before), angle) in now.iter_mut().zip(&self.joints).zip(&self.angles) {
+            if *angle {
+                *now += ((before - *now) / TAU).round() * TAU;
+            }
+        }
+        now
+    }
+
+    /// A length from the motion itself: a small turn, or a small change of the rates.
+    fn first_step(&self, start: &Instant, rtol: f64, order: u32) -> f64 {
+        let (v, a) = (
+            self.scaled(&start.motion.rate),
+            self.scaled(&start.acceleration),
+        );
+        let time = (1.0 / (v + 1e-12)).min((1.0 / (a + 1e-12)).sqrt());
+        time * rtol.powf(1.0 / f64::from(order + 1)) * 0.5
+    }
+
+    fn march(
+        &mut self,
+        scheme: &mut dyn Scheme,
+        start: Instant,
+        cancel: &Cancel,
+        progress: &Progress,
+        counts: &mut Counts,
+    ) -> Result<()> {
+        let (t0, end) = (self.start, self.plan.end);
+        let total = end - t0;
+        let mut here = start;
+        let mut h = match self.plan.steps {
+            Steps::Fixed(h) => h,
+            Steps::Controlled {
+                rtol,
+                first,
+                longest,
+            } => first
+                .unwrap_or_else(|| self.first_step(&here, rtol, scheme.order()))
+                .min(longest),
+        };
+        let mut failures = 0;
+        let mut after_rejection = false;
+        while end - here.motion.t > 1e-14 * end.abs().max(total) {
+            if cancel.check().is_err() {
+                self.run.end = End::Interrupted;
+                break;
+            }
+            if self.run.steps.len() > self.plan.max_steps {
+                self.stop(
+                    here.motion.t,
+                    format!(
+                        "{} steps were not enough; give more with max_steps=",
+                        self.plan.max_steps
+                    ),
+                );
+                break;
+            }
+            self.speed = self
+                .speed
+                .max(self.scaled(&here.motion.rate))
+                .max(1e-3 * self.scaled(&here.acceleration) * total.min(h * 1e3));
+            if matches!(self.plan.steps, Steps::Controlled { .. }) {
+                h = h.min(self.half_turn(&here));
+            }
+            let (length, target) = self.fitted(&here, h);
+            let estimate = matches!(self.plan.steps, Steps::Controlled { .. });
+            let tried = scheme.step(self.eq, &here, length, estimate, counts);
+            let (mut step, size) = match self.judged(tried, length, scheme.power()) {
+                Verdict::Accepted(step, size) => (step, size),
+                Verdict::Fatal(error) => {
+                    self.stop(here.motion.t, error.to_string());
+                    break;
+                }
+                Verdict::Rejected(factor, why) => {
+                    if let Some(error) = self.eq.topology().tables.failure() {
+                        self.stop(here.motion.t, error.to_string());
+                        break;
+                    }
+                    self.run.rejected += 1;
+                    counts.add("rejected steps", 1);
+                    failures += 1;
+                    after_rejection = true;
+                    h = length * factor;
+                    let most = match self.plan.steps {
+                        // a fixed step is divided where its equations have no solution, as in singular poses
+                        Steps::Fixed(_) => DIVISIONS,
+                        Steps::Controlled { .. } => MAX_FAILURES,
+                    };
+                    let tiny = h < 1e-14 * here.motion.t.abs().max(total);
+                    if tiny || failures > most {
+                        self.stop(here.motion.t, why);
+                        break;
+                    }
+                    continue;
+                }
+            };
+            failures = 0;
+            if let Some(t) = target {
+                step.end.motion.t = t;
+            }
+            self.record(scheme, &here, &mut step, length, counts)?;
+            scheme.accept(self.eq, &here, &step, length);
+            self.run.local.push(size);
+            here = step.end;
+            if target.is_some_and(|t| self.plan.breaks.contains(&t)) {
+                // rates of drives may jump: an impact
+                scheme.reset();
+                match self.eq.consistent(here.motion.clone(), counts) {
+                    Ok(after) => here = after,
+                    Err(error) => {
+                        self.stop(here.motion.t, error.to_string());
+                        break;
+                    }
+                }
+            }
+            self.run.steps.push(here.motion.t);
+            counts.add("steps", 1);
+            progress.set((here.motion.t - t0) / total);
+            let tolerance = |e: &LocalError| self.size(e, self.speed) / self.tolerance(length);
+            h = match scheme.proposal(&tolerance) {
+                Some(factor) => self.proposed(h, length, factor),
+                None => self.next(h, length, size, after_rejection, scheme),
+            };
+            after_rejection = false;
+        }
+        self.run.last = here;
+        Ok(())
+    }
+
+    fn stop(&mut self, t: f64, message: String) {
+        self.run.end = End::Stopped { t, message };
+    }
+
+    /// A step in which no angle of a joint turns by half a turn, beyond which turns cannot be counted: v h + a h^2/2 <= 2.
+    fn half_turn(&self, here: &Instant) -> f64 {
+        const TURN: f64 = 2.0;
+        let nodes = self.eq.topology().nodes.iter();
+        let counted = nodes.filter(|n| !matches!(n.kind, JointKind::Spherical | JointKind::Free));
+        let dofs = counted.flat_map(|n| n.first..n.first + n.n);
+        let turning = dofs.filter(|d| self.eq.topology().dofs[*d].freedom.rotation);
+        turning.fold(f64::INFINITY, |h, d| {
+            let (v, a) = (here.motion.rate[d].abs(), here.acceleration[d].abs());
+            h.min(2.0 * TURN / (v + (v * v + 2.0 * a * TURN).sqrt()))
+        })
+    }
+
+    /// The step that does not pass the end or a break, and the time it must hit exactly.
+    fn fitted(&self, here: &Instant, h: f64) -> (f64, Option<f64>) {
+        let t = here.motion.t;
+        let ahead = self
+            .plan
+            .breaks
+            .iter()
+            .copied()
+            .find(|b| *b > t + 1e-14 * self.plan.end.abs().max(1e-300));
+        // what changes at a break must not change within the step that ends there
+        let (target, left) = match ahead.filter(|b| *b <= self.plan.end) {
+            Some(b) => (b, b - t - 4.0 * f64::EPSILON * b.abs()),
+            None => (self.plan.end, self.plan.end - t),
+        };
+        if let Steps::Fixed(grid) = self.plan.steps {
+            return self.on_grid(t, h, grid, target);
+        }
+        if h >= left * (1.0 - 1e-9) {
+            (left, Some(target))
+        } else if h > 0.5 * left {
+            // two equal steps instead of one and a splinter
+            (0.5 * left, None)
+        } else {
+            (h, None)
+        }
+    }
+
+    /// To the next multiple of the fixed step, or to a break or the end before it.
+    fn on_grid(&self, t: f64, h: f64, grid: f64, target: f64) -> (f64, Option<f64>) {
+        let next = self.start + grid * (((t - self.start) / grid + 1e-6).floor() + 1.0);
+        let cut = next >= target - 1e-9 * grid;
+        let aim = if cut { target } else { next };
+        if h < (aim - t) * (1.0 - 1e-6) {
+            (h, None)
+        } else if (aim - t - grid).abs() < 1e-9 * grid {
+            // whole steps have one length, so that factorisations and histories stay
+            (grid, Some(aim))
+        } else {
+            (aim - t, Some(aim))
+        }
+    }
+
+    fn judged(&self, tried: Result<Step>, h: f64, power: f64) -> Verdict {
+        let step = match tried {
+            Ok(step) => step,
+            Err(error @ (Error::Convergence { .. } | Error::Singular(_))) => {
+                return Verdict::Rejected(0.25, error.to_string());
+            }
+            Err(error) => return Verdict::Fatal(error),
+        };
+        let Some(error) = &step.error else {
+            return Verdict::Accepted(step, 0.0);
+        };
+        // what starts from rest without force has no rate of its own yet
+        let reached = self.scaled(&step.end.motion.rate);
+        let size = self.size(error, self.speed.max(reached)) / self.tolerance(h);
+        if size <= 1.0 {
+            return Verdict::Accepted(step, size);
+        }
+        let why = format!(
+            "the step underflows: the error is set by '{}'",
+            self.culprit(error)
+        );
+        let factor = if size.is_finite() {
+            (SAFETY * size.powf(-1.0 / power)).clamp(0.1, 0.9)
+        } else {
+            0.1
+        };
+        Verdict::Rejected(factor, why)
+    }
+
+    /// What the local error of a step may be; infinite for fixed steps.
+    fn tolerance(&self, h: f64) -> f64 {
+        match self.plan.steps {
+            Steps::Fixed(_) => f64::INFINITY,
+            Steps::Controlled { rtol, .. } if self.plan.per_unit_step => {
+                rtol * h / (self.plan.end - self.start)
+            }
+            Steps::Controlled { rtol, .. } => rtol,
+        }
+    }
+
+    fn size(&self, error: &LocalError, speed: f64) -> f64 {
+        let speed = speed.max(1e-300);
+        let rate = self.scaled(&error.rate) / speed;
+        let position = self.scaled(&error.position);
+        if rate.is_nan() || position.is_nan() {
+            f64::NAN
+        } else {
+            rate.max(position)
+        }
+    }
+
+    /// The coordinate whose error is the largest.
+    fn culprit(&self, error: &LocalError) -> &str {
+        let size = |i: usize| {
+            (error.position[i]
+                .abs()
+                .max(error.rate[i].abs() / self.speed.max(1e-300)))
+                / self.scales[i]
+        };
+        let worst = (0..self.scales.len()).max_by(|i, j| size(*i).total_cmp(&size(*j)));
+        worst.map_or("", |i| &self.eq.topology().names[i])
+    }
+
+    fn grid(&self) -> f64 {
+        match self.plan.steps {
+            Steps::Fixed(h) => h,
+            Steps::Controlled { longest, .. } => longest,
+        }
+    }
+
+    /// The next step by a scheme's own proposal; one that was cut short for an output or the end says little.
+    fn proposed(&self, wanted: f64, length: f64, factor: f64) -> f64 {
+        let Steps::Controlled { longest, .. } = self.plan.steps else {
+            return self.grid();
+        };
+        let next = length * factor;
+        (if length < 0.5 * wanted {
+            next.max(wanted * factor.min(1.0))
+        } else {
+            next
+        })
+        .min(longest)
+    }
+
+    fn next(
+        &self,
+        wanted: f64,
+        length: f64,
+        size: f64,
+        after_rejection: bool,
+        scheme: &dyn Scheme,
+    ) -> f64 {
+        let Steps::Controlled { longest, .. } = self.plan.steps else {
+            return self.grid();
+        };
+        let power = scheme.power();
+        let grow = if after_rejection {
+            1.0
+        } else {
+            GROW.min(scheme.largest_growth())
+        };
+        let factor = (SAFETY * size.max(1e-30).powf(-1.0 / power)).clamp(SHRINK, grow);
+        let next = length * factor;
+        // a step that was cut short says little about longer ones
+        (if length < wanted {
+            next.max(wanted * factor.min(1.0))
+        } else {
+            next
+        })
+        .min(longest)
+    }
+
+    /// Outputs up to the end of the step, then the memory of the laws.
+    fn record(
+        &mut self,
+        scheme: &mut dyn Scheme,
+        here: &Instant,
+        step: &mut Step,
+        h: f64,
+        counts: &mut Counts,
+    ) -> Result<()> {
+        let eq = self.eq;
+        let end = step.end.motion.t;
+        let mut inside = Vec::new();
+        let mut at_end = 0;
+        if let Some(times) = &self.plan.outputs {
+            while let Some(t) = times.get(self.next_output).filter(|t| **t <= end) {
+                if *t == end {
+                    at_end += 1;
+                } else {
+                    inside.push(*t);
+                }
+                self.next_output += 1;
+            }
+        }
+        if !inside.is_empty() {
+            let fractions: Vec<f64> = inside.iter().map(|t| (t - here.motion.t) / h).collect();
+            let motions: Vec<Motion<f64>> =
+                scheme.between(eq, here, step, h, &fractions, counts)?;
+            for (mut m, t) in motions.into_iter().zip(inside) {
+                counts.add("interpolations", 1);
+                m.t = t;
+                let instant = eq.consistent(m, counts)?;
+                let joints = self.continued(&instant.motion);
+                self.put(instant, joints);
+            }
+        }
+        eq.remember(&mut step.end.motion, counts);
+        self.joints = self.continued(&step.end.motion);
+        if self.plan.outputs.is_none() {
+            at_end = 1;
+        }
+        for _ in 0..at_end {
+            self.put(step.end.clone(), self.joints.clone());
+        }
+        Ok(())
+    }
+}
+
+enum Verdict {
+    Accepted(Step, f64),
+    Rejected(f64, String),
+    Fatal(Error),
+}

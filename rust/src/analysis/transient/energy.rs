@@ -1,0 +1,189 @@
+//! Energies and powers along a motion, and the coordinates of all joints.
+use crate::laws::Law;
+use crate::model::joint::Coordinate;
+use crate::spatial::{Six, V3, log_so3};
+use crate::system::connector::{motion_of, relative_of};
+use crate::system::placement::Placement;
+use crate::system::topology::Connector;
+
+use super::{Equations, Motion};
+
+/// Of one element: what it stores (None where it has no potential) and the power it takes from the mechanism.
+#[derive(Debug, Clone, Copy)]
+pub struct ElementEnergy {
+    pub stored: Option<f64>,
+    pub power: f64,
+}
+
+pub struct Energies {
+    pub kinetic: f64,
+    pub gravity: f64,
+    pub elements: Vec<ElementEnergy>,
+}
+
+/// Nodes and weights of Gauss-Legendre quadrature with 5 points on [0, 1].
+const GAUSS: [(f64, f64); 5] = [
+    (0.046_910_077_030_668, 0.118_463_442_528_095),
+    (0.230_765_344_947_158, 0.239_314_335_249_683),
+    (0.5, 0.284_444_444_444_444),
+    (0.769_234_655_052_842, 0.239_314_335_249_683),
+    (0.953_089_922_969_332, 0.118_463_442_528_095),
+];
+/// Pieces of the path from zero to the displacement: laws of contact have a kink inside.
+const PIECES: usize = 64;
+
+/// The work of a law from zero displacement, or None of laws that depend on more than the displacement.
+fn potential(law: Law, p: &[f64], e: f64) -> Option<f64> {
+    if law.uses_velocity() || law.n_memory() > 0 || matches!(law, Law::VaryingStiffness) {
+        return None;
+    }
+    let piece = e / PIECES as f64;
+    let at = |k: usize, s: f64| law.force(piece * (k as f64 + s), 0.0, p, &[], &mut []);
+    let sum: f64 = (0..PIECES)
+        .map(|k| GAUSS.iter().map(|(s, w)| w * at(k, *s)).sum::<f64>())
+        .sum();
+    Some(sum * piece)
+}
+
+impl Equations<'_, f64> {
+    pub fn energies(&self, m: &Motion<f64>) -> Energies {
+        let placement = self.place(m);
+        let topology = self.topology();
+        let (mut kinetic, mut gravity) = (0.0, 0.0);
+        let g = self.geometry.gravity.filter(|_| self.effects.gravity);
+        for (i, node) in topology.nodes.iter().enumerate() {
+            let body = &self.geometry.bodies[node.body];
+            let pose = &placement.pose[i];
+            if let Some(v) = placement.velocity.as_ref().map(|v| &v.body[i]) {
+                let omega = pose.r.transpose() * v.a;
+                kinetic += 0.5 * (body.mass * v.l.dot(&v.l) + omega.dot(&(body.inertia * omega)));
+            }
+            if let Some(g) = g {
+                gravity -= body.mass * g.dot(&pose.p);
+            }
+        }
+        let elements = topology
+            .connectors
+            .iter()
+            .map(|c| self.element_energy(&placement, m, c))
+            .collect();
+        Energies {
+            kinetic,
+            gravity,
+            elements,
+        }
+    }
+
+    fn element_energy(
+        &self,
+        placement: &Placement<f64>,
+        m: &Motion<f64>,
+        c: &Connector,
+    ) -> ElementEnergy {
+        let x = &self.x;
+        let moved = motion_of(self.topology(), &self.geometry, placement, x, c);
+        let n = moved.len();
+        let (mut stored, mut power, mut skew) = (0.0, 0.0, false);
+        for (i, (e, v)) in moved.iter().enumerate() {
+            let preload = c.preload.map_or(0.0, |s| x[s + i]);
+            stored += preload * e;
+            power += preload * v;
+            for (j, (ej, vj)) in moved.iter().enumerate() {
+                let k = entry(x, c, c.k, n, i, j);
+                skew |= (k - entry(x, c, c.k, n, j, i)).abs() > 1e-12 * k.abs();
+                stored += 0.5 * e * k * ej;
+                power += v * k * ej;
+                if self.effects.damping {
+                    power += v * entry(x, c, c.c, n, i, j) * vj;
+                }
+            }
+        }
+        let mut known = !skew;
+        for law in &c.laws {
+            let (e, v) = moved[law.component];
+            let p = &x[law.x..law.x + law.law.n_params()];
+            let mut memory = m.memory[law.memory..law.memory + law.law.n_memory()].to_vec();
+            power += law.law.eval(e, v, p, &mut memory) * v;
+            match potential(law.law, p, e) {
+                Some(work) => stored += work,
+                // friction alone stores nothing that comes back
+                None => known &= matches!(law.law, Law::CoulombTanh),
+            }
+        }
+        ElementEnergy {
+            stored: known.then_some(stored),
+            power,
+        }
+    }
+
+    /// Free coordinates of every joint of the model, in their order; angles within half a turn.
+    pub fn joint_coordinates(&self, m: &Motion<f64>, placement: &Placement<f64>) -> Vec<f64> {
+        let topology = self.topology();
+        let mut out = Vec::new();
+        for (i, joint) in topology.tables.joints.iter().enumerate() {
+            let coordinates = joint.kind.free_coordinates();
+            if coordinates.is_empty() {
+                continue;
+            }
+            let here = relative_of(
+                topology,
+                placement,
+                joint.a,
+                joint.b,
+                &self.geometry.joints[i],
+            );
+            out.extend(coordinates.iter().map(|c| here.row(*c).e));
+        }
+        // bodies that no joint carries move on a free joint of their own
+        let loose = topology
+            .nodes
+            .iter()
+            .zip(&m.relative)
+            .filter(|(n, _)| n.joint.is_none());
+        for (_, pose) in loose {
+            let turned = log_so3(&pose.r);
+            out.extend(pose.p.iter().chain(turned.iter()));
+        }
+        out
+    }
+
+    /// Which of `joint_coordinates` count turns.
+    pub fn angles(&self) -> Vec<bool> {
+        let topology = self.topology();
+        let joints = topology
+            .tables
+            .joints
+            .iter()
+            .flat_map(|j| j.kind.free_coordinates());
+        let mut out: Vec<bool> = joints
+            .map(|c| matches!(c, Coordinate::Angle { .. }))
+            .collect();
+        let loose = topology.nodes.iter().filter(|n| n.joint.is_none()).count();
+        out.extend(std::iter::repeat_n(false, 6 * loose));
+        out
+    }
+
+    /// Twist of each body's origin (world), in the order of the model.
+    pub fn origins(&self, placement: &Placement<f64>) -> Vec<(V3<f64>, Six<f64>)> {
+        let topology = self.topology();
+        let mut out = vec![(V3::zeros(), Six::zero()); topology.nodes.len()];
+        for (i, node) in topology.nodes.iter().enumerate() {
+            let pose = &placement.pose[i];
+            let arm = -(pose.r * self.geometry.bodies[node.body].com);
+            let v = placement
+                .velocity
+                .as_ref()
+                .map_or_else(Six::zero, |v| v.body[i].motion_at(&arm));
+            out[node.body] = (pose.p + arm, v);
+        }
+        out
+    }
+}
+
+fn entry(x: &[f64], c: &Connector, start: Option<usize>, n: usize, i: usize, j: usize) -> f64 {
+    match start {
+        Some(s) if c.full => x[s + i * n + j],
+        Some(s) if i == j => x[s + i],
+        _ => 0.0,
+    }
+}

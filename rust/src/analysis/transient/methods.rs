@@ -1,0 +1,187 @@
+//! Which scheme runs, and a whole run from any start: consistent initial values first.
+use crate::error::{Error, Result};
+use crate::run::{Cancel, Counts};
+
+use super::ali3p::{Ali3p, Weight};
+use crate::solve::inverse::Family;
+
+use super::bdf::Bdf;
+use super::bdf_bfgs::BdfBfgs;
+use super::bdf_step::Form;
+use super::driver::{Plan, Progress, Run, Steps, drive};
+use super::explicit8::Explicit8;
+use super::generalized_alpha::GeneralizedAlpha;
+use super::{Equations, Instant, Motion, Scheme};
+
+#[derive(Debug, Clone, Copy)]
+pub enum Method {
+    Auto,
+    Explicit,
+    /// spectral radius at infinity
+    GeneralizedAlpha(f64),
+    Ali3p(Weight),
+    BdfBfgs(Form, Option<Family>),
+    Bdf,
+}
+
+/// What generalised-alpha leaves of infinitely fast oscillations, unless it is told otherwise.
+const RHO: f64 = 0.8;
+
+impl Method {
+    pub fn named(name: &str, rho: Option<f64>) -> Result<Self> {
+        match name {
+            "auto" => Ok(Method::Auto),
+            "explicit" => Ok(Method::Explicit),
+            "bdf" => Ok(Method::Bdf),
+            "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
+            "ali3p" => Ok(Method::Ali3p(Weight::Tangent)),
+            name if name.starts_with("bdf-bfgs") => {
+                let form = if name.contains("/symmetric") {
+                    Form::Symmetric
+                } else {
+                    Form::Ggl
+                };
+                let family = match name.rsplit('/').next() {
+                    Some("bfgs") => Some(Family::Bfgs),
+                    Some("broyden") => Some(Family::Broyden),
+                    _ => None,
+                };
+                Ok(Method::BdfBfgs(form, family))
+            }
+            other => Err(Error::model(format!("no method is called '{other}'"))),
+        }
+    }
+
+    fn name(&self) -> &'static str {
+        match self {
+            Method::Auto => "auto",
+            Method::Explicit => "explicit",
+            Method::GeneralizedAlpha(_) => "generalized-alpha",
+            Method::Ali3p(_) => "ali3p",
+            Method::BdfBfgs(..) => "bdf-bfgs",
+            Method::Bdf => "bdf",
+        }
+    }
+
+    fn scheme(&self, steps: Steps) -> Box<dyn Scheme> {
+        match self {
+            Method::Auto | Method::Explicit => Box::new(Explicit8::default()),
+            Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
+            Method::Ali3p(weight) => Box::new(Ali3p::new(*weight)),
+            Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family)),
+            Method::Bdf => Box::new(Bdf::new(match steps {
+                Steps::Fixed(_) => None,
+                Steps::Controlled { rtol, .. } => Some(rtol),
+            })),
+        }
+    }
+
+    /// Schemes without local extrapolation: their tolerance is that of a unit of time.
+    fn per_unit_step(&self) -> bool {
+        matches!(
+            self,
+            Method::GeneralizedAlpha(_) | Method::BdfBfgs(..) | Method::Ali3p(_)
+        )
+    }
+}
+
+pub struct Simulated {
+    pub run: Run,
+    pub method: &'static str,
+    pub why: String,
+    /// largest change of a joint coordinate by closing the loops at the start, characteristic lengths or radians
+    pub position_correction: f64,
+    /// the same of a rate, per second
+    pub velocity_correction: f64,
+}
+
+pub fn simulate(
+    eq: &Equations<'_, f64>,
+    method: Method,
+    start: Motion<f64>,
+    mut plan: Plan,
+    cancel: &Cancel,
+    progress: &Progress,
+    counts: &mut Counts,
+) -> Result<Simulated> {
+    let given = start.clone();
+    let first = eq.consistent(start, counts).map_err(at_start)?;
+    let scales = eq.scales();
+    let size = |v: &[f64]| {
+        v.iter()
+            .zip(&scales)
+            .fold(0.0_f64, |s, (v, c)| s.max((v / c).abs()))
+    };
+    let position_correction = size(&eq.difference(&given, &first.motion));
+    let changed: Vec<f64> = first
+        .motion
+        .rate
+        .iter()
+        .zip(&given.rate)
+        .map(|(a, b)| a - b)
+        .collect();
+    let velocity_correction = size(&changed);
+    let (method, mut why) = chosen(eq, method, &first, &plan, counts)?;
+    plan.per_unit_step = method.per_unit_step();
+    let mut scheme = method.scheme(plan.steps);
+    let run = drive(eq, scheme.as_mut(), first, &plan, cancel, progress, counts)?;
+    if let Some(remark) = scheme.remark() {
+        why = format!("{why}; {remark}");
+    }
+    Ok(Simulated {
+        run,
+        method: method.name(),
+        why,
+        position_correction,
+        velocity_correction,
+    })
+}
+
+fn at_start(error: Error) -> Error {
+    match error {
+        Error::Convergence { message, .. } => {
+            Error::Assembly(format!("the motion cannot start: {message}"))
+        }
+        other => other,
+    }
+}
+
+/// Vibrations or decays faster than the motion by this factor, and this many of them in the whole time, call for an implicit method.
+const STIFF: f64 = 300.0;
+const MANY: f64 = 3000.0;
+
+fn chosen(
+    eq: &Equations<'_, f64>,
+    method: Method,
+    first: &Instant,
+    plan: &Plan,
+    counts: &mut Counts,
+) -> Result<(Method, String)> {
+    let Method::Auto = method else {
+        return Ok((method, "as asked".into()));
+    };
+    if eq.topology().connectors.is_empty() {
+        let why = "no spring, damper or law: nothing can be stiff".into();
+        return Ok((Method::Explicit, why));
+    }
+    let scales = eq.scales();
+    let size = |v: &[f64]| {
+        v.iter()
+            .zip(&scales)
+            .fold(0.0_f64, |s, (v, c)| s.max((v / c).abs()))
+    };
+    let time = plan.end - first.motion.t;
+    let motion = size(&first.motion.rate)
+        .max(size(&first.acceleration).sqrt())
+        .max(1.0 / time);
+    let fastest = eq.fastest(first, counts)?;
+    let text = format!(
+        "the fastest vibration or decay ({fastest:.2e} 1/s) is {:.1e} times as fast as the motion",
+        fastest / motion
+    );
+    if fastest > STIFF * motion && fastest * time > MANY {
+        Ok((Method::Bdf, format!("stiff: {text}")))
+    } else {
+        Ok((Method::Explicit, format!("not stiff: {text}")))
+    }
+}

@@ -1,0 +1,132 @@
+//! How fast a model can vibrate or decay at its start: power iteration on differences of accelerations, without any tangent.
+use crate::error::Result;
+use crate::run::Counts;
+use crate::system::assemble::Tangent;
+
+use super::matrix::Matrix;
+use super::{Equations, Instant, Motion};
+use crate::model::joint::JointKind;
+use nalgebra::DVector;
+
+const ITERATIONS: usize = 12;
+const NUDGE: f64 = 1e-7;
+
+impl Equations<'_, f64> {
+    /// Largest rate (1/s) at which displacements or velocities act back on accelerations.
+    pub fn fastest(&self, at: &Instant, counts: &mut Counts) -> Result<f64> {
+        let scales = self.scales();
+        let size = |v: &[f64]| {
+            v.iter()
+                .zip(&scales)
+                .fold(0.0_f64, |s, (v, c)| s.max((v / c).abs()))
+        };
+        let n = self.n();
+        let mut fastest = 0.0_f64;
+        for displaced in [true, false] {
+            // no direction is special, and none is left out
+            let mut x: Vec<f64> = (0..n)
+                .map(|i| scales[i] * (1.0 + 0.37 * ((i * 7) % 5) as f64))
+                .collect();
+            let mut growth = 0.0;
+            for _ in 0..ITERATIONS {
+                let unit = NUDGE / size(&x).max(1e-300);
+                let nudge: Vec<f64> = x.iter().map(|v| v * unit).collect();
+                let mut m = at.motion.clone();
+                if displaced {
+                    m = m.moved(self.topology(), &nudge);
+                } else {
+                    m.rate.iter_mut().zip(&nudge).for_each(|(r, d)| *r += d);
+                }
+                let there = self.instant(m, counts)?;
+                x = there
+                    .acceleration
+                    .iter()
+                    .zip(&at.acceleration)
+                    .map(|(a, b)| a - b)
+                    .collect();
+                growth = size(&x) / NUDGE;
+                if growth == 0.0 {
+                    break;
+                }
+            }
+            fastest = fastest.max(if displaced { growth.sqrt() } else { growth });
+        }
+        Ok(fastest)
+    }
+
+    /// J v + Phi_t of all rows without a dense J.
+    pub fn row_rates_sparse(&self, m: &Motion<f64>) -> DVector<f64> {
+        self.row_matrix(m).1.times(&m.rate) + self.explicit_rates(m).0
+    }
+
+    /// M + cd D + ck K and J, both for changes of increments theta where positions are concerned.
+    pub fn iteration_matrices(
+        &self,
+        m: &Motion<f64>,
+        a: &[f64],
+        lam: &[f64],
+        (cd, ck): (f64, f64),
+        theta: &[f64],
+        counts: &mut Counts,
+    ) -> (Matrix, Matrix) {
+        counts.add("tangents", 1);
+        counts.add("factorisations", 1);
+        let placement = self.place(m);
+        let scene = self.scene(m, &placement, Some(a));
+        let lam = (!lam.is_empty()).then_some(lam);
+        let n = self.n();
+        let tangent: Tangent<f64, Matrix> =
+            scene.tangent_into(lam, counts, || Matrix::zeros(n, n, self.sparse));
+        let mut jacobian = Matrix::zeros(self.n_rows(), n, self.sparse);
+        scene.constraints_into(&mut jacobian);
+        let triples = self.rotation_maps(theta);
+        let mut stiffness = tangent.stiffness;
+        stiffness.turn_columns(&triples);
+        jacobian.turn_columns(&triples);
+        let mut matrix = tangent.mass;
+        matrix.add_scaled(&stiffness, ck);
+        for d in [&tangent.damping, &tangent.gyroscopic]
+            .into_iter()
+            .flatten()
+        {
+            matrix.add_scaled(d, cd);
+        }
+        (matrix, jacobian)
+    }
+
+    /// J_l of every three rotations that act together.
+    pub(super) fn rotation_maps(&self, theta: &[f64]) -> Vec<(usize, [[f64; 3]; 3])> {
+        let n = self.n();
+        let mut out = Vec::new();
+        for first in self.rotation_triples() {
+            let mut map = [[0.0; 3]; 3];
+            for k in 0..3 {
+                let mut unit = vec![0.0; n];
+                unit[first + k] = 1.0;
+                let mapped = self.rates_of_increments(theta, &unit);
+                for (l, row) in map.iter_mut().enumerate() {
+                    row[k] = mapped[first + l];
+                }
+            }
+            out.push((first, map));
+        }
+        out
+    }
+
+    fn rotation_triples(&self) -> impl Iterator<Item = usize> {
+        let nodes = self.topology().nodes.iter();
+        nodes
+            .filter(|n| matches!(n.kind, JointKind::Spherical | JointKind::Free))
+            .map(|n| n.first + n.n - 3)
+    }
+
+    /// The largest angle of three rotations together.
+    pub fn widest_rotation(&self, theta: &[f64]) -> f64 {
+        self.rotation_triples()
+            .map(|i| {
+                (theta[i] * theta[i] + theta[i + 1] * theta[i + 1] + theta[i + 2] * theta[i + 2])
+                    .sqrt()
+            })
+            .fold(0.0, f64::max)
+    }
+}

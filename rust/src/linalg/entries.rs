@@ -1,0 +1,37 @@
+//! Where an assembly puts its entries: a dense matrix, a list for a sparse one, or a product that needs no matrix at all.
+use nalgebra::DMatrix;
+
+/// Entries add up.
+pub trait Entries<T> {
+    fn add(&mut self, i: usize, j: usize, v: T);
+}
+
+impl<T: nalgebra::Scalar + std::ops::AddAssign + Copy> Entries<T> for DMatrix<T> {
+    fn add(&mut self, i: usize, j: usize, v: T) {
+        self[(i, j)] += v;
+    }
+}
+
+/// Entries in the order in which they came; an assembly that depends on structure alone gives the same places every time.
+#[derive(Debug, Clone, Default)]
+pub struct Triplets {
+    pub rows: usize,
+    pub cols: usize,
+    pub list: Vec<(u32, u32, f64)>,
+}
+
+impl Triplets {
+    pub fn new(rows: usize, cols: usize) -> Self {
+        Triplets {
+            rows,
+            cols,
+            list: Vec::new(),
+        }
+    }
+}
+
+impl Entries<f64> for Triplets {
+    fn add(&mut self, i: usize, j: usize, v: f64) {
+        self.list.push((i as u32, j as u32, v));
+    }
+}

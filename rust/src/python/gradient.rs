@@ -1,0 +1,299 @@
+//! Gradients of a motion for Python.
+use numpy::ndarray::{Array1, Array2, Array3};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::Arc;
+
+use crate::analysis::gradient::adjoint::{Forward, backward, forward};
+use crate::analysis::gradient::direct::{Sensitivities, direct};
+use crate::analysis::gradient::quantity::{Drawn, Quantity, check};
+use crate::analysis::gradient::{Direction, Follow, Plan, first};
+use crate::analysis::transient::ali3p::Weight;
+use crate::analysis::transient::{Equations, Instant, Motion};
+use crate::error::{Error, Result};
+use crate::run::Counts;
+use crate::system::System;
+use crate::system::loops::Loops;
+
+use super::border::{counts_dict, interruptible};
+use super::system::{PySystem, effects, state_of};
+
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<MotionForward>()?;
+    module.add_function(wrap_pyfunction!(motion_directions, module)?)
+}
+
+/// (kind, index of body or joint, order, start of a drawn point in x, a drawn point)
+type Asked = (String, i64, u8, Option<usize>, Option<[f64; 3]>);
+
+fn quantity(asked: &Asked) -> Result<Quantity> {
+    let (kind, index, order, at, fixed) = asked;
+    let whole = usize::try_from(*index);
+    let some = || {
+        whole
+            .clone()
+            .map_err(|_| Error::model("a quantity of ground has no such number"))
+    };
+    Ok(match kind.as_str() {
+        "point" => {
+            let drawn = match (at, fixed) {
+                (Some(x), _) => Drawn::At(*x),
+                (None, Some(p)) => Drawn::Fixed(*p),
+                (None, None) => Drawn::Origin,
+            };
+            Quantity::Point(whole.clone().ok(), drawn, *order)
+        }
+        "rotation" => Quantity::Rotation(some()?),
+        "turning" => Quantity::Turning(some()?, *order),
+        "joint" => Quantity::Joint(some()?),
+        "reaction" => Quantity::Reaction(some()?),
+        other => return Err(Error::model(format!("no quantity is called '{other}'"))),
+    })
+}
+
+fn need<'py, T>(options: &Bound<'py, PyDict>, name: &str) -> PyResult<T>
+where
+    T: for<'a> FromPyObject<'a, 'py, Error = PyErr>,
+{
+    options
+        .get_item(name)?
+        .ok_or_else(|| PyErr::from(Error::model(format!("the option '{name}' is missing"))))?
+        .extract()
+}
+
+/// What both ways share.
+struct Task {
+    start: Motion<f64>,
+    plan: Plan,
+    wanted: Vec<Quantity>,
+    directions: Vec<Direction>,
+    effects: crate::system::assemble::Effects,
+}
+
+fn task<'py>(
+    system: &System,
+    relative: &PyReadonlyArray2<'py, f64>,
+    rate: &PyReadonlyArray1<'py, f64>,
+    without: &[String],
+    options: &Bound<'py, PyDict>,
+) -> PyResult<Task> {
+    let mut state = state_of(system, relative, rate)?;
+    state.rate.resize(system.n_tree(), 0.0);
+    let memory: Vec<f64> = need(options, "memory")?;
+    let n_memory = system.topology.n_memory;
+    let times: Vec<f64> = need(options, "times")?;
+    let asked: Vec<Asked> = need(options, "quantities")?;
+    let pairs: Vec<(Vec<usize>, Vec<f64>)> = need(options, "directions")?;
+    let n_x = system.x.len();
+    if pairs
+        .iter()
+        .any(|(i, v)| i.len() != v.len() || i.iter().any(|i| *i >= n_x))
+    {
+        return Err(Error::model("a direction does not fit the value vector").into());
+    }
+    let weight = match need::<String>(options, "weight")?.as_str() {
+        "mass" => Weight::Mass,
+        _ => Weight::Tangent,
+    };
+    let shift: Vec<Vec<f64>> = need(options, "shift")?;
+    if !shift.is_empty()
+        && (shift.len() != pairs.len() || shift.iter().any(|s| s.len() != system.n_tree()))
+    {
+        return Err(Error::model("the shifts of the start do not fit the directions").into());
+    }
+    Ok(Task {
+        start: Motion {
+            t: times.first().copied().unwrap_or(0.0),
+            relative: state.relative,
+            rate: state.rate,
+            memory: if memory.len() == n_memory {
+                memory
+            } else {
+                vec![0.0; n_memory]
+            },
+        },
+        plan: Plan {
+            times,
+            weight,
+            keep: need(options, "keep")?,
+            follow: Follow {
+                drawn: need(options, "drawn")?,
+                velocities: need(options, "velocities")?,
+                shift,
+            },
+        },
+        wanted: asked.iter().map(quantity).collect::<Result<_>>()?,
+        directions: pairs
+            .into_iter()
+            .map(|(i, v)| i.into_iter().zip(v).collect())
+            .collect(),
+        effects: effects(without)?,
+    })
+}
+
+fn begin(eq: &Equations<'_, f64>, task: &Task, counts: &mut Counts) -> Result<Instant> {
+    task.plan.check()?;
+    let start = first(eq, task.start.clone(), counts)?;
+    let redundant = eq.n_rows() > 0 && {
+        let jacobian = eq.rows(&start.motion).1;
+        Loops::analyse(eq.system, &jacobian)?.is_some_and(|l| l.redundant.ncols() > 0)
+    };
+    check(eq, &task.wanted, redundant)?;
+    Ok(start)
+}
+
+fn put_instants(out: &Bound<'_, PyDict>, all: &[Instant]) -> PyResult<()> {
+    let py = out.py();
+    let n = all.len();
+    let rows = |of: &dyn Fn(&Instant) -> &[f64]| {
+        let width = all.first().map_or(0, |o| of(o).len());
+        Array2::from_shape_fn((n, width), |(i, k)| of(&all[i])[k]).into_pyarray(py)
+    };
+    out.set_item(
+        "t",
+        Array1::from_shape_fn(n, |i| all[i].motion.t).into_pyarray(py),
+    )?;
+    let bodies = all.first().map_or(0, |i| i.motion.relative.len());
+    let relative = Array3::from_shape_fn((n, bodies, 12), |(i, b, k)| {
+        let p = &all[i].motion.relative[b];
+        if k < 3 {
+            p.p[k]
+        } else {
+            p.r[((k - 3) / 3, (k - 3) % 3)]
+        }
+    });
+    out.set_item("relative", relative.into_pyarray(py))?;
+    out.set_item("rate", rows(&|i| &i.motion.rate))?;
+    out.set_item("memory", rows(&|i| &i.motion.memory))?;
+    out.set_item("acceleration", rows(&|i| &i.acceleration))?;
+    out.set_item("multipliers", rows(&|i| &i.lam))
+}
+
+/// A motion by ALI3-P over given step times, quantities at all of them (n_t, n) and their derivatives (n_t, n, n_p) along directions.
+/// `options`: times, memory, weight, drawn, quantities, directions; see mbrs/objectives.py.
+#[pyfunction]
+fn motion_directions<'py>(
+    py: Python<'py>,
+    system: PyRef<'py, PySystem>,
+    relative: PyReadonlyArray2<'py, f64>,
+    rate: PyReadonlyArray1<'py, f64>,
+    without: Vec<String>,
+    options: &Bound<'py, PyDict>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let task = task(&system.0, &relative, &rate, &without, options)?;
+    let n_p = task.directions.len();
+    let system = system.0.clone();
+    let (found, counts): (Sensitivities, Counts) = interruptible(py, move |cancel| {
+        let system = &system;
+        let mut counts = Counts::default();
+        let eq = Equations::new(system, system.x.to_vec(), task.effects);
+        let start = begin(&eq, &task, &mut counts)?;
+        let found = direct(
+            &eq,
+            start,
+            &task.plan,
+            &task.wanted,
+            &task.directions,
+            cancel,
+            &mut counts,
+        )?;
+        Ok((found, counts))
+    })?;
+    let out = PyDict::new(py);
+    put_instants(&out, &found.instants)?;
+    let (n, w) = (found.instants.len(), found.width);
+    let (values, derivatives) = (found.values, found.derivatives);
+    out.set_item(
+        "values",
+        Array2::from_shape_fn((n, w), |(i, k)| values[i * w + k]).into_pyarray(py),
+    )?;
+    out.set_item(
+        "derivatives",
+        Array3::from_shape_fn((n, w, n_p), |(i, k, p)| derivatives[(i * w + k) * n_p + p])
+            .into_pyarray(py),
+    )?;
+    out.set_item("counts", counts_dict(py, &counts)?)?;
+    Ok(out)
+}
+
+/// A motion by ALI3-P, kept for going backwards.
+#[pyclass(frozen, module = "mbrs._core")]
+pub struct MotionForward {
+    system: System,
+    task: Arc<Task>,
+    run: Arc<Forward>,
+    counts: Counts,
+}
+
+#[pymethods]
+impl MotionForward {
+    /// Arguments as of `motion_directions`; the directions are those of `gradient`.
+    #[new]
+    fn new(
+        py: Python<'_>,
+        system: PyRef<'_, PySystem>,
+        relative: PyReadonlyArray2<'_, f64>,
+        rate: PyReadonlyArray1<'_, f64>,
+        without: Vec<String>,
+        options: &Bound<'_, PyDict>,
+    ) -> PyResult<Self> {
+        let task = Arc::new(task(&system.0, &relative, &rate, &without, options)?);
+        let (system, own) = (system.0.clone(), task.clone());
+        let inner = system.clone();
+        let (run, counts) = interruptible(py, move |cancel| {
+            let mut counts = Counts::default();
+            let eq = Equations::new(&inner, inner.x.to_vec(), own.effects);
+            let start = begin(&eq, &own, &mut counts)?;
+            let run = forward(&eq, start, &own.plan, &own.wanted, cancel, &mut counts)?;
+            Ok((run, counts))
+        })?;
+        Ok(MotionForward {
+            system,
+            task,
+            run: Arc::new(run),
+            counts,
+        })
+    }
+
+    /// (n_t, n) the wanted quantities.
+    fn values<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        let (n, w) = (self.task.plan.times.len(), self.run.width);
+        Array2::from_shape_fn((n, w), |(i, k)| self.run.values[i * w + k]).into_pyarray(py)
+    }
+
+    /// Work of the way forwards.
+    fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        counts_dict(py, &self.counts)
+    }
+
+    /// (n_p,) derivatives of sum(seeds * values), and the work of the way backwards.
+    fn gradient<'py>(
+        &self,
+        py: Python<'py>,
+        seeds: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyDict>)> {
+        let (system, task, run) = (self.system.clone(), self.task.clone(), self.run.clone());
+        let seeds = seeds.as_array().to_owned();
+        if seeds.shape() != [task.plan.times.len(), run.width] {
+            return Err(Error::model("the seeds do not fit the motion").into());
+        }
+        let seeds: Vec<f64> = seeds.iter().copied().collect();
+        let (found, counts) = interruptible(py, move |cancel| {
+            let mut counts = Counts::default();
+            let eq = Equations::new(&system, system.x.to_vec(), task.effects);
+            let found = backward(
+                &eq,
+                &run,
+                &task.plan,
+                &task.wanted,
+                &seeds,
+                &task.directions,
+                cancel,
+                &mut counts,
+            )?;
+            Ok((found, counts))
+        })?;
+        Ok((found.into_pyarray(py), counts_dict(py, &counts)?))
+    }
+}

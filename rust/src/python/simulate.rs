@@ -1,0 +1,382 @@
+//! Motion in time for Python: a run with its options, and quantities of the instants it gave.
+use std::sync::Arc;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+use numpy::ndarray::{Array1, Array2, Array3};
+use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+use crate::analysis::reactions::shared;
+use crate::analysis::transient::driver::{End, Output, Plan, Progress, Run, Steps};
+use crate::analysis::transient::methods::{Method, simulate};
+use crate::analysis::transient::{Equations, Motion};
+use crate::error::{Error, Result};
+use crate::run::{Cancel, Counts};
+use crate::spatial::{M3, Pose, V3, quaternion_of_rotation};
+use crate::system::System;
+use crate::system::loops::Loops;
+use crate::system::topology::Owner;
+
+use super::border::{CoreError, counts_dict, guarded};
+use super::system::{PySystem, effects, state_of};
+use super::tables::values;
+
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(simulate_motion, module)?)?;
+    module.add_function(wrap_pyfunction!(motion_quantities, module)?)?;
+    module.add_function(wrap_pyfunction!(motion_reactions, module)?)
+}
+
+/// One finite number of the options, or None.
+fn number(options: &Bound<'_, PyDict>, name: &str) -> PyResult<Option<f64>> {
+    options
+        .get_item(name)?
+        .filter(|v| !v.is_none())
+        .map(|v| v.extract())
+        .transpose()
+}
+
+fn numbers(options: &Bound<'_, PyDict>, name: &str) -> PyResult<Option<Vec<f64>>> {
+    options
+        .get_item(name)?
+        .filter(|v| !v.is_none())
+        .map(|v| v.extract())
+        .transpose()
+}
+
+fn plan(options: &Bound<'_, PyDict>) -> PyResult<Plan> {
+    let need = |name: &str| -> PyResult<f64> {
+        number(options, name)?
+            .ok_or_else(|| Error::model(format!("the option '{name}' is missing")).into())
+    };
+    let steps = match number(options, "step")? {
+        Some(h) => Steps::Fixed(h),
+        None => Steps::Controlled {
+            rtol: need("rtol")?,
+            first: number(options, "first_step")?,
+            longest: number(options, "max_step")?.unwrap_or(f64::INFINITY),
+        },
+    };
+    Ok(Plan {
+        end: need("end")?,
+        steps,
+        outputs: numbers(options, "outputs")?,
+        breaks: numbers(options, "breaks")?.unwrap_or_default(),
+        per_unit_step: false,
+        max_steps: number(options, "max_steps")?.map_or(usize::MAX, |n| n as usize),
+    })
+}
+
+/// `run` of the border for work that gives back what it has when Ctrl-C arrives, and that reports its progress.
+fn watched<T: Send + 'static>(
+    py: Python<'_>,
+    report: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&Cancel, &Progress) -> Result<T> + Send + 'static,
+) -> PyResult<T> {
+    let shared = Arc::new((Cancel::default(), Progress::default()));
+    let (sender, receiver) = channel();
+    let receiver = std::sync::Mutex::new(receiver);
+    let inner = shared.clone();
+    let caught = std::panic::AssertUnwindSafe(move || work(&inner.0, &inner.1));
+    std::thread::Builder::new()
+        .stack_size(64 << 20)
+        .spawn(move || {
+            let _ = sender.send(std::panic::catch_unwind(caught));
+        })
+        .map_err(|e| CoreError::new_err(format!("no thread could be started: {e}")))?;
+    loop {
+        let outcome = py.detach(|| {
+            let receiver = receiver
+                .lock()
+                .unwrap_or_else(std::sync::PoisonError::into_inner);
+            receiver.recv_timeout(Duration::from_millis(50))
+        });
+        match outcome {
+            Ok(Ok(value)) => return value.map_err(PyErr::from),
+            Ok(Err(_)) => {
+                return Err(CoreError::new_err(
+                    "internal error in the motion, please report it",
+                ));
+            }
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(CoreError::new_err(
+                    "the worker thread ended without a result",
+                ));
+            }
+            Err(RecvTimeoutError::Timeout) => {
+                // the partial motion is the answer to an interrupt
+                if py.check_signals().is_err() {
+                    shared.0.stop();
+                }
+                if let Some(report) = report {
+                    report
+                        .call1((shared.1.get(),))
+                        .inspect_err(|_| shared.0.stop())?;
+                }
+            }
+        }
+    }
+}
+
+/// A run from a state. `options`: method, end, step or rtol, outputs, breaks, t, memory, ...; see mbrs/simulate.py.
+#[pyfunction]
+#[pyo3(signature = (system, relative, rate, without, options, report=None))]
+fn simulate_motion<'py>(
+    py: Python<'py>,
+    system: &PySystem,
+    relative: PyReadonlyArray2<'py, f64>,
+    rate: PyReadonlyArray1<'py, f64>,
+    without: Vec<String>,
+    options: &Bound<'py, PyDict>,
+    report: Option<Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let system = system.0.clone();
+    let mut state = state_of(&system, &relative, &rate)?;
+    state.rate.resize(system.n_tree(), 0.0);
+    let memory = numbers(options, "memory")?.unwrap_or_default();
+    let n_memory = system.topology.n_memory;
+    if !memory.is_empty() && memory.len() != n_memory {
+        return Err(Error::model(format!(
+            "a state of this model has {n_memory} numbers of memory, not {}",
+            memory.len()
+        ))
+        .into());
+    }
+    let motion = Motion {
+        t: number(options, "t")?.unwrap_or(0.0),
+        relative: state.relative,
+        rate: state.rate,
+        memory: if memory.is_empty() {
+            vec![0.0; n_memory]
+        } else {
+            memory
+        },
+    };
+    let method: String = match options.get_item("method")? {
+        Some(name) => name.extract()?,
+        None => "auto".to_string(),
+    };
+    let method = Method::named(&method, number(options, "rho")?)?;
+    let (effects, mut plan) = (effects(&without)?, plan(options)?);
+    plan.breaks.extend(system.kinks(motion.t));
+    plan.breaks.sort_by(f64::total_cmp);
+    let shared = system.clone();
+    let (out, counts) = watched(py, report.as_ref(), move |cancel, progress| {
+        let mut counts = Counts::default();
+        let eq = Equations::new(&shared, shared.x.to_vec(), effects);
+        simulate(&eq, method, motion, plan, cancel, progress, &mut counts).map(|out| (out, counts))
+    })?;
+    let dict = put_run(py, &out.run)?;
+    dict.set_item("method", out.method)?;
+    dict.set_item("why", out.why)?;
+    dict.set_item("position_correction", out.position_correction)?;
+    dict.set_item("velocity_correction", out.velocity_correction)?;
+    dict.set_item("counts", counts_dict(py, &counts)?)?;
+    Ok(dict)
+}
+
+fn put_run<'py>(py: Python<'py>, run: &Run) -> PyResult<Bound<'py, PyDict>> {
+    let out = PyDict::new(py);
+    let all = &run.outputs;
+    let n = all.len();
+    let rows = |of: &dyn Fn(&Output) -> &[f64]| {
+        let width = all.first().map_or(0, |o| of(o).len());
+        Array2::from_shape_fn((n, width), |(i, k)| of(&all[i])[k]).into_pyarray(py)
+    };
+    out.set_item(
+        "t",
+        Array1::from_shape_fn(n, |i| all[i].instant.motion.t).into_pyarray(py),
+    )?;
+    let bodies = run.last.motion.relative.len();
+    let relative = Array3::from_shape_fn((n, bodies, 12), |(i, b, k)| {
+        let p = &all[i].instant.motion.relative[b];
+        if k < 3 {
+            p.p[k]
+        } else {
+            p.r[((k - 3) / 3, (k - 3) % 3)]
+        }
+    });
+    out.set_item("relative", relative.into_pyarray(py))?;
+    out.set_item("rate", rows(&|o| &o.instant.motion.rate))?;
+    out.set_item("memory", rows(&|o| &o.instant.motion.memory))?;
+    out.set_item("acceleration", rows(&|o| &o.instant.acceleration))?;
+    out.set_item("multipliers", rows(&|o| &o.instant.lam))?;
+    out.set_item("joints", rows(&|o| &o.joints))?;
+    out.set_item("steps", run.steps.clone().into_pyarray(py))?;
+    out.set_item("local_error", run.local.clone().into_pyarray(py))?;
+    out.set_item("rejected", run.rejected)?;
+    let (status, t, message) = match &run.end {
+        End::Finished => ("finished", run.last.motion.t, String::new()),
+        End::Interrupted => ("interrupted", run.last.motion.t, String::new()),
+        End::Stopped { t, message } => ("stopped", *t, message.clone()),
+    };
+    out.set_item("status", status)?;
+    out.set_item("end", t)?;
+    out.set_item("message", message)?;
+    Ok(out)
+}
+
+fn motions(
+    system: &System,
+    t: &PyReadonlyArray1<'_, f64>,
+    relative: &PyReadonlyArray3<'_, f64>,
+    rate: &PyReadonlyArray2<'_, f64>,
+    memory: &PyReadonlyArray2<'_, f64>,
+) -> Result<Vec<Motion<f64>>> {
+    let (t, r, v, z) = (
+        values(t),
+        relative.as_array(),
+        rate.as_array(),
+        memory.as_array(),
+    );
+    let n = t.len();
+    if r.shape() != [n, system.n_bodies(), 12]
+        || v.shape() != [n, system.n_tree()]
+        || z.shape() != [n, system.topology.n_memory]
+    {
+        return Err(Error::model("the instants do not fit the model"));
+    }
+    let pose = |i: usize, b: usize| Pose {
+        p: V3::from_fn(|k, _| r[(i, b, k)]),
+        r: M3::from_fn(|row, c| r[(i, b, 3 + 3 * row + c)]),
+    };
+    Ok((0..n)
+        .map(|i| Motion {
+            t: t[i],
+            relative: (0..system.n_bodies()).map(|b| pose(i, b)).collect(),
+            rate: v.row(i).to_vec(),
+            memory: z.row(i).to_vec(),
+        })
+        .collect())
+}
+
+/// Per instant: position (n, b, 3), quaternion (n, b, 4), velocity, angular_velocity (n, b, 3); kinetic, gravity (n,); stored and
+/// power (n, elements) with their names; residual (n, 3) of position, velocity and acceleration rows, scaled.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+fn motion_quantities<'py>(
+    py: Python<'py>,
+    system: &PySystem,
+    t: PyReadonlyArray1<'py, f64>,
+    relative: PyReadonlyArray3<'py, f64>,
+    rate: PyReadonlyArray2<'py, f64>,
+    memory: PyReadonlyArray2<'py, f64>,
+    acceleration: PyReadonlyArray2<'py, f64>,
+    without: Vec<String>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let system = &system.0;
+    let all = motions(system, &t, &relative, &rate, &memory)?;
+    let effects = effects(&without)?;
+    let a = acceleration.as_array().to_owned();
+    if a.shape() != [all.len(), system.n_tree()] {
+        return Err(Error::model("the accelerations do not fit the model").into());
+    }
+    let found = guarded(py, || {
+        let eq = Equations::new(system, system.x.to_vec(), effects);
+        Ok(all
+            .iter()
+            .enumerate()
+            .map(|(i, m)| {
+                let placement = eq.place(m);
+                let mut rotations = vec![[0.0; 4]; system.n_bodies()];
+                for (node, pose) in system.topology.nodes.iter().zip(&placement.pose) {
+                    rotations[node.body] = quaternion_of_rotation(&pose.r);
+                }
+                let acceleration: Vec<f64> = a.row(i).to_vec();
+                (
+                    eq.origins(&placement),
+                    rotations,
+                    eq.energies(m),
+                    eq.residuals(m, &acceleration),
+                )
+            })
+            .collect::<Vec<_>>())
+    })?;
+    let (n, bodies) = (found.len(), system.n_bodies());
+    let out = PyDict::new(py);
+    let vectors = |of: &dyn Fn(usize, usize, usize) -> f64, w: usize| {
+        Array3::from_shape_fn((n, bodies, w), |(i, b, k)| of(i, b, k)).into_pyarray(py)
+    };
+    out.set_item("position", vectors(&|i, b, k| found[i].0[b].0[k], 3))?;
+    out.set_item("orientation", vectors(&|i, b, k| found[i].1[b][k], 4))?;
+    out.set_item("velocity", vectors(&|i, b, k| found[i].0[b].1.l[k], 3))?;
+    out.set_item(
+        "angular_velocity",
+        vectors(&|i, b, k| found[i].0[b].1.a[k], 3),
+    )?;
+    let series = |of: &dyn Fn(usize) -> f64| Array1::from_shape_fn(n, of).into_pyarray(py);
+    out.set_item("kinetic", series(&|i| found[i].2.kinetic))?;
+    out.set_item("gravity", series(&|i| found[i].2.gravity))?;
+    let connectors = &system.topology.connectors;
+    let table = |of: &dyn Fn(usize, usize) -> f64| {
+        Array2::from_shape_fn((n, connectors.len()), |(i, k)| of(i, k)).into_pyarray(py)
+    };
+    out.set_item(
+        "stored",
+        table(&|i, k| found[i].2.elements[k].stored.unwrap_or(f64::NAN)),
+    )?;
+    out.set_item("power", table(&|i, k| found[i].2.elements[k].power))?;
+    out.set_item(
+        "residual",
+        Array2::from_shape_fn((n, 3), |(i, k)| found[i].3[k]).into_pyarray(py),
+    )?;
+    let tables = &system.topology.tables;
+    let names = connectors.iter().map(|c| match c.owner {
+        Owner::Element(i) => tables.elements[i].name.as_str(),
+        Owner::Joint(i) => tables.joints[i].name.as_str(),
+    });
+    out.set_item("elements", PyList::new(py, names)?)?;
+    Ok(out)
+}
+
+/// Wrench of every joint on its second body at the joint's point, world axes: (n, joints, 6).
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+fn motion_reactions<'py>(
+    py: Python<'py>,
+    system: &PySystem,
+    t: PyReadonlyArray1<'py, f64>,
+    relative: PyReadonlyArray3<'py, f64>,
+    rate: PyReadonlyArray2<'py, f64>,
+    memory: PyReadonlyArray2<'py, f64>,
+    acceleration: PyReadonlyArray2<'py, f64>,
+    multipliers: PyReadonlyArray2<'py, f64>,
+    without: Vec<String>,
+) -> PyResult<Bound<'py, numpy::PyArray3<f64>>> {
+    let system = &system.0;
+    let all = motions(system, &t, &relative, &rate, &memory)?;
+    let effects = effects(&without)?;
+    let (a, lam) = (
+        acceleration.as_array().to_owned(),
+        multipliers.as_array().to_owned(),
+    );
+    let rows = system.topology.rows.len();
+    if a.shape() != [all.len(), system.n_tree()] || lam.shape() != [all.len(), rows] {
+        return Err(Error::model("the accelerations and multipliers do not fit the model").into());
+    }
+    let found = guarded(py, || {
+        let eq = Equations::new(system, system.x.to_vec(), effects);
+        let one = |(i, m): (usize, &Motion<f64>)| {
+            let placement = eq.place(m);
+            let acceleration = a.row(i).to_vec();
+            let scene = eq.scene(m, &placement, Some(&acceleration));
+            let loops = Loops::analyse(system, &scene.constraints().1)?;
+            shared(
+                system,
+                &scene,
+                &placement,
+                &lam.row(i).to_vec(),
+                loops.as_ref(),
+            )
+        };
+        all.iter().enumerate().map(one).collect::<Result<Vec<_>>>()
+    })?;
+    let tables = &system.topology.tables;
+    let wrenches = tables.joints.len() + tables.drives.len();
+    Ok(
+        Array3::from_shape_fn((found.len(), wrenches, 6), |(i, j, k)| found[i][j].get(k))
+            .into_pyarray(py),
+    )
+}

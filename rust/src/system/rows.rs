@@ -1,0 +1,275 @@
+//! The constraint rows of a scene: of cut joints, drives and couplers, their values, Jacobian, explicit rates in time, multipliers.
+//!
+//! ```text
+//! joint     e = 0  (distance: e - length;  velocity level: g v = 0)
+//! drive     e - m(t) = 0,                       Phi_t = -m',  Phi_tt = -m"
+//! coupler   e_second - ratio e_first - offset = 0
+//! ```
+//! Angles of drives and couplers count whole turns: a drive takes the turn nearest to its motion, a coupler the one nearest to what
+//! it remembers. Rows of an effect that is left out are zero, which the rank-revealing factorisations take for redundant.
+use nalgebra::{DMatrix, DVector};
+
+use crate::linalg::entries::Entries;
+use crate::model::geometry::Geometry;
+use crate::model::joint::{Coordinate, JointKind};
+use crate::model::tables::LENGTH_GIVEN;
+use crate::spatial::{Real, Six};
+use crate::system::assemble::{Effects, Scene};
+use crate::system::connector::{constraint_bias, constraint_rows};
+use crate::system::path::path;
+use crate::system::topology::{ConstraintRow, Level, Purpose, Topology};
+
+/// Rows of one joint with their multipliers, and what they are for.
+pub struct Carried<T> {
+    pub purpose: Purpose,
+    pub joint: usize,
+    pub rows: Vec<(Coordinate, T)>,
+}
+
+fn turns(difference: f64) -> f64 {
+    (difference / std::f64::consts::TAU).round() * std::f64::consts::TAU
+}
+
+impl Effects {
+    /// Does this row act, or does it belong to an effect that is left out?
+    pub fn row(&self, row: &ConstraintRow) -> bool {
+        match (row.purpose, row.level) {
+            (Purpose::Drive(_), _) => self.drives,
+            (_, Level::Velocity) => self.nonholonomic,
+            _ => true,
+        }
+    }
+}
+
+/// Phi_t and Phi_tt at a time: what drives do by themselves.
+pub fn explicit_rates<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    effects: Effects,
+    t: f64,
+) -> (DVector<T>, DVector<T>) {
+    let rows = &topology.rows;
+    let (mut first, mut second) = (DVector::zeros(rows.len()), DVector::zeros(rows.len()));
+    for (i, row) in rows.iter().enumerate() {
+        if let (Purpose::Drive(d), true) = (row.purpose, effects.row(row)) {
+            let motion = topology.tables.drives[d].motion;
+            let [_, rate, acceleration] = geometry.motions[motion].at(t);
+            first[i] = -rate;
+            second[i] = -acceleration;
+        }
+    }
+    (first, second)
+}
+
+impl<T: Real> Scene<'_, T> {
+    fn acts(&self, row: &ConstraintRow) -> bool {
+        self.effects.row(row)
+    }
+
+    /// Values Phi and Jacobian J of all rows; a velocity row has the value zero and its D for Jacobian.
+    pub fn constraints(&self) -> (DVector<T>, DMatrix<T>) {
+        let mut jacobian = DMatrix::zeros(self.topology.rows.len(), self.topology.dofs.len());
+        let phi = self.constraints_into(&mut jacobian);
+        (phi, jacobian)
+    }
+
+    /// Phi, with J into any place.
+    pub fn constraints_into(&self, jacobian: &mut impl Entries<T>) -> DVector<T> {
+        let rows = &self.topology.rows;
+        let mut phi = DVector::zeros(rows.len());
+        let mut start = 0;
+        while start < rows.len() {
+            let end = start
+                + rows[start..]
+                    .iter()
+                    .take_while(|r| r.belongs_with(&rows[start]))
+                    .count();
+            let coordinates: Vec<_> = rows[start..end].iter().map(|r| r.coordinate).collect();
+            let mut value = vec![T::zero(); end - start];
+            self.add_rows(
+                rows[start].joint,
+                &coordinates,
+                T::one(),
+                start,
+                &mut value,
+                jacobian,
+            );
+            for (i, e) in (start..end).zip(value) {
+                if self.acts(&rows[i]) {
+                    phi[i] = self.value(&rows[i], e, i, jacobian);
+                }
+            }
+            start = end;
+        }
+        phi
+    }
+
+    /// The values of coordinates of a joint; their gradients over the tree coordinates, times a factor, go into J.
+    fn add_rows(
+        &self,
+        joint: usize,
+        coordinates: &[Coordinate],
+        factor: T,
+        start: usize,
+        values: &mut [T],
+        jacobian: &mut impl Entries<T>,
+    ) {
+        let (topology, placement) = (self.topology, self.placement);
+        let spec = &topology.tables.joints[joint];
+        let (point, rows) = constraint_rows(topology, self.geometry, placement, joint, coordinates);
+        let entries = path(topology, placement, spec.a, spec.b, &point);
+        for (i, (value, g)) in rows.iter().enumerate() {
+            values[i] = *value;
+            if !self.acts(&topology.rows[start + i]) {
+                continue;
+            }
+            for entry in &entries {
+                jacobian.add(start + i, entry.dof, g.dot(&entry.signed()) * factor);
+            }
+        }
+    }
+
+    /// Phi of a row whose coordinate is e.
+    fn value(&self, row: &ConstraintRow, e: T, i: usize, jacobian: &mut impl Entries<T>) -> T {
+        match row.purpose {
+            Purpose::Joint
+                if self.topology.tables.joints[row.joint].kind == JointKind::Distance =>
+            {
+                e - self.distance(row.joint)
+            }
+            Purpose::Joint => e,
+            Purpose::Drive(d) => {
+                let motion = self.topology.tables.drives[d].motion;
+                let phi = e - self.geometry.motions[motion].at(self.t)[0];
+                if matches!(row.coordinate, Coordinate::Angle { .. }) {
+                    phi - turns(phi.re())
+                } else {
+                    phi
+                }
+            }
+            Purpose::Coupler(c) => {
+                let spec = &self.topology.tables.couplers[c];
+                let (ratio, offset) = (self.x[spec.x], self.x[spec.x + 1]);
+                let first = self.topology.tables.joints[spec.joints[0]]
+                    .kind
+                    .free_coordinates()[spec.coordinates[0]];
+                let mut value = [T::zero()];
+                self.add_rows(spec.joints[0], &[first], -ratio, i, &mut value, jacobian);
+                let remembered = |k: usize| self.memory.get(self.topology.turns + 2 * c + k);
+                let on = |e: T, coordinate, k| continued(e, coordinate, remembered(k));
+                on(e, row.coordinate, 1) - ratio * on(value[0], first, 0) - offset
+            }
+        }
+    }
+
+    /// gamma of J a + gamma = 0: what all rows do at zero a, drives left out; `accelerations` of the bodies at a = 0.
+    pub fn row_bias(&self, accelerations: &[Six<T>]) -> DVector<T> {
+        let (topology, tables) = (self.topology, &self.topology.tables);
+        let bias = |joint: usize, coordinate: Coordinate| {
+            constraint_bias(
+                topology,
+                self.geometry,
+                self.placement,
+                joint,
+                coordinate,
+                accelerations,
+            )
+        };
+        let of = |row: &ConstraintRow| {
+            if !self.acts(row) {
+                return T::zero();
+            }
+            let own = bias(row.joint, row.coordinate);
+            let Purpose::Coupler(c) = row.purpose else {
+                return own;
+            };
+            let spec = &tables.couplers[c];
+            let first = tables.joints[spec.joints[0]].kind.free_coordinates()[spec.coordinates[0]];
+            own - self.x[spec.x] * bias(spec.joints[0], first)
+        };
+        DVector::from_iterator(topology.rows.len(), topology.rows.iter().map(of))
+    }
+
+    fn distance(&self, joint: usize) -> T {
+        let spec = &self.topology.tables.joints[joint];
+        let x = self.x[spec.x + 34];
+        if spec.flags & LENGTH_GIVEN != 0 {
+            x
+        } else {
+            self.geometry.joint_length[joint] + x
+        }
+    }
+
+    /// Multipliers of both levels with the coordinates they act on, one group per object and joint.
+    pub fn carried(&self, lam: &[T]) -> Vec<Carried<T>> {
+        let tables = &self.topology.tables;
+        let mut out: Vec<Carried<T>> = Vec::new();
+        for (row, l) in self.topology.rows.iter().zip(lam) {
+            if !self.acts(row) {
+                continue;
+            }
+            match out
+                .last_mut()
+                .filter(|c| c.joint == row.joint && c.purpose == row.purpose)
+            {
+                Some(c) => c.rows.push((row.coordinate, *l)),
+                None => out.push(Carried {
+                    purpose: row.purpose,
+                    joint: row.joint,
+                    rows: vec![(row.coordinate, *l)],
+                }),
+            }
+            if let Purpose::Coupler(c) = row.purpose {
+                let spec = &tables.couplers[c];
+                let joint = spec.joints[0];
+                let first = tables.joints[joint].kind.free_coordinates()[spec.coordinates[0]];
+                out.push(Carried {
+                    purpose: row.purpose,
+                    joint,
+                    rows: vec![(first, -self.x[spec.x] * *l)],
+                });
+            }
+        }
+        out
+    }
+
+    /// The same by joint alone.
+    pub fn cut_multipliers(&self, lam: &[T]) -> Vec<(usize, Vec<(Coordinate, T)>)> {
+        self.carried(lam)
+            .into_iter()
+            .map(|c| (c.joint, c.rows))
+            .collect()
+    }
+
+    /// What couplers remember of this scene.
+    pub fn remember_turns(&self, memory: &mut [T]) {
+        let (topology, tables) = (self.topology, &self.topology.tables);
+        for (c, spec) in tables.couplers.iter().enumerate() {
+            for k in 0..2 {
+                let joint = spec.joints[k];
+                let coordinate = tables.joints[joint].kind.free_coordinates()[spec.coordinates[k]];
+                let found = constraint_rows(
+                    topology,
+                    self.geometry,
+                    self.placement,
+                    joint,
+                    &[coordinate],
+                )
+                .1;
+                if let (Some((e, _)), Some(slot)) =
+                    (found.first(), memory.get_mut(topology.turns + 2 * c + k))
+                {
+                    *slot = continued(*e, coordinate, Some(slot));
+                }
+            }
+        }
+    }
+}
+
+/// An angle on the turn nearest to where it was.
+fn continued<T: Real>(e: T, coordinate: Coordinate, before: Option<&T>) -> T {
+    match (coordinate, before) {
+        (Coordinate::Angle { .. }, Some(before)) => e + turns(before.re() - e.re()),
+        _ => e,
+    }
+}

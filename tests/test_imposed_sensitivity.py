@@ -1,0 +1,93 @@
+"""Derivatives by every number of drives, couplers, rolling discs and loads that vary, against complex steps of the reference."""
+
+from __future__ import annotations
+
+import mbrs as mb
+import numpy as np
+import pytest
+from agreement import all_addresses
+from mbrs.state import State
+from mbrs.tables import tables
+from test_core_sensitivity import check, compare
+from test_imposed_rows import scene
+
+pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+KINDS = ("drive", "coupler", "load")
+
+
+def test_every_number_at_a_held_state():
+    """Element x parameter over all that imposes a row or varies in time, and over the joints with velocity rows."""
+    m = scene(5)
+    state = State(m.compiled().assemble(True)["relative"], np.zeros(0))
+    names = [n for n, item in m.items.items() if item.kind in KINDS] + ["disc on plate", "edge"]
+    addresses = [a for a in all_addresses(m) if a.split(".")[0] in names]
+    assert {a.partition(".")[2] for a in addresses} >= {
+        "amplitude",
+        "coefficients",
+        "t",
+        "value",
+        "ratio",
+        "radius",
+        "x_omega",
+    }
+    check("imposed", compare(m, state, addresses))
+
+
+def carriage():
+    """A mass on a spring on a driven carriage, geared to a pendulum that hangs from it."""
+    m = mb.Model("carriage", gravity=(0, -9.81, 0))
+    a = m.body("cart", mass=3.0, inertia=(1, 1, 1), at=(0, 0, 0))
+    b = m.body("mass", mass=2.0, inertia=(1, 1, 1), at=(1, 0, 0))
+    c = m.body("bob", mass=1.0, inertia=(0.1, 0.1, 0.1), at=(0, -1, 0))
+    m.prismatic("rail", m.ground, a, at=(0, 0, 0), axis="x")
+    m.prismatic("slide", a, b, at=(1, 0, 0), axis=(1, 0.2, 0), k=50.0, c=0.4)
+    m.revolute("hinge", a, c, at=(0, 0, 0), axis="z", k=3.0)
+    m.drive("shaker", "rail", mb.Sine(0.1, 5.0, phase=0.7))
+    m.coupler("gear", "hinge", "slide", 0.3, offset=0.05)
+    m.spring_damper("rope", m.ground, b, at=((0.2, 1, 0), (1, 0.1, 0)), k=20.0)
+    m.torque("wind", c, value=(0, 0, mb.Polynomial([0.5, 1.0])))
+    return m
+
+
+def test_every_number_at_an_equilibrium_that_follows():
+    m = carriage()
+    addresses = [a for a in all_addresses(m) if m.items.get(a.split(".")[0]) is not None]
+    check("followed", compare(m, mb.equilibrium(m), addresses, follow=True))
+
+
+@pytest.mark.parametrize(
+    "address", ["shaker.amplitude", "shaker.phase", "gear.ratio", "gear.offset", "wind.z_coefficients[0]"]
+)
+def test_frequencies_against_differences(address):
+    m = carriage()
+    s = mb.sensitivity(mb.modes(m, at=mb.equilibrium(m)), [address])
+    h, found = 1e-5, []
+    start = m.value(address)
+    for step in (-2, -1, 1, 2):
+        m.set({address: start + h * step})
+        found.append(mb.modes(m, at=mb.equilibrium(m)).frequency)
+    known = (8 * (found[2] - found[1]) - (found[3] - found[0])) / (12 * h)
+    print(address, s.frequency[:, 0], known)
+    assert np.allclose(s.frequency[:, 0], known, rtol=1e-7, atol=1e-9)
+    assert np.abs(known).max() > 1e-6
+
+
+def test_a_motion_of_the_numbers_of_a_drive():
+    """The discrete motion differentiated by the core along each number of a drive, against differences."""
+    m = carriage()
+    core, x = m.compiled(), tables(m)["x"]
+    from mbrs.tables import directions
+
+    along = directions(m, ["shaker.amplitude", "shaker.omega", "gear.ratio", "wind.z_coefficients[1]"])
+    start = core.assemble()
+    for k in range(along.n):
+        d = along.dense[:, k]
+        at = np.flatnonzero(d)
+        made = core.integrate(start["relative"], start["rate"], 0.01, 20, (at.tolist(), d[at].tolist()))
+        h = 1e-6
+        ends = [
+            core.with_values(x + s * d).integrate(start["relative"], start["rate"], 0.01, 20, None) for s in (-h, h)
+        ]
+        known = (ends[1]["position"] - ends[0]["position"]) / (2 * h)
+        # from the first step on: before, the differences start off the rows
+        assert np.abs(made["derivative"][1:] - known[1:]).max() < 2e-7 * max(1.0, np.abs(known).max()), along.labels[k]

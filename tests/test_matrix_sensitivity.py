@@ -1,0 +1,103 @@
+"""Sensitivities in block layout (METHODS.md d, equations 12 to 23) against the production path and against ALI3-P."""
+
+import mbrs as mb
+import numpy as np
+from mbrs import matrix_calculus as mc
+from mbrs import reference as ref
+from mbrs.reference import motion as rm
+from mbrs.reference.ali3p import Scheme
+from mbrs.reference.ali3p_models import FiveBar
+from mbrs.reference.kinematics import drawn_state
+from mbrs.reference.matrix_sensitivity import FlexibleForm, RigidForm
+from mbrs.tables import directions, tables
+
+
+def double_pendulum():
+    """Data invented; V drives masses, a spring and an inertia."""
+    m = mb.Model("double pendulum", gravity=(0, -9.81, 0))
+    V = m.parameter("V", np.array([[1.0, 2.0, 0.3], [0.7, 1.5, 0.2]]))
+    a = m.body("a", mass=V[0, 0], inertia=(0.2, 0.2, V[0, 2]), at=(0.3, 0, 0))
+    b = m.body("b", mass=V[1, 0] * V[0, 1], inertia=(0.1, 0.1, 0.03 + V[1, 2] ** 2), at=(0.8, 0.1, 0))
+    m.revolute("A", m.ground, a, at=(0, 0, 0), axis="z", k=V[1, 1])
+    m.revolute("B", a, b, at=(0.6, 0, 0), axis="z", c=0.1)
+    return m
+
+
+def test_rigid_form_is_the_production_path():
+    m = double_pendulum()
+    along, t, h, n = directions(m, "V"), tables(m), 0.01, 40
+    V0 = m.value("V")
+    # x is an analytic function of V: evaluated by expressions for real V, so its complex step is taken by hand
+    x0 = t["x"].astype(float)
+
+    def x_of(V):
+        real = m.copy()
+        real.set({"V": V.real})
+        x = tables(real)["x"] + 0j
+        return x + 1j * (directions(real, "V").dense @ V.imag.ravel())
+
+    def scene(V, q):
+        sys = ref.System(t, x_of(V) if np.iscomplexobj(V) else x_of(V + 0j).real)
+        return sys, rm.Motion(rm.advance(sys, drawn_state(sys), q), 0 * q, np.zeros(0))
+
+    def mass(V, q, t):
+        sys, motion = scene(V, q)
+        return rm.mass(sys, motion.state, rm.tree_map(sys, motion.state)[0].value)
+
+    def force(V, q, v, t):
+        sys, motion = scene(V, q)
+        motion.rate = v
+        return mass(V, q, t) @ rm.accelerations(sys, motion, np.array([], dtype=int))
+
+    form = RigidForm(mass, force)
+    motion, tangent = form.integrate(V0, lambda V: (np.zeros(2) + 0 * V[0, 0], np.zeros(2) + 0 * V[0, 0]), h, n)
+    core = m.compiled()
+    drawn = core.assemble()
+    worst = 0.0
+    for k in range(along.n):
+        inside = along.columns == k
+        sparse = (along.rows[inside].tolist(), along.values[inside].tolist())
+        r = core.integrate(drawn["relative"], np.zeros(2), h, n, sparse)
+        i, j = np.unravel_index(k, V0.shape)
+        # body a turns about the origin: the derivative of its x, y is theta' times the perpendicular
+        theta = motion[-1][0]
+        want = tangent[-1][2 * i, j] * 0.3 * np.array([-np.sin(theta), np.cos(theta)])
+        worst = max(worst, np.abs(r["derivative"][-1, 0, :2] - want).max())
+        assert np.allclose(r["position"][-1, 0, :2], 0.3 * np.array([np.cos(theta), np.sin(theta)]), atol=1e-12)
+    print(f"rigid form against duals through the same Runge-Kutta steps: {worst:.1e}")
+    assert tangent[-1].shape == (4, 3)
+    assert np.abs(tangent[-1]).max() > 1e-3
+    assert worst < 1e-11
+    assert x0.size
+
+
+def test_flexible_form_holds_along_ali3p():
+    """Eq. 18 for the five-bar: numbers as the matrix V (2, 4), blocks Dq/DV from the tangent linear model."""
+    mech, h, n = FiveBar(), 0.01, 20
+    V = mech.p.reshape(2, 4)
+    flat = lambda w: w.reshape(-1)  # noqa: E731
+    form = FlexibleForm(
+        M=lambda w, q, t: mech.mass(q, flat(w)),
+        K=lambda w, q, t: mech.tangents(t, q, None, None, flat(w))[0],
+        C=lambda w, q, t: mech.phi(t, q, flat(w)),
+        C_q=lambda w, q, t: mech.rows(t, q, flat(w)),
+        Q=lambda w, q, v, t: mech.force(q, flat(w)),
+        F=lambda w, q, t: mech.tangents(t, q, None, None, flat(w))[0] @ q,
+    )
+    scheme = Scheme(mech, mech.p, h)
+    last, d_last = scheme.begin(), scheme.begin_tangent()
+    for _ in range(n):
+        done = scheme.step(last)
+        tangent = scheme.step_tangent(last, d_last, done)
+        star = 2 / h * (tangent.q - d_last.q) - d_last.v
+        d_star = 2 / h * (star - d_last.v) - d_last.a
+        blocks = [mc.vetter(x.reshape(-1, 2, 4), (2, 4), 1) for x in (tangent.q, star, d_star, tangent.lam)]
+        last, d_last = done.end, tangent
+    at = (last.q, done.v_star, done.a_star, last.lam)
+    balance = form.balance(V, *at, last.t)
+    first, second = form.defect(V, at, blocks, last.t)
+    size = np.abs(mech.mass(last.q, mech.p) @ d_star).max()
+    print(f"balance {np.abs(balance).max():.1e}, eq. 18 {np.abs(first).max() / size:.1e}, {np.abs(second).max():.1e}")
+    assert np.abs(balance).max() < 1e-9
+    assert np.abs(first).max() / size < 1e-9
+    assert np.abs(second).max() < 1e-10

@@ -1,0 +1,269 @@
+"""Hard cases of motion in time; each prints its measured error (pytest -s). Data invented unless a source is named."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+
+import mbrs as mb
+import motion_problems as zoo
+import numpy as np
+import pytest
+from mbrs.errors import AssemblyError, ConvergenceError, MbrsError, MbrsWarning
+from scipy.integrate import solve_ivp
+from scipy.special import ellipk
+
+METHODS = ("explicit", "generalized-alpha", "bdf")
+# tolerance at which each method is asked, and what it has to reach in characteristic lengths
+ASKED = {"explicit": (1e-9, 1e-7), "generalized-alpha": (1e-5, 1e-3), "bdf": (1e-8, 1e-5)}
+
+
+def measured(problem, traj):
+    known = set(traj.bodies)
+    places = {n: traj.position(n) if n in known else traj.point(n) for n in problem.truth(np.zeros(1))}
+    return problem.error(traj.t, places) / traj.snapshot.system.characteristic_length
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("make", [zoo.four_bars, zoo.bricard], ids=lambda f: f.__name__)
+def test_redundant_constraints(make, method):
+    problem = make()
+    rtol, limit = ASKED[method]
+    traj = mb.simulate(problem.model, np.linspace(0, problem.t, 11), rtol=rtol, method=method)
+    error = measured(problem, traj)
+    print(f"{problem.name}, {method}: error {error:.1e}, constraints {traj.residual.max():.1e}")
+    assert error < limit and traj.residual[:, 0].max() < 1e-10
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("n", [1, 3])
+def test_passing_the_singular_pose_of_the_parallelogram(n, method):
+    """All links align twice per turn, where loops lose rank; the branch of the parallelogram has to be kept."""
+    problem = zoo.four_bars(n, t=6.0, speed=1.0)
+    rtol, limit = ASKED[method]
+    traj = mb.simulate(problem.model, np.linspace(0, problem.t, 61), rtol=rtol, method=method)
+    y = traj.point("tip")[:, 1]
+    passes = int(np.sum(np.diff(np.sign(y)) != 0))
+    error = measured(problem, traj)
+    print(f"{n} four-bar, {method}: {passes} passes, error {error:.1e}")
+    assert passes >= 3 and error < 30 * limit
+
+
+def test_bushings_of_1e12():
+    problem = zoo.bushings(stiff=1e12 / 900)
+    traj = mb.simulate(problem.model, np.linspace(0, problem.t, 21), rtol=1e-6)
+    error = measured(problem, traj)
+    print(f"1e12 N/m, {traj.method}: error {error:.1e} in {len(traj.steps) - 1} steps")
+    assert traj.method == "bdf" and error < 1e-4 and len(traj.steps) < 2000
+
+
+@pytest.mark.parametrize("ratio", [1e6, 1e-6])
+def test_mass_ratio(ratio):
+    problem = zoo.double_pendulum(ratio)
+    traj = mb.simulate(problem.model, np.linspace(0, 1, 11), rtol=1e-9)
+    error = measured(problem, traj)
+    print(f"mass ratio {ratio:.0e}: error {error:.1e}")
+    assert error < 1e-6
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_steps_of_1e_7(method):
+    """Neither positions nor multipliers lose digits by 1/h^2."""
+    problem = zoo.four_bars()
+    end = 2e-4
+    fine = mb.simulate(problem.model, end, step=1e-7, method=method)
+    error = measured(problem, fine)
+    coarse = mb.simulate(problem.model, end, step=1e-5, method="explicit")
+    force = np.abs(fine.multipliers[-1] - coarse.multipliers[-1]).max() / np.abs(coarse.multipliers[-1]).max()
+    print(f"{method}: {len(fine.t)} points, position {error:.1e}, multipliers {force:.1e}")
+    assert error < 1e-12 and force < 1e-8
+
+
+def test_a_thousand_seconds_of_a_double_pendulum():
+    problem = zoo.double_pendulum()
+    traj = mb.simulate(problem.model, np.linspace(0, 1000, 501), rtol=1e-9)
+    drift = np.abs(traj.energy.total - traj.energy.total[0]).max() / np.ptp(traj.energy.kinetic)
+    print(f"1000 s: {len(traj.steps) - 1} steps, energy {drift:.1e} of the kinetic")
+    assert drift < 1e-4 and traj.residual.max() < 1e-10
+
+
+def test_a_thousand_turns_of_a_rotor():
+    """An unbalanced rotor under gravity: a turn takes 4 K(4 g'/w^2)/w (closed form), so after 1000 it is where it was."""
+    w, m_, r, inertia = 40.0, 2.0, 0.1, 0.05
+    g = m_ * 9.81 * r / (inertia + m_ * r * r)
+    turn = 4 * ellipk(4 * g / w**2) / w
+    m = mb.Model("rotor", gravity=(0, -9.81, 0))
+    b = m.body(
+        "rotor", mass=m_, inertia=(inertia,) * 3, at=(0, -r, 0), velocity=(w * r, 0, 0), angular_velocity=(0, 0, w)
+    )
+    m.revolute("shaft", m.ground, b, at=(0, 0, 0), axis="z")
+    traj = mb.simulate(m, [0.0, 1000 * turn], rtol=1e-11)
+    error = abs(traj.joint("shaft")[-1] - 2000 * np.pi)
+    print(f"1000 turns: {error:.1e} rad, {len(traj.steps) - 1} steps")
+    assert error < 1e-5
+
+
+def test_inconsistent_starts_are_projected_and_impossible_ones_refused():
+    problem = zoo.four_bars()
+    start = mb.simulate(problem.model, [0.0, 0.1], rtol=1e-9).state(0.1)
+    off = start.relative.copy()
+    turn = 1e-3
+    r = off[0, 3:].reshape(3, 3)
+    c, s = np.cos(turn), np.sin(turn)
+    off[0, 3:] = (np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ r).ravel()
+    moved = dataclasses.replace(start, relative=off, rate=start.rate * np.linspace(0.9, 1.1, len(start.rate)))
+    with pytest.warns(MbrsWarning) as said:
+        traj = mb.simulate(problem.model, 0.2, at=moved)
+    texts = " ".join(str(w.message) for w in said)
+    print(texts)
+    assert "initial positions" in texts and "initial velocitys" not in texts and "velocit" in texts
+    assert traj.residual.max() < 1e-10
+    m = mb.Model("too short", gravity=(0, 0, -9.81))
+    a = m.body("a", mass=1.0, inertia=(0.1,) * 3, at=(0.5, 0, 0))
+    m.revolute("A", m.ground, a, at=(0, 0, 0), axis="z")
+    m.distance("rod", m.ground, a, at=((5, 0, 0), (1, 0, 0)), length=1.0)
+    with pytest.raises((AssemblyError, MbrsError), match="rod"):
+        mb.simulate(m, 1.0)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_drive_with_a_kink(method):
+    """A carriage follows a broken line; the pendulum on it swings by u" = -(g u)/l for small angles: here by pieces, DOP853."""
+    g, length = 9.81, 0.5
+    m = mb.Model("carriage", gravity=(0, 0, -g))
+    carriage = m.body("carriage", mass=1.0, inertia=(0.1,) * 3, at=(0, 0, 0))
+    bob = m.body("bob", mass=0.3, inertia=(0.0, 0.0, 0.0), at=(0, 0, -length))
+    rail = m.prismatic("rail", m.ground, carriage, at=(0, 0, 0), axis="x")
+    m.revolute("pivot", carriage, bob, at=(0, 0, 0), axis="y")
+    m.drive("motor", rail, mb.Table([0.0, 0.5, 1.0, 2.0], [0.0, 0.4, 0.1, 0.1], kind="linear"))
+    rates = [0.8, -0.6, 0.0]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        traj = mb.simulate(m, [0.0, 0.3, 0.5, 0.8, 1.0, 1.6], rtol=ASKED[method][0], method=method)
+    # angle from the vertical, w: a kink of the rail by dv turns it by -dv cos/l at once
+    # a body without a given velocity starts with that of the drives, here the whole pendulum with the carriage
+    y, here, out = np.array([0.0, 0.0]), 0.0, {0.0: 0.0}
+    for k, stop in enumerate([0.5, 1.0, 1.6]):
+        times = [t for t in (0.3, 0.5, 0.8, 1.0, 1.6) if here < t <= stop]
+        found = solve_ivp(
+            lambda t, y: [y[1], -g / length * np.sin(y[0])], (here, stop), y, "DOP853", times, rtol=1e-12, atol=1e-13
+        )
+        out.update(zip(times, found.y[0], strict=True))
+        y, here = found.y[:, -1], stop
+        if k < 2:
+            y = y + [0.0, -(rates[k + 1] - rates[k]) * np.cos(y[0]) / length]
+    exact = np.array([out[t] for t in traj.t])
+    ours = np.arcsin((traj.position("bob")[:, 0] - traj.position("carriage")[:, 0]) / length)
+    error = np.abs(ours - exact).max()
+    print(f"kinks, {method}: angle {error:.1e} rad")
+    assert error < {"explicit": 1e-6, "generalized-alpha": 1e-2, "bdf": 1e-4}[method]
+
+
+def stick_slip_truth(times, mass, k, kt, slip, speed):
+    """A mass on a spring k and a Jenkins slider (kt, slip), by pieces between slip and stick; DOP853 with events."""
+    state, z, here, out = np.array([0.0, speed]), 0.0, 0.0, {}
+    times = [t for t in times if t > 0]
+    sticking = True
+    direction = 1.0
+    while here < times[-1]:
+        if sticking:
+            force = lambda u, z=z: kt * (u - z)  # noqa: E731
+            ends = [lambda t, y, z=z: kt * (y[0] - z) - slip, lambda t, y, z=z: kt * (y[0] - z) + slip]
+            ends[0].direction, ends[1].direction = 1.0, -1.0
+        else:
+            force = lambda u, d=direction: d * slip  # noqa: E731
+            ends = [lambda t, y: y[1]]
+        for e in ends:
+            e.terminal = True
+        slope = lambda t, y, f=force: [y[1], -(k * y[0] + f(y[0])) / mass]  # noqa: E731
+        found = solve_ivp(
+            slope, (here, times[-1]), state, "DOP853", rtol=1e-12, atol=1e-14, events=ends, dense_output=True
+        )
+        for t in times:
+            if here < t <= found.t[-1]:
+                out[t] = float(found.sol(t)[0])
+        here, state = found.t[-1], found.y[:, -1]
+        if sticking:
+            direction = np.sign(state[1])
+        else:
+            z = state[0] - direction * slip / kt
+        sticking = not sticking
+    return np.array([out[t] for t in times])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_stick_slip(method):
+    mass, k, kt, slip, speed = 1.0, 60.0, 800.0, 3.0, 1.5
+    m = mb.Model("slider")
+    b = m.body("mass", mass=mass, inertia=(0.1,) * 3, at=(0, 0, 0), velocity=(speed, 0, 0))
+    m.prismatic("guide", m.ground, b, at=(0, 0, 0), axis="x", k=k, law=mb.Jenkins(kt, slip))
+    times = np.linspace(0.0, 2.0, 21)
+    exact = stick_slip_truth(times, mass, k, kt, slip, speed)
+    errors = [
+        np.abs(mb.simulate(m, times, step=h, method=method).position("mass")[1:, 0] - exact).max() for h in (1e-3, 1e-4)
+    ]
+    print(f"stick-slip, {method}: {errors[0]:.1e} m with 1e-3 s, {errors[1]:.1e} m with 1e-4 s")
+    # memory is marched with the steps: first order where the slider changes
+    assert errors[1] < 0.3 * errors[0] and errors[1] < 1e-3
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_gap_that_closes_at_speed(method):
+    problem = zoo.gap(stop=1e6)
+    rtol = {"explicit": 1e-8, "generalized-alpha": 1e-4, "bdf": 1e-7}[method]
+    traj = mb.simulate(problem.model, np.linspace(0, 2, 21), rtol=rtol, method=method)
+    error = measured(problem, traj)
+    print(f"gap of 1e6 N/m, {method}: error {error:.1e}, {len(traj.steps) - 1} steps")
+    assert error < {"explicit": 1e-5, "generalized-alpha": 0.3, "bdf": 1e-2}[method]
+
+
+@pytest.mark.parametrize("late", [float("nan"), ZeroDivisionError("it broke")], ids=["nan", "raises"])
+def test_a_python_force_that_fails_on_the_way(late):
+    def force(t):
+        if t > 0.35:
+            if isinstance(late, Exception):
+                raise late
+            return late
+        return 1.0
+
+    m = mb.Model("pushed")
+    b = m.body("mass", mass=1.0, inertia=(0.1,) * 3, at=(0, 0, 0))
+    m.prismatic("guide", m.ground, b, at=(0, 0, 0), axis="x")
+    m.force("push", b, at=(0, 0, 0), value=(force, 0, 0))
+    with pytest.raises(MbrsError, match="push") as caught:
+        mb.simulate(m, 1.0, max_step=0.05)
+    result = getattr(caught.value, "result", None)
+    print(caught.value)
+    assert result is not None and 0.25 <= result.t[-1] <= 0.3501
+    assert np.allclose(result.position("mass")[:, 0], 0.5 * result.t**2, atol=1e-9)
+
+
+def test_outputs_far_denser_and_far_sparser_than_steps():
+    problem = zoo.spherical_pendulum()
+    dense = mb.simulate(problem.model, np.linspace(0, 2, 20001), rtol=1e-9)
+    sparse = mb.simulate(problem.model, [2.0], rtol=1e-9)
+    apart = np.abs(dense.position("mass")[-1] - sparse.position("mass")[-1]).max()
+    error = measured(problem, dense)
+    print(f"{len(dense.t)} outputs in {len(dense.steps) - 1} steps: {error:.1e}; one output: {apart:.1e} apart")
+    assert len(dense.steps) < 100 and error < 1e-7 and apart < 1e-12 and len(sparse.t) == 1
+
+
+def test_an_undamped_mode_that_bdf_amplifies_is_named():
+    m = mb.Model("two masses")
+    a = m.body("slow", mass=1.0, inertia=(0.1,) * 3, at=(0, 0, 0), velocity=(0.1, 0, 0))
+    b = m.body("fast", mass=1.0, inertia=(0.1,) * 3, at=(1, 0, 0), velocity=(0.1, 0, 0))
+    m.prismatic("guide", m.ground, a, at=(0, 0, 0), axis="x", k=1.0)
+    m.prismatic("second", a, b, at=(1, 0, 0), axis="x", k=1e4)
+    with pytest.warns(MbrsWarning, match="second"):
+        mb.simulate(m, 3.0, step=1e-2, method="bdf")
+
+
+def test_a_step_that_underflows_says_when_and_what():
+    """A spring that becomes rigid at once: 1e30 N/m from a gap of 0.1 m; the mass meets it at t = 0.1 s."""
+    m = mb.Model("wall")
+    b = m.body("mass", mass=1.0, inertia=(0.1,) * 3, at=(0, 0, 0), velocity=(1.0, 0, 0))
+    m.prismatic("guide", m.ground, b, at=(0, 0, 0), axis="x", law=mb.Gap(1e40, 0.1))
+    with pytest.raises(ConvergenceError, match="guide") as caught:
+        mb.simulate(m, 1.0, rtol=1e-8, method="explicit", max_steps=100000)
+    print(caught.value)
+    assert caught.value.result.t[-1] == pytest.approx(0.1, abs=1e-6)

@@ -1,0 +1,105 @@
+"""ALI3-P of the reference: order, values of METHODS.md e.3 and e.4, tangent linear model against differences."""
+
+import numpy as np
+import pytest
+from mbrs.reference.ali3p import Scheme, trapezoid
+from mbrs.reference.ali3p_models import POINTS, FiveBar, NonholonomicPoint
+
+# METHODS.md e.3 and e.4: converged values, Runge-Kutta and DOP853 agree
+FIVE_BAR_1 = (0.1144363742, np.array([-0.62560973, 0.47715465]))
+POINT_5 = np.array([-0.85197359, 0.31079724, -0.49732820])
+POINT_PSI = (3.89396846, np.array([-0.21521547, 0.02152155, 0.29491657]))
+
+
+def five_bar_objective(motion, tangent, h):
+    g = np.array([np.sum((i.q[2:4] - POINTS[1]) ** 2) for i in motion])
+    dg = np.array([2 * (i.q[2:4] - POINTS[1]) @ d.q[2:4] for i, d in zip(motion, tangent, strict=True)])
+    return trapezoid(g, h), trapezoid(dg, h)
+
+
+def point_objective(motion, tangent, h):
+    g = np.array([i.q @ i.q for i in motion])
+    dg = np.array([2 * i.q @ d.q for i, d in zip(motion, tangent, strict=True)])
+    return trapezoid(g, h), trapezoid(dg, h)
+
+
+def test_five_bar_converges_to_the_known_gradient():
+    errors = []
+    for n in (50, 100, 200):
+        psi, grad = five_bar_objective(*Scheme(FiveBar(), FiveBar.p, 1 / n).run_tangent(n), 1 / n)
+        errors.append([abs(psi - FIVE_BAR_1[0]), np.abs(grad[:2] - FIVE_BAR_1[1]).max()])
+        print(n, psi, grad[:2], errors[-1])
+    ratio = np.divide(*np.array(errors)[-2:])
+    print("ratios", ratio)
+    assert np.all(np.abs(ratio - 4) < 0.3)  # second order
+    assert np.all(np.array(errors)[-1] < [1e-4, 5e-4])
+
+
+def test_point_converges_to_the_known_gradient():
+    errors = []
+    for n in (400, 800):
+        motion, tangent = Scheme(NonholonomicPoint(), NonholonomicPoint.p, 5 / n).run_tangent(n)
+        psi, grad = point_objective(motion, tangent, 5 / n)
+        errors.append(
+            [np.abs(motion[-1].q - POINT_5).max(), abs(psi - POINT_PSI[0]), np.abs(grad - POINT_PSI[1]).max()]
+        )
+    ratio = np.divide(*np.array(errors))
+    print(errors, "ratios", ratio)
+    assert np.all(np.abs(ratio - 4) < 0.4)
+
+
+@pytest.mark.parametrize("weight", ["tangent", "mass"])
+@pytest.mark.parametrize("h", [2e-2, 1e-3])
+@pytest.mark.parametrize("mech", [FiveBar(), NonholonomicPoint()], ids=["five-bar", "point"])
+def test_tangent_linear_model_is_the_derivative_of_the_discrete_solution(mech, h, weight):
+    n, p = 20, mech.p
+    motion, tangent = Scheme(mech, p, h, weight).run_tangent(n)
+    end, d = motion[-1], tangent[-1]
+    exact = np.concatenate([d.q, d.v, d.a, d.lam])
+
+    def at(p):
+        e = Scheme(mech, p, h, weight).run(n)[-1]
+        return np.concatenate([e.q, e.v, e.a, e.lam])
+
+    whole = np.array([at(p + 1j * 1e-40 * e).imag / 1e-40 for e in np.eye(len(p))]).T
+    scale = np.concatenate([np.full_like(x, max(np.abs(x).max(), 1e-300)) for x in (d.q, d.v, d.a, d.lam)])
+    complex_error = np.max(np.abs(exact - whole) / scale)
+    differences = []
+    for k, e in enumerate(np.eye(len(p))):
+        s = 1e-3 * max(abs(p[k]), 1) * e
+        slope = (8 * (at(p + s) - at(p - s)) - at(p + 2 * s) + at(p - 2 * s)) / (12 * s[k])
+        differences.append(slope)
+    difference_error = np.max(np.abs(exact - np.array(differences).T) / scale)
+    print(f"h {h}: complex step {complex_error:.1e}, differences {difference_error:.1e}")
+    B = mech.rows(end.t, end.q, p)
+    velocity, acceleration = B @ end.v, B @ end.a + mech.bias(end.t, end.q, end.v, p)
+    print("residuals", [np.abs(x).max(initial=0) for x in (mech.phi(end.t, end.q, p), velocity, acceleration)])
+    assert complex_error < 1e-9
+    assert difference_error < 1e-6
+    assert np.abs(velocity).max() < 1e-12
+    assert np.abs(acceleration).max() < 1e-11
+    if mech.n_position:
+        assert np.abs(mech.phi(end.t, end.q, p)).max() < 1e-12
+
+
+def test_redundant_rows_change_nothing():
+    class Doubled(FiveBar):
+        n_position = 8
+
+        def phi(self, t, q, p):
+            one = super().phi(t, q, p)
+            return np.concatenate([one, 2 * one])
+
+        def rows(self, t, q, p):
+            one = super().rows(t, q, p)
+            return np.concatenate([one, 2 * one])
+
+        def bias(self, t, q, v, p):
+            one = super().bias(t, q, v, p)
+            return np.concatenate([one, 2 * one])
+
+    single, d1 = Scheme(FiveBar(), FiveBar.p, 0.01).run_tangent(30)
+    double, d2 = Scheme(Doubled(), FiveBar.p, 0.01).run_tangent(30)
+    error = np.abs(single[-1].q - double[-1].q).max(), np.abs(d1[-1].q - d2[-1].q).max()
+    print("redundant", error)
+    assert max(error) < 1e-9

@@ -1,0 +1,300 @@
+"""`mb.simulate`: accuracy, constraints, outputs, restart, energies, reactions, work counts, what it says and what it refuses."""
+
+from __future__ import annotations
+
+import signal
+
+import mbrs as mb
+import motion_problems as zoo
+import numpy as np
+import pytest
+from mbrs.errors import ConvergenceError, MbrsWarning, ModelError, NameNotFoundError
+
+METHODS = ("explicit", "generalized-alpha", "bdf")
+G = 9.81
+
+
+def pendulum(**more):
+    """A rod of 1 m on a hinge about y, drawn level. Invented."""
+    m = mb.Model("pendulum", gravity=(0, 0, -G))
+    b = m.body("rod", mass=2.0, inertia=(1e-3, 2.0 / 12, 2.0 / 12), at=(0.5, 0, 0))
+    m.revolute("hinge", m.ground, b, at=(0, 0, 0), axis="y", **more)
+    m.marker("tip", b, at=(1, 0, 0))
+    return m
+
+
+def places(problem, traj):
+    known = set(traj.bodies)
+    return {name: traj.position(name) if name in known else traj.point(name) for name in problem.truth(np.zeros(1))}
+
+
+def error_of(problem, traj):
+    """Largest error over the outputs, in characteristic lengths."""
+    return problem.error(traj.t, places(problem, traj)) / traj.snapshot.system.characteristic_length
+
+
+def test_the_script_of_the_contract_runs(tmp_path):
+    m = pendulum()
+    traj = mb.simulate(m, t=10.0, rtol=1e-7)
+    n = len(traj.t)
+    assert traj.t[0] == 0.0 and traj.t[-1] == 10.0 and np.all(np.diff(traj.t) > 0)
+    assert traj.position("rod").shape == traj.velocity("rod").shape == traj.angular_velocity("rod").shape == (n, 3)
+    assert traj.orientation("rod").shape == (n, 4) and traj.joint("hinge").shape == (n,)
+    assert traj.reaction("hinge").shape == (n, 6) and traj.point("tip").shape == (n, 3)
+    assert np.asarray(traj.energy).shape == (n,) and traj.stats.wall_time > 0 and "explicit" in str(traj)
+    assert 0 < traj.error < 1e-5
+    traj.save(tmp_path / "run.pickle")
+
+
+@pytest.mark.parametrize(
+    ("method", "order", "steps"),
+    [("generalized-alpha", 2, (200, 400)), ("bdf", 4, (200, 400)), ("explicit", 8, (12, 24))],
+)
+@pytest.mark.parametrize("name", ["double_pendulum", "spherical_pendulum", "free_body", "skate", "bushings"])
+def test_orders_of_fixed_steps(name, method, order, steps):
+    problem = zoo.SMOOTH[name]()
+    errors = [
+        error_of(problem, mb.simulate(problem.model, problem.t, step=problem.t / n, method=method)) for n in steps
+    ]
+    slope = np.log2(errors[0] / errors[1])
+    print(f"{name}, {method}: {errors[0]:.1e}, {errors[1]:.1e}, order {slope:.2f}")
+    # the explicit scheme of order 8 often gains more than its order on problems of one frequency
+    assert slope > order - 0.3 and (slope < order + 0.4 or order == 8)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", [*zoo.SMOOTH, "bricard"])
+def test_constraints_hold_at_every_output(name, method):
+    make = zoo.SMOOTH.get(name, zoo.bricard)
+    problem = make()
+    times = np.linspace(0.0, problem.t / 2, 24)
+    traj = mb.simulate(problem.model, times, rtol=1e-4, method=method)
+    print(f"{name}, {method}: {traj.residual.max(axis=0)}")
+    speed = max(1.0, float(np.abs(traj.rate).max()))
+    assert np.all(traj.residual.max(axis=0) <= 1e-10 * np.array([1.0, speed, speed * speed]))
+
+
+def test_achieved_error_follows_the_tolerance():
+    """Slope of the error over 1e-3 to 1e-10 between .8 and 1.2, and the estimate within a factor of ten in 95 % of runs."""
+    tolerances = 10.0 ** -np.arange(3, 11)
+    ratios, slopes = [], {}
+    for name, make in zoo.SMOOTH.items():
+        problem = make()
+        errors = []
+        for rtol in tolerances:
+            traj = mb.simulate(problem.model, np.linspace(0.0, problem.t, 21), rtol=rtol)
+            errors.append(error_of(problem, traj))
+            ratios.append(traj.error / errors[-1])
+        slopes[name] = np.polyfit(np.log10(tolerances), np.log10(errors), 1)[0]
+        print(f"{name:20s} slope {slopes[name]:.2f}, errors {errors[0]:.0e} to {errors[-1]:.0e}")
+    inside = np.mean((np.array(ratios) < 10.0) & (np.array(ratios) > 0.1))
+    print(f"estimate within a factor of ten: {100 * inside:.0f} % of {len(ratios)} runs")
+    assert len(slopes) >= 12
+    assert all(0.8 <= s <= 1.2 for s in slopes.values()), slopes
+    assert inside >= 0.95
+
+
+def test_error_of_fixed_steps_is_estimated():
+    ratios = []
+    for name in ("double_pendulum", "spherical_pendulum", "free_body", "bead_on_arm", "bushings", "five_bar"):
+        problem = zoo.SMOOTH[name]()
+        for method, n in (("generalized-alpha", 200), ("bdf", 200), ("explicit", 12)):
+            traj = mb.simulate(problem.model, problem.t, step=problem.t / n, method=method)
+            ratios.append(traj.error / error_of(problem, traj))
+            print(f"{name}, {method}: estimated / true = {ratios[-1]:.2f}")
+    assert np.mean([0.1 < r < 10 for r in ratios]) >= 0.95
+
+
+def test_the_heavy_top_reaches_a_nanometre():
+    problem = zoo.heavy_top(t=2.0)
+    traj = mb.simulate(problem.model, [0.0, 2.0], rtol=1e-9)
+    error = problem.error(traj.t, places(problem, traj))
+    print(
+        f"heavy top at 2 s: {error:.1e} m in {traj.stats.wall_time:.3f} s, {traj.stats.counts['force evaluations']} evaluations"
+    )
+    assert error < 1e-9
+
+
+# --- outputs -----
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_dense_output_is_as_accurate_as_the_steps(method):
+    problem = zoo.double_pendulum()
+    times = np.linspace(0.0, 1.0, 301)
+    traj = mb.simulate(problem.model, times, rtol=1e-6, method=method)
+    at_steps = mb.simulate(problem.model, 1.0, rtol=1e-6, method=method)
+    dense, sparse = error_of(problem, traj), error_of(problem, at_steps)
+    print(f"{method}: {dense:.1e} between, {sparse:.1e} at {len(at_steps.t)} steps")
+    assert np.array_equal(traj.t, times) and dense < 5 * sparse + 1e-9
+
+
+def test_joint_angles_count_turns_although_outputs_are_rare():
+    m = mb.Model("wheel")
+    b = m.body("wheel", mass=1.0, inertia=(0.1, 0.1, 0.2), at=(0, 0, 0), angular_velocity=(0, 0, 7.0))
+    m.revolute("axle", m.ground, b, at=(0, 0, 0), axis="z")
+    traj = mb.simulate(m, [0.0, 5.0, 10.0], max_step=0.2)
+    assert np.allclose(traj.joint("axle"), 7.0 * traj.t, rtol=1e-12)
+
+
+def test_a_restart_goes_on_as_if_nothing_happened():
+    for law in (None, mb.Jenkins(30.0, 2.0)):
+        m = pendulum(**({} if law is None else {"law": law}))
+        whole = mb.simulate(m, [0.0, 0.4, 1.0], rtol=1e-9)
+        first = mb.simulate(m, [0.0, 0.4], rtol=1e-9)
+        second = mb.simulate(m, [1.0], rtol=1e-9, at=first.state(0.4))
+        gap = np.abs(whole.position("rod")[-1] - second.position("rod")[-1]).max()
+        print(f"restart: {gap:.1e} m")
+        assert second.t[-1] == 1.0 and gap < (1e-8 if law is None else 1e-5)
+
+
+def test_labelled_data_and_pickles(tmp_path):
+    import pickle
+
+    traj = mb.simulate(pendulum(), 0.3)
+    data = traj.to_xarray()
+    assert data["position"].dims == ("time", "body", "axis") and "joint hinge" in data
+    error = traj.error
+    back = pickle.loads(pickle.dumps(traj))
+    assert np.array_equal(back.position("rod"), traj.position("rod")) and back.error == error
+
+
+# --- forces, energies -----
+
+
+def test_reactions_of_a_pendulum():
+    """Closed form: along the rod m (g cos + r w^2), across m g sin / 4; hinge angle counted from level."""
+    traj = mb.simulate(pendulum(), np.linspace(0, 1.5, 40), rtol=1e-11)
+    x, z = traj.position("rod")[:, 0] / 0.5, traj.position("rod")[:, 2] / 0.5
+    w = traj.angular_velocity("rod")[:, 1]
+    along, across = np.stack([x, 0 * x, z], 1), np.stack([-z, 0 * x, x], 1)
+    force = 2.0 * (-(G * -z)[:, None] * along - (0.5 * w**2)[:, None] * along + (G * x / 4)[:, None] * across)
+    assert np.abs(traj.reaction("hinge")[:, :3] - force).max() < 1e-7
+    assert np.abs(traj.reaction("hinge")[:, 4]).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["five_bar", "spring_pendulum", "duffing", "four_bars", "bead_on_arm"])
+def test_energy_is_kept_where_nothing_dissipates(name):
+    traj = mb.simulate(zoo.SMOOTH[name]().model, 1.0, rtol=1e-10)
+    drift, size = np.ptp(traj.energy.total), np.ptp(traj.energy.kinetic)
+    print(f"{name}: {drift:.1e} J of {size:.1e} J")
+    assert drift < 1e-6 * size
+
+
+def test_power_of_the_elements_is_what_the_motion_loses():
+    problem = zoo.bushings()
+    traj = mb.simulate(problem.model, np.linspace(0, 1, 2001), rtol=1e-10)
+    lost = sum(np.trapezoid(p, traj.t) for p in traj.energy.power.values())
+    mechanical = traj.energy.kinetic + traj.energy.gravity
+    assert lost == pytest.approx(mechanical[0] - mechanical[-1], rel=1e-4)
+
+
+# --- what is computed, and what is said -----
+
+
+def test_an_explicit_run_computes_no_tangent_and_an_open_tree_no_multiplier():
+    counts = mb.simulate(pendulum(), 0.5).stats.counts
+    assert "tangents" not in counts and "multiplier solutions" not in counts and "position projections" not in counts
+    counts = mb.simulate(pendulum(k=20.0), 0.5).stats.counts
+    assert "tangents" not in counts
+    assert mb.simulate(zoo.four_bars().model, 0.2).stats.counts["multiplier solutions"] > 0
+
+
+def test_auto_says_why():
+    assert "nothing can be stiff" in mb.simulate(pendulum(), 0.1).stats.route
+    soft = mb.simulate(zoo.bushings().model, 1.0)
+    assert soft.method == "explicit" and "not stiff" in soft.stats.route
+    stiff = mb.simulate(zoo.bushings(stiff=1e10).model, 1.0, rtol=1e-5)
+    print(stiff)
+    assert stiff.method == "bdf" and "stiff" in stiff.stats.route and stiff.stats.counts["tangents"] > 0
+
+
+def test_factorisations_are_kept():
+    counts = mb.simulate(zoo.bushings(stiff=1e6).model, 1.0, rtol=1e-5, method="bdf").stats.counts
+    print(counts)
+    assert counts["factorisations"] < 0.5 * counts["iterations"]
+
+
+def test_leaving_out_an_effect_shows():
+    m = zoo.bushings().model
+    with_, without = (mb.simulate(m, 0.5, rtol=1e-8, without=w) for w in ((), ("damping",)))
+    assert "damping" in with_.stats.effects and "damping" not in without.stats.effects
+    assert np.abs(with_.position("m2")[-1] - without.position("m2")[-1]).max() > 1e-3
+    assert np.ptp(without.energy.total) < 1e-6 < np.ptp(with_.energy.total)
+
+
+def test_an_interrupt_returns_what_there_is():
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, stop)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        with pytest.warns(MbrsWarning, match="interrupted"):
+            traj = mb.simulate(zoo.chain(40).model, 1e5, rtol=1e-10)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert (
+        traj.status == "interrupted"
+        and len(traj.t) > 1
+        and np.isfinite(traj.position("link0" if "link0" in traj.bodies else traj.bodies[0])).all()
+    )
+
+
+# --- wrong input -----
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (dict(t="soon"), "t= must be"),
+        (dict(t=np.nan), "finite"),
+        (dict(t=[]), "t= must be"),
+        (dict(t=[0.0, 1.0, 0.5]), "increase"),
+        (dict(t=[[0.0, 1.0]]), "one-dimensional"),
+        (dict(t=0.0), "after the start"),
+        (dict(t=-1.0), "before the start"),
+        (dict(t=1.0, rtol=0.0), "rtol="),
+        (dict(t=1.0, rtol="fine"), "rtol="),
+        (dict(t=1.0, rtol=1e-20), "between"),
+        (dict(t=1.0, step=-0.1), "step="),
+        (dict(t=1.0, step=1e-12), "1e9 steps"),
+        (dict(t=1.0, step=0.1, rtol=1e-3), "not both"),
+        (dict(t=1.0, method="magic"), "method="),
+        (dict(t=1.0, method="generalized-alpha", rho=2.0), "rho="),
+        (dict(t=1.0, max_step=np.inf), "max_step="),
+        (dict(t=1.0, without=("gyroscopic",)), "linearisation"),
+        (dict(t=1.0, without=("magic",)), "magic"),
+        (dict(t=1.0, at=3), "at="),
+    ],
+)
+def test_wrong_arguments_are_named(arguments, says):
+    with pytest.raises(ModelError, match=says):
+        mb.simulate(pendulum(), **arguments)
+
+
+def test_wrong_names_are_named():
+    traj = mb.simulate(pendulum(), 0.1)
+    for ask in (traj.position, traj.joint, traj.reaction, traj.point):
+        with pytest.raises(NameNotFoundError, match="hing"):
+            ask("hinge_" if ask != traj.position else "hing")
+    with pytest.raises(ModelError, match="no output time"):
+        traj.state(0.0123456)
+    with pytest.raises(ModelError):
+        mb.simulate("pendulum", 1.0)
+
+
+def test_contradicting_velocities_are_projected_and_reported():
+    m = mb.Model("swing")
+    b = m.body("rod", mass=1.0, inertia=(0.1, 0.1, 0.1), at=(0.5, 0, 0), velocity=(1.0, 2.0, 0.3))
+    m.revolute("hinge", m.ground, b, at=(0, 0, 0), axis="z")
+    with pytest.warns(MbrsWarning, match="contradict"):
+        traj = mb.simulate(m, 0.1)
+    assert abs(traj.velocity("rod")[0, 0]) < 1e-12 and traj.residual.max() < 1e-10
+
+
+def test_a_step_limit_keeps_the_partial_trajectory():
+    with pytest.raises(ConvergenceError, match="max_steps") as caught:
+        mb.simulate(pendulum(), 10.0, max_steps=5)
+    assert caught.value.result.status == "stopped" and len(caught.value.result.t) == 6
