@@ -14,6 +14,7 @@ import numpy as np
 from . import _core
 from ._amplified import warn_amplified
 from ._border import core_errors
+from ._halving import halved
 from .effects import check_without, effects
 from .errors import ConvergenceError, MbrsWarning, ModelError
 from .linearize import Snapshot
@@ -66,7 +67,8 @@ def simulate(
         in any relation to the steps (dense output).
     rtol
         Tolerance of the controlled steps, relative to the characteristic length, one radian and the largest rate so far;
-        1e-7 if neither it nor ``step`` is given.
+        1e-7 if neither it nor ``step`` is given. With "bdf-bfgs", of the whole motion: its equal steps are shortened until the
+        estimated error is within it.
     step
         s; fixed steps instead.
     method
@@ -143,8 +145,13 @@ def simulate(
     if rho is not None and not 0.0 <= rho <= 1.0:
         raise ModelError(f"rho= lies between 0 and 1, got {rho}")
     options["method"] = _variant(method, form, update)
-    made = _run(snapshot, state, without, options)
-    traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
+
+    def make(options: dict[str, Any]) -> tuple[dict[str, Any], Trajectory]:
+        made = _run(snapshot, state, without, options)
+        return made, _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
+
+    # its history makes strongly shortened steps expensive, and a fixed step keeps the inverse
+    made, traj = halved(make, options) if method == "bdf-bfgs" and step is None else make(options)
     if parameters is not None:
         traj = replace(traj, parameters=parameters, start=state)
     _report_start(m, made)
