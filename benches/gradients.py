@@ -45,14 +45,18 @@ def lengths(n: int):
         last = b
     names = []
     for i in range(n):
-        m.spring_damper(f"s{i}", m.ground, m.bodies[i % 4], at=((i % 7, 2.0, 0), (i % 4 + 0.5, 0, 0)), k=20.0 / n, c=0.0)
+        m.spring_damper(
+            f"s{i}", m.ground, m.bodies[i % 4], at=((i % 7, 2.0, 0), (i % 4 + 0.5, 0, 0)), k=20.0 / n, c=0.0
+        )
         names.append(f"s{i}.k")
     return m, names
 
 
 def cost() -> None:
     """Seconds over those of one primal simulation (the same scheme and steps, no derivatives)."""
-    print(f"{'n_p':>5} {'primal s':>9} {'direct':>8} {'adjoint':>8}   (over the primal; wanted: direct 1 + .3 n_p, adjoint 4)")
+    print(
+        f"{'n_p':>5} {'primal s':>9} {'direct':>8} {'adjoint':>8}   (over the primal; wanted: direct 1 + .3 n_p, adjoint 4)"
+    )
     for n in (1, 2, 4, 8, 16, 64, 256, 1000):
         primal, direct, adjoint = row(n)
         print(f"{n:5d} {primal:9.4f} {direct / primal:8.2f} {adjoint / primal:8.2f}")
