@@ -1,6 +1,6 @@
 """Writes docs/accuracy.md and its pictures: measured error against measured time, by `mb.accuracy_study`.
 
-python benches/accuracy.py [name ...]
+python benches/accuracy.py [name ...]     (names: only these sections, put into the page that is there)
 
 Times are wall times of this machine, the best of several runs; errors do not depend on it.
 """
@@ -15,6 +15,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import accuracy_motion
+import accuracy_nonlinear as nonlinear
 import mbrs as mb
 import numpy as np
 
@@ -182,11 +184,17 @@ def _oscillator(t: float, w: float) -> float:
     return steady + math.exp(-rate * t) * (a * math.cos(wd * t) + (v + rate * a) / wd * math.sin(wd * t))
 
 
+def _motion(name: str, title: str, text: str, make: Callable[[], Any]) -> Callable[[], Section]:
+    return lambda: Section(name, title, text, make())
+
+
 SECTIONS: dict[str, Callable[[], Section]] = {
     "dense": dense_modes,
     "sparse": sparse_modes,
     "truncation": truncation,
     "response": response,
+    **{name: _motion(name, *rest) for name, rest in accuracy_motion.sections().items()},
+    **{name: lambda make=make: Section(*make()) for name, make in nonlinear.SECTIONS.items()},
 }
 
 
@@ -210,7 +218,22 @@ def main(names: list[str]) -> None:
         section.study.plot().savefig(DOCS / "img" / f"accuracy-{section.name}.png")
         parts.append(markdown(section))
     if not names:
+        parts.append(accuracy_motion.against_evaluations())
         (DOCS / "accuracy.md").write_text("\n".join(parts))
+    elif (DOCS / "accuracy.md").exists():
+        _replace(parts[1:])
+
+
+def _replace(sections: list[str]) -> None:
+    """Put some sections anew into docs/accuracy.md, the others staying as they were measured."""
+    page = (DOCS / "accuracy.md").read_text()
+    for section in sections:
+        title = section.partition("\n")[0]
+        before, found, rest = page.partition(title + "\n")
+        after = rest.partition("\n## ")
+        tail = f"\n## {after[2]}" if after[1] else ""
+        page = f"{before}{section.rstrip()}\n{tail}" if found else f"{page.rstrip()}\n\n{section.rstrip()}\n"
+    (DOCS / "accuracy.md").write_text(page)
 
 
 if __name__ == "__main__":

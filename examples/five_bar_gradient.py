@@ -13,5 +13,5 @@ lengths = ["spring1.length", "spring2.length"]
 print(mb.gradient(m, psi, lengths, t=5.0, step=1e-2))
 design = mb.problem(m, psi, lengths, t=5.0, step=1e-2, bounds={name: (1.0, 4.0) for name in lengths})
 best = design.solve("SLSQP", options={"ftol": 1e-14})
-print(best)                                                    # 2.43192357, 1.84486889
+print(best)  # 2.43192357, 1.84486889
 best.plot().savefig((Path(sys.argv[1]) if len(sys.argv) > 1 else Path()) / "five-bar-convergence.png")

@@ -23,7 +23,7 @@ EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 MAKER = runpy.run_path(str(EXAMPLES / "reference_numbers.py"))
 CASES, AXES, NUMBERS = MAKER["CASES"], MAKER["AXES"], json.loads((EXAMPLES / "reference_numbers.json").read_text())
 # nonlinear_*.py: tests/test_examples_nonlinear.py
-OTHERS = ("reference_numbers.py", "readme_picture.py", "error_table.py")
+OTHERS = ("reference_numbers.py", "readme_picture.py", "docs_picture.py", "error_table.py")
 SCRIPTS = sorted(p.name for p in EXAMPLES.glob("*.py") if p.name not in OTHERS and not p.name.startswith("nonlinear_"))
 
 # What each script must say and leave behind.

@@ -18,7 +18,7 @@ LARGEST_SAMPLE = 1 << 18
 MOST_SAMPLES = 16384
 MOST_HARMONICS = 255
 ALIASED = 0.5  # part of the error from which on more samples pay
-NEGLIGIBLE = 1e-10
+NEGLIGIBLE = 1e-5
 POLYNOMIAL = (0, 1, 2, 8, 11)  # codes of the laws that are polynomials in u and v
 
 
@@ -209,10 +209,14 @@ def of_family(member: Callable[[float], Any], value: float, span: float, harmoni
     return replace(setup, member=member)
 
 
-def more_samples(n: int, error: float, aliasing: float, laws: Sequence[Law], given: Any) -> int | None:
-    """Twice the samples where they, and not the harmonics, limit a solution, unless their number was given."""
+def more_samples(
+    n: int, error: float, aliasing: float, laws: Sequence[Law], given: Any, tol: float | None
+) -> int | None:
+    """Twice the samples where they, and not the harmonics, limit a solution by more than counts beside ``tol``; None where
+    they do not, or where their number was given."""
+    least = NEGLIGIBLE if tol is None else min(NEGLIGIBLE, tol / 10)
     known = given is not None or all(law.code in POLYNOMIAL for law in laws)
-    if known or 2 * n > MOST_SAMPLES or aliasing <= max(ALIASED * error, NEGLIGIBLE):
+    if known or 2 * n > MOST_SAMPLES or aliasing <= max(ALIASED * error, least):
         return None
     return 2 * n
 

@@ -47,8 +47,9 @@ def linear_part(
 ) -> Linear:
     """``condense``: True, False, "modal", "sparse" or "auto", which condenses where the full equations are large. Without
     ``turn`` the coordinates stay what they are, whatever the laws touch."""
-    if not isinstance(condense, bool) and (not isinstance(condense, str) or condense not in ROUTES):
-        raise ModelError(f'condense must be True, False, "auto", "modal" or "sparse", it is {_checks.shown(condense)}')
+    if not isinstance(condense, bool | str) or (isinstance(condense, str) and condense not in ROUTES):
+        given = _checks.shown(condense)
+        raise ModelError(f'condense must be True, False, "auto", "modal" or "sparse", it is {given}')
     directions = tuple(np.asarray(law.w) for law in laws)
     touched = np.flatnonzero(np.any([w != 0 for w in directions], axis=0)) if directions else np.zeros(0, int)
     small = system.n * n_c <= WORTH_CONDENSING

@@ -341,8 +341,8 @@ def _deliver(
         else:
             result.save(out)
     except ImportError as problem:
-        command = "pip install 'mbrs-dynamics[xarray]'"
-        raise click.ClickException(f"{out.suffix} needs {problem.name}, which is not installed: {command}") from None
+        install = "pip install 'mbrs-dynamics[xarray]'"
+        raise click.ClickException(f"{out.suffix} needs {problem.name}, which is not installed: {install}") from None
     except OSError as problem:
         raise click.ClickException(f"cannot write {out}: {problem.strerror or problem}") from None
     click.echo(f"wrote {out}", err=True)

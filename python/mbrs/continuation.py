@@ -325,7 +325,9 @@ class Branch(Iterator[BranchPoint]):
 
     def _poor(self, part: dict[str, Any]) -> tuple[int, Any, int] | None:
         """The first point that lacks something, and the harmonics and samples to go on with; None where none does."""
-        lacking = ~(part["error"] <= self.tol) if self._auto else part["aliasing"] > _balance.ALIASED * part["error"]
+        lacking = part["aliasing"] > _balance.ALIASED * part["error"]
+        if self._auto:
+            lacking = ~(part["error"] <= self.tol)
         if not np.any(lacking):
             return None
         laws, n = self.system.elements, self.setup.n_samples
@@ -333,7 +335,7 @@ class Branch(Iterator[BranchPoint]):
         top, nu = self.setup.harmonics[-1], self.setup.subharmonic
         for i, (error, aliasing) in enumerate(zip(part["error"], part["aliasing"], strict=True)):
             wanted = not self._auto or self.tol is None or not error <= self.tol
-            more = _balance.more_samples(n, error, aliasing, laws, given) if wanted else None
+            more = _balance.more_samples(n, error, aliasing, laws, given, self.tol) if wanted else None
             if more is not None:
                 return i, self.setup.harmonics, more
             if self._auto and wanted and top < MOST_HARMONICS * nu:

@@ -307,7 +307,7 @@ def harmonic_balance(
             **options,
         )
         return _automatic(system, force, float(w), x0, 1e-6 if tol is None else tol, given)
-    setup, answer = _solved(system, force, harmonics, subharmonic, n_samples, float(w), condense, x0, options)
+    setup, answer = _solved(system, force, harmonics, subharmonic, n_samples, float(w), condense, x0, options, tol)
     result = PeriodicSolution(
         setup.expand(answer["y"], float(w)),
         float(w),
@@ -335,12 +335,14 @@ def _solved(
     condense: bool | str,
     x0: Any,
     options: dict[str, Any],
+    tol: float | None,
 ) -> tuple[_balance.Setup, dict[str, Any]]:
     """The core's answer, with fewer harmonics first where all at once fail, and more samples where they are what lacks."""
     given: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples, omega=omega, condense=condense)
     setup, answer = first_solution(system, force, harmonics, given, x0, options)
     while answer["converged"]:
-        more = _balance.more_samples(setup.n_samples, answer["error"], answer["aliasing"], system.elements, n_samples)
+        error, aliasing = answer["error"], answer["aliasing"]
+        more = _balance.more_samples(setup.n_samples, error, aliasing, system.elements, n_samples, tol)
         if more is None:
             break
         finer = _balance.prepare(system, force, harmonics, least_samples=more, **given)
@@ -368,7 +370,7 @@ def first_solution(
             guess = _ramped_start(system, force, setup.harmonics, finer, options)
             if guess is not None:
                 answer = _balance.translated(setup.core.solve, setup.start(guess), [given["omega"]], **options)
-        if answer["converged"]:
+        if answer["converged"] or answer["broken"] is not None:
             break
     return setup, answer
 

@@ -317,7 +317,7 @@ def _solved(problem: Torus, x0: Any, limit: float, options: dict[str, Any], star
     while True:
         answer = _balance.translated(problem.core.solve, problem.start(x0), list(problem.omega), **options)
         result = problem.solution(answer, limit, started)
-        finer = problem.finer(answer) if answer["converged"] else None
+        finer = problem.finer(answer, limit) if answer["converged"] else None
         if finer is None:
             break
         problem, x0 = finer, result
@@ -424,13 +424,13 @@ class Torus:
             fine,
         )
 
-    def finer(self, answer: Mapping[str, Any]) -> Torus | None:
+    def finer(self, answer: Mapping[str, Any], limit: float) -> Torus | None:
         """The same with twice the samples per dimension, where they are what limits an answer."""
         n = int(np.prod(self.dims))
         if n << len(self.dims) > MOST_SAMPLES:
             return None
         laws, given = self.system.elements, self.arguments[3]
-        if _balance.more_samples(1, answer["error"], answer["aliasing"], laws, given) is None:
+        if _balance.more_samples(1, answer["error"], answer["aliasing"], laws, given, limit) is None:
             return None
         return Torus(
             self.system, self.forces, *self.arguments, least_samples=[2 * n for n in self.dims], turn=self.turn

@@ -480,10 +480,32 @@ impl Curve for Problem {
 
 #[cfg(test)]
 mod tests {
+    use super::super::family::Family;
     use super::super::linear::Full;
     use super::*;
     use crate::laws::Law;
     use std::sync::Arc;
+
+    struct Springs;
+
+    impl Family for Springs {
+        fn member(&self, value: f64) -> Result<Member> {
+            let other = two_masses(Parameter::Level);
+            let mut elements = other.elements.clone();
+            elements[0].force = Force::Known(Law::Cubic, vec![0.5 * value]);
+            let linear = Full {
+                n: 2,
+                m: vec![1.0, 0.1, 0.1, 2.0],
+                c: vec![0.1, -0.3, 0.4, 0.05],
+                k: vec![2.0 * value, -1.0, -0.8, 3.0],
+                forces: Arc::new(Vec::new()),
+            };
+            Ok(Member {
+                linear: Box::new(linear),
+                elements,
+            })
+        }
+    }
 
     fn two_masses(parameter: Parameter) -> Problem {
         let force = |a: f64, b: f64| Some(vec![c64::new(a, b), c64::new(b, 0.0)]);
@@ -523,8 +545,14 @@ mod tests {
             Parameter::Scale,
             Parameter::Level,
             Parameter::Ramp,
+            Parameter::Family,
         ] {
             let mut problem = two_masses(parameter);
+            problem.family = Some(Placed {
+                family: Arc::new(Springs),
+                value: 0.0,
+                step: 1e-5,
+            });
             let n = problem.size();
             let y: Vec<f64> = (0..n).map(|i| ((2 * i + 1) as f64).sin()).collect();
             let mut out = Linearisation::new(n);

@@ -255,11 +255,19 @@ impl Driver<'_, '_, '_> {
             }
             self.record(scheme, &here, &mut step, length, counts)?;
             scheme.accept(self.eq, &here, &step, length);
-            if target.is_some_and(|t| self.plan.breaks.contains(&t)) {
-                scheme.reset();
-            }
             self.run.local.push(size);
             here = step.end;
+            if target.is_some_and(|t| self.plan.breaks.contains(&t)) {
+                // rates of drives may jump: an impact
+                scheme.reset();
+                match self.eq.consistent(here.motion.clone(), counts) {
+                    Ok(after) => here = after,
+                    Err(error) => {
+                        self.stop(here.motion.t, error.to_string());
+                        break;
+                    }
+                }
+            }
             self.run.steps.push(here.motion.t);
             counts.add("steps", 1);
             progress.set((here.motion.t - t0) / total);
@@ -300,8 +308,11 @@ impl Driver<'_, '_, '_> {
             .iter()
             .copied()
             .find(|b| *b > t + 1e-14 * self.plan.end.abs().max(1e-300));
-        let target = ahead.map_or(self.plan.end, |b| b.min(self.plan.end));
-        let left = target - t;
+        // what changes at a break must not change within the step that ends there
+        let (target, left) = match ahead.filter(|b| *b <= self.plan.end) {
+            Some(b) => (b, b - t - 4.0 * f64::EPSILON * b.abs()),
+            None => (self.plan.end, self.plan.end - t),
+        };
         if let Steps::Fixed(grid) = self.plan.steps {
             return self.on_grid(t, h, grid, target);
         }

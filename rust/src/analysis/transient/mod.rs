@@ -18,6 +18,8 @@
 pub mod ali3p;
 pub mod bdf;
 pub mod bdf_bfgs;
+mod bdf_history;
+mod bdf_solver;
 pub mod bdf_step;
 pub mod consistent;
 mod dop853_numbers;

@@ -1,0 +1,183 @@
+"""Work-precision of motion in time for docs/accuracy.md: every method of `mb.simulate`, and peers, against true motions."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import mbrs as mb
+import numpy as np
+import rivals_motion as rivals
+
+TOLERANCES = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9]
+# The error of a method of order 2 falls with the square of the step: tighter would take minutes.
+TIGHTEST = {"generalized-alpha": 1e-5}
+
+
+def _of_tests(name: str) -> Any:
+    """A module of the tests: their zoo of motions is that of the benches."""
+    folder = str(Path(__file__).resolve().parent.parent / "tests")
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    return importlib.import_module(name)
+
+
+def methods() -> list[str]:
+    """The methods that take a tolerance."""
+    from mbrs.simulate import METHODS
+
+    return [m for m in METHODS if m not in ("auto", "ali3p")]
+
+
+def at_the_end(result: Any, reference: Any) -> float:
+    """Distance from the true place at the end, m, the largest of the points whose truth is known."""
+    return max(float(np.linalg.norm(result.places[name] - place)) for name, place in reference.items())
+
+
+class Run:
+    """Where the known points were at the end, and what the run said about itself."""
+
+    def __init__(self, places: dict[str, np.ndarray], traj: Any = None) -> None:
+        self.places = places
+        self.error = None if traj is None else traj.error
+        self.status = "finished" if traj is None else traj.status
+        self.counts = {} if traj is None else dict(traj.stats.counts)
+
+
+def study(problem: Any, rival: Callable[[float], Run] | None = None, repeat: int = 2) -> Any:
+    """All methods over the tolerances; ``rival(part)`` makes runs of a peer whose fixed step goes with part = sqrt(rtol)."""
+
+    def simulate(method: str, rtol: float) -> Run:
+        if method == "Exudyn generalized-alpha":
+            assert rival is not None
+            return rival(float(np.sqrt(rtol)))
+        if rtol < 0.99 * TIGHTEST.get(method, 0.0):
+            raise mb.ModelError("left out: too many steps")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", mb.MbrsWarning)
+            traj = mb.simulate(problem.model, t=[problem.t], rtol=rtol, method=method)
+        return Run({name: place[-1] for name, place in problem.places(traj).items()}, traj)
+
+    known = {name: place[-1] for name, place in problem.truth(np.array([problem.t])).items()}
+    lines = methods()
+    if rival is not None:
+        try:
+            importlib.import_module("exudyn")
+            lines.append("Exudyn generalized-alpha")
+        except ImportError:
+            print("Exudyn not run", file=sys.stderr)
+    return mb.accuracy_study(
+        simulate, method=lines, rtol=TOLERANCES, reference=known, measure=at_the_end, repeat=repeat
+    )
+
+
+def _four_bars_in_exudyn(n: int, end: float) -> Callable[[float], Run]:
+    def run(part: float) -> Run:
+        step = 0.3 * part
+        if step < 2e-4:
+            raise mb.ModelError("left out: too many steps")
+        _, _, tip = rivals.four_bars(n, end / max(1, round(end / step)), end)
+        return Run({"tip": np.array([*tip, 0.0])})
+
+    return run
+
+
+def _top_in_exudyn(end: float) -> Callable[[float], Run]:
+    def run(part: float) -> Run:
+        step = 3e-3 * part  # its Newton iterations fail with steps above 1e-4 s
+        if step < 9e-6:
+            raise mb.ModelError("left out: too many steps")
+        return Run({"top": rivals.heavy_top("GeneralizedAlpha", end / round(end / step), end)[1]})
+
+    return run
+
+
+def sections() -> dict[str, tuple[str, str, Callable[[], Any]]]:
+    """Name: (title, words, what makes the study)."""
+    zoo = _of_tests("motion_problems")
+    peer = " Exudyn's lines are of planar rods with fixed steps, its time includes building the model."
+    return {
+        "motion-swing": (
+            "Motion: two-body swing, 2 s",
+            "A driven hinge and a free one: a constraint that moves.",
+            lambda: study(zoo.swing(2.0)),
+        ),
+        "motion-heavy-top": (
+            "Motion: fast heavy top, 0.5 s",
+            "Twelve turns about its own axis: smooth, not stiff, fast. Explicit steps of high order are made for it.",
+            lambda: study(zoo.heavy_top(t=0.5), _top_in_exudyn(0.5)),
+        ),
+        "motion-four-bars": (
+            "Motion: ten four-bars, 0.7 s",
+            "Spatial hinges, thirty redundant constraints, up to just before the links align." + peer,
+            lambda: study(zoo.four_bars(10, 0.7), _four_bars_in_exudyn(10, 0.7)),
+        ),
+        "motion-slider-crank": (
+            "Motion: slider-crank, 1 s",
+            "One loop with redundant joints; the dead centres are the fast parts.",
+            lambda: study(zoo.slider_crank()),
+        ),
+        "motion-stiff": (
+            "Motion: masses on bushings, the middle one of 9e8 N/m, 1 s",
+            "A fast oscillation without amplitude beside slow ones: explicit steps are bound by it, implicit ones are not.",
+            lambda: study(zoo.bushings(stiff=1e6)),
+        ),
+        "motion-gap": (
+            "Motion: a mass that strikes a stop of 1e4 N/m, 2 s",
+            "Each contact is a kink in the force: every method loses its order there and pays by rejected steps.",
+            lambda: study(zoo.gap()),
+        ),
+    }
+
+
+def against_evaluations() -> str:
+    """The derivative-free solver beside Newton's methods by evaluations of the forces: what counts where these are slow."""
+    zoo = _of_tests("motion_problems")
+    rows = [["scene", "method", "rtol", "force evaluations", "tangents", "error [m]", "time"], ["---"] * 7]
+    for title, problem in (("slider-crank", zoo.slider_crank()), ("stop", zoo.gap()), ("Python force", python_force())):
+        known = {name: place[-1] for name, place in problem.truth(np.array([problem.t])).items()}
+        for method in methods():
+            for rtol in (1e-4, 1e-6):
+                rows.append(_evaluated(title, problem, known, method, rtol))
+    text = "\n".join("| " + " | ".join(cells) + " |" for cells in rows)
+    words = (
+        "Where a force is a Python function every evaluation costs a call, and a tangent as many as there are "
+        "coordinates, or one-sided differences. The table counts them."
+    )
+    return f"## Motion: evaluations of the forces\n{words}\n\n{text}\n"
+
+
+def _evaluated(title: str, problem: Any, known: Any, method: str, rtol: float) -> list[str]:
+    if rtol < TIGHTEST.get(method, 0.0):
+        return [title, method, f"{rtol:.0e}", "-", "-", "-", "left out: too many steps"]
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", mb.MbrsWarning)
+            traj = mb.simulate(problem.model, t=[problem.t], rtol=rtol, method=method)
+    except mb.MbrsError as reason:
+        return [title, method, f"{rtol:.0e}", "-", "-", "-", f"failed: {str(reason)[:60]}"]
+    run = Run({name: place[-1] for name, place in problem.places(traj).items()})
+    counts = traj.stats.counts
+    numbers = [str(counts.get(k, 0)) for k in ("force evaluations", "tangents")]
+    return [
+        title,
+        method,
+        f"{rtol:.0e}",
+        *numbers,
+        f"{at_the_end(run, known):.1e}",
+        f"{1e3 * traj.stats.wall_time:.3g} ms",
+    ]
+
+
+def python_force() -> Any:
+    """The swing's rods without a motor, pushed by a Python function of time; its truth is a tight run."""
+    zoo = _of_tests("motion_problems")
+    problem = zoo.double_pendulum()
+    problem.model.force("push", "lower", value=lambda t: (5.0 * np.sin(7.0 * t), 0.0, 0.0))
+    tight = mb.simulate(problem.model, t=[0.0, problem.t], rtol=1e-11, method="explicit")
+    problem.truth = lambda times: {"end": np.repeat(tight.point("end")[-1:], len(times), axis=0)}
+    return problem
