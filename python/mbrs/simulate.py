@@ -14,6 +14,7 @@ import numpy as np
 from . import _core
 from ._amplified import warn_amplified
 from ._border import core_errors
+from ._halving import halved
 from .effects import check_without, effects
 from .errors import ConvergenceError, MbrsWarning, ModelError
 from .linearize import Snapshot
@@ -21,6 +22,7 @@ from .names import shown
 from .progress import Progress
 from .results import Stats
 from .state import State, state_of
+from .tables import directions
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -65,7 +67,8 @@ def simulate(
         in any relation to the steps (dense output).
     rtol
         Tolerance of the controlled steps, relative to the characteristic length, one radian and the largest rate so far;
-        1e-7 if neither it nor ``step`` is given.
+        1e-7 if neither it nor ``step`` is given. With "bdf-bfgs", of the whole motion: its equal steps are shortened until the
+        estimated error is within it.
     step
         s; fixed steps instead.
     method
@@ -130,15 +133,25 @@ def simulate(
             raise ModelError(f"'{name}' is a part of a linearisation; a motion cannot be without it")
     snapshot = Snapshot.of(m)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
+    if parameters is not None:
+        method = _with_sensitivities(method)
+        directions(m, parameters)
     options = _options(t, rtol, step, method, state)
+    if parameters is not None and "outputs" in options:
+        options["breaks"] = [time for time in options["outputs"] if time > state.t]
     for name, value in (("rho", rho), ("max_step", max_step), ("first_step", first_step), ("max_steps", max_steps)):
         if value is not None:
             options[name] = _number(name, value, positive=name != "rho")
     if rho is not None and not 0.0 <= rho <= 1.0:
         raise ModelError(f"rho= lies between 0 and 1, got {rho}")
     options["method"] = _variant(method, form, update)
-    made = _run(snapshot, state, without, options)
-    traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
+
+    def make(options: dict[str, Any]) -> tuple[dict[str, Any], Trajectory]:
+        made = _run(snapshot, state, without, options)
+        return made, _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
+
+    # its history makes strongly shortened steps expensive, and a fixed step keeps the inverse
+    made, traj = halved(make, options) if method == "bdf-bfgs" and step is None else make(options)
     if parameters is not None:
         traj = replace(traj, parameters=parameters, start=state)
     _report_start(m, made)
