@@ -1,6 +1,6 @@
 """Writes docs/accuracy.md and its pictures: measured error against measured time, by `mb.accuracy_study`.
 
-python benches/accuracy.py [name ...]
+python benches/accuracy.py [name ...]     (names: only these sections, put into the page that is there)
 
 Times are wall times of this machine, the best of several runs; errors do not depend on it.
 """
@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import accuracy_motion
+import accuracy_nonlinear as nonlinear
 import mbrs as mb
 import numpy as np
 
@@ -193,6 +194,7 @@ SECTIONS: dict[str, Callable[[], Section]] = {
     "truncation": truncation,
     "response": response,
     **{name: _motion(name, *rest) for name, rest in accuracy_motion.sections().items()},
+    **{name: lambda make=make: Section(*make()) for name, make in nonlinear.SECTIONS.items()},
 }
 
 
@@ -218,6 +220,20 @@ def main(names: list[str]) -> None:
     if not names:
         parts.append(accuracy_motion.against_evaluations())
         (DOCS / "accuracy.md").write_text("\n".join(parts))
+    elif (DOCS / "accuracy.md").exists():
+        _replace(parts[1:])
+
+
+def _replace(sections: list[str]) -> None:
+    """Put some sections anew into docs/accuracy.md, the others staying as they were measured."""
+    page = (DOCS / "accuracy.md").read_text()
+    for section in sections:
+        title = section.partition("\n")[0]
+        before, found, rest = page.partition(title + "\n")
+        after = rest.partition("\n## ")
+        tail = f"\n## {after[2]}" if after[1] else ""
+        page = f"{before}{section.rstrip()}\n{tail}" if found else f"{page.rstrip()}\n\n{section.rstrip()}\n"
+    (DOCS / "accuracy.md").write_text(page)
 
 
 if __name__ == "__main__":

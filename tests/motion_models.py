@@ -32,9 +32,15 @@ def five_bar():
 def open_chain():
     """A spherical, a universal, a prismatic joint and a free body; a bushing, a cubic law, a follower force."""
     m = mb.Model("open chain", gravity=(0.3, -9.81, 0.5))
-    a = m.body("a", mass=1.2, inertia=(0.05, 0.06, 0.04), at=(0.3, 0, 0.1), angular_velocity=(0.5, 1.0, -0.4))
-    b = m.body("b", mass=0.8, inertia=(0.03, 0.02, 0.04), at=(0.8, 0.1, 0), com=(0.02, 0, 0.01))
-    c = m.body("c", mass=0.5, inertia=(0.01, 0.02, 0.02), at=(1.2, 0.1, 0.2))
+    spin = np.array([0.5, 1.0, -0.4])
+
+    def turning(at):
+        # a rigid rotation about the spherical joint: velocities that fit all joints of the chain
+        return {"at": at, "velocity": np.cross(spin, at), "angular_velocity": spin}
+
+    a = m.body("a", mass=1.2, inertia=(0.05, 0.06, 0.04), **turning((0.3, 0, 0.1)))
+    b = m.body("b", mass=0.8, inertia=(0.03, 0.02, 0.04), com=(0.02, 0, 0.01), **turning((0.8, 0.1, 0)))
+    c = m.body("c", mass=0.5, inertia=(0.01, 0.02, 0.02), **turning((1.2, 0.1, 0.2)))
     d = m.body("d", mass=0.7, inertia=(0.02, 0.03, 0.02), at=(0.5, -0.6, 0.3), velocity=(0.2, 0, -0.1))
     m.spherical("S", m.ground, a, at=(0, 0, 0), k=(3.0, 2.0, 4.0))
     m.universal("U", a, b, at=(0.6, 0.05, 0), axis="z", axis2="y", c=(0.05, 0.04))
@@ -62,7 +68,12 @@ def blade():
     """A body on ice with a knife edge, pulled by a spring: nonholonomic."""
     m = mb.Model("blade", gravity=(0, 0, -9.81))
     a = m.body(
-        "blade", mass=1.3, inertia=(0.05, 0.06, 0.07), at=(0, 0, 0), velocity=(0.8, 0, 0), angular_velocity=(0, 0, 1.1)
+        "blade",
+        mass=1.3,
+        inertia=(0.05, 0.06, 0.07),
+        at=(0, 0, 0),
+        velocity=(0.8, -0.11, 0),
+        angular_velocity=(0, 0, 1.1),
     )
     m.planar("ice", m.ground, a, at=(0, 0, 0), axis="z")
     m.knife_edge("edge", m.ground, a, at=(0.1, 0, 0), axis=(0, 1, 0))

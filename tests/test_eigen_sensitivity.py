@@ -298,3 +298,23 @@ def test_wrong_input_is_refused():
         s.of("x")
     empty = eigen_sensitivity(r)
     assert isinstance(empty, EigenSensitivity) and empty.frequency.shape == (3, 0)
+
+
+def test_roots_that_rounding_has_parted_are_one_group():
+    """Two equal oscillators, 3e-13 apart: their shapes are arbitrary, the derivatives are those of the repeated root."""
+    turned = np.array([[0.6, -0.8], [0.8, 0.6]])
+    K = turned @ np.diag([4.0, 4.0 * (1 + 6e-13)]) @ turned.T
+    modal = modes(MechanicalSystem(np.eye(2), None, K))
+    assert modal.groups == () and modal.clusters == ((0, 1),)
+    s = eigen_sensitivity(modal, dK=[np.diag([1.0, 0.0]), np.diag([0.0, 1.0])])
+    np.testing.assert_allclose(s.omega, [[0.0, 0.0], [0.25, 0.25]], atol=1e-9)
+    np.testing.assert_allclose(s.group(0).directional([1.0, 1.0]).imag, [0.25, 0.25], atol=1e-9)
+    assert s.error.max() < 1e-10
+
+
+def test_roots_that_differ_are_no_group():
+    """A gap of 1e-6 is far beyond rounding: each mode has a derivative of its own."""
+    modal = modes(MechanicalSystem(np.eye(2), None, np.diag([4.0, 4.0 * (1 + 2e-6)])))
+    assert modal.clusters == ()
+    s = eigen_sensitivity(modal, dK=[np.diag([1.0, 0.0])])
+    np.testing.assert_allclose(s.omega[:, 0], [0.25, 0.0], atol=1e-9)

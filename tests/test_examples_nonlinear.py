@@ -83,3 +83,15 @@ def test_level_of_the_engine_where_the_linear_model_holds():
     ours = one.coefficient("crank.motion.z")
     print(f"engine at 1 mN: differs from the transfer function by {abs(ours / (1e-3 * linear) - 1):.1e}")
     assert abs(ours / (1e-3 * linear) - 1) < 1e-8
+
+
+def test_the_page_on_nonlinear_vibration_is_true(tmp_path, monkeypatch):
+    """Its code runs, and it names every reason for which a branch ends."""
+    from mbrs.continuation import MEANING
+
+    page = (EXAMPLES.parent / "docs" / "nonlinear.md").read_text()
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    scope: dict[str, object] = {}
+    exec(page.split("```python\n")[1].split("```")[0], scope)
+    assert scope["curve"].status == "converged" and [e.kind for e in scope["curve"].events] == ["fold", "fold"]
+    assert [status for status in MEANING if f'"{status}"' not in page] == []

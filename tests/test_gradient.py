@@ -54,12 +54,12 @@ def everything(m, redundant):
     return g
 
 
-def differences(m, psi, parameters, **options):
+def differences(m, psi, parameters, part=1e-3, **options):
     """Central differences of four points through the whole motion."""
     rows = []
     for p in parameters:
         now = m.value(p)
-        e = 1e-3 * max(1.0, abs(float(now)))
+        e = part * max(1.0, abs(float(now)))
         values = []
         for side in (1, -1, 2, -2):
             m.set({p: now + side * e})

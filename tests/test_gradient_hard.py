@@ -32,9 +32,11 @@ def four_bar(angle):
 @pytest.mark.parametrize("angle", [1e-1, 1e-2, 1e-3])
 def test_near_the_singular_pose(angle):
     m = silent(lambda: four_bar(angle))
-    psi = mb.Integral(lambda s: s.position("bar1")[1])
-    direct, agreement = both(m, psi, ["spring.k", "bar0.mass"], t=0.1, step=0.005)
-    error = worst(direct.gradient, differences(m, psi, ["spring.k", "bar0.mass"], t=0.1, step=0.005))
+    # the closer, the faster the geometry turns: 20 steps that shrink with the angle
+    options = {"t": angle, "step": 0.05 * angle}
+    psi = mb.Integral(lambda s: s.position("bar1")[1] / angle**3)
+    direct, agreement = both(m, psi, ["spring.k", "bar0.mass"], **options)
+    error = worst(direct.gradient, differences(m, psi, ["spring.k", "bar0.mass"], **options))
     print(f"angle {angle}: adjoint - direct {agreement:.1e}, differences {error:.1e}")
     assert agreement < 1e-9
     assert error < 1e-6
@@ -58,9 +60,9 @@ def test_multiplier_that_changes_its_sign():
     mu = traj.multipliers[:, -1]
     assert mu.min() < 0 < mu.max()
     direct, agreement = both(m, psi, ["spring.k", "edge.at[0]", "blade.velocity[0]"], t=3.0, step=0.02)
-    error = worst(
-        direct.gradient, differences(m, psi, ["spring.k", "edge.at[0]", "blade.velocity[0]"], t=3.0, step=0.02)
-    )
+    names = ["spring.k", "edge.at[0]", "blade.velocity[0]"]
+    # smaller than elsewhere: the motion bends strongly over 3 s
+    error = worst(direct.gradient, differences(m, psi, names, part=2e-4, t=3.0, step=0.02))
     print(f"sign changes: adjoint - direct {agreement:.1e}, differences {error:.1e}")
     assert agreement < 1e-9
     assert error < 1e-7

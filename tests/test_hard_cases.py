@@ -258,3 +258,33 @@ def test_bushings_near_half_a_turn():
         found[str(degrees)] = max(difference(m, state).values())
     show("bushing at", found)
     assert max(found.values()) < 1e-10
+
+
+def test_mass_ratio_with_general_damping():
+    """The light body's damper against 40-digit roots of the quartic, mass ratio 1e9 either way."""
+    import mpmath as mp
+
+    for m1, m2 in ((1.0, 1e9), (1e9, 1.0)):
+        m = mb.Model("two masses")
+        a = m.body("a", mass=m1, inertia=(1, 1, 1), at=(0, 0, 0))
+        b = m.body("b", mass=m2, inertia=(1, 1, 1), at=(1, 0, 0))
+        m.prismatic("first", m.ground, a, at=(0, 0, 0), axis="x", k=1.0, c=0.03)
+        m.prismatic("second", a, b, at=(1, 0, 0), axis="x", k=1.0)
+        with mp.workdps(60):
+            p, q = mp.mpf(m1), mp.mpf(m2)
+            # (p s^2 + .03 s + 2)(q s^2 + 1) - 1
+            c = mp.mpf(0.03)
+            roots = mp.polyroots([p * q, c * q, p + 2 * q, c, mp.mpf(1)], maxsteps=500, extraprec=400)
+            exact = sorted((complex(r) for r in roots if r.imag > 0), key=abs)
+        found = mb.modes(m)
+        error = float(np.max(np.abs(found.eigenvalue - exact) / np.abs(exact)))
+        report(f"damped, masses {m1:g} and {m2:g} ({found.stats.route})", error, 1e-9)
+
+
+def test_the_mass_factor_is_one_of_the_mass_matrix():
+    """F^T F = M, with centres of mass away from the origins, in a tree and in a loop."""
+    rng = np.random.default_rng(8)
+    for m in (random_tree(rng, 3, ("universal", "spherical"), followers=False), mb.examples.ladder(2, "spherical")):
+        lin = mb.linearize(m)
+        factor = lin.mass_factor
+        report(m.name, float(np.abs(factor.T @ factor - lin.M).max() / np.abs(lin.M).max()), 1e-13)

@@ -227,3 +227,21 @@ def test_rest_has_nothing_to_draw():
     for draw in (rest.plot, rest.plot_spectrum):
         with pytest.raises(mb.errors.ModelError, match="does not move"):
             draw()
+
+
+@pytest.mark.parametrize("harmonics", [7, 15, 31])
+def test_largest_displacement_is_at_its_peak(harmonics):
+    """Peak of the hard Duffing oscillator by shooting (METHODS.md b.4); the series has converged to 1e-6 with seven."""
+    curve = mb.frequency_response(
+        duffing(1.0), force=[0.3], omega=(2.2, 2.5), harmonics=harmonics, stability=False, events=False
+    )
+    peak = curve.peak(harmonic=None)
+    errors = abs(peak.largest() / 2.5645599332 - 1), abs(peak.omega / 2.3993334635 - 1)
+    print(f"H = {harmonics}: height off by {errors[0]:.1e}, omega by {errors[1]:.1e}")
+    assert max(errors) < (5e-6 if harmonics == 7 else 1e-9)
+
+
+def test_largest_displacement_lies_above_every_sample():
+    cycle = mb.limit_cycle(mb.examples.van_der_pol(5.0), harmonics=63)
+    dense = np.max(np.abs(cycle.displacement(np.linspace(0, cycle.period, 200_001))))
+    assert 0 <= cycle.largest() - dense < 1e-8

@@ -231,8 +231,8 @@ def gradient(
         "direct": one tangent linear model per parameter along with the motion. "adjoint": the steps backwards, once per
         objective. "auto": by their numbers.
     at
-        Start, as in `mb.simulate`; a drawn start follows the parameters (assembly and consistent velocities), an
-        equilibrium moves along, other states are held.
+        Start, as in `mb.simulate`; a drawn start follows the parameters (assembly and consistent velocities; the characteristic
+        length that weighs angles against lengths there is held), an equilibrium moves along, other states are held.
     without
         Effects to leave out.
     weight
@@ -278,7 +278,8 @@ def gradient(
         raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
     if weight not in ("tangent", "mass"):
         raise ModelError(f"weight= is 'tangent' or 'mass', got {shown(weight)}")
-    objectives = [objective] if isinstance(objective, Objective) else list(objective)
+    many = isinstance(objective, (list, tuple))
+    objectives: list[Any] = list(objective) if isinstance(objective, (list, tuple)) else [objective]
     if not objectives or not all(isinstance(o, Objective) for o in objectives):
         raise ModelError(
             f"objective= takes mb.Integral, mb.Final or mb.AtTimes, or several of them, got {shown(objective)}"
@@ -288,11 +289,10 @@ def gradient(
     chosen = ("adjoint" if along.n > 8 * len(objectives) else "direct") if method == "auto" else method
     found = _adjoint(run, objectives, along) if chosen == "adjoint" else _direct(run, objectives, along)
     values, gradients, counts = found
-    single = isinstance(objective, Objective)
-    shaped = along.shaped(gradients[0] if single else gradients)
+    shaped = along.shaped(gradients if many else gradients[0])
     return MotionGradient(
-        value=float(values[0]) if single else values,
-        gradient=Derivative.of(shaped, along.shape, 0 if single else 1),
+        value=values if many else float(values[0]),
+        gradient=Derivative.of(shaped, along.shape, 1 if many else 0),
         labels=along.labels,
         units=along.units,
         t=run.times,

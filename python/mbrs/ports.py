@@ -81,7 +81,8 @@ def base_motion(direction: Any) -> Port:
     """Motion of ground as a whole, as an input: translation "x", "y", "z" (or a vector (3,)), rotation "rx", "ry",
     "rz".
 
-    A rotation turns ground about the world origin. The amplitude is a displacement in m or an angle in rad.
+    A rotation turns ground about the world origin; gravity keeps its direction in space. The amplitude is a
+    displacement in m or an angle in rad.
 
     Examples
     --------

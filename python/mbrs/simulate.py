@@ -22,6 +22,7 @@ from .names import shown
 from .progress import Progress
 from .results import Stats
 from .state import State, state_of
+from .tables import directions
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -132,7 +133,12 @@ def simulate(
             raise ModelError(f"'{name}' is a part of a linearisation; a motion cannot be without it")
     snapshot = Snapshot.of(m)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
+    if parameters is not None:
+        method = _with_sensitivities(method)
+        directions(m, parameters)
     options = _options(t, rtol, step, method, state)
+    if parameters is not None and "outputs" in options:
+        options["breaks"] = [time for time in options["outputs"] if time > state.t]
     for name, value in (("rho", rho), ("max_step", max_step), ("first_step", first_step), ("max_steps", max_steps)):
         if value is not None:
             options[name] = _number(name, value, positive=name != "rho")

@@ -50,7 +50,12 @@ def ice_skate(b: float = 1.0) -> Model:
     """
     m = Model("ice skate")
     body = m.body(
-        "skate", mass=1.0, inertia=(0.05, 0.06, 0.08), at=(0, 0, 0), velocity=(1.0, 0, 0), angular_velocity=(0, 0, 0.5)
+        "skate",
+        mass=1.0,
+        inertia=(0.05, 0.06, 0.08),
+        at=(0, 0, 0),
+        velocity=(1.0, -0.05 * b, 0),
+        angular_velocity=(0, 0, 0.5),
     )
     m.planar("ice", m.ground, body, at=(0, 0, 0), axis="z")
     m.knife_edge("edge", m.ground, body, at=(0.1 * b, 0, 0), axis="y")

@@ -99,7 +99,7 @@ fn extremum_slope(x: &[f64], dx: &[f64], harmonics: &[f64]) -> f64 {
         .unwrap_or(0.0);
     for _ in 0..6 {
         let step = value(x, tau, 1) / value(x, tau, 2);
-        if step.is_finite() && step.abs() < 1.0 / n_t {
+        if step.is_finite() && step.abs() < std::f64::consts::TAU / n_t {
             tau -= step;
         }
     }

@@ -260,7 +260,13 @@ impl Driver<'_, '_, '_> {
             if target.is_some_and(|t| self.plan.breaks.contains(&t)) {
                 // rates of drives may jump: an impact
                 scheme.reset();
-                here = self.eq.consistent(here.motion, counts)?;
+                match self.eq.consistent(here.motion.clone(), counts) {
+                    Ok(after) => here = after,
+                    Err(error) => {
+                        self.stop(here.motion.t, error.to_string());
+                        break;
+                    }
+                }
             }
             self.run.steps.push(here.motion.t);
             counts.add("steps", 1);
@@ -302,9 +308,11 @@ impl Driver<'_, '_, '_> {
             .iter()
             .copied()
             .find(|b| *b > t + 1e-14 * self.plan.end.abs().max(1e-300));
-        let target = ahead.map_or(self.plan.end, |b| b.min(self.plan.end));
         // what changes at a break must not change within the step that ends there
-        let left = target - t - ahead.map_or(0.0, |b| 4.0 * f64::EPSILON * b.abs());
+        let (target, left) = match ahead.filter(|b| *b <= self.plan.end) {
+            Some(b) => (b, b - t - 4.0 * f64::EPSILON * b.abs()),
+            None => (self.plan.end, self.plan.end - t),
+        };
         if let Steps::Fixed(grid) = self.plan.steps {
             return self.on_grid(t, h, grid, target);
         }
