@@ -300,6 +300,13 @@ class Trajectory(Result):
         """Position (n_t, n_b, 3), orientation (n_t, n_b, 4), velocity and angular velocity (n_t, n_b, 3), world."""
         return {k: self._quantities[k] for k in ("position", "orientation", "velocity", "angular_velocity")}
 
+    @property
+    def parameter_labels(self) -> list[str]:
+        """Names of the columns of `sensitivity`, one for each number of a parameter."""
+        from .tables import directions
+
+        return list(directions(self.snapshot.model, self.parameters).labels)
+
     def plot(self, what: str = "motion", **options: Any) -> Any:
         """Curves over time; see `mbrs.plot.motion`."""
         from .plot import motion

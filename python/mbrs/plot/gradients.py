@@ -39,10 +39,8 @@ def tornado(result: Any, *, n: int = 30) -> Any:
 
 def over_time(traj: Any, what: str) -> Any:
     """The derivatives of a quantity of a trajectory over time, one line per component and parameter."""
-    from ..tables import directions
-
     d = np.asarray(traj.sensitivity(what))
-    labels = directions(traj.model, traj.parameters).labels
+    labels = traj.parameter_labels
     flat = d.reshape(len(traj.t), -1, len(labels))
     with style():
         made, axes = figure(1, 1, size=(8.0, 4.4))

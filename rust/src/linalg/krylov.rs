@@ -351,7 +351,8 @@ impl<'a, O: Operator> Space<'a, O> {
         for cycle in 0..self.options.max_cycles {
             let n = self.converged(&ritz);
             // an ill-conditioned shift leaves residuals above the tolerance for ever; the caller's estimate says how large
-            let patient = cycle < PATIENCE || self.converged_to(&ritz, STAGNATED) < self.options.wanted;
+            let patient =
+                cycle < PATIENCE || self.converged_to(&ritz, STAGNATED) < self.options.wanted;
             if n >= self.options.wanted || !patient {
                 return Ok(ritz);
             }

@@ -8,7 +8,6 @@
 //! Each right side is a number, written on a tape by the generic text of the scheme and differentiated by one pass backwards. Poses
 //! count with all twelve numbers, so that no chart is needed. Instants are kept at checkpoints; a stretch between two is run again.
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use num_dual::Dual64;
 
 use crate::analysis::transient::ali3p::{
     Record, Weight, balance, closure, lifted, metric_times, pulled, stars,
@@ -566,37 +565,9 @@ pub fn backward(
         .map(|(p, direction)| {
             let mut d: f64 = direction.iter().map(|(i, v)| numbers[*i] * v).sum();
             if !starting.is_constant() {
-                d += along_start(eq, &starting, direction, p, &at)?;
+                d += starting.weighed(eq, direction, p, &at.pose, &at.rate)?;
             }
             Ok(d)
         })
         .collect()
-}
-
-/// Poses and rates of the start along a direction, times their adjoints.
-fn along_start(
-    eq: &Equations<'_, f64>,
-    starting: &Starting<'_>,
-    direction: &Direction,
-    p: usize,
-    at: &Adjoint,
-) -> Result<f64> {
-    let mut x: Vec<Dual64> = eq.x.iter().map(|v| Dual64::from(*v)).collect();
-    for (i, d) in direction {
-        x[*i].eps += d;
-    }
-    let m = starting.motion(&Equations::new(eq.system, x, eq.effects), p)?;
-    let mut sum = 0.0;
-    for (b, pose) in m.relative.iter().enumerate() {
-        for k in 0..12 {
-            let v = if k < 3 {
-                pose.p[k]
-            } else {
-                pose.r[((k - 3) / 3, (k - 3) % 3)]
-            };
-            sum += v.eps * at.pose[12 * b + k];
-        }
-    }
-    let rates: f64 = m.rate.iter().zip(&at.rate).map(|(v, a)| v.eps * a).sum();
-    Ok(sum + rates)
 }

@@ -18,7 +18,7 @@ use crate::spatial::Pose;
 use crate::system::placement::{State, advance, lifted_relative, place};
 use crate::system::topology::Level;
 
-use super::Follow;
+use super::{Direction, Follow};
 
 /// A direction that moves redundant rows apart by more than this (relative) breaks a loop open.
 const BREAKS_LOOP: f64 = 1e-7;
@@ -207,5 +207,36 @@ impl<'a> Starting<'a> {
             acceleration: with(&self.first.acceleration, &da),
             lam: with(&self.first.lam, &dlam),
         })
+    }
+
+    /// Poses (twelve numbers each) and rates of the start along a direction, times weights.
+    pub fn weighed(
+        &self,
+        eq: &Equations<'_, f64>,
+        direction: &Direction,
+        p: usize,
+        pose_weights: &[f64],
+        rate_weights: &[f64],
+    ) -> Result<f64> {
+        let mut x: Vec<Dual64> = eq.x.iter().map(|v| Dual64::from(*v)).collect();
+        for (i, d) in direction {
+            x[*i].eps += d;
+        }
+        let m = self.motion(&Equations::new(eq.system, x, eq.effects), p)?;
+        let mut sum = 0.0;
+        for (pose, weights) in m.relative.iter().zip(pose_weights.chunks(12)) {
+            for (k, weight) in weights.iter().enumerate() {
+                let v = if k < 3 {
+                    pose.p[k]
+                } else {
+                    pose.r[((k - 3) / 3, (k - 3) % 3)]
+                };
+                sum += v.eps * weight;
+            }
+        }
+        let rates: f64 = (m.rate.iter().zip(rate_weights))
+            .map(|(v, w)| v.eps * w)
+            .sum();
+        Ok(sum + rates)
     }
 }

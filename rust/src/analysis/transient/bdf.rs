@@ -20,7 +20,7 @@ use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 const MOST: usize = 5;
 const FIXED: usize = 4;
 const KAPPA: [f64; 6] = [0.0, -0.1850, -1.0 / 9.0, -0.0823, -0.0415, 0.0];
-const MAX_ITERATIONS: usize = 8;
+const MAX_ITERATIONS: usize = 12;
 /// A kept factorisation serves steps within this part of its own.
 const NEAR: f64 = 0.25;
 const SAFETY: f64 = 0.85;
@@ -110,7 +110,7 @@ impl Bdf {
         Bdf {
             order: 1,
             fixed: rtol.is_none(),
-            solved: rtol.map_or(1e-13, |r| 0.01 * r),
+            solved: rtol.map_or(1e-12, |r| 0.01 * r),
             history: None,
             start: VecDeque::new(),
             points: Vec::new(),
@@ -309,7 +309,7 @@ impl Bdf {
             if last.is_finite() && rate > 2.0 && fresh {
                 break;
             }
-            if last.is_finite() && rate > 0.3 && !fresh {
+            if last.is_finite() && rate > 0.1 && !fresh {
                 self.kept = None;
             }
             last = step;
