@@ -39,11 +39,11 @@ def tornado(result: Any, *, n: int = 30) -> Any:
 
 def over_time(traj: Any, what: str) -> Any:
     """The derivatives of a quantity of a trajectory over time, one line per component and parameter."""
-    from ..tables import directions
-
-    d = np.asarray(traj.sensitivity(what))
-    labels = directions(traj.model, traj.parameters).labels
-    flat = d.reshape(len(traj.t), -1, len(labels))
+    d = traj.sensitivity(what)
+    n = int(np.prod(d.parameter_shape))
+    named = [traj.parameters] if isinstance(traj.parameters, str) else list(traj.parameters)
+    labels = named if len(named) == n else [f"{', '.join(named)} {i}" for i in range(n)]
+    flat = np.asarray(d).reshape(len(traj.t), -1, n)
     with style():
         made, axes = figure(1, 1, size=(8.0, 4.4))
         ax = np.ravel(axes)[0]
