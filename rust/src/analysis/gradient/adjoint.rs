@@ -261,7 +261,6 @@ fn step_back(
         add(&mut star_acceleration, &found.acceleration);
         add(&mut before.memory, &found.memory);
     }
-    // the trapezoidal rule
     let f = 2.0 / h;
     let mut increment = vec![0.0; eq.n()];
     for i in 0..eq.n() {
@@ -277,7 +276,6 @@ fn step_back(
         &mut increment,
         &mut before,
     );
-    // the balance
     let c = 0.25 * h * h;
     let multipliers: Vec<f64> = at.lam.iter().map(|l| l / c).collect();
     let (u1, w1) = factors
@@ -436,7 +434,6 @@ pub struct Forward {
     whole: Option<Stretch>,
 }
 
-/// Steps between two checkpoints.
 struct Stretch {
     instants: Vec<Instant>,
     records: Vec<Record>,
