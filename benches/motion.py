@@ -323,8 +323,10 @@ def main(arguments: Iterable[str]) -> None:
     arguments = list(arguments)
     rows: list[Row] = []
     for name in [a for a in arguments if not a.startswith("-")] or MEASUREMENTS:
-        rows += MEASUREMENTS[name]()
-        print(f"{name}: done", file=sys.stderr, flush=True)
+        made = MEASUREMENTS[name]()
+        rows += made
+        # as they come: the whole takes minutes, and a busy machine longer
+        print(table(made), file=sys.stderr, flush=True)
     text = f"{table(rows)}\n\n{circumstances(('numpy', 'scipy', 'exudyn'))} {build()}"
     print(text)
     if "--write" in arguments:
