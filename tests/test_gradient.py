@@ -184,21 +184,22 @@ def test_trajectory_sensitivity_is_the_derivative_of_the_trajectory():
         "R1": lambda t: t.joint("R1"),
         "R2.reaction": lambda t: t.reaction("R2"),
     }
-    options = {"t": np.linspace(0.05, 0.2, 4), "step": 0.01, "method": "ali3p"}
+    options = {"t": 0.2, "step": 0.01, "method": "ali3p"}
     traj = mb.simulate(m, parameters=["spring.k", "R1.at[0]"], **options)
     exact = {name: traj.sensitivity(name) for name in names}
     for k, p in enumerate(["spring.k", "R1.at[0]"]):
         now = m.value(p)
-        e = 1e-4 * max(1.0, now)
+        e = 1e-3 * max(1.0, now)
         ends = []
-        for side in (1, -1):
+        for side in (1, -1, 2, -2):
             m.set({p: now + side * e})
             ends.append(mb.simulate(m, parameters=[p], **options))
         m.set({p: now})
         for name, f in read.items():
-            error = worst(np.asarray(exact[name])[..., k], (f(ends[0]) - f(ends[1])) / (2 * e))
+            a, b, c, d = (f(traj) for traj in ends)
+            error = worst(np.asarray(exact[name])[..., k], (8 * (a - b) - (c - d)) / (12 * e))
             print(f"{name} by {p}: {error:.1e}")
-            assert error < 1e-5
+            assert error < 1e-7
     with pytest.raises(mb.errors.ModelError, match="changed after this motion"):
         traj.sensitivity("R1")
 

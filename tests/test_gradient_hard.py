@@ -220,6 +220,8 @@ def test_simulations_without_sensitivities_say_so():
         traj.sensitivity("bar7.position")
     with pytest.raises(mb.errors.NameNotFoundError, match="did you mean 'position'"):
         traj.sensitivity("bar1.postion")
+    with pytest.raises(mb.errors.ModelError, match="t= as a number"):
+        mb.simulate(m, t=[0.1, 0.2], step=0.01, parameters=LENGTHS)
     with pytest.raises(mb.errors.ModelError, match="increasing"):
         mb.AtTimes([0.2, 0.1], drift)
     with pytest.raises(mb.errors.ModelError, match="outside the motion"):

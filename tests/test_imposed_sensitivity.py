@@ -107,7 +107,7 @@ def test_gradients_of_a_driven_and_of_a_rolling_motion(method):
     for model, body, names in cases:
 
         def value(names, how, model=model, body=body):
-            psi = mb.Integral(lambda s: np.sum(s.position(body) ** 2))
+            psi = mb.Integral(lambda at: np.sum(at.position(body) ** 2))
             return mb.gradient(model, psi, names, t=0.3, step=5e-3, method=how)
 
         found = value(names, method)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 Made = tuple[dict[str, Any], "Trajectory"]
 _FIRST_PARTS = 200
 _ORDER = 4
-_MOST_STEPS = 10**6
+_MOST_STEPS = 2 * 10**5
 _LEAST_GAIN = 0.5
 
 
@@ -23,7 +23,7 @@ def halved(make: Callable[[dict[str, Any]], Made], options: dict[str, Any]) -> M
     """Run with equal steps that are short enough for ``options["rtol"]``.
 
     ``traj.error`` compares every run with one of twice its step; the next step follows from its order, at most half and at
-    least a tenth of the last one. Where shorter steps no longer help (rounding, kinks) the best run is returned with a warning.
+    least a fifth of the last one. Where shorter steps no longer help (rounding, kinks) the best run is returned with a warning.
     """
     rtol, span = options["rtol"], options["end"] - options["t"]
     fixed = {name: value for name, value in options.items() if name not in ("rtol", "first_step", "max_step")}
@@ -54,4 +54,4 @@ def halved(make: Callable[[dict[str, Any]], Made], options: dict[str, Any]) -> M
                 )
             return best[1]
         factor = 0.9 * (rtol / error) ** (1 / _ORDER)
-        step *= min(0.5, max(0.1, factor))
+        step *= min(0.5, max(0.2, factor))

@@ -93,7 +93,7 @@ def simulate(
         Stop after so many.
     parameters
         Addresses of numbers by which ``traj.sensitivity(...)`` is to differentiate (method "ali3p", which is then the one
-        that "auto" takes); the times of an array ``t`` end steps then.
+        that "auto" takes); ``t`` is a number then.
 
     Returns
     -------
@@ -138,7 +138,10 @@ def simulate(
         directions(m, parameters)
     options = _options(t, rtol, step, method, state)
     if parameters is not None and "outputs" in options:
-        options["breaks"] = [time for time in options["outputs"] if time > state.t]
+        raise ModelError(
+            "sensitivities belong to the steps of a motion: with parameters= give t= as a number, or take mb.gradient with "
+            "mb.AtTimes for given times"
+        )
     for name, value in (("rho", rho), ("max_step", max_step), ("first_step", first_step), ("max_steps", max_steps)):
         if value is not None:
             options[name] = _number(name, value, positive=name != "rho")

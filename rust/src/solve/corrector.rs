@@ -5,9 +5,6 @@ use faer::prelude::*;
 use super::{Curve, Linearisation};
 use crate::error::Result;
 
-/// Largest last step whose effect on slopes and exponents does not count.
-const NEAR: f64 = 1e-7;
-
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Predictor {
     Tangent,
@@ -210,9 +207,7 @@ pub(super) fn correct(
             .iter_mut()
             .enumerate()
             .for_each(|(i, t)| *t = work.rhs[(i, 1)] / length);
-        // the next step of a contracting iteration would be at most size^2 / last; the linearisation kept is that before this step
-        let contracts = iterations > 1 && size <= NEAR && size * (size / last) <= options.tolerance;
-        if size <= options.tolerance || contracts {
+        if size <= options.tolerance {
             return Ok(Some(finish(
                 curve,
                 &x,
