@@ -122,9 +122,9 @@ def sections() -> dict[str, tuple[str, str, Callable[[], Any]]]:
             lambda: study(zoo.slider_crank()),
         ),
         "motion-stiff": (
-            "Motion: masses on bushings, the middle one of 9e8 N/m, 1 s",
+            "Motion: masses on bushings, the middle one of 9e6 N/m, 1 s",
             "A fast oscillation without amplitude beside slow ones: explicit steps are bound by it, implicit ones are not.",
-            lambda: study(zoo.bushings(stiff=1e6)),
+            lambda: study(zoo.bushings(stiff=1e4)),
         ),
         "motion-gap": (
             "Motion: a mass that strikes a stop of 1e4 N/m, 2 s",
