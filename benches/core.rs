@@ -134,7 +134,13 @@ fn transfer_functions(c: &mut Criterion) -> Result<()> {
     group.sample_size(10);
     group.bench_function("reduce and evaluate", |b| {
         b.iter(|| {
-            Reduction::new(quadratic.clone())?.evaluate(&ports, &omega, None, &Cancel::default())
+            Reduction::new(quadratic.clone())?.evaluate(
+                &ports,
+                &omega,
+                None,
+                true,
+                &Cancel::default(),
+            )
         });
     });
     group.finish();

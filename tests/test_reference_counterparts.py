@@ -27,7 +27,6 @@ OTHERWISE = {
     "harmonic_balance": ("hbm_balance", None),
     "frequency_response": ("hbm_continuation", None),
     "limit_cycle": ("hbm_shooting", None),
-    "gradient": ("ali3p", None),
     "parameter_response": ("hbm_balance", ("harmonic_balance", "residual")),
     "quasi_periodic": ("hbm_quasi_periodic", None),
     "quasi_periodic_response": ("hbm_quasi_periodic", None),

@@ -30,11 +30,7 @@ type Asked = (String, i64, u8, Option<usize>, Option<[f64; 3]>);
 fn quantity(asked: &Asked) -> Result<Quantity> {
     let (kind, index, order, at, fixed) = asked;
     let whole = usize::try_from(*index);
-    let some = || {
-        whole
-            .clone()
-            .map_err(|_| Error::model("a quantity of ground has no such number"))
-    };
+    let some = || whole.map_err(|_| Error::model("a quantity of ground has no such number"));
     Ok(match kind.as_str() {
         "point" => {
             let drawn = match (at, fixed) {
@@ -42,7 +38,7 @@ fn quantity(asked: &Asked) -> Result<Quantity> {
                 (None, Some(p)) => Drawn::Fixed(*p),
                 (None, None) => Drawn::Origin,
             };
-            Quantity::Point(whole.clone().ok(), drawn, *order)
+            Quantity::Point(whole.ok(), drawn, *order)
         }
         "rotation" => Quantity::Rotation(some()?),
         "turning" => Quantity::Turning(some()?, *order),

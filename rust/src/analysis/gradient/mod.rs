@@ -49,7 +49,7 @@ pub struct Follow {
 impl Plan {
     /// Steps must go forwards.
     pub fn check(&self) -> Result<()> {
-        if self.times.is_empty() || self.times.windows(2).any(|w| !(w[1] > w[0])) {
+        if self.times.is_empty() || !self.times.is_sorted_by(|a, b| a < b) {
             return Err(Error::model("the times of the steps must increase"));
         }
         Ok(())
