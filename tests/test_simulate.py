@@ -52,9 +52,7 @@ def test_the_script_of_the_contract_runs(tmp_path):
     [("generalized-alpha", 2, (200, 400)), ("bdf", 4, (200, 400)), ("explicit", 8, (12, 24))],
 )
 @pytest.mark.parametrize("name", ["double_pendulum", "spherical_pendulum", "free_body", "skate", "bushings"])
-def test_orders_of_fixed_steps(request, name, method, order, steps):
-    if method == "bdf":
-        request.node.add_marker(pytest.mark.xfail(reason="steps that are divided cost the order: open", strict=False))
+def test_orders_of_fixed_steps(name, method, order, steps):
     problem = zoo.SMOOTH[name]()
     errors = [
         error_of(problem, mb.simulate(problem.model, problem.t, step=problem.t / n, method=method)) for n in steps
@@ -67,9 +65,7 @@ def test_orders_of_fixed_steps(request, name, method, order, steps):
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", [*zoo.SMOOTH, "bricard"])
-def test_constraints_hold_at_every_output(request, name, method):
-    if method == "generalized-alpha" and name in ("slider_crank", "spherical_pendulum", "rolling_disc", "bricard"):
-        request.node.add_marker(pytest.mark.xfail(reason="controlled steps collapse on this loop: open", strict=False))
+def test_constraints_hold_at_every_output(name, method):
     make = zoo.SMOOTH.get(name, zoo.bricard)
     problem = make()
     times = np.linspace(0.0, problem.t / 2, 24)

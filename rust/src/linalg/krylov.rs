@@ -19,10 +19,6 @@ pub trait Operator {
     fn weigh(&self, x: MatRef<'_, f64>, out: MatMut<'_, f64>);
 }
 
-/// Restarts after which residuals of `STAGNATED` are good enough.
-const PATIENCE: usize = 30;
-const STAGNATED: f64 = 1e-8;
-
 #[derive(Debug, Clone, Copy)]
 pub struct Options {
     pub wanted: usize,
@@ -348,12 +344,9 @@ impl<'a, O: Operator> Space<'a, O> {
     /// Cycles until the wanted pairs have converged.
     pub fn converge(&mut self, cancel: &Cancel) -> Result<Ritz> {
         let mut ritz = self.cycle(cancel)?;
-        for cycle in 0..self.options.max_cycles {
+        for _ in 0..self.options.max_cycles {
             let n = self.converged(&ritz);
-            // an ill-conditioned shift leaves residuals above the tolerance for ever; the caller's estimate says how large
-            let patient =
-                cycle < PATIENCE || self.converged_to(&ritz, STAGNATED) < self.options.wanted;
-            if n >= self.options.wanted || !patient {
+            if n >= self.options.wanted {
                 return Ok(ritz);
             }
             let wanted = self.options.wanted;
@@ -375,11 +368,7 @@ impl<'a, O: Operator> Space<'a, O> {
 
     /// Leading pairs with small residuals.
     pub fn converged(&self, ritz: &Ritz) -> usize {
-        self.converged_to(ritz, self.options.tol)
-    }
-
-    fn converged_to(&self, ritz: &Ritz, tol: f64) -> usize {
-        let good = |k: &usize| ritz.residual[*k] <= tol * ritz.value[*k].norm();
+        let good = |k: &usize| ritz.residual[*k] <= self.options.tol * ritz.value[*k].norm();
         (0..ritz.value.len()).take_while(good).count()
     }
 

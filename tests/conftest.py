@@ -1,0 +1,5 @@
+"""What all tests share: tables are as wide everywhere, also where tests run without a terminal."""
+
+import os
+
+os.environ["COLUMNS"] = "120"
