@@ -152,15 +152,20 @@ class Linearization(Result):
     def mass_factor(self) -> np.ndarray:
         """(6 n_bodies, dof) F with M = F^T F: it keeps light bodies whose mass M adds to a heavy one's."""
         t = self.snapshot.tables
-        x, rows = t["x"], []
-        for i, start in enumerate(t["body_x"]):
-            r = self.poses["rotation"][i]
-            xx, yy, zz, xy, xz, yz = x[start + 11 : start + 17]
-            principal, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
-            twist = twist_at(self.T[6 * i : 6 * i + 6], r @ x[start + 7 : start + 10])
-            turning = (r @ axes).T @ twist[3:]
-            rows += [np.sqrt(x[start + 10]) * twist[:3], np.sqrt(np.maximum(principal, 0.0))[:, None] * turning]
-        return np.concatenate(rows)
+        places, x, rotation = np.asarray(t["body_x"], dtype=int), np.asarray(t["x"]), np.asarray(self.poses["rotation"])
+        if not len(places):
+            return np.zeros((0, self.T.shape[1]))
+        numbers = x[places[:, None] + np.arange(7, 17)]
+        principal, axes = np.linalg.eigh(numbers[:, [4, 7, 8, 7, 5, 9, 8, 9, 6]].reshape(-1, 3, 3))
+        twist = self.T.reshape(len(places), 6, -1)
+        arm = np.einsum("bij,bj->bi", rotation, numbers[:, :3])
+        moved = twist[:, :3] - np.cross(arm[:, :, None], twist[:, 3:], axis=1)
+        turning = np.swapaxes(rotation @ axes, 1, 2) @ twist[:, 3:]
+        weighed = (
+            np.sqrt(numbers[:, 3])[:, None, None] * moved,
+            np.sqrt(np.maximum(principal, 0.0))[:, :, None] * turning,
+        )
+        return np.concatenate(weighed, axis=1).reshape(6 * len(places), -1)
 
     @cached_property
     def geometry(self) -> Any:
