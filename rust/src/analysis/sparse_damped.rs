@@ -29,12 +29,14 @@ pub struct Damped {
     s: Csc,
 }
 
-/// States (y, y'/rate), both measured in the mass norm.
+/// States (y, y'/rate), measured by their energies: then an undamped system's operator at no shift is skew, and rounding in fast
+/// motions, which the mass norm of y magnifies at every step, stays small.
 struct StateOperator<'a> {
     system: &'a Damped,
     factor: Factor,
     sigma: f64,
     rate: f64,
+    strain: &'a Csc,
 }
 
 impl Damped {
@@ -59,13 +61,34 @@ impl Damped {
             .combined(1.0, sigma * sigma, &self.m)
     }
 
-    fn operator(&self, sigma: f64, rate: f64) -> Result<StateOperator<'_>> {
+    fn operator<'a>(&'a self, sigma: f64, rate: f64, strain: &'a Csc) -> Result<StateOperator<'a>> {
         Ok(StateOperator {
             factor: Factor::lu(&self.polynomial(sigma))?,
             system: self,
             sigma,
             rate,
+            strain,
         })
+    }
+
+    /// The symmetric part of S.
+    fn stiffness(&self) -> Csc {
+        let mirrored = self.s.entries().map(|(i, j, v)| (j, i, v)).collect();
+        let n = self.m.rows;
+        self.s
+            .combined(0.5, 0.5, &Csc::from_entries(n, n, mirrored))
+    }
+
+    /// What measures y: S + sigma^2 M where that is positive definite, else M in its size.
+    fn strain(&self, sigma: f64, counts: &mut Counts) -> Result<Csc> {
+        let strain = self.stiffness().combined(1.0, sigma * sigma, &self.m);
+        counts.add("factorisations", 1);
+        if Factor::cholesky(&strain, 1e-12)?.is_some() {
+            return Ok(strain);
+        }
+        let largest = |a: &Csc| a.diagonal().iter().fold(0.0_f64, |x, v| x.max(v.abs()));
+        let size = (largest(&strain) / largest(&self.m)).max(f64::MIN_POSITIVE);
+        Ok(self.m.combined(size, 0.0, &self.m))
     }
 
     fn residuals(&self, s: &[c64], y: MatRef<'_, c64>) -> Vec<f64> {
@@ -123,9 +146,14 @@ impl Operator for StateOperator<'_> {
 
     fn weigh(&self, x: MatRef<'_, f64>, mut out: MatMut<'_, f64>) {
         let n = self.system.m.rows;
-        self.system
-            .m
+        self.strain
             .multiply(x.subrows(0, n), out.as_mut().subrows_mut(0, n), false);
+        let scale = 1.0 / (self.rate * self.rate);
+        for j in 0..x.ncols() {
+            for i in 0..n {
+                out[(i, j)] *= scale;
+            }
+        }
         self.system
             .m
             .multiply(x.subrows(n, n), out.subrows_mut(n, n), false);
@@ -191,7 +219,8 @@ fn iterated(
     cancel: &Cancel,
 ) -> Result<(Vec<c64>, Mat<c64>)> {
     counts.add("factorisations", 1);
-    let op = system.operator(sigma, rate(system, sigma)?)?;
+    let strain = system.strain(sigma, counts)?;
+    let op = system.operator(sigma, rate(system, sigma, &strain)?, &strain)?;
     // a root of a conjugate pair brings the other along
     let mut space = Space::new(&op, options)?;
     let mut ritz = space.converge(cancel)?;
@@ -295,12 +324,7 @@ fn merge_rigid(
 
 /// Zero where the stiffness is safely regular, else a negative shift of the size of the wanted undamped frequencies.
 fn shift(system: &Damped, wanted: usize, counts: &mut Counts, cancel: &Cancel) -> Result<f64> {
-    let n = system.m.rows;
-    let mirrored = system.s.entries().map(|(i, j, v)| (j, i, v)).collect();
-    let symmetric = system
-        .s
-        .combined(0.5, 0.5, &Csc::from_entries(n, n, mirrored));
-    let undamped = Assembled::new(system.m.clone(), symmetric)?;
+    let undamped = Assembled::new(system.m.clone(), system.stiffness())?;
     if undamped.shifted_at_zero()?.is_some() {
         return Ok(0.0);
     }
@@ -316,7 +340,7 @@ fn shift(system: &Damped, wanted: usize, counts: &mut Counts, cancel: &Cancel) -
 }
 
 /// |s| of the slowest motion, to bring both halves of the state to one size.
-fn rate(system: &Damped, sigma: f64) -> Result<f64> {
+fn rate(system: &Damped, sigma: f64, strain: &Csc) -> Result<f64> {
     let k = system.s.diagonal();
     let m = system.m.diagonal();
     let fastest = k
@@ -325,7 +349,7 @@ fn rate(system: &Damped, sigma: f64) -> Result<f64> {
         .map(|(k, m)| (k.abs() / m).sqrt())
         .fold(0.0, f64::max);
     let fastest = if fastest > 0.0 { fastest } else { 1.0 };
-    let op = system.operator(sigma, fastest)?;
+    let op = system.operator(sigma, fastest, strain)?;
     let options = Options {
         dim: 6,
         ..Options::new(1, false)
