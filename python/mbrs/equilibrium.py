@@ -16,6 +16,7 @@ from ._border import core_errors
 from .effects import check_without, effects
 from .errors import ConvergenceError, MbrsWarning, NameNotFoundError
 from .linearize import Linearization, Snapshot, _linearization
+from .progress import while_long
 from .results import Result, Stats
 from .state import AT_REST, State, state_of
 
@@ -197,7 +198,8 @@ def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equ
     else:
         begin = state_of(m, snapshot.system, at)
     try:
-        r = snapshot.system.equilibrium(begin.relative, list(without))
+        with while_long(f"equilibrium of {m.name!r}", 100.0 * snapshot.system.n_tree**3):
+            r = snapshot.system.equilibrium(begin.relative, list(without))
     except _core.CoreConvergenceError as problem:
         text, best, residual = problem.args
         raise ConvergenceError(text, _partial(snapshot, best, without, residual, start)) from None

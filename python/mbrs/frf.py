@@ -14,6 +14,7 @@ from . import _core
 from ._border import core_errors
 from ._linear import LinearSystem, Origin, csc_arrays, linear_system
 from .errors import MbrsWarning, ModelError
+from .progress import while_long
 from .results import Result, Stats, added_counts
 
 _ORDER = {"receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 0}
@@ -224,7 +225,10 @@ def frf(
     if points is None:
         assert limits is not None
         points = _sampled(limits, poles)
-    with core_errors():
+    with (
+        core_errors(),
+        while_long(f"transfer function at {len(points)} frequencies", len(points) * float(linear.n) ** 2),
+    ):
         raw = solver.evaluate(points)
         if limits is None:
             _warn_missed(solver, points, poles, raw["value"])

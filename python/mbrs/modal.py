@@ -16,6 +16,7 @@ import numpy as np
 from ._border import core_errors
 from .errors import ModelError, NameNotFoundError, SingularError
 from .mac import mac as _mac
+from .progress import while_long
 from .results import Result, Stats, added_counts
 from .second_order import MechanicalSystem
 
@@ -427,7 +428,7 @@ def _dense(system: Any, n: int | None, effects: tuple[str, ...], factor: Any, st
     mass, stiffness = np.asarray(_array(system.M)), np.asarray(_array(system.K))
     damping, gyroscopic, circulatory = (_array(getattr(system, a)) for a in "CGN")
     try:
-        with core_errors():
+        with core_errors(), while_long(f"modes of {len(mass)} coordinates", 100.0 * len(mass) ** 3):
             r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f)
             if r["mass_pivot"] < _LIGHTEST and hasattr(system, "mass_factor"):
                 mf = system.mass_factor

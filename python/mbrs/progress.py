@@ -7,11 +7,14 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from types import TracebackType
-from typing import TextIO
+from typing import Any, TextIO
 
 _QUIET_FOR = 1.0
 _EVERY = 0.1
+# Operations that take some tenths of a second.
+_LONG = 1e8
 
 
 class Progress:
@@ -161,3 +164,8 @@ def _duration(seconds: float) -> str:
     if seconds < 5400.0:
         return f"{seconds / 60.0:.0f} min"
     return f"{seconds / 3600.0:.1f} h"
+
+
+def while_long(label: str, work: float) -> AbstractContextManager[Any]:
+    """`Elapsed` for work of that many operations, nothing where it is over before anyone could look."""
+    return Elapsed(label) if work > _LONG else nullcontext()

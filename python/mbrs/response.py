@@ -12,6 +12,7 @@ import numpy as np
 from ._border import core_errors
 from ._linear import LinearSystem, Origin, linear_system
 from .errors import ModelError
+from .progress import while_long
 from .results import Result, Stats, added_counts
 
 _KINDS = ("displacement", "velocity", "acceleration")
@@ -200,7 +201,7 @@ def response(
         history = replace(history, u=_again(history.u, again), bulge=_again(history.bulge, again))
     state = (_state(x0, linear.n, "x0"), _state(v0, linear.n, "v0"))
     reduction, made = linear.reduction()
-    with core_errors():
+    with core_errors(), while_long(f"response at {len(times)} times", len(times) * float(linear.n) ** 2):
         raw = reduction.response(
             linear.L, linear.F, linear.order_in, linear.D0, history.t, history.u, history.bulge, *state
         )
