@@ -60,8 +60,6 @@ def test_every_script_is_listed():
 
 @pytest.mark.parametrize("script", SCRIPTS)
 def test_script_runs(script, tmp_path):
-    if script == "api_4_motion.py" and not {"root", "simulate"} <= set(mb.__all__):
-        pytest.skip("mb.root is not built yet")
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "MPLBACKEND": "Agg", "COLUMNS": "140"}
     command = [sys.executable, str(EXAMPLES / script), str(tmp_path)]
     done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False, timeout=300)
