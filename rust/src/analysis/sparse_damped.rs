@@ -174,11 +174,11 @@ pub fn lowest(
         )));
     }
     let mut counts = Counts::default();
-    let sigma = match sigma {
+    let (sigma, strain) = match sigma {
         Some(sigma) if !sigma.is_finite() => {
             return Err(Error::model(format!("sigma = {sigma} is not finite")));
         }
-        Some(sigma) => sigma,
+        Some(sigma) => (sigma, None),
         None => shift(system, wanted, &mut counts, cancel)?,
     };
     let options = Options::new(2 * wanted, false);
@@ -186,7 +186,14 @@ pub fn lowest(
         counts.add("dense eigensolutions", 1);
         every(system)?
     } else {
-        iterated(system, wanted, sigma, options, &mut counts, cancel)?
+        iterated(
+            system,
+            wanted,
+            (sigma, strain),
+            options,
+            &mut counts,
+            cancel,
+        )?
     };
     let shape = normalised(system, shape.as_ref());
     let (s, shape, rigid) = merge_rigid(system, s, shape, sigma);
@@ -213,13 +220,16 @@ pub fn lowest(
 fn iterated(
     system: &Damped,
     wanted: usize,
-    sigma: f64,
+    (sigma, strain): (f64, Option<Csc>),
     options: Options,
     counts: &mut Counts,
     cancel: &Cancel,
 ) -> Result<(Vec<c64>, Mat<c64>)> {
     counts.add("factorisations", 1);
-    let strain = system.strain(sigma, counts)?;
+    let strain = match strain {
+        Some(strain) => strain,
+        None => system.strain(sigma, counts)?,
+    };
     let op = system.operator(sigma, rate(system, sigma, &strain)?, &strain)?;
     // a root of a conjugate pair brings the other along
     let mut space = Space::new(&op, options)?;
@@ -322,11 +332,18 @@ fn merge_rigid(
     (values, merged, count)
 }
 
-/// Zero where the stiffness is safely regular, else a negative shift of the size of the wanted undamped frequencies.
-fn shift(system: &Damped, wanted: usize, counts: &mut Counts, cancel: &Cancel) -> Result<f64> {
-    let undamped = Assembled::new(system.m.clone(), system.stiffness())?;
+/// Zero where the stiffness is safely positive definite, and then the stiffness as the measure of strain; else a negative shift of
+/// the size of the wanted undamped frequencies.
+fn shift(
+    system: &Damped,
+    wanted: usize,
+    counts: &mut Counts,
+    cancel: &Cancel,
+) -> Result<(f64, Option<Csc>)> {
+    let stiffness = system.stiffness();
+    let undamped = Assembled::new(system.m.clone(), stiffness.clone())?;
     if undamped.shifted_at_zero()?.is_some() {
-        return Ok(0.0);
+        return Ok((0.0, Some(stiffness)));
     }
     let modes = super::sparse_modal::lowest(&undamped, wanted, None, cancel)?;
     counts.merge(&modes.counts);
@@ -336,7 +353,7 @@ fn shift(system: &Damped, wanted: usize, counts: &mut Counts, cancel: &Cancel) -
     } else {
         modes.sigma.abs()
     };
-    Ok(-0.3 * highest.sqrt())
+    Ok((-0.3 * highest.sqrt(), None))
 }
 
 /// |s| of the slowest motion, to bring both halves of the state to one size.
