@@ -1,0 +1,7 @@
+"""Elastic bodies as mode shapes with their inertia integrals, for `Model.flexible_body`."""
+
+from __future__ import annotations
+
+from .modal_body import ModalBody
+
+__all__ = ["ModalBody"]
