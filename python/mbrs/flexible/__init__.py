@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .beam import beam
 from .modal_body import ModalBody
 
-__all__ = ["ModalBody"]
+__all__ = ["ModalBody", "beam"]
