@@ -7,14 +7,17 @@ v' - rz can vanish exactly and nothing locks. u and rx are quadratic.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 Array = np.ndarray
 # Products of cubic shapes, linear properties: degree 7; more for the sines of a twist that varies.
 _POINTS = 6
+_ENDS, _MIDDLE, _THIRDS = (0.0, 1.0), (0.0, 1.0, 0.5), (0.0, 1.0, 1 / 3, 2 / 3)
 _TRANSLATIONS, _ROTATIONS = slice(0, 3), slice(3, 6)
 
 
@@ -124,15 +127,15 @@ def _shapes(s: float, h: float, shear: bool, straight: bool) -> tuple[Array, Arr
     """N, B and slope of one element at x = s h."""
     inner = (0 if straight else 2) + (6 if shear else 0)
     N, dN = np.zeros((6, 12 + inner)), np.zeros((6, 12 + inner))
-    along = [0.0, 1.0] if straight else [0.0, 1.0, 0.5]
+    along = _ENDS if straight else _MIDDLE
     for field, extra in ((0, 12), (3, 13)):
-        _lagrange(N, dN, field, [field, 6 + field, extra], along, s, h)
+        _lagrange(N, dN, field, [field, 6 + field, extra][: len(along)], along, s, h)
     if shear:
         first = 12 + inner - 6
         for field, extra in ((1, first), (2, first + 2)):
-            _lagrange(N, dN, field, [field, 6 + field, extra, extra + 1], [0.0, 1.0, 1 / 3, 2 / 3], s, h)
+            _lagrange(N, dN, field, [field, 6 + field, extra, extra + 1], _THIRDS, s, h)
         for field, extra in ((4, first + 4), (5, first + 5)):
-            _lagrange(N, dN, field, [field, 6 + field, extra], [0.0, 1.0, 0.5], s, h)
+            _lagrange(N, dN, field, [field, 6 + field, extra], _MIDDLE, s, h)
     else:
         ends = [1 - 3 * s**2 + 2 * s**3, h * (s - 2 * s**2 + s**3), 3 * s**2 - 2 * s**3, h * (s**3 - s**2)]
         slopes = [(6 * s**2 - 6 * s) / h, 1 - 4 * s + 3 * s**2, (6 * s - 6 * s**2) / h, 3 * s**2 - 2 * s]
@@ -148,9 +151,19 @@ def _shapes(s: float, h: float, shear: bool, straight: bool) -> tuple[Array, Arr
     return N, B, dN[1:3]
 
 
-def _lagrange(N: Array, dN: Array, field: int, places: list[int], nodes: list[float], s: float, h: float) -> None:
-    """Polynomials that are one at a node and zero at the others."""
-    for i, place in zip(range(len(nodes)), places, strict=False):
-        others = nodes[:i] + nodes[i + 1 :]
-        p = np.poly1d(others, r=True) / np.prod([nodes[i] - o for o in others])
-        N[field, place], dN[field, place] = p(s), p.deriv()(s) / h
+def _lagrange(N: Array, dN: Array, field: int, places: list[int], nodes: tuple[float, ...], s: float, h: float) -> None:
+    values, slopes = _polynomials(nodes, s)
+    for place, value, slope in zip(places, values, slopes, strict=True):
+        N[field, place], dN[field, place] = value, slope / h
+
+
+@lru_cache(maxsize=256)
+def _polynomials(nodes: tuple[float, ...], s: float) -> tuple[list[float], list[float]]:
+    """Polynomials that are one at a node and zero at the others, at s, and their slopes."""
+    values, slopes = [], []
+    for i, own in enumerate(nodes):
+        others = [o for j, o in enumerate(nodes) if j != i]
+        bottom = math.prod(own - o for o in others)
+        values.append(math.prod(s - o for o in others) / bottom)
+        slopes.append(sum(math.prod(s - o for o in others if o != left) for left in others) / bottom)
+    return values, slopes
