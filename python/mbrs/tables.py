@@ -14,6 +14,7 @@ import numpy as np
 from .addresses import Target
 from .elements import LOAD_FRAMES, LOAD_TYPES, TYPES
 from .errors import ModelError
+from .flexible_bodies import node_tables
 from .geometry import cross, quaternion_rate
 from .joints import KINDS
 from .model import STORES
@@ -81,6 +82,7 @@ def _structure(model: Model) -> dict[str, Any]:
         **_items("marker", model.markers, base, ("body",)),
         **_laws(model, base),
         **_motions(model, base),
+        **node_tables(model, base),
         "pose_body": _integers(p.body for p in model.poses),
         "pose_x": _integers(base["pose"] + p.start for p in model.poses),
         "gravity_x": _integers([base["gravity"] if model.gravity_item is not None else -1]),
