@@ -66,40 +66,50 @@ def _loose(whose: str) -> SingularError:
 
 def _lowest(M: Any, K: Any, n: int, held: bool, whose: str) -> Array:
     """The n lowest modes."""
-    import scipy.linalg
     import scipy.sparse.linalg as sl
 
     size = M.shape[0]
     if size <= _DENSE or n >= size - 1 or not held:
-        try:
-            return np.asarray(scipy.linalg.eigh(K.toarray(), M.toarray(), subset_by_index=(0, n - 1))[1])
-        except scipy.linalg.LinAlgError:
-            raise SingularError(
-                f"{whose}: the mass matrix is not positive definite; give every freedom some mass"
-            ) from None
+        return _modes(M.toarray(), K.toarray(), n, held, whose)[0]
     # A start of its own, so that the same input gives the same output.
     start = np.cos(np.arange(size) ** 2)
     return np.asarray(sl.eigsh(K, n, M, sigma=0.0, v0=start)[1])
 
 
-def _orthonormal(M: Any, K: Any, T: Array, rigid: int, whose: str) -> tuple[Array, Array]:
+def _modes(M: Array, K: Array, n: int, held: bool, whose: str) -> tuple[Array, Array]:
+    """The n lowest modes of a dense pencil, orthonormal over M, and their squares, ascending.
+
+    As the largest of M phi = (K + shift M) phi mu: those are accurate to rounding, where the small ones of K phi = M phi
+    w^2 lose what the largest w^2 of a fine mesh outweighs. The shift is for a free body.
+    """
     import scipy.linalg
 
-    small_M, small_K = T.T @ (M @ T), T.T @ (K @ T)
-    scale = 1 / np.sqrt(np.diag(small_M))
-    small_M, small_K = (0.5 * (X + X.T) * np.outer(scale, scale) for X in (small_M, small_K))
+    scale = 1 / np.sqrt(np.maximum(np.diag(K), 1e-300))
+    if not held:
+        scale = 1 / np.sqrt(np.maximum(np.diag(M), 1e-300))
+    M, K = (0.5 * (X + X.T) * np.outer(scale, scale) for X in (M, K))
+    size, shift = len(M), 0.0
     try:
-        square, Y = scipy.linalg.eigh(small_K, small_M)
+        if not held:
+            shift = float(np.max(np.abs(scipy.linalg.eigh(K, M, eigvals_only=True)[: n + 1])))
+        mu, phi = scipy.linalg.eigh(M, K + shift * M, subset_by_index=(size - n, size - 1))
     except scipy.linalg.LinAlgError:
-        raise SingularError(f"{whose}: the mass matrix is not positive definite over its shapes") from None
-    limit = _RIGID * np.max(np.abs(square))
-    zero = int(np.sum(square[: rigid + 1] < limit)) if rigid else int(np.sum(square < 0))
-    if rigid and zero != rigid:
+        raise _loose(whose) from None
+    if not np.all(mu > 0):
+        raise SingularError(f"{whose}: the mass matrix is not positive definite; give every freedom some mass")
+    mu, phi = mu[::-1], phi[:, ::-1]
+    return scale[:, None] * phi / np.sqrt(mu), 1 / mu - shift
+
+
+def _orthonormal(M: Any, K: Any, T: Array, rigid: int, whose: str) -> tuple[Array, Array]:
+    Y, square = _modes(T.T @ (M @ T), T.T @ (K @ T), T.shape[1], rigid == 0, whose)
+    zero = int(np.sum(square[: rigid + 1] < _RIGID * square[-1])) if rigid else 0
+    if zero != rigid:
         raise ModelError(
             f"{whose}: the free body must have {rigid} rigid motions, its matrices have {zero}"
             f"{' or more' if zero > rigid else ''}; check K and the nodes' positions"
         )
-    shapes = T @ (scale[:, None] * Y)[:, rigid:]
+    shapes = T @ Y[:, rigid:]
     top = np.argmax(np.abs(shapes), axis=0)
     shapes = shapes * np.where(shapes[top, np.arange(shapes.shape[1])] < 0, -1.0, 1.0)
     return shapes, square[rigid:]

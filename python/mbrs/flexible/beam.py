@@ -212,7 +212,9 @@ def _places(nodes: Mapping[str, float] | None, x: Array) -> dict[str, float]:
         if not 0 <= at <= x[-1]:
             raise ModelError(f"beam: node {name!r} at {float(at):g} m is not on the beam, which ends at {x[-1]:g} m")
         if name in places and places[name] != at:
-            raise ModelError(f"beam: the node {name!r} is at {places[name]:g} m; give the one at {float(at):g} m a name")
+            raise ModelError(
+                f"beam: the node {name!r} is at {places[name]:g} m; give the one at {float(at):g} m a name"
+            )
         places[name] = float(at)
     return places
 

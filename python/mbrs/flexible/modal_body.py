@@ -194,15 +194,18 @@ class ModalBody:
         return np.triu(out) + np.triu(out, 1).T
 
     def frequencies(self, fixed: bool = True) -> np.ndarray:
-        """Natural frequencies, Hz, ascending: (m,) with the frame held, (6 + m,) of the free body with ``fixed=False``
-        (six of them near zero). Cost O(m^3).
+        """Natural frequencies, Hz, ascending: (m,) with the frame held, of the free body with ``fixed=False``: then six of
+        them are near zero, or five where a straight beam has no inertia about its axis. Cost O(m^3).
         """
         import scipy.linalg
 
         M, K = self.M, self.K
         if not fixed:
-            M, K = self.mass_matrix(), np.zeros((6 + self.n_modes,) * 2)
-            K[6:, 6:] = self.K
+            whole = self.mass_matrix()
+            inertia, axes = np.linalg.eigh(whole[:6, :6])
+            moving = axes[:, inertia > 1e-12 * inertia[-1]]
+            T = scipy.linalg.block_diag(moving, np.eye(self.n_modes))
+            M, K = T.T @ whole @ T, scipy.linalg.block_diag(np.zeros((moving.shape[1],) * 2), K)
         square = scipy.linalg.eigh(K, M, eigvals_only=True)
         return np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi)
 
