@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from .beam import beam
+from .craig_bampton import craig_bampton
 from .modal_body import ModalBody
 
-__all__ = ["ModalBody"]
+__all__ = ["ModalBody", "beam", "craig_bampton"]

@@ -15,7 +15,6 @@ from ..report import number, table
 
 __all__ = ["ModalBody"]
 
-FRAME = "frame"
 _TOLERANCE = 1e-9
 # What ModalBody holds beside the numbers of the equations.
 _TEXTS = ("nodes", "note")
@@ -45,8 +44,8 @@ class ModalBody:
         particles less gravity (body axes) the generalised force is -(sum_i c_i KG_i) q with c = (a0, W row by row).
         Left out: zero (no stiffening by inertial loads).
     nodes, node_position, node_shape
-        n names; (n, 3) m; (n, 6, m): displacement and small rotation of the node for unit modal coordinates. The
-        frame's own node, ``"frame"``, may be named where the shapes vanish there.
+        n names; (n, 3) m; (n, 6, m): displacement and small rotation of the node for unit modal coordinates. Of a
+        clamped body the frame's own node is among them, with zero shapes.
     line_position, line_shape
         (p, 3) and (p, 6, m) as for nodes, of points along the body that `Model.section_load` and pictures use; the
         nodes where they are left out.
@@ -150,14 +149,22 @@ class ModalBody:
                 raise ModelError(f"modal body: {name} must be symmetric; it differs from its transpose")
         _not_negative("K", self.K, "an elastic body at rest has no negative stiffness")
         _not_negative("C", self.C, "damping takes energy out")
+        if not self._moves_beside_the_frame():
+            raise InertiaError(
+                "modal body: the mass matrix of its frame and shapes together is impossible: inertia that no body has, a "
+                "shape without mass, two shapes that are the same, or shapes that move the body as a whole (take rigid "
+                "motions out of them: the frame moves already)"
+            )
+
+    def _moves_beside_the_frame(self) -> bool:
+        """Mass of frame and shapes not negative, and positive for the shapes once the frame follows them."""
         whole = self.mass_matrix()
         scale = np.sqrt(np.abs(np.diag(whole)))
-        if not np.all(scale > 0) or np.linalg.eigvalsh(whole / np.outer(scale, scale))[0] < 1e-12:
-            raise InertiaError(
-                "modal body: the mass matrix of its frame and shapes together is not positive definite. The inertia is "
-                "impossible, a shape has no mass, two shapes are the same, or shapes move the body as a whole (take "
-                "rigid motions out of them: the frame moves already)"
-            )
+        scale[scale == 0] = 1.0  # a straight beam without thickness may have no inertia about its axis
+        whole = whole / np.outer(scale, scale)
+        rigid, shapes, both = whole[:6, :6], whole[6:, 6:], whole[:6, 6:]
+        left = shapes - both.T @ np.linalg.pinv(rigid, rcond=1e-13, hermitian=True) @ both
+        return bool(np.linalg.eigvalsh(whole)[0] > -1e-10 and np.linalg.eigvalsh(left)[0] > 1e-10)
 
     @property
     def n_modes(self) -> int:
@@ -187,15 +194,18 @@ class ModalBody:
         return np.triu(out) + np.triu(out, 1).T
 
     def frequencies(self, fixed: bool = True) -> np.ndarray:
-        """Natural frequencies, Hz, ascending: (m,) with the frame held, (6 + m,) of the free body with ``fixed=False``
-        (six of them near zero). Cost O(m^3).
+        """Natural frequencies, Hz, ascending: (m,) with the frame held, of the free body with ``fixed=False``: then six of
+        them are near zero, or five where a straight beam has no inertia about its axis. Cost O(m^3).
         """
         import scipy.linalg
 
         M, K = self.M, self.K
         if not fixed:
-            M, K = self.mass_matrix(), np.zeros((6 + self.n_modes,) * 2)
-            K[6:, 6:] = self.K
+            whole = self.mass_matrix()
+            inertia, axes = np.linalg.eigh(whole[:6, :6])
+            moving = axes[:, inertia > 1e-12 * inertia[-1]]
+            T = scipy.linalg.block_diag(moving, np.eye(self.n_modes))
+            M, K = T.T @ whole @ T, scipy.linalg.block_diag(np.zeros((moving.shape[1],) * 2), K)
         square = scipy.linalg.eigh(K, M, eigvals_only=True)
         return np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi)
 
@@ -242,8 +252,8 @@ class ModalBody:
             [i, frequency, self.K[i, i], self.M[i, i], largest[i]] for i, frequency in enumerate(self.frequencies())
         ]
         head = (
-            f"Modal body: {number(self.mass)} kg, centre of mass {number(self.com)} m, {self.n_modes} modes, "
-            f"{len(self.nodes)} nodes ({', '.join(self.nodes[:6])}{', ...' if len(self.nodes) > 6 else ''})"
+            f"Modal body: {number(self.mass)} kg, centre of mass {number(self.com)} m, {self.n_modes} mode(s), "
+            f"nodes: {', '.join(self.nodes[:6]) or 'none'}{', ...' if len(self.nodes) > 6 else ''}"
         )
         listed = table(["mode", "f [Hz]", "K_ii", "M_ii", "moves most along"], rows)
         return "\n".join(part for part in (head, self.note, listed) if part)
