@@ -121,6 +121,10 @@ class ShapeNumbers(Item):
             "C": Field(plain(c, m * m, "").slots, (m, m), ("",) * (m * m), store="flexible"),
         }
 
+    def damping(self) -> list[float]:
+        """The entries of C now."""
+        return self.values(12 * self.m + 10 * self.m * self.m, self.m * self.m)
+
     def node_start(self, index: int) -> int:
         """Where the numbers of a node start in the store."""
         return self.start + 12 * self.m + 23 * self.m * self.m + index * (3 + 6 * self.m)
