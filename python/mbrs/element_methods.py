@@ -39,15 +39,15 @@ def _six_by_six(e: Element, field: str, value: Any) -> list[Number]:
 
 
 def _new_element(
-    model: Model, type_: str, name: Any, a: Any, b: Any, k: Any, c: Any, preload: Any, law: Any
-) -> Element:
+    model: Model, type_: str, name: Any, a: Any, b: Any, at: Any, k: Any, c: Any, preload: Any, law: Any
+) -> tuple[Element, Any]:
     e = Element(model, model.new_name("element", name))
     e.type, e.shapes, e.one_point = type_, {}, False
-    e.a, e.b = model.two_bodies(f"{type_} {name!r}", a, b)
+    at = model.connect(e, f"{type_} {name!r}", a, b, at)
     if k is None and c is None and preload is None and law is None:
         raise problem(name, f"does nothing: give the {type_} at least one of k=, c=, preload=, law=")
     e.flags = HAS_K * (k is not None) + HAS_C * (c is not None) + HAS_PRELOAD * (preload is not None)
-    return e
+    return e, at
 
 
 def _finish(e: Element, entries: list[Number], laws: NewLaws) -> Element:
@@ -67,7 +67,7 @@ class ElementMethods:
         a: Any,
         b: Any,
         *,
-        at: Any,
+        at: Any = None,
         k: Any = None,
         c: Any = None,
         length: Any = None,
@@ -112,7 +112,7 @@ class ElementMethods:
         >>> m.spring_damper("string", m.ground, p, at=((0, 0, 2), (0, 0, 1)), k=100.0)
         <element 'string' of 'drop'>
         """
-        e = _new_element(self, "spring_damper", name, a, b, k, c, preload, law)
+        e, at = _new_element(self, "spring_damper", name, a, b, at, k, c, preload, law)
         at_a, at_b = point_pair(at, name + ".at")
         entries = [
             *at_a,
@@ -131,7 +131,7 @@ class ElementMethods:
         a: Any,
         b: Any,
         *,
-        at: Any,
+        at: Any = None,
         k: Any = None,
         c: Any = None,
         orientation: Any = None,
@@ -150,7 +150,7 @@ class ElementMethods:
         >>> m.bushing("rubber", m.ground, p, at=(0, 0, 0), k=(1e4, 1e4, 1e4, 10, 10, 10)).name
         'rubber'
         """
-        e = _new_element(self, "bushing", name, a, b, k, c, preload, law)
+        e, at = _new_element(self, "bushing", name, a, b, at, k, c, preload, law)
         e.one_point = not is_pair(at)
         at_a, at_b = (vector(at, name + ".at"),) * 2 if e.one_point else point_pair(at, name + ".at")
         if preload is not None:
@@ -169,7 +169,7 @@ class ElementMethods:
         a: Any,
         b: Any,
         *,
-        at: Any,
+        at: Any = None,
         axis: Any,
         k: Any = None,
         c: Any = None,
@@ -182,7 +182,7 @@ class ElementMethods:
         ``at``: one point (3,), world, where it is drawn; the moment does not depend on it. ``angle``: unstretched
         angle, rad. ``k``, ``c``, ``preload``: N m/rad, N m s/rad, N m.
         """
-        e = _new_element(self, "torsion", name, a, b, k, c, preload, law)
+        e, at = _new_element(self, "torsion", name, a, b, at, k, c, preload, law)
         if is_pair(at):
             raise problem(name + ".at", "must be one point (3,): a torsion spring has no second one")
         entries = [
@@ -213,7 +213,7 @@ class ElementMethods:
 
     def torque(self: Model, name: str, body: Any, *, value: Any, frame: str = "world") -> Load:  # type: ignore[misc]
         """A torque ``value`` (3,), N m; ``frame`` and what varies in time as for `force`."""
-        return _add_load(self, "torque", name, body, (0.0, 0.0, 0.0), value, frame)
+        return _add_load(self, "torque", name, body, None, value, frame)
 
 
 def _parted(load: Load, value: Any) -> tuple[list[Number], dict[int, list[Number]]]:
@@ -248,16 +248,16 @@ def _parted(load: Load, value: Any) -> tuple[list[Number], dict[int, list[Number
 def _add_load(model: Model, type_: str, name: Any, body: Any, at: Any, value: Any, frame: Any) -> Load:
     load = Load(model, model.new_name("load", name))
     load.type = type_
-    load.body = model.find_body(body, f"{type_} {name!r}")
+    where = name + ".at"
+    load.body, load.node, at = model.load_place(f"{type_} {name!r}", body, at if type_ == "force" else None, where)
     if load.body < 0:
         raise problem(name, f"is a {type_} on ground, which does not move; name the body it acts on")
     if not isinstance(frame, str) or frame not in LOAD_FRAMES:
         raise problem(name + ".frame", f"must be 'world' or 'body' (a follower), got {shown(frame)}")
     load.frame = frame
-    where = name + ".at"
     if at is not None and is_pair(at):
         raise problem(where, "must be one point (3,): a force acts at one")
-    point = model.bodies[load.body].entries(0, 3) if at is None else vector(at, where)
+    point = vector((0.0, 0.0, 0.0) if type_ == "torque" else at, where)
     constant, varying = _parted(load, value)
     load.put([*point, *constant])
     load.index = len(model.loads)

@@ -27,9 +27,11 @@ _COINCIDENT = 1e-12
 class Element(Item):
     """Handle of a spring-damper, bushing or torsion spring; see `Model.spring_damper` and its siblings."""
 
-    __slots__ = ("a", "b", "flags", "one_point", "shapes", "type")
+    __slots__ = ("a", "a_node", "b", "b_node", "flags", "one_point", "shapes", "type")
     a: int
     b: int
+    a_node: int  # of a flexible body, else -1
+    b_node: int
     flags: int
     one_point: bool
     shapes: dict[str, tuple[int, ...]]  # of k, c and preload as they were given
@@ -115,8 +117,9 @@ def check_drawn_length(name: str, what: str, values: Sequence[float], flags: int
 class Load(Item):
     """Handle of a force or torque; see `Model.force` and `Model.torque`."""
 
-    __slots__ = ("body", "frame", "motions", "type")
+    __slots__ = ("body", "frame", "motions", "node", "type")
     body: int
+    node: int  # of a flexible body, else -1
     frame: str
     motions: list[MotionItem]  # of those components that vary in time
     type: str
