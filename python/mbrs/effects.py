@@ -249,7 +249,11 @@ def _law_rule(names: frozenset[str], what: str) -> Callable[[Model], tuple[bool,
 
 
 def _flexibility(m: Model) -> tuple[bool, str]:
-    return False, "all bodies are rigid"
+    flexible = [body for body in m.bodies if body.kind == "flexible body"]
+    if not flexible:
+        return False, "all bodies are rigid"
+    modes = sum(body.n_modes for body in flexible)  # type: ignore[attr-defined]
+    return True, f"{_count(modes, 'modal coordinate')} of {_listed([body.name for body in flexible])}"
 
 
 def _drives(m: Model) -> tuple[bool, str]:

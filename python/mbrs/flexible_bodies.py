@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -360,3 +360,41 @@ def frame_of(model: Model, body: int, node: int) -> int:
         return body
     tips = [place for place in _all_nodes(model) if _has_frame(model, place)]
     return len(model.bodies) + tips.index((body, node))
+
+
+def modal_places(tables: Mapping[str, Any], n_bodies: int) -> list[tuple[int, int, int, int]]:
+    """Of each flexible body: its number, the number of its modes, the row of a state where its coordinates start (three in
+    each row, columns 0..2), and its first place among all modal coordinates.
+    """
+    out, row, first = [], n_bodies, 0
+    for body, m in zip(tables.get("flexible_body", ()), tables.get("flexible_modes", ()), strict=True):
+        out.append((int(body), int(m), row, first))
+        row, first = row + (int(m) + 2) // 3, first + int(m)
+    return out
+
+
+def mass_matrix_at(tables: Mapping[str, Any], which: int, q: np.ndarray) -> np.ndarray:
+    """(6 + m, 6 + m) mass matrix of a flexible body at q, about its origin, body axes (docs/tables.md)."""
+    x, m, at = tables["x"], int(tables["flexible_modes"][which]), int(tables["flexible_x"][which])
+    body = tables["x"][int(tables["body_x"][int(tables["flexible_body"][which])]) :]
+    com, mass = body[7:10], body[10]
+    xx, yy, zz, xy, xz, yz = body[11:17]
+    S, P1 = x[at : at + 3 * m].reshape(3, m), x[at + 3 * m : at + 12 * m].reshape(m, 3, 3)
+    P2 = x[at + 12 * m : at + 12 * m + 9 * m * m].reshape(m, m, 3, 3)
+    KG = x[at + 12 * m + 11 * m * m : at + 12 * m + 23 * m * m].reshape(12, m, m)
+    S2, P12 = KG[:3], KG[3:].reshape(3, 3, m, m).transpose(2, 3, 1, 0)
+    h = mass * com + S @ q + 0.5 * S2 @ q @ q
+    J = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) + mass * (com @ com * np.eye(3) - np.outer(com, com))
+    linear = np.einsum("kij,k->ij", P1, q) + 0.5 * np.einsum("klij,k,l->ij", P12, q, q)
+    N = linear + linear.T + np.einsum("klij,k,l->ij", P2, q, q)
+    J = J + np.trace(N) * np.eye(3) - N
+    Q = P1 + np.einsum("lkij,l->kij", P2, q) + np.einsum("klij,l->kij", P12, q)
+    H = np.array([[0.0, -h[2], h[1]], [h[2], 0.0, -h[0]], [-h[1], h[0], 0.0]])
+    turning = np.array([[p[1, 2] - p[2, 1], p[2, 0] - p[0, 2], p[0, 1] - p[1, 0]] for p in Q])
+    moving = (S + np.einsum("ikl,l->ik", S2, q)).T
+    out = np.zeros((6 + m, 6 + m))
+    out[:3, :3], out[:3, 3:6], out[3:6, 3:6] = mass * np.eye(3), -H, J
+    out[6:, :3], out[6:, 3:6] = moving, turning
+    out[3:6, :3], out[:3, 6:], out[3:6, 6:] = H, moving.T, turning.T
+    out[6:, 6:] = np.trace(P2, axis1=2, axis2=3)
+    return out

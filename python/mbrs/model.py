@@ -125,7 +125,7 @@ class Model(JointMethods, DriveMethods, ElementMethods):
     def _forget(self) -> None:
         self.cache: dict[str, Any] = {}
         self._targets: dict[str, Target] = {}
-        self._core: Any = None
+        self._core: dict[bool, Any] = {}
 
     def body(
         self,
@@ -374,17 +374,21 @@ class Model(JointMethods, DriveMethods, ElementMethods):
             cached = self.cache["driver"] = Driver(self)
         return cached
 
-    def compiled(self) -> Any:
-        """The core's System at the present values; the topology is compiled once."""
+    def compiled(self, flexible: bool = True) -> Any:
+        """The core's System at the present values; the topology is compiled once. ``flexible=False``: flexible bodies are
+        rigid there.
+        """
         from . import _core
         from .tables import tables, x
 
         now = (self.structure_version, self.values_version)
-        if self._core is None or self._core[0][0] != now[0]:
-            self._core = (now, _core.System(tables(self)))  # type: ignore[attr-defined]
-        elif self._core[0] != now:
-            self._core = (now, self._core[1].with_values(x(self)))
-        return self._core[1]
+        kept = self._core.get(flexible)
+        if kept is None or kept[0][0] != now[0]:
+            kept = (now, _core.System(tables(self, flexible)))
+        elif kept[0] != now:
+            kept = (now, kept[1].with_values(x(self)))
+        self._core[flexible] = kept
+        return kept[1]
 
     def _changed_structure(self) -> None:
         self.structure_version += 1

@@ -131,7 +131,7 @@ def simulate(
     for name in without:
         if name in _LINEAR_ONLY:
             raise ModelError(f"'{name}' is a part of a linearisation; a motion cannot be without it")
-    snapshot = Snapshot.of(m)
+    snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
     if parameters is not None:
         method = _with_sensitivities(method)
