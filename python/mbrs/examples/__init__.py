@@ -4,6 +4,7 @@ the hexapod's.
 Each builder takes sizes by keyword and returns a `Model`; the small nonlinear systems return a `MechanicalSystem`.
 """
 
+from ._car import car
 from ._five_bar import five_bar, ice_skate
 from ._four_bar import four_bar, four_bars
 from ._gap import gap_problem
@@ -30,6 +31,7 @@ from ._swing import swing
 from ._wafer_stage import wafer_stage
 
 __all__ = [
+    "car",
     "chain",
     "clearance_oscillator",
     "cubic_hexapod",
