@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from ..names import nearest, shown
+from ..names import components, nearest, shown
 from .figure import PALETTE, figure, legend, style
 
 __all__ = ["convergence", "over_time", "tornado"]
@@ -87,20 +87,21 @@ def _finite(name: str, value: Any) -> float:
     return number
 
 
-def over_time(traj: Any, what: str) -> Any:
-    """The derivatives of a quantity of a trajectory over time: a panel for each parameter, a line for each component."""
-    from ..gradient import unit_of
+def over_time(traj: Any, of: str) -> Any:
+    """The derivatives of a quantity of a trajectory over time: a panel for each parameter, a line for each component.
 
-    d = np.asarray(traj.sensitivity(what))
+    ``of`` names the quantity as in `Trajectory.sensitivity`.
+    """
+    d = np.asarray(traj.sensitivity(of))
     labels, units = traj.parameter_labels, traj.parameter_units
-    flat, unit = d.reshape(len(traj.t), -1, len(labels)), unit_of(what, traj.model)
+    flat, unit = d.reshape(len(traj.t), -1, len(labels)), traj.unit_of(of)
     across = 1 if len(labels) <= 3 else 2
     down = -(-len(labels) // across)
     with style():
         made, axes = figure(down, across, size=(8.0 if across == 1 else 10.0, 1.0 + 1.9 * down), sharex=True)
         panels = np.ravel(axes)
         for p, label in enumerate(labels):
-            names = _components(flat.shape[1])
+            names = components(flat.shape[1])
             for k, name in enumerate(names):
                 panels[p].plot(traj.t, flat[:, k, p], label=name, color=PALETTE[k % len(PALETTE)])
             panels[p].set(ylabel=_per(unit, units[p]), title=f"by {label}")
@@ -111,14 +112,8 @@ def over_time(traj: Any, what: str) -> Any:
         for ax in panels[max(0, len(labels) - across) : len(labels)]:
             ax.set(xlabel="t [s]")
             ax.tick_params(labelbottom=True)
-        made.suptitle(f"derivatives of {what}")
+        made.suptitle(f"derivatives of {of}")
     return made
-
-
-def _components(n: int) -> list[str]:
-    if n == 6:
-        return ["x", "y", "z", "rx", "ry", "rz"]
-    return list("xyz") if n == 3 else [str(k) for k in range(n)]
 
 
 def _per(unit: str, by: str) -> str:
