@@ -45,10 +45,14 @@ for name, exact in zip(some, direct.gradient, strict=True):
         values.append(mb.gradient(m, psi, some[:1], t=END, step=STEP, method="direct").value)
     m.set({name: now})
     slope = (8 * (values[0] - values[1]) - (values[2] - values[3])) / (12 * e)
-    print(f"  {name:22s} exact {exact: .12e}, differences of four points {slope: .12e}: {abs(slope / exact - 1):.1e} apart")
+    print(
+        f"  {name:22s} exact {exact: .12e}, differences of four points {slope: .12e}: {abs(slope / exact - 1):.1e} apart"
+    )
 
 # --- over time
-traj = mb.simulate(m, t=END, step=STEP, method="ali3p", parameters=["front_spring_k", "front_spring_c", "front_spring_low[1]"])
+traj = mb.simulate(
+    m, t=END, step=STEP, method="ali3p", parameters=["front_spring_k", "front_spring_c", "front_spring_low[1]"]
+)
 traj.plot("sensitivity", of="driver").savefig(folder / "car-sensitivity.png")
 print(traj.sensitivity_table("driver"))
 

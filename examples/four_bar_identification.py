@@ -49,7 +49,10 @@ def slope(z):
 found = least_squares(misfit, np.ones(4), jac=slope, xtol=1e-12, bounds=(0.01, 100.0))
 best = found.x * GUESS
 error = GUESS * np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac)))  # standard errors at the solution
-print(f"four numbers from {len(t)} points after {found.nfev} runs; sum of squares {2 * found.cost:.1f} of {found.fun.size - 4} expected")
+print(
+    f"four numbers from {len(t)} points after {found.nfev} runs; sum of squares {2 * found.cost:.0f}, "
+    f"expected {found.fun.size - 4} +- {np.sqrt(2 * found.fun.size):.0f}"
+)
 print("number        guess   truth     found  standard error  off by")
 for row in zip(NAMES, GUESS, TRUTH, best, error, (best - TRUTH) / error, strict=True):
     print("{:11s} {:7g} {:7g} {:9.4f} {:15.4f} {:5.1f} standard errors".format(*row))
@@ -57,9 +60,13 @@ for row in zip(NAMES, GUESS, TRUTH, best, error, (best - TRUTH) / error, strict=
 # The same as an optimisation: a sum over given times and its gradient, for any optimiser; one run back gives all derivatives.
 sum_of_squares = mb.AtTimes(t, lambda s: np.sum((s.point("P2")[:2] - record[s.index]) ** 2) / NOISE**2 / len(t))
 m.set(dict(zip(NAMES, GUESS.tolist(), strict=True)))
-problem = mb.problem(m, sum_of_squares, NAMES, t=END, step=STEP, method="adjoint", bounds={n: (0.1, 500.0) for n in NAMES})
+problem = mb.problem(
+    m, sum_of_squares, NAMES, t=END, step=STEP, method="adjoint", bounds={n: (0.1, 500.0) for n in NAMES}
+)
 again = problem.solve("SLSQP", options={"ftol": 1e-10})
-print(f"mb.problem: {again.status} after {len(again.history)} runs, {np.abs((again.x - best) / error).max():.1e} standard errors away")
+print(
+    f"mb.problem: {again.status} after {len(again.history)} runs, {np.abs((again.x - best) / error).max():.1e} standard errors away"
+)
 
 with style():
     picture, (left, right) = figure(1, 2, size=(10.0, 4.2))

@@ -67,7 +67,9 @@ def test_car_against_the_complex_step_of_the_reference(monkeypatch):
     exact = np.array([r.imag / 1e-40 for r in runs]).T
     scale = np.abs(exact).max(axis=0)
     errors = [float(np.max(np.abs(np.asarray(g.gradient) - exact) / scale)) for g in (direct, adjoint)]
-    print(f"car: position {np.abs(direct.value - runs[0].real).max():.1e}, direct {errors[0]:.1e}, adjoint {errors[1]:.1e}")
+    print(
+        f"car: position {np.abs(direct.value - runs[0].real).max():.1e}, direct {errors[0]:.1e}, adjoint {errors[1]:.1e}"
+    )
     assert np.abs(direct.value - runs[0].real).max() < 1e-11
     assert max(errors) < 1e-9
 
@@ -80,7 +82,12 @@ def test_car_by_every_number_over_the_bump(monkeypatch, car):
     adjoint = mb.gradient(car, psi, names, method="adjoint", **options)
     direct = mb.gradient(car, psi, names, method="direct", **options)
     # hard points in m and stiffnesses in N/m: what a change by a hundredth of a metre or by one per cent does
-    size = np.array([0.01 if label.endswith("]") else 0.01 * where for label, where in zip(adjoint.labels, adjoint.where, strict=True)])
+    size = np.array(
+        [
+            0.01 if label.endswith("]") else 0.01 * where
+            for label, where in zip(adjoint.labels, adjoint.where, strict=True)
+        ]
+    )
     scale = np.abs(direct.gradient * size).max()
     agreement = np.abs((adjoint.gradient - direct.gradient) * size).max() / scale
     print(f"{len(adjoint.labels)} numbers, adjoint - direct {agreement:.1e} of the largest effect")
@@ -95,7 +102,9 @@ def test_car_by_every_number_over_the_bump(monkeypatch, car):
         car.set({name: now})
         slope = (8 * (values[0] - values[1]) - (values[2] - values[3])) / (12 * e)
         error = abs(slope - adjoint.gradient[i]) * size[i] / scale
-        print(f"  by {name}: differences {abs(slope / adjoint.gradient[i] - 1):.1e} of it, {error:.1e} of the largest effect")
+        print(
+            f"  by {name}: differences {abs(slope / adjoint.gradient[i] - 1):.1e} of it, {error:.1e} of the largest effect"
+        )
         assert error < 1e-9
     # a hinge that moves along itself changes nothing
     for i, label in enumerate(adjoint.labels):

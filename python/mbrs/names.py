@@ -78,10 +78,3 @@ def not_found(what: str, name: str, known: Iterable[str]) -> NameNotFoundError:
     else:
         hint = ""
     return NameNotFoundError(f"{what} is called {shown(name)}{hint}")
-
-
-def components(n: int) -> list[str]:
-    """What the n numbers of a vector or a wrench are called."""
-    if n == 6:
-        return ["x", "y", "z", "rx", "ry", "rz"]
-    return list("xyz") if n == 3 else [str(k) for k in range(n)]

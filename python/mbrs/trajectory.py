@@ -13,7 +13,7 @@ from . import _core
 from ._border import core_errors
 from .errors import ModelError, NameNotFoundError
 from .linearize import Snapshot
-from .names import components, nearest
+from .names import nearest
 from .results import Result
 from .state import State
 
@@ -321,6 +321,13 @@ class Trajectory(Result):
         names = Names(self.snapshot.tables)
         return names.unit(names.address(what))
 
+    @staticmethod
+    def component_names(n: int) -> list[str]:
+        """What the n numbers of a quantity are called: x y z of a vector, rx ry rz after them of a wrench."""
+        if n == 6:
+            return ["x", "y", "z", "rx", "ry", "rz"]
+        return list("xyz") if n == 3 else [str(k) for k in range(n)]
+
     def sensitivity_table(self, what: str, t: float | None = None) -> str:
         """`sensitivity` at an output time (the last one without ``t``), and its largest absolute value, as a table."""
         from .report import table
@@ -328,7 +335,7 @@ class Trajectory(Result):
         at = len(self.t) - 1 if t is None else int(np.argmin(np.abs(self.t - t)))
         labels = self.parameter_labels
         d = np.asarray(self.sensitivity(what)).reshape(len(self.t), -1, len(labels))
-        names = ["derivative"] if d.shape[1] == 1 else [f"{what} {axis}" for axis in components(d.shape[1])]
+        names = ["derivative"] if d.shape[1] == 1 else [f"{what} {axis}" for axis in self.component_names(d.shape[1])]
         rows = [
             (label, unit, *d[at, :, p], np.abs(d[:, :, p]).max())
             for p, (label, unit) in enumerate(zip(labels, self.parameter_units, strict=True))

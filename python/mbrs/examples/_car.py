@@ -123,9 +123,7 @@ def _corner(
         f"{name} upright", mass=MASSES["upright"], inertia=(0.18, 0.18, 0.1), at=hub - (0, 0.06 * sign, 0), **on
     )
     spin = (0.0, SPEED / r, 0.0)
-    wheel = m.body(
-        f"{name} wheel", mass=MASSES["wheel"], inertia=(0.5, 0.9, 0.5), at=hub, angular_velocity=spin, **on
-    )
+    wheel = m.body(f"{name} wheel", mass=MASSES["wheel"], inertia=(0.5, 0.9, 0.5), at=hub, angular_velocity=spin, **on)
     road = m.body(f"{name} road", mass=1.0, inertia=(1.0, 1.0, 1.0), at=ground)
     patch = m.body(f"{name} patch", mass=MASSES["patch"], inertia=(0.1, 0.1, 0.1), at=ground, **on)
     m.revolute(f"{name} lower hinge", chassis, lower, at=at["lower_inner"], axis="x")
@@ -156,5 +154,3 @@ def _corner(
 
 def _arm(m: Model, name: str, at: np.ndarray, mass: float) -> Any:
     return m.body(name, mass=mass, inertia=(0.05, 0.02, 0.05), at=at, velocity=(SPEED, 0.0, 0.0))
-
-

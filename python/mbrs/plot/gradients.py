@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from ..names import components, nearest, shown
 from .figure import PALETTE, figure, legend, style
 
 __all__ = ["convergence", "over_time", "tornado"]
@@ -40,7 +39,7 @@ def tornado(result: Any, *, n: int = 30, change: float | Mapping[str, float] = 0
     """
     rows = np.asarray(result.gradient).reshape(-1, len(result.labels))
     if not isinstance(objective, int) or not 0 <= objective < len(rows):
-        raise ModelError(f"objective={shown(objective)}: the gradient has {len(rows)}, counted from 0")
+        raise ModelError(f"objective={objective!r}: the gradient has {len(rows)}, counted from 0")
     amounts, texts = _amounts(result, change)
     values = rows[objective] * amounts
     order = [i for i in np.argsort(-np.abs(values), kind="stable") if amounts[i] != 0.0][:n][::-1]
@@ -67,10 +66,8 @@ def _amounts(result: Any, change: float | Mapping[str, float]) -> tuple[np.ndarr
     for name, amount in change.items() if isinstance(change, Mapping) else ():
         found = [i for i, label in enumerate(result.labels) if label == name or label.startswith(f"{name}[")]
         if not found:
-            guess = nearest(name, list(result.labels))
-            raise ModelError(
-                f"change= names {name!r}, no parameter of this gradient" + (f"; did you mean {guess!r}?" if guess else "")
-            )
+            known = ", ".join(result.labels[:12]) + (", ..." if len(result.labels) > 12 else "")
+            raise ModelError(f"change= names {name!r}, no parameter of this gradient; known: {known}")
         for i in found:
             amounts[i] = _finite(f"change[{name!r}]", amount)
             texts[i] = f"+{amounts[i]:g} {result.units[i]}".rstrip()
@@ -83,7 +80,7 @@ def _finite(name: str, value: Any) -> float:
     except (TypeError, ValueError):
         number = np.nan
     if not np.isfinite(number):
-        raise ModelError(f"{name} must be a finite number, got {shown(value)}")
+        raise ModelError(f"{name} must be a finite number, got {value!r}")
     return number
 
 
@@ -94,14 +91,14 @@ def over_time(traj: Any, of: str) -> Any:
     """
     d = np.asarray(traj.sensitivity(of))
     labels, units = traj.parameter_labels, traj.parameter_units
-    flat, unit = d.reshape(len(traj.t), -1, len(labels)), traj.unit_of(of)
+    flat = d.reshape(len(traj.t), -1, len(labels))
+    names, unit = traj.component_names(flat.shape[1]), traj.unit_of(of)
     across = 1 if len(labels) <= 3 else 2
     down = -(-len(labels) // across)
     with style():
         made, axes = figure(down, across, size=(8.0 if across == 1 else 10.0, 1.0 + 1.9 * down), sharex=True)
         panels = np.ravel(axes)
         for p, label in enumerate(labels):
-            names = components(flat.shape[1])
             for k, name in enumerate(names):
                 panels[p].plot(traj.t, flat[:, k, p], label=name, color=PALETTE[k % len(PALETTE)])
             panels[p].set(ylabel=_per(unit, units[p]), title=f"by {label}")
