@@ -110,3 +110,26 @@ def test_car_by_every_number_over_the_bump(monkeypatch, car):
     for i, label in enumerate(adjoint.labels):
         if label.endswith("_inner[0]") and "rod" not in label:
             assert abs(adjoint.gradient[i]) * size[i] < 1e-13 * scale
+
+
+# METHODS.md e.4: value and derivatives by k, m and b
+PARTICLE = np.array([3.89396846, 0.02152155, -0.21521547, 0.29491657])
+
+
+def test_nonholonomic_particle_has_the_known_gradient():
+    """Second order in the step; what extrapolation leaves."""
+    m = mb.examples.nonholonomic_particle()
+    psi = mb.Integral(lambda s: np.sum(s.position("carriage")[:2] ** 2) + (3.0 - s.position("slider")[0]) ** 2)
+    runs = []
+    for h in (5e-3, 2.5e-3):
+        direct = mb.gradient(m, psi, ["k", "m", "b"], t=5.0, step=h, method="direct")
+        adjoint = mb.gradient(m, psi, ["k", "m", "b"], t=5.0, step=h, method="adjoint")
+        agreement = np.abs(adjoint.gradient - direct.gradient).max()
+        print(f"h = {h}: adjoint - direct {agreement:.1e}")
+        assert agreement < 1e-11
+        runs.append(np.array([direct.value, *direct.gradient]))
+    ratio = (runs[0] - PARTICLE) / (runs[1] - PARTICLE)
+    left = np.abs((4 * runs[1] - runs[0]) / 3 - PARTICLE)
+    print(f"particle: errors fall by {ratio}, extrapolated {left}")
+    assert np.all(np.abs(ratio - 4) < 0.3)
+    assert np.all(left < 2e-6)

@@ -20,6 +20,7 @@ from ._oscillators import (
     two_tone_duffing,
     van_der_pol,
 )
+from ._particle import nonholonomic_particle
 from ._pendulum_chain import pendulum_chain
 from ._quadruped import quadruped
 from ._quarter_car import quarter_car
@@ -48,6 +49,7 @@ __all__ = [
     "jenkins_oscillator",
     "ladder",
     "ladder_with_gap",
+    "nonholonomic_particle",
     "pendulum_chain",
     "quadruped",
     "quarter_car",
