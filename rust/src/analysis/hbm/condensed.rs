@@ -187,6 +187,16 @@ impl Condensed {
     }
 }
 
+fn finite(block: &Block, w: f64) -> Result<()> {
+    if block.s.iter().all(|x| x.re.is_finite() && x.im.is_finite()) {
+        Ok(())
+    } else {
+        Err(Error::singular(format!(
+            "the condensed coordinates are singular at {w} rad/s; use condense=False"
+        )))
+    }
+}
+
 impl DynamicStiffness for Condensed {
     fn size(&self) -> usize {
         self.split.retained.len()
@@ -194,6 +204,10 @@ impl DynamicStiffness for Condensed {
 
     fn full_size(&self) -> usize {
         self.split.n
+    }
+
+    fn extrapolates(&self) -> f64 {
+        1e-7
     }
 
     fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()> {
@@ -216,14 +230,16 @@ impl DynamicStiffness for Condensed {
             block.s_slope[e.row * n_r + e.column] += e.z_slope(w);
         }
         for j in 0..n_r {
+            let right = right.col_as_slice(j);
             for e in &split.rl {
-                block.s[e.row * n_r + j] += e.z(w) * right[(e.column, j)];
-                block.s_slope[e.row * n_r + j] += e.z_slope(w) * right[(e.column, j)];
+                block.s[e.row * n_r + j] += e.z(w) * right[e.column];
+                block.s_slope[e.row * n_r + j] += e.z_slope(w) * right[e.column];
             }
             for i in 0..n_r {
+                let left = left.col_as_slice(i);
                 let mut sum = zero;
                 for e in &split.ll {
-                    sum += left[(e.row, i)] * e.z_slope(w) * right[(e.column, j)];
+                    sum += left[e.row] * e.z_slope(w) * right[e.column];
                 }
                 block.s_slope[i * n_r + j] += sum;
             }
@@ -234,10 +250,14 @@ impl DynamicStiffness for Condensed {
             }
         }
         if let Some(force) = split.forces.get(term).and_then(Option::as_ref) {
-            let left = left.clone();
-            let v = self.particular(force);
             for i in 0..n_r {
                 block.force[i] = force[split.retained[i]];
+            }
+            if split.local.iter().all(|old| force[*old] == zero) {
+                return finite(block, w);
+            }
+            let v = self.particular(force);
+            for i in 0..n_r {
                 for (l, old) in split.local.iter().enumerate() {
                     block.force[i] += left[(l, i)] * force[*old];
                 }
@@ -249,13 +269,7 @@ impl DynamicStiffness for Condensed {
                 block.force_slope[e.row] -= e.z_slope(w) * v[(e.column, 0)];
             }
         }
-        if block.s.iter().all(|x| x.re.is_finite() && x.im.is_finite()) {
-            Ok(())
-        } else {
-            Err(Error::singular(format!(
-                "the condensed coordinates are singular at {w} rad/s; use condense=False"
-            )))
-        }
+        finite(block, w)
     }
 
     fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()> {
