@@ -26,6 +26,8 @@ EFFECTS = (
     "drives",
     "nonholonomic",
 )
+# parts of a linearisation: a motion has them in its forces or not at all
+LINEAR_ONLY = frozenset({"gyroscopic", "preload-stiffness", "constraint-force-stiffness"})
 _NEVER_OFF = frozenset({"loops", "redundancy"})
 _FRICTION_LAWS = frozenset({"Jenkins", "Iwan", "CoulombTanh"})
 # Codes of laws that depend on the rate: Polynomial1D with a velocity part, CoulombTanh, VanDerPol.

@@ -18,7 +18,7 @@ HAS_K, HAS_C, HAS_PRELOAD, LENGTH_GIVEN = 1, 2, 4, 16
 TYPES = {"spring_damper": 0, "bushing": 1, "torsion": 2}
 SIZES = {"spring_damper": 10, "bushing": 88, "torsion": 10}
 SIX = ("x", "y", "z", "rx", "ry", "rz")
-LOAD_TYPES = {"force": 0, "torque": 1}
+LOAD_TYPES = {"force": 0, "torque": 1, "modal": 2}
 LOAD_FRAMES = {"world": 0, "body": 1}
 # Two points this close, relative to their distance from the world origin, have no direction between them.
 _COINCIDENT = 1e-12

@@ -153,7 +153,9 @@ def _items(kind: str, items: Sequence[Any], base: dict[str, int], columns: Itera
     for column in columns:
         values = [getattr(item, column) for item in items]
         codes = _CODES.get((kind, column))
-        out[f"{kind}_{column}"] = _integers(values if codes is None else [codes[v] for v in values])
+        out[f"{kind}_{column}"] = _integers(
+            values if codes is None else [codes[v] if isinstance(v, str) else v for v in values]
+        )
     start = base[kind]
     out[f"{kind}_x"] = _integers(start + item.start for item in items)
     return out

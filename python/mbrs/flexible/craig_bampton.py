@@ -107,8 +107,11 @@ def craig_bampton(
     picked = list(chosen.values())
     note = f"Craig-Bampton of {len(at)} nodes, "
     note += f"clamped at {fixed}" if fixed is not None else "mean axes"
+    mass, com, inertia = _rigid_body(M, R)
     return ModalBody(
-        **_rigid_body(M, R),
+        mass,
+        com,
+        inertia,
         **_shape_integrals(M, R, T, at),
         K=np.diag(square),
         C=modal_damping(damping, np.sqrt(square), _ME),
@@ -171,7 +174,7 @@ def _check_free(K: Any, R: Array, absent: Array) -> None:
         )
 
 
-def _rigid_body(M: Any, R: Array) -> dict[str, Any]:
+def _rigid_body(M: Any, R: Array) -> tuple[float, Array, Array]:
     whole = R.T @ (M @ R)
     mass = np.trace(whole[:3, :3]) / 3
     if not mass > 0 or np.max(np.abs(whole[:3, :3] - mass * np.eye(3))) > 1e-6 * mass:
@@ -181,7 +184,7 @@ def _rigid_body(M: Any, R: Array) -> dict[str, Any]:
         )
     moment = whole[3:, :3] / mass  # [c]x
     com = 0.5 * np.array([moment[2, 1] - moment[1, 2], moment[0, 2] - moment[2, 0], moment[1, 0] - moment[0, 1]])
-    return dict(mass=mass, com=com, inertia=whole[3:, 3:] - mass * ((com @ com) * np.eye(3) - np.outer(com, com)))
+    return float(mass), com, whole[3:, 3:] - mass * ((com @ com) * np.eye(3) - np.outer(com, com))
 
 
 def _shape_integrals(M: Any, R: Array, T: Array, at: Array) -> dict[str, Array]:

@@ -88,9 +88,8 @@ def frames_named(t: Mapping[str, Any]) -> Mapping[str, Any]:
         return t
     moving = list(t["moving_node"])
     out = dict(t)
-    pairs = (("joint_a", "joint_a_node"), ("joint_b", "joint_b_node"), ("element_a", "element_a_node"))
-    pairs += (("element_b", "element_b_node"), ("load_body", "load_node"), ("marker_body", "marker_node"))
-    for key, node in pairs:
+    ends = [(f"{kind}_{side}", f"{kind}_{side}_node") for kind in ("joint", "element") for side in "ab"]
+    for key, node in [*ends, ("load_body", "load_node"), ("marker_body", "marker_node")]:
         given = zip(t.get(key, ()), t.get(node, ()), strict=True)
         n = len(t["body_name"])
         out[key] = np.array([n + moving.index(j) if j in moving else i for i, j in given], dtype=int)
@@ -136,17 +135,19 @@ def modal_links(t: Mapping[str, Any], x: Array, flexible: list[Flexible]) -> dic
         for frame in f.nodes:
             at = t["flexible_node_x"][t["moving_node"][frame - n]]
             node = Node(f, x[at : at + 3], x[at + 3 : at + 3 + 6 * f.m].reshape(6, f.m))
-            ends = (Marker(i, np.zeros(3), np.eye(3)) for i in (f.frame, frame))
-            out[frame] = Link(f.name, "modal", *ends, none, none, np.zeros(6), node=node)
+            inner, outer = (Marker(i, np.zeros(3), np.eye(3)) for i in (f.frame, frame))
+            out[frame] = Link(f.name, "modal", inner, outer, none, none, np.zeros(6), node=node)
     return out
 
 
 def particles(b: Body, S: Array, P1: Array, P2: Array, KG: Array) -> Cloud:
     """Particles with the given integrals, about the body's origin: as many as the Gram matrix has rows."""
     gram, fields = _gram(b, S, P1, P2, KG)
+    n = 4 + 3 * S.shape[1]
     scale = np.sqrt(np.abs(np.diag(gram).real))
-    cross_size = np.max(np.abs(gram.real) / np.where(scale > 0, scale, np.inf), axis=1, initial=0.0)
-    scale = np.where(scale > 0, scale, np.where(cross_size > 0, cross_size, 1.0))
+    scale[scale == 0] = 1.0  # a field that vanishes, such as y and z in a beam without thickness
+    # the second orders have no squares; one size for all, so that entries near zero do no harm
+    scale[n:] = max(np.max(np.abs(gram.real[:n, n:]) / scale[:n, None], initial=0.0), 1e-300)
     weights, columns = [], []
     for part, unit in ((gram.real, 1.0), (gram.imag, 1j)):
         if np.any(part):
