@@ -243,3 +243,23 @@ def test_a_loop_is_not_cut_inside_a_flexible_body():
     found = mb.System(four_bar())
     kinds = {body: kind for body, _, _, kind in found.tree}
     assert kinds["coupler.tip"] == "node" and len(found.loops) == 1
+
+
+def test_ports_at_nodes_that_nothing_is_attached_to():
+    model = pendulum(damping=1e-3)
+    eq = mb.equilibrium(model)
+    lin = mb.linearize(model, at=eq)
+    assert "rod.frame" not in lin.bodies
+    # the same node from its shape, and from its frame
+    for direction in ("x", "z", "ry", "rz"):
+        by_frame = lin.port_row(model["rod"].node("mid").motion(direction))
+        other = mb.linearize(pendulum(damping=1e-3), at=eq)
+        hidden = [b for b in other.bodies if b != "rod.mid"]
+        object.__setattr__(other, "bodies", tuple(hidden[:2] + ["?"] + hidden[2:]))
+        by_shape = other.port_row(model["rod"].node("mid").motion(direction))
+        assert by_shape[0] == pytest.approx(by_frame[0], abs=1e-12)
+        assert by_shape[2] == pytest.approx(by_frame[2], abs=1e-12)
+    h = mb.frf(cantilever(), "rod.mid.force.z", "rod.mid.motion.z", frequency=[0.1, 0.2])
+    assert np.all(np.isfinite(h.value))
+    rigid = mb.frf(model, "rod.mid.force.y", model["P"].motion("y"), frequency=[0.1, 0.2], without=("flexibility",))
+    assert np.all(np.isfinite(rigid.value))
