@@ -28,8 +28,10 @@ if TYPE_CHECKING:
     from .model import Model
     from .trajectory import Trajectory
 
+# spectral radius at infinity, as in mb.simulate
+RHO = 0.8
 METHODS = ("direct", "adjoint", "auto")
-SCHEMES = ("ali3p",)
+SCHEMES = ("ali3p", "generalized-alpha")
 _READINGS = 20
 
 
@@ -137,6 +139,8 @@ class Run:
     times: np.ndarray
     weight: str = "tangent"
     keep: int = 2**23
+    scheme: str = "ali3p"
+    rho: float = RHO
 
     def options(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
         """What the core takes."""
@@ -148,6 +152,8 @@ class Run:
         return {
             "times": self.times.tolist(),
             "memory": self.state.memory.tolist(),
+            "scheme": self.scheme,
+            "rho": self.rho,
             "weight": self.weight,
             "keep": self.keep,
             "drawn": self.state.kind in ("drawn", "equilibrium"),
@@ -206,7 +212,8 @@ def gradient(
     method: str = "auto",
     at: Any = None,
     without: Sequence[str] = (),
-    weight: str = "tangent",
+    weight: str | None = None,
+    rho: float | None = None,
     keep: int = 2**23,
 ) -> MotionGradient:
     """Objectives of a motion and their exact derivatives by any design parameters.
@@ -226,7 +233,7 @@ def gradient(
     step, rtol
         s, fixed steps (equal, at most so long, ending at t); or a tolerance that chooses them first. 1e-7 if neither is given.
     scheme
-        "ali3p".
+        "ali3p" or "generalized-alpha", with the discrete solution that `mb.simulate` has by that method and those steps.
     method
         "direct": one tangent linear model per parameter along with the motion. "adjoint": the steps backwards, once per
         objective. "auto": by their numbers.
@@ -236,7 +243,9 @@ def gradient(
     without
         Effects to leave out.
     weight
-        Metric of the projections: "tangent" (M + h/2 C + h^2/4 K) or "mass".
+        ALI3-P: metric of the projections, "tangent" (M + h/2 C + h^2/4 K; default) or "mass".
+    rho
+        Generalised-alpha: what is left of infinitely fast oscillations after a step, 0 to 1 (0.8).
     keep
         Adjoint: a motion of more numbers than this is not kept but run again between checkpoints, as many as the root of
         its steps.
@@ -257,7 +266,9 @@ def gradient(
 
     Notes
     -----
-    Direct: O(n_p) tangent steps; adjoint: O(1) in n_p. Source: METHODS.md (e), after Dopico and co-workers.
+    Direct: O(n_p) tangent steps; adjoint: O(1) in n_p. Sources: ALI3-P after Dopico and co-workers; generalised-alpha after
+    O. Bruels, A. Cardona and M. Arnold, Mech. Mach. Theory 48 (2012) 121-137. Its Newton iterations are taken as converged, by
+    which the derivative differs from that of every iterate by less than 1e-9 h^2 |a| of a step.
 
     Examples
     --------
@@ -272,19 +283,19 @@ def gradient(
     begin = time.perf_counter()
     if scheme not in SCHEMES:
         raise ModelError(
-            f"scheme={scheme!r} has no sensitivities; the one that has is scheme='ali3p' (mb.simulate runs it as method='ali3p')"
+            f"scheme={scheme!r} has no sensitivities; those that have are "
+            f"{' and '.join(f'scheme={name!r}' for name in SCHEMES)} (mb.simulate runs them as method=)"
         )
     if method not in METHODS:
         raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
-    if weight not in ("tangent", "mass"):
-        raise ModelError(f"weight= is 'tangent' or 'mass', got {shown(weight)}")
+    kind = _variant(scheme, weight, rho)
     many = isinstance(objective, (list, tuple))
     objectives: list[Any] = list(objective) if isinstance(objective, (list, tuple)) else [objective]
     if not objectives or not all(isinstance(o, Objective) for o in objectives):
         raise ModelError(
             f"objective= takes mb.Integral, mb.Final or mb.AtTimes, or several of them, got {shown(objective)}"
         )
-    run = replace(prepare(m, objectives, t, step, rtol, at, check_without(without), weight), keep=max(0, int(keep)))
+    run = replace(prepare(m, objectives, t, step, rtol, at, check_without(without), **kind), keep=max(0, int(keep)))
     along = directions(m, parameters)
     chosen = ("adjoint" if along.n > 8 * len(objectives) else "direct") if method == "auto" else method
     found = _adjoint(run, objectives, along) if chosen == "adjoint" else _direct(run, objectives, along)
@@ -301,9 +312,21 @@ def gradient(
             time.perf_counter() - begin,
             counts,
             tuple(e.name for e in effects(m) if e.on and e.name not in run.without),
-            f"ali3p, {chosen}, {len(run.times) - 1} steps",
+            f"{scheme}, {chosen}, {len(run.times) - 1} steps",
         ),
     )
+
+
+def _variant(scheme: str, weight: str | None, rho: float | None) -> dict[str, Any]:
+    """What distinguishes a scheme, checked."""
+    if weight is not None and (scheme != "ali3p" or weight not in ("tangent", "mass")):
+        raise ModelError(f"weight= is 'tangent' or 'mass' and belongs to scheme='ali3p', got {shown(weight)} with {scheme!r}")
+    if rho is not None and scheme != "generalized-alpha":
+        raise ModelError(f"rho= belongs to scheme='generalized-alpha', not to {scheme!r}")
+    radius = RHO if rho is None else _number("rho", rho, 0.0)
+    if radius > 1.0:
+        raise ModelError(f"rho= lies between 0 and 1, got {rho}")
+    return {"scheme": scheme, "weight": weight or "tangent", "rho": radius}
 
 
 def _number(name: str, value: Any, least: float) -> float:
@@ -324,7 +347,7 @@ def prepare(
     rtol: float | None,
     at: Any,
     without: tuple[str, ...],
-    weight: str = "tangent",
+    **kind: Any,
 ) -> Run:
     """Start and steps of a motion."""
     snapshot = Snapshot.of(m)
@@ -347,9 +370,15 @@ def prepare(
         from .simulate import simulate
 
         marks = np.array(sorted({*(x for x in through if x > state.t), end}))
-        traj = simulate(m, marks, rtol=1e-7 if rtol is None else rtol, method="ali3p", at=state, without=without)
+        traj = simulate(m, marks, rtol=1e-7 if rtol is None else rtol, at=state, without=without, **_as_method(kind))
         times = np.unique(np.concatenate([traj.steps, marks]))
-    return Run(m, snapshot, state, without, times, weight)
+    return Run(m, snapshot, state, without, times, **kind)
+
+
+def _as_method(kind: dict[str, Any]) -> dict[str, Any]:
+    if kind["scheme"] == "ali3p":
+        return {"method": "ali3p"}
+    return {"method": kind["scheme"], "rho": kind["rho"]}
 
 
 def _reader(run: Run) -> Reader:
@@ -360,7 +389,7 @@ def _read(run: Run, objectives: Sequence[Objective], reader: Reader) -> None:
     """What the objectives read at the start: values are fetched one by one until they are content."""
     from .objectives import number
 
-    short = Run(run.model, run.snapshot, run.state, run.without, run.times[:1], run.weight)
+    short = replace(run, times=run.times[:1])
     for _ in range(10 * _READINGS):
         row = short.direct(list(reader.places), None)["values"][0] if reader.places else np.zeros(0)
         try:
@@ -451,10 +480,12 @@ def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
     """The derivative of a named quantity at the outputs of a trajectory; see `Trajectory.sensitivity`."""
     if traj.start is None or not len(traj.parameters):
         raise ModelError(
-            "this motion has no sensitivities; run mb.simulate(..., method='ali3p', parameters=['...']) to get them"
+            "this motion has no sensitivities; run mb.simulate(..., parameters=['...']) with method='ali3p' or "
+            "'generalized-alpha' to get them"
         )
     traj.snapshot.check_current("motion")
-    run = Run(traj.model, traj.snapshot, traj.start, traj.without, traj.steps)
+    kind = {"scheme": traj.method, "rho": RHO if traj.rho is None else traj.rho}
+    run = Run(traj.model, traj.snapshot, traj.start, traj.without, traj.steps, **kind)
     along = directions(traj.model, traj.parameters)
     names = Names(run.snapshot.tables)
     asked = names.address(what)
