@@ -53,7 +53,7 @@ def test_direct_is_the_complex_step_of_the_reference(make):
 def test_adjoint_is_direct_and_both_are_the_differences(make, rho):
     m = silent(make)
     single = [p for p in SOME[make] if not p.endswith("axis")]
-    psi = mb.Integral(everything(m, make is five_bar))
+    psi = mb.Integral(everything(m))
     options = {"t": 0.2, "step": 0.02, "rho": rho, **ALPHA}
     direct = mb.gradient(m, psi, SOME[make], method="direct", **options)
     adjoint = mb.gradient(m, psi, SOME[make], method="adjoint", **options)
@@ -103,7 +103,8 @@ def test_trajectories_and_checkpoints():
     again = mb.gradient(m, goals, LENGTHS, t=0.2, step=0.01, rho=0.6, method="adjoint", keep=0, **ALPHA)
     assert np.allclose(d[-1], whole.gradient, rtol=1e-9, atol=1e-12)
     assert np.allclose(again.gradient, whole.gradient, rtol=1e-9, atol=1e-12)
-    assert again.stats.counts["stored states"] < 21 < whole.stats.counts["stored states"] + 1
+    assert again.stats.counts["stored states"] < 12
+    assert whole.stats.counts["stored states"] > 20
 
 
 @pytest.mark.parametrize(

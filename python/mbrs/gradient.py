@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,7 @@ import numpy as np
 from . import _core
 from ._border import core_errors
 from .effects import check_without, effects
-from .errors import ModelError
+from .errors import KinkWarning, ModelError
 from .linearize import Snapshot
 from .matrix_calculus import Derivative
 from .names import shown
@@ -52,6 +53,10 @@ class MotionGradient(Result):
         (n_t,) s; ends of the steps.
     method
         "direct" or "adjoint".
+    kinks
+        ``(t, element, what)`` of places that the motion passed where a force has a kink (a gap that closes or opens, a slider
+        that begins or ceases to slide, friction that changes its sign within a step): it is not differentiable there. The
+        gradient is that of the steps on both sides of them; ``status`` is then "kinks" instead of "converged".
     """
 
     value: Any
@@ -60,6 +65,7 @@ class MotionGradient(Result):
     units: tuple[str, ...]
     t: np.ndarray
     method: str
+    kinks: tuple[tuple[float, str, str], ...] = ()
 
     def __iter__(self) -> Iterator[Any]:
         return iter((self.value, self.gradient))
@@ -126,6 +132,12 @@ class MotionSensitivity(Result):
         return table(["parameter", "unit", *("derivative" for _ in flat)], rows, title="objectives of a motion")
 
     __repr__ = __str__
+
+
+# (t, element, what) of a kink that was passed.
+Kink = tuple[float, str, str]
+# Values, gradients (n_obj, n_p), work counts, kinks.
+Found = tuple[np.ndarray, np.ndarray, dict[str, int], tuple[Kink, ...]]
 
 
 @dataclass
@@ -262,7 +274,13 @@ def gradient(
     ModelError
         An objective that returns no finite number, a scheme without sensitivities.
     NotDifferentiableError
-        An objective that is not analytic; a parameter that breaks a redundant loop.
+        An objective that is not analytic; a parameter that breaks a redundant loop; a drive whose rate jumps on the way (an
+        impact).
+
+    Warns
+    -----
+    KinkWarning
+        A motion that passes kinks of forces, with times and elements (``.kinks``).
 
     Notes
     -----
@@ -299,7 +317,8 @@ def gradient(
     along = directions(m, parameters)
     chosen = ("adjoint" if along.n > 8 * len(objectives) else "direct") if method == "auto" else method
     found = _adjoint(run, objectives, along) if chosen == "adjoint" else _direct(run, objectives, along)
-    values, gradients, counts = found
+    values, gradients, counts, kinks = found
+    warn_of(kinks)
     shaped = along.shaped(gradients if many else gradients[0])
     return MotionGradient(
         value=values if many else float(values[0]),
@@ -308,6 +327,8 @@ def gradient(
         units=along.units,
         t=run.times,
         method=chosen,
+        kinks=kinks,
+        status="kinks" if kinks else "converged",
         stats=Stats(
             time.perf_counter() - begin,
             counts,
@@ -365,7 +386,8 @@ def prepare(
         h = _number("step", step, np.finfo(float).tiny)
         if (end - state.t) / h > 1e8:
             raise ModelError(f"step={step} would need more than 1e8 steps")
-        times = grid(state.t, end, h, through)
+        breaks = _core.motion_breaks(snapshot.system, state.t)
+        times = grid(state.t, end, h, [*through, *breaks])
     else:
         from .simulate import simulate
 
@@ -379,6 +401,20 @@ def _as_method(kind: dict[str, Any]) -> dict[str, Any]:
     if kind["scheme"] == "ali3p":
         return {"method": "ali3p"}
     return {"method": kind["scheme"], "rho": kind["rho"]}
+
+
+def warn_of(kinks: Sequence[Kink]) -> None:
+    """Say where a differentiated motion has no derivative."""
+    if not kinks:
+        return
+    named = "; ".join(f"{name!r} at t = {t:.6g} s ({what})" for t, name, what in kinks[:3])
+    more = f" and {len(kinks) - 3} more" if len(kinks) > 3 else ""
+    warnings.warn(
+        f"the motion passes {named}{more}: it is not differentiable there; the gradient is that of the steps on both sides, with an "
+        "error of first order in the step. Take smaller steps, or smooth the law (smoothing=, a larger v_ref)",
+        KinkWarning,
+        stacklevel=3,
+    )
 
 
 def _reader(run: Run) -> Reader:
@@ -403,7 +439,7 @@ def _read(run: Run, objectives: Sequence[Objective], reader: Reader) -> None:
 
 def _direct(
     run: Run, objectives: Sequence[Objective], along: Directions
-) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
+) -> Found:
     reader = _reader(run)
     _read(run, objectives, reader)
     for _ in range(_READINGS):
@@ -418,7 +454,7 @@ def _direct(
     gradients = np.array([np.einsum("tc,tcp->p", f.seeds, made["derivatives"]) for f in found])
     for i, f in enumerate(found):
         gradients[i] += explicit_part(run.model, f.explicit, along)
-    return np.array([f.value for f in found]), gradients, dict(made["counts"])
+    return np.array([f.value for f in found]), gradients, dict(made["counts"]), tuple(made["kinks"])
 
 
 def explicit_part(m: Model, explicit: dict[str, np.ndarray], along: Directions) -> np.ndarray:
@@ -447,7 +483,7 @@ def _number_by_parameters(m: Model, label: str, own: Directions, c: int, along: 
 
 def _adjoint(
     run: Run, objectives: Sequence[Objective], along: Directions
-) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
+) -> Found:
     reader = _reader(run)
     _read(run, objectives, reader)
     for _ in range(_READINGS):
@@ -473,7 +509,7 @@ def _adjoint(
             gradients[i], work = forward.gradient(np.ascontiguousarray(f.seeds))
         gradients[i] += explicit_part(run.model, f.explicit, along)
         counts.append(work)
-    return np.array([f.value for f in found]), gradients, added_counts(*counts)
+    return np.array([f.value for f in found]), gradients, added_counts(*counts), tuple(forward.kinks())
 
 
 def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
@@ -490,6 +526,7 @@ def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
     names = Names(run.snapshot.tables)
     asked = names.address(what)
     made = run.direct([asked], along)
+    warn_of(made["kinks"])
     at = np.searchsorted(made["t"], traj.t - 1e-12 * max(1.0, abs(float(traj.t[-1]))))
     values, d = made["values"][at], made["derivatives"][at]
     if asked[0] == "rotation":

@@ -16,7 +16,6 @@ use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::{Error, Result};
 use crate::run::Counts;
 use crate::system::System;
-use crate::system::loops::Loops;
 
 use super::border::{counts_dict, interruptible};
 use super::system::{PySystem, effects, state_of};
@@ -145,11 +144,7 @@ fn begin(eq: &Equations<'_, f64>, task: &Task, counts: &mut Counts) -> Result<In
         no_impact(eq, *start, *end)?;
     }
     let start = first(eq, task.start.clone(), counts)?;
-    let redundant = eq.n_rows() > 0 && {
-        let jacobian = eq.rows(&start.motion).1;
-        Loops::analyse(eq.system, &jacobian)?.is_some_and(|l| l.redundant.ncols() > 0)
-    };
-    check(eq, &task.wanted, redundant)?;
+    check(eq, &task.wanted)?;
     Ok(start)
 }
 

@@ -21,7 +21,8 @@ use super::kinks::{Kink, Watch};
 use super::march::{Here, Made, March, Rule};
 use super::quantity::{Point, Quantity, evaluate};
 use super::recorder::{
-    Adjoint, Recorder, add, add_all, column, constant, remembered_back, seed, weighed, weighed_poses,
+    Adjoint, Recorder, add, add_all, column, constant, remembered_back, seed, weighed,
+    weighed_poses,
 };
 use super::start::Starting;
 use super::tape::Taped;
@@ -285,7 +286,7 @@ pub fn forward(
             acceleration: &here.instant.acceleration,
             lam: &here.instant.lam,
         };
-        out.values.extend(evaluate(eq, &at, wanted));
+        out.values.extend(evaluate(eq, &at, wanted)?);
     }
     out.kinks = watch.found;
     counts.add("checkpoints", out.checkpoints.len() as u64);
@@ -359,7 +360,7 @@ pub fn backward(
             cancel.check()?;
             let (from, end) = (&stretch.places[i - a], &stretch.places[i - a + 1]);
             let own = &seeds[(i + 1) * w..(i + 2) * w];
-            seed(&mut recorder, &end.instant, wanted, own, &mut at);
+            seed(&mut recorder, &end.instant, wanted, own, &mut at)?;
             counts.add("adjoint steps", 1);
             let (made, before) = &stretch.steps[i - a];
             let end = match before {
@@ -381,7 +382,7 @@ pub fn backward(
         }
     }
     counts.add("stored states", longest as u64);
-    seed(&mut recorder, &first.instant, wanted, &seeds[..w], &mut at);
+    seed(&mut recorder, &first.instant, wanted, &seeds[..w], &mut at)?;
     let starting = Starting::new(eq, &first.instant, &plan.follow)?;
     let at = first_back(&mut recorder, &starting, &first.instant, at)?;
     let numbers = recorder.numbers();

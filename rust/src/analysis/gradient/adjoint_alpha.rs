@@ -7,9 +7,9 @@
 //! ```
 use nalgebra::{DMatrix, DVector};
 
+use crate::analysis::transient::Motion;
 use crate::analysis::transient::ali3p::pulled;
 use crate::analysis::transient::generalized_alpha::{Parameters, reached};
-use crate::analysis::transient::Motion;
 use crate::analysis::transient::penalty::Penalty;
 use crate::error::Result;
 use crate::run::Counts;
@@ -51,7 +51,17 @@ pub fn step_back(
     accelerations_back(recorder, &there, end, &by.end, &mut at, &mut before)?;
     let star = rates_back(recorder, &there, &by, &mut at)?;
     let start = Load::of(carried);
-    let own = stage_back(recorder, from, &start, p, h, &by, (&at, &star, &load), &mut before, counts)?;
+    let own = stage_back(
+        recorder,
+        from,
+        &start,
+        p,
+        h,
+        &by,
+        (&at, &star, &load),
+        &mut before,
+        counts,
+    )?;
     let shift = start.shift(p, h);
     let slope = match start.slope.is_empty() {
         true => vec![0.0; own.0.len()],
@@ -78,12 +88,18 @@ fn accelerations_back(
     let (u, w) = by.solve_transposed(&column(&at.acceleration), &column(&at.lam))?;
     let eq = recorder.begin();
     let leaves = recorder.leaves(there, &[], &[], &[]);
-    let (a, lam) = (constant(&end.instant.acceleration), constant(&end.instant.lam));
+    let (a, lam) = (
+        constant(&end.instant.acceleration),
+        constant(&end.instant.lam),
+    );
     let r = eq.residual(&leaves.motion, &a, &lam, &mut Counts::default());
     let mut sum = -weighed(r.as_slice(), u.as_slice());
     if !w.is_empty() {
         let carried = eq.rows(&leaves.motion).1 * DVector::from_vec(a);
-        sum -= weighed((eq.row_bias(&leaves.motion) + carried).as_slice(), w.as_slice());
+        sum -= weighed(
+            (eq.row_bias(&leaves.motion) + carried).as_slice(),
+            w.as_slice(),
+        );
     }
     let (found, _) = recorder.finish(sum, &leaves);
     add(&mut at.pose, &found.pose);
@@ -136,7 +152,10 @@ fn rates_back(
     let sum = -weighed(moved.as_slice(), u.as_slice()) - weighed(rates.as_slice(), w.as_slice());
     let (found, _) = recorder.finish(sum, &leaves);
     add(&mut at.pose, &found.pose);
-    Ok(transposed_times(&by.end.matrix(), &u.column(0).into_owned()))
+    Ok(transposed_times(
+        &by.end.matrix(),
+        &u.column(0).into_owned(),
+    ))
 }
 
 /// The step itself; adjoints of a0 and s0.

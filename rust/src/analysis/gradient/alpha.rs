@@ -81,12 +81,7 @@ pub fn balance<T: Real>(
     eq.residual(m, s1, lam, counts) * T::from(h * h * p.slopes().0)
 }
 
-pub fn closure<T: Real>(
-    eq: &Equations<'_, T>,
-    p: Parameters,
-    m: &Motion<T>,
-    h: f64,
-) -> DVector<T> {
+pub fn closure<T: Real>(eq: &Equations<'_, T>, p: Parameters, m: &Motion<T>, h: f64) -> DVector<T> {
     let (b, g) = p.slopes();
     closure_by(eq, m, h * b / g)
 }
@@ -131,8 +126,7 @@ impl Solved {
         let start = &from.instant.motion;
         let (dq, m, _) = reached(eq, p, start, (&a0, &before.rate_slope, &s1), h);
         let tangent = eq.tangent(&m, &s1, &lam, counts);
-        let mut matrix =
-            tangent.mass + eq.turned_columns(tangent.stiffness * (h * h * b), &dq);
+        let mut matrix = tangent.mass + eq.turned_columns(tangent.stiffness * (h * h * b), &dq);
         for d in [&tangent.damping, &tangent.gyroscopic]
             .into_iter()
             .flatten()

@@ -56,9 +56,15 @@ fn rebased<T: Lanes>(m: &mut Motion<T>, to: &Motion<f64>) {
 
 /// A chunk of directions on its way, whatever its numbers.
 trait Along {
-    fn step(&mut self, end: &Here, made: &Made, solved: Option<&Solved>, counts: &mut Counts) -> Result<()>;
+    fn step(
+        &mut self,
+        end: &Here,
+        made: &Made,
+        solved: Option<&Solved>,
+        counts: &mut Counts,
+    ) -> Result<()>;
     fn anew(&mut self, here: &Here, by: &Penalty, counts: &mut Counts) -> Result<()>;
-    fn read(&self, wanted: &[Quantity], out: &mut [f64], first: usize, n_p: usize);
+    fn read(&self, wanted: &[Quantity], out: &mut [f64], first: usize, n_p: usize) -> Result<()>;
 }
 
 /// A chunk of directions on its way.
@@ -130,7 +136,13 @@ impl<'a, T: Lanes> Chunk<'a, T> {
         })
     }
 
-    fn ali3p(&mut self, end: &Here, record: &Record, by: &Factors, counts: &mut Counts) -> Result<()> {
+    fn ali3p(
+        &mut self,
+        end: &Here,
+        record: &Record,
+        by: &Factors,
+        counts: &mut Counts,
+    ) -> Result<()> {
         let (eq, h) = (&self.eq, record.h);
         let (mut dq, mut lam) = (lift::<T>(&record.dq), lift::<T>(&record.lam));
         let (m, a) = stars(eq, &self.motion, &self.acceleration, &dq, h);
@@ -149,8 +161,15 @@ impl<'a, T: Lanes> Chunk<'a, T> {
         if let Some(projection) = &by.projection {
             let jacobian = eq.rows(&star).1;
             let metric = |delta: &[f64], y: &[f64]| {
-                metric_times(eq, self.lifted.as_ref(), &star, &a_star, &lift::<T>(delta), h, self.weight)
-                    + pulled(&jacobian, y)
+                metric_times(
+                    eq,
+                    self.lifted.as_ref(),
+                    &star,
+                    &a_star,
+                    &lift::<T>(delta),
+                    h,
+                    self.weight,
+                ) + pulled(&jacobian, y)
             };
             for (v, d) in last.rate.iter_mut().zip(&record.dv) {
                 *v += *d;
@@ -242,7 +261,13 @@ fn accelerated<T: Lanes>(
 }
 
 impl<T: Lanes> Along for Chunk<'_, T> {
-    fn step(&mut self, end: &Here, made: &Made, solved: Option<&Solved>, counts: &mut Counts) -> Result<()> {
+    fn step(
+        &mut self,
+        end: &Here,
+        made: &Made,
+        solved: Option<&Solved>,
+        counts: &mut Counts,
+    ) -> Result<()> {
         counts.add("tangent linear steps", 1);
         match (made, solved) {
             (Made::Ali3p(record, by), _) => self.ali3p(end, record, by, counts),
@@ -260,17 +285,18 @@ impl<T: Lanes> Along for Chunk<'_, T> {
         Ok(())
     }
 
-    fn read(&self, wanted: &[Quantity], out: &mut [f64], first: usize, n_p: usize) {
+    fn read(&self, wanted: &[Quantity], out: &mut [f64], first: usize, n_p: usize) -> Result<()> {
         let at = Point {
             motion: &self.motion,
             acceleration: &self.acceleration,
             lam: &self.lam,
         };
-        for (i, x) in evaluate(&self.eq, &at, wanted).iter().enumerate() {
+        for (i, x) in evaluate(&self.eq, &at, wanted)?.iter().enumerate() {
             for k in 0..self.used {
                 out[i * n_p + first + k] = x.slope(k);
             }
         }
+        Ok(())
     }
 }
 
@@ -343,9 +369,7 @@ pub fn direct(
         if i > 0 {
             let (end, made) = march.step(i - 1, &here, cancel, counts)?;
             let solved = match &made {
-                Made::Alpha(p, h) if n_p > 0 => {
-                    Some(Solved::new(eq, *p, &here, &end, *h, counts)?)
-                }
+                Made::Alpha(p, h) if n_p > 0 => Some(Solved::new(eq, *p, &here, &end, *h, counts)?),
                 _ => None,
             };
             for (_, chunk) in &mut chunks {
@@ -369,10 +393,10 @@ pub fn direct(
             acceleration: &now.acceleration,
             lam: &now.lam,
         };
-        out.values.extend(evaluate(eq, &at, wanted));
+        out.values.extend(evaluate(eq, &at, wanted)?);
         let place = &mut out.derivatives[i * width * n_p..(i + 1) * width * n_p];
         for (first, chunk) in &chunks {
-            chunk.read(wanted, place, *first, n_p);
+            chunk.read(wanted, place, *first, n_p)?;
         }
         out.instants.push(now.clone());
     }

@@ -37,7 +37,12 @@ const GAP: &str = "its gap closes or opens";
 fn has_kinks(law: Law) -> bool {
     matches!(
         law,
-        Law::Gap | Law::GapBilateral | Law::Hertz | Law::CoulombTanh | Law::Jenkins | Law::Iwan { .. }
+        Law::Gap
+            | Law::GapBilateral
+            | Law::Hertz
+            | Law::CoulombTanh
+            | Law::Jenkins
+            | Law::Iwan { .. }
     )
 }
 
@@ -116,7 +121,10 @@ impl<'a> Watch<'a> {
                 let (u, v) = moved[law.component];
                 let p = &eq.x[law.x..law.x + law.law.n_params()];
                 let memory = law.memory..law.memory + law.law.n_memory();
-                let slid = (&from.motion.memory[memory.clone()], &end.motion.memory[memory]);
+                let slid = (
+                    &from.motion.memory[memory.clone()],
+                    &end.motion.memory[memory],
+                );
                 out.push(distances(law.law, p, u, v, slid));
             }
         }
@@ -124,7 +132,13 @@ impl<'a> Watch<'a> {
     }
 }
 
-fn distances(law: Law, p: &[f64], u: f64, v: f64, (before, after): (&[f64], &[f64])) -> Vec<Distance> {
+fn distances(
+    law: Law,
+    p: &[f64],
+    u: f64,
+    v: f64,
+    (before, after): (&[f64], &[f64]),
+) -> Vec<Distance> {
     let one = |from: f64, width: f64| Distance { from, width };
     match law {
         Law::Gap => vec![one(u - p[1], p[2])],
@@ -146,7 +160,11 @@ pub fn no_impact(eq: &Equations<'_, f64>, start: f64, end: f64) -> Result<()> {
     }
     for drive in &eq.topology().tables.drives {
         let motion = &eq.geometry.motions[drive.motion];
-        for t in motion.kinks().into_iter().filter(|t| *t > start && *t <= end) {
+        for t in motion
+            .kinks()
+            .into_iter()
+            .filter(|t| *t > start && *t <= end)
+        {
             let before = t - 4.0 * f64::EPSILON * t.abs();
             let (a, b) = (motion.at(before)[1], motion.at(t)[1]);
             if (a - b).abs() > 1e-9 * a.abs().max(b.abs()) {

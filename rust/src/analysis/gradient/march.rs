@@ -105,8 +105,7 @@ impl<'a> March<'a> {
         let (h, t) = (self.plan.step(i), self.plan.times[i + 1]);
         match self.plan.rule {
             Rule::Ali3p(weight) => {
-                let (mut end, record, by) =
-                    self.eq.ali3p_step(&from.instant, h, weight, counts)?;
+                let (mut end, record, by) = self.eq.ali3p_step(&from.instant, h, weight, counts)?;
                 end.motion.t = t;
                 self.eq.remember(&mut end.motion, counts);
                 let here = Here {

@@ -6,7 +6,7 @@
 //!
 //! | file | |
 //! |---|---|
-//! | `quantity` | what can be read of an instant, over any number type |
+//! | `quantity`, `reactions` | what can be read of an instant, over any number type |
 //! | `start` | the first instant and its derivative: loops closed, rates consistent, accelerations |
 //! | `march` | the motion itself, step by step |
 //! | `kinks` | where a motion has no derivative |
@@ -22,6 +22,7 @@ pub mod kinks;
 mod lanes;
 pub mod march;
 pub mod quantity;
+mod reactions;
 mod recorder;
 pub mod start;
 pub mod tape;

@@ -2,6 +2,7 @@
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use crate::analysis::transient::{Equations, Instant, Motion};
+use crate::error::Result;
 use crate::model::geometry::Geometry;
 use crate::run::Counts;
 use crate::spatial::Pose;
@@ -200,9 +201,9 @@ pub fn seed(
     wanted: &[Quantity],
     seeds: &[f64],
     onto: &mut Adjoint,
-) {
+) -> Result<()> {
     if seeds.iter().all(|s| *s == 0.0) {
-        return;
+        return Ok(());
     }
     let eq = recorder.begin();
     let leaves = recorder.leaves(&at.motion, &at.acceleration, &at.lam, &[]);
@@ -211,9 +212,10 @@ pub fn seed(
         acceleration: &leaves.acceleration,
         lam: &leaves.lam,
     };
-    let sum = weighed(&evaluate(&eq, &point, wanted), seeds);
+    let sum = weighed(&evaluate(&eq, &point, wanted)?, seeds);
     let (found, _) = recorder.finish(sum, &leaves);
     add_all(onto, &found);
+    Ok(())
 }
 
 pub fn add_all(to: &mut Adjoint, d: &Adjoint) {
