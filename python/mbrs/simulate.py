@@ -91,7 +91,7 @@ def simulate(
         Stop after so many.
     parameters
         Addresses of numbers by which ``traj.sensitivity(...)`` is to differentiate (method "ali3p", which is then the one
-        that "auto" takes); ``t`` is a number then.
+        that "auto" takes, or "generalized-alpha"); ``t`` is a number then.
 
     Returns
     -------
@@ -154,7 +154,7 @@ def simulate(
     # its history makes strongly shortened steps expensive, and a fixed step keeps the inverse
     made, traj = halved(make, options) if method == "bdf-bfgs" and step is None else make(options)
     if parameters is not None:
-        traj = replace(traj, parameters=parameters, start=state)
+        traj = replace(traj, parameters=parameters, start=state, rho=rho)
     _report_start(m, made)
     if method == "bdf-bfgs" or (method == "bdf" and step is not None):
         warn_amplified(m, at, traj.steps)
@@ -185,11 +185,12 @@ def _variant(method: str, form: Any, update: Any) -> str:
 
 
 def _with_sensitivities(method: str) -> str:
-    if method not in ("auto", "ali3p"):
+    if method not in ("auto", "ali3p", "generalized-alpha"):
         raise ModelError(
-            f"method={method!r} has no sensitivities; the one that has is method='ali3p', or leave parameters= out"
+            f"method={method!r} has no sensitivities; those that have are method='ali3p' and 'generalized-alpha', or leave "
+            "parameters= out"
         )
-    return "ali3p"
+    return "ali3p" if method == "auto" else method
 
 
 def _number(name: str, value: Any, *, positive: bool = True) -> float:
