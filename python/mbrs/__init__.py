@@ -77,8 +77,8 @@ _HOME = {
     "Polynomial": "motions",
     "Table": "motions",
 }
-_MODULES = ("examples", "reference", "errors", "report", "plot", "animate", "matrix_calculus")
-__all__ = sorted([*_HOME, "examples", "matrix_calculus"])
+_MODULES = ("examples", "reference", "errors", "report", "plot", "animate", "matrix_calculus", "flexible")
+__all__ = sorted([*_HOME, "examples", "flexible", "matrix_calculus"])
 
 
 class _Package(types.ModuleType):

@@ -346,7 +346,7 @@ def prepare(
     weight: str = "tangent",
 ) -> Run:
     """Start and steps of a motion."""
-    snapshot = Snapshot.of(m)
+    snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
     end = _number("t", t, state.t)
     through = [x for o in objectives for x in o.times]

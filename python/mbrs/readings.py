@@ -69,7 +69,9 @@ class Names:
 
     def address(self, what: str) -> Asked:
         """ "crank.position", "P2" (a marker), "P2.velocity", "A" (the coordinates of a joint), "A.reaction"."""
-        name, dot, kind = what.partition(".")
+        name, dot, kind = what.rpartition(".")
+        if not dot:
+            name, kind = what, ""
         if not dot:
             kind = "position" if name in self.markers else "coordinate"
         if kind in _BODY:

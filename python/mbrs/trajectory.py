@@ -12,6 +12,7 @@ import numpy as np
 from . import _core
 from ._border import core_errors
 from .errors import ModelError, NameNotFoundError
+from .flexible_bodies import modal_places
 from .linearize import Snapshot
 from .names import nearest
 from .results import Result
@@ -176,6 +177,33 @@ class Trajectory(Result):
         local = _matrix(x[start + 3 : start + 7]).T @ (drawn - x[start : start + 3])
         name = self.bodies[body]
         return self.position(name) + self.rotation(name) @ local
+
+    def modal(self, body: Any) -> np.ndarray:
+        """(n_t, m) modal coordinates of a flexible body."""
+        return self._modal(body)[1][0]
+
+    def modal_rate(self, body: Any) -> np.ndarray:
+        """(n_t, m) rates of the modal coordinates of a flexible body."""
+        return self._modal(body)[1][1]
+
+    def _modal(self, body: Any) -> tuple[Any, tuple[np.ndarray, np.ndarray]]:
+        index = self._body(body)
+        owner = self.model.bodies[index] if index < len(self.model.bodies) else None
+        places = modal_places(self.snapshot.tables, len(self.bodies))
+        total = sum(m for _, m, _, _ in places)
+        for number, m, row, first in places:
+            if number == index:
+                start = self.rate.shape[1] - total + first
+                q = self.relative[:, row : row + (m + 2) // 3, :3].reshape(len(self.t), -1)[:, :m]
+                return owner, (q, self.rate[:, start : start + m])
+        raise ModelError(f"{self.bodies[index]!r} has no modal coordinates in this motion: it is rigid there")
+
+    def node_positions(self, body: Any) -> np.ndarray:
+        """(n_t, n, 3) world positions of all nodes of a flexible body, in their order, deformed."""
+        owner, (q, _) = self._modal(body)
+        local = owner.modal.node_position + np.einsum("nik,tk->tni", owner.modal.node_shape[:, :3], q)
+        moved: np.ndarray = self.position(body)[:, None] + np.einsum("tij,tnj->tni", self.rotation(body), local)
+        return moved
 
     def joint(self, name: Any) -> np.ndarray:
         """Free coordinates of a joint: (n_t,) where it has one, else (n_t, n); rad and m, angles continuous over turns."""

@@ -290,7 +290,12 @@ impl Driver<'_, '_, '_> {
     fn half_turn(&self, here: &Instant) -> f64 {
         const TURN: f64 = 2.0;
         let nodes = self.eq.topology().nodes.iter();
-        let counted = nodes.filter(|n| !matches!(n.kind, JointKind::Spherical | JointKind::Free));
+        let counted = nodes.filter(|n| {
+            !matches!(
+                n.kind,
+                JointKind::Spherical | JointKind::Free | JointKind::Node
+            )
+        });
         let dofs = counted.flat_map(|n| n.first..n.first + n.n);
         let turning = dofs.filter(|d| self.eq.topology().dofs[*d].freedom.rotation);
         turning.fold(f64::INFINITY, |h, d| {
