@@ -14,7 +14,7 @@ import numpy as np
 from . import _core
 from ._border import core_errors
 from .effects import check_without, effects
-from .errors import MbrsError, ModelError
+from .errors import ModelError
 from .linearize import Snapshot
 from .matrix_calculus import Derivative
 from .names import shown
@@ -317,14 +317,6 @@ def gradient(
     )
 
 
-def _value_at(m: Model, label: str) -> float:
-    """The number that a column belongs to; the columns of axes and orientations are turns, which start at 0."""
-    try:
-        return float(m.value(label))
-    except (TypeError, MbrsError):
-        return 0.0
-
-
 def _number(name: str, value: Any, least: float) -> float:
     try:
         number = float(value)
@@ -488,6 +480,14 @@ def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
     single = d.shape[1] == 1
     shaped = along.shaped(d[:, 0] if single else d)
     return Derivative.of(shaped, along.shape, 0 if single else 1)
+
+
+def _value_at(m: Model, label: str) -> float:
+    """The number that a column belongs to; the columns of axes and orientations are turns, which start at 0."""
+    try:
+        return float(m.value(label))
+    except (TypeError, ModelError):
+        return 0.0
 
 
 __all__ = ["AtTimes", "Final", "Integral", "MotionGradient", "gradient"]
