@@ -15,7 +15,7 @@ import numpy as np
 from . import _core
 from ._border import core_errors
 from .effects import check_without, effects
-from .errors import KinkWarning, MbrsError, ModelError
+from .errors import KinkWarning, ModelError
 from .linearize import Snapshot
 from .matrix_calculus import Derivative
 from .names import shown
@@ -360,7 +360,9 @@ def _value_at(m: Model, label: str) -> float:
 def _variant(scheme: str, weight: str | None, rho: float | None) -> dict[str, Any]:
     """What distinguishes a scheme, checked."""
     if weight is not None and (scheme != "ali3p" or weight not in ("tangent", "mass")):
-        raise ModelError(f"weight= is 'tangent' or 'mass' and belongs to scheme='ali3p', got {shown(weight)} with {scheme!r}")
+        raise ModelError(
+            f"weight= is 'tangent' or 'mass' and belongs to scheme='ali3p', got {shown(weight)} with {scheme!r}"
+        )
     if rho is not None and scheme != "generalized-alpha":
         raise ModelError(f"rho= belongs to scheme='generalized-alpha', not to {scheme!r}")
     radius = RHO if rho is None else _number("rho", rho, 0.0)
@@ -456,9 +458,7 @@ def _read(run: Run, objectives: Sequence[Objective], reader: Reader) -> None:
     raise ModelError("the objective reads more quantities than a motion has; check its function")
 
 
-def _direct(
-    run: Run, objectives: Sequence[Objective], along: Directions
-) -> Found:
+def _direct(run: Run, objectives: Sequence[Objective], along: Directions) -> Found:
     reader = _reader(run)
     _read(run, objectives, reader)
     for _ in range(_READINGS):
@@ -500,9 +500,7 @@ def _number_by_parameters(m: Model, label: str, own: Directions, c: int, along: 
     return out
 
 
-def _adjoint(
-    run: Run, objectives: Sequence[Objective], along: Directions
-) -> Found:
+def _adjoint(run: Run, objectives: Sequence[Objective], along: Directions) -> Found:
     reader = _reader(run)
     _read(run, objectives, reader)
     for _ in range(_READINGS):
@@ -556,6 +554,14 @@ def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
     single = d.shape[1] == 1
     shaped = along.shaped(d[:, 0] if single else d)
     return Derivative.of(shaped, along.shape, 0 if single else 1)
+
+
+def _value_at(m: Model, label: str) -> float:
+    """The number that a column belongs to; the columns of axes and orientations are turns, which start at 0."""
+    try:
+        return float(m.value(label))
+    except (TypeError, ModelError):
+        return 0.0
 
 
 __all__ = ["AtTimes", "Final", "Integral", "MotionGradient", "gradient"]
