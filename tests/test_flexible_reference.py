@@ -7,7 +7,7 @@ from dataclasses import replace
 import mbrs as mb
 import numpy as np
 import pytest
-from flexible_models import flying, pendulum, rod, rotor_blade
+from beam_models import flying, pendulum, rod, rotor_blade
 from mbrs import reference as ref
 from mbrs.flexible._elements import Section, mesh
 from mbrs.flexible._integrals import shape_integrals

@@ -3,15 +3,15 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from . import _balance, _checks, _core
-from .errors import ConvergenceError, ModelError, SingularError
+from .errors import ConvergenceError, MbrsError, ModelError, SingularError
 from .harmonic_balance import MOST_HARMONICS, first_solution
 from .nonlinear_system import as_system
 
@@ -31,17 +31,26 @@ class Event:
     """A special point of a branch: ``kind`` "fold", "branch-point", "neimark-sacker" or "period-doubling".
 
     ``omega`` (rad/s), ``level`` and, on a branch in a parameter, its ``value`` say where, ``X`` (dof, 2H+1) is the motion
-    there, ``exponent`` the Floquet exponent that crosses (None where it does not matter), ``index`` the number of the first
-    point of the branch behind it.
+    there (built when asked for), ``exponent`` the Floquet exponent that crosses (None where it does not matter), ``index``
+    the number of the first point of the branch behind it.
     """
 
     kind: str
     omega: float
     level: float
-    X: np.ndarray
     exponent: complex | None
     index: int
     value: float | None = None
+    built: Callable[[], np.ndarray] | None = field(default=None, repr=False)
+
+    @cached_property
+    def X(self) -> np.ndarray:
+        """(dof, 2H+1) coefficients of the motion there."""
+        assert self.built is not None
+        return self.built()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "X": self.X, "built": None}
 
     @property
     def frequency(self) -> float:
@@ -199,7 +208,7 @@ class Branch(Iterator[BranchPoint]):
             setup = _balance.prepare(self.system, self.force, harmonics, **given)
         else:
             a, b = self._span
-            setup = _balance.of_family(self.family, a, abs(b - a), harmonics, **given)
+            setup = _balance.of_family(self.family, a, abs(b - a), harmonics, given)
         # a reduced model is that of one system; a family has its own matrices, or no stability
         self._model = setup.model(max(self.omega)) if self.stability and self.family is None else None
         return setup
@@ -222,8 +231,16 @@ class Branch(Iterator[BranchPoint]):
             self.setup = self._problem(self.setup.harmonics, setup.n_samples)
             return self._start(answer["y"], begin, None)
 
-    def _start(self, y: np.ndarray, begin: float, towards: np.ndarray | None, across: bool = False) -> Any:
+    def _start(
+        self,
+        y: np.ndarray,
+        begin: float,
+        towards: np.ndarray | None,
+        across: bool = False,
+        step: float | None = None,
+    ) -> Any:
         a, b = self._span
+        options = self._options if step is None else dict(self._options, first_step=step)
         return _balance.translated(
             _core.HbmBranch,
             self.setup.core,
@@ -237,18 +254,65 @@ class Branch(Iterator[BranchPoint]):
             towards=towards,
             across=across,
             model=self._model,
-            **self._options,
+            **options,
         )
 
     def run(self, max_points: int = 1, seconds: float = np.inf) -> int:
         """Adds up to ``max_points`` points, within about ``seconds``; returns how many. `status` says why none came."""
         known = len(self.chunks)
         while len(self.chunks) < known + max_points and self.status == "going" and seconds > 0:
+            if self._core is None:
+                self._go_on()
+                continue
             wanted = known + max_points - len(self.chunks)
             points = min(wanted, 20) if self._auto else wanted
-            self._take(_balance.translated(self._core.run, points, min(seconds, CHUNK_SECONDS)))
+            try:
+                self._take(_balance.translated(self._core.run, points, min(seconds, CHUNK_SECONDS)))
+            except MbrsError as problem:
+                self._break_off(str(problem))
             seconds -= CHUNK_SECONDS
         return len(self.chunks) - known
+
+    def _break_off(self, why: str) -> None:
+        """Keeps what the core had found when an error ended the branch."""
+        self._take(_balance.translated(self._core.run, 0, 0.0))
+        if len(self.chunks) == 0:
+            raise ConvergenceError(f"the branch has no first point: {why}")
+        self.status, self.reason = "stopped", why
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_core": None, "_model": None}
+
+    def _go_on(self) -> None:
+        """The core's branch anew, from the last point in the direction of the last step: after a branch has been saved."""
+        self.setup = self._problem(self.setup.harmonics, self.setup.n_samples)
+        if len(self.chunks) < 2:
+            self.chunks, self._base = Chunks(), 0
+            self._core = self._first(None)
+            return
+        last, before = self._place(-1), self._place(-2)
+        step = float(
+            np.clip(self.chunks.column("step")[-1], self._options["least_step"], self._options["largest_step"])
+        )
+        core = self._restarted(last, last - before, step)
+        if core is None:
+            self.status, self.reason = (
+                "stopped",
+                "the last point was not found again; begin a new branch there, with x0=",
+            )
+            return
+        self._forget_last()  # it comes again
+        self._core, self._base = core, len(self.chunks)
+        self._corrections_before, self._factorisations_before = self.corrections, self.factorisations
+
+    def _place(self, i: int) -> np.ndarray:
+        """[y, p] of a point, in the present set of harmonics."""
+        i = range(len(self.chunks))[i]
+        for setup, part in self.chunks.parts:
+            if i < len(part["p"]):
+                return self._embedded(setup, np.append(part["y"][i], part["p"][i]))
+            i -= len(part["p"])
+        raise IndexError(i)
 
     def _take(self, part: dict[str, Any]) -> None:
         base = len(self.chunks)
@@ -260,10 +324,10 @@ class Branch(Iterator[BranchPoint]):
         self.chunks.parts.append((setup, part))
         for e in events:
             where = self._where(e["p"])
-            X = setup.expand(e["y"], *where)
             s = None if e["exponent"] is None else complex(*e["exponent"])
             index = min(e["before"], base + len(part["p"]))
-            self.chunks.events.append(Event(e["kind"], where[0], where[1], X, s, index, where[2]))
+            built = partial(setup.expand, e["y"], *where)
+            self.chunks.events.append(Event(e["kind"], where[0], where[1], s, index, where[2], built))
         self.corrections = self._corrections_before + part.pop("corrections")
         self.factorisations = self._factorisations_before + part.pop("factorisations")
         self.status = STATUS.get(part["status"], part["status"])
@@ -302,7 +366,7 @@ class Branch(Iterator[BranchPoint]):
         self._base = limit = len(self.chunks) + kept
         return part, [e for e in events if e["before"] < limit]
 
-    def _restarted(self, here: np.ndarray, towards: np.ndarray | None) -> Any:
+    def _restarted(self, here: np.ndarray, towards: np.ndarray | None, step: float | None = None) -> Any:
         """The branch in the present setup from a point of the last one, or None."""
         # a plane across the branch meets it also beside a fold, where no solution may exist at the old parameter
         first_of_all = towards is None or here[-1] == self._span[0]
@@ -310,7 +374,7 @@ class Branch(Iterator[BranchPoint]):
             if across and towards is None:
                 continue
             try:
-                return self._start(here[:-1], float(here[-1]), towards, across=across)
+                return self._start(here[:-1], float(here[-1]), towards, across, step)
             except (ConvergenceError, SingularError):
                 continue
         return None
@@ -381,7 +445,8 @@ class Branch(Iterator[BranchPoint]):
             )
         if side not in (1, -1):
             raise ModelError(f"side must be 1 or -1, it is {side!r}")
-        other = copy.copy(self)
+        other = Branch.__new__(Branch)
+        other.__dict__.update(self.__dict__)
         apart = np.diff([self._coordinates(i) for i in self._around(event)], axis=0)[0]
         if event.kind == "period-doubling":
             apart = other._double(self, apart)

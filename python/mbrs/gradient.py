@@ -14,7 +14,7 @@ import numpy as np
 from . import _core
 from ._border import core_errors
 from .effects import check_without, effects
-from .errors import ModelError
+from .errors import MbrsError, ModelError
 from .linearize import Snapshot
 from .matrix_calculus import Derivative
 from .names import shown
@@ -46,6 +46,8 @@ class MotionGradient(Result):
         block layout.
     labels, units
         Of the parameters.
+    where
+        (n_p,) the values of the parameters.
     t
         (n_t,) s; ends of the steps.
     method
@@ -56,6 +58,7 @@ class MotionGradient(Result):
     gradient: Derivative
     labels: tuple[str, ...]
     units: tuple[str, ...]
+    where: np.ndarray
     t: np.ndarray
     method: str
 
@@ -66,10 +69,11 @@ class MotionGradient(Result):
         from .report import table
 
         flat = np.asarray(self.gradient).reshape(-1, len(self.labels))
-        rows = [(label, unit, *flat[:, p]) for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))]
+        named = zip(self.labels, self.units, self.where, strict=True)
+        rows = [(label, unit, where, *flat[:, p]) for p, (label, unit, where) in enumerate(named)]
         names = ["gradient"] if np.ndim(self.value) == 0 else [f"gradient {i}" for i in range(len(flat))]
         value = f"{self.value:.9g}" if np.ndim(self.value) == 0 else ", ".join(f"{v:.9g}" for v in self.value)
-        return table(["parameter", "unit", *names], rows, title=f"objective {value} ({self.stats.route})")
+        return table(["parameter", "unit", "value", *names], rows, title=f"objective {value} ({self.stats.route})")
 
     __repr__ = __str__
 
@@ -91,7 +95,9 @@ class MotionGradient(Result):
         )
 
     def plot(self, kind: str = "tornado", **options: Any) -> Any:
-        """Bars of the change of the objective per relative change of each parameter ("tornado")."""
+        """Bars of the change of the objective by one per cent of each parameter, or by ``change=`` ("tornado")."""
+        if kind != "tornado":
+            raise ModelError(f"there is no plot {kind!r} of a gradient; known is 'tornado'")
         from .plot import gradients
 
         return gradients.tornado(self, **options)
@@ -103,7 +109,11 @@ class MotionGradient(Result):
         flat = np.asarray(self.gradient).reshape(-1, len(self.labels))
         return xarray.Dataset(
             {"gradient": (("objective", "parameter"), flat), "value": (("objective",), np.atleast_1d(self.value))},
-            coords={"parameter": list(self.labels), "unit": ("parameter", list(self.units))},
+            coords={
+                "parameter": list(self.labels),
+                "unit": ("parameter", list(self.units)),
+                "where": ("parameter", self.where),
+            },
             attrs={"method": self.method},
         )
 
@@ -295,6 +305,7 @@ def gradient(
         gradient=Derivative.of(shaped, along.shape, 1 if many else 0),
         labels=along.labels,
         units=along.units,
+        where=np.array([_value_at(m, label) for label in along.labels]),
         t=run.times,
         method=chosen,
         stats=Stats(
@@ -304,6 +315,14 @@ def gradient(
             f"ali3p, {chosen}, {len(run.times) - 1} steps",
         ),
     )
+
+
+def _value_at(m: Model, label: str) -> float:
+    """The number that a column belongs to; the columns of axes and orientations are turns, which start at 0."""
+    try:
+        return float(m.value(label))
+    except (TypeError, MbrsError):
+        return 0.0
 
 
 def _number(name: str, value: Any, least: float) -> float:

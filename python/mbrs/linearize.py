@@ -14,10 +14,10 @@ import numpy as np
 from ._border import core_errors
 from .effects import check_without, effects
 from .errors import MbrsWarning, ModelError
+from .flexible_bodies import mass_matrix_at, modal_places
 from .ports import Port, as_port
 from .results import Result, Stats
 from .state import State, state_of
-from .flexible_bodies import mass_matrix_at, modal_places
 from .tables import framed, tables
 
 if TYPE_CHECKING:
@@ -79,9 +79,16 @@ class Snapshot:
 
         model, current = state["model"], state["current"]
         # a model that can be flexible, but was compiled without it
-        system = model.compiled(state["flexible"] or not model.is_flexible) if current else _core.System(state["tables"])
+        system = (
+            model.compiled(state["flexible"] or not model.is_flexible) if current else _core.System(state["tables"])
+        )
         versions = (model.structure_version, model.values_version) if current else (-1, -1)
-        for name, value in (("model", model), ("system", system), ("versions", versions), ("tables", framed(state["tables"]))):
+        for name, value in (
+            ("model", model),
+            ("system", system),
+            ("versions", versions),
+            ("tables", framed(state["tables"])),
+        ):
             object.__setattr__(self, name, value)
 
 
@@ -157,7 +164,9 @@ class Linearization(Result):
         t, out = self.snapshot.tables, []
         for i, (body, m, row, first) in enumerate(modal_places(t, len(self.bodies))):
             q = self.state.relative[row : row + (m + 2) // 3, :3].ravel()[:m]
-            turned = np.einsum("ji,kjn->kin", self.poses["rotation"][body], self.T[6 * body : 6 * body + 6].reshape(2, 3, -1))
+            turned = np.einsum(
+                "ji,kjn->kin", self.poses["rotation"][body], self.T[6 * body : 6 * body + 6].reshape(2, 3, -1)
+            )
             rows = np.vstack([turned.reshape(6, -1), self.modal_map[first : first + m]])
             out.append((body, rows, mass_matrix_at(t, i, q)))
         return out

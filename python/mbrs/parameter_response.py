@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
@@ -66,9 +67,12 @@ class ParameterResponse(FrequencyResponse):
         return self.point(int(np.argmax(self.amplitude(dof, harmonic))))
 
     def resume(self, max_points: int = 1000) -> ParameterResponse:
-        """The same branch with up to ``max_points`` more points; only in the process that made it."""
+        """The same branch with up to ``max_points`` more points; also of one that was saved (not as ``.nc``) and loaded, where
+        its systems come from a model or from a function that can be imported."""
         if self.branch is None:
-            raise ModelError("only the curve that parameter_response returned can be resumed, not one that was loaded")
+            raise ModelError(
+                "this branch cannot go on: its systems came from a function that cannot be imported; define it in a module"
+            )
         started = perf_counter()
         follow(self.branch, len(self.branch.chunks) + _balance.integer("max_points", max_points), None)
         return _collect(self.branch, self.name, perf_counter() - started + self.stats.wall_time)
@@ -81,10 +85,12 @@ class ParameterResponse(FrequencyResponse):
         return f"{self.name} {self.value.min():.6g} to {self.value.max():.6g} at {self.frequency[0]:.6g} Hz"
 
     def __getstate__(self) -> dict[str, Any]:
-        # what makes the systems need not travel, so that the coefficients must
+        if self.family is None or _travels(self.family):
+            return super().__getstate__()
+        # what makes the systems cannot travel, so that the coefficients must
         order = self.parts[0].setup.subharmonic if self.parts else 1
         cache = {"X": self.X, "subharmonic": order}
-        return {**super().__getstate__(), "family": None, "parts": (), "_built": cache}
+        return {**super().__getstate__(), "family": None, "parts": (), "branch": None, "_built": cache}
 
 
 def parameter_response(
@@ -197,19 +203,47 @@ def _family(
             raise ModelError(
                 f'parameter must be the address of a number of the model, such as "k", it is {parameter!r}'
             )
-        address = parameter
-
-        def of_model(p: float) -> tuple[Any, Any]:
-            before = system.value(address)
-            system.set({address: p})
-            try:
-                return as_system(system, force, amplitude, at, without, inputs)
-            finally:
-                system.set({address: before})
-
-        return of_model
+        return OfModel(system, parameter, (force, amplitude, at, without, inputs))
     if not callable(system):
         raise ModelError("parameter_response needs a Model with the address of a number, or a function of the value")
     if parameter is not None:
         raise ModelError("parameter= is the address of a number of a model; a function of the value needs none")
-    return lambda p: as_system(system(p), force, amplitude, at, without, inputs)
+    return OfFunction(system, (force, amplitude, at, without, inputs))
+
+
+@dataclass(frozen=True)
+class OfModel:
+    """p -> (system, force) of a model with one of its numbers changed; the model is as before afterwards."""
+
+    model: Any
+    address: str
+    rest: tuple[Any, ...]
+
+    def __call__(self, p: float) -> tuple[Any, Any]:
+        before = self.model.value(self.address)
+        self.model.set({self.address: p})
+        try:
+            made, given = as_system(self.model, *self.rest)
+            made.values = {self.address: p}
+            return made, given
+        finally:
+            self.model.set({self.address: before})
+
+
+@dataclass(frozen=True)
+class OfFunction:
+    """p -> (system, force) of a user's function of p."""
+
+    function: Callable[[float], Any]
+    rest: tuple[Any, ...]
+
+    def __call__(self, p: float) -> tuple[Any, Any]:
+        return as_system(self.function(p), *self.rest)
+
+
+def _travels(family: Any) -> bool:
+    try:
+        pickle.dumps(family)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return False
+    return True

@@ -15,7 +15,7 @@ from . import _core
 from ._amplified import warn_amplified
 from ._border import core_errors
 from ._halving import halved
-from .effects import check_without, effects
+from .effects import LINEAR_ONLY, check_without, effects
 from .errors import ConvergenceError, MbrsWarning, ModelError
 from .linearize import Snapshot
 from .names import shown
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from .model import Model
 
 METHODS = ("auto", "explicit", "generalized-alpha", "bdf", "bdf-bfgs", "ali3p")
-# effects of a linearisation: a motion has them in its forces or not at all
-_LINEAR_ONLY = frozenset({"gyroscopic", "preload-stiffness", "constraint-force-stiffness"})
 _ORDER = {"explicit": 8, "generalized-alpha": 2, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
 _TIGHTEST, _LOOSEST = 1e-13, 1e-1
 # changes of initial values below this are rounding
@@ -129,7 +127,7 @@ def simulate(
     start = time.perf_counter()
     without = check_without(without)
     for name in without:
-        if name in _LINEAR_ONLY:
+        if name in LINEAR_ONLY:
             raise ModelError(f"'{name}' is a part of a linearisation; a motion cannot be without it")
     snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at, hold=False, without=without)

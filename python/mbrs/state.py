@@ -20,7 +20,8 @@ class State:
     Attributes
     ----------
     relative
-        (n_poses, 12) relative poses of the tree joints, and behind them the modal coordinates, three in each row; made by the analyses, not by hand.
+        (n_poses, 12) relative poses of the tree joints, and behind them the modal coordinates, three in each row; made by the
+        analyses, not by hand.
     rate
         (n_tree,) rates of the tree coordinates, or empty at rest.
     kind

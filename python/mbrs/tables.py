@@ -77,7 +77,13 @@ def framed(made: dict[str, Any]) -> dict[str, Any]:
         starts.append(len(values) + 23 * i)
         owners.append(owner)
         numbers.append(drawn)
-    out = {**made, "x": np.concatenate(numbers), "body_name": names, "body_x": np.array(starts), "owner": np.array(owners)}
+    out = {
+        **made,
+        "x": np.concatenate(numbers),
+        "body_name": names,
+        "body_x": np.array(starts),
+        "owner": np.array(owners),
+    }
     for bodies, nodes in (
         ("joint_a", "joint_a_node"),
         ("joint_b", "joint_b_node"),

@@ -17,6 +17,7 @@ pub mod modal;
 mod modes_of;
 pub mod monodromy;
 pub mod ports;
+mod propagator;
 pub mod reactions;
 pub mod response;
 pub mod response_sensitivity;

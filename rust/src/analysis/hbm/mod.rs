@@ -14,5 +14,6 @@ pub mod linear;
 pub mod modal;
 pub mod peak;
 pub mod problem;
+pub mod refined;
 pub mod response;
 pub mod start;

@@ -21,6 +21,11 @@ pub struct Element {
 /// df/du and df/dv at the samples, for every element.
 pub type Tangents = Vec<(Vec<f64>, Vec<f64>)>;
 
+/// Relative change of a block below which a new factorisation, told apart from the old one by its slope, shows its rounding.
+const NEIGHBOURS: f64 = 1e-3;
+/// Rounding of factorisations that no estimate needs to show.
+const QUIET: f64 = 1e-10;
+
 /// What the continuation parameter is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Parameter {
@@ -52,6 +57,10 @@ pub struct Problem {
     retained: Vec<Vec<(usize, f64)>>,
     blocks: Vec<Block>,
     blocks_at: Vec<f64>,
+    /// frequencies at which they were factorised last
+    blocks_from: Vec<f64>,
+    /// relative rounding of the factorisations, as two neighbours have shown it
+    noise: f64,
     coefficients: Vec<f64>,
     /// the first element whose force was not finite at the last evaluation
     pub broken: Option<usize>,
@@ -81,6 +90,8 @@ impl Problem {
             retained,
             blocks: vec![Block::new(n); basis.n_harmonics() + 1],
             blocks_at: vec![f64::NAN; basis.n_harmonics() + 1],
+            blocks_from: vec![f64::NAN; basis.n_harmonics() + 1],
+            noise: 0.0,
             coefficients: vec![0.0; basis.n_coefficients()],
             n,
             aft,
@@ -127,9 +138,11 @@ impl Problem {
         self.ramp = other.ramp;
         self.parameter = other.parameter;
         for (j, w) in other.blocks_at.iter().enumerate() {
-            if self.blocks_at[j] != *w {
+            // where rounding is felt, another evaluation shows it in the estimate
+            if self.blocks_at[j] != *w && other.noise <= QUIET {
                 self.blocks[j].clone_from(&other.blocks[j]);
                 self.blocks_at[j] = *w;
+                self.blocks_from[j] = other.blocks_from[j];
             }
         }
         Ok(())
@@ -164,6 +177,7 @@ impl Problem {
             .collect::<Result<_>>()?;
         (self.linear, self.elements) = (linear, elements);
         self.blocks_at.fill(f64::NAN);
+        self.blocks_from.fill(f64::NAN);
         Ok(())
     }
 
@@ -179,6 +193,7 @@ impl Problem {
         };
         let (linear, elements) = (self.linear.copied()?, self.elements.clone());
         let (blocks, blocks_at) = (self.blocks.clone(), self.blocks_at.clone());
+        let blocks_from = self.blocks_from.clone();
         let mut other = Linearisation::without_jacobian(y.len());
         out.slope.fill(0.0);
         for sign in [1.0, -1.0] {
@@ -189,7 +204,7 @@ impl Problem {
             }
         }
         self.install(Member { linear, elements })?;
-        (self.blocks, self.blocks_at) = (blocks, blocks_at);
+        (self.blocks, self.blocks_at, self.blocks_from) = (blocks, blocks_at, blocks_from);
         Ok(())
     }
 
@@ -241,14 +256,37 @@ impl Problem {
         (self.ramp * level, slope)
     }
 
-    /// The blocks depend on frequencies alone, and those often stay.
-    fn update_blocks(&mut self) -> Result<()> {
+    /// The blocks depend on frequencies alone, and those often stay, or move less than rounding lets them be told apart.
+    pub fn update_blocks(&mut self) -> Result<()> {
         for (j, w) in self.all_frequencies().into_iter().enumerate() {
-            if self.blocks_at[j] != w {
-                self.blocks_at[j] = f64::NAN;
-                self.linear.evaluate(w, j, &mut self.blocks[j])?;
+            if self.blocks_at[j] == w {
+                continue;
+            }
+            let moved = self.blocks[j].change(w - self.blocks_from[j]);
+            let near = self
+                .linear
+                .extrapolates()
+                .max(self.noise.sqrt())
+                .min(NEIGHBOURS);
+            let close = moved <= NEIGHBOURS;
+            if close {
+                self.blocks[j].extrapolate(w - self.blocks_at[j]);
                 self.blocks_at[j] = w;
-                self.factorisations += 1;
+            }
+            // the next term of the series is about the square of the change: as small as the rounding of a factorisation
+            if moved <= near {
+                continue;
+            }
+            let expected = close.then(|| self.blocks[j].s.clone());
+            self.blocks_at[j] = f64::NAN;
+            self.linear.evaluate(w, j, &mut self.blocks[j])?;
+            (self.blocks_at[j], self.blocks_from[j]) = (w, w);
+            self.factorisations += 1;
+            if let Some(expected) = expected {
+                let off = self.blocks[j].distance(&expected);
+                if off > 100.0 * moved * moved {
+                    self.noise = self.noise.max(off);
+                }
             }
         }
         Ok(())
@@ -407,7 +445,7 @@ impl Problem {
         std::mem::swap(&mut self.aft, sampler);
         let n_e = self.elements.len();
         let one = |e: usize| -> Result<(Vec<f64>, Vec<f64>)> {
-            self.evaluate_element(e, y, Want::Jacobian)?;
+            self.evaluate_element(e, y, Want::Tangents)?;
             let (f_u, f_v) = self.aft.tangents();
             Ok((f_u.to_vec(), f_v.to_vec()))
         };
