@@ -24,6 +24,7 @@ MEANING = {
     "unresolved": "the end was reached, but an estimated error exceeds the tolerance: take more harmonics",
 }
 CHUNK_SECONDS = 0.2
+CORNERED = 1e-6  # steps below are those around corners that samples make
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +188,7 @@ class Branch(Iterator[BranchPoint]):
         self.corrections = self.factorisations = 0
         self._corrections_before = self._factorisations_before = 0
         self._read = self._base = 0
+        self._stalled = False
         self._exhausted = False  # more harmonics or samples did not find the branch again
         self._core = self._first(x0)
 
@@ -268,6 +270,8 @@ class Branch(Iterator[BranchPoint]):
             points = min(wanted, 20) if self._auto else wanted
             try:
                 self._take(_balance.translated(self._core.run, points, min(seconds, CHUNK_SECONDS)))
+                if self._stalled:
+                    self._sample_finer()
             except MbrsError as problem:
                 self._break_off(str(problem))
             seconds -= CHUNK_SECONDS
@@ -294,16 +298,40 @@ class Branch(Iterator[BranchPoint]):
         step = float(
             np.clip(self.chunks.column("step")[-1], self._options["least_step"], self._options["largest_step"])
         )
-        core = self._restarted(last, last - before, step)
-        if core is None:
+        if not self._take_up(self._restarted(last, last - before, step)):
             self.status, self.reason = (
                 "stopped",
                 "the last point was not found again; begin a new branch there, with x0=",
             )
-            return
+
+    def _take_up(self, core: Any) -> bool:
+        """Goes on with another core that begins at the last point."""
+        if core is None:
+            return False
         self._forget_last()  # it comes again
         self._core, self._base = core, len(self.chunks)
         self._corrections_before, self._factorisations_before = self.corrections, self.factorisations
+        return True
+
+    def _sample_finer(self) -> None:
+        """Samples that come into contact one by one make corners in the equations that no step gets around; with more samples
+        they are smaller."""
+        samples = self._more_samples()
+        if samples is None or len(self.chunks) < 2:
+            return
+        setup, model = self.setup, self._model
+        self.setup = self._problem(setup.harmonics, samples)
+        last, before = self._place(-1), self._place(-2)
+        if self._take_up(self._restarted(last, last - before)):
+            self.status, self.reason = "going", ""
+        else:
+            self.setup, self._model = setup, model
+
+    def _more_samples(self) -> int | None:
+        """Four times the samples where their number is free and matters."""
+        smooth = all(law.code in _balance.POLYNOMIAL for law in self.system.elements)
+        more = 4 * self.setup.n_samples
+        return None if smooth or self._prepare["n_samples"] is not None or more > _balance.MOST_SAMPLES else more
 
     def _place(self, i: int) -> np.ndarray:
         """[y, p] of a point, in the present set of harmonics."""
@@ -331,6 +359,7 @@ class Branch(Iterator[BranchPoint]):
         self.corrections = self._corrections_before + part.pop("corrections")
         self.factorisations = self._factorisations_before + part.pop("factorisations")
         self.status = STATUS.get(part["status"], part["status"])
+        self._stalled = self.status == "stopped" and part.get("broken") is None
         if self.status == "stopped":
             self.reason = self._why(part.get("broken"))
 
@@ -341,7 +370,7 @@ class Branch(Iterator[BranchPoint]):
 
     def _richer(self, part: dict[str, Any], events: list[Any]) -> tuple[dict[str, Any], list[Any]]:
         """Cuts a chunk where harmonics or samples are too few, and goes on with more of them from the point before."""
-        found = None if self._exhausted else self._poor(part)
+        found = None if self._exhausted or not len(part["p"]) else self._poor(part)
         if found is None:
             return part, events
         first, harmonics, samples = found
@@ -389,15 +418,19 @@ class Branch(Iterator[BranchPoint]):
 
     def _poor(self, part: dict[str, Any]) -> tuple[int, Any, int] | None:
         """The first point that lacks something, and the harmonics and samples to go on with; None where none does."""
+        cornered = part["step"] < CORNERED if self._more_samples() else np.zeros(len(part["p"]), bool)
+        cornered = cornered & (np.arange(len(part["p"])) + len(self.chunks) > 0)  # the first point has no step
         lacking = part["aliasing"] > _balance.ALIASED * part["error"]
         if self._auto:
             lacking = ~(part["error"] <= self.tol)
-        if not np.any(lacking):
+        if not np.any(lacking | cornered):
             return None
         laws, n = self.system.elements, self.setup.n_samples
         given = self._prepare["n_samples"]
         top, nu = self.setup.harmonics[-1], self.setup.subharmonic
         for i, (error, aliasing) in enumerate(zip(part["error"], part["aliasing"], strict=True)):
+            if cornered[i]:
+                return i, self.setup.harmonics, self._more_samples() or n
             wanted = not self._auto or self.tol is None or not error <= self.tol
             more = _balance.more_samples(n, error, aliasing, laws, given, self.tol) if wanted else None
             if more is not None:
