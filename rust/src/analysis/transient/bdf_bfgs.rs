@@ -29,6 +29,8 @@ pub struct BdfBfgs {
     /// multipliers of the kept rows at the last accepted instant, and of the step that is tried
     lam: Option<(f64, Vec<f64>)>,
     tried: Option<Vec<f64>>,
+    /// the step that is tried leaves the history behind
+    restarted: bool,
 }
 
 impl BdfBfgs {
@@ -40,6 +42,7 @@ impl BdfBfgs {
             sizes: None,
             lam: None,
             tried: None,
+            restarted: false,
         }
     }
 
@@ -86,7 +89,7 @@ impl BdfBfgs {
         counts: &mut Counts,
     ) -> Result<Step> {
         let sizes = self.sizes(eq, &from.motion);
-        let history = self.history.seen_from(eq, from, h);
+        let history = self.history.seen_from(eq, from);
         let t = from.motion.t + h;
         let times: Vec<f64> = history.iter().map(|p| p.t).collect();
         let mut nodes = vec![t];
@@ -161,7 +164,9 @@ impl Scheme for BdfBfgs {
         estimate: bool,
         counts: &mut Counts,
     ) -> Result<Step> {
-        if self.history.past.len() >= STEPS - 1 + usize::from(estimate) {
+        // the last step of a run with fixed steps may be shorter: one start step is nothing lost
+        self.restarted = self.history.too_wide(from, h);
+        if !self.restarted && self.history.past.len() >= STEPS - 1 + usize::from(estimate) {
             return self.corrected(eq, from, h, counts);
         }
         self.tried = None;
@@ -177,6 +182,9 @@ impl Scheme for BdfBfgs {
     }
 
     fn accept(&mut self, _: &Equations<'_, f64>, from: &Instant, step: &Step, _: f64) {
+        if self.restarted {
+            self.history.past.clear();
+        }
         self.history.past.insert(0, from.clone());
         self.history.past.truncate(STEPS);
         self.lam = self.tried.take().map(|lam| (step.end.motion.t, lam));
