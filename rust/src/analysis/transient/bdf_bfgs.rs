@@ -20,6 +20,8 @@ use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 const STEPS: usize = 4;
 /// Leading term of the error over the fifth difference: (1/5)/(25/12).
 const LEADING: f64 = 12.0 / 125.0;
+/// A fifth difference sums 32 values: what it may show of the norm that the equations of a step are left with.
+const UNSOLVED: f64 = 32.0;
 
 pub struct BdfBfgs {
     form: Form,
@@ -125,20 +127,36 @@ impl BdfBfgs {
         }
         let error = (history.len() > STEPS).then(|| {
             let ahead = value_weights(&times[..=STEPS], t);
-            let miss = |now: &[f64], of: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> {
+            let miss = |now: &[f64], of: &dyn Fn(usize) -> Vec<f64>, unit: f64| -> Vec<f64> {
                 let expected = combined(&ahead, of, eq.n());
-                let both = now.iter().zip(expected);
-                both.map(|(y, e)| LEADING * (y - e)).collect()
+                let both = now.iter().zip(expected).zip(&sizes.sigma);
+                both.map(|((y, e), s)| LEADING * beyond(y - e, unit * s))
+                    .collect()
             };
+            // what the equations leave unsolved says nothing about the length of the step
+            let unsolved = UNSOLVED * self.solver.reached;
             LocalError {
-                position: miss(&at.theta, &|j| history[j].theta.clone()),
-                rate: miss(&motion.rate, &|j| history[j].rate.clone()),
+                position: miss(&at.theta, &|j| history[j].theta.clone(), unsolved),
+                rate: miss(
+                    &motion.rate,
+                    &|j| history[j].rate.clone(),
+                    unsolved * weights[0],
+                ),
             }
         });
+        if let Some(e) = &error
+            && e.rate.iter().all(|v| *v == 0.0)
+        {
+            counts.add("steps within rounding", 1);
+        }
         self.tried = Some(at.lam);
         let end = eq.instant(motion, counts)?;
         Ok(Step { end, error })
     }
+}
+
+fn beyond(value: f64, noise: f64) -> f64 {
+    value.signum() * (value.abs() - noise).max(0.0)
 }
 
 fn combined(weights: &[f64], of: &dyn Fn(usize) -> Vec<f64>, n: usize) -> Vec<f64> {

@@ -38,6 +38,8 @@ pub struct StepSolver {
     kept: Option<Kept>,
     /// norm that a fresh inverse could not get below: rounding
     floor: f64,
+    /// norm of the equations of the last step that was solved
+    pub reached: f64,
 }
 
 /// An inverse and the factors of the equations it belongs to.
@@ -56,6 +58,7 @@ impl StepSolver {
             strikes: 0,
             kept: None,
             floor: 0.0,
+            reached: 0.0,
         }
     }
 
@@ -140,6 +143,7 @@ impl StepSolver {
                 if last > solved {
                     step.counts.add("steps at rounding", 1);
                 }
+                self.reached = last;
                 return Ok(out.x);
             }
             if last.is_finite() {
