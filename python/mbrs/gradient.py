@@ -349,14 +349,6 @@ def gradient(
     )
 
 
-def _value_at(m: Model, label: str) -> float:
-    """The number that a column belongs to; the columns of axes and orientations are turns, which start at 0."""
-    try:
-        return float(m.value(label))
-    except (TypeError, MbrsError):
-        return 0.0
-
-
 def _variant(scheme: str, weight: str | None, rho: float | None) -> dict[str, Any]:
     """What distinguishes a scheme, checked."""
     if weight is not None and (scheme != "ali3p" or weight not in ("tangent", "mass")):

@@ -153,7 +153,11 @@ def simulate(
     if method == "bdf-bfgs" or (method == "bdf" and step is not None):
         warn_amplified(m, at, traj.steps)
     # its equations are solved to a norm, not by tangents: very short steps show that in the rates
-    if made["counts"].get("steps within rounding") and traj.error is not None and traj.error > options.get("rtol", np.inf):
+    if (
+        made["counts"].get("steps within rounding")
+        and traj.error is not None
+        and traj.error > options.get("rtol", np.inf)
+    ):
         warnings.warn(
             f"rtol={options['rtol']:g} was not reached: the equations of a step are solved without a tangent, which leaves an "
             f"estimated error of {traj.error:.1e}",
