@@ -66,6 +66,23 @@ def test_reactions_balance_weight_and_load():
     assert traj.reaction("clamp")[-1] == pytest.approx(wrench, abs=1e-6)
 
 
+def test_reactions_at_moving_nodes():
+    model = hanging_by_the_tip()
+    eq = mb.equilibrium(model)
+    rod_weight, ball_weight = model["rod"].modal.mass * 9.81, 0.5 * 9.81
+    assert eq.reactions["socket"][:3] == pytest.approx([0, 0, 5.0 - rod_weight - ball_weight], abs=1e-8)
+    # along the slide its spring carries
+    along = eq.rotation("ball") @ (1, 1, 0)
+    assert np.cross(eq.reactions["slide"][:3] - (0, 0, -ball_weight), along) == pytest.approx(np.zeros(3), abs=1e-8)
+    traj = mb.simulate(model, t=[0.0, 1e-3], at=eq)
+    for name in ("socket", "slide"):
+        assert traj.reaction(name)[-1] == pytest.approx(eq.reactions[name], abs=1e-6)
+    loop = mb.equilibrium(four_bar())
+    total = loop.reactions["A"][:3] + loop.reactions["D"][:3]
+    weight = 9.81 * (0.4 + 0.6 + loop.model["coupler"].modal.mass)
+    assert total == pytest.approx([0, 0, weight], abs=1e-8)
+
+
 ADDRESSES = {
     "rod.K[0,0]": 1e-4,
     "rod.C[1,1]": 1e-6,
