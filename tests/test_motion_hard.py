@@ -254,7 +254,7 @@ def test_an_undamped_mode_that_bdf_amplifies_is_named():
     b = m.body("fast", mass=1.0, inertia=(0.1,) * 3, at=(1, 0, 0), velocity=(0.1, 0, 0))
     m.prismatic("guide", m.ground, a, at=(0, 0, 0), axis="x", k=1.0)
     m.prismatic("second", a, b, at=(1, 0, 0), axis="x", k=1e4)
-    with pytest.warns(MbrsWarning, match="second"):
+    with pytest.warns(MbrsWarning, match="amplifies mode 1"):
         mb.simulate(m, 3.0, step=1e-2, method="bdf")
 
 

@@ -10,6 +10,8 @@
 //! With fixed steps the order is four, and a run with small steps of its own gives the first four points.
 use std::collections::VecDeque;
 
+use nalgebra::DVector;
+
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
@@ -20,7 +22,7 @@ use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 const MOST: usize = 5;
 const FIXED: usize = 4;
 const KAPPA: [f64; 6] = [0.0, -0.1850, -1.0 / 9.0, -0.0823, -0.0415, 0.0];
-const MAX_ITERATIONS: usize = 8;
+const MAX_ITERATIONS: usize = 12;
 /// A kept factorisation serves steps within this part of its own.
 const NEAR: f64 = 0.25;
 const SAFETY: f64 = 0.85;
@@ -95,6 +97,8 @@ pub struct Bdf {
     points: Vec<Instant>,
     kept: Option<(f64, Saddle)>,
     tried: Option<Pair>,
+    /// errors of the order below, of this one and of the one above, once there are enough equal steps
+    candidates: Option<[Option<LocalError>; 3]>,
 }
 
 struct Trial {
@@ -107,12 +111,13 @@ impl Bdf {
     pub fn new(rtol: Option<f64>) -> Self {
         Bdf {
             order: 1,
-            solved: rtol.map_or(1e-13, |r| 0.01 * r),
+            solved: rtol.map_or(1e-12, |r| 0.01 * r),
             history: None,
             start: VecDeque::new(),
             points: Vec::new(),
             kept: None,
             tried: None,
+            candidates: None,
         }
     }
 
@@ -214,6 +219,25 @@ impl Bdf {
         });
     }
 
+    /// (M + c D + c^2 K)^-1 M e of the rates: what vibrates or decays much faster than the steps moves hardly anything (the filter
+    /// of Shampine's and Hosea's implicit codes).
+    fn filtered(
+        &self,
+        eq: &Equations<'_, f64>,
+        at: &Instant,
+        mut error: LocalError,
+    ) -> Result<LocalError> {
+        let Some((_, saddle)) = &self.kept else {
+            return Ok(error);
+        };
+        if !eq.topology().connectors.is_empty() {
+            let right = eq.mass_times(&at.motion, &error.rate);
+            let (rate, _) = saddle.solve(&right, &DVector::zeros(eq.n_rows()))?;
+            error.rate = rate.as_slice().to_vec();
+        }
+        Ok(error)
+    }
+
     #[allow(clippy::too_many_arguments)]
     fn solve(
         &mut self,
@@ -306,7 +330,7 @@ impl Bdf {
             if last.is_finite() && rate > 2.0 && fresh {
                 break;
             }
-            if last.is_finite() && rate > 0.3 && !fresh {
+            if last.is_finite() && rate > 0.1 && !fresh {
                 self.kept = None;
             }
             last = step;
@@ -421,7 +445,10 @@ impl Scheme for Bdf {
             *y += p;
         }
         d.add(&guess, -1.0);
-        let error = estimate.then(|| d.error(error_constant(k)));
+        let error = match estimate {
+            true => Some(self.filtered(eq, &end, d.error(error_constant(k)))?),
+            false => None,
+        };
         self.tried = Some(d);
         Ok(Step { end, error })
     }
@@ -444,23 +471,34 @@ impl Scheme for Bdf {
         if eq.widest_rotation(&history.d[0].y) > WIDE {
             recharted(eq, history, k + 2);
         }
+        self.candidates = (history.equal > k).then(|| {
+            let of = |order: usize| history.d[order + 1].error(error_constant(order));
+            [
+                (k > 1).then(|| of(k - 1)),
+                Some(of(k)),
+                (k < MOST).then(|| of(k + 1)),
+            ]
+        });
+        if let Some(all) = self.candidates.take() {
+            let filtered = |e: LocalError| self.filtered(eq, &step.end, e).ok();
+            self.candidates = Some(all.map(|e| e.and_then(filtered)));
+        }
     }
 
     fn proposal(&mut self, size: &dyn Fn(&LocalError) -> f64) -> Option<f64> {
         let k = self.order;
-        let history = self.history.as_mut()?;
-        if history.equal <= k {
+        let Some([lower, same, higher]) = self.candidates.take() else {
             return Some(1.0);
-        }
-        let norm =
-            |order: usize, m: usize| size(&history.d[m].error(error_constant(order))).max(1e-12);
-        let factor = |order: usize| norm(order, order + 1).powf(-1.0 / (order as f64 + 1.0));
-        let same = factor(k);
-        let lower = if k > 1 { factor(k - 1) } else { 0.0 };
-        let higher = if k < MOST { factor(k + 1) } else { 0.0 };
+        };
+        let factor = |error: Option<LocalError>, order: usize| {
+            let size = error.map(|e| size(&e).max(1e-12));
+            size.map_or(0.0, |s| s.powf(-1.0 / (order as f64 + 1.0)))
+        };
+        let lower = factor(lower, k.max(2) - 1);
+        let (same, higher) = (factor(same, k), factor(higher, k + 1));
         let best = same.max(lower).max(higher);
         let mut chosen = k;
-        if best == lower {
+        if best == lower && k > 1 {
             chosen = k - 1;
         } else if best == higher && higher > same {
             chosen = k + 1;
