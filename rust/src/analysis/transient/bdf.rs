@@ -10,6 +10,8 @@
 //! With fixed steps the order is four, and a run with small steps of its own gives the first four points.
 use std::collections::VecDeque;
 
+use nalgebra::DVector;
+
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
@@ -97,6 +99,8 @@ pub struct Bdf {
     points: Vec<Instant>,
     kept: Option<(f64, Saddle)>,
     tried: Option<Pair>,
+    /// errors of the order below, of this one and of the one above, once there are enough equal steps
+    candidates: Option<[Option<LocalError>; 3]>,
 }
 
 struct Trial {
@@ -116,6 +120,7 @@ impl Bdf {
             points: Vec::new(),
             kept: None,
             tried: None,
+            candidates: None,
         }
     }
 
@@ -215,6 +220,25 @@ impl Bdf {
             d,
             equal: 0,
         });
+    }
+
+    /// (M + c D + c^2 K)^-1 M e of the rates: what vibrates or decays much faster than the steps moves hardly anything (the filter
+    /// of Shampine's and Hosea's implicit codes).
+    fn filtered(
+        &self,
+        eq: &Equations<'_, f64>,
+        at: &Instant,
+        mut error: LocalError,
+    ) -> Result<LocalError> {
+        let Some((_, saddle)) = &self.kept else {
+            return Ok(error);
+        };
+        if !eq.topology().connectors.is_empty() {
+            let right = eq.mass_times(&at.motion, &error.rate);
+            let (rate, _) = saddle.solve(&right, &DVector::zeros(eq.n_rows()))?;
+            error.rate = rate.as_slice().to_vec();
+        }
+        Ok(error)
     }
 
     #[allow(clippy::too_many_arguments)]
@@ -424,7 +448,10 @@ impl Scheme for Bdf {
             *y += p;
         }
         d.add(&guess, -1.0);
-        let error = estimate.then(|| d.error(error_constant(k)));
+        let error = match estimate {
+            true => Some(self.filtered(eq, &end, d.error(error_constant(k)))?),
+            false => None,
+        };
         self.tried = Some(d);
         Ok(Step { end, error })
     }
@@ -447,6 +474,18 @@ impl Scheme for Bdf {
         if eq.widest_rotation(&history.d[0].y) > WIDE {
             recharted(eq, history, k + 2);
         }
+        self.candidates = (history.equal > k).then(|| {
+            let of = |order: usize| history.d[order + 1].error(error_constant(order));
+            [
+                (k > 1).then(|| of(k - 1)),
+                Some(of(k)),
+                (k < MOST).then(|| of(k + 1)),
+            ]
+        });
+        if let Some(all) = self.candidates.take() {
+            let filtered = |e: LocalError| self.filtered(eq, &step.end, e).ok();
+            self.candidates = Some(all.map(|e| e.and_then(filtered)));
+        }
     }
 
     fn proposal(&mut self, size: &dyn Fn(&LocalError) -> f64) -> Option<f64> {
@@ -454,19 +493,18 @@ impl Scheme for Bdf {
             return None;
         }
         let k = self.order;
-        let history = self.history.as_mut()?;
-        if history.equal <= k {
+        let Some([lower, same, higher]) = self.candidates.take() else {
             return Some(1.0);
-        }
-        let norm =
-            |order: usize, m: usize| size(&history.d[m].error(error_constant(order))).max(1e-12);
-        let factor = |order: usize| norm(order, order + 1).powf(-1.0 / (order as f64 + 1.0));
-        let same = factor(k);
-        let lower = if k > 1 { factor(k - 1) } else { 0.0 };
-        let higher = if k < MOST { factor(k + 1) } else { 0.0 };
+        };
+        let factor = |error: Option<LocalError>, order: usize| {
+            let size = error.map(|e| size(&e).max(1e-12));
+            size.map_or(0.0, |s| s.powf(-1.0 / (order as f64 + 1.0)))
+        };
+        let lower = factor(lower, k.max(2) - 1);
+        let (same, higher) = (factor(same, k), factor(higher, k + 1));
         let best = same.max(lower).max(higher);
         let mut chosen = k;
-        if best == lower {
+        if best == lower && k > 1 {
             chosen = k - 1;
         } else if best == higher && higher > same {
             chosen = k + 1;

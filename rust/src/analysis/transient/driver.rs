@@ -63,6 +63,12 @@ pub struct Run {
 const SAFETY: f64 = 0.85;
 const SHRINK: f64 = 0.2;
 const GROW: f64 = 3.0;
+/// Steps that fall below this part of those before have met an obstacle.
+const COLLAPSED: f64 = 0.05;
+/// How far before a break a step ends, as a part of the whole time.
+const BEFORE: f64 = 1e-13;
+/// Part of the tolerance for the many steps of a detour.
+const STRICT: f64 = 0.05;
 const MAX_FAILURES: usize = 60;
 const DIVISIONS: usize = 5;
 
@@ -89,6 +95,8 @@ struct Driver<'e, 's, 'p> {
     speed: f64,
     next_output: usize,
     angles: Vec<bool>,
+    /// part of the tolerance that a detour may use
+    strict: f64,
     /// coordinates of the joints at the last accepted step
     joints: Vec<f64>,
     run: Run,
@@ -110,6 +118,7 @@ pub fn drive(
         start: start.motion.t,
         speed: 0.0,
         next_output: 0,
+        strict: 1.0,
         angles: eq.angles(),
         joints: eq.joint_coordinates(&start.motion, &eq.place(&start.motion)),
         run: Run {
@@ -195,6 +204,9 @@ impl Driver<'_, '_, '_> {
         };
         let mut failures = 0;
         let mut after_rejection = false;
+        let mut detour: Option<Detour> = None;
+        // the longest of the last steps, fading
+        let mut recent = 0.0_f64;
         while end - here.motion.t > 1e-14 * end.abs().max(total) {
             if cancel.check().is_err() {
                 self.run.end = End::Interrupted;
@@ -217,10 +229,28 @@ impl Driver<'_, '_, '_> {
             if matches!(self.plan.steps, Steps::Controlled { .. }) {
                 h = h.min(self.half_turn(&here));
             }
-            let (length, target) = self.fitted(&here, h);
+            if let Some(d) = detour.take_if(|d| here.motion.t >= d.until) {
+                h = d.h;
+                self.strict = 1.0;
+                scheme.reset();
+            }
+            let (mut length, mut target) = self.fitted(&here, h);
+            if let Some(d) = detour.as_ref().filter(|d| here.motion.t + length > d.until) {
+                (length, target) = (d.until - here.motion.t, None);
+            }
+            // a break is approached from the left; what jumps there belongs to what follows
+            let broken = target.filter(|t| *t < end && self.plan.breaks.contains(t));
+            if broken.is_some() {
+                length -= (BEFORE * end.abs().max(total)).min(0.5 * length);
+                target = None;
+            }
+            let active: &mut dyn Scheme = match &mut detour {
+                Some(d) => d.scheme.as_mut(),
+                None => &mut *scheme,
+            };
             let estimate = matches!(self.plan.steps, Steps::Controlled { .. });
-            let tried = scheme.step(self.eq, &here, length, estimate, counts);
-            let (mut step, size) = match self.judged(tried, length, scheme.power()) {
+            let tried = active.step(self.eq, &here, length, estimate, counts);
+            let (mut step, size) = match self.judged(tried, length, active.power()) {
                 Verdict::Accepted(step, size) => (step, size),
                 Verdict::Fatal(error) => {
                     self.stop(here.motion.t, error.to_string());
@@ -236,6 +266,16 @@ impl Driver<'_, '_, '_> {
                     failures += 1;
                     after_rejection = true;
                     h = length * factor;
+                    if h < COLLAPSED * recent
+                        && detour.is_none()
+                        && let Some(around) = self.around(scheme, &here, recent)
+                    {
+                        counts.add("detours", 1);
+                        failures = 0;
+                        h = around.first;
+                        detour = Some(around);
+                        continue;
+                    }
                     let most = match self.plan.steps {
                         // a fixed step is divided where its equations have no solution, as in singular poses
                         Steps::Fixed(_) => DIVISIONS,
@@ -253,12 +293,20 @@ impl Driver<'_, '_, '_> {
             if let Some(t) = target {
                 step.end.motion.t = t;
             }
-            self.record(scheme, &here, &mut step, length, counts)?;
-            scheme.accept(self.eq, &here, &step, length);
+            self.record(active, &here, &mut step, length, counts)?;
+            active.accept(self.eq, &here, &step, length);
+            let tolerance = |e: &LocalError| self.size(e, self.speed) / self.tolerance(length);
+            h = match active.proposal(&tolerance) {
+                Some(factor) => self.proposed(h, length, factor),
+                None => self.next(h, length, size, after_rejection, active),
+            };
+            after_rejection = false;
+            recent = length.max(0.8 * recent);
             self.run.local.push(size);
             here = step.end;
-            if target.is_some_and(|t| self.plan.breaks.contains(&t)) {
+            if let Some(t) = broken {
                 // rates of drives may jump: an impact
+                here.motion.t = t;
                 scheme.reset();
                 match self.eq.consistent(here.motion.clone(), counts) {
                     Ok(after) => here = after,
@@ -271,15 +319,26 @@ impl Driver<'_, '_, '_> {
             self.run.steps.push(here.motion.t);
             counts.add("steps", 1);
             progress.set((here.motion.t - t0) / total);
-            let tolerance = |e: &LocalError| self.size(e, self.speed) / self.tolerance(length);
-            h = match scheme.proposal(&tolerance) {
-                Some(factor) => self.proposed(h, length, factor),
-                None => self.next(h, length, size, after_rejection, scheme),
-            };
-            after_rejection = false;
         }
         self.run.last = here;
         Ok(())
+    }
+
+    /// A way past a place where the steps collapse, such as a singular pose, for schemes that know one.
+    fn around(&mut self, scheme: &dyn Scheme, here: &Instant, recent: f64) -> Option<Detour> {
+        let Steps::Controlled { rtol, .. } = self.plan.steps else {
+            return None;
+        };
+        let around = scheme.bridge(self.eq, rtol * STRICT)?;
+        let limit = self.fitted(here, f64::INFINITY).1?;
+        let first = self.first_step(here, rtol * STRICT, around.order());
+        self.strict = STRICT;
+        Some(Detour {
+            scheme: around,
+            until: (here.motion.t + recent).min(limit),
+            first: first.min(recent),
+            h: recent,
+        })
     }
 
     fn stop(&mut self, t: f64, message: String) {
@@ -377,7 +436,7 @@ impl Driver<'_, '_, '_> {
             Steps::Controlled { rtol, .. } if self.plan.per_unit_step => {
                 rtol * h / (self.plan.end - self.start)
             }
-            Steps::Controlled { rtol, .. } => rtol,
+            Steps::Controlled { rtol, .. } => rtol * self.strict,
         }
     }
 
@@ -498,6 +557,14 @@ impl Driver<'_, '_, '_> {
         }
         Ok(())
     }
+}
+
+/// Another scheme for a while, then the step to go on with.
+struct Detour {
+    scheme: Box<dyn Scheme>,
+    until: f64,
+    first: f64,
+    h: f64,
 }
 
 enum Verdict {

@@ -2,12 +2,13 @@
 //! within a step, closed and aligned at its end.
 //!
 //! No tangent is ever computed, and in an open tree no multiplier. The tree coordinates are used as they are, with the loops as
-//! rows: there is no choice of independent coordinates that could become singular, and in a pose where loops lose rank the
-//! proximal solution of `saddle` goes on along the branch on which the motion arrives. Steps are controlled by the combined
+//! rows: there is no choice of independent coordinates that could become singular. Where loops lose rank themselves and
+//! the steps collapse, backward differences take over for as long as the last steps were (`bridge`). Steps are controlled by the combined
 //! estimate of orders 5 and 3 of Hairer, Norsett and Wanner.
 use crate::error::Result;
 use crate::run::Counts;
 
+use super::bdf::Bdf;
 use super::dop853_numbers::{A, B, C, D, E3, E5, Row, STAGES};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
@@ -136,6 +137,12 @@ impl Scheme for Explicit8 {
         });
         self.end = Some(Ends { dy, dv });
         Ok(Step { end, error })
+    }
+
+    /// Where loops lose rank the accelerations of stages are undecided; backward differences hold positions there and keep the branch
+    /// on which the motion arrives.
+    fn bridge(&self, eq: &Equations<'_, f64>, rtol: f64) -> Option<Box<dyn Scheme>> {
+        (eq.n_rows() > 0).then(|| Box::new(Bdf::new(Some(rtol))) as Box<dyn Scheme>)
     }
 
     fn between(

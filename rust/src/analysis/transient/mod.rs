@@ -121,6 +121,11 @@ pub trait Scheme {
     /// The driver goes on from the end of this step (of length h): the place to move histories on.
     fn accept(&mut self, _eq: &Equations<'_, f64>, _from: &Instant, _step: &Step, _h: f64) {}
 
+    /// A scheme that gets past places where the steps of this one collapse.
+    fn bridge(&self, _eq: &Equations<'_, f64>, _rtol: f64) -> Option<Box<dyn Scheme>> {
+        None
+    }
+
     /// Something jumped (a restart, a kink): histories are worthless.
     fn reset(&mut self) {}
 
