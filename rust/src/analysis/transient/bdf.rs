@@ -10,12 +10,11 @@
 //! With fixed steps the order is four, and a run with small steps of its own gives the first four points.
 use std::collections::VecDeque;
 
-use nalgebra::DVector;
-
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
 use super::driver::{Plan, Progress, Steps, drive};
+use super::methods::STIFF;
 use super::saddle::Saddle;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
@@ -91,6 +90,7 @@ pub struct Bdf {
     order: usize,
     /// steps of one length and order: their errors have no tolerance that could choose
     fixed: bool,
+    stiff: bool,
     /// allowed remainder of Newton's method, in the units of the tolerance
     solved: f64,
     history: Option<History>,
@@ -99,8 +99,6 @@ pub struct Bdf {
     points: Vec<Instant>,
     kept: Option<(f64, Saddle)>,
     tried: Option<Pair>,
-    /// errors of the order below, of this one and of the one above, once there are enough equal steps
-    candidates: Option<[Option<LocalError>; 3]>,
 }
 
 struct Trial {
@@ -114,14 +112,34 @@ impl Bdf {
         Bdf {
             order: 1,
             fixed: rtol.is_none(),
+            stiff: false,
             solved: rtol.map_or(1e-12, |r| 0.01 * r),
             history: None,
             start: VecDeque::new(),
             points: Vec::new(),
             kept: None,
             tried: None,
-            candidates: None,
         }
+    }
+
+    /// Vibrations or decays far faster than the motion?
+    fn look_for_stiffness(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        at: &Instant,
+        counts: &mut Counts,
+    ) -> Result<()> {
+        if eq.topology().connectors.is_empty() {
+            return Ok(());
+        }
+        let scales = eq.scales();
+        let size = |v: &[f64]| {
+            let scaled = v.iter().zip(&scales).map(|(v, c)| (v / c).abs());
+            scaled.fold(0.0_f64, f64::max)
+        };
+        let motion = size(&at.motion.rate).max(size(&at.acceleration).sqrt());
+        self.stiff = eq.fastest(at, counts)? > STIFF * motion;
+        Ok(())
     }
 
     fn begin(&mut self, from: &Instant, h: f64) {
@@ -220,25 +238,6 @@ impl Bdf {
             d,
             equal: 0,
         });
-    }
-
-    /// (M + c D + c^2 K)^-1 M e of the rates: what vibrates or decays much faster than the steps moves hardly anything (the filter
-    /// of Shampine's and Hosea's implicit codes).
-    fn filtered(
-        &self,
-        eq: &Equations<'_, f64>,
-        at: &Instant,
-        mut error: LocalError,
-    ) -> Result<LocalError> {
-        let Some((_, saddle)) = &self.kept else {
-            return Ok(error);
-        };
-        if !eq.topology().connectors.is_empty() {
-            let right = eq.mass_times(&at.motion, &error.rate);
-            let (rate, _) = saddle.solve(&right, &DVector::zeros(eq.n_rows()))?;
-            error.rate = rate.as_slice().to_vec();
-        }
-        Ok(error)
     }
 
     #[allow(clippy::too_many_arguments)]
@@ -397,6 +396,7 @@ impl Scheme for Bdf {
         if self.history.as_ref().is_none_or(|k| k.t != from.motion.t) {
             self.history = None;
             if estimate {
+                self.look_for_stiffness(eq, from, counts)?;
                 self.begin(from, h);
             } else {
                 if self.start.is_empty() && self.points.is_empty() {
@@ -448,10 +448,7 @@ impl Scheme for Bdf {
             *y += p;
         }
         d.add(&guess, -1.0);
-        let error = match estimate {
-            true => Some(self.filtered(eq, &end, d.error(error_constant(k)))?),
-            false => None,
-        };
+        let error = estimate.then(|| d.error(error_constant(k)));
         self.tried = Some(d);
         Ok(Step { end, error })
     }
@@ -474,18 +471,12 @@ impl Scheme for Bdf {
         if eq.widest_rotation(&history.d[0].y) > WIDE {
             recharted(eq, history, k + 2);
         }
-        self.candidates = (history.equal > k).then(|| {
-            let of = |order: usize| history.d[order + 1].error(error_constant(order));
-            [
-                (k > 1).then(|| of(k - 1)),
-                Some(of(k)),
-                (k < MOST).then(|| of(k + 1)),
-            ]
-        });
-        if let Some(all) = self.candidates.take() {
-            let filtered = |e: LocalError| self.filtered(eq, &step.end, e).ok();
-            self.candidates = Some(all.map(|e| e.and_then(filtered)));
-        }
+    }
+
+    /// In a stiff scene rates count by what they move within a step: a vibration that moves less than the tolerance may be stepped
+    /// over, however fast it is.
+    fn rate_time(&self, h: f64) -> f64 {
+        if self.stiff { h } else { f64::INFINITY }
     }
 
     fn proposal(&mut self, size: &dyn Fn(&LocalError) -> f64) -> Option<f64> {
@@ -493,15 +484,16 @@ impl Scheme for Bdf {
             return None;
         }
         let k = self.order;
-        let Some([lower, same, higher]) = self.candidates.take() else {
+        let history = self.history.as_mut()?;
+        if history.equal <= k {
             return Some(1.0);
-        };
-        let factor = |error: Option<LocalError>, order: usize| {
-            let size = error.map(|e| size(&e).max(1e-12));
-            size.map_or(0.0, |s| s.powf(-1.0 / (order as f64 + 1.0)))
-        };
-        let lower = factor(lower, k.max(2) - 1);
-        let (same, higher) = (factor(same, k), factor(higher, k + 1));
+        }
+        let norm =
+            |order: usize, m: usize| size(&history.d[m].error(error_constant(order))).max(1e-12);
+        let factor = |order: usize| norm(order, order + 1).powf(-1.0 / (order as f64 + 1.0));
+        let same = factor(k);
+        let lower = if k > 1 { factor(k - 1) } else { 0.0 };
+        let higher = if k < MOST { factor(k + 1) } else { 0.0 };
         let best = same.max(lower).max(higher);
         let mut chosen = k;
         if best == lower && k > 1 {

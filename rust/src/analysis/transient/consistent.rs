@@ -47,12 +47,6 @@ impl Equations<'_, f64> {
         mass
     }
 
-    /// M x.
-    pub fn mass_times(&self, m: &Motion<f64>, x: &[f64]) -> DVector<f64> {
-        let placement = self.place(m);
-        self.mass_of(&self.scene(m, &placement, None)).times(x)
-    }
-
     fn saddle(&self, mass: &Matrix, jacobian: &Matrix, counts: &mut Counts) -> Result<Saddle> {
         counts.add("mass factorisations", 1);
         Saddle::of(mass, jacobian, Some(&self.ordering))

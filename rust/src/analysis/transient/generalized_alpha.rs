@@ -15,6 +15,7 @@ use crate::error::{Error, Result};
 use crate::run::Counts;
 use crate::system::topology::Level;
 
+use super::explicit8::Explicit8;
 use super::saddle::Saddle;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
@@ -22,6 +23,8 @@ use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 const MAX_ITERATIONS: usize = 50;
 /// Accelerations of an instant that change so much more than those of the scheme are not decided by the pose.
 const SINGULAR: f64 = 30.0;
+/// Steps that fall to this part of those before have met an obstacle.
+const COLLAPSED: f64 = 0.05;
 /// Part of a step after which the first rate of the acceleration is taken.
 const AHEAD: f64 = 1e-2;
 /// A kept factorisation is renewed when the corrections shrink more slowly.
@@ -385,6 +388,11 @@ impl Scheme for GeneralizedAlpha {
         } else {
             factor
         })
+    }
+
+    /// Newton's method gives up where the end of a step lies in a singular pose, and shorter steps only lead there.
+    fn bridge(&self, eq: &Equations<'_, f64>, left: f64) -> Option<Box<dyn Scheme>> {
+        (eq.n_rows() > 0 && left < COLLAPSED).then(Explicit8::past_singular_poses)
     }
 
     fn reset(&mut self) {
