@@ -33,11 +33,23 @@ SAYS = {
     "api_3_nonlinear.py": (["fold        1.115700", "k = (2, -1)", "period 6.66328", "largest rail"], []),
     "api_4_motion.py": (["finished", "success: true"], ["run.html"]),
     "api_5_gradients.py": (["psi = 0.72", "shape of the gradient: (2, 3)", "(11, 6, 3)"], []),
+    "car.py": (
+        ["14 degrees of freedom", "adjoint against direct", "rear_spring_c", "converged"],
+        ["car-tornado.png", "car-sensitivity.png", "car-convergence.png", "car-ride.png", "car.html"],
+    ),
     "chain.py": (["springs only", "60"], ["chain-modes.png", "chain-modes.html"]),
     "falling_chain.py": (["end off by"], ["falling-chain.png", "falling-chain.html"]),
     "five_bar_gradient.py": (["2.4319", "1.8448", "converged"], ["five-bar-convergence.png"]),
+    "four_bar_identification.py": (
+        ["standard errors", "mb.problem: converged", "mount.c[1]"],
+        ["four-bar-identification.png"],
+    ),
     "four_bars.py": (["30 redundant"], ["four-bars.png", "four-bars-reactions.png", "four-bars.html"]),
     "gap_problem.py": (["rejected", "energy kept"], ["gap-problem.png", "gap-problem-error.png"]),
+    "gradient_known_values.py": (
+        ["(-4.22937, 3.21102), METHODS.md (-4.22937, 3.21102)", "(-4.22895, 3.21146), METHODS.md (-4.22895, 3.21146)"],
+        [],
+    ),
     "heavy_top.py": (["precession 2.2465", "finished"], ["heavy-top.png", "heavy-top.html"]),
     "hexapod.py": (["36.7553", "k_leg"], ["hexapod-transmissibility.png", "hexapod-sensitivity.png"]),
     "ladder.py": (["redundant"], ["ladder-modes.png", "ladder-modes.html"]),

@@ -36,7 +36,8 @@ class Setup:
     member: Callable[[float], Any] | None = field(default=None, repr=False)
 
     def __reduce__(self) -> Any:
-        return prepare, self.arguments  # the core's object does not travel; it is made again
+        # the core's object does not travel; it is made again
+        return (prepare, self.arguments) if self.member is None else (of_family, self.arguments)
 
     @property
     def n_c(self) -> int:
@@ -52,7 +53,8 @@ class Setup:
         parameter on which the system depends."""
         if value is not None and self.member is not None and self.linear.route != "full":
             system, force = self.member(value)
-            return prepare(system, force, *self.arguments[2:]).expand(y, omega, level)
+            _, _, _, terms, given = self.arguments
+            return prepare(system, force, terms, turn=False, **given).expand(y, omega, level)
         X = translated(self.core.expand, y, [omega], level)
         return self.padded(X if self.linear.transform is None else self.linear.transform @ X)
 
@@ -192,8 +194,11 @@ def prepare(
     return Setup(system, terms, subharmonic, n, core, linear, arguments)
 
 
-def of_family(member: Callable[[float], Any], value: float, span: float, harmonics: Any, **given: Any) -> Setup:
-    """The problem of a system that depends on a parameter: ``member(value)`` returns system and force."""
+def of_family(
+    member: Callable[[float], Any], value: float, span: float, harmonics: Any, given: Mapping[str, Any]
+) -> Setup:
+    """The problem of a system that depends on a parameter: ``member(value)`` returns system and force; ``given`` are options
+    of `prepare`."""
     system, force = member(value)
     setup = prepare(system, force, harmonics, turn=False, **given)
     _, _, terms, subharmonic, _, _, condense, _ = setup.arguments
@@ -206,7 +211,7 @@ def of_family(member: Callable[[float], Any], value: float, span: float, harmoni
         return linear.core, core_elements(laws, linear.directions)
 
     setup.core.with_family(made, value, 1e-5 * span)
-    return replace(setup, member=member)
+    return replace(setup, member=member, arguments=(member, value, span, terms, dict(given)))
 
 
 def more_samples(

@@ -7,11 +7,37 @@ from typing import Any
 
 import numpy as np
 
-from . import _condensation, _midpoint
+from . import _checks, _condensation, _midpoint
+from ._balance import positive
+from ._verify_full import Distance, distances
+from .errors import ModelError
 
 LARGEST_EXPLICIT = 60
 HALVINGS = 7
 INSTANTS = 256
+
+
+def verify(solution: Any, rtol: float, full: bool | None) -> Distance:
+    """Distances of a periodic solution over one period."""
+    rtol, full = _checked(rtol, full)
+    terms = [(h * solution.omega, f) for h, f in _terms(solution.force)]
+    return distances(distance(solution, rtol), solution, terms, solution.period, rtol, full)
+
+
+def verify_torus(solution: Any, cycles: float, rtol: float, full: bool | None) -> Distance:
+    """The same of a quasi-periodic solution, over a number of its longest base periods."""
+    rtol, full = _checked(rtol, full)
+    terms = [(float(w), f["force"]) for f, w in zip(solution.forces, solution.omega, strict=True)]
+    if solution.static is not None:
+        terms.append((0.0, solution.static))
+    length = positive("cycles", cycles) * 2 * np.pi / float(np.min(solution.omega))
+    return distances(distance_on_torus(solution, cycles, rtol), solution, terms, length, rtol, full)
+
+
+def _checked(rtol: Any, full: Any) -> tuple[float, bool | None]:
+    if positive("rtol", rtol) > 0.1:
+        raise ModelError(f"rtol = {rtol} is of the integration in time; it must be below 0.1")
+    return float(rtol), None if full is None else _checks.flag("full", full)
 
 
 def distance(solution: Any, rtol: float) -> float:

@@ -3,15 +3,16 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from inspect import Parameter, signature
+from typing import Any, TypedDict, TypeVar
 
 import numpy as np
 
 from . import _balance, _checks, _core
-from .errors import ConvergenceError, ModelError, SingularError
+from ._branch_points import BranchPoint, Chunks, Event
+from .errors import ConvergenceError, MbrsError, ModelError, SingularError
 from .harmonic_balance import MOST_HARMONICS, first_solution
 from .nonlinear_system import as_system
 
@@ -23,80 +24,36 @@ MEANING = {
     "stopped": "the step became smaller than min_step; the points so far are kept",
     "unresolved": "the end was reached, but an estimated error exceeds the tolerance: take more harmonics",
 }
+F = TypeVar("F", bound=Callable[..., Any])
 CHUNK_SECONDS = 0.2
+CORNERED = 1e-6  # steps below are those around corners that samples make
 
 
-@dataclass(frozen=True, eq=False)
-class Event:
-    """A special point of a branch: ``kind`` "fold", "branch-point", "neimark-sacker" or "period-doubling".
+class BranchOptions(TypedDict, total=False):
+    """What every function that follows a branch takes; `frequency_response` tells their meaning, `Branch` has the defaults."""
 
-    ``omega`` (rad/s), ``level`` and, on a branch in a parameter, its ``value`` say where, ``X`` (dof, 2H+1) is the motion
-    there, ``exponent`` the Floquet exponent that crosses (None where it does not matter), ``index`` the number of the first
-    point of the branch behind it.
-    """
-
-    kind: str
-    omega: float
-    level: float
-    X: np.ndarray
-    exponent: complex | None
-    index: int
-    value: float | None = None
-
-    @property
-    def frequency(self) -> float:
-        """Excitation frequency, Hz."""
-        return self.omega / (2 * np.pi)
-
-    def __str__(self) -> str:
-        if self.value is not None:
-            return f"{self.kind} at value = {self.value:.10g}, omega = {self.omega:.6g} rad/s"
-        return f"{self.kind} at omega = {self.omega:.10g} rad/s, level = {self.level:.6g}"
-
-
-@dataclass(frozen=True, eq=False)
-class BranchPoint:
-    """One solution of a branch: ``omega``, ``level``, coefficients ``X`` (dof, 2H+1), ``error``, ``stable`` (nan: not
-    known),
-    Floquet ``exponents`` or None, the ``step`` that led here, the ``value`` of the parameter of a branch in one."""
-
-    omega: float
-    level: float
-    X: np.ndarray
-    error: float
-    stable: float
-    exponents: np.ndarray | None
+    force: Any
+    inputs: Any
+    amplitude: Any
+    omega: Any
+    frequency: Any
+    level: Any
+    harmonics: Any
+    n_samples: int | None
+    subharmonic: int
+    condense: bool | str
+    x0: Any
+    tol: float | None
+    predictor: str
+    corrector: str
     step: float
-    value: float | None = None
-
-
-class Chunks:
-    """What has been computed of a branch so far, as lists of arrays; ``terms`` of a chunk say which harmonics it
-    holds."""
-
-    def __init__(self) -> None:
-        self.parts: list[tuple[_balance.Setup, dict[str, Any]]] = []
-        self.events: list[Event] = []
-
-    def __len__(self) -> int:
-        return sum(len(part["p"]) for _, part in self.parts)
-
-    def column(self, name: str) -> np.ndarray:
-        """One number per point."""
-        return np.concatenate([part[name] for _, part in self.parts]) if self.parts else np.zeros(0)
-
-    def exponents(self) -> np.ndarray | None:
-        """(n, 2 dof) where every point has them; nan fills up where reduced models have fewer."""
-        parts = [part for _, part in self.parts if len(part["p"])]
-        known = [part["exponents"] for part in parts if "exponents" in part]
-        if not known or len(known) < len(parts):
-            return None
-        out = np.full((sum(len(part) for part in known), max(part.shape[1] for part in known)), np.nan, complex)
-        at = 0
-        for part in known:
-            out[at : at + len(part), : part.shape[1]] = part
-            at += len(part)
-        return out
+    min_step: float
+    max_step: float
+    tolerance: float
+    stability: bool
+    events: bool
+    at: Any
+    without: Any
 
 
 class Branch(Iterator[BranchPoint]):
@@ -178,6 +135,7 @@ class Branch(Iterator[BranchPoint]):
         self.corrections = self.factorisations = 0
         self._corrections_before = self._factorisations_before = 0
         self._read = self._base = 0
+        self._stalled = False
         self._exhausted = False  # more harmonics or samples did not find the branch again
         self._core = self._first(x0)
 
@@ -199,7 +157,7 @@ class Branch(Iterator[BranchPoint]):
             setup = _balance.prepare(self.system, self.force, harmonics, **given)
         else:
             a, b = self._span
-            setup = _balance.of_family(self.family, a, abs(b - a), harmonics, **given)
+            setup = _balance.of_family(self.family, a, abs(b - a), harmonics, given)
         # a reduced model is that of one system; a family has its own matrices, or no stability
         self._model = setup.model(max(self.omega)) if self.stability and self.family is None else None
         return setup
@@ -222,8 +180,16 @@ class Branch(Iterator[BranchPoint]):
             self.setup = self._problem(self.setup.harmonics, setup.n_samples)
             return self._start(answer["y"], begin, None)
 
-    def _start(self, y: np.ndarray, begin: float, towards: np.ndarray | None, across: bool = False) -> Any:
+    def _start(
+        self,
+        y: np.ndarray,
+        begin: float,
+        towards: np.ndarray | None,
+        across: bool = False,
+        step: float | None = None,
+    ) -> Any:
         a, b = self._span
+        options = self._options if step is None else dict(self._options, first_step=step)
         return _balance.translated(
             _core.HbmBranch,
             self.setup.core,
@@ -237,18 +203,91 @@ class Branch(Iterator[BranchPoint]):
             towards=towards,
             across=across,
             model=self._model,
-            **self._options,
+            **options,
         )
 
     def run(self, max_points: int = 1, seconds: float = np.inf) -> int:
         """Adds up to ``max_points`` points, within about ``seconds``; returns how many. `status` says why none came."""
         known = len(self.chunks)
         while len(self.chunks) < known + max_points and self.status == "going" and seconds > 0:
+            if self._core is None:
+                self._go_on()
+                continue
             wanted = known + max_points - len(self.chunks)
             points = min(wanted, 20) if self._auto else wanted
-            self._take(_balance.translated(self._core.run, points, min(seconds, CHUNK_SECONDS)))
+            try:
+                self._take(_balance.translated(self._core.run, points, min(seconds, CHUNK_SECONDS)))
+                if self._stalled:
+                    self._sample_finer()
+            except MbrsError as problem:
+                self._break_off(str(problem))
             seconds -= CHUNK_SECONDS
         return len(self.chunks) - known
+
+    def _break_off(self, why: str) -> None:
+        """Keeps what the core had found when an error ended the branch."""
+        self._take(_balance.translated(self._core.run, 0, 0.0))
+        if len(self.chunks) == 0:
+            raise ConvergenceError(f"the branch has no first point: {why}")
+        self.status, self.reason = "stopped", why
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_core": None, "_model": None}
+
+    def _go_on(self) -> None:
+        """The core's branch anew, from the last point in the direction of the last step: after a branch has been saved."""
+        self.setup = self._problem(self.setup.harmonics, self.setup.n_samples)
+        if len(self.chunks) < 2:
+            self.chunks, self._base = Chunks(), 0
+            self._core = self._first(None)
+            return
+        last, before = self._place(-1), self._place(-2)
+        step = float(
+            np.clip(self.chunks.column("step")[-1], self._options["least_step"], self._options["largest_step"])
+        )
+        if not self._take_up(self._restarted(last, last - before, step)):
+            self.status, self.reason = (
+                "stopped",
+                "the last point was not found again; begin a new branch there, with x0=",
+            )
+
+    def _take_up(self, core: Any) -> bool:
+        """Goes on with another core that begins at the last point."""
+        if core is None:
+            return False
+        self._forget_last()  # it comes again
+        self._core, self._base = core, len(self.chunks)
+        self._corrections_before, self._factorisations_before = self.corrections, self.factorisations
+        return True
+
+    def _sample_finer(self) -> None:
+        """Samples that come into contact one by one make corners in the equations that no step gets around; with more samples
+        they are smaller."""
+        samples = self._more_samples()
+        if samples is None or len(self.chunks) < 2:
+            return
+        setup, model = self.setup, self._model
+        self.setup = self._problem(setup.harmonics, samples)
+        last, before = self._place(-1), self._place(-2)
+        if self._take_up(self._restarted(last, last - before)):
+            self.status, self.reason = "going", ""
+        else:
+            self.setup, self._model = setup, model
+
+    def _more_samples(self) -> int | None:
+        """Four times the samples where their number is free and matters."""
+        smooth = all(law.code in _balance.POLYNOMIAL for law in self.system.elements)
+        more = 4 * self.setup.n_samples
+        return None if smooth or self._prepare["n_samples"] is not None or more > _balance.MOST_SAMPLES else more
+
+    def _place(self, i: int) -> np.ndarray:
+        """[y, p] of a point, in the present set of harmonics."""
+        i = range(len(self.chunks))[i]
+        for setup, part in self.chunks.parts:
+            if i < len(part["p"]):
+                return self._embedded(setup, np.append(part["y"][i], part["p"][i]))
+            i -= len(part["p"])
+        raise IndexError(i)
 
     def _take(self, part: dict[str, Any]) -> None:
         base = len(self.chunks)
@@ -260,13 +299,14 @@ class Branch(Iterator[BranchPoint]):
         self.chunks.parts.append((setup, part))
         for e in events:
             where = self._where(e["p"])
-            X = setup.expand(e["y"], *where)
             s = None if e["exponent"] is None else complex(*e["exponent"])
             index = min(e["before"], base + len(part["p"]))
-            self.chunks.events.append(Event(e["kind"], where[0], where[1], X, s, index, where[2]))
+            built = partial(setup.expand, e["y"], *where)
+            self.chunks.events.append(Event(e["kind"], where[0], where[1], s, index, where[2], built))
         self.corrections = self._corrections_before + part.pop("corrections")
         self.factorisations = self._factorisations_before + part.pop("factorisations")
         self.status = STATUS.get(part["status"], part["status"])
+        self._stalled = self.status == "stopped" and part.get("broken") is None
         if self.status == "stopped":
             self.reason = self._why(part.get("broken"))
 
@@ -277,7 +317,7 @@ class Branch(Iterator[BranchPoint]):
 
     def _richer(self, part: dict[str, Any], events: list[Any]) -> tuple[dict[str, Any], list[Any]]:
         """Cuts a chunk where harmonics or samples are too few, and goes on with more of them from the point before."""
-        found = None if self._exhausted else self._poor(part)
+        found = None if self._exhausted or not len(part["p"]) else self._poor(part)
         if found is None:
             return part, events
         first, harmonics, samples = found
@@ -302,7 +342,7 @@ class Branch(Iterator[BranchPoint]):
         self._base = limit = len(self.chunks) + kept
         return part, [e for e in events if e["before"] < limit]
 
-    def _restarted(self, here: np.ndarray, towards: np.ndarray | None) -> Any:
+    def _restarted(self, here: np.ndarray, towards: np.ndarray | None, step: float | None = None) -> Any:
         """The branch in the present setup from a point of the last one, or None."""
         # a plane across the branch meets it also beside a fold, where no solution may exist at the old parameter
         first_of_all = towards is None or here[-1] == self._span[0]
@@ -310,7 +350,7 @@ class Branch(Iterator[BranchPoint]):
             if across and towards is None:
                 continue
             try:
-                return self._start(here[:-1], float(here[-1]), towards, across=across)
+                return self._start(here[:-1], float(here[-1]), towards, across, step)
             except (ConvergenceError, SingularError):
                 continue
         return None
@@ -325,15 +365,19 @@ class Branch(Iterator[BranchPoint]):
 
     def _poor(self, part: dict[str, Any]) -> tuple[int, Any, int] | None:
         """The first point that lacks something, and the harmonics and samples to go on with; None where none does."""
+        cornered = part["step"] < CORNERED if self._more_samples() else np.zeros(len(part["p"]), bool)
+        cornered = cornered & (np.arange(len(part["p"])) + len(self.chunks) > 0)  # the first point has no step
         lacking = part["aliasing"] > _balance.ALIASED * part["error"]
         if self._auto:
             lacking = ~(part["error"] <= self.tol)
-        if not np.any(lacking):
+        if not np.any(lacking | cornered):
             return None
         laws, n = self.system.elements, self.setup.n_samples
         given = self._prepare["n_samples"]
         top, nu = self.setup.harmonics[-1], self.setup.subharmonic
         for i, (error, aliasing) in enumerate(zip(part["error"], part["aliasing"], strict=True)):
+            if cornered[i]:
+                return i, self.setup.harmonics, self._more_samples() or n
             wanted = not self._auto or self.tol is None or not error <= self.tol
             more = _balance.more_samples(n, error, aliasing, laws, given, self.tol) if wanted else None
             if more is not None:
@@ -381,7 +425,8 @@ class Branch(Iterator[BranchPoint]):
             )
         if side not in (1, -1):
             raise ModelError(f"side must be 1 or -1, it is {side!r}")
-        other = copy.copy(self)
+        other = Branch.__new__(Branch)
+        other.__dict__.update(self.__dict__)
         apart = np.diff([self._coordinates(i) for i in self._around(event)], axis=0)[0]
         if event.kind == "period-doubling":
             apart = other._double(self, apart)
@@ -492,3 +537,19 @@ def _range_and_level(w: np.ndarray, level: Any) -> tuple[tuple[float, float], tu
             raise ModelError(f"the range of levels is empty: {levels[0]} to {levels[1]}")
         return (float(w), float(w)), (float(levels[0]), float(levels[1]))
     raise ModelError("a branch needs one range: omega=(a, b) with one level, or one omega with level=(a, b)")
+
+
+_OPTIONS = {
+    name: p for name, p in signature(Branch.__init__).parameters.items() if name in BranchOptions.__annotations__
+}
+BRANCH_DEFAULTS: dict[str, Any] = {name: p.default for name, p in _OPTIONS.items()}
+
+
+def takes_branch_options(function: F) -> F:
+    """Shows the options of `Branch` in the signature of a function that passes them on as ``**options``."""
+    own = signature(function)
+    named = [p for p in own.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+    shown = [p for p in named if p.kind is not Parameter.KEYWORD_ONLY]
+    keywords = [*(p for p in named if p.kind is Parameter.KEYWORD_ONLY), *_OPTIONS.values()]
+    function.__signature__ = own.replace(parameters=[*shown, *keywords])  # type: ignore[attr-defined]
+    return function

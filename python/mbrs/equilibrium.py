@@ -190,7 +190,7 @@ def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equ
     """
     start = time.perf_counter()
     without = check_without(without)
-    snapshot = Snapshot.of(m)
+    snapshot = Snapshot.of(m, without)
     if at is None:
         with core_errors():
             made = snapshot.system.assemble()

@@ -49,6 +49,8 @@ class MotionGradient(Result):
         block layout.
     labels, units
         Of the parameters.
+    where
+        (n_p,) the values of the parameters.
     t
         (n_t,) s; ends of the steps.
     method
@@ -63,6 +65,7 @@ class MotionGradient(Result):
     gradient: Derivative
     labels: tuple[str, ...]
     units: tuple[str, ...]
+    where: np.ndarray
     t: np.ndarray
     method: str
     kinks: tuple[tuple[float, str, str], ...] = ()
@@ -74,10 +77,11 @@ class MotionGradient(Result):
         from .report import table
 
         flat = np.asarray(self.gradient).reshape(-1, len(self.labels))
-        rows = [(label, unit, *flat[:, p]) for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))]
+        named = zip(self.labels, self.units, self.where, strict=True)
+        rows = [(label, unit, where, *flat[:, p]) for p, (label, unit, where) in enumerate(named)]
         names = ["gradient"] if np.ndim(self.value) == 0 else [f"gradient {i}" for i in range(len(flat))]
         value = f"{self.value:.9g}" if np.ndim(self.value) == 0 else ", ".join(f"{v:.9g}" for v in self.value)
-        return table(["parameter", "unit", *names], rows, title=f"objective {value} ({self.stats.route})")
+        return table(["parameter", "unit", "value", *names], rows, title=f"objective {value} ({self.stats.route})")
 
     __repr__ = __str__
 
@@ -99,7 +103,9 @@ class MotionGradient(Result):
         )
 
     def plot(self, kind: str = "tornado", **options: Any) -> Any:
-        """Bars of the change of the objective per relative change of each parameter ("tornado")."""
+        """Bars of the change of the objective by one per cent of each parameter, or by ``change=`` ("tornado")."""
+        if kind != "tornado":
+            raise ModelError(f"there is no plot {kind!r} of a gradient; known is 'tornado'")
         from .plot import gradients
 
         return gradients.tornado(self, **options)
@@ -111,7 +117,11 @@ class MotionGradient(Result):
         flat = np.asarray(self.gradient).reshape(-1, len(self.labels))
         return xarray.Dataset(
             {"gradient": (("objective", "parameter"), flat), "value": (("objective",), np.atleast_1d(self.value))},
-            coords={"parameter": list(self.labels), "unit": ("parameter", list(self.units))},
+            coords={
+                "parameter": list(self.labels),
+                "unit": ("parameter", list(self.units)),
+                "where": ("parameter", self.where),
+            },
             attrs={"method": self.method},
         )
 
@@ -325,6 +335,7 @@ def gradient(
         gradient=Derivative.of(shaped, along.shape, 1 if many else 0),
         labels=along.labels,
         units=along.units,
+        where=np.array([_value_at(m, label) for label in along.labels]),
         t=run.times,
         method=chosen,
         kinks=kinks,
@@ -341,7 +352,9 @@ def gradient(
 def _variant(scheme: str, weight: str | None, rho: float | None) -> dict[str, Any]:
     """What distinguishes a scheme, checked."""
     if weight is not None and (scheme != "ali3p" or weight not in ("tangent", "mass")):
-        raise ModelError(f"weight= is 'tangent' or 'mass' and belongs to scheme='ali3p', got {shown(weight)} with {scheme!r}")
+        raise ModelError(
+            f"weight= is 'tangent' or 'mass' and belongs to scheme='ali3p', got {shown(weight)} with {scheme!r}"
+        )
     if rho is not None and scheme != "generalized-alpha":
         raise ModelError(f"rho= belongs to scheme='generalized-alpha', not to {scheme!r}")
     radius = RHO if rho is None else _number("rho", rho, 0.0)
@@ -371,7 +384,7 @@ def prepare(
     **kind: Any,
 ) -> Run:
     """Start and steps of a motion."""
-    snapshot = Snapshot.of(m)
+    snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
     end = _number("t", t, state.t)
     through = [x for o in objectives for x in o.times]
@@ -437,9 +450,7 @@ def _read(run: Run, objectives: Sequence[Objective], reader: Reader) -> None:
     raise ModelError("the objective reads more quantities than a motion has; check its function")
 
 
-def _direct(
-    run: Run, objectives: Sequence[Objective], along: Directions
-) -> Found:
+def _direct(run: Run, objectives: Sequence[Objective], along: Directions) -> Found:
     reader = _reader(run)
     _read(run, objectives, reader)
     for _ in range(_READINGS):
@@ -481,9 +492,7 @@ def _number_by_parameters(m: Model, label: str, own: Directions, c: int, along: 
     return out
 
 
-def _adjoint(
-    run: Run, objectives: Sequence[Objective], along: Directions
-) -> Found:
+def _adjoint(run: Run, objectives: Sequence[Objective], along: Directions) -> Found:
     reader = _reader(run)
     _read(run, objectives, reader)
     for _ in range(_READINGS):
@@ -537,6 +546,14 @@ def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
     single = d.shape[1] == 1
     shaped = along.shaped(d[:, 0] if single else d)
     return Derivative.of(shaped, along.shape, 0 if single else 1)
+
+
+def _value_at(m: Model, label: str) -> float:
+    """The number that a column belongs to; the columns of axes and orientations are turns, which start at 0."""
+    try:
+        return float(m.value(label))
+    except (TypeError, ModelError):
+        return 0.0
 
 
 __all__ = ["AtTimes", "Final", "Integral", "MotionGradient", "gradient"]

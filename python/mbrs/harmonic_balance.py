@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from ._picked import label, picked
 from .errors import ConvergenceError, ModelError
 from .report import html_table, table
 from .results import Result, Stats
+
+if TYPE_CHECKING:
+    from ._verify_full import Distance
 
 UNRESOLVED = 0.1
 MOST_HARMONICS = _balance.MOST_HARMONICS
@@ -116,15 +119,19 @@ class PeriodicSolution(Result):
         """Name of a displacement."""
         return label(self.system, dof, len(self.X))
 
-    def verify(self, rtol: float = 1e-9) -> float:
+    def verify(self, rtol: float = 1e-9, *, full: bool | None = None) -> Distance:
         """Integrates one period from the solution's own state at t = 0 and returns the largest distance between the
-        two motions, relative to the largest displacement.
+        two motions, relative to the largest displacement: a number with ``.balanced`` and ``.full``.
 
-        By DOP853; by the implicit midpoint rule with halved steps for more than 60 coordinates and for laws with memory,
-        whose sliders start where two periods of the solution leave them."""
-        from ._verify import distance
+        ``.balanced`` is against the equations that were balanced, by DOP853; by the implicit midpoint rule with halved
+        steps for more than 60 coordinates and for laws with memory, whose sliders start where two periods of the solution
+        leave them. Of a model ``.full``, which is then the number itself, is against its full equations by `mb.simulate`,
+        hence with the error of the linearised geometry. ``full``: True demands it, False leaves it out, None takes it where
+        it can be had (``.why`` says why not). An unstable motion leaves its orbit, and both distances grow by its
+        multiplier."""
+        from ._verify import verify
 
-        return distance(self, rtol)
+        return verify(self, rtol, full)
 
     def plot(self, dof: Any = 0, ax: Any = None) -> Any:
         """Harmonics as bars; returns the matplotlib figure. ``ax``: axes to draw into."""

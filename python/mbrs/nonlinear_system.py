@@ -28,6 +28,9 @@ class NonlinearSystem(MechanicalSystem):
     """A `MechanicalSystem` that came from a model; ``linearization`` holds its state, coordinates and ports."""
 
     linearization: Linearization
+    # (ports, complex amplitudes) that made the forces of an analysis, and numbers of the model that it had changed
+    ports: tuple[tuple[tuple[Any, ...], np.ndarray], ...] = ()
+    values: Mapping[str, float] = {}
 
 
 def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> NonlinearSystem:
@@ -78,7 +81,7 @@ def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> 
     """
     started = time.perf_counter()
     without = check_without(_checks.names("without", without))
-    snapshot = Snapshot.of(m)
+    snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at)
     with core_errors():
         r = snapshot.system.linearize(state.relative, state.rate, [*without, "law-slopes"])
@@ -181,4 +184,5 @@ def _vector(made: NonlinearSystem, force: Any, amplitude: Any) -> np.ndarray:
             f"amplitude must be one number or one for each of {len(ports)} ports, it is {_checks.shown(amplitude)}"
         ) from None
     total = columns @ size
+    made.ports = (*made.ports, (tuple(ports), np.array(size, complex)))
     return total if np.any(total.imag) else total.real

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import pickle
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from . import _balance, _checks
-from .continuation import Branch, Event
+from .continuation import BRANCH_DEFAULTS, Branch, BranchOptions, Event, takes_branch_options
 from .errors import ModelError
 from .harmonic_balance import PeriodicSolution
 from .nonlinear_system import as_system
@@ -66,9 +67,12 @@ class ParameterResponse(FrequencyResponse):
         return self.point(int(np.argmax(self.amplitude(dof, harmonic))))
 
     def resume(self, max_points: int = 1000) -> ParameterResponse:
-        """The same branch with up to ``max_points`` more points; only in the process that made it."""
+        """The same branch with up to ``max_points`` more points; also of one that was saved (not as ``.nc``) and loaded, where
+        its systems come from a model or from a function that can be imported."""
         if self.branch is None:
-            raise ModelError("only the curve that parameter_response returned can be resumed, not one that was loaded")
+            raise ModelError(
+                "this branch cannot go on: its systems came from a function that cannot be imported; define it in a module"
+            )
         started = perf_counter()
         follow(self.branch, len(self.branch.chunks) + _balance.integer("max_points", max_points), None)
         return _collect(self.branch, self.name, perf_counter() - started + self.stats.wall_time)
@@ -81,40 +85,22 @@ class ParameterResponse(FrequencyResponse):
         return f"{self.name} {self.value.min():.6g} to {self.value.max():.6g} at {self.frequency[0]:.6g} Hz"
 
     def __getstate__(self) -> dict[str, Any]:
-        # what makes the systems need not travel, so that the coefficients must
+        if self.family is None or _travels(self.family):
+            return super().__getstate__()
+        # what makes the systems cannot travel, so that the coefficients must
         order = self.parts[0].setup.subharmonic if self.parts else 1
         cache = {"X": self.X, "subharmonic": order}
-        return {**super().__getstate__(), "family": None, "parts": (), "_built": cache}
+        return {**super().__getstate__(), "family": None, "parts": (), "branch": None, "_built": cache}
 
 
+@takes_branch_options
 def parameter_response(
     system: Any,
     parameter: str | None = None,
     *,
     value: tuple[float, float],
-    force: Any = None,
-    inputs: Any = None,
-    amplitude: Any = None,
-    omega: float | None = None,
-    frequency: float | None = None,
-    level: float = 1.0,
-    harmonics: Any = 7,
-    n_samples: int | None = None,
-    subharmonic: int = 1,
-    condense: bool | str = "auto",
-    x0: Any = None,
-    tol: float | None = None,
-    predictor: str = "tangent",
-    corrector: str = "pseudo-arclength",
-    step: float = 0.01,
-    min_step: float = 1e-9,
-    max_step: float = 0.1,
-    tolerance: float = 1e-9,
-    stability: bool = True,
-    events: bool = True,
     max_points: int = 10000,
-    at: Any = None,
-    without: Sequence[str] = (),
+    **options: Unpack[BranchOptions],
 ) -> ParameterResponse:
     """Periodic responses at one frequency while a parameter p of the system changes, through folds: R(X, p) = 0.
 
@@ -157,27 +143,8 @@ def parameter_response(
     """
     started = perf_counter()
     most = _checks.count("max_points", max_points, 10_000_000)
-    made = _family(system, parameter, force, inputs, amplitude, at, without)
-    given: dict[str, Any] = dict(
-        omega=omega,
-        frequency=frequency,
-        level=level,
-        harmonics=harmonics,
-        n_samples=n_samples,
-        subharmonic=subharmonic,
-        condense=condense,
-        x0=x0,
-        tol=tol,
-        predictor=predictor,
-        corrector=corrector,
-        step=step,
-        min_step=min_step,
-        max_step=max_step,
-        tolerance=tolerance,
-        stability=stability,
-        events=events,
-    )
-    branch = Branch(None, family=made, value=value, force=force, inputs=inputs, **given)
+    made = _family(system, parameter, options)
+    branch = Branch(None, family=made, value=value, **options)
     follow(branch, most, None, "parameter response")
     return _collect(branch, parameter or "value", perf_counter() - started)
 
@@ -188,28 +155,56 @@ def _collect(branch: Branch, name: str, wall_time: float) -> ParameterResponse:
     return ParameterResponse(**fields, value=value, name=name, family=branch.family)
 
 
-def _family(
-    system: Any, parameter: str | None, force: Any, inputs: Any, amplitude: Any, at: Any, without: Sequence[str]
-) -> Callable[[float], tuple[Any, Any]]:
+def _family(system: Any, parameter: str | None, options: BranchOptions) -> Callable[[float], tuple[Any, Any]]:
     """p -> (system, force)"""
+    given: dict[str, Any] = {**BRANCH_DEFAULTS, **options}
+    rest = tuple(given[name] for name in ("force", "amplitude", "at", "without", "inputs"))
     if hasattr(system, "compiled"):
         if not isinstance(parameter, str):
             raise ModelError(
                 f'parameter must be the address of a number of the model, such as "k", it is {parameter!r}'
             )
-        address = parameter
-
-        def of_model(p: float) -> tuple[Any, Any]:
-            before = system.value(address)
-            system.set({address: p})
-            try:
-                return as_system(system, force, amplitude, at, without, inputs)
-            finally:
-                system.set({address: before})
-
-        return of_model
+        return OfModel(system, parameter, rest)
     if not callable(system):
         raise ModelError("parameter_response needs a Model with the address of a number, or a function of the value")
     if parameter is not None:
         raise ModelError("parameter= is the address of a number of a model; a function of the value needs none")
-    return lambda p: as_system(system(p), force, amplitude, at, without, inputs)
+    return OfFunction(system, rest)
+
+
+@dataclass(frozen=True)
+class OfModel:
+    """p -> (system, force) of a model with one of its numbers changed; the model is as before afterwards."""
+
+    model: Any
+    address: str
+    rest: tuple[Any, ...]
+
+    def __call__(self, p: float) -> tuple[Any, Any]:
+        before = self.model.value(self.address)
+        self.model.set({self.address: p})
+        try:
+            made, given = as_system(self.model, *self.rest)
+            made.values = {self.address: p}
+            return made, given
+        finally:
+            self.model.set({self.address: before})
+
+
+@dataclass(frozen=True)
+class OfFunction:
+    """p -> (system, force) of a user's function of p."""
+
+    function: Callable[[float], Any]
+    rest: tuple[Any, ...]
+
+    def __call__(self, p: float) -> tuple[Any, Any]:
+        return as_system(self.function(p), *self.rest)
+
+
+def _travels(family: Any) -> bool:
+    try:
+        pickle.dumps(family)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return False
+    return True

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import comb
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from .laws import Law
 from .nonlinear_system import as_system, force_of_ports, nonlinear_system
 from .report import html_table, table
 from .results import Result, Stats
+
+if TYPE_CHECKING:
+    from ._verify_full import Distance
 
 COMMENSURABLE = 1e-9
 SLOW = 1e-3
@@ -114,13 +117,13 @@ class QuasiPeriodicSolution(Result):
         """Name of a displacement."""
         return label(self.system, dof, len(self.X))
 
-    def verify(self, cycles: float = 20.0, rtol: float = 1e-9) -> float:
+    def verify(self, cycles: float = 20.0, rtol: float = 1e-9, *, full: bool | None = None) -> Distance:
         """Integrates from the solution's own state over so many of the longest base periods and returns the largest
-        distance relative
-        to the largest displacement; of an unstable motion it tells only that."""
-        from ._verify import distance_on_torus
+        distance relative to the largest displacement; of an unstable motion it tells only that. ``full``, and what the
+        number holds: as of `PeriodicSolution.verify`."""
+        from ._verify import verify_torus
 
-        return distance_on_torus(self, cycles, rtol)
+        return verify_torus(self, cycles, rtol, full)
 
     def plot(self, dof: Any = 0, ax: Any = None) -> Any:
         """Spectrum: amplitude over frequency in Hz, the largest terms named by index; returns the figure."""

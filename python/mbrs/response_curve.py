@@ -227,9 +227,10 @@ class FrequencyResponse(Result):
         raise IndexError(i)
 
     def resume(self, max_points: int = 1000) -> FrequencyResponse:
-        """The same branch with up to ``max_points`` more points; only in the process that made it."""
+        """The same branch with up to ``max_points`` more points; also of a curve that was saved (not as ``.nc``) and loaded,
+        from its last point on."""
         if self.branch is None:
-            raise ModelError("only the curve that frequency_response returned can be resumed, not one that was loaded")
+            raise ModelError("this curve has no branch to go on with: a set of frequencies has none; give a range")
         started = perf_counter()
         follow(self.branch, len(self.branch.chunks) + _balance.integer("max_points", max_points), None)
         return collect(self.branch, perf_counter() - started + self.stats.wall_time)
@@ -350,7 +351,7 @@ class FrequencyResponse(Result):
         return self.__dict__.setdefault("_built", {})
 
     def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "_built"} | {"branch": None}
+        return {key: value for key, value in self.__dict__.items() if key != "_built"}
 
 
 def _error_text(error: float) -> str:

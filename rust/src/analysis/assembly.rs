@@ -5,7 +5,7 @@ use num_dual::Dual64;
 
 use crate::error::{Error, Result};
 use crate::model::geometry::Geometry;
-use crate::model::joint::Coordinate;
+use crate::model::joint::{Coordinate, JointKind};
 use crate::run::Counts;
 use crate::spatial::{Pose, Real, Six, V3, rotation_of_quaternion};
 use crate::system::System;
@@ -15,7 +15,7 @@ use crate::system::placement::{
     Placement, State, advance, drawn_relative, place, relative_from_poses,
 };
 use crate::system::rows::explicit_rates;
-use crate::system::topology::{Level, Node, Purpose};
+use crate::system::topology::{Level, Node, Purpose, Topology};
 
 const CLOSED: f64 = 1e-13;
 const MAX_ITERATIONS: usize = 60;
@@ -255,17 +255,21 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
     if (0..topology.nodes.len()).all(resting) && (hold || !driven) {
         return Ok(0.0);
     }
-    let mut rate = vec![0.0; topology.dofs.len()];
+    let mut rate = vec![0.0; topology.n_tree];
     let mut body: Vec<Six<f64>> = Vec::new();
     for (n, node) in topology.nodes.iter().enumerate() {
         let (velocity, omega) = given(n);
         let pose = &placement.pose[n];
-        let wanted =
-            Six::new(velocity, omega).motion_at(&(pose.r * system.geometry.bodies[node.body].com));
+        let arm = pose.r * from_origin(system.topology.as_ref(), &system.geometry, node.body);
+        let wanted = Six::new(velocity, omega).motion_at(&arm);
         let carried = node.parent.map_or_else(Six::zero, |p| {
             body[p].motion_at(&(pose.p - placement.pose[p].p))
         });
         let relative = wanted - carried;
+        if node.kind == JointKind::Node {
+            body.push(carried);
+            continue;
+        }
         let (m, right) = weighted_columns(system.length, &placement, node, &relative);
         let solution = minimum_norm(&m, &right)?;
         let mut v = carried;
@@ -289,6 +293,9 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
             continue;
         };
         let pose = &placement.pose[n];
+        if topology.tables.bodies[node.body].tip.is_some() {
+            continue;
+        }
         let origin = v.motion_at(&-(pose.r * system.geometry.bodies[node.body].com));
         let (velocity, omega) = given(n);
         // a body without a given velocity takes that of the drives
@@ -301,6 +308,16 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
     }
     state.rate = held;
     Ok(correction)
+}
+
+/// From the origin, whose velocity was given, to the point whose twist is wanted: the undeformed body's, body axes.
+fn from_origin<T: Real>(topology: &Topology, geometry: &Geometry<T>, body: usize) -> V3<T> {
+    let tables = &topology.tables;
+    let Some(tip) = tables.bodies[body].tip else {
+        return geometry.bodies[body].com;
+    };
+    let frame = tables.flexible[tables.tips[tip].flexible].body;
+    geometry.bodies[frame].com + geometry.tips[tip].offset
 }
 
 fn weighted_columns<T: Real>(
@@ -326,17 +343,21 @@ pub fn given_rates(
 ) -> Result<Vec<Dual64>> {
     let topology = &*system.topology;
     let length = topology.characteristic_length(geometry, x);
-    let mut rate = vec![Dual64::from(0.0); topology.dofs.len()];
+    let mut rate = vec![Dual64::from(0.0); topology.n_tree];
     let mut body: Vec<Six<Dual64>> = Vec::new();
     for (n, node) in topology.nodes.iter().enumerate() {
         let start = topology.tables.bodies[node.body].x;
         let at = |i: usize| V3::new(x[start + i], x[start + i + 1], x[start + i + 2]);
         let pose = &placement.pose[n];
-        let arm = pose.r * geometry.bodies[node.body].com;
+        let arm = pose.r * from_origin(topology, geometry, node.body);
         let carried = node.parent.map_or_else(Six::zero, |p| {
             body[p].motion_at(&(pose.p - placement.pose[p].p))
         });
         let relative = Six::new(at(17), at(20)).motion_at(&arm) - carried;
+        if node.kind == JointKind::Node {
+            body.push(carried);
+            continue;
+        }
         let (m, right) = weighted_columns(length, placement, node, &relative);
         let mut v = carried;
         for (k, r) in dual_least_squares(&m, &right)?.into_iter().enumerate() {

@@ -3,7 +3,8 @@
 //! A perturbation exp(s t) sum_k v_k (1, cos, sin) gives (s^2 D2 + s D1 + dR/dy) v = 0 with D2 = I x M and D1 = C plus 2 kappa M
 //! between cosine and sine plus the rate part of the laws. Of its 2 n (2H + 1) roots the 2 n of smallest |Im| are the exponents.
 //! Their sum must be -tr M^-1 (C + mean rate tangent) (Liouville): where it is not, the truncation has mixed up the roots and the
-//! monodromy matrix is integrated instead. So it is where Hill's matrix would be large, and for condensed problems.
+//! monodromy matrix is integrated instead. So it is where Hill's matrix would be large, for condensed problems, and along a branch
+//! on whose first point both agree, since for smooth laws it costs less.
 use faer::Mat;
 use faer::prelude::*;
 use num_complex::Complex64 as c64;
@@ -22,6 +23,11 @@ const LARGEST_HILL: usize = 130;
 /// Largest relative difference of dynamic stiffness between a system and the reduced model that tells its stability.
 const MODEL_TOLERANCE: f64 = 1e-3;
 
+/// Largest difference of multipliers at which the monodromy matrix may take the place of Hill's problem along a branch.
+const AGREEMENT: f64 = 1e-7;
+/// Steps of the finest product beyond which it is no longer cheaper.
+const FEW_STEPS: usize = 512;
+
 /// Exponents (1/s), and by which way they were found.
 #[derive(Debug, Clone)]
 pub struct Floquet {
@@ -33,6 +39,8 @@ pub struct Floquet {
 pub struct Stability {
     inertia: Option<Inertia>,
     splitting: Splitting,
+    /// whether the two ways have agreed, once that is known
+    agreed: Option<bool>,
     /// parameter of the system that the matrices belong to, where they depend on it
     value: Option<f64>,
 }
@@ -63,6 +71,7 @@ impl Stability {
         Ok(Some(Stability {
             inertia,
             splitting,
+            agreed: None,
             value,
         }))
     }
@@ -77,12 +86,20 @@ impl Stability {
         if self.value != problem.family.as_ref().map(|f| f.value)
             && let Some(renewed) = Stability::new(problem, None)?
         {
+            let agreed = self.agreed;
             *self = renewed;
+            self.agreed = agreed;
         }
-        if let Some(inertia) = &self.inertia {
+        if let (Some(inertia), None | Some(false)) = (&self.inertia, self.agreed) {
             let rate = problem.rate_matrix(y)?;
             let exponents = hill(problem, inertia, jacobian, rate.as_ref())?;
             if inertia.trace_fits(problem, &rate, &exponents) {
+                if self.agreed.is_none() {
+                    let (phi, _) = self.splitting.monodromy(problem, y)?;
+                    let period = std::f64::consts::TAU / problem.base_frequency();
+                    let cheap = self.splitting.finest <= FEW_STEPS;
+                    self.agreed = Some(cheap && agree(&exponents, period, &eigenvalues(&phi)?));
+                }
                 return Ok(Floquet {
                     exponents,
                     by_hill: true,
@@ -90,6 +107,9 @@ impl Stability {
             }
         }
         let (phi, sum) = self.splitting.monodromy(problem, y)?;
+        if self.agreed == Some(true) && self.splitting.finest > FEW_STEPS {
+            self.agreed = Some(false);
+        }
         let exponents = from_monodromy(&phi, sum, problem.base_frequency())?;
         Ok(Floquet {
             exponents,
@@ -215,6 +235,17 @@ fn hill(
     });
     roots.truncate(2 * n);
     Ok(roots.iter().map(|s| s * w0).collect())
+}
+
+/// Whether every exponent has its multiplier.
+fn agree(exponents: &[c64], period: f64, multipliers: &[c64]) -> bool {
+    let largest = multipliers.iter().map(|m| m.norm()).fold(1.0, f64::max);
+    exponents.iter().all(|s| {
+        let multiplier = (s * period).exp();
+        multipliers
+            .iter()
+            .any(|m| (m - multiplier).norm() <= AGREEMENT * largest)
+    })
 }
 
 fn eigenvalues(a: &Mat<f64>) -> Result<Vec<c64>> {

@@ -14,7 +14,7 @@ use crate::analysis::hbm::autonomous;
 use crate::analysis::hbm::basis::{Basis, Finer};
 use crate::analysis::hbm::estimate::{Estimate, Estimator};
 use crate::analysis::hbm::family::{Family, Member, Placed};
-use crate::analysis::hbm::linear::Matrices;
+use crate::analysis::hbm::linear::{DynamicStiffness, Matrices};
 use crate::analysis::hbm::problem::{Element, Parameter, Problem};
 use crate::analysis::hbm::start;
 use crate::analysis::stability::Stability;
@@ -208,14 +208,9 @@ impl HbmProblem {
             subharmonic: f64::from(subharmonic),
         };
         let finer = Finer { extra, dims: fine };
-        check(&basis, &elements.0, linear.full_size(), &dims, &omega)?;
-        check(
-            &basis.extended(&finer.extra),
-            &elements.0,
-            linear.full_size(),
-            &finer.dims,
-            &omega,
-        )?;
+        check(&basis, &elements.0, linear.as_ref(), &dims, &omega)?;
+        let extended = basis.extended(&finer.extra);
+        check(&extended, &elements.0, linear.as_ref(), &finer.dims, &omega)?;
         let problem = Problem::new(basis, linear, elements.0.clone(), omega, &dims)?;
         Ok(Self {
             inner: Arc::new(Mutex::new(problem)),
@@ -502,11 +497,11 @@ pub fn parameter_called(name: &str) -> Result<Parameter> {
 fn check(
     basis: &Basis,
     elements: &[Element],
-    n: usize,
+    linear: &dyn DynamicStiffness,
     dims: &[usize],
     omega: &[f64],
 ) -> Result<()> {
-    let p = dims.len();
+    let (n, p) = (linear.full_size(), dims.len());
     if n == 0 || p == 0 || omega.len() != p || basis.indices.iter().any(|k| k.len() != p) {
         return Err(Error::model(
             "harmonic balance: frequencies, indices and samples do not match",
@@ -535,6 +530,33 @@ fn check(
         return Err(Error::model(
             "harmonic balance: a subharmonic order below one",
         ));
+    }
+    check_memory(basis, elements, linear.size(), dims)
+}
+
+/// Bytes beyond which a problem is refused: what it asks for was hardly meant.
+const MOST_MEMORY: f64 = 4e9;
+
+/// Before anything is allocated, which an operating system may answer by ending the process.
+fn check_memory(basis: &Basis, elements: &[Element], n: usize, dims: &[usize]) -> Result<()> {
+    let n_c = basis.n_coefficients() as f64;
+    let samples: f64 = dims.iter().map(|d| *d as f64).product();
+    let with_memory = elements.iter().any(|e| e.force.has_memory());
+    let tables = if with_memory { 2.0 * n_c } else { 0.0 };
+    let of_samples = 8.0 * samples * (12.0 + tables);
+    let of_unknowns = 8.0 * (3.0 * (n as f64 * n_c).powi(2) + 3.0 * n_c * n_c);
+    if of_samples > MOST_MEMORY {
+        return Err(Error::model(format!(
+            "{samples:.3e} samples would take {:.1} GB; take fewer samples or harmonics",
+            of_samples / 1e9
+        )));
+    }
+    if of_unknowns > MOST_MEMORY {
+        return Err(Error::model(format!(
+            "{:.3e} unknowns would take {:.1} GB; condense the system or take fewer harmonics",
+            n as f64 * n_c,
+            of_unknowns / 1e9
+        )));
     }
     Ok(())
 }

@@ -2,6 +2,7 @@
 use faer::Mat;
 use faer::prelude::*;
 
+use super::newton::ROUNDING;
 use super::{Curve, Linearisation};
 use crate::error::Result;
 
@@ -207,7 +208,12 @@ pub(super) fn correct(
             .iter_mut()
             .enumerate()
             .for_each(|(i, t)| *t = work.rhs[(i, 1)] / length);
-        if size <= options.tolerance {
+        // rounding of the equations may keep the step above the tolerance, where it no longer gets smaller
+        let rounding = iterations > 3
+            && size <= ROUNDING
+            && size > 0.1 * last
+            && curve.rounding() > f64::EPSILON;
+        if size <= options.tolerance || rounding {
             return Ok(Some(finish(
                 curve,
                 &x,

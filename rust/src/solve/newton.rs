@@ -25,7 +25,7 @@ pub struct Outcome {
 
 const LEAST_DAMPING: f64 = 1e-6;
 /// An ill-conditioned Jacobian may keep the step above the tolerance; below this the point is still taken, and the step told.
-const ROUNDING: f64 = 1e-7;
+pub(super) const ROUNDING: f64 = 1e-7;
 
 /// Solves R(y, p) = 0 for y at fixed p; `out` ends as the linearisation one step before the returned y.
 pub fn solve(

@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::model::tables::BodyRef;
 use crate::spatial::{Real, Six, V3};
 use crate::system::connector::relative_of;
+use crate::system::flexible::node_rates;
 use crate::system::placement::Placement;
 
 use super::reactions::joint_reactions;
@@ -192,14 +193,21 @@ fn body_accelerations<T: Real>(
     };
     // spatial accelerations first, which add up like velocities
     let mut spatial: Vec<Six<T>> = Vec::with_capacity(topology.nodes.len());
+    let nodes = node_rates(topology, &eq.geometry, at.acceleration);
+    let n = at.acceleration.len();
     for (i, node) in topology.nodes.iter().enumerate() {
         let mut a = node.parent.map_or_else(Six::zero, |p| {
             spatial[p].motion_at(&(placement.pose[i].p - placement.pose[p].p))
         });
         for d in node.first..node.first + node.n {
             let s = &placement.column[d];
-            a += velocity.before[d].cross_motion(s).scaled(at.motion.rate[d]);
-            a += s.scaled(at.acceleration[d]);
+            let speed = velocity.of(&at.motion.rate, d);
+            a += velocity.before[d].cross_motion(s).scaled(speed);
+            a += s.scaled(if d < n {
+                at.acceleration[d]
+            } else {
+                nodes[d - n]
+            });
         }
         spatial.push(a);
     }

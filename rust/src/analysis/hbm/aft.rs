@@ -21,6 +21,8 @@ pub struct Aft {
     slots: Slots,
     n_c: usize,
     phase: Vec<f64>,
+    /// exp(i k tau/2) per term where the samples lie in the middle of the usual intervals, else empty
+    turn: Vec<c64>,
     spectrum: Vec<c64>,
     u: Vec<f64>,
     v: Vec<f64>,
@@ -86,6 +88,8 @@ impl Force {
 pub enum Want {
     Force,
     Jacobian,
+    /// df/du and df/dv at the samples, no coefficients
+    Tangents,
 }
 
 impl Aft {
@@ -104,6 +108,7 @@ impl Aft {
             slots,
             n_c,
             phase: phase.iter().map(|t| t * basis.subharmonic).collect(),
+            turn: Vec::new(),
             u: vec![0.0; n],
             v: vec![0.0; n],
             dv: vec![0.0; n],
@@ -117,6 +122,21 @@ impl Aft {
             jacobian: vec![0.0; n_c * n_c],
             damping: vec![0.0; n_c * n_c],
         }
+    }
+
+    /// For periodic motions alone: `n` samples at the middles of n intervals of the period, without tables for laws with memory.
+    pub fn between(basis: &Basis, n: usize) -> Aft {
+        let half = std::f64::consts::PI / n as f64;
+        let mut aft = Aft::new(basis, &[n], false);
+        aft.turn = basis
+            .indices
+            .iter()
+            .map(|k| c64::cis(f64::from(k[0]) * half))
+            .collect();
+        for phase in &mut aft.phase {
+            *phase += half * basis.subharmonic;
+        }
+        aft
     }
 
     /// Samples per dimension.
@@ -133,6 +153,13 @@ impl Aft {
         slope: &[f64],
         want: Want,
     ) -> Result<()> {
+        let turned: Vec<f64>;
+        let u = if self.turn.is_empty() {
+            u
+        } else {
+            turned = rotated(u, &self.turn);
+            &turned
+        };
         synthesise(
             &mut self.grid,
             &self.slots,
@@ -211,6 +238,12 @@ impl Aft {
 
     /// Coefficients of the samples, and the Jacobian from the tangents if wanted.
     fn gather(&mut self, moving: bool, frequency: &[f64], want: Want) {
+        if want == Want::Tangents {
+            if !moving {
+                self.f_v.fill(0.0);
+            }
+            return;
+        }
         self.analyse_force();
         if want == Want::Force {
             return;
@@ -385,6 +418,16 @@ fn synthesise(
         }
     }
     grid.synthesise(spectrum, samples);
+}
+
+/// Coefficients of the same motion seen a little later: every term turned by its phase.
+fn rotated(u: &[f64], turn: &[c64]) -> Vec<f64> {
+    let mut out = u.to_vec();
+    for (h, t) in turn.iter().enumerate() {
+        let c = c64::new(u[2 * h + 1], -u[2 * h + 2]) * t;
+        (out[2 * h + 1], out[2 * h + 2]) = (c.re, -c.im);
+    }
+    out
 }
 
 fn collect(slots: &Slots, spectrum: &[c64], coefficients: &mut [f64]) {

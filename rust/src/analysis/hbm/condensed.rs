@@ -6,7 +6,14 @@ use num_complex::Complex64 as c64;
 
 use super::factor::{Factor, Ldl, Pattern};
 use super::linear::{Block, DynamicStiffness, Forces, Matrices, STABILITY_COORDINATES, reordered};
+use super::refined::Solution;
 use crate::error::{Error, Result};
+
+/// Part of S that rounding of a factorisation may change, by its bound, before it is refined.
+const FELT: f64 = 1e-6;
+/// Correction of S by a residual, relative to it, after which the next one would not count.
+const SETTLED: f64 = 1e-7;
+const REFINEMENTS: usize = 6;
 
 /// One entry of M, C and K at the same place.
 #[derive(Debug, Clone, Copy)]
@@ -119,6 +126,42 @@ impl Split {
         }
     }
 
+    /// S and its slope from the influence of the retained coordinates; returns how much of S rounding may have changed.
+    fn fill(&self, w: f64, right: &Mat<c64>, left: &Mat<c64>, block: &mut Block) -> f64 {
+        let n_r = self.retained.len();
+        let zero = c64::new(0.0, 0.0);
+        block.s.fill(zero);
+        block.s_slope.fill(zero);
+        for e in &self.rr {
+            block.s[e.row * n_r + e.column] += e.z(w);
+            block.s_slope[e.row * n_r + e.column] += e.z_slope(w);
+        }
+        let mut felt = 0.0_f64;
+        for j in 0..n_r {
+            let right = right.col_as_slice(j);
+            for e in &self.rl {
+                block.s[e.row * n_r + j] += e.z(w) * right[e.column];
+                block.s_slope[e.row * n_r + j] += e.z_slope(w) * right[e.column];
+            }
+            for i in 0..n_r {
+                let left = left.col_as_slice(i);
+                let (mut sum, mut size) = (zero, 0.0);
+                for e in &self.ll {
+                    sum += left[e.row] * e.z_slope(w) * right[e.column];
+                    size += left[e.row].l1_norm() * e.k.abs() * right[e.column].l1_norm();
+                }
+                block.s_slope[i * n_r + j] += sum;
+                felt = felt.max(f64::EPSILON * size);
+            }
+        }
+        for i in 0..n_r {
+            for e in &self.lr {
+                block.s_slope[i * n_r + e.column] += left[(e.row, i)] * e.z_slope(w);
+            }
+        }
+        felt
+    }
+
     fn pattern(&self) -> Pattern {
         let entries: Vec<(usize, usize)> = self.ll.iter().map(|e| (e.row, e.column)).collect();
         Pattern::new(self.local.len(), &entries)
@@ -179,11 +222,53 @@ impl Condensed {
         (right, Some(left))
     }
 
+    /// -Z_ll^-1 Z_lr and S with what rounding had taken from them.
+    fn refined(
+        &mut self,
+        w: f64,
+        right: Mat<c64>,
+        left: Option<&Mat<c64>>,
+    ) -> Result<(Mat<c64>, Vec<c64>)> {
+        let split = self.split.clone();
+        let n_r = right.ncols();
+        let held = Mat::<c64>::identity(n_r, n_r);
+        let mut solution = Solution::new(right);
+        for _ in 0..REFINEMENTS {
+            let mut residual = solution.residual(&split.ll, &split.lr, &held, None, w);
+            let missing = left.unwrap_or(&solution.x).transpose() * &residual;
+            let s = solution.schur(&split.rr, &split.rl, w) - &missing;
+            if missing.norm_max() <= SETTLED * s.norm_max() {
+                let s = (0..n_r * n_r).map(|at| s[(at / n_r, at % n_r)]).collect();
+                return Ok((solution.x, s));
+            }
+            self.factor.solve(&mut residual, false);
+            solution.add(&residual);
+        }
+        Err(Error::singular(format!(
+            "at {w} rad/s rounding leaves nothing of the condensed stiffness: the structure is divided too finely for numbers of \
+             double precision; take fewer elements"
+        )))
+    }
+
     /// Z_ll^-1 f_l
     fn particular(&mut self, force: &[c64]) -> Mat<c64> {
         let mut v = Mat::from_fn(self.split.local.len(), 1, |i, _| force[self.split.local[i]]);
         self.factor.solve(&mut v, false);
         v
+    }
+}
+
+fn largest(s: &[c64]) -> f64 {
+    s.iter().map(|z| z.l1_norm()).fold(0.0, f64::max)
+}
+
+fn finite(block: &Block, w: f64) -> Result<()> {
+    if block.s.iter().all(|x| x.re.is_finite() && x.im.is_finite()) {
+        Ok(())
+    } else {
+        Err(Error::singular(format!(
+            "the condensed coordinates are singular at {w} rad/s; use condense=False"
+        )))
     }
 }
 
@@ -196,48 +281,35 @@ impl DynamicStiffness for Condensed {
         self.split.n
     }
 
+    fn extrapolates(&self) -> f64 {
+        1e-7
+    }
+
     fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()> {
         self.factorise(w)?;
-        let (right, left) = self.influence(w);
-        let left = left.as_ref().unwrap_or(&right);
+        let (mut right, left) = self.influence(w);
         let split = self.split.clone();
         let n_r = split.retained.len();
         let zero = c64::new(0.0, 0.0);
-        for part in [
-            &mut block.s,
-            &mut block.s_slope,
-            &mut block.force,
-            &mut block.force_slope,
-        ] {
-            part.fill(zero);
+        block.force.fill(zero);
+        block.force_slope.fill(zero);
+        let felt = split.fill(w, &right, left.as_ref().unwrap_or(&right), block);
+        if felt > FELT * largest(&block.s) {
+            let s;
+            (right, s) = self.refined(w, right, left.as_ref())?;
+            split.fill(w, &right, left.as_ref().unwrap_or(&right), block);
+            block.s = s;
         }
-        for e in &split.rr {
-            block.s[e.row * n_r + e.column] += e.z(w);
-            block.s_slope[e.row * n_r + e.column] += e.z_slope(w);
-        }
-        for j in 0..n_r {
-            for e in &split.rl {
-                block.s[e.row * n_r + j] += e.z(w) * right[(e.column, j)];
-                block.s_slope[e.row * n_r + j] += e.z_slope(w) * right[(e.column, j)];
-            }
-            for i in 0..n_r {
-                let mut sum = zero;
-                for e in &split.ll {
-                    sum += left[(e.row, i)] * e.z_slope(w) * right[(e.column, j)];
-                }
-                block.s_slope[i * n_r + j] += sum;
-            }
-        }
-        for i in 0..n_r {
-            for e in &split.lr {
-                block.s_slope[i * n_r + e.column] += left[(e.row, i)] * e.z_slope(w);
-            }
-        }
+        let left = left.as_ref().unwrap_or(&right);
         if let Some(force) = split.forces.get(term).and_then(Option::as_ref) {
-            let left = left.clone();
-            let v = self.particular(force);
             for i in 0..n_r {
                 block.force[i] = force[split.retained[i]];
+            }
+            if split.local.iter().all(|old| force[*old] == zero) {
+                return finite(block, w);
+            }
+            let v = self.particular(force);
+            for i in 0..n_r {
                 for (l, old) in split.local.iter().enumerate() {
                     block.force[i] += left[(l, i)] * force[*old];
                 }
@@ -249,28 +321,34 @@ impl DynamicStiffness for Condensed {
                 block.force_slope[e.row] -= e.z_slope(w) * v[(e.column, 0)];
             }
         }
-        if block.s.iter().all(|x| x.re.is_finite() && x.im.is_finite()) {
-            Ok(())
-        } else {
-            Err(Error::singular(format!(
-                "the condensed coordinates are singular at {w} rad/s; use condense=False"
-            )))
-        }
+        finite(block, w)
     }
 
     fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()> {
         self.factorise(w)?;
         let split = self.split.clone();
-        let mut b = Mat::<c64>::zeros(split.local.len(), 1);
+        let mut load = Mat::<c64>::zeros(split.local.len(), 1);
         if let Some(force) = split.forces.get(term).and_then(Option::as_ref) {
             for (l, old) in split.local.iter().enumerate() {
-                b[(l, 0)] = force[*old] * factor;
+                load[(l, 0)] = force[*old] * factor;
             }
         }
+        let held = Mat::from_fn(y.len(), 1, |i, _| y[i]);
+        let mut b = load.clone();
         for e in &split.lr {
             b[(e.row, 0)] -= e.z(w) * y[e.column];
         }
         self.factor.solve(&mut b, false);
+        let mut solution = Solution::new(b);
+        for _ in 0..REFINEMENTS {
+            let mut change = solution.residual(&split.ll, &split.lr, &held, Some(&load), w);
+            self.factor.solve(&mut change, false);
+            solution.add(&change);
+            if change.norm_max() <= 1e-12 * solution.x.norm_max() {
+                break;
+            }
+        }
+        let b = solution.x;
         for (i, old) in split.retained.iter().enumerate() {
             x[*old] = y[i];
         }

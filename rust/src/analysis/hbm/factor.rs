@@ -110,7 +110,8 @@ fn out_of_memory<E>(_: E) -> Error {
     Error::singular("the sparse factorisation ran out of memory; reduce the system first")
 }
 
-/// L D L^T of a complex symmetric matrix (not Hermitian), in the order of approximate minimum degree.
+/// L D L^T of a complex symmetric matrix (not Hermitian); the order is that of approximate minimum degree, or the given one where
+/// that fills in no more, and its numbers follow the elimination tree, so that neighbours lie near each other in memory.
 pub struct Ldl {
     n: usize,
     /// new place of each old index, and the reverse
@@ -120,15 +121,16 @@ pub struct Ldl {
     start: Vec<usize>,
     row: Vec<usize>,
     position: Vec<usize>,
-    parent: Vec<usize>,
+    /// per row of L its columns, in the order in which they are eliminated
+    order_start: Vec<usize>,
+    order: Vec<usize>,
     l_start: Vec<usize>,
     l_row: Vec<usize>,
     l: Vec<c64>,
-    d: Vec<c64>,
+    inverse: Vec<c64>,
     scratch: Vec<c64>,
-    /// entries of each column of L so far, and the last row that has met each index
+    /// entries of each column of L so far
     filled: Vec<usize>,
-    mark: Vec<usize>,
 }
 
 /// The old index whose pivot vanished.
@@ -138,25 +140,17 @@ pub struct ZeroPivot(pub usize);
 const NONE: usize = usize::MAX;
 const SMALLEST_PIVOT: f64 = 1e-13;
 
-impl Ldl {
-    pub fn new(pattern: &Pattern) -> Result<Ldl> {
-        let n = pattern.n;
-        let (mut old, mut place) = (vec![0_usize; n], vec![0_usize; n]);
-        let symbolic =
-            SymbolicSparseColMatRef::new_checked(n, n, &pattern.start, None, &pattern.row);
-        let mut memory =
-            dyn_stack::MemBuffer::try_new(amd::order_scratch::<usize>(n, pattern.row.len()))
-                .map_err(out_of_memory)?;
-        amd::order(
-            &mut old,
-            &mut place,
-            symbolic,
-            amd::Control::default(),
-            dyn_stack::MemStack::new(&mut memory),
-        )
-        .map_err(out_of_memory)?;
-        let mut columns: Vec<Vec<(usize, usize)>> = vec![Vec::new(); n];
-        for column in 0..n {
+/// Upper triangle by columns in a new order.
+struct Upper {
+    start: Vec<usize>,
+    row: Vec<usize>,
+    position: Vec<usize>,
+}
+
+impl Upper {
+    fn new(pattern: &Pattern, place: &[usize]) -> Upper {
+        let mut columns: Vec<Vec<(usize, usize)>> = vec![Vec::new(); pattern.n];
+        for column in 0..pattern.n {
             for at in pattern.start[column]..pattern.start[column + 1] {
                 let (i, j) = (place[pattern.row[at]], place[column]);
                 if i <= j {
@@ -174,71 +168,118 @@ impl Ldl {
             }
             start.push(row.len());
         }
-        let (parent, l_start) = elimination_tree(n, &start, &row);
-        let nonzeros = l_start[n];
-        let zero = c64::new(0.0, 0.0);
-        Ok(Ldl {
-            n,
-            place,
-            old,
+        Upper {
             start,
             row,
             position,
-            parent,
-            l_start,
+        }
+    }
+}
+
+fn minimum_degree(pattern: &Pattern) -> Result<Vec<usize>> {
+    let n = pattern.n;
+    let (mut old, mut place) = (vec![0_usize; n], vec![0_usize; n]);
+    let symbolic = SymbolicSparseColMatRef::new_checked(n, n, &pattern.start, None, &pattern.row);
+    let scratch = amd::order_scratch::<usize>(n, pattern.row.len());
+    let mut memory = dyn_stack::MemBuffer::try_new(scratch).map_err(out_of_memory)?;
+    amd::order(
+        &mut old,
+        &mut place,
+        symbolic,
+        amd::Control::default(),
+        dyn_stack::MemStack::new(&mut memory),
+    )
+    .map_err(out_of_memory)?;
+    Ok(old)
+}
+
+fn inverse_of(old: &[usize]) -> Vec<usize> {
+    let mut place = vec![0; old.len()];
+    for (new, o) in old.iter().enumerate() {
+        place[*o] = new;
+    }
+    place
+}
+
+impl Ldl {
+    pub fn new(pattern: &Pattern) -> Result<Ldl> {
+        let n = pattern.n;
+        let given: Vec<usize> = (0..n).collect();
+        let degree = minimum_degree(pattern)?;
+        let found = Upper::new(pattern, &inverse_of(&degree));
+        let (parent, l_start) =
+            elimination_tree(n, &found, usize::MAX).ok_or_else(|| out_of_memory(()))?;
+        let old = match elimination_tree(n, &Upper::new(pattern, &given), l_start[n]) {
+            Some(_) => given,
+            None => postorder(&parent).into_iter().map(|i| degree[i]).collect(),
+        };
+        let place = inverse_of(&old);
+        let upper = Upper::new(pattern, &place);
+        let (parent, l_start) =
+            elimination_tree(n, &upper, usize::MAX).ok_or_else(|| out_of_memory(()))?;
+        let (order_start, order) = elimination_order(n, &upper, &parent);
+        let zero = c64::new(0.0, 0.0);
+        let nonzeros = l_start[n];
+        let mut ldl = Ldl {
+            n,
+            place,
+            old,
+            start: upper.start,
+            row: upper.row,
+            position: upper.position,
+            order_start,
+            order,
             l_row: vec![0; nonzeros],
             l: vec![zero; nonzeros],
-            d: vec![zero; n],
+            l_start,
+            inverse: vec![zero; n],
             scratch: vec![zero; n],
             filled: vec![0; n],
-            mark: vec![NONE; n],
-        })
+        };
+        ldl.place_rows();
+        Ok(ldl)
+    }
+
+    /// Where the entries of L lie does not depend on their values.
+    fn place_rows(&mut self) {
+        for k in 0..self.n {
+            for &i in &self.order[self.order_start[k]..self.order_start[k + 1]] {
+                self.l_row[self.l_start[i] + self.filled[i]] = k;
+                self.filled[i] += 1;
+            }
+        }
     }
 
     pub fn factorise(&mut self, values: &[c64]) -> std::result::Result<(), ZeroPivot> {
-        let n = self.n;
         let y = &mut self.scratch;
-        let (filled, mark) = (&mut self.filled, &mut self.mark);
-        filled.fill(0);
-        mark.fill(NONE);
-        let (mut path, mut order) = (Vec::new(), Vec::new());
-        for k in 0..n {
-            mark[k] = k;
-            order.clear();
+        self.filled.fill(0);
+        for k in 0..self.n {
             let mut size = 0.0_f64;
             for at in self.start[k]..self.start[k + 1] {
-                let mut i = self.row[at];
-                y[i] += values[self.position[at]];
-                size = size.max(values[self.position[at]].norm());
-                path.clear();
-                while mark[i] != k {
-                    path.push(i);
-                    mark[i] = k;
-                    i = self.parent[i];
-                }
-                // a path is eliminated before what was found so far: rows then come in a topological order, read from the end
-                order.extend(path.drain(..).rev());
+                let value = values[self.position[at]];
+                y[self.row[at]] += value;
+                size = size.max(value.l1_norm());
             }
             let mut d = y[k];
             y[k] = c64::new(0.0, 0.0);
-            for &i in order.iter().rev() {
+            for &i in &self.order[self.order_start[k]..self.order_start[k + 1]] {
                 let y_i = y[i];
                 y[i] = c64::new(0.0, 0.0);
-                let first = self.l_start[i];
-                for at in first..first + filled[i] {
-                    y[self.l_row[at]] -= self.l[at] * y_i;
+                let (first, end) = (self.l_start[i], self.l_start[i] + self.filled[i]);
+                for (l, row) in self.l[first..end].iter().zip(&self.l_row[first..end]) {
+                    y[*row] -= l * y_i;
                 }
-                let l = y_i / self.d[i];
+                let l = y_i * self.inverse[i];
                 d -= l * y_i;
-                self.l_row[first + filled[i]] = k;
-                self.l[first + filled[i]] = l;
-                filled[i] += 1;
+                self.l[end] = l;
+                self.filled[i] += 1;
             }
-            if d.norm() <= SMALLEST_PIVOT * size || d.norm().is_nan() {
+            let pivot = d.l1_norm();
+            if pivot <= SMALLEST_PIVOT * size || !pivot.is_finite() {
                 y.fill(c64::new(0.0, 0.0));
                 return Err(ZeroPivot(self.old[k]));
             }
-            self.d[k] = d;
+            self.inverse[k] = 1.0 / d;
         }
         Ok(())
     }
@@ -250,14 +291,16 @@ impl Ldl {
         }
         for j in 0..self.n {
             let y_j = y[j];
-            for at in self.l_start[j]..self.l_start[j + 1] {
-                y[self.l_row[at]] -= self.l[at] * y_j;
+            let part = self.l_start[j]..self.l_start[j + 1];
+            for (l, row) in self.l[part.clone()].iter().zip(&self.l_row[part]) {
+                y[*row] -= l * y_j;
             }
         }
         for j in (0..self.n).rev() {
-            let mut sum = y[j] / self.d[j];
-            for at in self.l_start[j]..self.l_start[j + 1] {
-                sum -= self.l[at] * y[self.l_row[at]];
+            let mut sum = y[j] * self.inverse[j];
+            let part = self.l_start[j]..self.l_start[j + 1];
+            for (l, row) in self.l[part.clone()].iter().zip(&self.l_row[part]) {
+                sum -= l * y[*row];
             }
             y[j] = sum;
         }
@@ -268,28 +311,83 @@ impl Ldl {
     }
 }
 
-/// Parents of the elimination tree and where the columns of L begin.
-fn elimination_tree(n: usize, start: &[usize], row: &[usize]) -> (Vec<usize>, Vec<usize>) {
+/// Parents of the elimination tree and where the columns of L begin; None where L has more than `most` entries.
+fn elimination_tree(n: usize, upper: &Upper, most: usize) -> Option<(Vec<usize>, Vec<usize>)> {
     let (mut parent, mut count, mut mark) = (vec![NONE; n], vec![0; n], vec![NONE; n]);
+    let mut entries = 0;
     for k in 0..n {
         mark[k] = k;
-        for r in &row[start[k]..start[k + 1]] {
+        for r in &upper.row[upper.start[k]..upper.start[k + 1]] {
             let mut i = *r;
             while mark[i] != k {
                 if parent[i] == NONE {
                     parent[i] = k;
                 }
                 count[i] += 1;
+                entries += 1;
                 mark[i] = k;
                 i = parent[i];
             }
+        }
+        if entries > most {
+            return None;
         }
     }
     let mut l_start = vec![0; n + 1];
     for i in 0..n {
         l_start[i + 1] = l_start[i] + count[i];
     }
-    (parent, l_start)
+    Some((parent, l_start))
+}
+
+/// Children before their parents, each subtree together.
+fn postorder(parent: &[usize]) -> Vec<usize> {
+    let n = parent.len();
+    let (mut first, mut next) = (vec![NONE; n], vec![NONE; n]);
+    let mut stack = Vec::new();
+    for i in (0..n).rev() {
+        match parent[i] {
+            NONE => stack.push(i),
+            p => (next[i], first[p]) = (first[p], i),
+        }
+    }
+    stack.reverse();
+    let mut out = Vec::with_capacity(n);
+    while let Some(&i) = stack.last() {
+        let child = first[i];
+        if child == NONE {
+            out.push(i);
+            stack.pop();
+        } else {
+            first[i] = next[child];
+            stack.push(child);
+        }
+    }
+    out
+}
+
+/// Per row of L the columns of its entries: a path of the tree is eliminated before what was found of the row so far.
+fn elimination_order(n: usize, upper: &Upper, parent: &[usize]) -> (Vec<usize>, Vec<usize>) {
+    let mut mark = vec![NONE; n];
+    let (mut starts, mut all) = (vec![0], Vec::new());
+    let (mut path, mut order) = (Vec::new(), Vec::new());
+    for k in 0..n {
+        mark[k] = k;
+        order.clear();
+        for r in &upper.row[upper.start[k]..upper.start[k + 1]] {
+            let mut i = *r;
+            path.clear();
+            while mark[i] != k {
+                path.push(i);
+                mark[i] = k;
+                i = parent[i];
+            }
+            order.extend(path.drain(..).rev());
+        }
+        all.extend(order.iter().rev());
+        starts.push(all.len());
+    }
+    (starts, all)
 }
 
 #[cfg(test)]

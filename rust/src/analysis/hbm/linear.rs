@@ -28,6 +28,33 @@ impl Block {
             force_slope: vec![zero; n],
         }
     }
+
+    /// How much S changes over a step of the frequency, to first order and relative to its largest entry.
+    pub fn change(&self, step: f64) -> f64 {
+        let largest = |a: &[c64]| a.iter().map(|z| z.l1_norm()).fold(0.0, f64::max);
+        largest(&self.s_slope) * step.abs() / largest(&self.s)
+    }
+
+    /// Largest difference of S from other values, relative to its largest entry.
+    pub fn distance(&self, other: &[c64]) -> f64 {
+        let pairs = self.s.iter().zip(other);
+        let off = pairs.map(|(a, b)| (a - b).l1_norm()).fold(0.0, f64::max);
+        off / self.s.iter().map(|z| z.l1_norm()).fold(0.0, f64::max)
+    }
+
+    /// S and the force a small step of the frequency further, by their slopes.
+    pub fn extrapolate(&mut self, step: f64) {
+        let pairs = [
+            (&mut self.s, &self.s_slope),
+            (&mut self.force, &self.force_slope),
+        ];
+        for (value, slope) in pairs {
+            value
+                .iter_mut()
+                .zip(slope)
+                .for_each(|(v, d)| *v += d * step);
+        }
+    }
 }
 
 /// Per term (0 is the constant one) the complex force on all coordinates: f(t) = Re sum f_j exp(i phi_j).
@@ -41,6 +68,10 @@ pub trait DynamicStiffness: Send {
     fn full_size(&self) -> usize;
     /// Fills `block` at the circular frequency w, with the force of this term.
     fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()>;
+    /// Relative change of S up to which its slope does in place of another evaluation; 0 where that is cheap.
+    fn extrapolates(&self) -> f64 {
+        0.0
+    }
     /// All coordinates, given the retained ones and the factor on the force.
     fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()>;
     /// The retained coordinates, by their numbers in the system.

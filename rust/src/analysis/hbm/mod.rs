@@ -5,6 +5,7 @@
 pub mod aft;
 pub mod autonomous;
 pub mod basis;
+mod blocks;
 pub mod condensed;
 pub mod estimate;
 pub mod factor;
@@ -14,5 +15,6 @@ pub mod linear;
 pub mod modal;
 pub mod peak;
 pub mod problem;
+pub mod refined;
 pub mod response;
 pub mod start;

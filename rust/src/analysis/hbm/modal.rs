@@ -45,10 +45,12 @@ impl Modes {
             };
             (0..self.local.len()).map(column).collect()
         };
+        // a force on retained coordinates alone does not move the modes
+        let moves = |f: &&Vec<c64>| self.local.iter().any(|old| f[*old] != c64::new(0.0, 0.0));
         self.modal_forces = self
             .forces
             .iter()
-            .map(|f| f.as_ref().map(project))
+            .map(|f| f.as_ref().filter(moves).map(project))
             .collect();
     }
 
@@ -132,6 +134,10 @@ impl DynamicStiffness for Modal {
         self.0.n
     }
 
+    fn extrapolates(&self) -> f64 {
+        1e-8
+    }
+
     fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()> {
         let modes = &self.0;
         let n_r = modes.retained.len();
@@ -183,19 +189,19 @@ impl DynamicStiffness for Modal {
         for (i, old) in modes.retained.iter().enumerate() {
             x[*old] = y[i];
         }
-        for old in &modes.local {
-            x[*old] = c64::new(0.0, 0.0);
-        }
         let modal = modes.modal_forces.get(term).and_then(Option::as_ref);
+        let mut amplitude = Mat::<f64>::zeros(modes.local.len(), 2);
         for k in 0..modes.local.len() {
             let mut q = modal.map_or(c64::new(0.0, 0.0), |f| f[k] * factor);
             for (j, y) in y.iter().enumerate() {
                 q -= z(&modes.lr, k * n_r + j, w) * y;
             }
             q /= modes.pole(k, w);
-            for (l, old) in modes.local.iter().enumerate() {
-                x[*old] += q * modes.shape[(l, k)];
-            }
+            (amplitude[(k, 0)], amplitude[(k, 1)]) = (q.re, q.im);
+        }
+        let motion = &modes.shape * amplitude;
+        for (l, old) in modes.local.iter().enumerate() {
+            x[*old] = c64::new(motion[(l, 0)], motion[(l, 1)]);
         }
         Ok(())
     }

@@ -6,8 +6,9 @@ use num_complex::Complex64 as c64;
 
 use super::aft::{Aft, Force, Want};
 use super::basis::Basis;
+use super::blocks::Blocks;
 use super::family::{Member, Placed};
-use super::linear::{Block, DynamicStiffness};
+use super::linear::DynamicStiffness;
 use crate::error::{Error, Result};
 use crate::solve::{Curve, Linearisation};
 
@@ -50,8 +51,7 @@ pub struct Problem {
     pub family: Option<Placed>,
     n: usize,
     retained: Vec<Vec<(usize, f64)>>,
-    blocks: Vec<Block>,
-    blocks_at: Vec<f64>,
+    blocks: Blocks,
     coefficients: Vec<f64>,
     /// the first element whose force was not finite at the last evaluation
     pub broken: Option<usize>,
@@ -79,8 +79,7 @@ impl Problem {
             .collect::<Result<_>>()?;
         Ok(Problem {
             retained,
-            blocks: vec![Block::new(n); basis.n_harmonics() + 1],
-            blocks_at: vec![f64::NAN; basis.n_harmonics() + 1],
+            blocks: Blocks::new(basis.n_harmonics() + 1, n),
             coefficients: vec![0.0; basis.n_coefficients()],
             n,
             aft,
@@ -126,12 +125,7 @@ impl Problem {
         self.level = other.level;
         self.ramp = other.ramp;
         self.parameter = other.parameter;
-        for (j, w) in other.blocks_at.iter().enumerate() {
-            if self.blocks_at[j] != *w {
-                self.blocks[j].clone_from(&other.blocks[j]);
-                self.blocks_at[j] = *w;
-            }
-        }
+        self.blocks.follow(&other.blocks);
         Ok(())
     }
 
@@ -163,7 +157,7 @@ impl Problem {
             .map(|e| linear.retain(&e.direction))
             .collect::<Result<_>>()?;
         (self.linear, self.elements) = (linear, elements);
-        self.blocks_at.fill(f64::NAN);
+        self.blocks.forget();
         Ok(())
     }
 
@@ -178,7 +172,7 @@ impl Problem {
             return Ok(());
         };
         let (linear, elements) = (self.linear.copied()?, self.elements.clone());
-        let (blocks, blocks_at) = (self.blocks.clone(), self.blocks_at.clone());
+        let blocks = self.blocks.clone();
         let mut other = Linearisation::without_jacobian(y.len());
         out.slope.fill(0.0);
         for sign in [1.0, -1.0] {
@@ -189,7 +183,7 @@ impl Problem {
             }
         }
         self.install(Member { linear, elements })?;
-        (self.blocks, self.blocks_at) = (blocks, blocks_at);
+        self.blocks = blocks;
         Ok(())
     }
 
@@ -241,15 +235,11 @@ impl Problem {
         (self.ramp * level, slope)
     }
 
-    /// The blocks depend on frequencies alone, and those often stay.
-    fn update_blocks(&mut self) -> Result<()> {
+    /// The blocks depend on frequencies alone, and those often stay, or move less than rounding lets them be told apart.
+    pub fn update_blocks(&mut self) -> Result<()> {
         for (j, w) in self.all_frequencies().into_iter().enumerate() {
-            if self.blocks_at[j] != w {
-                self.blocks_at[j] = f64::NAN;
-                self.linear.evaluate(w, j, &mut self.blocks[j])?;
-                self.blocks_at[j] = w;
-                self.factorisations += 1;
-            }
+            let computed = self.blocks.update(self.linear.as_mut(), j, w)?;
+            self.factorisations += u64::from(computed);
         }
         Ok(())
     }
@@ -262,7 +252,7 @@ impl Problem {
 
     fn add_linear(&self, y: &[f64], slope: &[f64], out: &mut Linearisation, want: Want) {
         let n = self.n;
-        for (j, block) in self.blocks.iter().enumerate() {
+        for (j, block) in self.blocks.each.iter().enumerate() {
             let (cos, sin) = ((2 * j).saturating_sub(1) * n, 2 * j * n);
             let rate = if j == 0 { 0.0 } else { slope[j - 1] };
             let (factor, factor_slope) = self.force_factor(j);
@@ -407,7 +397,7 @@ impl Problem {
         std::mem::swap(&mut self.aft, sampler);
         let n_e = self.elements.len();
         let one = |e: usize| -> Result<(Vec<f64>, Vec<f64>)> {
-            self.evaluate_element(e, y, Want::Jacobian)?;
+            self.evaluate_element(e, y, Want::Tangents)?;
             let (f_u, f_v) = self.aft.tangents();
             Ok((f_u.to_vec(), f_v.to_vec()))
         };
@@ -457,6 +447,10 @@ impl Curve for Problem {
     fn residual(&mut self, y: &[f64], parameter: f64, out: &mut Linearisation) -> Result<()> {
         self.set_parameter(parameter)?;
         self.run(y, out, Want::Force)
+    }
+
+    fn rounding(&self) -> f64 {
+        self.blocks.noise
     }
 
     /// Per coordinate the largest of its coefficients, kept from vanishing beside the other coordinates.

@@ -202,6 +202,7 @@ impl Follower {
             }
             None => None,
         };
+        self.problem.update_blocks()?;
         let estimate = self.estimator.estimate(&self.problem, point.y())?;
         self.last.clone_from(&floquet);
         self.records.push(Record {

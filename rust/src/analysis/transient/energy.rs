@@ -1,10 +1,11 @@
 //! Energies and powers along a motion, and the coordinates of all joints.
 use crate::laws::Law;
-use crate::model::joint::Coordinate;
+use crate::model::flexible::FlexibleGeometry;
+use crate::model::joint::{Coordinate, JointKind};
 use crate::spatial::{Six, V3, log_so3};
 use crate::system::connector::{motion_of, relative_of};
 use crate::system::placement::Placement;
-use crate::system::topology::Connector;
+use crate::system::topology::{Connector, Modal, Node};
 
 use super::{Equations, Motion};
 
@@ -18,6 +19,7 @@ pub struct ElementEnergy {
 pub struct Energies {
     pub kinetic: f64,
     pub gravity: f64,
+    /// of all connectors, then of flexible bodies
     pub elements: Vec<ElementEnergy>,
 }
 
@@ -62,16 +64,44 @@ impl Equations<'_, f64> {
                 gravity -= body.mass * g.dot(&pose.p);
             }
         }
-        let elements = topology
-            .connectors
-            .iter()
-            .map(|c| self.element_energy(&placement, m, c))
-            .collect();
+        kinetic += self.scene(m, &placement, None).modal_kinetic();
+        if let Some(g) = g {
+            gravity -= self.scene(m, &placement, None).modal_moment().dot(&g);
+        }
+        let connectors = topology.connectors.iter();
+        let elements = connectors.map(|c| self.element_energy(&placement, m, c));
+        let elements = elements.chain(self.modal_energies(&placement, m)).collect();
         Energies {
             kinetic,
             gravity,
             elements,
         }
+    }
+
+    /// Strain energy of flexible bodies, and what their stiffness and damping take.
+    fn modal_energies(&self, placement: &Placement<f64>, m: &Motion<f64>) -> Vec<ElementEnergy> {
+        let topology = self.topology();
+        let first = topology.n_tree - placement.modal.len();
+        let of = |(modal, g): (&Modal, &FlexibleGeometry<f64>)| {
+            let (n, q) = (modal.m, &placement.modal[modal.first - first..]);
+            let v = &m.rate[modal.first..];
+            let (mut stored, mut power) = (0.0, 0.0);
+            for k in 0..n {
+                for l in 0..n {
+                    stored += 0.5 * q[k] * g.k[k * n + l] * q[l];
+                    power += v[k] * g.k[k * n + l] * q[l];
+                    if self.effects.damping && !g.c.is_empty() {
+                        power += v[k] * g.c[k * n + l] * v[l];
+                    }
+                }
+            }
+            ElementEnergy {
+                stored: Some(stored),
+                power,
+            }
+        };
+        let all = topology.modal.iter().zip(&self.geometry.flexible);
+        all.map(of).collect()
     }
 
     fn element_energy(
@@ -139,7 +169,7 @@ impl Equations<'_, f64> {
             .nodes
             .iter()
             .zip(&m.relative)
-            .filter(|(n, _)| n.joint.is_none());
+            .filter(|(n, _)| n.joint.is_none() && n.kind != JointKind::Node);
         for (_, pose) in loose {
             let turned = log_so3(&pose.r);
             out.extend(pose.p.iter().chain(turned.iter()));
@@ -158,7 +188,8 @@ impl Equations<'_, f64> {
         let mut out: Vec<bool> = joints
             .map(|c| matches!(c, Coordinate::Angle { .. }))
             .collect();
-        let loose = topology.nodes.iter().filter(|n| n.joint.is_none()).count();
+        let free = |n: &&Node| n.joint.is_none() && n.kind != JointKind::Node;
+        let loose = topology.nodes.iter().filter(free).count();
         out.extend(std::iter::repeat_n(false, 6 * loose));
         out
     }

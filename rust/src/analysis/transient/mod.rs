@@ -385,6 +385,9 @@ impl<'a, T: Real> Equations<'a, T> {
             let sign = T::from(if node.reversed { -1.0 } else { 1.0 });
             let turned = q.r * p.r.transpose();
             let inner = log_so3(&turned);
+            if node.kind == JointKind::Node {
+                continue;
+            }
             let universal = (node.kind == JointKind::Universal)
                 .then(|| universal_angles(node.reversed, &p.r, &q.r));
             for (k, f) in node.kind.freedoms(node.reversed).iter().enumerate() {
@@ -394,6 +397,12 @@ impl<'a, T: Real> Equations<'a, T> {
                     (true, None) => inner[f.axis],
                 };
                 out[node.first + k] = d * sign;
+            }
+        }
+        for modal in &topology.modal {
+            for k in 0..modal.m {
+                let (pose, i) = (modal.pose + k / 3, k % 3);
+                out[modal.first + k] = to.relative[pose].p[i] - from.relative[pose].p[i];
             }
         }
         out
