@@ -121,6 +121,11 @@ def sections() -> dict[str, tuple[str, str, Callable[[], Any]]]:
             "One loop with redundant joints; the dead centres are the fast parts.",
             lambda: study(zoo.slider_crank()),
         ),
+        "motion-rotor": (
+            "Motion: unbalanced rigid rotor, ten turns",
+            "One coordinate under gravity; the truth is Jacobi's amplitude.",
+            lambda: study(rigid_rotor()),
+        ),
         "motion-stiff": (
             "Motion: masses on bushings, the middle one of 9e6 N/m, 1 s",
             "A fast oscillation without amplitude beside slow ones: explicit steps are bound by it, implicit ones are not.",
@@ -132,6 +137,26 @@ def sections() -> dict[str, tuple[str, str, Callable[[], Any]]]:
             lambda: study(zoo.gap()),
         ),
     }
+
+
+def rigid_rotor(turns: int = 10) -> Any:
+    """phi = 2 am(w t/2 | 4 g'/w^2) from below, g' = m g r/(J + m r^2). Data invented."""
+    from scipy.special import ellipj, ellipk
+
+    zoo = _of_tests("motion_problems")
+    w, mass, r, inertia = 40.0, 2.0, 0.1, 0.05
+    m = mb.Model("rotor", gravity=(0, -9.81, 0))
+    b = m.body(
+        "rotor", mass=mass, inertia=(inertia,) * 3, at=(0, -r, 0), velocity=(w * r, 0, 0), angular_velocity=(0, 0, w)
+    )
+    m.revolute("shaft", m.ground, b, at=(0, 0, 0), axis="z")
+    modulus = 4 * mass * 9.81 * r / (inertia + mass * r * r) / w**2
+
+    def truth(t: np.ndarray) -> dict[str, np.ndarray]:
+        phi = 2 * ellipj(0.5 * w * np.asarray(t, dtype=float), modulus)[3]
+        return {"rotor": np.stack([r * np.sin(phi), -r * np.cos(phi), 0 * phi], axis=1)}
+
+    return zoo.MotionProblem("rigid rotor", m, turns * 4 * ellipk(modulus) / w, truth, "Jacobi's am")
 
 
 def against_evaluations() -> str:

@@ -55,6 +55,8 @@ def tree(kind):
 
     def make():
         m = mb.Model(kind, gravity=(0.5, -3.0, 1.0))
+        # two coinciding points as the farthest would give the characteristic length a kink
+        m.marker("far", m.ground, at=(-3.0, -2.0, 1.0))
         a, b = _body(m, "a", (0.5, 0.1, 0), 1), _body(m, "b", (1.1, 0.2, 0.3), 2)
         m.revolute("foot", m.ground, a, at=(0, 0, 0), axis=(0.1, 1.0, 0.2), k=4.0)
         getattr(m, kind)("J", a, b, at=(0.8, 0.1, 0.1), **_frame(kind), **_forces(kind))
@@ -132,7 +134,7 @@ def _driven(name, motion, coordinate="revolute"):
     return scene(make)
 
 
-_driven("drive_sine", lambda: mb.Sine(0.4, hz=2.0, phase=0.3, offset=0.1))
+_driven("drive_sine", lambda: mb.Sine(0.4, frequency=2.0, phase=0.3, offset=0.1))
 _driven("drive_omega", lambda: mb.Sine(0.4, omega=9.0, phase=0.3))
 _driven("drive_ramp", lambda: mb.Ramp(1.5, offset=0.1))
 _driven("drive_polynomial", lambda: mb.Polynomial([0.1, 0.5, -2.0, 3.0]), "prismatic")

@@ -121,7 +121,7 @@ def test_wrong_problems_are_named():
         mb.problem(m, goal, ["rail.k"], constraints=[X], **options)
     with pytest.raises(mb.errors.ModelError, match="not among the parameters"):
         mb.problem(m, goal, ["rail.k"], bounds={"rail.c": (0, 1)}, **options)
-    with pytest.raises(mb.errors.NameNotFoundError, match="rail.k"):
+    with pytest.raises(mb.errors.NameNotFoundError, match="did you mean 'k'"):
         mb.problem(m, goal, ["rail.kk"], **options)
     with pytest.raises(mb.errors.ModelError, match="finite numbers"):
         mb.problem(m, goal, ["rail.k"], **options).fun(np.array([np.nan]))
