@@ -28,7 +28,7 @@ print(f"stroke {np.ptp(traj.position('slider')[:, 0]) * 1e3:.1f} mm, side force 
 traj.plot().savefig(folder / "slider-crank.png")
 traj.animate(folder / "slider-crank.html", paths=["pin", "rod"])
 
-m = mb.examples.slider_crank(stiffness=4.0)  # soft, so that one sees it
+m = mb.examples.slider_crank(stiffness=15.0)  # soft, so that one sees it
 rod = m["rod"].modal
 bent = mb.simulate(m, t=np.linspace(0.0, 2.0, 801), rtol=1e-8)
 print(rod, bent, sep="\n")
