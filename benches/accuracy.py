@@ -15,6 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import accuracy_gradients
 import accuracy_motion
 import accuracy_nonlinear as nonlinear
 import mbrs as mb
@@ -194,7 +195,10 @@ SECTIONS: dict[str, Callable[[], Section]] = {
     "truncation": truncation,
     "response": response,
     **{name: _motion(name, *rest) for name, rest in accuracy_motion.sections().items()},
-    **{name: lambda make=make: Section(*make()) for name, make in nonlinear.SECTIONS.items()},
+    **{
+        name: lambda make=make: Section(*make())
+        for name, make in {**accuracy_gradients.SECTIONS, **nonlinear.SECTIONS}.items()
+    },
 }
 
 

@@ -55,8 +55,8 @@ class TreeMechanism(Mechanism):
             # the normal equations with what is redundant left out
             keep = _independent(J.real)
             scaled = rate / np.where(sys.is_length, length, 1.0)
-            miss = J[keep] @ scaled + explicit_rates(sys)[0][self._order][keep]
-            change = J[keep].T @ np.linalg.solve(J[keep] @ J[keep].T, miss)
+            miss = J @ scaled + explicit_rates(sys)[0][self._order]
+            change = J[keep].T @ np.linalg.solve(J[keep] @ J[keep].T, miss[keep])
             rate = rate - change * np.where(sys.is_length, length, 1.0)
         return replace(state, v=0 * state.v, w=0 * state.w), rate
 
@@ -77,6 +77,7 @@ class TreeMechanism(Mechanism):
 
     def residual(self, t: float, q: State, v: Array, a: Array, p: Array) -> Array:
         """T^T (M (T a + T' v) + h - Q)."""
+        self.sys.t = t
         state, T, _ = self._maps(q, v)
         return T.value.T @ dyn.applied_residual(self.sys, state, T.value @ a + T.derivative(1) @ v)
 
@@ -90,7 +91,7 @@ class TreeMechanism(Mechanism):
         return tree_map(self.sys, q)[1].value.T[self._order]
 
     def rate(self, t: float, q: State, v: Array, p: Array) -> Array:
-        """J v + Phi_t: drives move by themselves."""
+        """J v + Phi_t."""
         self.sys.t = t
         return self.rows(t, q, p) @ v + explicit_rates(self.sys)[0][self._order]
 

@@ -157,5 +157,7 @@ def symmetric_and_antisymmetric(rotor: Rotor) -> list[tuple[float, str, float]]:
             continue
         power = np.abs(phi[rotor.blades]) ** 2  # (m, 3)
         alone = power[:, 0].sum() / max(power.sum(), 1e-300)
-        out.append((float(s.imag / (2 * np.pi)), "collective" if alone > 0.5 else "whirl", float(max(alone, 1 - alone))))
+        out.append(
+            (float(s.imag / (2 * np.pi)), "collective" if alone > 0.5 else "whirl", float(max(alone, 1 - alone)))
+        )
     return sorted(out)
