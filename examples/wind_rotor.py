@@ -75,7 +75,9 @@ for k, (place, name) in enumerate(zip(axes[:2], ("1st flap", "1st edge"), strict
         place.plot(t, found[:, i], color=f"C{i}", label=f"blade {i + 1}")
         place.plot(t, compared[:, i], "k:", lw=1.0, label="modal method, fixed frame" if i == 2 else None)
     place.set(ylabel=f"q{k + 1} [kg^1/2 m]", title=f"{name} coordinate")
-    print(f"{name}: up to {np.abs(found).max():.3g}, modal method off by {np.abs(found - compared).max() / np.abs(found).max():.1%}")
+    print(
+        f"{name}: up to {np.abs(found).max():.3g}, modal method off by {np.abs(found - compared).max() / np.abs(found).max():.1%}"
+    )
 shape = mb.examples.wind_blade().node_shape[mb.examples.wind_blade().node("section"), :3]
 for place, axis, name in ((axes[2], 2, "flapwise"), (axes[3], 1, "edgewise")):
     for i, blade in enumerate(blades):

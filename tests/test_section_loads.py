@@ -87,7 +87,9 @@ def test_tables_over_time_in_the_core():
     """A step of load, then none: the modal force follows its table; core and reference at several times."""
     m, f = wing()
     times = np.linspace(0.0, 0.4, 9)
-    made = m.section_load(f, [0.5, L], np.sin(7 * times)[:, None, None] * np.array([[0, 1.0, 4.0], [0, 0, 2.0]]), times=times)
+    made = m.section_load(
+        f, [0.5, L], np.sin(7 * times)[:, None, None] * np.array([[0, 1.0, 4.0], [0, 0, 2.0]]), times=times
+    )
     assert made.force.shape == (9, 3) and made.modal.shape == (9, 10)
     traj = mb.simulate(m, t=np.linspace(0, 0.4, 21), rtol=1e-9)
     sys = ref.System(tables(m))

@@ -25,8 +25,9 @@ def slider_crank(
     """A crank turning freely about z in the drawing's plane, a rod and a slider along x: one degree of freedom.
 
     ``crank`` and ``length`` (of the rod) m, ``speed`` rad/s and ``angle`` rad of the crank as drawn, ``gravity`` m/s2
-    downwards (-y), ``stiffness`` N m2 of a rod that bends (rigid without it), with the node "middle". Joints "main", "crank pin", "slider pin" and "guide"; marker "pin" on the crank pin. Spatial joints
-    on a planar loop: three redundant constraints. All data invented.
+    downwards (-y), ``stiffness`` N m2 of a rod that bends (rigid without it), with the node "middle".
+    Joints "main", "crank pin", "slider pin" and "guide"; marker "pin" on the crank pin. Spatial joints on a planar loop: three
+    redundant constraints. All data invented.
 
     Examples
     --------
