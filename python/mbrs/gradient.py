@@ -47,7 +47,7 @@ class MotionGradient(Result):
     labels, units
         Of the parameters.
     where
-        (n_p,) the values of the parameters.
+        (n_p,) the values of the parameters; nan for turns of axes and orientations.
     t
         (n_t,) s; ends of the steps.
     method
@@ -483,11 +483,9 @@ def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
 
 
 def _value_at(m: Model, label: str) -> float:
-    """The number that a column belongs to; the columns of axes and orientations are turns, which start at 0."""
-    try:
-        return float(m.value(label))
-    except (TypeError, ModelError):
-        return 0.0
+    """The number that a column belongs to; those of axes and orientations are turns and have none."""
+    turns = label.rpartition("[")[0].endswith((".axis", ".axis2", ".orientation"))
+    return math.nan if turns else float(m.value(label))
 
 
 __all__ = ["AtTimes", "Final", "Integral", "MotionGradient", "gradient"]
