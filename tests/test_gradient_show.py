@@ -104,7 +104,7 @@ def test_sensitivities_over_time(traj, tmp_path):
     for p, ax in enumerate(figure.axes):
         for k, line in enumerate(ax.lines):
             assert np.array_equal(line.get_ydata(), exact[:, k, p])
-    assert [ax.get_ylabel() for ax in figure.axes] == ["[1]", "[m / (N/m)]", "[1]"]
+    assert [ax.get_ylabel() for ax in figure.axes] == ["[m/m]", "[m / (N/m)]", "[m/m]"]
     assert traj.plot("sensitivity", of="A").axes[0].get_ylabel() == "[rad/m]"
 
 

@@ -119,7 +119,7 @@ def _per(unit: str, by: str) -> str:
         return f"1/({by})" if by else ""
     if not by:
         return f"[{unit} per unit]"
-    return "[1]" if unit == by else f"[{unit} / ({by})]" if "/" in by or " " in by else f"[{unit}/{by}]"
+    return f"[{unit} / ({by})]" if "/" in by or " " in by else f"[{unit}/{by}]"
 
 
 def convergence(result: Any) -> Any:
