@@ -117,7 +117,9 @@ def four_bar(**options):
     crank = m.body("crank", mass=0.4, inertia=inertia, at=(0, 0, 0.2), orientation=mb.rotation("y", -np.pi / 2))
     rocker = m.body("rocker", mass=0.6, inertia=inertia, at=(1, 0, 0.3), orientation=mb.rotation("y", -np.pi / 2))
     turn = mb.rotation("y", -np.arctan2(0.2, 1.0))
-    coupler = m.flexible_body("coupler", rod(length=float(np.hypot(1.0, 0.2)), **options), at=(0, 0, 0.4), orientation=turn)
+    coupler = m.flexible_body(
+        "coupler", rod(length=float(np.hypot(1.0, 0.2)), **options), at=(0, 0, 0.4), orientation=turn
+    )
     m.revolute("A", m.ground, crank, at=(0, 0, 0), axis="y", k=60.0, c=0.2)
     m.revolute("B", crank, coupler.node("frame"), axis="y")
     m.revolute("C", rocker, coupler.node("tip"), axis="y", at=(1, 0, 0.6))

@@ -92,7 +92,9 @@ def test_sliders_start_where_the_motion_has_left_them():
 def test_forces_given_as_vectors_and_phases():
     m = mb.examples.engine_on_mounts()
     at = mb.equilibrium(m)
-    by_port = mb.harmonic_balance(m, inputs=["crank.force.z", "block.torque.x"], amplitude=[20.0, 3j], frequency=9.0, at=at)
+    by_port = mb.harmonic_balance(
+        m, inputs=["crank.force.z", "block.torque.x"], amplitude=[20.0, 3j], frequency=9.0, at=at
+    )
     by_vector = mb.harmonic_balance(m, force=np.asarray(by_port.force), frequency=9.0, at=at)
     a, b = by_port.verify(), by_vector.verify()
     tell("ports", by_port, a)
@@ -119,7 +121,10 @@ def test_a_point_of_a_branch_over_level_and_over_a_number_of_the_model():
 
 def test_a_torus_and_a_limit_cycle_of_a_model():
     m = pendulum()
-    pair = [dict(inputs="rod.torque.z", amplitude=0.05, omega=2.0), dict(inputs="rod.torque.z", amplitude=0.05, omega=2.9)]
+    pair = [
+        dict(inputs="rod.torque.z", amplitude=0.05, omega=2.0),
+        dict(inputs="rod.torque.z", amplitude=0.05, omega=2.9),
+    ]
     torus = mb.quasi_periodic(m, pair, harmonics=7)
     found = torus.verify(cycles=3)
     tell("pendulum, two torques", torus, found)

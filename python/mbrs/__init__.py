@@ -33,6 +33,8 @@ _HOME = {
     "linearize": "linearize",
     "modes": "modal",
     "mac": "mac",
+    "multiblade": "multiblade",
+    "rotor_modes": "multiblade",
     "root": "root",
     "frf": "frf",
     "response": "response",

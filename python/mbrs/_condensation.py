@@ -22,6 +22,7 @@ SHIFTS = 24
 ROUTES = ("auto", "modal", "sparse")
 NEGLIGIBLE_SHAPE = 1e-9
 WORTH_CONDENSING = 150
+ROUGH = 1e-9  # relative rounding of the lowest eigenvalue from which on the sparse route, which is refined, is better
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def linear_part(
         return _full(system, directions, forces, n_c)
     by_modes = condense == "modal" or (condense != "sparse" and system.n <= MODAL_COORDINATES)
     matrices = _symmetric(system) if by_modes else None
-    modal = None if matrices is None else _modal(matrices, touched, forces)
+    modal = None if matrices is None else _modal(matrices, touched, forces, condense == "modal")
     if modal is not None:
         return Linear(modal, "condensed, modal", directions, None, matrices)
     if condense == "modal":
@@ -150,8 +151,9 @@ def _symmetric(system: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     return parts if all(np.array_equal(A, A.T) for A in parts) else None
 
 
-def _modal(matrices: tuple[np.ndarray, ...], retained: np.ndarray, forces: np.ndarray) -> Any:
-    """Modes of the rest while the retained coordinates are held; None where damping couples them."""
+def _modal(matrices: tuple[np.ndarray, ...], retained: np.ndarray, forces: np.ndarray, wanted: bool) -> Any:
+    """Modes of the rest while the retained coordinates are held; None where damping couples them, and, unless they are
+    ``wanted``, where their frequencies differ so much that rounding is felt in the lowest."""
     import scipy.linalg
 
     while True:
@@ -167,6 +169,8 @@ def _modal(matrices: tuple[np.ndarray, ...], retained: np.ndarray, forces: np.nd
         if np.max(np.abs(damping - np.diag(np.diag(damping))), initial=0.0) > 1e-12 * size:
             return None
         if len(local) == 0 or stiffness[0] > 1e-11 * stiffness[-1]:
+            if not wanted and len(local) and stiffness[-1] * np.finfo(float).eps > ROUGH * stiffness[0]:
+                return None
             break
         # the rest is free at rest: keep the coordinate that moves most, or the static equations are singular
         retained = np.sort(np.append(retained, local[np.argmax(np.abs(shape[:, 0]))]))

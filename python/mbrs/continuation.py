@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from functools import cached_property, partial
-from typing import Any
+from functools import partial
+from inspect import Parameter, signature
+from typing import Any, TypedDict, TypeVar
 
 import numpy as np
 
 from . import _balance, _checks, _core
+from ._branch_points import BranchPoint, Chunks, Event
 from .errors import ConvergenceError, MbrsError, ModelError, SingularError
 from .harmonic_balance import MOST_HARMONICS, first_solution
 from .nonlinear_system import as_system
@@ -23,89 +24,36 @@ MEANING = {
     "stopped": "the step became smaller than min_step; the points so far are kept",
     "unresolved": "the end was reached, but an estimated error exceeds the tolerance: take more harmonics",
 }
+F = TypeVar("F", bound=Callable[..., Any])
 CHUNK_SECONDS = 0.2
+CORNERED = 1e-6  # steps below are those around corners that samples make
 
 
-@dataclass(frozen=True, eq=False)
-class Event:
-    """A special point of a branch: ``kind`` "fold", "branch-point", "neimark-sacker" or "period-doubling".
+class BranchOptions(TypedDict, total=False):
+    """What every function that follows a branch takes; `frequency_response` tells their meaning, `Branch` has the defaults."""
 
-    ``omega`` (rad/s), ``level`` and, on a branch in a parameter, its ``value`` say where, ``X`` (dof, 2H+1) is the motion
-    there (built when asked for), ``exponent`` the Floquet exponent that crosses (None where it does not matter), ``index``
-    the number of the first point of the branch behind it.
-    """
-
-    kind: str
-    omega: float
-    level: float
-    exponent: complex | None
-    index: int
-    value: float | None = None
-    built: Callable[[], np.ndarray] | None = field(default=None, repr=False)
-
-    @cached_property
-    def X(self) -> np.ndarray:
-        """(dof, 2H+1) coefficients of the motion there."""
-        assert self.built is not None
-        return self.built()
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "X": self.X, "built": None}
-
-    @property
-    def frequency(self) -> float:
-        """Excitation frequency, Hz."""
-        return self.omega / (2 * np.pi)
-
-    def __str__(self) -> str:
-        if self.value is not None:
-            return f"{self.kind} at value = {self.value:.10g}, omega = {self.omega:.6g} rad/s"
-        return f"{self.kind} at omega = {self.omega:.10g} rad/s, level = {self.level:.6g}"
-
-
-@dataclass(frozen=True, eq=False)
-class BranchPoint:
-    """One solution of a branch: ``omega``, ``level``, coefficients ``X`` (dof, 2H+1), ``error``, ``stable`` (nan: not
-    known),
-    Floquet ``exponents`` or None, the ``step`` that led here, the ``value`` of the parameter of a branch in one."""
-
-    omega: float
-    level: float
-    X: np.ndarray
-    error: float
-    stable: float
-    exponents: np.ndarray | None
+    force: Any
+    inputs: Any
+    amplitude: Any
+    omega: Any
+    frequency: Any
+    level: Any
+    harmonics: Any
+    n_samples: int | None
+    subharmonic: int
+    condense: bool | str
+    x0: Any
+    tol: float | None
+    predictor: str
+    corrector: str
     step: float
-    value: float | None = None
-
-
-class Chunks:
-    """What has been computed of a branch so far, as lists of arrays; ``terms`` of a chunk say which harmonics it
-    holds."""
-
-    def __init__(self) -> None:
-        self.parts: list[tuple[_balance.Setup, dict[str, Any]]] = []
-        self.events: list[Event] = []
-
-    def __len__(self) -> int:
-        return sum(len(part["p"]) for _, part in self.parts)
-
-    def column(self, name: str) -> np.ndarray:
-        """One number per point."""
-        return np.concatenate([part[name] for _, part in self.parts]) if self.parts else np.zeros(0)
-
-    def exponents(self) -> np.ndarray | None:
-        """(n, 2 dof) where every point has them; nan fills up where reduced models have fewer."""
-        parts = [part for _, part in self.parts if len(part["p"])]
-        known = [part["exponents"] for part in parts if "exponents" in part]
-        if not known or len(known) < len(parts):
-            return None
-        out = np.full((sum(len(part) for part in known), max(part.shape[1] for part in known)), np.nan, complex)
-        at = 0
-        for part in known:
-            out[at : at + len(part), : part.shape[1]] = part
-            at += len(part)
-        return out
+    min_step: float
+    max_step: float
+    tolerance: float
+    stability: bool
+    events: bool
+    at: Any
+    without: Any
 
 
 class Branch(Iterator[BranchPoint]):
@@ -187,6 +135,7 @@ class Branch(Iterator[BranchPoint]):
         self.corrections = self.factorisations = 0
         self._corrections_before = self._factorisations_before = 0
         self._read = self._base = 0
+        self._stalled = False
         self._exhausted = False  # more harmonics or samples did not find the branch again
         self._core = self._first(x0)
 
@@ -268,6 +217,8 @@ class Branch(Iterator[BranchPoint]):
             points = min(wanted, 20) if self._auto else wanted
             try:
                 self._take(_balance.translated(self._core.run, points, min(seconds, CHUNK_SECONDS)))
+                if self._stalled:
+                    self._sample_finer()
             except MbrsError as problem:
                 self._break_off(str(problem))
             seconds -= CHUNK_SECONDS
@@ -294,16 +245,40 @@ class Branch(Iterator[BranchPoint]):
         step = float(
             np.clip(self.chunks.column("step")[-1], self._options["least_step"], self._options["largest_step"])
         )
-        core = self._restarted(last, last - before, step)
-        if core is None:
+        if not self._take_up(self._restarted(last, last - before, step)):
             self.status, self.reason = (
                 "stopped",
                 "the last point was not found again; begin a new branch there, with x0=",
             )
-            return
+
+    def _take_up(self, core: Any) -> bool:
+        """Goes on with another core that begins at the last point."""
+        if core is None:
+            return False
         self._forget_last()  # it comes again
         self._core, self._base = core, len(self.chunks)
         self._corrections_before, self._factorisations_before = self.corrections, self.factorisations
+        return True
+
+    def _sample_finer(self) -> None:
+        """Samples that come into contact one by one make corners in the equations that no step gets around; with more samples
+        they are smaller."""
+        samples = self._more_samples()
+        if samples is None or len(self.chunks) < 2:
+            return
+        setup, model = self.setup, self._model
+        self.setup = self._problem(setup.harmonics, samples)
+        last, before = self._place(-1), self._place(-2)
+        if self._take_up(self._restarted(last, last - before)):
+            self.status, self.reason = "going", ""
+        else:
+            self.setup, self._model = setup, model
+
+    def _more_samples(self) -> int | None:
+        """Four times the samples where their number is free and matters."""
+        smooth = all(law.code in _balance.POLYNOMIAL for law in self.system.elements)
+        more = 4 * self.setup.n_samples
+        return None if smooth or self._prepare["n_samples"] is not None or more > _balance.MOST_SAMPLES else more
 
     def _place(self, i: int) -> np.ndarray:
         """[y, p] of a point, in the present set of harmonics."""
@@ -331,6 +306,7 @@ class Branch(Iterator[BranchPoint]):
         self.corrections = self._corrections_before + part.pop("corrections")
         self.factorisations = self._factorisations_before + part.pop("factorisations")
         self.status = STATUS.get(part["status"], part["status"])
+        self._stalled = self.status == "stopped" and part.get("broken") is None
         if self.status == "stopped":
             self.reason = self._why(part.get("broken"))
 
@@ -341,7 +317,7 @@ class Branch(Iterator[BranchPoint]):
 
     def _richer(self, part: dict[str, Any], events: list[Any]) -> tuple[dict[str, Any], list[Any]]:
         """Cuts a chunk where harmonics or samples are too few, and goes on with more of them from the point before."""
-        found = None if self._exhausted else self._poor(part)
+        found = None if self._exhausted or not len(part["p"]) else self._poor(part)
         if found is None:
             return part, events
         first, harmonics, samples = found
@@ -389,15 +365,19 @@ class Branch(Iterator[BranchPoint]):
 
     def _poor(self, part: dict[str, Any]) -> tuple[int, Any, int] | None:
         """The first point that lacks something, and the harmonics and samples to go on with; None where none does."""
+        cornered = part["step"] < CORNERED if self._more_samples() else np.zeros(len(part["p"]), bool)
+        cornered = cornered & (np.arange(len(part["p"])) + len(self.chunks) > 0)  # the first point has no step
         lacking = part["aliasing"] > _balance.ALIASED * part["error"]
         if self._auto:
             lacking = ~(part["error"] <= self.tol)
-        if not np.any(lacking):
+        if not np.any(lacking | cornered):
             return None
         laws, n = self.system.elements, self.setup.n_samples
         given = self._prepare["n_samples"]
         top, nu = self.setup.harmonics[-1], self.setup.subharmonic
         for i, (error, aliasing) in enumerate(zip(part["error"], part["aliasing"], strict=True)):
+            if cornered[i]:
+                return i, self.setup.harmonics, self._more_samples() or n
             wanted = not self._auto or self.tol is None or not error <= self.tol
             more = _balance.more_samples(n, error, aliasing, laws, given, self.tol) if wanted else None
             if more is not None:
@@ -557,3 +537,19 @@ def _range_and_level(w: np.ndarray, level: Any) -> tuple[tuple[float, float], tu
             raise ModelError(f"the range of levels is empty: {levels[0]} to {levels[1]}")
         return (float(w), float(w)), (float(levels[0]), float(levels[1]))
     raise ModelError("a branch needs one range: omega=(a, b) with one level, or one omega with level=(a, b)")
+
+
+_OPTIONS = {
+    name: p for name, p in signature(Branch.__init__).parameters.items() if name in BranchOptions.__annotations__
+}
+BRANCH_DEFAULTS: dict[str, Any] = {name: p.default for name, p in _OPTIONS.items()}
+
+
+def takes_branch_options(function: F) -> F:
+    """Shows the options of `Branch` in the signature of a function that passes them on as ``**options``."""
+    own = signature(function)
+    named = [p for p in own.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+    shown = [p for p in named if p.kind is not Parameter.KEYWORD_ONLY]
+    keywords = [*(p for p in named if p.kind is Parameter.KEYWORD_ONLY), *_OPTIONS.values()]
+    function.__signature__ = own.replace(parameters=[*shown, *keywords])  # type: ignore[attr-defined]
+    return function

@@ -48,9 +48,7 @@ class FlexibleBody(Body):
 
     def node(self, name: str) -> Node:
         """The node of this name, to be given wherever a body is."""
-        if not isinstance(name, str) or name not in self.modal.nodes:
-            raise not_found(f"{self.name}: no node", shown(name) if not isinstance(name, str) else name, self.nodes)
-        return Node(self, self._use(self.modal.nodes.index(name)))
+        return Node(self, self._use(_known_node(self, name)))
 
     def _use(self, index: int) -> int:
         if index not in self.used:
@@ -192,6 +190,8 @@ def attachments(
 def _place(model: Model, body: Any, where: str, key: str) -> Place:
     if isinstance(body, Node) and body.body.model is model:
         return Place(body.body.index, body.index)
+    if isinstance(body, Node):
+        raise ModelError(f"{where} names {shown(body)}, which belongs to another model; use this model's own")
     if isinstance(body, str) and "." in body and body not in model.body_index:
         owner, _, node = body.partition(".")
         flexible = model.items.get(owner)
@@ -230,7 +230,9 @@ def _flexible(model: Model, place: Place) -> FlexibleBody:
     return body
 
 
-def add_flexible_body(model: Model, name: Any, modal: Any, modes: Any, pose: Any, **given: Any) -> FlexibleBody:
+def add_flexible_body(
+    model: Model, name: Any, modal: Any, modes: Any, nodes: Any, pose: Any, **given: Any
+) -> FlexibleBody:
     """Check and add a flexible body."""
     from .flexible import ModalBody
 
@@ -243,7 +245,7 @@ def add_flexible_body(model: Model, name: Any, modal: Any, modes: Any, pose: Any
                 name, f"has a node {node!r}, whose name must not contain '.', '[' or ']', which addresses use"
             )
     body.modal = _chosen(name, modal, modes)
-    body.used = set()
+    body.used = {_known_node(body, node) for node in ([nodes] if isinstance(nodes, str) else nodes)}
     inertia = body.modal.inertia
     body.put(body_numbers(name, mass=modal.mass, inertia=inertia, com=modal.com, **given))
     body.index = len(model.bodies)
@@ -255,6 +257,12 @@ def add_flexible_body(model: Model, name: Any, modal: Any, modes: Any, pose: Any
         _add_guess(model, body, pose)
     model.register(body, model.bodies)
     return body
+
+
+def _known_node(body: FlexibleBody, name: Any) -> int:
+    if not isinstance(name, str) or name not in body.modal.nodes:
+        raise not_found(f"{body.name}: no node", name if isinstance(name, str) else shown(name), body.nodes)
+    return body.modal.nodes.index(name)
 
 
 def _add_guess(model: Model, body: Body, pose: Any) -> None:

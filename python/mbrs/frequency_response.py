@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from . import _balance, _checks
-from .continuation import Branch
+from .continuation import BRANCH_DEFAULTS, Branch, BranchOptions, takes_branch_options
 from .errors import ConvergenceError, ModelError
 from .harmonic_balance import effects_of, harmonic_balance
 from .nonlinear_system import as_system
@@ -16,33 +16,9 @@ from .response_curve import FrequencyResponse, Part, collect, follow, known_stab
 from .results import Stats
 
 
+@takes_branch_options
 def frequency_response(
-    system: Any,
-    *,
-    force: Any = None,
-    inputs: Any = None,
-    amplitude: Any = None,
-    omega: Any = None,
-    frequency: Any = None,
-    level: Any = 1.0,
-    harmonics: Any = 7,
-    n_samples: int | None = None,
-    subharmonic: int = 1,
-    condense: bool | str = "auto",
-    x0: Any = None,
-    tol: float | None = None,
-    predictor: str = "tangent",
-    corrector: str = "pseudo-arclength",
-    step: float = 0.01,
-    min_step: float = 1e-9,
-    max_step: float = 0.1,
-    tolerance: float = 1e-9,
-    stability: bool = True,
-    events: bool = True,
-    max_points: int = 10000,
-    progress: bool | None = None,
-    at: Any = None,
-    without: Any = (),
+    system: Any, *, max_points: int = 10000, progress: bool | None = None, **options: Unpack[BranchOptions]
 ) -> FrequencyResponse:
     """Periodic responses of M x" + C x' + K x + sum_e w_e law_e = f(t) over a range of frequencies, through folds.
 
@@ -110,82 +86,42 @@ def frequency_response(
     most = _checks.count("max_points", max_points, 10_000_000)
     if progress is not None:
         progress = _checks.flag("progress", progress)
-    system, force = as_system(system, force, amplitude, at, without, inputs)
-    w = omega if frequency is None else frequency
+    w: Any = options.get("omega") if options.get("frequency") is None else options.get("frequency")
     if not isinstance(w, tuple) and np.ndim(w) == 1:
-        return _points(
-            system, force, omega, frequency, level, harmonics, n_samples, subharmonic, condense, x0, tol, stability
-        )
-    branch = Branch(
-        system,
-        force=force,
-        omega=omega,
-        frequency=frequency,
-        level=level,
-        harmonics=harmonics,
-        n_samples=n_samples,
-        subharmonic=subharmonic,
-        condense=condense,
-        x0=x0,
-        tol=tol,
-        predictor=predictor,
-        corrector=corrector,
-        step=step,
-        min_step=min_step,
-        max_step=max_step,
-        tolerance=tolerance,
-        stability=stability,
-        events=events,
-    )
+        return _points(system, options)
+    branch = Branch(system, **options)
     follow(branch, most, progress)
     return collect(branch, perf_counter() - started)
 
 
-def _points(
-    system: Any,
-    force: Any,
-    omega: Any,
-    frequency: Any,
-    level: Any,
-    harmonics: Any,
-    n_samples: int | None,
-    subharmonic: int,
-    condense: bool | str,
-    x0: Any,
-    tol: float | None,
-    stability: bool,
-) -> FrequencyResponse:
+def _points(system: Any, options: BranchOptions) -> FrequencyResponse:
     """A set of frequencies, each started from the solution before."""
     started = perf_counter()
-    w = _balance.one_frequency(omega, frequency)
+    given: dict[str, Any] = {name: options.get(name, default) for name, default in BRANCH_DEFAULTS.items()}
+    system, force = as_system(system, *(given[n] for n in ("force", "amplitude", "at", "without", "inputs")))
+    w = _balance.one_frequency(given["omega"], given["frequency"])
+    level, stability = given["level"], _checks.flag("stability", given["stability"])
     if np.ndim(level) != 0:
         raise ModelError("a set of frequencies takes one level; give one frequency for a range of levels")
-    _balance.checked_level(level)
-    scaled = _balance.scaled_force(force, float(level))
+    scaled = _balance.scaled_force(force, _balance.checked_level(level))
+    balance = {name: given[name] for name in ("n_samples", "subharmonic", "condense", "tol", "harmonics")}
+    subharmonic = given["subharmonic"]
     parts: list[Any] = []
     errors: list[float] = []
     stable: list[float] = []
     exponents: list[Any] = []
-    status, guess, corrections = "converged", x0, 0
+    status, guess, corrections = "converged", given["x0"], 0
     for one_omega in w:
         try:
-            one = harmonic_balance(
-                system,
-                force=scaled,
-                omega=float(one_omega),
-                harmonics=harmonics,
-                n_samples=n_samples,
-                subharmonic=subharmonic,
-                condense=condense,
-                x0=guess,
-                tol=tol,
-            )
+            one = harmonic_balance(system, force=scaled, omega=float(one_omega), x0=guess, **balance)
         except ConvergenceError as problem:
             if not parts:
                 raise
             status = f"stopped: {problem}"
             break
-        setup = _balance.prepare(system, scaled, one.harmonics, subharmonic, one.n_samples, float(one_omega), condense)
+        setup = _balance.prepare(
+            system, scaled, one.harmonics, subharmonic, one.n_samples, float(one_omega), given["condense"]
+        )
         y = setup.start(one)
         s = setup.exponents(y, float(one_omega)) if stability else None
         # the forces of this set are scaled already

@@ -208,6 +208,7 @@ class Model(JointMethods, DriveMethods, ElementMethods):
         velocity: Any = None,
         angular_velocity: Any = None,
         modes: Any = None,
+        nodes: Sequence[str] = (),
     ) -> FlexibleBody:
         """An elastic body in a floating frame: the frame moves like a rigid body, and on it r + phi_k(r) q_k.
 
@@ -222,6 +223,8 @@ class Model(JointMethods, DriveMethods, ElementMethods):
             Of the frame, as of `body`; the modal coordinates and their rates start at zero.
         modes
             How many of the modes, or their indices; all by default.
+        nodes
+            Nodes that results follow though nothing is attached to them; others do so as soon as `.node` names them.
 
         Returns
         -------
@@ -260,6 +263,7 @@ class Model(JointMethods, DriveMethods, ElementMethods):
             name,
             modal_body,
             modes,
+            nodes,
             pose,
             at=at,
             orientation=orientation,

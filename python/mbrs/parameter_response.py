@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from . import _balance, _checks
-from .continuation import Branch, Event
+from .continuation import BRANCH_DEFAULTS, Branch, BranchOptions, Event, takes_branch_options
 from .errors import ModelError
 from .harmonic_balance import PeriodicSolution
 from .nonlinear_system import as_system
@@ -93,34 +93,14 @@ class ParameterResponse(FrequencyResponse):
         return {**super().__getstate__(), "family": None, "parts": (), "branch": None, "_built": cache}
 
 
+@takes_branch_options
 def parameter_response(
     system: Any,
     parameter: str | None = None,
     *,
     value: tuple[float, float],
-    force: Any = None,
-    inputs: Any = None,
-    amplitude: Any = None,
-    omega: float | None = None,
-    frequency: float | None = None,
-    level: float = 1.0,
-    harmonics: Any = 7,
-    n_samples: int | None = None,
-    subharmonic: int = 1,
-    condense: bool | str = "auto",
-    x0: Any = None,
-    tol: float | None = None,
-    predictor: str = "tangent",
-    corrector: str = "pseudo-arclength",
-    step: float = 0.01,
-    min_step: float = 1e-9,
-    max_step: float = 0.1,
-    tolerance: float = 1e-9,
-    stability: bool = True,
-    events: bool = True,
     max_points: int = 10000,
-    at: Any = None,
-    without: Sequence[str] = (),
+    **options: Unpack[BranchOptions],
 ) -> ParameterResponse:
     """Periodic responses at one frequency while a parameter p of the system changes, through folds: R(X, p) = 0.
 
@@ -163,27 +143,8 @@ def parameter_response(
     """
     started = perf_counter()
     most = _checks.count("max_points", max_points, 10_000_000)
-    made = _family(system, parameter, force, inputs, amplitude, at, without)
-    given: dict[str, Any] = dict(
-        omega=omega,
-        frequency=frequency,
-        level=level,
-        harmonics=harmonics,
-        n_samples=n_samples,
-        subharmonic=subharmonic,
-        condense=condense,
-        x0=x0,
-        tol=tol,
-        predictor=predictor,
-        corrector=corrector,
-        step=step,
-        min_step=min_step,
-        max_step=max_step,
-        tolerance=tolerance,
-        stability=stability,
-        events=events,
-    )
-    branch = Branch(None, family=made, value=value, force=force, inputs=inputs, **given)
+    made = _family(system, parameter, options)
+    branch = Branch(None, family=made, value=value, **options)
     follow(branch, most, None, "parameter response")
     return _collect(branch, parameter or "value", perf_counter() - started)
 
@@ -194,21 +155,21 @@ def _collect(branch: Branch, name: str, wall_time: float) -> ParameterResponse:
     return ParameterResponse(**fields, value=value, name=name, family=branch.family)
 
 
-def _family(
-    system: Any, parameter: str | None, force: Any, inputs: Any, amplitude: Any, at: Any, without: Sequence[str]
-) -> Callable[[float], tuple[Any, Any]]:
+def _family(system: Any, parameter: str | None, options: BranchOptions) -> Callable[[float], tuple[Any, Any]]:
     """p -> (system, force)"""
+    given: dict[str, Any] = {**BRANCH_DEFAULTS, **options}
+    rest = tuple(given[name] for name in ("force", "amplitude", "at", "without", "inputs"))
     if hasattr(system, "compiled"):
         if not isinstance(parameter, str):
             raise ModelError(
                 f'parameter must be the address of a number of the model, such as "k", it is {parameter!r}'
             )
-        return OfModel(system, parameter, (force, amplitude, at, without, inputs))
+        return OfModel(system, parameter, rest)
     if not callable(system):
         raise ModelError("parameter_response needs a Model with the address of a number, or a function of the value")
     if parameter is not None:
         raise ModelError("parameter= is the address of a number of a model; a function of the value needs none")
-    return OfFunction(system, (force, amplitude, at, without, inputs))
+    return OfFunction(system, rest)
 
 
 @dataclass(frozen=True)

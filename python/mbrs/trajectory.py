@@ -86,6 +86,7 @@ class Trajectory(Result):
     estimate: Callable[[Trajectory], float | None] | None = field(default=None, repr=False)
     parameters: str | Sequence[str] = ()
     start: State | None = None
+    rho: float | None = None
     error: Any = field(default=None, init=False)
 
     def __len__(self) -> int:

@@ -30,6 +30,7 @@ from ._slider_crank import slider_crank
 from ._stewart import stewart_platform
 from ._swing import swing
 from ._wafer_stage import wafer_stage
+from ._wind_rotor import wind_blade, wind_rotor
 from ._windpact import windpact_blade
 
 __all__ = [
@@ -65,5 +66,7 @@ __all__ = [
     "two_tone_duffing",
     "van_der_pol",
     "wafer_stage",
+    "wind_blade",
+    "wind_rotor",
     "windpact_blade",
 ]

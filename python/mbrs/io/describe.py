@@ -65,6 +65,8 @@ def _body(body: Item, pose: Item | None) -> Table:
     flexible = isinstance(body, FlexibleBody)
     if isinstance(body, FlexibleBody):
         table["modal_body"] = _modal_body(body)
+        if body.used:
+            table["nodes"] = [body.nodes[i] for i in sorted(body.used)]
     else:
         table["mass"], table["inertia"] = e[10], [xx, yy, zz]
         if any(isinstance(v, Expression) or repr(v) != "0.0" for v in (xy, xz, yz)):

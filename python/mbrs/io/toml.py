@@ -26,7 +26,7 @@ from .locate import Places
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _WIDTH = 100
 # Keys whose strings are text; in all others a string is an expression.
-_TEXT = frozenset({"name", "type", "a", "b", "body", "frame", "joint", "first", "second"})
+_TEXT = frozenset({"name", "type", "a", "b", "body", "frame", "joint", "first", "second", "nodes"})
 _TEXT |= {"coordinate", "first_coordinate", "second_coordinate"}
 _AXIS_WORD = re.compile(r"[+-]?[xyz]")
 _TYPES = {

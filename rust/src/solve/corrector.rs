@@ -209,7 +209,10 @@ pub(super) fn correct(
             .enumerate()
             .for_each(|(i, t)| *t = work.rhs[(i, 1)] / length);
         // rounding of the equations may keep the step above the tolerance, where it no longer gets smaller
-        let rounding = iterations > 3 && size <= ROUNDING && size > 0.1 * last;
+        let rounding = iterations > 3
+            && size <= ROUNDING
+            && size > 0.1 * last
+            && curve.rounding() > f64::EPSILON;
         if size <= options.tolerance || rounding {
             return Ok(Some(finish(
                 curve,

@@ -53,6 +53,10 @@ pub trait Curve {
     fn residual(&mut self, y: &[f64], parameter: f64, out: &mut Linearisation) -> Result<()>;
     /// Sizes of the unknowns, all positive: what steps are measured against.
     fn scale(&self, y: &[f64], out: &mut [f64]);
+    /// Relative rounding of the equations beyond that of plain sums, where it is known.
+    fn rounding(&self) -> f64 {
+        0.0
+    }
 }
 
 /// F(x) = 0 of which only values are known.

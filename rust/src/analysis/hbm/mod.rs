@@ -5,6 +5,7 @@
 pub mod aft;
 pub mod autonomous;
 pub mod basis;
+mod blocks;
 pub mod condensed;
 pub mod estimate;
 pub mod factor;

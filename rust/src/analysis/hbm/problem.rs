@@ -6,8 +6,9 @@ use num_complex::Complex64 as c64;
 
 use super::aft::{Aft, Force, Want};
 use super::basis::Basis;
+use super::blocks::Blocks;
 use super::family::{Member, Placed};
-use super::linear::{Block, DynamicStiffness};
+use super::linear::DynamicStiffness;
 use crate::error::{Error, Result};
 use crate::solve::{Curve, Linearisation};
 
@@ -20,11 +21,6 @@ pub struct Element {
 
 /// df/du and df/dv at the samples, for every element.
 pub type Tangents = Vec<(Vec<f64>, Vec<f64>)>;
-
-/// Relative change of a block below which a new factorisation, told apart from the old one by its slope, shows its rounding.
-const NEIGHBOURS: f64 = 1e-3;
-/// Rounding of factorisations that no estimate needs to show.
-const QUIET: f64 = 1e-10;
 
 /// What the continuation parameter is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,12 +51,7 @@ pub struct Problem {
     pub family: Option<Placed>,
     n: usize,
     retained: Vec<Vec<(usize, f64)>>,
-    blocks: Vec<Block>,
-    blocks_at: Vec<f64>,
-    /// frequencies at which they were factorised last
-    blocks_from: Vec<f64>,
-    /// relative rounding of the factorisations, as two neighbours have shown it
-    noise: f64,
+    blocks: Blocks,
     coefficients: Vec<f64>,
     /// the first element whose force was not finite at the last evaluation
     pub broken: Option<usize>,
@@ -88,10 +79,7 @@ impl Problem {
             .collect::<Result<_>>()?;
         Ok(Problem {
             retained,
-            blocks: vec![Block::new(n); basis.n_harmonics() + 1],
-            blocks_at: vec![f64::NAN; basis.n_harmonics() + 1],
-            blocks_from: vec![f64::NAN; basis.n_harmonics() + 1],
-            noise: 0.0,
+            blocks: Blocks::new(basis.n_harmonics() + 1, n),
             coefficients: vec![0.0; basis.n_coefficients()],
             n,
             aft,
@@ -137,14 +125,7 @@ impl Problem {
         self.level = other.level;
         self.ramp = other.ramp;
         self.parameter = other.parameter;
-        for (j, w) in other.blocks_at.iter().enumerate() {
-            // where rounding is felt, another evaluation shows it in the estimate
-            if self.blocks_at[j] != *w && other.noise <= QUIET {
-                self.blocks[j].clone_from(&other.blocks[j]);
-                self.blocks_at[j] = *w;
-                self.blocks_from[j] = other.blocks_from[j];
-            }
-        }
+        self.blocks.follow(&other.blocks);
         Ok(())
     }
 
@@ -176,8 +157,7 @@ impl Problem {
             .map(|e| linear.retain(&e.direction))
             .collect::<Result<_>>()?;
         (self.linear, self.elements) = (linear, elements);
-        self.blocks_at.fill(f64::NAN);
-        self.blocks_from.fill(f64::NAN);
+        self.blocks.forget();
         Ok(())
     }
 
@@ -192,8 +172,7 @@ impl Problem {
             return Ok(());
         };
         let (linear, elements) = (self.linear.copied()?, self.elements.clone());
-        let (blocks, blocks_at) = (self.blocks.clone(), self.blocks_at.clone());
-        let blocks_from = self.blocks_from.clone();
+        let blocks = self.blocks.clone();
         let mut other = Linearisation::without_jacobian(y.len());
         out.slope.fill(0.0);
         for sign in [1.0, -1.0] {
@@ -204,7 +183,7 @@ impl Problem {
             }
         }
         self.install(Member { linear, elements })?;
-        (self.blocks, self.blocks_at, self.blocks_from) = (blocks, blocks_at, blocks_from);
+        self.blocks = blocks;
         Ok(())
     }
 
@@ -259,35 +238,8 @@ impl Problem {
     /// The blocks depend on frequencies alone, and those often stay, or move less than rounding lets them be told apart.
     pub fn update_blocks(&mut self) -> Result<()> {
         for (j, w) in self.all_frequencies().into_iter().enumerate() {
-            if self.blocks_at[j] == w {
-                continue;
-            }
-            let moved = self.blocks[j].change(w - self.blocks_from[j]);
-            let near = self
-                .linear
-                .extrapolates()
-                .max(self.noise.sqrt())
-                .min(NEIGHBOURS);
-            let close = moved <= NEIGHBOURS;
-            if close {
-                self.blocks[j].extrapolate(w - self.blocks_at[j]);
-                self.blocks_at[j] = w;
-            }
-            // the next term of the series is about the square of the change: as small as the rounding of a factorisation
-            if moved <= near {
-                continue;
-            }
-            let expected = close.then(|| self.blocks[j].s.clone());
-            self.blocks_at[j] = f64::NAN;
-            self.linear.evaluate(w, j, &mut self.blocks[j])?;
-            (self.blocks_at[j], self.blocks_from[j]) = (w, w);
-            self.factorisations += 1;
-            if let Some(expected) = expected {
-                let off = self.blocks[j].distance(&expected);
-                if off > 100.0 * moved * moved {
-                    self.noise = self.noise.max(off);
-                }
-            }
+            let computed = self.blocks.update(self.linear.as_mut(), j, w)?;
+            self.factorisations += u64::from(computed);
         }
         Ok(())
     }
@@ -300,7 +252,7 @@ impl Problem {
 
     fn add_linear(&self, y: &[f64], slope: &[f64], out: &mut Linearisation, want: Want) {
         let n = self.n;
-        for (j, block) in self.blocks.iter().enumerate() {
+        for (j, block) in self.blocks.each.iter().enumerate() {
             let (cos, sin) = ((2 * j).saturating_sub(1) * n, 2 * j * n);
             let rate = if j == 0 { 0.0 } else { slope[j - 1] };
             let (factor, factor_slope) = self.force_factor(j);
@@ -495,6 +447,10 @@ impl Curve for Problem {
     fn residual(&mut self, y: &[f64], parameter: f64, out: &mut Linearisation) -> Result<()> {
         self.set_parameter(parameter)?;
         self.run(y, out, Want::Force)
+    }
+
+    fn rounding(&self) -> f64 {
+        self.blocks.noise
     }
 
     /// Per coordinate the largest of its coefficients, kept from vanishing beside the other coordinates.

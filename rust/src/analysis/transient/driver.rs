@@ -319,7 +319,7 @@ impl Driver<'_, '_, '_> {
             None => (self.plan.end, self.plan.end - t),
         };
         if let Steps::Fixed(grid) = self.plan.steps {
-            return self.on_grid(t, h, grid, target);
+            return self.on_grid(t, h, grid, target, left);
         }
         if h >= left * (1.0 - 1e-9) {
             (left, Some(target))
@@ -332,12 +332,15 @@ impl Driver<'_, '_, '_> {
     }
 
     /// To the next multiple of the fixed step, or to a break or the end before it.
-    fn on_grid(&self, t: f64, h: f64, grid: f64, target: f64) -> (f64, Option<f64>) {
+    fn on_grid(&self, t: f64, h: f64, grid: f64, target: f64, left: f64) -> (f64, Option<f64>) {
         let next = self.start + grid * (((t - self.start) / grid + 1e-6).floor() + 1.0);
         let cut = next >= target - 1e-9 * grid;
         let aim = if cut { target } else { next };
         if h < (aim - t) * (1.0 - 1e-6) {
             (h, None)
+        } else if cut && left < target - t {
+            // a whole step would end behind the break
+            (left, Some(aim))
         } else if (aim - t - grid).abs() < 1e-9 * grid {
             // whole steps have one length, so that factorisations and histories stay
             (grid, Some(aim))

@@ -13,6 +13,7 @@ use nalgebra::DVector;
 
 use crate::error::{Error, Result};
 use crate::run::Counts;
+use crate::spatial::Real;
 use crate::system::topology::Level;
 
 use super::saddle::Saddle;
@@ -28,15 +29,15 @@ const SLOW: f64 = 0.1;
 const SOLVED: f64 = 1e-9;
 
 #[derive(Debug, Clone, Copy)]
-struct Parameters {
-    am: f64,
-    af: f64,
-    beta: f64,
-    gamma: f64,
+pub struct Parameters {
+    pub am: f64,
+    pub af: f64,
+    pub beta: f64,
+    pub gamma: f64,
 }
 
 impl Parameters {
-    fn of(rho: f64) -> Self {
+    pub fn of(rho: f64) -> Self {
         let (am, af) = ((2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0));
         let gamma = 0.5 + af - am;
         Parameters {
@@ -48,7 +49,7 @@ impl Parameters {
     }
 
     /// d(dq)/dv' over h^2 and dv/dv' over h.
-    fn slopes(&self) -> (f64, f64) {
+    pub fn slopes(&self) -> (f64, f64) {
         let f = (1.0 - self.af) / (1.0 - self.am);
         (self.beta * f, self.gamma * f)
     }
@@ -56,20 +57,45 @@ impl Parameters {
 
 /// What the method carries from step to step besides the instant.
 #[derive(Debug, Clone)]
-struct Carried {
-    t: f64,
+pub struct Carried {
+    pub t: f64,
     /// the algorithmic acceleration a
-    a: Vec<f64>,
+    pub a: Vec<f64>,
     /// v' of the equation in the step
-    rate_slope: Vec<f64>,
-    lam: Vec<f64>,
+    pub rate_slope: Vec<f64>,
+    pub lam: Vec<f64>,
     /// change of a in the step that led here, over its length
-    slope: Option<Vec<f64>>,
+    pub slope: Option<Vec<f64>>,
+    pub h: f64,
+}
+
+/// Increment, motion and algorithmic acceleration that belong to v' = s1 at the end of a step; a0 and s0: a and v' at its start.
+pub fn reached<T: Real>(
+    eq: &Equations<'_, T>,
+    p: Parameters,
+    from: &Motion<T>,
+    (a0, s0, s1): (&[T], &[T], &[T]),
     h: f64,
+) -> (Vec<T>, Motion<T>, Vec<T>) {
+    let n = eq.n();
+    let a1: Vec<T> = (0..n)
+        .map(|i| (s1[i] * (1.0 - p.af) + s0[i] * p.af - a0[i] * p.am) / (1.0 - p.am))
+        .collect();
+    let dq: Vec<T> = (0..n)
+        .map(|i| from.rate[i] * h + (a0[i] * (0.5 - p.beta) + a1[i] * p.beta) * (h * h))
+        .collect();
+    let mut m = from.moved(eq.topology(), &dq);
+    m.t = from.t + h;
+    for ((rate, a0), a1) in m.rate.iter_mut().zip(a0).zip(&a1) {
+        *rate += (*a0 * (1.0 - p.gamma) + *a1 * p.gamma) * h;
+    }
+    (dq, m, a1)
 }
 
 pub struct GeneralizedAlpha {
     p: Parameters,
+    /// part of h^2 a at which corrections stop
+    solved: f64,
     carried: Option<Carried>,
     tried: Option<Carried>,
     kept: Option<(f64, Saddle)>,
@@ -87,11 +113,31 @@ impl GeneralizedAlpha {
     pub fn new(rho: f64) -> Self {
         GeneralizedAlpha {
             p: Parameters::of(rho),
+            solved: SOLVED,
             carried: None,
             tried: None,
             kept: None,
             error: None,
         }
+    }
+
+    /// Corrections go on to rounding: derivatives are those of a step that is solved.
+    pub fn to_rounding(rho: f64) -> Self {
+        GeneralizedAlpha {
+            solved: 0.0,
+            ..Self::new(rho)
+        }
+    }
+
+    /// What it carries from the last accepted step.
+    pub fn carried(&self) -> Option<&Carried> {
+        self.carried.as_ref()
+    }
+
+    /// Go on from a step that was accepted before, factorisations forgotten.
+    pub fn resume(&mut self, carried: Option<Carried>) {
+        self.carried = carried;
+        self.kept = None;
     }
 
     /// a is the acceleration at t + (alpha_m - alpha_f) h: it is shifted when the step changes, and at the start.
@@ -160,23 +206,8 @@ impl GeneralizedAlpha {
         u: &Unknown,
         h: f64,
     ) -> (Vec<f64>, Motion<f64>, Vec<f64>) {
-        let p = self.p;
-        let n = eq.n();
-        let a1: Vec<f64> = (0..n)
-            .map(|i| {
-                ((1.0 - p.af) * u.rate_slope[i] + p.af * c.rate_slope[i] - p.am * c.a[i])
-                    / (1.0 - p.am)
-            })
-            .collect();
-        let dq: Vec<f64> = (0..n)
-            .map(|i| h * from.rate[i] + h * h * ((0.5 - p.beta) * c.a[i] + p.beta * a1[i]))
-            .collect();
-        let mut m = from.moved(eq.topology(), &dq);
-        m.t = from.t + h;
-        for ((rate, a0), a1) in m.rate.iter_mut().zip(&c.a).zip(&a1) {
-            *rate += h * ((1.0 - p.gamma) * a0 + p.gamma * a1);
-        }
-        (dq, m, a1)
+        let steps = (c.a.as_slice(), &c.rate_slope[..], &u.rate_slope[..]);
+        reached(eq, self.p, from, steps, h)
     }
 
     fn factor(
@@ -256,7 +287,8 @@ impl GeneralizedAlpha {
                 *l += d / (h * h * b);
             }
             let step = size(w.as_slice());
-            let goal = SOLVED * h * h * size(&u.rate_slope) + 4.0 * f64::EPSILON;
+            let usual = SOLVED * h * h * size(&u.rate_slope);
+            let goal = self.solved / SOLVED * usual + 4.0 * f64::EPSILON;
             let rate = step / last;
             // the first correction says nothing about how fast they shrink
             if step <= goal || last.is_finite() && rate < 1.0 && step * rate / (1.0 - rate) <= goal
@@ -264,7 +296,7 @@ impl GeneralizedAlpha {
                 return Ok(());
             }
             // rounding is reached
-            if rate > 0.5 && step < 1e-13 {
+            if rate > 0.5 && step < usual.max(1e-13) {
                 return Ok(());
             }
             if rate > SLOW {

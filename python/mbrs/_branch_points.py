@@ -1,0 +1,94 @@
+"""What a branch of periodic solutions is made of: points, events, and the chunks in which they come from the core."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from . import _balance
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """A special point of a branch: ``kind`` "fold", "branch-point", "neimark-sacker" or "period-doubling".
+
+    ``omega`` (rad/s), ``level`` and, on a branch in a parameter, its ``value`` say where, ``X`` (dof, 2H+1) is the motion
+    there (built when asked for), ``exponent`` the Floquet exponent that crosses (None where it does not matter), ``index``
+    the number of the first point of the branch behind it.
+    """
+
+    kind: str
+    omega: float
+    level: float
+    exponent: complex | None
+    index: int
+    value: float | None = None
+    built: Callable[[], np.ndarray] | None = field(default=None, repr=False)
+
+    @cached_property
+    def X(self) -> np.ndarray:
+        """(dof, 2H+1) coefficients of the motion there."""
+        assert self.built is not None
+        return self.built()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "X": self.X, "built": None}
+
+    @property
+    def frequency(self) -> float:
+        """Excitation frequency, Hz."""
+        return self.omega / (2 * np.pi)
+
+    def __str__(self) -> str:
+        if self.value is not None:
+            return f"{self.kind} at value = {self.value:.10g}, omega = {self.omega:.6g} rad/s"
+        return f"{self.kind} at omega = {self.omega:.10g} rad/s, level = {self.level:.6g}"
+
+
+@dataclass(frozen=True, eq=False)
+class BranchPoint:
+    """One solution of a branch: ``omega``, ``level``, coefficients ``X`` (dof, 2H+1), ``error``, ``stable`` (nan: not
+    known),
+    Floquet ``exponents`` or None, the ``step`` that led here, the ``value`` of the parameter of a branch in one."""
+
+    omega: float
+    level: float
+    X: np.ndarray
+    error: float
+    stable: float
+    exponents: np.ndarray | None
+    step: float
+    value: float | None = None
+
+
+class Chunks:
+    """What has been computed of a branch so far, as lists of arrays; ``terms`` of a chunk say which harmonics it
+    holds."""
+
+    def __init__(self) -> None:
+        self.parts: list[tuple[_balance.Setup, dict[str, Any]]] = []
+        self.events: list[Event] = []
+
+    def __len__(self) -> int:
+        return sum(len(part["p"]) for _, part in self.parts)
+
+    def column(self, name: str) -> np.ndarray:
+        """One number per point."""
+        return np.concatenate([part[name] for _, part in self.parts]) if self.parts else np.zeros(0)
+
+    def exponents(self) -> np.ndarray | None:
+        """(n, 2 dof) where every point has them; nan fills up where reduced models have fewer."""
+        parts = [part for _, part in self.parts if len(part["p"])]
+        known = [part["exponents"] for part in parts if "exponents" in part]
+        if not known or len(known) < len(parts):
+            return None
+        out = np.full((sum(len(part) for part in known), max(part.shape[1] for part in known)), np.nan, complex)
+        at = 0
+        for part in known:
+            out[at : at + len(part), : part.shape[1]] = part
+            at += len(part)
+        return out
