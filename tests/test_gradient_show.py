@@ -95,6 +95,23 @@ def test_a_gradient_is_labelled_data_and_comes_back(found, tmp_path):
     assert np.array_equal(back.gradient, found.gradient) and back.labels == found.labels
 
 
+def test_parts_and_optima_are_labelled_data(found, tmp_path):
+    part = found.sensitivity(["spring1.k"]).to_xarray()
+    assert part["derivative"].sel(parameter="spring1.k").values.tolist() == found.gradient[:, 1].tolist()
+    m = mb.Model("one")
+    p = m.body("p", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0), velocity=(1.0, 0, 0))
+    m.prismatic("rail", m.ground, p, at=(0, 0, 0), axis="x")
+    goal = mb.Final(lambda s: (s.position("p")[0] - 3.0) ** 2 + 1.0)
+    best = mb.problem(m, goal, ["p.velocity[0]"], t=1.0, step=0.1).solve()
+    data = best.to_xarray()
+    assert data["x"].sel(parameter="p.velocity[0]").item() == pytest.approx(3.0, abs=1e-6)
+    assert data["objective"].values.tolist() == best.history.tolist() and data.attrs["status"] == "converged"
+    figure = best.plot()
+    figure.savefig(tmp_path / "a.png")
+    assert figure.axes[0].lines[0].get_ydata().tolist() == best.history.tolist()
+    assert figure.axes[0].lines[1].get_ydata()[-1] == best.history.min()
+
+
 def test_sensitivities_over_time(traj, tmp_path):
     figure = traj.plot("sensitivity", of="P2")
     figure.savefig(tmp_path / "a.png")

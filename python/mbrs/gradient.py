@@ -143,6 +143,15 @@ class MotionSensitivity(Result):
 
     __repr__ = __str__
 
+    def to_xarray(self) -> Any:
+        """`xarray.Dataset` over objectives and parameters."""
+        import xarray
+
+        return xarray.Dataset(
+            {"derivative": (("objective", "parameter"), self.value.reshape(-1, len(self.labels)))},
+            coords={"parameter": list(self.labels), "unit": ("parameter", list(self.units))},
+        )
+
 
 # (t, element, what) of a kink that was passed.
 Kink = tuple[float, str, str]
