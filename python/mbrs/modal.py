@@ -502,10 +502,14 @@ def _energy_shares(r: ModalResult) -> EnergyShares:
     strain = shares(r.system.K)
     strain[:, r.kind == "rigid"] = np.nan
     names, maps = r._bodies()
-    energy_of = getattr(r.system, "body_kinetic_energy", None)
+    energy_of, masses = getattr(r.system, "body_kinetic_energy", None), getattr(r.system, "body_mass_matrices", None)
     per_body = None
-    if maps is not None and energy_of is not None and len(names):
-        energy = energy_of(x)
+    if maps is not None and masses is not None and len(names):
+        if energy_of is None:
+            v = (maps @ x).reshape(len(names), 6, -1)
+            energy = np.einsum("bin,bij,bjn->bn", v.conj(), np.asarray(masses), v).real
+        else:
+            energy = energy_of(x)
         per_body = energy / energy.sum(axis=0)
     elements, per_element = (), None
     strain_of = getattr(r.system, "element_strain_energy", None)
