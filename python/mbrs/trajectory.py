@@ -65,7 +65,7 @@ class Trajectory(Result):
         Times of all accepted steps, and the estimated local error of each over its tolerance (empty for fixed steps).
     error
         Estimated error: the largest |dx|/(characteristic length) and angle of rotation of any body at up to 50 of the outputs,
-        from a second run with coarser steps (made when first asked for).
+        from a second run, tighter where the order of the method is high, else coarser (made when first asked for).
     status
         "finished", "interrupted" (Ctrl-C) or "stopped" (a step that could not be made; `message` says why).
     """
@@ -186,6 +186,10 @@ class Trajectory(Result):
     def modal_rate(self, body: Any) -> np.ndarray:
         """(n_t, m) rates of the modal coordinates of a flexible body."""
         return self._modal(body)[1][1]
+
+    @property
+    def _flexible(self) -> list[str]:
+        return [self.bodies[body] for body, *_ in modal_places(self.snapshot.tables, len(self.bodies))]
 
     def _modal(self, body: Any) -> tuple[Any, tuple[np.ndarray, np.ndarray]]:
         index = self._body(body)
@@ -401,6 +405,8 @@ class Trajectory(Result):
         q = self._quantities
         names = {name: self.joint(name) for name in self._joint_places}
         joints = {f"joint {name}": (("time",) if v.ndim == 1 else ("time", f"{name}_"), v) for name, v in names.items()}
+        for name in self._flexible:
+            joints[f"modal {name}"] = (("time", f"mode of {name}"), self.modal(name))
         derivatives = {}
         for what in [sensitivity] if isinstance(sensitivity, str) else sensitivity:
             d = np.asarray(self.sensitivity(what)).reshape(len(self.t), -1, len(self.parameter_labels))
