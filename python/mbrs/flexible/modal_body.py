@@ -249,13 +249,14 @@ class ModalBody:
     def __str__(self) -> str:
         largest = _largest(self.line_shape)
         rows = [
-            [i, frequency, self.K[i, i], self.M[i, i], largest[i]] for i, frequency in enumerate(self.frequencies())
+            [f"q{i + 1}", frequency, self.K[i, i], self.M[i, i], largest[i]]
+            for i, frequency in enumerate(self.frequencies())
         ]
         head = (
             f"Modal body: {number(self.mass)} kg, centre of mass {number(self.com)} m, {self.n_modes} mode(s), "
             f"nodes: {', '.join(self.nodes[:6]) or 'none'}{', ...' if len(self.nodes) > 6 else ''}"
         )
-        listed = table(["mode", "f [Hz]", "K_ii", "M_ii", "moves most along"], rows)
+        listed = table(["shape", "f [Hz]", "K_ii", "M_ii", "moves most along"], rows)
         return "\n".join(part for part in (head, self.note, listed) if part)
 
 

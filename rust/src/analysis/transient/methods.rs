@@ -160,7 +160,7 @@ fn chosen(
     let Method::Auto = method else {
         return Ok((method, "as asked".into()));
     };
-    if eq.topology().connectors.is_empty() {
+    if eq.topology().connectors.is_empty() && !eq.topology().is_flexible() {
         let why = "no spring, damper or law: nothing can be stiff".into();
         return Ok((Method::Explicit, why));
     }
