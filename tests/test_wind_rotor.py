@@ -129,3 +129,12 @@ def test_campbell_of_the_free_rotor():
     assert np.all(np.isfinite(diagram.frequency)) and diagram.frequency.shape == (4, 12)
     assert {1, -1} <= set(diagram.whirl[-1].tolist())
     assert np.all(diagram.frequency[-1, :3] > diagram.frequency[0, :3]), "centrifugal stiffening"
+
+
+def test_files_hold_the_models(tmp_path):
+    """Flexible bodies, section loads and drives come back as they were."""
+    from scenes import same_tables
+
+    for m in (mb.examples.wind_rotor(modes=2, air=1.0), mb.examples.slider_crank(stiffness=15.0)):
+        again = mb.Model.load(m.save(tmp_path / "model.toml"))
+        assert same_tables(tables(again), tables(m)) == []
