@@ -138,3 +138,9 @@ def test_files_hold_the_models(tmp_path):
     for m in (mb.examples.wind_rotor(modes=2, air=1.0), mb.examples.slider_crank(stiffness=15.0)):
         again = mb.Model.load(m.save(tmp_path / "model.toml"))
         assert same_tables(tables(again), tables(m)) == []
+
+
+def test_auto_asks_how_fast_a_flexible_body_vibrates():
+    """Without springs, dampers and laws a flexible body may still be stiff."""
+    route = mb.simulate(mb.examples.slider_crank(stiffness=15.0), t=0.01).stats.route
+    assert "fastest vibration" in route
