@@ -78,5 +78,5 @@ with style():
     lower.set(ylabel="acceleration [m/s2]", xlabel="t [s]")
     upper.legend()
 picture.savefig(folder / "car-ride.png")
-after.animate(folder / "car.html")
+after.animate(folder / "car.html", follow="chassis", paths=["driver"])
 print(f"pictures in {folder}")

@@ -50,7 +50,7 @@ class MotionGradient(Result):
     labels, units
         Of the parameters.
     where
-        (n_p,) the values of the parameters.
+        (n_p,) the values of the parameters; nan for turns of axes and orientations.
     t
         (n_t,) s; ends of the steps.
     method
@@ -142,6 +142,15 @@ class MotionSensitivity(Result):
         return table(["parameter", "unit", *("derivative" for _ in flat)], rows, title="objectives of a motion")
 
     __repr__ = __str__
+
+    def to_xarray(self) -> Any:
+        """`xarray.Dataset` over objectives and parameters."""
+        import xarray
+
+        return xarray.Dataset(
+            {"derivative": (("objective", "parameter"), self.value.reshape(-1, len(self.labels)))},
+            coords={"parameter": list(self.labels), "unit": ("parameter", list(self.units))},
+        )
 
 
 # (t, element, what) of a kink that was passed.
@@ -549,11 +558,9 @@ def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
 
 
 def _value_at(m: Model, label: str) -> float:
-    """The number that a column belongs to; the columns of axes and orientations are turns, which start at 0."""
-    try:
-        return float(m.value(label))
-    except (TypeError, ModelError):
-        return 0.0
+    """The number that a column belongs to; those of axes and orientations are turns and have none."""
+    turns = label.rpartition("[")[0].endswith((".axis", ".axis2", ".orientation"))
+    return math.nan if turns else float(m.value(label))
 
 
 __all__ = ["AtTimes", "Final", "Integral", "MotionGradient", "gradient"]

@@ -61,7 +61,7 @@ def tornado(result: Any, *, n: int = 30, change: float | Mapping[str, float] = 0
 def _amounts(result: Any, change: float | Mapping[str, float]) -> tuple[np.ndarray, list[str]]:
     """Change of every parameter, and the words for it."""
     part = 0.01 if isinstance(change, Mapping) else _finite("change", change)
-    amounts = part * np.abs(np.asarray(result.where, dtype=float))
+    amounts = part * np.nan_to_num(np.abs(np.asarray(result.where, dtype=float)))
     texts = [f"+{100 * part:g} %"] * len(amounts)
     for name, amount in change.items() if isinstance(change, Mapping) else ():
         found = [i for i, label in enumerate(result.labels) if label == name or label.startswith(f"{name}[")]
@@ -119,7 +119,7 @@ def _per(unit: str, by: str) -> str:
         return f"1/({by})" if by else ""
     if not by:
         return f"[{unit} per unit]"
-    return "[1]" if unit == by else f"[{unit} / ({by})]" if "/" in by or " " in by else f"[{unit}/{by}]"
+    return f"[{unit} / ({by})]" if "/" in by or " " in by else f"[{unit}/{by}]"
 
 
 def convergence(result: Any) -> Any:

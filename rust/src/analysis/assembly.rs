@@ -53,7 +53,7 @@ pub fn assemble(
 }
 
 /// The drawn relative poses, or those of the user's first guess.
-fn start(system: &System) -> Vec<Pose<f64>> {
+pub fn start(system: &System) -> Vec<Pose<f64>> {
     let topology = &*system.topology;
     let mut relative = drawn_relative(topology, &system.geometry);
     if topology.tables.poses.is_empty() {
