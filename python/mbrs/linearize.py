@@ -454,7 +454,7 @@ def linearize(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Linea
     snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at)
     with core_errors():
-        r = snapshot.system.linearize(state.relative, state.rate, list(without))
+        r = snapshot.system.linearize(state.relative, state.rate, list(without), state.memory.tolist())
     return _linearization(snapshot, state, r, without, start, warn=True)
 
 
