@@ -87,7 +87,9 @@ def test_steps_of_different_lengths():
 def test_the_five_bar_converges_with_second_order():
     errors = []
     for h in (0.01, 0.005, 0.0025):
-        value, grad = mb.gradient(silent(five_bar), mb.Integral(drift), LENGTHS, t=1.0, step=h, method="direct", **ALPHA)
+        value, grad = mb.gradient(
+            silent(five_bar), mb.Integral(drift), LENGTHS, t=1.0, step=h, method="direct", **ALPHA
+        )
         errors.append([abs(value - FIVE_BAR[1.0][0]), np.abs(grad - FIVE_BAR[1.0][1]).max()])
     ratios = np.divide(errors[1], errors[2])
     print(f"errors of value and gradient at h = .0025: {errors[-1]}, ratios {ratios}")

@@ -23,7 +23,9 @@ PSI = mb.Final(lambda s: s.position("p")[0])
 @pytest.mark.parametrize("method", ["direct", "adjoint"])
 def test_a_gap_that_closes_at_speed_is_named(method, scheme):
     m = slider(mb.Gap(4000.0, 0.0305))
-    with pytest.warns(KinkWarning, match=r"'stop' at t = 0\.03\d* s \(its gap closes or opens\).*not differentiable there"):
+    with pytest.warns(
+        KinkWarning, match=r"'stop' at t = 0\.03\d* s \(its gap closes or opens\).*not differentiable there"
+    ):
         found = mb.gradient(m, PSI, ["p.velocity[0]", "stop.law[1]"], t=0.05, step=1e-3, method=method, scheme=scheme)
     assert found.status == "kinks"
     (t, element, what), *more = found.kinks
