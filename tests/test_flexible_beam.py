@@ -456,7 +456,14 @@ def test_a_mass_at_the_tip(made):
 
 @pytest.mark.parametrize(
     "name",
-    ["flexible.beam", "flexible.craig_bampton", "flexible.modal_body", "plot.modal_body", "multiblade", "element_methods"]
+    [
+        "flexible.beam",
+        "flexible.craig_bampton",
+        "flexible.modal_body",
+        "plot.modal_body",
+        "multiblade",
+        "element_methods",
+    ]
     + ["examples._wind_rotor", "examples._windpact", "examples._slider_crank"],
 )
 def test_examples_in_docstrings(name):
