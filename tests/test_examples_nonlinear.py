@@ -29,7 +29,7 @@ EXPECTED = {
     "nonlinear_jenkins.py": (6, {"linear": 1e-12, "closed form": 1e-6, "distance": 1e-4}, ["jenkins-curves"]),
     "nonlinear_ladder_gap.py": (
         7,
-        {"transfer function": 1e-11, "J1,1a(0)": None, "geometry": 5e-3, "distance": None},
+        {"transfer function": 1e-11, "J1,1a(0)": None, "geometry": 5e-3, "distance": 1e-3},
         ["ladder-gap"],
     ),
     "nonlinear_neimark_sacker.py": (6, {"multiplier": 1e-8, "angle": 1e-8}, ["neimark-sacker-curve"]),
