@@ -15,8 +15,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import accuracy_gradients
 import accuracy_motion
 import accuracy_nonlinear as nonlinear
+import bdf_evaluations
 import mbrs as mb
 import numpy as np
 
@@ -194,7 +196,10 @@ SECTIONS: dict[str, Callable[[], Section]] = {
     "truncation": truncation,
     "response": response,
     **{name: _motion(name, *rest) for name, rest in accuracy_motion.sections().items()},
-    **{name: lambda make=make: Section(*make()) for name, make in nonlinear.SECTIONS.items()},
+    **{
+        name: lambda make=make: Section(*make())
+        for name, make in {**accuracy_gradients.SECTIONS, **nonlinear.SECTIONS}.items()
+    },
 }
 
 
@@ -218,7 +223,7 @@ def main(names: list[str]) -> None:
         section.study.plot().savefig(DOCS / "img" / f"accuracy-{section.name}.png")
         parts.append(markdown(section))
     if not names:
-        parts.append(accuracy_motion.against_evaluations())
+        parts.append(bdf_evaluations.section())
         (DOCS / "accuracy.md").write_text("\n".join(parts))
     elif (DOCS / "accuracy.md").exists():
         _replace(parts[1:])

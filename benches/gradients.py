@@ -1,153 +1,231 @@
-"""Gradients of motions: cost of direct and adjoint over the number of parameters, error against time, memory of checkpoints.
+"""Every figure that gradients of motions should reach, measured: cost over the number of parameters, memory, Exudyn beside them.
 
-    python benches/gradients.py            # tables; a minute
-    python benches/gradients.py --plot docs/img/accuracy-gradients.png
+    OPENBLAS_NUM_THREADS=1 python benches/gradients.py [--write] [--memory] [name ...]
 
-Times are medians of runs in one process; the reference of the errors is the gradient of METHODS.md e.3 (five-bar, T = 2 s).
+CPU seconds of this process (one BLAS thread), the best of several repeats; ratios are of runs in this one process. ``--memory``
+adds the adjoint over 1e5 steps (minutes with a development build). ``--write`` puts the table into benches/README.md.
 """
 
 from __future__ import annotations
 
-import argparse
-import statistics
+import resource
+import sys
 import time
 import warnings
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import mbrs as mb
 import numpy as np
+import rivals_gradient as rivals
+from linear import Row, circumstances, cpu, ms, table, write
+from motion import build, exudyn
 
-PSI_2, GRADIENT_2 = 0.2384041958, np.array([-1.33084740, 0.99780747])
-R0 = np.array([0.5, -2.0, 0.0])
-
-
-def drift(s):
-    return np.sum((s.point("P2") - R0) ** 2)
-
-
-def timed(f, repeat: int = 5) -> float:
-    """Median seconds."""
-    f()
-    out = []
-    for _ in range(repeat):
-        start = time.perf_counter()
-        f()
-        out.append(time.perf_counter() - start)
-    return statistics.median(out)
+BEGIN, END = "<!-- gradient table begins -->", "<!-- gradient table ends -->"
+COUNTS = (1, 2, 4, 8, 16, 64, 256, 1000)
+# METHODS.md e.3, T = 2 s: converged by Runge-Kutta and DOP853
+FIVE_BAR = np.array([-1.33084740, 0.99780747])
 
 
-def lengths(n: int):
-    """A double pendulum row whose n springs are n parameters. Data invented."""
+def largest(a: Any, b: Any) -> float:
+    """Largest difference over the largest entry of b."""
+    return float(np.max(np.abs(np.asarray(a) - np.asarray(b))) / np.max(np.abs(b)))
+
+
+# --- Exudyn's forward differences -----
+
+
+def double_pendulum() -> list[Row]:
+    """Two angles at 1 s by five parameters, 1000 steps in both programs."""
+    m, goals = rivals.pendulum()
+    names, h = list(rivals.VALUES), 1e-3
+    run = lambda: mb.gradient(m, goals, names, t=1.0, step=h, method="direct")  # noqa: E731
+    found, exact = np.asarray(run().gradient), rivals.pendulum_truth()
+    own = largest(found, differences(m, goals, names, h))
+    seconds = cpu(run, repeats=5)
+    text = f"mbrs direct {ms(seconds)}: {own:.0e} off the derivative of its steps, {largest(found, exact):.0e} off the converged one"
+    adjoint = mb.gradient(m, goals, names, t=1.0, step=h, method="adjoint").gradient
+    what = f"double pendulum, 2 angles at 1 s by 5 parameters, {round(1 / h)} steps"
+    rows = []
+    for label, size in (("forward differences, steps of 1e-3", 1e-3), ("forward differences, steps of 1e-6", 1e-6)):
+        made = exudyn(lambda size=size: rivals.pendulum_in_exudyn(size))
+        if made is None:
+            rows.append(Row(f"{what}; Exudyn's {label}", "20 times faster, 1e-9", f"{text}; Exudyn not run"))
+            continue
+        other, gradient = made
+        ratio = other / seconds
+        rows.append(
+            Row(
+                f"{what}; Exudyn's {label}",
+                "20 times faster, 1e-9",
+                f"{text}; Exudyn {ms(other)}, {largest(gradient, exact):.0e} off: {ratio:.0f} times",
+                ratio >= 20.0 and own <= 1e-9,
+            )
+        )
+    rows.append(
+        Row(
+            "the same: adjoint against direct", "1e-9", f"{largest(adjoint, found):.0e}", largest(adjoint, found) < 1e-9
+        )
+    )
+    return rows
+
+
+def differences(m: Any, goals: Any, names: list[str], h: float) -> np.ndarray:
+    """Differences of six points through the same steps, (n_obj, n_p)."""
+    weights = {1: 0.75, 2: -0.15, 3: 1 / 60}
+    columns = []
+    for name in names:
+        now = m.value(name)
+        e = 5e-3 * now
+        total: Any = 0.0
+        for k, w in weights.items():
+            for sign in (1, -1):
+                m.set({name: now + sign * k * e})
+                total = total + sign * w * mb.gradient(m, goals, name, t=1.0, step=h, method="direct").value
+        m.set({name: now})
+        columns.append(total / e)
+    return np.array(columns).T
+
+
+# --- cost over the number of parameters -----
+
+
+def springs(n: int) -> tuple[Any, list[str]]:
+    """A chain of four rods with n springs to ground, whose stiffnesses are n parameters. Invented data."""
     m = mb.Model("springs", gravity=(0, -9.81, 0))
     last = m.ground
     for i in range(4):
         b = m.body(f"b{i}", mass=1.0, inertia=(0.02, 0.02, 0.02), at=(i + 0.5, 0, 0))
         m.revolute(f"J{i}", last, b, at=(i, 0, 0), axis="z", c=0.1)
         last = b
-    names = []
     for i in range(n):
-        m.spring_damper(
-            f"s{i}", m.ground, m.bodies[i % 4], at=((i % 7, 2.0, 0), (i % 4 + 0.5, 0, 0)), k=20.0 / n, c=0.0
-        )
-        names.append(f"s{i}.k")
-    return m, names
+        ends = ((i % 7, 2.0, 0), (i % 4 + 0.5, 0, 0))
+        m.spring_damper(f"s{i}", m.ground, m.bodies[i % 4], at=ends, k=20.0 / n, c=0.0)
+    return m, [f"s{i}.k" for i in range(n)]
 
 
-def cost() -> None:
-    """Seconds over those of one primal simulation (the same scheme and steps, no derivatives)."""
-    print(
-        f"{'n_p':>5} {'primal s':>9} {'direct':>8} {'adjoint':>8}   (over the primal; wanted: direct 1 + .3 n_p, adjoint 4)"
-    )
-    for n in (1, 2, 4, 8, 16, 64, 256, 1000):
-        primal, direct, adjoint = row(n)
-        print(f"{n:5d} {primal:9.4f} {direct / primal:8.2f} {adjoint / primal:8.2f}")
+def cost() -> list[Row]:
+    """CPU seconds over those of the same steps without derivatives."""
+    parts = []
+    for n in COUNTS:
+        primal, direct, adjoint = _seconds(n)
+        print(f"n_p = {n}: {ms(primal)}, direct {ms(direct)}, adjoint {ms(adjoint)}", file=sys.stderr, flush=True)
+        parts.append((n, primal, direct / primal, adjoint / primal))
+    forward = [p for p in parts if np.isfinite(p[2])]
+    return [
+        Row(
+            "direct over the motion alone, chain of 4 with n_p springs, 100 steps",
+            "at most 1 + .3 n_p",
+            ", ".join(f"n_p = {n}: {d:.2f}" for n, _, d, _ in forward),
+            all(d <= 1 + 0.3 * n for n, _, d, _ in forward),
+        ),
+        Row(
+            "adjoint over the motion alone, the same, a cheap objective",
+            "at most 4, up to n_p = 1000",
+            ", ".join(f"n_p = {n}: {a:.2f}" for n, _, _, a in parts),
+            all(a <= 4.0 for *_, a in parts),
+        ),
+    ]
 
 
-def row(n: int) -> tuple[float, float, float]:
-    """Seconds of the motion, of the direct and of the adjoint gradient by n parameters."""
-    m, names = lengths(n)
+def _seconds(n: int) -> tuple[float, float, float]:
+    """Of the motion alone, of the direct gradient (up to 64 parameters) and of the adjoint."""
+    m, names = springs(n)
     psi = mb.Final(lambda s: s.position("b3")[1])
     options = {"t": 0.5, "step": 5e-3}
-    primal = timed(lambda: mb.simulate(m, method="ali3p", **options), 3)
-    adjoint = timed(lambda: mb.gradient(m, psi, names, method="adjoint", **options), 3)
-    direct = timed(lambda: mb.gradient(m, psi, names, method="direct", **options), 3) if n <= 64 else float("nan")
-    return primal, direct, adjoint
+
+    def of(method: str) -> float:
+        return cpu(lambda: mb.gradient(m, psi, names, method=method, **options), repeats=3)
+
+    primal = cpu(lambda: mb.simulate(m, method="ali3p", **options), repeats=3)
+    return primal, of("direct") if n <= 64 else np.nan, of("adjoint")
 
 
-def curves() -> dict[str, np.ndarray]:
-    """Relative error of the gradient and seconds: direct and adjoint over the step, forward differences over their own step."""
-    names, out = ["spring1.length", "spring2.length"], {}
-    m = mb.examples.five_bar()
-    psi = mb.Integral(drift)
-
-    def error(g) -> float:
-        return float(np.abs(np.asarray(g) - GRADIENT_2).max() / np.abs(GRADIENT_2).max())
-
-    for method in ("direct", "adjoint"):
-        rows = []
-        for h in (2e-2, 1e-2, 5e-3, 2.5e-3, 1.25e-3):
-            found = mb.gradient(m, psi, names, t=2.0, step=h, method=method)
-            rows.append((h, found.stats.wall_time, error(found.gradient)))
-        out[method] = np.array(rows)
-    rows = []
-    exact = mb.gradient(m, psi, names, t=2.0, step=5e-3, method="direct").gradient
-    base = [m.value(p) for p in names]
-    for e in 10.0 ** -np.arange(1, 13):
-        start = time.perf_counter()
-        values = [mb.gradient(m, psi, names, t=2.0, step=5e-3, method="adjoint").value]
-        for p, v in zip(names, base, strict=True):
-            m.set({p: v + e})
-            values.append(mb.gradient(m, psi, names, t=2.0, step=5e-3, method="adjoint").value)
-            m.set({p: v})
-        g = (np.array(values[1:]) - values[0]) / e
-        rows.append((e, time.perf_counter() - start, float(np.abs(g - exact).max() / np.abs(exact).max())))
-    out["forward differences (error against the exact gradient of the same steps)"] = np.array(rows)
-    for name, table in out.items():
-        print(name)
-        for h, seconds, e in table:
-            print(f"  {h:8.1e} {seconds:8.3f} s   error {e:.1e}")
-    return out
+def car() -> list[Row]:
+    """The car of mb.examples over its bump: 54 numbers, an objective written in Python."""
+    m = mb.examples.car()
+    psi = mb.Integral(lambda s: (s.t > 1.5) * s.point_acceleration("driver")[2] ** 2)
+    names, options = list(m.parameters), {"t": 3.0, "step": 1e-2}
+    primal = cpu(lambda: mb.simulate(m, method="ali3p", **options), repeats=2, least=0.0)
+    adjoint = cpu(lambda: mb.gradient(m, psi, names, method="adjoint", **options), repeats=2, least=0.0)
+    direct = cpu(lambda: mb.gradient(m, psi, names, method="direct", **options), repeats=1, least=0.0)
+    text = f"motion {ms(primal)}, adjoint {ms(adjoint)} ({adjoint / primal:.1f}), direct {ms(direct)} ({direct / primal:.1f})"
+    reached = adjoint <= 4 * primal and direct <= (1 + 0.3 * 54) * primal
+    return [
+        Row(
+            "car of 14 degrees of freedom over a bump, 54 numbers, 300 steps",
+            "adjoint 4, direct 17.2 motions",
+            text,
+            reached,
+        )
+    ]
 
 
-def memory() -> None:
-    """Numbers kept by the adjoint on 1e5 steps."""
-    m, names = lengths(2)
+# --- accuracy -----
+
+
+def order() -> list[Row]:
+    """Five-bar of METHODS.md e.3 over the step."""
+    m, r0 = mb.examples.five_bar(), np.array([0.5, -2.0, 0.0])
+    psi = mb.Integral(lambda s: np.sum((s.point("P2") - r0) ** 2))
+    names, steps = ["spring1.length", "spring2.length"], (1e-2, 5e-3, 2.5e-3)
+    errors, apart = [], 0.0
+    for h in steps:
+        direct = mb.gradient(m, psi, names, t=2.0, step=h, method="direct").gradient
+        adjoint = mb.gradient(m, psi, names, t=2.0, step=h, method="adjoint").gradient
+        errors.append(largest(direct, FIVE_BAR))
+        apart = max(apart, largest(adjoint, direct))
+    slope = float(np.log2(errors[-2] / errors[-1]))
+    text = f"{slope:.2f} (errors {', '.join(f'{e:.1e}' for e in errors)} at h = {', '.join(f'{h:g}' for h in steps)})"
+    return [
+        Row("five-bar, 2 s: order of the gradient's error in h", "2", text, abs(slope - 2) < 0.1),
+        Row("five-bar: adjoint against direct", "1e-9", f"{apart:.0e}", apart < 1e-9),
+    ]
+
+
+def memory(steps: int = 100_000) -> list[Row]:
+    """The adjoint over many steps that are not kept but run again between checkpoints."""
+    m, names = springs(2)
     psi = mb.Final(lambda s: s.position("b3")[1])
-    import resource
-
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     start = time.perf_counter()
-    found = mb.gradient(m, psi, names, t=10.0, step=1e-4, method="adjoint", keep=0)
-    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    found = mb.gradient(m, psi, names, t=1e-4 * steps, step=1e-4, method="adjoint", keep=0)
+    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
     counts = found.stats.counts
-    print(
-        f"1e5 steps: {counts['checkpoints']} checkpoints, {counts['steps']} steps forwards, peak memory +{(after - before) / 1024:.0f} MB, "
-        f"{time.perf_counter() - start:.1f} s"
+    text = (
+        f"{counts['checkpoints']} checkpoints, {counts['steps']} steps forwards, peak memory +{grown:.0f} MB, "
+        f"{time.perf_counter() - start:.0f} s"
     )
+    bounded = counts["checkpoints"] <= 2 * np.sqrt(steps) and counts["steps"] <= 2 * steps + 1
+    return [Row(f"adjoint over {steps} steps", "memory bounded by the checkpoints", text, bool(bounded))]
 
 
-def main() -> None:
-    """Run everything."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--plot")
-    parser.add_argument("--memory", action="store_true")
-    given = parser.parse_args()
-    warnings.simplefilter("ignore")
-    if given.memory:
-        memory()
-        return
-    cost()
-    found = curves()
-    if given.plot:
-        from matplotlib.figure import Figure
+MEASUREMENTS: dict[str, Callable[[], list[Row]]] = {
+    "double_pendulum": double_pendulum,
+    "cost": cost,
+    "car": car,
+    "order": order,
+}
 
-        figure = Figure(figsize=(8, 4.5), layout="constrained")
-        ax = figure.add_subplot()
-        for name, table in found.items():
-            ax.loglog(table[:, 0], table[:, 2], "o-", label=name)
-        ax.set(xlabel="step [s], or step of the differences [m]", ylabel="relative error of the gradient")
-        ax.legend()
-        figure.savefig(given.plot, dpi=120)
+
+def main(arguments: Iterable[str]) -> None:
+    arguments = list(arguments)
+    chosen = dict(MEASUREMENTS)
+    named = [a for a in arguments if not a.startswith("-")]
+    if "--memory" in arguments or "memory" in named:
+        chosen["memory"] = memory
+    rows: list[Row] = []
+    for name in named or chosen:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", mb.MbrsWarning)
+            made = chosen[name]()
+        rows += made
+        print(table(made), file=sys.stderr, flush=True)
+    text = f"{table(rows)}\n\n{circumstances(('numpy', 'scipy', 'exudyn'))} {build()}"
+    print(text)
+    if "--write" in arguments:
+        write(text, BEGIN, END)
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

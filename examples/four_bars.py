@@ -20,7 +20,7 @@ for n in (1, 3, 10):
         f"{traj.stats.wall_time:.3f} s, energy kept to {drift:.1e} J, constraints to {traj.residual.max():.0e}"
     )
 
-traj = mb.simulate(mb.examples.four_bars(3), t=4.0, rtol=1e-7)
+traj = mb.simulate(mb.examples.four_bars(3), t=np.linspace(0.0, 4.0, 401), rtol=1e-7)
 print(traj)
 traj.plot().savefig(folder / "four-bars.png")
 traj.plot("reactions", of=["foot0", "foot1", "left0"]).savefig(folder / "four-bars-reactions.png")

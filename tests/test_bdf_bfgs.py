@@ -5,6 +5,7 @@ constraints, hard cases, and the warning of modes that BDF amplifies.
 from __future__ import annotations
 
 import warnings
+from functools import cache
 
 import mbrs as mb
 import motion_problems as zoo
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 from mbrs import reference as ref
 from mbrs._amplified import bdf4_factor
-from mbrs.reference.bdf_bfgs import bdf_bfgs
+from mbrs.reference.bdf_bfgs import bdf_bfgs, start_motions
 from mbrs.reference.motion import positions
 from mbrs.tables import tables
 
@@ -35,14 +36,21 @@ def two_links():
     return m
 
 
+@cache
+def reference_start(make, h):
+    """The dear part of the reference, the same for all forms and updates."""
+    s = ref.System(tables(make()))
+    return s, start_motions(s, ref.drawn_state(s), np.zeros(s.ny), h)
+
+
 @pytest.mark.parametrize(("form", "update"), VARIANTS)
 @pytest.mark.parametrize("make", [two_links, mb.examples.four_bar], ids=["two links", "four-bar"])
 def test_steps_are_those_of_the_reference(make, form, update):
     """Same equations and formula, another solver text and another start (RK4 with 64 parts): positions at every step."""
     m, h, n = make(), 0.02, 8
-    s = ref.System(tables(m))
+    s, begin = reference_start(make, h)
     method = "inverse-bfgs" if update == "bfgs" else update
-    course = bdf_bfgs(s, ref.drawn_state(s), np.zeros(s.ny), h, n, form, method)
+    course = bdf_bfgs(s, ref.drawn_state(s), np.zeros(s.ny), h, n, form, method, begin)
     with warnings.catch_warnings():
         # the four-bar's 12 Hz belong to omega h = 1.5
         warnings.simplefilter("ignore")
@@ -146,14 +154,16 @@ def test_the_swing_of_the_source(form):
 @pytest.mark.parametrize("name", ["double_pendulum", "slider_crank"])
 def test_a_tolerance_is_that_of_the_whole_motion(name):
     problem = zoo.SMOOTH[name]()
-    for rtol in (1e-3, 1e-5, 1e-7):
+    for rtol in (1e-3, 1e-5, 1e-7, 1e-9):
         traj = mb.simulate(problem.model, t=problem.t / 2, method="bdf-bfgs", rtol=rtol)
         error = problem.error(traj.t, problem.places(traj)) / traj.snapshot.system.characteristic_length
-        print(f"{name}, rtol {rtol:.0e}: error {error:.1e} in {len(traj.steps) - 1} steps, estimate {traj.error:.1e}")
-        assert traj.error <= rtol
-        assert error < 2 * rtol
-    # 200 steps are the least; the tightest needs more and is not paid for in vain
-    assert error > 1e-3 * rtol
+        counts = traj.stats.counts
+        print(
+            f"{name}, rtol {rtol:.0e}: error {error:.1e}, estimate {traj.error:.1e}, {counts['steps']} steps, "
+            f"{counts['residual evaluations']} evaluations, {counts.get('rejected steps', 0)} rejected"
+        )
+        assert 1e-3 * rtol < error < 2 * rtol
+        assert 0.1 < traj.error / error < 10
 
 
 def test_a_tolerance_below_rounding_is_said():
@@ -182,10 +192,39 @@ def test_mass_ratio():
 
 
 def test_redundant_rows():
-    problem = zoo.bricard()
-    traj = run(problem.model, problem.t / 4, problem.t / 400)
-    error = problem.error(traj.t, problem.places(traj))
-    print(f"Bricard: {error:.1e} m")
+    """Bricard's linkage: six loop rows of which five are independent. Against the explicit scheme of order eight, which the zoo
+    compares with the oracle of the reference.
+    """
+    m = zoo.bricard().model
+    traj = run(m, 0.25, 2.5e-3)
+    tight = mb.simulate(m, t=traj.t[::20], rtol=1e-11, method="explicit")
+    error = max(np.abs(traj.position(b)[::20] - tight.position(b)).max() for b in tables(m)["body_name"])
+    moved = max(np.ptp(traj.position(b), axis=0).max() for b in tables(m)["body_name"])
+    print(f"Bricard: moved {moved:.1e} m, error {error:.1e} m, residual {traj.residual.max():.1e}")
+    assert error < 1e-6 < 1e-3 * moved
+
+
+def kinked():
+    """A crank on a broken line of angles, with a rod that hangs from it."""
+    m = mb.Model("kinked", gravity=(0, -9.81, 0))
+    inertia = (0.01, 1 / 12, 1 / 12)
+    crank = m.body("crank", mass=1.0, inertia=inertia, at=(0.5, 0, 0))
+    rod = m.body("B", mass=1.0, inertia=inertia, at=(1.5, 0, 0))
+    hinge = m.revolute("motor hinge", m.ground, crank, at=(0, 0, 0), axis="z")
+    m.revolute("n", crank, rod, at=(1, 0, 0), axis="z")
+    m.drive("motor", hinge, mb.Table([0.0, 0.37, 1.0], [0.0, 0.4, 0.1], kind="linear"))
+    return m
+
+
+@pytest.mark.parametrize("form", ["ggl", "symmetric"])
+def test_a_drive_with_a_kink(form):
+    """The motor's speed jumps at .37 s, between two steps: the step ends there and the history starts anew."""
+    traj = mb.simulate(kinked(), t=0.8, method="bdf-bfgs", step=5e-3, form=form)
+    tight = mb.simulate(kinked(), t=traj.t, rtol=1e-11, method="explicit")
+    error = np.abs(traj.position("B") - tight.position("B")).max()
+    before = np.abs((traj.position("B") - tight.position("B"))[traj.t < 0.37]).max()
+    print(f"{form}: error {before:.1e} m before the kink, {error:.1e} m in all")
+    assert np.any(np.abs(traj.steps - 0.37) < 1e-12)
     assert error < 1e-6
 
 

@@ -166,3 +166,26 @@ def test_nlfr_writes_a_page_and_refuses_nonsense(clearance: Path) -> None:
     wrong = _mbrs("nlfr", "clearance.toml", "--input", "mas.force.x", "--output", "rail", "--frequency", "5:6",
                   cwd=clearance, code=1).stderr  # fmt: skip
     assert "did you mean" in wrong and "mass" in wrong
+
+
+def test_simulate_is_the_motion_of_the_package(tmp_path: Path) -> None:
+    m = mb.examples.four_bar()
+    m.save(tmp_path / "four_bar.toml")
+    call = ("simulate", "four_bar.toml", "--t", "0:0.4:9", "--rtol", "1e-8", "--output", "P2", "--output", "A")
+    data = json.loads(_mbrs(*call, "--json", cwd=tmp_path).stdout)
+    traj = mb.simulate(m, t=np.linspace(0.0, 0.4, 9), rtol=1e-8)
+    assert data["outputs"]["P2"] == pytest.approx(traj.point("P2"), abs=1e-12)
+    assert data["outputs"]["A"] == pytest.approx(traj.joint("A"), abs=1e-12)
+    assert data["status"] == "finished" and data["stats"]["counts"] == traj.stats.counts
+    text = _mbrs("simulate", "four_bar.toml", "--t", "0.1", "--out", "run.html", cwd=tmp_path).stdout
+    assert "coupler.x" in text and "constraints hold" in text
+    assert "<html" in (tmp_path / "run.html").read_text().lower()
+
+
+def test_simulate_refuses_nonsense(tmp_path: Path) -> None:
+    mb.examples.four_bar().save(tmp_path / "m.toml")
+    for times in ("x", "1:2", "0:1:2.5", "nan", ""):
+        assert "is no time" in _mbrs("simulate", "m.toml", "--t", times, cwd=tmp_path, code=2).stderr
+    wrong = _mbrs("simulate", "m.toml", "--t", "0.1", "--output", "crnk", cwd=tmp_path, code=1).stderr
+    assert "crnk" in wrong
+    assert "method=" in _mbrs("simulate", "m.toml", "--t", "0.1", "--method", "euler", cwd=tmp_path, code=1).stderr

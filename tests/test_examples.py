@@ -33,11 +33,23 @@ SAYS = {
     "api_3_nonlinear.py": (["fold        1.115700", "k = (2, -1)", "period 6.66328", "largest rail"], []),
     "api_4_motion.py": (["finished", "success: true"], ["run.html"]),
     "api_5_gradients.py": (["psi = 0.72", "shape of the gradient: (2, 3)", "(11, 6, 3)"], []),
+    "car.py": (
+        ["14 degrees of freedom", "adjoint against direct", "rear_spring_c", "converged"],
+        ["car-tornado.png", "car-sensitivity.png", "car-convergence.png", "car-ride.png", "car.html"],
+    ),
     "chain.py": (["springs only", "60"], ["chain-modes.png", "chain-modes.html"]),
     "falling_chain.py": (["end off by"], ["falling-chain.png", "falling-chain.html"]),
     "five_bar_gradient.py": (["2.4319", "1.8448", "converged"], ["five-bar-convergence.png"]),
+    "four_bar_identification.py": (
+        ["standard errors", "mb.problem: converged", "mount.c[1]"],
+        ["four-bar-identification.png"],
+    ),
     "four_bars.py": (["30 redundant"], ["four-bars.png", "four-bars-reactions.png", "four-bars.html"]),
     "gap_problem.py": (["rejected", "energy kept"], ["gap-problem.png", "gap-problem-error.png"]),
+    "gradient_known_values.py": (
+        ["(-4.22937, 3.21102), METHODS.md (-4.22937, 3.21102)", "(-4.22895, 3.21146), METHODS.md (-4.22895, 3.21146)"],
+        [],
+    ),
     "heavy_top.py": (["precession 2.2465", "finished"], ["heavy-top.png", "heavy-top.html"]),
     "hexapod.py": (["36.7553", "k_leg"], ["hexapod-transmissibility.png", "hexapod-sensitivity.png"]),
     "ladder.py": (["redundant"], ["ladder-modes.png", "ladder-modes.html"]),
@@ -46,10 +58,17 @@ SAYS = {
     "quarter_car.py": (["damper 2800", "finished"], ["quarter-car.png", "quarter-car-power.png", "quarter-car.html"]),
     "rolling_disc.py": (["leans between 20.1 and 33.2"], ["rolling-disc.png", "rolling-disc.html"]),
     "rotor.py": (["rigid", "Campbell"], ["rotor-campbell.png"]),
-    "slider_crank.py": (["stroke 300.0 mm", "redundant"], ["slider-crank.png", "slider-crank.html"]),
+    "slider_crank.py": (
+        ["stroke 300.0 mm", "redundant", "the middle of the rod bends by"],
+        ["slider-crank.png", "slider-crank.html", "slider-crank-elastic.png"],
+    ),
     "stewart_platform.py": (["12 modes", "k_strut"], ["stewart-response.png", "stewart-transmissibility.png"]),
     "swing.py": (["-0.835430375 rad, check value -0.835430375", "motor"], ["swing.png", "swing.html"]),
     "tree.py": (["12 of 381 modes", "B6,32.motion.y / B6,1.force.x"], ["tree-transfer-function.png"]),
+    "wind_rotor.py": (
+        ["collective", "1.2868", "off by 1.4%", "flapwise displacement at 85 %"],
+        ["wind-rotor-campbell.png", "wind-rotor-motion.png", "wind-rotor.html"],
+    ),
     "wafer_stage.py": (["14 modes", "k_mount"], ["wafer-stage-transmissibility.png"]),
 }
 

@@ -2,6 +2,7 @@
 
 import mbrs as mb
 import numpy as np
+import pytest
 from mbrs import matrix_calculus as mc
 from mbrs import reference as ref
 from mbrs.reference import motion as rm
@@ -101,3 +102,85 @@ def test_flexible_form_holds_along_ali3p():
     assert np.abs(balance).max() < 1e-9
     assert np.abs(first).max() / size < 1e-9
     assert np.abs(second).max() < 1e-10
+
+
+def test_flexible_form_of_a_flexible_body():
+    """Eqs 17 to 23 for a blade in a floating frame on a driven hub, V = [[stiffness, mass], [inertia, speed]]; the tangents
+    of a motion that satisfies eq. 17 by complex steps through the accelerations and multipliers that follow from it.
+    """
+    from flexible_models import rotor_blade
+    from mbrs.reference import dynamics as dyn
+    from mbrs.reference.kinematics import advance
+    from mbrs.reference.motion import mass, tree_map, with_rates
+
+    m = rotor_blade(modes=2, twist=0.3)[0]
+    m.gravity = (1.0, -9.0, 2.0)
+    t = tables(m)
+    place, modes, time = int(t["flexible_x"][0]), 2, 0.7
+    x0 = np.asarray(t["x"])
+    K_at = place + 12 * modes + 9 * modes**2
+    P2_at = place + 3 * modes + 9 * modes
+    inertia_at = int(t["body_x"][t["body_name"].index("hub")]) + 13
+
+    def system(V):
+        x = x0.astype(np.result_type(x0, V))
+        x[K_at : K_at + 4] *= V[0, 0]
+        x[P2_at : P2_at + 36] *= V[0, 1]
+        x[inertia_at] += V[1, 0]
+        return ref.System(t, x)
+
+    def at(V, q, v):
+        sys = system(V)
+        return sys, with_rates(sys, rm.Motion(advance(sys, drawn_state(sys), q), v, np.zeros(0)))
+
+    def M(V, q, t):
+        sys, state = at(V, q, 0 * q)
+        return mass(sys, state, tree_map(sys, state)[0].value)
+
+    def K(V, q, t):
+        out = np.zeros((3, 3), dtype=np.result_type(V, q))
+        out[1:, 1:] = system(V).flexible[0].K
+        return out
+
+    def Q(V, q, v, t):
+        sys, state = at(V, q, v)
+        T = tree_map(sys, state, moving=True)[0]
+        left = dyn.applied_residual(sys, state, T.derivative(1) @ v, without=("gravity",))
+        return K(V, q, t) @ q - T.value.T @ left
+
+    def F(V, q, t):
+        sys, state = at(V, q, 0 * q)
+        return tree_map(sys, state)[0].value.T @ dyn.load_forces(sys, state)[0]
+
+    form = FlexibleForm(
+        M=M, K=K, Q=Q, F=F, C=lambda V, q, t: np.array([q[0] - V[1, 1] * t]), C_q=lambda V, q, t: np.eye(1, 3)
+    )
+
+    def motion(V):
+        q = np.array([V[1, 1] * time, 8.0 * V[0, 0] + V[1, 0], -3.0 * V[0, 1] * V[1, 1]])
+        v = np.array([V[1, 1], 20.0 * V[0, 1], 5.0 * V[0, 0] ** 2])
+        right = Q(V, q, v, time) + F(V, q, time) - K(V, q, time) @ q
+        bordered = np.block([[M(V, q, time), np.eye(3, 1)], [np.eye(1, 3), np.zeros((1, 1))]])
+        both = np.linalg.solve(bordered, np.append(right, 0.0))
+        return q, v, both[:3], both[3:]
+
+    V = np.array([[1.1, 0.9], [0.4, 1.8]])
+    tangent = [mc.derivative(lambda w, i=i: motion(w)[i], V) for i in range(4)]
+    balance = form.balance(V, *motion(V), time)
+    first, second = form.defect(V, motion(V), tangent, time)
+    size = np.abs(form.by_design(V, *motion(V), time)).max()
+    print(
+        f"balance {np.abs(balance).max():.1e}, eq. 18 {np.abs(first).max() / size:.1e} and {np.abs(second).max():.1e}"
+    )
+    assert size > 1.0 and np.abs(tangent[3]).max() > 1.0
+    assert np.abs(balance).max() < 1e-8 * np.abs(motion(V)[3]).max()
+    assert np.abs(first).max() < 1e-10 * size and np.abs(second).max() < 1e-12
+    # the block of one entry against a difference of the balance at fixed motion
+    h, fixed = 1e-6, motion(V)
+    for i in range(2):
+        for j in range(2):
+            step = np.zeros((2, 2))
+            step[i, j] = h
+            slope = (form.balance(V + step, *fixed, time) - form.balance(V - step, *fixed, time)) / (2 * h)
+            found = form.by_design(V, *fixed, time)[3 * i : 3 * i + 3, j]
+            assert found == pytest.approx(slope, rel=1e-6, abs=1e-6 * size)

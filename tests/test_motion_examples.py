@@ -12,6 +12,7 @@ from scenes import same_tables
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 MODELS = {
+    "car": mb.examples.car,
     "heavy_top": mb.examples.heavy_top,
     "four_bars": lambda: mb.examples.four_bars(3),
     "slider_crank": mb.examples.slider_crank,
@@ -22,6 +23,7 @@ MODELS = {
     "falling_chain": lambda: mb.examples.pendulum_chain(40),
 }
 DOF = {
+    "car": 14,
     "heavy_top": 3,
     "four_bars": 1,
     "slider_crank": 1,
@@ -40,7 +42,7 @@ def test_toml_file_is_the_model(name):
     assert [key for key in same_tables(loaded, made) if key != "functions"] == []
 
 
-@pytest.mark.parametrize("name", ["heavy_top", "quarter_car", "swing", "rolling_disc"])
+@pytest.mark.parametrize("name", ["heavy_top", "quarter_car", "swing", "rolling_disc", "car"])
 def test_the_file_moves_as_the_model(name):
     """Velocities and drives come back from the file."""
     one, two = (mb.simulate(m, t=0.1, rtol=1e-8) for m in (mb.Model.load(EXAMPLES / f"{name}.toml"), MODELS[name]()))

@@ -13,8 +13,10 @@ import motion_problems as zoo
 import numpy as np
 import pytest
 from mbrs import animate
+from mbrs.animate.geometry import scene_from_tables
 from mbrs.animate.motion import frames, motion
 from mbrs.errors import ModelError
+from mbrs.tables import tables
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +113,13 @@ def test_page_is_one_file_with_the_motion_in_it(four_bars, tmp_path):
 
 @pytest.mark.parametrize(
     ("options", "words"),
-    [({"pace": 0.0}, "pace="), ({"pace": np.nan}, "pace="), ({"at": 9.0}, "outside"), ({"paths": ["x"]}, "no marker")],
+    [
+        ({"pace": 0.0}, "pace="),
+        ({"pace": np.nan}, "pace="),
+        ({"at": 9.0}, "outside"),
+        ({"paths": ["x"]}, "no marker"),
+        ({"follow": "x"}, "no body"),
+    ],
 )
 def test_bad_input(four_bars, options, words):
     with pytest.raises(ModelError, match=words):
@@ -136,3 +144,28 @@ def test_the_page_plays_what_it_holds():
     assert state[:3] == [1, 2, 3]
     c, s = np.cos(0.2), np.sin(0.2)
     assert np.allclose(np.reshape(state[3:], (3, 3)), [[c, -s, 0], [s, c, 0], [0, 0, 1]], atol=1e-12)
+
+
+def test_what_rolls_is_round():
+    """A rolling disc, and a wheel whose hinge drives a rack: points of the rim at their radius about their axis."""
+    m = mb.Model("rack")
+    p = m.body("pinion", mass=1.0, inertia=(0.1, 0.1, 0.1), at=(0.5, 0, 0))
+    r = m.body("bar", mass=1.0, inertia=(0.1, 0.1, 0.1), at=(0.5, -0.1, 0))
+    turn = m.revolute("turn", m.ground, p, at=(0.5, 0, 0), axis=(0, 0.6, 0.8))
+    m.coupler("mesh", turn, m.prismatic("slide", m.ground, r, at=(0.5, -0.1, 0), axis="x"), -0.1)
+    rim = scene_from_tables(tables(m)).bodies[0].points[-24:] - [0.5, 0, 0]
+    assert np.allclose(np.linalg.norm(rim, axis=1), 0.1) and np.allclose(rim @ [0, 0.6, 0.8], 0.0)
+    disc = scene_from_tables(tables(mb.examples.rolling_disc())).bodies[0]
+    assert len(disc.points) >= 24 and np.ptp(np.linalg.norm(disc.points[-25:-1] - disc.origin, axis=1)) < 1e-12
+
+
+def test_the_view_travels_with_a_body():
+    """A body that flies beside another: the box around what is seen stays small."""
+    m = mb.Model("convoy")
+    for k in range(2):
+        m.body(f"b{k}", mass=1.0, inertia=(1, 1, 1), at=(0, k, 0), velocity=(30.0, 0, 0))
+    m.body("left behind", mass=1.0, inertia=(1, 1, 1), at=(0, 2, 0))
+    traj = mb.simulate(m, t=[0.0, 0.5, 1.0], rtol=1e-6)
+    still, along = motion(traj).data, motion(traj, follow="b0").data
+    assert still["follow"] == -1 and along["follow"] == 0
+    assert still["size"] > 30.0 and along["size"] < 3.0

@@ -33,6 +33,8 @@ _HOME = {
     "linearize": "linearize",
     "modes": "modal",
     "mac": "mac",
+    "multiblade": "multiblade",
+    "rotor_modes": "multiblade",
     "root": "root",
     "frf": "frf",
     "response": "response",
@@ -77,8 +79,8 @@ _HOME = {
     "Polynomial": "motions",
     "Table": "motions",
 }
-_MODULES = ("examples", "reference", "errors", "report", "plot", "animate", "matrix_calculus")
-__all__ = sorted([*_HOME, "examples", "matrix_calculus"])
+_MODULES = ("examples", "reference", "errors", "report", "plot", "animate", "matrix_calculus", "flexible")
+__all__ = sorted([*_HOME, "examples", "flexible", "matrix_calculus"])
 
 
 class _Package(types.ModuleType):

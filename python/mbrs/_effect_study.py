@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ._timing import name_of, short, timed
+from .effects import LINEAR_ONLY
 from .errors import MbrsError, ModelError
 from .measures import eigenvalue_difference, frequency_difference, measure_for
 from .progress import Progress
@@ -113,7 +114,7 @@ def effect_study(
     Cost: ``repeat`` x (number of effects + 1) + 1 runs.
     """
     off = tuple(settings.pop("without", ()))
-    names = tuple(effects) if effects is not None else _effects_on(model)
+    names = tuple(effects) if effects is not None else _effects_on(model, fun)
     keywords = {**settings, **({"without": off} if off else {})}
     # a first run that is not timed: it alone pays for compiling, which every effect would seem to cost
     _, _, warm_up, _ = timed(fun, (model, *args), keywords, 1)
@@ -170,9 +171,13 @@ def _fewer(whole: Any, part: Any) -> dict[str, int]:
     return {name: change for name, change in changes.items() if change}
 
 
-def _effects_on(model: Any) -> tuple[str, ...]:
+def _effects_on(model: Any, fun: Callable[..., Any]) -> tuple[str, ...]:
+    """Those that are on and that the analysis can do without: a motion knows no parts of a linearisation."""
+    motion = getattr(fun, "__name__", "") == "simulate"
     listed = importlib.import_module("mbrs").effects(model)
     entries = listed.items() if isinstance(listed, Mapping) else [(getattr(e, "name", None), e) for e in listed]
     return tuple(
-        str(name) for name, entry in entries if getattr(entry, "on", entry) and getattr(entry, "switchable", True)
+        str(name)
+        for name, entry in entries
+        if getattr(entry, "on", entry) and getattr(entry, "switchable", True) and not (motion and name in LINEAR_ONLY)
     )

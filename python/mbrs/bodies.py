@@ -42,6 +42,12 @@ class Ported(Item):
         return make_port(kind, self.name, body, marker, direction, at)
 
 
+class NodePlace:
+    """Base of the nodes of flexible bodies, which stand where bodies may."""
+
+    __slots__ = ()
+
+
 class Body(Ported):
     """Handle of a rigid body; see `Model.body`."""
 
@@ -127,8 +133,9 @@ class Ground(Ported):
 class Marker(Ported):
     """Handle of a named point (with axes) of a body; see `Model.marker`."""
 
-    __slots__ = ("body",)
+    __slots__ = ("body", "node")
     body: int
+    node: int  # of a flexible body, else -1
     store = "marker"
     kind = "marker"
 
@@ -137,7 +144,7 @@ class Marker(Ported):
         return 7
 
     def _home(self) -> tuple[str, str | None]:
-        return self.model.body_name(self.body), self.name
+        return self.model.frame_name(self.body, self.node), self.name
 
     def force(self, direction: Any) -> Port:
         """A unit force at the marker along "x", "-y", ... or a vector (3,), world axes."""
@@ -275,7 +282,8 @@ def add_body(model: Model, name: Any, pose: Any, **given: Any) -> Body:
 def add_marker(model: Model, name: Any, body: Any, at: Any, orientation: Any) -> Marker:
     """Check and add a marker."""
     marker = Marker(model, model.new_name("marker", name))
-    marker.body = model.find_body(body, f"marker {name!r}")
+    (place,), at = model.places(f"marker {name!r}", (("body", body),), at, name + ".at")
+    marker.body, marker.node = place.body, place.node
     marker.put([*vector(at, name + ".at"), *quaternion(orientation, name + ".orientation")])
     model.register(marker, model.markers)
     return marker

@@ -1,4 +1,4 @@
-"""The command line: ``mbrs demo``, ``check``, ``modal``, ``frf``, ``nlfr``, ``sens``. Heavy imports wait for the command."""
+"""The command line: ``mbrs demo``, ``check``, ``modal``, ``frf``, ``nlfr``, ``sens``, ``simulate``. Heavy imports wait for the command."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _show_warning(message: Any, category: Any, *rest: Any) -> None:
 @click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(None, "--version", package_name="mbrs-dynamics", prog_name="mbrs")
 def main() -> None:
-    """Vibration of spatial multibody systems from the shell.
+    """Vibration and motion of spatial multibody systems from the shell.
 
     Models are TOML files as written by Model.save. Exit code 0: done; 1: an error of the model or the analysis;
     2: wrong usage; 130: interrupted.
@@ -242,6 +242,75 @@ def nlfr(
         ],
     }  # fmt: skip
     _deliver("nlfr", model, curve, names, as_json, out, extra, curve.table(*outputs))
+
+
+@main.command()
+@_analysis_options
+@click.option("--t", "times", required=True, metavar="S",
+              help="10 (the end; outputs are the steps), 0:10:1001 (evenly), or 0,0.5,2 (these).")  # fmt: skip
+@click.option("--method", default="auto", show_default=True, metavar="NAME",
+              help="auto, explicit, generalized-alpha, bdf, bdf-bfgs or ali3p.")  # fmt: skip
+@click.option("--rtol", type=float, metavar="TOL", help="Tolerance of the controlled steps; 1e-7 by default.")
+@click.option("--step", type=float, metavar="S", help="Fixed steps instead.")
+@click.option("--output", "outputs", multiple=True, metavar="NAME",
+              help="A body or marker (its position) or a joint (its coordinate) for the JSON and the table; repeat "
+              "for more. All bodies by default.")  # fmt: skip
+def simulate(
+    model: Path, at: str, without: tuple[str, ...], as_json: bool, out: Path | None, times: str, method: str,
+    rtol: float | None, step: float | None, outputs: tuple[str, ...],
+) -> None:  # fmt: skip
+    """Motion in time; --out page.html writes a page that plays it."""
+    mb = _api()
+    t = parse_times(times)
+    m = _load(model)
+    traj = mb.simulate(m, t=t, method=method, rtol=rtol, step=step, **_state(m, at), **_without(without))
+    curves = {name: _curve(traj, name) for name in outputs or traj.bodies}
+    extra = {"outputs": {name: curve.tolist() for name, curve in curves.items()}, "energy": traj.energy.total.tolist()}
+    text = f"{traj}\n{_extremes(traj, curves)}"
+    _deliver("simulate", model, traj, ("t", "method", "residual"), as_json, out, extra, text)
+
+
+def _curve(traj: Any, name: str) -> Any:
+    """Over time: where a body or marker is, or the coordinate of a joint."""
+    tables = traj.snapshot.tables
+    if name in traj.bodies:
+        return traj.position(name)
+    return traj.point(name) if name in tables["marker_name"] else traj.joint(name)
+
+
+def _extremes(traj: Any, curves: dict[str, Any]) -> str:
+    from .report import table
+
+    rows = []
+    for name, curve in curves.items():
+        columns = curve.reshape(len(traj.t), -1).T if len(traj.t) else []
+        kinds = ("",) if len(columns) == 1 else tuple(f".{i}" for i in range(len(columns)))
+        if name in traj.bodies or name in traj.snapshot.tables["marker_name"]:
+            kinds = (".x", ".y", ".z")
+        rows += [[name + kind, c[0], c[-1], c.min(), c.max()] for kind, c in zip(kinds, columns, strict=True)]
+    return table(["m or rad", "start", "end", "least", "largest"], rows)
+
+
+def parse_times(text: str) -> Any:
+    """``"10"`` is the end, ``"0:10:1001"`` so many even times, ``"0,0.5,2"`` these, all in s.
+
+    Raises ``click.BadParameter`` for anything else.
+    """
+    import math
+
+    import numpy as np
+
+    parts = text.split(":")
+    try:
+        numbers = [float(part) for part in (parts if len(parts) > 1 else text.split(","))]
+    except ValueError:
+        numbers = []
+    whole = len(parts) == 1 or (len(numbers) == 3 and numbers[2] == int(numbers[2]) and 2 <= numbers[2] <= 1e8)
+    if not numbers or not all(math.isfinite(x) for x in numbers) or not whole:
+        raise click.BadParameter(f"{text!r} is no time; write 10, 0:10:1001 or 0,0.5,2 (in s)", param_hint="--t")
+    if len(parts) > 1:
+        return np.linspace(numbers[0], numbers[1], int(numbers[2]))
+    return numbers[0] if len(numbers) == 1 else np.array(numbers)
 
 
 def parse_level(text: str) -> Any:

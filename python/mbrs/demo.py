@@ -112,6 +112,8 @@ def result_page(analysis: str, name: str, result: Any, outputs: tuple[str, ...] 
     """One result as a page, for ``--out page.html``."""
     if analysis == "nlfr":
         return page(f"{name}: {analysis}", [curve_section(result, outputs)])
+    if analysis == "simulate":
+        return result.animate().html()
     make = {"modal": modes_section, "sens": sensitivity_section}
     section = frf_section("Transfer function", result) if analysis == "frf" else make[analysis](result)
     return page(f"{name}: {analysis}", [section])

@@ -116,6 +116,16 @@ class Optimum(Result):
 
         return gradients.convergence(self, **options)
 
+    def to_xarray(self) -> Any:
+        """`xarray.Dataset`: the optimum over the parameters, the objective over the evaluations."""
+        import xarray
+
+        return xarray.Dataset(
+            {"x": (("parameter",), self.x), "objective": (("evaluation",), self.history)},
+            coords={"parameter": list(self.labels), "unit": ("parameter", list(self.units))},
+            attrs={"status": self.status, "value": self.value, "message": self.message},
+        )
+
 
 @dataclass
 class Problem:

@@ -26,6 +26,8 @@ EFFECTS = (
     "drives",
     "nonholonomic",
 )
+# parts of a linearisation: a motion has them in its forces or not at all
+LINEAR_ONLY = frozenset({"gyroscopic", "preload-stiffness", "constraint-force-stiffness"})
 _NEVER_OFF = frozenset({"loops", "redundancy"})
 _FRICTION_LAWS = frozenset({"Jenkins", "Iwan", "CoulombTanh"})
 # Codes of laws that depend on the rate: Polynomial1D with a velocity part, CoulombTanh, VanDerPol.
@@ -228,6 +230,9 @@ def _constraint_stiffness(m: Model) -> tuple[bool, str]:
 
 def _damping(m: Model) -> tuple[bool, str]:
     owners = _springs(m)
+    flexible = [b for b in m.bodies if b.kind == "flexible body" and any(b.shapes.damping())]  # type: ignore[attr-defined]
+    if flexible:
+        return True, f"modal damping of {_listed([b.name for b in flexible])}"
     if not owners:
         return False, "no spring, bushing or joint stiffness that could have damping"
     rated = {id(law.owner) for laws in m.laws.values() for law in laws if law.code in _RATE_LAWS}
@@ -249,7 +254,11 @@ def _law_rule(names: frozenset[str], what: str) -> Callable[[Model], tuple[bool,
 
 
 def _flexibility(m: Model) -> tuple[bool, str]:
-    return False, "all bodies are rigid"
+    flexible = [body for body in m.bodies if body.kind == "flexible body"]
+    if not flexible:
+        return False, "all bodies are rigid"
+    modes = sum(body.n_modes for body in flexible)  # type: ignore[attr-defined]
+    return True, f"{_count(modes, 'modal coordinate')} of {_listed([body.name for body in flexible])}"
 
 
 def _drives(m: Model) -> tuple[bool, str]:

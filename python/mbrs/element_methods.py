@@ -14,6 +14,7 @@ from .values import axis as direction
 
 if TYPE_CHECKING:
     from .model import Model
+    from .section_loads import SectionLoad
 
 
 def _coefficient(e: Element, field: str, value: Any) -> Number:
@@ -39,15 +40,15 @@ def _six_by_six(e: Element, field: str, value: Any) -> list[Number]:
 
 
 def _new_element(
-    model: Model, type_: str, name: Any, a: Any, b: Any, k: Any, c: Any, preload: Any, law: Any
-) -> Element:
+    model: Model, type_: str, name: Any, a: Any, b: Any, at: Any, k: Any, c: Any, preload: Any, law: Any
+) -> tuple[Element, Any]:
     e = Element(model, model.new_name("element", name))
     e.type, e.shapes, e.one_point = type_, {}, False
-    e.a, e.b = model.two_bodies(f"{type_} {name!r}", a, b)
+    at = model.connect(e, f"{type_} {name!r}", a, b, at)
     if k is None and c is None and preload is None and law is None:
         raise problem(name, f"does nothing: give the {type_} at least one of k=, c=, preload=, law=")
     e.flags = HAS_K * (k is not None) + HAS_C * (c is not None) + HAS_PRELOAD * (preload is not None)
-    return e
+    return e, at
 
 
 def _finish(e: Element, entries: list[Number], laws: NewLaws) -> Element:
@@ -67,7 +68,7 @@ class ElementMethods:
         a: Any,
         b: Any,
         *,
-        at: Any,
+        at: Any = None,
         k: Any = None,
         c: Any = None,
         length: Any = None,
@@ -112,7 +113,7 @@ class ElementMethods:
         >>> m.spring_damper("string", m.ground, p, at=((0, 0, 2), (0, 0, 1)), k=100.0)
         <element 'string' of 'drop'>
         """
-        e = _new_element(self, "spring_damper", name, a, b, k, c, preload, law)
+        e, at = _new_element(self, "spring_damper", name, a, b, at, k, c, preload, law)
         at_a, at_b = point_pair(at, name + ".at")
         entries = [
             *at_a,
@@ -131,7 +132,7 @@ class ElementMethods:
         a: Any,
         b: Any,
         *,
-        at: Any,
+        at: Any = None,
         k: Any = None,
         c: Any = None,
         orientation: Any = None,
@@ -150,7 +151,7 @@ class ElementMethods:
         >>> m.bushing("rubber", m.ground, p, at=(0, 0, 0), k=(1e4, 1e4, 1e4, 10, 10, 10)).name
         'rubber'
         """
-        e = _new_element(self, "bushing", name, a, b, k, c, preload, law)
+        e, at = _new_element(self, "bushing", name, a, b, at, k, c, preload, law)
         e.one_point = not is_pair(at)
         at_a, at_b = (vector(at, name + ".at"),) * 2 if e.one_point else point_pair(at, name + ".at")
         if preload is not None:
@@ -169,7 +170,7 @@ class ElementMethods:
         a: Any,
         b: Any,
         *,
-        at: Any,
+        at: Any = None,
         axis: Any,
         k: Any = None,
         c: Any = None,
@@ -182,7 +183,7 @@ class ElementMethods:
         ``at``: one point (3,), world, where it is drawn; the moment does not depend on it. ``angle``: unstretched
         angle, rad. ``k``, ``c``, ``preload``: N m/rad, N m s/rad, N m.
         """
-        e = _new_element(self, "torsion", name, a, b, k, c, preload, law)
+        e, at = _new_element(self, "torsion", name, a, b, at, k, c, preload, law)
         if is_pair(at):
             raise problem(name + ".at", "must be one point (3,): a torsion spring has no second one")
         entries = [
@@ -196,7 +197,7 @@ class ElementMethods:
         return _finish(e, entries, add_laws(e, law, 1, ("angle",)))
 
     def force(  # type: ignore[misc]
-        self: Model, name: str, body: Any, *, at: Any = None, value: Any, frame: str = "world"
+        self: Model, name: str, body: Any, *, at: Any = None, value: Any, frame: str = "world", on: Any = None
     ) -> Load:
         """A force ``value`` (3,), N, at the world point ``at`` of the body (its origin by default).
 
@@ -208,15 +209,95 @@ class ElementMethods:
         >>> m = mb.Model("shaken"); p = m.body("plate", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
         >>> m.force("shaker", p, value=(mb.Sine(5.0, frequency=10.0), 0, 0))
         <load 'shaker' of 'shaken'>
+
+        Of a flexible body the load acts at a node, or with ``on="frame"`` on its floating frame, moving no shape.
         """
-        return _add_load(self, "force", name, body, at, value, frame)
+        return _add_load(self, "force", name, body, at, value, frame, on)
 
-    def torque(self: Model, name: str, body: Any, *, value: Any, frame: str = "world") -> Load:  # type: ignore[misc]
-        """A torque ``value`` (3,), N m; ``frame`` and what varies in time as for `force`."""
-        return _add_load(self, "torque", name, body, (0.0, 0.0, 0.0), value, frame)
+    def torque(  # type: ignore[misc]
+        self: Model, name: str, body: Any, *, value: Any, frame: str = "world", on: Any = None
+    ) -> Load:
+        """A torque ``value`` (3,), N m; ``frame``, ``on`` and what varies in time as for `force`."""
+        return _add_load(self, "torque", name, body, None, value, frame, on)
+
+    def modal_force(self: Model, name: str, body: Any, *, mode: int, value: Any) -> Load:  # type: ignore[misc]
+        """A force on modal coordinate ``mode`` (from 1) of a flexible body, a number, a motion or a function of t (s).
+
+        Its power is value times the rate of ``body.q<mode>``: N for coordinates in metres.
+
+        >>> import mbrs as mb
+        >>> m = mb.Model("one"); rod = m.flexible_body("rod", mb.flexible.beam(1.0, mass=1.0, EI_flap=1.0, EI_edge=4.0))
+        >>> m.modal_force("push", rod, mode=1, value=mb.Sine(0.1, frequency=0.5))
+        <load 'push' of 'one'>
+        """
+        from .section_loads import add_modal_force
+
+        return add_modal_force(self, name, body, mode, value)
+
+    def section_load(  # type: ignore[misc]
+        self: Model,
+        body: Any,
+        stations: Any,
+        table: Any,
+        *,
+        times: Any = None,
+        frame: str = "body",
+        name: str | None = None,
+        kind: str = "cubic",
+    ) -> SectionLoad:
+        """A load per length along a flexible body, such as tabulated aerodynamic forces of the sections of a blade.
+
+            F = int f dx,   M = int r x f + m dx,   Q_k = int f . phi_k + m . theta_k dx
+
+        Parameters
+        ----------
+        body
+            A flexible body.
+        stations
+            (n_s,) m, increasing: distance along the body's line (a beam's x). The load is linear between them, zero beyond.
+        table
+            (n_s, 3) force per length, N/m, or (n_s, 6) with moment per length, N m/m; with ``times`` one axis (n_t) more
+            in front.
+        times
+            (n_t,) s, increasing; between them a curve of the given ``kind`` ("cubic" or "linear"), the end values outside.
+        frame
+            "body": components along the axes of the body's frame, in which they turn: a follower force and torque on the
+            frame and one force on each modal coordinate. "world": the load keeps its direction, and is shared between
+            neighbouring nodes.
+        name
+            Heads the names of the loads that are made, ``name-force`` and so on; "body-load" by default.
+
+        Returns
+        -------
+        SectionLoad
+            The names of its loads and their resultants.
+
+        Raises
+        ------
+        ModelError
+            No flexible body, wrong shapes, stations beyond the body, nodes that do not reach over a load in world axes.
+
+        Notes
+        -----
+        Neglected with ``frame="body"``: that the line of action moves with the deflection (f acts at r, not at r + phi q) and
+        that f turns with its section. With ``frame="world"`` nodes carry the load along; forces between nodes bend
+        the body as their shares would, an error O(spacing^2). Cost O((n_s + n_line) m n_t).
+
+        Examples
+        --------
+        >>> import numpy as np, mbrs as mb
+        >>> m = mb.Model("wing"); beam = mb.flexible.beam(2.0, mass=1.0, EI_flap=10.0, EI_edge=40.0, modes=3)
+        >>> wing = m.flexible_body("wing", beam)
+        >>> lift = m.section_load(wing, [0.0, 2.0], [[0, 0, 5.0], [0, 0, 1.0]])
+        >>> lift.force, lift.moment
+        (array([0., 0., 6.]), array([ 0.        , -4.66666667,  0.        ]))
+        """
+        from .section_loads import add_section_load
+
+        return add_section_load(self, body, stations, table, times, frame, name, kind)
 
 
-def _parted(load: Load, value: Any) -> tuple[list[Number], dict[int, list[Number]]]:
+def parted(load: Load, value: Any) -> tuple[list[Number], dict[int, list[Number]]]:
     """The constant part of a load's value, and the numbers of the motions of its components."""
     where = load.name + ".value"
     load.motions = []
@@ -245,20 +326,26 @@ def _parted(load: Load, value: Any) -> tuple[list[Number], dict[int, list[Number
     return vector(constant, where), varying
 
 
-def _add_load(model: Model, type_: str, name: Any, body: Any, at: Any, value: Any, frame: Any) -> Load:
+def _add_load(model: Model, type_: str, name: Any, body: Any, at: Any, value: Any, frame: Any, on: Any) -> Load:
     load = Load(model, model.new_name("load", name))
     load.type = type_
-    load.body = model.find_body(body, f"{type_} {name!r}")
+    where = name + ".at"
+    if on is None:
+        load.body, load.node, at = model.load_place(f"{type_} {name!r}", body, at if type_ == "force" else None, where)
+    elif isinstance(on, str) and on == "frame":
+        load.body, load.node = model.find_body(body, f"{type_} {name!r}"), -1
+        at = model.bodies[load.body].entries(0, 3) if at is None else at
+    else:
+        raise problem(name + ".on", f"must be 'frame' (of a flexible body) or left out, got {shown(on)}")
     if load.body < 0:
         raise problem(name, f"is a {type_} on ground, which does not move; name the body it acts on")
     if not isinstance(frame, str) or frame not in LOAD_FRAMES:
         raise problem(name + ".frame", f"must be 'world' or 'body' (a follower), got {shown(frame)}")
     load.frame = frame
-    where = name + ".at"
     if at is not None and is_pair(at):
         raise problem(where, "must be one point (3,): a force acts at one")
-    point = model.bodies[load.body].entries(0, 3) if at is None else vector(at, where)
-    constant, varying = _parted(load, value)
+    point = vector((0.0, 0.0, 0.0) if type_ == "torque" else at, where)
+    constant, varying = parted(load, value)
     load.put([*point, *constant])
     load.index = len(model.loads)
     for item in load.motions:

@@ -18,7 +18,7 @@ HAS_K, HAS_C, HAS_PRELOAD, LENGTH_GIVEN = 1, 2, 4, 16
 TYPES = {"spring_damper": 0, "bushing": 1, "torsion": 2}
 SIZES = {"spring_damper": 10, "bushing": 88, "torsion": 10}
 SIX = ("x", "y", "z", "rx", "ry", "rz")
-LOAD_TYPES = {"force": 0, "torque": 1}
+LOAD_TYPES = {"force": 0, "torque": 1, "modal": 2}
 LOAD_FRAMES = {"world": 0, "body": 1}
 # Two points this close, relative to their distance from the world origin, have no direction between them.
 _COINCIDENT = 1e-12
@@ -27,9 +27,11 @@ _COINCIDENT = 1e-12
 class Element(Item):
     """Handle of a spring-damper, bushing or torsion spring; see `Model.spring_damper` and its siblings."""
 
-    __slots__ = ("a", "b", "flags", "one_point", "shapes", "type")
+    __slots__ = ("a", "a_node", "b", "b_node", "flags", "one_point", "shapes", "type")
     a: int
     b: int
+    a_node: int  # of a flexible body, else -1
+    b_node: int
     flags: int
     one_point: bool
     shapes: dict[str, tuple[int, ...]]  # of k, c and preload as they were given
@@ -115,8 +117,9 @@ def check_drawn_length(name: str, what: str, values: Sequence[float], flags: int
 class Load(Item):
     """Handle of a force or torque; see `Model.force` and `Model.torque`."""
 
-    __slots__ = ("body", "frame", "motions", "type")
+    __slots__ = ("body", "frame", "motions", "node", "type")
     body: int
+    node: int  # of a flexible body, else -1
     frame: str
     motions: list[MotionItem]  # of those components that vary in time
     type: str

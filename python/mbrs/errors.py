@@ -47,3 +47,7 @@ class NotDifferentiableError(MbrsError):
 
 class MbrsWarning(UserWarning):
     """Base of all warnings of mbrs."""
+
+
+class KinkWarning(MbrsWarning):
+    """A motion that was differentiated passed a place where it is not differentiable; the message says when and where."""

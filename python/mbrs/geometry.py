@@ -129,3 +129,10 @@ def unit(direction: Any, where: str) -> tuple[float, float, float]:
     length = math.hypot(*a)  # type: ignore[arg-type]
     x, y, z = (float(v) / length for v in a)  # type: ignore[arg-type]
     return (x, y, z)
+
+
+def quaternion_matrix(q: np.ndarray) -> np.ndarray:
+    """The rotation matrix (3, 3) of a quaternion (4,), scalar first, of any positive length."""
+    w, x, y, z = q
+    s = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + (2.0 / (q @ q)) * (w * s + s @ s)

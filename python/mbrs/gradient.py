@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,7 @@ import numpy as np
 from . import _core
 from ._border import core_errors
 from .effects import check_without, effects
-from .errors import ModelError
+from .errors import KinkWarning, ModelError
 from .linearize import Snapshot
 from .matrix_calculus import Derivative
 from .names import shown
@@ -28,8 +29,10 @@ if TYPE_CHECKING:
     from .model import Model
     from .trajectory import Trajectory
 
+# spectral radius at infinity, as in mb.simulate
+RHO = 0.8
 METHODS = ("direct", "adjoint", "auto")
-SCHEMES = ("ali3p",)
+SCHEMES = ("ali3p", "generalized-alpha")
 _READINGS = 20
 
 
@@ -46,18 +49,26 @@ class MotionGradient(Result):
         block layout.
     labels, units
         Of the parameters.
+    where
+        (n_p,) the values of the parameters; nan for turns of axes and orientations.
     t
         (n_t,) s; ends of the steps.
     method
         "direct" or "adjoint".
+    kinks
+        ``(t, element, what)`` of places that the motion passed where a force has a kink (a gap that closes or opens, a slider
+        that begins or ceases to slide, friction that changes its sign within a step): it is not differentiable there. The
+        gradient is that of the steps on both sides of them; ``status`` is then "kinks" instead of "converged".
     """
 
     value: Any
     gradient: Derivative
     labels: tuple[str, ...]
     units: tuple[str, ...]
+    where: np.ndarray
     t: np.ndarray
     method: str
+    kinks: tuple[tuple[float, str, str], ...] = ()
 
     def __iter__(self) -> Iterator[Any]:
         return iter((self.value, self.gradient))
@@ -66,10 +77,11 @@ class MotionGradient(Result):
         from .report import table
 
         flat = np.asarray(self.gradient).reshape(-1, len(self.labels))
-        rows = [(label, unit, *flat[:, p]) for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))]
+        named = zip(self.labels, self.units, self.where, strict=True)
+        rows = [(label, unit, where, *flat[:, p]) for p, (label, unit, where) in enumerate(named)]
         names = ["gradient"] if np.ndim(self.value) == 0 else [f"gradient {i}" for i in range(len(flat))]
         value = f"{self.value:.9g}" if np.ndim(self.value) == 0 else ", ".join(f"{v:.9g}" for v in self.value)
-        return table(["parameter", "unit", *names], rows, title=f"objective {value} ({self.stats.route})")
+        return table(["parameter", "unit", "value", *names], rows, title=f"objective {value} ({self.stats.route})")
 
     __repr__ = __str__
 
@@ -91,7 +103,9 @@ class MotionGradient(Result):
         )
 
     def plot(self, kind: str = "tornado", **options: Any) -> Any:
-        """Bars of the change of the objective per relative change of each parameter ("tornado")."""
+        """Bars of the change of the objective by one per cent of each parameter, or by ``change=`` ("tornado")."""
+        if kind != "tornado":
+            raise ModelError(f"there is no plot {kind!r} of a gradient; known is 'tornado'")
         from .plot import gradients
 
         return gradients.tornado(self, **options)
@@ -103,7 +117,11 @@ class MotionGradient(Result):
         flat = np.asarray(self.gradient).reshape(-1, len(self.labels))
         return xarray.Dataset(
             {"gradient": (("objective", "parameter"), flat), "value": (("objective",), np.atleast_1d(self.value))},
-            coords={"parameter": list(self.labels), "unit": ("parameter", list(self.units))},
+            coords={
+                "parameter": list(self.labels),
+                "unit": ("parameter", list(self.units)),
+                "where": ("parameter", self.where),
+            },
             attrs={"method": self.method},
         )
 
@@ -125,6 +143,21 @@ class MotionSensitivity(Result):
 
     __repr__ = __str__
 
+    def to_xarray(self) -> Any:
+        """`xarray.Dataset` over objectives and parameters."""
+        import xarray
+
+        return xarray.Dataset(
+            {"derivative": (("objective", "parameter"), self.value.reshape(-1, len(self.labels)))},
+            coords={"parameter": list(self.labels), "unit": ("parameter", list(self.units))},
+        )
+
+
+# (t, element, what) of a kink that was passed.
+Kink = tuple[float, str, str]
+# Values, gradients (n_obj, n_p), work counts, kinks.
+Found = tuple[np.ndarray, np.ndarray, dict[str, int], tuple[Kink, ...]]
+
 
 @dataclass
 class Run:
@@ -137,6 +170,8 @@ class Run:
     times: np.ndarray
     weight: str = "tangent"
     keep: int = 2**23
+    scheme: str = "ali3p"
+    rho: float = RHO
 
     def options(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
         """What the core takes."""
@@ -148,6 +183,8 @@ class Run:
         return {
             "times": self.times.tolist(),
             "memory": self.state.memory.tolist(),
+            "scheme": self.scheme,
+            "rho": self.rho,
             "weight": self.weight,
             "keep": self.keep,
             "drawn": self.state.kind in ("drawn", "equilibrium"),
@@ -206,7 +243,8 @@ def gradient(
     method: str = "auto",
     at: Any = None,
     without: Sequence[str] = (),
-    weight: str = "tangent",
+    weight: str | None = None,
+    rho: float | None = None,
     keep: int = 2**23,
 ) -> MotionGradient:
     """Objectives of a motion and their exact derivatives by any design parameters.
@@ -226,7 +264,7 @@ def gradient(
     step, rtol
         s, fixed steps (equal, at most so long, ending at t); or a tolerance that chooses them first. 1e-7 if neither is given.
     scheme
-        "ali3p".
+        "ali3p" or "generalized-alpha", with the discrete solution that `mb.simulate` has by that method and those steps.
     method
         "direct": one tangent linear model per parameter along with the motion. "adjoint": the steps backwards, once per
         objective. "auto": by their numbers.
@@ -236,7 +274,9 @@ def gradient(
     without
         Effects to leave out.
     weight
-        Metric of the projections: "tangent" (M + h/2 C + h^2/4 K) or "mass".
+        ALI3-P: metric of the projections, "tangent" (M + h/2 C + h^2/4 K; default) or "mass".
+    rho
+        Generalised-alpha: what is left of infinitely fast oscillations after a step, 0 to 1 (0.8).
     keep
         Adjoint: a motion of more numbers than this is not kept but run again between checkpoints, as many as the root of
         its steps.
@@ -253,11 +293,19 @@ def gradient(
     ModelError
         An objective that returns no finite number, a scheme without sensitivities.
     NotDifferentiableError
-        An objective that is not analytic; a parameter that breaks a redundant loop.
+        An objective that is not analytic; a parameter that breaks a redundant loop; a drive whose rate jumps on the way (an
+        impact).
+
+    Warns
+    -----
+    KinkWarning
+        A motion that passes kinks of forces, with times and elements (``.kinks``).
 
     Notes
     -----
-    Direct: O(n_p) tangent steps; adjoint: O(1) in n_p. Source: METHODS.md (e), after Dopico and co-workers.
+    Direct: O(n_p) tangent steps; adjoint: O(1) in n_p. Sources: ALI3-P after Dopico and co-workers; generalised-alpha after
+    O. Bruels, A. Cardona and M. Arnold, Mech. Mach. Theory 48 (2012) 121-137. Its Newton iterations are taken as converged, by
+    which the derivative differs from that of every iterate by less than 1e-9 h^2 |a| of a step.
 
     Examples
     --------
@@ -272,38 +320,56 @@ def gradient(
     begin = time.perf_counter()
     if scheme not in SCHEMES:
         raise ModelError(
-            f"scheme={scheme!r} has no sensitivities; the one that has is scheme='ali3p' (mb.simulate runs it as method='ali3p')"
+            f"scheme={scheme!r} has no sensitivities; those that have are "
+            f"{' and '.join(f'scheme={name!r}' for name in SCHEMES)} (mb.simulate runs them as method=)"
         )
     if method not in METHODS:
         raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
-    if weight not in ("tangent", "mass"):
-        raise ModelError(f"weight= is 'tangent' or 'mass', got {shown(weight)}")
+    kind = _variant(scheme, weight, rho)
     many = isinstance(objective, (list, tuple))
     objectives: list[Any] = list(objective) if isinstance(objective, (list, tuple)) else [objective]
     if not objectives or not all(isinstance(o, Objective) for o in objectives):
         raise ModelError(
             f"objective= takes mb.Integral, mb.Final or mb.AtTimes, or several of them, got {shown(objective)}"
         )
-    run = replace(prepare(m, objectives, t, step, rtol, at, check_without(without), weight), keep=max(0, int(keep)))
+    run = replace(prepare(m, objectives, t, step, rtol, at, check_without(without), **kind), keep=max(0, int(keep)))
     along = directions(m, parameters)
     chosen = ("adjoint" if along.n > 8 * len(objectives) else "direct") if method == "auto" else method
     found = _adjoint(run, objectives, along) if chosen == "adjoint" else _direct(run, objectives, along)
-    values, gradients, counts = found
+    values, gradients, counts, kinks = found
+    warn_of(kinks)
     shaped = along.shaped(gradients if many else gradients[0])
     return MotionGradient(
         value=values if many else float(values[0]),
         gradient=Derivative.of(shaped, along.shape, 1 if many else 0),
         labels=along.labels,
         units=along.units,
+        where=np.array([_value_at(m, label) for label in along.labels]),
         t=run.times,
         method=chosen,
+        kinks=kinks,
+        status="kinks" if kinks else "converged",
         stats=Stats(
             time.perf_counter() - begin,
             counts,
             tuple(e.name for e in effects(m) if e.on and e.name not in run.without),
-            f"ali3p, {chosen}, {len(run.times) - 1} steps",
+            f"{scheme}, {chosen}, {len(run.times) - 1} steps",
         ),
     )
+
+
+def _variant(scheme: str, weight: str | None, rho: float | None) -> dict[str, Any]:
+    """What distinguishes a scheme, checked."""
+    if weight is not None and (scheme != "ali3p" or weight not in ("tangent", "mass")):
+        raise ModelError(
+            f"weight= is 'tangent' or 'mass' and belongs to scheme='ali3p', got {shown(weight)} with {scheme!r}"
+        )
+    if rho is not None and scheme != "generalized-alpha":
+        raise ModelError(f"rho= belongs to scheme='generalized-alpha', not to {scheme!r}")
+    radius = RHO if rho is None else _number("rho", rho, 0.0)
+    if radius > 1.0:
+        raise ModelError(f"rho= lies between 0 and 1, got {rho}")
+    return {"scheme": scheme, "weight": weight or "tangent", "rho": radius}
 
 
 def _number(name: str, value: Any, least: float) -> float:
@@ -324,10 +390,10 @@ def prepare(
     rtol: float | None,
     at: Any,
     without: tuple[str, ...],
-    weight: str = "tangent",
+    **kind: Any,
 ) -> Run:
     """Start and steps of a motion."""
-    snapshot = Snapshot.of(m)
+    snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
     end = _number("t", t, state.t)
     through = [x for o in objectives for x in o.times]
@@ -342,14 +408,35 @@ def prepare(
         h = _number("step", step, np.finfo(float).tiny)
         if (end - state.t) / h > 1e8:
             raise ModelError(f"step={step} would need more than 1e8 steps")
-        times = grid(state.t, end, h, through)
+        breaks = _core.motion_breaks(snapshot.system, state.t)
+        times = grid(state.t, end, h, [*through, *breaks])
     else:
         from .simulate import simulate
 
         marks = np.array(sorted({*(x for x in through if x > state.t), end}))
-        traj = simulate(m, marks, rtol=1e-7 if rtol is None else rtol, method="ali3p", at=state, without=without)
+        traj = simulate(m, marks, rtol=1e-7 if rtol is None else rtol, at=state, without=without, **_as_method(kind))
         times = np.unique(np.concatenate([traj.steps, marks]))
-    return Run(m, snapshot, state, without, times, weight)
+    return Run(m, snapshot, state, without, times, **kind)
+
+
+def _as_method(kind: dict[str, Any]) -> dict[str, Any]:
+    if kind["scheme"] == "ali3p":
+        return {"method": "ali3p"}
+    return {"method": kind["scheme"], "rho": kind["rho"]}
+
+
+def warn_of(kinks: Sequence[Kink]) -> None:
+    """Say where a differentiated motion has no derivative."""
+    if not kinks:
+        return
+    named = "; ".join(f"{name!r} at t = {t:.6g} s ({what})" for t, name, what in kinks[:3])
+    more = f" and {len(kinks) - 3} more" if len(kinks) > 3 else ""
+    warnings.warn(
+        f"the motion passes {named}{more}: it is not differentiable there; the gradient is that of the steps on both sides, with an "
+        "error of first order in the step. Take smaller steps, or smooth the law (smoothing=, a larger v_ref)",
+        KinkWarning,
+        stacklevel=3,
+    )
 
 
 def _reader(run: Run) -> Reader:
@@ -360,7 +447,7 @@ def _read(run: Run, objectives: Sequence[Objective], reader: Reader) -> None:
     """What the objectives read at the start: values are fetched one by one until they are content."""
     from .objectives import number
 
-    short = Run(run.model, run.snapshot, run.state, run.without, run.times[:1], run.weight)
+    short = replace(run, times=run.times[:1])
     for _ in range(10 * _READINGS):
         row = short.direct(list(reader.places), None)["values"][0] if reader.places else np.zeros(0)
         try:
@@ -372,9 +459,7 @@ def _read(run: Run, objectives: Sequence[Objective], reader: Reader) -> None:
     raise ModelError("the objective reads more quantities than a motion has; check its function")
 
 
-def _direct(
-    run: Run, objectives: Sequence[Objective], along: Directions
-) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
+def _direct(run: Run, objectives: Sequence[Objective], along: Directions) -> Found:
     reader = _reader(run)
     _read(run, objectives, reader)
     for _ in range(_READINGS):
@@ -389,7 +474,7 @@ def _direct(
     gradients = np.array([np.einsum("tc,tcp->p", f.seeds, made["derivatives"]) for f in found])
     for i, f in enumerate(found):
         gradients[i] += explicit_part(run.model, f.explicit, along)
-    return np.array([f.value for f in found]), gradients, dict(made["counts"])
+    return np.array([f.value for f in found]), gradients, dict(made["counts"]), tuple(made["kinks"])
 
 
 def explicit_part(m: Model, explicit: dict[str, np.ndarray], along: Directions) -> np.ndarray:
@@ -416,9 +501,7 @@ def _number_by_parameters(m: Model, label: str, own: Directions, c: int, along: 
     return out
 
 
-def _adjoint(
-    run: Run, objectives: Sequence[Objective], along: Directions
-) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
+def _adjoint(run: Run, objectives: Sequence[Objective], along: Directions) -> Found:
     reader = _reader(run)
     _read(run, objectives, reader)
     for _ in range(_READINGS):
@@ -444,21 +527,24 @@ def _adjoint(
             gradients[i], work = forward.gradient(np.ascontiguousarray(f.seeds))
         gradients[i] += explicit_part(run.model, f.explicit, along)
         counts.append(work)
-    return np.array([f.value for f in found]), gradients, added_counts(*counts)
+    return np.array([f.value for f in found]), gradients, added_counts(*counts), tuple(forward.kinks())
 
 
 def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
     """The derivative of a named quantity at the outputs of a trajectory; see `Trajectory.sensitivity`."""
     if traj.start is None or not len(traj.parameters):
         raise ModelError(
-            "this motion has no sensitivities; run mb.simulate(..., method='ali3p', parameters=['...']) to get them"
+            "this motion has no sensitivities; run mb.simulate(..., parameters=['...']) with method='ali3p' or "
+            "'generalized-alpha' to get them"
         )
     traj.snapshot.check_current("motion")
-    run = Run(traj.model, traj.snapshot, traj.start, traj.without, traj.steps)
+    kind = {"scheme": traj.method, "rho": RHO if traj.rho is None else traj.rho}
+    run = Run(traj.model, traj.snapshot, traj.start, traj.without, traj.steps, **kind)
     along = directions(traj.model, traj.parameters)
     names = Names(run.snapshot.tables)
     asked = names.address(what)
     made = run.direct([asked], along)
+    warn_of(made["kinks"])
     at = np.searchsorted(made["t"], traj.t - 1e-12 * max(1.0, abs(float(traj.t[-1]))))
     values, d = made["values"][at], made["derivatives"][at]
     if asked[0] == "rotation":
@@ -469,6 +555,12 @@ def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
     single = d.shape[1] == 1
     shaped = along.shaped(d[:, 0] if single else d)
     return Derivative.of(shaped, along.shape, 0 if single else 1)
+
+
+def _value_at(m: Model, label: str) -> float:
+    """The number that a column belongs to; those of axes and orientations are turns and have none."""
+    turns = label.rpartition("[")[0].endswith((".axis", ".axis2", ".orientation"))
+    return math.nan if turns else float(m.value(label))
 
 
 __all__ = ["AtTimes", "Final", "Integral", "MotionGradient", "gradient"]

@@ -22,7 +22,7 @@ class JointMethods:
     raises `ModelError` (`NameNotFoundError`, `DuplicateNameError`) that names it. Cost O(1).
     """
 
-    def fixed(self: Model, name: str, a: Any, b: Any, *, at: Any, orientation: Any = None) -> Joint:  # type: ignore[misc]
+    def fixed(self: Model, name: str, a: Any, b: Any, *, at: Any = None, orientation: Any = None) -> Joint:  # type: ignore[misc]
         """All six relative coordinates are zero.
 
         >>> import mbrs as mb
@@ -38,7 +38,7 @@ class JointMethods:
         a: Any,
         b: Any,
         *,
-        at: Any,
+        at: Any = None,
         axis: Any = None,
         orientation: Any = None,
         k: Any = None,
@@ -74,7 +74,7 @@ class JointMethods:
         a: Any,
         b: Any,
         *,
-        at: Any,
+        at: Any = None,
         axis: Any = None,
         orientation: Any = None,
         k: Any = None,
@@ -104,7 +104,7 @@ class JointMethods:
         a: Any,
         b: Any,
         *,
-        at: Any,
+        at: Any = None,
         axis: Any = None,
         orientation: Any = None,
         k: Any = None,
@@ -134,7 +134,7 @@ class JointMethods:
         a: Any,
         b: Any,
         *,
-        at: Any,
+        at: Any = None,
         axis: Any = None,
         axis2: Any = None,
         orientation: Any = None,
@@ -170,7 +170,7 @@ class JointMethods:
         a: Any,
         b: Any,
         *,
-        at: Any,
+        at: Any = None,
         axis: Any = None,
         orientation: Any = None,
         k: Any = None,
@@ -200,7 +200,7 @@ class JointMethods:
         a: Any,
         b: Any,
         *,
-        at: Any,
+        at: Any = None,
         axis: Any = None,
         orientation: Any = None,
         k: Any = None,
@@ -232,7 +232,7 @@ class JointMethods:
         a: Any,
         b: Any,
         *,
-        at: Any,
+        at: Any = None,
         axis: Any = None,
         orientation: Any = None,
         k: Any = None,
@@ -258,14 +258,14 @@ class JointMethods:
             law=law,
         )
 
-    def distance(self: Model, name: str, a: Any, b: Any, *, at: Any, length: Any = None) -> Joint:  # type: ignore[misc]
+    def distance(self: Model, name: str, a: Any, b: Any, *, at: Any = None, length: Any = None) -> Joint:  # type: ignore[misc]
         """A massless rod: the distance of ``at=(P_a, P_b)`` stays as drawn, or is ``length`` (m), to which assembly
         goes.
         """
         return add_joint(self, "distance", name, a, b, at=at, length=length)
 
     def knife_edge(  # type: ignore[misc]
-        self: Model, name: str, a: Any, b: Any, *, at: Any, axis: Any = None, orientation: Any = None
+        self: Model, name: str, a: Any, b: Any, *, at: Any = None, axis: Any = None, orientation: Any = None
     ) -> Joint:
         """Nonholonomic: the point of b does not move along ``axis``, which is fixed in b, relative to a."""
         return add_joint(self, "knife_edge", name, a, b, at=at, axis=axis, orientation=orientation)
@@ -276,7 +276,7 @@ class JointMethods:
         a: Any,
         b: Any,
         *,
-        at: Any,
+        at: Any = None,
         axis: Any = None,
         axis2: Any = None,
         orientation: Any = None,

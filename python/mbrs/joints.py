@@ -53,9 +53,11 @@ NONHOLONOMIC = frozenset({"knife_edge", "rolling_disc"})
 class Joint(Item):
     """Handle of a joint; see `Model.revolute` and its siblings."""
 
-    __slots__ = ("a", "b", "flags", "one_point", "shapes", "type")
+    __slots__ = ("a", "a_node", "b", "b_node", "flags", "one_point", "shapes", "type")
     a: int
     b: int
+    a_node: int  # of a flexible body, else -1
+    b_node: int
     flags: int
     one_point: bool
     shapes: dict[str, tuple[int, ...]]  # of k, c and preload as they were given
@@ -194,7 +196,7 @@ def add_joint(
     joint = Joint(model, model.new_name("joint", name))
     kind = KINDS[type_]
     joint.type, joint.shapes = type_, {}
-    joint.a, joint.b = model.two_bodies(f"joint {name!r}", a, b)
+    at = model.connect(joint, f"joint {name!r}", a, b, at)
     joint.one_point = not is_pair(at)
     if joint.one_point and type_ in ("distance", "rolling_disc"):
         raise problem(name + ".at", f"must be two points (P_a, P_b): a {type_} joint keeps a relation between them")

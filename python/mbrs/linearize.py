@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +14,11 @@ import numpy as np
 from ._border import core_errors
 from .effects import check_without, effects
 from .errors import MbrsWarning, ModelError
+from .modal_frames import modal_masses, modal_strains, node_twist
 from .ports import Port, as_port
 from .results import Result, Stats
 from .state import State, state_of
-from .tables import tables
+from .tables import framed, tables
 
 if TYPE_CHECKING:
     from .model import Model
@@ -38,13 +39,27 @@ class Snapshot:
     tables: dict[str, Any]
 
     @classmethod
-    def of(cls, model: Model) -> Snapshot:
-        """Compile a model as it is now."""
+    def of(cls, model: Model, without: Sequence[str] = ()) -> Snapshot:
+        """Compile a model as it is now; without the effect "flexibility" its flexible bodies are rigid."""
         if not hasattr(model, "compiled"):
             raise ModelError(f"expected a mb.Model, got {type(model).__name__}")
         with core_errors():
-            system = model.compiled()
-        return cls(model, system, (model.structure_version, model.values_version), tables(model))
+            flexible = not (model.is_flexible and "flexibility" in without)
+            system = model.compiled(flexible)
+        made = framed(tables(model, flexible))
+        return cls(model, system, (model.structure_version, model.values_version), made)
+
+    def frame(self, name: str) -> int:
+        """Index of a body, or of a node ``body.node`` that the results follow."""
+        names = self.tables["body_name"]
+        if name not in names and "flexible_body" not in self.tables:
+            name = name.partition(".")[0]
+        if name not in names:
+            raise ModelError(
+                f"this result does not follow the node {name!r}, which was named after it: compute it again"
+            )
+        index: int = names.index(name)
+        return index
 
     @property
     def current(self) -> bool:
@@ -60,15 +75,24 @@ class Snapshot:
             )
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"model": self.model, "current": self.current, "tables": self.tables}
+        raw = self.tables.get("raw", self.tables)
+        return {"model": self.model, "current": self.current, "tables": raw, "flexible": "flexible_body" in raw}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         from . import _core
 
         model, current = state["model"], state["current"]
-        system = model.compiled() if current else _core.System(state["tables"])
+        # a model that can be flexible, but was compiled without it
+        system = (
+            model.compiled(state["flexible"] or not model.is_flexible) if current else _core.System(state["tables"])
+        )
         versions = (model.structure_version, model.values_version) if current else (-1, -1)
-        for name, value in (("model", model), ("system", system), ("versions", versions), ("tables", state["tables"])):
+        for name, value in (
+            ("model", model),
+            ("system", system),
+            ("versions", versions),
+            ("tables", framed(state["tables"])),
+        ):
             object.__setattr__(self, name, value)
 
 
@@ -86,6 +110,8 @@ class Linearization(Result):
         Names of the minimal coordinates: increments of joint coordinates, see docs/tables.md.
     T
         (6 n_bodies, dof): twist of each body's origin (x y z rx ry rz, world axes), bodies in the order of ``bodies``.
+    modal_map
+        (n_modal, dof): modal coordinates of the flexible bodies.
     residual
         (dof,) generalised force that is not in balance; zero at an equilibrium.
     error
@@ -106,6 +132,7 @@ class Linearization(Result):
     state: State
     without: tuple[str, ...]
     snapshot: Snapshot
+    modal_map: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def n(self) -> int:
@@ -135,7 +162,7 @@ class Linearization(Result):
 
     @cached_property
     def body_mass_matrices(self) -> np.ndarray:
-        """(n_bodies, 6, 6) mass matrix of each body about its origin, world axes."""
+        """(n_bodies, 6, 6) mass matrix of each body about its origin, world axes; of flexible ones undeformed."""
         t = self.snapshot.tables
         x = t["x"]
         out = np.zeros((len(self.bodies), 6, 6))
@@ -165,7 +192,22 @@ class Linearization(Result):
             np.sqrt(numbers[:, 3])[:, None, None] * moved,
             np.sqrt(np.maximum(principal, 0.0))[:, :, None] * turning,
         )
-        return np.concatenate(weighed, axis=1).reshape(6 * len(places), -1)
+        made = np.concatenate(weighed, axis=1).reshape(6 * len(places), -1)
+        if not modal_masses(self):
+            return made
+        flexible = [body for body, _, _ in modal_masses(self)]
+        kept = made.reshape(len(places), 6, -1)[[i for i in range(len(places)) if i not in flexible]]
+        modal = [np.linalg.cholesky(mass).T @ rows for _, rows, mass in modal_masses(self)]
+        return np.vstack([kept.reshape(-1, made.shape[1]), *modal])
+
+    def body_kinetic_energy(self, shape: np.ndarray) -> np.ndarray:
+        """v^H M v of each body for each column of ``shape``, (n_bodies, n)."""
+        v = (self.T @ shape).reshape(len(self.bodies), 6, -1)
+        energy: np.ndarray = np.einsum("bin,bij,bjn->bn", v.conj(), self.body_mass_matrices, v).real
+        for body, rows, mass in modal_masses(self):
+            w = rows @ shape
+            energy[body] = np.einsum("in,ij,jn->n", w.conj(), mass, w).real
+        return energy
 
     @cached_property
     def geometry(self) -> Any:
@@ -189,9 +231,10 @@ class Linearization(Result):
         """Names of the elastic elements and 1/2 e^H k e of each for each column of ``shape``, (n_elements, n); k holds the
         slopes of their laws at this state.
         """
-        names = tuple(name for name, _, _ in self._strains)
+        strains = [*self._strains, *modal_strains(self)]
+        names = tuple(name for name, _, _ in strains)
         energy = np.zeros((len(names), shape.shape[1]))
-        for i, (_, rows, k) in enumerate(self._strains):
+        for i, (_, rows, k) in enumerate(strains):
             e = rows @ shape
             energy[i] = 0.5 * np.einsum("in,ij,jn->n", e.conj(), k, e).real
         return names, energy
@@ -205,10 +248,13 @@ class Linearization(Result):
 
     def port_row(self, port: Port) -> tuple[np.ndarray, int, np.ndarray]:
         """The row (dof,) of a port's motion, the index of its body (-1 ground) and its point now (3,)."""
+        if port.body != "ground" and port.marker is None and port.body not in self.bodies:
+            body, twist, point = node_twist(self, port.body)
+            return np.asarray(port.direction) @ (twist[3:] if port.is_rotation else twist[:3]), body, point
         arm = self.port_arm(port)
         if port.body == "ground":
             return np.zeros(self.n), -1, arm
-        body = self.model.body_index[port.body]
+        body = self.snapshot.frame(port.body)
         point = self.poses["position"][body] + arm
         twist = twist_at(self.T[6 * body : 6 * body + 6], arm)
         return np.asarray(port.direction) @ (twist[3:] if port.is_rotation else twist[:3]), body, point
@@ -224,7 +270,7 @@ class Linearization(Result):
             return np.zeros(3) if point is None else np.asarray(point, dtype=float)
         if point is None:
             return np.zeros(3)
-        body = self.model.body_index[port.body]
+        body = self.snapshot.frame(port.body)
         start = t["body_x"][body]
         r_drawn = _rotation(t["x"][start + 3 : start + 7])
         local = r_drawn.T @ (np.asarray(point) - t["x"][start : start + 3])
@@ -403,7 +449,7 @@ def linearize(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Linea
     """
     start = time.perf_counter()
     without = check_without(without)
-    snapshot = Snapshot.of(m)
+    snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at)
     with core_errors():
         r = snapshot.system.linearize(state.relative, state.rate, list(without))
@@ -439,13 +485,14 @@ def _linearization(
         N=N,
         coordinates=tuple(r["coordinates"]),
         T=r["T"],
-        bodies=tuple(body.name for body in model.bodies),
+        bodies=tuple(snapshot.tables["body_name"]),
         residual=r["residual"],
         multipliers=r["multipliers"],
         ground_coupling=r["ground_coupling"],
         state=state,
         without=without,
         snapshot=snapshot,
+        modal_map=r["modal_map"] if "modal_map" in r else np.zeros((0, len(r["coordinates"]))),
         stats=Stats(time.perf_counter() - start, r["counts"], on, "minimal coordinates"),
         error=error,
         status="converged" if error <= _BALANCED or state.moving else "off-equilibrium",

@@ -502,11 +502,10 @@ def _energy_shares(r: ModalResult) -> EnergyShares:
     strain = shares(r.system.K)
     strain[:, r.kind == "rigid"] = np.nan
     names, maps = r._bodies()
-    masses = getattr(r.system, "body_mass_matrices", None)
+    energy_of = getattr(r.system, "body_kinetic_energy", None)
     per_body = None
-    if maps is not None and masses is not None and len(names):
-        v = (maps @ x).reshape(len(names), 6, -1)
-        energy = np.einsum("bin,bij,bjn->bn", v.conj(), np.asarray(masses), v).real
+    if maps is not None and energy_of is not None and len(names):
+        energy = energy_of(x)
         per_body = energy / energy.sum(axis=0)
     elements, per_element = (), None
     strain_of = getattr(r.system, "element_strain_energy", None)

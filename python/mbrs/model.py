@@ -5,13 +5,13 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .addresses import Target, target
 from .attached_laws import LawItem
-from .bodies import Body, Ground, Marker, Pose, add_body, add_marker
+from .bodies import Body, Ground, Marker, NodePlace, Pose, add_body, add_marker
 from .drives import Coupler, Drive, DriveMethods
 from .element_methods import ElementMethods
 from .elements import Element, Load
@@ -27,6 +27,9 @@ from .store import Field, Item, Store, plain
 from .values import vector
 from .varying import Driver, assign, read
 
+if TYPE_CHECKING:
+    from .flexible_bodies import FlexibleBody
+
 # The order of their numbers in x.
 STORES = (
     "body",
@@ -40,6 +43,7 @@ STORES = (
     "gravity",
     "motion",
     "coupler",
+    "flexible",
 )
 
 
@@ -121,7 +125,7 @@ class Model(JointMethods, DriveMethods, ElementMethods):
     def _forget(self) -> None:
         self.cache: dict[str, Any] = {}
         self._targets: dict[str, Target] = {}
-        self._core: Any = None
+        self._core: dict[bool, Any] = {}
 
     def body(
         self,
@@ -193,7 +197,81 @@ class Model(JointMethods, DriveMethods, ElementMethods):
             angular_velocity=angular_velocity,
         )
 
-    def marker(self, name: str, body: Any, *, at: Any, orientation: Any = None) -> Marker:
+    def flexible_body(
+        self,
+        name: str,
+        modal_body: Any,
+        *,
+        at: Any = (0.0, 0.0, 0.0),
+        orientation: Any = None,
+        pose: Any = None,
+        velocity: Any = None,
+        angular_velocity: Any = None,
+        modes: Any = None,
+        nodes: Sequence[str] = (),
+    ) -> FlexibleBody:
+        """An elastic body in a floating frame: the frame moves like a rigid body, and on it r + phi_k(r) q_k.
+
+        Parameters
+        ----------
+        name
+            As of `body`.
+        modal_body
+            The integrals of its shapes, `mbrs.flexible.ModalBody`: of `mbrs.flexible.beam`, `craig_bampton`, or made
+            by hand.
+        at, orientation, pose, velocity, angular_velocity
+            Of the frame, as of `body`; the modal coordinates and their rates start at zero.
+        modes
+            How many of the modes, or their indices; all by default.
+        nodes
+            Nodes that results follow though nothing is attached to them; others do so as soon as `.node` names them.
+
+        Returns
+        -------
+        FlexibleBody
+            A body; ``.node("tip")`` stands wherever a body may, and ``at=`` may then be left out. Attaching the body
+            itself needs ``at=`` a node's point.
+
+        Raises
+        ------
+        ModelError
+            Not a `ModalBody`, modes that it does not have, and what `body` raises.
+
+        Notes
+        -----
+        Modal coordinates are named ``name.q1``, ... in results and stand behind those of the joints. Cost O(m^2) numbers
+        for m modes.
+
+        Examples
+        --------
+        >>> import numpy as np, mbrs as mb
+        >>> from mbrs.flexible import ModalBody
+        >>> P1 = np.zeros((1, 3, 3)); P1[0, 0, 2] = 0.25     # a rod of 1 kg and 1 m along x that bends as x^2
+        >>> P2 = np.zeros((1, 1, 3, 3)); P2[0, 0, 2, 2] = 0.2
+        >>> shape = np.zeros((1, 6, 1)); shape[0, 2, 0] = 1.0; shape[0, 4, 0] = -2.0
+        >>> bent = ModalBody(1.0, (0.5, 0, 0), np.diag([1e-4, 0.0834, 0.0834]), np.array([[0], [0], [1 / 3]]), P1, P2,
+        ...                  np.array([[80.0]]), nodes=("frame", "tip"), node_position=np.array([[0, 0, 0], [1, 0, 0]]),
+        ...                  node_shape=np.concatenate([np.zeros((1, 6, 1)), shape]))
+        >>> m = mb.Model("cantilever"); rod = m.flexible_body("rod", bent)
+        >>> m.fixed("clamp", m.ground, rod.node("frame"))
+        <joint 'clamp' of 'cantilever'>
+        """
+        from .flexible_bodies import add_flexible_body
+
+        return add_flexible_body(
+            self,
+            name,
+            modal_body,
+            modes,
+            nodes,
+            pose,
+            at=at,
+            orientation=orientation,
+            velocity=velocity,
+            angular_velocity=angular_velocity,
+        )
+
+    def marker(self, name: str, body: Any, *, at: Any = None, orientation: Any = None) -> Marker:
         """A named point of a body (or of ground) at ``at`` (3,), world, m, as drawn: for inputs, outputs and
         trajectories.
         """
@@ -300,17 +378,21 @@ class Model(JointMethods, DriveMethods, ElementMethods):
             cached = self.cache["driver"] = Driver(self)
         return cached
 
-    def compiled(self) -> Any:
-        """The core's System at the present values; the topology is compiled once."""
+    def compiled(self, flexible: bool = True) -> Any:
+        """The core's System at the present values; the topology is compiled once. ``flexible=False``: flexible bodies are
+        rigid there.
+        """
         from . import _core
         from .tables import tables, x
 
         now = (self.structure_version, self.values_version)
-        if self._core is None or self._core[0][0] != now[0]:
-            self._core = (now, _core.System(tables(self)))  # type: ignore[attr-defined]
-        elif self._core[0] != now:
-            self._core = (now, self._core[1].with_values(x(self)))
-        return self._core[1]
+        kept = self._core.get(flexible)
+        if kept is None or kept[0][0] != now[0]:
+            kept = (now, _core.System(tables(self, flexible)))
+        elif kept[0] != now:
+            kept = (now, kept[1].with_values(x(self)))
+        self._core[flexible] = kept
+        return kept[1]
 
     def _changed_structure(self) -> None:
         self.structure_version += 1
@@ -355,12 +437,62 @@ class Model(JointMethods, DriveMethods, ElementMethods):
         """Name of a body by index."""
         return GROUND if index < 0 else self.bodies[index].name
 
-    def two_bodies(self, where: str, a: Any, b: Any) -> tuple[int, int]:
-        """Indices of two different bodies."""
-        i, j = self.find_body(a, where, "a"), self.find_body(b, where, "b")
+    def frame_name(self, body: int, node: int) -> str:
+        """Name of the frame that moves with a body or with its node."""
+        from .flexible_bodies import frame_names, frame_of
+
+        return self.body_name(body) if node < 0 else frame_names(self)[frame_of(self, body, node)]
+
+    def frame_index(self, name: str) -> int:
+        """Index of a frame of results by name: a body, or ``body.node`` of a flexible one."""
+        if name in self.body_index:
+            return self.body_index[name]
+        from .flexible_bodies import frame_names
+
+        return frame_names(self).index(name)
+
+    def has_frame(self, name: str) -> bool:
+        """Is there a body of this name, or a node ``body.node``?"""
+        owner, _, node = name.partition(".")
+        return owner in self.body_index and (not node or node in getattr(self.items[owner], "nodes", ()))
+
+    @property
+    def is_flexible(self) -> bool:
+        """Is there a flexible body?"""
+        return len(self.stores["flexible"].x) > 0
+
+    def places(self, where: str, given: Sequence[tuple[str, Any]], at: Any, address: str) -> tuple[list[Any], Any]:
+        """What something is attached to (body and node, -1 where there is none), and its point(s)."""
+        from .flexible_bodies import Place, attachments
+
+        noded = at is None or any(isinstance(b, NodePlace) or (isinstance(b, str) and "." in b) for _, b in given)
+        if not self.is_flexible and not noded:
+            return [Place(self.find_body(body, where, key)) for key, body in given], at
+        return attachments(self, where, given, at, address)
+
+    def connect(self, item: Any, where: str, a: Any, b: Any, at: Any) -> Any:
+        """Put the two ends of an item on two different bodies or nodes; returns its point(s)."""
+        (i, j), at = self.places(where, (("a", a), ("b", b)), at, f"{item.name}.at")
         if i == j:
-            raise problem(where, f"connects {self.body_name(i)!r} with itself; name two different bodies")
-        return i, j
+            raise problem(where, f"connects {self.body_name(i.body)!r} with itself; name two different bodies")
+        item.a, item.b, item.a_node, item.b_node = i.body, j.body, i.node, j.node
+        return at
+
+    def load_place(self, where: str, body: Any, at: Any, address: str) -> tuple[int, int, Any]:
+        """Body, node and point of a load; the point of a rigid body without one is its origin."""
+        from .flexible_bodies import FlexibleBody
+
+        if at is None and not isinstance(body, NodePlace):
+            found = self.find_body(body, where) if not (isinstance(body, str) and "." in body) else None
+            if found is not None:
+                if found >= 0 and isinstance(self.bodies[found], FlexibleBody):
+                    raise problem(
+                        address,
+                        f"is missing: {self.body_name(found)!r} is flexible; name a node, {self.body_name(found)}.node(name)",
+                    )
+                return found, -1, self.bodies[found].entries(0, 3) if found >= 0 else (0.0, 0.0, 0.0)
+        (place,), at = self.places(where, (("body", body),), at, address)
+        return place.body, place.node, at
 
     def save(self, path: str | Path) -> Path:
         """Save as TOML; `load` brings back a model with identical Tables. Expressions stay expressions. Returns the

@@ -81,7 +81,7 @@ def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> 
     """
     started = time.perf_counter()
     without = check_without(_checks.names("without", without))
-    snapshot = Snapshot.of(m)
+    snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at)
     with core_errors():
         r = snapshot.system.linearize(state.relative, state.rate, [*without, "law-slopes"])

@@ -101,6 +101,11 @@ def as_port(model: Any, spec: Any) -> Port:
     if not isinstance(spec, str):
         raise ModelError(f"an input or output must be a port such as body.force('z'), or its name; got {shown(spec)}")
     parts = spec.split(".")
+    if len(parts) == 4 and hasattr(model[parts[0]], "node"):
+        node = model[parts[0]].node(parts[1])
+        if parts[2] in ("force", "torque", "motion"):
+            port: Port = getattr(node, parts[2])(parts[3])
+            return port
     if len(parts) == 2 and parts[0] == "base":
         return base_motion(parts[1])
     if len(parts) != 3 or parts[1] not in ("force", "torque", "motion"):
@@ -114,7 +119,7 @@ def as_port(model: Any, spec: Any) -> Port:
 
 
 def _check_known(model: Any, port: Port) -> None:
-    if port.kind != "base" and port.body != GROUND and port.body not in model.body_index:
+    if port.kind != "base" and port.body != GROUND and not model.has_frame(port.body):
         raise not_found(
             f"the port {port.name!r} does not fit model {model.name!r}: no body", port.body, model.body_index
         )

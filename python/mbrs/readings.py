@@ -14,7 +14,8 @@ from .names import nearest, shown
 # What the core is asked for: kind, index of body or joint, order, start of a drawn point in x, a drawn point.
 Asked = tuple[str, int, int, int | None, tuple[float, float, float] | None]
 
-_FREE = {k.code: len(k.free) for k in KINDS.values()}
+_KINDS = {k.code: k for k in KINDS.values()}
+_FREE = {code: len(k.free) for code, k in _KINDS.items()}
 # Name in an address: what it asks of a body, and of a marker.
 _BODY = {"position": 0, "velocity": 1, "acceleration": 2}
 _TURNING = {"angular_velocity": 1, "angular_acceleration": 2}
@@ -68,7 +69,9 @@ class Names:
 
     def address(self, what: str) -> Asked:
         """ "crank.position", "P2" (a marker), "P2.velocity", "A" (the coordinates of a joint), "A.reaction"."""
-        name, dot, kind = what.partition(".")
+        name, dot, kind = what.rpartition(".")
+        if not dot:
+            name, kind = what, ""
         if not dot:
             kind = "position" if name in self.markers else "coordinate"
         if kind in _BODY:
@@ -92,6 +95,16 @@ class Names:
 
     def _either(self, name: str) -> int:
         return self._find("body or marker", name, [*self.bodies, *self.markers])
+
+    def unit(self, asked: Asked) -> str:
+        """Of its numbers; empty where they differ."""
+        kind, index, order = asked[:3]
+        if kind == "joint":
+            kinds = set(_KINDS[int(self.tables["joint_type"][index])].free)
+            return {"t": "m", "r": "rad"}[kinds.pop()] if len(kinds) == 1 else ""
+        if kind == "reaction":
+            return ""
+        return ("m" if kind == "point" else "rad") + ("", "/s", "/s^2")[order]
 
     def width(self, asked: Asked) -> int:
         """How many numbers the core returns for it."""

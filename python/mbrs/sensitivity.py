@@ -336,7 +336,7 @@ def _touches(along: Directions, places: Sequence[int]) -> np.ndarray:
 
 def _origin_motion(lin: Linearization, along: Directions, motion: np.ndarray) -> np.ndarray:
     """Motion of origins from that of centres of mass: p = c - R com."""
-    t = tables(lin.model)
+    t = lin.snapshot.tables
     places = np.asarray(t["body_x"], dtype=int)[:, None] + np.arange(7, 10)
     rotation = np.asarray(lin.poses["rotation"])
     com, change = np.asarray(t["x"])[places], np.zeros((places.size, along.n))
@@ -417,8 +417,9 @@ def _arm_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
     """(3, n_p): change of the vector from the body's origin to the port's point, world axes."""
     lin = d.linearization
     t, along = tables(lin.model), d.directions
-    body = lin.model.body_index[port.body]
-    start = t["body_x"][body]
+    body = lin.snapshot.frame(port.body)
+    # a node keeps its place in its body, of which it is enough to know how that was drawn
+    start = t["body_x"][lin.snapshot.tables["owner"][body] if body >= len(t["body_x"]) else body]
     world = np.zeros((3, along.n))
     point = port.point
     if port.marker is not None and point is None:
@@ -447,7 +448,7 @@ def _row_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
     lin = d.linearization
     if port.body == "ground":
         return np.zeros((lin.n, d.directions.n))
-    body = lin.model.body_index[port.body]
+    body = lin.snapshot.frame(port.body)
     assert d.T is not None
     block = slice(6 * body, 6 * body + 6)
     direction = np.asarray(port.direction)
@@ -489,7 +490,7 @@ def _direct_change(d: LinearizationSensitivity, outputs: Sequence[Port], inputs:
         for i, port in enumerate(outputs):
             if port.is_rotation or port.body == "ground":
                 continue
-            body = lin.model.body_index[port.body]
+            body = lin.snapshot.frame(port.body)
             moved = d.position[body] + _arm_change(d, port)
             out[i, j] = np.asarray(port.direction) @ np.cross(np.asarray(source.direction), moved.T).T
     return out if np.any(out) else None

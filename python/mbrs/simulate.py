@@ -14,8 +14,7 @@ import numpy as np
 from . import _core
 from ._amplified import warn_amplified
 from ._border import core_errors
-from ._halving import halved
-from .effects import check_without, effects
+from .effects import LINEAR_ONLY, check_without, effects
 from .errors import ConvergenceError, MbrsWarning, ModelError
 from .linearize import Snapshot
 from .names import shown
@@ -29,12 +28,12 @@ if TYPE_CHECKING:
     from .model import Model
 
 METHODS = ("auto", "explicit", "generalized-alpha", "bdf", "bdf-bfgs", "ali3p")
-# effects of a linearisation: a motion has them in its forces or not at all
-_LINEAR_ONLY = frozenset({"gyroscopic", "preload-stiffness", "constraint-force-stiffness"})
 _ORDER = {"explicit": 8, "generalized-alpha": 2, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
 _TIGHTEST, _LOOSEST = 1e-13, 1e-1
 # changes of initial values below this are rounding
 _CHANGED = 1e-9
+# methods whose error is estimated by a tighter run, and how much tighter it is
+_TIGHTENED, _TIGHTER = frozenset({"explicit", "bdf"}), 30.0
 # outputs at which the error is estimated
 _COMPARED = 50
 
@@ -67,8 +66,7 @@ def simulate(
         in any relation to the steps (dense output).
     rtol
         Tolerance of the controlled steps, relative to the characteristic length, one radian and the largest rate so far;
-        1e-7 if neither it nor ``step`` is given. With "bdf-bfgs", of the whole motion: its equal steps are shortened until the
-        estimated error is within it.
+        1e-7 if neither it nor ``step`` is given.
     step
         s; fixed steps instead.
     method
@@ -93,7 +91,7 @@ def simulate(
         Stop after so many.
     parameters
         Addresses of numbers by which ``traj.sensitivity(...)`` is to differentiate (method "ali3p", which is then the one
-        that "auto" takes); ``t`` is a number then.
+        that "auto" takes, or "generalized-alpha"); ``t`` is a number then.
 
     Returns
     -------
@@ -129,9 +127,9 @@ def simulate(
     start = time.perf_counter()
     without = check_without(without)
     for name in without:
-        if name in _LINEAR_ONLY:
+        if name in LINEAR_ONLY:
             raise ModelError(f"'{name}' is a part of a linearisation; a motion cannot be without it")
-    snapshot = Snapshot.of(m)
+    snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
     if parameters is not None:
         method = _with_sensitivities(method)
@@ -149,17 +147,25 @@ def simulate(
         raise ModelError(f"rho= lies between 0 and 1, got {rho}")
     options["method"] = _variant(method, form, update)
 
-    def make(options: dict[str, Any]) -> tuple[dict[str, Any], Trajectory]:
-        made = _run(snapshot, state, without, options)
-        return made, _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
-
-    # its history makes strongly shortened steps expensive, and a fixed step keeps the inverse
-    made, traj = halved(make, options) if method == "bdf-bfgs" and step is None else make(options)
+    made = _run(snapshot, state, without, options)
+    traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
     if parameters is not None:
-        traj = replace(traj, parameters=parameters, start=state)
+        traj = replace(traj, parameters=parameters, start=state, rho=rho)
     _report_start(m, made)
     if method == "bdf-bfgs" or (method == "bdf" and step is not None):
         warn_amplified(m, at, traj.steps)
+    # its equations are solved to a norm, not by tangents: very short steps show that in the rates
+    if (
+        made["counts"].get("steps within rounding")
+        and traj.error is not None
+        and traj.error > options.get("rtol", np.inf)
+    ):
+        warnings.warn(
+            f"rtol={options['rtol']:g} was not reached: the equations of a step are solved without a tangent, which leaves an "
+            f"estimated error of {traj.error:.1e}",
+            MbrsWarning,
+            stacklevel=2,
+        )
     if traj.status == "stopped":
         raise ConvergenceError(
             f"the motion of {m.name!r} stopped at t = {made['end']:.9g} s: {made['message']}; the trajectory until then is "
@@ -187,11 +193,12 @@ def _variant(method: str, form: Any, update: Any) -> str:
 
 
 def _with_sensitivities(method: str) -> str:
-    if method not in ("auto", "ali3p"):
+    if method not in ("auto", "ali3p", "generalized-alpha"):
         raise ModelError(
-            f"method={method!r} has no sensitivities; the one that has is method='ali3p', or leave parameters= out"
+            f"method={method!r} has no sensitivities; those that have are method='ali3p' and 'generalized-alpha', or leave "
+            "parameters= out"
         )
-    return "ali3p"
+    return "ali3p" if method == "auto" else method
 
 
 def _number(name: str, value: Any, *, positive: bool = True) -> float:
@@ -287,20 +294,29 @@ def _report_start(m: Model, made: dict[str, Any]) -> None:
             )
 
 
+def _compared_with(traj: Trajectory, options: dict[str, Any]) -> tuple[dict[str, Any], float]:
+    """Options of the run that the error is estimated with, and the factor from the distance of both to the error.
+
+    Errors of controlled steps scatter about their tolerance, so that a tighter run tells more than a looser one; methods of low
+    order could not afford it.
+    """
+    if "step" in options:
+        return {"step": 2.0 * options["step"]}, 1.0 / (2.0 ** _ORDER[traj.method] - 1.0)
+    rtol = options["rtol"]
+    if traj.method in _TIGHTENED and rtol / _TIGHTER >= _TIGHTEST:
+        return {"rtol": rtol / _TIGHTER}, 1.0
+    return {"rtol": min(10.0 * rtol, 1.0)}, 1.0 / 9.0
+
+
 def _estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) -> float | None:
-    """Largest difference to a coarser run over the factor by which the latter's error is larger."""
+    """Largest difference to a second run, scaled to the error of this one."""
     if traj.status != "finished" or len(traj.t) < 2:
         return None
     compared = np.unique(np.linspace(1, len(traj.t) - 1, min(len(traj.t) - 1, _COMPARED)).astype(int))
     method = traj.method if options["method"] == "auto" else options["method"]
-    coarser = {**options, "method": method, "outputs": traj.t[compared].tolist()}
-    if "step" in options:
-        coarser["step"] = 2.0 * options["step"]
-        factor = 2.0 ** _ORDER[traj.method]
-    else:
-        coarser["rtol"] = min(10.0 * options["rtol"], 1.0)
-        factor = 10.0
-    made = _run(traj.snapshot, state, traj.without, coarser)
+    changed, factor = _compared_with(traj, options)
+    second = {**options, **changed, "method": method, "outputs": traj.t[compared].tolist()}
+    made = _run(traj.snapshot, state, traj.without, second)
     if made["status"] != "finished":
         return math.inf
     with core_errors():
@@ -313,7 +329,7 @@ def _estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) ->
             made["acceleration"],
             list(traj.without),
         )
-    return _distance(traj, compared, other) / (factor - 1.0)
+    return factor * _distance(traj, compared, other)
 
 
 def _distance(traj: Trajectory, compared: np.ndarray, other: dict[str, Any]) -> float:

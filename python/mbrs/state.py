@@ -20,7 +20,8 @@ class State:
     Attributes
     ----------
     relative
-        (n_bodies, 12) relative poses of the tree joints; made by the analyses, not by hand.
+        (n_poses, 12) relative poses of the tree joints, and behind them the modal coordinates, three in each row; made by the
+        analyses, not by hand.
     rate
         (n_tree,) rates of the tree coordinates, or empty at rest.
     kind
@@ -74,9 +75,9 @@ def state_of(model: Any, system: Any, at: Any, hold: bool = True, without: Seque
     state = getattr(at, "state", at)
     if callable(state) or not isinstance(state, State):
         raise ModelError(f"at= takes None (the drawn state), an equilibrium, a steady motion or a state; got {at!r}")
-    if state.relative.shape[0] != system.n_bodies:
+    if state.relative.shape[0] != system.n_poses:
         raise ModelError(
-            f"at= is a state of {state.relative.shape[0]} bodies, but model {model.name!r} has {system.n_bodies}; "
-            "compute it again from this model"
+            f"at= is a state of {state.relative.shape[0]} bodies (with the rows of modal coordinates), but model {model.name!r} has "
+            f"{system.n_poses}; compute it again from this model, with the same effects"
         )
     return state

@@ -127,7 +127,7 @@ def steady_motion(
     """
     start = time.perf_counter()
     without = check_without(without)
-    snapshot = Snapshot.of(m)
+    snapshot = Snapshot.of(m, without)
     begin = state_of(m, snapshot.system, at)
     names = snapshot.system.topology()["coordinates"]
     given = {} if speed is None and m.drives and "drives" not in without else _items(speed)

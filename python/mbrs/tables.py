@@ -14,7 +14,8 @@ import numpy as np
 from .addresses import Target
 from .elements import LOAD_FRAMES, LOAD_TYPES, TYPES
 from .errors import ModelError
-from .geometry import cross, quaternion_rate
+from .flexible_bodies import node_tables
+from .geometry import cross, quaternion_matrix, quaternion_rate
 from .joints import KINDS
 from .model import STORES
 
@@ -25,8 +26,10 @@ if TYPE_CHECKING:
 _DENSE_LIMIT = 1_000_000
 
 
-def tables(model: Model) -> dict[str, Any]:
+def tables(model: Model, flexible: bool = True) -> dict[str, Any]:
     """The Tables of a model, a new dict; its integer arrays are shared between calls while the structure stays.
+
+    ``flexible=False``: flexible bodies are taken for rigid ones.
 
     Returns
     -------
@@ -46,7 +49,54 @@ def tables(model: Model) -> dict[str, Any]:
     np.float64(20.0)
     """
     _require_bodies(model)
-    return {"x": x(model), **_structure(model)}
+    made = {"x": x(model), **_structure(model)}
+    if not flexible:
+        for key in node_tables(model, offsets(model)):
+            del made[key]
+    return made
+
+
+def framed(made: dict[str, Any]) -> dict[str, Any]:
+    """The Tables as results read them: moving nodes of flexible bodies as bodies behind the others, and what is attached
+    to one as attached to that body. ``owner``: the body of each. The same dict for a model without moving nodes.
+    """
+    moving = made.get("moving_node", ())
+    if not len(moving):
+        return made
+    values, n = np.asarray(made["x"]), len(made["body_name"])
+    frame = np.full(len(made["flexible_node_name"]), -1)
+    names, starts, owners, numbers = list(made["body_name"]), list(made["body_x"]), list(range(n)), [values]
+    for i, node in enumerate(moving):
+        frame[node] = n + i
+        owner, place = int(made["flexible_node_body"][node]), int(made["flexible_node_x"][node])
+        start = int(made["body_x"][owner])
+        drawn = np.zeros(23)
+        drawn[3:7] = values[start + 3 : start + 7]
+        drawn[:3] = values[start : start + 3] + quaternion_matrix(drawn[3:7]) @ values[place : place + 3]
+        names.append(f"{names[owner]}.{made['flexible_node_name'][node]}")
+        starts.append(len(values) + 23 * i)
+        owners.append(owner)
+        numbers.append(drawn)
+    out = {
+        **made,
+        "x": np.concatenate(numbers),
+        "body_name": names,
+        "body_x": np.array(starts),
+        "owner": np.array(owners),
+    }
+    for bodies, nodes in (
+        ("joint_a", "joint_a_node"),
+        ("joint_b", "joint_b_node"),
+        ("element_a", "element_a_node"),
+        ("element_b", "element_b_node"),
+        ("load_body", "load_node"),
+        ("marker_body", "marker_node"),
+    ):
+        at = np.asarray(made[nodes])
+        moved = frame[at] if len(frame) else at
+        out[bodies] = np.where((at >= 0) & (moved >= 0), moved, made[bodies])
+    out["raw"] = made
+    return out
 
 
 def x(model: Model) -> np.ndarray:
@@ -81,6 +131,7 @@ def _structure(model: Model) -> dict[str, Any]:
         **_items("marker", model.markers, base, ("body",)),
         **_laws(model, base),
         **_motions(model, base),
+        **node_tables(model, base),
         "pose_body": _integers(p.body for p in model.poses),
         "pose_x": _integers(base["pose"] + p.start for p in model.poses),
         "gravity_x": _integers([base["gravity"] if model.gravity_item is not None else -1]),
@@ -102,7 +153,9 @@ def _items(kind: str, items: Sequence[Any], base: dict[str, int], columns: Itera
     for column in columns:
         values = [getattr(item, column) for item in items]
         codes = _CODES.get((kind, column))
-        out[f"{kind}_{column}"] = _integers(values if codes is None else [codes[v] for v in values])
+        out[f"{kind}_{column}"] = _integers(
+            values if codes is None else [codes[v] if isinstance(v, str) else v for v in values]
+        )
     start = base[kind]
     out[f"{kind}_x"] = _integers(start + item.start for item in items)
     return out

@@ -12,6 +12,7 @@ import numpy as np
 from . import _core
 from ._border import core_errors
 from .errors import ModelError, NameNotFoundError
+from .flexible_bodies import modal_places
 from .linearize import Snapshot
 from .names import nearest
 from .results import Result
@@ -64,7 +65,7 @@ class Trajectory(Result):
         Times of all accepted steps, and the estimated local error of each over its tolerance (empty for fixed steps).
     error
         Estimated error: the largest |dx|/(characteristic length) and angle of rotation of any body at up to 50 of the outputs,
-        from a second run with coarser steps (made when first asked for).
+        from a second run, tighter where the order of the method is high, else coarser (made when first asked for).
     status
         "finished", "interrupted" (Ctrl-C) or "stopped" (a step that could not be made; `message` says why).
     """
@@ -85,6 +86,7 @@ class Trajectory(Result):
     estimate: Callable[[Trajectory], float | None] | None = field(default=None, repr=False)
     parameters: str | Sequence[str] = ()
     start: State | None = None
+    rho: float | None = None
     error: Any = field(default=None, init=False)
 
     def __len__(self) -> int:
@@ -176,6 +178,33 @@ class Trajectory(Result):
         local = _matrix(x[start + 3 : start + 7]).T @ (drawn - x[start : start + 3])
         name = self.bodies[body]
         return self.position(name) + self.rotation(name) @ local
+
+    def modal(self, body: Any) -> np.ndarray:
+        """(n_t, m) modal coordinates of a flexible body."""
+        return self._modal(body)[1][0]
+
+    def modal_rate(self, body: Any) -> np.ndarray:
+        """(n_t, m) rates of the modal coordinates of a flexible body."""
+        return self._modal(body)[1][1]
+
+    def _modal(self, body: Any) -> tuple[Any, tuple[np.ndarray, np.ndarray]]:
+        index = self._body(body)
+        owner = self.model.bodies[index] if index < len(self.model.bodies) else None
+        places = modal_places(self.snapshot.tables, len(self.bodies))
+        total = sum(m for _, m, _, _ in places)
+        for number, m, row, first in places:
+            if number == index:
+                start = self.rate.shape[1] - total + first
+                q = self.relative[:, row : row + (m + 2) // 3, :3].reshape(len(self.t), -1)[:, :m]
+                return owner, (q, self.rate[:, start : start + m])
+        raise ModelError(f"{self.bodies[index]!r} has no modal coordinates in this motion: it is rigid there")
+
+    def node_positions(self, body: Any) -> np.ndarray:
+        """(n_t, n, 3) world positions of all nodes of a flexible body, in their order, deformed."""
+        owner, (q, _) = self._modal(body)
+        local = owner.modal.node_position + np.einsum("nik,tk->tni", owner.modal.node_shape[:, :3], q)
+        moved: np.ndarray = self.position(body)[:, None] + np.einsum("tij,tnj->tni", self.rotation(body), local)
+        return moved
 
     def joint(self, name: Any) -> np.ndarray:
         """Free coordinates of a joint: (n_t,) where it has one, else (n_t, n); rad and m, angles continuous over turns."""
@@ -307,8 +336,49 @@ class Trajectory(Result):
 
         return list(directions(self.snapshot.model, self.parameters).labels)
 
+    @property
+    def parameter_units(self) -> list[str]:
+        """Their units; a parameter that the model itself was given has none."""
+        from .tables import directions
+
+        return list(directions(self.snapshot.model, self.parameters).units)
+
+    def unit_of(self, what: str) -> str:
+        """The unit of a quantity named as in `sensitivity`; empty where its components differ."""
+        from .readings import Names
+
+        names = Names(self.snapshot.tables)
+        return names.unit(names.address(what))
+
+    @staticmethod
+    def component_names(n: int) -> list[str]:
+        """What the n numbers of a quantity are called: x y z of a vector, rx ry rz after them of a wrench."""
+        if n == 6:
+            return ["x", "y", "z", "rx", "ry", "rz"]
+        return list("xyz") if n == 3 else [str(k) for k in range(n)]
+
+    def sensitivity_table(self, what: str, t: float | None = None) -> str:
+        """`sensitivity` at an output time (the last one without ``t``), and its largest absolute value, as a table."""
+        from .report import table
+
+        at = len(self.t) - 1 if t is None else int(np.argmin(np.abs(self.t - t)))
+        labels = self.parameter_labels
+        d = np.asarray(self.sensitivity(what)).reshape(len(self.t), -1, len(labels))
+        names = ["derivative"] if d.shape[1] == 1 else [f"{what} {axis}" for axis in self.component_names(d.shape[1])]
+        rows = [
+            (label, unit, *d[at, :, p], np.abs(d[:, :, p]).max())
+            for p, (label, unit) in enumerate(zip(labels, self.parameter_units, strict=True))
+        ]
+        unit = f" [{self.unit_of(what)} per unit of the parameter]" if self.unit_of(what) else ""
+        title = f"derivatives of {what}{unit} at t = {self.t[at]:.6g} s"
+        return table(["parameter", "unit", *names, "largest ever"], rows, title=title)
+
     def plot(self, what: str = "motion", **options: Any) -> Any:
-        """Curves over time; see `mbrs.plot.motion`."""
+        """Curves over time; see `mbrs.plot.motion`, and `mbrs.plot.gradients.over_time` for "sensitivity"."""
+        if what == "sensitivity":
+            from .plot import gradients
+
+            return gradients.over_time(self, **options)
         from .plot import motion
 
         return motion.plot(self, what, **options)
@@ -320,13 +390,23 @@ class Trajectory(Result):
         viewer = motion.motion(self, **options)
         return viewer if path is None else viewer.write(path)
 
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` over time: poses and velocities of the bodies, joint coordinates, energies, residuals."""
+    def to_xarray(self, sensitivity: Sequence[str] = ()) -> Any:
+        """`xarray.Dataset` over time: poses and velocities of the bodies, joint coordinates, energies, residuals.
+
+        ``sensitivity`` names quantities as in `sensitivity`: their derivatives come along as "d crank.position", over
+        "parameter".
+        """
         import xarray
 
         q = self._quantities
         names = {name: self.joint(name) for name in self._joint_places}
         joints = {f"joint {name}": (("time",) if v.ndim == 1 else ("time", f"{name}_"), v) for name, v in names.items()}
+        derivatives = {}
+        for what in [sensitivity] if isinstance(sensitivity, str) else sensitivity:
+            d = np.asarray(self.sensitivity(what)).reshape(len(self.t), -1, len(self.parameter_labels))
+            own = "axis" if d.shape[1] == 3 else f"{what} component"
+            derivatives[f"d {what}"] = (("time", own, "parameter"), d)
+        parameters = {"parameter": self.parameter_labels} if derivatives else {}
         return xarray.Dataset(
             {
                 "position": (("time", "body", "axis"), q["position"]),
@@ -337,6 +417,7 @@ class Trajectory(Result):
                 "kinetic": (("time",), self.energy.kinetic),
                 "residual": (("time", "level"), self.residual),
                 **joints,
+                **derivatives,
             },
             coords={
                 "time": self.t,
@@ -344,6 +425,7 @@ class Trajectory(Result):
                 "axis": ["x", "y", "z"],
                 "quaternion": ["w", "x", "y", "z"],
                 "level": ["position", "velocity", "acceleration"],
+                **parameters,
             },
             attrs={"status": self.status, "method": self.method, "model": self.model.name},
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -171,6 +171,8 @@ def scene_from_tables(tables: Mapping[str, Any]) -> SceneGeometry:
 
     links = tuple(_links(tables, x, attach))
     joints = tuple(_joints(tables, x, attach))
+    for body, rim in _rims(tables, x):
+        attached[body].extend(rim)
     for kind in ("marker", "load"):
         for body, start in zip(tables.get(f"{kind}_body", ()), tables.get(f"{kind}_x", ()), strict=True):
             attach(int(body), x[start : start + 3])
@@ -181,6 +183,34 @@ def scene_from_tables(tables: Mapping[str, Any]) -> SceneGeometry:
         for name, start, points in zip(names, tables["body_x"], attached, strict=True)
     )
     return SceneGeometry(bodies, links, joints)
+
+
+def _rims(tables: Mapping[str, Any], x: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    """Bodies that are round, with points of their rims: rolling discs, and what turns in a hinge that drives a rack."""
+    kinds, starts, second = tables["joint_type"], tables["joint_x"], tables["joint_b"]
+    for j, start in enumerate(starts):
+        if _JOINTS[kinds[j]] == "rolling_disc" and second[j] >= 0:
+            yield int(second[j]), _circle(x[start + 3 : start + 6], x[start + 9 : start + 12], x[start + 35])
+    keys = ("first", "second", "x")
+    for a, b, place in zip(*(tables.get(f"coupler_{k}", ()) for k in keys), strict=True):
+        if (_JOINTS[kinds[a]], _JOINTS[kinds[b]]) == ("revolute", "prismatic") and second[a] >= 0:
+            start = starts[a]
+            axis = _joint_axis(x, start, tables["joint_flags"][a])
+            yield int(second[a]), _circle(x[start : start + 3], axis, abs(x[place]))
+
+
+def _circle(centre: np.ndarray, axis: np.ndarray, radius: float) -> np.ndarray:
+    """(24, 3) points of a circle; none where there is no axis or radius."""
+    length = float(np.linalg.norm(axis))
+    if not (np.isfinite(length * radius) and length * radius > 0.0):
+        return np.zeros((0, 3))
+    across = np.linalg.svd((axis / length)[None, :])[2][1:]
+    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    return centre + radius * (np.cos(angle)[:, None] * across[0] + np.sin(angle)[:, None] * across[1])
+
+
+def _joint_axis(x: np.ndarray, start: int, flags: int) -> np.ndarray:
+    return _matrix(x[start + 12 : start + 16])[:, 2] if int(flags) & 8 else x[start + 6 : start + 9]
 
 
 def _links(tables: Mapping[str, Any], x: np.ndarray, attach: Any) -> Any:
@@ -195,7 +225,7 @@ def _joints(tables: Mapping[str, Any], x: np.ndarray, attach: Any) -> Any:
     keys = ("name", "type", "a", "b", "flags", "x")
     for name, kind, a, b, flags, start in zip(*(tables.get(f"joint_{k}", ()) for k in keys), strict=True):
         at_a, at_b = x[start : start + 3], x[start + 3 : start + 6]
-        axis = _matrix(x[start + 12 : start + 16])[:, 2] if int(flags) & 8 else x[start + 6 : start + 9]
+        axis = _joint_axis(x, start, flags)
         usable = np.all(np.isfinite(axis)) and np.any(axis != 0.0)
         yield JointGeometry(
             str(name), _JOINTS[kind], attach(int(a), at_a), attach(int(b), at_b), at_a, axis if usable else None

@@ -106,13 +106,19 @@ const mbrsMotion = ((viewer) => {
       go(scene.at);
       play.click();
     }
+    const home = [...scene.centre];
+    // the view travels with a body, over a floor that stays
+    function track(state) {
+      if (scene.follow >= 0) scene.centre = home.map((c, k) => c + state[12 * scene.follow + k] - start[12 * scene.follow + k]);
+      return state;
+    }
     viewer.animate(stage, () => playing, (elapsed) => {
       if (elapsed > 0) {
         // from the end it begins again
         go(time + elapsed * factor() > end && time < end ? end : time >= end ? m.from : time + elapsed * factor());
       }
       show();
-      viewer.paint(stage, scene, at(motion, time), ghost.checked ? start : null, {
+      viewer.paint(stage, scene, track(at(motion, time)), ghost.checked ? start : null, {
         clear: clear.checked, names: names.checked, tint: glow(motion, time),
         behind: paths.checked ? (ctx, cam) => drawPaths(ctx, cam, scene, motion, time) : null,
       });

@@ -29,6 +29,7 @@ def motion(
     at: float | None = None,
     paths: Sequence[Any] | None = None,
     title: str | None = None,
+    follow: Any = None,
 ) -> Any:
     """The motion of all bodies, with play, pause, speed and time to drag: bodies glow as fast as they move.
 
@@ -49,6 +50,8 @@ def motion(
         Markers and bodies whose way is drawn; by default all markers, or the last body where there is none.
     title
         Title of the page.
+    follow
+        A body that the view travels with; None stands still and sees the whole way.
 
     Returns
     -------
@@ -57,7 +60,7 @@ def motion(
     Raises
     ------
     ModelError
-        A motion without outputs, ``pace`` that is not positive, ``at`` outside the motion.
+        A motion without outputs, ``pace`` that is not positive, ``at`` outside the motion, no such body to follow.
     """
     t = np.asarray(traj.t, dtype=float)
     if t.size == 0:
@@ -67,11 +70,13 @@ def motion(
     if at is not None and not t[0] <= at <= t[-1]:
         raise ModelError(f"at={at!r} lies outside the motion, which lasts from {t[0]:.6g} to {t[-1]:.6g} s")
     title = title or f"Motion of {traj.model.name}"
-    viewer = Viewer(title, _data(traj, pace, at, paths, title))
+    viewer = Viewer(title, _data(traj, pace, at, paths, title, follow))
     return viewer if path is None else viewer.write(path)
 
 
-def _data(traj: Any, pace: float | None, at: float | None, paths: Any, title: str) -> dict[str, Any]:
+def _data(
+    traj: Any, pace: float | None, at: float | None, paths: Any, title: str, follow: Any = None
+) -> dict[str, Any]:
     drawn = scene_from_tables(traj.snapshot.tables)
     span = float(traj.t[-1] - traj.t[0])
     pace = _pace(span) if pace is None else pace
@@ -81,13 +86,15 @@ def _data(traj: Any, pace: float | None, at: float | None, paths: Any, title: st
     start = np.array([b.rotation for b in drawn.bodies]).reshape(-1, 3, 3)
     turned = _relative(quaternion, start)
     reach = [float(np.max(np.linalg.norm(b.points - b.origin, axis=1), initial=0.0)) for b in drawn.bodies]
-    low, high = _box(drawn, position, np.array(reach))
+    leader = _leader(drawn, follow)
+    low, high = _box(drawn, *_seen(position, leader, np.array(reach)))
     data = scene_data(drawn, low, high)
     data.update(
         title=title,
         pace=pace,
         at=at,
         decimals=max(2, 1 - math.floor(math.log10(span / 100.0))) if span > 0.0 else 2,
+        follow=-1 if leader is None else leader,
         paths=_paths(traj, drawn, position, turned, paths),
         motion={
             "from": float(times[0]),
@@ -99,6 +106,27 @@ def _data(traj: Any, pace: float | None, at: float | None, paths: Any, title: st
         },
     )
     return data
+
+
+def _leader(scene: SceneGeometry, follow: Any) -> int | None:
+    """Which body the view follows."""
+    if follow is None:
+        return None
+    name = str(getattr(follow, "name", follow))
+    if name not in scene.index:
+        raise ModelError(f"follow=: there is no body called {name!r}")
+    return scene.index[name]
+
+
+def _seen(position: np.ndarray, leader: int | None, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Ways that the view should hold, and the reaches of their bodies: beside a leader, of those that travel with it."""
+    if leader is None:
+        return position, reach
+    own = position[:, leader : leader + 1]
+    beside = position - own + own[:1]
+    strays = np.linalg.norm(np.ptp(beside, axis=0), axis=1)
+    kept = strays <= 0.5 * np.linalg.norm(np.ptp(own, axis=0)) + 1e-12
+    return beside[:, kept], reach[kept]
 
 
 def _pace(span: float) -> float:

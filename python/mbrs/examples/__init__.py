@@ -4,6 +4,7 @@ the hexapod's.
 Each builder takes sizes by keyword and returns a `Model`; the small nonlinear systems return a `MechanicalSystem`.
 """
 
+from ._car import car
 from ._five_bar import five_bar, ice_skate
 from ._four_bar import four_bar, four_bars
 from ._gap import gap_problem
@@ -19,6 +20,7 @@ from ._oscillators import (
     two_tone_duffing,
     van_der_pol,
 )
+from ._particle import nonholonomic_particle
 from ._pendulum_chain import pendulum_chain
 from ._quadruped import quadruped
 from ._quarter_car import quarter_car
@@ -28,8 +30,11 @@ from ._slider_crank import slider_crank
 from ._stewart import stewart_platform
 from ._swing import swing
 from ._wafer_stage import wafer_stage
+from ._wind_rotor import wind_blade, wind_rotor
+from ._windpact import windpact_blade
 
 __all__ = [
+    "car",
     "chain",
     "clearance_oscillator",
     "cubic_hexapod",
@@ -46,6 +51,7 @@ __all__ = [
     "jenkins_oscillator",
     "ladder",
     "ladder_with_gap",
+    "nonholonomic_particle",
     "pendulum_chain",
     "quadruped",
     "quarter_car",
@@ -60,4 +66,7 @@ __all__ = [
     "two_tone_duffing",
     "van_der_pol",
     "wafer_stage",
+    "wind_blade",
+    "wind_rotor",
+    "windpact_blade",
 ]

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import fields
 from typing import Any
+
+import numpy as np
 
 from ..drives import Coupler, Drive
 from ..elements import LENGTH_GIVEN, SIX, Element, Load
 from ..expressions import Expression
+from ..flexible_bodies import FlexibleBody
 from ..joints import FRAME_GIVEN, KINDS, Joint
 from ..model import Model
+from ..section_loads import ModalLoad
 from ..store import Item
 from ..values import Number
 
@@ -38,7 +43,7 @@ def describe(model: Model) -> Iterator[tuple[str, Table]]:
     for load in model.loads:
         yield "[[load]]", _load(load)
     for marker in model.markers:
-        table = {"name": marker.name, "body": model.body_name(marker.body), "at": marker.entries(0, 3)}
+        table = {"name": marker.name, "body": _place(model, marker.body, marker.node), "at": marker.entries(0, 3)}
         yield "[[marker]]", _with_default(table, "orientation", marker.entries(3, 4), (1.0, 0.0, 0.0, 0.0))
 
 
@@ -57,15 +62,20 @@ def _with_default(table: Table, key: str, entries: Sequence[Number], default: Se
 def _body(body: Item, pose: Item | None) -> Table:
     e = body.entries(0, 23)
     xx, yy, zz, xy, xz, yz = e[11:17]
-    table: Table = {"name": body.name, "mass": e[10]}
-    if any(isinstance(v, Expression) or repr(v) != "0.0" for v in (xy, xz, yz)):
-        table["inertia"] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+    table: Table = {"name": body.name}
+    flexible = isinstance(body, FlexibleBody)
+    if isinstance(body, FlexibleBody):
+        table["modal_body"] = _modal_body(body)
+        if body.used:
+            table["nodes"] = [body.nodes[i] for i in sorted(body.used)]
     else:
-        table["inertia"] = [xx, yy, zz]
+        table["mass"], table["inertia"] = e[10], [xx, yy, zz]
+        if any(isinstance(v, Expression) or repr(v) != "0.0" for v in (xy, xz, yz)):
+            table["inertia"] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
     table["at"] = e[0:3]
     zeros = (0.0, 0.0, 0.0)
     _with_default(table, "orientation", e[3:7], (1.0, *zeros))
-    for key, start in (("com", 7), ("velocity", 17), ("angular_velocity", 20)):
+    for key, start in (("com", 7), ("velocity", 17), ("angular_velocity", 20))[flexible:]:
         _with_default(table, key, e[start : start + 3], zeros)
     if pose is not None:
         table["pose"] = [pose.entries(0, 3), pose.entries(3, 4)]
@@ -76,8 +86,25 @@ def _ends(item: Any) -> Table:
     return {
         "type": item.type,
         "name": item.name,
-        "a": item.model.body_name(item.a),
-        "b": item.model.body_name(item.b),
+        "a": _place(item.model, item.a, item.a_node),
+        "b": _place(item.model, item.b, item.b_node),
+    }
+
+
+def _place(model: Model, body: int, node: int) -> str:
+    """A body, or ``body.node``."""
+    name = model.body_name(body)
+    return name if node < 0 else f"{name}.{model.bodies[body].nodes[node]}"  # type: ignore[attr-defined]
+
+
+def _modal_body(body: FlexibleBody) -> Table:
+    """The integrals as they are now: stiffness and damping may have been varied."""
+    modal, m = body.modal, body.n_modes
+    table: Table = {f.name: getattr(modal, f.name) for f in fields(modal)}
+    table["K"] = np.array(body.shapes.values(12 * m + 9 * m * m, m * m)).reshape(m, m)
+    table["C"] = np.array(body.shapes.values(12 * m + 10 * m * m, m * m)).reshape(m, m)
+    return {
+        k: v.tolist() if isinstance(v, np.ndarray) else list(v) if isinstance(v, tuple) else v for k, v in table.items()
     }
 
 
@@ -187,9 +214,14 @@ def _load_value(load: Load) -> Any:
 
 
 def _load(load: Load) -> Table:
-    table: Table = {"type": load.type, "name": load.name, "body": load.model.body_name(load.body)}
+    if isinstance(load, ModalLoad):
+        table: Table = {"type": "modal_force", "name": load.name, "body": load.model.body_name(load.body)}
+        return {**table, "mode": int(load.frame) + 1, "value": _load_value(load)[0]}
+    table = {"type": load.type, "name": load.name, "body": _place(load.model, load.body, load.node)}
     if load.type == "force":
         table["at"] = load.entries(0, 3)
+    if load.node < 0 and isinstance(load.model.bodies[load.body], FlexibleBody):
+        table["on"] = "frame"
     table["value"] = _load_value(load)
     if load.frame != "world":
         table["frame"] = load.frame

@@ -17,7 +17,7 @@ from ..expressions import Expression
 from ..joints import KINDS
 from ..model import Model
 from ..motions import TYPES, resolve
-from ..names import nearest, problem
+from ..names import nearest, problem, shown
 from ..values import shape_of
 from .describe import describe
 from .grammar import GrammarError, parse
@@ -26,13 +26,13 @@ from .locate import Places
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _WIDTH = 100
 # Keys whose strings are text; in all others a string is an expression.
-_TEXT = frozenset({"name", "type", "a", "b", "body", "frame", "joint", "first", "second"})
-_TEXT |= {"coordinate", "first_coordinate", "second_coordinate"}
+_TEXT = frozenset({"name", "type", "a", "b", "body", "frame", "joint", "first", "second", "nodes"})
+_TEXT |= {"coordinate", "first_coordinate", "second_coordinate", "on"}
 _AXIS_WORD = re.compile(r"[+-]?[xyz]")
 _TYPES = {
     "joint": tuple(KINDS),
     "element": ("spring_damper", "bushing", "torsion"),
-    "load": ("force", "torque"),
+    "load": ("force", "torque", "modal_force"),
 }
 _TABLES = ("body", "joint", "drive", "coupler", "element", "load", "marker")
 
@@ -156,6 +156,8 @@ class _Reader:
                 raise self._at(
                     kind, number, "type", NameNotFoundError(f"no type of {kind} is called {method!r}; {hint}")
                 )
+        if kind == "body" and "modal_body" in given:
+            method = "flexible_body"
         function = getattr(model, method)
         known, required = _arguments(method)
         self._known(kind, number, given, known)
@@ -177,6 +179,8 @@ class _Reader:
     def _decoded(self, model: Model, table: str, number: int, key: str, value: Any) -> Any:
         if key in _TEXT or (key in ("axis", "axis2") and isinstance(value, str) and _AXIS_WORD.fullmatch(value)):
             return value
+        if key == "modal_body":
+            return self._guarded(table, number, lambda: _modal_body(value), key)
         if key == "motion" or (table == "load" and key == "value"):
             return self._guarded(table, number, lambda: _motions(model, value), key)
         if key == "law":
@@ -238,6 +242,18 @@ def _motions(model: Model, value: Any) -> Any:
         return TYPES[name](**made, **({} if kind is None else {"kind": kind}))
     except TypeError:
         raise problem("motion", f"of type {name} cannot have the entries {', '.join(value)}") from None
+
+
+def _modal_body(value: Any) -> Any:
+    """The integrals of a flexible body, a table of numbers and lists."""
+    from ..flexible import ModalBody
+
+    if not isinstance(value, dict):
+        raise problem("modal_body", f"must be a table of the arguments of mb.flexible.ModalBody, got {shown(value)}")
+    try:
+        return ModalBody(**value)
+    except TypeError:
+        raise problem("modal_body", f"cannot be made of the entries {', '.join(value)}") from None
 
 
 def _laws(model: Model, value: Any) -> Any:

@@ -2,68 +2,138 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from ..errors import ModelError
 from .figure import PALETTE, figure, legend, style
 
 __all__ = ["convergence", "over_time", "tornado"]
 
 
-def tornado(result: Any, *, n: int = 30) -> Any:
-    """Bars of the derivatives by each parameter, largest first, in units of the objective per unit of the parameter.
+def tornado(result: Any, *, n: int = 30, change: float | Mapping[str, float] = 0.01, objective: int = 0) -> Any:
+    """Bars of the first-order change of the objective for a change of each parameter, largest first.
 
     Parameters
     ----------
     result
-        A `MotionGradient`; of several objectives the first is drawn.
+        A `MotionGradient`.
     n
         How many parameters at most.
+    change
+        By how much each parameter changes: a part of its present value (0.01: one per cent), or {name: amount in its own unit},
+        where the name of an array parameter stands for all of its entries; those not named change by one per cent.
+    objective
+        Which one, of several.
 
     Returns
     -------
     matplotlib.figure.Figure
+
+    Raises
+    ------
+    ModelError
+        A name that is no parameter of the gradient, a change that is no number, an objective that is not there.
     """
-    values = np.asarray(result.gradient).reshape(-1, len(result.labels))[0]
-    order = np.argsort(-np.abs(values))[:n][::-1]
-    names = [f"{result.labels[i]} [1/{result.units[i]}]" if result.units[i] else result.labels[i] for i in order]
+    rows = np.asarray(result.gradient).reshape(-1, len(result.labels))
+    if not isinstance(objective, int) or not 0 <= objective < len(rows):
+        raise ModelError(f"objective={objective!r}: the gradient has {len(rows)}, counted from 0")
+    amounts, texts = _amounts(result, change)
+    values = rows[objective] * amounts
+    order = [i for i in np.argsort(-np.abs(values), kind="stable") if amounts[i] != 0.0][:n][::-1]
+    names = [f"{result.labels[i]}  {texts[i]}" for i in order]
     with style():
-        made, axes = figure(1, 1, size=(7.5, 1.2 + 0.3 * len(order)))
+        made, axes = figure(1, 1, size=(7.5, 1.2 + 0.28 * len(order)))
         ax = np.ravel(axes)[0]
         ax.barh(names, values[order], color=[PALETTE[0] if v >= 0 else PALETTE[1] for v in values[order]])
         ax.axvline(0.0, color="#9aa7b5", lw=0.8)
-        ax.set(xlabel="change of the objective per unit of the parameter")
+        ax.grid(axis="y", visible=False)
+        value = np.atleast_1d(result.value)[objective]
+        left_out = len(values) - len(order)
+        more = f" ({left_out} smaller ones or zeros not shown)" if left_out else ""
+        ax.set(xlabel="first-order change of the objective" + more, title=f"objective {value:.6g}")
+        ax.margins(y=0.01)
     return made
 
 
-def over_time(traj: Any, what: str) -> Any:
-    """The derivatives of a quantity of a trajectory over time, one line per component and parameter."""
-    d = np.asarray(traj.sensitivity(what))
-    labels = traj.parameter_labels
+def _amounts(result: Any, change: float | Mapping[str, float]) -> tuple[np.ndarray, list[str]]:
+    """Change of every parameter, and the words for it."""
+    part = 0.01 if isinstance(change, Mapping) else _finite("change", change)
+    amounts = part * np.nan_to_num(np.abs(np.asarray(result.where, dtype=float)))
+    texts = [f"+{100 * part:g} %"] * len(amounts)
+    for name, amount in change.items() if isinstance(change, Mapping) else ():
+        found = [i for i, label in enumerate(result.labels) if label == name or label.startswith(f"{name}[")]
+        if not found:
+            known = ", ".join(result.labels[:12]) + (", ..." if len(result.labels) > 12 else "")
+            raise ModelError(f"change= names {name!r}, no parameter of this gradient; known: {known}")
+        for i in found:
+            amounts[i] = _finite(f"change[{name!r}]", amount)
+            texts[i] = f"+{amounts[i]:g} {result.units[i]}".rstrip()
+    return amounts, texts
+
+
+def _finite(name: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = np.nan
+    if not np.isfinite(number):
+        raise ModelError(f"{name} must be a finite number, got {value!r}")
+    return number
+
+
+def over_time(traj: Any, of: str) -> Any:
+    """The derivatives of a quantity of a trajectory over time: a panel for each parameter, a line for each component.
+
+    ``of`` names the quantity as in `Trajectory.sensitivity`.
+    """
+    d = np.asarray(traj.sensitivity(of))
+    labels, units = traj.parameter_labels, traj.parameter_units
     flat = d.reshape(len(traj.t), -1, len(labels))
+    names, unit = traj.component_names(flat.shape[1]), traj.unit_of(of)
+    across = 1 if len(labels) <= 3 else 2
+    down = -(-len(labels) // across)
     with style():
-        made, axes = figure(1, 1, size=(8.0, 4.4))
-        ax = np.ravel(axes)[0]
-        names = []
+        made, axes = figure(down, across, size=(8.0 if across == 1 else 10.0, 1.0 + 1.9 * down), sharex=True)
+        panels = np.ravel(axes)
         for p, label in enumerate(labels):
-            for k in range(flat.shape[1]):
-                name = label if flat.shape[1] == 1 else f"{'xyz'[k] if flat.shape[1] == 3 else k} by {label}"
-                names.append(name)
-                ax.plot(traj.t, flat[:, k, p], label=name, color=PALETTE[(p * flat.shape[1] + k) % len(PALETTE)])
-        ax.set(xlabel="t [s]", ylabel=f"d {what}", title=f"sensitivities of {what}")
-        legend(ax, names)
+            for k, name in enumerate(names):
+                panels[p].plot(traj.t, flat[:, k, p], label=name, color=PALETTE[k % len(PALETTE)])
+            panels[p].set(ylabel=_per(unit, units[p]), title=f"by {label}")
+            if p == 0 and len(names) > 1:
+                legend(panels[p], names)
+        for ax in panels[len(labels) :]:
+            ax.set_visible(False)
+        for ax in panels[max(0, len(labels) - across) : len(labels)]:
+            ax.set(xlabel="t [s]")
+            ax.tick_params(labelbottom=True)
+        made.suptitle(f"derivatives of {of}")
     return made
+
+
+def _per(unit: str, by: str) -> str:
+    """The unit of a derivative; parameters of a model's own carry none."""
+    if not unit:
+        return f"1/({by})" if by else ""
+    if not by:
+        return f"[{unit} per unit]"
+    return f"[{unit} / ({by})]" if "/" in by or " " in by else f"[{unit}/{by}]"
 
 
 def convergence(result: Any) -> Any:
-    """The objective over the evaluations of an optimiser."""
+    """The objective over the evaluations of an optimiser, and the least so far."""
     with style():
         made, axes = figure(1, 1, size=(7.0, 4.0))
         ax = np.ravel(axes)[0]
         values = np.asarray(result.history)
-        ax.plot(np.arange(1, len(values) + 1), values, "o-", color=PALETTE[0], ms=4)
-        if np.all(values > 0.0):
+        count = np.arange(1, len(values) + 1)
+        ax.plot(count, values, "o", color=PALETTE[0], ms=5, label="evaluated")
+        ax.step(count, np.minimum.accumulate(values), where="post", color=PALETTE[1], label="least so far")
+        if np.all(values > 0.0) and values.max() > 20 * values.min():
             ax.set_yscale("log")
-        ax.set(xlabel="evaluation", ylabel="objective")
+        ax.set(xlabel="evaluation", ylabel="objective", title=f"{result.status}: {result.value:.6g}")
+        ax.xaxis.get_major_locator().set_params(integer=True)
+        legend(ax, ["evaluated", "least so far"])
     return made

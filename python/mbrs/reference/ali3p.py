@@ -184,7 +184,7 @@ class Scheme:
     def factors(self, last: Instant, dq: Array, lam: Array) -> Factors:
         """The tangent of the step at real numbers."""
         own = Scheme(self.mech.real(), self.p.real, self.h, self.weight)
-        at = _real(last)
+        at = real_instant(last)
         dq, lam, n = dq.real, lam.real, self.mech.n
         q = own.mech.advance(at.q, dq)
         A = columns(lambda x: own._balance(at, dq + x, lam), n)
@@ -295,7 +295,8 @@ class Scheme:
         return motion, tangent
 
 
-def _real(i: Instant) -> Instant:
+def real_instant(i: Instant) -> Instant:
+    """The same at real numbers."""
     real = i.q.real if isinstance(i.q, np.ndarray) else _real_state(i.q)
     return Instant(i.t, real, i.v.real, i.a.real, i.lam.real)
 

@@ -16,7 +16,7 @@ from .ali3p import Mechanism
 from .assembly import assemble, constraint_values
 from .kinematics import State, System, advance, first_guess
 from .linearize import split
-from .motion import mass, tree_map, velocity_rows
+from .motion import explicit_rates, mass, tree_map, velocity_rows
 from .so3 import Array
 
 
@@ -40,6 +40,7 @@ class TreeMechanism(Mechanism):
         ask for, angles weighed by the characteristic length, which is held.
         """
         sys = self.sys
+        sys.t = 0.0
         state = assemble(sys, first_guess(sys))
         T, length = tree_map(sys, state)[0].value, float(np.real(sys.length))
         v = dyn.twists_of(state)
@@ -54,7 +55,8 @@ class TreeMechanism(Mechanism):
             # the normal equations with what is redundant left out
             keep = _independent(J.real)
             scaled = rate / np.where(sys.is_length, length, 1.0)
-            change = J[keep].T @ np.linalg.solve(J[keep] @ J[keep].T, J[keep] @ scaled)
+            miss = J @ scaled + explicit_rates(sys)[0][self._order]
+            change = J[keep].T @ np.linalg.solve(J[keep] @ J[keep].T, miss[keep])
             rate = rate - change * np.where(sys.is_length, length, 1.0)
         return replace(state, v=0 * state.v, w=0 * state.w), rate
 
@@ -75,20 +77,28 @@ class TreeMechanism(Mechanism):
 
     def residual(self, t: float, q: State, v: Array, a: Array, p: Array) -> Array:
         """T^T (M (T a + T' v) + h - Q)."""
+        self.sys.t = t
         state, T, _ = self._maps(q, v)
         return T.value.T @ dyn.applied_residual(self.sys, state, T.value @ a + T.derivative(1) @ v)
 
     def phi(self, t: float, q: State, p: Array) -> Array:
         """Values of the cut rows."""
+        self.sys.t = t
         return constraint_values(self.sys, q, self.sys.cut)
 
     def rows(self, t: float, q: State, p: Array) -> Array:
         """Their Jacobian, then the velocity rows."""
         return tree_map(self.sys, q)[1].value.T[self._order]
 
+    def rate(self, t: float, q: State, v: Array, p: Array) -> Array:
+        """J v + Phi_t."""
+        self.sys.t = t
+        return self.rows(t, q, p) @ v + explicit_rates(self.sys)[0][self._order]
+
     def bias(self, t: float, q: State, v: Array, p: Array) -> Array:
-        """J' v."""
-        return (self._maps(q, v)[2].derivative(1).T @ v)[self._order]
+        """J' v + Phi_tt."""
+        self.sys.t = t
+        return (self._maps(q, v)[2].derivative(1).T @ v + explicit_rates(self.sys)[1])[self._order]
 
 
 def _independent(J: Array) -> Array:

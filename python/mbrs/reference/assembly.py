@@ -11,7 +11,18 @@ from ..errors import AssemblyError, ModelError
 from . import joints as jt
 from . import so3
 from .jets import Jet, jet, product, stack
-from .kinematics import Motion, State, System, advance, link_pair, motion, place_outer, relative_pose, tree_twists
+from .kinematics import (
+    Motion,
+    State,
+    System,
+    advance,
+    link_pair,
+    motion,
+    place_modal,
+    place_outer,
+    relative_pose,
+    tree_twists,
+)
 from .linear import minimum_norm, pivots
 from .reader import Link
 from .so3 import Array
@@ -141,6 +152,9 @@ def assemble(sys: System, state: State, tolerance: float = 1e-13) -> State:
     dtype = np.result_type(state.r, state.R, sys.x, float)
     r, R = state.r.astype(dtype), state.R.astype(dtype)
     for t in sys.tree:
+        if t.link.kind == "modal":
+            place_modal(t, r, R)
+            continue
         u, turn = relative_pose(t, state.r, state.R)
         free = [k for _, kind, _, k in t.coordinates if kind == "t"]
         place_outer(t, r, R, np.where(np.isin(np.arange(3), free), u, 0.0), _free_turn(t, turn))

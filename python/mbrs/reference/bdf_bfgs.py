@@ -131,14 +131,26 @@ def _slope(sys: System, m: Motion) -> Array:
     return accelerations(sys, m, independent_rows(sys, m.state)[0])
 
 
-def bdf_bfgs(
-    sys: System, state: State, rate: Array, h: float, n: int, form: str = "ggl", method: str = "inverse-bfgs"
-) -> Course:
-    """n steps of length h (s) from poses and tree rates (ny,); three of them are the start."""
+def start_motions(sys: System, state: State, rate: Array, h: float, n: int = 3) -> list[Motion]:
+    """The present motion and n after it, h (s) apart, by steps of h/64."""
     begin = at_start(sys, state, rate)
     rows, n_position = independent_rows(sys, state)
-    fine = integrate(sys, project(sys, begin, rows, n_position), h / START_PARTS, START_PARTS * min(3, n))
-    course = Course(fine[::START_PARTS])
+    fine = integrate(sys, project(sys, begin, rows, n_position), h / START_PARTS, START_PARTS * n)
+    return fine[::START_PARTS]
+
+
+def bdf_bfgs(
+    sys: System,
+    state: State,
+    rate: Array,
+    h: float,
+    n: int,
+    form: str = "ggl",
+    method: str = "inverse-bfgs",
+    begin: list[Motion] | None = None,
+) -> Course:
+    """n steps of length h (s) from poses and tree rates (ny,); three of them are the start, or given as ``begin``."""
+    course = Course(list(begin or start_motions(sys, state, rate, h, min(3, n))))
     H = None
     while len(course.motions) <= n:
         past = course.motions[:-5:-1]
@@ -159,6 +171,6 @@ def bdf_bfgs(
         H = found.H
         m = step.motion(found.x)[1]
         if form == "symmetric":
-            m = project(sys, m, rows, 0)
+            m = project(sys, m, step.rows, 0)
         course.motions.append(Motion(m.state, m.rate, remember(sys, m)))
     return course

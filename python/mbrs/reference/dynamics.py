@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import ModelError
+from . import flexible
 from . import joints as jt
 from .assembly import link_rows
 from .jets import Jet, jet
@@ -69,6 +70,8 @@ def inertia_force(sys: System, state: State, a: Array) -> Array:
         inertia, w, k = world_inertia(sys, state, i), state.w[i], 6 * i
         f[k : k + 3] = b.mass * a[k : k + 3]
         f[k + 3 : k + 6] = inertia @ a[k + 3 : k + 6] + np.cross(w, inertia @ w)
+    for body in sys.flexible:
+        f[body.places] += flexible.inertia(body, flexible.moving(body, state, a)).value[0]
     return f
 
 
@@ -87,6 +90,12 @@ def inertia_tangents(sys: System, state: State, a: Array) -> tuple[Array, Array,
         C[rot, rot] = skew(w) @ inertia - skew(inertia @ w)
         K[rot, rot] = inertia @ skew(alpha) - skew(inertia @ alpha)
         K[rot, rot] += skew(w) @ (inertia @ skew(w) - skew(inertia @ w))
+    for body in sys.flexible:
+        n, place = 6 + body.m, np.ix_(body.places, body.places)
+        now = flexible.moving(body, state, a, directions=True)
+        slopes = flexible.inertia(body, now).derivative_along(3 * n)[:, 0].T
+        for j, total in enumerate((K, C, M)):
+            total[place] += slopes[:, j * n : (j + 1) * n]
     return K, C, M
 
 
@@ -99,8 +108,16 @@ def load_forces(sys: System, state: State, gravity: bool = True) -> tuple[Array,
     for i, b in enumerate(sys.bodies):
         if gravity:
             Q[6 * i : 6 * i + 3] += b.mass * sys.gravity
+    for body in sys.flexible if gravity and np.any(sys.gravity) else ():
+        pull = flexible.weight(body, flexible.moving(body, state, 0 * Q, directions=True), sys.gravity)
+        Q[body.places] += pull.value[0]
+        K[np.ix_(body.places, body.places)] -= pull.derivative_along(18 + 3 * body.m)[: 6 + body.m, 0].T
     for load in sys.loads:
         if load.body < 0:
+            continue
+        if load.kind == "modal":
+            owner = next(f for f in sys.flexible if f.frame == load.body)
+            Q[owner.modal_places[load.component]] += load.at(sys.t)[0]
             continue
         R, k = state.R[load.body], 6 * load.body
         arm, value = R @ load.s, load.at(sys.t)
@@ -215,6 +232,10 @@ def element_force(
         f, _, _ = link_response(link, jt.coordinate_values(link, p), J.T @ on.take(v), damping, without, memory)
         total = total.astype(np.result_type(total, f), copy=False)
         on.add_vector(total, J @ f)
+    for body in sys.flexible:
+        q, rate = body.coordinates(state.r), body.coordinates(state.v)
+        total = total.astype(np.result_type(total, q, rate, body.K), copy=False)
+        total[body.modal_places] += body.K @ q + (body.C @ rate if damping else 0.0)
     return total
 
 
@@ -233,6 +254,10 @@ def element_tangents(
         part = J @ k @ J.T + J @ c @ rate.T
         on.add_matrix(K, part + on.geometric(f) if geometric else part)
         on.add_matrix(C, J @ c @ J.T)
+    for body in sys.flexible:
+        place = np.ix_(body.modal_places, body.modal_places)
+        K[place] += body.K
+        C[place] += body.C if damping else 0.0
     return K, C
 
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from . import joints as jt
 from . import laws, reader, so3
-from .jets import Jet, column, cross, jet
+from .flexible import frames_named, modal_links, read_flexible
+from .jets import Jet, column, cross, dot, jet, power
 from .reader import Link
 from .so3 import Array
 from .topology import TreeJoint, spanning_tree
@@ -54,15 +55,19 @@ class System:
     """
 
     def __init__(self, tables: Mapping[str, Any], x: Array | None = None) -> None:
-        self.tables = tables
+        tables = self.tables = frames_named(tables)
         self.x = np.asarray(tables["x"] if x is None else x)
         self.bodies = reader.read_bodies(tables, self.x)
+        self.n_bodies = len(self.bodies)
+        self.flexible = read_flexible(tables, self.x, self.bodies)
         self.joints = reader.read_joints(tables, self.x, self.bodies)
         self.elements = reader.read_elements(tables, self.x, self.bodies)
         self.n_memory = laws.attach(tables, self.x, self.elements, self.joints)
         self.loads = reader.read_loads(tables, self.x, self.bodies)
         self.gravity = reader.read_gravity(tables, self.x)
-        self.tree, self.cut = spanning_tree(self.bodies, self.joints)
+        carriers = [i for f in self.flexible for i in f.carriers]
+        links = modal_links(tables, self.x, self.flexible)
+        self.tree, self.cut = spanning_tree(self.bodies, self.joints, links, carriers)
         imposed = reader.read_imposed(tables, self.x, self.joints)
         # rows like those of joints that are cut
         self.joints, self.cut = [*self.joints, *imposed], [*self.cut, *imposed]
@@ -86,18 +91,30 @@ class System:
         return len(self.bodies)
 
     @property
-    def ny(self) -> int:
+    def n_tree(self) -> int:
+        """Coordinates of the joints of the tree; the modal ones follow."""
         return self.tree[-1].stop if self.tree else 0
+
+    @property
+    def ny(self) -> int:
+        return self.n_tree + sum(f.m for f in self.flexible)
+
+    def modal_coordinates(self) -> list[tuple[Any, int]]:
+        """Every flexible body with the place of its first modal coordinate among all."""
+        starts = np.cumsum([self.n_tree, *(f.m for f in self.flexible)])
+        return [(f, int(i)) for f, i in zip(self.flexible, starts, strict=False)]
 
     @cached_property
     def coordinates(self) -> list[str]:
-        """Names of the tree coordinates."""
-        return [name for t in self.tree for name in t.names]
+        """Names of the tree coordinates and of the modal ones."""
+        names = [name for t in self.tree for name in t.names]
+        return names + [f"{f.name}.q{k + 1}" for f in self.flexible for k in range(f.m)]
 
     @cached_property
     def is_length(self) -> Array:
         """True for the tree coordinates in metres."""
-        return np.array([c[1] == "t" for t in self.tree for c in t.coordinates], dtype=bool)
+        tree = [c[1] == "t" for t in self.tree for c in t.coordinates]
+        return np.array(tree + [False] * (self.ny - self.n_tree), dtype=bool)
 
     @cached_property
     def _drawn_partition(self) -> Any:
@@ -144,6 +161,12 @@ def first_guess(sys: System) -> State:
     for body, i in guesses:
         state.R[body] = so3.from_quaternion(sys.x[i + 3 : i + 7])
         state.r[body] = sys.x[i : i + 3] + state.R[body] @ sys.bodies[body].com
+    for f in sys.flexible if guesses else ():
+        drawn = sys.bodies[f.frame]
+        for node in f.nodes:
+            state.R[node] = state.R[f.frame]
+            arm = drawn.R.T @ (sys.bodies[node].centre - drawn.centre)
+            state.r[node] = state.r[f.frame] + state.R[f.frame] @ arm
     return state
 
 
@@ -202,7 +225,15 @@ def tree_twists(sys: System, bodies: Motion) -> list[tuple[Jet, Jet]]:
     one = np.eye(sys.ny)
     zero = jet(np.zeros((sys.ny, 3)))
     twists = [(zero, zero)] * (sys.nb + 1)
+    for f, start in sys.modal_coordinates():
+        for j, carrier in enumerate(f.carriers):
+            held = one[:, start + 3 * j : min(start + 3 * j + 3, start + f.m)]
+            twists[carrier] = (jet(np.pad(held, ((0, 0), (0, 3 - held.shape[1])))), zero)
+    starts = {f.frame: start for f, start in sys.modal_coordinates()}
     for t in sys.tree:
+        if t.link.kind == "modal":
+            twists[t.outer] = _modal_twist(t, bodies, twists[t.inner], one[starts[t.link.a.body] :])
+            continue
         trans, rot = twists[t.inner]
         centre, R = bodies[t.outer]
         m = t.link.b if t.sign > 0 else t.link.a
@@ -216,6 +247,40 @@ def tree_twists(sys: System, bodies: Motion) -> list[tuple[Jet, Jet]]:
                 rot, trans = rot + select @ axis, trans + select @ cross(axis, arm)
         twists[t.outer] = (trans, rot)
     return twists
+
+
+def _modal_twist(t: TreeJoint, bodies: Motion, inner: tuple[Jet, Jet], one: Array) -> tuple[Jet, Jet]:
+    """The twist of a node from that of its frame, or the other way round. ``one``: rows of all coordinates from the first
+    modal one on.
+
+    The node's rotation Rx Ry Rz turns about x of the frame, the line across x and the node's z, and the node's z.
+    """
+    frame, node = bodies[t.link.a.body], bodies[t.link.b.body]
+    shape = t.link.node.shape
+    select = one[: shape.shape[1]].T
+    x, z = column(frame[1], 0), column(node[1], 2)
+    across = cross(z, x)
+    axes = (x, power(dot(across, across), -0.5) * across, z)
+    slip = (select @ shape[:3].T) @ frame[1].T
+    turn = jet(np.zeros((len(select), 3)))
+    for axis, row in zip(axes, shape[3:], strict=True):
+        turn = turn + (select @ row)[:, None] @ axis
+    trans, rot = inner
+    arm = node[0] - frame[0]
+    if t.sign > 0:
+        return trans + cross(rot, arm) + slip, rot + turn
+    rot = rot - turn
+    return trans - cross(rot, arm) - slip, rot
+
+
+def place_modal(t: TreeJoint, r: Array, R: Array) -> None:
+    """Write into r, R the pose of a node from that of its frame, or the other way round."""
+    u, turn = t.link.node.pose(r)
+    if t.sign > 0:
+        r[t.outer], R[t.outer] = r[t.inner] + R[t.inner] @ u, R[t.inner] @ turn
+    else:
+        R[t.outer] = R[t.inner] @ turn.T
+        r[t.outer] = r[t.inner] - R[t.outer] @ u
 
 
 def _moved(t: TreeJoint, u: Array, R: Array, y: Array) -> tuple[Array, Array]:
@@ -238,7 +303,13 @@ def advance(sys: System, state: State, y: Array) -> State:
     y = np.asarray(y)
     dtype = np.result_type(state.r, y, float)
     r, R = state.r.astype(dtype), state.R.astype(dtype)
+    for f, start in sys.modal_coordinates():
+        change = np.pad(y[start : start + f.m], (0, 3 * len(f.carriers) - f.m))
+        r[f.carriers] = r[f.carriers] + change.reshape(-1, 3)
     for t in sys.tree:
+        if t.link.kind == "modal":
+            place_modal(t, r, R)
+            continue
         place_outer(t, r, R, *_moved(t, *relative_pose(t, state.r, state.R), y[t.start : t.stop]))
     return replace(state, r=r, R=R)
 

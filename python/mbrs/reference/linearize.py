@@ -189,7 +189,7 @@ def _congruence(sys: System, base: Nominal, lam: Array, without: Collection[str]
     state, T = base.state, base.T
     Ki, Ci, Mi = dyn.inertia_tangents(sys, state, base.a)
     Ke, Ce = dyn.element_tangents(sys, state, "damping" not in without, "preload-stiffness" not in without, without)
-    static = Ke + dyn.load_forces(sys, state)[1]
+    static = Ke + dyn.load_forces(sys, state, "gravity" not in without)[1]
     if "constraint-force-stiffness" not in without:
         static = static + dyn.constraint_stiffness(sys, state, lam)
     spin, turn = state.w, split(base.a)[1]

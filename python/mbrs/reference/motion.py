@@ -16,6 +16,7 @@ from . import dynamics as dyn
 from . import joints as jt
 from . import so3
 from .assembly import cut_jacobian, scales
+from .flexible import height
 from .jets import Jet, stack
 from .kinematics import State, System, advance, link_pair, motion, tree_twists
 from .laws import BoundLaw
@@ -205,7 +206,7 @@ def integrate(sys: System, m: Motion, h: float, n: int) -> list[Motion]:
 
 def positions(sys: System, m: Motion) -> Array:
     """Origins of all bodies (nb, 3), world."""
-    return np.array([m.state.r[i] - m.state.R[i] @ b.com for i, b in enumerate(sys.bodies)])
+    return np.array([m.state.r[i] - m.state.R[i] @ b.com for i, b in enumerate(sys.bodies[: sys.n_bodies])])
 
 
 def energy(sys: System, m: Motion) -> float:
@@ -214,6 +215,9 @@ def energy(sys: System, m: Motion) -> float:
     v, bodies = dyn.twists_of(state), motion(state)
     total = 0.5 * v @ dyn.inertia_tangents(sys, state, np.zeros(6 * sys.nb))[2] @ v
     total = total - sum(b.mass * sys.gravity @ state.r[i] for i, b in enumerate(sys.bodies))
+    for body in sys.flexible:
+        q = body.coordinates(state.r)
+        total = total + 0.5 * q @ body.K @ q - height(body, state, sys.gravity)
     for link in dyn.forcing_links(sys):
         e = jt.coordinate_values(link, link_pair(link, bodies))
         k, _, preload = dyn.law_numbers(link)

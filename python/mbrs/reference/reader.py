@@ -65,11 +65,14 @@ class Link:
     first: Link | None = None
     ratio: Array = field(default_factory=lambda: np.zeros(()))
     slides: bool = False  # without its velocity rows
+    node: Any = None  # of a flexible body, whose frame a modal link joins with it
 
 
 @dataclass
 class Load:
-    """A force at a point or a torque; value in world axes as drawn; a follower turns with its body."""
+    """A force at a point or a torque; value in world axes as drawn; a follower turns with its body. Of a modal force
+    ``component`` is the modal coordinate it acts on.
+    """
 
     name: str
     kind: str
@@ -78,6 +81,7 @@ class Load:
     s: Array
     value: Array
     varying: list[tuple[int, TimeFunction]] = field(default_factory=list)
+    component: int = 0
 
     def at(self, t: float) -> Array:
         """The value at a time."""
@@ -194,7 +198,8 @@ def read_loads(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Load]
     loads: list[Load] = []
     for name, kind, body, frame, i in zip(*(t.get(f"load_{k}", ()) for k in keys), strict=True):
         m = marker(bodies, body, x[i : i + 3], np.eye(3))
-        loads.append(Load(name, ("force", "torque")[int(kind)], bool(frame), int(body), m.s, x[i + 3 : i + 6]))
+        label = ("force", "torque", "modal")[int(kind)]
+        loads.append(Load(name, label, bool(frame), int(body), m.s, x[i + 3 : i + 6], component=int(frame)))
     motions, ends = read_motions(t, x), ("load", "component", "motion")
     for load, component, motion in zip(*(t.get(f"load_motion_{k}", ()) for k in ends), strict=True):
         loads[load].varying.append((int(component), motions[motion]))
@@ -231,7 +236,7 @@ def read_gravity(t: Mapping[str, Any], x: Array) -> Array:
 
 def located_points(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> Array:
     """Centres of mass, both ends of joints, both ends of elements (a torsion spring has one point)."""
-    points = [b.centre for b in bodies]
+    points = [b.centre for b in bodies[: len(t["body_name"])]]
     for i in t.get("joint_x", ()):
         points += [x[i : i + 3], x[i + 3 : i + 6]]
     for kind, i in zip(t.get("element_type", ()), t.get("element_x", ()), strict=True):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,7 @@ COORDINATES: dict[str, list[tuple[str, str, str, int]]] = {
     "spherical": _R,
     "planar": [_T[0], _T[1], _R[2]],
     "free": _T + _R,
+    "modal": [],
 }
 
 
@@ -62,9 +64,11 @@ def implicit_free_joint(body: int, b: Body) -> Link:
 class _Growth:
     """The tree while it grows from ground."""
 
-    def __init__(self, bodies: list[Body], joints: list[Link]) -> None:
-        self.bodies, self.joints = bodies, joints
-        self.reached, self.tree = {-1}, list[TreeJoint]()
+    def __init__(
+        self, bodies: list[Body], joints: list[Link], modal: Mapping[int, Link], carriers: Collection[int]
+    ) -> None:
+        self.bodies, self.joints, self.modal = bodies, joints, modal
+        self.reached, self.tree = {-1, *carriers}, list[TreeJoint]()
         self.queue, self.used, self.ny = deque([-1]), set[int](), 0
 
     def attach(self, link: Link, inner: int) -> None:
@@ -74,6 +78,17 @@ class _Growth:
         self.ny = self.tree[-1].stop
         self.reached.add(outer)
         self.queue.append(outer)
+        self.follow(outer)
+
+    def follow(self, reached: int) -> None:
+        """The frame and the nodes of a flexible body go together."""
+        frame = self.modal[reached].a.body if reached in self.modal else reached
+        if frame not in self.reached:
+            self.attach(self.modal[reached], reached)  # the frame then brings the other nodes
+            return
+        for node, link in self.modal.items():
+            if link.a.body == frame and node not in self.reached:
+                self.attach(link, frame)
 
     def spread(self) -> None:
         while self.queue:
@@ -96,9 +111,14 @@ class _Growth:
         self.attach(implicit_free_joint(body, self.bodies[body]), -1)
 
 
-def spanning_tree(bodies: list[Body], joints: list[Link]) -> tuple[list[TreeJoint], list[Link]]:
-    """Tree joints in the order bodies are reached, and the cut ones in order of definition."""
-    growth = _Growth(bodies, joints)
+def spanning_tree(
+    bodies: list[Body], joints: list[Link], modal: Mapping[int, Link] | None = None, carriers: Collection[int] = ()
+) -> tuple[list[TreeJoint], list[Link]]:
+    """Tree joints in the order bodies are reached, and the cut ones in order of definition.
+
+    ``modal``: for every frame of a node the link with its flexible body; ``carriers``: frames that no joint moves.
+    """
+    growth = _Growth(bodies, joints, modal or {}, carriers)
     growth.spread()
     while len(growth.reached) <= len(bodies):
         growth.bridge()

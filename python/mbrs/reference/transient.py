@@ -196,6 +196,8 @@ def difference(sys: System, start: Motion, end: Motion) -> Array:
             continue
         turn = so3.log(R1 @ R0.T)
         out += [t.sign * (u1[k] - u0[k] if kind == "t" else turn[k]) for _, kind, _, k in t.coordinates]
+    for f in sys.flexible:
+        out += list(f.coordinates(end.state.r) - f.coordinates(start.state.r))
     return np.array(out)
 
 

@@ -3,9 +3,12 @@ use faer::prelude::*;
 use nalgebra::{DMatrix, DVector};
 use num_dual::Dual64;
 
+use super::transient::matrix::Matrix;
+use super::transient::saddle::{Ordering, Saddle};
 use crate::error::{Error, Result};
+use crate::linalg::entries::Entries;
 use crate::model::geometry::Geometry;
-use crate::model::joint::Coordinate;
+use crate::model::joint::{Coordinate, JointKind};
 use crate::run::Counts;
 use crate::spatial::{Pose, Real, Six, V3, rotation_of_quaternion};
 use crate::system::System;
@@ -15,7 +18,7 @@ use crate::system::placement::{
     Placement, State, advance, drawn_relative, place, relative_from_poses,
 };
 use crate::system::rows::explicit_rates;
-use crate::system::topology::{Level, Node, Purpose};
+use crate::system::topology::{Level, Node, Purpose, Topology};
 
 const CLOSED: f64 = 1e-13;
 const MAX_ITERATIONS: usize = 60;
@@ -50,7 +53,7 @@ pub fn assemble(
 }
 
 /// The drawn relative poses, or those of the user's first guess.
-fn start(system: &System) -> Vec<Pose<f64>> {
+pub fn start(system: &System) -> Vec<Pose<f64>> {
     let topology = &*system.topology;
     let mut relative = drawn_relative(topology, &system.geometry);
     if topology.tables.poses.is_empty() {
@@ -114,7 +117,8 @@ pub fn close(
     let mut best = f64::INFINITY;
     for iteration in 0..MAX_ITERATIONS {
         let placement = place(&system.topology, &system.geometry, &state.relative, None);
-        let (phi, jacobian) = with(system, &placement, effects).constraints();
+        let mut jacobian = rows_of(system);
+        let phi = with(system, &placement, effects).constraints_into(&mut jacobian);
         if phi.iter().any(|v| !v.is_finite()) {
             return Err(system.topology.tables.failure().unwrap_or_else(|| {
                 Error::Assembly("the constraints cannot be evaluated in this state".into())
@@ -135,15 +139,9 @@ pub fn close(
         best = best.min(size);
         // velocity rows do not say where anything is: they neither close a loop nor hinder it
         let closes = |i: usize| system.topology.rows[i].level == Level::Position;
-        let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| {
-            if closes(i) {
-                jacobian[(i, j)] * rows[i] * columns[j]
-            } else {
-                0.0
-            }
-        });
+        let scaled = jacobian.scaled(|i| if closes(i) { rows[i] } else { 0.0 }, |j| columns[j]);
         let right = DVector::from_fn(phi.len(), |i, _| -phi[i] * rows[i]);
-        let mut step = minimum_norm(&scaled, &right)?;
+        let mut step = smallest(&scaled, &right)?;
         let longest = step.amax();
         if longest > 0.5 {
             step *= 0.5 / longest;
@@ -220,6 +218,26 @@ fn check_orientation(system: &System, placement: &Placement<f64>) -> Result<()> 
     Ok(())
 }
 
+/// Above this number of coordinates and rows singular values take too long.
+const DENSE: usize = 300;
+
+fn rows_of(system: &System) -> Matrix {
+    let (rows, columns) = (system.topology.rows.len(), system.n_tree());
+    Matrix::zeros(rows, columns, rows + columns > DENSE)
+}
+
+/// The smallest x with m x = right, as well as that can be.
+fn smallest(m: &Matrix, right: &DVector<f64>) -> Result<DVector<f64>> {
+    if let Matrix::Dense(m) = m {
+        return minimum_norm(m, right);
+    }
+    let n = m.shape().1;
+    let mut identity = Matrix::zeros(n, n, true);
+    (0..n).for_each(|i| identity.add(i, i, 1.0));
+    let saddle = Saddle::of(&identity, m, Some(&Ordering::default()))?;
+    Ok(saddle.solve(&DVector::zeros(n), right)?.0)
+}
+
 /// Least-squares solution of smallest norm; directions below the rank tolerance are left alone.
 pub fn minimum_norm(m: &DMatrix<f64>, right: &DVector<f64>) -> Result<DVector<f64>> {
     let a = Mat::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)]);
@@ -255,17 +273,21 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
     if (0..topology.nodes.len()).all(resting) && (hold || !driven) {
         return Ok(0.0);
     }
-    let mut rate = vec![0.0; topology.dofs.len()];
+    let mut rate = vec![0.0; topology.n_tree];
     let mut body: Vec<Six<f64>> = Vec::new();
     for (n, node) in topology.nodes.iter().enumerate() {
         let (velocity, omega) = given(n);
         let pose = &placement.pose[n];
-        let wanted =
-            Six::new(velocity, omega).motion_at(&(pose.r * system.geometry.bodies[node.body].com));
+        let arm = pose.r * from_origin(system.topology.as_ref(), &system.geometry, node.body);
+        let wanted = Six::new(velocity, omega).motion_at(&arm);
         let carried = node.parent.map_or_else(Six::zero, |p| {
             body[p].motion_at(&(pose.p - placement.pose[p].p))
         });
         let relative = wanted - carried;
+        if node.kind == JointKind::Node {
+            body.push(carried);
+            continue;
+        }
         let (m, right) = weighted_columns(system.length, &placement, node, &relative);
         let solution = minimum_norm(&m, &right)?;
         let mut v = carried;
@@ -289,6 +311,9 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
             continue;
         };
         let pose = &placement.pose[n];
+        if topology.tables.bodies[node.body].tip.is_some() {
+            continue;
+        }
         let origin = v.motion_at(&-(pose.r * system.geometry.bodies[node.body].com));
         let (velocity, omega) = given(n);
         // a body without a given velocity takes that of the drives
@@ -301,6 +326,16 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
     }
     state.rate = held;
     Ok(correction)
+}
+
+/// From the origin, whose velocity was given, to the point whose twist is wanted: the undeformed body's, body axes.
+fn from_origin<T: Real>(topology: &Topology, geometry: &Geometry<T>, body: usize) -> V3<T> {
+    let tables = &topology.tables;
+    let Some(tip) = tables.bodies[body].tip else {
+        return geometry.bodies[body].com;
+    };
+    let frame = tables.flexible[tables.tips[tip].flexible].body;
+    geometry.bodies[frame].com + geometry.tips[tip].offset
 }
 
 fn weighted_columns<T: Real>(
@@ -326,17 +361,21 @@ pub fn given_rates(
 ) -> Result<Vec<Dual64>> {
     let topology = &*system.topology;
     let length = topology.characteristic_length(geometry, x);
-    let mut rate = vec![Dual64::from(0.0); topology.dofs.len()];
+    let mut rate = vec![Dual64::from(0.0); topology.n_tree];
     let mut body: Vec<Six<Dual64>> = Vec::new();
     for (n, node) in topology.nodes.iter().enumerate() {
         let start = topology.tables.bodies[node.body].x;
         let at = |i: usize| V3::new(x[start + i], x[start + i + 1], x[start + i + 2]);
         let pose = &placement.pose[n];
-        let arm = pose.r * geometry.bodies[node.body].com;
+        let arm = pose.r * from_origin(topology, geometry, node.body);
         let carried = node.parent.map_or_else(Six::zero, |p| {
             body[p].motion_at(&(pose.p - placement.pose[p].p))
         });
         let relative = Six::new(at(17), at(20)).motion_at(&arm) - carried;
+        if node.kind == JointKind::Node {
+            body.push(carried);
+            continue;
+        }
         let (m, right) = weighted_columns(length, placement, node, &relative);
         let mut v = carried;
         for (k, r) in dual_least_squares(&m, &right)?.into_iter().enumerate() {
@@ -373,17 +412,16 @@ fn project_rates(
     }
     let rows = row_scales(&system.topology, system.length);
     let columns = column_scales(&system.topology, system.length);
-    let (_, jacobian) = with(system, placement, effects).constraints();
+    let mut jacobian = rows_of(system);
+    with(system, placement, effects).constraints_into(&mut jacobian);
     let mut given = explicit_rates(&system.topology, &system.geometry, effects, 0.0).0;
     if hold {
         given.fill(0.0);
     }
-    let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| {
-        jacobian[(i, j)] * rows[i] * columns[j]
-    });
-    let y = DVector::from_fn(rate.len(), |i, _| rate[i] / columns[i]);
+    let scaled = jacobian.scaled(|i| rows[i], |j| columns[j]);
+    let y: Vec<f64> = rate.iter().zip(&columns).map(|(r, c)| r / c).collect();
     let given = DVector::from_fn(given.len(), |i, _| given[i] * rows[i]);
-    let step = minimum_norm(&scaled, &-(&scaled * &y + given))?;
+    let step = smallest(&scaled, &-(scaled.times(&y) + given))?;
     for i in 0..rate.len() {
         rate[i] += step[i] * columns[i];
     }

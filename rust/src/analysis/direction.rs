@@ -196,7 +196,10 @@ fn projected(
         .characteristic_length(&made.geometry, &made.x);
     let weight = |i: usize| match system.topology.dofs[i].freedom.rotation {
         true => Dual64::from(1.0),
-        false => (length * length).recip(),
+        false => {
+            let size = system.topology.scale(i, 1.0);
+            (length * length * size * size).recip()
+        }
     };
     let n = loops.independent.len();
     let mut map = DMatrix::from_element(given.len(), n, Dual64::from(0.0));

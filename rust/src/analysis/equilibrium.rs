@@ -1,13 +1,15 @@
 //! Static equilibrium, also of closed loops: B''^T rho(y) = 0, Phi(y) = 0.
 //!
 //! Newton with the absolute values of the stiffness eigenvalues (so that each step goes downhill in energy and ends at a stable
-//! equilibrium wherever the drawn state is not already in balance), a line search on the force along the step, and where that
-//! stalls dynamic relaxation: implicit steps of (K + sigma M) with sigma falling as the residual does.
+//! equilibrium wherever the drawn state is not already in balance), a line search on the force along the step or on the next
+//! step, and where that stalls dynamic relaxation: implicit steps of (K + sigma M) with sigma falling as the residual does. What has
+//! shortened many steps goes on by descent in energy (`equilibrium_descent`).
 use faer::Side;
 use faer::prelude::*;
 use nalgebra::{DMatrix, DVector};
 
 use crate::analysis::assembly::close;
+use crate::analysis::equilibrium_descent::{Descent, same_coordinates};
 use crate::analysis::linearize::{Linearization, Setting, linearize};
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
@@ -16,7 +18,10 @@ use crate::system::assemble::Effects;
 use crate::system::loops::column_scales;
 use crate::system::placement::{State, advance};
 
-const MAX_ITERATIONS: usize = 200;
+const MAX_ITERATIONS: usize = 400;
+/// Iterations, and steps that were shortened, after which descent in energy takes over from Newton's method.
+const QUICK: usize = 40;
+const SHORTENED: u64 = 12;
 /// Stiffness below this part of the largest counts as none.
 const NO_STIFFNESS: f64 = 1e-12;
 /// What rounding usually leaves of a balance of forces, and of a pose, relative to their sizes.
@@ -24,7 +29,7 @@ const ROUNDING: f64 = 0.05 * f64::EPSILON;
 /// Iterations that a force may push along a direction without stiffness before that is an error.
 const PATIENCE: usize = 25;
 /// Longest step, radians or characteristic lengths.
-const LONGEST_STEP: f64 = 0.4;
+pub(super) const LONGEST_STEP: f64 = 0.4;
 /// A saddle that the search ran into is left by a push of this size downhill, at most so many times.
 const PUSH: f64 = 0.05;
 const MAX_PUSHES: usize = 20;
@@ -43,16 +48,21 @@ pub struct Equilibrium {
 }
 
 /// The scaled problem at one iterate: K and r over coordinates of the order of a radian.
-struct Local {
-    k: DMatrix<f64>,
+pub(super) struct Local {
+    pub k: DMatrix<f64>,
     m: DMatrix<f64>,
-    r: DVector<f64>,
+    pub r: DVector<f64>,
     scale: Vec<f64>,
-    linearization: Linearization,
+    pub linearization: Linearization,
 }
 
 impl Local {
-    fn at(system: &System, state: &State, effects: Effects, counts: &mut Counts) -> Result<Local> {
+    pub fn at(
+        system: &System,
+        state: &State,
+        effects: Effects,
+        counts: &mut Counts,
+    ) -> Result<Local> {
         let linearization = linearize(
             &Setting {
                 system,
@@ -84,16 +94,24 @@ impl Local {
         })
     }
 
+    fn skew(&self) -> f64 {
+        (&self.k - self.k.transpose()).amax()
+    }
+
     fn conservative(&self) -> bool {
-        let skew = (&self.k - self.k.transpose()).amax();
-        skew <= 1e-7 * self.k.amax()
+        self.skew() <= 1e-7 * self.k.amax()
+    }
+
+    /// Off balance rotations about three axes make K skew by the moments that are left: no sign of missing potential.
+    fn may_be_conservative(&self) -> bool {
+        self.skew() <= 1e-7 * self.k.amax() + 2.0 * self.r.amax()
     }
 }
 
-struct Spectrum {
-    values: Vec<f64>,
-    vectors: DMatrix<f64>,
-    none: f64,
+pub(super) struct Spectrum {
+    pub values: Vec<f64>,
+    pub vectors: DMatrix<f64>,
+    pub none: f64,
 }
 
 impl Spectrum {
@@ -139,6 +157,10 @@ fn spectrum(k: &DMatrix<f64>) -> Result<Spectrum> {
     })
 }
 
+fn shortened(counts: &Counts) -> u64 {
+    counts.0.get("line-search steps").copied().unwrap_or(0)
+}
+
 pub fn equilibrium(
     system: &System,
     start: &State,
@@ -153,7 +175,10 @@ pub fn equilibrium(
     let mut local = Local::at(system, &state, effects, counts)?;
     let (mut sigma, mut pushed, mut saddles) = (0.0, 0, 0);
     let mut best = (f64::INFINITY, state.clone());
+    let mut descent = None;
+    let before = shortened(counts);
     for iteration in 0..MAX_ITERATIONS {
+        let careful = iteration >= QUICK || shortened(counts) > before + SHORTENED;
         cancel.check()?;
         counts.add("equilibrium iterations", 1);
         let size = local.linearization.force_scale.max(f64::MIN_POSITIVE);
@@ -196,6 +221,14 @@ pub fn equilibrium(
                 continue;
             }
             return finish(system, state, local, size, iteration);
+        }
+        if careful
+            && let Some((lower, there)) = descent
+                .get_or_insert_with(|| Descent::new(system, effects))
+                .step(&state, &local, &spectrum, counts)?
+        {
+            (state, local, sigma) = (lower, there, 0.0);
+            continue;
         }
         let (next_state, next, relaxed) =
             advance_once(system, &state, &local, &spectrum, sigma, effects, counts)?;
@@ -271,12 +304,18 @@ fn newton_step(local: &Local, spectrum: &Spectrum, sigma: f64) -> Result<DVector
             return Ok(step);
         }
     }
-    if !local.conservative() {
+    newton_answer(local, spectrum, &local.r)
+}
+
+fn newton_answer(local: &Local, spectrum: &Spectrum, r: &DVector<f64>) -> Result<DVector<f64>> {
+    // K itself where it leads downhill anyway; its symmetric part where that decides about up and down
+    let definite = spectrum.values.first().is_some_and(|v| *v > spectrum.none);
+    if !local.conservative() && (definite || !local.may_be_conservative()) {
         let step = local
             .k
             .clone()
             .lu()
-            .solve(&-&local.r)
+            .solve(&-r)
             .filter(|s| s.iter().all(|v| v.is_finite()));
         return step.ok_or_else(|| {
             Error::singular(
@@ -284,17 +323,17 @@ fn newton_step(local: &Local, spectrum: &Spectrum, sigma: f64) -> Result<DVector
             )
         });
     }
-    let mut step = DVector::zeros(local.r.len());
+    let mut step = DVector::zeros(r.len());
     for (k, value) in spectrum.values.iter().enumerate() {
         if value.abs() > spectrum.none {
             let v = spectrum.vectors.column(k);
-            step -= v * (v.dot(&local.r) / value.abs());
+            step -= v * (v.dot(r) / value.abs());
         }
     }
     Ok(step)
 }
 
-fn moved(
+pub(super) fn moved(
     system: &System,
     state: &State,
     local: &Local,
@@ -339,7 +378,10 @@ fn advance_once(
             let trial = moved(system, state, local, &step, alpha, effects, counts)
                 .and_then(|s| Local::at(system, &s, effects, counts).map(|l| (s, l)));
             match trial {
-                Ok((next_state, next)) if acceptable(local, &next, &step) => {
+                Ok((next_state, next))
+                    if acceptable(local, &next, &step)
+                        || sigma == 0.0 && nearer(system, local, &next, spectrum, &step, alpha) =>
+                {
                     return Ok((next_state, next, sigma > 0.0));
                 }
                 Ok(pair) => last = Some(pair),
@@ -376,11 +418,29 @@ fn acceptable(local: &Local, next: &Local, step: &DVector<f64>) -> bool {
     if next.r.norm() <= 0.7 * local.r.norm() {
         return true;
     }
-    if !local.conservative() || next.r.len() != local.r.len() {
+    if !local.may_be_conservative() || next.r.len() != local.r.len() {
         return next.r.norm() < local.r.norm();
     }
     let (before, after) = (local.r.dot(step), next.r.dot(step));
     before < 0.0 && after <= 0.5 * before.abs()
+}
+
+/// The full step from the next state, by the old stiffness, is shorter (the natural monotonicity test of P. Deuflhard, Newton Methods
+/// for Nonlinear Problems, Springer 2004, eq. 3.21): straight steps stretch what is stiff on curved paths, and that
+/// raises forces and energy without being far from balance.
+fn nearer(
+    system: &System,
+    local: &Local,
+    next: &Local,
+    spectrum: &Spectrum,
+    step: &DVector<f64>,
+    alpha: f64,
+) -> bool {
+    if !same_coordinates(system, local, next) {
+        return false;
+    }
+    let ahead = newton_answer(local, spectrum, &next.r);
+    ahead.is_ok_and(|ahead| ahead.norm() <= (1.0 - 0.25 * alpha) * step.norm())
 }
 
 /// What keeps a direction from being in balance, said by the names of its largest coordinates.

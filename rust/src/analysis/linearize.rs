@@ -15,9 +15,10 @@ use crate::spatial::{Pose, Real, Six};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene, Tangent};
 use crate::system::connector::collapsed;
+use crate::system::flexible::Fold;
 use crate::system::loops::{Loops, column_scales};
 use crate::system::placement::{Placement, State, advance, place};
-use crate::system::topology::{ConstraintRow, Level};
+use crate::system::topology::{ConstraintRow, Level, Topology};
 
 /// A redundant combination whose second derivative is larger than this (rows and columns scaled) marks a singular pose.
 const SINGULAR_POSE: f64 = 1e-6;
@@ -93,6 +94,24 @@ impl Linearization {
             (Some(l), Some(b)) => l.expand(b, &z),
             _ => z,
         })
+    }
+
+    /// Modal coordinates of all flexible bodies per minimal coordinate.
+    pub fn modal_map(&self, topology: &Topology) -> DMatrix<f64> {
+        let coordinates = self.coordinates(topology.n_tree);
+        let first = topology.modal.first().map_or(topology.n_tree, |m| m.first);
+        let mut map = DMatrix::zeros(topology.n_tree - first, coordinates.len());
+        for (k, i) in coordinates.iter().enumerate() {
+            if *i >= first {
+                map[(i - first, k)] = 1.0;
+            }
+        }
+        if let (Some(l), Some(b)) = (&self.loops, &self.dependent_map) {
+            for (row, i) in l.dependent.iter().enumerate().filter(|(_, i)| **i >= first) {
+                map.row_mut(i - first).copy_from(&b.row(row));
+            }
+        }
+        map
     }
 
     /// Indices of the minimal coordinates among the tree coordinates.
@@ -409,7 +428,6 @@ fn check_pose(
     loops: &Loops,
     b: &DMatrix<f64>,
 ) -> Result<()> {
-    let n = system.n_tree();
     let scale = column_scales(&system.topology, system.length);
     for k in 0..loops.redundant.ncols() {
         let lam: Vec<f64> = loops
@@ -419,8 +437,7 @@ fn check_pose(
             .zip(&loops.row_scale)
             .map(|(v, s)| v * s)
             .collect();
-        let mut curvature = DMatrix::zeros(n, n);
-        scene.add_multiplier_stiffness(&lam, &mut curvature, &mut Counts::default());
+        let curvature = scene.multiplier_stiffness(&lam, &mut Counts::default());
         let reduced = loops.reduce(&curvature, b);
         let sym = DMatrix::from_fn(reduced.nrows(), reduced.ncols(), |i, j| {
             0.5 * (reduced[(i, j)] + reduced[(j, i)])
@@ -452,8 +469,7 @@ pub fn body_map<T: Real>(
     loops: Option<(&Loops, &DMatrix<T>)>,
 ) -> DMatrix<T> {
     let topology = &*system.topology;
-    let n = topology.dofs.len();
-    let mut map = DMatrix::zeros(6 * topology.nodes.len(), n);
+    let mut map = DMatrix::zeros(6 * topology.nodes.len(), topology.dofs.len());
     let origin: Vec<_> = (topology.nodes.iter().zip(&placement.pose))
         .map(|(node, pose)| pose.p - pose.r * geometry.bodies[node.body].com)
         .collect();
@@ -478,6 +494,9 @@ pub fn body_map<T: Real>(
                 }
             }
         }
+    }
+    if let Some(fold) = Fold::of(topology, geometry) {
+        map = fold.rows_of(&map.transpose()).transpose();
     }
     match loops {
         None => map,

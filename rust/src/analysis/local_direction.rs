@@ -84,6 +84,7 @@ pub fn local_direction(
     let (system, topology) = (setting.system, &*setting.system.topology);
     let effects = setting.effects;
     let plain = base.loops.is_none()
+        && !topology.is_flexible()
         && !setting.state.moving()
         && effects.preload_stiffness
         && effects.constraint_force_stiffness;
@@ -188,6 +189,7 @@ fn lifted(placed: &Placement<f64>) -> Placement<Dual64> {
         pose: placed.pose.iter().map(Pose::<f64>::lifted).collect(),
         column: placed.column.iter().map(six).collect(),
         velocity: None,
+        modal: Vec::new(),
     }
 }
 

@@ -3,6 +3,7 @@ pub mod assembly;
 pub mod direction;
 pub mod eigen_sensitivity;
 pub mod equilibrium;
+mod equilibrium_descent;
 pub mod frf;
 mod frf_routes;
 pub mod frf_sensitivity;

@@ -7,13 +7,14 @@ use nalgebra::{DMatrix, DVector};
 use crate::analysis::assembly::minimum_norm;
 use crate::analysis::linearize::{Linearization, Setting};
 use crate::error::Result;
-use crate::spatial::Six;
+use crate::model::geometry::Geometry;
+use crate::spatial::{Real, Six};
 use crate::system::System;
 use crate::system::assemble::Scene;
 use crate::system::connector::{Wanted, constraint_interaction};
 use crate::system::loops::Loops;
 use crate::system::placement::{Placement, marker_pose, place};
-use crate::system::topology::Purpose;
+use crate::system::topology::{Purpose, Topology};
 
 /// Per joint of the model, then per drive (on the second body of its joint): force and moment. A joint's reaction does not contain
 /// what its drive does.
@@ -48,8 +49,10 @@ pub fn shared(
     lam: &[f64],
     loops: Option<&Loops>,
 ) -> Result<Vec<Six<f64>>> {
+    let (topology, geometry) = (&*system.topology, &*system.geometry);
     let mut all = joint_wrenches(
-        system,
+        topology,
+        geometry,
         scene,
         placement,
         scene.body_wrenches(Some(lam)),
@@ -68,7 +71,8 @@ pub fn shared(
                 .map(|(v, s)| v * s)
                 .collect();
             joint_wrenches(
-                system,
+                topology,
+                geometry,
                 scene,
                 placement,
                 scene.multiplier_wrenches(&lam),
@@ -90,14 +94,15 @@ pub fn shared(
     Ok(all)
 }
 
-fn joint_wrenches(
-    system: &System,
-    scene: &Scene<'_, f64>,
-    placement: &Placement<f64>,
-    sums: Vec<Six<f64>>,
-    lam: &[f64],
-) -> Vec<Six<f64>> {
-    let topology = &*system.topology;
+/// The wrenches that balance `sums` of the bodies, of joints and of drives; `lam` those of the cut rows.
+pub fn joint_wrenches<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    scene: &Scene<'_, T>,
+    placement: &Placement<T>,
+    sums: Vec<Six<T>>,
+    lam: &[T],
+) -> Vec<Six<T>> {
     let subtree = scene.subtree_wrenches(sums);
     let mut all = vec![Six::zero(); topology.tables.joints.len() + topology.tables.drives.len()];
     let point = |joint: usize| {
@@ -105,7 +110,7 @@ fn joint_wrenches(
             topology,
             &placement.pose,
             topology.tables.joints[joint].b,
-            &system.geometry.joints[joint].b,
+            &geometry.joints[joint].b,
         )
         .p
     };
@@ -122,7 +127,6 @@ fn joint_wrenches(
             Purpose::Drive(i) => topology.tables.joints.len() + i,
             Purpose::Coupler(_) => continue,
         };
-        let geometry = &system.geometry;
         all[place] =
             constraint_interaction(topology, geometry, placement, c.joint, &c.rows, wanted).wrench;
     }

@@ -6,6 +6,12 @@ pub trait Entries<T> {
     fn add(&mut self, i: usize, j: usize, v: T);
 }
 
+impl<T, E: Entries<T>> Entries<T> for &mut E {
+    fn add(&mut self, i: usize, j: usize, v: T) {
+        (**self).add(i, j, v);
+    }
+}
+
 impl<T: nalgebra::Scalar + std::ops::AddAssign + Copy> Entries<T> for DMatrix<T> {
     fn add(&mut self, i: usize, j: usize, v: T) {
         self[(i, j)] += v;

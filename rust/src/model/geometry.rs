@@ -2,6 +2,7 @@
 //!
 //! Tables hold world points of the drawn configuration; everything local is derived here and nowhere else, so that a derivative
 //! with respect to a drawn point has one source.
+use crate::model::flexible::{FlexibleGeometry, TipGeometry, TipSpec};
 use crate::model::joint::JointKind;
 use crate::model::motion::MotionLaw;
 use crate::model::tables::{BodyRef, ElementKind, FRAME_FROM_ORIENTATION, Tables};
@@ -39,6 +40,9 @@ pub struct Geometry<T: Real> {
     /// local point and value; a follower's value in body axes, a dead load's in the world
     pub loads: Vec<(V3<T>, V3<T>)>,
     pub gravity: Option<V3<T>>,
+    /// of flexible bodies and their moving nodes
+    pub flexible: Vec<FlexibleGeometry<T>>,
+    pub tips: Vec<TipGeometry<T>>,
 }
 
 fn vector<T: Real>(x: &[T], at: usize) -> V3<T> {
@@ -47,10 +51,21 @@ fn vector<T: Real>(x: &[T], at: usize) -> V3<T> {
 
 impl<T: Real> Geometry<T> {
     pub fn derive(tables: &Tables, x: &[T]) -> Self {
+        let tips: Vec<_> = tables
+            .tips
+            .iter()
+            .map(|tip| tip_geometry(tables, tip, x))
+            .collect();
         let bodies: Vec<_> = tables
             .bodies
             .iter()
-            .map(|b| body(&x[b.x..b.x + 23]))
+            .map(|b| {
+                let own = body(&x[b.x..b.x + 23]);
+                match b.tip {
+                    None => own,
+                    Some(i) => massless(&own, &tips[i]),
+                }
+            })
             .collect();
         let local = |body: BodyRef, world: &Pose<T>| match body {
             None => *world,
@@ -120,6 +135,10 @@ impl<T: Real> Geometry<T> {
                 .map(|m| MotionLaw::derive(m, x))
                 .collect(),
             gravity: tables.gravity.map(|g| vector(x, g)),
+            flexible: (tables.flexible.iter())
+                .map(|f| FlexibleGeometry::derive(f, x, &bodies[f.body].com))
+                .collect(),
+            tips,
             bodies,
         }
     }
@@ -165,7 +184,28 @@ impl<T: Real> Geometry<T> {
                 .map(|(p, v)| (p.map(&mut f), v.map(&mut f)))
                 .collect(),
             gravity: self.gravity.map(|g| g.map(&mut f)),
+            flexible: self.flexible.iter().map(|g| g.map(&mut f)).collect(),
+            tips: self.tips.iter().map(|t| t.map(&mut f)).collect(),
         }
+    }
+}
+
+fn tip_geometry<T: Real>(tables: &Tables, tip: &TipSpec, x: &[T]) -> TipGeometry<T> {
+    let f = &tables.flexible[tip.flexible];
+    let com = vector(x, tables.bodies[f.body].x + 7);
+    TipGeometry::derive(&x[tip.x..], f.m, &com)
+}
+
+/// A moving node: its undeformed place in its flexible body.
+fn massless<T: Real>(frame: &BodyGeometry<T>, tip: &TipGeometry<T>) -> BodyGeometry<T> {
+    BodyGeometry {
+        mass: T::zero(),
+        inertia: M3::zeros(),
+        drawn: Pose {
+            p: frame.drawn.p + frame.drawn.r * tip.offset,
+            r: frame.drawn.r,
+        },
+        com: V3::zeros(),
     }
 }
 

@@ -14,6 +14,9 @@ pub enum JointKind {
     Distance,
     KnifeEdge,
     RollingDisc,
+    /// between the frame of a flexible body and a moving node: displacement, then rotations about x, y and z in turn. Its six
+    /// columns belong to the modal coordinates, as the node's shape says.
+    Node,
 }
 
 /// A scalar that depends on the relative motion u = A^T (p_B - p_A), R = A^T B of two markers.
@@ -126,7 +129,35 @@ const FREE: [Freedom; 6] = [
     turn(2, 1, "rz"),
 ];
 
+const fn late(freedom: Freedom, stage: usize) -> Freedom {
+    Freedom { stage, ..freedom }
+}
+
+const NODE: [Freedom; 6] = [
+    slide(0, ""),
+    slide(1, ""),
+    slide(2, ""),
+    turn(0, 1, ""),
+    turn(1, 2, ""),
+    turn(2, 3, ""),
+];
+const NODE_REVERSED: [Freedom; 6] = [
+    late(slide(0, ""), 3),
+    late(slide(1, ""), 3),
+    late(slide(2, ""), 3),
+    turn(0, 2, ""),
+    turn(1, 1, ""),
+    turn(2, 0, ""),
+];
+/// A modal coordinate: it moves nothing by itself, but the nodes.
+pub const MODAL: Freedom = slide(0, "");
+
 impl JointKind {
+    /// How many groups of coordinates carry each other.
+    pub fn stages(self) -> usize {
+        if self == JointKind::Node { 4 } else { 2 }
+    }
+
     pub fn from_code(code: i64) -> Result<Self> {
         use JointKind::*;
         const ALL: [JointKind; 11] = [
@@ -173,7 +204,9 @@ impl JointKind {
             JointKind::Spherical => &[T(0), T(1), T(2)],
             JointKind::Planar => &[T(2), Dot(0, 2), Dot(1, 2)],
             JointKind::Distance => &[Length],
-            JointKind::Free | JointKind::KnifeEdge | JointKind::RollingDisc => &[],
+            JointKind::Free | JointKind::KnifeEdge | JointKind::RollingDisc | JointKind::Node => {
+                &[]
+            }
         }
     }
 
@@ -203,6 +236,8 @@ impl JointKind {
             JointKind::Spherical => &SPHERICAL,
             JointKind::Planar => &PLANAR,
             JointKind::Free => &FREE,
+            JointKind::Node if reversed => &NODE_REVERSED,
+            JointKind::Node => &NODE,
             _ => &[],
         }
     }
@@ -220,6 +255,7 @@ impl JointKind {
             JointKind::Distance => "distance",
             JointKind::KnifeEdge => "knife_edge",
             JointKind::RollingDisc => "rolling_disc",
+            JointKind::Node => "node",
         }
     }
 }

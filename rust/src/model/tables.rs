@@ -1,5 +1,6 @@
 //! The Tables (docs/tables.md): what Python hands over, parsed and checked once.
 use crate::error::{Error, Result};
+use crate::model::flexible::{FlexibleSpec, TipSpec};
 use crate::model::joint::JointKind;
 use crate::model::motion::MotionSpec;
 
@@ -15,7 +16,10 @@ pub type BodyRef = Option<usize>;
 #[derive(Debug, Clone)]
 pub struct BodySpec {
     pub name: String,
+    /// of a moving node that of its flexible body
     pub x: usize,
+    /// which moving node it is, of a flexible body
+    pub tip: Option<usize>,
 }
 
 #[derive(Debug, Clone)]
@@ -50,6 +54,8 @@ pub struct LoadSpec {
     pub name: String,
     pub torque: bool,
     pub body: usize,
+    /// the modal coordinate on which it acts alone
+    pub mode: Option<usize>,
     pub follower: bool,
     pub x: usize,
 }
@@ -106,6 +112,8 @@ pub struct Tables {
     pub couplers: Vec<CouplerSpec>,
     pub load_motions: Vec<LoadMotionSpec>,
     pub gravity: Option<usize>,
+    pub flexible: Vec<FlexibleSpec>,
+    pub tips: Vec<TipSpec>,
     /// first guesses of body poses: body, start of origin and quaternion
     pub poses: Vec<(usize, usize)>,
 }
@@ -137,7 +145,19 @@ impl Tables {
         for load in &self.loads {
             self.inside(&load.name, load.x, 6)?;
             self.connects(&load.name, Some(load.body), None)?;
+            let modes = self
+                .flexible
+                .iter()
+                .find(|f| f.body == load.body)
+                .map(|f| f.m);
+            if load.mode.is_some_and(|k| modes.is_none_or(|m| k >= m)) {
+                return Err(Error::model(format!(
+                    "'{}' acts on a modal coordinate that does not exist",
+                    load.name
+                )));
+            }
         }
+        self.check_flexible()?;
         for law in &self.laws {
             self.inside("a law", law.x, law.n)?;
         }
@@ -198,15 +218,18 @@ impl Tables {
         Ok(())
     }
 
-    /// The first nonholonomic joint, drive or coupler.
+    /// The first nonholonomic joint, drive, coupler or flexible body.
     pub fn unusual(&self) -> Option<&str> {
         let joints = self.joints.iter().filter(|j| j.kind.is_nonholonomic());
         let drives = self.drives.iter().map(|d| d.name.as_str());
         let couplers = self.couplers.iter().map(|c| c.name.as_str());
+        let flexible = self.flexible.iter();
+        let flexible = flexible.map(|f| self.bodies[f.body].name.as_str());
         let mut all = joints
             .map(|j| j.name.as_str())
             .chain(drives)
-            .chain(couplers);
+            .chain(couplers)
+            .chain(flexible);
         all.next()
     }
 

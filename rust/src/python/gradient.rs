@@ -7,6 +7,8 @@ use std::sync::Arc;
 
 use crate::analysis::gradient::adjoint::{Forward, backward, forward};
 use crate::analysis::gradient::direct::{Sensitivities, direct};
+use crate::analysis::gradient::kinks::{Kink, no_impact};
+use crate::analysis::gradient::march::Rule;
 use crate::analysis::gradient::quantity::{Drawn, Quantity, check};
 use crate::analysis::gradient::{Direction, Follow, Plan, first};
 use crate::analysis::transient::ali3p::Weight;
@@ -14,13 +16,13 @@ use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::{Error, Result};
 use crate::run::Counts;
 use crate::system::System;
-use crate::system::loops::Loops;
 
 use super::border::{counts_dict, interruptible};
 use super::system::{PySystem, effects, state_of};
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<MotionForward>()?;
+    module.add_function(wrap_pyfunction!(motion_breaks, module)?)?;
     module.add_function(wrap_pyfunction!(motion_directions, module)?)
 }
 
@@ -92,6 +94,13 @@ fn task<'py>(
         "mass" => Weight::Mass,
         _ => Weight::Tangent,
     };
+    let rule = match need::<String>(options, "scheme")?.as_str() {
+        "ali3p" => Rule::Ali3p(weight),
+        "generalized-alpha" => Rule::Alpha(need(options, "rho")?),
+        other => {
+            return Err(Error::model(format!("the scheme '{other}' has no sensitivities")).into());
+        }
+    };
     let shift: Vec<Vec<f64>> = need(options, "shift")?;
     if !shift.is_empty()
         && (shift.len() != pairs.len() || shift.iter().any(|s| s.len() != system.n_tree()))
@@ -110,8 +119,9 @@ fn task<'py>(
             },
         },
         plan: Plan {
+            breaks: system.kinks(times.first().copied().unwrap_or(0.0)),
             times,
-            weight,
+            rule,
             keep: need(options, "keep")?,
             follow: Follow {
                 drawn: need(options, "drawn")?,
@@ -130,13 +140,26 @@ fn task<'py>(
 
 fn begin(eq: &Equations<'_, f64>, task: &Task, counts: &mut Counts) -> Result<Instant> {
     task.plan.check()?;
+    if let (Some(start), Some(end)) = (task.plan.times.first(), task.plan.times.last()) {
+        no_impact(eq, *start, *end)?;
+    }
     let start = first(eq, task.start.clone(), counts)?;
-    let redundant = eq.n_rows() > 0 && {
-        let jacobian = eq.rows(&start.motion).1;
-        Loops::analyse(eq.system, &jacobian)?.is_some_and(|l| l.redundant.ncols() > 0)
-    };
-    check(eq, &task.wanted, redundant)?;
+    check(eq, &task.wanted)?;
     Ok(start)
+}
+
+/// (t, element, what) of each.
+fn listed(kinks: &[Kink]) -> Vec<(f64, String, &'static str)> {
+    kinks
+        .iter()
+        .map(|k| (k.t, k.element.clone(), k.what))
+        .collect()
+}
+
+/// Times after `start` at which a load or a drive is not smooth: a step ends there.
+#[pyfunction]
+fn motion_breaks(system: PyRef<'_, PySystem>, start: f64) -> Vec<f64> {
+    system.0.kinks(start)
 }
 
 fn put_instants(out: &Bound<'_, PyDict>, all: &[Instant]) -> PyResult<()> {
@@ -166,8 +189,8 @@ fn put_instants(out: &Bound<'_, PyDict>, all: &[Instant]) -> PyResult<()> {
     out.set_item("multipliers", rows(&|i| &i.lam))
 }
 
-/// A motion by ALI3-P over given step times, quantities at all of them (n_t, n) and their derivatives (n_t, n, n_p) along directions.
-/// `options`: times, memory, weight, drawn, quantities, directions; see mbrs/objectives.py.
+/// A motion over given step times, quantities at all of them (n_t, n) and their derivatives (n_t, n, n_p) along directions.
+/// `options`: times, memory, scheme, rho, weight, keep, drawn, quantities, directions; see mbrs/gradient.py.
 #[pyfunction]
 fn motion_directions<'py>(
     py: Python<'py>,
@@ -198,6 +221,7 @@ fn motion_directions<'py>(
     })?;
     let out = PyDict::new(py);
     put_instants(&out, &found.instants)?;
+    out.set_item("kinks", listed(&found.kinks))?;
     let (n, w) = (found.instants.len(), found.width);
     let (values, derivatives) = (found.values, found.derivatives);
     out.set_item(
@@ -213,7 +237,7 @@ fn motion_directions<'py>(
     Ok(out)
 }
 
-/// A motion by ALI3-P, kept for going backwards.
+/// A motion, kept for going backwards.
 #[pyclass(frozen, module = "mbrs._core")]
 pub struct MotionForward {
     system: System,
@@ -256,6 +280,11 @@ impl MotionForward {
     fn values<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
         let (n, w) = (self.task.plan.times.len(), self.run.width);
         Array2::from_shape_fn((n, w), |(i, k)| self.run.values[i * w + k]).into_pyarray(py)
+    }
+
+    /// (t, element, what) of the kinks that it passed.
+    fn kinks(&self) -> Vec<(f64, String, &'static str)> {
+        listed(&self.run.kinks)
     }
 
     /// Work of the way forwards.

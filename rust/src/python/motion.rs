@@ -100,7 +100,7 @@ fn follow<T: Seed>(
     Ok(history)
 }
 
-/// `relative` (n + 1, n_bodies, 12), `rate` (n + 1, n_tree), `memory` (n + 1, n_memory), `position` (n + 1, n_bodies, 3) of the
+/// `relative` (n + 1, n_poses, 12), `rate` (n + 1, n_tree), `memory` (n + 1, n_memory), `position` (n + 1, n_bodies, 3) of the
 /// origins and, along a direction, its `derivative`.
 pub fn integrate<'py>(
     py: Python<'py>,
@@ -149,7 +149,7 @@ pub fn integrate<'py>(
             p.r[((k - 3) / 3, (k - 3) % 3)]
         }
     };
-    let relative = Array3::from_shape_fn((n, bodies, 12), |(i, b, k)| {
+    let relative = Array3::from_shape_fn((n, system.topology.n_poses(), 12), |(i, b, k)| {
         pose(&history.relative[i][b], k)
     });
     out.set_item("relative", relative.into_pyarray(py))?;

@@ -232,7 +232,7 @@ fn motions(
         memory.as_array(),
     );
     let n = t.len();
-    if r.shape() != [n, system.n_bodies(), 12]
+    if r.shape() != [n, system.topology.n_poses(), 12]
         || v.shape() != [n, system.n_tree()]
         || z.shape() != [n, system.topology.n_memory]
     {
@@ -245,7 +245,7 @@ fn motions(
     Ok((0..n)
         .map(|i| Motion {
             t: t[i],
-            relative: (0..system.n_bodies()).map(|b| pose(i, b)).collect(),
+            relative: (0..system.topology.n_poses()).map(|b| pose(i, b)).collect(),
             rate: v.row(i).to_vec(),
             memory: z.row(i).to_vec(),
         })
@@ -309,9 +309,16 @@ fn motion_quantities<'py>(
     let series = |of: &dyn Fn(usize) -> f64| Array1::from_shape_fn(n, of).into_pyarray(py);
     out.set_item("kinetic", series(&|i| found[i].2.kinetic))?;
     out.set_item("gravity", series(&|i| found[i].2.gravity))?;
-    let connectors = &system.topology.connectors;
+    let tables = &system.topology.tables;
+    let names = system.topology.connectors.iter().map(|c| match c.owner {
+        Owner::Element(i) => tables.elements[i].name.as_str(),
+        Owner::Joint(i) => tables.joints[i].name.as_str(),
+    });
+    let flexible = tables.flexible.iter();
+    let flexible = flexible.map(|f| tables.bodies[f.body].name.as_str());
+    let names: Vec<_> = names.chain(flexible).collect();
     let table = |of: &dyn Fn(usize, usize) -> f64| {
-        Array2::from_shape_fn((n, connectors.len()), |(i, k)| of(i, k)).into_pyarray(py)
+        Array2::from_shape_fn((n, names.len()), |(i, k)| of(i, k)).into_pyarray(py)
     };
     out.set_item(
         "stored",
@@ -322,11 +329,6 @@ fn motion_quantities<'py>(
         "residual",
         Array2::from_shape_fn((n, 3), |(i, k)| found[i].3[k]).into_pyarray(py),
     )?;
-    let tables = &system.topology.tables;
-    let names = connectors.iter().map(|c| match c.owner {
-        Owner::Element(i) => tables.elements[i].name.as_str(),
-        Owner::Joint(i) => tables.joints[i].name.as_str(),
-    });
     out.set_item("elements", PyList::new(py, names)?)?;
     Ok(out)
 }

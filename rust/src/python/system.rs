@@ -85,10 +85,10 @@ pub fn state_of(
     rate: &PyReadonlyArray1<'_, f64>,
 ) -> Result<State> {
     let view = relative.as_array();
-    if view.shape() != [system.n_bodies(), 12] {
+    if view.shape() != [system.topology.n_poses(), 12] {
         return Err(Error::model(format!(
             "a state of this model has {} rows of 12 numbers, not {:?}",
-            system.n_bodies(),
+            system.topology.n_poses(),
             view.shape()
         )));
     }
@@ -108,7 +108,7 @@ pub fn state_of(
         r: M3::from_fn(|r, c| view[(i, 3 + 3 * r + c)]),
     };
     Ok(State {
-        relative: (0..system.n_bodies()).map(pose).collect(),
+        relative: (0..system.topology.n_poses()).map(pose).collect(),
         rate,
     })
 }
@@ -160,6 +160,10 @@ fn put_linearization(
     )?;
     out.set_item("S", array(&lin.matrices.stiffness).into_pyarray(py))?;
     out.set_item("T", array(&lin.body_map).into_pyarray(py))?;
+    if system.topology.is_flexible() {
+        let map = array(&lin.modal_map(&system.topology));
+        out.set_item("modal_map", map.into_pyarray(py))?;
+    }
     out.set_item(
         "residual",
         lin.residual.as_slice().to_vec().into_pyarray(py),
@@ -188,6 +192,12 @@ impl PySystem {
     #[getter]
     fn n_bodies(&self) -> usize {
         self.0.n_bodies()
+    }
+
+    /// Rows of a state: of the bodies, then those that hold modal coordinates.
+    #[getter]
+    fn n_poses(&self) -> usize {
+        self.0.topology.n_poses()
     }
 
     #[getter]

@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::error::{Error, Result};
+use crate::model::flexible::{FlexibleSpec, TipSpec};
 use crate::model::joint::JointKind;
 use crate::model::motion::{Called, Function, MotionKind, MotionSpec};
 use crate::model::tables::{
@@ -65,12 +66,19 @@ pub fn tables(dict: &Bound<'_, PyDict>) -> PyResult<Tables> {
         .first()
         .copied()
         .and_then(|g| usize::try_from(g).ok());
+    let mut bodies = bodies(&reader)?;
+    let flexible = Flexible::read(&reader, &bodies)?;
+    let (joints, elements) = (joints(&reader, &flexible)?, elements(&reader, &flexible)?);
+    let loads = loads(&reader, &flexible)?;
+    bodies.extend(flexible.tip_bodies);
     let tables = Tables {
         x,
-        bodies: bodies(&reader)?,
-        joints: joints(&reader)?,
-        elements: elements(&reader)?,
-        loads: loads(&reader)?,
+        bodies,
+        joints,
+        elements,
+        loads,
+        flexible: flexible.bodies,
+        tips: flexible.tips,
         laws: laws(&reader)?,
         motions: motions(&reader)?,
         drives: drives(&reader)?,
@@ -93,12 +101,78 @@ fn bodies(reader: &Reader<'_, '_>) -> PyResult<Vec<BodySpec>> {
             Ok(BodySpec {
                 name,
                 x: offset(x)?,
+                tip: None,
             })
         })
         .collect()
 }
 
-fn joints(reader: &Reader<'_, '_>) -> PyResult<Vec<JointSpec>> {
+/// Flexible bodies and the frame that each node stands for: its body, or a body of its own behind the others.
+#[derive(Default)]
+struct Flexible {
+    bodies: Vec<FlexibleSpec>,
+    tips: Vec<TipSpec>,
+    tip_bodies: Vec<BodySpec>,
+    frame: Vec<Option<usize>>,
+}
+
+impl Flexible {
+    fn read(reader: &Reader<'_, '_>, bodies: &[BodySpec]) -> PyResult<Self> {
+        let Some([body, modes, x]) = optional(reader, "flexible", ["body", "modes", "x"])? else {
+            return Ok(Flexible::default());
+        };
+        let mut made = Flexible::default();
+        for i in 0..body.len() {
+            made.bodies.push(FlexibleSpec {
+                body: offset(body[i])?,
+                m: offset(modes[i])?,
+                x: offset(x[i])?,
+            });
+        }
+        let names = reader.names("flexible_node_name")?;
+        let [on, x] = columns(reader, "flexible_node", ["body", "x"], names.len())?;
+        made.frame = vec![None; names.len()];
+        for i in reader.ints("moving_node")? {
+            let node = offset(i)?;
+            let owner = on.get(node).copied().unwrap_or(-1);
+            let flexible = made.bodies.iter().position(|f| f.body as i64 == owner);
+            let (Some(flexible), Some(frame)) = (flexible, bodies.get(offset(owner)?)) else {
+                return Err(Error::model("a node belongs to no flexible body").into());
+            };
+            let number = bodies.len() + made.tips.len();
+            made.frame[node] = Some(number);
+            made.tip_bodies.push(BodySpec {
+                name: format!("{}.{}", frame.name, names[node]),
+                x: frame.x,
+                tip: Some(made.tips.len()),
+            });
+            made.tips.push(TipSpec {
+                flexible,
+                body: number,
+                x: offset(x[node])?,
+            });
+        }
+        Ok(made)
+    }
+
+    /// The bodies in a column of `stem`, nodes taken for what they stand for.
+    fn placed(&self, reader: &Reader<'_, '_>, key: &str, bodies: Vec<i64>) -> PyResult<Vec<i64>> {
+        if self.bodies.is_empty() {
+            return Ok(bodies);
+        }
+        let nodes = reader.ints(key)?;
+        same_length(key, &[nodes.len(), bodies.len()])?;
+        let frame = |(b, n): (i64, i64)| {
+            let own = usize::try_from(n)
+                .ok()
+                .and_then(|n| self.frame.get(n).copied());
+            own.flatten().map_or(b, |f| f as i64)
+        };
+        Ok(bodies.into_iter().zip(nodes).map(frame).collect())
+    }
+}
+
+fn joints(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<Vec<JointSpec>> {
     let names = reader.names("joint_name")?;
     let [kind, a, b, flags, x] = columns(
         reader,
@@ -106,6 +180,8 @@ fn joints(reader: &Reader<'_, '_>) -> PyResult<Vec<JointSpec>> {
         ["type", "a", "b", "flags", "x"],
         names.len(),
     )?;
+    let a = flexible.placed(reader, "joint_a_node", a)?;
+    let b = flexible.placed(reader, "joint_b_node", b)?;
     let one = |(i, name): (usize, String)| {
         Ok(JointSpec {
             name,
@@ -119,7 +195,7 @@ fn joints(reader: &Reader<'_, '_>) -> PyResult<Vec<JointSpec>> {
     names.into_iter().enumerate().map(one).collect()
 }
 
-fn elements(reader: &Reader<'_, '_>) -> PyResult<Vec<ElementSpec>> {
+fn elements(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<Vec<ElementSpec>> {
     let names = reader.names("element_name")?;
     let [kind, a, b, flags, x] = columns(
         reader,
@@ -127,6 +203,8 @@ fn elements(reader: &Reader<'_, '_>) -> PyResult<Vec<ElementSpec>> {
         ["type", "a", "b", "flags", "x"],
         names.len(),
     )?;
+    let a = flexible.placed(reader, "element_a_node", a)?;
+    let b = flexible.placed(reader, "element_b_node", b)?;
     let one = |(i, name): (usize, String)| {
         let kind = match kind[i] {
             0 => ElementKind::SpringDamper,
@@ -150,16 +228,19 @@ fn elements(reader: &Reader<'_, '_>) -> PyResult<Vec<ElementSpec>> {
     names.into_iter().enumerate().map(one).collect()
 }
 
-fn loads(reader: &Reader<'_, '_>) -> PyResult<Vec<LoadSpec>> {
+fn loads(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<Vec<LoadSpec>> {
     let names = reader.names("load_name")?;
     let [kind, on, frame, x] =
         columns(reader, "load", ["type", "body", "frame", "x"], names.len())?;
+    let on = flexible.placed(reader, "load_node", on)?;
     let one = |(i, name): (usize, String)| {
+        let modal = kind[i] == 2;
         Ok(LoadSpec {
             name,
             torque: kind[i] == 1,
             body: offset(on[i])?,
-            follower: frame[i] == 1,
+            mode: if modal { Some(offset(frame[i])?) } else { None },
+            follower: !modal && frame[i] == 1,
             x: offset(x[i])?,
         })
     };

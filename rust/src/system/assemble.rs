@@ -14,6 +14,7 @@ use crate::spatial::{Real, Six, absent};
 use crate::system::connector::{
     Numbers, Wanted, constraint_interaction, interaction, load_interaction,
 };
+use crate::system::flexible::{Fold, Folded};
 use crate::system::inertia::{InertiaInput, add_inertia, ground_coupling};
 use crate::system::path::{add_tangent, add_wrench};
 use crate::system::placement::Placement;
@@ -87,7 +88,7 @@ pub struct Tangent<T: Real, E = DMatrix<T>> {
 }
 
 impl<T: Real> Scene<'_, T> {
-    fn inertia(&self, with_rates: bool) -> InertiaInput<'_, T> {
+    pub(super) fn inertia(&self, with_rates: bool) -> InertiaInput<'_, T> {
         InertiaInput {
             topology: self.topology,
             geometry: self.geometry,
@@ -112,7 +113,13 @@ impl<T: Real> Scene<'_, T> {
         let damps = |c: &Connector| {
             c.c.is_some() || self.effects.law_slopes && c.laws.iter().any(|l| l.law.uses_velocity())
         };
-        self.effects.damping && self.topology.connectors.iter().any(damps)
+        let modal = || self.geometry.flexible.iter().any(|f| !f.c.is_empty());
+        self.effects.damping && (self.topology.connectors.iter().any(damps) || modal())
+    }
+
+    /// How columns of moving nodes come to the coordinates; None without flexible bodies.
+    pub fn fold(&self) -> Option<Fold<'_, T>> {
+        Fold::of(self.topology, self.geometry)
     }
 
     fn numbers(&self) -> Numbers<'_, T> {
@@ -127,6 +134,9 @@ impl<T: Real> Scene<'_, T> {
         let mut sums = self.connected();
         let wanted = self.effects.wanted();
         for load in 0..self.topology.tables.loads.len() {
+            if self.topology.tables.loads[load].mode.is_some() {
+                continue;
+            }
             let acting = load_interaction(
                 self.topology,
                 self.geometry,
@@ -160,8 +170,12 @@ impl<T: Real> Scene<'_, T> {
 
     /// Wrench of every body, inertia - applied (+ constraints of cut joints if `lam` is given), about its centre of mass.
     pub fn body_wrenches(&self, lam: Option<&[T]>) -> Vec<Six<T>> {
+        self.wrenches_with(self.inertia(self.effects.centrifugal).forces(), lam)
+    }
+
+    fn wrenches_with(&self, inertia: Option<Vec<Six<T>>>, lam: Option<&[T]>) -> Vec<Six<T>> {
         let mut sums: Vec<_> = self.applied().into_iter().map(|w| -w).collect();
-        if let Some(forces) = self.inertia(self.effects.centrifugal).forces() {
+        if let Some(forces) = inertia {
             for (sum, f) in sums.iter_mut().zip(forces) {
                 *sum += f;
             }
@@ -194,7 +208,7 @@ impl<T: Real> Scene<'_, T> {
 
     /// The mass matrix alone.
     pub fn mass(&self) -> DMatrix<T> {
-        let n = self.topology.dofs.len();
+        let n = self.topology.n_tree;
         let mut mass = DMatrix::zeros(n, n);
         self.mass_into(&mut mass, &mut DMatrix::zeros(0, 0));
         mass
@@ -208,12 +222,28 @@ impl<T: Real> Scene<'_, T> {
             gravity: None,
             ..self.inertia(false)
         };
-        add_inertia(&unloaded, mass, unused, None);
+        match &self.fold() {
+            None => add_inertia(&unloaded, mass, unused, None),
+            Some(fold) => {
+                let (mut mass, mut unused) = (
+                    Folded { inner: mass, fold },
+                    Folded {
+                        inner: unused,
+                        fold,
+                    },
+                );
+                add_inertia(&unloaded, &mut mass, &mut unused, None);
+            }
+        }
     }
 
     /// Momentum of a common rigid motion of everything, about the world origin, per tree coordinate (n_tree, 6).
     pub fn ground_coupling(&self) -> DMatrix<T> {
-        ground_coupling(&self.inertia(false))
+        let coupling = ground_coupling(&self.inertia(false));
+        match self.fold() {
+            None => coupling,
+            Some(fold) => fold.rows_of(&coupling),
+        }
     }
 
     /// The sum of the sizes of all connector forces, moments over the characteristic length.
@@ -274,24 +304,56 @@ impl<T: Real> Scene<'_, T> {
 
     /// rho in tree coordinates; without `lam` the multipliers are left out.
     pub fn residual(&self, lam: Option<&[T]>) -> DVector<T> {
-        let sums = self.subtree_wrenches(self.body_wrenches(lam));
-        DVector::from_iterator(
+        let (inertia, modal) = self.inertia(self.effects.centrifugal).all_forces().unzip();
+        let sums = self.subtree_wrenches(self.wrenches_with(inertia, lam));
+        let all = DVector::from_iterator(
             self.topology.dofs.len(),
             self.topology
                 .dofs
                 .iter()
                 .zip(&self.placement.column)
                 .map(|(dof, s)| s.dot(&sums[dof.node])),
-        )
+        );
+        match self.fold() {
+            None => all,
+            Some(fold) => {
+                let mut rho = fold.vector(&all);
+                self.add_modal_forces(modal, &mut rho);
+                rho
+            }
+        }
     }
 
     pub fn tangent(&self, lam: Option<&[T]>, counts: &mut Counts) -> Tangent<T> {
-        let n = self.topology.dofs.len();
+        let n = self.topology.n_tree;
         self.tangent_into(lam, counts, || DMatrix::zeros(n, n))
     }
 
     /// The same into any places.
     pub fn tangent_into<E: Entries<T>>(
+        &self,
+        lam: Option<&[T]>,
+        counts: &mut Counts,
+        empty: impl Fn() -> E,
+    ) -> Tangent<T, E> {
+        let Some(fold) = &self.fold() else {
+            return self.tangent_over_columns(lam, counts, empty);
+        };
+        counts.add("flexible bodies", self.topology.modal.len() as u64);
+        let made = self.tangent_over_columns(lam, counts, || Folded {
+            inner: empty(),
+            fold,
+        });
+        Tangent {
+            mass: made.mass.inner,
+            damping: made.damping.map(|d| d.inner),
+            gyroscopic: made.gyroscopic.map(|g| g.inner),
+            stiffness: made.stiffness.inner,
+            number: PhantomData,
+        }
+    }
+
+    fn tangent_over_columns<E: Entries<T>>(
         &self,
         lam: Option<&[T]>,
         counts: &mut Counts,
@@ -322,6 +384,7 @@ impl<T: Real> Scene<'_, T> {
         }
         let mut damping = self.damped().then(&empty);
         self.add_connectors(&mut stiffness, damping.as_mut(), counts);
+        self.add_modal_stiffness(&mut stiffness, damping.as_mut());
         self.add_loads(&mut stiffness, counts);
         if let Some(lam) = lam.filter(|_| self.effects.constraint_force_stiffness) {
             self.add_multiplier_stiffness(lam, &mut stiffness, counts);
@@ -386,6 +449,9 @@ impl<T: Real> Scene<'_, T> {
     fn add_loads<E: Entries<T>>(&self, stiffness: &mut E, counts: &mut Counts) {
         let (topology, wanted) = (self.topology, Wanted::GEOMETRY);
         for load in 0..topology.tables.loads.len() {
+            if topology.tables.loads[load].mode.is_some() {
+                continue;
+            }
             let acting = load_interaction(
                 topology,
                 self.geometry,
@@ -400,7 +466,23 @@ impl<T: Real> Scene<'_, T> {
     }
 
     /// d(J^T lam)/dy of the cut joints.
-    pub fn add_multiplier_stiffness<E: Entries<T>>(
+    pub fn multiplier_stiffness(&self, lam: &[T], counts: &mut Counts) -> DMatrix<T> {
+        let n = self.topology.n_tree;
+        let mut made = DMatrix::zeros(n, n);
+        match &self.fold() {
+            None => self.add_multiplier_stiffness(lam, &mut made, counts),
+            Some(fold) => {
+                let mut into = Folded {
+                    inner: &mut made,
+                    fold,
+                };
+                self.add_multiplier_stiffness(lam, &mut into, counts);
+            }
+        }
+        made
+    }
+
+    fn add_multiplier_stiffness<E: Entries<T>>(
         &self,
         lam: &[T],
         stiffness: &mut E,
@@ -483,7 +565,7 @@ impl<T: Real> Scene<'_, T> {
             let spec = &self.topology.nodes[n];
             let arm = self.placement.pose[node].p - self.placement.pose[n].p;
             for d in spec.first..spec.first + spec.n {
-                let rank = 2 * spec.depth + self.topology.dofs[d].freedom.stage;
+                let rank = 4 * spec.depth + self.topology.dofs[d].freedom.stage;
                 out.push((rank, d, self.placement.column[d].motion_at(&arm)));
             }
             at = spec.parent;

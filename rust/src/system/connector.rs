@@ -486,6 +486,11 @@ fn varying<T: Real>(topology: &Topology, geometry: &Geometry<T>, load: usize, t:
     }
 }
 
+/// The force of a load on a modal coordinate.
+pub fn modal_load<T: Real>(topology: &Topology, geometry: &Geometry<T>, load: usize, t: f64) -> T {
+    geometry.loads[load].1.x + varying(topology, geometry, load, t).x
+}
+
 /// A load: dead (constant in the world) or follower (carried along), as an interaction of ground with its body.
 pub fn load_interaction<T: Real>(
     topology: &Topology,

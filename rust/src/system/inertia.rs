@@ -8,6 +8,8 @@ use nalgebra::DMatrix;
 use crate::linalg::entries::Entries;
 use crate::model::geometry::Geometry;
 use crate::spatial::{M3, Map6, Real, Six, V3, outer, skew};
+use crate::system::flexible::node_rates;
+use crate::system::flexible_inertia::{Shapes, shapes};
 use crate::system::placement::Placement;
 use crate::system::topology::Topology;
 
@@ -77,7 +79,7 @@ impl<T: Real> InertiaInput<'_, T> {
         self.rate.is_some() || self.acceleration.is_some() || self.gravity.is_some()
     }
 
-    fn composites(&self) -> Vec<Composite<T>> {
+    fn composites(&self, flexible: &[Shapes<'_, T>]) -> Vec<Composite<T>> {
         let one = |node: usize| {
             let body = &self.geometry.bodies[self.topology.nodes[node].body];
             let r = &self.placement.pose[node].r;
@@ -87,7 +89,20 @@ impl<T: Real> InertiaInput<'_, T> {
                 j: r * body.inertia * r.transpose(),
             }
         };
-        (0..self.topology.nodes.len()).map(one).collect()
+        let mut all: Vec<_> = (0..self.topology.nodes.len()).map(one).collect();
+        for shapes in flexible {
+            let (h, j) = shapes.composite();
+            let own = &mut all[shapes.modal.node];
+            own.h += h;
+            own.j += j;
+        }
+        all
+    }
+
+    /// The twist of a node, where motion counts.
+    fn twist(&self, node: usize) -> Option<&Six<T>> {
+        let velocity = self.rate.and(self.placement.velocity.as_ref())?;
+        Some(&velocity.body[node])
     }
 
     fn to_parent(&self, node: usize) -> Option<(usize, V3<T>)> {
@@ -102,11 +117,14 @@ impl<T: Real> InertiaInput<'_, T> {
         let base = Six::new(self.gravity.map_or_else(V3::zeros, |g| -g), V3::zeros());
         let mut body: Vec<Six<T>> = Vec::with_capacity(self.topology.nodes.len());
         let mut before = vec![Six::zero(); self.topology.dofs.len()];
+        let nodes = self
+            .acceleration
+            .map(|a| node_rates(self.topology, self.geometry, a));
         for (i, node) in self.topology.nodes.iter().enumerate() {
             let mut a = self
                 .to_parent(i)
                 .map_or(base, |(p, d)| body[p].motion_at(&-d));
-            for stage in 0..2 {
+            for stage in 0..node.kind.stages() {
                 let carried = a;
                 for d in (node.first..node.first + node.n)
                     .filter(|d| self.topology.dofs[*d].freedom.stage == stage)
@@ -114,10 +132,11 @@ impl<T: Real> InertiaInput<'_, T> {
                     before[d] = carried;
                     let s = &self.placement.column[d];
                     if let (Some(rate), Some(v)) = (self.rate, self.placement.velocity.as_ref()) {
-                        a += v.before[d].cross_motion(s).scaled(rate[d]);
+                        a += v.before[d].cross_motion(s).scaled(v.of(rate, d));
                     }
-                    if let Some(acceleration) = self.acceleration {
-                        a += s.scaled(acceleration[d]);
+                    if let (Some(acceleration), Some(nodes)) = (self.acceleration, &nodes) {
+                        let n = acceleration.len();
+                        a += s.scaled(if d < n { acceleration[d] } else { nodes[d - n] });
                     }
                 }
             }
@@ -136,12 +155,31 @@ impl<T: Real> InertiaInput<'_, T> {
         if !self.loaded() {
             return None;
         }
-        let a = self.accelerations();
-        Some(self.forces_of(&self.composites(), &a))
+        let (a, flexible) = (self.accelerations(), shapes(self));
+        Some(self.forces_of(&self.composites(&flexible), &flexible, &a))
     }
 
-    fn forces_of(&self, own: &[Composite<T>], a: &Accelerations<T>) -> Vec<Six<T>> {
-        (0..own.len())
+    /// The same with the inertia forces of all modal coordinates.
+    pub fn all_forces(&self) -> Option<(Vec<Six<T>>, Vec<T>)> {
+        if !self.loaded() {
+            return None;
+        }
+        let (a, flexible) = (self.accelerations(), shapes(self));
+        let forces = self.forces_of(&self.composites(&flexible), &flexible, &a);
+        let modal = flexible.iter().flat_map(|s| {
+            let node = s.modal.node;
+            s.residual(self.twist(node), Some(&a.body[node]))
+        });
+        Some((forces, modal.collect()))
+    }
+
+    fn forces_of(
+        &self,
+        own: &[Composite<T>],
+        flexible: &[Shapes<'_, T>],
+        a: &Accelerations<T>,
+    ) -> Vec<Six<T>> {
+        let mut all: Vec<_> = (0..own.len())
             .map(|n| {
                 let mut f = own[n].apply(&a.body[n]);
                 if let (Some(_), Some(v)) = (self.rate, self.placement.velocity.as_ref()) {
@@ -149,14 +187,29 @@ impl<T: Real> InertiaInput<'_, T> {
                 }
                 f
             })
-            .collect()
+            .collect();
+        for shapes in flexible {
+            let node = shapes.modal.node;
+            all[node] += shapes.force(self.twist(node));
+        }
+        all
     }
 }
 
 /// Momentum of the whole tree per tree coordinate, about the world origin: T^T M of a common rigid motion, (n_tree, 6).
 pub fn ground_coupling<T: Real>(input: &InertiaInput<'_, T>) -> DMatrix<T> {
-    let mut composite = input.composites();
+    let flexible = shapes(input);
+    let mut composite = input.composites(&flexible);
     let mut coupling = DMatrix::zeros(input.topology.dofs.len(), 6);
+    for shapes in &flexible {
+        for k in 0..shapes.modal.m {
+            let at = &input.placement.pose[shapes.modal.node].p;
+            let momentum = shapes.momentum(k).wrench_at(&-at);
+            for i in 0..6 {
+                coupling[(shapes.modal.first + k, i)] = momentum.get(i);
+            }
+        }
+    }
     for node in (0..composite.len()).rev() {
         let spec = &input.topology.nodes[node];
         for i in spec.first..spec.first + spec.n {
@@ -180,19 +233,33 @@ pub fn add_inertia<T: Real, E: Entries<T>>(
     input: &InertiaInput<'_, T>,
     mass: &mut E,
     stiffness: &mut E,
-    gyroscopic: Option<&mut E>,
+    mut gyroscopic: Option<&mut E>,
 ) {
-    let own = input.composites();
+    let flexible = shapes(input);
+    let own = input.composites(&flexible);
     let loads = input.loaded().then(|| {
         let a = input.accelerations();
-        let f = input.forces_of(&own, &a);
+        let f = input.forces_of(&own, &flexible, &a);
         (a, f)
     });
     let mut composite = own;
-    let mut coriolis = coriolis_maps(input, &composite);
+    let mut coriolis = coriolis_maps(input, &composite, &flexible);
     let columns = loads.as_ref().map(|(a, _)| carried_columns(input, a));
+    for shapes in &flexible {
+        let node = shapes.modal.node;
+        let a = loads.as_ref().map(|(a, _)| a.body[node]);
+        let gyroscopic = gyroscopic.as_deref_mut();
+        add_modal(
+            input,
+            shapes,
+            a,
+            columns.as_ref(),
+            mass,
+            stiffness,
+            gyroscopic,
+        );
+    }
     let mut force = loads.map(|(_, f)| f);
-    let mut gyroscopic = gyroscopic;
     for node in (0..composite.len()).rev() {
         let spec = &input.topology.nodes[node];
         for i in spec.first..spec.first + spec.n {
@@ -206,7 +273,7 @@ pub fn add_inertia<T: Real, E: Entries<T>>(
             );
             walk.run(
                 input,
-                node,
+                (node, Some(node)),
                 i,
                 columns.as_ref(),
                 mass,
@@ -259,6 +326,7 @@ fn carried_columns<T: Real>(input: &InertiaInput<'_, T>, a: &Accelerations<T>) -
 fn coriolis_maps<T: Real>(
     input: &InertiaInput<'_, T>,
     own: &[Composite<T>],
+    flexible: &[Shapes<'_, T>],
 ) -> Option<Vec<Map6<T>>> {
     let velocity = input.rate.and(input.placement.velocity.as_ref())?;
     let map = |n: usize| {
@@ -282,7 +350,70 @@ fn coriolis_maps<T: Real>(
         b.aa -= skew(&p.a);
         b
     };
-    Some((0..own.len()).map(map).collect())
+    let mut all: Vec<_> = (0..own.len()).map(map).collect();
+    for shapes in flexible {
+        if let Some(c) = shapes.coriolis() {
+            all[shapes.modal.node].add(&c);
+        }
+    }
+    Some(all)
+}
+
+/// The modal coordinates of one body: among each other, and with all that carries their frame.
+fn add_modal<T: Real, E: Entries<T>>(
+    input: &InertiaInput<'_, T>,
+    shapes: &Shapes<'_, T>,
+    acceleration: Option<Six<T>>,
+    columns: Option<&Carried<T>>,
+    mass: &mut E,
+    stiffness: &mut E,
+    mut gyroscopic: Option<&mut E>,
+) {
+    let (m, first, node) = (shapes.modal.m, shapes.modal.first, shapes.modal.node);
+    let v = input.twist(node);
+    for k in 0..m {
+        for l in 0..m {
+            mass.add(first + k, first + l, shapes.mass(k, l));
+        }
+    }
+    if let Some(a) = &acceleration {
+        for (kl, (by_position, by_rate)) in shapes.modal_tangent(v, a).into_iter().enumerate() {
+            let (i, j) = (first + kl / m, first + kl % m);
+            stiffness.add(i, j, by_position);
+            if let (Some(g), Some(_)) = (gyroscopic.as_deref_mut(), v) {
+                g.add(i, j, by_rate);
+            }
+        }
+    }
+    for k in 0..m {
+        let walk = match &acceleration {
+            None => Walk {
+                momentum: shapes.momentum(k),
+                coriolis_row: None,
+                position_column: None,
+                rate_column: None,
+            },
+            Some(a) => {
+                let column = shapes.column(k, v, a);
+                Walk {
+                    momentum: column.momentum,
+                    coriolis_row: v.map(|_| column.coriolis_row),
+                    position_column: Some(column.position_column),
+                    rate_column: v.map(|_| column.rate_column),
+                }
+            }
+        };
+        let gyroscopic = gyroscopic.as_deref_mut();
+        walk.run(
+            input,
+            (node, None),
+            first + k,
+            columns,
+            mass,
+            stiffness,
+            gyroscopic,
+        );
+    }
 }
 
 /// The vectors of one coordinate on their way to ground.
@@ -326,7 +457,7 @@ impl<T: Real> Walk<T> {
     fn run<E: Entries<T>>(
         mut self,
         input: &InertiaInput<'_, T>,
-        node: usize,
+        (from, node): (usize, Option<usize>),
         i: usize,
         columns: Option<&Carried<T>>,
         mass: &mut E,
@@ -335,12 +466,12 @@ impl<T: Real> Walk<T> {
     ) {
         let topology = input.topology;
         let stage = topology.dofs[i].freedom.stage;
-        let mut at = node;
+        let mut at = from;
         loop {
             let spec = &topology.nodes[at];
             for j in spec.first..spec.first + spec.n {
                 let s = &input.placement.column[j];
-                let own = at == node;
+                let own = node == Some(at);
                 if !own || j <= i {
                     let m = self.momentum.dot(s);
                     mass.add(i, j, m);

@@ -40,10 +40,8 @@ pub fn row_scales(topology: &Topology, length: f64) -> Vec<f64> {
 }
 
 pub fn column_scales(topology: &Topology, length: f64) -> Vec<f64> {
-    topology
-        .dofs
-        .iter()
-        .map(|d| if d.freedom.rotation { 1.0 } else { length })
+    (0..topology.n_tree)
+        .map(|i| topology.scale(i, length))
         .collect()
 }
 

@@ -1,9 +1,10 @@
 //! The compiled model: an immutable topology shared by all values of the numbers, and what is computed on it.
 //!
 //! ```text
-//! topology    spanning tree, tree coordinates, cut rows, connectors   (once per structure)
+//! topology    spanning tree (tree), tree coordinates, cut rows, connectors   (once per structure)
 //! placement   poses and motion columns of a state                      (per state)
 //! inertia     M and the velocity and gravity terms, by recursion       (per state)
+//! flexible    modal coordinates: their inertia, and the nodes that they move
 //! connector   forces and tangents of elements and constraints
 //! path        the same in tree coordinates, along the way between two bodies
 //! sparse      everything once more in absolute coordinates, for thousands of bodies
@@ -13,6 +14,9 @@
 pub mod assemble;
 pub mod connector;
 pub mod connector_force;
+pub mod flexible;
+pub mod flexible_inertia;
+mod flexible_scene;
 pub mod inertia;
 pub mod loops;
 pub mod path;
@@ -20,6 +24,7 @@ pub mod placement;
 pub mod rows;
 pub mod sparse;
 pub mod topology;
+mod tree;
 
 use std::sync::Arc;
 
@@ -82,12 +87,13 @@ impl System {
         times
     }
 
+    /// Bodies, then moving nodes of flexible ones.
     pub fn n_bodies(&self) -> usize {
         self.topology.nodes.len()
     }
 
     /// Number of tree coordinates.
     pub fn n_tree(&self) -> usize {
-        self.topology.dofs.len()
+        self.topology.n_tree
     }
 }

@@ -59,7 +59,7 @@ pub fn path<T: Real>(
         let spec = &topology.nodes[node];
         let arm = point - placement.pose[node].p;
         // outermost stage first, so that what carries an axis always comes later
-        for stage in [1, 0] {
+        for stage in (0..spec.kind.stages()).rev() {
             for dof in (spec.first..spec.first + spec.n)
                 .filter(|d| topology.dofs[*d].freedom.stage == stage)
             {

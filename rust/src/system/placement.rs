@@ -3,6 +3,7 @@ use crate::model::geometry::{Geometry, MarkerPair};
 use crate::model::joint::JointKind;
 use crate::model::tables::BodyRef;
 use crate::spatial::{M3, Pose, Real, Six, V3, exp_so3, lift};
+use crate::system::flexible::{deformed, modal_coordinates, node_columns, node_rates, node_values};
 use crate::system::topology::{Node, Topology};
 
 /// A state of the model: the relative pose of each tree joint (outer marker in the inner marker's frame), and the rates of
@@ -27,6 +28,8 @@ pub struct Placement<T: Real> {
     /// per tree coordinate: the twist it gives its body, at the body's centre of mass, world axes
     pub column: Vec<Six<T>>,
     pub velocity: Option<Velocity<T>>,
+    /// modal coordinates of all flexible bodies, in the order of tree coordinates
+    pub modal: Vec<T>,
 }
 
 #[derive(Debug, Clone)]
@@ -35,6 +38,17 @@ pub struct Velocity<T: Real> {
     pub body: Vec<Six<T>>,
     /// per tree coordinate: twist, at its body's centre of mass, of the frame that carries its axis
     pub before: Vec<Six<T>>,
+    /// rates of the columns of moving nodes
+    pub nodes: Vec<T>,
+}
+
+impl<T: Real> Velocity<T> {
+    /// The rate of a column.
+    pub fn of(&self, rate: &[T], column: usize) -> T {
+        rate.get(column)
+            .copied()
+            .unwrap_or_else(|| self.nodes[column - rate.len()])
+    }
 }
 
 /// The markers of a node's joint on its inner and on its outer body.
@@ -46,7 +60,23 @@ fn inner_outer<T: Real>(pair: &MarkerPair<T>, reversed: bool) -> (&Pose<T>, &Pos
     }
 }
 
-fn markers<T: Real>(geometry: &Geometry<T>, node: &Node) -> (Pose<T>, Pose<T>) {
+fn markers<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    node: &Node,
+) -> (Pose<T>, Pose<T>) {
+    if node.kind == JointKind::Node {
+        let rest = Pose {
+            p: geometry.tips[topology.tip(node)].offset,
+            r: M3::identity(),
+        };
+        let own = Pose::identity();
+        return if node.reversed {
+            (own, rest)
+        } else {
+            (rest, own)
+        };
+    }
     match node.joint {
         // an implicit free joint: world axes at the drawn centre of mass
         None => {
@@ -97,7 +127,9 @@ pub fn drawn_relative<T: Real>(topology: &Topology, geometry: &Geometry<T>) -> V
             r: M3::identity(),
         }
     };
-    topology.nodes.iter().map(relative).collect()
+    let mut all: Vec<_> = topology.nodes.iter().map(relative).collect();
+    all.resize(topology.n_poses(), Pose::identity());
+    all
 }
 
 /// The relative pose of each tree joint from given poses of the centres of mass (per body), as far as the joint allows it.
@@ -107,7 +139,7 @@ pub fn relative_from_poses(
     poses: &[Pose<f64>],
 ) -> Vec<Pose<f64>> {
     let relative = |node: &Node| {
-        let (inner_marker, outer_marker) = markers(geometry, node);
+        let (inner_marker, outer_marker) = markers(topology, geometry, node);
         let carrier = node
             .parent
             .map_or_else(Pose::identity, |p| poses[topology.nodes[p].body]);
@@ -177,8 +209,15 @@ pub fn lifted_relative<T: Real>(
 
 /// Advance relative poses by increments of the tree coordinates.
 pub fn advance<T: Real>(topology: &Topology, relative: &mut [Pose<T>], dy: &[T]) {
-    for (node, pose) in topology.nodes.iter().zip(relative) {
-        advance_joint(node, pose, &dy[node.first..node.first + node.n]);
+    for (node, pose) in topology.nodes.iter().zip(relative.iter_mut()) {
+        if node.kind != JointKind::Node {
+            advance_joint(node, pose, &dy[node.first..node.first + node.n]);
+        }
+    }
+    for modal in &topology.modal {
+        for k in 0..modal.m {
+            relative[modal.pose + k / 3].p[k % 3] += dy[modal.first + k];
+        }
     }
 }
 
@@ -209,31 +248,48 @@ pub fn place<T: Real>(
 ) -> Placement<T> {
     let n = topology.nodes.len();
     let mut pose: Vec<Pose<T>> = Vec::with_capacity(n);
-    let mut column = Vec::with_capacity(topology.dofs.len());
+    let mut column = vec![Six::zero(); topology.dofs.len()];
+    let modal = modal_coordinates(topology, relative);
     for (i, node) in topology.nodes.iter().enumerate() {
-        let (inner_marker, outer_marker) = markers(geometry, node);
+        let (inner_marker, outer_marker) = markers(topology, geometry, node);
         let carrier = node.parent.map_or_else(Pose::identity, |p| pose[p]);
         let inner = carrier.then(&inner_marker);
+        if node.kind == JointKind::Node {
+            let w = node_values(topology, geometry, node, &modal);
+            let moved = inner
+                .then(&deformed(&w, node.reversed))
+                .then(&outer_marker.inverse());
+            let frame = if node.reversed { &moved } else { &carrier };
+            let tip = if node.reversed { &inner } else { &moved };
+            let own = &mut column[node.first..node.first + 6];
+            node_columns(frame, &tip.p, &moved.p, &w, node.reversed, own);
+            pose.push(moved);
+            continue;
+        }
         let outer = inner.then(&relative[i]);
         let body = outer.then(&outer_marker.inverse());
         let arm = body.p - outer.p;
         let sign = lift::<T>(if node.reversed { -1.0 } else { 1.0 });
-        for freedom in node.kind.freedoms(node.reversed) {
+        for (k, freedom) in node.kind.freedoms(node.reversed).iter().enumerate() {
             let frame = if freedom.outer { &outer.r } else { &inner.r };
             let axis: V3<T> = frame.column(freedom.axis) * sign;
-            column.push(if freedom.rotation {
+            column[node.first + k] = if freedom.rotation {
                 Six::new(axis.cross(&arm), axis)
             } else {
                 Six::new(axis, V3::zeros())
-            });
+            };
         }
         pose.push(body);
     }
-    let velocity = rate.map(|rate| velocities(topology, &pose, &column, rate));
+    let velocity = rate.map(|rate| {
+        let nodes = node_rates(topology, geometry, rate);
+        velocities(topology, &pose, &column, rate, nodes)
+    });
     Placement {
         pose,
         column,
         velocity,
+        modal,
     }
 }
 
@@ -242,27 +298,39 @@ fn velocities<T: Real>(
     pose: &[Pose<T>],
     column: &[Six<T>],
     rate: &[T],
+    nodes: Vec<T>,
 ) -> Velocity<T> {
     let mut body: Vec<Six<T>> = Vec::with_capacity(pose.len());
     let mut before = vec![Six::zero(); column.len()];
+    let of = |d: usize| {
+        if d < rate.len() {
+            rate[d]
+        } else {
+            nodes[d - rate.len()]
+        }
+    };
     for (i, node) in topology.nodes.iter().enumerate() {
         let mut v = node
             .parent
             .map_or_else(Six::zero, |p| body[p].motion_at(&(pose[i].p - pose[p].p)));
         let dofs = node.first..node.first + node.n;
-        for stage in 0..2 {
+        for stage in 0..node.kind.stages() {
             let carried = v;
             for d in dofs
                 .clone()
                 .filter(|d| topology.dofs[*d].freedom.stage == stage)
             {
                 before[d] = carried;
-                v += column[d].scaled(rate[d]);
+                v += column[d].scaled(of(d));
             }
         }
         body.push(v);
     }
-    Velocity { body, before }
+    Velocity {
+        body,
+        before,
+        nodes,
+    }
 }
 
 /// World pose of a marker that is given in the frame of its body's centre of mass.

@@ -16,6 +16,7 @@ use crate::model::tables::LENGTH_GIVEN;
 use crate::spatial::{Real, Six};
 use crate::system::assemble::{Effects, Scene};
 use crate::system::connector::{constraint_bias, constraint_rows};
+use crate::system::flexible::FoldedRows;
 use crate::system::path::path;
 use crate::system::topology::{ConstraintRow, Level, Purpose, Topology};
 
@@ -68,13 +69,23 @@ impl<T: Real> Scene<'_, T> {
 
     /// Values Phi and Jacobian J of all rows; a velocity row has the value zero and its D for Jacobian.
     pub fn constraints(&self) -> (DVector<T>, DMatrix<T>) {
-        let mut jacobian = DMatrix::zeros(self.topology.rows.len(), self.topology.dofs.len());
+        let mut jacobian = DMatrix::zeros(self.topology.rows.len(), self.topology.n_tree);
         let phi = self.constraints_into(&mut jacobian);
         (phi, jacobian)
     }
 
     /// Phi, with J into any place.
-    pub fn constraints_into(&self, jacobian: &mut impl Entries<T>) -> DVector<T> {
+    pub fn constraints_into<E: Entries<T>>(&self, jacobian: &mut E) -> DVector<T> {
+        match &self.fold() {
+            None => self.rows_over_columns(jacobian),
+            Some(fold) => self.rows_over_columns(&mut FoldedRows {
+                inner: jacobian,
+                fold,
+            }),
+        }
+    }
+
+    fn rows_over_columns(&self, jacobian: &mut impl Entries<T>) -> DVector<T> {
         let rows = &self.topology.rows;
         let mut phi = DVector::zeros(rows.len());
         let mut start = 0;

@@ -166,7 +166,7 @@ fn check(system: &System, state: &State) -> Result<()> {
     }
     if let Some(name) = topology.tables.unusual() {
         return Err(Error::model(format!(
-            "'{name}' is a nonholonomic joint, a drive or a coupler, which the sparse route of large models does not know: {dense}"
+            "'{name}' is a nonholonomic joint, a drive, a coupler or a flexible body, which the sparse route of large models does not know: {dense}"
         )));
     }
     check_loops(system)

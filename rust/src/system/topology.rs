@@ -1,14 +1,15 @@
 //! Spanning tree and cut joints, tree coordinates, constraint rows and the list of everything that carries force.
-use std::collections::{HashMap, VecDeque};
+use std::collections::HashMap;
 
 use crate::error::{Error, Result};
 use crate::laws::Law;
 use crate::model::geometry::Geometry;
-use crate::model::joint::{ANGLE_Z, Coordinate, Freedom, JointKind};
+use crate::model::joint::{ANGLE_Z, Coordinate, Freedom, JointKind, MODAL};
 use crate::model::tables::{
     BodyRef, ElementKind, ElementSpec, HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, LawSpec, Tables,
 };
 use crate::spatial::{Real, V3};
+use crate::system::tree::spanning_tree;
 
 /// A body in the tree, and the joint that carries it.
 #[derive(Debug, Clone)]
@@ -16,11 +17,12 @@ pub struct Node {
     pub body: usize,
     /// index of the inner node; None where the inner body is ground
     pub parent: Option<usize>,
-    /// None: an implicit free joint to ground
+    /// None: an implicit free joint to ground, or between a flexible body and its node
     pub joint: Option<usize>,
     /// the inner body is the joint's second one
     pub reversed: bool,
     pub kind: JointKind,
+    /// its first column: a tree coordinate, but of a moving node
     pub first: usize,
     pub n: usize,
     pub depth: usize,
@@ -112,12 +114,31 @@ pub struct BoundLaw {
     pub memory: usize,
 }
 
+/// Modal coordinates of a flexible body.
+#[derive(Debug, Clone)]
+pub struct Modal {
+    /// of its frame in the tree
+    pub node: usize,
+    /// its first tree coordinate, and how many
+    pub first: usize,
+    pub m: usize,
+    /// its first pose in a state: three modal coordinates in the translation of each
+    pub pose: usize,
+    /// displacement (root mean square over the mass) for a unit of each
+    pub size: Vec<f64>,
+}
+
 #[derive(Debug)]
 pub struct Topology {
     pub tables: Tables,
     pub nodes: Vec<Node>,
     pub node_of_body: Vec<usize>,
+    /// all columns: tree coordinates, then those of moving nodes, which are no coordinates of their own
     pub dofs: Vec<Dof>,
+    /// how many of them are tree coordinates
+    pub n_tree: usize,
+    /// of each flexible body; empty without any
+    pub modal: Vec<Modal>,
     pub names: Vec<String>,
     pub cut: Vec<usize>,
     pub rows: Vec<ConstraintRow>,
@@ -141,6 +162,9 @@ impl Topology {
         let mut names = Vec::new();
         for (i, node) in nodes.iter().enumerate() {
             node_of_body[node.body] = i;
+            if node.kind == JointKind::Node {
+                continue;
+            }
             let freedoms = node.kind.freedoms(node.reversed);
             let stem = node
                 .joint
@@ -158,6 +182,9 @@ impl Topology {
                 });
             }
         }
+        let mut nodes = nodes;
+        let modal = flexible(&tables, &mut nodes, &node_of_body, &mut dofs, &mut names);
+        let n_tree = names.len();
         let mut rows: Vec<_> = cut.iter().flat_map(|j| cut_rows(&tables, *j)).collect();
         rows.extend(imposed_rows(&tables));
         let (connectors, turns) = connectors(&tables)?;
@@ -167,6 +194,8 @@ impl Topology {
             nodes,
             node_of_body,
             dofs,
+            n_tree,
+            modal,
             names,
             cut,
             rows,
@@ -190,6 +219,42 @@ impl Topology {
         body.map(|b| self.node_of_body[b])
     }
 
+    /// Poses of a state: one of each body, then modal coordinates, three in each.
+    pub fn n_poses(&self) -> usize {
+        let last = self.modal.last();
+        last.map_or(self.nodes.len(), |m| m.pose + m.m.div_ceil(3))
+    }
+
+    /// Which moving node hangs on a node of the kind `Node`, or carries it.
+    pub fn tip(&self, node: &Node) -> usize {
+        let carrier = node.parent.map_or(node.body, |p| self.nodes[p].body);
+        let body = if node.reversed { carrier } else { node.body };
+        self.tables.bodies[body].tip.unwrap_or(0)
+    }
+
+    /// The tree coordinate of a body's mode.
+    pub fn modal_coordinate(&self, body: usize, mode: usize) -> Option<usize> {
+        let own = self.tables.flexible.iter().position(|f| f.body == body)?;
+        Some(self.modal[own].first + mode)
+    }
+
+    pub fn is_flexible(&self) -> bool {
+        !self.modal.is_empty()
+    }
+
+    /// The measure of a tree coordinate: an angle 1, a length the given one, a modal coordinate what displaces by it.
+    pub fn scale(&self, coordinate: usize, length: f64) -> f64 {
+        let own = self
+            .modal
+            .iter()
+            .find(|m| (m.first..m.first + m.m).contains(&coordinate));
+        match own {
+            Some(m) => length / m.size[coordinate - m.first],
+            None if self.dofs[coordinate].freedom.rotation => 1.0,
+            None => length,
+        }
+    }
+
     pub fn has_velocity_rows(&self) -> bool {
         self.rows.iter().any(|r| r.level == Level::Velocity)
     }
@@ -197,7 +262,12 @@ impl Topology {
     /// The largest distance of any located point from the mean of them all; 1 for a single point.
     pub fn characteristic_length<T: Real>(&self, geometry: &Geometry<T>, x: &[T]) -> T {
         let at = |i: usize| V3::new(x[i], x[i + 1], x[i + 2]);
-        let mut points: Vec<V3<T>> = geometry.bodies.iter().map(|b| b.drawn.p).collect();
+        let rigid = geometry
+            .bodies
+            .iter()
+            .zip(&self.tables.bodies)
+            .filter(|(_, b)| b.tip.is_none());
+        let mut points: Vec<V3<T>> = rigid.map(|(b, _)| b.drawn.p).collect();
         for j in &self.tables.joints {
             points.extend([at(j.x), at(j.x + 3)]);
         }
@@ -256,115 +326,59 @@ fn imposed_rows(tables: &Tables) -> Vec<ConstraintRow> {
         .collect()
 }
 
-fn spanning_tree(tables: &Tables) -> (Vec<Node>, Vec<usize>) {
-    let n = tables.bodies.len();
-    // joints at each body, ground last
-    let mut at: Vec<Vec<usize>> = vec![Vec::new(); n + 1];
-    for (j, joint) in tables.joints.iter().enumerate() {
-        if joint.kind.in_tree() {
-            at[joint.a.unwrap_or(n)].push(j);
-            at[joint.b.unwrap_or(n)].push(j);
-        }
-    }
-    let mut tree = Tree {
-        tables,
-        nodes: Vec::with_capacity(n),
-        place: vec![None; n],
-        used: vec![false; tables.joints.len()],
-        first: 0,
-        free: (0..tables.joints.len())
-            .filter(|j| tables.joints[*j].kind == JointKind::Free)
-            .collect(),
-        next_body: 0,
-    };
-    let mut queue = VecDeque::from([None]);
-    loop {
-        while let Some(inner) = queue.pop_front() {
-            for &j in &at[inner.unwrap_or(n)] {
-                let joint = &tables.joints[j];
-                let outer = if joint.a == inner { joint.b } else { joint.a };
-                if let Some(body) = outer.filter(|b| tree.place[*b].is_none()) {
-                    tree.attach(body, inner, Some(j));
-                    queue.push_back(Some(body));
-                }
-            }
-        }
-        match tree.free_start() {
-            Some((body, inner, joint)) => {
-                tree.attach(body, inner, joint);
-                queue.push_back(Some(body));
-            }
-            None => break,
-        }
-    }
-    let cut = (0..tables.joints.len())
-        .filter(|&j| !tree.used[j] && tables.joints[j].kind != JointKind::Free)
-        .collect();
-    (tree.nodes, cut)
-}
-
-struct Tree<'a> {
-    tables: &'a Tables,
-    nodes: Vec<Node>,
-    place: Vec<Option<usize>>,
-    used: Vec<bool>,
-    first: usize,
-    /// user's free joints that may still lead on
-    free: Vec<usize>,
-    /// no body before this one is unreached
-    next_body: usize,
-}
-
-impl Tree<'_> {
-    fn attach(&mut self, body: usize, inner: BodyRef, joint: Option<usize>) {
-        let (kind, reversed) = match joint {
-            None => (JointKind::Free, false),
-            Some(j) => {
-                self.used[j] = true;
-                (self.tables.joints[j].kind, self.tables.joints[j].b == inner)
+/// Modal coordinates behind those of the joints, and behind them the columns of moving nodes.
+fn flexible(
+    tables: &Tables,
+    nodes: &mut [Node],
+    node_of_body: &[usize],
+    dofs: &mut Vec<Dof>,
+    names: &mut Vec<String>,
+) -> Vec<Modal> {
+    let mut all = Vec::new();
+    let mut pose = nodes.len();
+    for spec in &tables.flexible {
+        let node = node_of_body[spec.body];
+        let body = &tables.bodies[spec.body];
+        let (mass, m) = (tables.x[body.x + 10], spec.m);
+        let size = |k: usize| {
+            let p2 = spec.x + 12 * m + 9 * (k * m + k);
+            let modal = tables.x[p2] + tables.x[p2 + 4] + tables.x[p2 + 8];
+            if modal > 0.0 {
+                (modal / mass).sqrt()
+            } else {
+                1.0
             }
         };
-        let parent = inner.and_then(|b| self.place[b]);
-        let n = kind.freedoms(reversed).len();
-        let depth = parent.map_or(0, |p| self.nodes[p].depth + 1);
-        self.place[body] = Some(self.nodes.len());
-        self.nodes.push(Node {
-            body,
-            parent,
-            joint,
-            reversed,
-            kind,
-            first: self.first,
-            n,
-            depth,
+        all.push(Modal {
+            node,
+            first: names.len(),
+            m,
+            pose,
+            size: (0..m).map(size).collect(),
         });
-        self.first += n;
-    }
-
-    /// Where the tree goes on when no joint leads further: along a user's free joint, else from ground.
-    fn free_start(&mut self) -> Option<(usize, BodyRef, Option<usize>)> {
-        let (place, tables) = (&self.place, self.tables);
-        let reached = |b: BodyRef| b.is_none_or(|b| place[b].is_some());
-        self.free
-            .retain(|j| !(reached(tables.joints[*j].a) && reached(tables.joints[*j].b)));
-        for &j in &self.free {
-            let joint = &tables.joints[j];
-            if reached(joint.a) != reached(joint.b) {
-                let (inner, outer) = if reached(joint.a) {
-                    (joint.a, joint.b)
-                } else {
-                    (joint.b, joint.a)
-                };
-                if let Some(body) = outer {
-                    return Some((body, inner, Some(j)));
-                }
-            }
+        pose += m.div_ceil(3);
+        for k in 0..m {
+            names.push(format!("{}.q{}", body.name, k + 1));
+            dofs.push(Dof {
+                node,
+                freedom: MODAL,
+                sign: 1.0,
+            });
         }
-        while self.place.get(self.next_body)?.is_some() {
-            self.next_body += 1;
-        }
-        Some((self.next_body, None, None))
     }
+    for (i, node) in nodes
+        .iter_mut()
+        .enumerate()
+        .filter(|(_, n)| n.kind == JointKind::Node)
+    {
+        node.first = dofs.len();
+        dofs.extend(node.kind.freedoms(node.reversed).iter().map(|freedom| Dof {
+            node: i,
+            freedom: *freedom,
+            sign: if node.reversed { -1.0 } else { 1.0 },
+        }));
+    }
+    all
 }
 
 /// Laws bound to their places, memory numbered in the order in which connectors ask for it.

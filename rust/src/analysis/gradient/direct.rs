@@ -1,13 +1,14 @@
 //! Derivatives along all directions together with the motion: the tangent linear model of each step on the factors of that step.
 //!
-//! Directions go in chunks of `WIDTH` through vector-valued dual numbers; what is known of a step is evaluated with its derivative,
-//! what is not yet known as a constant, and the linear system of the step gives the derivative of the unknown.
-use nalgebra::{Const, DMatrix, DVector, SVector, U1};
-use num_dual::{Derivative, Dual, Dual64, DualSVec64};
+//! Directions go in chunks through numbers with several derivatives; what is known of a step is evaluated with its derivative, what
+//! is not yet known as a constant, and the linear system of the step gives the derivative of the unknown.
+use nalgebra::{DMatrix, DVector};
+use num_dual::{Dual, Dual64, DualSVec64};
 
 use crate::analysis::transient::ali3p::{
-    Record, Weight, balance, closure, lifted, metric_times, pulled, stars,
+    Factors, Record, Weight, balance, closure, lifted, metric_times, pulled, stars,
 };
+use crate::analysis::transient::generalized_alpha::{Parameters, reached};
 use crate::analysis::transient::penalty::Penalty;
 use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::Result;
@@ -16,107 +17,92 @@ use crate::spatial::Pose;
 use crate::system::System;
 use crate::system::assemble::Effects;
 
+use super::alpha::{self, Load, Solved};
+use super::kinks::{Kink, Watch};
+use super::lanes::Lanes;
+use super::march::{Here, Made, March, Rule};
 use super::quantity::{Point, Quantity, evaluate};
 use super::start::{Start, Starting};
-use super::{Direction, Plan, advance};
+use super::{Direction, Plan};
 
+/// Directions of a chunk, where there are more than one left.
 pub const WIDTH: usize = 4;
-type Many = DualSVec64<WIDTH>;
-type Slopes = SVector<f64, WIDTH>;
 
-fn many(re: f64, slope: Slopes) -> Many {
-    Many::new(re, Derivative::some(slope))
+fn lift<T: Lanes>(v: &[f64]) -> Vec<T> {
+    v.iter().map(|x| T::from(*x)).collect()
 }
 
-fn slopes(x: &Many) -> Slopes {
-    x.eps.unwrap_generic(Const::<WIDTH>, U1)
+/// Minus the derivatives of a vector, (n, N).
+fn missing<T: Lanes>(v: &DVector<T>) -> DMatrix<f64> {
+    DMatrix::from_fn(v.len(), T::N, |i, k| -v[i].slope(k))
 }
 
-fn lift(v: &[f64]) -> Vec<Many> {
-    v.iter().map(|x| Many::from(*x)).collect()
-}
-
-/// Minus the derivatives of a vector, (n, WIDTH).
-fn missing(v: &DVector<Many>) -> DMatrix<f64> {
-    let mut out = DMatrix::zeros(v.len(), WIDTH);
-    for (i, x) in v.iter().enumerate() {
-        let s = slopes(x);
-        for k in 0..WIDTH {
-            out[(i, k)] = -s[k];
-        }
-    }
-    out
-}
-
-/// Add the rows of (n, WIDTH) to the derivatives of numbers.
-fn add_slopes(to: &mut [Many], d: &DMatrix<f64>, factor: f64) {
+/// Add the rows of (n, N) to the derivatives of numbers.
+fn add_slopes<T: Lanes>(to: &mut [T], d: &DMatrix<f64>, factor: f64) {
     for (i, x) in to.iter_mut().enumerate() {
-        let s = slopes(x) + Slopes::from_fn(|k, _| d[(i, k)] * factor);
-        *x = many(x.re, s);
+        *x = x.moved(|k| d[(i, k)] * factor);
     }
 }
 
-/// The factors of a step at its solution.
-pub struct Factors {
-    pub step: Penalty,
-    pub projection: Option<Penalty>,
-}
-
-impl Factors {
-    pub fn new(
-        eq: &Equations<'_, f64>,
-        from: &Instant,
-        record: &Record,
-        weight: Weight,
-        counts: &mut Counts,
-    ) -> Result<Self> {
-        let step = eq.step_matrix(from, &record.dq, &record.lam, record.h, counts)?;
-        let projection = if eq.n_rows() > 0 {
-            let (m, a) = stars(eq, &from.motion, &from.acceleration, &record.dq, record.h);
-            let jacobian = eq.rows(&m).1;
-            Some(eq.projection_matrix(&m, &a, &jacobian, record.h, weight, counts)?)
-        } else {
-            None
+/// The same derivatives at the values of the motion itself.
+fn rebased<T: Lanes>(m: &mut Motion<T>, to: &Motion<f64>) {
+    for (p, q) in m.relative.iter_mut().zip(&to.relative) {
+        *p = Pose {
+            p: p.p.zip_map(&q.p, |d, v| d.at(v)),
+            r: p.r.zip_map(&q.r, |d, v| d.at(v)),
         };
-        Ok(Factors { step, projection })
     }
+}
+
+/// A chunk of directions on its way, whatever its numbers.
+trait Along {
+    fn step(
+        &mut self,
+        end: &Here,
+        made: &Made,
+        solved: Option<&Solved>,
+        counts: &mut Counts,
+    ) -> Result<()>;
+    fn anew(&mut self, here: &Here, by: &Penalty, counts: &mut Counts) -> Result<()>;
+    fn read(&self, wanted: &[Quantity], out: &mut [f64], first: usize, n_p: usize) -> Result<()>;
 }
 
 /// A chunk of directions on its way.
-struct Chunk<'a> {
-    eq: Equations<'a, Many>,
-    lifted: Option<Equations<'a, Dual<Many>>>,
-    motion: Motion<Many>,
-    acceleration: Vec<Many>,
-    lam: Vec<Many>,
+struct Chunk<'a, T: Lanes> {
+    eq: Equations<'a, T>,
+    lifted: Option<Equations<'a, Dual<T>>>,
+    motion: Motion<T>,
+    acceleration: Vec<T>,
+    lam: Vec<T>,
+    load: Option<Load<T>>,
+    weight: Weight,
     used: usize,
 }
 
-impl<'a> Chunk<'a> {
+impl<'a, T: Lanes> Chunk<'a, T> {
     fn new(
         system: &'a System,
         effects: Effects,
         directions: &[Direction],
         first: usize,
         starting: &Starting<'_>,
+        rule: Rule,
         counts: &mut Counts,
     ) -> Result<Self> {
-        let mut x: Vec<Many> = lift(&system.x);
+        let mut x: Vec<T> = lift(&system.x);
         let mut starts = Vec::with_capacity(directions.len());
         for (k, direction) in directions.iter().enumerate() {
             let mut alone: Vec<Dual64> = system.x.iter().map(|v| Dual64::from(*v)).collect();
             for (i, d) in direction {
-                let mut s = slopes(&x[*i]);
-                s[k] += d;
-                x[*i] = many(x[*i].re, s);
+                x[*i] = x[*i].moved(|l| if l == k { *d } else { 0.0 });
                 alone[*i].eps += d;
             }
             let dual = Equations::new(system, alone, effects);
             starts.push(starting.along(&dual, first + k, counts)?);
         }
         let joined = |of: &dyn Fn(&Start) -> Dual64| {
-            let slope = Slopes::from_fn(|k, _| starts.get(k).map_or(0.0, |s| of(s).eps));
-            many(starts.first().map_or(0.0, |s| of(s).re), slope)
+            let value = starts.first().map_or(0.0, |s| of(s).re);
+            T::with(value, |k| starts.get(k).map_or(0.0, |s| of(s).eps))
         };
         let one = &starts[0];
         let vector = |n: usize, of: &dyn Fn(&Start, usize) -> Dual64| {
@@ -133,81 +119,217 @@ impl<'a> Chunk<'a> {
             memory: vector(one.motion.memory.len(), &|s, i| s.motion.memory[i]),
         };
         let eq = Equations::new(system, x, effects);
+        let acceleration = vector(one.acceleration.len(), &|s, i| s.acceleration[i]);
+        let (load, weight) = match rule {
+            Rule::Ali3p(weight) => (None, weight),
+            Rule::Alpha(_) => (Some(Load::first(&acceleration)), Weight::Mass),
+        };
         Ok(Chunk {
-            lifted: (eq.n_rows() > 0).then(|| lifted(&eq)),
+            lifted: (eq.n_rows() > 0 && weight == Weight::Tangent).then(|| lifted(&eq)),
             motion,
-            acceleration: vector(one.acceleration.len(), &|s, i| s.acceleration[i]),
+            acceleration,
             lam: vector(one.lam.len(), &|s, i| s.lam[i]),
+            load,
+            weight,
             eq,
             used: directions.len(),
         })
     }
 
-    fn step(
+    fn ali3p(
         &mut self,
+        end: &Here,
         record: &Record,
-        t: f64,
         by: &Factors,
-        weight: Weight,
         counts: &mut Counts,
     ) -> Result<()> {
         let (eq, h) = (&self.eq, record.h);
-        counts.add("tangent linear steps", 1);
-        let (mut dq, mut lam) = (lift(&record.dq), lift(&record.lam));
+        let (mut dq, mut lam) = (lift::<T>(&record.dq), lift::<T>(&record.lam));
         let (m, a) = stars(eq, &self.motion, &self.acceleration, &dq, h);
         let f = missing(&balance(eq, &m, &a, &lam, h, counts));
         let g = if eq.n_rows() > 0 {
             missing(&closure(eq, &m, h))
         } else {
-            DMatrix::zeros(0, WIDTH)
+            DMatrix::zeros(0, T::N)
         };
         let (x, y) = by.step.solve(&f, &g)?;
         add_slopes(&mut dq, &x, 1.0);
         add_slopes(&mut lam, &y, 4.0 / (h * h));
         let (star, a_star) = stars(eq, &self.motion, &self.acceleration, &dq, h);
-        let mut end = star.clone();
+        let mut last = star.clone();
         let mut a_end = a_star.clone();
-        if let (Some(projection), Some(lifted)) = (&by.projection, &self.lifted) {
+        if let Some(projection) = &by.projection {
             let jacobian = eq.rows(&star).1;
             let metric = |delta: &[f64], y: &[f64]| {
-                metric_times(eq, lifted, &star, &a_star, &lift(delta), h, weight)
-                    + pulled(&jacobian, y)
+                metric_times(
+                    eq,
+                    self.lifted.as_ref(),
+                    &star,
+                    &a_star,
+                    &lift::<T>(delta),
+                    h,
+                    self.weight,
+                ) + pulled(&jacobian, y)
             };
-            for (v, d) in end.rate.iter_mut().zip(&record.dv) {
+            for (v, d) in last.rate.iter_mut().zip(&record.dv) {
                 *v += *d;
             }
             let f = missing(&metric(&record.dv, &record.kappa));
-            let g = missing(&eq.row_rates_of(&end, &jacobian));
-            add_slopes(&mut end.rate, &projection.solve(&f, &g)?.0, 1.0);
+            let g = missing(&eq.row_rates_of(&last, &jacobian));
+            add_slopes(&mut last.rate, &projection.solve(&f, &g)?.0, 1.0);
             for (v, d) in a_end.iter_mut().zip(&record.da) {
                 *v += *d;
             }
             let f = missing(&metric(&record.da, &record.nu));
             let carried = &jacobian * DVector::from_column_slice(&a_end);
-            let g = missing(&(eq.row_bias(&end) + carried));
+            let g = missing(&(eq.row_bias(&last) + carried));
             add_slopes(&mut a_end, &projection.solve(&f, &g)?.0, 1.0);
         }
-        end.t = t;
-        eq.remember(&mut end, counts);
-        self.motion = end;
+        last.t = end.instant.motion.t;
+        eq.remember(&mut last, counts);
+        self.motion = last;
         self.acceleration = a_end;
         self.lam = lam;
         Ok(())
     }
 
-    fn read(&self, wanted: &[Quantity], out: &mut [f64], first: usize, n_p: usize) {
+    fn alpha(
+        &mut self,
+        end: &Here,
+        p: Parameters,
+        h: f64,
+        by: &Solved,
+        counts: &mut Counts,
+    ) -> Result<()> {
+        let eq = &self.eq;
+        let Some(load) = &self.load else {
+            return Ok(());
+        };
+        let a0 = load.shifted(p, h);
+        let mut s1 = lift::<T>(&by.s1);
+        let m = reached(eq, p, &self.motion, (&a0, &load.rate_slope, &s1), h).1;
+        let f = missing(&alpha::balance(eq, p, &m, &s1, &lift(&by.lam), h, counts));
+        let g = missing(&alpha::closure(eq, p, &m, h));
+        let (w, _) = by.step.solve(&f, &g)?;
+        add_slopes(&mut s1, &w, 1.0 / (h * h * p.slopes().0));
+        let (_, mut last, a1) = reached(eq, p, &self.motion, (&a0, &load.rate_slope, &s1), h);
+        let there = &end.instant;
+        rebased(&mut last, &there.motion);
+        let jacobian = eq.rows(&last).1;
+        if eq.n_rows() > 0 {
+            for (v, d) in last.rate.iter_mut().zip(&by.dv) {
+                *v += *d;
+            }
+            let moved = eq.mass(&last) * DVector::from_vec(lift::<T>(&by.dv));
+            let f = missing(&(moved + pulled(&jacobian, &by.kappa)));
+            let g = missing(&eq.row_rates_of(&last, &jacobian));
+            add_slopes(&mut last.rate, &by.end.solve(&f, &g)?.0, 1.0);
+        }
+        let (a, lam) = accelerated(eq, &last, &jacobian, there, &by.end, counts)?;
+        let slope = (a.iter().zip(&self.acceleration)).map(|(a, b)| (*a - *b) / h);
+        self.load = Some(Load {
+            a: a1,
+            rate_slope: s1,
+            slope: slope.collect(),
+            h,
+        });
+        last.t = there.motion.t;
+        eq.remember(&mut last, counts);
+        self.motion = last;
+        self.acceleration = a;
+        self.lam = lam;
+        Ok(())
+    }
+}
+
+/// Accelerations and multipliers of an instant, its motion known with derivatives.
+fn accelerated<T: Lanes>(
+    eq: &Equations<'_, T>,
+    m: &Motion<T>,
+    jacobian: &DMatrix<T>,
+    there: &Instant,
+    by: &Penalty,
+    counts: &mut Counts,
+) -> Result<(Vec<T>, Vec<T>)> {
+    let (mut a, mut lam) = (lift::<T>(&there.acceleration), lift::<T>(&there.lam));
+    let f = missing(&eq.residual(m, &a, &lam, counts));
+    let g = missing(&(eq.row_bias(m) + jacobian * DVector::from_column_slice(&a)));
+    let (da, dlam) = by.solve(&f, &g)?;
+    add_slopes(&mut a, &da, 1.0);
+    add_slopes(&mut lam, &dlam, 1.0);
+    Ok((a, lam))
+}
+
+impl<T: Lanes> Along for Chunk<'_, T> {
+    fn step(
+        &mut self,
+        end: &Here,
+        made: &Made,
+        solved: Option<&Solved>,
+        counts: &mut Counts,
+    ) -> Result<()> {
+        counts.add("tangent linear steps", 1);
+        match (made, solved) {
+            (Made::Ali3p(record, by), _) => self.ali3p(end, record, by, counts),
+            (Made::Alpha(p, h), Some(by)) => self.alpha(end, *p, *h, by, counts),
+            (Made::Alpha(..), None) => Ok(()),
+        }
+    }
+
+    fn anew(&mut self, here: &Here, by: &Penalty, counts: &mut Counts) -> Result<()> {
+        let jacobian = self.eq.rows(&self.motion).1;
+        let there = &here.instant;
+        (self.acceleration, self.lam) =
+            accelerated(&self.eq, &self.motion, &jacobian, there, by, counts)?;
+        self.load = (self.load.is_some()).then(|| Load::first(&self.acceleration));
+        Ok(())
+    }
+
+    fn read(&self, wanted: &[Quantity], out: &mut [f64], first: usize, n_p: usize) -> Result<()> {
         let at = Point {
             motion: &self.motion,
             acceleration: &self.acceleration,
             lam: &self.lam,
         };
-        for (i, x) in evaluate(&self.eq, &at, wanted).iter().enumerate() {
-            let s = slopes(x);
+        for (i, x) in evaluate(&self.eq, &at, wanted)?.iter().enumerate() {
             for k in 0..self.used {
-                out[i * n_p + first + k] = s[k];
+                out[i * n_p + first + k] = x.slope(k);
             }
         }
+        Ok(())
     }
+}
+
+/// All directions in chunks, each with the first of its directions.
+fn chunks<'a>(
+    eq: &Equations<'a, f64>,
+    first: &Instant,
+    plan: &Plan,
+    directions: &[Direction],
+    counts: &mut Counts,
+) -> Result<Vec<(usize, Box<dyn Along + 'a>)>> {
+    let mut out: Vec<(usize, Box<dyn Along + 'a>)> = Vec::new();
+    if directions.is_empty() {
+        return Ok(out);
+    }
+    let starting = Starting::new(eq, first, &plan.follow)?;
+    let (system, effects, rule) = (eq.system, eq.effects, plan.rule);
+    for (c, part) in directions.chunks(WIDTH).enumerate() {
+        let at = c * WIDTH;
+        out.push((
+            at,
+            if part.len() == 1 {
+                Box::new(Chunk::<Dual64>::new(
+                    system, effects, part, at, &starting, rule, counts,
+                )?)
+            } else {
+                Box::new(Chunk::<DualSVec64<WIDTH>>::new(
+                    system, effects, part, at, &starting, rule, counts,
+                )?)
+            },
+        ));
+    }
+    Ok(out)
 }
 
 /// Instants, the wanted numbers at them (n_t, n) and their derivatives (n_t, n, n_p), flat.
@@ -216,6 +338,7 @@ pub struct Sensitivities {
     pub values: Vec<f64>,
     pub derivatives: Vec<f64>,
     pub width: usize,
+    pub kinks: Vec<Kink>,
 }
 
 #[allow(clippy::too_many_arguments)]
@@ -230,20 +353,7 @@ pub fn direct(
 ) -> Result<Sensitivities> {
     plan.check()?;
     let n_p = directions.len();
-    let mut chunks = Vec::new();
-    if n_p > 0 {
-        let starting = Starting::new(eq, &first, &plan.follow)?;
-        for (c, part) in directions.chunks(WIDTH).enumerate() {
-            chunks.push(Chunk::new(
-                eq.system,
-                eq.effects,
-                part,
-                c * WIDTH,
-                &starting,
-                counts,
-            )?);
-        }
-    }
+    let mut chunks = chunks(eq, &first, plan, directions, counts)?;
     let width: usize = wanted.iter().map(|q| q.width(eq)).sum();
     let n_t = plan.times.len();
     let mut out = Sensitivities {
@@ -251,30 +361,45 @@ pub fn direct(
         values: Vec::with_capacity(n_t * width),
         derivatives: vec![0.0; n_t * width * n_p],
         width,
+        kinks: Vec::new(),
     };
-    let mut here = first;
+    let (mut march, mut watch) = (March::new(eq, plan), Watch::new(eq, &first));
+    let mut here = Here::first(first, plan.rule);
     for i in 0..n_t {
         if i > 0 {
-            let (end, record) = advance(eq, plan, i - 1, &here, cancel, counts)?;
-            if n_p > 0 {
-                let by = Factors::new(eq, &here, &record, plan.weight, counts)?;
-                for chunk in &mut chunks {
-                    chunk.step(&record, end.motion.t, &by, plan.weight, counts)?;
-                }
+            let (end, made) = march.step(i - 1, &here, cancel, counts)?;
+            let solved = match &made {
+                Made::Alpha(p, h) if n_p > 0 => Some(Solved::new(eq, *p, &here, &end, *h, counts)?),
+                _ => None,
+            };
+            for (_, chunk) in &mut chunks {
+                chunk.step(&end, &made, solved.as_ref(), counts)?;
             }
-            here = end;
+            watch.pass(&here.instant, &end.instant);
+            here = match march.anew(i - 1, &end, counts)? {
+                None => end,
+                Some(anew) => {
+                    let by = alpha::accelerating(eq, &anew.instant.motion)?.0;
+                    for (_, chunk) in &mut chunks {
+                        chunk.anew(&anew, &by, counts)?;
+                    }
+                    anew
+                }
+            };
         }
+        let now = &here.instant;
         let at = Point {
-            motion: &here.motion,
-            acceleration: &here.acceleration,
-            lam: &here.lam,
+            motion: &now.motion,
+            acceleration: &now.acceleration,
+            lam: &now.lam,
         };
-        out.values.extend(evaluate(eq, &at, wanted));
+        out.values.extend(evaluate(eq, &at, wanted)?);
         let place = &mut out.derivatives[i * width * n_p..(i + 1) * width * n_p];
-        for (c, chunk) in chunks.iter().enumerate() {
-            chunk.read(wanted, place, c * WIDTH, n_p);
+        for (first, chunk) in &chunks {
+            chunk.read(wanted, place, *first, n_p)?;
         }
-        out.instants.push(here.clone());
+        out.instants.push(now.clone());
     }
+    out.kinks = watch.found;
     Ok(out)
 }

@@ -1,26 +1,37 @@
-//! Gradients of a motion: the derivative of the discrete solution of ALI3-P, forwards along directions and backwards.
+//! Gradients of a motion: the derivative of the discrete solution, forwards along directions and backwards, of ALI3-P and of
+//! generalised-alpha.
 //!
-//! Steps, iteration counts and multiplier updates are those of the motion itself: every step is the solution of three linear-implicit
-//! systems (`transient::ali3p`), each differentiated by the implicit function theorem with the matrices of the step.
+//! Steps, iteration counts and multiplier updates are those of the motion itself: every step is the solution of three implicit
+//! systems (`transient::ali3p`, `alpha`), each differentiated by the implicit function theorem with the matrices of the step.
 //!
 //! | file | |
 //! |---|---|
-//! | `quantity` | what can be read of an instant, over any number type |
+//! | `quantity`, `reactions` | what can be read of an instant, over any number type |
 //! | `start` | the first instant and its derivative: loops closed, rates consistent, accelerations |
-//! | `direct` | all directions along with the motion |
-//! | `adjoint` | the steps backwards, with checkpoints |
+//! | `march` | the motion itself, step by step |
+//! | `kinks` | where a motion has no derivative |
+//! | `alpha` | a step of generalised-alpha as equations |
+//! | `lanes`, `direct` | all directions along with the motion |
+//! | `recorder`, `adjoint`, `adjoint_alpha` | the steps backwards, with checkpoints |
 //! | `tape` | numbers that remember where they come from |
 pub mod adjoint;
+mod adjoint_alpha;
+mod alpha;
 pub mod direct;
+pub mod kinks;
+mod lanes;
+pub mod march;
 pub mod quantity;
+mod reactions;
+mod recorder;
 pub mod start;
 pub mod tape;
 
 use crate::error::{Error, Result};
-use crate::run::{Cancel, Counts};
+use crate::run::Counts;
 
-use super::transient::ali3p::{Record, Weight};
 use super::transient::{Equations, Instant, Motion};
+use march::Rule;
 
 /// One direction dx/dp of the numbers, sparse.
 pub type Direction = Vec<(usize, f64)>;
@@ -29,8 +40,10 @@ pub type Direction = Vec<(usize, f64)>;
 #[derive(Debug, Clone)]
 pub struct Plan {
     pub times: Vec<f64>,
-    pub weight: Weight,
+    pub rule: Rule,
     pub follow: Follow,
+    /// times of steps after which the scheme starts anew, because a load or a drive is not smooth there
+    pub breaks: Vec<f64>,
     /// the way back keeps a motion of at most so many numbers whole; of a longer one checkpoints, as many as the root of its steps
     pub keep: usize,
 }
@@ -61,40 +74,6 @@ impl Plan {
 
     pub fn step(&self, i: usize) -> f64 {
         self.times[i + 1] - self.times[i]
-    }
-}
-
-/// The next instant, memories included, and how it came about.
-pub fn advance(
-    eq: &Equations<'_, f64>,
-    plan: &Plan,
-    i: usize,
-    from: &Instant,
-    cancel: &Cancel,
-    counts: &mut Counts,
-) -> Result<(Instant, Record)> {
-    cancel.check()?;
-    let (mut end, record) = eq
-        .ali3p_step(from, plan.step(i), plan.weight, counts)
-        .map_err(|e| at_time(e, from.motion.t))?;
-    end.motion.t = plan.times[i + 1];
-    eq.remember(&mut end.motion, counts);
-    counts.add("steps", 1);
-    Ok((end, record))
-}
-
-fn at_time(error: Error, t: f64) -> Error {
-    match error {
-        Error::Convergence {
-            message,
-            best,
-            residual,
-        } => Error::Convergence {
-            message: format!("at t = {t} s {message}; take smaller steps"),
-            best,
-            residual,
-        },
-        other => other,
     }
 }
 

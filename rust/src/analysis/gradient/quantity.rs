@@ -2,10 +2,12 @@
 use crate::analysis::transient::{Equations, Motion};
 use crate::error::{Error, Result};
 use crate::model::tables::BodyRef;
-use crate::spatial::{Pose, Real, Six, V3};
-use crate::system::assemble::Scene;
-use crate::system::connector::{Wanted, constraint_interaction, relative_of};
-use crate::system::placement::{Placement, marker_pose};
+use crate::spatial::{Real, Six, V3};
+use crate::system::connector::relative_of;
+use crate::system::flexible::node_rates;
+use crate::system::placement::Placement;
+
+use super::reactions::joint_reactions;
 
 /// A point fixed in a body, given in the drawn world.
 #[derive(Debug, Clone, Copy)]
@@ -57,8 +59,8 @@ impl Quantity {
     }
 }
 
-/// Redundant rows share reactions by minimum norm, which is not differentiated here.
-pub fn check(eq: &Equations<'_, f64>, wanted: &[Quantity], redundant: bool) -> Result<()> {
+/// Quantities belong to the model.
+pub fn check(eq: &Equations<'_, f64>, wanted: &[Quantity]) -> Result<()> {
     let tables = &eq.topology().tables;
     for q in wanted {
         let fits = match q {
@@ -76,19 +78,16 @@ pub fn check(eq: &Equations<'_, f64>, wanted: &[Quantity], redundant: bool) -> R
         if !fits {
             return Err(Error::model("a quantity does not belong to the model"));
         }
-        if let (Quantity::Reaction(j), true) = (q, redundant) {
-            return Err(Error::NotDifferentiable(format!(
-                "reactions such as that of '{}' have no derivative where constraints are redundant: bodies do not decide how joints \
-                 share a force; release the redundant constraint",
-                tables.joints[*j].name
-            )));
-        }
     }
     Ok(())
 }
 
 /// All wanted numbers one after the other.
-pub fn evaluate<T: Real>(eq: &Equations<'_, T>, at: &Point<'_, T>, wanted: &[Quantity]) -> Vec<T> {
+pub fn evaluate<T: Real>(
+    eq: &Equations<'_, T>,
+    at: &Point<'_, T>,
+    wanted: &[Quantity],
+) -> Result<Vec<T>> {
     let placement = eq.place(at.motion);
     let accelerations = wanted
         .iter()
@@ -97,7 +96,8 @@ pub fn evaluate<T: Real>(eq: &Equations<'_, T>, at: &Point<'_, T>, wanted: &[Qua
     let reactions = wanted
         .iter()
         .any(|q| matches!(q, Quantity::Reaction(_)))
-        .then(|| joint_wrenches(eq, at, &placement));
+        .then(|| joint_reactions(eq, at, &placement))
+        .transpose()?;
     let mut out = Vec::new();
     for q in wanted {
         match q {
@@ -139,7 +139,7 @@ pub fn evaluate<T: Real>(eq: &Equations<'_, T>, at: &Point<'_, T>, wanted: &[Qua
             }
         }
     }
-    out
+    Ok(out)
 }
 
 fn point<T: Real>(
@@ -193,14 +193,21 @@ fn body_accelerations<T: Real>(
     };
     // spatial accelerations first, which add up like velocities
     let mut spatial: Vec<Six<T>> = Vec::with_capacity(topology.nodes.len());
+    let nodes = node_rates(topology, &eq.geometry, at.acceleration);
+    let n = at.acceleration.len();
     for (i, node) in topology.nodes.iter().enumerate() {
         let mut a = node.parent.map_or_else(Six::zero, |p| {
             spatial[p].motion_at(&(placement.pose[i].p - placement.pose[p].p))
         });
         for d in node.first..node.first + node.n {
             let s = &placement.column[d];
-            a += velocity.before[d].cross_motion(s).scaled(at.motion.rate[d]);
-            a += s.scaled(at.acceleration[d]);
+            let speed = velocity.of(&at.motion.rate, d);
+            a += velocity.before[d].cross_motion(s).scaled(speed);
+            a += s.scaled(if d < n {
+                at.acceleration[d]
+            } else {
+                nodes[d - n]
+            });
         }
         spatial.push(a);
     }
@@ -209,42 +216,4 @@ fn body_accelerations<T: Real>(
         .zip(&velocity.body)
         .map(|(a, v)| Six::new(a.l + v.a.cross(&v.l), a.a))
         .collect()
-}
-
-fn joint_wrenches<T: Real>(
-    eq: &Equations<'_, T>,
-    at: &Point<'_, T>,
-    placement: &Placement<T>,
-) -> Vec<Six<T>> {
-    let topology = eq.topology();
-    let scene: Scene<'_, T> = eq.scene(at.motion, placement, Some(at.acceleration));
-    let lam = (!at.lam.is_empty()).then_some(at.lam);
-    let subtree = scene.subtree_wrenches(scene.body_wrenches(lam));
-    let mut all = vec![Six::zero(); topology.tables.joints.len()];
-    for (i, node) in topology.nodes.iter().enumerate() {
-        if let Some(j) = node.joint {
-            let local: &Pose<T> = &eq.geometry.joints[j].b;
-            let p = marker_pose(
-                topology,
-                &placement.pose,
-                topology.tables.joints[j].b,
-                local,
-            )
-            .p;
-            let w = subtree[i].wrench_at(&(p - placement.pose[i].p));
-            all[j] = if node.reversed { -w } else { w };
-        }
-    }
-    for (joint, rows) in scene.cut_multipliers(at.lam) {
-        all[joint] = constraint_interaction(
-            topology,
-            &eq.geometry,
-            placement,
-            joint,
-            &rows,
-            Wanted::FORCES,
-        )
-        .wrench;
-    }
-    all
 }

@@ -45,6 +45,12 @@ pub struct Record {
     pub nu: Vec<f64>,
 }
 
+/// The matrices of a step, factorised; that of the step at the last iterate but one, from which the solution differs by rounding.
+pub struct Factors {
+    pub step: Penalty,
+    pub projection: Option<Penalty>,
+}
+
 /// What the trapezoidal rule makes of an increment: motion with v*, and a*.
 pub fn stars<T: Real>(
     eq: &Equations<'_, T>,
@@ -79,12 +85,17 @@ pub fn balance<T: Real>(
 
 /// Phi of position rows, h/2 (J v* + Phi_t) of velocity rows.
 pub fn closure<T: Real>(eq: &Equations<'_, T>, m: &Motion<T>, h: f64) -> DVector<T> {
+    closure_by(eq, m, 0.5 * h)
+}
+
+/// The same with another factor of velocity rows.
+pub fn closure_by<T: Real>(eq: &Equations<'_, T>, m: &Motion<T>, factor: f64) -> DVector<T> {
     let (mut phi, jacobian) = eq.rows(m);
     if eq.topology().has_velocity_rows() {
         let rates = eq.row_rates_of(m, &jacobian);
         for (i, row) in eq.topology().rows.iter().enumerate() {
             if row.level == Level::Velocity {
-                phi[i] = rates[i] * (0.5 * h);
+                phi[i] = rates[i] * factor;
             }
         }
     }
@@ -97,19 +108,20 @@ pub fn lifted<'a, T: Real>(eq: &Equations<'a, T>) -> Equations<'a, Dual<T>> {
     Equations::with_geometry(eq.system, x, eq.geometry.map(Dual::from_re), eq.effects)
 }
 
-/// W delta: for the tangent metric the derivative of c (M a* + h) along (c delta, h/2 delta, delta).
+/// W delta: for the tangent metric, which needs the equations lifted, the derivative of c (M a* + h) along
+/// (c delta, h/2 delta, delta).
 pub fn metric_times<T: Real>(
     eq: &Equations<'_, T>,
-    lifted: &Equations<'_, Dual<T>>,
+    lifted: Option<&Equations<'_, Dual<T>>>,
     m: &Motion<T>,
     a: &[T],
     delta: &[T],
     h: f64,
     weight: Weight,
 ) -> DVector<T> {
-    if weight == Weight::Mass {
+    let (Weight::Tangent, Some(lifted)) = (weight, lifted) else {
         return eq.mass(m) * DVector::from_column_slice(delta);
-    }
+    };
     let along = |v: &[T], f: f64| -> Vec<Dual<T>> {
         v.iter()
             .zip(delta)
@@ -143,7 +155,7 @@ pub fn pulled<T: Real>(jacobian: &DMatrix<T>, y: &[f64]) -> DVector<T> {
 
 impl Equations<'_, f64> {
     /// X J_l(theta): columns of three rotations together, so that X acts on changes of an increment theta.
-    fn turned_columns(&self, mut x: DMatrix<f64>, theta: &[f64]) -> DMatrix<f64> {
+    pub fn turned_columns(&self, mut x: DMatrix<f64>, theta: &[f64]) -> DMatrix<f64> {
         turn_columns(&mut x, &self.rotation_maps(theta));
         x
     }
@@ -239,12 +251,12 @@ impl Equations<'_, f64> {
         h: f64,
         weight: Weight,
         counts: &mut Counts,
-    ) -> Result<(Instant, Record)> {
+    ) -> Result<(Instant, Record, Factors)> {
         let n = self.n();
         let (v0, a0) = (&from.motion.rate, &from.acceleration);
         let mut dq: Vec<f64> = (0..n).map(|i| h * v0[i] + 0.5 * h * h * a0[i]).collect();
         let mut lam = from.lam.clone();
-        self.newton(from, h, &mut dq, &mut lam, counts)?;
+        let step = self.newton(from, h, &mut dq, &mut lam, counts)?;
         let (m, a) = stars(self, &from.motion, a0, &dq, h);
         let mut record = Record {
             h,
@@ -260,10 +272,10 @@ impl Equations<'_, f64> {
             acceleration: a,
             lam: record.lam.clone(),
         };
-        if self.n_rows() > 0 {
-            self.project(&mut end, &mut record, weight, counts)?;
-        }
-        Ok((end, record))
+        let projection = (self.n_rows() > 0)
+            .then(|| self.project(&mut end, &mut record, weight, counts))
+            .transpose()?;
+        Ok((end, record, Factors { step, projection }))
     }
 
     fn project(
@@ -272,7 +284,7 @@ impl Equations<'_, f64> {
         record: &mut Record,
         weight: Weight,
         counts: &mut Counts,
-    ) -> Result<()> {
+    ) -> Result<Penalty> {
         let jacobian = self.rows(&end.motion).1;
         let by = self.projection_matrix(
             &end.motion,
@@ -299,7 +311,7 @@ impl Equations<'_, f64> {
         record.kappa = kappa.as_slice().to_vec();
         record.da = da.as_slice().to_vec();
         record.nu = nu.as_slice().to_vec();
-        Ok(())
+        Ok(by)
     }
 
     fn newton(
@@ -309,7 +321,7 @@ impl Equations<'_, f64> {
         dq: &mut [f64],
         lam: &mut [f64],
         counts: &mut Counts,
-    ) -> Result<()> {
+    ) -> Result<Penalty> {
         let scales = self.scales();
         let size = |v: &[f64]| {
             v.iter()
@@ -337,14 +349,14 @@ impl Equations<'_, f64> {
             let step = size(x.as_slice());
             let whole = size(dq).max(c * size(&from.acceleration));
             if step <= SOLVED * whole || step <= 4.0 * f64::EPSILON {
-                return Ok(());
+                return Ok(by);
             }
             if step > 2.0 * last && step > 1.0 {
                 break;
             }
             // rounding of a long way or of stiff forces: no further progress
             if step > 0.5 * last && step < 1e-12 {
-                return Ok(());
+                return Ok(by);
             }
             last = step;
         }
@@ -406,7 +418,7 @@ impl Scheme for Ali3p {
         estimate: bool,
         counts: &mut Counts,
     ) -> Result<Step> {
-        let (end, _) = eq.ali3p_step(from, h, self.weight, counts)?;
+        let (end, ..) = eq.ali3p_step(from, h, self.weight, counts)?;
         let error = estimate.then(|| self.estimate(from, &end, h));
         Ok(Step { end, error })
     }

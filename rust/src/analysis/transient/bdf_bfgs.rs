@@ -20,6 +20,8 @@ use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 const STEPS: usize = 4;
 /// Leading term of the error over the fifth difference: (1/5)/(25/12).
 const LEADING: f64 = 12.0 / 125.0;
+/// A fifth difference sums 32 values: what it may show of the norm that the equations of a step are left with.
+const UNSOLVED: f64 = 32.0;
 
 pub struct BdfBfgs {
     form: Form,
@@ -29,6 +31,8 @@ pub struct BdfBfgs {
     /// multipliers of the kept rows at the last accepted instant, and of the step that is tried
     lam: Option<(f64, Vec<f64>)>,
     tried: Option<Vec<f64>>,
+    /// the step that is tried leaves the history behind
+    restarted: bool,
 }
 
 impl BdfBfgs {
@@ -40,6 +44,7 @@ impl BdfBfgs {
             sizes: None,
             lam: None,
             tried: None,
+            restarted: false,
         }
     }
 
@@ -86,7 +91,7 @@ impl BdfBfgs {
         counts: &mut Counts,
     ) -> Result<Step> {
         let sizes = self.sizes(eq, &from.motion);
-        let history = self.history.seen_from(eq, from, h);
+        let history = self.history.seen_from(eq, from);
         let t = from.motion.t + h;
         let times: Vec<f64> = history.iter().map(|p| p.t).collect();
         let mut nodes = vec![t];
@@ -122,20 +127,36 @@ impl BdfBfgs {
         }
         let error = (history.len() > STEPS).then(|| {
             let ahead = value_weights(&times[..=STEPS], t);
-            let miss = |now: &[f64], of: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> {
+            let miss = |now: &[f64], of: &dyn Fn(usize) -> Vec<f64>, unit: f64| -> Vec<f64> {
                 let expected = combined(&ahead, of, eq.n());
-                let both = now.iter().zip(expected);
-                both.map(|(y, e)| LEADING * (y - e)).collect()
+                let both = now.iter().zip(expected).zip(&sizes.sigma);
+                both.map(|((y, e), s)| LEADING * beyond(y - e, unit * s))
+                    .collect()
             };
+            // what the equations leave unsolved says nothing about the length of the step
+            let unsolved = UNSOLVED * self.solver.reached;
             LocalError {
-                position: miss(&at.theta, &|j| history[j].theta.clone()),
-                rate: miss(&motion.rate, &|j| history[j].rate.clone()),
+                position: miss(&at.theta, &|j| history[j].theta.clone(), unsolved),
+                rate: miss(
+                    &motion.rate,
+                    &|j| history[j].rate.clone(),
+                    unsolved * weights[0],
+                ),
             }
         });
+        if let Some(e) = &error
+            && e.rate.iter().all(|v| *v == 0.0)
+        {
+            counts.add("steps within rounding", 1);
+        }
         self.tried = Some(at.lam);
         let end = eq.instant(motion, counts)?;
         Ok(Step { end, error })
     }
+}
+
+fn beyond(value: f64, noise: f64) -> f64 {
+    value.signum() * (value.abs() - noise).max(0.0)
 }
 
 fn combined(weights: &[f64], of: &dyn Fn(usize) -> Vec<f64>, n: usize) -> Vec<f64> {
@@ -161,7 +182,9 @@ impl Scheme for BdfBfgs {
         estimate: bool,
         counts: &mut Counts,
     ) -> Result<Step> {
-        if self.history.past.len() >= STEPS - 1 + usize::from(estimate) {
+        // the last step of a run with fixed steps may be shorter: one start step is nothing lost
+        self.restarted = self.history.too_wide(from, h);
+        if !self.restarted && self.history.past.len() >= STEPS - 1 + usize::from(estimate) {
             return self.corrected(eq, from, h, counts);
         }
         self.tried = None;
@@ -177,6 +200,9 @@ impl Scheme for BdfBfgs {
     }
 
     fn accept(&mut self, _: &Equations<'_, f64>, from: &Instant, step: &Step, _: f64) {
+        if self.restarted {
+            self.history.past.clear();
+        }
         self.history.past.insert(0, from.clone());
         self.history.past.truncate(STEPS);
         self.lam = self.tried.take().map(|lam| (step.end.motion.t, lam));

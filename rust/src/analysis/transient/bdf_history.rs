@@ -1,13 +1,14 @@
-//! What `bdf_bfgs` looks back on: instants at equal distances as seen from the present one, and the first of them.
+//! What `bdf_bfgs` looks back on, as seen from the present instant, and its first steps.
 use crate::error::{Error, Result};
 use crate::run::Counts;
 
 use super::explicit8::Explicit8;
-use super::interpolate::quintic;
-use super::{Equations, Instant, LocalError, Motion, Scheme};
+use super::{Equations, Instant, LocalError, Scheme};
 
 /// Growth of the step that keeps formulas of order four stable at unequal steps.
 pub const GROWTH: f64 = 1.25;
+/// A step shorter than this part of a past one starts anew.
+const WIDEST: f64 = 1.6;
 /// Error of a start step in characteristic lengths or radians.
 const START_ERROR: f64 = 1e-10;
 const MOST_DIVISIONS: u32 = 12;
@@ -32,52 +33,22 @@ impl History {
         *self = History::default();
     }
 
-    /// The present first.
-    pub fn seen_from(&self, eq: &Equations<'_, f64>, from: &Instant, h: f64) -> Vec<Past> {
-        let mut times = vec![from.motion.t];
-        times.extend(self.past.iter().map(|p| p.motion.t));
-        let widest = times.windows(2).fold(0.0_f64, |a, w| a.max(w[0] - w[1]));
-        let covered = times[times.len() - 1] <= from.motion.t - h * self.past.len() as f64;
-        let motions = if widest > GROWTH * h && covered {
-            self.between(eq, from, h, &times)
-        } else {
-            self.past.iter().map(|p| p.motion.clone()).collect()
-        };
-        let seen = |m: &Motion<f64>| Past {
-            t: m.t,
-            theta: eq.difference(&from.motion, m),
-            rate: m.rate.clone(),
-        };
-        let mut all = vec![seen(&from.motion)];
-        all.extend(motions.iter().map(seen));
-        all
+    /// Whether old distances would set the error of a step of length h: the polynomial through them is no better near its end
+    /// than at their own length.
+    pub fn too_wide(&self, from: &Instant, h: f64) -> bool {
+        let times = std::iter::once(from).chain(&self.past).map(|p| p.motion.t);
+        let times: Vec<f64> = times.collect();
+        times.windows(2).any(|w| w[0] - w[1] > WIDEST * h)
     }
 
-    /// Past motions at distances h, between the instants there are: behind a shortened step old distances would set the error.
-    fn between(
-        &self,
-        eq: &Equations<'_, f64>,
-        from: &Instant,
-        h: f64,
-        times: &[f64],
-    ) -> Vec<Motion<f64>> {
-        let oldest = times.len() - 1;
-        let mut out = Vec::new();
-        for j in 1..=oldest {
-            let t = from.motion.t - h * j as f64;
-            let newer = (0..oldest)
-                .find(|k| times[k + 1] <= t)
-                .unwrap_or(oldest - 1);
-            let to = if newer == 0 {
-                from
-            } else {
-                &self.past[newer - 1]
-            };
-            let gap = times[newer] - times[newer + 1];
-            let part = [(t - times[newer + 1]) / gap];
-            out.extend(quintic(eq, &self.past[newer], to, gap, &part));
-        }
-        out
+    /// The present first.
+    pub fn seen_from(&self, eq: &Equations<'_, f64>, from: &Instant) -> Vec<Past> {
+        let seen = |p: &Instant| Past {
+            t: p.motion.t,
+            theta: eq.difference(&from.motion, &p.motion),
+            rate: p.motion.rate.clone(),
+        };
+        std::iter::once(from).chain(&self.past).map(seen).collect()
     }
 
     /// A step of order eight, divided until its own estimate is negligible.

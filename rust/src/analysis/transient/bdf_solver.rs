@@ -19,7 +19,9 @@ const ROUNDING: f64 = 1e-17;
 const LOOSEST: f64 = 1e-14;
 /// Least cosine between y and s for an update: where BFGS meets a nonsymmetric or indefinite Jacobian, smaller ones ruin H.
 const CURVATURE: f64 = 0.1;
-/// Where rounding stops the iteration above that, this is taken.
+/// A norm that is taken where the iteration stops short of the goal, over the goal.
+const NEAR: f64 = 30.0;
+/// The same where a fresh inverse was used, over the root of the number of equations.
 const ACCEPTABLE: f64 = 1e-11;
 const MAX_ITERATIONS: usize = 40;
 const PATIENCE: usize = 4;
@@ -34,6 +36,10 @@ pub struct StepSolver {
     /// steps at which inverse BFGS failed
     strikes: u32,
     kept: Option<Kept>,
+    /// norm that a fresh inverse could not get below: rounding
+    floor: f64,
+    /// norm of the equations of the last step that was solved
+    pub reached: f64,
 }
 
 /// An inverse and the factors of the equations it belongs to.
@@ -51,6 +57,8 @@ impl StepSolver {
             settles: family.is_none(),
             strikes: 0,
             kept: None,
+            floor: 0.0,
+            reached: 0.0,
         }
     }
 
@@ -126,10 +134,16 @@ impl StepSolver {
             }
             let out = self.attempt(step, &x, family, solved)?;
             last = norm2(&out.f);
-            if last <= ACCEPTABLE * goal {
+            // short of the goal only what a fresh inverse could not better either
+            let near = f64::max(NEAR * solved, 2.0 * self.floor);
+            if last <= near || attempt == 2 && last <= ACCEPTABLE * goal {
+                if attempt == 2 {
+                    self.floor = last;
+                }
                 if last > solved {
                     step.counts.add("steps at rounding", 1);
                 }
+                self.reached = last;
                 return Ok(out.x);
             }
             if last.is_finite() {

@@ -1,10 +1,11 @@
 //! Energies and powers along a motion, and the coordinates of all joints.
 use crate::laws::Law;
-use crate::model::joint::Coordinate;
+use crate::model::flexible::FlexibleGeometry;
+use crate::model::joint::{Coordinate, JointKind};
 use crate::spatial::{Six, V3, log_so3};
 use crate::system::connector::{motion_of, relative_of};
 use crate::system::placement::Placement;
-use crate::system::topology::Connector;
+use crate::system::topology::{Connector, Modal, Node};
 
 use super::{Equations, Motion};
 
@@ -18,6 +19,7 @@ pub struct ElementEnergy {
 pub struct Energies {
     pub kinetic: f64,
     pub gravity: f64,
+    /// of all connectors, then of flexible bodies
     pub elements: Vec<ElementEnergy>,
 }
 
@@ -29,20 +31,49 @@ const GAUSS: [(f64, f64); 5] = [
     (0.769_234_655_052_842, 0.239_314_335_249_683),
     (0.953_089_922_969_332, 0.118_463_442_528_095),
 ];
-/// Pieces of the path from zero to the displacement: laws of contact have a kink inside.
+/// Pieces of the path from zero to the displacement where a law is smooth.
 const PIECES: usize = 64;
+/// Towards the kink of a contact law pieces are halved so often.
+const HALVINGS: i32 = 45;
 
 /// The work of a law from zero displacement, or None of laws that depend on more than the displacement.
 fn potential(law: Law, p: &[f64], e: f64) -> Option<f64> {
     if law.uses_velocity() || law.n_memory() > 0 || matches!(law, Law::VaryingStiffness) {
         return None;
     }
-    let piece = e / PIECES as f64;
-    let at = |k: usize, s: f64| law.force(piece * (k as f64 + s), 0.0, p, &[], &mut []);
-    let sum: f64 = (0..PIECES)
-        .map(|k| GAUSS.iter().map(|(s, w)| w * at(k, *s)).sum::<f64>())
-        .sum();
-    Some(sum * piece)
+    let mut ends = vec![0.0];
+    ends.extend(joints_of_path(law, p, e));
+    ends.push(e);
+    let force = |u: f64| law.force(u, 0.0, p, &[], &mut []);
+    let piece = |from: f64, to: f64| {
+        let sum: f64 = GAUSS
+            .iter()
+            .map(|(s, w)| w * force(from + s * (to - from)))
+            .sum();
+        sum * (to - from)
+    };
+    Some(ends.windows(2).map(|w| piece(w[0], w[1])).sum())
+}
+
+/// Where to cut the way from 0 to e: at kinks and knots, and ever finer towards a kink, where forces have no derivatives.
+fn joints_of_path(law: Law, p: &[f64], e: f64) -> Vec<f64> {
+    let near = |kink: f64| {
+        let span = kink.abs().max((e - kink).abs());
+        (0..HALVINGS).flat_map(move |k| {
+            let d = span * 0.5_f64.powi(k);
+            [kink - d, kink + d]
+        })
+    };
+    let mut out: Vec<f64> = match law {
+        Law::Gap => near(p[1]).chain([p[1]]).collect(),
+        Law::GapBilateral => near(p[1]).chain(near(-p[1])).chain([p[1], -p[1]]).collect(),
+        Law::Hertz => near(p[2]).chain([p[2]]).collect(),
+        Law::Table { n } => p[..n].to_vec(),
+        _ => (1..PIECES).map(|k| e * k as f64 / PIECES as f64).collect(),
+    };
+    out.retain(|u| u * e > 0.0 && u.abs() < e.abs());
+    out.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+    out
 }
 
 impl Equations<'_, f64> {
@@ -62,16 +93,44 @@ impl Equations<'_, f64> {
                 gravity -= body.mass * g.dot(&pose.p);
             }
         }
-        let elements = topology
-            .connectors
-            .iter()
-            .map(|c| self.element_energy(&placement, m, c))
-            .collect();
+        kinetic += self.scene(m, &placement, None).modal_kinetic();
+        if let Some(g) = g {
+            gravity -= self.scene(m, &placement, None).modal_moment().dot(&g);
+        }
+        let connectors = topology.connectors.iter();
+        let elements = connectors.map(|c| self.element_energy(&placement, m, c));
+        let elements = elements.chain(self.modal_energies(&placement, m)).collect();
         Energies {
             kinetic,
             gravity,
             elements,
         }
+    }
+
+    /// Strain energy of flexible bodies, and what their stiffness and damping take.
+    fn modal_energies(&self, placement: &Placement<f64>, m: &Motion<f64>) -> Vec<ElementEnergy> {
+        let topology = self.topology();
+        let first = topology.n_tree - placement.modal.len();
+        let of = |(modal, g): (&Modal, &FlexibleGeometry<f64>)| {
+            let (n, q) = (modal.m, &placement.modal[modal.first - first..]);
+            let v = &m.rate[modal.first..];
+            let (mut stored, mut power) = (0.0, 0.0);
+            for k in 0..n {
+                for l in 0..n {
+                    stored += 0.5 * q[k] * g.k[k * n + l] * q[l];
+                    power += v[k] * g.k[k * n + l] * q[l];
+                    if self.effects.damping && !g.c.is_empty() {
+                        power += v[k] * g.c[k * n + l] * v[l];
+                    }
+                }
+            }
+            ElementEnergy {
+                stored: Some(stored),
+                power,
+            }
+        };
+        let all = topology.modal.iter().zip(&self.geometry.flexible);
+        all.map(of).collect()
     }
 
     fn element_energy(
@@ -139,7 +198,7 @@ impl Equations<'_, f64> {
             .nodes
             .iter()
             .zip(&m.relative)
-            .filter(|(n, _)| n.joint.is_none());
+            .filter(|(n, _)| n.joint.is_none() && n.kind != JointKind::Node);
         for (_, pose) in loose {
             let turned = log_so3(&pose.r);
             out.extend(pose.p.iter().chain(turned.iter()));
@@ -158,7 +217,8 @@ impl Equations<'_, f64> {
         let mut out: Vec<bool> = joints
             .map(|c| matches!(c, Coordinate::Angle { .. }))
             .collect();
-        let loose = topology.nodes.iter().filter(|n| n.joint.is_none()).count();
+        let free = |n: &&Node| n.joint.is_none() && n.kind != JointKind::Node;
+        let loose = topology.nodes.iter().filter(free).count();
         out.extend(std::iter::repeat_n(false, 6 * loose));
         out
     }
@@ -185,5 +245,36 @@ fn entry(x: &[f64], c: &Connector, start: Option<usize>, n: usize, i: usize, j: 
         Some(s) if c.full => x[s + i * n + j],
         Some(s) if i == j => x[s + i],
         _ => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Integrals by hand; the hyperbola's is k (d^2/2 + (d r + s^2 asinh(d/s))/2)/2 with r = sqrt(d^2 + s^2).
+    #[test]
+    fn contacts_store_what_their_integrals_say() {
+        let (k, gap, s) = (1e9, 0.013, 1e-6);
+        let hyperbola = |d: f64| {
+            let r = (d * d + s * s).sqrt();
+            0.5 * k * (0.5 * d * d + 0.5 * (d * r + s * s * (d / s).asinh()))
+        };
+        for e in [0.0135, 0.0131, -0.02, 0.5] {
+            let d = f64::max(e - gap, 0.0);
+            let cases = [
+                (Law::Gap, [k, gap, 0.0], 0.5 * k * d * d),
+                (Law::Hertz, [k, 1.5, gap], k * d.powf(2.5) / 2.5),
+                (Law::Gap, [k, gap, s], hyperbola(e - gap) - hyperbola(-gap)),
+            ];
+            for (law, p, exact) in cases {
+                let found = potential(law, &p, e).unwrap();
+                let size = 1e-9 * exact.abs() + 1e-16 * k * gap * gap;
+                assert!(
+                    (found - exact).abs() <= size,
+                    "{law:?} {e}: {found} {exact}"
+                );
+            }
+        }
     }
 }

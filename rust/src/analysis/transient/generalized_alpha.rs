@@ -13,13 +13,19 @@ use nalgebra::DVector;
 
 use crate::error::{Error, Result};
 use crate::run::Counts;
+use crate::spatial::Real;
 use crate::system::topology::Level;
 
+use super::explicit8::Explicit8;
 use super::saddle::Saddle;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
 /// In a singular pose Newton's method gains one bit at a time.
 const MAX_ITERATIONS: usize = 50;
+/// Accelerations of an instant that change so much more than those of the scheme are not decided by the pose.
+const SINGULAR: f64 = 30.0;
+/// Steps that fall to this part of those before have met an obstacle.
+const COLLAPSED: f64 = 0.05;
 /// Part of a step after which the first rate of the acceleration is taken.
 const AHEAD: f64 = 1e-2;
 /// A kept factorisation is renewed when the corrections shrink more slowly.
@@ -28,15 +34,15 @@ const SLOW: f64 = 0.1;
 const SOLVED: f64 = 1e-9;
 
 #[derive(Debug, Clone, Copy)]
-struct Parameters {
-    am: f64,
-    af: f64,
-    beta: f64,
-    gamma: f64,
+pub struct Parameters {
+    pub am: f64,
+    pub af: f64,
+    pub beta: f64,
+    pub gamma: f64,
 }
 
 impl Parameters {
-    fn of(rho: f64) -> Self {
+    pub fn of(rho: f64) -> Self {
         let (am, af) = ((2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0));
         let gamma = 0.5 + af - am;
         Parameters {
@@ -48,7 +54,7 @@ impl Parameters {
     }
 
     /// d(dq)/dv' over h^2 and dv/dv' over h.
-    fn slopes(&self) -> (f64, f64) {
+    pub fn slopes(&self) -> (f64, f64) {
         let f = (1.0 - self.af) / (1.0 - self.am);
         (self.beta * f, self.gamma * f)
     }
@@ -56,20 +62,45 @@ impl Parameters {
 
 /// What the method carries from step to step besides the instant.
 #[derive(Debug, Clone)]
-struct Carried {
-    t: f64,
+pub struct Carried {
+    pub t: f64,
     /// the algorithmic acceleration a
-    a: Vec<f64>,
+    pub a: Vec<f64>,
     /// v' of the equation in the step
-    rate_slope: Vec<f64>,
-    lam: Vec<f64>,
+    pub rate_slope: Vec<f64>,
+    pub lam: Vec<f64>,
     /// change of a in the step that led here, over its length
-    slope: Option<Vec<f64>>,
+    pub slope: Option<Vec<f64>>,
+    pub h: f64,
+}
+
+/// Increment, motion and algorithmic acceleration that belong to v' = s1 at the end of a step; a0 and s0: a and v' at its start.
+pub fn reached<T: Real>(
+    eq: &Equations<'_, T>,
+    p: Parameters,
+    from: &Motion<T>,
+    (a0, s0, s1): (&[T], &[T], &[T]),
     h: f64,
+) -> (Vec<T>, Motion<T>, Vec<T>) {
+    let n = eq.n();
+    let a1: Vec<T> = (0..n)
+        .map(|i| (s1[i] * (1.0 - p.af) + s0[i] * p.af - a0[i] * p.am) / (1.0 - p.am))
+        .collect();
+    let dq: Vec<T> = (0..n)
+        .map(|i| from.rate[i] * h + (a0[i] * (0.5 - p.beta) + a1[i] * p.beta) * (h * h))
+        .collect();
+    let mut m = from.moved(eq.topology(), &dq);
+    m.t = from.t + h;
+    for ((rate, a0), a1) in m.rate.iter_mut().zip(a0).zip(&a1) {
+        *rate += (*a0 * (1.0 - p.gamma) + *a1 * p.gamma) * h;
+    }
+    (dq, m, a1)
 }
 
 pub struct GeneralizedAlpha {
     p: Parameters,
+    /// part of h^2 a at which corrections stop
+    solved: f64,
     carried: Option<Carried>,
     tried: Option<Carried>,
     kept: Option<(f64, Saddle)>,
@@ -87,11 +118,31 @@ impl GeneralizedAlpha {
     pub fn new(rho: f64) -> Self {
         GeneralizedAlpha {
             p: Parameters::of(rho),
+            solved: SOLVED,
             carried: None,
             tried: None,
             kept: None,
             error: None,
         }
+    }
+
+    /// Corrections go on to rounding: derivatives are those of a step that is solved.
+    pub fn to_rounding(rho: f64) -> Self {
+        GeneralizedAlpha {
+            solved: 0.0,
+            ..Self::new(rho)
+        }
+    }
+
+    /// What it carries from the last accepted step.
+    pub fn carried(&self) -> Option<&Carried> {
+        self.carried.as_ref()
+    }
+
+    /// Go on from a step that was accepted before, factorisations forgotten.
+    pub fn resume(&mut self, carried: Option<Carried>) {
+        self.carried = carried;
+        self.kept = None;
     }
 
     /// a is the acceleration at t + (alpha_m - alpha_f) h: it is shifted when the step changes, and at the start.
@@ -160,23 +211,8 @@ impl GeneralizedAlpha {
         u: &Unknown,
         h: f64,
     ) -> (Vec<f64>, Motion<f64>, Vec<f64>) {
-        let p = self.p;
-        let n = eq.n();
-        let a1: Vec<f64> = (0..n)
-            .map(|i| {
-                ((1.0 - p.af) * u.rate_slope[i] + p.af * c.rate_slope[i] - p.am * c.a[i])
-                    / (1.0 - p.am)
-            })
-            .collect();
-        let dq: Vec<f64> = (0..n)
-            .map(|i| h * from.rate[i] + h * h * ((0.5 - p.beta) * c.a[i] + p.beta * a1[i]))
-            .collect();
-        let mut m = from.moved(eq.topology(), &dq);
-        m.t = from.t + h;
-        for ((rate, a0), a1) in m.rate.iter_mut().zip(&c.a).zip(&a1) {
-            *rate += h * ((1.0 - p.gamma) * a0 + p.gamma * a1);
-        }
-        (dq, m, a1)
+        let steps = (c.a.as_slice(), &c.rate_slope[..], &u.rate_slope[..]);
+        reached(eq, self.p, from, steps, h)
     }
 
     fn factor(
@@ -256,7 +292,8 @@ impl GeneralizedAlpha {
                 *l += d / (h * h * b);
             }
             let step = size(w.as_slice());
-            let goal = SOLVED * h * h * size(&u.rate_slope) + 4.0 * f64::EPSILON;
+            let usual = SOLVED * h * h * size(&u.rate_slope);
+            let goal = self.solved / SOLVED * usual + 4.0 * f64::EPSILON;
             let rate = step / last;
             // the first correction says nothing about how fast they shrink
             if step <= goal || last.is_finite() && rate < 1.0 && step * rate / (1.0 - rate) <= goal
@@ -264,7 +301,7 @@ impl GeneralizedAlpha {
                 return Ok(());
             }
             // rounding is reached
-            if rate > 0.5 && step < 1e-13 {
+            if rate > 0.5 && step < usual.max(1e-13) {
                 return Ok(());
             }
             if rate > SLOW {
@@ -285,7 +322,22 @@ impl GeneralizedAlpha {
 
     /// Leading terms of the local error, C h^3 q''' in the increment and C' h^3 q'''' in the rate. The accelerations of the instants
     /// are taken for it: those of the scheme carry the noise of index 3 along the constraints.
-    fn estimate(&self, c: &Carried, slope: &[f64], h: f64) -> LocalError {
+    fn estimate(
+        &self,
+        eq: &Equations<'_, f64>,
+        c: &Carried,
+        a1: &[f64],
+        slope: &[f64],
+        h: f64,
+    ) -> LocalError {
+        let own: Vec<f64> = a1.iter().zip(&c.a).map(|(a, b)| (a - b) / h).collect();
+        let size = |v: &[f64]| {
+            let scaled = v.iter().zip(eq.scales()).map(|(v, c)| (v / c).abs());
+            scaled.fold(0.0, f64::max)
+        };
+        // in a singular pose those of the instant are undecided, and those of the scheme go on
+        let singular = size(slope) > SINGULAR * size(&own);
+        let slope = if singular { &own } else { slope };
         let p = self.p;
         let shift = p.am - p.af;
         let position = shift / 2.0 + p.beta - 1.0 / 6.0;
@@ -295,6 +347,7 @@ impl GeneralizedAlpha {
         let second = |i: usize| {
             c.slope
                 .as_ref()
+                .filter(|_| !singular)
                 .map_or(0.0, |s| 2.0 * (slope[i] - s[i]) / (h + c.h))
         };
         let third = h.powi(3);
@@ -337,7 +390,7 @@ impl Scheme for GeneralizedAlpha {
         let slope: Vec<f64> = (end.acceleration.iter().zip(&from.acceleration))
             .map(|(a, b)| (a - b) / h)
             .collect();
-        let error = estimate.then(|| self.estimate(&c, &slope, h));
+        let error = estimate.then(|| self.estimate(eq, &c, &a1, &slope, h));
         self.error.clone_from(&error);
         self.tried = Some(Carried {
             t: end.motion.t,
@@ -367,6 +420,11 @@ impl Scheme for GeneralizedAlpha {
         } else {
             factor
         })
+    }
+
+    /// Newton's method gives up where the end of a step lies in a singular pose, and shorter steps only lead there.
+    fn bridge(&self, eq: &Equations<'_, f64>, left: f64) -> Option<Box<dyn Scheme>> {
+        (eq.n_rows() > 0 && left < COLLAPSED).then(Explicit8::past_singular_poses)
     }
 
     fn reset(&mut self) {

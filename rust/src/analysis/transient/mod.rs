@@ -121,6 +121,16 @@ pub trait Scheme {
     /// The driver goes on from the end of this step (of length h): the place to move histories on.
     fn accept(&mut self, _eq: &Equations<'_, f64>, _from: &Instant, _step: &Step, _h: f64) {}
 
+    /// A scheme that gets past places where the steps of this one collapse; `left`: the next step over those before.
+    fn bridge(&self, _eq: &Equations<'_, f64>, _left: f64) -> Option<Box<dyn Scheme>> {
+        None
+    }
+
+    /// How long an error of the rates counts in positions; the driver takes the time of the motion where that is shorter.
+    fn rate_time(&self, _h: f64) -> f64 {
+        f64::INFINITY
+    }
+
     /// Something jumped (a restart, a kink): histories are worthless.
     fn reset(&mut self) {}
 
@@ -385,6 +395,9 @@ impl<'a, T: Real> Equations<'a, T> {
             let sign = T::from(if node.reversed { -1.0 } else { 1.0 });
             let turned = q.r * p.r.transpose();
             let inner = log_so3(&turned);
+            if node.kind == JointKind::Node {
+                continue;
+            }
             let universal = (node.kind == JointKind::Universal)
                 .then(|| universal_angles(node.reversed, &p.r, &q.r));
             for (k, f) in node.kind.freedoms(node.reversed).iter().enumerate() {
@@ -394,6 +407,12 @@ impl<'a, T: Real> Equations<'a, T> {
                     (true, None) => inner[f.axis],
                 };
                 out[node.first + k] = d * sign;
+            }
+        }
+        for modal in &topology.modal {
+            for k in 0..modal.m {
+                let (pose, i) = (modal.pose + k / 3, k % 3);
+                out[modal.first + k] = to.relative[pose].p[i] - from.relative[pose].p[i];
             }
         }
         out

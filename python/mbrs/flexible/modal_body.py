@@ -1,0 +1,308 @@
+"""All that the equations of motion need to know of an elastic body: the integrals of its shapes over its mass."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._checks import names, real_array, shown
+from ..errors import InertiaError, ModelError
+from ..report import number, table
+
+__all__ = ["ModalBody"]
+
+_TOLERANCE = 1e-9
+# What ModalBody holds beside the numbers of the equations.
+_TEXTS = ("nodes", "note")
+
+
+@dataclass(frozen=True, eq=False)
+class ModalBody:
+    """An elastic body in a floating frame: position of a particle R (r + phi_k q_k) + p, q the modal coordinates.
+
+    Everything is about the frame's origin (the body's ``at``) and in body axes; m is the number of modes. With rho the
+    density, r the undeformed position of a particle and phi_k its displacement for q_k = 1:
+
+        S_k = int rho phi_k,   P1_k = int rho r phi_k^T,   P2_kl = int rho phi_k phi_l^T,   M_kl = trace P2_kl.
+
+    Made by `mbrs.flexible.beam` and `mbrs.flexible.craig_bampton`, or by hand from another program's shapes.
+
+    Parameters
+    ----------
+    mass, com, inertia
+        kg; (3,) m from the origin; (3, 3) kg m2 about the centre of mass: of the undeformed body.
+    S, P1, P2
+        (3, m) kg m; (m, 3, 3) kg m2; (m, m, 3, 3) kg m2, P2[k, l] = P2[l, k]^T. Units for q in metres.
+    K, C
+        (m, m) symmetric stiffness and damping of the modal coordinates; C may be left out.
+    KG
+        (12, m, m): geometric stiffness for unit inertial fields. For the acceleration b(r) = a0 + W r of the frame's
+        particles less gravity (body axes) the generalised force is -(sum_i c_i KG_i) q with c = (a0, W row by row).
+        Left out: zero (no stiffening by inertial loads).
+    nodes, node_position, node_shape
+        n names; (n, 3) m; (n, 6, m): displacement and small rotation of the node for unit modal coordinates. Of a
+        clamped body the frame's own node is among them, with zero shapes.
+    line_position, line_shape
+        (p, 3) and (p, 6, m) as for nodes, of points along the body that `Model.section_load` and pictures use; the
+        nodes where they are left out.
+    note
+        How the body was made; printed.
+
+    Raises
+    ------
+    ModelError
+        Wrong shapes, numbers that are not finite, matrices that are not symmetric, a stiffness that is not positive
+        semidefinite, shapes that can move the body as a whole (the mass matrix of frame and shapes is then singular).
+    InertiaError
+        A mass or an inertia that no body can have.
+
+    Notes
+    -----
+    The integrals hold every inertia force that is linear or quadratic in q: none is neglected but that of the shapes'
+    own second order (foreshortening), whose largest part KG holds. After A. A. Shabana, Dynamics of Multibody Systems,
+    ch. 5 (floating frame, inertia shape integrals). Cost of making one: O(m^3).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mbrs.flexible import ModalBody
+    >>> P1 = np.zeros((1, 3, 3)); P1[0, 0, 2] = 0.25     # int rho x phi_z for phi_z = x^2, a rod of 1 kg and 1 m
+    >>> P2 = np.zeros((1, 1, 3, 3)); P2[0, 0, 2, 2] = 0.2
+    >>> rod = ModalBody(mass=1.0, com=(0.5, 0, 0), inertia=np.diag([1e-4, 0.0834, 0.0834]), P1=P1, P2=P2,
+    ...                 S=np.array([[0], [0], [1 / 3]]), K=np.array([[80.0]]))
+    >>> rod.frequencies()
+    array([3.18309886])
+    """
+
+    mass: float
+    com: np.ndarray
+    inertia: np.ndarray
+    S: np.ndarray
+    P1: np.ndarray
+    P2: np.ndarray
+    K: np.ndarray
+    C: np.ndarray = None  # type: ignore[assignment]
+    KG: np.ndarray = None  # type: ignore[assignment]
+    nodes: tuple[str, ...] = ()
+    node_position: np.ndarray = None  # type: ignore[assignment]
+    node_shape: np.ndarray = None  # type: ignore[assignment]
+    line_position: np.ndarray = None  # type: ignore[assignment]
+    line_shape: np.ndarray = None  # type: ignore[assignment]
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        m = self._modes()
+        shapes = _shapes(m)
+        object.__setattr__(self, "mass", float(_shaped("mass", self.mass, ())))
+        for name in ("com", "inertia", "S", "P1", "P2", "K"):
+            object.__setattr__(self, name, _shaped(name, getattr(self, name), shapes[name]))
+        for name in ("C", "KG"):
+            given = getattr(self, name)
+            made = np.zeros(shapes[name]) if given is None else _shaped(name, given, shapes[name])
+            object.__setattr__(self, name, made)
+        object.__setattr__(self, "nodes", _node_names(self.nodes))
+        self._take_points("node", len(self.nodes), m)
+        if self.line_position is None and self.line_shape is None:
+            object.__setattr__(self, "line_position", self.node_position)
+            object.__setattr__(self, "line_shape", self.node_shape)
+        elif self.line_position is None or self.line_shape is None:
+            raise ModelError("modal body: give both of line_position= and line_shape=, or neither")
+        self._take_points("line", len(np.asarray(self.line_position)), m)
+        for made in (getattr(self, f.name) for f in fields(self)):
+            if isinstance(made, np.ndarray):
+                made.setflags(write=False)
+        self._check_matrices()
+
+    def _modes(self) -> int:
+        K = real_array("modal body: K", self.K)
+        if K.ndim != 2 or K.shape[0] != K.shape[1] or len(K) == 0:
+            raise ModelError(
+                f"modal body: K must be a square matrix with one row per mode, got shape {K.shape}; a body without "
+                "modes is a rigid body, m.body"
+            )
+        return len(K)
+
+    def _take_points(self, kind: str, n: int, m: int) -> None:
+        for part, shape in (("position", (n, 3)), ("shape", (n, 6, m))):
+            name = f"{kind}_{part}"
+            given = getattr(self, name)
+            if given is None and n:
+                raise ModelError(f"modal body: {n} {kind}s need {name}= of shape {shape}")
+            object.__setattr__(self, name, np.zeros(shape) if given is None else _shaped(name, given, shape))
+
+    def _check_matrices(self) -> None:
+        if not self.mass > 0:
+            raise InertiaError(f"modal body: the mass must be positive, it is {self.mass:g} kg")
+        P2 = self.P2
+        for name, A, B in (
+            ("inertia", self.inertia, self.inertia.T),
+            ("K", self.K, self.K.T),
+            ("C", self.C, self.C.T),
+            ("P2 (P2[k, l] = P2[l, k]^T)", P2, P2.transpose(1, 0, 3, 2)),
+            ("KG (each of the twelve)", self.KG, np.swapaxes(self.KG, 1, 2)),
+        ):
+            if np.max(np.abs(A - B)) > _TOLERANCE * np.max(np.abs(A)):
+                raise ModelError(f"modal body: {name} must be symmetric; it differs from its transpose")
+        _not_negative("K", self.K, "an elastic body at rest has no negative stiffness")
+        _not_negative("C", self.C, "damping takes energy out")
+        if not self._moves_beside_the_frame():
+            raise InertiaError(
+                "modal body: the mass matrix of its frame and shapes together is impossible: inertia that no body has, a "
+                "shape without mass, two shapes that are the same, or shapes that move the body as a whole (take rigid "
+                "motions out of them: the frame moves already)"
+            )
+
+    def _moves_beside_the_frame(self) -> bool:
+        """Mass of frame and shapes not negative, and positive for the shapes once the frame follows them."""
+        whole = self.mass_matrix()
+        scale = np.sqrt(np.abs(np.diag(whole)))
+        scale[scale == 0] = 1.0  # a straight beam without thickness may have no inertia about its axis
+        whole = whole / np.outer(scale, scale)
+        rigid, shapes, both = whole[:6, :6], whole[6:, 6:], whole[:6, 6:]
+        left = shapes - both.T @ np.linalg.pinv(rigid, rcond=1e-13, hermitian=True) @ both
+        return bool(np.linalg.eigvalsh(whole)[0] > -1e-10 and np.linalg.eigvalsh(left)[0] > 1e-10)
+
+    @property
+    def n_modes(self) -> int:
+        """Number of modal coordinates."""
+        return len(self.K)
+
+    @property
+    def M(self) -> np.ndarray:
+        """(m, m) modal mass, M_kl = trace P2[k, l]."""
+        return np.trace(self.P2, axis1=2, axis2=3)
+
+    def mass_matrix(self) -> np.ndarray:
+        """(6 + m, 6 + m) mass matrix of the undeformed body over acceleration of the origin, angular acceleration
+        (body axes) and modal accelerations.
+
+        [m 1, -m c~, S; ., J0, int rho r x phi; ., ., M], J0 about the origin. Cost O(m^2).
+        """
+        n = 6 + self.n_modes
+        out = np.zeros((n, n))
+        c = _skew(self.com)
+        out[:3, :3] = self.mass * np.eye(3)
+        out[:3, 3:6] = -self.mass * c
+        out[3:6, 3:6] = self.inertia - self.mass * c @ c
+        out[:3, 6:] = self.S
+        out[3:6, 6:] = np.array([_axial(p) for p in self.P1]).T
+        out[6:, 6:] = self.M
+        return np.triu(out) + np.triu(out, 1).T
+
+    def frequencies(self, fixed: bool = True) -> np.ndarray:
+        """Natural frequencies, Hz, ascending: (m,) with the frame held, of the free body with ``fixed=False``: then six of
+        them are near zero, or five where a straight beam has no inertia about its axis. Cost O(m^3).
+        """
+        import scipy.linalg
+
+        M, K = self.M, self.K
+        if not fixed:
+            whole = self.mass_matrix()
+            inertia, axes = np.linalg.eigh(whole[:6, :6])
+            moving = axes[:, inertia > 1e-12 * inertia[-1]]
+            T = scipy.linalg.block_diag(moving, np.eye(self.n_modes))
+            M, K = T.T @ whole @ T, scipy.linalg.block_diag(np.zeros((moving.shape[1],) * 2), K)
+        square = scipy.linalg.eigh(K, M, eigvals_only=True)
+        return np.sqrt(np.maximum(square, 0.0)) / (2 * np.pi)
+
+    def node(self, name: str) -> int:
+        """Index of a node."""
+        if name not in self.nodes:
+            raise ModelError(f"the modal body has no node {shown(name)}; it has {', '.join(self.nodes) or 'none'}")
+        return self.nodes.index(name)
+
+    def save(self, path: str | Path) -> Path:
+        """Save as NumPy archive (``.npz``, added where it is missing); `load` brings it back. Returns the path."""
+        path = Path(path)
+        path = path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
+        kept = {f.name: getattr(self, f.name) for f in fields(self)}
+        kept["nodes"] = np.array(self.nodes, dtype=np.str_)
+        np.savez(path, allow_pickle=False, **kept)
+        return path
+
+    @classmethod
+    def load(cls, path: str | Path) -> ModalBody:
+        """A body that `save` has written. Nothing in the file is executed."""
+        known = {f.name for f in fields(cls)}
+        try:
+            with np.load(Path(path), allow_pickle=False) as archive:
+                held: Mapping[str, Any] = {name: archive[name] for name in archive.files if name in known}
+        except (ValueError, OSError, KeyError) as reason:
+            raise ModelError(f"{path} is no file of a modal body: {reason}") from None
+        if missing := [f.name for f in fields(cls) if f.name not in held]:
+            raise ModelError(f"{path} is no file of a modal body: it lacks {', '.join(missing)}")
+        texts = {"nodes": tuple(str(n) for n in held["nodes"]), "note": str(held["note"])}
+        return cls(**{name: held[name] for name in known - set(_TEXTS)}, **texts)  # type: ignore[arg-type]
+
+    def plot(self, modes: Any = None) -> Any:
+        """The shapes: displacement of the points of the line along the body for each mode, over the distance along the
+        line. ``modes``: indices, all (at most 12) by default. Returns a matplotlib figure.
+        """
+        from ..plot.modal_body import plot
+
+        return plot(self, modes)
+
+    def __str__(self) -> str:
+        largest = _largest(self.line_shape)
+        rows = [
+            [i, frequency, self.K[i, i], self.M[i, i], largest[i]] for i, frequency in enumerate(self.frequencies())
+        ]
+        head = (
+            f"Modal body: {number(self.mass)} kg, centre of mass {number(self.com)} m, {self.n_modes} mode(s), "
+            f"nodes: {', '.join(self.nodes[:6]) or 'none'}{', ...' if len(self.nodes) > 6 else ''}"
+        )
+        listed = table(["mode", "f [Hz]", "K_ii", "M_ii", "moves most along"], rows)
+        return "\n".join(part for part in (head, self.note, listed) if part)
+
+
+def _shapes(m: int) -> dict[str, tuple[int, ...]]:
+    return {
+        "com": (3,),
+        "inertia": (3, 3),
+        "S": (3, m),
+        "P1": (m, 3, 3),
+        "P2": (m, m, 3, 3),
+        "K": (m, m),
+        "C": (m, m),
+        "KG": (12, m, m),
+    }
+
+
+def _shaped(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
+    made = real_array(f"modal body: {name}", value)
+    if made.shape != shape:
+        raise ModelError(f"modal body: {name} must have the shape {shape}, it has {made.shape}")
+    return made
+
+
+def _node_names(value: Any) -> tuple[str, ...]:
+    made = names("modal body: nodes", value)
+    if len(set(made)) != len(made) or "" in made:
+        raise ModelError(f"modal body: nodes must have names of their own, got {shown(made)}")
+    return made
+
+
+def _not_negative(name: str, A: np.ndarray, why: str) -> None:
+    low = float(np.linalg.eigvalsh(A)[0])
+    if low < -1e-9 * np.max(np.abs(A)):
+        raise ModelError(f"modal body: {name} has the negative eigenvalue {low:g}; {why}")
+
+
+def _largest(shape: np.ndarray) -> list[str]:
+    """The direction of the largest displacement of each mode."""
+    if len(shape) == 0:
+        return ["-"] * shape.shape[-1]
+    return ["xyz"[int(np.argmax(np.max(np.abs(shape[:, :3, k]), axis=0)))] for k in range(shape.shape[-1])]
+
+
+def _skew(a: np.ndarray) -> np.ndarray:
+    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
+
+
+def _axial(P: np.ndarray) -> np.ndarray:
+    """int rho r x phi of int rho r phi^T."""
+    return np.array([P[1, 2] - P[2, 1], P[2, 0] - P[0, 2], P[0, 1] - P[1, 0]])

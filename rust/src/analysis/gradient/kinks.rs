@@ -1,0 +1,180 @@
+//! Where a motion has no derivative: kinks of laws that it passes, and impacts of drives.
+//!
+//! Forces of all laws are continuous, so that a passed kink leaves the derivative of the discrete motion as it is, one-sided there
+//! and first order in the step; a jump of an imposed rate makes rates jump at a fixed time, whatever the parameters do.
+use crate::analysis::transient::{Equations, Instant};
+use crate::error::{Error, Result};
+use crate::laws::Law;
+use crate::system::connector::motion_of;
+use crate::system::topology::{BoundLaw, Owner};
+
+/// A kink that the motion passed.
+#[derive(Debug, Clone)]
+pub struct Kink {
+    pub t: f64,
+    pub element: String,
+    pub what: &'static str,
+}
+
+/// Signed distance of a law from its kink, and the width over which the kink is rounded.
+#[derive(Debug, Clone, Copy)]
+struct Distance {
+    from: f64,
+    width: f64,
+}
+
+/// The laws with kinks, and where they stood at the last instant.
+pub struct Watch<'a> {
+    eq: &'a Equations<'a, f64>,
+    last: Vec<Vec<Distance>>,
+    pub found: Vec<Kink>,
+}
+
+const FRICTION: &str = "its friction changes its sign within a step";
+const SLIDER: &str = "its slider begins or ceases to slide";
+const GAP: &str = "its gap closes or opens";
+
+fn has_kinks(law: Law) -> bool {
+    matches!(
+        law,
+        Law::Gap
+            | Law::GapBilateral
+            | Law::Hertz
+            | Law::CoulombTanh
+            | Law::Jenkins
+            | Law::Iwan { .. }
+    )
+}
+
+fn what(law: Law) -> &'static str {
+    match law {
+        Law::CoulombTanh => FRICTION,
+        Law::Jenkins | Law::Iwan { .. } => SLIDER,
+        _ => GAP,
+    }
+}
+
+impl<'a> Watch<'a> {
+    pub fn new(eq: &'a Equations<'a, f64>, first: &Instant) -> Self {
+        let mut watch = Watch {
+            eq,
+            last: Vec::new(),
+            found: Vec::new(),
+        };
+        watch.last = watch.distances(first, first);
+        watch
+    }
+
+    /// Note what was passed between two instants.
+    pub fn pass(&mut self, from: &Instant, end: &Instant) {
+        if self.last.is_empty() {
+            return;
+        }
+        let now = self.distances(from, end);
+        let (t0, t1) = (from.motion.t, end.motion.t);
+        for (((owner, bound), before), after) in self.laws().into_iter().zip(&self.last).zip(&now) {
+            for (a, b) in before.iter().zip(after) {
+                let moved = (b.from - a.from).abs();
+                if (a.from > 0.0) == (b.from > 0.0) || moved <= a.width {
+                    continue;
+                }
+                self.found.push(Kink {
+                    t: t0 + (t1 - t0) * (a.from.abs() / moved).min(1.0),
+                    element: self.name(owner),
+                    what: what(bound.law),
+                });
+            }
+        }
+        self.last = now;
+    }
+
+    fn name(&self, owner: Owner) -> String {
+        let tables = &self.eq.topology().tables;
+        match owner {
+            Owner::Element(i) => tables.elements[i].name.clone(),
+            Owner::Joint(i) => tables.joints[i].name.clone(),
+        }
+    }
+
+    fn laws(&self) -> Vec<(Owner, &'a BoundLaw)> {
+        let all = self.eq.topology().connectors.iter();
+        all.flat_map(|c| c.laws.iter().map(|l| (c.owner, l)))
+            .filter(|(_, l)| has_kinks(l.law))
+            .collect()
+    }
+
+    fn distances(&self, from: &Instant, end: &Instant) -> Vec<Vec<Distance>> {
+        let eq = self.eq;
+        let topology = eq.topology();
+        let connectors = topology.connectors.iter();
+        let kinky: Vec<_> = connectors
+            .filter(|c| c.laws.iter().any(|l| has_kinks(l.law)))
+            .collect();
+        if kinky.is_empty() {
+            return Vec::new();
+        }
+        let placement = eq.place(&end.motion);
+        let mut out = Vec::new();
+        for c in kinky {
+            let moved = motion_of(topology, &eq.geometry, &placement, &eq.x, c);
+            for law in c.laws.iter().filter(|l| has_kinks(l.law)) {
+                let (u, v) = moved[law.component];
+                let p = &eq.x[law.x..law.x + law.law.n_params()];
+                let memory = law.memory..law.memory + law.law.n_memory();
+                let slid = (
+                    &from.motion.memory[memory.clone()],
+                    &end.motion.memory[memory],
+                );
+                out.push(distances(law.law, p, u, v, slid));
+            }
+        }
+        out
+    }
+}
+
+fn distances(
+    law: Law,
+    p: &[f64],
+    u: f64,
+    v: f64,
+    (before, after): (&[f64], &[f64]),
+) -> Vec<Distance> {
+    let one = |from: f64, width: f64| Distance { from, width };
+    match law {
+        Law::Gap => vec![one(u - p[1], p[2])],
+        Law::GapBilateral => vec![one(u - p[1], p[2]), one(-u - p[1], p[2])],
+        // a higher power closes without a kink
+        Law::Hertz => vec![one(u - p[2], if p[1] > 1.0 { f64::INFINITY } else { 0.0 })],
+        Law::CoulombTanh => vec![one(v, p[1])],
+        Law::Jenkins | Law::Iwan { .. } => (before.iter().zip(after))
+            .map(|(a, b)| one(if a == b { -1.0 } else { 1.0 }, 0.0))
+            .collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// Refuse motions of drives whose rates jump on the way: an impact.
+pub fn no_impact(eq: &Equations<'_, f64>, start: f64, end: f64) -> Result<()> {
+    if !eq.effects.drives {
+        return Ok(());
+    }
+    for drive in &eq.topology().tables.drives {
+        let motion = &eq.geometry.motions[drive.motion];
+        for t in motion
+            .kinks()
+            .into_iter()
+            .filter(|t| *t > start && *t <= end)
+        {
+            let before = t - 4.0 * f64::EPSILON * t.abs();
+            let (a, b) = (motion.at(before)[1], motion.at(t)[1]);
+            if (a - b).abs() > 1e-9 * a.abs().max(b.abs()) {
+                return Err(Error::NotDifferentiable(format!(
+                    "the rate that '{}' imposes jumps from {a} to {b} at t = {t:.9} s: an impact, and the motion is not \
+                     differentiable there; end before it, or impose a motion with a continuous rate (mb.Sine, mb.Polynomial)",
+                    drive.name
+                )));
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,150 @@
+//! The motion itself, step by step, with what is needed to differentiate each step.
+use crate::analysis::transient::ali3p::{Factors, Record, Weight};
+use crate::analysis::transient::generalized_alpha::{Carried, GeneralizedAlpha, Parameters};
+use crate::analysis::transient::{Equations, Instant, Scheme};
+use crate::error::{Error, Result};
+use crate::run::{Cancel, Counts};
+
+use super::Plan;
+
+/// The scheme, with what distinguishes its variants.
+#[derive(Debug, Clone, Copy)]
+pub enum Rule {
+    Ali3p(Weight),
+    /// spectral radius at infinity
+    Alpha(f64),
+}
+
+impl Rule {
+    /// Numbers of the factors of one step.
+    pub fn kept(&self, n: usize, rows: usize) -> usize {
+        match self {
+            Rule::Ali3p(_) => 4 * n * n + 4 * n * rows,
+            Rule::Alpha(_) => 0,
+        }
+    }
+}
+
+/// An instant, and what the scheme carries on from it.
+#[derive(Clone)]
+pub struct Here {
+    pub instant: Instant,
+    pub carried: Option<Carried>,
+}
+
+impl Here {
+    /// Before the first step.
+    pub fn first(instant: Instant, rule: Rule) -> Self {
+        let carried = match rule {
+            Rule::Ali3p(_) => None,
+            Rule::Alpha(_) => Some(Carried {
+                t: instant.motion.t,
+                a: instant.acceleration.clone(),
+                rate_slope: instant.acceleration.clone(),
+                lam: instant.lam.clone(),
+                slope: None,
+                h: 0.0,
+            }),
+        };
+        Here { instant, carried }
+    }
+}
+
+/// How a step came about.
+pub enum Made {
+    Ali3p(Record, Box<Factors>),
+    Alpha(Parameters, f64),
+}
+
+/// Goes from step to step; a kept factorisation of the motion is all that it holds.
+pub struct March<'a> {
+    eq: &'a Equations<'a, f64>,
+    plan: &'a Plan,
+    alpha: Option<GeneralizedAlpha>,
+}
+
+impl<'a> March<'a> {
+    pub fn new(eq: &'a Equations<'a, f64>, plan: &'a Plan) -> Self {
+        March {
+            eq,
+            plan,
+            alpha: None,
+        }
+    }
+
+    /// Forget factorisations: steps from here on are the same whatever was before.
+    pub fn forget(&mut self) {
+        self.alpha = None;
+    }
+
+    /// The end of step i, memories included, and how it came about.
+    pub fn step(
+        &mut self,
+        i: usize,
+        from: &Here,
+        cancel: &Cancel,
+        counts: &mut Counts,
+    ) -> Result<(Here, Made)> {
+        cancel.check()?;
+        counts.add("steps", 1);
+        self.made(i, from, counts)
+            .map_err(|e| at_time(e, from.instant.motion.t))
+    }
+
+    /// The scheme starts anew where a load or a drive is not smooth: accelerations and multipliers of what follows.
+    pub fn anew(&mut self, i: usize, end: &Here, counts: &mut Counts) -> Result<Option<Here>> {
+        if !self.plan.breaks.contains(&self.plan.times[i + 1]) {
+            return Ok(None);
+        }
+        self.forget();
+        let instant = self.eq.instant(end.instant.motion.clone(), counts)?;
+        Ok(Some(Here::first(instant, self.plan.rule)))
+    }
+
+    fn made(&mut self, i: usize, from: &Here, counts: &mut Counts) -> Result<(Here, Made)> {
+        let (h, t) = (self.plan.step(i), self.plan.times[i + 1]);
+        match self.plan.rule {
+            Rule::Ali3p(weight) => {
+                let (mut end, record, by) = self.eq.ali3p_step(&from.instant, h, weight, counts)?;
+                end.motion.t = t;
+                self.eq.remember(&mut end.motion, counts);
+                let here = Here {
+                    instant: end,
+                    carried: None,
+                };
+                Ok((here, Made::Ali3p(record, Box::new(by))))
+            }
+            Rule::Alpha(rho) => {
+                let scheme = self.alpha.get_or_insert_with(|| {
+                    let mut scheme = GeneralizedAlpha::to_rounding(rho);
+                    scheme.resume(from.carried.clone());
+                    scheme
+                });
+                let mut step = scheme.step(self.eq, &from.instant, h, false, counts)?;
+                step.end.motion.t = t;
+                self.eq.remember(&mut step.end.motion, counts);
+                scheme.accept(self.eq, &from.instant, &step, h);
+                let here = Here {
+                    carried: scheme.carried().cloned(),
+                    instant: step.end,
+                };
+                Ok((here, Made::Alpha(Parameters::of(rho), h)))
+            }
+        }
+    }
+}
+
+fn at_time(error: Error, t: f64) -> Error {
+    match error {
+        Error::Convergence {
+            message,
+            best,
+            residual,
+        } => Error::Convergence {
+            message: format!("at t = {t} s {message}; take smaller steps"),
+            best,
+            residual,
+        },
+        other => other,
+    }
+}

@@ -1,0 +1,264 @@
+//! Steps on the tape: which numbers are leaves, and where their derivatives go.
+use nalgebra::{DMatrix, Matrix3, Vector3};
+
+use crate::analysis::transient::{Equations, Instant, Motion};
+use crate::error::Result;
+use crate::model::geometry::Geometry;
+use crate::run::Counts;
+use crate::spatial::Pose;
+
+use super::alpha::Load;
+use super::march::Here;
+use super::quantity::{Point, Quantity, evaluate};
+use super::tape::{Taped, backwards, clear, leaf};
+
+/// Adjoints of an instant; poses with twelve numbers each.
+#[derive(Clone)]
+pub struct Adjoint {
+    pub pose: Vec<f64>,
+    pub rate: Vec<f64>,
+    pub acceleration: Vec<f64>,
+    pub memory: Vec<f64>,
+    pub lam: Vec<f64>,
+    /// of what generalised-alpha carries on
+    pub load: Option<Load<f64>>,
+}
+
+impl Adjoint {
+    pub fn none(here: &Here) -> Self {
+        let at = &here.instant;
+        let nothing = || vec![0.0; at.acceleration.len()];
+        Adjoint {
+            pose: vec![0.0; 12 * at.motion.relative.len()],
+            rate: vec![0.0; at.motion.rate.len()],
+            acceleration: vec![0.0; at.acceleration.len()],
+            memory: vec![0.0; at.motion.memory.len()],
+            lam: vec![0.0; at.lam.len()],
+            load: here.carried.as_ref().map(|_| Load {
+                a: nothing(),
+                rate_slope: nothing(),
+                slope: nothing(),
+                h: 0.0,
+            }),
+        }
+    }
+
+    /// What the first step takes from the accelerations.
+    pub fn first(&mut self) {
+        if let Some(load) = &self.load {
+            add(&mut self.acceleration, &load.a);
+            add(&mut self.acceleration, &load.rate_slope);
+        }
+    }
+}
+
+pub fn add(to: &mut [f64], d: &[f64]) {
+    for (a, b) in to.iter_mut().zip(d) {
+        *a += b;
+    }
+}
+
+/// An instant on the tape, and where its numbers start among the leaves.
+pub struct Leaves {
+    pub motion: Motion<Taped>,
+    pub acceleration: Vec<Taped>,
+    pub lam: Vec<Taped>,
+    pub extra: Vec<Taped>,
+    places: [usize; 6],
+}
+
+/// The model on the tape: numbers and what is derived from them are leaves, so that the geometry is derived once, at the end.
+pub struct Recorder<'a> {
+    pub eq: &'a Equations<'a, f64>,
+    n_x: usize,
+    n_geometry: usize,
+    /// adjoints of numbers and of the geometry, summed over all steps
+    numbers: Vec<f64>,
+}
+
+impl<'a> Recorder<'a> {
+    pub fn new(eq: &'a Equations<'a, f64>) -> Self {
+        let mut n_geometry = 0;
+        let _ = eq.geometry.map(|v: f64| {
+            n_geometry += 1;
+            v
+        });
+        let n_x = eq.x.len();
+        Recorder {
+            eq,
+            n_x,
+            n_geometry,
+            numbers: vec![0.0; n_x + n_geometry],
+        }
+    }
+
+    pub fn begin(&self) -> Equations<'a, Taped> {
+        clear();
+        let x = self.eq.x.iter().map(|v| leaf(*v)).collect();
+        let geometry = self.eq.geometry.map(leaf);
+        Equations::with_geometry(self.eq.system, x, geometry, self.eq.effects)
+    }
+
+    /// An instant as leaves; `extra`: more numbers, such as an increment.
+    pub fn leaves(&self, m: &Motion<f64>, a: &[f64], lam: &[f64], extra: &[f64]) -> Leaves {
+        let all = |v: &[f64]| v.iter().map(|x| leaf(*x)).collect::<Vec<_>>();
+        let relative: Vec<Pose<Taped>> = m
+            .relative
+            .iter()
+            .map(|p| {
+                let numbers = all(&twelve(p));
+                Pose {
+                    p: Vector3::from_fn(|i, _| numbers[i]),
+                    r: Matrix3::from_fn(|i, j| numbers[3 + 3 * i + j]),
+                }
+            })
+            .collect();
+        let sizes = [
+            12 * relative.len(),
+            m.rate.len(),
+            m.memory.len(),
+            a.len(),
+            lam.len(),
+        ];
+        let mut places = [self.n_x + self.n_geometry; 6];
+        for (i, n) in sizes.iter().enumerate() {
+            places[i + 1] = places[i] + n;
+        }
+        Leaves {
+            motion: Motion {
+                t: m.t,
+                relative,
+                rate: all(&m.rate),
+                memory: all(&m.memory),
+            },
+            acceleration: all(a),
+            lam: all(lam),
+            extra: all(extra),
+            places,
+        }
+    }
+
+    /// Differentiate a sum: numbers of the model are added up here, the instant's adjoints and those of `extra` come back.
+    pub fn finish(&mut self, sum: Taped, of: &Leaves) -> (Adjoint, Vec<f64>) {
+        let n = of.places[5] + of.extra.len();
+        let d = backwards(sum, n);
+        let own = self.n_x + self.n_geometry;
+        add(&mut self.numbers, &d[..own]);
+        let part = |i: usize| d[of.places[i]..of.places[i + 1]].to_vec();
+        let found = Adjoint {
+            pose: part(0),
+            rate: part(1),
+            memory: part(2),
+            acceleration: part(3),
+            lam: part(4),
+            load: None,
+        };
+        (found, d[of.places[5]..].to_vec())
+    }
+
+    /// Adjoints of the numbers x, those of the geometry carried to them.
+    pub fn numbers(&self) -> Vec<f64> {
+        clear();
+        let x: Vec<Taped> = self.eq.x.iter().map(|v| leaf(*v)).collect();
+        let geometry = Geometry::derive(&self.eq.system.topology.tables, &x);
+        let mut sum = Taped::from(0.0);
+        let mut place = self.n_x;
+        let _ = geometry.map(|v: Taped| {
+            sum += v * self.numbers[place];
+            place += 1;
+            0.0
+        });
+        let mut out = backwards(sum, self.n_x);
+        add(&mut out, &self.numbers[..self.n_x]);
+        out
+    }
+}
+
+pub fn twelve(p: &Pose<f64>) -> [f64; 12] {
+    std::array::from_fn(|k| {
+        if k < 3 {
+            p.p[k]
+        } else {
+            p.r[((k - 3) / 3, (k - 3) % 3)]
+        }
+    })
+}
+
+pub fn weighed(v: &[Taped], by: &[f64]) -> Taped {
+    v.iter()
+        .zip(by)
+        .fold(Taped::from(0.0), |s, (v, w)| s + *v * *w)
+}
+
+pub fn column(v: &[f64]) -> DMatrix<f64> {
+    DMatrix::from_column_slice(v.len(), 1, v)
+}
+
+/// Read quantities of an instant.
+pub fn seed(
+    recorder: &mut Recorder<'_>,
+    at: &Instant,
+    wanted: &[Quantity],
+    seeds: &[f64],
+    onto: &mut Adjoint,
+) -> Result<()> {
+    if seeds.iter().all(|s| *s == 0.0) {
+        return Ok(());
+    }
+    let eq = recorder.begin();
+    let leaves = recorder.leaves(&at.motion, &at.acceleration, &at.lam, &[]);
+    let point = Point {
+        motion: &leaves.motion,
+        acceleration: &leaves.acceleration,
+        lam: &leaves.lam,
+    };
+    let sum = weighed(&evaluate(&eq, &point, wanted)?, seeds);
+    let (found, _) = recorder.finish(sum, &leaves);
+    add_all(onto, &found);
+    Ok(())
+}
+
+pub fn add_all(to: &mut Adjoint, d: &Adjoint) {
+    add(&mut to.pose, &d.pose);
+    add(&mut to.rate, &d.rate);
+    add(&mut to.acceleration, &d.acceleration);
+    add(&mut to.memory, &d.memory);
+    add(&mut to.lam, &d.lam);
+}
+
+/// What laws remember after the step, by what they remembered before and by where the step ended.
+pub fn remembered_back(recorder: &mut Recorder<'_>, from: &Here, end: &Here, at: &mut Adjoint) {
+    let eq = recorder.begin();
+    let start = Motion {
+        memory: from.instant.motion.memory.clone(),
+        ..end.instant.motion.clone()
+    };
+    let leaves = recorder.leaves(&start, &[], &[], &[]);
+    let mut m = leaves.motion.clone();
+    eq.remember(&mut m, &mut Counts::default());
+    let sum = weighed(&m.memory, &at.memory);
+    let (found, _) = recorder.finish(sum, &leaves);
+    add(&mut at.pose, &found.pose);
+    add(&mut at.rate, &found.rate);
+    at.memory = found.memory;
+}
+
+/// The sum of weights times twelve numbers of poses.
+pub fn weighed_poses(m: &Motion<Taped>, by: &[f64]) -> Taped {
+    let mut sum = Taped::from(0.0);
+    for (p, w) in m.relative.iter().zip(by.chunks(12)) {
+        for (k, w) in w.iter().enumerate() {
+            let v = if k < 3 {
+                p.p[k]
+            } else {
+                p.r[((k - 3) / 3, (k - 3) % 3)]
+            };
+            sum += v * *w;
+        }
+    }
+    sum
+}
+
+pub fn constant(v: &[f64]) -> Vec<Taped> {
+    v.iter().map(|x| Taped::from(*x)).collect()
+}

@@ -1,0 +1,179 @@
+//! Flexible bodies: where their numbers are, and the integrals of their shapes about the centre of mass, body axes.
+//!
+//! ```text
+//! displacement u = phi_k q_k + psi_kl q_k q_l / 2,   S_k = int rho phi_k,   P1_k = int rho r phi_k^T,   P2_kl = int rho phi_k phi_l^T
+//! S2_kl = int rho psi_kl,   P12_kl = int rho r psi_kl^T: the twelve geometric stiffnesses
+//! ```
+use crate::error::{Error, Result};
+use crate::model::tables::Tables;
+use crate::spatial::{M3, Real, V3, outer};
+
+/// A body with modal coordinates.
+#[derive(Debug, Clone)]
+pub struct FlexibleSpec {
+    pub body: usize,
+    /// number of modes
+    pub m: usize,
+    /// start of S, P1, P2, K, C, KG
+    pub x: usize,
+}
+
+/// A node that moves against its frame: a massless body of its own in the tree.
+#[derive(Debug, Clone)]
+pub struct TipSpec {
+    pub flexible: usize,
+    /// its number among the bodies
+    pub body: usize,
+    /// start of its position and shape
+    pub x: usize,
+}
+
+impl FlexibleSpec {
+    pub fn stiffness(&self) -> usize {
+        self.x + 12 * self.m + 9 * self.m * self.m
+    }
+
+    pub fn damping(&self) -> usize {
+        self.stiffness() + self.m * self.m
+    }
+
+    pub fn size(&self) -> usize {
+        12 * self.m + 23 * self.m * self.m
+    }
+}
+
+#[derive(Debug, Clone)]
+pub struct FlexibleGeometry<T: Real> {
+    pub s: Vec<V3<T>>,
+    pub p1: Vec<M3<T>>,
+    /// m x m, row by row
+    pub p2: Vec<M3<T>>,
+    pub k: Vec<T>,
+    /// empty where there is no damping
+    pub c: Vec<T>,
+    /// empty without geometric stiffness
+    pub s2: Vec<V3<T>>,
+    pub p12: Vec<M3<T>>,
+}
+
+impl<T: Real> FlexibleGeometry<T> {
+    pub fn derive(spec: &FlexibleSpec, x: &[T], com: &V3<T>) -> Self {
+        let m = spec.m;
+        let n = &x[spec.x..spec.x + spec.size()];
+        let s: Vec<V3<T>> = (0..m).map(|k| V3::from_fn(|i, _| n[i * m + k])).collect();
+        let square = |at: usize| M3::from_fn(|i, j| n[at + 3 * i + j]);
+        let p1 = (0..m)
+            .map(|k| square(3 * m + 9 * k) - outer(com, &s[k]))
+            .collect();
+        let at = 12 * m;
+        let p2 = (0..m * m).map(|i| square(at + 9 * i)).collect();
+        let (k, c) = (at + 9 * m * m, at + 10 * m * m);
+        let kg = &n[at + 11 * m * m..];
+        let field = |i: usize, kl: usize| kg[i * m * m + kl];
+        let stiffened = kg.iter().any(|v| v.re() != 0.0);
+        let pairs = if stiffened { m * m } else { 0 };
+        let s2: Vec<V3<T>> = (0..pairs)
+            .map(|kl| V3::from_fn(|i, _| field(i, kl)))
+            .collect();
+        let p12 = (0..pairs)
+            .map(|kl| M3::from_fn(|j, i| field(3 + 3 * i + j, kl)) - outer(com, &s2[kl]))
+            .collect();
+        let damped = n[c..c + m * m]
+            .iter()
+            .any(|v| v.re() != 0.0 || T::NDERIV > 0);
+        FlexibleGeometry {
+            s,
+            p1,
+            p2,
+            k: n[k..k + m * m].to_vec(),
+            c: if damped {
+                n[c..c + m * m].to_vec()
+            } else {
+                Vec::new()
+            },
+            s2,
+            p12,
+        }
+    }
+
+    pub fn m(&self) -> usize {
+        self.s.len()
+    }
+
+    /// The same numbers as others, one by one in a fixed order.
+    pub fn map<U: Real>(&self, f: &mut impl FnMut(T) -> U) -> FlexibleGeometry<U> {
+        fn vectors<T: Real, U: Real>(all: &[V3<T>], f: &mut impl FnMut(T) -> U) -> Vec<V3<U>> {
+            all.iter().map(|v| v.map(&mut *f)).collect()
+        }
+        fn squares<T: Real, U: Real>(all: &[M3<T>], f: &mut impl FnMut(T) -> U) -> Vec<M3<U>> {
+            all.iter().map(|v| v.map(&mut *f)).collect()
+        }
+        FlexibleGeometry {
+            s: vectors(&self.s, f),
+            p1: squares(&self.p1, f),
+            p2: squares(&self.p2, f),
+            k: self.k.iter().map(|v| f(*v)).collect(),
+            c: self.c.iter().map(|v| f(*v)).collect(),
+            s2: vectors(&self.s2, f),
+            p12: squares(&self.p12, f),
+        }
+    }
+}
+
+/// Place of a moving node from the centre of mass, and its shape, body axes.
+#[derive(Debug, Clone)]
+pub struct TipGeometry<T: Real> {
+    pub offset: V3<T>,
+    /// displacement and rotation for each mode
+    pub shape: Vec<[T; 6]>,
+}
+
+impl<T: Real> TipGeometry<T> {
+    pub fn derive(x: &[T], m: usize, com: &V3<T>) -> Self {
+        TipGeometry {
+            offset: V3::new(x[0], x[1], x[2]) - com,
+            shape: (0..m)
+                .map(|k| std::array::from_fn(|i| x[3 + i * m + k]))
+                .collect(),
+        }
+    }
+
+    pub fn map<U: Real>(&self, f: &mut impl FnMut(T) -> U) -> TipGeometry<U> {
+        TipGeometry {
+            offset: self.offset.map(&mut *f),
+            shape: self.shape.iter().map(|row| row.map(&mut *f)).collect(),
+        }
+    }
+
+    /// Three displacements and three successive rotations of modal values.
+    pub fn of(&self, modal: &[T]) -> [T; 6] {
+        let mut out = [T::zero(); 6];
+        for (row, q) in self.shape.iter().zip(modal) {
+            for (o, v) in out.iter_mut().zip(row) {
+                *o += *v * *q;
+            }
+        }
+        out
+    }
+}
+
+impl Tables {
+    pub(super) fn check_flexible(&self) -> Result<()> {
+        let outside =
+            || Error::model("the numbers of a flexible body lie outside the value vector");
+        for f in &self.flexible {
+            let end = f.x.checked_add(f.size()).ok_or_else(outside)?;
+            if end > self.x.len() || f.m == 0 || f.body >= self.bodies.len() {
+                return Err(outside());
+            }
+        }
+        for tip in &self.tips {
+            let f = self.flexible.get(tip.flexible).ok_or_else(outside)?;
+            let end = tip.x.checked_add(3 + 6 * f.m).ok_or_else(outside)?;
+            if end > self.x.len() || tip.body >= self.bodies.len() {
+                return Err(outside());
+            }
+        }
+        Ok(())
+    }
+}

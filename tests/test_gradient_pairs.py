@@ -1,0 +1,107 @@
+"""Every number of every kind of joint, element, law, load and drive: derivatives of a short motion against differences.
+
+Differences go along dx/dp through the assembly, the start and all steps of the production code, so that axes and orientations are
+checked as well; the adjoint is compared with the direct result for all numbers at once.
+"""
+
+import warnings
+
+import mbrs as mb
+import numpy as np
+import pytest
+from agreement import all_addresses
+from gradient_scenes import SCENES
+from mbrs import _core
+from mbrs.gradient import Run
+from mbrs.linearize import Snapshot
+from mbrs.readings import Names
+from mbrs.state import state_of
+from mbrs.tables import directions
+from motion_models import silent
+
+TIMES = np.array([0.0, 0.008, 0.013, 0.024, 0.032])
+STEP = 1e-4
+
+
+def run_of(m, x, scheme):
+    """The motion of a model whose number vector is x."""
+    snapshot = Snapshot.of(m)
+    system = snapshot.system.with_values(x)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        state = state_of(m, system, None, hold=False)
+    return Run(m, Snapshot(m, system, snapshot.versions, snapshot.tables), state, (), TIMES, scheme=scheme)
+
+
+def asked_of(m):
+    """Positions, velocities, accelerations and rotation of the last body, reactions of all joints."""
+    names = Names(Snapshot.of(m).tables)
+    body = m.bodies[-1].name
+    what = [f"{body}.{k}" for k in ("position", "velocity", "acceleration", "rotation", "angular_acceleration")]
+    return [names.address(w) for w in [*what, *(f"{j.name}.reaction" for j in m.joints)]]
+
+
+def values(m, x, asked, scheme):
+    return run_of(m, x, scheme).direct(asked, None)["values"][-1]
+
+
+@pytest.mark.parametrize("scheme", ["ali3p", "generalized-alpha"])
+@pytest.mark.parametrize("name", list(SCENES))
+def test_every_number(name, scheme):
+    m = silent(SCENES[name])
+    x = np.array(Snapshot.of(m).tables["x"], dtype=float)
+    addresses = [a for a in all_addresses(m) if scheme == "ali3p" or a.split(".")[0] not in ("b", "c", "foot")]
+    along, asked = directions(m, addresses), asked_of(m)
+    run = run_of(m, x, scheme)
+    made = run.direct(asked, along)
+    exact, base = made["derivatives"][-1], made["values"][-1]
+    assert np.all(np.isfinite(exact))
+    seeds = np.zeros_like(made["values"])
+    seeds[-1] = np.random.default_rng(1).normal(size=len(base))
+    forward = _core.MotionForward(m.compiled(), run.state.relative, run.state.rate, [], run.options(asked, along))
+    back = forward.gradient(seeds)[0]
+    agreement = np.abs(back - seeds[-1] @ exact).max() / np.abs(seeds[-1] @ exact).max()
+    wrong, worst = [], 0.0
+    for p, label in enumerate(along.labels):
+        d = along.dense[:, p]
+        if not d.any():
+            # a number that no row of the tables depends on at its present value
+            assert not exact[:, p].any()
+            continue
+        e = STEP / np.abs(d).max() * max(1.0, np.abs(x[d != 0]).max())
+        a, b, c, f = (values(m, x + s * e * d, asked, scheme) for s in (1, -1, 2, -2))
+        difference = (8 * (a - b) - (c - f)) / (12 * e)
+        # one scale for each kind of quantity would hide small ones: what rounding leaves of every number is allowed
+        floor = 2e-13 * (np.abs(base) + np.abs(base).max()) / e
+        error = np.max(np.abs(exact[:, p] - difference) - floor)
+        size = max(np.abs(exact[:, p]).max(), np.abs(difference).max())
+        if error > 1e-6 * size:
+            wrong.append(f"{label}: {error / size:.1e} of {size:.1e}")
+        worst = max(worst, error / size if size else 0.0)
+    print(f"{name}, {scheme}: {along.n} numbers, differences {worst:.1e}, adjoint - direct {agreement:.1e}")
+    assert not wrong, "; ".join(wrong)
+    assert agreement < 1e-9
+
+
+def test_nothing_is_left_out():
+    """Every kind of joint, element, law, load motion and drive is in a scene."""
+    from mbrs.joints import KINDS
+
+    made = [silent(make) for make in SCENES.values()]
+    assert {j.type for m in made for j in m.joints} == set(KINDS)
+    laws = {int(c) for m in made for c in Snapshot.of(m).tables["law_type"]}
+    assert laws == set(range(11)), laws
+    motions = {int(c) for m in made for c in Snapshot.of(m).tables["motion_type"]}
+    assert motions >= {0, 1, 2, 3, 4}
+    assert {e.type for m in made for e in m.elements} == {"spring_damper", "bushing", "torsion"}
+    assert {(load.type, load.frame) for m in made for load in m.loads} == {
+        (t, f) for t in ("force", "torque") for f in ("world", "body")
+    }
+    assert any(m.couplers for m in made)
+
+
+def test_laws_that_a_motion_cannot_have_say_so():
+    m = mb.Model("varying")
+    a = m.body("a", mass=0.8, inertia=(0.1, 0.2, 0.3), at=(0.2, 0, 0))
+    m.prismatic("rail", m.ground, a, at=(0, 0, 0), axis="x", k=5.0, law=mb.VaryingStiffness(2.0))
+    assert np.isfinite(mb.gradient(m, mb.Final(lambda s: s.position("a")[0]), "rail.k", t=0.1, step=0.01).value)

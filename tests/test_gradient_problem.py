@@ -1,0 +1,165 @@
+"""Optimisation problems with constraints on motions and modes, each with a known optimum, and the check of gradients."""
+
+import mbrs as mb
+import numpy as np
+import pytest
+from motion_models import five_bar, silent, spatial_loop
+
+
+def oscillator():
+    """m x" + c x' + k x = 0, x(0) = 0, x'(0) = v."""
+    m = mb.Model("oscillator")
+    p = m.body("p", mass=2.0, inertia=(1, 1, 1), at=(0, 0, 0), velocity=(1.0, 0, 0))
+    m.prismatic("rail", m.ground, p, at=(0, 0, 0), axis="x", k=50.0, c=1.0)
+    return m
+
+
+def free_mass():
+    m = mb.Model("free")
+    p = m.body("p", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0), velocity=(0.5, 0, 0))
+    m.prismatic("rail", m.ground, p, at=(0, 0, 0), axis="x")
+    return m
+
+
+X = mb.Final(lambda s: s.position("p")[0])
+
+
+def slopes(f, z, e=1e-5):
+    """Central differences of a function of scaled variables."""
+    unit = np.eye(len(z))
+    return np.array([(f(z + e * u) - f(z - e * u)) / (2 * e) for u in unit])
+
+
+@pytest.mark.parametrize("scheme", ["ali3p", "generalized-alpha"])
+def test_bounded_objectives_hold(scheme):
+    """min (x(1) - 3)^2 with x(1) <= 2: x(1) = v."""
+    goal = mb.Final(lambda s: (s.position("p")[0] - 3.0) ** 2)
+    p = mb.problem(
+        free_mass(), goal, ["p.velocity[0]"], t=1.0, step=0.1, constraints=[mb.Bounded(X, upper=2.0)], scheme=scheme
+    )
+    best = p.solve()
+    assert best.status == "converged"
+    assert best.x[0] == pytest.approx(2.0, abs=1e-6)
+    assert best.value == pytest.approx(1.0, abs=1e-5)
+    assert len(best.history) == best.stats.counts["evaluations"] == len(p.history)
+
+
+def test_both_sides_of_bounded_objectives_and_their_order():
+    goal = mb.Final(lambda s: s.velocity("p")[0] ** 2)
+    energy = mb.Integral(lambda s: s.velocity("p")[0] ** 2)
+    limits = [mb.Frequency(0, upper=1.0), mb.Bounded(X, lower=0.1, upper=0.2), mb.Bounded(energy, upper=3.0)]
+    p = mb.problem(oscillator(), goal, ["rail.k", "p.velocity[0]"], t=0.5, step=0.01, constraints=limits)
+    assert len(p.constraints) == 4
+    z = p.x0 * [1.03, 0.95]
+    for c in p.constraints:
+        assert np.allclose(c["jac"](z), slopes(c["fun"], z), rtol=1e-6, atol=1e-8)
+    values = mb.gradient(p.model, [X, energy], ["rail.k"], t=0.5, step=0.01).value
+    p.apply(z)
+    values = mb.gradient(p.model, [X, energy], ["rail.k"], t=0.5, step=0.01).value
+    frequency = mb.modes(p.model).frequency[0]
+    found = [c["fun"](z) for c in p.constraints]
+    assert np.allclose(found, [1.0 - frequency, values[0] - 0.1, 0.2 - values[0], 3.0 - values[1]], rtol=1e-12)
+
+
+def test_a_frequency_limit_is_active_at_the_optimum():
+    """min x(0.1)^2 wants the stiffest spring; k = m (2 pi f)^2 at the limit."""
+    goal = mb.Final(lambda s: s.position("p")[0] ** 2)
+    p = mb.problem(
+        oscillator(),
+        goal,
+        ["rail.k"],
+        t=0.1,
+        step=0.002,
+        constraints=[mb.Frequency(0, upper=1.5)],
+        scale={"rail.k": 100.0},
+    )
+    best = p.solve(tol=1e-12)
+    assert mb.modes(p.model).frequency[0] <= 1.5 * (1 + 1e-6)
+    assert best.x[0] == pytest.approx(2.0 * (2 * np.pi * 1.5) ** 2, rel=1e-3)
+
+
+def test_a_damping_limit_is_active_at_the_optimum():
+    """min of the swing wants the largest damper; zeta = c / (2 sqrt(k m))."""
+    goal = mb.Integral(lambda s: s.position("p")[0] ** 2)
+    limit = mb.Damping(0, upper=0.2)
+    p = mb.problem(oscillator(), goal, ["rail.c"], t=2.0, step=0.02, constraints=[limit], scale={"rail.c": 1.0})
+    best = p.solve(tol=1e-12)
+    assert best.x[0] == pytest.approx(0.2 * 2 * np.sqrt(50.0 * 2.0), rel=1e-4)
+    c = p.constraints[0]
+    z = np.array([2.0])
+    assert np.allclose(c["jac"](z), slopes(c["fun"], z), rtol=1e-7)
+    assert c["fun"](z) == pytest.approx(0.2 - 2.0 / (2 * np.sqrt(100.0)), rel=1e-12)
+
+
+def test_modes_at_equilibrium_follow_the_parameters():
+    m = mb.Model("pendulum", gravity=(0, -9.81, 0))
+    p = m.body("p", mass=1.0, inertia=(0.1, 0.1, 0.1), at=(1, 0, 0))
+    m.revolute("A", m.ground, p, at=(0, 0, 0), axis="z", k=3.0, c=0.1)
+    goal = mb.Final(lambda s: s.position("p")[1])
+    limits = [mb.Frequency(0, lower=0.1, at_equilibrium=True), mb.Damping(0, lower=0.0, at_equilibrium=True)]
+    problem = mb.problem(m, goal, ["A.k", "p.mass"], t=0.1, step=0.01, constraints=limits)
+    z = problem.x0
+    for c in problem.constraints:
+        assert np.allclose(c["jac"](z), slopes(c["fun"], z), rtol=1e-5, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: mb.Bounded(X), "needs lower= or upper="),
+        (lambda: mb.Bounded(X, lower=2.0, upper=1.0), "lower not above upper"),
+        (lambda: mb.Bounded(lambda s: 0.0, upper=1.0), "takes mb.Integral"),
+        (lambda: mb.Frequency(0), "needs lower= or upper="),
+        (lambda: mb.Damping(0, lower=0.3, upper=0.1), "lower not above upper"),
+    ],
+)
+def test_limits_that_are_none(make, message):
+    with pytest.raises(mb.errors.ModelError, match=message):
+        make()
+
+
+def test_wrong_problems_are_named():
+    m, goal = oscillator(), X
+    options = {"t": 0.1, "step": 0.01}
+    with pytest.raises(mb.errors.ModelError, match="no mode 7"):
+        mb.problem(m, goal, ["rail.k"], constraints=[mb.Frequency(7, upper=1.0)], **options).constraints[0]["fun"](
+            np.ones(1)
+        )
+    with pytest.raises(mb.errors.ModelError, match=r"takes mb.Bounded"):
+        mb.problem(m, goal, ["rail.k"], constraints=[X], **options)
+    with pytest.raises(mb.errors.ModelError, match="not among the parameters"):
+        mb.problem(m, goal, ["rail.k"], bounds={"rail.c": (0, 1)}, **options)
+    with pytest.raises(mb.errors.NameNotFoundError, match="did you mean 'k'"):
+        mb.problem(m, goal, ["rail.kk"], **options)
+    with pytest.raises(mb.errors.ModelError, match="finite numbers"):
+        mb.problem(m, goal, ["rail.k"], **options).fun(np.array([np.nan]))
+
+
+@pytest.mark.parametrize("scheme", ["ali3p", "generalized-alpha"])
+def test_check_gradients_of_a_motion(scheme):
+    m = silent(spatial_loop)
+    psi = mb.Integral(lambda s: s.position("rocker")[0] + 0.1 * s.velocity("crank")[2])
+    names = ["spring.k", "spring.length", "crank.mass", "R1.at[0]"]
+
+    def analysis(m):
+        return mb.gradient(m, psi, names, t=0.2, step=0.02, scheme=scheme)
+
+    check = mb.check_gradients(analysis, m, names)
+    print(check)
+    assert check
+    assert check.labels == tuple(names)
+    assert np.all(check.error < 1e-6)
+
+
+def test_check_gradients_finds_a_wrong_one():
+    """A value that is not what was differentiated."""
+    m = silent(five_bar)
+    psi = mb.Final(lambda s: s.point("P2")[0])
+
+    def analysis(m):
+        return mb.gradient(m, psi, ["spring1.length"], t=0.2, step=0.02)
+
+    wrong = mb.check_gradients(
+        analysis, m, ["spring1.length"], value=lambda r: np.asarray(r.value) * (2.0 if hasattr(r, "gradient") else 1.0)
+    )
+    assert not wrong
