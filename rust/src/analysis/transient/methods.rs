@@ -67,16 +67,17 @@ impl Method {
     }
 
     fn scheme(&self, steps: Steps) -> Box<dyn Scheme> {
+        let rtol = match steps {
+            Steps::Fixed(_) => None,
+            Steps::Controlled { rtol, .. } => Some(rtol),
+        };
         match self {
             Method::Auto | Method::Explicit => Box::new(Explicit8::default()),
             Method::ExplicitClosed => Explicit8::past_singular_poses(),
             Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
             Method::Ali3p(weight) => Box::new(Ali3p::new(*weight)),
-            Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family)),
-            Method::Bdf => Box::new(Bdf::new(match steps {
-                Steps::Fixed(_) => None,
-                Steps::Controlled { rtol, .. } => Some(rtol),
-            })),
+            Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family, rtol)),
+            Method::Bdf => Box::new(Bdf::new(rtol)),
         }
     }
 
