@@ -18,6 +18,7 @@ from typing import Any
 import accuracy_gradients
 import accuracy_motion
 import accuracy_nonlinear as nonlinear
+import bdf_evaluations
 import mbrs as mb
 import numpy as np
 
@@ -222,7 +223,7 @@ def main(names: list[str]) -> None:
         section.study.plot().savefig(DOCS / "img" / f"accuracy-{section.name}.png")
         parts.append(markdown(section))
     if not names:
-        parts.append(accuracy_motion.against_evaluations())
+        parts.append(bdf_evaluations.section())
         (DOCS / "accuracy.md").write_text("\n".join(parts))
     elif (DOCS / "accuracy.md").exists():
         _replace(parts[1:])

@@ -121,6 +121,11 @@ def sections() -> dict[str, tuple[str, str, Callable[[], Any]]]:
             "One loop with redundant joints; the dead centres are the fast parts.",
             lambda: study(zoo.slider_crank()),
         ),
+        "motion-rotor": (
+            "Motion: unbalanced rigid rotor, ten turns",
+            "One coordinate under gravity; the truth is Jacobi's amplitude.",
+            lambda: study(rigid_rotor()),
+        ),
         "motion-stiff": (
             "Motion: masses on bushings, the middle one of 9e6 N/m, 1 s",
             "A fast oscillation without amplitude beside slow ones: explicit steps are bound by it, implicit ones are not.",
@@ -134,50 +139,21 @@ def sections() -> dict[str, tuple[str, str, Callable[[], Any]]]:
     }
 
 
-def against_evaluations() -> str:
-    """The derivative-free solver beside Newton's methods by evaluations of the forces: what counts where these are slow."""
+def rigid_rotor(turns: int = 10) -> Any:
+    """phi = 2 am(w t/2 | 4 g'/w^2) from below, g' = m g r/(J + m r^2). Data invented."""
+    from scipy.special import ellipj, ellipk
+
     zoo = _of_tests("motion_problems")
-    rows = [["scene", "method", "rtol", "force evaluations", "tangents", "error [m]", "time"], ["---"] * 7]
-    for title, problem in (("slider-crank", zoo.slider_crank()), ("stop", zoo.gap()), ("Python force", python_force())):
-        known = {name: place[-1] for name, place in problem.truth(np.array([problem.t])).items()}
-        for method in methods():
-            for rtol in (1e-4, 1e-6):
-                rows.append(_evaluated(title, problem, known, method, rtol))
-    text = "\n".join("| " + " | ".join(cells) + " |" for cells in rows)
-    words = (
-        "Where a force is a Python function every evaluation costs a call, and a tangent as many as there are "
-        "coordinates, or one-sided differences. The table counts them."
+    w, mass, r, inertia = 40.0, 2.0, 0.1, 0.05
+    m = mb.Model("rotor", gravity=(0, -9.81, 0))
+    b = m.body(
+        "rotor", mass=mass, inertia=(inertia,) * 3, at=(0, -r, 0), velocity=(w * r, 0, 0), angular_velocity=(0, 0, w)
     )
-    return f"## Motion: evaluations of the forces\n{words}\n\n{text}\n"
+    m.revolute("shaft", m.ground, b, at=(0, 0, 0), axis="z")
+    modulus = 4 * mass * 9.81 * r / (inertia + mass * r * r) / w**2
 
+    def truth(t: np.ndarray) -> dict[str, np.ndarray]:
+        phi = 2 * ellipj(0.5 * w * np.asarray(t, dtype=float), modulus)[3]
+        return {"rotor": np.stack([r * np.sin(phi), -r * np.cos(phi), 0 * phi], axis=1)}
 
-def _evaluated(title: str, problem: Any, known: Any, method: str, rtol: float) -> list[str]:
-    if rtol < TIGHTEST.get(method, 0.0):
-        return [title, method, f"{rtol:.0e}", "-", "-", "-", "left out: too many steps"]
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", mb.MbrsWarning)
-            traj = mb.simulate(problem.model, t=[problem.t], rtol=rtol, method=method)
-    except mb.MbrsError as reason:
-        return [title, method, f"{rtol:.0e}", "-", "-", "-", f"failed: {str(reason)[:60]}"]
-    run = Run({name: place[-1] for name, place in problem.places(traj).items()})
-    counts = traj.stats.counts
-    numbers = [str(counts.get(k, 0)) for k in ("force evaluations", "tangents")]
-    return [
-        title,
-        method,
-        f"{rtol:.0e}",
-        *numbers,
-        f"{at_the_end(run, known):.1e}",
-        f"{1e3 * traj.stats.wall_time:.3g} ms",
-    ]
-
-
-def python_force() -> Any:
-    """The swing's rods without a motor, pushed by a Python function of time; its truth is a tight run."""
-    zoo = _of_tests("motion_problems")
-    problem = zoo.double_pendulum()
-    problem.model.force("push", "lower", value=lambda t: (5.0 * np.sin(7.0 * t), 0.0, 0.0))
-    tight = mb.simulate(problem.model, t=[0.0, problem.t], rtol=1e-11, method="explicit")
-    problem.truth = lambda times: {"end": np.repeat(tight.point("end")[-1:], len(times), axis=0)}
-    return problem
+    return zoo.MotionProblem("rigid rotor", m, turns * 4 * ellipk(modulus) / w, truth, "Jacobi's am")

@@ -12,6 +12,16 @@ import rivals_nonlinear as rivals
 # METHODS.md b.4, by shooting with rtol 1e-13: peak of |x|, its omega, both folds; periods
 DUFFING = np.array([2.5645599332, 2.3993334635, 2.3996492588, 1.3291743525])
 PERIODS = {1.0: 6.66328686, 5.0: 11.61223067}
+# For PyHarm: element, damping, force, range of omega, largest step, of x" + c x' + x + law = F cos(omega t). The oscillator with
+# play in units of its play and of its own frequency sqrt(8e3 / 2) rad/s.
+PLAY, OWN = 1e-3, (8e3 / 2.0) ** 0.5
+CLEARANCE = ({"type": "PenaltyBilateralGap", "g": 1.0, "k": 5.0}, 20.0 / (2.0 * OWN), 3.0 / (8e3 * PLAY),
+             (2 * np.pi * 8 / OWN, 2 * np.pi * 14 / OWN), 0.05)  # fmt: skip
+FRICTION = ({"type": "Jenkins", "mu": 1.0, "N0": 0.2, "k": 0.5}, 0.02, 0.4, (0.6, 1.1), 0.05)
+SWEPT = (
+    "The lines of curves follow the branch to that point, ours and that of PyHarm (all harmonics; interpolated between its "
+    "last points) where it is installed."
+)
 
 
 def smooth() -> tuple[str, str, str, Any]:
@@ -102,47 +112,94 @@ def _largest(system: Any, state: np.ndarray, omega: float) -> float:
 def contact() -> tuple[str, str, str, Any]:
     system, start, _, exact = clearance()
 
-    def solve(harmonics: int, samples: int) -> Any:
+    def solve(harmonics: int, program: str, samples: int) -> Any:
+        if program == "PyHarm":
+            return PLAY * _at_the_end(rivals.pyharm_sweep(harmonics, samples, *CLEARANCE))
         one = list(range(1, harmonics + 1, 2))
+        if program == "sweep":
+            curve = mb.frequency_response(
+                system, force=[3.0], frequency=(8, 14), harmonics=one, n_samples=samples, stability=False
+            )
+            return curve.point(-1)
         return mb.harmonic_balance(system, force=[3.0], frequency=14.0, harmonics=one, n_samples=samples, x0=start)
 
-    def against_shooting(result: Any, reference: Any) -> float:
+    def against_shooting(result: Any, reference: float) -> float:
         """Relative error of the largest displacement, against shooting."""
-        return abs(result.largest() / reference - 1)
+        return abs(_size(result) / reference - 1)
 
     study = mb.accuracy_study(
-        solve, harmonics=[3, 7, 15, 31, 63], samples={"256": {"samples": 256}, "1024": {"samples": 1024},
-        "4096": {"samples": 4096}}, reference=exact, measure=against_shooting, repeat=3,
-    )  # fmt: skip
+        solve,
+        harmonics=[3, 7, 15, 31, 63],
+        method=_methods("PyHarm"),
+        reference=exact,
+        measure=against_shooting,
+        repeat=1,
+    )
     text = (
         "A mass with play between two stops (`mb.examples.clearance_oscillator`), on the upper branch at 14 Hz; odd "
         "harmonics. The stops act for a part of the period, and the series converges slowly: with few samples their "
-        "aliasing decides, with many the harmonics."
+        f"aliasing decides, with many the harmonics. {SWEPT}"
     )
     return "harmonic-balance-contact", "Harmonic balance: contact", text, study
+
+
+def _methods(rival: str) -> dict[str, dict[str, Any]]:
+    """Lines of a study: one solution with some numbers of samples, whole curves, and those of a rival that is installed."""
+    lines: dict[str, dict[str, Any]] = {
+        f"one solution, {n} samples": {"program": "mbrs", "samples": n} for n in (256, 1024, 4096)
+    }
+    lines["curve, 1024 samples"] = {"program": "sweep", "samples": 1024}
+    if _installed(rival):
+        for case in (CLEARANCE, FRICTION):
+            rivals.pyharm_sweep(1, 64, *case)()  # what is compiled at the first use does not count
+        lines[f"{rival}, curve, 1024 samples"] = {"program": rival, "samples": 1024}
+    return lines
+
+
+def _size(result: Any) -> float:
+    """Largest displacement of one of our results, or what a rival gave."""
+    return result if isinstance(result, float) else float(result.largest())
+
+
+def _at_the_end(run: Any) -> float:
+    """Largest |x| at the last frequency of a rival's sweep, interpolated between its last points."""
+    from scipy.interpolate import BarycentricInterpolator
+
+    omega, c = run()
+    end = CLEARANCE[3][1] if abs(omega[-1] - CLEARANCE[3][1]) < abs(omega[-1] - FRICTION[3][1]) else FRICTION[3][1]
+    phase = np.linspace(0, 2 * np.pi, 4096, endpoint=False)
+    size = np.max(np.real(c[-4:] @ np.exp(1j * np.outer(np.arange(c.shape[1]), phase))), axis=1)
+    return float(BarycentricInterpolator(omega[-4:], size)(end))
 
 
 def friction() -> tuple[str, str, str, Any]:
     system = mb.examples.jenkins_oscillator()
 
-    def solve(harmonics: int, samples: int) -> Any:
+    def solve(harmonics: int, program: str, samples: int) -> Any:
+        if program == "PyHarm":
+            return _at_the_end(rivals.pyharm_sweep(harmonics, samples, *FRICTION))
         one = list(range(1, harmonics + 1, 2))
+        if program == "sweep":
+            curve = mb.frequency_response(
+                system, force=[0.4], omega=FRICTION[3], harmonics=one, n_samples=samples, stability=False
+            )
+            return curve.point(-1)
         return mb.harmonic_balance(system, force=[0.4], omega=1.1, harmonics=one, n_samples=samples)
 
-    reference = solve(161, 16384)
+    reference = mb.harmonic_balance(system, force=[0.4], omega=1.1, harmonics=list(range(1, 162, 2)), n_samples=16384)
 
-    def against_fine(result: Any, reference: Any) -> float:
+    def against_fine(result: Any, reference: float) -> float:
         """Relative error of the largest displacement, against 161 harmonics and 16384 samples (within 1e-6 of integration
         in time)."""
-        return abs(result.largest() / reference.largest() - 1)
+        return abs(_size(result) / reference - 1)
 
     study = mb.accuracy_study(
-        solve, harmonics=[1, 3, 7, 15, 31], samples={"128": {"samples": 128}, "512": {"samples": 512},
-        "2048": {"samples": 2048}}, reference=reference, measure=against_fine, repeat=3,
+        solve, harmonics=[1, 3, 7, 15, 31], method=_methods("PyHarm"), reference=reference.largest(), measure=against_fine,
+        repeat=1,
     )  # fmt: skip
     text = (
         "A Jenkins slider (`mb.examples.jenkins_oscillator`), force 0.4, slipping over most of the period; odd harmonics. "
-        f"The reference's own distance from integration in time over a period is {reference.verify():.0e}."
+        f"The reference's own distance from integration in time over a period is {float(reference.verify()):.0e}. {SWEPT}"
     )
     return "harmonic-balance-friction", "Harmonic balance: friction", text, study
 

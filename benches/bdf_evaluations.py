@@ -138,7 +138,9 @@ def picture(found: dict[str, dict[str, list[Point]]], path: Path) -> None:
 
 
 def table(found: dict[str, dict[str, list[Point]]]) -> str:
-    rows = [["scene", "method", "rtol", "steps", "force evaluations", "tangents or formations", "Python calls", "error [m]"]]
+    rows = [
+        ["scene", "method", "rtol", "steps", "force evaluations", "tangents or formations", "Python calls", "error [m]"]
+    ]
     rows.append(["---"] * len(rows[0]))
     for title, lines in found.items():
         for way, points in lines.items():

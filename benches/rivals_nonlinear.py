@@ -10,6 +10,7 @@ import contextlib
 import io
 import logging
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -27,33 +28,45 @@ def elsewhere() -> Iterator[None]:
 
 
 def pyharm(H: int) -> Callable[[], Points]:
-    """PyHarm: continuation by arc length, 128 samples or more."""
+    """PyHarm: continuation by arc length, 32 samples or more."""
+    samples = max(32, 1 << int(np.ceil(np.log2(4 * H + 1))))
+    return pyharm_sweep(H, samples, {"type": "CubicSpring", "k": K3}, C, F, (W0, W1), 0.05)
+
+
+def pyharm_sweep(
+    H: int,
+    samples: int,
+    element: dict[str, Any],
+    damping: float,
+    force: float,
+    span: tuple[float, float],
+    largest: float,
+) -> Callable[[], Points]:
+    """PyHarm: x" + damping x' + x + element = force cos(omega t) over a span of omega, with steps of at most ``largest``."""
     logging.disable(logging.CRITICAL)
     with elsewhere():
         from pyHarm.Maestro import Maestro
 
     one = np.ones((1, 1))
     to_ground = {"connect": {"s": [0], "GROUND": [0]}, "dirs": [0]}
-    analysis = {"study": "frf", "puls_inf": W0, "puls_sup": W1, "puls_start": W0, "ds0": 0.01, "ds_max": 0.05,
-                "ds_min": 1e-8, "sign_ds": 1, "verbose": False, "predictor": "tangent", "corrector": "arc_length",
-                "solver": "scipyroot"}  # fmt: skip
+    analysis = {"study": "frf", "puls_inf": span[0], "puls_sup": span[1], "puls_start": span[0], "ds0": largest / 5,
+                "ds_max": largest, "ds_min": 1e-8, "sign_ds": 1, "verbose": False, "predictor": "tangent",
+                "corrector": "arc_length", "solver": "scipyroot"}  # fmt: skip
     problem = {
-        "system": {
-            "type": "Base",
-            "nh": H,
-            "nti": max(32, 1 << int(np.ceil(np.log2(4 * H + 1)))),
-            "adim": {"status": False},
+        "system": {"type": "Base", "nh": H, "nti": samples, "adim": {"status": False}},
+        "substructures": {
+            "s": {"type": "substructure", "ndofs": 1, "matrix": {"M": one, "C": damping * one, "K": one}}
         },
-        "substructures": {"s": {"type": "substructure", "ndofs": 1, "matrix": {"M": one, "C": C * one, "K": one}}},
         "connectors": {
-            "spring": {"type": "CubicSpring", "k": K3, **to_ground},
-            "force": {"type": "CosinusForcing", "connect": {"s": [0]}, "dirs": [0], "amp": F},
+            "law": {**element, **to_ground},
+            "force": {"type": "CosinusForcing", "connect": {"s": [0]}, "dirs": [0], "amp": force},
         },
         "analysis": {"FRF": analysis},
     }
 
     def run() -> Points:
-        with elsewhere():
+        with elsewhere(), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # numba's remarks on the layout of its arrays
             master = Maestro(problem)
             master.operate()
         solutions = [s.x for s in master.nls["FRF"].SolList if s.flag_accepted]

@@ -33,7 +33,16 @@ def _body(m, name, at, seed=0, **given):
     )
 
 
-N_FREE = {"fixed": 0, "revolute": 1, "prismatic": 1, "cylindrical": 2, "universal": 2, "spherical": 3, "planar": 3, "free": 6}
+N_FREE = {
+    "fixed": 0,
+    "revolute": 1,
+    "prismatic": 1,
+    "cylindrical": 2,
+    "universal": 2,
+    "spherical": 3,
+    "planar": 3,
+    "free": 6,
+}
 
 
 def _frame(kind):
@@ -55,6 +64,8 @@ def tree(kind):
 
     def make():
         m = mb.Model(kind, gravity=(0.5, -3.0, 1.0))
+        # two coinciding points as the farthest would give the characteristic length a kink
+        m.marker("far", m.ground, at=(-3.0, -2.0, 1.0))
         a, b = _body(m, "a", (0.5, 0.1, 0), 1), _body(m, "b", (1.1, 0.2, 0.3), 2)
         m.revolute("foot", m.ground, a, at=(0, 0, 0), axis=(0.1, 1.0, 0.2), k=4.0)
         getattr(m, kind)("J", a, b, at=(0.8, 0.1, 0.1), **_frame(kind), **_forces(kind))
@@ -91,7 +102,9 @@ for _kind in N_FREE:
 def ring():
     """A four-bar with balls, one of its joints cut whichever it is."""
     m = mb.Model("ring", gravity=(0.5, -3.0, 1.0))
-    a, b, c = (_body(m, n, p, s) for n, p, s in (("a", (0, 0.5, 0), 1), ("b", (0.6, 1.0, 0.1), 2), ("c", (1.2, 0.5, 0), 3)))
+    a, b, c = (
+        _body(m, n, p, s) for n, p, s in (("a", (0, 0.5, 0), 1), ("b", (0.6, 1.0, 0.1), 2), ("c", (1.2, 0.5, 0), 3))
+    )
     m.revolute("R1", m.ground, a, at=(0, 0, 0), axis=(0.1, 0, 1), k=3.0)
     m.spherical("S1", a, b, at=(0, 1, 0), k=(1.0, 2.0, 1.0), c=(0.1, 0.1, 0.2))
     m.universal("U1", b, c, at=(1.2, 1, 0.1), axis="z", axis2="x", k=(2.0, 1.0))
@@ -102,7 +115,9 @@ def ring():
 @scene
 def knife():
     m = mb.Model("knife", gravity=(0, 0, -9.81))
-    a = m.body("a", mass=1.3, inertia=(0.05, 0.06, 0.07), at=(0, 0, 0), velocity=(0.8, 0, 0), angular_velocity=(0, 0, 1.1))
+    a = m.body(
+        "a", mass=1.3, inertia=(0.05, 0.06, 0.07), at=(0, 0, 0), velocity=(0.8, 0, 0), angular_velocity=(0, 0, 1.1)
+    )
     m.planar("ice", m.ground, a, at=(0, 0, 0), axis="z")
     m.knife_edge("edge", m.ground, a, at=(0.1, 0, 0), axis=(0, 1, 0))
     m.spring_damper("spring", m.ground, a, at=((1.0, 0.5, 0), (0.2, 0.05, 0)), k=6.0, c=0.1, length=0.4)
@@ -113,7 +128,9 @@ def knife():
 def disc():
     m = mb.Model("disc", gravity=(0, 0, -9.81))
     r = 0.3
-    a = m.body("a", mass=1.3, inertia=(0.03, 0.06, 0.03), at=(0, 0, r), velocity=(0.6, 0, 0), angular_velocity=(0, 2.0, 0.2))
+    a = m.body(
+        "a", mass=1.3, inertia=(0.03, 0.06, 0.03), at=(0, 0, r), velocity=(0.6, 0, 0), angular_velocity=(0, 2.0, 0.2)
+    )
     m.rolling_disc("roll", m.ground, a, at=((0, 0, 0), (0, 0, r)), axis="z", axis2="y", radius=r)
     m.torque("push", a, value=(0.02, 0.1, 0.03))
     return m
@@ -132,7 +149,7 @@ def _driven(name, motion, coordinate="revolute"):
     return scene(make)
 
 
-_driven("drive_sine", lambda: mb.Sine(0.4, hz=2.0, phase=0.3, offset=0.1))
+_driven("drive_sine", lambda: mb.Sine(0.4, frequency=2.0, phase=0.3, offset=0.1))
 _driven("drive_omega", lambda: mb.Sine(0.4, omega=9.0, phase=0.3))
 _driven("drive_ramp", lambda: mb.Ramp(1.5, offset=0.1))
 _driven("drive_polynomial", lambda: mb.Polynomial([0.1, 0.5, -2.0, 3.0]), "prismatic")
@@ -191,8 +208,19 @@ def elements():
     a, b = _body(m, "a", (0.5, 0.1, 0), 1, orientation=mb.rotation((1, 0, 2), 0.3)), _body(m, "b", (1.1, 0.2, 0.3), 2)
     root = np.random.default_rng(5).normal(size=(6, 6))
     full = root @ root.T + 3 * np.eye(6)
-    m.bushing("mount", m.ground, a, at=(0, 0.1, 0), k=full, c=0.05 * full, orientation=mb.rotation("y", 0.4), preload=(1, 2, 3, 0.1, 0.2, 0.3))
-    m.bushing("bearing", a, b, at=((0.8, 0.1, 0.1), (0.82, 0.1, 0.12)), k=(30, 40, 50, 2, 3, 4), c=(1, 1, 1, 0.1, 0.1, 0.1))
+    m.bushing(
+        "mount",
+        m.ground,
+        a,
+        at=(0, 0.1, 0),
+        k=full,
+        c=0.05 * full,
+        orientation=mb.rotation("y", 0.4),
+        preload=(1, 2, 3, 0.1, 0.2, 0.3),
+    )
+    m.bushing(
+        "bearing", a, b, at=((0.8, 0.1, 0.1), (0.82, 0.1, 0.12)), k=(30, 40, 50, 2, 3, 4), c=(1, 1, 1, 0.1, 0.1, 0.1)
+    )
     m.torsion("twist", a, b, at=(0.8, 0.1, 0.1), axis=(0.2, 1, 0), k=2.0, c=0.1, angle=0.1, preload=0.2)
     m.spring_damper("spring", m.ground, b, at=((1, -1, 0.2), (1.2, 0.2, 0.3)), k=15.0, c=0.3, length=0.9)
     m.spring_damper("drawn", a, b, at=((0.4, 0.3, 0), (1.0, 0.4, 0.3)), k=15.0, c=0.3, preload=0.7)
@@ -208,6 +236,17 @@ def loads():
     m.force("follow", b, at=(1.2, 0.2, 0.1), value=(1.0, 2.0, -0.5), frame="body")
     m.torque("turn", a, value=(0.1, 0.2, 0.3))
     m.torque("turn_along", b, value=(0.1, 0.2, 0.3), frame="body")
-    m.force("swing", b, at=(1.0, 0.3, 0.2), value=(mb.Sine(2.0, hz=3.0, phase=0.2), 0.0, mb.Polynomial([0.3, 1.0])), frame="body")
-    m.force("late", a, at=(0.4, 0.2, 0.1), value=(mb.Ramp(40.0, start=0.013), 0.0, mb.Table([0.0, 0.02, 0.06], [0.0, 1.0, 0.3])))
+    m.force(
+        "swing",
+        b,
+        at=(1.0, 0.3, 0.2),
+        value=(mb.Sine(2.0, hz=3.0, phase=0.2), 0.0, mb.Polynomial([0.3, 1.0])),
+        frame="body",
+    )
+    m.force(
+        "late",
+        a,
+        at=(0.4, 0.2, 0.1),
+        value=(mb.Ramp(40.0, start=0.013), 0.0, mb.Table([0.0, 0.02, 0.06], [0.0, 1.0, 0.3])),
+    )
     return m

@@ -10,7 +10,7 @@ from mbrs.continuation import Branch
 from mbrs.errors import ConvergenceError, ModelError
 from mbrs.frequency_response import frequency_response
 from mbrs.harmonic_balance import harmonic_balance
-from mbrs.laws import Cubic, Gap, Jenkins, VaryingStiffness
+from mbrs.laws import Cubic, Gap, Jenkins, VanDerPol, VaryingStiffness
 from mbrs.reference import hbm_continuation, hbm_shooting
 from mbrs.second_order import MechanicalSystem
 
@@ -162,6 +162,35 @@ def test_hill_and_monodromy_agree():
     exponents, phi = setup.core.floquet(setup.start(one), [1.0], monodromy=True)
     by_hill = np.sort_complex(np.exp(exponents * one.period))
     assert np.max(np.abs(by_hill - np.sort_complex(np.linalg.eigvals(phi)))) < 1e-7
+
+
+@pytest.mark.parametrize("name", ["duffing", "two masses", "van der Pol spring"])
+def test_stability_along_a_branch_is_that_of_hill(name):
+    # the monodromy matrix takes over where it agrees with Hill's problem at the first point; here Hill's is solved at others
+    from mbrs import _balance
+
+    system, force, span = {
+        "duffing": (duffing(), [0.18], (0.5, 1.6)),
+        "two masses": (neimark_sacker_system(), [0.11, 0.0], (0.8, 1.4)),
+        "van der Pol spring": (
+            MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[Cubic(0.1, w=[1.0]), VanDerPol(0.3, w=[1.0])]),
+            [0.18],
+            (0.5, 1.6),
+        ),
+    }[name]
+    response = frequency_response(system, force=force, omega=span, harmonics=11)
+    assert response.stats.counts["monodromies"] >= len(response) - 1
+    worst = 0.0
+    for i in range(0, len(response), 7):
+        one = response.point(i)
+        setup = _balance.prepare(system, force, 11, omega=one.omega)
+        hill, _ = setup.core.floquet(setup.start(one), [one.omega])
+        theirs = np.exp(hill * one.period)
+        ours = np.exp(response.exponents[i] * one.period)
+        worst = max(worst, float(np.max(np.min(np.abs(ours[:, None] - theirs), axis=1))))
+        # H = 11 leaves a truncation in Hill's roots, as large as the trace lets pass
+    print(f"{name}: multipliers differ from those of Hill's problem by {worst:.1e}")
+    assert worst < 2e-6
 
 
 def test_mathieu_tongue_is_bounded_by_period_doubling():

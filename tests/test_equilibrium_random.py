@@ -136,7 +136,9 @@ def test_random_models_find_a_stable_equilibrium(name):
             continue
         iterations.append(eq.iterations)
         assert eq.stable and eq.residual < 1e-9
-    print(f"{name}: {len(failed)} of {models} fail; iterations median {np.median(iterations):.0f}, most {max(iterations)}")
+    print(
+        f"{name}: {len(failed)} of {models} fail; iterations median {np.median(iterations):.0f}, most {max(iterations)}"
+    )
     assert not failed
     assert max(iterations) < 200
 

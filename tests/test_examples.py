@@ -58,10 +58,17 @@ SAYS = {
     "quarter_car.py": (["damper 2800", "finished"], ["quarter-car.png", "quarter-car-power.png", "quarter-car.html"]),
     "rolling_disc.py": (["leans between 20.1 and 33.2"], ["rolling-disc.png", "rolling-disc.html"]),
     "rotor.py": (["rigid", "Campbell"], ["rotor-campbell.png"]),
-    "slider_crank.py": (["stroke 300.0 mm", "redundant"], ["slider-crank.png", "slider-crank.html"]),
+    "slider_crank.py": (
+        ["stroke 300.0 mm", "redundant", "the middle of the rod bends by"],
+        ["slider-crank.png", "slider-crank.html", "slider-crank-elastic.png"],
+    ),
     "stewart_platform.py": (["12 modes", "k_strut"], ["stewart-response.png", "stewart-transmissibility.png"]),
     "swing.py": (["-0.835430375 rad, check value -0.835430375", "motor"], ["swing.png", "swing.html"]),
     "tree.py": (["12 of 381 modes", "B6,32.motion.y / B6,1.force.x"], ["tree-transfer-function.png"]),
+    "wind_rotor.py": (
+        ["collective", "1.2868", "off by 1.4%", "flapwise displacement at 85 %"],
+        ["wind-rotor-campbell.png", "wind-rotor-motion.png", "wind-rotor.html"],
+    ),
     "wafer_stage.py": (["14 modes", "k_mount"], ["wafer-stage-transmissibility.png"]),
 }
 

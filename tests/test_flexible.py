@@ -185,3 +185,16 @@ def test_a_loop_moves_and_keeps_its_energy():
         assert np.max(traj.residual[:, :2]) < 1e-9
         ends.append(np.r_[traj.position("crank")[-1], traj.modal("coupler")[-1]])
     assert ends[0] == pytest.approx(ends[1], abs=1e-6)
+
+
+def test_campbell_of_a_blade_follows_southwell():
+    m = mb.Model("rotor")
+    hub = m.body("hub", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
+    m.revolute("shaft", m.ground, hub, at=(0, 0, 0), axis="z")
+    blade = m.flexible_body("blade", rod((2, 3, 4, 5), bending=(4.0, 4.0), turning=0.0))
+    m.fixed("root", hub, blade.node("frame"))
+    diagram = mb.campbell(m, "shaft", speed=np.array([1.0, 2.0, 3.0]))
+    lowest = np.array([np.min(f[f > 1e-6]) for f in np.asarray(diagram.frequency).reshape(3, -1)])
+    square = (2 * np.pi * lowest) ** 2
+    rise = np.diff(square) / np.diff(np.array([1.0, 4.0, 9.0]))
+    assert rise == pytest.approx(1.193, abs=0.02)

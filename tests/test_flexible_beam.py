@@ -99,10 +99,10 @@ def test_timoshenko():
         b = beam(L, **STEEL, area=area, I_flap=second, I_edge=2 * second, modes=8, theory="timoshenko", elements=n)
         found, errors = 2 * np.pi * b.frequencies(), []
         for root in clamped_free_roots(2):
-            for I in (second, 2 * second):
-                thin = (root / L) ** 2 * np.sqrt(E * I / (rho * area))
-                guess = thin / np.sqrt(1 + (root / L) ** 2 * (I / area) * (1 + E * area / GA))
-                exact = timoshenko_frequency(E * I, GA, rho * area, rho * I, L, guess)
+            for area_moment in (second, 2 * second):
+                thin = (root / L) ** 2 * np.sqrt(E * area_moment / (rho * area))
+                guess = thin / np.sqrt(1 + (root / L) ** 2 * (area_moment / area) * (1 + E * area / GA))
+                exact = timoshenko_frequency(E * area_moment, GA, rho * area, rho * area_moment, L, guess)
                 assert exact < 0.99 * thin, "shear and rotary inertia must matter here"
                 errors.append(np.min(np.abs(found / exact - 1)))
         worst.append(max(errors))
@@ -422,3 +422,33 @@ def test_inertial_stiffness_of_a_free_beam_balances():
     KG = inertial_stiffness(grid, shape, clamped=False)
     assert KG[3, 0, 0] < 0, "centrifugal: W_xx < 0 times KG < 0 stiffens"
     assert not np.any(KG[[0, 1, 2, 4, 5, 6, 7, 8, 9, 10, 11]])
+
+
+def tip_mass_roots(ratio, n):
+    """1 + cos x cosh x + ratio x (cos x sinh x - sin x cosh x) = 0: a cantilever with ratio times its mass at the tip."""
+    f = lambda x: 1 / np.cosh(x) + np.cos(x) + ratio * x * (np.cos(x) * np.tanh(x) - np.sin(x))  # noqa: E731
+    x = np.linspace(0.1, 14, 2000)
+    ends = np.flatnonzero(np.diff(np.sign(f(x))))[:n]
+    return np.array([optimize.brentq(f, x[i], x[i + 1], xtol=1e-14) for i in ends])
+
+
+@pytest.mark.parametrize("made", ["beam", "craig_bampton"])
+def test_a_mass_at_the_tip(made):
+    """The tip's static shapes carry a mass there: a model of the core against the closed form."""
+    L, mass, EI, heavy = 1.2, 2.0, 30.0, 3.0
+    if made == "beam":
+        body = beam(L, mass=mass, EI_flap=EI, EI_edge=EI, modes=14, attach=["tip"])
+    else:
+        grid = mesh(np.linspace(0, L, 41), lambda x: Section(mass, EI, EI, 0, 0, 0, 0, 0, 0, 0), False, straight=True)
+        at = np.zeros((41, 3))
+        at[:, 0] = grid.x
+        body = craig_bampton(*grid.assembled(), {"root": 0, "tip": 40}, positions=at, modes=14, fixed="root")
+    m = mb.Model("cantilever")
+    f = m.flexible_body("rod", body)
+    m.fixed("clamp", m.ground, f.node("root"), at=(0, 0, 0))
+    m.fixed("screw", f.node("tip"), m.body("mass", mass=heavy, inertia=(1e-9,) * 3, at=(L, 0, 0)))
+    found = mb.modes(m).frequency[:6] * 2 * np.pi
+    exact = (tip_mass_roots(heavy / (mass * L), 3) / L) ** 2 * np.sqrt(EI / mass)
+    assert found == pytest.approx(np.repeat(exact, 2), rel=2e-5)
+    plain = beam(L, mass=mass, EI_flap=EI, EI_edge=EI, modes=14)
+    assert plain.n_modes < body.n_modes

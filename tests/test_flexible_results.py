@@ -66,6 +66,23 @@ def test_reactions_balance_weight_and_load():
     assert traj.reaction("clamp")[-1] == pytest.approx(wrench, abs=1e-6)
 
 
+def test_reactions_at_moving_nodes():
+    model = hanging_by_the_tip()
+    eq = mb.equilibrium(model)
+    rod_weight, ball_weight = model["rod"].modal.mass * 9.81, 0.5 * 9.81
+    assert eq.reactions["socket"][:3] == pytest.approx([0, 0, 5.0 - rod_weight - ball_weight], abs=1e-8)
+    # along the slide its spring carries
+    along = eq.rotation("ball") @ (1, 1, 0)
+    assert np.cross(eq.reactions["slide"][:3] - (0, 0, -ball_weight), along) == pytest.approx(np.zeros(3), abs=1e-8)
+    traj = mb.simulate(model, t=[0.0, 1e-3], at=eq)
+    for name in ("socket", "slide"):
+        assert traj.reaction(name)[-1] == pytest.approx(eq.reactions[name], abs=1e-6)
+    loop = mb.equilibrium(four_bar())
+    total = loop.reactions["A"][:3] + loop.reactions["D"][:3]
+    weight = 9.81 * (0.4 + 0.6 + loop.model["coupler"].modal.mass)
+    assert total == pytest.approx([0, 0, weight], abs=1e-8)
+
+
 ADDRESSES = {
     "rod.K[0,0]": 1e-4,
     "rod.C[1,1]": 1e-6,
@@ -243,3 +260,23 @@ def test_a_loop_is_not_cut_inside_a_flexible_body():
     found = mb.System(four_bar())
     kinds = {body: kind for body, _, _, kind in found.tree}
     assert kinds["coupler.tip"] == "node" and len(found.loops) == 1
+
+
+def test_ports_at_nodes_that_nothing_is_attached_to():
+    model = pendulum(damping=1e-3)
+    eq = mb.equilibrium(model)
+    lin = mb.linearize(model, at=eq)
+    assert "rod.frame" not in lin.bodies
+    # the same node from its shape, and from its frame
+    for direction in ("x", "z", "ry", "rz"):
+        by_frame = lin.port_row(model["rod"].node("mid").motion(direction))
+        other = mb.linearize(pendulum(damping=1e-3), at=eq)
+        hidden = [b for b in other.bodies if b != "rod.mid"]
+        object.__setattr__(other, "bodies", tuple(hidden[:2] + ["?"] + hidden[2:]))
+        by_shape = other.port_row(model["rod"].node("mid").motion(direction))
+        assert by_shape[0] == pytest.approx(by_frame[0], abs=1e-12)
+        assert by_shape[2] == pytest.approx(by_frame[2], abs=1e-12)
+    h = mb.frf(cantilever(), "rod.mid.force.z", "rod.mid.motion.z", frequency=[0.1, 0.2])
+    assert np.all(np.isfinite(h.value))
+    rigid = mb.frf(model, "rod.mid.force.y", model["P"].motion("y"), frequency=[0.1, 0.2], without=("flexibility",))
+    assert np.all(np.isfinite(rigid.value))

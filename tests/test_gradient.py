@@ -217,7 +217,10 @@ def test_objectives_that_read_the_model_itself():
 def test_reactions_of_redundant_loops(scheme):
     """Hinges of a flat loop share forces by the smallest norm: the derivative is that of what mb.simulate reports."""
     m = silent(five_bar)
-    names, parameters = ["A.reaction", "2.reaction", "B.reaction"], ["spring1.length", "bar1.mass", "A.at[0]", "1.at[1]"]
+    names, parameters = (
+        ["A.reaction", "2.reaction", "B.reaction"],
+        ["spring1.length", "bar1.mass", "A.at[0]", "1.at[1]"],
+    )
     options = {"t": 0.1, "step": 0.02, "method": scheme}
     traj = mb.simulate(m, parameters=parameters, **options)
     for k, p in enumerate(parameters):

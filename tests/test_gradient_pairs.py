@@ -64,6 +64,10 @@ def test_every_number(name, scheme):
     wrong, worst = [], 0.0
     for p, label in enumerate(along.labels):
         d = along.dense[:, p]
+        if not d.any():
+            # a number that no row of the tables depends on at its present value
+            assert not exact[:, p].any()
+            continue
         e = STEP / np.abs(d).max() * max(1.0, np.abs(x[d != 0]).max())
         a, b, c, f = (values(m, x + s * e * d, asked, scheme) for s in (1, -1, 2, -2))
         difference = (8 * (a - b) - (c - f)) / (12 * e)

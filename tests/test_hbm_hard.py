@@ -54,6 +54,29 @@ def test_contact_ten_thousand_times_stiffer():
     assert 0.01 < off / one.error < 10 and fine.error < one.error / 5 and fine.verify() < 100 * fine.error
 
 
+@pytest.mark.parametrize(
+    ("ratio", "bilateral", "force", "span"),
+    [
+        (100.0, True, 0.1, (0.3, 2.0)),
+        (100.0, False, 0.1, (2.0, 0.3)),
+        (1000.0, True, 0.5, (0.3, 2.0)),
+        (1000.0, True, 0.045, (2.0, 0.3)),
+    ],
+)
+def test_grazing_contact_is_passed(ratio, bilateral, force, span):
+    # at 512 samples the equations have corners where single samples come into contact, and branches stalled there
+    system = oscillator(Gap(ratio, 1.0, bilateral=bilateral, w=[1.0]), c=0.04)
+    curve = frequency_response(system, force=[force], omega=span, harmonics=7, stability=False)
+    grazing = int(np.argmax(curve.amplitude() > 0.99))
+    free = np.abs(force / (1 - curve.omega[:grazing] ** 2 + 0.04j * curve.omega[:grazing]))
+    off = np.max(np.abs(curve.amplitude()[:grazing] / free - 1))
+    one = curve.point(-1)
+    tell(f"stop {ratio:g} times stiffer, {len(curve)} points, {curve.status}", before_contact=off, at_the_end=one.error)
+    assert curve.status in ("converged", "left-at-start", "unresolved") and grazing > 3 and off < 1e-9
+    steps = curve.branch.chunks.column("step")[1:]
+    assert np.sum(steps < 1e-6) < 5
+
+
 def test_stick_slip_through_full_stick():
     system = oscillator(Jenkins(0.5, 0.2, w=[1.0]), c=0.02)
     curve = frequency_response(system, force=[0.05], omega=(0.6, 1.6), harmonics=5)

@@ -86,7 +86,15 @@ def test_a_branch_with_automatic_harmonics_and_one_over_the_level_go_on(tmp_path
 
 def test_a_branch_of_a_model_in_one_of_its_numbers_goes_on():
     m = mb.examples.clearance_oscillator()
-    given = dict(value=(2e3, 8e4), inputs="mass.force.x", amplitude=3.0, frequency=9.0, harmonics=9, stability=False, n_samples=2048)
+    given = dict(
+        value=(2e3, 8e4),
+        inputs="mass.force.x",
+        amplitude=3.0,
+        frequency=9.0,
+        harmonics=9,
+        stability=False,
+        n_samples=2048,
+    )
     part = mb.parameter_response(m, "rail.law[0]", max_points=4, **given)
     rest = pickle.loads(pickle.dumps(part)).resume()
     whole = mb.parameter_response(m, "rail.law[0]", **given)

@@ -19,7 +19,8 @@ LAYERS = {
     "words": {
         "errors", "names", "values", "geometry", "expressions", "operations", "parameters", "store", "laws", "shifted_laws",
         "attached_laws", "elements", "joints", "element_methods", "joint_methods", "bodies", "ports", "addresses", "varying",
-        "jsonable", "motions", "drives", "progress", "results", "mac", "measures", "_timing", "effects", "_checks", "flexible", "section_loads",
+        "jsonable", "motions", "drives", "progress", "results", "mac", "measures", "_timing", "effects",
+        "_checks", "flexible", "section_loads",
         "flexible_bodies",
     },
     "model": {"model", "examples", "io"},

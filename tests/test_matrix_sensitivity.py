@@ -169,7 +169,9 @@ def test_flexible_form_of_a_flexible_body():
     balance = form.balance(V, *motion(V), time)
     first, second = form.defect(V, motion(V), tangent, time)
     size = np.abs(form.by_design(V, *motion(V), time)).max()
-    print(f"balance {np.abs(balance).max():.1e}, eq. 18 {np.abs(first).max() / size:.1e} and {np.abs(second).max():.1e}")
+    print(
+        f"balance {np.abs(balance).max():.1e}, eq. 18 {np.abs(first).max() / size:.1e} and {np.abs(second).max():.1e}"
+    )
     assert size > 1.0 and np.abs(tangent[3]).max() > 1.0
     assert np.abs(balance).max() < 1e-8 * np.abs(motion(V)[3]).max()
     assert np.abs(first).max() < 1e-10 * size and np.abs(second).max() < 1e-12

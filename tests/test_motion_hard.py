@@ -14,16 +14,6 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 METHODS = ("explicit", "generalized-alpha", "bdf")
-LOOPS = "controlled steps of generalised-alpha collapse on this loop: not solved yet"
-
-
-def known(request, *cases):
-    """Mark what does not work yet, by parameters."""
-    for condition, reason in cases:
-        if condition:
-            request.node.add_marker(pytest.mark.xfail(reason=reason, strict=True))
-
-
 # tolerance at which each method is asked, and what it has to reach in characteristic lengths
 ASKED = {"explicit": (1e-9, 1e-7), "generalized-alpha": (1e-5, 1e-3), "bdf": (1e-8, 1e-5)}
 
@@ -47,13 +37,8 @@ def test_redundant_constraints(make, method):
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("n", [1, 3])
-def test_passing_the_singular_pose_of_the_parallelogram(request, n, method):
+def test_passing_the_singular_pose_of_the_parallelogram(n, method):
     """All links align twice per turn, where loops lose rank; the branch of the parallelogram has to be kept."""
-    known(
-        request,
-        (method == "generalized-alpha", LOOPS),
-        (method == "explicit" and n > 1, "its steps collapse at the pose and may leave the branch: not solved yet"),
-    )
     problem = zoo.four_bars(n, t=6.0, speed=1.0)
     rtol, limit = ASKED[method]
     traj = mb.simulate(problem.model, np.linspace(0, problem.t, 61), rtol=rtol, method=method)
@@ -64,7 +49,6 @@ def test_passing_the_singular_pose_of_the_parallelogram(request, n, method):
     assert passes >= 3 and error < 30 * limit
 
 
-@pytest.mark.xfail(reason="bdf resolves the vibration of the stiff bushing: not solved yet", run=False)
 def test_bushings_of_1e12():
     problem = zoo.bushings(stiff=1e12 / 900)
     traj = mb.simulate(problem.model, np.linspace(0, problem.t, 21), rtol=1e-6)

@@ -64,9 +64,6 @@ def test_tight_runs_are_true(name):
     assert error < 1e-10 * max(1.0, p.length)
 
 
-@pytest.mark.xfail(
-    strict=False, reason="steps that end very near the pose lose the branch: 3e-11 and tighter, measured here"
-)
 def test_the_singular_pose_at_every_tolerance():
     """The four-bar passes the pose in which its links align on the branch on which it arrives, however short its steps."""
     p, wrong = problem("four_bars"), {}

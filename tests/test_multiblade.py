@@ -33,7 +33,9 @@ def test_families():
     shape = np.stack([np.ones(3), phase, phase.conj(), np.zeros(3)], axis=1).astype(complex)
     shape = np.concatenate([shape, [[0, 0, 0, 1.0]]])
     fake = types.SimpleNamespace(
-        shape=shape, eigenvalue=2j * np.pi * np.array([1.0, 2.0, 2.0, 5.0]), coordinates=["a.q1", "b.q1", "c.q1", "hub.x"]
+        shape=shape,
+        eigenvalue=2j * np.pi * np.array([1.0, 2.0, 2.0, 5.0]),
+        coordinates=["a.q1", "b.q1", "c.q1", "hub.x"],
     )
     found = mb.rotor_modes(fake, ["a", "b", "c"], speed=2 * np.pi * 0.3)
     assert found.family == ("collective", "forward", "backward", "hub")

@@ -90,7 +90,7 @@ def test_achieved_error_follows_the_tolerance():
         print(f"{name:20s} slope {slopes[name]:.2f}, errors {errors[0]:.0e} to {errors[-1]:.0e}")
     inside = np.mean((np.array(ratios) < 10.0) & (np.array(ratios) > 0.1))
     print(f"estimate within a factor of ten: {100 * inside:.0f} % of {len(ratios)} runs")
-    # the heavy top gains more than the tolerance asks, slider-crank and five-bar start below their tolerance
+    # the heavy top gains more than the tolerance asks, slider-crank and five-bar start far below it
     assert sum(0.8 <= s <= 1.2 for s in slopes.values()) >= 12, slopes
     assert inside >= 0.95
 
@@ -208,17 +208,12 @@ def test_auto_says_why():
     assert soft.method == "explicit" and "not stiff" in soft.stats.route
 
 
-STIFF = "bdf resolves the undamped vibration of a stiff bushing: not solved yet"
-
-
-@pytest.mark.xfail(reason=STIFF, run=False)
 def test_auto_takes_bdf_where_something_is_stiff():
     stiff = mb.simulate(zoo.bushings(stiff=1e10).model, 1.0, rtol=1e-5)
     print(stiff)
     assert stiff.method == "bdf" and "stiff" in stiff.stats.route and stiff.stats.counts["tangents"] > 0
 
 
-@pytest.mark.xfail(reason=STIFF, run=False)
 def test_factorisations_are_kept():
     counts = mb.simulate(zoo.bushings(stiff=1e6).model, 1.0, rtol=1e-5, method="bdf").stats.counts
     print(counts)

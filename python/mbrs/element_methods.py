@@ -197,7 +197,7 @@ class ElementMethods:
         return _finish(e, entries, add_laws(e, law, 1, ("angle",)))
 
     def force(  # type: ignore[misc]
-        self: Model, name: str, body: Any, *, at: Any = None, value: Any, frame: str = "world"
+        self: Model, name: str, body: Any, *, at: Any = None, value: Any, frame: str = "world", on: Any = None
     ) -> Load:
         """A force ``value`` (3,), N, at the world point ``at`` of the body (its origin by default).
 
@@ -209,12 +209,30 @@ class ElementMethods:
         >>> m = mb.Model("shaken"); p = m.body("plate", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
         >>> m.force("shaker", p, value=(mb.Sine(5.0, frequency=10.0), 0, 0))
         <load 'shaker' of 'shaken'>
-        """
-        return _add_load(self, "force", name, body, at, value, frame)
 
-    def torque(self: Model, name: str, body: Any, *, value: Any, frame: str = "world") -> Load:  # type: ignore[misc]
-        """A torque ``value`` (3,), N m; ``frame`` and what varies in time as for `force`."""
-        return _add_load(self, "torque", name, body, None, value, frame)
+        Of a flexible body the load acts at a node, or with ``on="frame"`` on its floating frame, moving no shape.
+        """
+        return _add_load(self, "force", name, body, at, value, frame, on)
+
+    def torque(  # type: ignore[misc]
+        self: Model, name: str, body: Any, *, value: Any, frame: str = "world", on: Any = None
+    ) -> Load:
+        """A torque ``value`` (3,), N m; ``frame``, ``on`` and what varies in time as for `force`."""
+        return _add_load(self, "torque", name, body, None, value, frame, on)
+
+    def modal_force(self: Model, name: str, body: Any, *, mode: int, value: Any) -> Load:  # type: ignore[misc]
+        """A force on modal coordinate ``mode`` (from 1) of a flexible body, a number, a motion or a function of t (s).
+
+        Its power is value times the rate of ``body.q<mode>``: N for coordinates in metres.
+
+        >>> import mbrs as mb
+        >>> m = mb.Model("one"); rod = m.flexible_body("rod", mb.flexible.beam(1.0, mass=1.0, EI_flap=1.0, EI_edge=4.0))
+        >>> m.modal_force("push", rod, mode=1, value=mb.Sine(0.1, frequency=0.5))
+        <load 'push' of 'one'>
+        """
+        from .section_loads import add_modal_force
+
+        return add_modal_force(self, name, body, mode, value)
 
     def section_load(  # type: ignore[misc]
         self: Model,
@@ -279,7 +297,7 @@ class ElementMethods:
         return add_section_load(self, body, stations, table, times, frame, name, kind)
 
 
-def _parted(load: Load, value: Any) -> tuple[list[Number], dict[int, list[Number]]]:
+def parted(load: Load, value: Any) -> tuple[list[Number], dict[int, list[Number]]]:
     """The constant part of a load's value, and the numbers of the motions of its components."""
     where = load.name + ".value"
     load.motions = []
@@ -308,11 +326,17 @@ def _parted(load: Load, value: Any) -> tuple[list[Number], dict[int, list[Number
     return vector(constant, where), varying
 
 
-def _add_load(model: Model, type_: str, name: Any, body: Any, at: Any, value: Any, frame: Any) -> Load:
+def _add_load(model: Model, type_: str, name: Any, body: Any, at: Any, value: Any, frame: Any, on: Any) -> Load:
     load = Load(model, model.new_name("load", name))
     load.type = type_
     where = name + ".at"
-    load.body, load.node, at = model.load_place(f"{type_} {name!r}", body, at if type_ == "force" else None, where)
+    if on is None:
+        load.body, load.node, at = model.load_place(f"{type_} {name!r}", body, at if type_ == "force" else None, where)
+    elif isinstance(on, str) and on == "frame":
+        load.body, load.node = model.find_body(body, f"{type_} {name!r}"), -1
+        at = model.bodies[load.body].entries(0, 3) if at is None else at
+    else:
+        raise problem(name + ".on", f"must be 'frame' (of a flexible body) or left out, got {shown(on)}")
     if load.body < 0:
         raise problem(name, f"is a {type_} on ground, which does not move; name the body it acts on")
     if not isinstance(frame, str) or frame not in LOAD_FRAMES:
@@ -321,7 +345,7 @@ def _add_load(model: Model, type_: str, name: Any, body: Any, at: Any, value: An
     if at is not None and is_pair(at):
         raise problem(where, "must be one point (3,): a force acts at one")
     point = vector((0.0, 0.0, 0.0) if type_ == "torque" else at, where)
-    constant, varying = _parted(load, value)
+    constant, varying = parted(load, value)
     load.put([*point, *constant])
     load.index = len(model.loads)
     for item in load.motions:

@@ -149,9 +149,9 @@ class Equilibrium(Result):
 def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equilibrium:
     """Static equilibrium: B''^T (f(y)) = 0 with all loops closed.
 
-    Newton with a line search downhill in energy, then dynamic relaxation where that stalls; it ends at a stable
-    equilibrium
-    unless the start is in balance already.
+    Newton with steps along |K|^-1, each shortened until the force along it, or the next step (P. Deuflhard's natural test),
+    has become smaller; after many shortened steps descent in energy by trust regions with second-order
+    corrections; dynamic relaxation where that stalls. It ends at a stable equilibrium unless the start is in balance already.
 
     Parameters
     ----------
@@ -177,7 +177,8 @@ def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equ
 
     Notes
     -----
-    Cost O(dof^3) per iteration.
+    Cost O(dof^3) per iteration. ``stats.counts`` tells "equilibrium iterations", and where they were needed "line-search
+    steps", "descent steps", "second-order corrections", "relaxation steps" and "saddles left".
 
     Examples
     --------

@@ -14,7 +14,7 @@ import numpy as np
 from ._border import core_errors
 from .effects import check_without, effects
 from .errors import MbrsWarning, ModelError
-from .flexible_bodies import mass_matrix_at, modal_places
+from .modal_frames import modal_masses, modal_strains, node_twist
 from .ports import Port, as_port
 from .results import Result, Stats
 from .state import State, state_of
@@ -50,10 +50,14 @@ class Snapshot:
         return cls(model, system, (model.structure_version, model.values_version), made)
 
     def frame(self, name: str) -> int:
-        """Index of a body, or of a node ``body.node`` (where that does not move by itself, of its body)."""
+        """Index of a body, or of a node ``body.node`` that the results follow."""
         names = self.tables["body_name"]
-        if name not in names and "." in name:
+        if name not in names and "flexible_body" not in self.tables:
             name = name.partition(".")[0]
+        if name not in names:
+            raise ModelError(
+                f"this result does not follow the node {name!r}, which was named after it: compute it again"
+            )
         index: int = names.index(name)
         return index
 
@@ -157,21 +161,6 @@ class Linearization(Result):
             return self.snapshot.system.bodies(self.state.relative, self.state.rate)
 
     @cached_property
-    def modal_masses(self) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        """Of each flexible body: its number, the rows (6 + m, dof) of its origin's twist (body axes) and of its modal coordinates,
-        and its mass matrix (6 + m, 6 + m) over them.
-        """
-        t, out = self.snapshot.tables, []
-        for i, (body, m, row, first) in enumerate(modal_places(t, len(self.bodies))):
-            q = self.state.relative[row : row + (m + 2) // 3, :3].ravel()[:m]
-            turned = np.einsum(
-                "ji,kjn->kin", self.poses["rotation"][body], self.T[6 * body : 6 * body + 6].reshape(2, 3, -1)
-            )
-            rows = np.vstack([turned.reshape(6, -1), self.modal_map[first : first + m]])
-            out.append((body, rows, mass_matrix_at(t, i, q)))
-        return out
-
-    @cached_property
     def body_mass_matrices(self) -> np.ndarray:
         """(n_bodies, 6, 6) mass matrix of each body about its origin, world axes; of flexible ones undeformed."""
         t = self.snapshot.tables
@@ -204,18 +193,18 @@ class Linearization(Result):
             np.sqrt(np.maximum(principal, 0.0))[:, :, None] * turning,
         )
         made = np.concatenate(weighed, axis=1).reshape(6 * len(places), -1)
-        if not self.modal_masses:
+        if not modal_masses(self):
             return made
-        flexible = [body for body, _, _ in self.modal_masses]
+        flexible = [body for body, _, _ in modal_masses(self)]
         kept = made.reshape(len(places), 6, -1)[[i for i in range(len(places)) if i not in flexible]]
-        modal = [np.linalg.cholesky(mass).T @ rows for _, rows, mass in self.modal_masses]
+        modal = [np.linalg.cholesky(mass).T @ rows for _, rows, mass in modal_masses(self)]
         return np.vstack([kept.reshape(-1, made.shape[1]), *modal])
 
     def body_kinetic_energy(self, shape: np.ndarray) -> np.ndarray:
         """v^H M v of each body for each column of ``shape``, (n_bodies, n)."""
         v = (self.T @ shape).reshape(len(self.bodies), 6, -1)
         energy: np.ndarray = np.einsum("bin,bij,bjn->bn", v.conj(), self.body_mass_matrices, v).real
-        for body, rows, mass in self.modal_masses:
+        for body, rows, mass in modal_masses(self):
             w = rows @ shape
             energy[body] = np.einsum("in,ij,jn->n", w.conj(), mass, w).real
         return energy
@@ -242,20 +231,13 @@ class Linearization(Result):
         """Names of the elastic elements and 1/2 e^H k e of each for each column of ``shape``, (n_elements, n); k holds the
         slopes of their laws at this state.
         """
-        strains = [*self._strains, *self._modal_strains()]
+        strains = [*self._strains, *modal_strains(self)]
         names = tuple(name for name, _, _ in strains)
         energy = np.zeros((len(names), shape.shape[1]))
         for i, (_, rows, k) in enumerate(strains):
             e = rows @ shape
             energy[i] = 0.5 * np.einsum("in,ij,jn->n", e.conj(), k, e).real
         return names, energy
-
-    def _modal_strains(self) -> list[tuple[str, np.ndarray, np.ndarray]]:
-        t, out = self.snapshot.tables, []
-        for i, (body, m, _, first) in enumerate(modal_places(t, len(self.bodies))):
-            at = int(t["flexible_x"][i]) + 12 * m + 9 * m * m
-            out.append((self.bodies[body], self.modal_map[first : first + m], t["x"][at : at + m * m].reshape(m, m)))
-        return out
 
     def _at(self, body: int, point: np.ndarray) -> np.ndarray:
         """Twist (6, dof) of the material point of a body that is at ``point`` now."""
@@ -266,6 +248,9 @@ class Linearization(Result):
 
     def port_row(self, port: Port) -> tuple[np.ndarray, int, np.ndarray]:
         """The row (dof,) of a port's motion, the index of its body (-1 ground) and its point now (3,)."""
+        if port.body != "ground" and port.marker is None and port.body not in self.bodies:
+            body, twist, point = node_twist(self, port.body)
+            return np.asarray(port.direction) @ (twist[3:] if port.is_rotation else twist[:3]), body, point
         arm = self.port_arm(port)
         if port.body == "ground":
             return np.zeros(self.n), -1, arm

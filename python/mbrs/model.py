@@ -452,12 +452,9 @@ class Model(JointMethods, DriveMethods, ElementMethods):
         return frame_names(self).index(name)
 
     def has_frame(self, name: str) -> bool:
-        """Is there a body of this name, or a node ``body.node`` in use?"""
-        if name in self.body_index:
-            return True
-        from .flexible_bodies import frame_names
-
-        return "." in name and name in frame_names(self)
+        """Is there a body of this name, or a node ``body.node``?"""
+        owner, _, node = name.partition(".")
+        return owner in self.body_index and (not node or node in getattr(self.items[owner], "nodes", ()))
 
     @property
     def is_flexible(self) -> bool:

@@ -80,7 +80,8 @@ class RotorModes:
 
     ``frequency`` (n,) Hz in the turning frame, ``fixed`` (n,) Hz as a fixed observer sees them; ``family``: "collective",
     "forward", "backward" whirl, "reactionless" (patterns that four or more blades have), or "hub" where no blade moves;
-    ``share`` (n, N) squares of the patterns' amplitudes, collective first, their sum one; ``coordinate`` the blade coordinate that moves most.
+    ``share`` (n, N) squares of the patterns' amplitudes, collective first, their sum one; ``coordinate`` the
+    blade coordinate that moves most.
     """
 
     frequency: np.ndarray

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .flexible_bodies import FlexibleBody
     from .model import Model
 
-__all__ = ["ModalLoad", "SectionLoad", "add_section_load"]
+__all__ = ["ModalLoad", "SectionLoad", "add_modal_force", "add_section_load"]
 
 _POINTS = 4  # a cubic shape times a linear load, and to spare
 # A component below this share of the largest of its kind is rounding, and makes no load.
@@ -57,19 +57,43 @@ class SectionLoad:
         return f"{self.name}: {len(self.loads)} loads, resultant up to {force:.6g} N"
 
 
-def add_section_load(
-    model: Model, body: Any, stations: Any, table: Any, times: Any, frame: Any, name: Any, kind: Any
-) -> SectionLoad:
-    """Check and add; see `Model.section_load`."""
+def add_modal_force(model: Model, name: Any, body: Any, mode: Any, value: Any) -> ModalLoad:
+    """Check and add; see `Model.modal_force`."""
+    from .element_methods import parted
+
+    load = ModalLoad(model, model.new_name("load", name))
+    owner = _flexible(model, body, f"modal force {name!r}")
+    if isinstance(mode, bool) or not isinstance(mode, (int, np.integer)) or not 1 <= mode <= owner.n_modes:
+        raise problem(name + ".mode", f"must be 1 to {owner.n_modes}, the modes of {owner.name!r}, got {shown(mode)}")
+    load.type, load.body, load.node, load.frame = "modal", owner.index, -1, int(mode) - 1  # type: ignore[assignment]
+    constant, varying = parted(load, [value, 0.0, 0.0])
+    load.put([0.0, 0.0, 0.0, *constant])
+    for item in load.motions:
+        item.place = len(model.motions)
+        item.put(varying[item.component])
+        model.motions.append(item)
+    model.register(load, model.loads)
+    return load
+
+
+def _flexible(model: Model, body: Any, where: str) -> FlexibleBody:
     from .flexible_bodies import FlexibleBody
 
     owner = model.items.get(body) if isinstance(body, str) else body
     if not isinstance(owner, FlexibleBody) or owner.model is not model:
-        raise problem("section load", f"needs a flexible body of this model, got {shown(body)}")
+        raise problem(where, f"needs a flexible body of this model, got {shown(body)}")
+    return owner
+
+
+def add_section_load(
+    model: Model, body: Any, stations: Any, table: Any, times: Any, frame: Any, name: Any, kind: Any
+) -> SectionLoad:
+    """Check and add; see `Model.section_load`."""
+    owner = _flexible(model, body, "section load")
     label = f"{owner.name}-load" if name is None else name
     if not isinstance(label, str):
         raise problem("section load", f"needs a name, got {shown(name)}")
-    if frame not in LOAD_FRAMES:
+    if not isinstance(frame, str) or frame not in LOAD_FRAMES:
         raise problem(label + ".frame", f"must be 'body' or 'world', got {shown(frame)}")
     at, values, when = _checked(label, stations, table, times)
     line = _Line(label, owner.modal, at)

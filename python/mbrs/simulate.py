@@ -32,6 +32,8 @@ _ORDER = {"explicit": 8, "generalized-alpha": 2, "bdf": 4, "bdf-bfgs": 4, "ali3p
 _TIGHTEST, _LOOSEST = 1e-13, 1e-1
 # changes of initial values below this are rounding
 _CHANGED = 1e-9
+# methods whose error is estimated by a tighter run, and how much tighter it is
+_TIGHTENED, _TIGHTER = frozenset({"explicit", "bdf"}), 30.0
 # outputs at which the error is estimated
 _COMPARED = 50
 
@@ -292,20 +294,29 @@ def _report_start(m: Model, made: dict[str, Any]) -> None:
             )
 
 
+def _compared_with(traj: Trajectory, options: dict[str, Any]) -> tuple[dict[str, Any], float]:
+    """Options of the run that the error is estimated with, and the factor from the distance of both to the error.
+
+    Errors of controlled steps scatter about their tolerance, so that a tighter run tells more than a looser one; methods of low
+    order could not afford it.
+    """
+    if "step" in options:
+        return {"step": 2.0 * options["step"]}, 1.0 / (2.0 ** _ORDER[traj.method] - 1.0)
+    rtol = options["rtol"]
+    if traj.method in _TIGHTENED and rtol / _TIGHTER >= _TIGHTEST:
+        return {"rtol": rtol / _TIGHTER}, 1.0
+    return {"rtol": min(10.0 * rtol, 1.0)}, 1.0 / 9.0
+
+
 def _estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) -> float | None:
-    """Largest difference to a coarser run over the factor by which the latter's error is larger."""
+    """Largest difference to a second run, scaled to the error of this one."""
     if traj.status != "finished" or len(traj.t) < 2:
         return None
     compared = np.unique(np.linspace(1, len(traj.t) - 1, min(len(traj.t) - 1, _COMPARED)).astype(int))
     method = traj.method if options["method"] == "auto" else options["method"]
-    coarser = {**options, "method": method, "outputs": traj.t[compared].tolist()}
-    if "step" in options:
-        coarser["step"] = 2.0 * options["step"]
-        factor = 2.0 ** _ORDER[traj.method]
-    else:
-        coarser["rtol"] = min(10.0 * options["rtol"], 1.0)
-        factor = 10.0
-    made = _run(traj.snapshot, state, traj.without, coarser)
+    changed, factor = _compared_with(traj, options)
+    second = {**options, **changed, "method": method, "outputs": traj.t[compared].tolist()}
+    made = _run(traj.snapshot, state, traj.without, second)
     if made["status"] != "finished":
         return math.inf
     with core_errors():
@@ -318,7 +329,7 @@ def _estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) ->
             made["acceleration"],
             list(traj.without),
         )
-    return _distance(traj, compared, other) / (factor - 1.0)
+    return factor * _distance(traj, compared, other)
 
 
 def _distance(traj: Trajectory, compared: np.ndarray, other: dict[str, Any]) -> float:

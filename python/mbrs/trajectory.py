@@ -65,7 +65,7 @@ class Trajectory(Result):
         Times of all accepted steps, and the estimated local error of each over its tolerance (empty for fixed steps).
     error
         Estimated error: the largest |dx|/(characteristic length) and angle of rotation of any body at up to 50 of the outputs,
-        from a second run with coarser steps (made when first asked for).
+        from a second run, tighter where the order of the method is high, else coarser (made when first asked for).
     status
         "finished", "interrupted" (Ctrl-C) or "stopped" (a step that could not be made; `message` says why).
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -105,7 +106,8 @@ def wind_rotor(
     return m
 
 
-def wind_blade(modes: int = 4, **options: Any) -> ModalBody:
+@lru_cache(maxsize=8)
+def wind_blade(modes: int = 4) -> ModalBody:
     """The blade of `wind_rotor`: x outwards, y edgewise (with the rotation), z flapwise; no structural twist.
 
     >>> import mbrs as mb
@@ -122,7 +124,6 @@ def wind_blade(modes: int = 4, **options: Any) -> ModalBody:
         modes=modes,
         damping=ratio,
         nodes={"section": 0.85 * data.station[-1]},
-        **options,
     )
 
 

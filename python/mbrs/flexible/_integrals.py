@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -66,7 +67,7 @@ def _outboard(grid: Mesh, field: list[float]) -> Any:
     """int_x^L rho b dx' for a linear b; exact, since rho is linear in every element."""
     ends = grid.x
     linear = []
-    for a, b in zip(ends[:-1], ends[1:], strict=True):
+    for a, b in itertools.pairwise(ends):
         inside = [p for p in grid.points if a < p.x < b]
         slope = (inside[-1].section.mass - inside[0].section.mass) / (inside[-1].x - inside[0].x)
         rho = np.poly1d([slope, inside[0].section.mass - slope * inside[0].x])

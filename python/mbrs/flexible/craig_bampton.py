@@ -72,8 +72,9 @@ def craig_bampton(
     Exact over the given M: modal mass and stiffness, S, and int rho r x phi, which rigid motions give. M alone does not
     tell how its mass is spread over components: P1's symmetric part and P2 take the mean of the three translational
     blocks as scalar mass between nodes (exact for solid elements; for beams and shells an error O(h^2) and of the
-    size of the sections' own rotary inertia), P2 with its trace corrected to the modal mass. R. R. Craig, M. C. C. Bampton, AIAA Journal 6(7) (1968) 1313-1319. Cost: one
-    sparse factorisation and ``modes`` eigenpairs (dense, O(n^3), below 1500 freedoms), O(m^2 n).
+    size of the sections' own rotary inertia), P2 with its trace corrected to the modal mass.
+    R. R. Craig, M. C. C. Bampton, AIAA Journal 6(7) (1968) 1313-1319. Cost: one sparse factorisation and ``modes``
+    eigenpairs (dense, O(n^3), below 1500 freedoms), O(m^2 n).
 
     Examples
     --------

@@ -14,6 +14,7 @@ from ..expressions import Expression
 from ..flexible_bodies import FlexibleBody
 from ..joints import FRAME_GIVEN, KINDS, Joint
 from ..model import Model
+from ..section_loads import ModalLoad
 from ..store import Item
 from ..values import Number
 
@@ -213,9 +214,14 @@ def _load_value(load: Load) -> Any:
 
 
 def _load(load: Load) -> Table:
-    table: Table = {"type": load.type, "name": load.name, "body": _place(load.model, load.body, load.node)}
+    if isinstance(load, ModalLoad):
+        table: Table = {"type": "modal_force", "name": load.name, "body": load.model.body_name(load.body)}
+        return {**table, "mode": int(load.frame) + 1, "value": _load_value(load)[0]}
+    table = {"type": load.type, "name": load.name, "body": _place(load.model, load.body, load.node)}
     if load.type == "force":
         table["at"] = load.entries(0, 3)
+    if load.node < 0 and isinstance(load.model.bodies[load.body], FlexibleBody):
+        table["on"] = "frame"
     table["value"] = _load_value(load)
     if load.frame != "world":
         table["frame"] = load.frame

@@ -27,12 +27,12 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _WIDTH = 100
 # Keys whose strings are text; in all others a string is an expression.
 _TEXT = frozenset({"name", "type", "a", "b", "body", "frame", "joint", "first", "second", "nodes"})
-_TEXT |= {"coordinate", "first_coordinate", "second_coordinate"}
+_TEXT |= {"coordinate", "first_coordinate", "second_coordinate", "on"}
 _AXIS_WORD = re.compile(r"[+-]?[xyz]")
 _TYPES = {
     "joint": tuple(KINDS),
     "element": ("spring_damper", "bushing", "torsion"),
-    "load": ("force", "torque"),
+    "load": ("force", "torque", "modal_force"),
 }
 _TABLES = ("body", "joint", "drive", "coupler", "element", "load", "marker")
 

@@ -15,6 +15,7 @@ hold three modal coordinates each as their place.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -102,7 +103,7 @@ def read_flexible(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Fl
     for index, m, i in zip(*(t.get(f"flexible_{k}", ()) for k in ("body", "modes", "x")), strict=True):
         nodes = [n + j for j, node in enumerate(moving) if t["flexible_node_body"][node] == index]
         sizes = np.cumsum([0, 3 * m, 9 * m, 9 * m * m, m * m, m * m, 12 * m * m])
-        S, P1, P2, K, C, KG = (x[i + a : i + b] for a, b in zip(sizes[:-1], sizes[1:], strict=True))
+        S, P1, P2, K, C, KG = (x[i + a : i + b] for a, b in itertools.pairwise(sizes))
         cloud = particles(
             bodies[index], S.reshape(3, m), P1.reshape(m, 3, 3), P2.reshape(m, m, 3, 3), KG.reshape(12, m, m)
         )
@@ -158,8 +159,8 @@ def particles(b: Body, S: Array, P1: Array, P2: Array, KG: Array) -> Cloud:
     u, w = np.concatenate(columns, axis=1), np.concatenate(weights)
     m = S.shape[1]
     psi = np.zeros((len(w), 3, m, m))
-    for (k, l), row in fields.items():
-        psi[:, :, k, l] = psi[:, :, l, k] = u[row : row + 3].T
+    for (k, n), row in fields.items():
+        psi[:, :, k, n] = psi[:, :, n, k] = u[row : row + 3].T
     phi = u[4 : 4 + 3 * m].reshape(m, 3, -1).transpose(2, 1, 0)
     return Cloud(w, u[0], u[1:4].T, phi, psi)
 
@@ -167,7 +168,7 @@ def particles(b: Body, S: Array, P1: Array, P2: Array, KG: Array) -> Cloud:
 def _gram(b: Body, S: Array, P1: Array, P2: Array, KG: Array) -> tuple[Array, dict[tuple[int, int], int]]:
     """Inner products of 1, r (3), phi_k (3 each) and psi_kl (3 each, k <= l, where it is not zero)."""
     m = S.shape[1]
-    pairs = [(k, l) for k in range(m) for l in range(k, m) if np.any(KG[:, k, l])]
+    pairs = [(k, n) for k in range(m) for n in range(k, m) if np.any(KG[:, k, n])]
     fields = {pair: 4 + 3 * m + 3 * i for i, pair in enumerate(pairs)}
     dtype = np.result_type(S, P1, P2, KG, b.mass, float)
     out = np.zeros((4 + 3 * m + 3 * len(pairs),) * 2, dtype=dtype)
@@ -176,11 +177,11 @@ def _gram(b: Body, S: Array, P1: Array, P2: Array, KG: Array) -> tuple[Array, di
     for k in range(m):
         at = slice(4 + 3 * k, 7 + 3 * k)
         out[0, at], out[1:4, at] = S[:, k], P1[k]
-        for l in range(m):
-            out[at, 4 + 3 * l : 7 + 3 * l] = 0.5 * P2[k, l]
-    for (k, l), row in fields.items():
-        out[0, row : row + 3] = KG[:3, k, l]
-        out[1:4, row : row + 3] = KG[3:, k, l].reshape(3, 3).T
+        for n in range(m):
+            out[at, 4 + 3 * n : 7 + 3 * n] = 0.5 * P2[k, n]
+    for (k, n), row in fields.items():
+        out[0, row : row + 3] = KG[:3, k, n]
+        out[1:4, row : row + 3] = KG[3:, k, n].reshape(3, 3).T
     return out + out.T, fields
 
 

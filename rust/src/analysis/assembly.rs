@@ -3,7 +3,10 @@ use faer::prelude::*;
 use nalgebra::{DMatrix, DVector};
 use num_dual::Dual64;
 
+use super::transient::matrix::Matrix;
+use super::transient::saddle::{Ordering, Saddle};
 use crate::error::{Error, Result};
+use crate::linalg::entries::Entries;
 use crate::model::geometry::Geometry;
 use crate::model::joint::{Coordinate, JointKind};
 use crate::run::Counts;
@@ -50,7 +53,7 @@ pub fn assemble(
 }
 
 /// The drawn relative poses, or those of the user's first guess.
-fn start(system: &System) -> Vec<Pose<f64>> {
+pub fn start(system: &System) -> Vec<Pose<f64>> {
     let topology = &*system.topology;
     let mut relative = drawn_relative(topology, &system.geometry);
     if topology.tables.poses.is_empty() {
@@ -114,7 +117,8 @@ pub fn close(
     let mut best = f64::INFINITY;
     for iteration in 0..MAX_ITERATIONS {
         let placement = place(&system.topology, &system.geometry, &state.relative, None);
-        let (phi, jacobian) = with(system, &placement, effects).constraints();
+        let mut jacobian = rows_of(system);
+        let phi = with(system, &placement, effects).constraints_into(&mut jacobian);
         if phi.iter().any(|v| !v.is_finite()) {
             return Err(system.topology.tables.failure().unwrap_or_else(|| {
                 Error::Assembly("the constraints cannot be evaluated in this state".into())
@@ -135,15 +139,9 @@ pub fn close(
         best = best.min(size);
         // velocity rows do not say where anything is: they neither close a loop nor hinder it
         let closes = |i: usize| system.topology.rows[i].level == Level::Position;
-        let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| {
-            if closes(i) {
-                jacobian[(i, j)] * rows[i] * columns[j]
-            } else {
-                0.0
-            }
-        });
+        let scaled = jacobian.scaled(|i| if closes(i) { rows[i] } else { 0.0 }, |j| columns[j]);
         let right = DVector::from_fn(phi.len(), |i, _| -phi[i] * rows[i]);
-        let mut step = minimum_norm(&scaled, &right)?;
+        let mut step = smallest(&scaled, &right)?;
         let longest = step.amax();
         if longest > 0.5 {
             step *= 0.5 / longest;
@@ -218,6 +216,26 @@ fn check_orientation(system: &System, placement: &Placement<f64>) -> Result<()> 
         }
     }
     Ok(())
+}
+
+/// Above this number of coordinates and rows singular values take too long.
+const DENSE: usize = 300;
+
+fn rows_of(system: &System) -> Matrix {
+    let (rows, columns) = (system.topology.rows.len(), system.n_tree());
+    Matrix::zeros(rows, columns, rows + columns > DENSE)
+}
+
+/// The smallest x with m x = right, as well as that can be.
+fn smallest(m: &Matrix, right: &DVector<f64>) -> Result<DVector<f64>> {
+    if let Matrix::Dense(m) = m {
+        return minimum_norm(m, right);
+    }
+    let n = m.shape().1;
+    let mut identity = Matrix::zeros(n, n, true);
+    (0..n).for_each(|i| identity.add(i, i, 1.0));
+    let saddle = Saddle::of(&identity, m, Some(&Ordering::default()))?;
+    Ok(saddle.solve(&DVector::zeros(n), right)?.0)
 }
 
 /// Least-squares solution of smallest norm; directions below the rank tolerance are left alone.
@@ -394,17 +412,16 @@ fn project_rates(
     }
     let rows = row_scales(&system.topology, system.length);
     let columns = column_scales(&system.topology, system.length);
-    let (_, jacobian) = with(system, placement, effects).constraints();
+    let mut jacobian = rows_of(system);
+    with(system, placement, effects).constraints_into(&mut jacobian);
     let mut given = explicit_rates(&system.topology, &system.geometry, effects, 0.0).0;
     if hold {
         given.fill(0.0);
     }
-    let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| {
-        jacobian[(i, j)] * rows[i] * columns[j]
-    });
-    let y = DVector::from_fn(rate.len(), |i, _| rate[i] / columns[i]);
+    let scaled = jacobian.scaled(|i| rows[i], |j| columns[j]);
+    let y: Vec<f64> = rate.iter().zip(&columns).map(|(r, c)| r / c).collect();
     let given = DVector::from_fn(given.len(), |i, _| given[i] * rows[i]);
-    let step = minimum_norm(&scaled, &-(&scaled * &y + given))?;
+    let step = smallest(&scaled, &-(scaled.times(&y) + given))?;
     for i in 0..rate.len() {
         rate[i] += step[i] * columns[i];
     }

@@ -52,7 +52,7 @@ impl Here {
 
 /// How a step came about.
 pub enum Made {
-    Ali3p(Record, Factors),
+    Ali3p(Record, Box<Factors>),
     Alpha(Parameters, f64),
 }
 
@@ -112,7 +112,7 @@ impl<'a> March<'a> {
                     instant: end,
                     carried: None,
                 };
-                Ok((here, Made::Ali3p(record, by)))
+                Ok((here, Made::Ali3p(record, Box::new(by))))
             }
             Rule::Alpha(rho) => {
                 let scheme = self.alpha.get_or_insert_with(|| {

@@ -8,7 +8,7 @@
 use nalgebra::{DMatrix, DVector};
 use num_dual::Dual64;
 
-use crate::analysis::assembly::given_rates;
+use crate::analysis::assembly::{given_rates, start};
 use crate::analysis::transient::ali3p::pulled;
 use crate::analysis::transient::penalty::Penalty;
 use crate::analysis::transient::{Equations, Instant, Motion};
@@ -41,6 +41,15 @@ pub struct Starting<'a> {
     accelerating: Penalty,
     position: Vec<usize>,
     jacobian: DMatrix<f64>,
+    /// how the drawn loops were closed, if they were drawn open
+    path: Vec<Closing>,
+}
+
+/// A Newton step of the assembly from a configuration: dy = -J^+ Phi in the metric S^-2, and its multipliers.
+struct Closing {
+    by: Penalty,
+    dy: Vec<f64>,
+    mu: Vec<f64>,
 }
 
 impl<'a> Starting<'a> {
@@ -62,7 +71,13 @@ impl<'a> Starting<'a> {
         let closing = with(&DMatrix::from_fn(position.len(), eq.n(), |i, j| {
             jacobian[(position[i], j)]
         }))?;
+        let path = if follow.drawn && follow.shift.is_empty() && closing.is_some() {
+            assembled(eq, first, &position, &weight)?
+        } else {
+            Vec::new()
+        };
         Ok(Starting {
+            path,
             closing,
             aligning: with(&jacobian)?,
             accelerating: Penalty::new(&eq.mass(&first.motion), &jacobian.transpose(), &jacobian)?,
@@ -112,6 +127,9 @@ impl<'a> Starting<'a> {
             rate: lift(&first.rate),
             memory: lift(&first.memory),
         };
+        if !self.path.is_empty() {
+            m.relative = self.assembled(dual, &m)?;
+        }
         if let Some(shift) = self.follow.shift.get(p) {
             let dy: Vec<_> = shift.iter().map(|d| Dual64::new(0.0, *d)).collect();
             advance(topology, &mut m.relative, &dy);
@@ -122,6 +140,65 @@ impl<'a> Starting<'a> {
         }
         self.rates(dual, &mut m)?;
         Ok(m)
+    }
+
+    /// The configuration after all steps of the assembly, with its derivative at the values of the first instant.
+    fn assembled(
+        &self,
+        dual: &Equations<'_, Dual64>,
+        m: &Motion<Dual64>,
+    ) -> Result<Vec<Pose<Dual64>>> {
+        let topology = self.eq.topology();
+        let state = State {
+            relative: start(self.eq.system),
+            rate: Vec::new(),
+        };
+        let mut here = Motion {
+            relative: lifted_relative(topology, &dual.geometry, &state),
+            ..m.clone()
+        };
+        let slope = self.weight_slopes(dual);
+        for step in &self.path {
+            let (phi, jacobian) = dual.rows(&here);
+            let rows = self.position.len();
+            let jacobian =
+                DMatrix::from_fn(rows, step.dy.len(), |i, j| jacobian[(self.position[i], j)]);
+            let turned = pulled(&jacobian, &step.mu);
+            let f = DVector::from_fn(step.dy.len(), |i, _| -turned[i].eps - slope[i] * step.dy[i]);
+            let g = DVector::from_fn(rows, |i, _| {
+                let moved: f64 = (0..step.dy.len())
+                    .map(|j| jacobian[(i, j)].eps * step.dy[j])
+                    .sum();
+                -phi[self.position[i]].eps - moved
+            });
+            let (d, _) = step.by.solve_one(&f, &g)?;
+            let dy: Vec<_> = (step.dy.iter().zip(d.iter()))
+                .map(|(y, d)| Dual64::new(*y, *d))
+                .collect();
+            advance(topology, &mut here.relative, &dy);
+        }
+        let at = |d: Dual64, v: f64| Dual64::new(v, d.eps);
+        let poses = here.relative.iter().zip(&self.first.motion.relative);
+        Ok(poses
+            .map(|(d, v)| Pose {
+                p: d.p.zip_map(&v.p, at),
+                r: d.r.zip_map(&v.r, at),
+            })
+            .collect())
+    }
+
+    /// Derivative of S^-2 along a direction: the characteristic length moves with the points of the model.
+    fn weight_slopes(&self, dual: &Equations<'_, Dual64>) -> Vec<f64> {
+        let eq = self.eq;
+        let length = eq.topology().characteristic_length(&dual.geometry, &dual.x);
+        let (part, unit) = (length.eps / length.re, eq.scales());
+        let held = eq.topology();
+        (0..eq.n())
+            .map(|i| match held.scale(i, 2.0) / held.scale(i, 1.0) > 1.5 {
+                true => -2.0 * part / (unit[i] * unit[i]),
+                false => 0.0,
+            })
+            .collect()
     }
 
     fn close(&self, phi: &DVector<Dual64>, closing: &Penalty) -> Result<Vec<Dual64>> {
@@ -166,10 +243,11 @@ impl<'a> Starting<'a> {
         let given: Vec<f64> = m.rate.iter().map(|v| v.re).collect();
         let slope: Vec<f64> = m.rate.iter().map(|v| v.eps).collect();
         let change = DVector::from_fn(n, |i, _| now[i] - given[i]);
-        let (_, mu) = aligning.solve_one(&DVector::zeros(n), &(&self.jacobian * change))?;
+        let (_, mu) = aligning.solve_one(&DVector::zeros(n), &(&self.jacobian * &change))?;
         m.rate = (0..n).map(|i| Dual64::new(now[i], slope[i])).collect();
         let (_, jacobian) = dual.rows(m);
-        let turned = pulled(&jacobian, mu.as_slice()).map(|v| -v.eps);
+        let (pull, slope) = (pulled(&jacobian, mu.as_slice()), self.weight_slopes(dual));
+        let turned = DVector::from_fn(n, |i, _| -pull[i].eps - slope[i] * change[i]);
         let miss = dual.row_rates_of(m, &jacobian).map(|v| -v.eps);
         let (d, _) = aligning.solve_one(&turned, &miss)?;
         for (v, d) in m.rate.iter_mut().zip(d.iter()) {
@@ -239,4 +317,55 @@ impl<'a> Starting<'a> {
             .sum();
         Ok(sum + rates)
     }
+}
+
+/// Loops that are drawn open by more than this (relative) are closed along a path that matters.
+const DRAWN_OPEN: f64 = 1e-10;
+const CLOSING_STEPS: usize = 100;
+
+/// The Newton steps of the assembly once more, as `assembly::close` makes them; none where the loops are drawn closed.
+fn assembled(
+    eq: &Equations<'_, f64>,
+    first: &Instant,
+    position: &[usize],
+    weight: &DMatrix<f64>,
+) -> Result<Vec<Closing>> {
+    let scale = eq.row_scales();
+    let mut m = Motion {
+        relative: start(eq.system),
+        ..first.motion.clone()
+    };
+    let mut path = Vec::new();
+    for _ in 0..CLOSING_STEPS {
+        let (phi, all) = eq.rows(&m);
+        let rows = DMatrix::from_fn(position.len(), eq.n(), |i, j| all[(position[i], j)]);
+        let phi = DVector::from_fn(position.len(), |i, _| phi[position[i]]);
+        let size = (0..phi.len())
+            .map(|i| (phi[i] * scale[position[i]]).abs())
+            .fold(0.0, f64::max);
+        // what is left is closed by the last step that all starts have in common
+        if size <= DRAWN_OPEN {
+            return Ok(path);
+        }
+        let by = Penalty::new(weight, &rows.transpose(), &rows)?;
+        let (dy, mu) = by.solve_one(&DVector::zeros(eq.n()), &-phi)?;
+        let unit = eq.scales();
+        let longest = dy
+            .iter()
+            .zip(&unit)
+            .fold(0.0_f64, |s, (d, u)| s.max((d / u).abs()));
+        if longest > 0.5 {
+            return Err(Error::NotDifferentiable(
+                "the loops are drawn so far open that the assembly shortened its steps, by which the assembled pose has no derivative                  here; draw the bodies closer to the assembled pose"
+                    .into(),
+            ));
+        }
+        advance(eq.topology(), &mut m.relative, dy.as_slice());
+        path.push(Closing {
+            by,
+            dy: dy.as_slice().to_vec(),
+            mu: mu.as_slice().to_vec(),
+        });
+    }
+    Ok(path)
 }

@@ -14,6 +14,7 @@ use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
 use super::driver::{Plan, Progress, Steps, drive};
+use super::methods::STIFF;
 use super::saddle::Saddle;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
@@ -89,6 +90,7 @@ pub struct Bdf {
     order: usize,
     /// steps of one length and order: their errors have no tolerance that could choose
     fixed: bool,
+    stiff: bool,
     /// allowed remainder of Newton's method, in the units of the tolerance
     solved: f64,
     history: Option<History>,
@@ -110,6 +112,7 @@ impl Bdf {
         Bdf {
             order: 1,
             fixed: rtol.is_none(),
+            stiff: false,
             solved: rtol.map_or(1e-12, |r| 0.01 * r),
             history: None,
             start: VecDeque::new(),
@@ -117,6 +120,26 @@ impl Bdf {
             kept: None,
             tried: None,
         }
+    }
+
+    /// Vibrations or decays far faster than the motion?
+    fn look_for_stiffness(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        at: &Instant,
+        counts: &mut Counts,
+    ) -> Result<()> {
+        if eq.topology().connectors.is_empty() {
+            return Ok(());
+        }
+        let scales = eq.scales();
+        let size = |v: &[f64]| {
+            let scaled = v.iter().zip(&scales).map(|(v, c)| (v / c).abs());
+            scaled.fold(0.0_f64, f64::max)
+        };
+        let motion = size(&at.motion.rate).max(size(&at.acceleration).sqrt());
+        self.stiff = eq.fastest(at, counts)? > STIFF * motion;
+        Ok(())
     }
 
     fn begin(&mut self, from: &Instant, h: f64) {
@@ -373,6 +396,7 @@ impl Scheme for Bdf {
         if self.history.as_ref().is_none_or(|k| k.t != from.motion.t) {
             self.history = None;
             if estimate {
+                self.look_for_stiffness(eq, from, counts)?;
                 self.begin(from, h);
             } else {
                 if self.start.is_empty() && self.points.is_empty() {
@@ -449,6 +473,12 @@ impl Scheme for Bdf {
         }
     }
 
+    /// In a stiff scene rates count by what they move within a step: a vibration that moves less than the tolerance may be stepped
+    /// over, however fast it is.
+    fn rate_time(&self, h: f64) -> f64 {
+        if self.stiff { h } else { f64::INFINITY }
+    }
+
     fn proposal(&mut self, size: &dyn Fn(&LocalError) -> f64) -> Option<f64> {
         if self.fixed {
             return None;
@@ -466,7 +496,7 @@ impl Scheme for Bdf {
         let higher = if k < MOST { factor(k + 1) } else { 0.0 };
         let best = same.max(lower).max(higher);
         let mut chosen = k;
-        if best == lower {
+        if best == lower && k > 1 {
             chosen = k - 1;
         } else if best == higher && higher > same {
             chosen = k + 1;

@@ -63,6 +63,10 @@ pub struct Run {
 const SAFETY: f64 = 0.85;
 const SHRINK: f64 = 0.2;
 const GROW: f64 = 3.0;
+/// How far before a break a step ends, as a part of the whole time.
+const BEFORE: f64 = 1e-13;
+/// How fast the length of past steps is forgotten, over time in such lengths.
+const FADING: f64 = 0.3;
 const MAX_FAILURES: usize = 60;
 const DIVISIONS: usize = 5;
 
@@ -182,8 +186,61 @@ impl Driver<'_, '_, '_> {
     ) -> Result<()> {
         let (t0, end) = (self.start, self.plan.end);
         let total = end - t0;
-        let mut here = start;
-        let mut h = match self.plan.steps {
+        let mut way = self.departure(scheme, start);
+        while end - way.here.motion.t > 1e-14 * end.abs().max(total) {
+            if cancel.check().is_err() {
+                self.run.end = End::Interrupted;
+                break;
+            }
+            if self.run.steps.len() > self.plan.max_steps {
+                let most = self.plan.max_steps;
+                let why = format!("{most} steps were not enough; give more with max_steps=");
+                self.stop(way.here.motion.t, why);
+                break;
+            }
+            self.speed = self
+                .speed
+                .max(self.scaled(&way.here.motion.rate))
+                .max(1e-3 * self.scaled(&way.here.acceleration) * total.min(way.h * 1e3));
+            if way
+                .detour
+                .take_if(|d| way.here.motion.t >= d.until)
+                .is_some()
+            {
+                way.h = way.recent;
+                scheme.reset();
+            }
+            let aim = self.aim(&mut way);
+            let estimate = self.controlled();
+            let active = active(&mut way.detour, scheme);
+            let tried = active.step(self.eq, &way.here, aim.length, estimate, counts);
+            let going_on = match self.judged(tried, aim.length, active) {
+                Verdict::Accepted(step, size) => {
+                    self.accepted(&mut way, scheme, *step, size, &aim, counts)?
+                }
+                Verdict::Rejected(factor, why) => {
+                    self.rejected(&mut way, scheme, aim.length * factor, why, counts)
+                }
+                Verdict::Fatal(error) => {
+                    self.stop(way.here.motion.t, error.to_string());
+                    false
+                }
+            };
+            if !going_on {
+                break;
+            }
+            progress.set((way.here.motion.t - t0) / total);
+        }
+        self.run.last = way.here;
+        Ok(())
+    }
+
+    fn controlled(&self) -> bool {
+        matches!(self.plan.steps, Steps::Controlled { .. })
+    }
+
+    fn departure(&self, scheme: &dyn Scheme, here: Instant) -> Way {
+        let h = match self.plan.steps {
             Steps::Fixed(h) => h,
             Steps::Controlled {
                 rtol,
@@ -193,93 +250,133 @@ impl Driver<'_, '_, '_> {
                 .unwrap_or_else(|| self.first_step(&here, rtol, scheme.order()))
                 .min(longest),
         };
-        let mut failures = 0;
-        let mut after_rejection = false;
-        while end - here.motion.t > 1e-14 * end.abs().max(total) {
-            if cancel.check().is_err() {
-                self.run.end = End::Interrupted;
-                break;
-            }
-            if self.run.steps.len() > self.plan.max_steps {
-                self.stop(
-                    here.motion.t,
-                    format!(
-                        "{} steps were not enough; give more with max_steps=",
-                        self.plan.max_steps
-                    ),
-                );
-                break;
-            }
-            self.speed = self
-                .speed
-                .max(self.scaled(&here.motion.rate))
-                .max(1e-3 * self.scaled(&here.acceleration) * total.min(h * 1e3));
-            if matches!(self.plan.steps, Steps::Controlled { .. }) {
-                h = h.min(self.half_turn(&here));
-            }
-            let (length, target) = self.fitted(&here, h);
-            let estimate = matches!(self.plan.steps, Steps::Controlled { .. });
-            let tried = scheme.step(self.eq, &here, length, estimate, counts);
-            let (mut step, size) = match self.judged(tried, length, scheme.power()) {
-                Verdict::Accepted(step, size) => (step, size),
-                Verdict::Fatal(error) => {
-                    self.stop(here.motion.t, error.to_string());
-                    break;
-                }
-                Verdict::Rejected(factor, why) => {
-                    if let Some(error) = self.eq.topology().tables.failure() {
-                        self.stop(here.motion.t, error.to_string());
-                        break;
-                    }
-                    self.run.rejected += 1;
-                    counts.add("rejected steps", 1);
-                    failures += 1;
-                    after_rejection = true;
-                    h = length * factor;
-                    let most = match self.plan.steps {
-                        // a fixed step is divided where its equations have no solution, as in singular poses
-                        Steps::Fixed(_) => DIVISIONS,
-                        Steps::Controlled { .. } => MAX_FAILURES,
-                    };
-                    let tiny = h < 1e-14 * here.motion.t.abs().max(total);
-                    if tiny || failures > most {
-                        self.stop(here.motion.t, why);
-                        break;
-                    }
-                    continue;
-                }
-            };
-            failures = 0;
-            if let Some(t) = target {
-                step.end.motion.t = t;
-            }
-            self.record(scheme, &here, &mut step, length, counts)?;
-            scheme.accept(self.eq, &here, &step, length);
-            self.run.local.push(size);
-            here = step.end;
-            if target.is_some_and(|t| self.plan.breaks.contains(&t)) {
-                // rates of drives may jump: an impact
-                scheme.reset();
-                match self.eq.consistent(here.motion.clone(), counts) {
-                    Ok(after) => here = after,
-                    Err(error) => {
-                        self.stop(here.motion.t, error.to_string());
-                        break;
-                    }
-                }
-            }
-            self.run.steps.push(here.motion.t);
-            counts.add("steps", 1);
-            progress.set((here.motion.t - t0) / total);
-            let tolerance = |e: &LocalError| self.size(e, self.speed) / self.tolerance(length);
-            h = match scheme.proposal(&tolerance) {
-                Some(factor) => self.proposed(h, length, factor),
-                None => self.next(h, length, size, after_rejection, scheme),
-            };
-            after_rejection = false;
+        Way {
+            here,
+            h,
+            failures: 0,
+            after_rejection: false,
+            detour: None,
+            recent: 0.0,
         }
-        self.run.last = here;
-        Ok(())
+    }
+
+    /// The length of the next step, and what it ends at.
+    fn aim(&self, way: &mut Way) -> Aim {
+        if self.controlled() {
+            way.h = way.h.min(self.half_turn(&way.here));
+        }
+        let t = way.here.motion.t;
+        let (mut length, mut target) = self.fitted(&way.here, way.h);
+        if let Some(d) = way.detour.as_ref().filter(|d| t + length > d.until) {
+            (length, target) = (d.until - t, Some(d.until));
+        }
+        // a break is approached from the left; what jumps there belongs to what follows
+        let end = self.plan.end;
+        let broken = target.filter(|t| *t < end && self.plan.breaks.contains(t));
+        if broken.is_some() {
+            length -= (BEFORE * end.abs().max(end - self.start)).min(0.5 * length);
+            target = None;
+        }
+        Aim {
+            length,
+            target,
+            broken,
+        }
+    }
+
+    /// Goes on from the end of a step; false where that is impossible.
+    fn accepted(
+        &mut self,
+        way: &mut Way,
+        scheme: &mut dyn Scheme,
+        mut step: Step,
+        size: f64,
+        aim: &Aim,
+        counts: &mut Counts,
+    ) -> Result<bool> {
+        if let Some(t) = aim.target {
+            step.end.motion.t = t;
+        }
+        let active = active(&mut way.detour, scheme);
+        self.record(active, &way.here, &mut step, aim.length, counts)?;
+        active.accept(self.eq, &way.here, &step, aim.length);
+        let patience = active.rate_time(aim.length);
+        let tolerance =
+            |e: &LocalError| self.size(e, self.speed, patience) / self.tolerance(aim.length);
+        let next = match active.proposal(&tolerance) {
+            Some(factor) => self.proposed(way.h, aim.length, factor),
+            None => {
+                let (power, growth) = (active.power(), active.largest_growth());
+                let growth = if way.after_rejection { 1.0 } else { growth };
+                self.next(way.h, aim.length, size, power, growth)
+            }
+        };
+        way.h = next;
+        way.failures = 0;
+        way.after_rejection = false;
+        let faded = way.recent * (-FADING * aim.length / way.recent.max(aim.length)).exp();
+        way.recent = aim.length.max(faded);
+        way.here = step.end;
+        self.run.local.push(size);
+        self.run.steps.push(aim.broken.unwrap_or(way.here.motion.t));
+        counts.add("steps", 1);
+        if let Some(t) = aim.broken {
+            // rates of drives may jump: an impact
+            way.here.motion.t = t;
+            scheme.reset();
+            match self.eq.consistent(way.here.motion.clone(), counts) {
+                Ok(after) => way.here = after,
+                Err(error) => {
+                    self.stop(t, error.to_string());
+                    return Ok(false);
+                }
+            }
+        }
+        Ok(true)
+    }
+
+    /// A shorter step, or a way around; false where neither helps.
+    fn rejected(
+        &mut self,
+        way: &mut Way,
+        scheme: &dyn Scheme,
+        shorter: f64,
+        why: String,
+        counts: &mut Counts,
+    ) -> bool {
+        let t = way.here.motion.t;
+        if let Some(error) = self.eq.topology().tables.failure() {
+            self.stop(t, error.to_string());
+            return false;
+        }
+        self.run.rejected += 1;
+        counts.add("rejected steps", 1);
+        way.failures += 1;
+        way.after_rejection = true;
+        way.h = shorter;
+        if self.controlled() && way.detour.is_none() {
+            if let Some(around) = scheme.bridge(self.eq, shorter / way.recent) {
+                counts.add("detours", 1);
+                way.failures = 0;
+                way.h = way.recent;
+                way.detour = Some(Detour {
+                    scheme: around,
+                    until: t + way.recent,
+                });
+                return true;
+            }
+        }
+        // a fixed step is divided where its equations have no solution, as in singular poses
+        let most = if self.controlled() {
+            MAX_FAILURES
+        } else {
+            DIVISIONS
+        };
+        if shorter < 1e-14 * t.abs().max(self.plan.end - self.start) || way.failures > most {
+            self.stop(t, why);
+            return false;
+        }
+        true
     }
 
     fn stop(&mut self, t: f64, message: String) {
@@ -349,7 +446,7 @@ impl Driver<'_, '_, '_> {
         }
     }
 
-    fn judged(&self, tried: Result<Step>, h: f64, power: f64) -> Verdict {
+    fn judged(&self, tried: Result<Step>, h: f64, scheme: &dyn Scheme) -> Verdict {
         let step = match tried {
             Ok(step) => step,
             Err(error @ (Error::Convergence { .. } | Error::Singular(_))) => {
@@ -358,20 +455,21 @@ impl Driver<'_, '_, '_> {
             Err(error) => return Verdict::Fatal(error),
         };
         let Some(error) = &step.error else {
-            return Verdict::Accepted(step, 0.0);
+            return Verdict::Accepted(Box::new(step), 0.0);
         };
         // what starts from rest without force has no rate of its own yet
         let reached = self.scaled(&step.end.motion.rate);
-        let size = self.size(error, self.speed.max(reached)) / self.tolerance(h);
+        let patience = scheme.rate_time(h);
+        let size = self.size(error, self.speed.max(reached), patience) / self.tolerance(h);
         if size <= 1.0 {
-            return Verdict::Accepted(step, size);
+            return Verdict::Accepted(Box::new(step), size);
         }
         let why = format!(
             "the step underflows: the error is set by '{}'",
             self.culprit(error)
         );
         let factor = if size.is_finite() {
-            (SAFETY * size.powf(-1.0 / power)).clamp(0.1, 0.9)
+            (SAFETY * size.powf(-1.0 / scheme.power())).clamp(0.1, 0.9)
         } else {
             0.1
         };
@@ -389,9 +487,9 @@ impl Driver<'_, '_, '_> {
         }
     }
 
-    fn size(&self, error: &LocalError, speed: f64) -> f64 {
-        let speed = speed.max(1e-300);
-        let rate = self.scaled(&error.rate) / speed;
+    /// Errors of rates count for the time of the motion, or for `patience` where that is shorter.
+    fn size(&self, error: &LocalError, speed: f64, patience: f64) -> f64 {
+        let rate = self.scaled(&error.rate) * (1.0 / speed.max(1e-300)).min(patience);
         let position = self.scaled(&error.position);
         if rate.is_nan() || position.is_nan() {
             f64::NAN
@@ -433,24 +531,11 @@ impl Driver<'_, '_, '_> {
         .min(longest)
     }
 
-    fn next(
-        &self,
-        wanted: f64,
-        length: f64,
-        size: f64,
-        after_rejection: bool,
-        scheme: &dyn Scheme,
-    ) -> f64 {
+    fn next(&self, wanted: f64, length: f64, size: f64, power: f64, growth: f64) -> f64 {
         let Steps::Controlled { longest, .. } = self.plan.steps else {
             return self.grid();
         };
-        let power = scheme.power();
-        let grow = if after_rejection {
-            1.0
-        } else {
-            GROW.min(scheme.largest_growth())
-        };
-        let factor = (SAFETY * size.max(1e-30).powf(-1.0 / power)).clamp(SHRINK, grow);
+        let factor = (SAFETY * size.max(1e-30).powf(-1.0 / power)).clamp(SHRINK, GROW.min(growth));
         let next = length * factor;
         // a step that was cut short says little about longer ones
         (if length < wanted {
@@ -508,8 +593,40 @@ impl Driver<'_, '_, '_> {
     }
 }
 
+/// Where the march stands, and how it goes on.
+struct Way {
+    here: Instant,
+    h: f64,
+    failures: usize,
+    after_rejection: bool,
+    detour: Option<Detour>,
+    /// the longest step of late, fading with time: shrinking steps do not hide what they shrink from
+    recent: f64,
+}
+
+/// Another scheme for a while.
+struct Detour {
+    scheme: Box<dyn Scheme>,
+    until: f64,
+}
+
+/// A step to try: its length, the time it hits exactly, the break it ends at.
+struct Aim {
+    length: f64,
+    target: Option<f64>,
+    broken: Option<f64>,
+}
+
+/// What makes the next step: the detour's scheme while there is one.
+fn active<'s>(detour: &'s mut Option<Detour>, scheme: &'s mut dyn Scheme) -> &'s mut dyn Scheme {
+    match detour {
+        Some(d) => d.scheme.as_mut(),
+        None => scheme,
+    }
+}
+
 enum Verdict {
-    Accepted(Step, f64),
+    Accepted(Box<Step>, f64),
     Rejected(f64, String),
     Fatal(Error),
 }

@@ -2,9 +2,9 @@
 //! within a step, closed and aligned at its end.
 //!
 //! No tangent is ever computed, and in an open tree no multiplier. The tree coordinates are used as they are, with the loops as
-//! rows: there is no choice of independent coordinates that could become singular, and in a pose where loops lose rank the
-//! proximal solution of `saddle` goes on along the branch on which the motion arrives. Steps are controlled by the combined
-//! estimate of orders 5 and 3 of Hairer, Norsett and Wanner.
+//! rows: there is no choice of independent coordinates that could become singular. Near a pose where loops lose rank, stages that
+//! have drifted off the loops give wrong accelerations and steps collapse: for as long as the last steps were, stages are then
+//! closed and aligned too (`careful`). Steps are controlled by the combined estimate of orders 5 and 3 of Hairer, Norsett, Wanner.
 use crate::error::Result;
 use crate::run::Counts;
 
@@ -14,11 +14,16 @@ use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 /// The estimate exceeds that of order 5 at most by this factor.
 const MOST: f64 = 10.0;
 
+/// A step that must be shorter than this part of those before has an error of thousands of tolerances.
+const COLLAPSED: f64 = 0.3;
+
 #[derive(Default)]
 pub struct Explicit8 {
     /// slopes (theta', v') of the stages of the last step, and of its end
     slopes: Vec<Slope>,
     end: Option<Ends>,
+    /// stages lie on the constraints
+    careful: bool,
 }
 
 #[derive(Clone)]
@@ -55,6 +60,14 @@ fn trial(eq: &Equations<'_, f64>, from: &Motion<f64>, h: f64, y: &[f64], v: &[f6
 }
 
 impl Explicit8 {
+    /// With stages on the constraints: accelerations are good as near to a singular pose as rounding allows.
+    pub fn past_singular_poses() -> Box<dyn Scheme> {
+        Box::new(Explicit8 {
+            careful: true,
+            ..Explicit8::default()
+        })
+    }
+
     fn stage(
         &mut self,
         eq: &Equations<'_, f64>,
@@ -65,6 +78,15 @@ impl Explicit8 {
     ) -> Result<()> {
         let (y, v) = weighted(&self.slopes, A[stage], h, eq.n());
         let m = trial(eq, from, C[stage] * h, &y, &v);
+        if self.careful {
+            let at = eq.consistent(m, counts)?;
+            let y = eq.difference(from, &at.motion);
+            self.slopes.push(Slope {
+                y: eq.increment_rates(&y, &at.motion.rate),
+                v: at.acceleration,
+            });
+            return Ok(());
+        }
         let slope_y = eq.increment_rates(&y, &m.rate);
         let at = eq.instant(m, counts)?;
         self.slopes.push(Slope {
@@ -136,6 +158,10 @@ impl Scheme for Explicit8 {
         });
         self.end = Some(Ends { dy, dv });
         Ok(Step { end, error })
+    }
+
+    fn bridge(&self, eq: &Equations<'_, f64>, left: f64) -> Option<Box<dyn Scheme>> {
+        (eq.n_rows() > 0 && !self.careful && left < COLLAPSED).then(Explicit8::past_singular_poses)
     }
 
     fn between(

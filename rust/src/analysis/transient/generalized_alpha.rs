@@ -16,11 +16,16 @@ use crate::run::Counts;
 use crate::spatial::Real;
 use crate::system::topology::Level;
 
+use super::explicit8::Explicit8;
 use super::saddle::Saddle;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
 /// In a singular pose Newton's method gains one bit at a time.
 const MAX_ITERATIONS: usize = 50;
+/// Accelerations of an instant that change so much more than those of the scheme are not decided by the pose.
+const SINGULAR: f64 = 30.0;
+/// Steps that fall to this part of those before have met an obstacle.
+const COLLAPSED: f64 = 0.05;
 /// Part of a step after which the first rate of the acceleration is taken.
 const AHEAD: f64 = 1e-2;
 /// A kept factorisation is renewed when the corrections shrink more slowly.
@@ -317,7 +322,22 @@ impl GeneralizedAlpha {
 
     /// Leading terms of the local error, C h^3 q''' in the increment and C' h^3 q'''' in the rate. The accelerations of the instants
     /// are taken for it: those of the scheme carry the noise of index 3 along the constraints.
-    fn estimate(&self, c: &Carried, slope: &[f64], h: f64) -> LocalError {
+    fn estimate(
+        &self,
+        eq: &Equations<'_, f64>,
+        c: &Carried,
+        a1: &[f64],
+        slope: &[f64],
+        h: f64,
+    ) -> LocalError {
+        let own: Vec<f64> = a1.iter().zip(&c.a).map(|(a, b)| (a - b) / h).collect();
+        let size = |v: &[f64]| {
+            let scaled = v.iter().zip(eq.scales()).map(|(v, c)| (v / c).abs());
+            scaled.fold(0.0, f64::max)
+        };
+        // in a singular pose those of the instant are undecided, and those of the scheme go on
+        let singular = size(slope) > SINGULAR * size(&own);
+        let slope = if singular { &own } else { slope };
         let p = self.p;
         let shift = p.am - p.af;
         let position = shift / 2.0 + p.beta - 1.0 / 6.0;
@@ -327,6 +347,7 @@ impl GeneralizedAlpha {
         let second = |i: usize| {
             c.slope
                 .as_ref()
+                .filter(|_| !singular)
                 .map_or(0.0, |s| 2.0 * (slope[i] - s[i]) / (h + c.h))
         };
         let third = h.powi(3);
@@ -369,7 +390,7 @@ impl Scheme for GeneralizedAlpha {
         let slope: Vec<f64> = (end.acceleration.iter().zip(&from.acceleration))
             .map(|(a, b)| (a - b) / h)
             .collect();
-        let error = estimate.then(|| self.estimate(&c, &slope, h));
+        let error = estimate.then(|| self.estimate(eq, &c, &a1, &slope, h));
         self.error.clone_from(&error);
         self.tried = Some(Carried {
             t: end.motion.t,
@@ -399,6 +420,11 @@ impl Scheme for GeneralizedAlpha {
         } else {
             factor
         })
+    }
+
+    /// Newton's method gives up where the end of a step lies in a singular pose, and shorter steps only lead there.
+    fn bridge(&self, eq: &Equations<'_, f64>, left: f64) -> Option<Box<dyn Scheme>> {
+        (eq.n_rows() > 0 && left < COLLAPSED).then(Explicit8::past_singular_poses)
     }
 
     fn reset(&mut self) {

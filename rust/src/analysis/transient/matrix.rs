@@ -2,6 +2,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::linalg::entries::{Entries, Triplets};
+use crate::spatial::M3;
 
 #[derive(Debug, Clone)]
 pub enum Matrix {
@@ -74,6 +75,26 @@ impl Matrix {
         }
     }
 
+    /// Rows and columns times factors.
+    pub fn scaled(&self, row: impl Fn(usize) -> f64, column: impl Fn(usize) -> f64) -> Matrix {
+        let mut out = self.clone();
+        match &mut out {
+            Matrix::Dense(m) => {
+                for (j, mut c) in m.column_iter_mut().enumerate() {
+                    for (i, v) in c.iter_mut().enumerate() {
+                        *v *= row(i) * column(j);
+                    }
+                }
+            }
+            Matrix::Sparse(t) => {
+                for (i, j, v) in &mut t.list {
+                    *v *= row(*i as usize) * column(*j as usize);
+                }
+            }
+        }
+        out
+    }
+
     pub fn diagonal(&self) -> Vec<f64> {
         let mut out = vec![0.0; self.shape().0];
         match self {
@@ -114,6 +135,26 @@ impl Matrix {
                 }
             }
         }
+    }
+
+    /// Entries of columns first..first + 3 times a 3 x 3 matrix, for all such triples.
+    pub fn columns_times(&self, triples: &[(usize, M3<f64>)]) -> Vec<(usize, usize, f64)> {
+        if triples.is_empty() {
+            return Vec::new();
+        }
+        let mut of = vec![None; self.shape().1];
+        for (first, map) in triples {
+            for l in 0..3 {
+                of[first + l] = Some((*first, map.row(l).into_owned()));
+            }
+        }
+        let mut out = Vec::new();
+        self.each(|i, j, v| {
+            if let Some((first, row)) = of[j].as_ref().filter(|_| v != 0.0) {
+                out.extend((0..3).map(|k| (i, first + k, v * row[k])));
+            }
+        });
+        out
     }
 
     /// Columns first..first + 3 times a 3 x 3 matrix, for all such triples.

@@ -147,7 +147,7 @@ fn at_start(error: Error) -> Error {
 }
 
 /// Vibrations or decays faster than the motion by this factor, and this many of them in the whole time, call for an implicit method.
-const STIFF: f64 = 300.0;
+pub const STIFF: f64 = 300.0;
 const MANY: f64 = 3000.0;
 
 fn chosen(

@@ -121,6 +121,16 @@ pub trait Scheme {
     /// The driver goes on from the end of this step (of length h): the place to move histories on.
     fn accept(&mut self, _eq: &Equations<'_, f64>, _from: &Instant, _step: &Step, _h: f64) {}
 
+    /// A scheme that gets past places where the steps of this one collapse; `left`: the next step over those before.
+    fn bridge(&self, _eq: &Equations<'_, f64>, _left: f64) -> Option<Box<dyn Scheme>> {
+        None
+    }
+
+    /// How long an error of the rates counts in positions; the driver takes the time of the motion where that is shorter.
+    fn rate_time(&self, _h: f64) -> f64 {
+        f64::INFINITY
+    }
+
     /// Something jumped (a restart, a kink): histories are worthless.
     fn reset(&mut self) {}
 

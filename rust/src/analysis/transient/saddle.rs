@@ -24,6 +24,8 @@ const PROXIMAL: f64 = 1e-9;
 /// Without pivoting a row may be eliminated before its columns, which loses 1/eps: less may be lost.
 const PROXIMAL_LDL: f64 = 1e-7;
 const REFINEMENTS: usize = 8;
+/// Rows below this part of the largest carry nothing.
+const ROUNDING: f64 = 1e-12;
 /// Below this size nalgebra factorises faster than faer.
 const SMALL: usize = 20;
 
@@ -71,8 +73,15 @@ impl Saddle {
         let column: Vec<f64> = diagonal.iter().map(|d| 1.0 / d.abs().sqrt()).collect();
         let mut row = vec![0.0; m];
         jacobian.each(|i, j, v| row[i] += (v * column[j]).powi(2));
+        let largest = row.iter().copied().fold(0.0, f64::max);
         for r in &mut row {
-            *r = if *r > 0.0 { 1.0 / r.sqrt() } else { 1.0 };
+            // rows of rounding alone, as those across the plane of a flat loop, must not be blown up to constraints
+            let size = if *r > ROUNDING * ROUNDING * largest {
+                *r
+            } else {
+                largest
+            };
+            *r = if size > 0.0 { 1.0 / size.sqrt() } else { 1.0 };
         }
         if a.is_sparse() {
             return Self::sparse(a, jacobian, column, row, ordering);

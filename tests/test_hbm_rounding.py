@@ -1,0 +1,80 @@
+"""Finely divided structures, of which rounding leaves little after condensation: right, or refused."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from mbrs import _balance, _core
+from mbrs.errors import SingularError
+from mbrs.frequency_response import frequency_response
+from mbrs.harmonic_balance import harmonic_balance
+from mbrs.laws import Cubic
+from mbrs.second_order import MechanicalSystem
+
+DAMPING = 0.02
+
+
+def beam(elements, law=1e-9):
+    """Euler beam on hinges, length pi, bending stiffness and mass per length 1, a spring and a force at its middle."""
+    h = np.pi / elements
+    k = np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2], [-12, -6 * h, 12, -6 * h],
+                  [6 * h, 2 * h**2, -6 * h, 4 * h**2]]) / h**3  # fmt: skip
+    m = np.array([h / 2, h**3 / 24, h / 2, h**3 / 24])
+    places = 2 * np.arange(elements)[:, None] + np.arange(4)
+    rows, columns = np.repeat(places, 4, axis=1).ravel(), np.tile(places, (1, 4)).ravel()
+    n = 2 * (elements + 1)
+    K = sp.csc_matrix((np.tile(k.ravel(), elements), (rows, columns)), shape=(n, n))
+    M = sp.csc_matrix((np.tile(m, elements), (places.ravel(), places.ravel())), shape=(n, n))
+    free = np.setdiff1d(np.arange(n), [0, n - 2])
+    K, M = K[free][:, free], M[free][:, free]
+    middle = int(np.searchsorted(free, 2 * (elements // 2)))
+    w, force = np.zeros(len(free)), np.zeros(len(free))
+    w[middle], force[middle] = 1.0, 0.02
+    return MechanicalSystem(M, DAMPING * M, K, elements=[Cubic(law, w=w)]), force, middle
+
+
+def exactly(omega):
+    """Motion of the middle of the continuous beam, by all its modes sqrt(2/pi) sin(j x)."""
+    j = np.arange(1, 4001, 2)
+    return 0.02 * np.sum(2 / np.pi / (j**4 - omega**2 + 1j * DAMPING * omega))
+
+
+@pytest.mark.parametrize("elements", [100, 500, 1500, 5000])
+def test_a_hinged_beam_is_that_of_the_closed_form(elements):
+    system, force, middle = beam(elements)
+    off = []
+    for omega in (0.9, 1.05, 3.0):
+        one = harmonic_balance(system, force=force, omega=omega, harmonics=1)
+        off.append(abs(one.coefficient(middle) / exactly(omega) - 1))
+    print(f"beam of {elements} elements ({one.stats.route}): error {max(off):.1e}")
+    assert max(off) < 30 / elements**2 + 2e-7  # elements of lumped mass: second order
+
+
+def test_a_fine_beam_is_followed_without_stalling():
+    few, force, middle = beam(100, law=0.2)
+    many, fine_force, fine_middle = beam(5000, law=0.2)
+    a = frequency_response(few, force=force, omega=(0.8, 1.3), harmonics=3, stability=False)
+    b = frequency_response(many, force=fine_force, omega=(0.8, 1.3), harmonics=3, stability=False)
+    assert a.status == b.status == "converged"
+    at_the_end = abs(b.point(-1).coefficient(fine_middle) / a.point(-1).coefficient(middle) - 1)
+    each = b.stats.counts["corrections"] / len(b)
+    print(f"5000 against 100 elements: {at_the_end:.1e}; {each:.1f} corrections per point")
+    assert at_the_end < 1e-3 and each < 6
+
+
+def test_a_beam_divided_too_finely_is_refused():
+    system, force, _ = beam(60_000)
+    with pytest.raises(SingularError, match="too finely"):
+        harmonic_balance(system, force=force, omega=1.05, harmonics=1)
+
+
+def test_the_core_refuses_what_would_not_fit_into_memory():
+    linear = _core.HbmLinear.full(np.eye(1), np.eye(1), np.eye(1), np.zeros((2, 1), complex))
+    elements = _balance.core_elements([Cubic(1.0, w=[1.0])], [np.array([1.0])])
+    for dims, indices, text in (
+        ([10**6, 10**6], [[1, 0]], "fewer samples"),
+        ([2**40], [[1]], "fewer samples"),
+        ([2**17], [[h] for h in range(1, 40_000)], "fewer harmonics"),
+    ):
+        omega = [1.0] * len(dims)
+        with pytest.raises(_core.CoreModelError, match=text):
+            _core.HbmProblem(linear, elements, indices, 1, omega, dims, [], dims)
