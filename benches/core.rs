@@ -34,6 +34,7 @@ fn linearized(system: &System) -> Result<Linearization> {
     let setting = Setting {
         system,
         state: &state,
+        memory: &[],
         effects,
     };
     linearize(&setting, &mut counts)

@@ -205,7 +205,9 @@ def test_given_velocities_whatever_the_root(root):
     model = mb.Model("thrown")
     velocity, omega = np.array([1.0, 2.0, -0.5]), np.array([3.0, -1.0, 2.0])
     turn = mb.rotation((1, 2, 3), 0.7)
-    body = model.flexible_body("rod", rod(), at=(0.3, -0.2, 1.0), orientation=turn, velocity=velocity, angular_velocity=omega)
+    body = model.flexible_body(
+        "rod", rod(), at=(0.3, -0.2, 1.0), orientation=turn, velocity=velocity, angular_velocity=omega
+    )
     if root is not None:
         model.free("loose", model.ground, body.node(root))
     lin = mb.linearize(model)

@@ -150,6 +150,30 @@ def test_a_restart_goes_on_as_if_nothing_happened(law):
     assert second.t[-1] == 1.0 and gap < 1e-11
 
 
+def test_a_linearisation_knows_what_sliders_remember():
+    """Just after the way back began the slider sticks: its k acts, which a centred slider so far from its zero would not show."""
+    k, kt, slip = 60.0, 800.0, 3.0
+    m = mb.Model("slider")
+    b = m.body("mass", mass=1.0, inertia=(0.1,) * 3, at=(0, 0, 0), velocity=(1.5, 0, 0))
+    m.prismatic("guide", m.ground, b, at=(0, 0, 0), axis="x", k=k, law=mb.Jenkins(kt, slip))
+    traj = mb.simulate(m, np.linspace(0.0, 0.5, 501), step=1e-3)
+    x = traj.position("mass")[:, 0]
+    top = int(np.argmax(x))
+    back = top + int(np.argmax(x[top] - x[top:] > 0.2 * slip / kt))
+    assert 0 < x[top] - x[back] < 1.5 * slip / kt and x[top] > 2 * slip / kt
+    sticking, slipping = (mb.linearize(m, at=traj.state(traj.t[i])).K[0, 0] for i in (back, top // 2))
+    print(f"sticks: {sticking:.1f} N/m, slips: {slipping:.1f} N/m")
+    assert sticking == pytest.approx(k + kt, rel=1e-6) and slipping == pytest.approx(k, rel=1e-6)
+
+
+def test_a_stiff_gap_stores_the_work_done_on_it():
+    problem = zoo.gap(stop=1e6)
+    traj = mb.simulate(problem.model, np.linspace(0, 2, 401), rtol=1e-10)
+    drift = np.ptp(traj.energy.total) / traj.energy.kinetic.max()
+    print(f"energy of a gap of 1e6 N/m: {drift:.1e}")
+    assert drift < 1e-6
+
+
 def test_labelled_data_and_pickles(tmp_path):
     import pickle
 

@@ -289,7 +289,15 @@ def _of_linearization(
     state = lin.state
     with core_errors():
         r = _core.directions(
-            lin.snapshot.system, state.relative, state.rate, list(lin.without), sparse, how, maps, list(state.driven)
+            lin.snapshot.system,
+            state.relative,
+            state.rate,
+            list(lin.without),
+            sparse,
+            how,
+            maps,
+            list(state.driven),
+            state.memory.tolist(),
         )
     motion = r["body_motion"].reshape(-1, 6, along.n)
     shape = (lin.n, lin.n, along.n)

@@ -82,6 +82,7 @@ impl Entries {
 
 struct DualScene {
     x: Vec<Dual64>,
+    memory: Vec<Dual64>,
     geometry: Geometry<Dual64>,
     placement: Placement<Dual64>,
     rate: Option<Vec<Dual64>>,
@@ -111,6 +112,7 @@ fn dual_scene(
         || rates == Rates::Drawn && gives_velocity(&system.topology.tables, dx);
     let mut made = DualScene {
         placement: place(&system.topology, &geometry, &relative, None),
+        memory: setting.memory.iter().map(|z| Dual64::from(*z)).collect(),
         x,
         geometry,
         rate: None,
@@ -236,7 +238,7 @@ impl DualScene {
             topology: &setting.system.topology,
             geometry: &self.geometry,
             x: &self.x,
-            memory: &[],
+            memory: &self.memory,
             placement: &self.placement,
             rate: self.rate.as_deref(),
             acceleration: self.acceleration.as_deref(),
@@ -297,6 +299,7 @@ fn closing(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)]) -> 
     let (x, geometry, relative) = varied(setting, dx, &vec![0.0; n]);
     let held = DualScene {
         placement: place(&system.topology, &geometry, &relative, None),
+        memory: setting.memory.iter().map(|z| Dual64::from(*z)).collect(),
         x,
         geometry,
         rate: None,

@@ -67,6 +67,7 @@ impl Local {
             &Setting {
                 system,
                 state,
+                memory: &[],
                 effects,
             },
             counts,

@@ -125,6 +125,8 @@ impl Linearization {
 pub struct Setting<'a> {
     pub system: &'a System,
     pub state: &'a State,
+    /// what laws remember; empty means centred
+    pub memory: &'a [f64],
     pub effects: Effects,
 }
 
@@ -213,7 +215,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         topology,
         geometry: &system.geometry,
         x: &system.x,
-        memory: &[],
+        memory: setting.memory,
         placement: &placement,
         rate: rate.as_deref(),
         acceleration: None,

@@ -206,6 +206,7 @@ fn connectors(
     for (i, d) in dx {
         x[*i].eps = *d;
     }
+    let memory: Vec<Dual64> = setting.memory.iter().map(|z| Dual64::from(*z)).collect();
     let geometry = Geometry::derive(&topology.tables, &x);
     let placement = lifted(placed);
     let e = setting.effects;
@@ -221,7 +222,10 @@ fn connectors(
     let (mut stiffness, mut damping) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
     let mut sums = vec![Six::zero(); topology.nodes.len()];
     for c in touched {
-        let numbers = Numbers { x: &x, memory: &[] };
+        let numbers = Numbers {
+            x: &x,
+            memory: &memory,
+        };
         let acting: Interaction<Dual64> = interaction(
             topology,
             &geometry,

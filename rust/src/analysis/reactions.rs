@@ -31,7 +31,7 @@ pub fn reactions(setting: &Setting<'_>, base: &Linearization) -> Result<Vec<Six<
         topology: &system.topology,
         geometry: &system.geometry,
         x: &system.x,
-        memory: &[],
+        memory: setting.memory,
         placement: &placement,
         rate: rate.as_deref(),
         acceleration: base.acceleration.as_deref(),

@@ -10,7 +10,7 @@ use crate::analysis::linearize::{Setting, linearize};
 use crate::error::{Error, Result};
 use crate::run::Counts;
 
-use super::system::{PySystem, effects, run, state_of};
+use super::system::{PySystem, effects, remembered, run, state_of};
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(directions, module)?)
@@ -69,7 +69,7 @@ fn columns(all: &[Directional], pick: impl Fn(&Directional) -> &[f64]) -> Array2
 /// given velocities, "steady" moves along on all tree coordinates but the `driven` ones, "hold"; `maps`: also those of the body map
 /// and the ground coupling.
 #[pyfunction]
-#[pyo3(signature = (system, relative, rate, without, directions, follow, maps, driven=Vec::new()))]
+#[pyo3(signature = (system, relative, rate, without, directions, follow, maps, driven=Vec::new(), memory=Vec::new()))]
 #[allow(clippy::too_many_arguments)]
 fn directions<'py>(
     py: Python<'py>,
@@ -81,8 +81,10 @@ fn directions<'py>(
     follow: &str,
     maps: bool,
     driven: Vec<usize>,
+    memory: Vec<f64>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let state = state_of(&system.0, &relative, &rate)?;
+    remembered(&system.0, &memory)?;
     let effects = effects(&without)?;
     let (follow, drawn) = (
         matches!(follow, "equilibrium" | "steady"),
@@ -99,6 +101,7 @@ fn directions<'py>(
         let setting = Setting {
             system,
             state: &state,
+            memory: &memory,
             effects,
         };
         let base = linearize(&setting, &mut Counts::default())?;

@@ -79,6 +79,18 @@ pub fn effects(without: &[String]) -> Result<Effects> {
     Ok(effects)
 }
 
+/// What laws remember has to fit the model; empty means centred.
+pub fn remembered(system: &System, memory: &[f64]) -> Result<()> {
+    let n = system.topology.n_memory;
+    if !(memory.is_empty() || memory.len() == n) || memory.iter().any(|z| !z.is_finite()) {
+        return Err(Error::model(format!(
+            "the laws of this model remember {n} finite numbers, a state gives {}; compute the state again from this model",
+            memory.len()
+        )));
+    }
+    Ok(())
+}
+
 pub fn state_of(
     system: &System,
     relative: &PyReadonlyArray2<'_, f64>,
@@ -334,21 +346,25 @@ impl PySystem {
         Ok(out)
     }
 
+    #[pyo3(signature = (relative, rate, without, memory=Vec::new()))]
     fn linearize<'py>(
         &self,
         py: Python<'py>,
         relative: PyReadonlyArray2<'py, f64>,
         rate: PyReadonlyArray1<'py, f64>,
         without: Vec<String>,
+        memory: Vec<f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
+        remembered(&self.0, &memory)?;
         let (lin, counts) = run(py, &self.0, move |system, _| {
             let mut counts = Counts::default();
             linearize(
                 &Setting {
                     system,
                     state: &state,
+                    memory: &memory,
                     effects,
                 },
                 &mut counts,
@@ -381,6 +397,7 @@ impl PySystem {
             mobility(&Setting {
                 system,
                 state: &state,
+                memory: &[],
                 effects: Effects::ALL,
             })
         })?;
@@ -415,6 +432,7 @@ impl PySystem {
             let setting = Setting {
                 system,
                 state: &state,
+                memory: &[],
                 effects,
             };
             let base = linearize(&setting, &mut Counts::default())?;
@@ -577,6 +595,7 @@ impl PySystem {
             let setting = Setting {
                 system,
                 state: &state,
+                memory: &[],
                 effects,
             };
             let base = linearize(&setting, &mut Counts::default())?;

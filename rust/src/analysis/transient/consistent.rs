@@ -17,6 +17,8 @@ use super::{Equations, Instant, Motion};
 const CLOSED: f64 = 1e-14;
 const ACCEPTABLE: f64 = 1e-10;
 const CLOSING_STEPS: usize = 12;
+/// Part of all rates that the projection of a controlled step changes at most.
+const BRANCH: f64 = 0.05;
 
 /// Everything that the accelerations follow from, at one placement.
 struct Evaluation {
@@ -195,6 +197,34 @@ impl Equations<'_, f64> {
             motion: m,
             acceleration: a.as_slice().to_vec(),
             lam: lam.as_slice().to_vec(),
+        })
+    }
+
+    /// Near a singular pose a step may close on another branch than the one it arrives on; there rates turn at once by far more
+    /// than a step errs.
+    pub fn same_branch(&self, before: &[f64], end: &Instant, h: f64) -> Result<()> {
+        if self.n_rows() == 0 {
+            return Ok(());
+        }
+        let scales = self.scales();
+        let size = |v: &mut dyn Iterator<Item = f64>| {
+            v.zip(&scales)
+                .fold(0.0_f64, |s, (v, c)| s.max((v / c).abs()))
+        };
+        let rates = &end.motion.rate;
+        let turned = size(&mut before.iter().zip(rates).map(|(a, b)| b - a));
+        let all =
+            size(&mut before.iter().copied()).max(h * size(&mut end.acceleration.iter().copied()));
+        if turned <= BRANCH * all {
+            return Ok(());
+        }
+        Err(Error::Convergence {
+            message: format!(
+                "the loops turn all rates at once at t = {:.9} s",
+                end.motion.t
+            ),
+            best: Vec::new(),
+            residual: turned,
         })
     }
 

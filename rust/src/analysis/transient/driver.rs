@@ -354,17 +354,18 @@ impl Driver<'_, '_, '_> {
         way.failures += 1;
         way.after_rejection = true;
         way.h = shorter;
-        if self.controlled() && way.detour.is_none() {
-            if let Some(around) = scheme.bridge(self.eq, shorter / way.recent) {
-                counts.add("detours", 1);
-                way.failures = 0;
-                way.h = way.recent;
-                way.detour = Some(Detour {
-                    scheme: around,
-                    until: t + way.recent,
-                });
-                return true;
-            }
+        if self.controlled()
+            && way.detour.is_none()
+            && let Some(around) = scheme.bridge(self.eq, shorter / way.recent)
+        {
+            counts.add("detours", 1);
+            way.failures = 0;
+            way.h = way.recent;
+            way.detour = Some(Detour {
+                scheme: around,
+                until: t + way.recent,
+            });
+            return true;
         }
         // a fixed step is divided where its equations have no solution, as in singular poses
         let most = if self.controlled() {

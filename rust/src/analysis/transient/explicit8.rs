@@ -140,7 +140,12 @@ impl Scheme for Explicit8 {
             self.stage(eq, &from.motion, stage, h, counts)?;
         }
         let (dy, dv) = weighted(&self.slopes, B, h, n);
-        let end = eq.consistent(trial(eq, &from.motion, h, &dy, &dv), counts)?;
+        let reached = trial(eq, &from.motion, h, &dy, &dv);
+        let rate = reached.rate.clone();
+        let end = eq.consistent(reached, counts)?;
+        if estimate {
+            eq.same_branch(&rate, &end, h)?;
+        }
         let error = estimate.then(|| {
             let (five, three) = (
                 weighted(&self.slopes, E5, h, n),

@@ -386,7 +386,11 @@ impl Scheme for GeneralizedAlpha {
         };
         self.solve(eq, &from.motion, &c, &mut u, h, counts)?;
         let (_, m, a1) = self.end(eq, &from.motion, &c, &u, h);
+        let rate = m.rate.clone();
         let end = eq.consistent(m, counts)?;
+        if estimate {
+            eq.same_branch(&rate, &end, h)?;
+        }
         let slope: Vec<f64> = (end.acceleration.iter().zip(&from.acceleration))
             .map(|(a, b)| (a - b) / h)
             .collect();

@@ -17,6 +17,8 @@ use super::{Equations, Instant, Motion, Scheme};
 pub enum Method {
     Auto,
     Explicit,
+    /// stages on the constraints, as minimal coordinates have them: for benches
+    ExplicitClosed,
     /// spectral radius at infinity
     GeneralizedAlpha(f64),
     Ali3p(Weight),
@@ -32,6 +34,7 @@ impl Method {
         match name {
             "auto" => Ok(Method::Auto),
             "explicit" => Ok(Method::Explicit),
+            "explicit/closed" => Ok(Method::ExplicitClosed),
             "bdf" => Ok(Method::Bdf),
             "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
             "ali3p" => Ok(Method::Ali3p(Weight::Tangent)),
@@ -55,7 +58,7 @@ impl Method {
     fn name(&self) -> &'static str {
         match self {
             Method::Auto => "auto",
-            Method::Explicit => "explicit",
+            Method::Explicit | Method::ExplicitClosed => "explicit",
             Method::GeneralizedAlpha(_) => "generalized-alpha",
             Method::Ali3p(_) => "ali3p",
             Method::BdfBfgs(..) => "bdf-bfgs",
@@ -64,15 +67,17 @@ impl Method {
     }
 
     fn scheme(&self, steps: Steps) -> Box<dyn Scheme> {
+        let rtol = match steps {
+            Steps::Fixed(_) => None,
+            Steps::Controlled { rtol, .. } => Some(rtol),
+        };
         match self {
             Method::Auto | Method::Explicit => Box::new(Explicit8::default()),
+            Method::ExplicitClosed => Explicit8::past_singular_poses(),
             Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
             Method::Ali3p(weight) => Box::new(Ali3p::new(*weight)),
-            Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family)),
-            Method::Bdf => Box::new(Bdf::new(match steps {
-                Steps::Fixed(_) => None,
-                Steps::Controlled { rtol, .. } => Some(rtol),
-            })),
+            Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family, rtol)),
+            Method::Bdf => Box::new(Bdf::new(rtol)),
         }
     }
 
@@ -160,7 +165,7 @@ fn chosen(
     let Method::Auto = method else {
         return Ok((method, "as asked".into()));
     };
-    if eq.topology().connectors.is_empty() {
+    if eq.topology().connectors.is_empty() && !eq.topology().is_flexible() {
         let why = "no spring, damper or law: nothing can be stiff".into();
         return Ok((Method::Explicit, why));
     }
