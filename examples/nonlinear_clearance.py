@@ -13,6 +13,7 @@ from error_table import error_table
 from mbrs.reference import hbm_shooting
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="mbrs-"))
+folder.mkdir(parents=True, exist_ok=True)
 m = mb.examples.clearance_oscillator()
 mass = m["mass"]
 curve = mb.frequency_response(

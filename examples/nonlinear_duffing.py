@@ -11,6 +11,7 @@ import mbrs as mb
 from error_table import error_table
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="mbrs-"))
+folder.mkdir(parents=True, exist_ok=True)
 duffing = mb.examples.duffing()
 curve = mb.frequency_response(duffing, force=[0.18], omega=(0.5, 1.6), harmonics=7)
 print(curve)

@@ -14,6 +14,7 @@ from mbrs.plot.figure import figure, style
 from mbrs.reference import hbm_balance, hbm_shooting
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="mbrs-"))
+folder.mkdir(parents=True, exist_ok=True)
 m = mb.examples.engine_on_mounts()
 at = mb.equilibrium(m)
 print(mb.modes(m, at=at))
@@ -42,6 +43,9 @@ for i in (10, len(curve) // 2):
     largest = float(np.max(np.abs(np.linalg.eigvals(monodromy))))
     rows.append((f"largest multiplier at {one.frequency:.4f} Hz", float(np.max(np.abs(curve.multipliers[i]))), largest,
                  f"integration in time; estimate {one.error:.0e}"))  # fmt: skip
-    rows.append((f"distance in a period at {one.frequency:.4f} Hz", one.verify(), 0.0, "integration in time"))
+    found = one.verify()
+    where = f"distance in a period at {one.frequency:.4f} Hz"
+    rows.append((where, found.balanced, 0.0, "equations that were balanced, integrated in time"))
+    rows.append((f"{where}, geometry", found.full, 0.0, "full equations of the model, mb.simulate"))
 print(error_table(rows))
 print(f"pictures in {folder}")

@@ -13,6 +13,7 @@ from error_table import error_table
 from mbrs.plot.figure import figure, style
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="mbrs-"))
+folder.mkdir(parents=True, exist_ok=True)
 k, f_slip, c = 0.5, 0.2, 0.02
 system = mb.examples.jenkins_oscillator(k, f_slip, c)
 odd = range(1, 32, 2)

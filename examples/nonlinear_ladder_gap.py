@@ -14,6 +14,7 @@ from mbrs.plot.figure import figure, style
 from mbrs.reference import hbm_shooting
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="mbrs-"))
+folder.mkdir(parents=True, exist_ok=True)
 m = mb.examples.ladder_with_gap()
 print(mb.modes(m))
 top = m["B3,3"]
@@ -42,5 +43,11 @@ for i in np.linspace(5, len(curve) - 5, 4).astype(int):
     state, _ = hbm_shooting.shoot(system, one.force, one.omega, start)
     source = f"shooting, relative to |x|; estimate {one.error:.0e}"
     rows.append((f"J1,1a(0) at {one.frequency:.4f} Hz", start[0], state[0], source, one.largest(0)))
+one = curve.point(int(np.linspace(5, len(curve) - 5, 4)[1]))
+found = one.verify(rtol=1e-8)
+rows.append(
+    (f"distance in a period at {one.frequency:.4f} Hz", found.balanced, 0.0, f"in time; estimate {one.error:.0e}")
+)
+rows.append((f"geometry at {one.frequency:.4f} Hz", found.full, 0.0, "full equations of the model, mb.simulate"))
 print(error_table(rows))
 print(f"pictures in {folder}")

@@ -13,6 +13,7 @@ from error_table import error_table
 from mbrs.reference import hbm_shooting
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="mbrs-"))
+folder.mkdir(parents=True, exist_ok=True)
 system = mb.examples.two_mass_cubic()
 curve = mb.frequency_response(system, force=[0.11, 0.0], omega=(0.8, 1.4), harmonics=9)
 print(curve)

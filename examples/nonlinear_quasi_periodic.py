@@ -11,6 +11,7 @@ import mbrs as mb
 from error_table import error_table
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="mbrs-"))
+folder.mkdir(parents=True, exist_ok=True)
 PRINTED = {  # METHODS.md b.3, (cos, sin) for m = 7
     2.0: {(1, 0): (-0.0055712601, -0.0832608775), (0, 1): (-0.0014475824, -0.0357439837),
           (2, -1): (-0.0003014939, -0.0006886006)},

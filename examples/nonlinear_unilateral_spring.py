@@ -13,6 +13,7 @@ from error_table import error_table
 from mbrs.reference import hbm_shooting
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="mbrs-"))
+folder.mkdir(parents=True, exist_ok=True)
 system, force = mb.examples.two_mass_stop(), [0.0, 0.1]
 curve = mb.frequency_response(system, force=force, omega=(0.45, 0.9), harmonics=21, n_samples=1024)
 print(curve)

@@ -11,6 +11,7 @@ import mbrs as mb
 from error_table import error_table
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="mbrs-"))
+folder.mkdir(parents=True, exist_ok=True)
 rows = []
 for mu, known, given in (
     (1.0, 6.66328686, dict(harmonics=31)),

@@ -33,6 +33,11 @@ def _body(m, name, at, seed=0, **given):
     )
 
 
+def _far(m, body):
+    """Farther than all other points, of which two that coincide would give the characteristic length a kink."""
+    m.spring_damper("far", m.ground, body, at=((-3.0, -2.0, 1.0), (0.5, 0.2, 0.0)), k=0.5)
+
+
 N_FREE = {
     "fixed": 0,
     "revolute": 1,
@@ -64,9 +69,8 @@ def tree(kind):
 
     def make():
         m = mb.Model(kind, gravity=(0.5, -3.0, 1.0))
-        # two coinciding points as the farthest would give the characteristic length a kink
-        m.marker("far", m.ground, at=(-3.0, -2.0, 1.0))
         a, b = _body(m, "a", (0.5, 0.1, 0), 1), _body(m, "b", (1.1, 0.2, 0.3), 2)
+        _far(m, a)
         m.revolute("foot", m.ground, a, at=(0, 0, 0), axis=(0.1, 1.0, 0.2), k=4.0)
         getattr(m, kind)("J", a, b, at=(0.8, 0.1, 0.1), **_frame(kind), **_forces(kind))
         c = _body(m, "c", (1.6, 0.2, 0.5), 3)
@@ -83,7 +87,8 @@ def loop(kind):
     def make():
         m = mb.Model(kind, gravity=(0.5, -3.0, 1.0))
         a, b = _body(m, "a", (0.5, 0.1, 0), 1), _body(m, "b", (1.1, 0.2, 0.3), 2)
-        m.spherical("ball", m.ground, a, at=(0, 0, 0), k=(2.0, 1.0, 3.0))
+        _far(m, a)
+        m.spherical("ball", m.ground, a, at=(0, 0, 0), axis=(0.1, 0.3, 1), k=(2.0, 1.0, 3.0))
         m.distance("rod", b, m.ground, at=((1.3, 0.2, 0.4), (1.5, -0.8, 0.5)))
         getattr(m, kind)("J", a, b, at=(0.8, 0.1, 0.1), **_frame(kind), **_forces(kind))
         return m
@@ -106,9 +111,10 @@ def ring():
         _body(m, n, p, s) for n, p, s in (("a", (0, 0.5, 0), 1), ("b", (0.6, 1.0, 0.1), 2), ("c", (1.2, 0.5, 0), 3))
     )
     m.revolute("R1", m.ground, a, at=(0, 0, 0), axis=(0.1, 0, 1), k=3.0)
-    m.spherical("S1", a, b, at=(0, 1, 0), k=(1.0, 2.0, 1.0), c=(0.1, 0.1, 0.2))
-    m.universal("U1", b, c, at=(1.2, 1, 0.1), axis="z", axis2="x", k=(2.0, 1.0))
-    m.revolute("R2", m.ground, c, at=(1.2, 0, 0), axis=(0, 0.1, 1))
+    _far(m, a)
+    m.spherical("S1", a, b, at=(0, 1, 0), axis=(0.1, 0.3, 1), k=(1.0, 2.0, 1.0), c=(0.1, 0.1, 0.2))
+    m.universal("U1", b, c, at=(1.2, 1, 0.1), axis=(0.5, 0.2, 1), axis2=(1, 0, -0.5), k=(2.0, 1.0))
+    m.revolute("R2", m.ground, c, at=(1.2, 0, 0), axis=(0.3, 0.5, 1))
     return m
 
 
@@ -118,9 +124,9 @@ def knife():
     a = m.body(
         "a", mass=1.3, inertia=(0.05, 0.06, 0.07), at=(0, 0, 0), velocity=(0.8, 0, 0), angular_velocity=(0, 0, 1.1)
     )
-    m.planar("ice", m.ground, a, at=(0, 0, 0), axis="z")
-    m.knife_edge("edge", m.ground, a, at=(0.1, 0, 0), axis=(0, 1, 0))
-    m.spring_damper("spring", m.ground, a, at=((1.0, 0.5, 0), (0.2, 0.05, 0)), k=6.0, c=0.1, length=0.4)
+    m.planar("ice", m.ground, a, at=(0, 0, 0), axis=(0.02, 0.03, 1))
+    m.knife_edge("edge", m.ground, a, at=(0.1, 0, 0), axis=(0.03, 1, 0.02))
+    m.spring_damper("spring", m.ground, a, at=((2.0, 0.5, 0), (0.2, 0.05, 0)), k=6.0, c=0.1, length=0.4)
     return m
 
 
@@ -141,7 +147,8 @@ def _driven(name, motion, coordinate="revolute"):
         m = mb.Model(name, gravity=(0.5, -3.0, 1.0))
         a, b = _body(m, "a", (0.5, 0.1, 0), 1), _body(m, "b", (1.1, 0.2, 0.3), 2)
         joint = getattr(m, coordinate)("J", m.ground, a, at=(0, 0, 0), axis=(0.1, 1.0, 0.2))
-        m.spherical("S", a, b, at=(0.8, 0.1, 0.1), k=(2.0, 3.0, 1.0), c=(0.1, 0.1, 0.1))
+        _far(m, a)
+        m.spherical("S", a, b, at=(0.8, 0.1, 0.1), axis=(0.1, 0.3, 1), k=(2.0, 3.0, 1.0), c=(0.1, 0.1, 0.1))
         m.drive("motor", joint, motion())
         return m
 
@@ -151,15 +158,15 @@ def _driven(name, motion, coordinate="revolute"):
 
 _driven("drive_sine", lambda: mb.Sine(0.4, frequency=2.0, phase=0.3, offset=0.1))
 _driven("drive_omega", lambda: mb.Sine(0.4, omega=9.0, phase=0.3))
-_driven("drive_ramp", lambda: mb.Ramp(1.5, offset=0.1))
+_driven("drive_ramp", lambda: mb.Ramp(1.5, offset=0.1, start=-0.05))
 _driven("drive_polynomial", lambda: mb.Polynomial([0.1, 0.5, -2.0, 3.0]), "prismatic")
-_driven("drive_table", lambda: mb.Table([-0.2, 0.01, 0.05, 0.3], [0.0, 0.1, 0.15, 0.1]), "prismatic")
+_driven("drive_table", lambda: mb.Table([-0.5, 0.07, 0.2, 0.6], [0.0, 0.1, 0.15, 0.1]), "prismatic")
 
 
 @scene
 def driven_loop():
     m = ring()
-    m.drive("motor", "R2", mb.Sine(0.3, hz=1.5))
+    m.drive("motor", "R2", mb.Sine(0.1, frequency=1.0))
     return m
 
 
@@ -167,8 +174,9 @@ def driven_loop():
 def coupled():
     m = mb.Model("coupled", gravity=(0.5, -3.0, 1.0))
     a, b = _body(m, "a", (0.5, 0.1, 0), 1), _body(m, "b", (1.1, 0.2, 0.3), 2)
+    _far(m, a)
     m.revolute("R1", m.ground, a, at=(0, 0, 0), axis=(0.1, 1.0, 0.2), k=4.0)
-    m.cylindrical("C", m.ground, b, at=(1, 0, 0), axis=(0, 0, 1), k=(8.0, 2.0))
+    m.cylindrical("C", m.ground, b, at=(1, 0, 0), axis=(0.1, 0.3, 1), k=(8.0, 2.0))
     m.coupler("gear", "R1", "C", 0.7, second_coordinate="rz", offset=0.05)
     return m
 
@@ -195,11 +203,11 @@ _lawful("gap_smooth", lambda: mb.Gap(500.0, 0.01, smoothing=0.02))
 _lawful("gap_both", lambda: mb.Gap(500.0, 0.01, smoothing=0.02, bilateral=True))
 _lawful("friction", lambda: mb.CoulombTanh(0.8, 0.3))
 _lawful("hertz", lambda: mb.Hertz(900.0, 1.5, -0.1))
-_lawful("table", lambda: TableLaw([-1.0, -0.3, 0.0, 0.4, 1.0], [-9.0, -2.0, 0.1, 3.0, 8.0]))
+_lawful("table", lambda: TableLaw([-1.0, -0.3, 0.11, 0.4, 1.0], [-9.0, -2.0, 0.7, 3.0, 8.0]))
 _lawful("van_der_pol", lambda: mb.VanDerPol(1.3))
 _lawful("jenkins", lambda: mb.Jenkins(40.0, 90.0))
-_lawful("jenkins_sliding", lambda: mb.Jenkins(4000.0, 0.01))
-_lawful("iwan", lambda: mb.Iwan([4000.0, 50.0], [0.01, 90.0]))
+_lawful("jenkins_sliding", lambda: mb.Jenkins(100.0, 0.5))
+_lawful("iwan", lambda: mb.Iwan([100.0, 50.0], [0.5, 90.0]))
 
 
 @scene
@@ -240,13 +248,13 @@ def loads():
         "swing",
         b,
         at=(1.0, 0.3, 0.2),
-        value=(mb.Sine(2.0, hz=3.0, phase=0.2), 0.0, mb.Polynomial([0.3, 1.0])),
+        value=(mb.Sine(2.0, frequency=3.0, phase=0.2), 0.0, mb.Polynomial([0.3, 1.0])),
         frame="body",
     )
     m.force(
         "late",
         a,
         at=(0.4, 0.2, 0.1),
-        value=(mb.Ramp(40.0, start=0.013), 0.0, mb.Table([0.0, 0.02, 0.06], [0.0, 1.0, 0.3])),
+        value=(mb.Ramp(40.0, start=0.045), 0.0, mb.Table([0.0, 0.07, 0.2], [0.0, 1.0, 0.3])),
     )
     return m

@@ -25,7 +25,7 @@ impl Builder {
     pub fn body(&mut self, mass: f64, inertia: [f64; 3], at: [f64; 3]) -> BodyRef {
         let x = self.put(&[&at, &UPRIGHT, &[0.0; 3], &[mass], &inertia, &[0.0; 9]]);
         let name = format!("body {}", self.0.bodies.len());
-        self.0.bodies.push(BodySpec { name, x });
+        self.0.bodies.push(BodySpec { name, x, tip: None });
         Some(self.0.bodies.len() - 1)
     }
 

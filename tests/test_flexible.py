@@ -198,3 +198,37 @@ def test_campbell_of_a_blade_follows_southwell():
     square = (2 * np.pi * lowest) ** 2
     rise = np.diff(square) / np.diff(np.array([1.0, 4.0, 9.0]))
     assert rise == pytest.approx(1.193, abs=0.02)
+
+
+@pytest.mark.parametrize("root", ["frame", "mid", "tip", None])
+def test_given_velocities_whatever_the_root(root):
+    model = mb.Model("thrown")
+    velocity, omega = np.array([1.0, 2.0, -0.5]), np.array([3.0, -1.0, 2.0])
+    turn = mb.rotation((1, 2, 3), 0.7)
+    body = model.flexible_body(
+        "rod", rod(), at=(0.3, -0.2, 1.0), orientation=turn, velocity=velocity, angular_velocity=omega
+    )
+    if root is not None:
+        model.free("loose", model.ground, body.node(root))
+    lin = mb.linearize(model)
+    assert lin.poses["velocity"][0] == pytest.approx(velocity, abs=1e-12)
+    assert lin.poses["angular_velocity"][0] == pytest.approx(omega, abs=1e-12)
+    # one body, one motion, whatever carries it
+    traj = mb.simulate(model, t=[0.0, 0.2], rtol=1e-9, method="explicit")
+    if root is None:
+        assert traj.status == "finished"
+        return
+    plain = mb.Model("plain")
+    plain.flexible_body("rod", rod(), at=(0.3, -0.2, 1.0), orientation=turn, velocity=velocity, angular_velocity=omega)
+    other = mb.simulate(plain, t=[0.0, 0.2], rtol=1e-9, method="explicit")
+    assert traj.position("rod")[-1] == pytest.approx(other.position("rod")[-1], abs=1e-7)
+    assert traj.modal("rod")[-1] == pytest.approx(other.modal("rod")[-1], abs=1e-7)
+
+
+def test_motion_of_ground_shakes_the_modes():
+    model = cantilever()
+    body, lin = model["rod"].modal, mb.linearize(cantilever())
+    turning = np.array([[p[1, 2] - p[2, 1], p[2, 0] - p[0, 2], p[0, 1] - p[1, 0]] for p in body.P1])
+    assert lin.ground_coupling == pytest.approx(np.hstack([body.S.T, turning]), abs=1e-14)
+    h = mb.frf(model, mb.base_motion("z"), "rod.tip.motion.z", frequency=[1e-3, 0.3], kind="transmissibility")
+    assert h.value[0, 0, 0] == pytest.approx(1.0, abs=1e-4)

@@ -452,3 +452,25 @@ def test_a_mass_at_the_tip(made):
     assert found == pytest.approx(np.repeat(exact, 2), rel=2e-5)
     plain = beam(L, mass=mass, EI_flap=EI, EI_edge=EI, modes=14)
     assert plain.n_modes < body.n_modes
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "flexible.beam",
+        "flexible.craig_bampton",
+        "flexible.modal_body",
+        "plot.modal_body",
+        "multiblade",
+        "element_methods",
+    ]
+    + ["examples._wind_rotor", "examples._windpact", "examples._slider_crank"],
+)
+def test_examples_in_docstrings(name):
+    import doctest
+    import importlib
+    import sys
+
+    importlib.import_module(f"mbrs.{name}")
+    found = doctest.testmod(sys.modules[f"mbrs.{name}"])
+    assert found.attempted > 0 and found.failed == 0

@@ -14,6 +14,7 @@ from mbrs.flexible._integrals import shape_integrals
 from mbrs.reference import dynamics as dyn
 from mbrs.reference import flexible as fx
 from mbrs.reference import so3
+from mbrs.reference.bdf_bfgs import bdf_bfgs
 from mbrs.reference.kinematics import advance
 from mbrs.reference.motion import start, with_rates
 from mbrs.reference.reader import Body
@@ -255,6 +256,16 @@ def test_schemes_agree_on_a_turning_blade():
         errors = [np.abs(end(method, k) - exact).max() for k in (n, 2 * n)]
         print(f"{method}: errors {errors[0]:.1e}, {errors[1]:.1e}")
         assert np.log2(errors[0] / errors[1]) > order - 0.4
+
+
+def test_bdf_bfgs_of_a_turning_blade():
+    """The derivative-free scheme steps through modal coordinates like others, with the fourth order of its formula."""
+    sys = ref.System(tables(rotor_blade(modes=1)[0]))
+    bent, rate, t = advance(sys, ref.drawn_state(sys), np.array([0.0, 20.0])), np.array([3.0, 60.0]), 0.32
+    exact = ref.explicit(sys, begin(sys, bent, rate), t / 20, 20).instants[-1].motion.state.r
+    errors = [np.abs(bdf_bfgs(sys, bent, rate, t / n, n).motions[-1].state.r - exact).max() for n in (16, 32)]
+    print(f"bdf-bfgs: errors {errors[0]:.1e}, {errors[1]:.1e}")
+    assert np.log2(errors[0] / errors[1]) > 3.5
 
 
 def test_complex_steps_through_the_integrals():

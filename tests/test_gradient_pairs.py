@@ -19,8 +19,10 @@ from mbrs.state import state_of
 from mbrs.tables import directions
 from motion_models import silent
 
-TIMES = np.array([0.0, 0.008, 0.013, 0.024, 0.032])
-STEP = 1e-4
+TIMES = np.array([0.0, 0.03, 0.045, 0.09, 0.12])
+STEP = 1e-3
+# a smoothing of zero cannot become negative
+ONE_SIDED = {"law_gap": ("rail.law[2]", "link.law[2]")}
 
 
 def run_of(m, x, scheme):
@@ -63,16 +65,20 @@ def test_every_number(name, scheme):
     agreement = np.abs(back - seeds[-1] @ exact).max() / np.abs(seeds[-1] @ exact).max()
     wrong, worst = [], 0.0
     for p, label in enumerate(along.labels):
+        if label in ONE_SIDED.get(name, ()):
+            continue
         d = along.dense[:, p]
         if not d.any():
             # a number that no row of the tables depends on at its present value
             assert not exact[:, p].any()
             continue
-        e = STEP / np.abs(d).max() * max(1.0, np.abs(x[d != 0]).max())
+        # small numbers on which a motion depends strongly
+        least = 0.05 if any(part in label for part in (".inertia", ".t[", ".law[")) else 1.0
+        e = STEP / np.abs(d).max() * max(least, np.abs(x[d != 0]).max())
         a, b, c, f = (values(m, x + s * e * d, asked, scheme) for s in (1, -1, 2, -2))
         difference = (8 * (a - b) - (c - f)) / (12 * e)
         # one scale for each kind of quantity would hide small ones: what rounding leaves of every number is allowed
-        floor = 2e-13 * (np.abs(base) + np.abs(base).max()) / e
+        floor = 1e-12 * (np.abs(base) + np.abs(base).max()) / e
         error = np.max(np.abs(exact[:, p] - difference) - floor)
         size = max(np.abs(exact[:, p]).max(), np.abs(difference).max())
         if error > 1e-6 * size:

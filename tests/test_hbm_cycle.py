@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, ModelError
-from mbrs.laws import Cubic, Gap, VanDerPol
+from mbrs.laws import Cubic, Gap, Jenkins, VanDerPol
 from mbrs.limit_cycle import limit_cycle
 from mbrs.reference import hbm_shooting
 from mbrs.second_order import MechanicalSystem
@@ -120,3 +120,12 @@ def test_stop_limits_an_unstable_oscillator():
     )
     found = limit_cycle(system, harmonics=31)
     assert found.status == "converged" and found.verify() < 1e-3
+
+
+def test_a_slider_limits_an_unstable_oscillator():
+    # a law with memory: the slider takes out what the negative damping puts in
+    system = MechanicalSystem([[1.0]], [[-0.1]], [[1.0]], elements=[Jenkins(0.5, 0.2, w=[1.0])])
+    found = limit_cycle(system, harmonics=5)
+    off = found.verify()
+    print(f"Jenkins cycle: period {found.period:.8f}, estimated {found.error:.1e}, integrated {off.balanced:.1e}")
+    assert found.status == "converged" and 0.01 < off.balanced / found.error < 100 and found.error < 1e-3

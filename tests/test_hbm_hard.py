@@ -73,8 +73,7 @@ def test_grazing_contact_is_passed(ratio, bilateral, force, span):
     one = curve.point(-1)
     tell(f"stop {ratio:g} times stiffer, {len(curve)} points, {curve.status}", before_contact=off, at_the_end=one.error)
     assert curve.status in ("converged", "left-at-start", "unresolved") and grazing > 3 and off < 1e-9
-    steps = curve.branch.chunks.column("step")[1:]
-    assert np.sum(steps < 1e-6) < 5
+    assert len(curve) < 300
 
 
 def test_stick_slip_through_full_stick():

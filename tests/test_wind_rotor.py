@@ -117,3 +117,30 @@ def test_step_by_step():
         assert traj.position(name)[-1] == pytest.approx(history.positions(sys)[-1][frame], abs=1e-6), name
     q = sys.flexible[0].coordinates(history.instants[-1].motion.state.r)
     assert traj.modal("blade1")[-1] == pytest.approx(q, rel=1e-5, abs=1e-6)
+
+
+def test_campbell_of_the_free_rotor():
+    """Its turning stays a rigid mode at every speed, although centrifugal terms cancel in its row to rounding only."""
+    m = mb.examples.wind_rotor(modes=2, gravity=None, air=None, drive=False)
+    for speed in (0.25, 1.8):
+        found = mb.modes(m, at=mb.steady_motion(m, {"bearing": speed}))
+        assert found.kind[0] == "rigid" and np.all(np.isfinite(found.shape))
+    diagram = mb.campbell(m, "bearing", speed=np.linspace(0.0, 3.0, 4))
+    assert np.all(np.isfinite(diagram.frequency)) and diagram.frequency.shape == (4, 12)
+    assert {1, -1} <= set(diagram.whirl[-1].tolist())
+    assert np.all(diagram.frequency[-1, :3] > diagram.frequency[0, :3]), "centrifugal stiffening"
+
+
+def test_files_hold_the_models(tmp_path):
+    """Flexible bodies, section loads and drives come back as they were."""
+    from scenes import same_tables
+
+    for m in (mb.examples.wind_rotor(modes=2, air=1.0), mb.examples.slider_crank(stiffness=15.0)):
+        again = mb.Model.load(m.save(tmp_path / "model.toml"))
+        assert same_tables(tables(again), tables(m)) == []
+
+
+def test_auto_asks_how_fast_a_flexible_body_vibrates():
+    """Without springs, dampers and laws a flexible body may still be stiff."""
+    route = mb.simulate(mb.examples.slider_crank(stiffness=15.0), t=0.01).stats.route
+    assert "fastest vibration" in route

@@ -60,6 +60,14 @@ def real_array(name: str, value: Any) -> np.ndarray:
     return array.real.copy()
 
 
+def sized_array(name: str, value: Any, largest: float = 1e60) -> np.ndarray:
+    """An array of real numbers of sizes whose products can still be computed with."""
+    array = real_array(name, value)
+    if np.max(np.abs(array), initial=0.0) > largest:
+        raise ModelError(f"{name} holds numbers above {largest:g}, which no quantity in consistent units has")
+    return array
+
+
 def complex_array(name: str, value: Any) -> np.ndarray:
     """An array of finite numbers, real or complex, of any shape."""
     try:

@@ -45,9 +45,9 @@ def frequency_response(
     tolerance
         Of the last Newton step in that space.
     stability
-        Floquet exponents of every point by Hill's method (not for laws with memory), O((2 dof (2H+1))^3) per point; of
-        large condensed systems by the monodromy matrix of a reduced model (nan where there is none that has the dynamic
-        stiffness of the system).
+        Floquet exponents of every point (not for laws with memory) by Hill's method, O((2 dof (2H+1))^3), or by the
+        monodromy matrix where both agree at the first point, O(dof^3) times some hundred steps; of large condensed systems
+        by the monodromy matrix of a reduced model (nan where there is none that has the dynamic stiffness of the system).
     events
         Locate special points; Neimark-Sacker and period doubling need ``stability``.
     max_points

@@ -269,8 +269,8 @@ def gradient(
         "direct": one tangent linear model per parameter along with the motion. "adjoint": the steps backwards, once per
         objective. "auto": by their numbers.
     at
-        Start, as in `mb.simulate`; a drawn start follows the parameters (assembly and consistent velocities; the characteristic
-        length that weighs angles against lengths there is held), an equilibrium moves along, other states are held.
+        Start, as in `mb.simulate`; a drawn start follows the parameters (the steps of the assembly and consistent velocities), an
+        equilibrium moves along, other states are held.
     without
         Effects to leave out.
     weight
@@ -538,8 +538,15 @@ def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
             "'generalized-alpha' to get them"
         )
     traj.snapshot.check_current("motion")
-    kind = {"scheme": traj.method, "rho": RHO if traj.rho is None else traj.rho}
-    run = Run(traj.model, traj.snapshot, traj.start, traj.without, traj.steps, **kind)
+    run = Run(
+        traj.model,
+        traj.snapshot,
+        traj.start,
+        traj.without,
+        traj.steps,
+        scheme=traj.method,
+        rho=RHO if traj.rho is None else traj.rho,
+    )
     along = directions(traj.model, traj.parameters)
     names = Names(run.snapshot.tables)
     asked = names.address(what)

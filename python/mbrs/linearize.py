@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from .model import Model
 
 # An unbalanced force above this part of all forces makes a linearisation at rest questionable.
+# Rounding of a few dozen terms that cancel, relative to their size.
+_CANCELLED = 1e-14
 _BALANCED = 1e-6
 
 
@@ -460,8 +462,9 @@ def _linearization(
     snapshot: Snapshot, state: State, r: dict[str, Any], without: tuple[str, ...], start: float, warn: bool
 ) -> Linearization:
     model = snapshot.model
-    C, G = _split_damping(r["D"], state.moving or _cross_coupled(model, "c"))
-    K, N = _split_stiffness(r["S"], conservative=not state.moving and not _has_no_potential(model))
+    D, S = _without_rounding(snapshot, state, r) if state.moving else (r["D"], r["S"])
+    C, G = _split_damping(D, state.moving or _cross_coupled(model, "c"))
+    K, N = _split_stiffness(S, conservative=not state.moving and not _has_no_potential(model))
     scale = r["force_scale"]
     unbalanced = float(np.max(np.abs(r["residual"]), initial=0.0))
     error = unbalanced / scale if scale > 0.0 else 0.0
@@ -497,6 +500,24 @@ def _linearization(
         error=error,
         status="converged" if error <= _BALANCED or state.moving else "off-equilibrium",
     )
+
+
+def _without_rounding(snapshot: Snapshot, state: State, r: dict[str, Any]) -> tuple[np.ndarray | None, np.ndarray]:
+    """D and S of a moving state without entries that inertia terms leave where they cancel.
+
+    Rotation at w adds terms of size w^2 sqrt(M_ii M_jj) to S_ij and w sqrt(M_ii M_jj) to D_ij. Their rounding in a row that
+    nothing else holds, that of the turning itself, would pass for a stiffness there.
+    """
+    spin = np.linalg.norm(snapshot.system.bodies(state.relative, state.rate)["angular_velocity"], axis=1)
+    w = float(np.max(spin, initial=0.0))
+    size = np.sqrt(np.diag(r["M"]))
+    rounding = _CANCELLED * np.outer(size, size)
+
+    def cleaned(x: np.ndarray, scale: float) -> np.ndarray:
+        return np.where(np.abs(x) <= scale * rounding, 0.0, x)
+
+    D = r["D"]
+    return None if D is None else cleaned(D, w), cleaned(r["S"], w * w)
 
 
 def symmetric(x: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ._checks import complex_array, count, names, real_array, shown
+from ._checks import complex_array, count, flag, names, real_array, shown
 from .errors import ModelError
 
 __all__ = ["RotorModes", "multiblade", "rotor_modes"]
@@ -65,7 +65,7 @@ def multiblade(values: Any, azimuth: Any, inverse: bool = False) -> np.ndarray:
     if n % 2 == 0:
         columns.append(np.broadcast_to((-1.0) ** np.arange(n), psi.shape))
     back = np.stack(columns, axis=-1)  # q = back a
-    if inverse:
+    if flag("multiblade: inverse", inverse):
         return np.einsum("...ij,...j->...i", back, q)
     weight = np.full(n, 2.0 / n)
     weight[0] = 1.0 / n

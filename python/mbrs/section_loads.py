@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ._checks import sized_array
 from .elements import LOAD_FRAMES, Load
 from .motions import MotionItem, Table
 from .names import problem, shown
@@ -95,6 +96,8 @@ def add_section_load(
         raise problem("section load", f"needs a name, got {shown(name)}")
     if not isinstance(frame, str) or frame not in LOAD_FRAMES:
         raise problem(label + ".frame", f"must be 'body' or 'world', got {shown(frame)}")
+    if not isinstance(kind, str):
+        raise problem(label + ".kind", f"must be 'cubic' or 'linear', got {shown(kind)}")
     at, values, when = _checked(label, stations, table, times)
     line = _Line(label, owner.modal, at)
     if frame == "body":
@@ -104,10 +107,10 @@ def add_section_load(
 
 def _checked(label: str, stations: Any, table: Any, times: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Stations (n,), values (n_t, n, 6) with one n_t where they are constant, times (n_t,)."""
-    at, values = _numbers(label + ".stations", stations), _numbers(label + ".table", table)
+    at, values = sized_array(label + ".stations", stations), sized_array(label + ".table", table)
     if at.ndim != 1 or len(at) < 2 or not np.all(np.diff(at) > 0):
         raise problem(label + ".stations", f"must increase, at least two, got {shown(stations)}")
-    when = None if times is None else _numbers(label + ".times", times)
+    when = None if times is None else sized_array(label + ".times", times)
     need = f"({len(at)}, 3) or ({len(at)}, 6)" if when is None else f"({when.size}, {len(at)}, 3) or (..., 6)"
     lead = (len(at),) if when is None else (when.size, len(at))
     if values.shape not in ((*lead, 3), (*lead, 6)):
@@ -117,16 +120,6 @@ def _checked(label: str, stations: Any, table: Any, times: Any) -> tuple[np.ndar
         raise problem(label + ".times", f"must increase, at least two, got {shown(times)}")
     values = values.reshape(-1, len(at), values.shape[-1])
     return at, np.pad(values, ((0, 0), (0, 0), (0, 6 - values.shape[-1]))), when
-
-
-def _numbers(where: str, value: Any) -> np.ndarray:
-    try:
-        made = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise problem(where, f"must hold numbers, got {shown(value)}") from None
-    if not np.all(np.isfinite(made)):
-        raise problem(where, "contains NaN or infinite entries")
-    return made
 
 
 class _Line:

@@ -187,6 +187,10 @@ class Trajectory(Result):
         """(n_t, m) rates of the modal coordinates of a flexible body."""
         return self._modal(body)[1][1]
 
+    @property
+    def _flexible(self) -> list[str]:
+        return [self.bodies[body] for body, *_ in modal_places(self.snapshot.tables, len(self.bodies))]
+
     def _modal(self, body: Any) -> tuple[Any, tuple[np.ndarray, np.ndarray]]:
         index = self._body(body)
         owner = self.model.bodies[index] if index < len(self.model.bodies) else None
@@ -401,6 +405,8 @@ class Trajectory(Result):
         q = self._quantities
         names = {name: self.joint(name) for name in self._joint_places}
         joints = {f"joint {name}": (("time",) if v.ndim == 1 else ("time", f"{name}_"), v) for name, v in names.items()}
+        for name in self._flexible:
+            joints[f"modal {name}"] = (("time", f"mode of {name}"), self.modal(name))
         derivatives = {}
         for what in [sensitivity] if isinstance(sensitivity, str) else sensitivity:
             d = np.asarray(self.sensitivity(what)).reshape(len(self.t), -1, len(self.parameter_labels))

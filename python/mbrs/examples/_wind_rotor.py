@@ -94,6 +94,8 @@ def wind_rotor(
     )
     m.fixed("yaw lock", m.ground, nacelle, at=(0, 0, 0))
     bearing = m.revolute("bearing", nacelle, shaft, at=0.5 * centre, axis=axis)
+    if drive:
+        m.drive("turning", bearing, Ramp(speed))
     # six elastic coordinates of the hub in axes that turn with the shaft
     m.free("shaft end", shaft, hub, at=centre, k=_SHAFT_K, c=_SHAFT_C, orientation=frame)
     for i, name in enumerate(BLADES):
@@ -101,8 +103,6 @@ def wind_rotor(
         m.marker(f"section{i + 1}", m[name].node("section"))
         if air is not None:
             _add_air(m, name, 2 * np.pi * i / 3, speed, air)
-    if drive:
-        m.drive("turning", bearing, Ramp(speed))
     return m
 
 

@@ -27,6 +27,10 @@ def reduced_shapes(
     import scipy.sparse as sp
 
     M, K = (sp.csc_matrix(X) for X in (M, K))
+    if not (np.all(np.isfinite(M.data)) and np.all(np.isfinite(K.data))):
+        raise ModelError(
+            f"{whose}: its mass or stiffness matrix is not finite: lengths and properties differ too much in size"
+        )
     n = M.shape[0]
     free = np.setdiff1d(np.arange(n), np.concatenate([interface, fixed]))
     if n_modes > len(free):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import choice, count, flag, names, real_array, shown
+from .._checks import choice, count, flag, names, shown, sized_array
 from ..errors import ModelError
 from ._elements import Mesh, Section, mesh
 from ._integrals import inertial_stiffness, rigid_body, shape_integrals
@@ -143,7 +143,7 @@ def beam(
 
 
 def _stations(length: Any) -> Array:
-    x = real_array("beam: length", length)
+    x = sized_array("beam: length", length)
     if x.ndim == 0:
         if not x > 0:
             raise ModelError(f"beam: length must be positive, it is {shown(length)}")
@@ -154,7 +154,7 @@ def _stations(length: Any) -> Array:
 
 
 def _at_stations(name: str, value: Any, x: Array) -> Array:
-    made = real_array(f"beam: {name}", value)
+    made = sized_array(f"beam: {name}", value)
     if made.shape not in ((), x.shape):
         raise ModelError(f"beam: {name} must be a number or {len(x)} values at the stations, got shape {made.shape}")
     return np.broadcast_to(made, x.shape).astype(float)
@@ -206,7 +206,7 @@ def _places(nodes: Mapping[str, float] | None, x: Array) -> dict[str, float]:
         raise ModelError(f'beam: nodes must map names to places along the beam, {{"middle": 0.5}}, got {shown(nodes)}')
     places = {"root": 0.0, "tip": float(x[-1])}
     for name, value in (nodes or {}).items():
-        at = real_array(f"beam: the place of node {shown(name)}", value)
+        at = sized_array(f"beam: the place of node {shown(name)}", value)
         if not isinstance(name, str) or not name or at.ndim:
             raise ModelError(f"beam: nodes must map names to places along the beam, got {shown(name)}: {shown(value)}")
         if not 0 <= at <= x[-1]:
@@ -221,7 +221,7 @@ def _places(nodes: Mapping[str, float] | None, x: Array) -> dict[str, float]:
 
 def _attached(attach: Any, places: dict[str, float], fixed: Any) -> list[str]:
     wanted = names("beam: attach", attach)
-    if fixed not in ("root", None):
+    if fixed is not None and not (isinstance(fixed, str) and fixed == "root"):
         raise ModelError(f'beam: fixed must be "root" or None (a free beam), got {shown(fixed)}')
     for name in wanted:
         if name not in places:
@@ -315,7 +315,7 @@ def modal_damping(damping: Any, omega: Array, whose: str) -> Array:
     """diag(2 zeta omega) for one ratio or one of each mode."""
     if damping is None:
         return np.zeros((len(omega), len(omega)))
-    ratio = real_array(f"{whose}: damping", damping)
+    ratio = sized_array(f"{whose}: damping", damping)
     if ratio.shape not in ((), omega.shape) or np.any(ratio < 0) or not math.isfinite(float(np.sum(ratio))):
         raise ModelError(f"{whose}: damping must be one ratio or {len(omega)}, none negative, got {shown(damping)}")
     return np.diag(2 * np.broadcast_to(ratio, omega.shape) * omega)

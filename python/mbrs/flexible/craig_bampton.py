@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import count, real_array, shown
+from .._checks import count, shown, sized_array
 from ..errors import InertiaError, ModelError
 from ._reduction import reduced_shapes
 from .beam import modal_damping
@@ -85,12 +85,12 @@ def craig_bampton(
     >>> np.round(body.frequencies()[:3] * 2 * np.pi, 6)    # sqrt(2 k / m)
     array([141.421356, 141.421356, 141.421356])
     """
-    at = real_array(f"{_ME}: positions", positions)
+    at = sized_array(f"{_ME}: positions", positions)
     if at.ndim != 2 or at.shape[1] != 3 or len(at) == 0:
         raise ModelError(f"{_ME}: positions must be (n, 3), got shape {at.shape}")
     M, K = _matrix("M", M, len(at)), _matrix("K", K, len(at))
     chosen = _nodes(nodes, len(at))
-    if fixed is not None and fixed not in chosen:
+    if fixed is not None and not (isinstance(fixed, str) and fixed in chosen):
         raise ModelError(
             f"{_ME}: fixed must name one of the nodes ({', '.join(chosen)}) or be None, got {shown(fixed)}"
         )
@@ -129,9 +129,10 @@ def _matrix(name: str, value: Any, n: int) -> Any:
 
     if sp.issparse(value):
         made = sp.csr_matrix(value, dtype=float)
-        real_array(f"{_ME}: {name}", made.data)
+        sized_array(f"{_ME}: {name}", made.data)
     else:
-        made = sp.csr_matrix(np.atleast_2d(real_array(f"{_ME}: {name}", value)))
+        dense = sized_array(f"{_ME}: {name}", value)
+        made = sp.csr_matrix(dense if dense.ndim == 2 else np.zeros((0, 0)))
     if made.shape != (6 * n, 6 * n):
         raise ModelError(f"{_ME}: {name} must be ({6 * n}, {6 * n}), six freedoms of {n} nodes; it is {made.shape}")
     skew = abs(made - made.T)

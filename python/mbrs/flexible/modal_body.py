@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import names, real_array, shown
+from .._checks import names, shown, sized_array
 from ..errors import InertiaError, ModelError
 from ..report import number, table
 
@@ -118,7 +118,7 @@ class ModalBody:
         self._check_matrices()
 
     def _modes(self) -> int:
-        K = real_array("modal body: K", self.K)
+        K = sized_array("modal body: K", self.K)
         if K.ndim != 2 or K.shape[0] != K.shape[1] or len(K) == 0:
             raise ModelError(
                 f"modal body: K must be a square matrix with one row per mode, got shape {K.shape}; a body without "
@@ -249,13 +249,14 @@ class ModalBody:
     def __str__(self) -> str:
         largest = _largest(self.line_shape)
         rows = [
-            [i, frequency, self.K[i, i], self.M[i, i], largest[i]] for i, frequency in enumerate(self.frequencies())
+            [f"q{i + 1}", frequency, self.K[i, i], self.M[i, i], largest[i]]
+            for i, frequency in enumerate(self.frequencies())
         ]
         head = (
             f"Modal body: {number(self.mass)} kg, centre of mass {number(self.com)} m, {self.n_modes} mode(s), "
             f"nodes: {', '.join(self.nodes[:6]) or 'none'}{', ...' if len(self.nodes) > 6 else ''}"
         )
-        listed = table(["mode", "f [Hz]", "K_ii", "M_ii", "moves most along"], rows)
+        listed = table(["shape", "f [Hz]", "K_ii", "M_ii", "moves most along"], rows)
         return "\n".join(part for part in (head, self.note, listed) if part)
 
 
@@ -273,7 +274,7 @@ def _shapes(m: int) -> dict[str, tuple[int, ...]]:
 
 
 def _shaped(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
-    made = real_array(f"modal body: {name}", value)
+    made = sized_array(f"modal body: {name}", value)
     if made.shape != shape:
         raise ModelError(f"modal body: {name} must have the shape {shape}, it has {made.shape}")
     return made

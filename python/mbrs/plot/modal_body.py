@@ -36,9 +36,9 @@ def plot(body: Any, modes: Sequence[int] | None = None) -> Any:
 
     Examples
     --------
-    >>> import mbrs.flexible
-    >>> rod = mbrs.flexible.beam(1.0, rho=7800.0, E=2.1e11, radius=0.01, modes=3)
-    >>> figure = rod.plot()
+    >>> import mbrs as mb
+    >>> len(mb.flexible.beam(1.0, mass=1.0, EI_flap=1.0, EI_edge=4.0, modes=3).plot().axes)
+    3
     """
     wanted = list(range(min(body.n_modes, _MOST))) if modes is None else list(modes)
     if not wanted or any(not 0 <= k < body.n_modes for k in wanted):
@@ -56,10 +56,11 @@ def plot(body: Any, modes: Sequence[int] | None = None) -> Any:
             for i, name in enumerate("xyz"):
                 place.plot(along, body.line_shape[:, i, k], color=PALETTE[i], label=name)
             place.axhline(0.0, color="#9aa7b5", lw=0.7)
-            place.set_title(f"q{k}, {np.sqrt(max(frequencies[k], 0.0)) / (2 * np.pi):.4g} Hz")
-        for place in list(axes.flat)[len(wanted) :]:
-            place.set_visible(False)
-        for place in axes[-1]:
-            place.set_xlabel("along the body [m]")
+            place.set_title(f"q{k + 1}, {np.sqrt(max(frequencies[k], 0.0)) / (2 * np.pi):.4g} Hz")
+        for i, place in enumerate(axes.flat):
+            place.set_visible(i < len(wanted))
+            if i < len(wanted) <= i + columns:  # the lowest of its column
+                place.set_xlabel("along the body [m]")
+                place.tick_params(labelbottom=True)
         legend(axes.flat[0], ["x", "y", "z"])
     return made

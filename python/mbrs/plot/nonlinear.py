@@ -127,7 +127,9 @@ def orbit(result: Any, dof: Any = 0, *, ax: Any = None) -> Any:
     """
     is_torus = hasattr(result, "indices")
     span = 30 * 2 * np.pi / float(np.min(result.omega)) if is_torus else result.period
-    t = np.linspace(0.0, span, 6001 if is_torus else 721)
+    # a relaxation oscillation jumps within a small part of its period
+    harmonics = (result.X.shape[1] - 1) // 2
+    t = np.linspace(0.0, span, 6001 if is_torus else min(max(720, 32 * harmonics), 16384) + 1)
     x, v = result.displacement(t, dof), result.velocity(t, dof)
     with style():
         if ax is None:

@@ -17,6 +17,7 @@ from .assembly import assemble, constraint_values
 from .kinematics import State, System, advance, first_guess
 from .linearize import split
 from .motion import explicit_rates, mass, tree_map, velocity_rows
+from .reader import located_points
 from .so3 import Array
 
 
@@ -37,12 +38,12 @@ class TreeMechanism(Mechanism):
 
     def start(self, p: Array) -> tuple[State, Array]:
         """The assembled drawn state; rates joint by joint closest to the given velocities, then changed as little as the rows
-        ask for, angles weighed by the characteristic length, which is held.
+        ask for, angles weighed by the characteristic length.
         """
         sys = self.sys
         sys.t = 0.0
         state = assemble(sys, first_guess(sys))
-        T, length = tree_map(sys, state)[0].value, float(np.real(sys.length))
+        T, length = tree_map(sys, state)[0].value, self._length()
         v = dyn.twists_of(state)
         rate = np.zeros(sys.ny, dtype=np.result_type(T, v))
         weight = np.repeat([1.0, length], 3)
@@ -59,6 +60,13 @@ class TreeMechanism(Mechanism):
             change = J[keep].T @ np.linalg.solve(J[keep] @ J[keep].T, miss[keep])
             rate = rate - change * np.where(sys.is_length, length, 1.0)
         return replace(state, v=0 * state.v, w=0 * state.w), rate
+
+    def _length(self) -> Array:
+        """The characteristic length with its derivative."""
+        points = located_points(self.tables, self.sys.x, self.sys.bodies)
+        away = np.sum((points - points.mean(axis=0)) ** 2, axis=1)
+        length: Array = np.sqrt(away[np.argmax(away.real)])
+        return length if length.real > 0 else np.ones(())
 
     def advance(self, q: State, dq: Array) -> State:
         """Poses moved along the joints."""

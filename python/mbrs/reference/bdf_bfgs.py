@@ -62,6 +62,8 @@ def difference(sys: System, a: State, b: State) -> Array:
         turn = so3.log(R1 @ R0.T)
         for i, (_, kind, _, k) in enumerate(t.coordinates):
             out[t.start + i] = t.sign * (u1[k] - u0[k] if kind == "t" else turn[k])
+    for f, first in sys.modal_coordinates():
+        out[first : first + f.m] = f.coordinates(b.r) - f.coordinates(a.r)
     return out
 
 

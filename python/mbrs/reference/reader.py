@@ -249,4 +249,5 @@ def characteristic_length(points: Array) -> float:
     if len(points) == 0:
         return 1.0
     largest = float(np.max(np.linalg.norm(points.real - points.real.mean(axis=0), axis=1)))
-    return largest if largest > 0 else 1.0
+    # points that are one but for rounding make no length
+    return largest if largest > 1e-12 * np.max(np.abs(points.real)) else 1.0

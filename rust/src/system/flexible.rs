@@ -80,8 +80,8 @@ pub fn node_columns<T: Real>(
     let first = frame.r * about(0, w[3]);
     let second = first * about(1, w[4]);
     let arm = at - tip;
-    for i in 0..3 {
-        columns[i] = Six::new(frame.r.column(i) * sign, V3::zeros());
+    for (i, column) in columns.iter_mut().enumerate().take(3) {
+        *column = Six::new(frame.r.column(i) * sign, V3::zeros());
     }
     for (i, axes) in [frame.r, first, second].iter().enumerate() {
         let axis: V3<T> = axes.column(i) * sign;

@@ -103,10 +103,10 @@ impl<'a, T: Real> Shapes<'a, T> {
             let mut second = M3::zeros();
             let mut linear = g.p1[k];
             let mut moment = g.s[k];
-            for l in 0..m {
-                second += g.p2[l * m + k] * q[l];
+            for (l, ql) in q.iter().enumerate() {
+                second += g.p2[l * m + k] * *ql;
                 if !g.s2.is_empty() {
-                    let (s2, p12) = (g.s2[k * m + l] * q[l], g.p12[k * m + l] * q[l]);
+                    let (s2, p12) = (g.s2[k * m + l] * *ql, g.p12[k * m + l] * *ql);
                     s[k] += s2;
                     now[k] += p12;
                     moment += s2 * half;

@@ -11,6 +11,9 @@ use crate::model::tables::{
 use crate::spatial::{Real, V3};
 use crate::system::tree::spanning_tree;
 
+/// Points closer than this part of their distance from the world origin are one.
+const COINCIDENT: f64 = 1e-12;
+
 /// A body in the tree, and the joint that carries it.
 #[derive(Debug, Clone)]
 pub struct Node {
@@ -280,8 +283,11 @@ impl Topology {
         let sum = points.iter().fold(V3::zeros(), |sum: V3<T>, p| sum + p);
         let mean = sum * T::from(1.0 / points.len() as f64);
         let squares = points.iter().map(|p| (p - mean).dot(&(p - mean)));
+        // points that are one but for rounding make no length
+        let far = points.iter().map(|p| p.map(|v| v.re()).amax());
+        let rounding = COINCIDENT * far.fold(0.0, f64::max);
         let farthest = squares.fold(T::zero(), |a, b| if b.re() > a.re() { b } else { a });
-        if farthest.re() > 0.0 {
+        if farthest.re() > rounding * rounding {
             farthest.sqrt()
         } else {
             T::one()

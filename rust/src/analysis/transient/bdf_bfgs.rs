@@ -36,10 +36,10 @@ pub struct BdfBfgs {
 }
 
 impl BdfBfgs {
-    pub fn new(form: Form, family: Option<Family>) -> Self {
+    pub fn new(form: Form, family: Option<Family>, rtol: Option<f64>) -> Self {
         BdfBfgs {
             form,
-            solver: StepSolver::new(family),
+            solver: StepSolver::new(family, rtol),
             history: History::default(),
             sizes: None,
             lam: None,

@@ -11,8 +11,10 @@ use crate::solve::line_search::{Rule, norm2};
 
 use super::bdf_step::BdfStep;
 
-/// Norm at which the equations of a step count as solved, over the motion within the step and the root of their number.
+/// Norm at which the equations of a step count as solved, over the motion within the step and the root of their number: for fixed
+/// steps, and over a tolerance for the motion, which about a thousand steps share.
 const SOLVED: f64 = 1e-12;
+const OF_TOLERANCE: f64 = 1e-5;
 /// Limits of that norm: rounding of rows and of increments, and what any step has to reach.
 const ROUNDING_OF_ROWS: f64 = 1e-15;
 const ROUNDING: f64 = 1e-17;
@@ -35,6 +37,7 @@ pub struct StepSolver {
     settles: bool,
     /// steps at which inverse BFGS failed
     strikes: u32,
+    solved: f64,
     kept: Option<Kept>,
     /// norm that a fresh inverse could not get below: rounding
     floor: f64,
@@ -51,8 +54,9 @@ struct Kept {
 
 impl StepSolver {
     /// Without a family inverse BFGS runs until it has failed twice, Broyden's update from there on.
-    pub fn new(family: Option<Family>) -> Self {
+    pub fn new(family: Option<Family>, rtol: Option<f64>) -> Self {
         StepSolver {
+            solved: rtol.map_or(SOLVED, |r| (OF_TOLERANCE * r).clamp(1e-15, SOLVED)),
             family: family.unwrap_or(Family::Bfgs),
             settles: family.is_none(),
             strikes: 0,
@@ -98,7 +102,7 @@ impl StepSolver {
         Ok(())
     }
 
-    fn tolerance(step: &BdfStep<'_, '_>) -> f64 {
+    fn tolerance(&self, step: &BdfStep<'_, '_>) -> f64 {
         let moved = step.guess.theta.iter().zip(&step.sizes.sigma);
         let size = moved.fold(0.0_f64, |a, (v, s)| a.max((v / s).abs()));
         let floor = if step.sizes.kept.is_empty() {
@@ -106,7 +110,7 @@ impl StepSolver {
         } else {
             ROUNDING_OF_ROWS
         };
-        (SOLVED * size).clamp(floor, LOOSEST)
+        (self.solved * size).clamp(floor, LOOSEST)
     }
 
     /// The equations of a step: with the H there is, with a new one, with a new one and Broyden's update.
@@ -120,7 +124,7 @@ impl StepSolver {
             self.kept = None;
         }
         let goal = (n as f64).sqrt();
-        let solved = goal * Self::tolerance(step);
+        let solved = goal * self.tolerance(step);
         let mut x = vec![0.0; n];
         let mut last = f64::INFINITY;
         for attempt in 0..3 {

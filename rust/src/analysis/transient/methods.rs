@@ -67,16 +67,17 @@ impl Method {
     }
 
     fn scheme(&self, steps: Steps) -> Box<dyn Scheme> {
+        let rtol = match steps {
+            Steps::Fixed(_) => None,
+            Steps::Controlled { rtol, .. } => Some(rtol),
+        };
         match self {
             Method::Auto | Method::Explicit => Box::new(Explicit8::default()),
             Method::ExplicitClosed => Explicit8::past_singular_poses(),
             Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
             Method::Ali3p(weight) => Box::new(Ali3p::new(*weight)),
-            Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family)),
-            Method::Bdf => Box::new(Bdf::new(match steps {
-                Steps::Fixed(_) => None,
-                Steps::Controlled { rtol, .. } => Some(rtol),
-            })),
+            Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family, rtol)),
+            Method::Bdf => Box::new(Bdf::new(rtol)),
         }
     }
 
@@ -164,7 +165,7 @@ fn chosen(
     let Method::Auto = method else {
         return Ok((method, "as asked".into()));
     };
-    if eq.topology().connectors.is_empty() {
+    if eq.topology().connectors.is_empty() && !eq.topology().is_flexible() {
         let why = "no spring, damper or law: nothing can be stiff".into();
         return Ok((Method::Explicit, why));
     }
