@@ -4,7 +4,8 @@
 //! No tangent is ever computed, and in an open tree no multiplier. The tree coordinates are used as they are, with the loops as
 //! rows: there is no choice of independent coordinates that could become singular. Near a pose where loops lose rank, stages that
 //! have drifted off the loops give wrong accelerations and steps collapse: for as long as the last steps were, stages are then
-//! closed and aligned too (`careful`). Steps are controlled by the combined estimate of orders 5 and 3 of Hairer, Norsett, Wanner.
+//! closed and aligned too (`careful`). Always to do so, as minimal coordinates with dependent ones solved in each stage would,
+//! gives the same errors in as many steps with about twice the factorisations (benches/motion.py, "stages"). Steps are controlled by the combined estimate of orders 5 and 3 of Hairer, Norsett, Wanner.
 use crate::error::Result;
 use crate::run::Counts;
 
