@@ -64,7 +64,6 @@ def scenes() -> dict[str, Callable[[], tuple[zoo.MotionProblem, Push | None]]]:
         "5 four-bars, .7 s": lambda: (zoo.four_bars(5, 0.7), None),
         "slider-crank, .5 s": lambda: (_shorter(zoo.slider_crank(), 0.5), None),
         "a Python force, 1 s": python_force,
-        "a stop of 1e4 N/m, 2 s": lambda: (zoo.gap(), None),
     }
 
 
@@ -161,14 +160,23 @@ Where a force is a Python function, or a law has no slope, evaluations are what 
 """
 
 
+READING = """\
+- `bdf-bfgs` needs a third to a fifth of the evaluations of generalised-alpha for the same error below 1e-4 m, with or without a
+  Python force: order four against order two. The symmetric form saves up to a third of those of the stabilised one.
+- It does not beat Newton's method in the variable-order scheme `bdf`, which takes two to five times fewer evaluations for the same
+  error: about as many in an iteration, but longer steps. Its tangents come on top; they have formulas in all these scenes, since a
+  Python force of time needs no slope.
+- Where nothing is stiff the explicit scheme takes three to ten times fewer evaluations than either.
+- So the derivative-free solver pays against second-order implicit schemes, and where tangents are not to be had at all; not by its
+  number of evaluations alone.
+"""
+
+
 def section() -> str:
     """Measures, draws the picture, and returns the section of docs/accuracy.md."""
     found = measured()
     picture(found, ROOT / "docs" / "img" / PICTURE)
     return f"{TITLE}\n{WORDS}\n![error against evaluations](img/{PICTURE})\n\n{READING}\n{table(found)}\n"
-
-
-READING = ""
 
 
 def main(write: bool) -> None:

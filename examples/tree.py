@@ -17,7 +17,7 @@ m = mb.examples.from_code("TL7SF1")
 modes = mb.modes(m, n=12)
 print(modes)
 
-h = mb.frf(m, inputs=m["B6,1"].force("x"), outputs=m["B6,32"].motion("y"), frequency=(0.05, 50))
+h = mb.frf(m, inputs=m["B6,1"].force("x"), outputs=m["B6,32"].motion("y"), frequency=(0.03, 0.12))
 print()
 print(h)
 h.plot().savefig(folder / "tree-transfer-function.png")
