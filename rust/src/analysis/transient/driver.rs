@@ -149,13 +149,14 @@ impl Driver<'_, '_, '_> {
             let estimate = self.controlled();
             let active = active(&mut way.detour, scheme);
             let tried = active.step(self.eq, &way.here, aim.length, estimate, counts);
-            let going_on = match self.judged(tried, aim.length, active) {
+            let going_on = match self.judged(tried, &way.here, aim.length, active) {
                 Verdict::Accepted(step, size) => {
                     self.accepted(&mut way, scheme, *step, size, &aim, counts)?
                 }
                 Verdict::Rejected(factor, why) => {
                     self.rejected(&mut way, scheme, aim.length * factor, why, counts)
                 }
+                Verdict::Turned(part) => self.turned(&mut way, aim.length * part, counts),
                 Verdict::Fatal(error) => {
                     self.stop(way.here.motion.t, error.to_string());
                     false
@@ -315,6 +316,20 @@ impl Driver<'_, '_, '_> {
         true
     }
 
+    /// A shorter step that ends where a slider turns.
+    fn turned(&mut self, way: &mut Way, shorter: f64, counts: &mut Counts) -> bool {
+        let t = way.here.motion.t;
+        counts.add("turns of sliders", 1);
+        way.failures += 1;
+        way.h = shorter;
+        let lost = shorter < 1e-14 * t.abs().max(self.plan.end - self.start);
+        if lost || way.failures > MAX_FAILURES {
+            self.stop(t, "a slider turns again and again".into());
+            return false;
+        }
+        true
+    }
+
     fn stop(&mut self, t: f64, message: String) {
         self.run.end = End::Stopped { t, message };
     }
@@ -382,7 +397,7 @@ impl Driver<'_, '_, '_> {
         }
     }
 
-    fn judged(&self, tried: Result<Step>, h: f64, scheme: &dyn Scheme) -> Verdict {
+    fn judged(&self, tried: Result<Step>, here: &Instant, h: f64, scheme: &dyn Scheme) -> Verdict {
         let step = match tried {
             Ok(step) => step,
             Err(error @ (Error::Convergence { .. } | Error::Singular(_))) => {
@@ -398,7 +413,16 @@ impl Driver<'_, '_, '_> {
         let patience = scheme.rate_time(h);
         let size = self.size(error, self.speed.max(reached), patience) / self.tolerance(h);
         if size <= 1.0 {
-            return Verdict::Accepted(Box::new(step), size);
+            let turn = match self.plan.steps {
+                Steps::Controlled { rtol, .. } => {
+                    self.eq.reversal(&here.motion, &step.end.motion, rtol)
+                }
+                Steps::Fixed(_) => None,
+            };
+            return match turn {
+                Some(part) => Verdict::Turned(part),
+                None => Verdict::Accepted(Box::new(step), size),
+            };
         }
         let why = format!(
             "the step underflows: the error is set by '{}'",
@@ -564,5 +588,7 @@ fn active<'s>(detour: &'s mut Option<Detour>, scheme: &'s mut dyn Scheme) -> &'s
 enum Verdict {
     Accepted(Box<Step>, f64),
     Rejected(f64, String),
+    /// a slider turns after this part of the step
+    Turned(f64),
     Fatal(Error),
 }

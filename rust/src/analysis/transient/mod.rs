@@ -33,6 +33,7 @@ pub mod matrix;
 pub mod methods;
 pub mod penalty;
 pub mod plan;
+mod reversal;
 pub mod saddle;
 pub mod stiffness;
 
