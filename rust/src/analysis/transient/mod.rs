@@ -12,7 +12,7 @@
 //! |---|---|
 //! | `saddle` | [A J^T; J 0] with redundant rows |
 //! | `consistent` | closing, projection of rates, accelerations and multipliers: all that makes an `Instant` |
-//! | `driver` | fixed or controlled steps, output times, stops |
+//! | `plan`, `driver` | fixed or controlled steps, output times, stops, detours |
 //! | `interpolate` | between two instants |
 //! | one file for each scheme | implements `Scheme` |
 pub mod ali3p;
@@ -32,6 +32,7 @@ pub mod interpolate;
 pub mod matrix;
 pub mod methods;
 pub mod penalty;
+pub mod plan;
 pub mod saddle;
 pub mod stiffness;
 
