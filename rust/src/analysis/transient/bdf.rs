@@ -14,6 +14,7 @@ use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
 use super::driver::{Plan, Progress, Steps, drive};
+use super::interpolate::quintic;
 use super::methods::STIFF;
 use super::saddle::Saddle;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
@@ -477,6 +478,42 @@ impl Scheme for Bdf {
     /// over, however fast it is.
     fn rate_time(&self, h: f64) -> f64 {
         if self.stiff { h } else { f64::INFINITY }
+    }
+
+    /// In a stiff scene accelerations hold the vibration that steps go over: outputs then lie on the polynomial of the method.
+    fn between(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        step: &Step,
+        h: f64,
+        fractions: &[f64],
+        _counts: &mut Counts,
+    ) -> Result<Vec<Motion<f64>>> {
+        let (Some(history), Some(last), true) = (&self.history, &self.tried, self.stiff) else {
+            return Ok(quintic(eq, from, &step.end, h, fractions));
+        };
+        // differences as they will be at the end of the step
+        let mut d = history.d[..=self.order].to_vec();
+        let mut above = last.clone();
+        for own in d.iter_mut().rev() {
+            own.add(&above, 1.0);
+            above.clone_from(own);
+        }
+        let at = |fraction: &f64| {
+            let s = fraction - 1.0;
+            let (mut sum, mut weight) = (Pair::zero(eq.n()), 1.0);
+            for (m, own) in d.iter().enumerate() {
+                sum.add(own, weight);
+                weight *= (s + m as f64) / (m as f64 + 1.0);
+            }
+            let mut motion = history.chart.moved(eq.topology(), &sum.y);
+            motion.t = from.motion.t + fraction * h;
+            motion.rate = sum.v;
+            motion.memory.clone_from(&from.motion.memory);
+            motion
+        };
+        Ok(fractions.iter().map(at).collect())
     }
 
     fn proposal(&mut self, size: &dyn Fn(&LocalError) -> f64) -> Option<f64> {
