@@ -10,7 +10,8 @@ use crate::analysis::linearize::{Setting, linearize};
 use crate::error::{Error, Result};
 use crate::run::Counts;
 
-use super::system::{PySystem, effects, remembered, run, state_of};
+use super::system::{PySystem, effects, run, state_of};
+use crate::system::System;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(directions, module)?)
@@ -149,4 +150,16 @@ fn directions<'py>(
     )?;
     out.set_item("multipliers", columns(&all, |d| &d.lam).into_pyarray(py))?;
     Ok(out)
+}
+
+/// What laws remember has to fit the model; empty means centred.
+pub fn remembered(system: &System, memory: &[f64]) -> Result<()> {
+    let n = system.topology.n_memory;
+    if !(memory.is_empty() || memory.len() == n) || memory.iter().any(|z| !z.is_finite()) {
+        return Err(Error::model(format!(
+            "the laws of this model remember {n} finite numbers, a state gives {}; compute the state again from this model",
+            memory.len()
+        )));
+    }
+    Ok(())
 }

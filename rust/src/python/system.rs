@@ -79,18 +79,6 @@ pub fn effects(without: &[String]) -> Result<Effects> {
     Ok(effects)
 }
 
-/// What laws remember has to fit the model; empty means centred.
-pub fn remembered(system: &System, memory: &[f64]) -> Result<()> {
-    let n = system.topology.n_memory;
-    if !(memory.is_empty() || memory.len() == n) || memory.iter().any(|z| !z.is_finite()) {
-        return Err(Error::model(format!(
-            "the laws of this model remember {n} finite numbers, a state gives {}; compute the state again from this model",
-            memory.len()
-        )));
-    }
-    Ok(())
-}
-
 pub fn state_of(
     system: &System,
     relative: &PyReadonlyArray2<'_, f64>,
@@ -357,7 +345,7 @@ impl PySystem {
     ) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
-        remembered(&self.0, &memory)?;
+        super::direction::remembered(&self.0, &memory)?;
         let (lin, counts) = run(py, &self.0, move |system, _| {
             let mut counts = Counts::default();
             linearize(

@@ -474,8 +474,7 @@ impl Scheme for Bdf {
         }
     }
 
-    /// In a stiff scene rates count by what they move within a step: a vibration that moves less than the tolerance may be stepped
-    /// over, however fast it is.
+    /// In a stiff scene rates count by what they move within a step: fast vibrations that move little may be stepped over.
     fn rate_time(&self, h: f64) -> f64 {
         if self.stiff { h } else { f64::INFINITY }
     }
