@@ -64,6 +64,7 @@ def scenes() -> dict[str, Callable[[], tuple[zoo.MotionProblem, Push | None]]]:
         "5 four-bars, .7 s": lambda: (zoo.four_bars(5, 0.7), None),
         "slider-crank, .5 s": lambda: (_shorter(zoo.slider_crank(), 0.5), None),
         "a Python force, 1 s": python_force,
+        "a stop of 1e4 N/m, 2 s": lambda: (zoo.gap(), None),
     }
 
 
