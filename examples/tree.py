@@ -1,5 +1,5 @@
-"""The binary tree TL7SF1: seven layers, spherical joints, one spring-damper at each; around its twelve lowest modes the transfer function from a force
-in x at B6,1 to the motion in y of B6,32, the first and the last body of layer 6.
+"""The binary tree TL7SF1: seven layers, spherical joints, one spring-damper at each; around its twelve lowest modes the
+transfer function from a force in x at B6,1 to the motion in y of B6,32, the first and the last body of layer 6.
 
 Geometry after Jiang, Chen and Luo (2011); masses and coefficients are lost there and invented here.
 
