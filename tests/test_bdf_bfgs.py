@@ -167,6 +167,17 @@ def test_a_tolerance_is_that_of_the_whole_motion(name):
         assert 0.1 < traj.error / error < 10
 
 
+def test_a_tolerance_at_a_stop():
+    """Every contact starts the history anew; divisions of a start step that met the kink are taken back after it."""
+    problem = zoo.gap()
+    traj = mb.simulate(problem.model, t=[problem.t], method="bdf-bfgs", rtol=1e-4)
+    error = problem.error(traj.t, problem.places(traj))
+    counts = traj.stats.counts
+    print(f"stop: error {error:.1e} m, {counts['steps']} steps, {counts['start steps']} parts of start steps")
+    assert error < 1e-3
+    assert counts["start steps"] < 10 * counts["steps"]
+
+
 def test_a_tolerance_below_rounding_is_said():
     with pytest.warns(mb.errors.MbrsWarning, match="was not reached"):
         traj = mb.simulate(zoo.SMOOTH["rod_pendulum"]().model, t=0.5, method="bdf-bfgs", rtol=1e-13)

@@ -40,7 +40,7 @@ impl BdfBfgs {
         BdfBfgs {
             form,
             solver: StepSolver::new(family, rtol),
-            history: History::default(),
+            history: History::new(rtol),
             sizes: None,
             lam: None,
             tried: None,

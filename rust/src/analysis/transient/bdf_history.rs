@@ -9,16 +9,17 @@ use super::{Equations, Instant, LocalError, Scheme};
 pub const GROWTH: f64 = 1.25;
 /// A step shorter than this part of a past one starts anew.
 const WIDEST: f64 = 1.6;
-/// Error of a start step in characteristic lengths or radians.
+/// Error of a start step in characteristic lengths or radians: for fixed steps, and over a tolerance for the motion.
 const START_ERROR: f64 = 1e-10;
+const OF_TOLERANCE: f64 = 1e-3;
 const MOST_DIVISIONS: u32 = 12;
 
 /// Accepted instants before the present one, latest first.
-#[derive(Default)]
 pub struct History {
     pub past: Vec<Instant>,
     /// start steps are divided into 2^divisions
     divisions: u32,
+    start_error: f64,
 }
 
 /// A past motion: its increments from the present pose, and its rates.
@@ -29,8 +30,17 @@ pub struct Past {
 }
 
 impl History {
+    pub fn new(rtol: Option<f64>) -> Self {
+        History {
+            past: Vec::new(),
+            divisions: 0,
+            start_error: rtol.map_or(START_ERROR, |r| (OF_TOLERANCE * r).max(START_ERROR)),
+        }
+    }
+
     pub fn clear(&mut self) {
-        *self = History::default();
+        self.past.clear();
+        self.divisions = 0;
     }
 
     /// Whether old distances would set the error of a step of length h: the polynomial through them is no better near its end
@@ -72,7 +82,8 @@ impl History {
             for _ in 0..parts {
                 let made = scheme.step(eq, &here, part, true, counts);
                 let small = |e: &LocalError| {
-                    scaled(&e.position, 1.0) < START_ERROR && scaled(&e.rate, h) < START_ERROR
+                    scaled(&e.position, 1.0) < self.start_error
+                        && scaled(&e.rate, h) < self.start_error
                 };
                 match made {
                     Ok(step) if step.error.as_ref().is_some_and(small) => here = step.end,
@@ -85,6 +96,8 @@ impl History {
             }
             if good {
                 counts.add("start steps", parts);
+                // a kink on the way says nothing about the next step
+                self.divisions = self.divisions.saturating_sub(1);
                 here.motion.t = from.motion.t + h;
                 return Ok(here);
             }
