@@ -327,3 +327,34 @@ def test_a_step_limit_keeps_the_partial_trajectory():
     with pytest.raises(ConvergenceError, match="max_steps") as caught:
         mb.simulate(pendulum(), 10.0, max_steps=5)
     assert caught.value.result.status == "stopped" and len(caught.value.result.t) == 6
+
+
+@pytest.mark.parametrize("method", ["explicit", "generalized-alpha", "bdf", "ali3p"])
+@pytest.mark.parametrize("law", [None, mb.Jenkins(400.0, 2.0)])
+def test_from_rest_under_a_force_that_grows_from_nothing(method, law):
+    """No rate and no acceleration at the start: nothing to measure the first errors by."""
+    m = mb.Model("rest")
+    b = m.body("b", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
+    m.prismatic("rail", m.ground, b, at=(0, 0, 0), axis="x", k=100.0, c=0.2, **({} if law is None else {"law": law}))
+    m.force("push", b, at=(0, 0, 0), value=(mb.Sine(5.0, omega=9.0), 0, 0))
+    found = mb.simulate(m, t=[1.0], rtol=1e-4, method=method).position("b")[-1, 0]
+    known = mb.simulate(m, t=[1.0], rtol=1e-9, max_step=1e-4).position("b")[-1, 0]
+    print(f"{method}, {'slider' if law else 'linear'}: {abs(found - known):.1e} m of {abs(known):.1e}")
+    assert abs(found - known) < 3e-3
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8, 1e-10])
+def test_steps_end_where_sliders_turn(rtol):
+    """Ten and more turns of a slider: their error falls with the tolerance, which it does not where steps pass them."""
+    m = mb.Model("slider")
+    b = m.body("b", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
+    m.prismatic("rail", m.ground, b, at=(0, 0, 0), axis="x", k=100.0, c=0.2, law=mb.Jenkins(400.0, 2.0))
+    m.force("push", b, at=(0, 0, 0), value=(mb.Sine(5.0, omega=9.0), 0, 0))
+    traj = mb.simulate(m, t=[5.0], rtol=rtol, method="explicit")
+    # steps of at most 1e-5 s change it by 3e-10
+    known = mb.simulate(m, t=[5.0], rtol=1e-9, max_step=1e-4).position("b")[-1, 0]
+    error = abs(traj.position("b")[-1, 0] - known)
+    print(
+        f"rtol {rtol:.0e}: {error:.1e} m, {traj.stats.counts['turns of sliders']} turns met, {len(traj.steps) - 1} steps"
+    )
+    assert traj.stats.counts["turns of sliders"] > 10 and error < 5 * rtol + 1e-9

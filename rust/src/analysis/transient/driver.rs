@@ -16,6 +16,8 @@ const GROW: f64 = 3.0;
 const BEFORE: f64 = 1e-13;
 /// How fast the length of past steps is forgotten, over time in such lengths.
 const FADING: f64 = 0.3;
+/// Rates count at least as if the motion took this part of the characteristic length: what starts from rest has none.
+const SLOWEST: f64 = 1e-3;
 const MAX_FAILURES: usize = 60;
 const DIVISIONS: usize = 5;
 
@@ -136,7 +138,8 @@ impl Driver<'_, '_, '_> {
             self.speed = self
                 .speed
                 .max(self.scaled(&way.here.motion.rate))
-                .max(1e-3 * self.scaled(&way.here.acceleration) * total.min(way.h * 1e3));
+                .max(1e-3 * self.scaled(&way.here.acceleration) * total.min(way.h * 1e3))
+                .max(SLOWEST / total);
             if way
                 .detour
                 .take_if(|d| way.here.motion.t >= d.until)
