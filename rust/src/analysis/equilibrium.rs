@@ -22,6 +22,9 @@ const MAX_ITERATIONS: usize = 400;
 /// Iterations, and steps that were shortened, after which descent in energy takes over from Newton's method.
 const QUICK: usize = 40;
 const SHORTENED: u64 = 12;
+/// A Newton step, radians or characteristic lengths, so close to the balance that Newton's method is the right one: energies do not
+/// resolve more, and loads without a potential have none.
+const CLOSE: f64 = 1e-3;
 /// Stiffness below this part of the largest counts as none.
 const NO_STIFFNESS: f64 = 1e-12;
 /// What rounding usually leaves of a balance of forces, and of a pose, relative to their sizes.
@@ -224,6 +227,7 @@ pub fn equilibrium(
             return finish(system, state, local, size, iteration);
         }
         if careful
+            && step.amax() > CLOSE
             && let Some((lower, there)) = descent
                 .get_or_insert_with(|| Descent::new(system, effects))
                 .step(&state, &local, &spectrum, counts)?

@@ -19,6 +19,8 @@ const ACCEPTABLE: f64 = 1e-10;
 const CLOSING_STEPS: usize = 12;
 /// Part of all rates that the projection of a controlled step changes at most.
 const BRANCH: f64 = 0.05;
+/// Turned rates that move less than this within a step, characteristic lengths or radians, are rounding of a motion at rest.
+const STILL: f64 = 1e-10;
 
 /// Everything that the accelerations follow from, at one placement.
 struct Evaluation {
@@ -215,7 +217,7 @@ impl Equations<'_, f64> {
         let turned = size(&mut before.iter().zip(rates).map(|(a, b)| b - a));
         let all =
             size(&mut before.iter().copied()).max(h * size(&mut end.acceleration.iter().copied()));
-        if turned <= BRANCH * all {
+        if turned <= BRANCH * all || h * turned <= STILL {
             return Ok(());
         }
         Err(Error::Convergence {
