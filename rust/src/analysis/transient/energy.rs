@@ -252,13 +252,14 @@ fn entry(x: &[f64], c: &Connector, start: Option<usize>, n: usize, i: usize, j: 
 mod tests {
     use super::*;
 
-    /// Integrals by hand; the hyperbola's is k (d^2/2 + (d r + s^2 asinh(d/s))/2)/2 with r = sqrt(d^2 + s^2).
+    /// Integrals by hand; the hyperbola's is k (d (d + r) + s^2 asinh(d/s))/4 with r = sqrt(d^2 + s^2), d + r without cancellation.
     #[test]
     fn contacts_store_what_their_integrals_say() {
         let (k, gap, s) = (1e9, 0.013, 1e-6);
         let hyperbola = |d: f64| {
             let r = (d * d + s * s).sqrt();
-            0.5 * k * (0.5 * d * d + 0.5 * (d * r + s * s * (d / s).asinh()))
+            let sum = if d < 0.0 { s * s / (r - d) } else { d + r };
+            0.25 * k * (d * sum + s * s * (d / s).asinh())
         };
         for e in [0.0135, 0.0131, -0.02, 0.5] {
             let d = f64::max(e - gap, 0.0);
