@@ -6,24 +6,16 @@ import importlib
 import sys
 import warnings
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import mbrs as mb
 import numpy as np
 import rivals_motion as rivals
+from linear import of_tests
 
 TOLERANCES = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9]
 # The error of a method of order 2 falls with the square of the step: tighter would take minutes.
 TIGHTEST = {"generalized-alpha": 1e-5}
-
-
-def _of_tests(name: str) -> Any:
-    """A module of the tests: their zoo of motions is that of the benches."""
-    folder = str(Path(__file__).resolve().parent.parent / "tests")
-    if folder not in sys.path:
-        sys.path.insert(0, folder)
-    return importlib.import_module(name)
 
 
 def methods() -> list[str]:
@@ -98,7 +90,7 @@ def _top_in_exudyn(end: float) -> Callable[[float], Run]:
 
 def sections() -> dict[str, tuple[str, str, Callable[[], Any]]]:
     """Name: (title, words, what makes the study)."""
-    zoo = _of_tests("motion_problems")
+    zoo = of_tests("motion_problems")
     peer = " Exudyn's lines are of planar rods with fixed steps, its time includes building the model."
     return {
         "motion-swing": (
@@ -143,7 +135,7 @@ def rigid_rotor(turns: int = 10) -> Any:
     """phi = 2 am(w t/2 | 4 g'/w^2) from below, g' = m g r/(J + m r^2). Data invented."""
     from scipy.special import ellipj, ellipk
 
-    zoo = _of_tests("motion_problems")
+    zoo = of_tests("motion_problems")
     w, mass, r, inertia = 40.0, 2.0, 0.1, 0.05
     m = mb.Model("rotor", gravity=(0, -9.81, 0))
     b = m.body(

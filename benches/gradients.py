@@ -18,8 +18,8 @@ from typing import Any
 import mbrs as mb
 import numpy as np
 import rivals_gradient as rivals
-from linear import Row, circumstances, cpu, ms, table, write
-from motion import build, exudyn
+from linear import Row, cpu, ms, run, selected
+from motion import PROGRAMS, build, exudyn
 
 BEGIN, END = "<!-- gradient table begins -->", "<!-- gradient table ends -->"
 COUNTS = (1, 2, 4, 8, 16, 64, 256, 1000)
@@ -211,20 +211,11 @@ MEASUREMENTS: dict[str, Callable[[], list[Row]]] = {
 def main(arguments: Iterable[str]) -> None:
     arguments = list(arguments)
     chosen = dict(MEASUREMENTS)
-    named = [a for a in arguments if not a.startswith("-")]
-    if "--memory" in arguments or "memory" in named:
+    if {"--memory", "memory"} & set(arguments):
         chosen["memory"] = memory
-    rows: list[Row] = []
-    for name in named or chosen:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", mb.MbrsWarning)
-            made = chosen[name]()
-        rows += made
-        print(table(made), file=sys.stderr, flush=True)
-    text = f"{table(rows)}\n\n{circumstances(('numpy', 'scipy', 'exudyn'))} {build()}"
-    print(text)
-    if "--write" in arguments:
-        write(text, BEGIN, END)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.MbrsWarning)
+        run(selected(chosen, arguments), arguments, BEGIN, END, PROGRAMS, f" {build()}")
 
 
 if __name__ == "__main__":

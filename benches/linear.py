@@ -8,6 +8,7 @@ row whose rival is not installed says "not run". ``--write`` puts the table into
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import platform
@@ -15,7 +16,7 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ import rivals
 README = Path(__file__).resolve().parent / "README.md"
 BEGIN, END = "<!-- table begins -->", "<!-- table ends -->"
 ONE_THREAD = {name: "1" for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")}
+PROGRAMS = ("numpy", "scipy", "control", "exudyn", "pin")
 # N m s/rad, in the middle of the random dampers that make the damping of a chain general.
 DAMPER = 0.2
 
@@ -289,7 +291,7 @@ def table(rows: list[Row]) -> str:
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
 
-def circumstances(programs_used: tuple[str, ...] = ("numpy", "scipy", "control", "exudyn", "pin")) -> str:
+def circumstances(programs_used: tuple[str, ...]) -> str:
     """Machine, versions and how busy it was: without them a time means nothing."""
     from importlib.metadata import PackageNotFoundError, version
 
@@ -305,16 +307,41 @@ def circumstances(programs_used: tuple[str, ...] = ("numpy", "scipy", "control",
     return f"{machine}; Python {platform.python_version()}, {programs}."
 
 
-def main(arguments: list[str]) -> None:
-    names = [a for a in arguments if not a.startswith("-")] or list(MEASUREMENTS)
-    rows = []
-    for name in names:
-        rows += MEASUREMENTS[name]()
-        print(f"{name}: done", file=sys.stderr, flush=True)
-    text = f"{table(rows)}\n\n{circumstances()}"
+def run(
+    chosen: Mapping[str, Callable[[], list[Row]]], arguments: Iterable[str], begin: str, end: str,
+    used: tuple[str, ...], remark: str = "",
+) -> None:  # fmt: skip
+    """Measure, print as rows come and the table at the end, with ``--write`` into benches/README.md too."""
+    rows: list[Row] = []
+    for name, measure in chosen.items():
+        made = measure()
+        rows += made
+        # as they come: the whole takes minutes, and a busy machine longer
+        print(f"{name}: done\n{table(made)}", file=sys.stderr, flush=True)
+    text = f"{table(rows)}\n\n{circumstances(used)}{remark}"
     print(text)
     if "--write" in arguments:
-        write(text, BEGIN, END)
+        write(text, begin, end)
+
+
+def selected(
+    measurements: dict[str, Callable[[], list[Row]]], arguments: Iterable[str]
+) -> dict[str, Callable[[], list[Row]]]:
+    """Those named among the arguments, or all."""
+    names = [a for a in arguments if not a.startswith("-")]
+    return {name: measurements[name] for name in names or measurements}
+
+
+def of_tests(name: str) -> Any:
+    """A module of the tests: benches measure what they prove."""
+    folder = str(Path(__file__).resolve().parent.parent / "tests")
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    return importlib.import_module(name)
+
+
+def main(arguments: list[str]) -> None:
+    run(selected(MEASUREMENTS, arguments), arguments, BEGIN, END, PROGRAMS)
 
 
 def write(text: str, begin: str, end: str) -> None:

@@ -19,20 +19,12 @@ from typing import Any
 import mbrs as mb
 import numpy as np
 import rivals_motion as rivals
-from linear import Row, circumstances, cpu, ms, table, write
+from linear import Row, cpu, ms, of_tests, run, selected
 from mbrs.measures import motion_difference
 
-
-def _of_tests(name: str) -> Any:
-    """A module of the tests: their zoo of motions is that of the benches."""
-    folder = str(Path(__file__).resolve().parent.parent / "tests")
-    if folder not in sys.path:
-        sys.path.insert(0, folder)
-    return importlib.import_module(name)
-
-
-zoo, true = _of_tests("motion_problems"), _of_tests("motion_truths")
+zoo, true = of_tests("motion_problems"), of_tests("motion_truths")
 BEGIN, END = "<!-- motion table begins -->", "<!-- motion table ends -->"
+PROGRAMS = ("numpy", "scipy", "exudyn")
 TOLERANCES = 10.0 ** -np.arange(3.0, 11.0)
 
 
@@ -362,16 +354,7 @@ def build() -> str:
 
 def main(arguments: Iterable[str]) -> None:
     arguments = list(arguments)
-    rows: list[Row] = []
-    for name in [a for a in arguments if not a.startswith("-")] or MEASUREMENTS:
-        made = MEASUREMENTS[name]()
-        rows += made
-        # as they come: the whole takes minutes, and a busy machine longer
-        print(table(made), file=sys.stderr, flush=True)
-    text = f"{table(rows)}\n\n{circumstances(('numpy', 'scipy', 'exudyn'))} {build()}"
-    print(text)
-    if "--write" in arguments:
-        write(text, BEGIN, END)
+    run(selected(MEASUREMENTS, arguments), arguments, BEGIN, END, PROGRAMS, f" {build()}")
 
 
 if __name__ == "__main__":

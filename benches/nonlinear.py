@@ -19,7 +19,7 @@ from typing import Any
 import mbrs as mb
 import numpy as np
 import rivals_nonlinear as rivals
-from linear import ONE_THREAD, Row, circumstances, cpu, ms, table, write
+from linear import ONE_THREAD, Row, cpu, ms, of_tests, run, selected
 
 BEGIN, END = "<!-- nonlinear table begins -->", "<!-- nonlinear table ends -->"
 # METHODS.md b.4, by shooting with rtol 1e-13
@@ -178,22 +178,10 @@ def _rail_of(n: int) -> tuple[Any, np.ndarray]:
 
 def _bending(n: int, h: float, foundation: float) -> tuple[Any, np.ndarray]:
     """About n coordinates of a hinged beam with elements of the length h; lumped mass and foundation."""
-    import scipy.sparse as sp
-
     elements = n // 2
-    k = np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2], [-12, -6 * h, 12, -6 * h],
-                  [6 * h, 2 * h**2, -6 * h, 4 * h**2]]) / h**3  # fmt: skip
-    m = np.array([h / 2, h**3 / 24, h / 2, h**3 / 24])
-    places = 2 * np.arange(elements)[:, None] + np.arange(4)
-    rows, columns = np.repeat(places, 4, axis=1).ravel(), np.tile(places, (1, 4)).ravel()
-    n = 2 * (elements + 1)
-    K = sp.csc_matrix((np.tile(k.ravel(), elements), (rows, columns)), shape=(n, n))
-    M = sp.csc_matrix((np.tile(m, elements), (places.ravel(), places.ravel())), shape=(n, n))
+    M, K, middle = of_tests("hinged_beam").matrices(elements, h)
     K = K + foundation * M
-    free = np.setdiff1d(np.arange(n), [0, n - 2])
-    K, M = K[free][:, free], M[free][:, free]
-    middle = int(np.searchsorted(free, 2 * (elements // 2)))
-    w, force = np.zeros(len(free)), np.zeros(len(free))
+    w, force = np.zeros(K.shape[0]), np.zeros(K.shape[0])
     w[middle], force[middle] = 1.0, 0.02
     return mb.MechanicalSystem(M, 0.02 * M, K, elements=[mb.Cubic(0.2, w=w)]), force
 
@@ -270,18 +258,10 @@ MEASUREMENTS: dict[str, Callable[[], list[Row]]] = {
 
 
 def main(arguments: list[str]) -> None:
-    names = [a for a in arguments if not a.startswith("-")] or list(MEASUREMENTS)
-    rows = []
+    used = ("numpy", "scipy", "pyHarm-os", "harmonicbalance", "mousai")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        for name in names:
-            rows += MEASUREMENTS[name]()
-            print(f"{name}: done", file=sys.stderr, flush=True)
-    used = ("numpy", "scipy", "pyHarm-os", "harmonicbalance", "mousai")
-    text = f"{table(rows)}\n\n{circumstances(used)}"
-    print(text)
-    if "--write" in arguments:
-        write(text, BEGIN, END)
+        run(selected(MEASUREMENTS, arguments), arguments, BEGIN, END, used)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import mbrs as mb
 import numpy as np
 from mbrs.laws import Polynomial1D, TableLaw
+from random_models import N_FREE
 
 SCENES: dict[str, Callable[[], mb.Model]] = {}
 
@@ -36,18 +37,6 @@ def _body(m, name, at, seed=0, **given):
 def _far(m, body):
     """Farther than all other points, of which two that coincide would give the characteristic length a kink."""
     m.spring_damper("far", m.ground, body, at=((-3.0, -2.0, 1.0), (0.5, 0.2, 0.0)), k=0.5)
-
-
-N_FREE = {
-    "fixed": 0,
-    "revolute": 1,
-    "prismatic": 1,
-    "cylindrical": 2,
-    "universal": 2,
-    "spherical": 3,
-    "planar": 3,
-    "free": 6,
-}
 
 
 def _frame(kind):

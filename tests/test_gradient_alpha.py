@@ -7,7 +7,7 @@ from mbrs.reference.ali3p_tree import TreeMechanism
 from mbrs.reference.generalized_alpha_gradient import AlphaScheme
 from mbrs.tables import directions, tables
 from motion_models import blade, five_bar, open_chain, silent, spatial_loop
-from test_gradient import FIVE_BAR, LENGTHS, SOME, differences, drift, everything, worst
+from test_gradient import FIVE_BAR, LENGTHS, SOME, differences, drift, three_ways, worst
 
 ALPHA = {"scheme": "generalized-alpha"}
 
@@ -52,16 +52,7 @@ def test_direct_is_the_complex_step_of_the_reference(make):
 @pytest.mark.parametrize("rho", [0.8, 0.0, 1.0])
 @pytest.mark.parametrize("make", list(SOME), ids=lambda f: f.__name__)
 def test_adjoint_is_direct_and_both_are_the_differences(make, rho):
-    m = silent(make)
-    single = [p for p in SOME[make] if not p.endswith("axis")]
-    psi = mb.Integral(everything(m))
-    options = {"t": 0.2, "step": 0.02, "rho": rho, **ALPHA}
-    direct = mb.gradient(m, psi, SOME[make], method="direct", **options)
-    adjoint = mb.gradient(m, psi, SOME[make], method="adjoint", **options)
-    agreement = worst(adjoint.gradient, direct.gradient)
-    kept = [i for i, label in enumerate(direct.labels) if label in single]
-    error = worst(np.asarray(direct.gradient)[kept], differences(m, psi, single, **options))
-    print(f"{make.__name__}, rho {rho}: adjoint - direct {agreement:.1e}, direct - differences {error:.1e}")
+    direct, adjoint, agreement, error = three_ways(make, f"rho {rho}", rho=rho, **ALPHA)
     assert adjoint.value == pytest.approx(direct.value, rel=1e-13)
     assert agreement < 1e-9
     assert error < 1e-7

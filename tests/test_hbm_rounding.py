@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
+from hinged_beam import matrices
 from mbrs import _balance, _core
 from mbrs.errors import SingularError
 from mbrs.frequency_response import frequency_response
@@ -15,19 +15,8 @@ DAMPING = 0.02
 
 def beam(elements, law=1e-9):
     """Euler beam on hinges, length pi, bending stiffness and mass per length 1, a spring and a force at its middle."""
-    h = np.pi / elements
-    k = np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2], [-12, -6 * h, 12, -6 * h],
-                  [6 * h, 2 * h**2, -6 * h, 4 * h**2]]) / h**3  # fmt: skip
-    m = np.array([h / 2, h**3 / 24, h / 2, h**3 / 24])
-    places = 2 * np.arange(elements)[:, None] + np.arange(4)
-    rows, columns = np.repeat(places, 4, axis=1).ravel(), np.tile(places, (1, 4)).ravel()
-    n = 2 * (elements + 1)
-    K = sp.csc_matrix((np.tile(k.ravel(), elements), (rows, columns)), shape=(n, n))
-    M = sp.csc_matrix((np.tile(m, elements), (places.ravel(), places.ravel())), shape=(n, n))
-    free = np.setdiff1d(np.arange(n), [0, n - 2])
-    K, M = K[free][:, free], M[free][:, free]
-    middle = int(np.searchsorted(free, 2 * (elements // 2)))
-    w, force = np.zeros(len(free)), np.zeros(len(free))
+    M, K, middle = matrices(elements, np.pi / elements)
+    w, force = np.zeros(K.shape[0]), np.zeros(K.shape[0])
     w[middle], force[middle] = 1.0, 0.02
     return MechanicalSystem(M, DAMPING * M, K, elements=[Cubic(law, w=w)]), force, middle
 

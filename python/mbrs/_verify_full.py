@@ -20,7 +20,6 @@ from .state import State
 from .tables import tables
 
 OUTPUTS = 64  # instants of a period at which motions are compared
-SLIDING_STEPS = 200  # per period of the fastest force
 _DIFFERENCE = 1e-3  # of the time: the step of the differences that give the rates of the start
 _STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # eighth order, central
 _VARYING, _JENKINS, _MEMORY = 11, 9, (9, 10)
@@ -115,8 +114,7 @@ def full_distance(solution: Any, terms: Sequence[tuple[float, Any]], length: flo
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MbrsWarning)  # rounding of the rates that are given
         start = _start(solution, length, model, simulate)
-        steps = _steps(solution, terms, length)
-        traj = simulate(model, t, at=start, rtol=max(rtol, 1e-13), without=lin.without, max_step=steps)
+        traj = simulate(model, t, at=start, rtol=max(rtol, 1e-13), without=lin.without)
     own = lin.snapshot.system
     where = _poses(own, [_lifted(lin, x) for x in solution.displacement(t).T])
     there = _poses(own, list(traj.relative))
@@ -124,14 +122,6 @@ def full_distance(solution: Any, terms: Sequence[tuple[float, Any]], length: flo
     scale = own.characteristic_length
     size = _apart(where, rest, scale)
     return _apart(there, where, scale) / max(size, np.finfo(float).tiny)
-
-
-def _steps(solution: Any, terms: Sequence[tuple[float, Any]], length: float) -> float | None:
-    """Largest step in time. Error control does not see where a slider turns within a step, which only shorter steps tell."""
-    if not any(law.has_memory for law in solution.system.elements):
-        return None
-    fastest = max((w for w, _ in terms if w > 0), default=2 * np.pi / length)
-    return 2 * np.pi / float(fastest) / SLIDING_STEPS
 
 
 def _copy(system: Any) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from .attached_laws import NewLaws, add_laws
 from .elements import HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, LOAD_FRAMES, SIX, Element, Load
@@ -15,6 +15,8 @@ from .values import axis as direction
 if TYPE_CHECKING:
     from .model import Model
     from .section_loads import SectionLoad
+
+_L = TypeVar("_L", bound=Load)
 
 
 def _coefficient(e: Element, field: str, value: Any) -> Number:
@@ -326,6 +328,18 @@ def parted(load: Load, value: Any) -> tuple[list[Number], dict[int, list[Number]
     return vector(constant, where), varying
 
 
+def entered(load: _L, numbers: list[Number], varying: dict[int, list[Number]]) -> _L:
+    """A checked load, its numbers and those of its motions put into the model."""
+    model = load.model
+    load.put(numbers)
+    for item in load.motions:
+        item.place = len(model.motions)
+        item.put(varying[item.component])
+        model.motions.append(item)
+    model.register(load, model.loads)
+    return load
+
+
 def _add_load(model: Model, type_: str, name: Any, body: Any, at: Any, value: Any, frame: Any, on: Any) -> Load:
     load = Load(model, model.new_name("load", name))
     load.type = type_
@@ -346,11 +360,4 @@ def _add_load(model: Model, type_: str, name: Any, body: Any, at: Any, value: An
         raise problem(where, "must be one point (3,): a force acts at one")
     point = vector((0.0, 0.0, 0.0) if type_ == "torque" else at, where)
     constant, varying = parted(load, value)
-    load.put([*point, *constant])
-    load.index = len(model.loads)
-    for item in load.motions:
-        item.place = len(model.motions)
-        item.put(varying[item.component])
-        model.motions.append(item)
-    model.register(load, model.loads)
-    return load
+    return entered(load, [*point, *constant], varying)

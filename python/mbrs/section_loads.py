@@ -60,7 +60,7 @@ class SectionLoad:
 
 def add_modal_force(model: Model, name: Any, body: Any, mode: Any, value: Any) -> ModalLoad:
     """Check and add; see `Model.modal_force`."""
-    from .element_methods import parted
+    from .element_methods import entered, parted
 
     load = ModalLoad(model, model.new_name("load", name))
     owner = _flexible(model, body, f"modal force {name!r}")
@@ -68,13 +68,7 @@ def add_modal_force(model: Model, name: Any, body: Any, mode: Any, value: Any) -
         raise problem(name + ".mode", f"must be 1 to {owner.n_modes}, the modes of {owner.name!r}, got {shown(mode)}")
     load.type, load.body, load.node, load.frame = "modal", owner.index, -1, int(mode) - 1  # type: ignore[assignment]
     constant, varying = parted(load, [value, 0.0, 0.0])
-    load.put([0.0, 0.0, 0.0, *constant])
-    for item in load.motions:
-        item.place = len(model.motions)
-        item.put(varying[item.component])
-        model.motions.append(item)
-    model.register(load, model.loads)
-    return load
+    return entered(load, [0.0, 0.0, 0.0, *constant], varying)
 
 
 def _flexible(model: Model, body: Any, where: str) -> FlexibleBody:

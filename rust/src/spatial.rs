@@ -258,6 +258,15 @@ impl<T: Real> Pose<T> {
         }
     }
 
+    /// One of the twelve numbers in which poses are handed over: the position, then the rotation by rows.
+    pub fn number(&self, k: usize) -> T {
+        if k < 3 {
+            self.p[k]
+        } else {
+            self.r[((k - 3) / 3, (k - 3) % 3)]
+        }
+    }
+
     pub fn then(&self, inner: &Self) -> Self {
         Pose {
             p: self.p + self.r * inner.p,

@@ -175,12 +175,7 @@ fn put_instants(out: &Bound<'_, PyDict>, all: &[Instant]) -> PyResult<()> {
     )?;
     let bodies = all.first().map_or(0, |i| i.motion.relative.len());
     let relative = Array3::from_shape_fn((n, bodies, 12), |(i, b, k)| {
-        let p = &all[i].motion.relative[b];
-        if k < 3 {
-            p.p[k]
-        } else {
-            p.r[((k - 3) / 3, (k - 3) % 3)]
-        }
+        all[i].motion.relative[b].number(k)
     });
     out.set_item("relative", relative.into_pyarray(py))?;
     out.set_item("rate", rows(&|i| &i.motion.rate))?;

@@ -142,15 +142,8 @@ pub fn integrate<'py>(
     let rows = |of: &[Vec<f64>]| {
         Array2::from_shape_fn((n, of[0].len()), |(i, k)| of[i][k]).into_pyarray(py)
     };
-    let pose = |p: &Pose<f64>, k: usize| {
-        if k < 3 {
-            p.p[k]
-        } else {
-            p.r[((k - 3) / 3, (k - 3) % 3)]
-        }
-    };
     let relative = Array3::from_shape_fn((n, system.topology.n_poses(), 12), |(i, b, k)| {
-        pose(&history.relative[i][b], k)
+        history.relative[i][b].number(k)
     });
     out.set_item("relative", relative.into_pyarray(py))?;
     out.set_item("rate", rows(&history.rate))?;

@@ -191,12 +191,7 @@ fn put_run<'py>(py: Python<'py>, run: &Run) -> PyResult<Bound<'py, PyDict>> {
     )?;
     let bodies = run.last.motion.relative.len();
     let relative = Array3::from_shape_fn((n, bodies, 12), |(i, b, k)| {
-        let p = &all[i].instant.motion.relative[b];
-        if k < 3 {
-            p.p[k]
-        } else {
-            p.r[((k - 3) / 3, (k - 3) % 3)]
-        }
+        all[i].instant.motion.relative[b].number(k)
     });
     out.set_item("relative", relative.into_pyarray(py))?;
     out.set_item("rate", rows(&|o| &o.instant.motion.rate))?;

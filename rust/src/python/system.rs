@@ -119,12 +119,7 @@ fn empty(py: Python<'_>) -> PyResult<PyReadonlyArray1<'_, f64>> {
 
 fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult<()> {
     let relative = Array2::from_shape_fn((state.relative.len(), 12), |(i, k)| {
-        let pose = &state.relative[i];
-        if k < 3 {
-            pose.p[k]
-        } else {
-            pose.r[((k - 3) / 3, (k - 3) % 3)]
-        }
+        state.relative[i].number(k)
     });
     out.set_item("relative", relative.into_pyarray(py))?;
     out.set_item("rate", state.rate.clone().into_pyarray(py))

@@ -175,13 +175,7 @@ impl<'a> Recorder<'a> {
 }
 
 pub fn twelve(p: &Pose<f64>) -> [f64; 12] {
-    std::array::from_fn(|k| {
-        if k < 3 {
-            p.p[k]
-        } else {
-            p.r[((k - 3) / 3, (k - 3) % 3)]
-        }
-    })
+    std::array::from_fn(|k| p.number(k))
 }
 
 pub fn weighed(v: &[Taped], by: &[f64]) -> Taped {
@@ -248,12 +242,7 @@ pub fn weighed_poses(m: &Motion<Taped>, by: &[f64]) -> Taped {
     let mut sum = Taped::from(0.0);
     for (p, w) in m.relative.iter().zip(by.chunks(12)) {
         for (k, w) in w.iter().enumerate() {
-            let v = if k < 3 {
-                p.p[k]
-            } else {
-                p.r[((k - 3) / 3, (k - 3) % 3)]
-            };
-            sum += v * *w;
+            sum += p.number(k) * *w;
         }
     }
     sum

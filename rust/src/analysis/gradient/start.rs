@@ -304,12 +304,7 @@ impl<'a> Starting<'a> {
         let mut sum = 0.0;
         for (pose, weights) in m.relative.iter().zip(pose_weights.chunks(12)) {
             for (k, weight) in weights.iter().enumerate() {
-                let v = if k < 3 {
-                    pose.p[k]
-                } else {
-                    pose.r[((k - 3) / 3, (k - 3) % 3)]
-                };
-                sum += v.eps * weight;
+                sum += pose.number(k).eps * weight;
             }
         }
         let rates: f64 = (m.rate.iter().zip(rate_weights))

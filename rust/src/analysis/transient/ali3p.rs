@@ -18,7 +18,7 @@ use crate::system::topology::Level;
 
 use super::matrix::turn_columns;
 use super::penalty::Penalty;
-use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
+use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 
 const MAX_ITERATIONS: usize = 25;
 /// Newton's error is squared by its last step: a correction below this part of the increment leaves rounding only.
@@ -323,11 +323,7 @@ impl Equations<'_, f64> {
         counts: &mut Counts,
     ) -> Result<Penalty> {
         let scales = self.scales();
-        let size = |v: &[f64]| {
-            v.iter()
-                .zip(&scales)
-                .fold(0.0_f64, |s, (v, c)| s.max((v / c).abs()))
-        };
+        let size = |v: &[f64]| scaled_size(v, &scales);
         let c = 0.25 * h * h;
         let mut last = f64::INFINITY;
         for _ in 0..MAX_ITERATIONS {

@@ -17,7 +17,7 @@ use super::driver::{Plan, Progress, Steps, drive};
 use super::interpolate::quintic;
 use super::methods::STIFF;
 use super::saddle::Saddle;
-use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
+use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 
 const MOST: usize = 5;
 const FIXED: usize = 4;
@@ -134,10 +134,7 @@ impl Bdf {
             return Ok(());
         }
         let scales = eq.scales();
-        let size = |v: &[f64]| {
-            let scaled = v.iter().zip(&scales).map(|(v, c)| (v / c).abs());
-            scaled.fold(0.0_f64, f64::max)
-        };
+        let size = |v: &[f64]| scaled_size(v, &scales);
         let motion = size(&at.motion.rate).max(size(&at.acceleration).sqrt());
         self.stiff = eq.fastest(at, counts)? > STIFF * motion;
         Ok(())
@@ -256,11 +253,7 @@ impl Bdf {
             return Err(Error::singular("a multistep method without history"));
         };
         let scales = eq.scales();
-        let size = |v: &[f64]| {
-            v.iter()
-                .zip(&scales)
-                .fold(0.0_f64, |s, (v, c)| s.max((v / c).abs()))
-        };
+        let size = |v: &[f64]| scaled_size(v, &scales);
         let n = eq.n();
         let speed = size(&guess.v)
             .max(size(&from.motion.rate))

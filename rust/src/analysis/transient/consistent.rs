@@ -11,7 +11,7 @@ use crate::system::topology::Level;
 
 use super::matrix::Matrix;
 use super::saddle::Saddle;
-use super::{Equations, Instant, Motion};
+use super::{Equations, Instant, Motion, scaled_size};
 
 /// Rows are closed when smaller than this (scaled), or when they get no smaller.
 const CLOSED: f64 = 1e-14;
@@ -209,14 +209,10 @@ impl Equations<'_, f64> {
             return Ok(());
         }
         let scales = self.scales();
-        let size = |v: &mut dyn Iterator<Item = f64>| {
-            v.zip(&scales)
-                .fold(0.0_f64, |s, (v, c)| s.max((v / c).abs()))
-        };
-        let rates = &end.motion.rate;
-        let turned = size(&mut before.iter().zip(rates).map(|(a, b)| b - a));
-        let all =
-            size(&mut before.iter().copied()).max(h * size(&mut end.acceleration.iter().copied()));
+        let size = |v: &[f64]| scaled_size(v, &scales);
+        let change = before.iter().zip(&end.motion.rate).map(|(a, b)| b - a);
+        let turned = size(&change.collect::<Vec<f64>>());
+        let all = size(before).max(h * size(&end.acceleration));
         if turned <= BRANCH * all || h * turned <= STILL {
             return Ok(());
         }

@@ -68,6 +68,7 @@ pub fn drive(
 }
 
 impl Driver<'_, '_, '_> {
+    /// As `scaled_size`, but no number where an entry is none: such a step must not pass.
     fn scaled(&self, v: &[f64]) -> f64 {
         v.iter().zip(&self.scales).fold(0.0_f64, |s, (v, c)| {
             let v = (v / c).abs();
@@ -312,7 +313,7 @@ impl Driver<'_, '_, '_> {
         } else {
             DIVISIONS
         };
-        if shorter < 1e-14 * t.abs().max(self.plan.end - self.start) || way.failures > most {
+        if self.vanishes(shorter, t) || way.failures > most {
             self.stop(t, why);
             return false;
         }
@@ -325,12 +326,16 @@ impl Driver<'_, '_, '_> {
         counts.add("turns of sliders", 1);
         way.failures += 1;
         way.h = shorter;
-        let lost = shorter < 1e-14 * t.abs().max(self.plan.end - self.start);
-        if lost || way.failures > MAX_FAILURES {
+        if self.vanishes(shorter, t) || way.failures > MAX_FAILURES {
             self.stop(t, "a slider turns again and again".into());
             return false;
         }
         true
+    }
+
+    /// Such a step would not change the time.
+    fn vanishes(&self, step: f64, t: f64) -> bool {
+        step < 1e-14 * t.abs().max(self.plan.end - self.start)
     }
 
     fn stop(&mut self, t: f64, message: String) {

@@ -93,9 +93,10 @@ impl Equations<'_, f64> {
                 gravity -= body.mass * g.dot(&pose.p);
             }
         }
-        kinetic += self.scene(m, &placement, None).modal_kinetic();
+        let scene = self.scene(m, &placement, None);
+        kinetic += scene.modal_kinetic();
         if let Some(g) = g {
-            gravity -= self.scene(m, &placement, None).modal_moment().dot(&g);
+            gravity -= scene.modal_moment().dot(&g);
         }
         let connectors = topology.connectors.iter();
         let elements = connectors.map(|c| self.element_energy(&placement, m, c));

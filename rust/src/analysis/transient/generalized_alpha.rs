@@ -18,7 +18,7 @@ use crate::system::topology::Level;
 
 use super::explicit8::Explicit8;
 use super::saddle::Saddle;
-use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
+use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 
 /// In a singular pose Newton's method gains one bit at a time.
 const MAX_ITERATIONS: usize = 50;
@@ -258,11 +258,7 @@ impl GeneralizedAlpha {
     ) -> Result<()> {
         let (b, _) = self.p.slopes();
         let scales = eq.scales();
-        let size = |v: &[f64]| {
-            v.iter()
-                .zip(&scales)
-                .fold(0.0_f64, |s, (v, c)| s.max((v / c).abs()))
-        };
+        let size = |v: &[f64]| scaled_size(v, &scales);
         let mut last = f64::INFINITY;
         // a factorisation of another step length is of no use
         if self
@@ -331,10 +327,8 @@ impl GeneralizedAlpha {
         h: f64,
     ) -> LocalError {
         let own: Vec<f64> = a1.iter().zip(&c.a).map(|(a, b)| (a - b) / h).collect();
-        let size = |v: &[f64]| {
-            let scaled = v.iter().zip(eq.scales()).map(|(v, c)| (v / c).abs());
-            scaled.fold(0.0, f64::max)
-        };
+        let scales = eq.scales();
+        let size = |v: &[f64]| scaled_size(v, &scales);
         // in a singular pose those of the instant are undecided, and those of the scheme go on
         let singular = size(slope) > SINGULAR * size(&own);
         let slope = if singular { &own } else { slope };

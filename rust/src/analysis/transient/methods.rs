@@ -11,7 +11,7 @@ use super::bdf_step::Form;
 use super::driver::{Plan, Progress, Run, Steps, drive};
 use super::explicit8::Explicit8;
 use super::generalized_alpha::GeneralizedAlpha;
-use super::{Equations, Instant, Motion, Scheme};
+use super::{Equations, Instant, Motion, Scheme, scaled_size};
 
 #[derive(Debug, Clone, Copy)]
 pub enum Method {
@@ -112,11 +112,7 @@ pub fn simulate(
     let given = start.clone();
     let first = eq.consistent(start, counts).map_err(at_start)?;
     let scales = eq.scales();
-    let size = |v: &[f64]| {
-        v.iter()
-            .zip(&scales)
-            .fold(0.0_f64, |s, (v, c)| s.max((v / c).abs()))
-    };
+    let size = |v: &[f64]| scaled_size(v, &scales);
     let position_correction = size(&eq.difference(&given, &first.motion));
     let changed: Vec<f64> = first
         .motion
@@ -170,11 +166,7 @@ fn chosen(
         return Ok((Method::Explicit, why));
     }
     let scales = eq.scales();
-    let size = |v: &[f64]| {
-        v.iter()
-            .zip(&scales)
-            .fold(0.0_f64, |s, (v, c)| s.max((v / c).abs()))
-    };
+    let size = |v: &[f64]| scaled_size(v, &scales);
     let time = plan.end - first.motion.t;
     let motion = size(&first.motion.rate)
         .max(size(&first.acceleration).sqrt())

@@ -160,6 +160,13 @@ pub trait Scheme {
     }
 }
 
+/// The largest entry over its scale; entries that are no numbers do not count.
+pub fn scaled_size(v: &[f64], scales: &[f64]) -> f64 {
+    v.iter()
+        .zip(scales)
+        .fold(0.0, |s, (v, c)| s.max((v / c).abs()))
+}
+
 /// The equations of motion of a system: values lifted to T once, evaluated at motions.
 pub struct Equations<'a, T: Real> {
     pub system: &'a System,

@@ -14,28 +14,26 @@ const ROUNDING: f64 = 1e-13;
 impl Equations<'_, f64> {
     /// The part of a step after which a slider turns first, where missing that would change its force by more than `tolerance` of it.
     pub fn reversal(&self, from: &Motion<f64>, to: &Motion<f64>, tolerance: f64) -> Option<f64> {
-        let topology = self.topology();
-        let slides = |law: &Law| law.n_memory() > 0;
-        let with_sliders: Vec<_> = topology
-            .connectors
-            .iter()
-            .filter(|c| c.laws.iter().any(|l| slides(&l.law)))
-            .collect();
-        if with_sliders.is_empty() {
+        if from.memory.is_empty() {
             return None;
         }
+        let topology = self.topology();
+        let slides = |law: &Law| law.n_memory() > 0;
         let (before, after) = (self.place(from), self.place(to));
         let mut first: Option<f64> = None;
-        for c in with_sliders {
+        let connectors = topology.connectors.iter();
+        for c in connectors.filter(|c| c.laws.iter().any(|l| slides(&l.law))) {
             let start = motion_of(topology, &self.geometry, &before, &self.x, c);
             let end = motion_of(topology, &self.geometry, &after, &self.x, c);
             for law in c.laws.iter().filter(|l| slides(&l.law)) {
                 let way = Way::new(start[law.component], end[law.component], to.t - from.t);
                 let p = &self.x[law.x..law.x + law.law.n_params()];
                 let memory = &from.memory[law.memory..law.memory + law.law.n_memory()];
-                let turn = way.turns().into_iter().next();
-                if turn.is_some() && way.missed(&law.law, p, memory) > tolerance.max(ROUNDING) {
-                    first = Some(first.map_or(way.turns()[0], |f| f.min(way.turns()[0])));
+                let turns = way.turns();
+                if let Some(turn) = turns.first()
+                    && way.missed(&turns, &law.law, p, memory) > tolerance.max(ROUNDING)
+                {
+                    first = Some(first.map_or(*turn, |f| f.min(*turn)));
                 }
             }
         }
@@ -85,13 +83,13 @@ impl Way {
     }
 
     /// How much the force at the end differs between a slider that goes along and one that only sees the end.
-    fn missed(&self, law: &Law, p: &[f64], memory: &[f64]) -> f64 {
+    fn missed(&self, turns: &[f64], law: &Law, p: &[f64], memory: &[f64]) -> f64 {
         let mut blind = memory.to_vec();
         let short = law.eval(self.e[1], self.rate, p, &mut blind);
         let mut along = memory.to_vec();
         let mut size = short.abs();
-        for s in self.turns() {
-            size = size.max(law.eval(self.at(s), 0.0, p, &mut along).abs());
+        for s in turns {
+            size = size.max(law.eval(self.at(*s), 0.0, p, &mut along).abs());
         }
         let whole = law.eval(self.e[1], self.rate, p, &mut along);
         (whole - short).abs() / size.max(whole.abs()).max(f64::MIN_POSITIVE)

@@ -6,7 +6,7 @@ use crate::spatial::{V3, skew};
 use crate::system::assemble::Tangent;
 
 use super::matrix::Matrix;
-use super::{Equations, Instant, Motion};
+use super::{Equations, Instant, Motion, scaled_size};
 use crate::model::joint::JointKind;
 use nalgebra::DVector;
 
@@ -17,11 +17,7 @@ impl Equations<'_, f64> {
     /// Largest rate (1/s) at which displacements or velocities act back on accelerations.
     pub fn fastest(&self, at: &Instant, counts: &mut Counts) -> Result<f64> {
         let scales = self.scales();
-        let size = |v: &[f64]| {
-            v.iter()
-                .zip(&scales)
-                .fold(0.0_f64, |s, (v, c)| s.max((v / c).abs()))
-        };
+        let size = |v: &[f64]| scaled_size(v, &scales);
         let n = self.n();
         let mut fastest = 0.0_f64;
         for displaced in [true, false] {
