@@ -188,7 +188,8 @@ class Trajectory(Result):
         return self._modal(body)[1][1]
 
     @property
-    def _flexible(self) -> list[str]:
+    def flexible(self) -> list[str]:
+        """Names of the flexible bodies that have modal coordinates in this motion."""
         return [self.bodies[body] for body, *_ in modal_places(self.snapshot.tables, len(self.bodies))]
 
     def _modal(self, body: Any) -> tuple[Any, tuple[np.ndarray, np.ndarray]]:
@@ -405,7 +406,7 @@ class Trajectory(Result):
         q = self._quantities
         names = {name: self.joint(name) for name in self._joint_places}
         joints = {f"joint {name}": (("time",) if v.ndim == 1 else ("time", f"{name}_"), v) for name, v in names.items()}
-        for name in self._flexible:
+        for name in self.flexible:
             joints[f"modal {name}"] = (("time", f"mode of {name}"), self.modal(name))
         derivatives = {}
         for what in [sensitivity] if isinstance(sensitivity, str) else sensitivity:
