@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import time
 import warnings
@@ -135,6 +136,8 @@ def simulate(
     state = state_of(m, snapshot.system, at, hold=False, without=without)
     if parameters is not None:
         method = _with_sensitivities(method)
+        if not isinstance(parameters, (str, Sequence)):
+            raise ModelError(f"parameters= takes an address or a list of them, got {shown(parameters)}")
         directions(m, parameters)
     options = _options(t, rtol, step, method, state)
     asked = options.get("rtol", np.inf)
@@ -148,6 +151,8 @@ def simulate(
     for name, value in (("rho", rho), ("max_step", max_step), ("first_step", first_step), ("max_steps", max_steps)):
         if value is not None:
             options[name] = _number(name, value, positive=name != "rho")
+    if max_steps is not None and (isinstance(max_steps, bool) or options["max_steps"] % 1.0 != 0.0):
+        raise ModelError(f"max_steps= must be a whole number, got {shown(max_steps)}")
     if rho is not None and not 0.0 <= rho <= 1.0:
         raise ModelError(f"rho= lies between 0 and 1, got {rho}")
     options["method"] = _variant(method, form, update)
@@ -213,7 +218,7 @@ def _number(name: str, value: Any, *, positive: bool = True) -> float:
 
 
 def _options(t: Any, rtol: Any, step: Any, method: Any, state: State) -> dict[str, Any]:
-    if method not in METHODS:
+    if not isinstance(method, str) or method not in METHODS:
         raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
     if rtol is not None and step is not None:
         raise ModelError("give rtol= (controlled steps) or step= (fixed steps), not both")
@@ -277,7 +282,7 @@ def _trajectory(
         message=made["message"],
         snapshot=snapshot,
         without=without,
-        estimate=lambda traj: _estimated_error(traj, state, options),
+        estimate=functools.partial(_estimated_error, state=state, options=options),
         stats=Stats(wall, dict(made["counts"]), acting, f"{made['method']}: {made['why']}"),
         status=made["status"],
     )
@@ -311,9 +316,12 @@ def _compared_with(traj: Trajectory, options: dict[str, Any]) -> tuple[dict[str,
 
 def _estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) -> float | None:
     """Largest difference to a second run, scaled to the error of this one."""
-    if traj.status != "finished" or len(traj.t) < 2:
+    if traj.status != "finished":
         return None
-    compared = np.unique(np.linspace(1, len(traj.t) - 1, min(len(traj.t) - 1, _COMPARED)).astype(int))
+    first = int(np.searchsorted(traj.t, state.t, side="right"))
+    if first == len(traj.t):
+        return 0.0  # nothing but the start
+    compared = np.unique(np.linspace(first, len(traj.t) - 1, min(len(traj.t) - first, _COMPARED)).astype(int))
     method = traj.method if options["method"] == "auto" else options["method"]
     changed, factor = _compared_with(traj, options)
     second = {**options, **changed, "method": method, "outputs": traj.t[compared].tolist()}
