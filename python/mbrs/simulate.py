@@ -37,6 +37,8 @@ _TIGHTEST_WITHOUT_TANGENT = 1e-8
 _CHANGED = 1e-9
 # methods whose error is estimated by a tighter run, and how much tighter it is
 _TIGHTENED, _TIGHTER = frozenset({"explicit", "bdf"}), 30.0
+# deflections beyond this part of a body's length are too large for linear elasticity in a frame
+_BENT = 0.2
 # outputs at which the error is estimated
 _COMPARED = 50
 
@@ -112,8 +114,8 @@ def simulate(
     Warns
     -----
     MbrsWarning
-        Initial positions or velocities that had to be changed to agree with the joints; Ctrl-C, after which the motion so far
-        is returned.
+        Initial positions or velocities that had to be changed to agree with the joints; flexible bodies that deflect by more
+        than a fifth of their length; Ctrl-C, after which the motion so far is returned.
 
     Notes
     -----
@@ -172,6 +174,7 @@ def simulate(
             MbrsWarning,
             stacklevel=2,
         )
+    _warn_bent(traj)
     if traj.status == "stopped":
         raise ConvergenceError(
             f"the motion of {m.name!r} stopped at t = {made['end']:.9g} s: {made['message']}; the trajectory until then is "
@@ -183,6 +186,23 @@ def simulate(
             f"interrupted at t = {made['end']:.6g} s; the motion so far is returned", MbrsWarning, stacklevel=2
         )
     return traj
+
+
+def _warn_bent(traj: Trajectory) -> None:
+    for name in traj.flexible:
+        body = traj.model.bodies[traj.bodies.index(name)].modal
+        if len(body.line_position) < 2 or not len(traj.t):
+            continue
+        extent = np.linalg.norm(np.ptp(body.line_position, axis=0))
+        moved = np.einsum("kim,tm->tki", body.line_shape[:, :3], traj.modal(name))
+        part = float(np.linalg.norm(moved, axis=-1).max() / extent) if extent > 0.0 else 0.0
+        if part > _BENT:
+            warnings.warn(
+                f"{name!r} deflects by {part:.2g} of its length; flexible bodies deform linearly in their frame, which is "
+                "for small deflections: stiffen it, or divide it into several bodies",
+                MbrsWarning,
+                stacklevel=3,
+            )
 
 
 def _variant(method: str, form: Any, update: Any) -> str:
