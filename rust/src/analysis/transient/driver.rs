@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::model::joint::JointKind;
 use crate::run::{Cancel, Counts};
 
+use super::way::{Aim, Detour, Verdict, Way, active};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
 pub use super::plan::{End, Output, Plan, Progress, Run, Steps};
@@ -559,44 +560,4 @@ impl Driver<'_, '_, '_> {
         }
         Ok(())
     }
-}
-
-/// Where the march stands, and how it goes on.
-struct Way {
-    here: Instant,
-    h: f64,
-    failures: usize,
-    after_rejection: bool,
-    detour: Option<Detour>,
-    /// the longest step of late, fading with time: shrinking steps do not hide what they shrink from
-    recent: f64,
-}
-
-/// Another scheme for a while.
-struct Detour {
-    scheme: Box<dyn Scheme>,
-    until: f64,
-}
-
-/// A step to try: its length, the time it hits exactly, the break it ends at.
-struct Aim {
-    length: f64,
-    target: Option<f64>,
-    broken: Option<f64>,
-}
-
-/// What makes the next step: the detour's scheme while there is one.
-fn active<'s>(detour: &'s mut Option<Detour>, scheme: &'s mut dyn Scheme) -> &'s mut dyn Scheme {
-    match detour {
-        Some(d) => d.scheme.as_mut(),
-        None => scheme,
-    }
-}
-
-enum Verdict {
-    Accepted(Box<Step>, f64),
-    Rejected(f64, String),
-    /// a slider turns after this part of the step
-    Turned(f64),
-    Fatal(Error),
 }

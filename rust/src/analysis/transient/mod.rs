@@ -12,7 +12,7 @@
 //! |---|---|
 //! | `saddle` | [A J^T; J 0] with redundant rows |
 //! | `consistent` | closing, projection of rates, accelerations and multipliers: all that makes an `Instant` |
-//! | `plan`, `driver` | fixed or controlled steps, output times, stops, detours |
+//! | `plan`, `driver`, `way` | fixed or controlled steps, output times, stops, detours |
 //! | `interpolate` | between two instants |
 //! | one file for each scheme | implements `Scheme` |
 pub mod ali3p;
@@ -27,6 +27,8 @@ pub mod driver;
 pub mod energy;
 pub mod explicit;
 pub mod explicit8;
+mod explicit_minimal;
+mod explicit_pivots;
 pub mod generalized_alpha;
 pub mod interpolate;
 pub mod matrix;
@@ -36,6 +38,7 @@ pub mod plan;
 mod reversal;
 pub mod saddle;
 pub mod stiffness;
+mod way;
 
 use nalgebra::{DMatrix, DVector};
 
