@@ -76,11 +76,11 @@ def test_bricard_keeps_its_energy():
     """One redundant row of thirty-six closes on itself: the oracle's own check where no closed form is."""
     m = zoo.bricard().model
     s = ref.System(tables(m))
-    history = ref.oracle(s, begin(s, ref.drawn_state(s)), [0.2, 0.4], rtol=1e-12)
+    history = ref.oracle(s, begin(s, ref.drawn_state(s)), [0.1, 0.2], rtol=1e-12)
     energy = history.energies(s)
     print(f"energy {energy}, height {history.positions(s)[-1, :, 1]}")
     assert np.ptp(energy) < 1e-10
-    assert np.ptp(history.positions(s)[:, 0, 1]) > 0.1
+    assert np.ptp(history.positions(s)[:, 0, 1]) > 0.05
 
 
 def test_five_bar_agrees_with_the_published_reconstruction():

@@ -207,7 +207,7 @@ def test_energy(name):
 
 
 def test_bricard_against_the_reference():
-    p = zoo.bricard(0.6)
+    p = zoo.bricard(0.4)
     times = np.linspace(0.0, p.t, 4)
     traj = mb.simulate(p.model, t=times, rtol=1e-10)
     error = p.error(times, p.places(traj))

@@ -22,6 +22,8 @@ from ..errors import ConvergenceError
 from .so3 import Array
 
 PENALTY = 1e7
+# a Newton step that is not smaller by this part than the last one wants new slopes
+KEPT = 0.1
 _STEP = 1e-40
 _PASSES = 100
 
@@ -199,16 +201,21 @@ class Scheme:
         dq = h * last.v + 0.5 * h * h * last.a
         lam = last.lam
         best, passes = np.inf, 0
+        # slopes are kept while they serve: they decide how fast the equations are solved, not what solves them
+        by, stale = self.factors(last, dq, lam), False
         while True:
             passes += 1
-            by = self.factors(last, dq, lam)
+            if stale:
+                by = self.factors(last, dq, lam)
             x, y = by.solve(-self._balance(last, dq, lam), -self._closure(last, dq))
             dq, lam = dq + x, lam + y / self.c
             change = _size(x)
-            if change == 0 or (change >= 0.5 * best and change <= 1e-9 * max(_size(dq), self.h)):
+            small = change <= 1e-9 * max(_size(dq), self.h)
+            if change == 0 or (change >= 0.5 * best and small):
                 break
             if passes == _PASSES:
                 raise ConvergenceError(f"ALI3-P found no solution in {_PASSES} iterations; take a smaller step")
+            stale = change > KEPT * best and not small
             best = min(best, change)
         v_star, a_star = self._stars(last, dq)
         t, q = last.t + h, m.advance(last.q, dq)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConvergenceError
-from .ali3p import PENALTY, Factors, Instant, Mechanism, Scheme, columns, effective_mass, real_instant
+from .ali3p import KEPT, PENALTY, Factors, Instant, Mechanism, Scheme, columns, effective_mass, real_instant
 from .generalized_alpha import Numbers
 from .so3 import Array
 
@@ -61,24 +61,31 @@ class AlphaScheme:
         at, load = real_instant(last), Carried(c.a.real, c.slope.real, c.lam.real)
         unit = 1 / (self.h**2 * self.b)
 
-        def part(i: int) -> Array:
-            return columns(lambda w: own._equations(at, load, slope.real + unit * w, lam.real)[i], self.mech.n)
+        def both(w: Array) -> Array:
+            return np.concatenate(own._equations(at, load, slope.real + unit * w, lam.real))
 
+        n = self.mech.n
+        found = columns(both, n)
         q = own._reached(at, load, slope.real)[0]
         B = own.mech.rows(last.t + self.h, q, own.p)
         mass = effective_mass(own.mech.mass(q, own.p), B)
-        return Factors(part(0), B.T, part(1) if len(B) else B, PENALTY * mass)
+        return Factors(found[:n], B.T, found[n:] if len(B) else B, PENALTY * mass)
 
     def step(self, last: Instant, c: Carried) -> tuple[Instant, Carried]:
-        """To t + h."""
+        """To t + h. Slopes are kept while they serve: they decide how fast the equations are solved, not what solves them."""
         slope, lam, unit, best = c.slope, c.lam, 1 / (self.h**2 * self.b), np.inf
+        by, stale = self._factors(last, c, slope, lam), False
         for _ in range(_PASSES):
             f, g = self._equations(last, c, slope, lam)
-            w, mu = self._factors(last, c, slope, lam).solve(-f, -g)
+            if stale:
+                by = self._factors(last, c, slope, lam)
+            w, mu = by.solve(-f, -g)
             slope, lam = slope + unit * w, lam + unit * mu
             change = float(max(np.max(np.abs(w.real)), np.max(np.abs(w.imag)) / 1e-40))
-            if change == 0 or (change >= 0.5 * best and change <= 1e-9 * max(float(np.max(np.abs(slope))), 1.0)):
+            small = change <= 1e-9 * max(float(np.max(np.abs(slope))), 1.0)
+            if change == 0 or (change >= 0.5 * best and small):
                 break
+            stale = change > KEPT * best and not small
             best = min(best, change)
         else:
             raise ConvergenceError("a step of generalised-alpha was not solved; take a smaller step")
