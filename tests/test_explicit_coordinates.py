@@ -46,7 +46,7 @@ def elastic_crank():
 
 def ball_bar():
     """A four-bar of balls: a rod between two cranks about different axes, which spins freely; three rotations within a loop."""
-    m = mb.Model("ball bar", gravity=(0, -9.81, 0))
+    m = mb.Model("ball bar", gravity=(3.0, -9.81, 2.0))  # invented
     a = m.body("crank", mass=1.0, inertia=(0.02, 0.02, 0.02), at=(0, 0.1, 0))
     b = m.body("rod", mass=0.5, inertia=(0.04, 0.04, 0.05), at=(0.35, 0.35, 0.2), angular_velocity=(0, 0, 0))
     c = m.body("rocker", mass=1.5, inertia=(0.03, 0.03, 0.03), at=(0.7, 0.25, 0.4))
@@ -125,6 +125,36 @@ def test_no_tangent_and_few_multipliers():
     print(dict(n))
     assert not n.get("tangents") and n["reduced factorisations"] >= 11 * n["steps"]
     assert n["mass factorisations"] <= n["steps"] + n.get("rejected steps", 0) + 3
+
+
+@pytest.mark.parametrize(("n", "way"), [(1, "tree"), (10, "independent")])
+def test_the_scene_chooses(n, way):
+    """One loop is projected; many loops with one freedom get independent coordinates, and say so."""
+    m = mb.examples.four_bars(n)
+    chosen = mb.simulate(m, t=0.3, rtol=1e-6)
+    forced = mb.simulate(m, t=0.3, rtol=1e-6, method="explicit", coordinates=way)
+    print(chosen.stats.route)
+    assert np.array_equal(chosen.rate, forced.rate)
+    assert ("few freedoms" in chosen.stats.route) == (way == "independent")
+
+
+@pytest.mark.parametrize("way", ["tree", "independent"])
+def test_out_of_a_singular_pose(way):
+    """Starting where all links lie in one line, on the branch of the parallelogram: the rank grows at the first step."""
+    m = mb.Model("in line", gravity=(0, -9.81, 0))
+    bars = [
+        m.body("crank", mass=1.0, inertia=(1e-3, 1 / 12, 1 / 12), at=(0.5, 0, 0), velocity=(0, 0.5, 0), angular_velocity=(0, 0, 1)),
+        m.body("coupler", mass=1.0, inertia=(1e-3, 1 / 12, 1 / 12), at=(1.5, 0, 0), velocity=(0, 1, 0)),
+        m.body("rocker", mass=1.0, inertia=(1e-3, 1 / 12, 1 / 12), at=(1.5, 0, 0), velocity=(0, 0.5, 0), angular_velocity=(0, 0, 1)),
+    ]  # fmt: skip
+    points = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 0, 0)]
+    for name, one, two, at in zip("ABCD", [m.ground, *bars], [*bars, m.ground], points, strict=True):
+        m.revolute(name, one, two, at=at, axis="z")
+    traj = mb.simulate(m, t=np.linspace(0, 0.5, 11), rtol=1e-7, method="explicit", coordinates=way)
+    turned = np.abs(traj.poses["orientation"][:, 1] - [1, 0, 0, 0]).max()
+    energy = np.ptp(traj.energy.total)
+    print(f"{way}: coupler turned by {2 * turned:.1e}, energy {energy:.1e} J, {traj.stats.route}")
+    assert turned < 1e-6 and energy < 1e-5
 
 
 @pytest.mark.parametrize(
