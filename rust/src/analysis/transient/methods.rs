@@ -9,6 +9,7 @@ use super::bdf::Bdf;
 use super::bdf_bfgs::BdfBfgs;
 use super::bdf_step::Form;
 use super::driver::{Plan, Progress, Run, Steps, drive};
+use super::explicit_minimal::Minimal;
 use super::explicit8::{Coordinates, Explicit8};
 use super::generalized_alpha::GeneralizedAlpha;
 use super::{Equations, Instant, Motion, Scheme, scaled_size};
@@ -16,6 +17,7 @@ use super::{Equations, Instant, Motion, Scheme, scaled_size};
 #[derive(Debug, Clone, Copy)]
 pub enum Method {
     Auto,
+    /// None: what the scene lets expect to be cheaper
     Explicit(Option<Coordinates>),
     /// spectral radius at infinity
     GeneralizedAlpha(f64),
@@ -71,11 +73,8 @@ impl Method {
             Steps::Controlled { rtol, .. } => Some(rtol),
         };
         match self {
-            Method::Auto => Box::new(Explicit8::new(Coordinates::Tree, rtol)),
-            Method::Explicit(coordinates) => {
-                let coordinates = coordinates.unwrap_or(Coordinates::Tree);
-                Box::new(Explicit8::new(coordinates, rtol))
-            }
+            Method::Auto | Method::Explicit(None) => Box::new(Explicit8::default()),
+            Method::Explicit(Some(coordinates)) => Box::new(Explicit8::new(*coordinates, rtol)),
             Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
             Method::Ali3p(weight) => Box::new(Ali3p::new(*weight)),
             Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family, rtol)),
@@ -124,7 +123,11 @@ pub fn simulate(
         .map(|(a, b)| a - b)
         .collect();
     let velocity_correction = size(&changed);
-    let (method, mut why) = chosen(eq, method, &first, &plan, counts)?;
+    let (mut method, mut why) = chosen(eq, method, &first, &plan, counts)?;
+    if matches!(method, Method::Explicit(None)) && Minimal::pays(eq, &first.motion) {
+        method = Method::Explicit(Some(Coordinates::Independent));
+        why = format!("{why}; many loops and few freedoms");
+    }
     plan.per_unit_step = method.per_unit_step();
     let mut scheme = method.scheme(plan.steps);
     let run = drive(eq, scheme.as_mut(), first, &plan, cancel, progress, counts)?;

@@ -28,6 +28,7 @@ pub mod energy;
 pub mod explicit;
 pub mod explicit8;
 mod explicit_minimal;
+mod explicit_passing;
 mod explicit_pivots;
 pub mod generalized_alpha;
 pub mod interpolate;
@@ -128,6 +129,11 @@ pub trait Scheme {
 
     /// A scheme that gets past places where the steps of this one collapse; `left`: the next step over those before.
     fn bridge(&self, _eq: &Equations<'_, f64>, _left: f64) -> Option<Box<dyn Scheme>> {
+        None
+    }
+
+    /// The part of the step just made after which it should rather end.
+    fn better_end(&self) -> Option<f64> {
         None
     }
 
