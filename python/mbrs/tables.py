@@ -216,7 +216,8 @@ class Directions:
     Attributes
     ----------
     labels, units
-        Of each column: "leg0.at_b[2]", "m" ("" where unknown: parameters and laws have no unit).
+        Of each column: "leg0.at_b[2]", "m". A parameter has the unit of the numbers that it feeds as it is, or through sums,
+        signs, doubles and halves; "" where these differ or there are none, and of numbers of laws.
     shape
         What the parameter axis of a derivative becomes: (n_p,), or the shape of the one array that was asked for.
     n_x
@@ -309,7 +310,8 @@ def directions(model: Model, addresses: str | Sequence[str]) -> Directions:
             for place in target.components:
                 rows, values, stores = jacobian.get(place, ([], [], []))
                 columns.append(([base[kind] + row for row, kind in zip(rows, stores, strict=True)], values))
-            units += [""] * len(target.components)
+            known = model.driver().units(model)
+            units += [known.get(place, "") for place in target.components]
         else:
             start = base[target.store]
             for component in target.components:

@@ -358,7 +358,7 @@ class Trajectory(Result):
 
     @property
     def parameter_units(self) -> list[str]:
-        """Their units; a parameter that the model itself was given has none."""
+        """Their units, "" where unknown (see `mbrs.tables.directions`)."""
         from .tables import directions
 
         return list(directions(self.snapshot.model, self.parameters).units)
@@ -379,6 +379,7 @@ class Trajectory(Result):
 
     def sensitivity_table(self, what: str, t: float | None = None) -> str:
         """`sensitivity` at an output time (the last one without ``t``), and its largest absolute value, as a table."""
+        from .parameter_units import unit_note
         from .report import table
 
         at = len(self.t) - 1 if t is None else int(np.argmin(np.abs(self.t - t)))
@@ -391,7 +392,8 @@ class Trajectory(Result):
         ]
         unit = f" [{self.unit_of(what)} per unit of the parameter]" if self.unit_of(what) else ""
         title = f"derivatives of {what}{unit} at t = {self.t[at]:.6g} s"
-        return table(["parameter", "unit", *names, "largest ever"], rows, title=title)
+        footer = unit_note(labels, self.parameter_units)
+        return table(["parameter", "unit", *names, "largest ever"], rows, title=title, footer=footer)
 
     def plot(self, what: str = "motion", **options: Any) -> Any:
         """Curves over time; see `mbrs.plot.motion`, and `mbrs.plot.gradients.over_time` for "sensitivity"."""
