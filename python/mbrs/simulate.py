@@ -55,6 +55,7 @@ def simulate(
     rho: float | None = None,
     form: str | None = None,
     update: str | None = None,
+    coordinates: str | None = None,
     max_step: float | None = None,
     first_step: float | None = None,
     max_steps: int | None = None,
@@ -90,6 +91,11 @@ def simulate(
         "bdf-bfgs": the equations of a step, "ggl" (default; positions and velocities, stabilised index 2) or "symmetric"
         (positions and h^2 lam), and the inverse update: "auto" (default; BFGS until it has failed twice, then Broyden's, which
         ``stats.route`` tells), "bfgs" or "broyden"; docs/root.md compares them.
+    coordinates
+        "explicit": what its stages integrate where there are loops, drives or rolling. "tree": all tree coordinates, with the
+        constraints at acceleration level, projected onto them after each step. "independent": those that determine the others
+        (Wehage and Haug 1982), which are switched between steps where others would serve better; ``stats.route`` names them.
+        None: see docs/motion.md.
     max_step, first_step
         s; limits of the controlled steps.
     max_steps
@@ -157,7 +163,7 @@ def simulate(
         raise ModelError(f"max_steps= must be a whole number, got {shown(max_steps)}")
     if rho is not None and not 0.0 <= rho <= 1.0:
         raise ModelError(f"rho= lies between 0 and 1, got {rho}")
-    options["method"] = _variant(method, form, update)
+    options["method"] = _variant(method, form, update, coordinates)
 
     made = _run(snapshot, state, without, options)
     traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
@@ -205,10 +211,17 @@ def _warn_bent(traj: Trajectory) -> None:
             )
 
 
-def _variant(method: str, form: Any, update: Any) -> str:
+def _variant(method: str, form: Any, update: Any, coordinates: Any) -> str:
+    if coordinates is not None:
+        if method != "explicit":
+            raise ModelError(f'coordinates= belongs to method="explicit", not to {shown(method)}')
+        if coordinates not in ("tree", "independent"):
+            raise ModelError(f"coordinates= is 'tree' or 'independent', got {shown(coordinates)}")
+        method = f"{method}/{coordinates}"
     if form is None and update is None:
         return method
     if method != "bdf-bfgs":
+        method = method.partition("/")[0]
         raise ModelError(f'form= and update= belong to method="bdf-bfgs", not to {shown(method)}')
     form, update = "ggl" if form is None else form, "auto" if update is None else update
     if form not in ("ggl", "symmetric"):

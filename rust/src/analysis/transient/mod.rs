@@ -27,6 +27,8 @@ pub mod driver;
 pub mod energy;
 pub mod explicit;
 pub mod explicit8;
+mod explicit_minimal;
+mod explicit_pivots;
 pub mod generalized_alpha;
 pub mod interpolate;
 pub mod matrix;
