@@ -20,8 +20,6 @@ const FADING: f64 = 0.3;
 /// Rates count at least as if the motion took this part of the characteristic length: what starts from rest has none.
 const SLOWEST: f64 = 1e-3;
 const MAX_FAILURES: usize = 60;
-/// A step that vanishes after so few rejections is not the fault of its equations.
-const FEW: usize = 4;
 const DIVISIONS: usize = 5;
 
 struct Driver<'e, 's, 'p> {
@@ -317,8 +315,8 @@ impl Driver<'_, '_, '_> {
             DIVISIONS
         };
         if self.vanishes(shorter, t) || way.failures > most {
-            let patient = self.controlled() && way.failures <= FEW && t > self.start;
-            let why = if patient && way.failures <= most {
+            // steps that were accepted are as short beside the whole as this one
+            let why = if t > self.start && self.vanishes(way.recent, t) {
                 format!(
                     "1e14 steps of {shorter:.1e} s would not reach the end; take a shorter time"
                 )
