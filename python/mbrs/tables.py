@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 # Above this many entries the derivative of x is better sparse.
 _DENSE_LIMIT = 1_000_000
 
+_MODAL_FORCE = 2  # type of a load on one modal coordinate
+
 
 def tables(model: Model, flexible: bool = True) -> dict[str, Any]:
     """The Tables of a model, a new dict; its integer arrays are shared between calls while the structure stays.
@@ -53,7 +55,22 @@ def tables(model: Model, flexible: bool = True) -> dict[str, Any]:
     if not flexible:
         for key in node_tables(model, offsets(model)):
             del made[key]
+        made |= _without_modal_loads(made)
     return made
+
+
+def _without_modal_loads(made: dict[str, Any]) -> dict[str, Any]:
+    """What becomes of loads where no body has modal coordinates."""
+    kept = made["load_type"] != _MODAL_FORCE
+    moved = kept[made["load_motion_load"]]
+    loads = {key: made[key][kept] for key in ("load_type", "load_body", "load_frame", "load_x")}
+    motions = {key: made[key][moved] for key in ("load_motion_component", "load_motion_motion")}
+    return {
+        "load_name": [name for name, keep in zip(made["load_name"], kept, strict=True) if keep],
+        "load_motion_load": (np.cumsum(kept) - 1)[made["load_motion_load"][moved]],
+        **loads,
+        **motions,
+    }
 
 
 def framed(made: dict[str, Any]) -> dict[str, Any]:
