@@ -344,7 +344,7 @@ def gradient(
         gradient=Derivative.of(shaped, along.shape, 1 if many else 0),
         labels=along.labels,
         units=along.units,
-        where=np.array([_value_at(m, label) for label in along.labels]),
+        where=np.array([value_at(m, label) for label in along.labels]),
         t=run.times,
         method=chosen,
         kinks=kinks,
@@ -366,13 +366,13 @@ def _variant(scheme: str, weight: str | None, rho: float | None) -> dict[str, An
         )
     if rho is not None and scheme != "generalized-alpha":
         raise ModelError(f"rho= belongs to scheme='generalized-alpha', not to {scheme!r}")
-    radius = RHO if rho is None else _number("rho", rho, 0.0)
+    radius = RHO if rho is None else finite("rho", rho, 0.0)
     if radius > 1.0:
         raise ModelError(f"rho= lies between 0 and 1, got {rho}")
     return {"scheme": scheme, "weight": weight or "tangent", "rho": radius}
 
 
-def _number(name: str, value: Any, least: float) -> float:
+def finite(name: str, value: Any, least: float = 0.0) -> float:
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -395,7 +395,7 @@ def prepare(
     """Start and steps of a motion."""
     snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
-    end = _number("t", t, state.t)
+    end = finite("t", t, state.t)
     through = [x for o in objectives for x in o.times]
     for x in through:
         if not state.t <= x <= end:
@@ -405,7 +405,7 @@ def prepare(
     if end == state.t:
         times = np.array([end])
     elif step is not None:
-        h = _number("step", step, np.finfo(float).tiny)
+        h = finite("step", step, np.finfo(float).tiny)
         if (end - state.t) / h > 1e8:
             raise ModelError(f"step={step} would need more than 1e8 steps")
         breaks = _core.motion_breaks(snapshot.system, state.t)
@@ -564,7 +564,7 @@ def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
     return Derivative.of(shaped, along.shape, 0 if single else 1)
 
 
-def _value_at(m: Model, label: str) -> float:
+def value_at(m: Model, label: str) -> float:
     """The number that a column belongs to; those of axes and orientations are turns and have none."""
     turns = label.rpartition("[")[0].endswith((".axis", ".axis2", ".orientation"))
     return math.nan if turns else float(m.value(label))
