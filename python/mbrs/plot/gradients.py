@@ -92,7 +92,7 @@ def over_time(traj: Any, of: str) -> Any:
     d = np.asarray(traj.sensitivity(of))
     labels, units = traj.parameter_labels, traj.parameter_units
     flat = d.reshape(len(traj.t), -1, len(labels))
-    names, unit = traj.component_names(flat.shape[1]), traj.unit_of(of)
+    names, unit = traj.component_names(of), traj.unit_of(of)
     across = 1 if len(labels) <= 3 else 2
     down = -(-len(labels) // across)
     with style():
@@ -116,7 +116,7 @@ def over_time(traj: Any, of: str) -> Any:
 def _per(unit: str, by: str) -> str:
     """The unit of a derivative; parameters of a model's own carry none."""
     if not unit:
-        return f"1/({by})" if by else ""
+        return f"[per {by}]" if by else ""
     if not by:
         return f"[{unit} per unit]"
     return f"[{unit} / ({by})]" if "/" in by or " " in by else f"[{unit}/{by}]"
