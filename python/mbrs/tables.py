@@ -18,6 +18,7 @@ from .flexible_bodies import node_tables
 from .geometry import cross, quaternion_matrix, quaternion_rate
 from .joints import KINDS
 from .model import STORES
+from .names import shown
 
 if TYPE_CHECKING:
     from .model import Model
@@ -311,7 +312,12 @@ def directions(model: Model, addresses: str | Sequence[str]) -> Directions:
     >>> directions(m, ["k", "payload.mass"]).dense[10]
     array([10.,  1.])
     """
-    given = [addresses] if isinstance(addresses, str) else list(addresses)
+    try:
+        given = [addresses] if isinstance(addresses, str) else list(addresses)
+    except TypeError:
+        raise ModelError(
+            f"parameters are addresses such as ['k_leg', 'payload.mass'], got {shown(addresses)}"
+        ) from None
     if not given:
         raise ModelError("no parameter was named; give addresses such as ['k_leg', 'payload.mass']")
     base = offsets(model)
