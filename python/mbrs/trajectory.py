@@ -468,7 +468,7 @@ class Trajectory(Result):
             "element": list(self.energy.power),
             "drive": [*t["drive_name"], *t["coupler_name"]],
         }
-        wrench = {"wrench": self.component_names(6)} if labels["joint"] else {}
+        wrench = {"wrench": ["x", "y", "z", "rx", "ry", "rz"]} if labels["joint"] else {}
         return {**{k: v for k, v in labels.items() if v}, **wrench}
 
     def _labelled_forces(self) -> dict[str, Any]:

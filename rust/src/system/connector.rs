@@ -473,6 +473,20 @@ pub fn constraint_rows<T: Real>(
     (here.b.p, rows.collect())
 }
 
+/// The rate of a coordinate.
+pub fn constraint_rate<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    joint: usize,
+    coordinate: Coordinate,
+) -> T {
+    let spec = &topology.tables.joints[joint];
+    let here = local(topology, placement, spec.a, spec.b, &geometry.joints[joint]);
+    let g = here.relative.row(coordinate).g;
+    here.twist.map_or_else(T::zero, |v| g.dot(&v))
+}
+
 /// The second rate of a coordinate at given accelerations of the bodies: g . xi' + xi . h xi, in axes that move with a.
 pub fn constraint_bias<T: Real>(
     topology: &Topology,
