@@ -337,6 +337,14 @@ impl Driver<'_, '_, '_> {
             DIVISIONS
         };
         if self.vanishes(shorter, t) || way.failures > most {
+            // steps that were accepted are as short beside the whole as this one
+            let why = if t > self.start && self.vanishes(way.recent, t) {
+                format!(
+                    "1e14 steps of {shorter:.1e} s would not reach the end; take a shorter time"
+                )
+            } else {
+                why
+            };
             self.stop(t, why);
             return false;
         }

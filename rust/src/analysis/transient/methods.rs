@@ -1,6 +1,8 @@
 //! Which scheme runs, and a whole run from any start: consistent initial values first.
 use crate::error::{Error, Result};
+use crate::laws::Law;
 use crate::run::{Cancel, Counts};
+use crate::system::topology::BoundLaw;
 
 use super::ali3p::{Ali3p, Weight};
 use crate::solve::inverse::Family;
@@ -176,7 +178,10 @@ fn chosen(
     let motion = size(&first.motion.rate)
         .max(size(&first.acceleration).sqrt())
         .max(1.0 / time);
-    let fastest = eq.fastest(first, counts)?;
+    let mut fastest = eq.fastest(first, counts)?;
+    if let Some(still) = held_by_friction(eq, first, counts)? {
+        fastest = fastest.max(eq.fastest(&still, counts)?);
+    }
     let text = format!(
         "the fastest vibration or decay ({fastest:.2e} 1/s) is {:.1e} times as fast as the motion",
         fastest / motion
@@ -186,4 +191,20 @@ fn chosen(
     } else {
         Ok((Method::Explicit(None), format!("not stiff: {text}")))
     }
+}
+
+/// The start without its rates, where friction is steepest: what slides now may stick later. None without friction.
+fn held_by_friction(
+    eq: &Equations<'_, f64>,
+    first: &Instant,
+    counts: &mut Counts,
+) -> Result<Option<Instant>> {
+    let rubs = |l: &BoundLaw| matches!(l.law, Law::CoulombTanh);
+    let mut connectors = eq.topology().connectors.iter();
+    if !eq.effects.friction || !connectors.any(|c| c.laws.iter().any(rubs)) {
+        return Ok(None);
+    }
+    let mut still = first.motion.clone();
+    still.rate.fill(0.0);
+    eq.instant(still, counts).map(Some)
 }

@@ -12,7 +12,7 @@
 //! |---|---|
 //! | `saddle` | [A J^T; J 0] with redundant rows |
 //! | `consistent` | closing, projection of rates, accelerations and multipliers: all that makes an `Instant` |
-//! | `plan`, `driver` | fixed or controlled steps, output times, stops, detours |
+//! | `plan`, `driver`, `way` | fixed or controlled steps, output times, stops, detours |
 //! | `interpolate` | between two instants |
 //! | one file for each scheme | implements `Scheme` |
 pub mod ali3p;
@@ -50,7 +50,7 @@ use crate::run::Counts;
 use crate::spatial::{M3, Pose, Real, V3, left_jacobian_coefficient, log_so3, skew};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene, Tangent};
-use crate::system::connector::motion_of;
+use crate::system::connector::{Numbers, continued_motion_of};
 use crate::system::loops::{column_scales, row_scales};
 use crate::system::placement::{Placement, advance, place};
 use crate::system::rows::explicit_rates;
@@ -301,7 +301,15 @@ impl<'a, T: Real> Equations<'a, T> {
 
     /// J v + Phi_t.
     pub fn row_rates(&self, m: &Motion<T>) -> DVector<T> {
-        self.row_rates_of(m, &self.rows(m).1)
+        let placement = self.place(m);
+        self.scene(m, &placement, None).row_rates() + self.explicit_rates(m).0
+    }
+
+    /// J a + gamma, without ever forming J.
+    pub fn row_accelerations(&self, m: &Motion<T>, a: &[T]) -> DVector<T> {
+        let placement = self.place(m);
+        let scene = self.scene(m, &placement, Some(a));
+        scene.row_bias(&scene.free_accelerations()) + self.explicit_rates(m).1
     }
 
     /// The same where J is known already.
@@ -323,10 +331,21 @@ impl<'a, T: Real> Equations<'a, T> {
 
     /// M, D = dr/dv (damping and gyroscopic), K = dr/dq at constant v, a, lam.
     pub fn tangent(&self, m: &Motion<T>, a: &[T], lam: &[T], counts: &mut Counts) -> Tangent<T> {
+        self.tangent_at(m, &self.place(m), a, lam, counts)
+    }
+
+    /// The same where the placement is known already.
+    pub fn tangent_at(
+        &self,
+        m: &Motion<T>,
+        placement: &Placement<T>,
+        a: &[T],
+        lam: &[T],
+        counts: &mut Counts,
+    ) -> Tangent<T> {
         counts.add("tangents", 1);
-        let placement = self.place(m);
         let lam = (!lam.is_empty()).then_some(lam);
-        let mut made = self.scene(m, &placement, Some(a)).tangent(lam, counts);
+        let mut made = self.scene(m, placement, Some(a)).tangent(lam, counts);
         self.hold_rates(m, a, &mut made);
         made
     }
@@ -369,7 +388,11 @@ impl<'a, T: Real> Equations<'a, T> {
         let placement = self.place(m);
         let topology = self.topology();
         for c in topology.connectors.iter().filter(|c| !c.laws.is_empty()) {
-            let moved = motion_of(topology, &self.geometry, &placement, &self.x, c);
+            let numbers = Numbers {
+                x: &self.x,
+                memory: &m.memory,
+            };
+            let moved = continued_motion_of(topology, &self.geometry, &placement, numbers, c);
             for law in &c.laws {
                 let (e, v) = moved[law.component];
                 let p = &self.x[law.x..law.x + law.law.n_params()];
