@@ -13,18 +13,28 @@
 //! | `alpha` | a step of generalised-alpha as equations |
 //! | `direct`, `along`, `slopes` | all directions along with the motion, by the tangents of its steps |
 //! | `chunk`, `explicit`, `lanes` | what tangents do not give: by the numbers themselves, in several directions at once |
-//! | `recorder`, `adjoint`, `adjoint_alpha` | the steps backwards, with checkpoints |
+//! | `adjoint` | the steps backwards, with checkpoints |
+//! | `adjoint_ali3p`, `by_hand`, `increments` | a step backwards by hand |
+//! | `power`, `power_tree`, `power_links` | the virtual power and its derivative by everything |
+//! | `adjoint_taped`, `adjoint_alpha`, `recorder` | a step backwards on the tape |
 //! | `tape` | numbers that remember where they come from |
 pub mod adjoint;
+mod adjoint_ali3p;
 mod adjoint_alpha;
+mod adjoint_taped;
 mod along;
 mod alpha;
+mod by_hand;
 mod chunk;
 pub mod direct;
 mod explicit;
+mod increments;
 pub mod kinks;
 mod lanes;
 pub mod march;
+mod power;
+mod power_links;
+mod power_tree;
 pub mod quantity;
 mod reactions;
 mod recorder;
