@@ -47,16 +47,17 @@ impl<'a> Along<'a> {
         counts: &mut Counts,
     ) -> Result<Self> {
         let (system, effects) = (eq.system, eq.effects);
-        let whole: Vec<bool> = directions
+        let kind: Vec<(bool, bool)> = directions
             .iter()
-            .map(|d| touched(system, effects, d).whole)
+            .map(|d| touched(system, effects, d))
+            .map(|t| (!t.whole, !t.rows))
             .collect();
         let mut order: Vec<usize> = (0..directions.len()).collect();
-        order.sort_by_key(|p| !whole[*p]);
+        order.sort_by_key(|p| kind[*p]);
         let projected = eq.n_rows() > 0;
         let mut chunks = Vec::new();
-        for kind in order.chunk_by(|a, b| whole[*a] == whole[*b]) {
-            for part in kind.chunks(WIDEST) {
+        for alike in order.chunk_by(|a, b| kind[*a] == kind[*b]) {
+            for part in alike.chunks(WIDEST) {
                 let part: Vec<&Direction> = part.iter().map(|p| &directions[*p]).collect();
                 let at = chunks.iter().map(|(_, n)| n).sum();
                 let made = chunk(system, effects, &part, at, projected);
@@ -95,15 +96,9 @@ impl<'a> Along<'a> {
 
     /// Phi, and rates of velocity rows times a factor.
     pub fn closure(&self, jacobian: &DMatrix<f64>, at: Moving<'_>, factor: f64) -> DMatrix<f64> {
-        let mut out = self.zeros(self.eq.n_rows());
-        if self.eq.n_rows() == 0 {
-            return out;
-        }
+        let mut out = jacobian * at.x;
         let rates = self.eq.topology().has_velocity_rows();
-        if !rates && !self.chunks.iter().any(|c| c.touches_rows()) {
-            return jacobian * at.x;
-        }
-        for chunk in &self.chunks {
+        for chunk in self.chunks.iter().filter(|c| rates || c.touches_rows()) {
             chunk.closure(at, factor, &mut out);
         }
         out
@@ -164,7 +159,7 @@ impl<'a> Along<'a> {
         let Some(da) = da else { return Ok(()) };
         let mut g = self.zeros(self.eq.n_rows());
         for chunk in &self.chunks {
-            chunk.row_accelerations(Moving { motion: m, x, v, z }, (a, da), &mut g);
+            chunk.row_accelerations(Moving { motion: m, x, v, z }, (a, da), true, &mut g);
         }
         *da += by.solve(&-&metrics[1], &-g)?.0;
         Ok(())
@@ -186,7 +181,7 @@ impl<'a> Along<'a> {
         let f = -self.residual(&linear, (m, a, lam), [x, v, &none], counts);
         let mut g = self.zeros(eq.n_rows());
         for chunk in self.chunks.iter().filter(|_| eq.n_rows() > 0) {
-            chunk.row_accelerations(Moving { motion: m, x, v, z }, (a, &none), &mut g);
+            chunk.row_accelerations(Moving { motion: m, x, v, z }, (a, &none), false, &mut g);
         }
         (self.now.a, self.now.lam) = by.solve(&f, &-g)?;
         Ok(())
@@ -194,7 +189,8 @@ impl<'a> Along<'a> {
 
     /// Memories of laws at the end of a step.
     pub fn remember(&mut self, from: &Motion<f64>, end: &Motion<f64>, counts: &mut Counts) {
-        if from.memory.is_empty() {
+        // couplers remember turns, which have no derivative
+        if self.eq.topology().turns == 0 {
             return;
         }
         let motion = Motion {

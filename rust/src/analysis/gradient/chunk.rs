@@ -1,4 +1,6 @@
 //! Some directions together, in numbers with as many derivatives: what the tangents of a step do not give.
+use std::cell::RefCell;
+
 use nalgebra::DMatrix;
 
 use crate::analysis::transient::ali3p::closure_values;
@@ -7,7 +9,7 @@ use crate::error::Result;
 use crate::run::Counts;
 use crate::system::System;
 use crate::system::assemble::Effects;
-use crate::system::placement::advance;
+use crate::system::placement::{Placement, advance};
 
 use super::Direction;
 use super::explicit::{Held, Touched, explicit};
@@ -43,12 +45,18 @@ pub trait Chunk {
     );
     /// Do numbers change the values of the rows?
     fn touches_rows(&self) -> bool;
-    /// Phi of position rows, J v + Phi_t times a factor of velocity rows.
+    /// Phi of position rows, J v + Phi_t times a factor of velocity rows, in place of what is there.
     fn closure(&self, at: Moving<'_>, factor: f64, out: &mut DMatrix<f64>);
     /// J v + Phi_t.
     fn row_rates(&self, at: Moving<'_>, out: &mut DMatrix<f64>);
-    /// J a + gamma.
-    fn row_accelerations(&self, at: Moving<'_>, a: (&[f64], &DMatrix<f64>), out: &mut DMatrix<f64>);
+    /// J a + gamma; `placed`: configuration and increments are those of the last `row_rates`.
+    fn row_accelerations(
+        &self,
+        at: Moving<'_>,
+        a: (&[f64], &DMatrix<f64>),
+        placed: bool,
+        out: &mut DMatrix<f64>,
+    );
     fn remember(&self, at: Moving<'_>, out: &mut DMatrix<f64>, counts: &mut Counts);
     /// Derivatives of quantities, to `out` with (number, column).
     fn read(
@@ -67,7 +75,11 @@ struct Lanes<'a, const N: usize> {
     touched: Touched,
     first: usize,
     used: usize,
+    /// where all is at the end of the step
+    placed: RefCell<Option<Placed<N>>>,
 }
+
+type Placed<const N: usize> = (Motion<Wide<f64, N>>, Placement<Wide<f64, N>>);
 
 /// Directions of a chunk at most.
 pub const WIDEST: usize = 8;
@@ -123,6 +135,7 @@ impl<'a, const N: usize> Lanes<'a, N> {
             jets,
             first,
             used: directions.len(),
+            placed: RefCell::default(),
         }
     }
 
@@ -201,21 +214,38 @@ impl<const N: usize> Chunk for Lanes<'_, N> {
     }
 
     fn closure(&self, at: Moving<'_>, factor: f64, out: &mut DMatrix<f64>) {
+        out.columns_mut(self.first, self.used).fill(0.0);
         self.add(&closure_values(&self.eq, &self.moving(at), factor), out);
     }
 
     fn row_rates(&self, at: Moving<'_>, out: &mut DMatrix<f64>) {
-        self.add(&self.eq.row_rates(&self.moving(at)), out);
+        let m = self.moving(at);
+        let placement = self.eq.place(&m);
+        self.add(&self.eq.row_rates_at(&m, &placement), out);
+        *self.placed.borrow_mut() = Some((m, placement));
     }
 
     fn row_accelerations(
         &self,
         at: Moving<'_>,
         (a, da): (&[f64], &DMatrix<f64>),
+        placed: bool,
         out: &mut DMatrix<f64>,
     ) {
         let a = self.with(a, da);
-        self.add(&self.eq.row_accelerations(&self.moving(at), &a), out);
+        let (m, placement) = match self.placed.take().filter(|_| placed) {
+            Some((mut m, placement)) => {
+                m.rate = self.with(&at.motion.rate, at.v);
+                let at = placement.at_rates(self.eq.topology(), &self.eq.geometry, &m.rate);
+                (m, at)
+            }
+            None => {
+                let m = self.moving(at);
+                let placement = self.eq.place(&m);
+                (m, placement)
+            }
+        };
+        self.add(&self.eq.row_accelerations(&m, &placement, &a), out);
     }
 
     fn remember(&self, at: Moving<'_>, out: &mut DMatrix<f64>, counts: &mut Counts) {

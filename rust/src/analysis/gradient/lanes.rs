@@ -41,6 +41,7 @@ impl<T: Real, const N: usize> Wide<T, N> {
         self.eps.iter().all(T::is_zero)
     }
 
+    #[inline]
     fn chain(self, re: T, slope: T) -> Self {
         Wide {
             re,
@@ -48,6 +49,7 @@ impl<T: Real, const N: usize> Wide<T, N> {
         }
     }
 
+    #[inline]
     fn chain_two(self, other: Self, re: T, [a, b]: [T; 2]) -> Self {
         Wide {
             re,
@@ -80,6 +82,7 @@ pub fn geometry_over<U: Real, const N: usize>(g: &Geometry<Wide<f64, N>>) -> Geo
 
 impl<T: Real, const N: usize> Add for Wide<T, N> {
     type Output = Self;
+    #[inline]
     fn add(mut self, o: Self) -> Self {
         self += o;
         self
@@ -88,6 +91,7 @@ impl<T: Real, const N: usize> Add for Wide<T, N> {
 
 impl<T: Real, const N: usize> Sub for Wide<T, N> {
     type Output = Self;
+    #[inline]
     fn sub(mut self, o: Self) -> Self {
         self -= o;
         self
@@ -96,6 +100,7 @@ impl<T: Real, const N: usize> Sub for Wide<T, N> {
 
 impl<T: Real, const N: usize> Mul for Wide<T, N> {
     type Output = Self;
+    #[inline]
     fn mul(self, o: Self) -> Self {
         self.chain_two(o, self.re * o.re, [o.re, self.re])
     }
@@ -119,6 +124,7 @@ impl<T: Real, const N: usize> Rem for Wide<T, N> {
 }
 
 impl<T: Real, const N: usize> AddAssign for Wide<T, N> {
+    #[inline]
     fn add_assign(&mut self, o: Self) {
         self.re += o.re;
         for (d, e) in self.eps.iter_mut().zip(o.eps) {
@@ -128,6 +134,7 @@ impl<T: Real, const N: usize> AddAssign for Wide<T, N> {
 }
 
 impl<T: Real, const N: usize> SubAssign for Wide<T, N> {
+    #[inline]
     fn sub_assign(&mut self, o: Self) {
         self.re -= o.re;
         for (d, e) in self.eps.iter_mut().zip(o.eps) {
@@ -138,6 +145,7 @@ impl<T: Real, const N: usize> SubAssign for Wide<T, N> {
 
 impl<T: Real, const N: usize> Neg for Wide<T, N> {
     type Output = Self;
+    #[inline]
     fn neg(self) -> Self {
         Wide {
             re: -self.re,
@@ -164,6 +172,7 @@ impl<T: Real, const N: usize> Sub<f64> for Wide<T, N> {
 
 impl<T: Real, const N: usize> Mul<f64> for Wide<T, N> {
     type Output = Self;
+    #[inline]
     fn mul(self, o: f64) -> Self {
         Wide {
             re: self.re * o,

@@ -301,14 +301,21 @@ impl<'a, T: Real> Equations<'a, T> {
 
     /// J v + Phi_t.
     pub fn row_rates(&self, m: &Motion<T>) -> DVector<T> {
-        let placement = self.place(m);
-        self.scene(m, &placement, None).row_rates() + self.explicit_rates(m).0
+        self.row_rates_at(m, &self.place(m))
+    }
+
+    pub fn row_rates_at(&self, m: &Motion<T>, placement: &Placement<T>) -> DVector<T> {
+        self.scene(m, placement, None).row_rates() + self.explicit_rates(m).0
     }
 
     /// J a + gamma, without ever forming J.
-    pub fn row_accelerations(&self, m: &Motion<T>, a: &[T]) -> DVector<T> {
-        let placement = self.place(m);
-        let scene = self.scene(m, &placement, Some(a));
+    pub fn row_accelerations(
+        &self,
+        m: &Motion<T>,
+        placement: &Placement<T>,
+        a: &[T],
+    ) -> DVector<T> {
+        let scene = self.scene(m, placement, Some(a));
         scene.row_bias(&scene.free_accelerations()) + self.explicit_rates(m).1
     }
 
