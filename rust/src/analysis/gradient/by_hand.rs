@@ -2,14 +2,15 @@
 use num_dual::Dual64;
 
 use crate::analysis::transient::ali3p::{Weight, lifted};
-use crate::analysis::transient::{Equations, Instant, Motion};
+use crate::analysis::transient::{Equations, Motion};
 use crate::model::geometry::Geometry;
 use crate::model::motion::MotionLaw;
 use crate::spatial::Pose;
 use crate::system::topology::Level;
 
 use super::increments::add_small_move;
-use super::power::{Forces, Power, Slopes, knows};
+use super::power::{Forces, Power, Slopes};
+use super::recorder::whole_geometry;
 use super::tape::{Taped, backwards, clear, leaf};
 
 /// Derivatives by tree increments, rates, accelerations and memories.
@@ -29,21 +30,22 @@ struct Along<'a> {
 }
 
 pub struct ByHand<'a> {
-    eq: &'a Equations<'a, f64>,
+    eq: Equations<'a, f64>,
     dual: Equations<'a, Dual64>,
     plain: Slopes<f64>,
     along: Slopes<Dual64>,
 }
 
 impl<'a> ByHand<'a> {
-    /// None where the scene holds something that the virtual power does not know.
-    pub fn new(eq: &'a Equations<'a, f64>) -> Option<Self> {
-        knows(eq).then(|| ByHand {
+    pub fn new(eq: &Equations<'a, f64>) -> Self {
+        let (x, geometry) = (eq.x.clone(), whole_geometry(eq));
+        let eq = Equations::with_geometry(eq.system, x, geometry, eq.effects);
+        ByHand {
+            dual: lifted(&eq),
+            plain: Slopes::none(&eq),
+            along: Slopes::none(&eq),
             eq,
-            dual: lifted(eq),
-            plain: Slopes::none(eq),
-            along: Slopes::none(eq),
-        })
+        }
     }
 
     /// -u.r - w.(rows), r with multipliers, times f; rows on velocity level times `speed`.
@@ -70,7 +72,7 @@ impl<'a> ByHand<'a> {
         };
         let kappa: Vec<f64> = lam.iter().map(|l| -f * l).collect();
         let power = Power {
-            eq: self.eq,
+            eq: &self.eq,
             motion: m,
             acceleration: a,
             rates: u,
@@ -88,7 +90,7 @@ impl<'a> ByHand<'a> {
     pub fn row_rates(&mut self, m: &Motion<f64>, w: &[f64]) -> Vec<f64> {
         let beta: Vec<f64> = w.iter().map(|w| -w).collect();
         let power = Power {
-            eq: self.eq,
+            eq: &self.eq,
             motion: m,
             acceleration: &[],
             rates: &[],
@@ -103,15 +105,14 @@ impl<'a> ByHand<'a> {
     }
 
     /// -w.(J a + gamma) by configuration and rates: J v + Phi_t in the direction of the motion.
-    pub fn row_bias(&mut self, at: &Instant, w: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let (v, a) = (&at.motion.rate, &at.acceleration);
+    pub fn row_bias(&mut self, m: &Motion<f64>, a: &[f64], w: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let along = Along {
-            increment: v,
+            increment: &m.rate,
             rate: a,
             factors: [1.0, 1.0],
         };
         let beta: Vec<_> = w.iter().map(|w| Dual64::from(-w)).collect();
-        let moved = self.moved(&at.motion, &along);
+        let moved = self.moved(m, &along);
         let power = Power {
             eq: &self.dual,
             motion: &moved,
@@ -124,7 +125,7 @@ impl<'a> ByHand<'a> {
             kappa: &[],
         };
         power.back(&mut self.along);
-        let mut found = self.along_found(at.motion.t, &along, true);
+        let mut found = self.along_found(m.t, &along, true);
         // the direction is that of the rates
         for (d, q) in found.rate.iter_mut().zip(&self.along.q) {
             *d += q.re;
@@ -173,7 +174,7 @@ impl<'a> ByHand<'a> {
     pub fn mass(&mut self, m: &Motion<f64>, (d, y): (&[f64], &[f64]), u: &[f64]) -> Found {
         let kappa: Vec<f64> = y.iter().map(|y| -y).collect();
         let power = Power {
-            eq: self.eq,
+            eq: &self.eq,
             motion: m,
             acceleration: d,
             rates: u,
@@ -219,7 +220,7 @@ impl<'a> ByHand<'a> {
             .iter()
             .map(|[v, d]| [*v, *d, 0.0])
             .collect();
-        motions_back(self.eq, t, &by, &mut self.plain.geometry);
+        motions_back(&self.eq, t, &by, &mut self.plain.geometry);
         Found {
             q: self.plain.q.clone(),
             rate: self.plain.rate.clone(),
@@ -239,7 +240,7 @@ impl<'a> ByHand<'a> {
             .iter()
             .map(|d| along.factors[0] * d)
             .collect();
-        add_small_move(self.eq, &theta, &values, &mut q);
+        add_small_move(&self.eq, &theta, &values, &mut q);
         let run = if timed { 1.0 } else { 0.0 };
         let by = |[v, d]: &[Dual64; 2]| [v.eps, run * v.re + d.eps, run * d.re];
         let by: Vec<_> = found.motions.iter().map(by).collect();
@@ -249,7 +250,7 @@ impl<'a> ByHand<'a> {
             acceleration: of(&found.acceleration),
             memory: of(&found.memory),
         };
-        motions_back(self.eq, t, &by, &mut self.plain.geometry);
+        motions_back(&self.eq, t, &by, &mut self.plain.geometry);
         found
     }
 

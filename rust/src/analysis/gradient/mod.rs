@@ -13,14 +13,13 @@
 //! | `alpha` | a step of generalised-alpha as equations |
 //! | `lanes`, `direct` | all directions along with the motion |
 //! | `adjoint` | the steps backwards, with checkpoints |
-//! | `adjoint_ali3p`, `by_hand`, `increments` | a step backwards by hand |
-//! | `power`, `power_tree`, `power_links` | the virtual power and its derivative by everything |
-//! | `adjoint_taped`, `adjoint_alpha`, `recorder` | a step backwards on the tape |
+//! | `adjoint_ali3p`, `adjoint_alpha`, `by_hand`, `increments` | a step backwards |
+//! | `power`, `power_tree`, `power_links`, `power_flexible` | the virtual power and its derivative by everything |
+//! | `recorder` | quantities, memories and the geometry backwards, on the tape |
 //! | `tape` | numbers that remember where they come from |
 pub mod adjoint;
 mod adjoint_ali3p;
 mod adjoint_alpha;
-mod adjoint_taped;
 mod alpha;
 mod by_hand;
 pub mod direct;
@@ -29,6 +28,7 @@ pub mod kinks;
 mod lanes;
 pub mod march;
 mod power;
+mod power_flexible;
 mod power_links;
 mod power_tree;
 pub mod quantity;

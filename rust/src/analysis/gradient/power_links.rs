@@ -18,7 +18,8 @@ use crate::system::placement::Placement;
 use crate::system::rows::continued;
 use crate::system::topology::{BoundLaw, Connector, ConstraintRow, Natural, Owner, Purpose};
 
-use super::power::{Power, Slopes};
+use super::power::{Columns, Power, Slopes};
+use super::power_flexible::OnTape;
 use super::power_tree::{Bodies, Twists, body_rotation, marker_back};
 
 /// Derivatives of P by a coordinate, its rate and its virtual rate.
@@ -81,7 +82,7 @@ impl<T: Real> Link<T> {
     }
 }
 
-impl<T: Real> Power<'_, '_, T> {
+impl<T: OnTape> Power<'_, '_, T> {
     fn link(
         &self,
         at: &Placement<T>,
@@ -170,7 +171,10 @@ impl<T: Real> Power<'_, '_, T> {
                 laws: true,
                 ..self.eq.effects.wanted()
             };
-            let made = response(c, &self.eq.x, &self.motion.memory, &e, Some(&rates), wanted);
+            let mut made = response(c, &self.eq.x, &self.motion.memory, &e, Some(&rates), wanted);
+            if !wanted.damping {
+                self.add_slopes_by_rate(c, &e, &rates, wanted, &mut made.c);
+            }
             let of = |slopes: &[[T; 6]; 6], j: usize| {
                 virtual_
                     .iter()
@@ -187,6 +191,26 @@ impl<T: Real> Power<'_, '_, T> {
             self.natural_back(c, entries[0].by[0], out);
             self.numbers_back(c, &e, &rates, &virtual_, wanted, out);
             self.link_back(at, &link, &entries, bodies, out);
+        }
+    }
+
+    /// Without damping slopes by rates are not made, but a law still feels them.
+    fn add_slopes_by_rate(
+        &self,
+        c: &Connector,
+        e: &[T],
+        v: &[T],
+        wanted: Wanted,
+        onto: &mut [[T; 6]; 6],
+    ) {
+        let feels = |l: &&BoundLaw| wanted.law(l.law) && l.law.uses_velocity();
+        for bound in c.laws.iter().filter(feels) {
+            let (law, i) = (bound.law, bound.component);
+            let numbers = &self.eq.x[bound.x..bound.x + law.n_params()];
+            let p: Vec<_> = numbers.iter().map(|v| Dual::from_re(*v)).collect();
+            let rate = Dual::new(v[i], T::one());
+            // no law feels its rate and remembers
+            onto[i][i] += law.force(Dual::from_re(e[i]), rate, &p, &[], &mut []).eps;
         }
     }
 
@@ -376,12 +400,17 @@ impl<T: Real> Power<'_, '_, T> {
         &self,
         at: &Placement<T>,
         twists: &Twists<T>,
+        columns: &Columns<T>,
         bodies: &mut Bodies<T>,
         out: &mut Slopes<T>,
     ) {
         let topology = self.eq.topology();
         let f = T::from(-self.factor);
         for (load, spec) in topology.tables.loads.iter().enumerate() {
+            if spec.mode.is_some() {
+                self.modal_load_back(load, columns, out);
+                continue;
+            }
             let n = topology.node_of_body[spec.body];
             let r = &at.pose[n].r;
             let (local, value) = load_parts(topology, &self.eq.geometry, load, self.motion.t);
@@ -424,7 +453,7 @@ impl<T: Real> Power<'_, '_, T> {
     }
 
     /// Motions add to a load in the drawn world; a follower carries the sum along from there.
-    fn load_motions_back(&self, load: usize, by_value: &V3<T>, out: &mut Slopes<T>) {
+    pub fn load_motions_back(&self, load: usize, by_value: &V3<T>, out: &mut Slopes<T>) {
         let (tables, geometry) = (&self.eq.topology().tables, &self.eq.geometry);
         let spec = &tables.loads[load];
         let drawn: M3<T> = match spec.follower {
