@@ -10,7 +10,6 @@ use crate::system::topology::Level;
 
 use super::increments::add_small_move;
 use super::power::{Forces, Power, Slopes};
-use super::recorder::whole_geometry;
 use super::tape::{Taped, backwards, clear, leaf};
 
 /// Derivatives by tree increments, rates, accelerations and memories.
@@ -30,21 +29,19 @@ struct Along<'a> {
 }
 
 pub struct ByHand<'a> {
-    eq: Equations<'a, f64>,
+    eq: &'a Equations<'a, f64>,
     dual: Equations<'a, Dual64>,
     plain: Slopes<f64>,
     along: Slopes<Dual64>,
 }
 
 impl<'a> ByHand<'a> {
-    pub fn new(eq: &Equations<'a, f64>) -> Self {
-        let (x, geometry) = (eq.x.clone(), whole_geometry(eq));
-        let eq = Equations::with_geometry(eq.system, x, geometry, eq.effects);
+    pub fn new(eq: &'a Equations<'a, f64>) -> Self {
         ByHand {
-            dual: lifted(&eq),
-            plain: Slopes::none(&eq),
-            along: Slopes::none(&eq),
             eq,
+            dual: lifted(eq),
+            plain: Slopes::none(eq),
+            along: Slopes::none(eq),
         }
     }
 
@@ -72,7 +69,7 @@ impl<'a> ByHand<'a> {
         };
         let kappa: Vec<f64> = lam.iter().map(|l| -f * l).collect();
         let power = Power {
-            eq: &self.eq,
+            eq: self.eq,
             motion: m,
             acceleration: a,
             rates: u,
@@ -90,7 +87,7 @@ impl<'a> ByHand<'a> {
     pub fn row_rates(&mut self, m: &Motion<f64>, w: &[f64]) -> Vec<f64> {
         let beta: Vec<f64> = w.iter().map(|w| -w).collect();
         let power = Power {
-            eq: &self.eq,
+            eq: self.eq,
             motion: m,
             acceleration: &[],
             rates: &[],
@@ -174,7 +171,7 @@ impl<'a> ByHand<'a> {
     pub fn mass(&mut self, m: &Motion<f64>, (d, y): (&[f64], &[f64]), u: &[f64]) -> Found {
         let kappa: Vec<f64> = y.iter().map(|y| -y).collect();
         let power = Power {
-            eq: &self.eq,
+            eq: self.eq,
             motion: m,
             acceleration: d,
             rates: u,
@@ -220,7 +217,7 @@ impl<'a> ByHand<'a> {
             .iter()
             .map(|[v, d]| [*v, *d, 0.0])
             .collect();
-        motions_back(&self.eq, t, &by, &mut self.plain.geometry);
+        motions_back(self.eq, t, &by, &mut self.plain.geometry);
         Found {
             q: self.plain.q.clone(),
             rate: self.plain.rate.clone(),
@@ -240,7 +237,7 @@ impl<'a> ByHand<'a> {
             .iter()
             .map(|d| along.factors[0] * d)
             .collect();
-        add_small_move(&self.eq, &theta, &values, &mut q);
+        add_small_move(self.eq, &theta, &values, &mut q);
         let run = if timed { 1.0 } else { 0.0 };
         let by = |[v, d]: &[Dual64; 2]| [v.eps, run * v.re + d.eps, run * d.re];
         let by: Vec<_> = found.motions.iter().map(by).collect();
@@ -250,7 +247,7 @@ impl<'a> ByHand<'a> {
             acceleration: of(&found.acceleration),
             memory: of(&found.memory),
         };
-        motions_back(&self.eq, t, &by, &mut self.plain.geometry);
+        motions_back(self.eq, t, &by, &mut self.plain.geometry);
         found
     }
 

@@ -95,8 +95,8 @@ impl<N: Real> Body<'_, N> {
                 if elastic {
                     f += self.geometry.k[k * m + l] * self.q[l];
                 }
-                if let (true, Some(c)) = (damped, self.geometry.c.get(k * m + l)) {
-                    f += *c * self.rate[l];
+                if damped {
+                    f += self.geometry.c[k * m + l] * self.rate[l];
                 }
             }
             sum += self.virtual_[k] * f;

@@ -1,6 +1,5 @@
 //! What objectives read and laws remember on the tape: which numbers are leaves, and where their derivatives go.
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use num_dual::Dual64;
 
 use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::Result;
@@ -71,7 +70,6 @@ pub struct Leaves {
 /// The model on the tape: numbers and what is derived from them are leaves, so that the geometry is derived once, at the end.
 pub struct Recorder<'a> {
     pub eq: &'a Equations<'a, f64>,
-    geometry: Geometry<f64>,
     n_x: usize,
     n_geometry: usize,
     /// adjoints of numbers and of the geometry, summed over all steps
@@ -82,16 +80,14 @@ pub struct Recorder<'a> {
 
 impl<'a> Recorder<'a> {
     pub fn new(eq: &'a Equations<'a, f64>) -> Self {
-        let geometry = whole_geometry(eq);
         let mut n_geometry = 0;
-        let _ = geometry.map(|v: f64| {
+        let _ = eq.geometry.map(|v: f64| {
             n_geometry += 1;
             v
         });
         let n_x = eq.x.len();
         Recorder {
             eq,
-            geometry,
             n_x,
             n_geometry,
             numbers: vec![0.0; n_x + n_geometry],
@@ -102,7 +98,7 @@ impl<'a> Recorder<'a> {
     fn begin(&self) -> Equations<'a, Taped> {
         clear();
         let x = self.eq.x.iter().map(|v| leaf(*v)).collect();
-        let geometry = self.geometry.map(leaf);
+        let geometry = self.eq.geometry.map(leaf);
         Equations::with_geometry(self.eq.system, x, geometry, self.eq.effects)
     }
 
@@ -178,12 +174,6 @@ impl<'a> Recorder<'a> {
         add(&mut out, &all[..self.n_x]);
         out
     }
-}
-
-/// The geometry with all that a derivative has places for: dampings that are zero, too.
-pub fn whole_geometry(eq: &Equations<'_, f64>) -> Geometry<f64> {
-    let x: Vec<Dual64> = eq.x.iter().map(|v| Dual64::from(*v)).collect();
-    Geometry::derive(&eq.topology().tables, &x).map(|v: Dual64| v.re)
 }
 
 fn twelve(p: &Pose<f64>) -> [f64; 12] {
