@@ -14,7 +14,7 @@
 //! | `lanes`, `direct` | all directions along with the motion |
 //! | `adjoint` | the steps backwards, with checkpoints |
 //! | `adjoint_ali3p`, `adjoint_alpha`, `by_hand`, `increments` | a step backwards |
-//! | `power`, `power_tree`, `power_links`, `power_flexible` | the virtual power and its derivative by everything |
+//! | `power`, `power_tree`, `power_links`, `power_loads`, `power_flexible` | the virtual power and its derivative by everything |
 //! | `recorder` | quantities, memories and the geometry backwards, on the tape |
 //! | `tape` | numbers that remember where they come from |
 pub mod adjoint;
@@ -30,6 +30,7 @@ pub mod march;
 mod power;
 mod power_flexible;
 mod power_links;
+mod power_loads;
 mod power_tree;
 pub mod quantity;
 mod reactions;

@@ -234,17 +234,4 @@ impl<T: OnTape> Power<'_, '_, T> {
             }
         }
     }
-
-    /// A load on a modal coordinate.
-    pub fn modal_load_back(&self, load: usize, columns: &Columns<T>, out: &mut Slopes<T>) {
-        let topology = self.eq.topology();
-        let spec = &topology.tables.loads[load];
-        let coordinate = spec
-            .mode
-            .and_then(|k| topology.modal_coordinate(spec.body, k));
-        let Some(i) = coordinate else { return };
-        let by = V3::new(columns.virtual_[i] * -self.factor, T::zero(), T::zero());
-        out.geometry.loads[load].1 += by;
-        self.load_motions_back(load, &by, out);
-    }
 }
