@@ -59,19 +59,7 @@ impl<T: Real> Load<T> {
     }
 }
 
-/// h^2 b r.
-pub fn balance<T: Real>(
-    eq: &Equations<'_, T>,
-    p: Parameters,
-    m: &Motion<T>,
-    s1: &[T],
-    lam: &[T],
-    h: f64,
-    counts: &mut Counts,
-) -> DVector<T> {
-    eq.residual(m, s1, lam, counts) * T::from(h * h * p.slopes().0)
-}
-
+/// What keeps the loops closed, in the units of the step.
 pub fn closure<T: Real>(eq: &Equations<'_, T>, p: Parameters, m: &Motion<T>, h: f64) -> DVector<T> {
     let (b, g) = p.slopes();
     closure_by(eq, m, h * b / g)

@@ -14,14 +14,13 @@
 //! | `direct`, `along`, `slopes` | all directions along with the motion, by the tangents of its steps |
 //! | `chunk`, `explicit`, `lanes` | what tangents do not give: by the numbers themselves, in several directions at once |
 //! | `adjoint` | the steps backwards, with checkpoints |
-//! | `adjoint_ali3p`, `by_hand`, `increments` | a step backwards by hand |
-//! | `power`, `power_tree`, `power_links` | the virtual power and its derivative by everything |
-//! | `adjoint_taped`, `adjoint_alpha`, `recorder` | a step backwards on the tape |
+//! | `adjoint_ali3p`, `adjoint_alpha`, `by_hand`, `increments` | a step backwards |
+//! | `power`, `power_tree`, `power_links`, `power_loads`, `power_flexible` | the virtual power and its derivative by everything |
+//! | `recorder` | quantities, memories and the geometry backwards, on the tape |
 //! | `tape` | numbers that remember where they come from |
 pub mod adjoint;
 mod adjoint_ali3p;
 mod adjoint_alpha;
-mod adjoint_taped;
 mod along;
 mod alpha;
 mod by_hand;
@@ -33,7 +32,9 @@ pub mod kinks;
 mod lanes;
 pub mod march;
 mod power;
+mod power_flexible;
 mod power_links;
+mod power_loads;
 mod power_tree;
 pub mod quantity;
 mod reactions;
