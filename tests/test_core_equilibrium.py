@@ -35,7 +35,7 @@ def test_a_rod_drawn_level_falls_and_hangs():
 
 def test_an_inverted_rod_is_in_balance_but_unstable():
     p = problems.inverted_rod()
-    with pytest.warns(mb.MbrsWarning, match="'inverted rod' is unstable"):
+    with pytest.warns(mb.MbrsWarning, match="'inverted rod' is unstable: it started in balance already"):
         eq = mb.equilibrium(p.model)
     assert not eq.stable and "UNSTABLE" in str(eq)
     np.testing.assert_allclose(eq.position("rod"), (0, 0.5, 0), atol=1e-14)
@@ -157,6 +157,21 @@ def test_a_straight_column_above_its_load_is_unstable():
         else:
             with pytest.warns(mb.MbrsWarning, match="unstable"):
                 assert not mb.equilibrium(m).stable
+
+
+def test_an_unstable_end_of_a_search_is_not_called_a_balanced_start():
+    """Two links under a force along the second and a small one across: the search ends off the drawn pose, unstable."""
+    m = mb.Model("pushed column")
+    a, b = problems.rod(m, "a", (0.5, 0, 0), 1.0), problems.rod(m, "b", (1.5, 0, 0), 1.0)
+    m.revolute("base", m.ground, a, at=(0, 0, 0), axis="z", k=10.0)
+    m.revolute("middle", a, b, at=(1, 0, 0), axis="z", k=10.0)
+    m.force("push", b, at=(2, 0, 0), value=(-30.0, 0, 0), frame="body")
+    m.force("side", b, at=(2, 0, 0), value=(0, 0.01, 0))
+    with pytest.warns(mb.MbrsWarning, match="is unstable: the search ended there") as said:
+        eq = mb.equilibrium(m)
+    moved = abs(eq.position("b")[1])
+    print(f"moved by {moved:.1e} m in {eq.iterations} iterations; {said[0].message}")
+    assert not eq.stable and eq.iterations > 0 and moved > 1e-4 and eq.residual < 1e-12
 
 
 def test_a_follower_force_bends_until_the_moments_balance():

@@ -358,3 +358,82 @@ def test_steps_end_where_sliders_turn(rtol):
         f"rtol {rtol:.0e}: {error:.1e} m, {traj.stats.counts['turns of sliders']} turns met, {len(traj.steps) - 1} steps"
     )
     assert traj.stats.counts["turns of sliders"] > 10 and error < 5 * rtol + 1e-9
+
+
+def test_one_output_and_loaded_motions_have_their_error(tmp_path):
+    import pickle
+
+    one = mb.simulate(pendulum(), [1.0])
+    assert 0 < one.error < 1e-5
+    traj = mb.simulate(pendulum(), 0.5)
+    path = traj.save(tmp_path / "run.pickle")  # not asked for before
+    assert pickle.loads(path.read_bytes()).error == traj.error > 0
+    assert mb.simulate(pendulum(), [0.0]).error == 0.0
+
+
+@pytest.mark.parametrize("t", [np.nan, np.inf, "late", [], None])
+def test_a_state_at_no_time(t):
+    traj = mb.simulate(pendulum(), 0.1)
+    if t is None:
+        assert traj.state(t).t == traj.t[-1]
+        return
+    with pytest.raises(ModelError, match="no output time"):
+        traj.state(t)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (dict(t=1.0, method=np.array(["bdf", "explicit"])), "method="),
+        (dict(t=1.0, max_steps=2.5), "max_steps= must be a whole number"),
+        (dict(t=1.0, max_steps=True), "max_steps="),
+        (dict(t=0.1, step=0.01, parameters=5), "parameters="),
+    ],
+)
+def test_more_wrong_arguments_are_named(arguments, says):
+    with pytest.raises(ModelError, match=says):
+        mb.simulate(pendulum(), **arguments)
+
+
+def test_names_of_wrong_types_are_named():
+    traj = mb.simulate(pendulum(), 0.1)
+    for ask in (traj.position, traj.joint, traj.reaction, traj.point, traj.drive_force, traj.modal):
+        for name in ([1], {}, 3, None):
+            with pytest.raises(NameNotFoundError):
+                ask(name)
+    with pytest.raises(ModelError, match="three finite numbers"):
+        traj.point("abc", of="rod")
+    with pytest.raises(ModelError, match="of="):
+        traj.plot("positions", of=3)
+
+
+def test_labelled_data_hold_reactions_energies_and_powers(tmp_path):
+    xarray = pytest.importorskip("xarray")
+    traj = mb.simulate(pendulum(k=20.0, c=0.1), 0.3)
+    data = traj.to_xarray()
+    assert np.array_equal(data["reaction"].sel(joint="hinge"), traj.reaction("hinge"))
+    assert np.array_equal(data["power"].sel(element="hinge"), traj.energy.power["hinge"])
+    assert np.array_equal(data["stored"].sel(element="hinge"), traj.energy.stored["hinge"])
+    assert np.array_equal(data["gravity"], traj.energy.gravity)
+    m = zoo.SMOOTH["swing"]().model
+    driven, name = mb.simulate(m, [0.0, 0.1]), m.drives[0].name
+    assert np.array_equal(driven.to_xarray()["drive force"].sel(drive=name), driven.drive_force(name))
+    driven.save(tmp_path / "run.nc")
+    assert "reaction" in xarray.open_dataset(tmp_path / "run.nc")
+    free = mb.simulate(zoo.free_body().model, [0.0, 0.1]).to_xarray()
+    assert "reaction" not in free and "power" not in free
+
+
+def test_power_of_all_elements_and_loads_is_the_change_of_energy():
+    """Forces and torques, following or not, at the centre or off it, beside springs and dampers."""
+    m = pendulum(k=4.0, c=0.1)
+    m.force("pull", "rod", at=(1, 0, 0), value=(3.0, 0.0, mb.Sine(5.0, 4.0)))
+    m.force("jet", "rod", at=(0.8, 0, 0), value=(1.0, 0.0, 2.0), frame="body")
+    m.torque("motor", "rod", value=(0, lambda t: np.cos(t), 0))
+    traj = mb.simulate(m, np.linspace(0, 1, 2001), rtol=1e-10)
+    assert list(traj.energy.power) == ["hinge", "pull", "jet", "motor"] and list(traj.energy.stored) == ["hinge"]
+    taken = {name: simpson(p, x=traj.t) for name, p in traj.energy.power.items()}
+    mechanical = traj.energy.kinetic + traj.energy.gravity
+    print(taken, mechanical[0] - mechanical[-1])
+    assert min(abs(w) for w in taken.values()) > 1e-2
+    assert sum(taken.values()) == pytest.approx(mechanical[0] - mechanical[-1], rel=1e-7)

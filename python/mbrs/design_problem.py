@@ -127,11 +127,12 @@ class Optimum(Result):
     violation: np.ndarray
 
     def __str__(self) -> str:
+        from .parameter_units import unit_note
         from .report import table
 
         rows = list(zip(self.labels, self.units, self.x, strict=True))
         title = f"objective {self.value:.6g} after {len(self.history)} evaluations: {self.status} ({self.message})"
-        return table(["parameter", "unit", "value"], rows, title=title)
+        return table(["parameter", "unit", "value"], rows, title=title, footer=unit_note(self.labels, self.units))
 
     __repr__ = __str__
 

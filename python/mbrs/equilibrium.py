@@ -151,7 +151,8 @@ def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equ
 
     Newton with steps along |K|^-1, each shortened until the force along it, or the next step (P. Deuflhard's natural test),
     has become smaller; after many shortened steps descent in energy by trust regions with second-order
-    corrections; dynamic relaxation where that stalls. It ends at a stable equilibrium unless the start is in balance already.
+    corrections; dynamic relaxation where that stalls. It ends at a stable equilibrium unless the start is in balance already
+    or forces have no potential (those that follow a body), where a warning says if it is not.
 
     Parameters
     ----------
@@ -213,10 +214,13 @@ def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equ
 def _equilibrium(snapshot: Snapshot, r: dict[str, Any], without: tuple[str, ...], start: float) -> Equilibrium:
     state = State(r["relative"], AT_REST, "equilibrium")
     if not r["stable"]:
+        why = (
+            "the search ended there; start it elsewhere with at= to find another"
+            if r["iterations"]
+            else "it started in balance already; draw it slightly off to let it fall to a stable one"
+        )
         warnings.warn(
-            f"the equilibrium of {snapshot.model.name!r} is unstable: the drawn state was in balance already; draw "
-            f"it slightly "
-            "off to let it fall to a stable one",
+            f"the equilibrium of {snapshot.model.name!r} is unstable: {why}",
             MbrsWarning,
             stacklevel=3,
         )

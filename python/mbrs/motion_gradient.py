@@ -61,6 +61,7 @@ class MotionGradient(Result):
         return iter((self.value, self.gradient))
 
     def __str__(self) -> str:
+        from .parameter_units import unit_note
         from .report import table
 
         flat = np.asarray(self.gradient).reshape(-1, len(self.labels))
@@ -68,7 +69,8 @@ class MotionGradient(Result):
         rows = [(label, unit, where, *flat[:, p]) for p, (label, unit, where) in enumerate(named)]
         names = ["gradient"] if np.ndim(self.value) == 0 else [f"gradient {i}" for i in range(len(flat))]
         value = f"{self.value:.9g}" if np.ndim(self.value) == 0 else ", ".join(f"{v:.9g}" for v in self.value)
-        return table(["parameter", "unit", "value", *names], rows, title=f"objective {value} ({self.stats.route})")
+        title, footer = f"objective {value} ({self.stats.route})", unit_note(self.labels, self.units)
+        return table(["parameter", "unit", "value", *names], rows, title=title, footer=footer)
 
     __repr__ = __str__
 
@@ -137,11 +139,13 @@ class MotionSensitivity(Result):
     units: tuple[str, ...]
 
     def __str__(self) -> str:
+        from .parameter_units import unit_note
         from .report import table
 
         flat = self.value.reshape(-1, len(self.labels))
         rows = [(label, unit, *flat[:, p]) for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))]
-        return table(["parameter", "unit", *("derivative" for _ in flat)], rows, title="objectives of a motion")
+        columns = ["parameter", "unit", *("derivative" for _ in flat)]
+        return table(columns, rows, title="objectives of a motion", footer=unit_note(self.labels, self.units))
 
     __repr__ = __str__
 

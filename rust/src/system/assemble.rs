@@ -53,7 +53,7 @@ impl Effects {
     };
 
     /// Which forces of connectors and loads act.
-    fn wanted(&self) -> Wanted {
+    pub(crate) fn wanted(&self) -> Wanted {
         Wanted {
             damping: self.damping,
             friction: self.friction,

@@ -13,6 +13,7 @@ use crate::model::tables::{BodyRef, ElementKind};
 use crate::spatial::{Map6, Pose, Real, Six, V3, absent, skew};
 use crate::system::connector_force::response;
 use crate::system::placement::{Placement, marker_pose};
+use crate::system::rows::turns;
 use crate::system::topology::{Connector, Natural, Owner, Topology};
 
 /// A wrench on b about the current place of p_B (world axes), the opposite on a; tangents where they were asked for.
@@ -88,7 +89,7 @@ impl Wanted {
         ..Wanted::FORCES
     };
 
-    pub(super) fn law(&self, law: Law) -> bool {
+    pub(crate) fn law(&self, law: Law) -> bool {
         match law {
             Law::CoulombTanh | Law::Jenkins | Law::Iwan { .. } => self.friction,
             Law::Gap | Law::GapBilateral | Law::Hertz => self.contact,
@@ -97,22 +98,23 @@ impl Wanted {
     }
 }
 
-fn pair_of<T: Real>(geometry: &Geometry<T>, owner: Owner) -> &MarkerPair<T> {
+pub(crate) fn pair_of<T: Real>(geometry: &Geometry<T>, owner: Owner) -> &MarkerPair<T> {
     match owner {
         Owner::Element(i) => &geometry.elements[i],
         Owner::Joint(i) => &geometry.joints[i],
     }
 }
 
-struct Local<T: Real> {
-    a: Pose<T>,
-    b: Pose<T>,
-    relative: Relative<T>,
+/// Two markers as they are, and how they move against each other.
+pub(crate) struct Local<T: Real> {
+    pub a: Pose<T>,
+    pub b: Pose<T>,
+    pub relative: Relative<T>,
     /// relative twist at p_B in the axes of A; None at rest
-    twist: Option<Six<T>>,
+    pub twist: Option<Six<T>>,
 }
 
-fn local<T: Real>(
+pub(crate) fn local<T: Real>(
     topology: &Topology,
     placement: &Placement<T>,
     a: BodyRef,
@@ -157,12 +159,24 @@ pub fn relative_of<T: Real>(
     }
 }
 
-/// Displacement and rate of every coordinate of a connector; rates are zero at rest.
+/// Displacement and rate of every coordinate of a connector, angles within half a turn; rates are zero at rest.
 pub fn motion_of<T: Real>(
     topology: &Topology,
     geometry: &Geometry<T>,
     placement: &Placement<T>,
     x: &[T],
+    connector: &Connector,
+) -> Vec<(T, T)> {
+    let numbers = Numbers { x, memory: &[] };
+    continued_motion_of(topology, geometry, placement, numbers, connector)
+}
+
+/// The same with angles on the turns nearest to those remembered.
+pub fn continued_motion_of<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    numbers: Numbers<'_, T>,
     connector: &Connector,
 ) -> Vec<(T, T)> {
     let here = local(
@@ -178,10 +192,25 @@ pub fn motion_of<T: Real>(
         .map(|c| here.relative.row(*c))
         .collect();
     let rate = |g: &Six<T>| here.twist.as_ref().map_or_else(T::zero, |v| g.dot(v));
-    let e = strains(connector, geometry, x, &here, &rows);
+    let e = strains(connector, geometry, numbers, &here, &rows);
     e.into_iter()
         .zip(&rows)
         .map(|(e, r)| (e, rate(&r.g)))
+        .collect()
+}
+
+/// Angles of a connector within half a turn, each with its place in the memory.
+pub(super) fn angles_of<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    connector: &Connector,
+) -> Vec<(usize, T)> {
+    let pair = pair_of(geometry, connector.owner);
+    let here = relative_of(topology, placement, connector.a, connector.b, pair);
+    let coordinates = connector.coordinates.iter().enumerate();
+    coordinates
+        .filter_map(|(i, c)| Some((connector.turn_of(i)?, here.row(*c).e)))
         .collect()
 }
 
@@ -202,7 +231,7 @@ pub fn interaction<T: Real>(
         .iter()
         .map(|c| here.relative.row(*c))
         .collect();
-    let e = strains(connector, geometry, numbers.x, &here, &rows);
+    let e = strains(connector, geometry, numbers, &here, &rows);
     let rates: Option<Vec<T>> = here
         .twist
         .as_ref()
@@ -284,7 +313,7 @@ pub fn coordinate_tangent(
         .map(|c| here.relative.row(*c))
         .collect();
     let gradients = rows.iter().map(|r| r.g.rotated(&here.a.r)).collect();
-    let e = strains(connector, geometry, numbers.x, &here, &rows);
+    let e = strains(connector, geometry, numbers, &here, &rows);
     let slopes = response(connector, numbers.x, numbers.memory, &e, None, wanted);
     CoordinateTangent {
         point: here.b.p,
@@ -355,15 +384,20 @@ pub fn collapsed<'t>(
 
 /// Displacements from the natural state. What is rounding of the places it is the difference of is exactly zero, so that a
 /// spring at its drawn length carries no force.
-fn strains<T: Real>(
+pub(crate) fn strains<T: Real>(
     connector: &Connector,
     geometry: &Geometry<T>,
-    x: &[T],
+    numbers: Numbers<'_, T>,
     here: &Local<T>,
     rows: &[Row<T>],
 ) -> Vec<T> {
     let mut all: Vec<T> = rows.iter().map(|r| r.e).collect();
-    offset_natural(connector, geometry, x, &mut all[0]);
+    for (i, e) in all.iter_mut().enumerate() {
+        if let Some(before) = connector.turn_of(i).and_then(|k| numbers.memory.get(k)) {
+            *e += T::from(turns(before.re() - e.re()));
+        }
+    }
+    offset_natural(connector, geometry, numbers.x, &mut all[0]);
     let far = |p: &V3<T>| p.iter().map(|v| v.re().abs()).fold(0.0, f64::max);
     let reach = far(&here.a.p) + far(&here.b.p) + far(&here.relative.u);
     for (e, coordinate) in all.iter_mut().zip(&connector.coordinates) {
@@ -491,6 +525,17 @@ pub fn modal_load<T: Real>(topology: &Topology, geometry: &Geometry<T>, load: us
     geometry.loads[load].1.x + varying(topology, geometry, load, t).x
 }
 
+/// Local point and value of a load at time t, the value in body axes of a follower and in those of the world otherwise.
+pub(crate) fn load_parts<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    load: usize,
+    t: f64,
+) -> (V3<T>, V3<T>) {
+    let (local, value) = &geometry.loads[load];
+    (*local, value + varying(topology, geometry, load, t))
+}
+
 /// A load: dead (constant in the world) or follower (carried along), as an interaction of ground with its body.
 pub fn load_interaction<T: Real>(
     topology: &Topology,
@@ -502,8 +547,7 @@ pub fn load_interaction<T: Real>(
 ) -> Interaction<T> {
     let spec = &topology.tables.loads[load];
     let pose = &placement.pose[topology.node_of_body[spec.body]];
-    let (local, value) = &geometry.loads[load];
-    let value = value + varying(topology, geometry, load, t);
+    let (local, value) = load_parts(topology, geometry, load, t);
     let value = if spec.follower { pose.r * value } else { value };
     let wrench = if spec.torque {
         Six::new(V3::zeros(), value)

@@ -87,6 +87,12 @@ impl System {
         times
     }
 
+    /// Times after `start` at which a table wakes after a quiet time.
+    pub fn wakes(&self, start: f64) -> Vec<f64> {
+        let all = self.geometry.motions.iter().flat_map(|m| m.wakes());
+        all.filter(|t| *t > start).collect()
+    }
+
     /// Bodies, then moving nodes of flexible ones.
     pub fn n_bodies(&self) -> usize {
         self.topology.nodes.len()

@@ -5,8 +5,8 @@
 //! drive     e - m(t) = 0,                       Phi_t = -m',  Phi_tt = -m"
 //! coupler   e_second - ratio e_first - offset = 0
 //! ```
-//! Angles of drives and couplers count whole turns: a drive takes the turn nearest to its motion, a coupler the one nearest to what
-//! it remembers. Rows of an effect that is left out are zero, which the rank-revealing factorisations take for redundant.
+//! Angles of drives and couplers count whole turns: a drive takes the turn nearest to its motion, a coupler (and a spring) the one
+//! nearest to what it remembers. Rows of an effect that is left out are zero, which the rank-revealing factorisations take for redundant.
 use nalgebra::{DMatrix, DVector};
 
 use crate::linalg::entries::Entries;
@@ -15,7 +15,7 @@ use crate::model::joint::{Coordinate, JointKind};
 use crate::model::tables::LENGTH_GIVEN;
 use crate::spatial::{Real, Six};
 use crate::system::assemble::{Effects, Scene};
-use crate::system::connector::{constraint_bias, constraint_rows};
+use crate::system::connector::{angles_of, constraint_bias, constraint_rows};
 use crate::system::flexible::FoldedRows;
 use crate::system::path::path;
 use crate::system::topology::{ConstraintRow, Level, Purpose, Topology};
@@ -27,7 +27,7 @@ pub struct Carried<T> {
     pub rows: Vec<(Coordinate, T)>,
 }
 
-fn turns(difference: f64) -> f64 {
+pub(super) fn turns(difference: f64) -> f64 {
     (difference / std::f64::consts::TAU).round() * std::f64::consts::TAU
 }
 
@@ -252,7 +252,7 @@ impl<T: Real> Scene<'_, T> {
             .collect()
     }
 
-    /// What couplers remember of this scene.
+    /// What couplers and springs of angles remember of this scene.
     pub fn remember_turns(&self, memory: &mut [T]) {
         let (topology, tables) = (self.topology, &self.topology.tables);
         for (c, spec) in tables.couplers.iter().enumerate() {
@@ -274,11 +274,19 @@ impl<T: Real> Scene<'_, T> {
                 }
             }
         }
+        for c in topology.connectors.iter().filter(|c| c.turns.is_some()) {
+            let found = angles_of(topology, self.geometry, self.placement, c);
+            for (slot, e) in found {
+                if let Some(place) = memory.get_mut(slot) {
+                    *place = e + turns(place.re() - e.re());
+                }
+            }
+        }
     }
 }
 
 /// An angle on the turn nearest to where it was.
-fn continued<T: Real>(e: T, coordinate: Coordinate, before: Option<&T>) -> T {
+pub(crate) fn continued<T: Real>(e: T, coordinate: Coordinate, before: Option<&T>) -> T {
     match (coordinate, before) {
         (Coordinate::Angle { .. }, Some(before)) => e + turns(before.re() - e.re()),
         _ => e,

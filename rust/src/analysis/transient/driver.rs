@@ -21,6 +21,8 @@ const FADING: f64 = 0.3;
 const SLOWEST: f64 = 1e-3;
 const MAX_FAILURES: usize = 60;
 const DIVISIONS: usize = 5;
+/// Steps of one detour that are placed anew for a singular pose.
+const PLACED: usize = 8;
 
 struct Driver<'e, 's, 'p> {
     eq: &'e Equations<'s, f64>,
@@ -154,12 +156,24 @@ impl Driver<'_, '_, '_> {
             let estimate = self.controlled();
             let active = active(&mut way.detour, scheme);
             let tried = active.step(self.eq, &way.here, aim.length, estimate, counts);
-            let going_on = match self.judged(tried, &way.here, aim.length, active) {
+            let better = active
+                .better_end()
+                .filter(|_| estimate && way.placed < PLACED);
+            let verdict = match better {
+                Some(part) => Verdict::Misplaced(part),
+                None => self.judged(tried, &way.here, aim.length, active),
+            };
+            let going_on = match verdict {
                 Verdict::Accepted(step, size) => {
                     self.accepted(&mut way, scheme, *step, size, &aim, counts)?
                 }
                 Verdict::Rejected(factor, why) => {
                     self.rejected(&mut way, scheme, aim.length * factor, why, counts)
+                }
+                Verdict::Misplaced(part) => {
+                    counts.add("singular poses", 1);
+                    way.place(part, aim.length);
+                    true
                 }
                 Verdict::Turned(part) => self.turned(&mut way, aim.length * part, counts),
                 Verdict::Fatal(error) => {
@@ -198,6 +212,8 @@ impl Driver<'_, '_, '_> {
             after_rejection: false,
             detour: None,
             recent: 0.0,
+            cut: None,
+            placed: 0,
         }
     }
 
@@ -210,6 +226,9 @@ impl Driver<'_, '_, '_> {
         let (mut length, mut target) = self.fitted(&way.here, way.h);
         if let Some(d) = way.detour.as_ref().filter(|d| t + length > d.until) {
             (length, target) = (d.until - t, Some(d.until));
+        }
+        if let Some(cut) = way.cut.filter(|c| t + length > *c) {
+            (length, target) = (cut - t, None);
         }
         // a break is approached from the left; what jumps there belongs to what follows
         let end = self.plan.end;
@@ -258,6 +277,9 @@ impl Driver<'_, '_, '_> {
         let faded = way.recent * (-FADING * aim.length / way.recent.max(aim.length)).exp();
         way.recent = aim.length.max(faded);
         way.here = step.end;
+        way.cut = way
+            .cut
+            .filter(|c| *c - way.here.motion.t > 1e-6 * aim.length);
         self.run.local.push(size);
         self.run.steps.push(aim.broken.unwrap_or(way.here.motion.t));
         counts.add("steps", 1);
@@ -300,7 +322,7 @@ impl Driver<'_, '_, '_> {
             && let Some(around) = scheme.bridge(self.eq, shorter / way.recent)
         {
             counts.add("detours", 1);
-            way.failures = 0;
+            (way.failures, way.placed) = (0, 0);
             way.h = way.recent;
             way.detour = Some(Detour {
                 scheme: around,
@@ -315,6 +337,14 @@ impl Driver<'_, '_, '_> {
             DIVISIONS
         };
         if self.vanishes(shorter, t) || way.failures > most {
+            // steps that were accepted are as short beside the whole as this one
+            let why = if t > self.start && self.vanishes(way.recent, t) {
+                format!(
+                    "1e14 steps of {shorter:.1e} s would not reach the end; take a shorter time"
+                )
+            } else {
+                why
+            };
             self.stop(t, why);
             return false;
         }

@@ -1,6 +1,8 @@
 //! Which scheme runs, and a whole run from any start: consistent initial values first.
 use crate::error::{Error, Result};
+use crate::laws::Law;
 use crate::run::{Cancel, Counts};
+use crate::system::topology::BoundLaw;
 
 use super::ali3p::{Ali3p, Weight};
 use crate::solve::inverse::Family;
@@ -9,16 +11,16 @@ use super::bdf::Bdf;
 use super::bdf_bfgs::BdfBfgs;
 use super::bdf_step::Form;
 use super::driver::{Plan, Progress, Run, Steps, drive};
-use super::explicit8::Explicit8;
+use super::explicit_minimal::Minimal;
+use super::explicit8::{Coordinates, Explicit8};
 use super::generalized_alpha::GeneralizedAlpha;
 use super::{Equations, Instant, Motion, Scheme, scaled_size};
 
 #[derive(Debug, Clone, Copy)]
 pub enum Method {
     Auto,
-    Explicit,
-    /// stages on the constraints, as minimal coordinates have them: for benches
-    ExplicitClosed,
+    /// None: what the scene lets expect to be cheaper
+    Explicit(Option<Coordinates>),
     /// spectral radius at infinity
     GeneralizedAlpha(f64),
     Ali3p(Weight),
@@ -33,8 +35,9 @@ impl Method {
     pub fn named(name: &str, rho: Option<f64>) -> Result<Self> {
         match name {
             "auto" => Ok(Method::Auto),
-            "explicit" => Ok(Method::Explicit),
-            "explicit/closed" => Ok(Method::ExplicitClosed),
+            "explicit" => Ok(Method::Explicit(None)),
+            "explicit/independent" => Ok(Method::Explicit(Some(Coordinates::Independent))),
+            "explicit/tree" => Ok(Method::Explicit(Some(Coordinates::Tree))),
             "bdf" => Ok(Method::Bdf),
             "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
             "ali3p" => Ok(Method::Ali3p(Weight::Tangent)),
@@ -58,7 +61,7 @@ impl Method {
     fn name(&self) -> &'static str {
         match self {
             Method::Auto => "auto",
-            Method::Explicit | Method::ExplicitClosed => "explicit",
+            Method::Explicit(_) => "explicit",
             Method::GeneralizedAlpha(_) => "generalized-alpha",
             Method::Ali3p(_) => "ali3p",
             Method::BdfBfgs(..) => "bdf-bfgs",
@@ -72,8 +75,8 @@ impl Method {
             Steps::Controlled { rtol, .. } => Some(rtol),
         };
         match self {
-            Method::Auto | Method::Explicit => Box::new(Explicit8::default()),
-            Method::ExplicitClosed => Explicit8::past_singular_poses(),
+            Method::Auto | Method::Explicit(None) => Box::new(Explicit8::default()),
+            Method::Explicit(Some(coordinates)) => Box::new(Explicit8::new(*coordinates, rtol)),
             Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
             Method::Ali3p(weight) => Box::new(Ali3p::new(*weight)),
             Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family, rtol)),
@@ -122,7 +125,11 @@ pub fn simulate(
         .map(|(a, b)| a - b)
         .collect();
     let velocity_correction = size(&changed);
-    let (method, mut why) = chosen(eq, method, &first, &plan, counts)?;
+    let (mut method, mut why) = chosen(eq, method, &first, &plan, counts)?;
+    if matches!(method, Method::Explicit(None)) && Minimal::pays(eq, &first.motion) {
+        method = Method::Explicit(Some(Coordinates::Independent));
+        why = format!("{why}; many loops and few freedoms");
+    }
     plan.per_unit_step = method.per_unit_step();
     let mut scheme = method.scheme(plan.steps);
     let run = drive(eq, scheme.as_mut(), first, &plan, cancel, progress, counts)?;
@@ -163,7 +170,7 @@ fn chosen(
     };
     if eq.topology().connectors.is_empty() && !eq.topology().is_flexible() {
         let why = "no spring, damper or law: nothing can be stiff".into();
-        return Ok((Method::Explicit, why));
+        return Ok((Method::Explicit(None), why));
     }
     let scales = eq.scales();
     let size = |v: &[f64]| scaled_size(v, &scales);
@@ -171,7 +178,10 @@ fn chosen(
     let motion = size(&first.motion.rate)
         .max(size(&first.acceleration).sqrt())
         .max(1.0 / time);
-    let fastest = eq.fastest(first, counts)?;
+    let mut fastest = eq.fastest(first, counts)?;
+    if let Some(still) = held_by_friction(eq, first, counts)? {
+        fastest = fastest.max(eq.fastest(&still, counts)?);
+    }
     let text = format!(
         "the fastest vibration or decay ({fastest:.2e} 1/s) is {:.1e} times as fast as the motion",
         fastest / motion
@@ -179,6 +189,22 @@ fn chosen(
     if fastest > STIFF * motion && fastest * time > MANY {
         Ok((Method::Bdf, format!("stiff: {text}")))
     } else {
-        Ok((Method::Explicit, format!("not stiff: {text}")))
+        Ok((Method::Explicit(None), format!("not stiff: {text}")))
     }
+}
+
+/// The start without its rates, where friction is steepest: what slides now may stick later. None without friction.
+fn held_by_friction(
+    eq: &Equations<'_, f64>,
+    first: &Instant,
+    counts: &mut Counts,
+) -> Result<Option<Instant>> {
+    let rubs = |l: &BoundLaw| matches!(l.law, Law::CoulombTanh);
+    let mut connectors = eq.topology().connectors.iter();
+    if !eq.effects.friction || !connectors.any(|c| c.laws.iter().any(rubs)) {
+        return Ok(None);
+    }
+    let mut still = first.motion.clone();
+    still.rate.fill(0.0);
+    eq.instant(still, counts).map(Some)
 }

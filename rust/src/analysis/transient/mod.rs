@@ -27,6 +27,9 @@ pub mod driver;
 pub mod energy;
 pub mod explicit;
 pub mod explicit8;
+mod explicit_minimal;
+mod explicit_passing;
+mod explicit_pivots;
 pub mod generalized_alpha;
 pub mod interpolate;
 pub mod matrix;
@@ -47,7 +50,7 @@ use crate::run::Counts;
 use crate::spatial::{M3, Pose, Real, V3, left_jacobian_coefficient, log_so3, skew};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene, Tangent};
-use crate::system::connector::motion_of;
+use crate::system::connector::{Numbers, continued_motion_of};
 use crate::system::loops::{column_scales, row_scales};
 use crate::system::placement::{Placement, advance, place};
 use crate::system::rows::explicit_rates;
@@ -126,6 +129,11 @@ pub trait Scheme {
 
     /// A scheme that gets past places where the steps of this one collapse; `left`: the next step over those before.
     fn bridge(&self, _eq: &Equations<'_, f64>, _left: f64) -> Option<Box<dyn Scheme>> {
+        None
+    }
+
+    /// The part of the step just made after which it should rather end.
+    fn better_end(&self) -> Option<f64> {
         None
     }
 
@@ -361,7 +369,11 @@ impl<'a, T: Real> Equations<'a, T> {
         let placement = self.place(m);
         let topology = self.topology();
         for c in topology.connectors.iter().filter(|c| !c.laws.is_empty()) {
-            let moved = motion_of(topology, &self.geometry, &placement, &self.x, c);
+            let numbers = Numbers {
+                x: &self.x,
+                memory: &m.memory,
+            };
+            let moved = continued_motion_of(topology, &self.geometry, &placement, numbers, c);
             for law in &c.laws {
                 let (e, v) = moved[law.component];
                 let p = &self.x[law.x..law.x + law.law.n_params()];

@@ -143,7 +143,7 @@ impl Equations<'_, f64> {
     }
 
     /// First coordinate and sign: coordinates of a reversed joint count backwards.
-    fn rotation_triples(&self) -> impl Iterator<Item = (usize, f64)> {
+    pub(super) fn rotation_triples(&self) -> impl Iterator<Item = (usize, f64)> {
         let nodes = self.topology().nodes.iter();
         nodes
             .filter(|n| matches!(n.kind, JointKind::Spherical | JointKind::Free))

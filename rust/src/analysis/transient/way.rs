@@ -1,10 +1,10 @@
-//! Where a march stands between two steps, and what became of a step that was tried.
+//! Where the driver stands between two steps, and what it decides about one.
 use crate::error::Error;
 
 use super::{Instant, Scheme, Step};
 
 /// Where the march stands, and how it goes on.
-pub struct Way {
+pub(super) struct Way {
     pub here: Instant,
     pub h: f64,
     pub failures: usize,
@@ -12,23 +12,40 @@ pub struct Way {
     pub detour: Option<Detour>,
     /// the longest step of late, fading with time: shrinking steps do not hide what they shrink from
     pub recent: f64,
+    /// where a step must end for the next one to pass a singular pose well
+    pub cut: Option<f64>,
+    /// how often that was asked in this detour
+    pub placed: usize,
+}
+
+impl Way {
+    /// The next step ends after this part of one that was not taken.
+    pub fn place(&mut self, part: f64, length: f64) {
+        let t = self.here.motion.t;
+        self.cut = Some(t + part * length);
+        self.placed += 1;
+        self.h = length;
+        if let Some(d) = &mut self.detour {
+            d.until = d.until.max(t + 2.0 * length);
+        }
+    }
 }
 
 /// Another scheme for a while.
-pub struct Detour {
+pub(super) struct Detour {
     pub scheme: Box<dyn Scheme>,
     pub until: f64,
 }
 
 /// A step to try: its length, the time it hits exactly, the break it ends at.
-pub struct Aim {
+pub(super) struct Aim {
     pub length: f64,
     pub target: Option<f64>,
     pub broken: Option<f64>,
 }
 
 /// What makes the next step: the detour's scheme while there is one.
-pub fn active<'s>(
+pub(super) fn active<'s>(
     detour: &'s mut Option<Detour>,
     scheme: &'s mut dyn Scheme,
 ) -> &'s mut dyn Scheme {
@@ -38,11 +55,12 @@ pub fn active<'s>(
     }
 }
 
-/// What became of it.
-pub enum Verdict {
+pub(super) enum Verdict {
     Accepted(Box<Step>, f64),
     Rejected(f64, String),
     /// a slider turns after this part of the step
     Turned(f64),
+    /// a singular pose is passed better by a step that ends after this part of it, or begins there
+    Misplaced(f64),
     Fatal(Error),
 }
