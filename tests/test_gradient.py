@@ -104,26 +104,53 @@ def test_five_bar_has_the_known_gradient(t):
     assert np.all(np.abs((4 * fine[2] - fine[1]) / 3) < [1e-7, 2e-6])
 
 
-@pytest.mark.parametrize("make", list(SOME), ids=lambda f: f.__name__)
-def test_direct_is_the_complex_step_of_the_reference(make):
-    """Positions after 8 steps and their derivatives, through assembly, start and all steps."""
+def read_of_reference(mech, end):
+    """Position, velocity and acceleration of the last body's origin by the reference, (9,)."""
+    state, T, _ = mech._maps(end.q, end.v)
+    body = slice(6 * (len(mech.sys.bodies) - 1), 6 * len(mech.sys.bodies))
+    linear, turning = np.split((T.value @ end.a + T.derivative(1) @ end.v)[body], 2)
+    arm, spin = -end.q.R[-1] @ mech.sys.bodies[-1].com, state.w[-1]
+    velocity = state.v[-1] + np.cross(spin, arm)
+    return np.concatenate(
+        [end.q.r[-1] + arm, velocity, linear + np.cross(turning, arm) + np.cross(spin, np.cross(spin, arm))]
+    )
+
+
+def against_the_reference(make, end_of, n=8, h=0.01, **variant):
+    """Distances of motion and gradients, direct and adjoint, from complex steps of the reference; a number for each kind."""
     m = silent(make)
-    parameters, n, h = SOME[make], 8, 0.01
     t, along, body = tables(m), directions(m, SOME[make]), m.bodies[-1].name
 
-    def position(mech):
-        end = Scheme(mech, np.zeros(1), h, "mass").run(n)[-1]
-        return end.q.r[-1] - end.q.R[-1] @ mech.sys.bodies[-1].com
+    def run(x):
+        mech = TreeMechanism(t, x)
+        return read_of_reference(mech, end_of(mech, h, n))
 
-    goals = [mb.Final(lambda s, i=i: s.position(body)[i]) for i in range(3)]
-    found = mb.gradient(m, goals, parameters, t=n * h, step=h, weight="mass", method="direct")
-    value = position(TreeMechanism(t))
+    kinds = ("position", "velocity", "acceleration")
+    goals = [mb.Final(lambda s, k=k, i=i: getattr(s, k)(body)[i]) for k in kinds for i in range(3)]
+    direct, adjoint = (
+        mb.gradient(m, goals, SOME[make], t=n * h, step=h, method=k, **variant) for k in ("direct", "adjoint")
+    )
+    value = run(t["x"])
     eps = 1e-40
-    exact = [position(TreeMechanism(t, t["x"] + 1j * eps * along.dense[:, k])).imag / eps for k in range(along.n)]
-    errors = np.abs(found.value - value).max(), worst(np.asarray(found.gradient), np.array(exact).T)
-    print(f"{make.__name__}: position {errors[0]:.1e}, gradient {errors[1]:.1e}")
-    assert errors[0] < 1e-11
-    assert errors[1] < 1e-9
+    exact = np.array([run(t["x"] + 1j * eps * along.dense[:, k]).imag / eps for k in range(along.n)]).T
+    motion = [
+        np.abs(direct.value - value)[i : i + 3].max() / max(1.0, np.abs(value[i : i + 3]).max()) for i in (0, 3, 6)
+    ]
+    errors = [
+        max(worst(np.asarray(g.gradient)[i : i + 3], exact[i : i + 3]) for g in (direct, adjoint)) for i in (0, 3, 6)
+    ]
+    print(f"{make.__name__}: motion {motion}, gradients of {', '.join(kinds)}: {errors}")
+    return motion, errors
+
+
+@pytest.mark.parametrize("make", list(SOME), ids=lambda f: f.__name__)
+def test_gradients_are_the_complex_step_of_the_reference(make):
+    """Positions, velocities and accelerations after 8 steps and their derivatives, through assembly, start and all steps."""
+    motion, errors = against_the_reference(
+        make, lambda mech, h, n: Scheme(mech, np.zeros(1), h, "mass").run(n)[-1], weight="mass"
+    )
+    assert max(motion) < 1e-9
+    assert max(errors) < 1e-9
 
 
 @pytest.mark.parametrize("weight", ["tangent", "mass"])

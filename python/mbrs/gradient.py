@@ -188,7 +188,7 @@ def gradient(
         objective. "auto": by their numbers.
     at
         Start, as in `mb.simulate`; a drawn start follows the parameters (the steps of the assembly and consistent velocities), an
-        equilibrium moves along, other states are held.
+        equilibrium moves along, other states (of a trajectory, a steady motion) are held.
     without
         Effects to leave out.
     weight
@@ -211,13 +211,15 @@ def gradient(
     ModelError
         An objective that returns no finite number, a scheme without sensitivities.
     NotDifferentiableError
-        An objective that is not analytic; a parameter that breaks a redundant loop; a drive whose rate jumps on the way (an
-        impact).
+        An objective that is not analytic; a parameter that breaks a redundant loop, or that moves the start through a first
+        guess ``pose=``; a drive whose rate jumps on the way (an impact).
 
     Warns
     -----
     KinkWarning
         A motion that passes kinks of forces, with times and elements (``.kinks``).
+    MbrsWarning
+        A motion that is chaotic over so long a time (``.growth``).
 
     Notes
     -----

@@ -428,7 +428,8 @@ class Trajectory(Result):
         for name in self.flexible:
             joints[f"modal {name}"] = (("time", f"mode of {name}"), self.modal(name))
         joints |= self._labelled_forces()
-        derivatives, named = {}, {}
+        derivatives: dict[str, Any] = {}
+        named: dict[str, list[str]] = {}
         for what in [sensitivity] if isinstance(sensitivity, str) else sensitivity:
             d = np.asarray(self.sensitivity(what)).reshape(len(self.t), -1, len(self.parameter_labels))
             own = "axis" if self.component_names(what) == ["x", "y", "z"] else f"{what} component"
