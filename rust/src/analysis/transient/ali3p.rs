@@ -414,7 +414,12 @@ impl Scheme for Ali3p {
         estimate: bool,
         counts: &mut Counts,
     ) -> Result<Step> {
-        let (end, ..) = eq.ali3p_step(from, h, self.weight, counts)?;
+        let (end, record, _) = eq.ali3p_step(from, h, self.weight, counts)?;
+        if estimate {
+            let projected = end.motion.rate.iter().zip(&record.dv);
+            let before: Vec<f64> = projected.map(|(v, d)| v - d).collect();
+            eq.same_branch(&before, &end, h)?;
+        }
         let error = estimate.then(|| self.estimate(from, &end, h));
         Ok(Step { end, error })
     }
@@ -427,6 +432,10 @@ impl Scheme for Ali3p {
             .zip(&from.acceleration)
             .map(|(a, b)| (a - b) / h);
         self.slope = Some((slope.collect(), h));
+    }
+
+    fn per_unit_step(&self) -> bool {
+        true
     }
 
     fn reset(&mut self) {

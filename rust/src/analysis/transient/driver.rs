@@ -5,6 +5,8 @@ use crate::error::{Error, Result};
 use crate::model::joint::JointKind;
 use crate::run::{Cancel, Counts};
 
+use super::detour::Detour;
+use super::way::{Aim, Verdict, Way, active, finest};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
 pub use super::plan::{End, Output, Plan, Progress, Run, Steps};
@@ -63,6 +65,7 @@ pub fn drive(
         },
     };
     driver.at_start(&start);
+    scheme.over(plan.end - start.motion.t);
     driver.march(scheme, start, cancel, progress, counts)?;
     Ok(driver.run)
 }
@@ -141,19 +144,18 @@ impl Driver<'_, '_, '_> {
                 .max(self.scaled(&way.here.motion.rate))
                 .max(1e-3 * self.scaled(&way.here.acceleration) * total.min(way.h * 1e3))
                 .max(SLOWEST / total);
-            if way
-                .detour
-                .take_if(|d| way.here.motion.t >= d.until)
-                .is_some()
-            {
-                way.h = way.recent;
+            let here = &way.here;
+            if let Some(d) = way.detour.take_if(|d| d.is_behind(self.eq, here, counts)) {
+                (way.h, way.recent) = (d.before, d.before);
                 scheme.reset();
             }
             let aim = self.aim(&mut way);
             let estimate = self.controlled();
+            let finest = finest(&way);
             let active = active(&mut way.detour, scheme);
             let tried = active.step(self.eq, &way.here, aim.length, estimate, counts);
-            let going_on = match self.judged(tried, &way.here, aim.length, active) {
+            let allowed = self.tolerance(active, aim.length).max(finest);
+            let going_on = match self.judged(tried, &way.here, aim.length, active, allowed) {
                 Verdict::Accepted(step, size) => {
                     self.accepted(&mut way, scheme, *step, size, &aim, counts)?
                 }
@@ -207,8 +209,8 @@ impl Driver<'_, '_, '_> {
         }
         let t = way.here.motion.t;
         let (mut length, mut target) = self.fitted(&way.here, way.h);
-        if let Some(d) = way.detour.as_ref().filter(|d| t + length > d.until) {
-            (length, target) = (d.until - t, Some(d.until));
+        if let Some(until) = way.detour.as_ref().and_then(|d| d.end_within(t, length)) {
+            (length, target) = (until - t, Some(until));
         }
         // a break is approached from the left; what jumps there belongs to what follows
         let end = self.plan.end;
@@ -237,12 +239,13 @@ impl Driver<'_, '_, '_> {
         if let Some(t) = aim.target {
             step.end.motion.t = t;
         }
+        let finest = finest(way);
         let active = active(&mut way.detour, scheme);
         self.record(active, &way.here, &mut step, aim.length, counts)?;
         active.accept(self.eq, &way.here, &step, aim.length);
         let patience = active.rate_time(aim.length);
-        let tolerance =
-            |e: &LocalError| self.size(e, self.speed, patience) / self.tolerance(aim.length);
+        let allowed = self.tolerance(active, aim.length).max(finest);
+        let tolerance = |e: &LocalError| self.size(e, self.speed, patience) / allowed;
         let next = match active.proposal(&tolerance) {
             Some(factor) => self.proposed(way.h, aim.length, factor),
             None => {
@@ -294,17 +297,10 @@ impl Driver<'_, '_, '_> {
         way.failures += 1;
         way.after_rejection = true;
         way.h = shorter;
-        if self.controlled()
-            && way.detour.is_none()
-            && let Some(around) = scheme.bridge(self.eq, shorter / way.recent)
-        {
-            counts.add("detours", 1);
+        if let Some(detour) = self.detour(way, scheme, shorter, counts) {
             way.failures = 0;
-            way.h = way.recent;
-            way.detour = Some(Detour {
-                scheme: around,
-                until: t + way.recent,
-            });
+            way.h = detour.length;
+            way.detour = Some(detour);
             return true;
         }
         // a fixed step is divided where its equations have no solution, as in singular poses
@@ -318,6 +314,27 @@ impl Driver<'_, '_, '_> {
             return false;
         }
         true
+    }
+
+    /// A way around the pose that made a step of the scheme fail.
+    fn detour(
+        &self,
+        way: &Way,
+        scheme: &dyn Scheme,
+        shorter: f64,
+        counts: &mut Counts,
+    ) -> Option<Detour> {
+        let Steps::Controlled { rtol, longest, .. } = self.plan.steps else {
+            return None;
+        };
+        if way.detour.is_some() {
+            return None;
+        }
+        let around = scheme.bridge(shorter / way.recent)?;
+        let natural = self.first_step(&way.here, rtol, around.order());
+        // long enough to get well beyond the pose with the first step
+        let natural = way.recent.max(natural).min(longest);
+        Detour::around(self.eq, &way.here, around, way.recent, natural, counts)
     }
 
     /// A shorter step that ends where a slider turns.
@@ -405,7 +422,15 @@ impl Driver<'_, '_, '_> {
         }
     }
 
-    fn judged(&self, tried: Result<Step>, here: &Instant, h: f64, scheme: &dyn Scheme) -> Verdict {
+    /// `allowed`: local error of the step
+    fn judged(
+        &self,
+        tried: Result<Step>,
+        here: &Instant,
+        h: f64,
+        scheme: &dyn Scheme,
+        allowed: f64,
+    ) -> Verdict {
         let step = match tried {
             Ok(step) => step,
             Err(error @ (Error::Convergence { .. } | Error::Singular(_))) => {
@@ -419,7 +444,7 @@ impl Driver<'_, '_, '_> {
         // what starts from rest without force has no rate of its own yet
         let reached = self.scaled(&step.end.motion.rate);
         let patience = scheme.rate_time(h);
-        let size = self.size(error, self.speed.max(reached), patience) / self.tolerance(h);
+        let size = self.size(error, self.speed.max(reached), patience) / allowed;
         if size <= 1.0 {
             let turn = match self.plan.steps {
                 Steps::Controlled { rtol, .. } => {
@@ -445,10 +470,10 @@ impl Driver<'_, '_, '_> {
     }
 
     /// What the local error of a step may be; infinite for fixed steps.
-    fn tolerance(&self, h: f64) -> f64 {
+    fn tolerance(&self, scheme: &dyn Scheme, h: f64) -> f64 {
         match self.plan.steps {
             Steps::Fixed(_) => f64::INFINITY,
-            Steps::Controlled { rtol, .. } if self.plan.per_unit_step => {
+            Steps::Controlled { rtol, .. } if scheme.per_unit_step() => {
                 rtol * h / (self.plan.end - self.start)
             }
             Steps::Controlled { rtol, .. } => rtol,
@@ -559,44 +584,4 @@ impl Driver<'_, '_, '_> {
         }
         Ok(())
     }
-}
-
-/// Where the march stands, and how it goes on.
-struct Way {
-    here: Instant,
-    h: f64,
-    failures: usize,
-    after_rejection: bool,
-    detour: Option<Detour>,
-    /// the longest step of late, fading with time: shrinking steps do not hide what they shrink from
-    recent: f64,
-}
-
-/// Another scheme for a while.
-struct Detour {
-    scheme: Box<dyn Scheme>,
-    until: f64,
-}
-
-/// A step to try: its length, the time it hits exactly, the break it ends at.
-struct Aim {
-    length: f64,
-    target: Option<f64>,
-    broken: Option<f64>,
-}
-
-/// What makes the next step: the detour's scheme while there is one.
-fn active<'s>(detour: &'s mut Option<Detour>, scheme: &'s mut dyn Scheme) -> &'s mut dyn Scheme {
-    match detour {
-        Some(d) => d.scheme.as_mut(),
-        None => scheme,
-    }
-}
-
-enum Verdict {
-    Accepted(Box<Step>, f64),
-    Rejected(f64, String),
-    /// a slider turns after this part of the step
-    Turned(f64),
-    Fatal(Error),
 }

@@ -80,14 +80,6 @@ impl Method {
             Method::Bdf => Box::new(Bdf::new(rtol)),
         }
     }
-
-    /// Schemes without local extrapolation: their tolerance is that of a unit of time.
-    fn per_unit_step(&self) -> bool {
-        matches!(
-            self,
-            Method::GeneralizedAlpha(_) | Method::BdfBfgs(..) | Method::Ali3p(_)
-        )
-    }
 }
 
 pub struct Simulated {
@@ -104,7 +96,7 @@ pub fn simulate(
     eq: &Equations<'_, f64>,
     method: Method,
     start: Motion<f64>,
-    mut plan: Plan,
+    plan: Plan,
     cancel: &Cancel,
     progress: &Progress,
     counts: &mut Counts,
@@ -123,7 +115,6 @@ pub fn simulate(
         .collect();
     let velocity_correction = size(&changed);
     let (method, mut why) = chosen(eq, method, &first, &plan, counts)?;
-    plan.per_unit_step = method.per_unit_step();
     let mut scheme = method.scheme(plan.steps);
     let run = drive(eq, scheme.as_mut(), first, &plan, cancel, progress, counts)?;
     if let Some(remark) = scheme.remark() {
