@@ -207,6 +207,8 @@ def markdown(section: Section) -> str:
     study = section.study
     lines = [["setting", "time", "error", "estimate", "status"], ["---"] * 5]
     for p in study.points:
+        if accuracy_motion.LEFT_OUT in p.status:
+            continue
         setting = ", ".join(f"{name} = {text}" for name, text in p.settings.items())
         numbers = ["-" if math.isnan(v) else f"{v:.1e}" for v in (p.error, p.estimate)]
         lines.append([setting, "-" if not math.isfinite(p.time) else f"{1e3 * p.time:.3g} ms", *numbers, p.status])

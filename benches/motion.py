@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import mbrs as mb
+import motion_effects
 import numpy as np
 import rivals_motion as rivals
 from linear import Row, cpu, ms, of_tests, run, selected
@@ -262,53 +263,7 @@ def residuals() -> list[Row]:
     return rows
 
 
-# --- effects -----
-
-
-def hanging_chain(n: int = 20) -> Any:
-    """Links on hinges with springs, dampers, friction and stops, let go level: all effects of forces act. Invented."""
-    m = mb.Model("chain", gravity=(0.0, -9.81, 0.0))
-    before = m.ground
-    for i in range(n):
-        link = m.body(f"link{i}", mass=1.0, inertia=(1e-3, 0.01, 0.01), at=(0.2 * i + 0.1, 0, 0))
-        laws = (mb.CoulombTanh(0.5, 1e-2), mb.Gap(50.0, 0.3, 1e-3))
-        m.revolute(f"hinge{i}", before, link, at=(0.2 * i, 0, 0), axis="z", k=5.0, c=0.1, law=laws[i % 2])
-        before = link
-    return m
-
-
-def effects() -> list[Row]:
-    """What is left out is not computed: time, and counts."""
-    m = hanging_chain()
-    rows = []
-    names = ("gravity", "centrifugal", "damping", "friction", "contact")
-    left_out: list[tuple[str, ...]] = [(), (), *((name,) for name in names), names]
-    best = [np.inf] * len(left_out)
-    for _ in range(15):  # in turn, so that what else the machine does touches all of them
-        for i, without in enumerate(left_out):
-            seconds = cpu(lambda w=without: quiet(m, t=0.02, step=1e-4, method="explicit", without=w), 1, 0.0)
-            best[i] = min(best[i], seconds)
-    saved = [100 * (1 - b / min(best[:2])) for b in best]
-    noise = max(0.5, -min(saved[:2]))
-    texts = [f"without {w} {p:.1f} % faster" for w, p in zip((*names, "all of them"), saved[2:], strict=True)]
-    what = "hanging chain of 20: an effect of forces left out, equal explicit steps"
-    text = f"{ms(min(best[:2]))}, the same again within {noise:.1f} %; " + ", ".join(texts)
-    # the cost of one effect is close to what a machine can tell, that of all is not
-    rows.append(Row(what, "faster by its cost", text, min(saved[2:]) > -2 * noise and saved[-1] > 2 * noise))
-    counts = quiet(m, t=0.02, step=1e-4, method="explicit").stats.counts
-    absent = {
-        k: counts.get(k, 0) for k in ("tangents", "factorisations", "multiplier solutions", "velocity projections")
-    }
-    told = ", ".join(f"{n} {k}" for k, n in absent.items())
-    rows.append(
-        Row(
-            "the same, explicit: work",
-            "no tangents",
-            f"{told}, {counts['force evaluations']} force evaluations",
-            not any(absent.values()),
-        )
-    )
-    return rows
+# --- stages -----
 
 
 def stages() -> list[Row]:
@@ -339,7 +294,7 @@ MEASUREMENTS: dict[str, Callable[[], list[Row]]] = {
     "slopes": slopes,
     "estimates": estimates,
     "residuals": residuals,
-    "effects": effects,
+    "effects": motion_effects.rows,
     "stages": stages,
 }
 

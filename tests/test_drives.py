@@ -482,3 +482,16 @@ def test_a_function_that_fails_on_the_way_keeps_the_trajectory(late):
         with pytest.raises(ConvergenceError, match="no more data" if late == "raise" else "nan") as caught:
             mb.simulate(m, t=1.0, rtol=1e-6)
         assert 0.3 < caught.value.result.t[-1] <= 0.5
+
+
+@pytest.mark.parametrize("names", [("alpha", "rz"), ("beta", "rx")])
+def test_angles_of_a_universal_joint_have_the_names_of_its_coordinates(names):
+    ends = []
+    for name in names:
+        m = mb.Model("cardan", gravity=(0, -9.81, 0))
+        b = m.body("b", mass=1.0, inertia=(0.1, 0.2, 0.3), at=(1, 0, 0))
+        m.universal("joint", m.ground, b, at=(0, 0, 0), axis="z", axis2="x")
+        assert any(c.endswith(names[0]) for c in mb.System(m).coordinates)
+        m.drive("motor", "joint", mb.Ramp(1.0), name)
+        ends.append(mb.simulate(m, [0.5]).joint("joint")[-1])
+    assert np.array_equal(*ends) and 0.5 in np.round(ends[0], 12)

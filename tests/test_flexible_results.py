@@ -280,3 +280,20 @@ def test_ports_at_nodes_that_nothing_is_attached_to():
     assert np.all(np.isfinite(h.value))
     rigid = mb.frf(model, "rod.mid.force.y", model["P"].motion("y"), frequency=[0.1, 0.2], without=("flexibility",))
     assert np.all(np.isfinite(rigid.value))
+
+
+def test_large_deflections_are_said():
+    """Linear theory in the frame: its weight bends it by 0.54 m of 2 m; a stiffer beam says nothing."""
+    import warnings
+
+    def hanging(stiffness):
+        m = mb.Model("wing", gravity=(0, 0, -9.81))
+        beam = mb.flexible.beam(2.0, mass=1.0, EI_flap=stiffness, EI_edge=4 * stiffness, modes=2)
+        m.fixed("clamp", m.ground, m.flexible_body("wing", beam).node("root"), at=(0, 0, 0))
+        return m
+
+    with pytest.warns(mb.MbrsWarning, match="'wing' deflects by 0.27"):
+        mb.simulate(hanging(40.0), 0.3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mb.simulate(hanging(400.0), 0.3)

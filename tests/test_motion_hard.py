@@ -35,7 +35,12 @@ def test_redundant_constraints(make, method):
     assert error < limit and traj.residual[:, 0].max() < 1e-10
 
 
-PASSED = {"explicit": (1e-5, 1e-9), "bdf": (1e-6, 1e-9), "generalized-alpha": (1e-3, 1e-5, 1e-6), "ali3p": (1e-3, 1e-5, 1e-6)}
+PASSED = {
+    "explicit": (1e-5, 1e-9),
+    "bdf": (1e-6, 1e-8),
+    "generalized-alpha": (1e-3, 1e-5, 1e-6),
+    "ali3p": (1e-3, 1e-5, 1e-6),
+}
 
 
 @pytest.mark.parametrize("method", PASSED)

@@ -169,3 +169,23 @@ def test_the_view_travels_with_a_body():
     still, along = motion(traj).data, motion(traj, follow="b0").data
     assert still["follow"] == -1 and along["follow"] == 0
     assert still["size"] > 30.0 and along["size"] < 3.0
+
+
+def test_flexible_bodies_are_drawn_as_they_bend():
+    """The line of a beam ends where its node is, at every frame; between outputs too."""
+    b = mb.flexible.beam(2.0, mass=1.0, EI_flap=400.0, EI_edge=1600.0, modes=3, attach=["tip"])
+    m = mb.Model("wing", gravity=(0, 0, -9.81))
+    wing = m.flexible_body("wing", b, orientation=mb.rotation("z", 0.4))
+    m.revolute("hinge", m.ground, wing.node("root"), at=(0, 0, 0), axis="y")
+    traj = mb.simulate(m, t=0.6, rtol=1e-6)
+    scene = motion(traj).data
+    ((name, k, packed),) = scene["elastic"]
+    n = scene["motion"]["count"]
+    line = np.frombuffer(base64.b64decode(packed), dtype="<f4").reshape(n, k, 3)
+    times = scene["motion"]["from"] + scene["motion"]["step"] * np.arange(n)
+    fine = mb.simulate(m, t=times, rtol=1e-6)
+    off = np.abs(line[:, -1] - fine.node_positions("wing")[:, b.nodes.index("tip")]).max()
+    print(f"end of the line: {off:.1e} m off, bent by {np.abs(fine.modal('wing')).max():.2f}")
+    assert name == "wing" and k > 10 and off < 1e-4
+    assert np.abs(np.diff(line, 2, axis=1)).max() > 1e-3  # it bends
+    assert motion(mb.simulate(mb.examples.slider_crank(), t=0.1)).data["elastic"] == []

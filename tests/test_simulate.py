@@ -358,3 +358,67 @@ def test_steps_end_where_sliders_turn(rtol):
         f"rtol {rtol:.0e}: {error:.1e} m, {traj.stats.counts['turns of sliders']} turns met, {len(traj.steps) - 1} steps"
     )
     assert traj.stats.counts["turns of sliders"] > 10 and error < 5 * rtol + 1e-9
+
+
+def test_one_output_and_loaded_motions_have_their_error(tmp_path):
+    import pickle
+
+    one = mb.simulate(pendulum(), [1.0])
+    assert 0 < one.error < 1e-5
+    traj = mb.simulate(pendulum(), 0.5)
+    path = traj.save(tmp_path / "run.pickle")  # not asked for before
+    assert pickle.loads(path.read_bytes()).error == traj.error > 0
+    assert mb.simulate(pendulum(), [0.0]).error == 0.0
+
+
+@pytest.mark.parametrize("t", [np.nan, np.inf, "late", [], None])
+def test_a_state_at_no_time(t):
+    traj = mb.simulate(pendulum(), 0.1)
+    if t is None:
+        assert traj.state(t).t == traj.t[-1]
+        return
+    with pytest.raises(ModelError, match="no output time"):
+        traj.state(t)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (dict(t=1.0, method=np.array(["bdf", "explicit"])), "method="),
+        (dict(t=1.0, max_steps=2.5), "max_steps= must be a whole number"),
+        (dict(t=1.0, max_steps=True), "max_steps="),
+        (dict(t=0.1, step=0.01, parameters=5), "parameters="),
+    ],
+)
+def test_more_wrong_arguments_are_named(arguments, says):
+    with pytest.raises(ModelError, match=says):
+        mb.simulate(pendulum(), **arguments)
+
+
+def test_names_of_wrong_types_are_named():
+    traj = mb.simulate(pendulum(), 0.1)
+    for ask in (traj.position, traj.joint, traj.reaction, traj.point, traj.drive_force, traj.modal):
+        for name in ([1], {}, 3, None):
+            with pytest.raises(NameNotFoundError):
+                ask(name)
+    with pytest.raises(ModelError, match="three finite numbers"):
+        traj.point("abc", of="rod")
+    with pytest.raises(ModelError, match="of="):
+        traj.plot("positions", of=3)
+
+
+def test_labelled_data_hold_reactions_energies_and_powers(tmp_path):
+    xarray = pytest.importorskip("xarray")
+    traj = mb.simulate(pendulum(k=20.0, c=0.1), 0.3)
+    data = traj.to_xarray()
+    assert np.array_equal(data["reaction"].sel(joint="hinge"), traj.reaction("hinge"))
+    assert np.array_equal(data["power"].sel(element="hinge"), traj.energy.power["hinge"])
+    assert np.array_equal(data["stored"].sel(element="hinge"), traj.energy.stored["hinge"])
+    assert np.array_equal(data["gravity"], traj.energy.gravity)
+    m = zoo.SMOOTH["swing"]().model
+    driven, name = mb.simulate(m, [0.0, 0.1]), m.drives[0].name
+    assert np.array_equal(driven.to_xarray()["drive force"].sel(drive=name), driven.drive_force(name))
+    driven.save(tmp_path / "run.nc")
+    assert "reaction" in xarray.open_dataset(tmp_path / "run.nc")
+    free = mb.simulate(zoo.free_body().model, [0.0, 0.1]).to_xarray()
+    assert "reaction" not in free and "power" not in free

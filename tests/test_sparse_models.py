@@ -7,7 +7,8 @@ import time
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs.errors import MbrsWarning, ModelError
+from mbrs import sparse_modal
+from mbrs.errors import MbrsWarning
 from mbrs.sparse_modal import model_modes
 
 INERTIA = ((0.02, 0.001, 0.002), (0.001, 0.03, 0.0), (0.002, 0.0, 0.025))
@@ -252,21 +253,54 @@ def test_dense_route_stays_for_small_models_and_for_all_modes():
     assert not mb.modes(m, n=3).stats.route.startswith("sparse")
 
 
-def test_what_the_sparse_route_does_not_know_is_refused():
+def with_a_follower():
     m = joint_chain(("revolute",))
     m.force("follower", "b23", at=(1, 0, 0), value=(1, 0, 0), frame="body")
-    with pytest.raises(ModelError, match="follower loads"):
-        sparse(m, 3)
-    turning = joint_chain(("revolute",))
-    turning.set({"b0.angular_velocity": tuple(turning.value("j0.axis"))})
-    with pytest.raises(ModelError, match="at rest"), pytest.warns(MbrsWarning):
-        sparse(turning, 3)
-    skew = bushing_chain()
+    return m
+
+
+def with_a_skew_bushing():
+    m = bushing_chain()
     k = np.diag([1e5] * 3 + [1e2] * 3)
     k[0, 1] = 5e4
-    skew.bushing("bearing", skew.ground, "b3", at=(0.3, 0, 0), k=k)
-    with pytest.raises(ModelError, match="'bearing' is not symmetric"):
-        sparse(skew, 3)
+    m.bushing("bearing", m.ground, "b3", at=(0.3, 0, 0), k=k)
+    return m
+
+
+def turning():
+    m = joint_chain(("revolute",))
+    m.set({"b0.angular_velocity": tuple(m.value("j0.axis"))})
+    return m
+
+
+def with_a_blade():
+    m = joint_chain(("revolute",))
+    shape = mb.flexible.beam(2.0, mass=0.75, EI_flap=1e3, EI_edge=2e3, modes=2)
+    blade = m.flexible_body("blade", shape, at=(0, 0, -5))
+    m.fixed("root", "b23", blade.node("root"))
+    return m
+
+
+UNKNOWN = [
+    (with_a_follower, "follower loads"),
+    (with_a_skew_bushing, "'bearing' is not symmetric"),
+    (turning, "at rest"),
+    (with_a_blade, "flexible body"),
+]
+
+
+@pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
+@pytest.mark.parametrize(("scene", "text"), UNKNOWN)
+def test_what_the_sparse_route_does_not_know_goes_to_the_dense_one(monkeypatch, scene, text):
+    m = scene()
+    known = mb.modes(m, n=2)
+    assert not known.stats.route.startswith("sparse")
+    monkeypatch.setattr(sparse_modal, "_LARGE", 4)
+    assert sparse_modal.is_large(m, 2)
+    assert mb.modes(m, n=2).eigenvalue == pytest.approx(known.eigenvalue, rel=1e-12)
+    monkeypatch.setattr(sparse_modal, "_DENSE_AT_MOST", 10)
+    with pytest.raises(mb.RouteError, match=text):
+        mb.modes(m, n=2)
 
 
 def test_off_balance_is_said():

@@ -23,6 +23,7 @@ _HOME = {
     "ModelError": "errors",
     "NameNotFoundError": "errors",
     "NotDifferentiableError": "errors",
+    "RouteError": "errors",
     "SingularError": "errors",
     "Model": "model",
     "MechanicalSystem": "second_order",

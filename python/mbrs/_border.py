@@ -6,10 +6,19 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from . import _core
-from .errors import AssemblyError, ConvergenceError, MbrsError, ModelError, NotDifferentiableError, SingularError
+from .errors import (
+    AssemblyError,
+    ConvergenceError,
+    MbrsError,
+    ModelError,
+    NotDifferentiableError,
+    RouteError,
+    SingularError,
+)
 
 _CLASSES: dict[type[Exception], type[MbrsError]] = {
     _core.CoreModelError: ModelError,
+    _core.CoreRouteError: RouteError,
     _core.CoreAssemblyError: AssemblyError,
     _core.CoreSingularError: SingularError,
     _core.CoreNotDifferentiableError: NotDifferentiableError,

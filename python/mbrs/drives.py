@@ -82,6 +82,9 @@ def coordinate_of(joint: Joint, coordinate: Any, where: str, key: str) -> int:
         if len(known) > 1:
             raise problem(address, f"is missing: joint {joint.name!r} has several, name one of {', '.join(known)}")
         return 0
+    if joint.type == "universal" and isinstance(coordinate, str):
+        # as systems and modes call them
+        coordinate = {"alpha": "rz", "beta": "rx"}.get(coordinate, coordinate)
     if coordinate not in known:
         raise problem(address, f"must be one of {', '.join(known)} for joint {joint.name!r}, got {shown(coordinate)}")
     return known.index(coordinate)

@@ -25,6 +25,10 @@ class InertiaError(ModelError):
     """A mass or an inertia that no body can have."""
 
 
+class RouteError(ModelError):
+    """The sparse route of large models does not know something in this one, and the model is too large for the dense route."""
+
+
 class AssemblyError(MbrsError):
     """Loops that cannot close, or joints that contradict each other; the message says by how much."""
 

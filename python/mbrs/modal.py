@@ -366,7 +366,9 @@ def modes(
             raise ModelError("stiffness_factor= belongs to matrices; a model knows its own")
         from .sparse_modal import model_modes
 
-        return model_modes(m, at, _positive(n), tuple(without), start)
+        found = model_modes(m, at, _positive(n), tuple(without), start)
+        if found is not None:
+            return found
     system, effects = _second_order(m, at, tuple(without))
     n = _count(n, len(system.coordinates))
     if getattr(system, "is_sparse", False):

@@ -16,6 +16,8 @@ from .readings import Asked, Instant, Names
 _COMPLEX_STEP = 1e-40
 # Complex steps that differ from differences by more than this (relative) differentiate something else.
 _PROBE = 1e-4
+# Instants at which they are compared.
+_PROBES = 16
 
 
 def _called(function: Any, what: str) -> Callable[[Instant], Any]:
@@ -158,7 +160,8 @@ class Reader:
         def read(asked: Asked) -> np.ndarray:
             if asked not in self.places:
                 raise NewReading(asked)
-            return row[self.places[asked]]
+            # a copy: an objective may change what it is given
+            return row[self.places[asked]].copy()
 
         def value(address: str) -> Any:
             if address not in self.addresses:
@@ -201,16 +204,31 @@ def evaluate(objective: Objective, reader: Reader, t: np.ndarray, rows: np.ndarr
     used = np.flatnonzero(weights) if not isinstance(objective, Integral) else np.arange(len(t))
     seeds = np.zeros_like(rows)
     explicit: dict[str, np.ndarray] = {}
-    total = 0.0
+    values, slopes = np.zeros(len(used)), np.zeros((len(used), rows.shape[1]))
     for index, i in enumerate(used):
-        total += weights[i] * number(objective, reader.instant(float(t[i]), index, rows[i])).real
-        seeds[i] = weights[i] * _slopes(objective, reader, float(t[i]), index, rows[i])
+        values[index] = number(objective, reader.instant(float(t[i]), index, rows[i])).real
+        slopes[index] = _slopes(objective, reader, float(t[i]), index, rows[i])
         for address, d in _explicit(objective, reader, float(t[i]), index, rows[i]).items():
             explicit[address] = explicit.get(address, 0.0) + weights[i] * d
-    if len(used):
-        middle = len(used) // 2
-        _probe(objective, reader, float(t[used[middle]]), middle, rows[used[middle]])
-    return Evaluation(total, seeds, explicit)
+    seeds[used] = weights[used, None] * slopes
+    for index in _probed(values, slopes):
+        i = used[index]
+        _probe(objective, reader, float(t[i]), index, rows[i], values[index], slopes[index])
+    return Evaluation(float(weights[used] @ values), seeds, explicit)
+
+
+def _probed(values: np.ndarray, slopes: np.ndarray) -> list[int]:
+    """Which instants to probe: some spread over all, and some of those at which a value has no slope, as that of abs has none."""
+    silent = np.flatnonzero((values != 0.0) & ~np.any(slopes, axis=1))
+    return sorted({*_spread(np.arange(len(values))), *_spread(silent)})
+
+
+def _spread(places: np.ndarray) -> list[int]:
+    """At most _PROBES of the places, the first and the last among them."""
+    if not len(places):
+        return []
+    chosen = np.linspace(0, len(places) - 1, min(len(places), _PROBES)).round().astype(int)
+    return [int(i) for i in places[chosen]]
 
 
 def _slopes(objective: Objective, reader: Reader, t: float, index: int, row: np.ndarray) -> np.ndarray:
@@ -218,9 +236,21 @@ def _slopes(objective: Objective, reader: Reader, t: float, index: int, row: np.
     moved = row.astype(complex)
     for k in range(len(row)):
         moved[k] = row[k] + 1j * _COMPLEX_STEP
-        out[k] = number(objective, reader.instant(t, index, moved), real=False).imag / _COMPLEX_STEP
+        out[k] = _complex_number(objective, reader.instant(t, index, moved), t).imag / _COMPLEX_STEP
         moved[k] = row[k]
     return out
+
+
+def _complex_number(objective: Objective, s: Instant, t: float) -> complex:
+    """The value of a function where what it reads is complex."""
+    try:
+        return number(objective, s, real=False)
+    except TypeError as reason:
+        raise NotDifferentiableError(
+            f"the objective does not take complex numbers (t = {t:.6g} s: {reason}), with which it is differentiated: write it with "
+            "NumPy functions that do, without float(), math.* or comparisons such as max(); np.arctan2(y, x) is "
+            "2 * np.arctan(y / (np.sqrt(x**2 + y**2) + x))"
+        ) from reason
 
 
 def _explicit(objective: Objective, reader: Reader, t: float, index: int, row: np.ndarray) -> dict[str, np.ndarray]:
@@ -232,24 +262,38 @@ def _explicit(objective: Objective, reader: Reader, t: float, index: int, row: n
             moved = start.astype(complex).ravel()
             moved[k] += 1j * _COMPLEX_STEP
             given = {address: moved.reshape(start.shape) if start.ndim else moved[0]}
-            d[k] = number(objective, reader.instant(t, index, row, given), real=False).imag / _COMPLEX_STEP
+            d[k] = _complex_number(objective, reader.instant(t, index, row, given), t).imag / _COMPLEX_STEP
         out[address] = d
     return out
 
 
-def _probe(objective: Objective, reader: Reader, t: float, index: int, row: np.ndarray) -> None:
+def _probe(
+    objective: Objective, reader: Reader, t: float, index: int, row: np.ndarray, value: float, slopes: np.ndarray
+) -> None:
     """Complex steps see analytic functions only: compare with a difference along one random direction."""
-    if not len(row):
-        return
-    along = np.random.default_rng(0).normal(size=len(row)) * np.maximum(np.abs(row), 1e-3)
-    exact = float(_slopes(objective, reader, t, index, row) @ along)
 
     def at(f: float) -> float:
         return number(objective, reader.instant(t, index, row + f * along)).real
 
-    coarse, fine = ((at(h) - at(-h)) / (2 * h) for h in (1e-4, 5e-5))
+    along = np.random.default_rng(0).normal(size=len(row)) * np.maximum(np.abs(row), 1e-3)
+    for f, first in ((0.0, value), (1e-4, at(1e-4))):
+        again = at(f)
+        if again != first:
+            raise ModelError(
+                f"the objective is {first:.9g} and then {again:.9g} for the same state (t = {t:.6g} s): it must depend on the state "
+                "alone, not on chance or on what it remembers of other calls; s.index counts instants"
+            )
+    if not len(row):
+        return
+    exact = float(slopes @ along)
+    ahead, back, ahead2, back2 = (at(h) for h in (1e-4, -1e-4, 5e-5, -5e-5))
+    coarse, fine = (ahead - back) / 2e-4, (ahead2 - back2) / 1e-4
     best = (4 * fine - coarse) / 3
-    noise = abs(best - fine) + 1e-9 * abs(at(0.0)) / 1e-4
+    noise = abs(best - fine) + 1e-9 * abs(value) / 1e-4
+    right, left = (4 * ahead2 - ahead - 3 * value) / 1e-4, (3 * value - 4 * back2 + back) / 1e-4
+    if abs(right - left) > _PROBE * max(abs(right), abs(left)) + 100 * noise:
+        # a kink so close to this instant that differences tell nothing; others are probed
+        return
     if abs(best - exact) > _PROBE * max(abs(best), abs(exact)) + 100 * noise:
         raise NotDifferentiableError(
             f"complex steps through the objective give {exact:.6g} where differences give {best:.6g} (t = {t:.6g} s): it is not "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import time
 import warnings
@@ -31,11 +32,13 @@ METHODS = ("auto", "explicit", "generalized-alpha", "bdf", "bdf-bfgs", "ali3p")
 _ORDER = {"explicit": 8, "generalized-alpha": 2, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
 _TIGHTEST, _LOOSEST = 1e-13, 1e-1
 # below it the norm to which the equations of a step of bdf-bfgs are solved shows in the rates, and steps collapse
-_TIGHTEST_WITHOUT_TANGENT = 1e-8
+_TIGHTEST_WITHOUT_TANGENT = 1e-10
 # changes of initial values below this are rounding
 _CHANGED = 1e-9
 # methods whose error is estimated by a tighter run, and how much tighter it is
 _TIGHTENED, _TIGHTER = frozenset({"explicit", "bdf"}), 30.0
+# deflections beyond this part of a body's length are too large for linear elasticity in a frame
+_BENT = 0.2
 # outputs at which the error is estimated
 _COMPARED = 50
 
@@ -52,6 +55,7 @@ def simulate(
     rho: float | None = None,
     form: str | None = None,
     update: str | None = None,
+    coordinates: str | None = None,
     max_step: float | None = None,
     first_step: float | None = None,
     max_steps: int | None = None,
@@ -68,7 +72,7 @@ def simulate(
         in any relation to the steps (dense output).
     rtol
         Tolerance of the controlled steps, relative to the characteristic length, one radian and the largest rate so far;
-        1e-7 if neither it nor ``step`` is given. "bdf-bfgs" serves tolerances down to 1e-8, and warns of tighter ones.
+        1e-7 if neither it nor ``step`` is given. "bdf-bfgs" serves tolerances down to 1e-10, and warns of tighter ones.
     step
         s; fixed steps instead.
     method
@@ -87,6 +91,11 @@ def simulate(
         "bdf-bfgs": the equations of a step, "ggl" (default; positions and velocities, stabilised index 2) or "symmetric"
         (positions and h^2 lam), and the inverse update: "auto" (default; BFGS until it has failed twice, then Broyden's, which
         ``stats.route`` tells), "bfgs" or "broyden"; docs/root.md compares them.
+    coordinates
+        "explicit": what its stages integrate where there are loops, drives or rolling. "tree": all tree coordinates, with the
+        constraints at acceleration level, projected onto them after each step. "independent": those that determine the others
+        (Wehage and Haug 1982), which are switched between steps where others would serve better; ``stats.route`` names them.
+        None: see docs/motion.md.
     max_step, first_step
         s; limits of the controlled steps.
     max_steps
@@ -111,8 +120,8 @@ def simulate(
     Warns
     -----
     MbrsWarning
-        Initial positions or velocities that had to be changed to agree with the joints; Ctrl-C, after which the motion so far
-        is returned.
+        Initial positions or velocities that had to be changed to agree with the joints; flexible bodies that deflect by more
+        than a fifth of their length; Ctrl-C, after which the motion so far is returned.
 
     Notes
     -----
@@ -135,6 +144,8 @@ def simulate(
     state = state_of(m, snapshot.system, at, hold=False, without=without)
     if parameters is not None:
         method = _with_sensitivities(method)
+        if not isinstance(parameters, (str, Sequence)):
+            raise ModelError(f"parameters= takes an address or a list of them, got {shown(parameters)}")
         directions(m, parameters)
     options = _options(t, rtol, step, method, state)
     asked = options.get("rtol", np.inf)
@@ -148,9 +159,11 @@ def simulate(
     for name, value in (("rho", rho), ("max_step", max_step), ("first_step", first_step), ("max_steps", max_steps)):
         if value is not None:
             options[name] = _number(name, value, positive=name != "rho")
+    if max_steps is not None and (isinstance(max_steps, bool) or options["max_steps"] % 1.0 != 0.0):
+        raise ModelError(f"max_steps= must be a whole number, got {shown(max_steps)}")
     if rho is not None and not 0.0 <= rho <= 1.0:
         raise ModelError(f"rho= lies between 0 and 1, got {rho}")
-    options["method"] = _variant(method, form, update)
+    options["method"] = _variant(method, form, update, coordinates)
 
     made = _run(snapshot, state, without, options)
     traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
@@ -167,6 +180,7 @@ def simulate(
             MbrsWarning,
             stacklevel=2,
         )
+    _warn_bent(traj)
     if traj.status == "stopped":
         raise ConvergenceError(
             f"the motion of {m.name!r} stopped at t = {made['end']:.9g} s: {made['message']}; the trajectory until then is "
@@ -180,10 +194,34 @@ def simulate(
     return traj
 
 
-def _variant(method: str, form: Any, update: Any) -> str:
+def _warn_bent(traj: Trajectory) -> None:
+    for name in traj.flexible:
+        body = traj.model.bodies[traj.bodies.index(name)].modal
+        if len(body.line_position) < 2 or not len(traj.t):
+            continue
+        extent = np.linalg.norm(np.ptp(body.line_position, axis=0))
+        moved = np.einsum("kim,tm->tki", body.line_shape[:, :3], traj.modal(name))
+        part = float(np.linalg.norm(moved, axis=-1).max() / extent) if extent > 0.0 else 0.0
+        if part > _BENT:
+            warnings.warn(
+                f"{name!r} deflects by {part:.2g} of its length; flexible bodies deform linearly in their frame, which is "
+                "for small deflections: stiffen it, or divide it into several bodies",
+                MbrsWarning,
+                stacklevel=3,
+            )
+
+
+def _variant(method: str, form: Any, update: Any, coordinates: Any) -> str:
+    if coordinates is not None:
+        if method != "explicit":
+            raise ModelError(f'coordinates= belongs to method="explicit", not to {shown(method)}')
+        if coordinates not in ("tree", "independent"):
+            raise ModelError(f"coordinates= is 'tree' or 'independent', got {shown(coordinates)}")
+        method = f"{method}/{coordinates}"
     if form is None and update is None:
         return method
     if method != "bdf-bfgs":
+        method = method.partition("/")[0]
         raise ModelError(f'form= and update= belong to method="bdf-bfgs", not to {shown(method)}')
     form, update = "ggl" if form is None else form, "auto" if update is None else update
     if form not in ("ggl", "symmetric"):
@@ -213,7 +251,7 @@ def _number(name: str, value: Any, *, positive: bool = True) -> float:
 
 
 def _options(t: Any, rtol: Any, step: Any, method: Any, state: State) -> dict[str, Any]:
-    if method not in METHODS:
+    if not isinstance(method, str) or method not in METHODS:
         raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
     if rtol is not None and step is not None:
         raise ModelError("give rtol= (controlled steps) or step= (fixed steps), not both")
@@ -277,7 +315,7 @@ def _trajectory(
         message=made["message"],
         snapshot=snapshot,
         without=without,
-        estimate=lambda traj: _estimated_error(traj, state, options),
+        estimate=functools.partial(_estimated_error, state=state, options=options),
         stats=Stats(wall, dict(made["counts"]), acting, f"{made['method']}: {made['why']}"),
         status=made["status"],
     )
@@ -311,9 +349,12 @@ def _compared_with(traj: Trajectory, options: dict[str, Any]) -> tuple[dict[str,
 
 def _estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) -> float | None:
     """Largest difference to a second run, scaled to the error of this one."""
-    if traj.status != "finished" or len(traj.t) < 2:
+    if traj.status != "finished":
         return None
-    compared = np.unique(np.linspace(1, len(traj.t) - 1, min(len(traj.t) - 1, _COMPARED)).astype(int))
+    first = int(np.searchsorted(traj.t, state.t, side="right"))
+    if first == len(traj.t):
+        return 0.0  # nothing but the start
+    compared = np.unique(np.linspace(first, len(traj.t) - 1, min(len(traj.t) - first, _COMPARED)).astype(int))
     method = traj.method if options["method"] == "auto" else options["method"]
     changed, factor = _compared_with(traj, options)
     second = {**options, **changed, "method": method, "outputs": traj.t[compared].tolist()}

@@ -13,7 +13,7 @@ import numpy as np
 from . import _core
 from ._border import core_errors
 from .effects import check_without, effects
-from .errors import MbrsWarning, ModelError
+from .errors import MbrsWarning, ModelError, RouteError
 from .linearize import _BALANCED, Snapshot
 from .progress import Elapsed
 from .results import Stats
@@ -21,6 +21,8 @@ from .state import State, state_of
 
 # The dense route costs dof^3, the sparse one some hundred factorisations' worth of dof: from here on it wins.
 _LARGE = 400
+# What the sparse route does not know goes to the dense one as long as that takes minutes, not hours.
+_DENSE_AT_MOST = 4000
 _PART = 10
 _UNRESOLVED = 1e-8
 
@@ -104,7 +106,7 @@ class SparseModel:
 
 
 def model_modes(model: Any, at: Any, n: int, without: Any, start: float) -> Any:
-    """The n lowest modes of a model at rest, by the sparse route."""
+    """The n lowest modes of a model at rest, by the sparse route; None where the dense one must take over and can."""
     from .modal import _result
 
     without = check_without(without)
@@ -112,8 +114,13 @@ def model_modes(model: Any, at: Any, n: int, without: Any, start: float) -> Any:
     with core_errors():
         _core.check_sparse_model(snapshot.system)
     state = state_of(model, snapshot.system, at)
-    with core_errors(), Elapsed(f"lowest {n} modes of {model.name!r}"):
-        r = _core.sparse_model_modes(snapshot.system, state.relative, state.rate, list(without), n)
+    try:
+        with core_errors(), Elapsed(f"lowest {n} modes of {model.name!r}"):
+            r = _core.sparse_model_modes(snapshot.system, state.relative, state.rate, list(without), n)
+    except RouteError:
+        if snapshot.system.n_tree > _DENSE_AT_MOST:
+            raise
+        return None
     if at is None and r["unbalanced"] > _BALANCED:
         warnings.warn(
             f"the drawn state of {model.name!r} is not in balance: at {r['worst']!r} "

@@ -30,7 +30,8 @@ class Energy:
     stored
         (n_t,) J of each element and joint spring by name; without an entry: no energy belongs to its forces.
     power
-        (n_t,) W that each element takes out of the motion, by name: what it stores and what it dissipates.
+        (n_t,) W that each element takes out of the motion, by name: what it stores and what it dissipates; of a force or
+        torque negative where it drives. For drives: `Trajectory.drive_force` times the rate of the joint.
     """
 
     total: np.ndarray
@@ -169,7 +170,11 @@ class Trajectory(Result):
             body, start = int(t["marker_body"][index]), int(t["marker_x"][index])
             drawn = x[start : start + 3]
         else:
-            body, drawn = self._body(of), np.asarray(marker, dtype=float)
+            body = self._body(of)
+            try:
+                drawn = np.asarray(marker, dtype=float)
+            except (TypeError, ValueError):
+                drawn = np.zeros(0)
             if drawn.shape != (3,) or not np.all(np.isfinite(drawn)):
                 raise ModelError(f"a point is three finite numbers, got {marker!r}")
         if body < 0:
@@ -188,7 +193,8 @@ class Trajectory(Result):
         return self._modal(body)[1][1]
 
     @property
-    def _flexible(self) -> list[str]:
+    def flexible(self) -> list[str]:
+        """Names of the flexible bodies that have modal coordinates in this motion."""
         return [self.bodies[body] for body, *_ in modal_places(self.snapshot.tables, len(self.bodies))]
 
     def _modal(self, body: Any) -> tuple[Any, tuple[np.ndarray, np.ndarray]]:
@@ -214,7 +220,7 @@ class Trajectory(Result):
         """Free coordinates of a joint: (n_t,) where it has one, else (n_t, n); rad and m, angles continuous over turns."""
         key = getattr(name, "name", name)
         place = self._joint_places
-        if key not in place:
+        if not isinstance(key, str) or key not in place:
             guess = nearest(str(key), place)
             raise NameNotFoundError(
                 f"there is no joint with free coordinates called {key!r}"
@@ -284,14 +290,24 @@ class Trajectory(Result):
         ModelError
             A time that is no output time.
         """
-        i = len(self.t) - 1 if t is None else int(np.argmin(np.abs(self.t - t)))
-        if t is not None and abs(self.t[i] - t) > 1e-9 * max(1.0, abs(float(t))):
-            raise ModelError(f"t = {t} is no output time; the nearest is {self.t[i]:.9g}: name times with t=[...]")
+        i = len(self.t) - 1
+        if t is not None:
+            try:
+                wanted = float(t)
+            except (TypeError, ValueError):
+                wanted = np.nan
+            if not np.isfinite(wanted):
+                raise ModelError(f"t = {t!r} is no output time; give one of traj.t")
+            i = int(np.argmin(np.abs(self.t - wanted)))
+            if abs(self.t[i] - wanted) > 1e-9 * max(1.0, abs(wanted)):
+                raise ModelError(f"t = {t} is no output time; the nearest is {self.t[i]:.9g}: name times with t=[...]")
         return State(self.relative[i], self.rate[i], "given", self.memory[i], float(self.t[i]))
 
     def reaction(self, name: Any) -> np.ndarray:
-        """(n_t, 6) wrench of a joint on its second body at the joint's point: force (N) and moment (N m), world axes.
+        """(n_t, 6) wrench of a joint's constraints on its second body at its point: force (N) and moment (N m), world axes.
 
+        What the joint's own k=, c= and law= do along its free coordinates is not in it, nor the force of a drive, which
+        has its own by the drive's name. A rolling disc's point is the centre of the disc.
         Where constraints are redundant these are the reactions of minimum norm over all joints, moments divided by the
         characteristic length.
         """
@@ -395,7 +411,8 @@ class Trajectory(Result):
         return viewer if path is None else viewer.write(path)
 
     def to_xarray(self, sensitivity: Sequence[str] = ()) -> Any:
-        """`xarray.Dataset` over time: poses and velocities of the bodies, joint coordinates, energies, residuals.
+        """`xarray.Dataset` over time: poses and velocities of the bodies, joint coordinates, reactions, forces of drives,
+        energies (nan where an element has no potential) and powers of the elements, residuals.
 
         ``sensitivity`` names quantities as in `sensitivity`: their derivatives come along as "d crank.position", over
         "parameter".
@@ -405,8 +422,9 @@ class Trajectory(Result):
         q = self._quantities
         names = {name: self.joint(name) for name in self._joint_places}
         joints = {f"joint {name}": (("time",) if v.ndim == 1 else ("time", f"{name}_"), v) for name, v in names.items()}
-        for name in self._flexible:
+        for name in self.flexible:
             joints[f"modal {name}"] = (("time", f"mode of {name}"), self.modal(name))
+        joints |= self._labelled_forces()
         derivatives = {}
         for what in [sensitivity] if isinstance(sensitivity, str) else sensitivity:
             d = np.asarray(self.sensitivity(what)).reshape(len(self.t), -1, len(self.parameter_labels))
@@ -421,6 +439,7 @@ class Trajectory(Result):
                 "angular_velocity": (("time", "body", "axis"), q["angular_velocity"]),
                 "energy": (("time",), self.energy.total),
                 "kinetic": (("time",), self.energy.kinetic),
+                "gravity": (("time",), self.energy.gravity),
                 "residual": (("time", "level"), self.residual),
                 **joints,
                 **derivatives,
@@ -431,10 +450,38 @@ class Trajectory(Result):
                 "axis": ["x", "y", "z"],
                 "quaternion": ["w", "x", "y", "z"],
                 "level": ["position", "velocity", "acceleration"],
+                **self._labels(),
                 **parameters,
             },
             attrs={"status": self.status, "method": self.method, "model": self.model.name},
         )
+
+    def _labels(self) -> dict[str, list[str]]:
+        t = self.snapshot.tables
+        labels = {
+            "joint": list(t["joint_name"]),
+            "element": list(self.energy.power),
+            "drive": [*t["drive_name"], *t["coupler_name"]],
+        }
+        wrench = {"wrench": self.component_names(6)} if labels["joint"] else {}
+        return {**{k: v for k, v in labels.items() if v}, **wrench}
+
+    def _labelled_forces(self) -> dict[str, Any]:
+        """Reactions, forces of drives and couplers, energies and powers of elements, as far as there are any."""
+        labels, energy = self._labels(), self.energy
+        out: dict[str, Any] = {}
+        if "joint" in labels:
+            reactions = np.stack([self.reaction(name) for name in labels["joint"]], axis=1)
+            out["reaction"] = (("time", "joint", "wrench"), reactions)
+        if "drive" in labels:
+            forces = np.stack([self.drive_force(name) for name in labels["drive"]], axis=1)
+            out["drive force"] = (("time", "drive"), forces)
+        if "element" in labels:
+            nothing = np.full(len(self.t), np.nan)
+            stored = [energy.stored.get(name, nothing) for name in labels["element"]]
+            out["power"] = (("time", "element"), np.stack(list(energy.power.values()), axis=1))
+            out["stored"] = (("time", "element"), np.stack(stored, axis=1))
+        return out
 
     def __str__(self) -> str:
         n = self.stats.counts
@@ -454,10 +501,6 @@ class Trajectory(Result):
         return "\n".join(lines)
 
     __repr__ = __str__
-
-    def __getstate__(self) -> dict[str, Any]:
-        # the second run is a closure of this process: an estimate is kept if it was made
-        return {**self.__dict__, "estimate": None}
 
 
 def _error(self: Trajectory) -> float | None:

@@ -6,6 +6,9 @@ pub enum Error {
     /// The model itself is wrong: shapes, values, names.
     #[error("{0}")]
     Model(String),
+    /// A route that does not know something in the model, which another one does.
+    #[error("{0}")]
+    Route(String),
     /// Constraints that contradict each other, or loops that cannot close.
     #[error("{0}")]
     Assembly(String),
@@ -32,6 +35,10 @@ pub type Result<T> = std::result::Result<T, Error>;
 impl Error {
     pub fn model(message: impl Into<String>) -> Self {
         Error::Model(message.into())
+    }
+
+    pub fn route(message: impl Into<String>) -> Self {
+        Error::Route(message.into())
     }
 
     pub fn singular(message: impl Into<String>) -> Self {

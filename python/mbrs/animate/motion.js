@@ -56,10 +56,41 @@ const mbrsMotion = ((viewer) => {
     });
   }
 
+  // Points (k, 3) of an elastic line at time t, straight between frames.
+  function bent(line, motion, t) {
+    const { k, xyz } = line, place = Math.max(0, Math.min(motion.count - 1, motion.step > 0 ? (t - motion.from) / motion.step : 0));
+    const i = Math.min(Math.floor(place), Math.max(motion.count - 2, 0)), j = Math.min(i + 1, motion.count - 1), s = place - i;
+    return Array.from({ length: k }, (_, n) => [0, 1, 2].map((c) => {
+      const u = xyz[3 * (i * k + n) + c], v = xyz[3 * (j * k + n) + c];
+      return u + s * (v - u);
+    }));
+  }
+
+  function elasticItems(ctx, cam, scene, lines, motion, t, items) {
+    const width = Math.max(2, Math.min(12, 1.1 * scene.grain * cam.scale));
+    for (const line of lines) {
+      const points = bent(line, motion, t).map((p) => cam.project(p));
+      points.slice(1).forEach((q, n) => {
+        const p = points[n];
+        items.push([(p[2] + q[2]) / 2, () => {
+          ctx.strokeStyle = "#3f8c96";
+          ctx.lineWidth = width;
+          ctx.lineCap = "round";
+          ctx.beginPath();
+          ctx.moveTo(p[0], p[1]);
+          ctx.lineTo(q[0], q[1]);
+          ctx.stroke();
+          ctx.lineCap = "butt";
+        }]);
+      });
+    }
+  }
+
   return Object.assign(function (root, scene) {
     scene.origins = scene.bodies.map((body) => body.o);
     const m = scene.motion, n = scene.bodies.length;
     const motion = { ...m, n, p: viewer.decode(m.p), q: viewer.decode(m.q), speed: viewer.decode(m.speed) };
+    const lines = (scene.elastic || []).map(([, k, xyz]) => ({ k, xyz: viewer.decode(xyz) }));
     const end = m.from + m.step * (m.count - 1);
     let time = m.from, playing = m.step > 0;
 
@@ -120,9 +151,10 @@ const mbrsMotion = ((viewer) => {
       show();
       viewer.paint(stage, scene, track(at(motion, time)), ghost.checked ? start : null, {
         clear: clear.checked, names: names.checked, tint: glow(motion, time),
+        more: (ctx, cam, items) => elasticItems(ctx, cam, scene, lines, motion, time, items),
         behind: paths.checked ? (ctx, cam) => drawPaths(ctx, cam, scene, motion, time) : null,
       });
     });
-  }, { at, matrix });
+  }, { at, bent, matrix });
 })(typeof mbrsViewer === "undefined" ? require("./viewer.js") : mbrsViewer);
 if (typeof module !== "undefined") module.exports = mbrsMotion;

@@ -19,6 +19,7 @@ __all__ = ["frames", "motion"]
 _MOST_NUMBERS = 120_000  # bodies times frames: a page of about 5 MB
 _FRAMES = (2, 1200)
 _PER_SECOND = 60.0
+_LINE = 25  # points of the line of a flexible body
 
 
 def motion(
@@ -88,6 +89,10 @@ def _data(
     reach = [float(np.max(np.linalg.norm(b.points - b.origin, axis=1), initial=0.0)) for b in drawn.bodies]
     leader = _leader(drawn, follow)
     low, high = _box(drawn, *_seen(position, leader, np.array(reach)))
+    elastic = _elastic(traj, drawn, times, position, quaternion)
+    if elastic and leader is None:
+        points = np.concatenate([line.reshape(-1, 3) for _, line in elastic])
+        low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
     data = scene_data(drawn, low, high)
     data.update(
         title=title,
@@ -95,6 +100,7 @@ def _data(
         at=at,
         decimals=max(2, 1 - math.floor(math.log10(span / 100.0))) if span > 0.0 else 2,
         follow=-1 if leader is None else leader,
+        elastic=[[name, line.shape[1], _packed(line)] for name, line in elastic],
         paths=_paths(traj, drawn, position, turned, paths),
         motion={
             "from": float(times[0]),
@@ -106,6 +112,35 @@ def _data(
         },
     )
     return data
+
+
+def _elastic(
+    traj: Any, scene: SceneGeometry, times: np.ndarray, position: np.ndarray, quaternion: np.ndarray
+) -> list[tuple[str, np.ndarray]]:
+    """Lines of the flexible bodies as they bend, (n, k, 3) world; modal coordinates by cubics between outputs."""
+    out = []
+    for name in traj.flexible:
+        modal = traj.model.bodies[traj.bodies.index(name)].modal
+        pick = np.unique(np.linspace(0, len(modal.line_position) - 1, _LINE).astype(int))
+        if len(pick) < 2:
+            continue
+        local = modal.line_position[pick] + np.einsum(
+            "kim,tm->tki", modal.line_shape[pick][:, :3], _modal_frames(traj, name, times)
+        )
+        q = quaternion[:, scene.index[name]][:, None]
+        arm = np.concatenate([np.zeros((*local.shape[:2], 1)), local], axis=-1)
+        turned = _product(_product(np.broadcast_to(q, arm.shape), arm), _conjugate(q))[..., 1:]
+        out.append((name, position[:, scene.index[name]][:, None] + turned))
+    return out
+
+
+def _modal_frames(traj: Any, name: str, times: np.ndarray) -> np.ndarray:
+    t, q, rate = np.asarray(traj.t, dtype=float), traj.modal(name), traj.modal_rate(name)
+    if t.size == 1:
+        return np.repeat(q, len(times), axis=0)
+    i = np.clip(np.searchsorted(t, times, side="right") - 1, 0, t.size - 2)
+    h = (t[i + 1] - t[i])[:, None]
+    return _cubic((times - t[i])[:, None] / h, h, q[i], q[i + 1], rate[i], rate[i + 1])
 
 
 def _leader(scene: SceneGeometry, follow: Any) -> int | None:

@@ -328,6 +328,7 @@ const mbrsViewer = (() => {
     bodyItems(ctx, scene, state, cam, items, false, options.clear ? 0.45 : 1, options.tint);
     linkItems(ctx, scene, state, cam, items);
     jointItems(ctx, scene, state, cam, items);
+    if (options.more) options.more(ctx, cam, items);
     items.sort((p, q) => p[0] - q[0]).forEach((item) => item[1]());
     if (options.names) drawLabels(ctx, scene, state, cam);
     drawTriad(ctx, view, height);

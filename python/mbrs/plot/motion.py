@@ -73,6 +73,8 @@ def plot(traj: Any, what: str = "motion", *, of: Any = None) -> Any:
     ModelError
         An unknown ``what``; nothing to draw.
     """
+    if of is not None and not (_single(of) or isinstance(of, Sequence)):
+        raise ModelError(f"of= takes names or handles of joints, bodies, markers or elements, got {of!r}")
     chosen = None if of is None else [str(getattr(one, "name", one)) for one in ([of] if _single(of) else of)]
     makers: dict[str, Callable[[], list[Panel]]] = {
         "motion": lambda: _overview(traj, chosen),

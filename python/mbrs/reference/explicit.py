@@ -1,10 +1,10 @@
-"""Explicit Runge-Kutta of order eight on tree increments, as in ``rust/src/analysis/transient/explicit8.rs``; and the
-tight oracle, in minimal coordinates that may change from one output to the next:
+"""Explicit Runge-Kutta of order eight on tree increments, as in ``rust/src/analysis/transient/explicit8.rs``: of all tree
+coordinates, or of independent ones, which also the tight oracle integrates:
 
     y" from [M J^T; J 0] [v'; lam] = [-h; -J' v - Phi_tt]
 
 There y are increments of the independent tree coordinates; the dependent ones close the loops by Newton's method, so no
-constraint drifts. Rows of redundant constraints are dropped by their rank at the start.
+constraint drifts (Wehage and Haug, J. Mech. Des. 104 (1982) 247-255).
 """
 
 from __future__ import annotations
@@ -14,59 +14,111 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ModelError
-from .assembly import close_loops, jacobian, partition, scales
+from ..errors import ConvergenceError
+from .assembly import jacobian, scales
 from .kinematics import State, System, advance
-from .linear import pivots
-from .motion import Motion, explicit_rates, increment_rates, tree_map, with_rates
+from .motion import Motion, explicit_rates, increment_rates, velocity_rows, with_rates
 from .so3 import Array
-from .transient import History, Instant, acceleration, consistent, marched, moved
+from .transient import History, Instant, acceleration, consistent, marched, moved, rows, turning
+
+TIE = 1e-6  # entries that differ by less are equally good pivots: the first is taken
+REDUNDANT = 1e-9  # remainders below this part of the largest entry carry nothing
+WORN = 4.0  # a choice is left where another pivot of a row is larger by this factor
+
+
+def scaled(sys: System, state: State) -> Array:
+    """J of all rows, free of units."""
+    row, column = scales(sys)
+    return row[:, None] * jacobian(sys, state).real * column
+
+
+def choose(sys: System, state: State) -> tuple[list[tuple[int, int]], int]:
+    """Row and column of each pivot of the scaled rows, by complete pivoting, position rows before those that restrict
+    velocities alone; and how many are of positions.
+    """
+    left, pivots, n = scaled(sys, state), [], 0
+    largest, velocity = np.max(np.abs(left), initial=0.0), velocity_rows(sys)
+    for level in (False, True):
+        open_rows = [int(i) for i in np.flatnonzero(velocity == level)]
+        while open_rows:
+            size = np.abs(left[open_rows])
+            if size.max() <= REDUNDANT * largest:
+                break
+            at, column = np.argwhere(size >= (1 - TIE) * size.max())[0]
+            row = open_rows.pop(int(at))
+            for i in range(len(left)):
+                if i not in [p[0] for p in pivots] and i != row:
+                    left[i] -= left[i, column] / left[row, column] * left[row]
+                    left[i, column] = 0.0
+            pivots.append((row, int(column)))
+        n = n if level else len(pivots)
+    return pivots, n
+
+
+def worn(sys: System, state: State, pivots: list[tuple[int, int]]) -> float:
+    """The largest entry of a row over its pivot, after elimination in the order of the pivots."""
+    left, most = scaled(sys, state), 0.0
+    for k, (row, column) in enumerate(pivots):
+        most = max(most, float(np.max(np.abs(left[row] / left[row, column]))))
+        for i, _ in pivots[k + 1 :]:
+            left[i] -= left[i, column] / left[row, column] * left[row]
+            left[i, column] = 0.0
+    return most
 
 
 class Chart:
-    """Minimal coordinates around a state: ``places`` determine poses, the fewer ``speeds`` velocities, since rows that
-    restrict velocities alone leave places free.
+    """Independent coordinates around a state: ``places`` determine poses, the fewer ``speeds`` velocities, since rows that
+    restrict velocities alone leave places free. Increments are counted from the state, also of three rotations together.
     """
 
-    def __init__(self, sys: System, state: State, t: float = 0.0) -> None:
+    def __init__(self, sys: System, state: State, t: float = 0.0, pivots: Any = None) -> None:
         sys.t = t
-        self.sys, self.base, self.part = sys, state, partition(sys, state)
-        row, column = scales(sys, velocity=False)
-        depend = pivots(row[:, None] * jacobian(sys, state, velocity=False) * column)
-        self.places = np.setdiff1d(np.arange(sys.ny), depend)
-        free = set(self.places.tolist())
-        for joint in sys.tree:
-            turns = range(joint.stop - 3, joint.stop) if joint.link.kind in ("spherical", "free") else ()
-            if 0 < len(free.intersection(turns)) < 3:
-                raise ModelError(
-                    f"joint {joint.link.name!r}: its three rotations depend on each other through a loop, and the charts of "
-                    "mbrs.reference hold them together; use generalised-alpha or BDF"
-                )
+        self.sys, self.base = sys, state
+        self.pivots, self.n = choose(sys, state) if pivots is None else pivots
+        chosen = np.array(self.pivots, dtype=int).reshape(-1, 2)
+        self.rows, self.depend = chosen[:, 0], chosen[:, 1]
+        self.places = np.setdiff1d(np.arange(sys.ny), self.depend[: self.n])
+        self.speeds = np.setdiff1d(np.arange(sys.ny), self.depend)
 
-    def pose(self, y: Array) -> State:
-        increment = np.zeros(self.sys.ny)
-        increment[self.places] = y
-        return close_loops(self.sys, advance(self.sys, self.base, increment), fixed=self.places)
+    def closed(self, increment: Array) -> Array:
+        """The increments with dependent ones from Phi = 0, those given being the first guess."""
+        y, previous, which, on = np.array(increment), np.inf, self.rows[: self.n], self.depend[: self.n]
+        for _ in range(60 if self.n else 0):
+            phi, J = rows(self.sys, self._moved(y, np.zeros(self.sys.ny), np.zeros(0)))
+            d = np.linalg.solve((J @ turning(self.sys, y))[np.ix_(which, on)], -phi[which])
+            y[on] += d
+            size = float(np.max(np.abs(d)))
+            if size < 1e-14 or (size < 1e-10 and size > 0.5 * previous):
+                return y
+            previous = size
+        if self.n:
+            raise ConvergenceError("the loops do not close at these independent coordinates; take a smaller step")
+        return y
 
-    def motion(self, t: float, y: Array, speed: Array, memory: Array) -> Motion:
-        """The motion at the time t whose places are y after the start and whose independent rates are ``speed``: the
-        others follow from J v + Phi_t = 0.
-        """
+    def _moved(self, y: Array, rate: Array, memory: Array) -> Motion:
+        return Motion(advance(self.sys, self.base, y), rate, memory)
+
+    def motion(self, t: float, y: Array, rate: Array, memory: Array) -> tuple[Array, Motion]:
+        """Increments and motion at the time t: of both, dependent ones follow from the independent ones given."""
         self.sys.t = t
-        pose, rate, part = self.pose(y), np.zeros(self.sys.ny), self.part
-        rate[part.independent] = speed
-        if len(part.dependent):
-            J = tree_map(self.sys, pose)[1].value.T[part.rows]
-            miss = -explicit_rates(self.sys)[0][part.rows] - J @ rate
-            rate[part.dependent] = np.linalg.solve(J[:, part.dependent], miss)
-        return Motion(pose, rate, memory)
+        y, rate = self.closed(y), np.array(rate)
+        if len(self.depend):
+            rate[self.depend] = 0.0
+            J = rows(self.sys, self._moved(y, rate, memory))[1][self.rows]
+            miss = -explicit_rates(self.sys)[0][self.rows] - J @ rate
+            rate[self.depend] = np.linalg.solve(J[:, self.depend], miss)
+        return y, self._moved(y, rate, memory)
 
-    def slopes(self, t: float, y: Array, speed: Array, memory: Array) -> tuple[Array, Array]:
-        """Rates of the increments, which for three rotations that act together are J_l^-1 of the rates, and of the speeds."""
-        m, increment = self.motion(t, y, speed, memory), np.zeros(self.sys.ny)
-        increment[self.places] = y
-        slope = acceleration(self.sys, m)[0][self.part.independent]
-        return increment_rates(self.sys, increment, m.rate)[self.places], slope
+    def spread(self, y: Array, speed: Array) -> tuple[Array, Array]:
+        """Increments and rates of all coordinates, zero where they depend."""
+        increment, rate = np.zeros(self.sys.ny), np.zeros(self.sys.ny)
+        increment[self.places], rate[self.speeds] = y, speed
+        return increment, rate
+
+    def slopes(self, t: float, y: Array, rate: Array, memory: Array) -> tuple[Array, Array]:
+        """Rates of the increments, which for three rotations that act together are J_l^-1 of the rates, and of the rates."""
+        y, m = self.motion(t, y, rate, memory)
+        return increment_rates(self.sys, y, m.rate), acceleration(self.sys, m)[0]
 
 
 def tableau() -> tuple[Array, Array]:
@@ -78,11 +130,16 @@ def tableau() -> tuple[Array, Array]:
     return DOP853.A, DOP853.B
 
 
-def explicit(sys: System, start: Instant, h: float, n: int, coefficients: Any = None) -> History:
+def explicit(
+    sys: System, start: Instant, h: float, n: int, coefficients: Any = None, coordinates: str = "tree"
+) -> History:
     """n steps of length h (s) by the Runge-Kutta method (A, weights), of order 8 by default: theta' = J_l^-1(theta) v
-    and v' of the equations with the rows at acceleration level; rows are closed and rates aligned after every step.
+    and v' of the equations with the rows at acceleration level; rows are closed and rates aligned after every step. Or,
+    with "independent" ``coordinates``, dependent positions and rates from the rows in every stage and at the end.
     """
     A, weights = tableau() if coefficients is None else coefficients
+    if coordinates == "independent":
+        return _independent(sys, start, h, n, (A, weights))
     history = History([start])
     for step in range(n):
         now = history.instants[-1].motion
@@ -95,6 +152,27 @@ def explicit(sys: System, start: Instant, h: float, n: int, coefficients: Any = 
             dy[i], dv[i] = increment_rates(sys, y, trial.rate), acceleration(sys, trial)[0]
         end = moved(sys, now, h * weights @ dy, now.rate + h * weights @ dv)
         history.instants.append(marched(sys, consistent(sys, start.t + (step + 1) * h, end)))
+    return history
+
+
+def _independent(sys: System, start: Instant, h: float, n: int, coefficients: tuple[Array, Array]) -> History:
+    """The choice of coordinates is kept while it serves."""
+    A, weights = coefficients
+    history, chosen = History([start]), choose(sys, start.motion.state)
+    for step in range(n):
+        now, t = history.instants[-1].motion, start.t + step * h
+        if worn(sys, now.state, chosen[0]) > WORN:
+            chosen = choose(sys, now.state)
+        chart = Chart(sys, now.state, t, chosen)
+        dy, dv = np.zeros((len(weights), sys.ny)), np.zeros((len(weights), sys.ny))
+        for i, row in enumerate(A):
+            stage = chart.slopes(
+                t + np.sum(row[:i]) * h, h * row[:i] @ dy[:i], now.rate + h * row[:i] @ dv[:i], now.memory
+            )
+            dy[i], dv[i] = stage
+        end = chart.motion(t + h, h * weights @ dy, now.rate + h * weights @ dv, now.memory)[1]
+        sys.t = t + h
+        history.instants.append(marched(sys, Instant(t + h, end, *acceleration(sys, end))))
     return history
 
 
@@ -115,11 +193,12 @@ def oracle(sys: System, start: Instant, times: Sequence[float] | Array, rtol: fl
         m, memory = len(chart.places), now.motion.memory
 
         def slope(t: float, z: Array, chart: Chart = chart, m: int = m, memory: Array = memory) -> Array:
-            return np.concatenate(chart.slopes(t, z[:m], z[m:], memory))
+            dy, dv = chart.slopes(t, *chart.spread(z[:m], z[m:]), memory)
+            return np.concatenate([dy[chart.places], dv[chart.speeds]])
 
-        z = np.concatenate([np.zeros(m), now.motion.rate[chart.part.independent]])
+        z = np.concatenate([np.zeros(m), now.motion.rate[chart.speeds]])
         atol = 1e-2 * rtol * max(1.0, float(np.max(np.abs(z), initial=0.0)))
         run = solve_ivp(slope, (now.t, t), z, method="DOP853", rtol=rtol, atol=atol)
-        end = chart.motion(t, run.y[:m, -1], run.y[m:, -1], memory)
+        end = chart.motion(t, *chart.spread(run.y[:m, -1], run.y[m:, -1]), memory)[1]
         history.instants.append(marched(sys, consistent(sys, t, end)))
     return history

@@ -49,8 +49,9 @@ pub struct FlexibleGeometry<T: Real> {
     /// m x m, row by row
     pub p2: Vec<M3<T>>,
     pub k: Vec<T>,
-    /// empty where there is no damping
     pub c: Vec<T>,
+    /// Does `c` count? Derivatives by it do where it is zero, too.
+    pub damped: bool,
     /// empty without geometric stiffness
     pub s2: Vec<V3<T>>,
     pub p12: Vec<M3<T>>,
@@ -86,11 +87,8 @@ impl<T: Real> FlexibleGeometry<T> {
             p1,
             p2,
             k: n[k..k + m * m].to_vec(),
-            c: if damped {
-                n[c..c + m * m].to_vec()
-            } else {
-                Vec::new()
-            },
+            c: n[c..c + m * m].to_vec(),
+            damped,
             s2,
             p12,
         }
@@ -114,6 +112,7 @@ impl<T: Real> FlexibleGeometry<T> {
             p2: squares(&self.p2, f),
             k: self.k.iter().map(|v| f(*v)).collect(),
             c: self.c.iter().map(|v| f(*v)).collect(),
+            damped: self.damped || U::NDERIV > 0,
             s2: vectors(&self.s2, f),
             p12: squares(&self.p12, f),
         }

@@ -21,6 +21,7 @@ create_exception!(
     "Base of the errors that the core raises; mbrs.errors maps them."
 );
 create_exception!(_core, CoreModelError, CoreError);
+create_exception!(_core, CoreRouteError, CoreModelError);
 create_exception!(_core, CoreAssemblyError, CoreError);
 create_exception!(_core, CoreSingularError, CoreError);
 create_exception!(_core, CoreConvergenceError, CoreError);
@@ -30,6 +31,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
     module.add("CoreError", py.get_type::<CoreError>())?;
     module.add("CoreModelError", py.get_type::<CoreModelError>())?;
+    module.add("CoreRouteError", py.get_type::<CoreRouteError>())?;
     module.add("CoreAssemblyError", py.get_type::<CoreAssemblyError>())?;
     module.add("CoreSingularError", py.get_type::<CoreSingularError>())?;
     module.add(
@@ -48,6 +50,7 @@ impl From<Error> for PyErr {
         let text = error.to_string();
         match error {
             Error::Model(_) => CoreModelError::new_err(text),
+            Error::Route(_) => CoreRouteError::new_err(text),
             Error::Assembly(_) => CoreAssemblyError::new_err(text),
             Error::Singular(_) => CoreSingularError::new_err(text),
             Error::Convergence { best, residual, .. } => {

@@ -53,7 +53,7 @@ impl Effects {
     };
 
     /// Which forces of connectors and loads act.
-    fn wanted(&self) -> Wanted {
+    pub(crate) fn wanted(&self) -> Wanted {
         Wanted {
             damping: self.damping,
             friction: self.friction,
@@ -113,7 +113,7 @@ impl<T: Real> Scene<'_, T> {
         let damps = |c: &Connector| {
             c.c.is_some() || self.effects.law_slopes && c.laws.iter().any(|l| l.law.uses_velocity())
         };
-        let modal = || self.geometry.flexible.iter().any(|f| !f.c.is_empty());
+        let modal = || self.geometry.flexible.iter().any(|f| f.damped);
         self.effects.damping && (self.topology.connectors.iter().any(damps) || modal())
     }
 

@@ -88,7 +88,7 @@ impl Wanted {
         ..Wanted::FORCES
     };
 
-    pub(super) fn law(&self, law: Law) -> bool {
+    pub(crate) fn law(&self, law: Law) -> bool {
         match law {
             Law::CoulombTanh | Law::Jenkins | Law::Iwan { .. } => self.friction,
             Law::Gap | Law::GapBilateral | Law::Hertz => self.contact,
@@ -97,22 +97,23 @@ impl Wanted {
     }
 }
 
-fn pair_of<T: Real>(geometry: &Geometry<T>, owner: Owner) -> &MarkerPair<T> {
+pub(crate) fn pair_of<T: Real>(geometry: &Geometry<T>, owner: Owner) -> &MarkerPair<T> {
     match owner {
         Owner::Element(i) => &geometry.elements[i],
         Owner::Joint(i) => &geometry.joints[i],
     }
 }
 
-struct Local<T: Real> {
-    a: Pose<T>,
-    b: Pose<T>,
-    relative: Relative<T>,
+/// Two markers as they are, and how they move against each other.
+pub(crate) struct Local<T: Real> {
+    pub a: Pose<T>,
+    pub b: Pose<T>,
+    pub relative: Relative<T>,
     /// relative twist at p_B in the axes of A; None at rest
-    twist: Option<Six<T>>,
+    pub twist: Option<Six<T>>,
 }
 
-fn local<T: Real>(
+pub(crate) fn local<T: Real>(
     topology: &Topology,
     placement: &Placement<T>,
     a: BodyRef,
@@ -355,7 +356,7 @@ pub fn collapsed<'t>(
 
 /// Displacements from the natural state. What is rounding of the places it is the difference of is exactly zero, so that a
 /// spring at its drawn length carries no force.
-fn strains<T: Real>(
+pub(crate) fn strains<T: Real>(
     connector: &Connector,
     geometry: &Geometry<T>,
     x: &[T],
@@ -491,6 +492,17 @@ pub fn modal_load<T: Real>(topology: &Topology, geometry: &Geometry<T>, load: us
     geometry.loads[load].1.x + varying(topology, geometry, load, t).x
 }
 
+/// Local point and value of a load at time t, the value in body axes of a follower and in those of the world otherwise.
+pub(crate) fn load_parts<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    load: usize,
+    t: f64,
+) -> (V3<T>, V3<T>) {
+    let (local, value) = &geometry.loads[load];
+    (*local, value + varying(topology, geometry, load, t))
+}
+
 /// A load: dead (constant in the world) or follower (carried along), as an interaction of ground with its body.
 pub fn load_interaction<T: Real>(
     topology: &Topology,
@@ -502,8 +514,7 @@ pub fn load_interaction<T: Real>(
 ) -> Interaction<T> {
     let spec = &topology.tables.loads[load];
     let pose = &placement.pose[topology.node_of_body[spec.body]];
-    let (local, value) = &geometry.loads[load];
-    let value = value + varying(topology, geometry, load, t);
+    let (local, value) = load_parts(topology, geometry, load, t);
     let value = if spec.follower { pose.r * value } else { value };
     let wrench = if spec.torque {
         Six::new(V3::zeros(), value)

@@ -6,7 +6,7 @@ use crate::system::connector::Wanted;
 use crate::system::topology::{BoundLaw, Connector};
 
 /// Forces of a connector's coordinates, and their slopes by displacement and rate.
-pub(super) struct Response<T: Real> {
+pub(crate) struct Response<T: Real> {
     pub force: [T; 6],
     pub k: [[T; 6]; 6],
     pub c: [[T; 6]; 6],
@@ -14,7 +14,7 @@ pub(super) struct Response<T: Real> {
 }
 
 /// The linear part and the laws at displacements `e` and rates `v` (None at rest).
-pub(super) fn response<T: Real>(
+pub(crate) fn response<T: Real>(
     connector: &Connector,
     x: &[T],
     memory: &[T],

@@ -17,9 +17,7 @@ impl<T: Real> Scene<'_, T> {
         }
         for (modal, g) in topology.modal.iter().zip(&self.geometry.flexible) {
             let m = modal.m;
-            let rate = self
-                .rate
-                .filter(|_| self.effects.damping && !g.c.is_empty());
+            let rate = self.rate.filter(|_| self.effects.damping && g.damped);
             for k in 0..m {
                 for l in 0..m {
                     rho[modal.first + k] += g.k[k * m + l] * q[modal.first - first + l];
@@ -65,8 +63,8 @@ impl<T: Real> Scene<'_, T> {
             let (m, first) = (modal.m, modal.first);
             for k in 0..m * m {
                 stiffness.add(first + k / m, first + k % m, g.k[k]);
-                if let (Some(damping), Some(c)) = (damping.as_deref_mut(), g.c.get(k)) {
-                    damping.add(first + k / m, first + k % m, *c);
+                if let Some(damping) = damping.as_deref_mut().filter(|_| g.damped) {
+                    damping.add(first + k / m, first + k % m, g.c[k]);
                 }
             }
         }

@@ -278,7 +278,7 @@ impl<T: Real> Scene<'_, T> {
 }
 
 /// An angle on the turn nearest to where it was.
-fn continued<T: Real>(e: T, coordinate: Coordinate, before: Option<&T>) -> T {
+pub(crate) fn continued<T: Real>(e: T, coordinate: Coordinate, before: Option<&T>) -> T {
     match (coordinate, before) {
         (Coordinate::Angle { .. }, Some(before)) => e + turns(before.re() - e.re()),
         _ => e,

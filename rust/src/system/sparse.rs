@@ -155,17 +155,17 @@ fn check(system: &System, state: &State) -> Result<()> {
     let topology = &*system.topology;
     let dense = "mb.modes(m) without n= takes the dense route, which knows them";
     if state.moving() {
-        return Err(Error::model(format!(
+        return Err(Error::route(format!(
             "the sparse route of large models knows states at rest only; this one moves: {dense}"
         )));
     }
     if topology.tables.loads.iter().any(|l| l.follower) {
-        return Err(Error::model(format!(
+        return Err(Error::route(format!(
             "follower loads make the stiffness nonsymmetric, which the sparse route of large models does not know: {dense}"
         )));
     }
     if let Some(name) = topology.tables.unusual() {
-        return Err(Error::model(format!(
+        return Err(Error::route(format!(
             "'{name}' is a nonholonomic joint, a drive, a coupler or a flexible body, which the sparse route of large models does not know: {dense}"
         )));
     }
@@ -353,7 +353,7 @@ impl Builder<'_> {
                 Owner::Element(e) => &topology.tables.elements[e].name,
                 Owner::Joint(j) => &topology.tables.joints[j].name,
             };
-            return Err(Error::model(format!(
+            return Err(Error::route(format!(
                 "the stiffness of '{name}' is not symmetric, which the sparse route of large models does not know: mb.modes(m) \
                  without n= takes the dense route"
             )));

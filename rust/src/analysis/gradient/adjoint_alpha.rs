@@ -14,7 +14,7 @@ use crate::analysis::transient::penalty::Penalty;
 use crate::error::Result;
 use crate::run::Counts;
 
-use super::adjoint::transposed_times;
+use super::adjoint_taped::transposed_times;
 use super::alpha::{Load, Solved, accelerating, balance, closure};
 use super::march::Here;
 use super::recorder::{

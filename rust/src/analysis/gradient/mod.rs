@@ -12,15 +12,25 @@
 //! | `kinks` | where a motion has no derivative |
 //! | `alpha` | a step of generalised-alpha as equations |
 //! | `lanes`, `direct` | all directions along with the motion |
-//! | `recorder`, `adjoint`, `adjoint_alpha` | the steps backwards, with checkpoints |
+//! | `adjoint` | the steps backwards, with checkpoints |
+//! | `adjoint_ali3p`, `by_hand`, `increments` | a step backwards by hand |
+//! | `power`, `power_tree`, `power_links` | the virtual power and its derivative by everything |
+//! | `adjoint_taped`, `adjoint_alpha`, `recorder` | a step backwards on the tape |
 //! | `tape` | numbers that remember where they come from |
 pub mod adjoint;
+mod adjoint_ali3p;
 mod adjoint_alpha;
+mod adjoint_taped;
 mod alpha;
+mod by_hand;
 pub mod direct;
+mod increments;
 pub mod kinks;
 mod lanes;
 pub mod march;
+mod power;
+mod power_links;
+mod power_tree;
 pub mod quantity;
 mod reactions;
 mod recorder;

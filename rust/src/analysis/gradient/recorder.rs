@@ -156,6 +156,11 @@ impl<'a> Recorder<'a> {
         (found, d[of.places[5]..].to_vec())
     }
 
+    /// Adjoints of numbers, then of the geometry, for others to add to.
+    pub fn found(&mut self) -> &mut [f64] {
+        &mut self.numbers
+    }
+
     /// Adjoints of the numbers x, those of the geometry carried to them.
     pub fn numbers(&self) -> Vec<f64> {
         clear();

@@ -15,7 +15,7 @@ use super::{Equations, Instant, Motion, scaled_size};
 
 /// Rows are closed when smaller than this (scaled), or when they get no smaller.
 const CLOSED: f64 = 1e-14;
-const ACCEPTABLE: f64 = 1e-10;
+pub(super) const ACCEPTABLE: f64 = 1e-10;
 const CLOSING_STEPS: usize = 12;
 /// Part of all rates that the projection of a controlled step changes at most.
 const BRANCH: f64 = 0.05;
@@ -31,7 +31,7 @@ struct Evaluation {
 }
 
 impl Equations<'_, f64> {
-    fn matrix(&self, rows: usize) -> Matrix {
+    pub(super) fn matrix(&self, rows: usize) -> Matrix {
         Matrix::zeros(rows, self.n(), self.sparse)
     }
 
@@ -45,13 +45,18 @@ impl Equations<'_, f64> {
         (phi, jacobian)
     }
 
-    fn mass_of(&self, scene: &Scene<'_, f64>) -> Matrix {
+    pub(super) fn mass_of(&self, scene: &Scene<'_, f64>) -> Matrix {
         let mut mass = self.matrix(self.n());
         scene.mass_into(&mut mass, &mut Matrix::zeros(0, 0, self.sparse));
         mass
     }
 
-    fn saddle(&self, mass: &Matrix, jacobian: &Matrix, counts: &mut Counts) -> Result<Saddle> {
+    pub(super) fn saddle(
+        &self,
+        mass: &Matrix,
+        jacobian: &Matrix,
+        counts: &mut Counts,
+    ) -> Result<Saddle> {
         counts.add("mass factorisations", 1);
         Saddle::of(mass, jacobian, Some(&self.ordering))
     }
@@ -78,7 +83,7 @@ impl Equations<'_, f64> {
     }
 
     /// Which rows say where things are.
-    fn position_rows(&self) -> Vec<bool> {
+    pub(super) fn position_rows(&self) -> Vec<bool> {
         self.topology()
             .rows
             .iter()
@@ -137,7 +142,7 @@ impl Equations<'_, f64> {
         Err(self.open(worst, size))
     }
 
-    fn open(&self, row: usize, size: f64) -> Error {
+    pub(super) fn open(&self, row: usize, size: f64) -> Error {
         let topology = self.topology();
         if let Some(error) = topology.tables.failure() {
             return error;
@@ -246,7 +251,7 @@ impl Equations<'_, f64> {
         [phi, rates, accelerations].map(|r| self.worst_row(&r).0)
     }
 
-    fn check_forces(&self, h: &DVector<f64>) -> Result<()> {
+    pub(super) fn check_forces(&self, h: &DVector<f64>) -> Result<()> {
         match h.iter().position(|v| !v.is_finite()) {
             None => Ok(()),
             Some(i) => Err(self

@@ -120,7 +120,7 @@ impl Equations<'_, f64> {
                 for l in 0..n {
                     stored += 0.5 * q[k] * g.k[k * n + l] * q[l];
                     power += v[k] * g.k[k * n + l] * q[l];
-                    if self.effects.damping && !g.c.is_empty() {
+                    if self.effects.damping && g.damped {
                         power += v[k] * g.c[k * n + l] * v[l];
                     }
                 }

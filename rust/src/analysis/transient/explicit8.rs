@@ -1,15 +1,17 @@
-//! Explicit motion of order eight in joint increments (RKMK: theta' = J_l^-1(theta) omega), constraints at acceleration level
-//! within a step, closed and aligned at its end.
+//! Explicit motion of order eight in joint increments (RKMK: theta' = J_l^-1(theta) omega), without any tangent, and in an open
+//! tree without any multiplier. With loops, drives or rolling there are two ways:
 //!
-//! No tangent is ever computed, and in an open tree no multiplier. The tree coordinates are used as they are, with the loops as
-//! rows: there is no choice of independent coordinates that could become singular. Near a pose where loops lose rank, stages that
-//! have drifted off the loops give wrong accelerations and steps collapse: for as long as the last steps were, stages are then
-//! closed and aligned too (`careful`). Always to do so, as minimal coordinates with dependent ones solved in each stage would,
-//! gives the same errors in as many steps with about twice the factorisations (benches/motion.py, "stages"). Steps are controlled by the combined estimate of orders 5 and 3 of Hairer, Norsett, Wanner.
+//! | `Coordinates` | stages | end of a step |
+//! |---|---|---|
+//! | `Tree` | all tree coordinates, constraints at acceleration level | closed and aligned by the smallest change in kinetic energy |
+//! | `Independent` | independent coordinates, the others from the constraints (`explicit_minimal`) | the same |
+//!
+//! Steps are controlled by the combined estimate of orders 5 and 3 of Hairer, Norsett, Wanner.
 use crate::error::Result;
 use crate::run::Counts;
 
 use super::dop853_numbers::{A, B, C, D, E3, E5, Row, STAGES};
+use super::explicit_minimal::Minimal;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
 /// The estimate exceeds that of order 5 at most by this factor.
@@ -18,13 +20,20 @@ const MOST: f64 = 10.0;
 /// A step that must be shorter than this part of those before has an error of thousands of tolerances.
 const COLLAPSED: f64 = 0.3;
 
+/// What the stages integrate where there are constraints.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Coordinates {
+    Tree,
+    Independent,
+}
+
 #[derive(Default)]
 pub struct Explicit8 {
     /// slopes (theta', v') of the stages of the last step, and of its end
     slopes: Vec<Slope>,
     end: Option<Ends>,
-    /// stages lie on the constraints
-    careful: bool,
+    /// None: tree coordinates
+    minimal: Option<Minimal>,
 }
 
 #[derive(Clone)]
@@ -61,12 +70,17 @@ fn trial(eq: &Equations<'_, f64>, from: &Motion<f64>, h: f64, y: &[f64], v: &[f6
 }
 
 impl Explicit8 {
-    /// With stages on the constraints: accelerations are good as near to a singular pose as rounding allows.
-    pub fn past_singular_poses() -> Box<dyn Scheme> {
-        Box::new(Explicit8 {
-            careful: true,
+    /// `rtol` of controlled steps.
+    pub fn new(coordinates: Coordinates, rtol: Option<f64>) -> Self {
+        Explicit8 {
+            minimal: (coordinates == Coordinates::Independent).then(|| Minimal::new(rtol)),
             ..Explicit8::default()
-        })
+        }
+    }
+
+    /// For schemes whose own steps collapse there.
+    pub fn past_singular_poses() -> Box<dyn Scheme> {
+        Box::new(Explicit8::new(Coordinates::Independent, None))
     }
 
     fn stage(
@@ -78,16 +92,15 @@ impl Explicit8 {
         counts: &mut Counts,
     ) -> Result<()> {
         let (y, v) = weighted(&self.slopes, A[stage], h, eq.n());
-        let m = trial(eq, from, C[stage] * h, &y, &v);
-        if self.careful {
-            let at = eq.consistent(m, counts)?;
-            let y = eq.difference(from, &at.motion);
-            self.slopes.push(Slope {
-                y: eq.increment_rates(&y, &at.motion.rate),
-                v: at.acceleration,
-            });
+        if let Some(minimal) = &mut self.minimal {
+            let rate = from.rate.iter().zip(&v).map(|(r, dv)| r + dv).collect();
+            let at = minimal.settle(eq, from, from.t + C[stage] * h, (y, rate), false, counts)?;
+            let v = minimal.accelerations(eq, &at, counts)?;
+            let y = eq.increment_rates(&at.increment, &at.motion.rate);
+            self.slopes.push(Slope { y, v });
             return Ok(());
         }
+        let m = trial(eq, from, C[stage] * h, &y, &v);
         let slope_y = eq.increment_rates(&y, &m.rate);
         let at = eq.instant(m, counts)?;
         self.slopes.push(Slope {
@@ -95,6 +108,30 @@ impl Explicit8 {
             v: at.acceleration,
         });
         Ok(())
+    }
+
+    /// The end of a step on all constraints, and its increments from the start.
+    fn ended(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        from: &Motion<f64>,
+        h: f64,
+        (y, v): (&[f64], &[f64]),
+        counts: &mut Counts,
+    ) -> Result<(Instant, Vec<f64>)> {
+        let reached = trial(eq, from, h, y, v);
+        let Some(minimal) = &mut self.minimal else {
+            return Ok((eq.consistent(reached, counts)?, y.to_vec()));
+        };
+        let at = minimal.settle(
+            eq,
+            from,
+            reached.t,
+            (y.to_vec(), reached.rate),
+            true,
+            counts,
+        )?;
+        Ok((eq.instant(at.motion, counts)?, at.increment))
     }
 }
 
@@ -137,21 +174,37 @@ impl Scheme for Explicit8 {
             y: from.motion.rate.clone(),
             v: from.acceleration.clone(),
         });
+        match &mut self.minimal {
+            Some(minimal) if eq.n_rows() > 0 => minimal.choose(eq, &from.motion, counts)?,
+            _ => self.minimal = None,
+        }
         for stage in 1..STAGES {
             self.stage(eq, &from.motion, stage, h, counts)?;
         }
-        let (dy, dv) = weighted(&self.slopes, B, h, n);
-        let reached = trial(eq, &from.motion, h, &dy, &dv);
-        let rate = reached.rate.clone();
-        let end = eq.consistent(reached, counts)?;
+        let (dy, mut dv) = weighted(&self.slopes, B, h, n);
+        let (end, dy) = self.ended(eq, &from.motion, h, (&dy, &dv), counts)?;
+        let start = &from.motion.rate;
         if estimate {
-            eq.same_branch(&rate, &end, h)?;
+            let before: Vec<f64> = start.iter().zip(&dv).map(|(r, d)| r + d).collect();
+            eq.same_branch(&before, &end, h)?;
+        }
+        if self.minimal.is_some() {
+            dv = end
+                .motion
+                .rate
+                .iter()
+                .zip(start)
+                .map(|(e, s)| e - s)
+                .collect();
         }
         let error = estimate.then(|| {
-            let (five, three) = (
-                weighted(&self.slopes, E5, h, n),
-                weighted(&self.slopes, E3, h, n),
-            );
+            let [five, three] = [E5, E3].map(|row| {
+                let (mut y, mut v) = weighted(&self.slopes, row, h, n);
+                if let Some(minimal) = &self.minimal {
+                    minimal.follow(&mut y, &mut v);
+                }
+                (y, v)
+            });
             let scales = eq.scales();
             LocalError {
                 position: combined(five.0, &three.0, &scales),
@@ -167,7 +220,12 @@ impl Scheme for Explicit8 {
     }
 
     fn bridge(&self, left: f64) -> Option<Box<dyn Scheme>> {
-        (!self.careful && left < COLLAPSED).then(Explicit8::past_singular_poses)
+        let alone = self.minimal.is_none() && left < COLLAPSED;
+        alone.then(Explicit8::past_singular_poses)
+    }
+
+    fn remark(&self) -> Option<String> {
+        self.minimal.as_ref()?.remark()
     }
 
     fn between(

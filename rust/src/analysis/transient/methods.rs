@@ -9,16 +9,14 @@ use super::bdf::Bdf;
 use super::bdf_bfgs::BdfBfgs;
 use super::bdf_step::Form;
 use super::driver::{Plan, Progress, Run, Steps, drive};
-use super::explicit8::Explicit8;
+use super::explicit8::{Coordinates, Explicit8};
 use super::generalized_alpha::GeneralizedAlpha;
 use super::{Equations, Instant, Motion, Scheme, scaled_size};
 
 #[derive(Debug, Clone, Copy)]
 pub enum Method {
     Auto,
-    Explicit,
-    /// stages on the constraints, as minimal coordinates have them: for benches
-    ExplicitClosed,
+    Explicit(Option<Coordinates>),
     /// spectral radius at infinity
     GeneralizedAlpha(f64),
     Ali3p(Weight),
@@ -33,8 +31,9 @@ impl Method {
     pub fn named(name: &str, rho: Option<f64>) -> Result<Self> {
         match name {
             "auto" => Ok(Method::Auto),
-            "explicit" => Ok(Method::Explicit),
-            "explicit/closed" => Ok(Method::ExplicitClosed),
+            "explicit" => Ok(Method::Explicit(None)),
+            "explicit/independent" => Ok(Method::Explicit(Some(Coordinates::Independent))),
+            "explicit/tree" => Ok(Method::Explicit(Some(Coordinates::Tree))),
             "bdf" => Ok(Method::Bdf),
             "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
             "ali3p" => Ok(Method::Ali3p(Weight::Tangent)),
@@ -58,7 +57,7 @@ impl Method {
     fn name(&self) -> &'static str {
         match self {
             Method::Auto => "auto",
-            Method::Explicit | Method::ExplicitClosed => "explicit",
+            Method::Explicit(_) => "explicit",
             Method::GeneralizedAlpha(_) => "generalized-alpha",
             Method::Ali3p(_) => "ali3p",
             Method::BdfBfgs(..) => "bdf-bfgs",
@@ -72,8 +71,11 @@ impl Method {
             Steps::Controlled { rtol, .. } => Some(rtol),
         };
         match self {
-            Method::Auto | Method::Explicit => Box::new(Explicit8::default()),
-            Method::ExplicitClosed => Explicit8::past_singular_poses(),
+            Method::Auto => Box::new(Explicit8::new(Coordinates::Tree, rtol)),
+            Method::Explicit(coordinates) => {
+                let coordinates = coordinates.unwrap_or(Coordinates::Tree);
+                Box::new(Explicit8::new(coordinates, rtol))
+            }
             Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
             Method::Ali3p(weight) => Box::new(Ali3p::new(*weight)),
             Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family, rtol)),
@@ -154,7 +156,7 @@ fn chosen(
     };
     if eq.topology().connectors.is_empty() && !eq.topology().is_flexible() {
         let why = "no spring, damper or law: nothing can be stiff".into();
-        return Ok((Method::Explicit, why));
+        return Ok((Method::Explicit(None), why));
     }
     let scales = eq.scales();
     let size = |v: &[f64]| scaled_size(v, &scales);
@@ -170,6 +172,6 @@ fn chosen(
     if fastest > STIFF * motion && fastest * time > MANY {
         Ok((Method::Bdf, format!("stiff: {text}")))
     } else {
-        Ok((Method::Explicit, format!("not stiff: {text}")))
+        Ok((Method::Explicit(None), format!("not stiff: {text}")))
     }
 }

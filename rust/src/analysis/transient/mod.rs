@@ -14,7 +14,7 @@
 //! | `consistent` | closing, projection of rates, accelerations and multipliers: all that makes an `Instant` |
 //! | `singular` | poses where rows lose rank |
 //! | `detour` | around them |
-//! | `plan`, `driver` | fixed or controlled steps, output times, stops, detours |
+//! | `plan`, `driver`, `way` | fixed or controlled steps, output times, stops, detours |
 //! | `held_rates` | tangents at constant rates |
 //! | `interpolate` | between two instants |
 //! | one file for each scheme | implements `Scheme` |
@@ -31,6 +31,8 @@ pub mod driver;
 pub mod energy;
 pub mod explicit;
 pub mod explicit8;
+mod explicit_minimal;
+mod explicit_pivots;
 pub mod generalized_alpha;
 mod held_rates;
 pub mod interpolate;

@@ -1,0 +1,445 @@
+//! What acts between two markers or at a point of a body: springs, constraint rows and loads, with their derivatives by hand.
+//!
+//! Of a coordinate e with gradient g and curvature h, at relative velocity xi and relative virtual velocity eta (both of b against a
+//! at p_B, axes A), P depends on e, on e' = g.xi and on its virtual rate g.eta. A displacement z of b against a, twists held, gives
+//! ```text
+//! de = g.z,   de' = z.(h^T xi) + z_t.(g_t x xi_r),   and likewise with eta
+//! ```
+//! and a displacement of both together is one of all twists the other way.
+use num_dual::Dual;
+
+use crate::laws::Law;
+use crate::model::joint::{Coordinate, JointKind};
+use crate::model::tables::{BodyRef, LENGTH_GIVEN};
+use crate::spatial::{M3, Real, Six, V3, absent};
+use crate::system::connector::{Local, Wanted, load_parts, local, pair_of, strains};
+use crate::system::connector_force::response;
+use crate::system::placement::Placement;
+use crate::system::rows::continued;
+use crate::system::topology::{BoundLaw, Connector, ConstraintRow, Natural, Owner, Purpose};
+
+use super::power::{Power, Slopes};
+use super::power_tree::{Bodies, Twists, body_rotation, marker_back};
+
+/// Derivatives of P by a coordinate, its rate and its virtual rate.
+struct Entry<T: Real> {
+    coordinate: Coordinate,
+    g: Six<T>,
+    by: [T; 3],
+}
+
+/// A pair of markers with the twists between them.
+struct Link<T: Real> {
+    a: BodyRef,
+    b: BodyRef,
+    owner: Owner,
+    here: Local<T>,
+    /// relative velocity and relative virtual velocity
+    xi: Six<T>,
+    eta: Six<T>,
+}
+
+impl<T: Real> Link<T> {
+    /// The three adjoints in the axes of A: of the displacement of b, of both relative twists.
+    fn wrenches(&self, entries: &[Entry<T>]) -> [Six<T>; 3] {
+        let (mut moved, mut rate, mut virtual_) = (Six::zero(), Six::zero(), Six::zero());
+        for e in entries {
+            moved += e.g.scaled(e.by[0]);
+            rate += e.g.scaled(e.by[1]);
+            virtual_ += e.g.scaled(e.by[2]);
+            let felt = self.xi.scaled(e.by[1]) + self.eta.scaled(e.by[2]);
+            if !matches!(e.coordinate, Coordinate::Translation(_)) {
+                moved += self
+                    .here
+                    .relative
+                    .curvature(e.coordinate)
+                    .apply_transposed(&felt);
+            }
+            moved.l += e.g.l.cross(&felt.a);
+        }
+        [moved, rate, virtual_]
+    }
+
+    /// d/d(radius) of a rolling disc.
+    fn by_radius(&self, entries: &[Entry<T>]) -> T {
+        let r = &self.here.relative;
+        let moved = crate::kinematics::relative::Relative {
+            u: r.u.map(Dual::from_re),
+            r: r.r.map(Dual::from_re),
+            radius: Dual::new(r.radius, T::one()),
+        };
+        let mut sum = T::zero();
+        for e in entries
+            .iter()
+            .filter(|e| matches!(e.coordinate, Coordinate::Disc(_)))
+        {
+            let row = moved.row(e.coordinate);
+            let g = Six::new(row.g.l.map(|v| v.eps), row.g.a.map(|v| v.eps));
+            sum += row.e.eps * e.by[0] + g.dot(&self.xi) * e.by[1] + g.dot(&self.eta) * e.by[2];
+        }
+        sum
+    }
+}
+
+impl<T: Real> Power<'_, '_, T> {
+    fn link(
+        &self,
+        at: &Placement<T>,
+        twists: &Twists<T>,
+        a: BodyRef,
+        b: BodyRef,
+        owner: Owner,
+    ) -> Link<T> {
+        let topology = self.eq.topology();
+        let here = local(topology, at, a, b, pair_of(&self.eq.geometry, owner));
+        let of = |body: BodyRef| {
+            topology.node(body).map_or_else(Six::zero, |n| {
+                twists.virtual_[n].motion_at(&(here.b.p - at.pose[n].p))
+            })
+        };
+        let eta = (of(b) - of(a)).rotated(&here.a.r.transpose());
+        let xi = here.twist.unwrap_or_else(Six::zero);
+        Link {
+            a,
+            b,
+            owner,
+            here,
+            xi,
+            eta,
+        }
+    }
+
+    fn link_back(
+        &self,
+        at: &Placement<T>,
+        link: &Link<T>,
+        entries: &[Entry<T>],
+        bodies: &mut Bodies<T>,
+        out: &mut Slopes<T>,
+    ) {
+        let topology = self.eq.topology();
+        let (pa, pb) = (&link.here.a, &link.here.b);
+        let [moved, rate, virtual_] = link.wrenches(entries).map(|w| w.rotated(&pa.r));
+        let (xi, eta) = (link.xi.rotated(&pa.r), link.eta.rotated(&pa.r));
+        let together = -moved - xi.cross_force(&rate) - eta.cross_force(&virtual_);
+        for (body, sign, displaced) in [(link.b, 1.0, moved), (link.a, -1.0, together)] {
+            let Some(n) = topology.node(body) else {
+                continue;
+            };
+            let d = at.pose[n].p - pb.p;
+            let sign = T::from(sign);
+            bodies.displaced[n] += displaced.wrench_at(&d);
+            bodies.velocity[n] += rate.wrench_at(&d).scaled(sign);
+            bodies.virtual_[n] += virtual_.wrench_at(&d).scaled(sign);
+        }
+        let of = pair_of(&self.eq.geometry, link.owner);
+        let onto = match link.owner {
+            Owner::Element(i) => &mut out.geometry.elements[i],
+            Owner::Joint(i) => &mut out.geometry.joints[i],
+        };
+        let (ra, rb) = (
+            body_rotation(topology, at, link.a),
+            body_rotation(topology, at, link.b),
+        );
+        marker_back(&mut onto.b, &of.b, &rb, &moved);
+        marker_back(&mut onto.a, &of.a, &ra, &together.wrench_at(&(pa.p - pb.p)));
+        onto.radius += link.by_radius(entries);
+    }
+
+    /// f(e, e') e'(U) of all springs, dampers and laws.
+    pub fn springs_back(
+        &self,
+        at: &Placement<T>,
+        twists: &Twists<T>,
+        bodies: &mut Bodies<T>,
+        out: &mut Slopes<T>,
+    ) {
+        for c in &self.eq.topology().connectors {
+            let link = self.link(at, twists, c.a, c.b, c.owner);
+            let rows: Vec<_> = c
+                .coordinates
+                .iter()
+                .map(|x| link.here.relative.row(*x))
+                .collect();
+            let e = strains(c, &self.eq.geometry, &self.eq.x, &link.here, &rows);
+            let rates: Vec<T> = rows.iter().map(|r| r.g.dot(&link.xi)).collect();
+            let f = T::from(self.factor);
+            let virtual_: Vec<T> = rows.iter().map(|r| r.g.dot(&link.eta) * f).collect();
+            let wanted = Wanted {
+                tangent: true,
+                laws: true,
+                ..self.eq.effects.wanted()
+            };
+            let made = response(c, &self.eq.x, &self.motion.memory, &e, Some(&rates), wanted);
+            let of = |slopes: &[[T; 6]; 6], j: usize| {
+                virtual_
+                    .iter()
+                    .enumerate()
+                    .fold(T::zero(), |s, (i, v)| s + *v * slopes[i][j])
+            };
+            let entries: Vec<_> = (0..e.len())
+                .map(|j| Entry {
+                    coordinate: c.coordinates[j],
+                    g: rows[j].g,
+                    by: [of(&made.k, j), of(&made.c, j), made.force[j] * f],
+                })
+                .collect();
+            self.natural_back(c, entries[0].by[0], out);
+            self.numbers_back(c, &e, &rates, &virtual_, wanted, out);
+            self.link_back(at, &link, &entries, bodies, out);
+        }
+    }
+
+    fn natural_back(&self, c: &Connector, by: T, out: &mut Slopes<T>) {
+        match c.natural {
+            Natural::Zero => {}
+            Natural::Value { x } => out.x[x] -= by,
+            Natural::Length { x, given } => {
+                out.x[x] -= by;
+                if let (false, Owner::Element(i)) = (given, c.owner) {
+                    out.geometry.element_length[i] -= by;
+                }
+            }
+        }
+    }
+
+    /// By stiffnesses, dampings, preloads and the parameters of laws.
+    fn numbers_back(
+        &self,
+        c: &Connector,
+        e: &[T],
+        v: &[T],
+        virtual_: &[T],
+        wanted: Wanted,
+        out: &mut Slopes<T>,
+    ) {
+        let n = e.len();
+        let mut linear = |start: Option<usize>, of: &[T]| {
+            let Some(start) = start else { return };
+            for (i, w) in virtual_.iter().enumerate() {
+                if !c.full {
+                    out.x[start + i] += *w * of[i];
+                    continue;
+                }
+                for (j, u) in of.iter().enumerate() {
+                    out.x[start + i * n + j] += *w * *u;
+                }
+            }
+        };
+        linear(c.k, e);
+        linear(c.c.filter(|_| wanted.damping), v);
+        if let Some(p) = c.preload {
+            for (i, w) in virtual_.iter().enumerate() {
+                out.x[p + i] += *w;
+            }
+        }
+        for law in c.laws.iter().filter(|l| wanted.law(l.law)) {
+            let i = law.component;
+            self.law_back(law, e[i], v[i], virtual_[i], out);
+        }
+    }
+
+    /// Each parameter and each memory in turn with a dual number.
+    fn law_back(&self, bound: &BoundLaw, e: T, v: T, by: T, out: &mut Slopes<T>) {
+        let law: Law = bound.law;
+        let (n, m) = (law.n_params(), law.n_memory());
+        let lift = |a: &[T]| a.iter().map(|v| Dual::from_re(*v)).collect::<Vec<_>>();
+        let mut p = lift(&self.eq.x[bound.x..bound.x + n]);
+        let remembered = self.motion.memory.get(bound.memory..bound.memory + m);
+        let mut z = remembered.map_or_else(|| vec![Dual::from_re(T::zero()); m], lift);
+        let mut new = z.clone();
+        for k in 0..n + m {
+            let seed = if k < n { &mut p[k] } else { &mut z[k - n] };
+            seed.eps = T::one();
+            let force = law.force(Dual::from_re(e), Dual::from_re(v), &p, &z, &mut new);
+            if k < n {
+                p[k].eps = T::zero();
+                out.x[bound.x + k] += force.eps * by;
+            } else {
+                z[k - n].eps = T::zero();
+                if let Some(slot) = out.memory.get_mut(bound.memory + k - n) {
+                    *slot += force.eps * by;
+                }
+            }
+        }
+    }
+
+    /// All constraint rows with their weights.
+    pub fn rows_back(
+        &self,
+        at: &Placement<T>,
+        twists: &Twists<T>,
+        bodies: &mut Bodies<T>,
+        out: &mut Slopes<T>,
+    ) {
+        let rows = &self.eq.topology().rows;
+        let mut start = 0;
+        while start < rows.len() {
+            let same = rows[start..]
+                .iter()
+                .take_while(|r| r.belongs_with(&rows[start]))
+                .count();
+            let all: Vec<_> = (start..start + same)
+                .filter(|i| self.eq.effects.row(&rows[*i]))
+                .map(|i| (i, rows[i].coordinate))
+                .collect();
+            let factor = T::one();
+            self.coordinates_back(at, twists, rows[start].joint, &all, factor, bodies, out);
+            for (i, _) in &all {
+                self.purpose_back(at, twists, &rows[*i], *i, bodies, out);
+            }
+            start += same;
+        }
+    }
+
+    fn weights(&self, i: usize) -> [T; 3] {
+        [self.alpha, self.beta, self.kappa].map(|w| w.get(i).copied().unwrap_or_else(T::zero))
+    }
+
+    /// Coordinates of a joint, times a factor in their rows; the value and rates of the first.
+    #[allow(clippy::too_many_arguments)]
+    fn coordinates_back(
+        &self,
+        at: &Placement<T>,
+        twists: &Twists<T>,
+        joint: usize,
+        coordinates: &[(usize, Coordinate)],
+        factor: T,
+        bodies: &mut Bodies<T>,
+        out: &mut Slopes<T>,
+    ) -> Option<[T; 3]> {
+        let idle = |(i, _): &(usize, Coordinate)| self.weights(*i).iter().all(absent);
+        if coordinates.iter().all(idle) {
+            return None;
+        }
+        let spec = &self.eq.topology().tables.joints[joint];
+        let link = self.link(at, twists, spec.a, spec.b, Owner::Joint(joint));
+        let mut first = None;
+        let mut entries = Vec::with_capacity(coordinates.len());
+        for (i, coordinate) in coordinates {
+            let row = link.here.relative.row(*coordinate);
+            first.get_or_insert_with(|| [row.e, row.g.dot(&link.xi), row.g.dot(&link.eta)]);
+            entries.push(Entry {
+                coordinate: *coordinate,
+                g: row.g,
+                by: self.weights(*i).map(|w| w * factor),
+            });
+        }
+        self.link_back(at, &link, &entries, bodies, out);
+        first
+    }
+
+    /// What a row holds its coordinate against: a length, a motion, the coordinate of another joint.
+    fn purpose_back(
+        &self,
+        at: &Placement<T>,
+        twists: &Twists<T>,
+        row: &ConstraintRow,
+        i: usize,
+        bodies: &mut Bodies<T>,
+        out: &mut Slopes<T>,
+    ) {
+        let (topology, by) = (self.eq.topology(), self.weights(i));
+        let tables = &topology.tables;
+        match row.purpose {
+            Purpose::Joint => {
+                let spec = &tables.joints[row.joint];
+                if spec.kind == JointKind::Distance {
+                    out.x[spec.x + 34] -= by[0];
+                    if spec.flags & LENGTH_GIVEN == 0 {
+                        out.geometry.joint_length[row.joint] -= by[0];
+                    }
+                }
+            }
+            Purpose::Drive(d) => {
+                let onto = &mut out.motions[tables.drives[d].motion];
+                onto[0] -= by[0];
+                onto[1] -= by[1];
+            }
+            Purpose::Coupler(c) => {
+                let spec = &tables.couplers[c];
+                let (joint, ratio) = (spec.joints[0], self.eq.x[spec.x]);
+                let first = tables.joints[joint].kind.free_coordinates()[spec.coordinates[0]];
+                let one = [(i, first)];
+                let found = self.coordinates_back(at, twists, joint, &one, -ratio, bodies, out);
+                if let Some([e, rate, virtual_]) = found {
+                    let e = continued(e, first, self.motion.memory.get(topology.turns + 2 * c));
+                    out.x[spec.x] -= e * by[0] + rate * by[1] + virtual_ * by[2];
+                    out.x[spec.x + 1] -= by[0];
+                }
+            }
+        }
+    }
+
+    /// - U.W of all loads.
+    pub fn loads_back(
+        &self,
+        at: &Placement<T>,
+        twists: &Twists<T>,
+        bodies: &mut Bodies<T>,
+        out: &mut Slopes<T>,
+    ) {
+        let topology = self.eq.topology();
+        let f = T::from(-self.factor);
+        for (load, spec) in topology.tables.loads.iter().enumerate() {
+            let n = topology.node_of_body[spec.body];
+            let r = &at.pose[n].r;
+            let (local, value) = load_parts(topology, &self.eq.geometry, load, self.motion.t);
+            let arm = r * local;
+            let world: V3<T> = if spec.follower { r * value } else { value } * f;
+            // at its point
+            let u = twists.virtual_[n].motion_at(&arm);
+            let zero = V3::zeros();
+            let (virtual_, moved, felt) = if spec.torque {
+                let moved = if spec.follower {
+                    world.cross(&u.a)
+                } else {
+                    zero
+                };
+                (Six::new(zero, world), Six::new(zero, moved), u.a)
+            } else {
+                let moved = if spec.follower {
+                    world.cross(&u.l)
+                } else {
+                    zero
+                };
+                (
+                    Six::new(world, zero),
+                    Six::new(world.cross(&u.a), moved),
+                    u.l,
+                )
+            };
+            let to_com = -arm;
+            bodies.virtual_[n] += virtual_.wrench_at(&to_com);
+            bodies.displaced[n] += moved.wrench_at(&to_com);
+            out.geometry.loads[load].0 += r.transpose() * moved.l;
+            let by_value = if spec.follower {
+                r.transpose() * felt
+            } else {
+                felt
+            } * f;
+            out.geometry.loads[load].1 += by_value;
+            self.load_motions_back(load, &by_value, out);
+        }
+    }
+
+    /// Motions add to a load in the drawn world; a follower carries the sum along from there.
+    fn load_motions_back(&self, load: usize, by_value: &V3<T>, out: &mut Slopes<T>) {
+        let (tables, geometry) = (&self.eq.topology().tables, &self.eq.geometry);
+        let spec = &tables.loads[load];
+        let drawn: M3<T> = match spec.follower {
+            true => geometry.bodies[spec.body].drawn.r,
+            false => M3::identity(),
+        };
+        let by_world = drawn * by_value;
+        for m in tables.load_motions.iter().filter(|m| m.load == load) {
+            out.motions[m.motion][0] += by_world[m.component];
+            if spec.follower {
+                let v = geometry.motions[m.motion].at(self.motion.t)[0];
+                for k in 0..3 {
+                    out.geometry.bodies[spec.body].drawn.r[(m.component, k)] += v * by_value[k];
+                }
+            }
+        }
+    }
+}
