@@ -20,7 +20,7 @@ LAYERS = {
         "errors", "names", "values", "geometry", "expressions", "operations", "parameters", "store", "laws", "shifted_laws",
         "attached_laws", "elements", "joints", "element_methods", "joint_methods", "bodies", "ports", "addresses", "varying",
         "jsonable", "motions", "drives", "progress", "results", "mac", "measures", "_timing", "effects",
-        "_checks", "flexible", "section_loads",
+        "_checks", "flexible", "section_loads", "parameter_units",
         "flexible_bodies",
     },
     "model": {"model", "examples", "io"},

@@ -422,3 +422,18 @@ def test_labelled_data_hold_reactions_energies_and_powers(tmp_path):
     assert "reaction" in xarray.open_dataset(tmp_path / "run.nc")
     free = mb.simulate(zoo.free_body().model, [0.0, 0.1]).to_xarray()
     assert "reaction" not in free and "power" not in free
+
+
+def test_power_of_all_elements_and_loads_is_the_change_of_energy():
+    """Forces and torques, following or not, at the centre or off it, beside springs and dampers."""
+    m = pendulum(k=4.0, c=0.1)
+    m.force("pull", "rod", at=(1, 0, 0), value=(3.0, 0.0, mb.Sine(5.0, 4.0)))
+    m.force("jet", "rod", at=(0.8, 0, 0), value=(1.0, 0.0, 2.0), frame="body")
+    m.torque("motor", "rod", value=(0, lambda t: np.cos(t), 0))
+    traj = mb.simulate(m, np.linspace(0, 1, 2001), rtol=1e-10)
+    assert list(traj.energy.power) == ["hinge", "pull", "jet", "motor"] and list(traj.energy.stored) == ["hinge"]
+    taken = {name: simpson(p, x=traj.t) for name, p in traj.energy.power.items()}
+    mechanical = traj.energy.kinetic + traj.energy.gravity
+    print(taken, mechanical[0] - mechanical[-1])
+    assert min(abs(w) for w in taken.values()) > 1e-2
+    assert sum(taken.values()) == pytest.approx(mechanical[0] - mechanical[-1], rel=1e-7)

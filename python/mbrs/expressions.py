@@ -240,6 +240,10 @@ class Program:
             stack.pop()
         return place[id(root)]
 
+    def place_of(self, root: Expression) -> int:
+        """Where an expression that the program was made of stands in ``nodes``."""
+        return self._place[id(root)]
+
     def _child(self, a: Expression | float) -> int:
         if isinstance(a, Expression):
             return self._place[id(a)]

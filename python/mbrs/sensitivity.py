@@ -142,6 +142,7 @@ class LinearizationSensitivity(Result):
         return self.K if self.N is None else self.K + self.N
 
     def __str__(self) -> str:
+        from .parameter_units import unit_note
         from .report import table
 
         rows = [
@@ -158,6 +159,7 @@ class LinearizationSensitivity(Result):
             ["parameter", "unit", "max |dM|", "max |dK|", "max |dx| (m)"],
             rows,
             title=f"derivatives of {self.linearization.model.name!r}",
+            footer=unit_note(self.labels, self.units),
         )
 
     __repr__ = __str__
@@ -177,6 +179,7 @@ class EquilibriumSensitivity(Result):
     units: tuple[str, ...]
 
     def __str__(self) -> str:
+        from .parameter_units import unit_note
         from .report import table
 
         rows = [
@@ -188,6 +191,7 @@ class EquilibriumSensitivity(Result):
             ["body", "parameter", "unit", "dx", "dy", "dz", "drx", "dry", "drz"],
             rows[:60],
             title="equilibrium per unit of each parameter",
+            footer=unit_note(self.labels, self.units),
         )
 
     __repr__ = __str__

@@ -14,6 +14,7 @@ from .elements import LENGTH_GIVEN
 from .errors import ModelError
 from .expressions import Expression, Program
 from .names import problem
+from .parameter_units import parameter_units
 from .parameters import checked
 from .store import Item
 from .values import numbers, shape_of
@@ -41,12 +42,19 @@ class Driver:
             slots = np.array([places[n][1] for n in at])
             self._writes.append((kind, slots, np.array([self.program.roots[n] for n in at])))
         self.recheck = _driven_items(model)
+        self._units: dict[int, str] | None = None
 
     def run(self, model: Model) -> None:
         """Evaluate at the present V and write the numbers; nothing is written when an expression fails."""
         w = np.array(self.program.evaluate(model.space.values))
         for kind, slots, nodes in self._writes:
             np.frombuffer(model.stores[kind].x)[slots] = w[nodes]
+
+    def units(self, model: Model) -> dict[int, str]:
+        """Units of places in V, those that follow from the numbers which they feed."""
+        if self._units is None:
+            self._units = parameter_units(model, self.program)
+        return self._units
 
     def jacobian(self, model: Model) -> dict[int, tuple[list[int], list[float], list[str]]]:
         """d(numbers)/dV: for every place in V its (slots, derivatives, stores)."""

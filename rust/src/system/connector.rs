@@ -13,6 +13,7 @@ use crate::model::tables::{BodyRef, ElementKind};
 use crate::spatial::{Map6, Pose, Real, Six, V3, absent, skew};
 use crate::system::connector_force::response;
 use crate::system::placement::{Placement, marker_pose};
+use crate::system::rows::turns;
 use crate::system::topology::{Connector, Natural, Owner, Topology};
 
 /// A wrench on b about the current place of p_B (world axes), the opposite on a; tangents where they were asked for.
@@ -158,12 +159,24 @@ pub fn relative_of<T: Real>(
     }
 }
 
-/// Displacement and rate of every coordinate of a connector; rates are zero at rest.
+/// Displacement and rate of every coordinate of a connector, angles within half a turn; rates are zero at rest.
 pub fn motion_of<T: Real>(
     topology: &Topology,
     geometry: &Geometry<T>,
     placement: &Placement<T>,
     x: &[T],
+    connector: &Connector,
+) -> Vec<(T, T)> {
+    let numbers = Numbers { x, memory: &[] };
+    continued_motion_of(topology, geometry, placement, numbers, connector)
+}
+
+/// The same with angles on the turns nearest to those remembered.
+pub fn continued_motion_of<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    numbers: Numbers<'_, T>,
     connector: &Connector,
 ) -> Vec<(T, T)> {
     let here = local(
@@ -179,10 +192,25 @@ pub fn motion_of<T: Real>(
         .map(|c| here.relative.row(*c))
         .collect();
     let rate = |g: &Six<T>| here.twist.as_ref().map_or_else(T::zero, |v| g.dot(v));
-    let e = strains(connector, geometry, x, &here, &rows);
+    let e = strains(connector, geometry, numbers, &here, &rows);
     e.into_iter()
         .zip(&rows)
         .map(|(e, r)| (e, rate(&r.g)))
+        .collect()
+}
+
+/// Angles of a connector within half a turn, each with its place in the memory.
+pub(super) fn angles_of<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    connector: &Connector,
+) -> Vec<(usize, T)> {
+    let pair = pair_of(geometry, connector.owner);
+    let here = relative_of(topology, placement, connector.a, connector.b, pair);
+    let coordinates = connector.coordinates.iter().enumerate();
+    coordinates
+        .filter_map(|(i, c)| Some((connector.turn_of(i)?, here.row(*c).e)))
         .collect()
 }
 
@@ -203,7 +231,7 @@ pub fn interaction<T: Real>(
         .iter()
         .map(|c| here.relative.row(*c))
         .collect();
-    let e = strains(connector, geometry, numbers.x, &here, &rows);
+    let e = strains(connector, geometry, numbers, &here, &rows);
     let rates: Option<Vec<T>> = here
         .twist
         .as_ref()
@@ -285,7 +313,7 @@ pub fn coordinate_tangent(
         .map(|c| here.relative.row(*c))
         .collect();
     let gradients = rows.iter().map(|r| r.g.rotated(&here.a.r)).collect();
-    let e = strains(connector, geometry, numbers.x, &here, &rows);
+    let e = strains(connector, geometry, numbers, &here, &rows);
     let slopes = response(connector, numbers.x, numbers.memory, &e, None, wanted);
     CoordinateTangent {
         point: here.b.p,
@@ -359,12 +387,17 @@ pub fn collapsed<'t>(
 pub(crate) fn strains<T: Real>(
     connector: &Connector,
     geometry: &Geometry<T>,
-    x: &[T],
+    numbers: Numbers<'_, T>,
     here: &Local<T>,
     rows: &[Row<T>],
 ) -> Vec<T> {
     let mut all: Vec<T> = rows.iter().map(|r| r.e).collect();
-    offset_natural(connector, geometry, x, &mut all[0]);
+    for (i, e) in all.iter_mut().enumerate() {
+        if let Some(before) = connector.turn_of(i).and_then(|k| numbers.memory.get(k)) {
+            *e += T::from(turns(before.re() - e.re()));
+        }
+    }
+    offset_natural(connector, geometry, numbers.x, &mut all[0]);
     let far = |p: &V3<T>| p.iter().map(|v| v.re().abs()).fold(0.0, f64::max);
     let reach = far(&here.a.p) + far(&here.b.p) + far(&here.relative.u);
     for (e, coordinate) in all.iter_mut().zip(&connector.coordinates) {
@@ -438,6 +471,20 @@ pub fn constraint_rows<T: Real>(
         (row.e, row.g.rotated(&here.a.r))
     });
     (here.b.p, rows.collect())
+}
+
+/// The rate of a coordinate.
+pub fn constraint_rate<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    joint: usize,
+    coordinate: Coordinate,
+) -> T {
+    let spec = &topology.tables.joints[joint];
+    let here = local(topology, placement, spec.a, spec.b, &geometry.joints[joint]);
+    let g = here.relative.row(coordinate).g;
+    here.twist.map_or_else(T::zero, |v| g.dot(&v))
 }
 
 /// The second rate of a coordinate at given accelerations of the bodies: g . xi' + xi . h xi, in axes that move with a.

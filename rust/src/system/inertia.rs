@@ -79,17 +79,20 @@ impl<T: Real> InertiaInput<'_, T> {
         self.rate.is_some() || self.acceleration.is_some() || self.gravity.is_some()
     }
 
+    fn rigid(&self, node: usize) -> Composite<T> {
+        let body = &self.geometry.bodies[self.topology.nodes[node].body];
+        let r = &self.placement.pose[node].r;
+        Composite {
+            m: body.mass,
+            h: V3::zeros(),
+            j: r * body.inertia * r.transpose(),
+        }
+    }
+
     fn composites(&self, flexible: &[Shapes<'_, T>]) -> Vec<Composite<T>> {
-        let one = |node: usize| {
-            let body = &self.geometry.bodies[self.topology.nodes[node].body];
-            let r = &self.placement.pose[node].r;
-            Composite {
-                m: body.mass,
-                h: V3::zeros(),
-                j: r * body.inertia * r.transpose(),
-            }
-        };
-        let mut all: Vec<_> = (0..self.topology.nodes.len()).map(one).collect();
+        let mut all: Vec<_> = (0..self.topology.nodes.len())
+            .map(|node| self.rigid(node))
+            .collect();
         for shapes in flexible {
             let (h, j) = shapes.composite();
             let own = &mut all[shapes.modal.node];
@@ -148,6 +151,16 @@ impl<T: Real> InertiaInput<'_, T> {
     /// Per node: the spatial acceleration about the centre of mass.
     pub fn body_accelerations(&self) -> Vec<Six<T>> {
         self.accelerations().body
+    }
+
+    /// The same of one rigid body, whose acceleration is given.
+    pub fn rigid_force(&self, node: usize, a: &Six<T>) -> Six<T> {
+        let own = self.rigid(node);
+        let mut f = own.apply(a);
+        if let Some(v) = self.twist(node) {
+            f += v.cross_force(&own.apply(v));
+        }
+        f
     }
 
     /// Per node: the inertia force I a + v x* I v - gravity about the centre of mass.

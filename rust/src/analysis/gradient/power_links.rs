@@ -12,7 +12,7 @@ use crate::laws::Law;
 use crate::model::joint::{Coordinate, JointKind};
 use crate::model::tables::{BodyRef, LENGTH_GIVEN};
 use crate::spatial::{M3, Real, Six, V3, absent};
-use crate::system::connector::{Local, Wanted, load_parts, local, pair_of, strains};
+use crate::system::connector::{Local, Numbers, Wanted, load_parts, local, pair_of, strains};
 use crate::system::connector_force::response;
 use crate::system::placement::Placement;
 use crate::system::rows::continued;
@@ -161,7 +161,11 @@ impl<T: Real> Power<'_, '_, T> {
                 .iter()
                 .map(|x| link.here.relative.row(*x))
                 .collect();
-            let e = strains(c, &self.eq.geometry, &self.eq.x, &link.here, &rows);
+            let numbers = Numbers {
+                x: &self.eq.x,
+                memory: &self.motion.memory,
+            };
+            let e = strains(c, &self.eq.geometry, numbers, &link.here, &rows);
             let rates: Vec<T> = rows.iter().map(|r| r.g.dot(&link.xi)).collect();
             let f = T::from(self.factor);
             let virtual_: Vec<T> = rows.iter().map(|r| r.g.dot(&link.eta) * f).collect();

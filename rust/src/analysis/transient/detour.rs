@@ -3,14 +3,10 @@ use crate::run::Counts;
 
 use super::{Equations, Instant, Scheme};
 
-/// Parts of a step of order eight far from all its stages: there the pose is to lie.
-const GAPS: [f64; 3] = [0.19, 0.45, 0.75];
-/// The first step may differ from the one that the tolerance suggests by this factor.
-const NEARLY: f64 = 3.0;
 /// Local errors below this drown in what the pose makes of rounding.
-pub const FINEST: f64 = 1e-10;
+pub(super) const FINEST: f64 = 1e-10;
 
-pub struct Detour {
+pub(super) struct Detour {
     pub scheme: Box<dyn Scheme>,
     until: f64,
     /// length of its first step
@@ -20,23 +16,18 @@ pub struct Detour {
 }
 
 impl Detour {
-    /// Around the pose that `here` is near to, None where there is none; `natural`: a step that the scheme could make.
+    /// Around the pose that `here` is near to, None where there is none; `length`: a step that the scheme could make.
     pub fn around(
         eq: &Equations<'_, f64>,
         here: &Instant,
         scheme: Box<dyn Scheme>,
         before: f64,
-        natural: f64,
+        length: f64,
         counts: &mut Counts,
     ) -> Option<Detour> {
-        // what cannot be factorised is no reason to go another way
-        let ahead = eq.way_to_singular_pose(here, counts).ok()??;
-        let length = GAPS
-            .iter()
-            .map(|gap| ahead / gap)
-            .filter(|h| (natural / NEARLY..NEARLY * natural).contains(h))
-            .min_by(|a, b| off(*a, natural).total_cmp(&off(*b, natural)))
-            .unwrap_or(natural);
+        if !is_near(eq, here, counts) {
+            return None;
+        }
         counts.add("detours", 1);
         Some(Detour {
             scheme,
@@ -44,6 +35,11 @@ impl Detour {
             length,
             before,
         })
+    }
+
+    /// It lasts until then at least.
+    pub fn reach(&mut self, t: f64) {
+        self.until = self.until.max(t);
     }
 
     /// The time at which it ends, where a step of this length would go beyond it.
@@ -61,15 +57,15 @@ impl Detour {
         if here.motion.t < self.until {
             return false;
         }
-        let near = eq.way_to_singular_pose(here, counts);
-        if near.is_ok_and(|way| way.is_some()) {
+        let near = is_near(eq, here, counts);
+        if near {
             self.until += self.length;
-            return false;
         }
-        true
+        !near
     }
 }
 
-fn off(h: f64, natural: f64) -> f64 {
-    (h / natural).ln().abs()
+/// What cannot be factorised is no reason to go another way.
+fn is_near(eq: &Equations<'_, f64>, here: &Instant, counts: &mut Counts) -> bool {
+    eq.near_singular_pose(here, counts).unwrap_or(false)
 }

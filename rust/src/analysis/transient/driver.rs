@@ -2,7 +2,6 @@
 use std::f64::consts::TAU;
 
 use crate::error::{Error, Result};
-use crate::model::joint::JointKind;
 use crate::run::{Cancel, Counts};
 
 use super::detour::Detour;
@@ -22,6 +21,8 @@ const FADING: f64 = 0.3;
 const SLOWEST: f64 = 1e-3;
 const MAX_FAILURES: usize = 60;
 const DIVISIONS: usize = 5;
+/// Steps of one detour that are placed anew for a singular pose.
+const PLACED: usize = 8;
 
 struct Driver<'e, 's, 'p> {
     eq: &'e Equations<'s, f64>,
@@ -155,12 +156,24 @@ impl Driver<'_, '_, '_> {
             let active = active(&mut way.detour, scheme);
             let tried = active.step(self.eq, &way.here, aim.length, estimate, counts);
             let allowed = self.tolerance(active, aim.length).max(finest);
-            let going_on = match self.judged(tried, &way.here, aim.length, active, allowed) {
+            let better = active
+                .better_end()
+                .filter(|_| estimate && way.placed < PLACED);
+            let verdict = match better {
+                Some(part) => Verdict::Misplaced(part),
+                None => self.judged(tried, &way.here, aim.length, active, allowed),
+            };
+            let going_on = match verdict {
                 Verdict::Accepted(step, size) => {
                     self.accepted(&mut way, scheme, *step, size, &aim, counts)?
                 }
                 Verdict::Rejected(factor, why) => {
                     self.rejected(&mut way, scheme, aim.length * factor, why, counts)
+                }
+                Verdict::Misplaced(part) => {
+                    counts.add("singular poses", 1);
+                    way.place(part, aim.length);
+                    true
                 }
                 Verdict::Turned(part) => self.turned(&mut way, aim.length * part, counts),
                 Verdict::Fatal(error) => {
@@ -199,18 +212,23 @@ impl Driver<'_, '_, '_> {
             after_rejection: false,
             detour: None,
             recent: 0.0,
+            cut: None,
+            placed: 0,
         }
     }
 
     /// The length of the next step, and what it ends at.
     fn aim(&self, way: &mut Way) -> Aim {
         if self.controlled() {
-            way.h = way.h.min(self.half_turn(&way.here));
+            way.h = way.h.min(self.eq.half_turn(&way.here));
         }
         let t = way.here.motion.t;
         let (mut length, mut target) = self.fitted(&way.here, way.h);
         if let Some(until) = way.detour.as_ref().and_then(|d| d.end_within(t, length)) {
             (length, target) = (until - t, Some(until));
+        }
+        if let Some(cut) = way.cut.filter(|c| t + length > *c) {
+            (length, target) = (cut - t, None);
         }
         // a break is approached from the left; what jumps there belongs to what follows
         let end = self.plan.end;
@@ -260,6 +278,9 @@ impl Driver<'_, '_, '_> {
         let faded = way.recent * (-FADING * aim.length / way.recent.max(aim.length)).exp();
         way.recent = aim.length.max(faded);
         way.here = step.end;
+        way.cut = way
+            .cut
+            .filter(|c| *c - way.here.motion.t > 1e-6 * aim.length);
         self.run.local.push(size);
         self.run.steps.push(aim.broken.unwrap_or(way.here.motion.t));
         counts.add("steps", 1);
@@ -298,7 +319,7 @@ impl Driver<'_, '_, '_> {
         way.after_rejection = true;
         way.h = shorter;
         if let Some(detour) = self.detour(way, scheme, shorter, counts) {
-            way.failures = 0;
+            (way.failures, way.placed) = (0, 0);
             way.h = detour.length;
             way.detour = Some(detour);
             return true;
@@ -310,6 +331,14 @@ impl Driver<'_, '_, '_> {
             DIVISIONS
         };
         if self.vanishes(shorter, t) || way.failures > most {
+            // steps that were accepted are as short beside the whole as this one
+            let why = if t > self.start && self.vanishes(way.recent, t) {
+                format!(
+                    "1e14 steps of {shorter:.1e} s would not reach the end; take a shorter time"
+                )
+            } else {
+                why
+            };
             self.stop(t, why);
             return false;
         }
@@ -357,24 +386,6 @@ impl Driver<'_, '_, '_> {
 
     fn stop(&mut self, t: f64, message: String) {
         self.run.end = End::Stopped { t, message };
-    }
-
-    /// A step in which no angle of a joint turns by half a turn, beyond which turns cannot be counted: v h + a h^2/2 <= 2.
-    fn half_turn(&self, here: &Instant) -> f64 {
-        const TURN: f64 = 2.0;
-        let nodes = self.eq.topology().nodes.iter();
-        let counted = nodes.filter(|n| {
-            !matches!(
-                n.kind,
-                JointKind::Spherical | JointKind::Free | JointKind::Node
-            )
-        });
-        let dofs = counted.flat_map(|n| n.first..n.first + n.n);
-        let turning = dofs.filter(|d| self.eq.topology().dofs[*d].freedom.rotation);
-        turning.fold(f64::INFINITY, |h, d| {
-            let (v, a) = (here.motion.rate[d].abs(), here.acceleration[d].abs());
-            h.min(2.0 * TURN / (v + (v * v + 2.0 * a * TURN).sqrt()))
-        })
     }
 
     /// The step that does not pass the end or a break, and the time it must hit exactly.

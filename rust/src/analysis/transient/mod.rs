@@ -32,6 +32,7 @@ pub mod energy;
 pub mod explicit;
 pub mod explicit8;
 mod explicit_minimal;
+mod explicit_passing;
 mod explicit_pivots;
 pub mod generalized_alpha;
 mod held_rates;
@@ -56,7 +57,7 @@ use crate::run::Counts;
 use crate::spatial::{M3, Pose, Real, V3, left_jacobian_coefficient, log_so3};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene, Tangent};
-use crate::system::connector::motion_of;
+use crate::system::connector::{Numbers, continued_motion_of};
 use crate::system::loops::{column_scales, row_scales};
 use crate::system::placement::{Placement, advance, place};
 use crate::system::rows::explicit_rates;
@@ -144,6 +145,11 @@ pub trait Scheme {
     /// A scheme that gets past singular poses where this one does not; `left`: the next step over those before.
     fn bridge(&self, _left: f64) -> Option<Box<dyn Scheme>> {
         Some(Explicit8::past_singular_poses())
+    }
+
+    /// The part of the step just made after which it should rather end.
+    fn better_end(&self) -> Option<f64> {
+        None
     }
 
     /// How long an error of the rates counts in positions; the driver takes the time of the motion where that is shorter.
@@ -310,7 +316,15 @@ impl<'a, T: Real> Equations<'a, T> {
 
     /// J v + Phi_t.
     pub fn row_rates(&self, m: &Motion<T>) -> DVector<T> {
-        self.row_rates_of(m, &self.rows(m).1)
+        let placement = self.place(m);
+        self.scene(m, &placement, None).row_rates() + self.explicit_rates(m).0
+    }
+
+    /// J a + gamma, without ever forming J.
+    pub fn row_accelerations(&self, m: &Motion<T>, a: &[T]) -> DVector<T> {
+        let placement = self.place(m);
+        let scene = self.scene(m, &placement, Some(a));
+        scene.row_bias(&scene.free_accelerations()) + self.explicit_rates(m).1
     }
 
     /// The same where J is known already.
@@ -332,10 +346,21 @@ impl<'a, T: Real> Equations<'a, T> {
 
     /// M, D = dr/dv (damping and gyroscopic), K = dr/dq at constant v, a, lam.
     pub fn tangent(&self, m: &Motion<T>, a: &[T], lam: &[T], counts: &mut Counts) -> Tangent<T> {
+        self.tangent_at(m, &self.place(m), a, lam, counts)
+    }
+
+    /// The same where the placement is known already.
+    pub fn tangent_at(
+        &self,
+        m: &Motion<T>,
+        placement: &Placement<T>,
+        a: &[T],
+        lam: &[T],
+        counts: &mut Counts,
+    ) -> Tangent<T> {
         counts.add("tangents", 1);
-        let placement = self.place(m);
         let lam = (!lam.is_empty()).then_some(lam);
-        let mut made = self.scene(m, &placement, Some(a)).tangent(lam, counts);
+        let mut made = self.scene(m, placement, Some(a)).tangent(lam, counts);
         self.hold_rates(m, a, &mut made);
         made
     }
@@ -349,7 +374,11 @@ impl<'a, T: Real> Equations<'a, T> {
         let placement = self.place(m);
         let topology = self.topology();
         for c in topology.connectors.iter().filter(|c| !c.laws.is_empty()) {
-            let moved = motion_of(topology, &self.geometry, &placement, &self.x, c);
+            let numbers = Numbers {
+                x: &self.x,
+                memory: &m.memory,
+            };
+            let moved = continued_motion_of(topology, &self.geometry, &placement, numbers, c);
             for law in &c.laws {
                 let (e, v) = moved[law.component];
                 let p = &self.x[law.x..law.x + law.law.n_params()];
