@@ -64,7 +64,6 @@ fn plan(options: &Bound<'_, PyDict>) -> PyResult<Plan> {
         steps,
         outputs: numbers(options, "outputs")?,
         breaks: numbers(options, "breaks")?.unwrap_or_default(),
-        per_unit_step: false,
         max_steps: number(options, "max_steps")?.map_or(usize::MAX, |n| n as usize),
     })
 }

@@ -517,7 +517,12 @@ impl Scheme for Ali3p {
         estimate: bool,
         counts: &mut Counts,
     ) -> Result<Step> {
-        let (end, ..) = eq.ali3p_step(from, h, &self.trend, self.weight, counts)?;
+        let (end, record, _) = eq.ali3p_step(from, h, &self.trend, self.weight, counts)?;
+        if estimate {
+            let projected = end.motion.rate.iter().zip(&record.dv);
+            let before: Vec<f64> = projected.map(|(v, d)| v - d).collect();
+            eq.same_branch(&before, &end, h)?;
+        }
         let error = estimate.then(|| self.estimate(from, &end, h));
         Ok(Step { end, error })
     }
@@ -525,6 +530,10 @@ impl Scheme for Ali3p {
     fn accept(&mut self, _eq: &Equations<'_, f64>, from: &Instant, step: &Step, h: f64) {
         self.trend
             .pass(&from.acceleration, &step.end.acceleration, h);
+    }
+
+    fn per_unit_step(&self) -> bool {
+        true
     }
 
     fn reset(&mut self) {

@@ -246,9 +246,8 @@ impl Scheme for Explicit8 {
         Ok(Step { end, error })
     }
 
-    fn bridge(&self, eq: &Equations<'_, f64>, left: f64) -> Option<Box<dyn Scheme>> {
-        (eq.n_rows() > 0 && self.passing.is_none() && left < COLLAPSED)
-            .then(Explicit8::past_singular_poses)
+    fn bridge(&self, left: f64) -> Option<Box<dyn Scheme>> {
+        (self.passing.is_none() && left < COLLAPSED).then(Explicit8::past_singular_poses)
     }
 
     fn better_end(&self) -> Option<f64> {

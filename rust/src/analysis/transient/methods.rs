@@ -83,14 +83,6 @@ impl Method {
             Method::Bdf => Box::new(Bdf::new(rtol)),
         }
     }
-
-    /// Schemes without local extrapolation: their tolerance is that of a unit of time.
-    fn per_unit_step(&self) -> bool {
-        matches!(
-            self,
-            Method::GeneralizedAlpha(_) | Method::BdfBfgs(..) | Method::Ali3p(_)
-        )
-    }
 }
 
 pub struct Simulated {
@@ -107,7 +99,7 @@ pub fn simulate(
     eq: &Equations<'_, f64>,
     method: Method,
     start: Motion<f64>,
-    mut plan: Plan,
+    plan: Plan,
     cancel: &Cancel,
     progress: &Progress,
     counts: &mut Counts,
@@ -130,7 +122,6 @@ pub fn simulate(
         method = Method::Explicit(Some(Coordinates::Independent));
         why = format!("{why}; many loops and few freedoms");
     }
-    plan.per_unit_step = method.per_unit_step();
     let mut scheme = method.scheme(plan.steps);
     let run = drive(eq, scheme.as_mut(), first, &plan, cancel, progress, counts)?;
     if let Some(remark) = scheme.remark() {

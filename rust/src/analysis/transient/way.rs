@@ -1,7 +1,9 @@
 //! Where the driver stands between two steps, and what it decides about one.
 use crate::error::Error;
+use crate::model::joint::JointKind;
 
-use super::{Instant, Scheme, Step};
+use super::detour::{Detour, FINEST};
+use super::{Equations, Instant, Scheme, Step};
 
 /// Where the march stands, and how it goes on.
 pub(super) struct Way {
@@ -26,15 +28,29 @@ impl Way {
         self.placed += 1;
         self.h = length;
         if let Some(d) = &mut self.detour {
-            d.until = d.until.max(t + 2.0 * length);
+            d.reach(t + 2.0 * length);
         }
     }
 }
 
-/// Another scheme for a while.
-pub(super) struct Detour {
-    pub scheme: Box<dyn Scheme>,
-    pub until: f64,
+impl Equations<'_, f64> {
+    /// A step in which no angle of a joint turns by half a turn, beyond which turns cannot be counted: v h + a h^2/2 <= 2.
+    pub(super) fn half_turn(&self, here: &Instant) -> f64 {
+        const TURN: f64 = 2.0;
+        let nodes = self.topology().nodes.iter();
+        let counted = nodes.filter(|n| {
+            !matches!(
+                n.kind,
+                JointKind::Spherical | JointKind::Free | JointKind::Node
+            )
+        });
+        let dofs = counted.flat_map(|n| n.first..n.first + n.n);
+        let turning = dofs.filter(|d| self.topology().dofs[*d].freedom.rotation);
+        turning.fold(f64::INFINITY, |h, d| {
+            let (v, a) = (here.motion.rate[d].abs(), here.acceleration[d].abs());
+            h.min(2.0 * TURN / (v + (v * v + 2.0 * a * TURN).sqrt()))
+        })
+    }
 }
 
 /// A step to try: its length, the time it hits exactly, the break it ends at.
@@ -42,6 +58,11 @@ pub(super) struct Aim {
     pub length: f64,
     pub target: Option<f64>,
     pub broken: Option<f64>,
+}
+
+/// The smallest tolerance that the pose allows which a detour passes.
+pub(super) fn finest(way: &Way) -> f64 {
+    way.detour.as_ref().map_or(0.0, |_| FINEST)
 }
 
 /// What makes the next step: the detour's scheme while there is one.
