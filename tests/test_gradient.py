@@ -313,3 +313,31 @@ def test_methods_count_their_work():
     assert counts["tangent linear steps"] == 10  # all parameters in one pass
     assert mb.gradient(m, psi, many, t=0.1, step=0.01).method == "adjoint"
     assert mb.gradient(m, psi, many[:2], t=0.1, step=0.01).method == "direct"
+
+
+def test_numbers_that_move_no_body_cost_their_parts_alone():
+    m = silent(five_bar)
+    psi = mb.Integral(drift)
+
+    def counts(name):
+        return mb.gradient(m, psi, [name], t=0.1, step=0.01, method="direct").stats.counts
+
+    spring, mass, hinge = counts("spring1.k"), counts("bar1.mass"), counts("A.at[0]")
+    # one part, in the equations and in the metric of the projections
+    assert spring["parts differentiated"] == mass["parts differentiated"] == 2 * 10
+    assert "parts differentiated" not in hinge
+    assert spring["force evaluations"] == mass["force evaluations"] == hinge["force evaluations"] - 2 * 10
+    assert spring["tangents"] == hinge["tangents"]
+
+
+@pytest.mark.parametrize("effect", ["preload-stiffness", "constraint-force-stiffness", "gyroscopic"])
+@pytest.mark.parametrize("method", ["direct", "adjoint"])
+def test_stiffness_that_a_linearisation_leaves_out_stays_in_the_derivative(effect, method):
+    """Such effects are no forces: the motion is the same, and so is its derivative."""
+    m = silent(spatial_loop)
+    psi = mb.Final(lambda s: np.sum(s.position(m.bodies[-1].name) * [1.0, -2.0, 0.5]))
+
+    def run(without):
+        return mb.gradient(m, psi, SOME[spatial_loop], t=0.1, step=0.01, method=method, without=without).gradient
+
+    assert np.allclose(run([effect]), run([]), rtol=1e-10, atol=1e-15)

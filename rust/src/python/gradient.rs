@@ -135,7 +135,7 @@ fn task<'py>(
             .into_iter()
             .map(|(i, v)| i.into_iter().zip(v).collect())
             .collect(),
-        effects: effects(without)?,
+        effects: effects(without)?.with_exact_tangents(),
     })
 }
 

@@ -52,6 +52,17 @@ impl Effects {
         drives: true,
     };
 
+    /// The same forces with tangents that are their derivatives, whatever a linearisation should leave out.
+    pub fn with_exact_tangents(self) -> Self {
+        Effects {
+            preload_stiffness: true,
+            constraint_force_stiffness: true,
+            law_slopes: true,
+            gyroscopic: self.centrifugal,
+            ..self
+        }
+    }
+
     /// Which forces of connectors and loads act.
     pub(crate) fn wanted(&self) -> Wanted {
         Wanted {

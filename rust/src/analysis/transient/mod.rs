@@ -378,8 +378,11 @@ impl<'a, T: Real> Equations<'a, T> {
             return;
         }
         counts.add("memory updates", 1);
-        let placement = self.place(m);
         let topology = self.topology();
+        // turns are remembered whatever the rates
+        let laws = topology.connectors.iter().any(|c| !c.laws.is_empty());
+        let rate = laws.then_some(m.rate.as_slice());
+        let placement = place(topology, &self.geometry, &m.relative, rate);
         for c in topology.connectors.iter().filter(|c| !c.laws.is_empty()) {
             let numbers = Numbers {
                 x: &self.x,
