@@ -36,7 +36,8 @@ def choose(sys: System, state: State) -> tuple[list[tuple[int, int]], int]:
     """Row and column of each pivot of the scaled rows, by complete pivoting, position rows before those that restrict
     velocities alone; and how many are of positions.
     """
-    left, pivots, n = scaled(sys, state), [], 0
+    left, n = scaled(sys, state), 0
+    pivots: list[tuple[int, int]] = []
     largest, velocity = np.max(np.abs(left), initial=0.0), velocity_rows(sys)
     for level in (False, True):
         open_rows = [int(i) for i in np.flatnonzero(velocity == level)]
@@ -74,7 +75,8 @@ class Chart:
     def __init__(self, sys: System, state: State, t: float = 0.0, pivots: Any = None) -> None:
         sys.t = t
         self.sys, self.base = sys, state
-        self.pivots, self.n = choose(sys, state) if pivots is None else pivots
+        picked: tuple[list[tuple[int, int]], int] = choose(sys, state) if pivots is None else pivots
+        self.pivots, self.n = picked
         chosen = np.array(self.pivots, dtype=int).reshape(-1, 2)
         self.rows, self.depend = chosen[:, 0], chosen[:, 1]
         self.places = np.setdiff1d(np.arange(sys.ny), self.depend[: self.n])
