@@ -279,8 +279,22 @@ class Trajectory(Result):
 
     @property
     def residual(self) -> np.ndarray:
-        """(n_t, 3): what the constraints leave over at position, velocity and acceleration level, scaled."""
-        return self._quantities["residual"]
+        """(n_t, 3): what the constraints leave over at position, velocity and acceleration level.
+
+        Over the characteristic length, and over that times w and w^2, w the largest speed of a body over the characteristic
+        length, its largest angular velocity, or one over the time of the whole motion if they are smaller.
+        """
+        w = self._pace
+        left: np.ndarray = self._quantities["residual"] / [1.0, w, w * w]
+        return left
+
+    @cached_property
+    def _pace(self) -> float:
+        length = self.snapshot.system.characteristic_length
+        linear, angular = (np.linalg.norm(self._quantities[k], axis=-1) for k in ("velocity", "angular_velocity"))
+        fastest = max(float(linear.max(initial=0.0)) / length, float(angular.max(initial=0.0)))
+        span = float(np.ptp(self.t)) if len(self.t) else 0.0
+        return max(fastest, 1.0 / span if span > 0.0 else 0.0) or 1.0
 
     def state(self, t: float | int | None = None) -> State:
         """The state at an output time (the last one without ``t``), to be given as ``at=`` to any analysis.
