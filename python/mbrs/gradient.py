@@ -7,7 +7,7 @@ import math
 import time
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -73,6 +73,8 @@ class Run:
     keep: int = 2**23
     scheme: str = "ali3p"
     rho: float = RHO
+    # instants at which quantities are wanted, going forwards; none: at all
+    read: list[bool] = field(default_factory=list)
 
     def options(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
         """What the core takes."""
@@ -88,6 +90,7 @@ class Run:
             "rho": self.rho,
             "weight": self.weight,
             "keep": self.keep,
+            "read": self.read,
             "drawn": self.state.kind in ("drawn", "equilibrium"),
             "velocities": self.state.kind == "drawn",
             "quantities": list(asked),
@@ -454,6 +457,7 @@ def _try(objective: Objective, reader: Reader, times: np.ndarray, row: np.ndarra
 def _direct(run: Run, objectives: Sequence[Objective], along: Directions) -> Found:
     reader = _reader(run)
     _read(run, objectives, reader)
+    run = replace(run, read=np.any([o.weights(run.times) != 0.0 for o in objectives], axis=0).tolist())
     for _ in range(_READINGS):
         made = run.direct(list(reader.places), along)
         try:

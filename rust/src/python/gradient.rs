@@ -123,6 +123,7 @@ fn task<'py>(
             times,
             rule,
             keep: need(options, "keep")?,
+            read: need(options, "read")?,
             follow: Follow {
                 drawn: need(options, "drawn")?,
                 velocities: need(options, "velocities")?,

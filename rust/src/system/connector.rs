@@ -10,7 +10,9 @@ use crate::laws::Law;
 use crate::model::geometry::{Geometry, MarkerPair};
 use crate::model::joint::{Coordinate, JointKind};
 use crate::model::tables::{BodyRef, ElementKind};
-use crate::spatial::{Map6, Pose, Real, Six, V3, absent, skew};
+use crate::spatial::{
+    Map6, Pose, Real, Six, V3, absent, product_of_transpose, skew, turned, turned_back,
+};
 use crate::system::connector_force::response;
 use crate::system::placement::{Placement, marker_pose};
 use crate::system::rows::turns;
@@ -123,15 +125,14 @@ pub(crate) fn local<T: Real>(
 ) -> Local<T> {
     let pa = marker_pose(topology, &placement.pose, a, &pair.a);
     let pb = marker_pose(topology, &placement.pose, b, &pair.b);
-    let t = pa.r.transpose();
-    let relative = relative_of(topology, placement, a, b, pair);
+    let relative = relative_between(&pa, &pb, pair.radius);
     let twist = placement.velocity.as_ref().map(|velocity| {
         let at = |body: BodyRef| {
             topology.node(body).map_or_else(Six::zero, |n| {
                 velocity.body[n].motion_at(&(pb.p - placement.pose[n].p))
             })
         };
-        (at(b) - at(a)).rotated(&t)
+        (at(b) - at(a)).rotated_back(&pa.r)
     });
     Local {
         a: pa,
@@ -151,11 +152,14 @@ pub fn relative_of<T: Real>(
 ) -> Relative<T> {
     let pa = marker_pose(topology, &placement.pose, a, &pair.a);
     let pb = marker_pose(topology, &placement.pose, b, &pair.b);
-    let t = pa.r.transpose();
+    relative_between(&pa, &pb, pair.radius)
+}
+
+fn relative_between<T: Real>(a: &Pose<T>, b: &Pose<T>, radius: T) -> Relative<T> {
     Relative {
-        u: t * (pb.p - pa.p),
-        r: t * pb.r,
-        radius: pair.radius,
+        u: turned_back(&a.r, &(b.p - a.p)),
+        r: product_of_transpose(&a.r, &b.r),
+        radius,
     }
 }
 
@@ -473,19 +477,36 @@ pub fn constraint_rows<T: Real>(
     (here.b.p, rows.collect())
 }
 
-/// The second rate of a coordinate at given accelerations of the bodies: g . xi' + xi . h xi, in axes that move with a.
+/// The rates of coordinates of a joint.
+pub fn constraint_rates<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    joint: usize,
+    coordinates: &[Coordinate],
+) -> Vec<T> {
+    let spec = &topology.tables.joints[joint];
+    let here = local(topology, placement, spec.a, spec.b, &geometry.joints[joint]);
+    let rate = |c: &Coordinate| {
+        let g = here.relative.row(*c).g;
+        here.twist.as_ref().map_or_else(T::zero, |v| g.dot(v))
+    };
+    coordinates.iter().map(rate).collect()
+}
+
+/// The second rates of coordinates of a joint at given accelerations of the bodies: g . xi' + xi . h xi, in axes that move with a.
 pub fn constraint_bias<T: Real>(
     topology: &Topology,
     geometry: &Geometry<T>,
     placement: &Placement<T>,
     joint: usize,
-    coordinate: Coordinate,
+    coordinates: &[Coordinate],
     accelerations: &[Six<T>],
-) -> T {
+) -> Vec<T> {
     let spec = &topology.tables.joints[joint];
     let here = local(topology, placement, spec.a, spec.b, &geometry.joints[joint]);
     let (Some(xi), Some(velocity)) = (here.twist, placement.velocity.as_ref()) else {
-        return T::zero();
+        return vec![T::zero(); coordinates.len()];
     };
     let at = |body: BodyRef, of: &[Six<T>]| {
         topology.node(body).map_or_else(Six::zero, |n| {
@@ -500,9 +521,12 @@ pub fn constraint_bias<T: Real>(
         spatial.l + relative.a.cross(&vb.l) - va.a.cross(&relative.l),
         spatial.a - va.a.cross(&relative.a),
     )
-    .rotated(&here.a.r.transpose());
-    let h = here.relative.curvature(coordinate);
-    here.relative.row(coordinate).g.dot(&turned) + xi.dot(&h.apply(&xi))
+    .rotated_back(&here.a.r);
+    let bias = |c: &Coordinate| {
+        let h = here.relative.curvature(*c);
+        here.relative.row(*c).g.dot(&turned) + xi.dot(&h.apply(&xi))
+    };
+    coordinates.iter().map(bias).collect()
 }
 
 /// What motions add to a load's value at time t, in the axes in which the value is constant.
@@ -566,7 +590,7 @@ pub fn load_interaction<T: Real>(
     Interaction {
         a: None,
         b: Some(spec.body),
-        point: pose.p + pose.r * local,
+        point: pose.p + turned(&pose.r, &local),
         wrench,
         damped: false,
         elastic: None,

@@ -19,6 +19,7 @@ pub mod flexible_inertia;
 mod flexible_scene;
 pub mod inertia;
 pub mod loops;
+pub mod parts;
 pub mod path;
 pub mod placement;
 pub mod rows;

@@ -301,7 +301,22 @@ impl<'a, T: Real> Equations<'a, T> {
 
     /// J v + Phi_t.
     pub fn row_rates(&self, m: &Motion<T>) -> DVector<T> {
-        self.row_rates_of(m, &self.rows(m).1)
+        self.row_rates_at(m, &self.place(m))
+    }
+
+    pub fn row_rates_at(&self, m: &Motion<T>, placement: &Placement<T>) -> DVector<T> {
+        self.scene(m, placement, None).row_rates() + self.explicit_rates(m).0
+    }
+
+    /// J a + gamma, without ever forming J.
+    pub fn row_accelerations(
+        &self,
+        m: &Motion<T>,
+        placement: &Placement<T>,
+        a: &[T],
+    ) -> DVector<T> {
+        let scene = self.scene(m, placement, Some(a));
+        scene.row_bias(&scene.free_accelerations()) + self.explicit_rates(m).1
     }
 
     /// The same where J is known already.
@@ -323,10 +338,21 @@ impl<'a, T: Real> Equations<'a, T> {
 
     /// M, D = dr/dv (damping and gyroscopic), K = dr/dq at constant v, a, lam.
     pub fn tangent(&self, m: &Motion<T>, a: &[T], lam: &[T], counts: &mut Counts) -> Tangent<T> {
+        self.tangent_at(m, &self.place(m), a, lam, counts)
+    }
+
+    /// The same where the placement is known already.
+    pub fn tangent_at(
+        &self,
+        m: &Motion<T>,
+        placement: &Placement<T>,
+        a: &[T],
+        lam: &[T],
+        counts: &mut Counts,
+    ) -> Tangent<T> {
         counts.add("tangents", 1);
-        let placement = self.place(m);
         let lam = (!lam.is_empty()).then_some(lam);
-        let mut made = self.scene(m, &placement, Some(a)).tangent(lam, counts);
+        let mut made = self.scene(m, placement, Some(a)).tangent(lam, counts);
         self.hold_rates(m, a, &mut made);
         made
     }

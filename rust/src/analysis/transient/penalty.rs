@@ -150,8 +150,7 @@ impl Penalty {
             x += &dx;
             y += &dy;
             let change = relative(&dx, &x).max(relative(&dy, &y));
-            if change <= 4.0 * f64::EPSILON || m == 0 && pass > 0 || change > 0.3 * last && pass > 1
-            {
+            if m == 0 || change <= 4.0 * f64::EPSILON || change > 0.3 * last && pass > 1 {
                 break;
             }
             last = change;

@@ -124,7 +124,7 @@ impl Equations<'_, f64> {
     }
 
     /// J_l of every three rotations that act together.
-    pub(super) fn rotation_maps(&self, theta: &[f64]) -> Vec<(usize, [[f64; 3]; 3])> {
+    pub fn rotation_maps(&self, theta: &[f64]) -> Vec<(usize, [[f64; 3]; 3])> {
         let n = self.n();
         let mut out = Vec::new();
         for (first, _) in self.rotation_triples() {
