@@ -247,3 +247,29 @@ def loads():
         value=(mb.Ramp(40.0, start=0.045), 0.0, mb.Table([0.0, 0.07, 0.2], [0.0, 1.0, 0.3])),
     )
     return m
+
+
+def _pull(t):
+    return np.array([2.0 * np.sin(5.0 * t), 1.0, 0.5 * t])
+
+
+def _swing(t):
+    return 0.2 * np.sin(3.0 * t), 0.6 * np.cos(3.0 * t), -1.8 * np.sin(3.0 * t)
+
+
+@scene
+def python_functions():
+    """A drive and loads that are Python functions, a rack on the driven hinge."""
+    m = mb.Model("python", gravity=(0.5, -3.0, 1.0))
+    a, b = _body(m, "a", (0.5, 0.1, 0), 1), _body(m, "b", (1.1, 0.2, 0.3), 2)
+    _far(m, a)
+    joint = m.revolute("J", m.ground, a, at=(0, 0, 0), axis=(0.1, 1.0, 0.2))
+    m.spherical("S", a, b, at=(0.8, 0.1, 0.1), axis=(0.1, 0.3, 1), k=(2.0, 3.0, 1.0), c=(0.1, 0.1, 0.1))
+    m.drive("motor", joint, _swing)
+    rack = _body(m, "rack", (0.1, 2.0, 0.3), 3)
+    m.prismatic("rail", m.ground, rack, at=(0, 2.0, 0), axis=(1, 0.2, 0))
+    m.coupler("gear", "J", "rail", 0.4)
+    m.spring_damper("link", rack, b, at=((0.1, 2.0, 0.3), (1.1, 0.2, 0.3)), k=8.0, c=0.2)
+    m.force("pull", b, at=(1.2, 0.2, 0.1), value=_pull)
+    m.force("follow", b, at=(1.2, 0.3, 0.1), value=_pull, frame="body")
+    return m

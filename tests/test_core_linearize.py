@@ -191,3 +191,22 @@ def test_the_mass_matrix_is_that_of_the_bodies():
     T = lin.T.reshape(len(lin.bodies), 6, lin.n)
     expected = np.einsum("bij,bik,bkl->jl", T, lin.body_mass_matrices, T)
     np.testing.assert_allclose(lin.M, expected, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_free_turning_stays_rigid_in_a_plane(seed):
+    """Arms on springs on a free hub, all in one plane: centrifugal terms cancel in the hub's row, and no velocity term says so."""
+    rng = np.random.default_rng(seed)
+    m = mb.Model("hub with arms")
+    hub = m.body("hub", mass=2.0, inertia=(0.3,) * 3, at=(*rng.normal(0, 0.1, 2), 0))
+    m.revolute("bearing", m.ground, hub, at=(0, 0, 0), axis="z")
+    for k in range(3):
+        angle, r = rng.uniform(0, 2 * np.pi), rng.uniform(0.3, 1.2)
+        place = r * np.array([np.cos(angle), np.sin(angle), 0.0])
+        arm = m.body(f"arm{k}", mass=rng.uniform(0.1, 3), inertia=(0.02,) * 3, at=place)
+        m.revolute(f"root{k}", hub, arm, at=0.3 * place, axis="z", k=10 ** rng.uniform(2, 6))
+    at = mb.steady_motion(m, {"bearing": 3.7})
+    linear, found = mb.linearize(m, at=at), mb.modes(m, at=at)
+    rates = linear.K / np.sqrt(np.outer(np.diag(linear.M), np.diag(linear.M)))
+    print(f"largest entry of the hub's row {np.abs(rates[0]).max():.1e}, of all {np.abs(rates).max():.1e} 1/s2")
+    assert found.kind[0] == "rigid" and found.eigenvalue[0] == 0.0 and np.all(found.kind[1:] == "vibration")

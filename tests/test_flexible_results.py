@@ -297,3 +297,19 @@ def test_large_deflections_are_said():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         mb.simulate(hanging(400.0), 0.3)
+
+
+def test_loads_on_modal_coordinates_go_with_them():
+    """Without flexibility a section load is its resultant, which goes on following its table; a modal force is nothing."""
+    m = mb.Model("wing")
+    beam = mb.flexible.beam(2.0, mass=1.0, EI_flap=400.0, EI_edge=1600.0, modes=3, inertia_flap=0.01, inertia_edge=0.01)
+    wing = m.flexible_body("wing", beam)
+    m.modal_force("push", wing, mode=1, value=mb.Sine(1.0, 2.0))
+    m.section_load(
+        wing, [0.0, 2.0], [np.zeros((2, 3)), np.tile([0.0, 0.0, 3.0], (2, 1))], times=[0.0, 1.0], kind="linear"
+    )
+    rigid = mb.simulate(m, [1.0], without=("flexibility",))
+    # 6 N t on 2 kg: t^3 / 2 of the centre of mass, which is 1 m out
+    assert rigid.point((1, 0, 0), of="wing")[-1] == pytest.approx([1.0, 0.0, 0.5], abs=1e-7)
+    assert rigid.flexible == []
+    assert "flexibility" in str(mb.effect_study(mb.simulate, m, t=0.1))

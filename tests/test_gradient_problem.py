@@ -121,7 +121,7 @@ def test_limits_that_are_none(make, message):
 def test_wrong_problems_are_named():
     m, goal = oscillator(), X
     options = {"t": 0.1, "step": 0.01}
-    with pytest.raises(mb.errors.ModelError, match="no mode 7"):
+    with pytest.raises(mb.errors.ModelError, match=r"no mode 7"):
         mb.problem(m, goal, ["rail.k"], constraints=[mb.Frequency(7, upper=1.0)], **options).constraints[0]["fun"](
             np.ones(1)
         )
@@ -163,3 +163,151 @@ def test_check_gradients_finds_a_wrong_one():
         analysis, m, ["spring1.length"], value=lambda r: np.asarray(r.value) * (2.0 if hasattr(r, "gradient") else 1.0)
     )
     assert not wrong
+
+
+GOAL = mb.Integral(lambda s: s.position("p")[0] ** 2)
+BOX = {"rail.k": (10.0, 400.0), "rail.c": (0.1, 8.0)}
+
+
+def mixed(**given):
+    """Frequency, damping and a bound on the motion together; the frequency limit and the largest damper are active."""
+    limits = [mb.Frequency(0, lower=0.3, upper=1.0), mb.Damping(0, upper=0.4), mb.Bounded(X, lower=-0.2, upper=0.3)]
+    options = {"t": 0.5, "step": 0.01, "bounds": BOX, "constraints": limits, **given}
+    return mb.problem(oscillator(), GOAL, ["rail.k", "rail.c"], **options)
+
+
+@pytest.mark.parametrize("method", [None, "SLSQP", "trust-constr", "COBYLA"])
+def test_every_method_with_constraints_finds_the_same(method):
+    """The objective is of size 1e-2 and tolerances are absolute in SciPy: scaled, all of them get there."""
+    best = mixed().solve(method)
+    print(method, best.value, best.x, best.stats.counts)
+    assert best.status == "converged"
+    assert best.x == pytest.approx([2.0 * (2 * np.pi) ** 2, 8.0], rel=2e-3)
+    assert best.violation[-1] <= 1e-4
+    assert len(best.violation) == len(best.history) == best.stats.counts["evaluations"]
+
+
+@pytest.mark.parametrize("method", ["L-BFGS-B", "TNC", "Nelder-Mead", "BFGS"])
+def test_methods_that_would_leave_constraints_out_are_refused(method):
+    with pytest.raises(mb.errors.ModelError, match=r"knows no constraints and would leave them out; take one of SLSQP"):
+        mixed().solve(method)
+    with pytest.raises(mb.errors.ModelError, match="knows no bounds"):
+        mixed(constraints=()).solve("BFGS")
+    with pytest.raises(mb.errors.ModelError, match="method= is one of"):
+        mixed(constraints=()).solve("foo")
+
+
+def test_what_cannot_be_kept_to_is_not_converged():
+    p = mixed(constraints=[mb.Frequency(0, lower=100.0)])
+    best = p.solve()
+    assert best.status == "infeasible"
+    assert best.violation[-1] > 0.9
+
+
+def test_a_design_without_motion_keeps_the_best_so_far():
+    """A mass that an unbounded optimiser takes below zero."""
+    goal = mb.Final(lambda s: s.value("p.mass") + 0.0 * s.position("p")[0])
+    p = mb.problem(oscillator(), goal, ["p.mass"], t=0.1, step=0.01)
+    with pytest.raises(mb.errors.ConvergenceError, match=r"cannot be evaluated: .*mass.*bounds=") as caught:
+        p.solve()
+    best = caught.value.result
+    assert best.status == "stopped"
+    assert best.value == best.history.min() == best.x[0] == p.model.value("p.mass")
+
+
+def test_numbers_that_are_no_parameters_may_be_set_in_between():
+    p = mixed()
+    first = p.fun(p.x0), p.constraints[0]["fun"](p.x0)
+    p.model.set({"p.mass": 3.0})
+    again = p.fun(p.x0), p.constraints[0]["fun"](p.x0)
+    p.model.set({"p.mass": 2.0})
+    assert again[0] != first[0]
+    assert again[1] != first[1]
+    assert (p.fun(p.x0), p.constraints[0]["fun"](p.x0)) == first
+
+
+def test_a_design_is_solved_for_its_modes_once(monkeypatch):
+    from mbrs import design_problem
+
+    p, calls = mixed(), []
+    made = design_problem.Problem._modal_numbers
+    monkeypatch.setattr(design_problem.Problem, "_modal_numbers", lambda self, at: calls.append(at) or made(self, at))
+    for c in p.constraints:
+        c["fun"](p.x0), c["jac"](p.x0)
+    assert len(calls) == 1
+
+
+def test_the_course_of_an_optimisation_shows_what_violates(tmp_path):
+    p = mixed(constraints=[mb.Frequency(0, upper=0.6)])
+    best = p.solve()
+    figure = best.plot()
+    figure.savefig(tmp_path / "a.png")
+    (ax,) = figure.axes
+    evaluated, least, violated = ax.lines
+    assert len(evaluated.get_xdata()) + len(violated.get_xdata()) == len(best.history)
+    assert best.violation[0] > 0.1  # drawn with 0.8 Hz
+    assert violated.get_xdata()[0] == 1
+    assert np.isnan(least.get_ydata()[0])
+    assert best.to_xarray()["violation"].values.tolist() == best.violation.tolist()
+
+
+def test_an_optimisation_shows_its_progress(monkeypatch, capsys):
+    from mbrs import progress
+
+    monkeypatch.setenv("MBRS_PROGRESS", "1")
+    monkeypatch.setattr(progress, "_QUIET_FOR", 0.0)
+    mixed().solve()
+    shown = capsys.readouterr().err
+    assert "optimisation" in shown
+    assert "objective 0.0" in shown
+
+
+BAD = [
+    ({"bounds": {"rail.k": 5.0}}, r"\(lower, upper\)"),
+    ({"bounds": {"rail.k": ("a", 1.0)}}, "must be a number"),
+    ({"bounds": {"rail.k": (np.nan, 1.0)}}, "must be a number"),
+    ({"bounds": {"rail.k": (9.0, 1.0)}}, "above its upper bound"),
+    ({"bounds": [(1.0, 2.0)]}, "takes a dictionary"),
+    ({"scale": {"rail.k": "x"}}, "must be a number"),
+    ({"scale": {"rail.k": 0.0}}, "positive"),
+    ({"scale": [1.0]}, "takes a dictionary"),
+    ({"constraints": mb.Frequency(0, upper=1.0)}, "takes a list"),
+    ({"t": np.nan}, "t= must be"),
+    ({"setp": 0.1}, "did you mean step=?"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), BAD, ids=range(len(BAD)))
+def test_wrong_problems_are_named_before_anything_runs(change, message):
+    with pytest.raises(mb.errors.ModelError, match=message):
+        mixed(**change)
+
+
+def test_bounds_may_be_open():
+    p = mixed(bounds={"rail.k": (None, 400.0)})
+    assert p.bounds == [(-np.inf, 8.0), (-np.inf, np.inf)]
+    assert mixed(constraints=None).limits == ()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: mb.Frequency(0, lower="a"), "must be a number"),
+        (lambda: mb.Bounded(X, lower=None), "must be a number"),
+        (lambda: mb.Bounded(X, lower=np.inf), "needs lower"),
+        (lambda: mb.Frequency(0.5, upper=1.0), "number of a mode"),
+        (lambda: mb.Damping(-1, upper=1.0), "number of a mode"),
+        (lambda: mb.Frequency(True, upper=1.0), "number of a mode"),
+    ],
+)
+def test_limits_of_wrong_types(make, message):
+    with pytest.raises(mb.errors.ModelError, match=message):
+        make()
+
+
+def test_parameters_that_cannot_be_varied():
+    o = {"t": 0.1, "step": 0.01}
+    with pytest.raises(mb.errors.ModelError, match="named twice"):
+        mb.problem(oscillator(), X, ["rail.k", "rail.k"], **o)
+    with pytest.raises(mb.errors.ModelError, match="is a turn"):
+        mb.problem(oscillator(), X, ["rail.axis"], **o)

@@ -98,3 +98,42 @@ def test_bad_input():
         mc.inverse_rule(np.zeros((2, 2)), np.zeros((4, 4)), (2, 2))
     with pytest.raises(mb.errors.ModelError, match="equal blocks"):
         mc.entries(np.zeros((3, 4)), (2, 2))
+
+
+A = np.arange(6.0).reshape(2, 3)
+
+
+@pytest.mark.parametrize("f", [np.abs, lambda b: np.abs(b).sum(), lambda b: b.real, lambda b: [np.linalg.norm(b)]])
+def test_functions_without_slopes_that_change_are_refused(f):
+    with pytest.raises(mb.errors.NotDifferentiableError, match="not analytic"):
+        mb.matrix_calculus.derivative(f, A + 1.0)
+
+
+def test_entries_without_effect_are_zero():
+    d = mb.matrix_calculus.derivative(lambda b: [[b[0, 0] ** 2, 3.0]], A)
+    assert not d.any()
+    d = mb.matrix_calculus.derivative(lambda b: [[b[1, 2] ** 2, 3.0]], A)
+    assert d.ravel().tolist() == [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 10, 0]
+
+
+BAD = [
+    lambda mc: mc.unit(5, 0, 2, 2),
+    lambda mc: mc.unit(-1, 0, 2, 2),
+    lambda mc: mc.permutation(1.5, 2),
+    lambda mc: mc.permutation("a", 2),
+    lambda mc: mc.permutation(0, 2),
+    lambda mc: mc.rs([[1, 2], [3]]),
+    lambda mc: mc.vetter(A, 3),
+    lambda mc: mc.entries(A, "x"),
+    lambda mc: mc.derivative(3, A),
+    lambda mc: mc.derivative(lambda b: b, "x"),
+    lambda mc: mc.inverse_rule(np.ones((2, 3)), np.zeros((2, 3)), ()),
+    lambda mc: mc.product_rule(A, A, A, A, ()),
+    lambda mc: mc.chain_rule(A, A, (2, 3), (1, 1), (1, 1)),
+]
+
+
+@pytest.mark.parametrize("call", BAD, ids=range(len(BAD)))
+def test_wrong_matrices_are_named(call):
+    with pytest.raises(mb.errors.ModelError):
+        call(mb.matrix_calculus)

@@ -39,7 +39,7 @@ def test_rigid_form_is_the_production_path():
 
     def scene(V, q):
         sys = ref.System(t, x_of(V) if np.iscomplexobj(V) else x_of(V + 0j).real)
-        return sys, rm.Motion(rm.advance(sys, drawn_state(sys), q), 0 * q, np.zeros(0))
+        return sys, rm.Motion(rm.advance(sys, drawn_state(sys), q), 0 * q, np.zeros(sys.n_memory))
 
     def mass(V, q, t):
         sys, motion = scene(V, q)

@@ -35,23 +35,39 @@ def test_redundant_constraints(make, method):
     assert error < limit and traj.residual[:, 0].max() < 1e-10
 
 
-LOST = pytest.mark.xfail(
-    reason="controlled steps of generalised-alpha leave the branch here: not solved yet", run=False
-)
+PASSED = {
+    "explicit": (1e-5, 1e-9),
+    "bdf": (1e-6, 1e-8),
+    "generalized-alpha": (1e-3, 1e-5, 1e-6),
+    "ali3p": (1e-3, 1e-5, 1e-6),
+}
 
 
-@pytest.mark.parametrize("method", ["explicit", "bdf", pytest.param("generalized-alpha", marks=LOST)])
-@pytest.mark.parametrize("n", [1, 3])
-def test_passing_the_singular_pose_of_the_parallelogram(n, method):
+@pytest.mark.parametrize("method", PASSED)
+@pytest.mark.parametrize(("n", "speed"), [(1, 1.0), (1, 2.0), (1, 5.0), (3, 1.0), (3, 2.0)])
+def test_passing_the_singular_pose_of_the_parallelogram(n, speed, method):
     """All links align twice per turn, where loops lose rank; the branch of the parallelogram has to be kept."""
-    problem = zoo.four_bars(n, t=6.0, speed=1.0)
-    rtol, limit = ASKED[method]
-    traj = mb.simulate(problem.model, np.linspace(0, problem.t, 61), rtol=rtol, method=method)
-    y = traj.point("tip")[:, 1]
-    passes = int(np.sum(np.diff(np.sign(y)) != 0))
-    error = measured(problem, traj)
-    print(f"{n} four-bar, {method}: {passes} passes, error {error:.1e}")
-    assert passes >= 3 and error < 30 * limit
+    problem = zoo.four_bars(n, t=6.0, speed=speed)
+    for rtol in PASSED[method]:
+        traj = mb.simulate(problem.model, np.linspace(0, problem.t, 61), rtol=rtol, method=method)
+        y = traj.point("tip")[:, 1]
+        passes = int(np.sum(np.diff(np.sign(y)) != 0))
+        error = measured(problem, traj)
+        print(
+            f"{n} four-bar, {method}, rtol {rtol:.0e}: {passes} passes, {traj.stats.counts.get('detours', 0)} detours, "
+            f"error {error:.1e}"
+        )
+        assert passes >= 3 and error < 3e3 * rtol and traj.residual.max() < 1e-10
+
+
+@pytest.mark.parametrize("method", [*METHODS, "ali3p", "bdf-bfgs"])
+def test_a_balance_stays_at_rest(method):
+    """Upright links in an unstable balance: rounding is all there is, and nothing is relative to it."""
+    problem = zoo.four_bars(1, t=1.0, speed=0.0)
+    traj = mb.simulate(problem.model, problem.t, rtol=1e-6, method=method)
+    moved = np.abs(traj.point("tip") - traj.point("tip")[0]).max()
+    print(f"{method}: moved {moved:.1e} m in {len(traj.steps) - 1} steps")
+    assert moved < 1e-7
 
 
 @pytest.mark.parametrize("t", [1.0, np.linspace(0, 1.0, 21)], ids=["at the steps", "between"])
@@ -70,7 +86,7 @@ def test_mass_ratio(ratio):
     traj = mb.simulate(problem.model, np.linspace(0, 1, 11), rtol=1e-9)
     error = measured(problem, traj)
     print(f"mass ratio {ratio:.0e}: error {error:.1e}")
-    assert error < 1e-6
+    assert error < 1e-8
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -163,11 +179,11 @@ def test_a_drive_with_a_kink(method):
     ours = np.arcsin((traj.position("bob")[:, 0] - traj.position("carriage")[:, 0]) / length)
     error = np.abs(ours - exact).max()
     print(f"kinks, {method}: angle {error:.1e} rad")
-    assert error < {"explicit": 1e-6, "generalized-alpha": 1e-2, "bdf": 1e-4}[method]
+    assert error < {"explicit": 1e-9, "generalized-alpha": 1e-6, "bdf": 1e-6}[method]
 
 
-def stick_slip_truth(times, mass, k, kt, slip, speed):
-    """A mass on a spring k and a Jenkins slider (kt, slip), by pieces between slip and stick; DOP853 with events."""
+def stick_slip_truth(times, mass, k, kt, slip, speed, c=0.0, push=lambda t: 0.0):
+    """A mass on a spring k, a damper c and a Jenkins slider (kt, slip), by pieces between slip and stick; DOP853 with events."""
     state, z, here, out = np.array([0.0, speed]), 0.0, 0.0, {}
     times = [t for t in times if t > 0]
     sticking = True
@@ -180,9 +196,10 @@ def stick_slip_truth(times, mass, k, kt, slip, speed):
         else:
             force = lambda u, d=direction: d * slip  # noqa: E731
             ends = [lambda t, y: y[1]]
+            ends[0].direction = -direction
         for e in ends:
             e.terminal = True
-        slope = lambda t, y, f=force: [y[1], -(k * y[0] + f(y[0])) / mass]  # noqa: E731
+        slope = lambda t, y, f=force: [y[1], (push(t) - k * y[0] - c * y[1] - f(y[0])) / mass]  # noqa: E731
         found = solve_ivp(
             slope, (here, times[-1]), state, "DOP853", rtol=1e-12, atol=1e-14, events=ends, dense_output=True
         )
@@ -210,8 +227,23 @@ def test_stick_slip(method):
         np.abs(mb.simulate(m, times, step=h, method=method).position("mass")[1:, 0] - exact).max() for h in (1e-3, 1e-4)
     ]
     print(f"stick-slip, {method}: {errors[0]:.1e} m with 1e-3 s, {errors[1]:.1e} m with 1e-4 s")
-    # memory is marched with the steps: first order where the slider changes
-    assert errors[1] < 0.3 * errors[0] and errors[1] < 1e-3
+    # memory is marched with the steps
+    assert errors[1] < 0.05 * errors[0] and errors[1] < 1e-6
+
+
+@pytest.mark.parametrize(("method", "factor"), [("explicit", 5), ("bdf", 50)])
+def test_turns_of_a_slider_from_rest(method, factor):
+    """Fifteen turns of a slider, from rest under a force that grows from nothing: the error falls with the tolerance."""
+    m = mb.Model("slider")
+    b = m.body("b", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
+    m.prismatic("rail", m.ground, b, at=(0, 0, 0), axis="x", k=100.0, c=0.2, law=mb.Jenkins(400.0, 2.0))
+    m.force("push", b, at=(0, 0, 0), value=(mb.Sine(5.0, omega=9.0), 0, 0))
+    exact = stick_slip_truth([5.0], 1.0, 100.0, 400.0, 2.0, 0.0, 0.2, lambda t: 5.0 * np.sin(9.0 * t))[0]
+    for rtol in (1e-4, 1e-6, 1e-8, 1e-10):
+        traj = mb.simulate(m, [5.0], rtol=rtol, method=method)
+        error = abs(traj.position("b")[-1, 0] - exact)
+        print(f"{method}, rtol {rtol:.0e}: {error:.1e} m, {traj.stats.counts['turns of sliders']} turns met")
+        assert error < factor * rtol + 1e-10
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -221,7 +253,7 @@ def test_a_gap_that_closes_at_speed(method):
     traj = mb.simulate(problem.model, np.linspace(0, 2, 21), rtol=rtol, method=method)
     error = measured(problem, traj)
     print(f"gap of 1e6 N/m, {method}: error {error:.1e}, {len(traj.steps) - 1} steps")
-    assert error < {"explicit": 1e-5, "generalized-alpha": 0.3, "bdf": 1e-2}[method]
+    assert error < {"explicit": 1e-6, "generalized-alpha": 1e-3, "bdf": 1e-4}[method]
 
 
 @pytest.mark.parametrize("late", [float("nan"), ZeroDivisionError("it broke")], ids=["nan", "raises"])
@@ -274,3 +306,89 @@ def test_a_step_that_underflows_says_when_and_what():
         mb.simulate(m, 1.0, rtol=1e-8, method="explicit", max_steps=100000)
     print(caught.value)
     assert caught.value.result.t[-1] == pytest.approx(0.1, abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["joint", "torsion", "cylindrical", "slider"])
+@pytest.mark.parametrize("method", [*METHODS, "bdf-bfgs"])
+def test_springs_of_hinges_wind_up_over_turns(kind, method):
+    """J phi" = -k phi swings by 15.5 rad; a slider of k_t on a hinge slips at its limit however often that turns."""
+    k, inertia, w0 = 0.1, 1.5, 4.0
+    m = mb.Model("spring")
+    b = m.body("wheel", mass=1.0, inertia=(1.0, 1.0, inertia), at=(0, 0, 0), angular_velocity=(0, 0, w0))
+    times = np.linspace(0.0, 8.0, 9)
+    if kind == "cylindrical":
+        m.cylindrical("hinge", m.ground, b, at=(0, 0, 0), axis="z", k=(1.0, k))
+    elif kind == "slider":
+        m.revolute("hinge", m.ground, b, at=(0, 0, 0), axis="z", law=mb.Jenkins(50.0, 0.3))
+    else:
+        m.revolute("hinge", m.ground, b, at=(0, 0, 0), axis="z", k=k if kind == "joint" else None)
+    if kind == "torsion":
+        m.torsion("spring", m.ground, b, at=(0, 0, 0), axis="z", k=k)
+    rtol, limit = ASKED.get(method, (1e-7, 1e-4))
+    traj = mb.simulate(m, times, rtol=rtol, method=method)
+    angle = traj.joint("hinge") if kind != "cylindrical" else traj.joint("hinge")[:, 1]
+    if kind == "slider":
+        # it sticks at first, for 0.006 rad; then J phi" = -0.3
+        exact = w0 * times - 0.1 * times**2
+        limit = max(limit, 0.05)
+    else:
+        w = np.sqrt(k / inertia)
+        exact = w0 / w * np.sin(w * times)
+    error = np.abs(angle - exact).max()
+    print(f"{kind}, {method}: {error:.1e} rad of {np.abs(exact).max():.1f}")
+    assert error < 30 * limit
+    if kind != "slider":
+        assert np.ptp(traj.energy.total) < 30 * limit * traj.energy.kinetic[0]
+        # a restart knows how far it is wound up
+        half = mb.simulate(m, [4.0], rtol=rtol, method=method)
+        rest = mb.simulate(m, [8.0], rtol=rtol, method=method, at=half.state())
+        assert rest.rate[-1] == pytest.approx(traj.rate[-1], abs=100 * limit)
+        # and so does a linearisation
+        assert mb.linearize(m, at=half.state()).K[-1, -1] == pytest.approx(k, rel=1e-6)
+
+
+def test_auto_sees_friction_that_holds_later():
+    """The block slides at first, where the law is flat, then sticks: 4 N / (1e-6 m/s 2 kg) = 2e6 1/s."""
+    m = mb.Model("block")
+    b = m.body("block", mass=2.0, inertia=(0.1,) * 3, at=(0, 0, 0), velocity=(3.0, 0, 0))
+    m.prismatic("floor", m.ground, b, at=(0, 0, 0), axis="x", law=mb.CoulombTanh(4.0, 1e-6))
+    traj = mb.simulate(m, 3.0, rtol=1e-6)
+    error = abs(traj.position("block")[-1, 0] - 9.0 / 4.0)
+    print(f"{traj.method}: {len(traj.steps) - 1} steps, {error:.1e} m")
+    assert traj.method == "bdf" and "stiff" in traj.stats.route and len(traj.steps) < 500 and error < 1e-5
+    without = mb.simulate(m, 3.0, rtol=1e-6, without=("friction",))
+    assert without.method == "explicit"
+
+
+@pytest.mark.parametrize("method", ["explicit", "bdf", "generalized-alpha", "bdf-bfgs"])
+def test_a_table_that_wakes_up_is_not_passed_over(method):
+    """A push of 4 ms after a third of a second of nothing: 10 N s sqrt(2 pi) 4e-3 of 1 kg."""
+    times = np.linspace(0.0, 1.0, 1001)
+    width = 4e-3
+    m = mb.Model("pushed")
+    b = m.body("mass", mass=1.0, inertia=(0.1,) * 3, at=(0, 0, 0))
+    m.prismatic("guide", m.ground, b, at=(0, 0, 0), axis="x")
+    m.force("push", b, at=(0, 0, 0), value=(mb.Table(times, 10 * np.exp(-(((times - 0.33) / width) ** 2) / 2)), 0, 0))
+    for rtol in (1e-3, 1e-6):
+        traj = mb.simulate(m, 1.0, rtol=rtol, method=method)
+        error = abs(traj.velocity("mass")[-1, 0] - 10 * np.sqrt(2 * np.pi) * width)
+        print(f"{method}, {rtol:.0e}: {error:.1e} m/s in {len(traj.steps) - 1} steps, estimated {traj.error:.1e} m")
+        assert error < 30 * rtol
+
+
+@pytest.mark.parametrize("method", ["auto", *METHODS, "bdf-bfgs", "ali3p"])
+@pytest.mark.parametrize("how", [dict(rtol=1e-6), dict(step=0.1)], ids=["controlled", "fixed"])
+def test_a_scene_that_cannot_move(method, how):
+    """Welded to the ground: nothing moves, and the weld carries the weight."""
+    m = mb.Model("welded", gravity=(0, 0, -9.81))
+    b = m.body("block", mass=2.0, inertia=(0.1,) * 3, at=(1, 0, 0))
+    m.fixed("weld", m.ground, b, at=(0, 0, 0))
+    traj = mb.simulate(m, 1.0, method=method, **how)
+    assert traj.status == "finished" and traj.t[-1] == 1.0 and traj.error == 0.0
+    assert np.array_equal(traj.position("block")[-1], [1, 0, 0])
+    assert traj.reaction("weld")[-1] == pytest.approx([0, 0, 19.62, 0, -19.62, 0])
+
+
+def test_an_end_that_steps_cannot_reach_is_said():
+    with pytest.raises(ConvergenceError, match="would not reach the end"):
+        mb.simulate(zoo.double_pendulum().model, 1e16)

@@ -13,6 +13,7 @@ import pytest
 import root_problems
 from mbrs import reference as ref
 from mbrs.reference.root import difference_jacobian
+from scipy import sparse
 
 BARE = {"fallback": False, "restarts": 0, "patience": 10**6, "invariant": False}
 
@@ -276,6 +277,8 @@ def raises_zero_division(x):
         (lambda x: x, [1.0], {"sparsity": np.eye(2)}, "sparsity"),
         (lambda x: x, [1.0], {"determinant": (2.0, 1.0)}, "determinant"),
         (lambda x: x, [1.0], {"determinant": 3}, "determinant"),
+        (lambda x: x, [1.0], {"curvature": np.nan}, "curvature"),
+        (lambda x: x, [1.0], {"callback": 3}, "callback"),
     ],
 )
 def test_bad_input_names_itself(fun, x0, options, text):
@@ -325,3 +328,27 @@ def test_ctrl_c():
     with pytest.raises(KeyboardInterrupt):
         mb.root(slow, np.ones(40), maxiter=10**6, patience=10**6)
     assert time.perf_counter() - began < 5
+
+
+def test_counts_without_end_are_no_error():
+    many = 10**30
+    sol = mb.root(lambda x: x**2 - 2, [1.0], maxiter=many, maxfev=many, patience=many, max_backtracks=many)
+    assert sol.success
+
+
+def test_an_inverse_of_another_size_is_refused():
+    """Also one of limited memory, which has no matrix whose shape could be asked."""
+    band = sparse.diags([np.ones(2999), np.ones(3000), np.ones(2999)], [-1, 0, 1])
+    kept = mb.root(tridiagonal, -np.ones(3000), sparsity=band).inverse
+    assert kept.n == 3000
+    for n in (2, 3001):
+        with pytest.raises(mb.ModelError, match="of 3000 unknowns"):
+            mb.root(tridiagonal, -np.ones(n), inverse0=kept)
+
+
+def tridiagonal(x):
+    """Broyden's tridiagonal function."""
+    r = (3 - 2 * x) * x + 1
+    r[1:] -= x[:-1]
+    r[:-1] -= 2 * x[1:]
+    return r

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .errors import ModelError
+from .names import shown
 from .results import Result, Stats
 from .sensitivity import sensitivity
 from .tables import directions
@@ -91,6 +92,10 @@ def check_gradients(
     True
     """
     start = time.perf_counter()
+    if not callable(analysis):
+        raise ModelError(
+            f"check_gradients takes a function of the model first, such as mb.modes, got {shown(analysis)}"
+        )
     along = directions(m, parameters)
     numbers = _default if value is None else value
     exact = np.asarray(numbers(sensitivity(analysis(m), list(along.labels))))

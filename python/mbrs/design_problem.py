@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
 import math
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -11,14 +11,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import ModelError
-from .gradient import gradient
-from .names import shown
+from .gradient import finite, gradient, value_at
+from .names import nearest, shown
 from .objectives import AtTimes, Final, Integral, Objective
-from .results import Result, Stats
-from .tables import directions
+from .results import Result
+from .tables import directions, tables
 
 if TYPE_CHECKING:
     from .model import Model
+
+
+# Designs whose values and gradients are kept.
+_KEPT = 20
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,7 @@ class Frequency:
     at_equilibrium: bool = False
 
     def __post_init__(self) -> None:
-        _limits(self, "mb.Frequency")
+        _mode(self, "mb.Frequency")
 
 
 @dataclass(frozen=True)
@@ -65,15 +69,33 @@ class Damping:
     at_equilibrium: bool = False
 
     def __post_init__(self) -> None:
-        _limits(self, "mb.Damping")
+        _mode(self, "mb.Damping")
 
 
 Constraint = Bounded | Frequency | Damping
 
 
 def _limits(c: Any, what: str) -> None:
-    if not c.lower <= c.upper or (c.lower == -math.inf and c.upper == math.inf):
+    lower, upper = (_plain(f"{name}= of {what}", getattr(c, name)) for name in ("lower", "upper"))
+    if not lower <= upper or (lower == -math.inf and upper == math.inf) or lower == math.inf or upper == -math.inf:
         raise ModelError(f"{what} needs lower= or upper=, lower not above upper; got {c.lower} and {c.upper}")
+
+
+def _mode(c: Any, what: str) -> None:
+    if isinstance(c.mode, bool) or not isinstance(c.mode, (int, np.integer)) or c.mode < 0:
+        raise ModelError(f"{what} takes the number of a mode, counted from 0, got {shown(c.mode)}")
+    _limits(c, what)
+
+
+def _plain(what: str, value: Any) -> float:
+    """A number that may be infinite."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if math.isnan(number):
+        raise ModelError(f"{what} must be a number, got {shown(value)}")
+    return number
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -87,7 +109,9 @@ class Optimum(Result):
     value
         The objective there.
     history
-        Objective after every evaluation.
+        (n,) objective after every evaluation.
+    violation
+        (n,) how far the constraints were violated there, relative to their limits (absolute where these are 0).
     labels, units
         Of the parameters.
     message
@@ -100,6 +124,7 @@ class Optimum(Result):
     labels: tuple[str, ...]
     units: tuple[str, ...]
     message: str
+    violation: np.ndarray
 
     def __str__(self) -> str:
         from .parameter_units import unit_note
@@ -122,7 +147,11 @@ class Optimum(Result):
         import xarray
 
         return xarray.Dataset(
-            {"x": (("parameter",), self.x), "objective": (("evaluation",), self.history)},
+            {
+                "x": (("parameter",), self.x),
+                "objective": (("evaluation",), self.history),
+                "violation": (("evaluation",), self.violation),
+            },
             coords={"parameter": list(self.labels), "unit": ("parameter", list(self.units))},
             attrs={"status": self.status, "value": self.value, "message": self.message},
         )
@@ -133,6 +162,7 @@ class Problem:
     """An optimisation problem for ``scipy.optimize.minimize(p.fun, p.x0, jac=p.jac, bounds=p.bounds, constraints=p.constraints)``.
 
     Variables are parameters over their scales; ``unscaled`` takes them back. ``history`` holds (x, value) of every evaluation.
+    Values and gradients are those of the objectives themselves; `solve` scales them for the optimiser.
     """
 
     model: Model
@@ -146,6 +176,7 @@ class Problem:
     limits: tuple[Constraint, ...]
     history: list[tuple[np.ndarray, float]] = field(default_factory=list)
     _known: dict[bytes, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    _modes: dict[tuple[bytes, bool], dict[str, np.ndarray]] = field(default_factory=dict)
 
     def unscaled(self, z: np.ndarray) -> np.ndarray:
         """Parameters in their units."""
@@ -155,17 +186,21 @@ class Problem:
         """Give the model the values of z."""
         self.model.set(dict(zip(self.labels, self.unscaled(z).tolist(), strict=True)))
 
-    def _evaluate(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Values and gradients (rows) of the objective and of the bounded objectives, one motion for all."""
+    def _place(self, z: np.ndarray) -> bytes:
+        """The model at z, and a key of all its numbers: others than the parameters may have been set as well."""
         z = np.asarray(z, dtype=float)
         if z.shape != self.x0.shape or not np.all(np.isfinite(z)):
             raise ModelError(f"the variables must be {len(self.x0)} finite numbers, got {shown(z)}")
-        key = z.tobytes()
+        self.apply(z)
+        return z.tobytes() + tables(self.model)["x"].tobytes() + bytes(str(self.model.structure_version), "ascii")
+
+    def _evaluate(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values and gradients (rows) of the objective and of the bounded objectives, one motion for all."""
+        key = self._place(z)
         if key not in self._known:
-            self.apply(z)
             goals = [self.objective, *(c.objective for c in self.limits if isinstance(c, Bounded))]
             found = gradient(self.model, goals, list(self.labels), **self.options)
-            if len(self._known) > 20:
+            if len(self._known) >= _KEPT:
                 self._known.clear()
             self._known[key] = (np.asarray(found.value), np.asarray(found.gradient) * self.scale)
             self.history.append((self.unscaled(z), float(found.value[0])))
@@ -195,8 +230,7 @@ class Problem:
             if isinstance(c, Bounded):
                 values, gradients = self._evaluate(z)
                 return float(values[place]), gradients[place]
-            self.apply(z)
-            return self._modal(c)
+            return self._modal(c, z)
 
         return {
             "type": "ineq",
@@ -204,39 +238,62 @@ class Problem:
             "jac": lambda z: sign * both(z)[1],
         }
 
-    def _modal(self, c: Frequency | Damping) -> tuple[float, np.ndarray]:
+    def _modal(self, c: Frequency | Damping, z: np.ndarray) -> tuple[float, np.ndarray]:
+        key = (self._place(z), c.at_equilibrium)
+        if key not in self._modes:
+            if len(self._modes) >= _KEPT:
+                self._modes.clear()
+            self._modes[key] = self._modal_numbers(c.at_equilibrium)
+        numbers, what = self._modes[key], "frequency" if isinstance(c, Frequency) else "damping"
+        if c.mode >= len(numbers[what]):
+            raise ModelError(f"there is no mode {c.mode}; the model has {len(numbers[what])}, counted from 0")
+        value, slope = float(numbers[what][c.mode]), numbers["d " + what][c.mode] * self.scale
+        if not (math.isfinite(value) and np.all(np.isfinite(slope))):
+            raise ModelError(
+                f"mode {c.mode} has no {what}, or none that can be differentiated (rigid, or repeated with others): limit another one"
+            )
+        return value, slope
+
+    def _modal_numbers(self, at_equilibrium: bool) -> dict[str, np.ndarray]:
         from .equilibrium import equilibrium
         from .modal import modes
         from .sensitivity import sensitivity
 
-        m = self.model
-        found = modes(m, at=equilibrium(m)) if c.at_equilibrium else modes(m)
-        what = "frequency" if isinstance(c, Frequency) else "damping"
-        if not 0 <= c.mode < len(found.frequency):
-            raise ModelError(f"there is no mode {c.mode}; the model has {len(found.frequency)}, counted from 0")
-        slope = getattr(sensitivity(found, list(self.labels)), what)
-        return float(getattr(found, what)[c.mode]), np.asarray(slope)[c.mode] * self.scale
+        found = modes(self.model, at=equilibrium(self.model)) if at_equilibrium else modes(self.model)
+        by = sensitivity(found, list(self.labels))
+        return {
+            "frequency": np.asarray(found.frequency),
+            "damping": np.asarray(found.damping),
+            "d frequency": np.asarray(by.frequency),
+            "d damping": np.asarray(by.damping),
+        }
 
     def solve(self, method: str | None = None, **options: Any) -> Optimum:
-        """`scipy.optimize.minimize` with everything; the model keeps the optimum."""
-        from scipy.optimize import minimize
+        """`scipy.optimize.minimize` with everything; the model keeps the optimum.
 
-        begin = time.perf_counter()
-        chosen = method or ("SLSQP" if self.limits else "L-BFGS-B")
-        r = minimize(
-            self.fun, self.x0, jac=self.jac, bounds=self.bounds, constraints=self.constraints, method=chosen, **options
-        )
-        self.apply(r.x)
-        return Optimum(
-            x=self.unscaled(r.x),
-            value=float(r.fun),
-            history=np.array([v for _, v in self.history]),
-            labels=self.labels,
-            units=self.units,
-            message=str(r.message),
-            stats=Stats(time.perf_counter() - begin, {"evaluations": len(self.history)}, (), chosen),
-            status="converged" if r.success else "stopped",
-        )
+        Parameters
+        ----------
+        method
+            Of SciPy; one that knows bounds and constraints where there are any. "SLSQP" with constraints, else "L-BFGS-B".
+        **options
+            Of `scipy.optimize.minimize`: tol, options, callback. The objective is given to it relative to its value at the
+            start, constraints relative to their limits, and so are tolerances.
+
+        Returns
+        -------
+        Optimum
+            ``status``: "converged", "infeasible" (constraints violated), "stopped" (the optimiser gave up), "interrupted".
+
+        Raises
+        ------
+        ModelError
+            A method that does not know bounds or constraints.
+        ConvergenceError
+            A design that the optimiser tried has no motion; ``.result`` is the best `Optimum` until then.
+        """
+        from .design_solver import solve
+
+        return solve(self, method, options)
 
 
 def problem(
@@ -263,7 +320,7 @@ def problem(
     t
         s; the end of the motion.
     bounds
-        {address: (lower, upper)}.
+        {address: (lower, upper)}; None or an infinite number where there is none.
     constraints
         `mb.Bounded` objectives of the motion, `mb.Frequency` and `mb.Damping` of its modes, mixed.
     scale
@@ -288,43 +345,81 @@ def problem(
     """
     along = directions(m, parameters)
     for label in along.labels:
-        if np.ndim(m.value(label)) != 0:
-            raise ModelError(f"{label!r} is not a single number; vary one of its entries")
-    _known_names(bounds, along.labels, "bounds")
-    _known_names(scale, along.labels, "scale")
+        if along.labels.count(label) > 1:
+            raise ModelError(f"{label!r} is named twice; name every parameter once")
+        if math.isnan(value_at(m, label)):
+            raise ModelError(
+                f"{label!r} is a turn, which is no number to be varied; make the axis or orientation depend on a parameter"
+            )
+    _known_options(options)
     now = np.array([float(m.value(label)) for label in along.labels])
-    sizes = np.where(now == 0.0, 1.0, np.abs(now))
-    for i, label in enumerate(along.labels):
-        if scale and label in scale:
-            sizes[i] = float(scale[label])
-    if not np.all(np.isfinite(sizes)) or np.any(sizes <= 0.0):
-        raise ModelError("scale= takes positive finite numbers")
-    limits = None
-    if bounds:
-        pairs = [bounds.get(label, (-math.inf, math.inf)) for label in along.labels]
-        limits = [(float(a) / s, float(b) / s) for (a, b), s in zip(pairs, sizes, strict=True)]
-    for c in constraints:
-        if not isinstance(c, Constraint):
-            raise ModelError(f"constraints= takes mb.Bounded, mb.Frequency and mb.Damping, got {shown(c)}")
+    given = [_scales(scale, along.labels).get(label) for label in along.labels]
+    sizes = np.array([s or abs(p) or 1.0 for s, p in zip(given, now.tolist(), strict=True)])
     if not isinstance(objective, Objective):
         raise ModelError(f"objective= takes mb.Integral, mb.Final or mb.AtTimes, got {shown(objective)}")
+    limits = _bounds(bounds, along.labels, sizes)
+    wanted = () if constraints is None else constraints
+    if not isinstance(wanted, (list, tuple)) or not all(isinstance(c, Constraint) for c in wanted):
+        raise ModelError(
+            f"constraints= takes a list of mb.Bounded, mb.Frequency and mb.Damping, got {shown(constraints)}"
+        )
     return Problem(
         model=m,
         objective=objective,
         labels=along.labels,
         units=along.units,
-        options={"t": t, **options},
+        options={"t": finite("t", t), **options},
         scale=sizes,
         x0=now / sizes,
         bounds=limits,
-        limits=tuple(constraints),
+        limits=tuple(wanted),
     )
 
 
-def _known_names(given: Mapping[str, Any] | None, labels: Sequence[str], what: str) -> None:
-    for name in given or ():
+def _known_options(options: Mapping[str, Any]) -> None:
+    known = [name for name, p in inspect.signature(gradient).parameters.items() if p.kind is p.KEYWORD_ONLY]
+    for name in options:
+        if name not in known:
+            guess = nearest(name, known)
+            raise ModelError(
+                f"mb.problem and mb.gradient have no {name}=" + (f"; did you mean {guess}=?" if guess else "")
+            )
+
+
+def _named(given: Any, labels: Sequence[str], what: str) -> Mapping[str, Any]:
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
+        raise ModelError(f"{what}= takes a dictionary over the parameters, got {shown(given)}")
+    for name in given:
         if name not in labels:
             raise ModelError(f"{what}= names {name!r}, which is not among the parameters {', '.join(labels)}")
+    return given
+
+
+def _scales(scale: Any, labels: Sequence[str]) -> dict[str, float]:
+    out = {name: _plain(f"scale={{{name!r}: ...}}", size) for name, size in _named(scale, labels, "scale").items()}
+    if not all(0.0 < size < math.inf for size in out.values()):
+        raise ModelError("scale= takes positive finite numbers")
+    return out
+
+
+def _bounds(bounds: Any, labels: Sequence[str], sizes: np.ndarray) -> list[tuple[float, float]] | None:
+    if not _named(bounds, labels, "bounds"):
+        return None
+    out = []
+    for label, size in zip(labels, sizes.tolist(), strict=True):
+        pair = bounds.get(label, (None, None))
+        if not isinstance(pair, (tuple, list, np.ndarray)) or len(pair) != 2:
+            raise ModelError(f"bounds of {label!r} are (lower, upper), got {shown(pair)}")
+        low, high = (
+            open_ if end is None else _plain(f"a bound of {label!r}", end)
+            for end, open_ in zip(pair, (-math.inf, math.inf), strict=True)
+        )
+        if low > high:
+            raise ModelError(f"the lower bound of {label!r}, {low:g}, is above its upper bound {high:g}")
+        out.append((low / size, high / size))
+    return out
 
 
 __all__ = ["AtTimes", "Bounded", "Damping", "Final", "Frequency", "Integral", "Optimum", "Problem", "problem"]

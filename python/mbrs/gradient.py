@@ -6,8 +6,8 @@ import itertools
 import math
 import time
 import warnings
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,13 +15,16 @@ import numpy as np
 from . import _core
 from ._border import core_errors
 from .effects import check_without, effects
-from .errors import KinkWarning, ModelError
+from .errors import KinkWarning, MbrsWarning, ModelError, NameNotFoundError
+from .guessed_start import require_followed_guess
 from .linearize import Snapshot
 from .matrix_calculus import Derivative
+from .motion_gradient import MotionGradient, MotionSensitivity, effects_of
 from .names import shown
-from .objectives import AtTimes, Final, Integral, NewReading, Objective, Reader, evaluate
+from .objectives import AtTimes, Evaluation, Final, Integral, NewReading, Objective, Reader, evaluate, number
+from .progress import Elapsed
 from .readings import Asked, Names
-from .results import Result, Stats, added_counts
+from .results import Stats, added_counts
 from .state import State, state_of
 from .tables import Directions, directions
 
@@ -29,6 +32,12 @@ if TYPE_CHECKING:
     from .model import Model
     from .trajectory import Trajectory
 
+# relative changes that a motion amplifies by more than this are warned of
+_AMPLIFIED = 1e4
+# gradients of two step sizes that differ by more than this (relative) have not begun to converge
+_UNRELATED = 0.3
+# times that are closer than this part of the motion's end are one
+_ROUNDED = 1e-12
 # spectral radius at infinity, as in mb.simulate
 RHO = 0.8
 METHODS = ("direct", "adjoint", "auto")
@@ -36,131 +45,19 @@ SCHEMES = ("ali3p", "generalized-alpha")
 _READINGS = 20
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class MotionGradient(Result):
-    """Value and gradient of objectives of a motion; unpacks as ``value, gradient``.
-
-    Attributes
-    ----------
-    value
-        A float, or (n_obj,) for several objectives.
-    gradient
-        (n_p,), or in the shape of the one array parameter; (n_obj, ...) for several objectives. ``.vetter()`` gives the
-        block layout.
-    labels, units
-        Of the parameters.
-    where
-        (n_p,) the values of the parameters; nan for turns of axes and orientations.
-    t
-        (n_t,) s; ends of the steps.
-    method
-        "direct" or "adjoint".
-    kinks
-        ``(t, element, what)`` of places that the motion passed where a force has a kink (a gap that closes or opens, a slider
-        that begins or ceases to slide, friction that changes its sign within a step): it is not differentiable there. The
-        gradient is that of the steps on both sides of them; ``status`` is then "kinks" instead of "converged".
-    """
-
-    value: Any
-    gradient: Derivative
-    labels: tuple[str, ...]
-    units: tuple[str, ...]
-    where: np.ndarray
-    t: np.ndarray
-    method: str
-    kinks: tuple[tuple[float, str, str], ...] = ()
-
-    def __iter__(self) -> Iterator[Any]:
-        return iter((self.value, self.gradient))
-
-    def __str__(self) -> str:
-        from .parameter_units import unit_note
-        from .report import table
-
-        flat = np.asarray(self.gradient).reshape(-1, len(self.labels))
-        named = zip(self.labels, self.units, self.where, strict=True)
-        rows = [(label, unit, where, *flat[:, p]) for p, (label, unit, where) in enumerate(named)]
-        names = ["gradient"] if np.ndim(self.value) == 0 else [f"gradient {i}" for i in range(len(flat))]
-        value = f"{self.value:.9g}" if np.ndim(self.value) == 0 else ", ".join(f"{v:.9g}" for v in self.value)
-        title, footer = f"objective {value} ({self.stats.route})", unit_note(self.labels, self.units)
-        return table(["parameter", "unit", "value", *names], rows, title=title, footer=footer)
-
-    __repr__ = __str__
-
-    def sensitivity(self, parameters: str | Sequence[str]) -> MotionSensitivity:
-        """The gradient as `mb.sensitivity` returns derivatives: ``value``, parameter axis last."""
-        named = [parameters] if isinstance(parameters, str) else list(parameters)
-        missing = [p for p in named if p not in self.labels]
-        if missing:
-            raise ModelError(
-                f"this gradient is by {', '.join(self.labels)}, not by {missing[0]!r}; compute it with that parameter"
-            )
-        flat = np.asarray(self.gradient).reshape(*np.shape(self.value), len(self.labels))
-        chosen = [self.labels.index(p) for p in named]
-        return MotionSensitivity(
-            value=flat[..., chosen],
-            labels=tuple(named),
-            units=tuple(self.units[i] for i in chosen),
-            stats=self.stats,
-        )
-
-    def plot(self, kind: str = "tornado", **options: Any) -> Any:
-        """Bars of the change of the objective by one per cent of each parameter, or by ``change=`` ("tornado")."""
-        if kind != "tornado":
-            raise ModelError(f"there is no plot {kind!r} of a gradient; known is 'tornado'")
-        from .plot import gradients
-
-        return gradients.tornado(self, **options)
-
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` over the parameters."""
-        import xarray
-
-        flat = np.asarray(self.gradient).reshape(-1, len(self.labels))
-        return xarray.Dataset(
-            {"gradient": (("objective", "parameter"), flat), "value": (("objective",), np.atleast_1d(self.value))},
-            coords={
-                "parameter": list(self.labels),
-                "unit": ("parameter", list(self.units)),
-                "where": ("parameter", self.where),
-            },
-            attrs={"method": self.method},
-        )
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class MotionSensitivity(Result):
-    """Derivatives of objectives of a motion: ``value`` (..., n_p), by ``labels``."""
-
-    value: np.ndarray
-    labels: tuple[str, ...]
-    units: tuple[str, ...]
-
-    def __str__(self) -> str:
-        from .parameter_units import unit_note
-        from .report import table
-
-        flat = self.value.reshape(-1, len(self.labels))
-        rows = [(label, unit, *flat[:, p]) for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))]
-        columns = ["parameter", "unit", *("derivative" for _ in flat)]
-        return table(columns, rows, title="objectives of a motion", footer=unit_note(self.labels, self.units))
-
-    __repr__ = __str__
-
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` over objectives and parameters."""
-        import xarray
-
-        return xarray.Dataset(
-            {"derivative": (("objective", "parameter"), self.value.reshape(-1, len(self.labels)))},
-            coords={"parameter": list(self.labels), "unit": ("parameter", list(self.units))},
-        )
-
-
 # (t, element, what) of a kink that was passed.
 Kink = tuple[float, str, str]
-# Values, gradients (n_obj, n_p), work counts, kinks.
-Found = tuple[np.ndarray, np.ndarray, dict[str, int], tuple[Kink, ...]]
+
+
+@dataclass(frozen=True)
+class Found:
+    """Values, gradients (n_obj, n_p), work counts, kinks; what a change of all readings by their sizes does to each objective."""
+
+    values: np.ndarray
+    gradients: np.ndarray
+    counts: dict[str, int]
+    kinks: tuple[Kink, ...]
+    read: np.ndarray
 
 
 @dataclass
@@ -176,6 +73,8 @@ class Run:
     keep: int = 2**23
     scheme: str = "ali3p"
     rho: float = RHO
+    # instants at which quantities are wanted, going forwards; none: at all
+    read: list[bool] = field(default_factory=list)
 
     def options(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
         """What the core takes."""
@@ -191,6 +90,7 @@ class Run:
             "rho": self.rho,
             "weight": self.weight,
             "keep": self.keep,
+            "read": self.read,
             "drawn": self.state.kind in ("drawn", "equilibrium"),
             "velocities": self.state.kind == "drawn",
             "quantities": list(asked),
@@ -227,12 +127,26 @@ class Run:
 
 def grid(start: float, end: float, step: float, through: Sequence[float] = ()) -> np.ndarray:
     """Times of steps of at most ``step`` that end at ``end`` and at the times given, equal between these."""
-    marks = [start, *sorted(x for x in {float(x) for x in through} if start < x < end), end]
+    marks = _apart([start, *sorted(float(x) for x in through if start < x < end), end])
     out = [start]
     for a, b in itertools.pairwise(marks):
         n = max(1, math.ceil((b - a) / step * (1 - 1e-12) - 1e-9))
         out.extend(np.linspace(a, b, n + 1)[1:].tolist())
     return np.array(out)
+
+
+def _near(start: float, end: float) -> float:
+    """Times that are closer than this are one."""
+    return max(_ROUNDED * (end - start), 4 * np.finfo(float).eps * max(abs(start), abs(end)))
+
+
+def _apart(times: Sequence[float]) -> list[float]:
+    """Increasing times without those that follow another by rounding; first and last are kept."""
+    near, out = _near(times[0], times[-1]), [times[0]]
+    for x in times[1:-1]:
+        if x - out[-1] > near and times[-1] - x > near:
+            out.append(x)
+    return [*out, times[-1]]
 
 
 def gradient(
@@ -274,7 +188,7 @@ def gradient(
         objective. "auto": by their numbers.
     at
         Start, as in `mb.simulate`; a drawn start follows the parameters (the steps of the assembly and consistent velocities), an
-        equilibrium moves along, other states are held.
+        equilibrium moves along, other states (of a trajectory, a steady motion) are held.
     without
         Effects to leave out.
     weight
@@ -297,13 +211,15 @@ def gradient(
     ModelError
         An objective that returns no finite number, a scheme without sensitivities.
     NotDifferentiableError
-        An objective that is not analytic; a parameter that breaks a redundant loop; a drive whose rate jumps on the way (an
-        impact).
+        An objective that is not analytic; a parameter that breaks a redundant loop, or that moves the start through a first
+        guess ``pose=``; a drive whose rate jumps on the way (an impact).
 
     Warns
     -----
     KinkWarning
         A motion that passes kinks of forces, with times and elements (``.kinks``).
+    MbrsWarning
+        A motion that is chaotic over so long a time (``.growth``).
 
     Notes
     -----
@@ -336,30 +252,73 @@ def gradient(
         raise ModelError(
             f"objective= takes mb.Integral, mb.Final or mb.AtTimes, or several of them, got {shown(objective)}"
         )
-    run = replace(prepare(m, objectives, t, step, rtol, at, check_without(without), **kind), keep=max(0, int(keep)))
+    run = replace(prepare(m, objectives, t, step, rtol, at, check_without(without), **kind), keep=_kept(keep))
     along = directions(m, parameters)
+    require_followed_guess(run, along)
     chosen = ("adjoint" if along.n > 8 * len(objectives) else "direct") if method == "auto" else method
-    found = _adjoint(run, objectives, along) if chosen == "adjoint" else _direct(run, objectives, along)
-    values, gradients, counts, kinks = found
+    found = _found(run, objectives, along, chosen)
+    kinks, gradients = found.kinks, found.gradients
     warn_of(kinks)
     shaped = along.shaped(gradients if many else gradients[0])
-    return MotionGradient(
-        value=values if many else float(values[0]),
+    made = MotionGradient(
+        value=found.values if many else float(found.values[0]),
         gradient=Derivative.of(shaped, along.shape, 1 if many else 0),
         labels=along.labels,
         units=along.units,
-        where=np.array([_value_at(m, label) for label in along.labels]),
+        where=np.array([value_at(m, label) for label in along.labels]),
         t=run.times,
         method=chosen,
         kinks=kinks,
         status="kinks" if kinks else "converged",
+        estimate=lambda g: _estimated(g, run, objectives, along),
         stats=Stats(
             time.perf_counter() - begin,
-            counts,
+            found.counts,
             tuple(e.name for e in effects(m) if e.on and e.name not in run.without),
             f"{scheme}, {chosen}, {len(run.times) - 1} steps",
         ),
     )
+    return _with_growth(made, found.read)
+
+
+def _found(run: Run, objectives: Sequence[Objective], along: Directions, method: str) -> Found:
+    with Elapsed("gradient of a motion"):
+        return _adjoint(run, objectives, along) if method == "adjoint" else _direct(run, objectives, along)
+
+
+def _with_growth(made: MotionGradient, read: np.ndarray) -> MotionGradient:
+    largest = np.abs(effects_of(made, made.gradient)).max(axis=1)
+    growth = float(np.max(largest[read > 0.0] / read[read > 0.0], initial=0.0))
+    _warn_of_growth(growth)
+    return replace(made, growth=growth)
+
+
+def _warn_of_growth(growth: float) -> None:
+    if growth > _AMPLIFIED:
+        warnings.warn(
+            f"the motion amplifies relative changes of the parameters {growth:.1e} times: over so long a time it is chaotic, or nearly "
+            "so. The derivative is exact for these steps and may say nothing about the continuous motion; compare other steps (.error "
+            "of mb.gradient does), or end earlier",
+            MbrsWarning,
+            stacklevel=4,
+        )
+
+
+def _estimated(made: MotionGradient, run: Run, objectives: Sequence[Objective], along: Directions) -> float | None:
+    """The difference to steps twice as long, of a scheme of order two; of order one where it passes kinks."""
+    m = run.model
+    if len(run.times) < 3 or run.snapshot.versions != (m.structure_version, m.values_version):
+        return None
+    marks = [*(x for o in objectives for x in o.times), *_core.motion_breaks(run.snapshot.system, float(run.times[0]))]
+    kept = np.isin(run.times, marks)
+    kept[::2] = kept[-1] = True
+    other = _found(replace(run, times=run.times[kept]), objectives, along, made.method).gradients
+    fine, coarse = effects_of(made, made.gradient), effects_of(made, other)
+    size = np.abs(fine).max(axis=1)
+    miss = np.abs(coarse - fine).max(axis=1)
+    found = float(np.max(miss[size > 0.0] / size[size > 0.0], initial=0.0))
+    # too far apart for an order to show: the difference itself is what is known
+    return found if made.kinks or found > _UNRELATED else found / 3.0
 
 
 def _variant(scheme: str, weight: str | None, rho: float | None) -> dict[str, Any]:
@@ -370,13 +329,19 @@ def _variant(scheme: str, weight: str | None, rho: float | None) -> dict[str, An
         )
     if rho is not None and scheme != "generalized-alpha":
         raise ModelError(f"rho= belongs to scheme='generalized-alpha', not to {scheme!r}")
-    radius = RHO if rho is None else _number("rho", rho, 0.0)
+    radius = RHO if rho is None else finite("rho", rho, 0.0)
     if radius > 1.0:
         raise ModelError(f"rho= lies between 0 and 1, got {rho}")
     return {"scheme": scheme, "weight": weight or "tangent", "rho": radius}
 
 
-def _number(name: str, value: Any, least: float) -> float:
+def _kept(keep: Any) -> int:
+    if isinstance(keep, bool) or not isinstance(keep, (int, np.integer)) or keep < 0:
+        raise ModelError(f"keep= is how many numbers may be kept, an integer of at least 0, got {shown(keep)}")
+    return int(keep)
+
+
+def finite(name: str, value: Any, least: float = 0.0) -> float:
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -399,17 +364,23 @@ def prepare(
     """Start and steps of a motion."""
     snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
-    end = _number("t", t, state.t)
-    through = [x for o in objectives for x in o.times]
-    for x in through:
-        if not state.t <= x <= end:
-            raise ModelError(f"mb.AtTimes names t = {x:g} s, outside the motion from {state.t:g} to {end:g} s")
+    end = finite("t", t, state.t)
+    slack = _near(state.t, end)
+    for o in objectives:
+        if np.any(np.diff(o.times) <= slack) and end > state.t:
+            raise ModelError(
+                f"mb.AtTimes names times closer than {slack:.1e} s, which cannot be told apart; name each once"
+            )
+    for x in (x for o in objectives for x in o.times):
+        if not state.t - slack <= x <= end + slack:
+            raise ModelError(f"mb.AtTimes names t = {x:.12g} s, outside the motion from {state.t:.12g} to {end:.12g} s")
+    through = [min(max(x, state.t), end) for o in objectives for x in o.times]
     if step is not None and rtol is not None:
         raise ModelError("give rtol= (steps chosen first) or step= (fixed steps), not both")
     if end == state.t:
         times = np.array([end])
     elif step is not None:
-        h = _number("step", step, np.finfo(float).tiny)
+        h = finite("step", step, np.finfo(float).tiny)
         if (end - state.t) / h > 1e8:
             raise ModelError(f"step={step} would need more than 1e8 steps")
         breaks = _core.motion_breaks(snapshot.system, state.t)
@@ -419,8 +390,16 @@ def prepare(
 
         marks = np.array(sorted({*(x for x in through if x > state.t), end}))
         traj = simulate(m, marks, rtol=1e-7 if rtol is None else rtol, at=state, without=without, **_as_method(kind))
-        times = np.unique(np.concatenate([traj.steps, marks]))
+        times = _with_marks(traj.steps, marks)
     return Run(m, snapshot, state, without, times, **kind)
+
+
+def _with_marks(steps: np.ndarray, marks: np.ndarray) -> np.ndarray:
+    """Steps that end at the marks too; steps nearer to a mark than a hundredth of their length move to it."""
+    length = np.minimum(np.diff(steps, prepend=-np.inf), np.diff(steps, append=np.inf))
+    far = np.abs(steps[:, None] - marks[None, :]).min(axis=1) > 0.01 * length
+    far[0] = True
+    return np.unique(np.concatenate([steps[far], marks]))
 
 
 def _as_method(kind: dict[str, Any]) -> dict[str, Any]:
@@ -449,23 +428,36 @@ def _reader(run: Run) -> Reader:
 
 def _read(run: Run, objectives: Sequence[Objective], reader: Reader) -> None:
     """What the objectives read at the start: values are fetched one by one until they are content."""
-    from .objectives import number
-
     short = replace(run, times=run.times[:1])
     for _ in range(10 * _READINGS):
         row = short.direct(list(reader.places), None)["values"][0] if reader.places else np.zeros(0)
         try:
             for o in objectives:
-                number(o, reader.instant(float(run.times[0]), 0, row))
+                _try(o, reader, run.times, row)
             return
         except NewReading as new:
             reader.add(new.asked)
     raise ModelError("the objective reads more quantities than a motion has; check its function")
 
 
+def _try(objective: Objective, reader: Reader, times: np.ndarray, row: np.ndarray) -> None:
+    """Read what an objective reads, with the state of the start and the time of its own first instant."""
+    if isinstance(objective, Integral):
+        number(objective, reader.instant(float(times[0]), 0, row))
+        return
+    try:
+        number(objective, reader.instant(float((objective.times or times[-1:])[0]), 0, row))
+    except NameNotFoundError:
+        raise
+    except (ModelError, ArithmeticError):
+        # it may be defined at its own instants alone, and is checked there
+        return
+
+
 def _direct(run: Run, objectives: Sequence[Objective], along: Directions) -> Found:
     reader = _reader(run)
     _read(run, objectives, reader)
+    run = replace(run, read=np.any([o.weights(run.times) != 0.0 for o in objectives], axis=0).tolist())
     for _ in range(_READINGS):
         made = run.direct(list(reader.places), along)
         try:
@@ -478,7 +470,13 @@ def _direct(run: Run, objectives: Sequence[Objective], along: Directions) -> Fou
     gradients = np.array([np.einsum("tc,tcp->p", f.seeds, made["derivatives"]) for f in found])
     for i, f in enumerate(found):
         gradients[i] += explicit_part(run.model, f.explicit, along)
-    return np.array([f.value for f in found]), gradients, dict(made["counts"]), tuple(made["kinks"])
+    values = np.array([f.value for f in found])
+    return Found(values, gradients, dict(made["counts"]), tuple(made["kinks"]), _reads(found, made["values"]))
+
+
+def _reads(found: Sequence[Evaluation], rows: np.ndarray) -> np.ndarray:
+    sizes = np.abs(rows).max(axis=0, initial=0.0)
+    return np.array([np.sum(np.abs(f.seeds) @ sizes) for f in found])
 
 
 def explicit_part(m: Model, explicit: dict[str, np.ndarray], along: Directions) -> np.ndarray:
@@ -531,7 +529,8 @@ def _adjoint(run: Run, objectives: Sequence[Objective], along: Directions) -> Fo
             gradients[i], work = forward.gradient(np.ascontiguousarray(f.seeds))
         gradients[i] += explicit_part(run.model, f.explicit, along)
         counts.append(work)
-    return np.array([f.value for f in found]), gradients, added_counts(*counts), tuple(forward.kinks())
+    values = np.array([f.value for f in found])
+    return Found(values, gradients, added_counts(*counts), tuple(forward.kinks()), _reads(found, forward.values()))
 
 
 def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
@@ -554,10 +553,13 @@ def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
     along = directions(traj.model, traj.parameters)
     names = Names(run.snapshot.tables)
     asked = names.address(what)
+    require_followed_guess(run, along)
     made = run.direct([asked], along)
     warn_of(made["kinks"])
     at = np.searchsorted(made["t"], traj.t - 1e-12 * max(1.0, abs(float(traj.t[-1]))))
     values, d = made["values"][at], made["derivatives"][at]
+    sizes = np.nan_to_num([value_at(traj.model, label) for label in along.labels], nan=1.0)
+    _warn_of_growth(float(np.abs(d * sizes).max(initial=0.0) / (np.abs(values).max(initial=0.0) or math.inf)))
     if asked[0] == "rotation":
         # the world rotation vector of dR R^T
         R = values.reshape(-1, 3, 3)
@@ -568,10 +570,10 @@ def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
     return Derivative.of(shaped, along.shape, 0 if single else 1)
 
 
-def _value_at(m: Model, label: str) -> float:
+def value_at(m: Model, label: str) -> float:
     """The number that a column belongs to; those of axes and orientations are turns and have none."""
     turns = label.rpartition("[")[0].endswith((".axis", ".axis2", ".orientation"))
     return math.nan if turns else float(m.value(label))
 
 
-__all__ = ["AtTimes", "Final", "Integral", "MotionGradient", "gradient"]
+__all__ = ["AtTimes", "Final", "Integral", "MotionGradient", "MotionSensitivity", "gradient"]

@@ -506,7 +506,8 @@ def _without_rounding(snapshot: Snapshot, state: State, r: dict[str, Any]) -> tu
     """D and S of a moving state without entries that inertia terms leave where they cancel.
 
     Rotation at w adds terms of size w^2 sqrt(M_ii M_jj) to S_ij and w sqrt(M_ii M_jj) to D_ij. Their rounding in a row that
-    nothing else holds, that of the turning itself, would pass for a stiffness there.
+    nothing else holds, that of the turning itself, would pass for a stiffness there. It is taken out here, where w is known:
+    the matrices alone do not tell it from a weak spring beside a stiff one, and in a plane motion D is rounding as well.
     """
     spin = np.linalg.norm(snapshot.system.bodies(state.relative, state.rate)["angular_velocity"], axis=1)
     w = float(np.max(spin, initial=0.0))

@@ -10,12 +10,14 @@ Sources: W. J. Vetter, SIAM Review 15 (1973) 352-369; J. W. Brewer, IEEE Trans. 
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from .errors import ModelError
+from .errors import ModelError, NotDifferentiableError
+from .names import shown
 
 __all__ = [
     "Derivative",
@@ -39,7 +41,10 @@ _COMPLEX_STEP = 1e-40
 
 
 def _matrix(a: Any, name: str) -> np.ndarray:
-    out = np.asarray(a)
+    try:
+        out = np.asarray(a)
+    except ValueError:
+        raise ModelError(f"{name} must be a matrix, got rows of different lengths") from None
     if out.dtype.kind not in "biufc":
         raise ModelError(f"{name} must be a matrix of numbers, got {type(a).__name__}")
     if out.ndim == 0:
@@ -52,7 +57,10 @@ def _matrix(a: Any, name: str) -> np.ndarray:
 
 
 def _shape(shape: Sequence[int], name: str = "shape") -> tuple[int, int]:
-    s = tuple(int(n) for n in shape)
+    try:
+        s = tuple(operator.index(n) for n in shape)
+    except TypeError:
+        raise ModelError(f"{name} must be a shape such as (2, 3), got {shown(shape)}") from None
     if len(s) > 2 or any(n < 1 for n in s):
         raise ModelError(f"{name} must be the shape of a number, vector or matrix, got {tuple(shape)}")
     return (1, 1) if not s else (s[0], 1) if len(s) == 1 else (s[0], s[1])
@@ -72,7 +80,10 @@ def kron(a: Any, b: Any) -> np.ndarray:
 
 def unit(i: int, k: int, p: int, q: int) -> np.ndarray:
     """E_ik = e_i e_k^T of (p, q), eq. 1; i and k count from 0."""
-    out = np.zeros((p, q))
+    rows, columns = _shape((p, q), "p, q")
+    if not (0 <= i < rows and 0 <= k < columns):
+        raise ModelError(f"there is no entry ({i}, {k}) in a matrix of {rows} x {columns}, counted from 0")
+    out = np.zeros((rows, columns))
     out[i, k] = 1.0
     return out
 
@@ -90,8 +101,7 @@ def permutation(p: int, q: int) -> np.ndarray:
            [0., 1., 0.],
            [0., 0., 1.]])
     """
-    if p < 1 or q < 1:
-        raise ModelError(f"a permutation matrix needs positive sizes, got {p} and {q}")
+    p, q = _shape((p, q), "p, q")
     out = np.zeros((p * q, q * p))
     i, k = np.divmod(np.arange(p * q), q)
     out[i * q + k, k * p + i] = 1.0
@@ -132,8 +142,8 @@ def vetter(d: Any, of: Sequence[int], value_ndim: int | None = None) -> np.ndarr
     >>> mb.matrix_calculus.vetter(np.arange(12.0).reshape(2, 2, 3), (2, 3), 1)[:, 0]    # of a vector by a matrix
     array([0., 6., 3., 9.])
     """
-    array, n = np.asarray(d), len(tuple(of))
     s, t = _shape(of, "of")
+    array, n = np.asarray(d), len(tuple(of))
     lead = array.ndim - n
     if lead < 0 or array.shape[lead:] != tuple(of):
         raise ModelError(f"the derivative of shape {array.shape} does not end in the parameter's shape {tuple(of)}")
@@ -186,13 +196,22 @@ def _rebuilt(array: np.ndarray, shape: tuple[int, ...], value_ndim: int) -> Deri
 def derivative(f: Callable[[np.ndarray], Any], b: Any) -> np.ndarray:
     """dA/dB in block layout of a function that accepts complex matrices, by complex steps; s t calls.
 
+    Entries of B without any effect are tried by a difference, too.
+
+    Raises
+    ------
+    NotDifferentiableError
+        A function that is not analytic (abs, np.linalg.norm, conjugates) and so has no slope where it changes.
+
     Examples
     --------
     >>> import numpy as np, mbrs as mb
     >>> mb.matrix_calculus.derivative(lambda b: b @ b, np.array([[3.0]]))
     array([[6.]])
     """
-    start = np.asarray(b, dtype=float)
+    if not callable(f):
+        raise ModelError(f"f must be a function of a matrix, got {shown(f)}")
+    start = np.real(_matrix(b, "b")).astype(float).reshape(np.shape(b))
     s, t = _shape(start.shape, "b")
     flat = start.reshape(s, t)
     rows = []
@@ -201,9 +220,27 @@ def derivative(f: Callable[[np.ndarray], Any], b: Any) -> np.ndarray:
         for j in range(t):
             moved = flat.astype(complex)
             moved[i, j] += 1j * _COMPLEX_STEP
-            row.append(_matrix(f(moved.reshape(start.shape)), "the value of f").imag / _COMPLEX_STEP)
+            slope = _matrix(f(moved.reshape(start.shape)), "the value of f").imag / _COMPLEX_STEP
+            if not np.any(slope):
+                _silent(f, start, i * t + j)
+            row.append(slope)
         rows.append(row)
     return np.block(rows)
+
+
+def _silent(f: Callable[[np.ndarray], Any], b: np.ndarray, k: int) -> None:
+    """An entry without slopes must leave the function as it is, to first order."""
+    step = 1e-5 * max(1.0, abs(float(b.ravel()[k])))
+    ends = []
+    for side in (1.0, -1.0):
+        moved = b.copy()
+        moved.ravel()[k] += side * step
+        ends.append(_matrix(f(moved), "the value of f"))
+    if np.any(np.abs(ends[0] - ends[1]) > 1e-3 * step * np.maximum(np.abs(ends[0]), 1.0)):
+        raise NotDifferentiableError(
+            "complex steps through f give zero where f changes: it is not analytic. Avoid abs, np.linalg.norm, conjugates and .real; "
+            "write np.sqrt(np.sum(x**2))"
+        )
 
 
 def product_rule(a: Any, da: Any, d: Any, dd: Any, of: Sequence[int]) -> np.ndarray:
@@ -222,6 +259,8 @@ def product_rule(a: Any, da: Any, d: Any, dd: Any, of: Sequence[int]) -> np.ndar
     left, right = _matrix(a, "a"), _matrix(d, "d")
     _fits(da, left, s, t, "da")
     _fits(dd, right, s, t, "dd")
+    if left.shape[1] != right.shape[0]:
+        raise ModelError(f"a of {left.shape} and d of {right.shape} have no product")
     return np.asarray(da) @ np.kron(np.eye(t), right) + np.kron(np.eye(s), left) @ np.asarray(dd)
 
 
@@ -249,6 +288,8 @@ def chain_rule(da_dc: Any, dc: Any, a: Sequence[int], c: Sequence[int], of: Sequ
         Shapes of A, C and B.
     """
     (p, q), (r, u), (s, t) = _shape(a, "a"), _shape(c, "c"), _shape(of, "of")
+    _fits(da_dc, np.empty((p, q)), r, u, "da_dc")
+    _fits(dc, np.empty((r, u)), s, t, "dc")
     by_row = entries(da_dc, (r, u)).reshape(p, q, r * u)
     along = entries(dc, (s, t)).reshape(r * u, s, t)
     outer = np.kron(np.eye(s), vetter(by_row[:, :, None, :], (1, r * u), 2))
@@ -258,6 +299,8 @@ def chain_rule(da_dc: Any, dc: Any, a: Sequence[int], c: Sequence[int], of: Sequ
 def chain_rule_columns(da_dc: Any, dc: Any, a: Sequence[int], c: Sequence[int], of: Sequence[int]) -> np.ndarray:
     """dA(C(B))/dB = (d(cs C)^T/dB kron I_p)(I_t kron dA/d cs C), eq. 9, second form; arguments as `chain_rule`."""
     (p, q), (r, u), (s, t) = _shape(a, "a"), _shape(c, "c"), _shape(of, "of")
+    _fits(da_dc, np.empty((p, q)), r, u, "da_dc")
+    _fits(dc, np.empty((r, u)), s, t, "dc")
     by_column = entries(da_dc, (r, u)).transpose(0, 1, 3, 2).reshape(p, q, r * u)
     along = entries(dc, (s, t)).transpose(1, 0, 2, 3).reshape(r * u, s, t)
     inner = np.kron(np.eye(t), vetter(by_column[:, :, :, None], (r * u, 1), 2))
@@ -268,6 +311,8 @@ def inverse_rule(a: Any, da: Any, of: Sequence[int]) -> np.ndarray:
     """d(A^-1)/dB = -(I_s kron A^-1) dA/dB (I_t kron A^-1)."""
     s, t = _shape(of, "of")
     matrix = _matrix(a, "a")
+    if matrix.shape[0] != matrix.shape[1]:
+        raise ModelError(f"a must be square to have an inverse, got {matrix.shape}")
     _fits(da, matrix, s, t, "da")
     try:
         inverse = np.linalg.inv(matrix)

@@ -57,7 +57,10 @@ class Names:
         if of is None:
             i = self._find("marker", _name(marker), self.markers)
             return ("point", int(self.tables["marker_body"][i]), order, int(self.tables["marker_x"][i]), None)
-        drawn = np.asarray(marker, dtype=float)
+        try:
+            drawn = np.asarray(marker, dtype=float)
+        except (TypeError, ValueError):
+            drawn = np.zeros(0)
         if drawn.shape != (3,) or not np.all(np.isfinite(drawn)):
             raise ModelError(f"a point is three finite numbers, got {shown(marker)}")
         x, y, z = (float(v) for v in drawn)
@@ -69,6 +72,8 @@ class Names:
 
     def address(self, what: str) -> Asked:
         """ "crank.position", "P2" (a marker), "P2.velocity", "A" (the coordinates of a joint), "A.reaction"."""
+        if not isinstance(what, str):
+            raise ModelError(f"a quantity is named like 'crank.position', 'P2' or 'A.reaction', got {shown(what)}")
         name, dot, kind = what.rpartition(".")
         if not dot:
             name, kind = what, ""
@@ -105,6 +110,12 @@ class Names:
         if kind == "reaction":
             return ""
         return ("m" if kind == "point" else "rad") + ("", "/s", "/s^2")[order]
+
+    def components(self, asked: Asked) -> list[str]:
+        """What its numbers are called: x y z and rx ry rz, those of a joint by its free coordinates."""
+        if asked[0] == "joint":
+            return list(_KINDS[int(self.tables["joint_type"][asked[1]])].coordinates)
+        return ["x", "y", "z", "rx", "ry", "rz"][: 3 if asked[0] in ("point", "turning", "rotation") else 6]
 
     def width(self, asked: Asked) -> int:
         """How many numbers the core returns for it."""

@@ -27,6 +27,7 @@ _MESSAGES = {
 }
 _CODES = {name: i for i, name in enumerate(_MESSAGES)}
 # Above this H itself would take more than 32 MB and most of the time.
+_ENDLESS = 2**62  # counts beyond it are never reached
 _LARGEST_DENSE = 2000
 
 
@@ -186,6 +187,7 @@ def root(
         positive={"tol": tol, "fd_step": fd_step, "sigma1": sigma1, "sigma2": sigma2},
         counts={"maxiter": maxiter, "restarts": restarts, "patience": patience, "max_backtracks": max_backtracks},
         fractions={"rho": rho, "beta": beta},
+        curvature=curvature,
     )
     if isinstance(f_scale, str):
         function.f_scale = _row_sizes(f_scale, function, x, fd_step)
@@ -199,9 +201,14 @@ def root(
         x / function.x_scale,
         method == "broyden",
         float(tol),
-        (rho, sigma1, sigma2, beta, max_backtracks, bool(invariant)),
+        (rho, sigma1, sigma2, beta, _count("max_backtracks", max_backtracks), bool(invariant)),
         (curvature, *_interval(determinant)),
-        (maxiter, 2**63 - 1 if maxfev is None else _count("maxfev", maxfev), patience, restarts),
+        (
+            _count("maxiter", maxiter),
+            _ENDLESS if maxfev is None else _count("maxfev", maxfev),
+            _count("patience", patience),
+            _count("restarts", restarts),
+        ),
         bool(fallback),
         None if isinstance(jac0, str) and jac0 == "identity" else float(fd_step),
         _pattern(sparsity, n),
@@ -247,7 +254,7 @@ def _check_start(function: _Function, x: _F1) -> None:
     function.first = value
 
 
-def _check_numbers(positive: dict[str, Any], counts: dict[str, Any], fractions: dict[str, Any]) -> None:
+def _check_numbers(positive: dict[str, Any], counts: dict[str, Any], fractions: dict[str, Any], curvature: Any) -> None:
     for name, value in positive.items():
         if not 0 < _real(name, value) < np.inf:
             raise ModelError(f"{name} is {value!r}; give a positive number")
@@ -256,6 +263,8 @@ def _check_numbers(positive: dict[str, Any], counts: dict[str, Any], fractions: 
             raise ModelError(f"{name} is {value!r}; give a number between 0 and 1")
     for name, value in counts.items():
         _count(name, value)
+    if not 0 <= _real("curvature", curvature) < 1:
+        raise ModelError(f"curvature is {curvature!r}; give a number from 0, less than 1")
 
 
 def _real(name: str, value: Any) -> float:
@@ -268,7 +277,7 @@ def _real(name: str, value: Any) -> float:
 def _count(name: str, value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 0:
         raise ModelError(f"{name} is {value!r}; give a whole number, 0 or more")
-    return int(value)
+    return min(int(value), _ENDLESS)
 
 
 def _interval(determinant: Sequence[float]) -> tuple[float, float]:
@@ -323,6 +332,10 @@ def _first_inverse(
 ) -> _core.RootInverse | None:
     if inverse0 is not None:
         if isinstance(inverse0, _core.RootInverse):
+            if inverse0.n != n:
+                raise ModelError(
+                    f"inverse0 is of {inverse0.n} unknowns, but x0 has {n}; give the inverse of a solve of this size"
+                )
             return inverse0
         return _core.RootInverse(_square("inverse0", inverse0, n))
     if isinstance(jac0, str):
@@ -369,6 +382,8 @@ def _pattern(sparsity: Any, n: int) -> tuple[list[int], list[int]] | None:
 def _observer(callback: Callable[[_F1, _F1], Any] | None, function: _Function) -> Callable[[_F1, _F1], bool] | None:
     if callback is None:
         return None
+    if not callable(callback):
+        raise ModelError(f"callback is {callback!r}; give a function of x and the residuals")
     told = callback
     # Only True stops: many callbacks return what they append to or print.
     return lambda z, f: told(z * function.x_scale, f * function.f_scale) is True

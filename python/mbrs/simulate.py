@@ -32,7 +32,7 @@ METHODS = ("auto", "explicit", "generalized-alpha", "bdf", "bdf-bfgs", "ali3p")
 _ORDER = {"explicit": 8, "generalized-alpha": 2, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
 _TIGHTEST, _LOOSEST = 1e-13, 1e-1
 # below it the norm to which the equations of a step of bdf-bfgs are solved shows in the rates, and steps collapse
-_TIGHTEST_WITHOUT_TANGENT = 1e-8
+_TIGHTEST_WITHOUT_TANGENT = 1e-10
 # changes of initial values below this are rounding
 _CHANGED = 1e-9
 # methods whose error is estimated by a tighter run, and how much tighter it is
@@ -72,7 +72,7 @@ def simulate(
         in any relation to the steps (dense output).
     rtol
         Tolerance of the controlled steps, relative to the characteristic length, one radian and the largest rate so far;
-        1e-7 if neither it nor ``step`` is given. "bdf-bfgs" serves tolerances down to 1e-8, and warns of tighter ones.
+        1e-7 if neither it nor ``step`` is given. "bdf-bfgs" serves tolerances down to 1e-10, and warns of tighter ones.
     step
         s; fixed steps instead.
     method

@@ -18,12 +18,15 @@ from .flexible_bodies import node_tables
 from .geometry import cross, quaternion_matrix, quaternion_rate
 from .joints import KINDS
 from .model import STORES
+from .names import shown
 
 if TYPE_CHECKING:
     from .model import Model
 
 # Above this many entries the derivative of x is better sparse.
 _DENSE_LIMIT = 1_000_000
+
+_MODAL_FORCE = 2  # type of a load on one modal coordinate
 
 
 def tables(model: Model, flexible: bool = True) -> dict[str, Any]:
@@ -53,7 +56,22 @@ def tables(model: Model, flexible: bool = True) -> dict[str, Any]:
     if not flexible:
         for key in node_tables(model, offsets(model)):
             del made[key]
+        made |= _without_modal_loads(made)
     return made
+
+
+def _without_modal_loads(made: dict[str, Any]) -> dict[str, Any]:
+    """What becomes of loads where no body has modal coordinates."""
+    kept = made["load_type"] != _MODAL_FORCE
+    moved = kept[made["load_motion_load"]]
+    loads = {key: made[key][kept] for key in ("load_type", "load_body", "load_frame", "load_x")}
+    motions = {key: made[key][moved] for key in ("load_motion_component", "load_motion_motion")}
+    return {
+        "load_name": [name for name, keep in zip(made["load_name"], kept, strict=True) if keep],
+        "load_motion_load": (np.cumsum(kept) - 1)[made["load_motion_load"][moved]],
+        **loads,
+        **motions,
+    }
 
 
 def framed(made: dict[str, Any]) -> dict[str, Any]:
@@ -294,7 +312,12 @@ def directions(model: Model, addresses: str | Sequence[str]) -> Directions:
     >>> directions(m, ["k", "payload.mass"]).dense[10]
     array([10.,  1.])
     """
-    given = [addresses] if isinstance(addresses, str) else list(addresses)
+    try:
+        given = [addresses] if isinstance(addresses, str) else list(addresses)
+    except TypeError:
+        raise ModelError(
+            f"parameters are addresses such as ['k_leg', 'payload.mass'], got {shown(addresses)}"
+        ) from None
     if not given:
         raise ModelError("no parameter was named; give addresses such as ['k_leg', 'payload.mass']")
     base = offsets(model)

@@ -279,8 +279,22 @@ class Trajectory(Result):
 
     @property
     def residual(self) -> np.ndarray:
-        """(n_t, 3): what the constraints leave over at position, velocity and acceleration level, scaled."""
-        return self._quantities["residual"]
+        """(n_t, 3): what the constraints leave over at position, velocity and acceleration level.
+
+        Over the characteristic length, and over that times w and w^2, w the largest speed of a body over the characteristic
+        length, its largest angular velocity, or one over the time of the whole motion if they are smaller.
+        """
+        w = self._pace
+        left: np.ndarray = self._quantities["residual"] / [1.0, w, w * w]
+        return left
+
+    @cached_property
+    def _pace(self) -> float:
+        length = self.snapshot.system.characteristic_length
+        linear, angular = (np.linalg.norm(self._quantities[k], axis=-1) for k in ("velocity", "angular_velocity"))
+        fastest = max(float(linear.max(initial=0.0)) / length, float(angular.max(initial=0.0)))
+        span = float(np.ptp(self.t)) if len(self.t) else 0.0
+        return max(fastest, 1.0 / span if span > 0.0 else 0.0) or 1.0
 
     def state(self, t: float | int | None = None) -> State:
         """The state at an output time (the last one without ``t``), to be given as ``at=`` to any analysis.
@@ -290,17 +304,7 @@ class Trajectory(Result):
         ModelError
             A time that is no output time.
         """
-        i = len(self.t) - 1
-        if t is not None:
-            try:
-                wanted = float(t)
-            except (TypeError, ValueError):
-                wanted = np.nan
-            if not np.isfinite(wanted):
-                raise ModelError(f"t = {t!r} is no output time; give one of traj.t")
-            i = int(np.argmin(np.abs(self.t - wanted)))
-            if abs(self.t[i] - wanted) > 1e-9 * max(1.0, abs(wanted)):
-                raise ModelError(f"t = {t} is no output time; the nearest is {self.t[i]:.9g}: name times with t=[...]")
+        i = len(self.t) - 1 if t is None else self._output(t)
         return State(self.relative[i], self.rate[i], "given", self.memory[i], float(self.t[i]))
 
     def reaction(self, name: Any) -> np.ndarray:
@@ -370,22 +374,33 @@ class Trajectory(Result):
         names = Names(self.snapshot.tables)
         return names.unit(names.address(what))
 
-    @staticmethod
-    def component_names(n: int) -> list[str]:
-        """What the n numbers of a quantity are called: x y z of a vector, rx ry rz after them of a wrench."""
-        if n == 6:
-            return ["x", "y", "z", "rx", "ry", "rz"]
-        return list("xyz") if n == 3 else [str(k) for k in range(n)]
+    def component_names(self, what: str) -> list[str]:
+        """What the numbers of a quantity are called: x y z, rx ry rz after them of a wrench, a joint's own coordinates."""
+        from .readings import Names
+
+        names = Names(self.snapshot.tables)
+        return names.components(names.address(what))
+
+    def _output(self, t: Any) -> int:
+        """The output at a time."""
+        try:
+            asked = float(t)
+        except (TypeError, ValueError):
+            raise ModelError(f"t = {t!r} is no output time: t= is a time of an output, one of traj.t") from None
+        i = int(np.argmin(np.abs(self.t - asked)))
+        if not abs(self.t[i] - asked) <= 1e-9 * max(1.0, abs(asked)):
+            raise ModelError(f"t = {t} is no output time; the nearest is {self.t[i]:.9g}: name times with t=[...]")
+        return i
 
     def sensitivity_table(self, what: str, t: float | None = None) -> str:
         """`sensitivity` at an output time (the last one without ``t``), and its largest absolute value, as a table."""
         from .parameter_units import unit_note
         from .report import table
 
-        at = len(self.t) - 1 if t is None else int(np.argmin(np.abs(self.t - t)))
+        at = len(self.t) - 1 if t is None else self._output(t)
         labels = self.parameter_labels
         d = np.asarray(self.sensitivity(what)).reshape(len(self.t), -1, len(labels))
-        names = ["derivative"] if d.shape[1] == 1 else [f"{what} {axis}" for axis in self.component_names(d.shape[1])]
+        names = ["derivative"] if d.shape[1] == 1 else [f"{what} {axis}" for axis in self.component_names(what)]
         rows = [
             (label, unit, *d[at, :, p], np.abs(d[:, :, p]).max())
             for p, (label, unit) in enumerate(zip(labels, self.parameter_units, strict=True))
@@ -427,10 +442,12 @@ class Trajectory(Result):
         for name in self.flexible:
             joints[f"modal {name}"] = (("time", f"mode of {name}"), self.modal(name))
         joints |= self._labelled_forces()
-        derivatives = {}
+        derivatives: dict[str, Any] = {}
+        named: dict[str, list[str]] = {}
         for what in [sensitivity] if isinstance(sensitivity, str) else sensitivity:
             d = np.asarray(self.sensitivity(what)).reshape(len(self.t), -1, len(self.parameter_labels))
-            own = "axis" if d.shape[1] == 3 else f"{what} component"
+            own = "axis" if self.component_names(what) == ["x", "y", "z"] else f"{what} component"
+            named[own] = self.component_names(what)
             derivatives[f"d {what}"] = (("time", own, "parameter"), d)
         parameters = {"parameter": self.parameter_labels} if derivatives else {}
         return xarray.Dataset(
@@ -449,6 +466,7 @@ class Trajectory(Result):
             coords={
                 "time": self.t,
                 "body": list(self.bodies),
+                **named,
                 "axis": ["x", "y", "z"],
                 "quaternion": ["w", "x", "y", "z"],
                 "level": ["position", "velocity", "acceleration"],
@@ -465,7 +483,7 @@ class Trajectory(Result):
             "element": list(self.energy.power),
             "drive": [*t["drive_name"], *t["coupler_name"]],
         }
-        wrench = {"wrench": self.component_names(6)} if labels["joint"] else {}
+        wrench = {"wrench": ["x", "y", "z", "rx", "ry", "rz"]} if labels["joint"] else {}
         return {**{k: v for k, v in labels.items() if v}, **wrench}
 
     def _labelled_forces(self) -> dict[str, Any]:

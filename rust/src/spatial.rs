@@ -44,6 +44,41 @@ pub fn skew<T: Real>(a: &V3<T>) -> M3<T> {
     M3::new(o, -a.z, a.y, a.z, o, -a.x, -a.y, a.x, o)
 }
 
+/// r a, written out: general products of matrices are slow for numbers with derivatives.
+#[inline]
+pub fn turned<T: Real>(r: &M3<T>, a: &V3<T>) -> V3<T> {
+    let row = |i: usize| r[(i, 0)] * a[0] + r[(i, 1)] * a[1] + r[(i, 2)] * a[2];
+    V3::new(row(0), row(1), row(2))
+}
+
+/// r^T a.
+#[inline]
+pub fn turned_back<T: Real>(r: &M3<T>, a: &V3<T>) -> V3<T> {
+    let column = |j: usize| r[(0, j)] * a[0] + r[(1, j)] * a[1] + r[(2, j)] * a[2];
+    V3::new(column(0), column(1), column(2))
+}
+
+/// a b.
+#[inline]
+pub fn product<T: Real>(a: &M3<T>, b: &M3<T>) -> M3<T> {
+    M3::from_fn(|i, j| a[(i, 0)] * b[(0, j)] + a[(i, 1)] * b[(1, j)] + a[(i, 2)] * b[(2, j)])
+}
+
+/// a^T b.
+#[inline]
+pub fn product_of_transpose<T: Real>(a: &M3<T>, b: &M3<T>) -> M3<T> {
+    M3::from_fn(|i, j| a[(0, i)] * b[(0, j)] + a[(1, i)] * b[(1, j)] + a[(2, i)] * b[(2, j)])
+}
+
+/// r m r^T.
+#[inline]
+pub fn conjugated<T: Real>(r: &M3<T>, m: &M3<T>) -> M3<T> {
+    let half = product(r, m);
+    M3::from_fn(|i, j| {
+        half[(i, 0)] * r[(j, 0)] + half[(i, 1)] * r[(j, 1)] + half[(i, 2)] * r[(j, 2)]
+    })
+}
+
 pub fn outer<T: Real>(a: &V3<T>, b: &V3<T>) -> M3<T> {
     a * b.transpose()
 }
@@ -110,8 +145,15 @@ impl<T: Real> Six<T> {
 
     pub fn rotated(&self, r: &M3<T>) -> Self {
         Six {
-            l: r * self.l,
-            a: r * self.a,
+            l: turned(r, &self.l),
+            a: turned(r, &self.a),
+        }
+    }
+
+    pub fn rotated_back(&self, r: &M3<T>) -> Self {
+        Six {
+            l: turned_back(r, &self.l),
+            a: turned_back(r, &self.a),
         }
     }
 
@@ -190,15 +232,15 @@ impl<T: Real> Map6<T> {
 
     pub fn apply(&self, m: &Six<T>) -> Six<T> {
         Six {
-            l: self.ll * m.l + self.la * m.a,
-            a: self.al * m.l + self.aa * m.a,
+            l: turned(&self.ll, &m.l) + turned(&self.la, &m.a),
+            a: turned(&self.al, &m.l) + turned(&self.aa, &m.a),
         }
     }
 
     pub fn apply_transposed(&self, m: &Six<T>) -> Six<T> {
         Six {
-            l: self.ll.transpose() * m.l + self.al.transpose() * m.a,
-            a: self.la.transpose() * m.l + self.aa.transpose() * m.a,
+            l: turned_back(&self.ll, &m.l) + turned_back(&self.al, &m.a),
+            a: turned_back(&self.la, &m.l) + turned_back(&self.aa, &m.a),
         }
     }
 
@@ -219,12 +261,11 @@ impl<T: Real> Map6<T> {
     }
 
     pub fn rotated(&self, r: &M3<T>) -> Self {
-        let t = r.transpose();
         Map6 {
-            ll: r * self.ll * t,
-            la: r * self.la * t,
-            al: r * self.al * t,
-            aa: r * self.aa * t,
+            ll: conjugated(r, &self.ll),
+            la: conjugated(r, &self.la),
+            al: conjugated(r, &self.al),
+            aa: conjugated(r, &self.aa),
         }
     }
 
@@ -232,13 +273,13 @@ impl<T: Real> Map6<T> {
     pub fn at(&self, d: &V3<T>) -> Self {
         // motion here = motion there displaced by -d: l = l' - a' x d = l' + skew(d) a'
         let s = skew(d);
-        let st = s.transpose();
-        let (la, aa) = (self.la + self.ll * s, self.aa + self.al * s);
+        let la = self.la + product(&self.ll, &s);
+        let aa = self.aa + product(&self.al, &s);
         Map6 {
             ll: self.ll,
             la,
-            al: self.al + st * self.ll,
-            aa: aa + st * la,
+            al: self.al - product(&s, &self.ll),
+            aa: aa - product(&s, &la),
         }
     }
 }
@@ -269,15 +310,15 @@ impl<T: Real> Pose<T> {
 
     pub fn then(&self, inner: &Self) -> Self {
         Pose {
-            p: self.p + self.r * inner.p,
-            r: self.r * inner.r,
+            p: self.p + turned(&self.r, &inner.p),
+            r: product(&self.r, &inner.r),
         }
     }
 
     pub fn inverse(&self) -> Self {
         let t = self.r.transpose();
         Pose {
-            p: -(t * self.p),
+            p: -turned(&t, &self.p),
             r: t,
         }
     }
@@ -388,8 +429,22 @@ pub fn exp_so3<T: Real>(w: &V3<T>) -> M3<T> {
         let t = s.sqrt();
         (t.sin() / t, (T::one() - t.cos()) / s)
     };
-    let k = skew(w);
-    M3::identity() + k * a + k * k * b
+    let [x, y, z] = [w.x, w.y, w.z];
+    let (xy, xz, yz) = (x * y * b, x * z * b, y * z * b);
+    let (ax, ay, az) = (x * a, y * a, z * a);
+    let (xx, yy, zz) = (x * x, y * y, z * z);
+    let diagonal = |sum: T| T::one() - sum * b;
+    M3::new(
+        diagonal(yy + zz),
+        xy - az,
+        xz + ay,
+        xy + az,
+        diagonal(xx + zz),
+        yz - ax,
+        xz - ay,
+        yz + ax,
+        diagonal(xx + yy),
+    )
 }
 
 /// The rotation vector of a rotation matrix, of length at most pi.

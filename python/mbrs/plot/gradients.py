@@ -92,7 +92,7 @@ def over_time(traj: Any, of: str) -> Any:
     d = np.asarray(traj.sensitivity(of))
     labels, units = traj.parameter_labels, traj.parameter_units
     flat = d.reshape(len(traj.t), -1, len(labels))
-    names, unit = traj.component_names(flat.shape[1]), traj.unit_of(of)
+    names, unit = traj.component_names(of), traj.unit_of(of)
     across = 1 if len(labels) <= 3 else 2
     down = -(-len(labels) // across)
     with style():
@@ -116,24 +116,31 @@ def over_time(traj: Any, of: str) -> Any:
 def _per(unit: str, by: str) -> str:
     """The unit of a derivative; parameters of a model's own carry none."""
     if not unit:
-        return f"1/({by})" if by else ""
+        return f"[per {by}]" if by else ""
     if not by:
         return f"[{unit} per unit]"
     return f"[{unit} / ({by})]" if "/" in by or " " in by else f"[{unit}/{by}]"
 
 
 def convergence(result: Any) -> Any:
-    """The objective over the evaluations of an optimiser, and the least so far."""
+    """The objective over the evaluations of an optimiser, and the least so far among designs that keep to the constraints."""
+    from ..design_solver import FEASIBLE
+
     with style():
         made, axes = figure(1, 1, size=(7.0, 4.0))
         ax = np.ravel(axes)[0]
-        values = np.asarray(result.history)
+        values, kept = np.asarray(result.history), np.asarray(result.violation) <= FEASIBLE
         count = np.arange(1, len(values) + 1)
-        ax.plot(count, values, "o", color=PALETTE[0], ms=5, label="evaluated")
-        ax.step(count, np.minimum.accumulate(values), where="post", color=PALETTE[1], label="least so far")
-        if np.all(values > 0.0) and values.max() > 20 * values.min():
+        names = ["evaluated", "least so far"]
+        ax.plot(count[kept], values[kept], "o", color=PALETTE[0], ms=5, label=names[0])
+        least = np.minimum.accumulate(np.where(kept, values, np.inf))
+        ax.step(count, np.where(np.isfinite(least), least, np.nan), where="post", color=PALETTE[1], label=names[1])
+        if not kept.all():
+            names.append("constraints violated")
+            ax.plot(count[~kept], values[~kept], "o", mfc="none", color="#6b7280", ms=5, label=names[2])
+        if len(values) and np.all(values > 0.0) and values.max() > 20 * values.min():
             ax.set_yscale("log")
         ax.set(xlabel="evaluation", ylabel="objective", title=f"{result.status}: {result.value:.6g}")
         ax.xaxis.get_major_locator().set_params(integer=True)
-        legend(ax, ["evaluated", "least so far"])
+        legend(ax, names)
     return made

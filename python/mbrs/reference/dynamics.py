@@ -229,7 +229,8 @@ def element_force(
         p = link_pair(link, bodies)
         on = reach(link, jt.coordinate_rows(link.kind, p), p)
         J = on.J.value
-        f, _, _ = link_response(link, jt.coordinate_values(link, p), J.T @ on.take(v), damping, without, memory)
+        e = jt.continued_values(link, p, memory)
+        f, _, _ = link_response(link, e, J.T @ on.take(v), damping, without, memory)
         total = total.astype(np.result_type(total, f), copy=False)
         on.add_vector(total, J @ f)
     for body in sys.flexible:

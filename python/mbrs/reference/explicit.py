@@ -36,7 +36,8 @@ def choose(sys: System, state: State) -> tuple[list[tuple[int, int]], int]:
     """Row and column of each pivot of the scaled rows, by complete pivoting, position rows before those that restrict
     velocities alone; and how many are of positions.
     """
-    left, pivots, n = scaled(sys, state), [], 0
+    pivots: list[tuple[int, int]] = []
+    left, n = scaled(sys, state), 0
     largest, velocity = np.max(np.abs(left), initial=0.0), velocity_rows(sys)
     for level in (False, True):
         open_rows = [int(i) for i in np.flatnonzero(velocity == level)]
@@ -71,12 +72,14 @@ class Chart:
     restrict velocities alone leave places free. Increments are counted from the state, also of three rotations together.
     """
 
-    def __init__(self, sys: System, state: State, t: float = 0.0, pivots: Any = None) -> None:
+    def __init__(
+        self, sys: System, state: State, t: float = 0.0, chosen: tuple[list[tuple[int, int]], int] | None = None
+    ) -> None:
         sys.t = t
         self.sys, self.base = sys, state
-        self.pivots, self.n = choose(sys, state) if pivots is None else pivots
-        chosen = np.array(self.pivots, dtype=int).reshape(-1, 2)
-        self.rows, self.depend = chosen[:, 0], chosen[:, 1]
+        pivots, self.n = choose(sys, state) if chosen is None else chosen
+        places = np.array(pivots, dtype=int).reshape(-1, 2)
+        self.rows, self.depend = places[:, 0], places[:, 1]
         self.places = np.setdiff1d(np.arange(sys.ny), self.depend[: self.n])
         self.speeds = np.setdiff1d(np.arange(sys.ny), self.depend)
 

@@ -236,6 +236,22 @@ def coordinate_rows(kind: str, p: Pair) -> Jet:
     return stack([translation_row(i) if c == "u" else rows[c](p) for c, i in FREE[kind]])
 
 
+def angle_places(kind: str) -> list[int]:
+    """Which free coordinates are angles that turn on and on."""
+    return [i for i, (c, _) in enumerate(FREE[kind]) if c in ("angle", "beta")]
+
+
+def continued_values(link: Link, p: Pair, memory: Array | None) -> Array:
+    """`coordinate_values` with angles on the turns nearest to those remembered."""
+    e = coordinate_values(link, p)
+    if link.turns is None or memory is None:
+        return e
+    natural = link.length if link.kind == "torsion" else 0.0
+    for k, i in enumerate(angle_places(link.kind)):
+        e[i] += 2 * np.pi * np.round(np.real(memory[link.turns + k] - e[i] - natural) / (2 * np.pi))
+    return e
+
+
 def coordinate_values(link: Link, p: Pair) -> Array:
     """The free coordinates themselves; a spring-damper's and a torsion spring's from their natural length."""
     u, R = p.u.value[0], p.R.value

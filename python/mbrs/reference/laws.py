@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
+from .joints import angle_places
 from .so3 import Array
 
 CUBIC, POLYNOMIAL, POLYNOMIAL_RATE, GAP, GAP_BOTH, COULOMB, HERTZ, TABLE, VAN_DER_POL, JENKINS, IWAN, VARYING = range(
@@ -117,7 +118,8 @@ def _sliders(p: Array, u: Any, z: Array) -> Answer:
 
 
 def attach(t: Mapping[str, Any], x: Array, elements: list[Any], joints: list[Any]) -> int:
-    """Give every link its laws; memory is numbered element by element, then joint by joint. Returns its size."""
+    """Give every link its laws; memory is numbered element by element, then joint by joint, that of
+    their angles after that of all laws. Returns its size."""
     keys = ("owner_kind", "owner", "component", "type", "n", "x")
     rows = list(zip(*(t.get(f"law_{k}", ()) for k in keys), strict=True))
     n_memory = 0
@@ -132,4 +134,9 @@ def attach(t: Mapping[str, Any], x: Array, elements: list[Any], joints: list[Any
                 link.laws.append(law)
                 link.has_force = True
                 n_memory += law.n_memory
+    for link in (*elements, *joints):
+        angles = angle_places(link.kind)
+        if angles and (link.laws or (link.has_force and np.any(link.k))):
+            link.turns = n_memory
+            n_memory += len(angles)
     return n_memory

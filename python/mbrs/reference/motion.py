@@ -147,12 +147,18 @@ def remember(sys: System, m: Motion) -> Array:
     if sys.n_memory == 0:
         return m.memory
     state, out = with_rates(sys, m), m.memory.copy()
-    for law, u, v, _ in law_motions(sys, state):
+    for law, u, v, _ in law_motions(sys, state, m.memory):
         out[law.memory : law.memory + law.n_memory] = law(u, v, m.memory)[3]
+    bodies = motion(state)
+    for link in dyn.forcing_links(sys):
+        if link.turns is not None:
+            places = jt.angle_places(link.kind)
+            e = jt.continued_values(link, link_pair(link, bodies), m.memory)[places]
+            out[link.turns : link.turns + len(places)] = e + (link.length if link.kind == "torsion" else 0.0)
     return out
 
 
-def law_motions(sys: System, state: State) -> list[tuple[BoundLaw, Array, Array, Array]]:
+def law_motions(sys: System, state: State, memory: Array | None = None) -> list[tuple[BoundLaw, Array, Array, Array]]:
     """Every law with its displacement, rate and the row (6 nb,) that makes its rate from the twists of the bodies."""
     bodies, v, out = motion(state), dyn.twists_of(state), []
     for link in dyn.forcing_links(sys):
@@ -160,7 +166,7 @@ def law_motions(sys: System, state: State) -> list[tuple[BoundLaw, Array, Array,
             continue
         p = link_pair(link, bodies)
         on = dyn.reach(link, jt.coordinate_rows(link.kind, p), p)
-        e = jt.coordinate_values(link, p)
+        e = jt.continued_values(link, p, memory)
         for law in link.laws:
             row = np.zeros(6 * sys.nb, dtype=np.result_type(on.J.value, float))
             row[on.columns] = on.J.value[on.kept, law.component]

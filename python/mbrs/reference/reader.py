@@ -58,6 +58,7 @@ class Link:
     length: Array = field(default_factory=lambda: np.zeros(()))
     has_force: bool = False
     laws: list[Any] = field(default_factory=list)
+    turns: int | None = None  # where in the memory its angles continue, of links whose force depends on them
     radius: Array = field(default_factory=lambda: np.zeros(()))
     # of a drive or coupler: its row, the motion it follows, the joint, row and ratio that it is coupled with
     row: Any = None

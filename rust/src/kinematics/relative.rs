@@ -9,7 +9,9 @@
 use num_dual::Dual;
 
 use crate::model::joint::Coordinate;
-use crate::spatial::{M3, Map6, Real, Six, V3, left_jacobian_coefficient, log_so3, outer, skew};
+use crate::spatial::{
+    M3, Map6, Real, Six, V3, left_jacobian_coefficient, log_so3, outer, product, skew,
+};
 
 /// Relative pose of a marker pair in the axes of A.
 #[derive(Debug, Clone, Copy)]
@@ -123,7 +125,7 @@ impl<T: Real> Relative<T> {
     fn disc_curvature(&self, k: usize, h: &mut Map6<T>) {
         for axis in 0..3 {
             let spin = unit::<T>(axis);
-            let turned = skew(&spin) * self.r;
+            let turned = product(&skew(&spin), &self.r);
             let moved = Relative {
                 u: self.u.map(Dual::from_re),
                 r: M3::from_fn(|i, j| Dual::new(self.r[(i, j)], turned[(i, j)])),

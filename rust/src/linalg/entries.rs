@@ -3,10 +3,24 @@ use nalgebra::DMatrix;
 
 /// Entries add up.
 pub trait Entries<T> {
+    /// Are they of use to anyone?
+    const KEPT: bool = true;
+
     fn add(&mut self, i: usize, j: usize, v: T);
 }
 
+/// No place at all.
+pub struct Nowhere;
+
+impl<T> Entries<T> for Nowhere {
+    const KEPT: bool = false;
+
+    fn add(&mut self, _: usize, _: usize, _: T) {}
+}
+
 impl<T, E: Entries<T>> Entries<T> for &mut E {
+    const KEPT: bool = E::KEPT;
+
     fn add(&mut self, i: usize, j: usize, v: T) {
         (**self).add(i, j, v);
     }

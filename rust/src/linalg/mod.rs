@@ -8,5 +8,6 @@ pub mod expm;
 pub mod hessenberg;
 pub mod krylov;
 pub mod quadratic;
+pub mod small_lu;
 pub mod sparse;
 pub mod symmetric;

@@ -263,7 +263,26 @@ impl<T: Real> MotionLaw<T> {
             _ => Vec::new(),
         }
     }
+
+    /// Knots of a spline between which it leaves a quiet stretch: long steps there would not see what comes.
+    pub fn wakes(&self) -> Vec<f64> {
+        let MotionLaw::Table { t, curvature, .. } = self else {
+            return Vec::new();
+        };
+        let largest = curvature.iter().map(|m| m.re().abs()).fold(0.0, f64::max);
+        let quiet: Vec<bool> = curvature
+            .iter()
+            .map(|m| m.re().abs() <= QUIET * largest)
+            .collect();
+        let wakes = |i: &usize| !quiet[*i] && quiet[i - QUIET_KNOTS..*i].iter().all(|q| *q);
+        let all = (QUIET_KNOTS..quiet.len()).filter(wakes);
+        all.flat_map(|i| [t[i - 1].re(), t[i].re()]).collect()
+    }
 }
+
+/// A spline is quiet where its curvature is below this part of the largest, over so many knots.
+const QUIET: f64 = 1e-3;
+const QUIET_KNOTS: usize = 3;
 
 fn table<T: Real>(at: &[T], v: &[T], curvature: &[T], t: f64) -> [T; 3] {
     let n = at.len();

@@ -123,6 +123,7 @@ fn task<'py>(
             times,
             rule,
             keep: need(options, "keep")?,
+            read: need(options, "read")?,
             follow: Follow {
                 drawn: need(options, "drawn")?,
                 velocities: need(options, "velocities")?,
@@ -134,7 +135,7 @@ fn task<'py>(
             .into_iter()
             .map(|(i, v)| i.into_iter().zip(v).collect())
             .collect(),
-        effects: effects(without)?,
+        effects: effects(without)?.with_exact_tangents(),
     })
 }
 

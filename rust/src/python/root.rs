@@ -22,7 +22,12 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 
 /// H of a solve, to be handed to another one.
 #[pyclass(frozen)]
-pub struct RootInverse(Mutex<Inverse>);
+pub struct RootInverse {
+    h: Mutex<Inverse>,
+    /// of how many unknowns
+    #[pyo3(get)]
+    n: usize,
+}
 
 #[pymethods]
 impl RootInverse {
@@ -34,12 +39,13 @@ impl RootInverse {
             return Err(Error::model("the inverse must be square").into());
         }
         let h = h.as_array().iter().copied().collect();
-        Ok(RootInverse(Mutex::new(Inverse::Dense { n, h })))
+        let h = Mutex::new(Inverse::Dense { n, h });
+        Ok(RootInverse { h, n })
     }
 
     /// H, or None for limited memory.
     fn matrix<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
-        match &*self.0.lock().unwrap_or_else(PoisonError::into_inner) {
+        match &*self.h.lock().unwrap_or_else(PoisonError::into_inner) {
             Inverse::Dense { n, h } => {
                 let array = numpy::ndarray::Array2::from_shape_vec((*n, *n), h.clone());
                 let array = array.map_err(|e| Error::model(e.to_string()))?;
@@ -55,11 +61,9 @@ impl RootInverse {
         py: Python<'py>,
         r: PyReadonlyArray1<'_, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let h = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Inverse::Dense { n, .. } = &*h
-            && r.len() != *n
-        {
-            return Err(Error::model(format!("the vector needs {n} entries")).into());
+        let h = self.h.lock().unwrap_or_else(PoisonError::into_inner);
+        if r.len() != self.n {
+            return Err(Error::model(format!("the vector needs {} entries", self.n)).into());
         }
         let r: Vec<f64> = r.as_array().iter().copied().collect();
         let mut out = vec![0.0; r.len()];
@@ -176,7 +180,7 @@ fn root_solve<'py>(
         fallback,
     };
     let mut h = inverse.map(|h| {
-        let h = &h.get().0;
+        let h = &h.get().h;
         h.lock().unwrap_or_else(PoisonError::into_inner).clone()
     });
     let mut problem = Function {
@@ -189,7 +193,17 @@ fn root_solve<'py>(
         return Err(raised);
     }
     let out = report(py, outcome??)?;
-    let h = h.map(|h| Py::new(py, RootInverse(Mutex::new(h))));
+    let n = x0.len();
+    let kept = |h| {
+        Py::new(
+            py,
+            RootInverse {
+                h: Mutex::new(h),
+                n,
+            },
+        )
+    };
+    let h = h.map(kept);
     out.set_item("inverse", h.transpose()?)?;
     Ok(out)
 }

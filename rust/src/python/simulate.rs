@@ -64,7 +64,6 @@ fn plan(options: &Bound<'_, PyDict>) -> PyResult<Plan> {
         steps,
         outputs: numbers(options, "outputs")?,
         breaks: numbers(options, "breaks")?.unwrap_or_default(),
-        per_unit_step: false,
         max_steps: number(options, "max_steps")?.map_or(usize::MAX, |n| n as usize),
     })
 }
@@ -161,7 +160,11 @@ fn simulate_motion<'py>(
     let method = Method::named(&method, number(options, "rho")?)?;
     let (effects, mut plan) = (effects(&without)?, plan(options)?);
     plan.breaks.extend(system.kinks(motion.t));
+    if matches!(plan.steps, Steps::Controlled { .. }) {
+        plan.breaks.extend(system.wakes(motion.t));
+    }
     plan.breaks.sort_by(f64::total_cmp);
+    plan.breaks.dedup();
     let shared = system.clone();
     let (out, counts) = watched(py, report.as_ref(), move |cancel, progress| {
         let mut counts = Counts::default();
@@ -311,15 +314,26 @@ fn motion_quantities<'py>(
     });
     let flexible = tables.flexible.iter();
     let flexible = flexible.map(|f| tables.bodies[f.body].name.as_str());
-    let names: Vec<_> = names.chain(flexible).collect();
+    let loads = tables.loads.iter().map(|l| l.name.as_str());
+    let names: Vec<_> = names.chain(flexible).chain(loads).collect();
+    let first_load = names.len() - tables.loads.len();
     let table = |of: &dyn Fn(usize, usize) -> f64| {
         Array2::from_shape_fn((n, names.len()), |(i, k)| of(i, k)).into_pyarray(py)
     };
     out.set_item(
         "stored",
-        table(&|i, k| found[i].2.elements[k].stored.unwrap_or(f64::NAN)),
+        table(&|i, k| {
+            let element = found[i].2.elements.get(k);
+            element.and_then(|e| e.stored).unwrap_or(f64::NAN)
+        }),
     )?;
-    out.set_item("power", table(&|i, k| found[i].2.elements[k].power))?;
+    out.set_item(
+        "power",
+        table(&|i, k| match found[i].2.elements.get(k) {
+            Some(element) => element.power,
+            None => found[i].2.loads[k - first_load],
+        }),
+    )?;
     out.set_item(
         "residual",
         Array2::from_shape_fn((n, 3), |(i, k)| found[i].3[k]).into_pyarray(py),

@@ -52,6 +52,17 @@ impl Effects {
         drives: true,
     };
 
+    /// The same forces with tangents that are their derivatives, whatever a linearisation should leave out.
+    pub fn with_exact_tangents(self) -> Self {
+        Effects {
+            preload_stiffness: true,
+            constraint_force_stiffness: true,
+            law_slopes: true,
+            gyroscopic: self.centrifugal,
+            ..self
+        }
+    }
+
     /// Which forces of connectors and loads act.
     pub(crate) fn wanted(&self) -> Wanted {
         Wanted {
@@ -415,6 +426,7 @@ impl<T: Real> Scene<'_, T> {
             laws: self.effects.law_slopes,
             ..self.effects.wanted()
         };
+        let (mut laws, mut damped, mut loaded) = (0, 0, 0);
         for c in &self.topology.connectors {
             let acting = interaction(
                 self.topology,
@@ -433,15 +445,21 @@ impl<T: Real> Scene<'_, T> {
                 stiffness,
                 own,
             );
-            counts.add("connector tangents", 1);
-            if self.effects.law_slopes && !c.laws.is_empty() {
-                counts.add("law tangents", c.laws.len() as u64);
+            if self.effects.law_slopes {
+                laws += c.laws.len() as u64;
             }
-            if acting.damped {
-                counts.add("damper tangents", 1);
-            }
-            if geometric && !acting.wrench.is_absent() {
-                counts.add("preload stiffness", 1);
+            damped += u64::from(acting.damped);
+            loaded += u64::from(geometric && !acting.wrench.is_absent());
+        }
+        let all = self.topology.connectors.len() as u64;
+        for (what, n) in [
+            ("connector tangents", all),
+            ("law tangents", laws),
+            ("damper tangents", damped),
+            ("preload stiffness", loaded),
+        ] {
+            if n > 0 {
+                counts.add(what, n);
             }
         }
     }

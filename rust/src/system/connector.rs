@@ -10,9 +10,12 @@ use crate::laws::Law;
 use crate::model::geometry::{Geometry, MarkerPair};
 use crate::model::joint::{Coordinate, JointKind};
 use crate::model::tables::{BodyRef, ElementKind};
-use crate::spatial::{Map6, Pose, Real, Six, V3, absent, skew};
+use crate::spatial::{
+    Map6, Pose, Real, Six, V3, absent, product_of_transpose, skew, turned, turned_back,
+};
 use crate::system::connector_force::response;
 use crate::system::placement::{Placement, marker_pose};
+use crate::system::rows::turns;
 use crate::system::topology::{Connector, Natural, Owner, Topology};
 
 /// A wrench on b about the current place of p_B (world axes), the opposite on a; tangents where they were asked for.
@@ -122,15 +125,14 @@ pub(crate) fn local<T: Real>(
 ) -> Local<T> {
     let pa = marker_pose(topology, &placement.pose, a, &pair.a);
     let pb = marker_pose(topology, &placement.pose, b, &pair.b);
-    let t = pa.r.transpose();
-    let relative = relative_of(topology, placement, a, b, pair);
+    let relative = relative_between(&pa, &pb, pair.radius);
     let twist = placement.velocity.as_ref().map(|velocity| {
         let at = |body: BodyRef| {
             topology.node(body).map_or_else(Six::zero, |n| {
                 velocity.body[n].motion_at(&(pb.p - placement.pose[n].p))
             })
         };
-        (at(b) - at(a)).rotated(&t)
+        (at(b) - at(a)).rotated_back(&pa.r)
     });
     Local {
         a: pa,
@@ -150,20 +152,35 @@ pub fn relative_of<T: Real>(
 ) -> Relative<T> {
     let pa = marker_pose(topology, &placement.pose, a, &pair.a);
     let pb = marker_pose(topology, &placement.pose, b, &pair.b);
-    let t = pa.r.transpose();
+    relative_between(&pa, &pb, pair.radius)
+}
+
+fn relative_between<T: Real>(a: &Pose<T>, b: &Pose<T>, radius: T) -> Relative<T> {
     Relative {
-        u: t * (pb.p - pa.p),
-        r: t * pb.r,
-        radius: pair.radius,
+        u: turned_back(&a.r, &(b.p - a.p)),
+        r: product_of_transpose(&a.r, &b.r),
+        radius,
     }
 }
 
-/// Displacement and rate of every coordinate of a connector; rates are zero at rest.
+/// Displacement and rate of every coordinate of a connector, angles within half a turn; rates are zero at rest.
 pub fn motion_of<T: Real>(
     topology: &Topology,
     geometry: &Geometry<T>,
     placement: &Placement<T>,
     x: &[T],
+    connector: &Connector,
+) -> Vec<(T, T)> {
+    let numbers = Numbers { x, memory: &[] };
+    continued_motion_of(topology, geometry, placement, numbers, connector)
+}
+
+/// The same with angles on the turns nearest to those remembered.
+pub fn continued_motion_of<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    numbers: Numbers<'_, T>,
     connector: &Connector,
 ) -> Vec<(T, T)> {
     let here = local(
@@ -179,10 +196,25 @@ pub fn motion_of<T: Real>(
         .map(|c| here.relative.row(*c))
         .collect();
     let rate = |g: &Six<T>| here.twist.as_ref().map_or_else(T::zero, |v| g.dot(v));
-    let e = strains(connector, geometry, x, &here, &rows);
+    let e = strains(connector, geometry, numbers, &here, &rows);
     e.into_iter()
         .zip(&rows)
         .map(|(e, r)| (e, rate(&r.g)))
+        .collect()
+}
+
+/// Angles of a connector within half a turn, each with its place in the memory.
+pub(super) fn angles_of<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    connector: &Connector,
+) -> Vec<(usize, T)> {
+    let pair = pair_of(geometry, connector.owner);
+    let here = relative_of(topology, placement, connector.a, connector.b, pair);
+    let coordinates = connector.coordinates.iter().enumerate();
+    coordinates
+        .filter_map(|(i, c)| Some((connector.turn_of(i)?, here.row(*c).e)))
         .collect()
 }
 
@@ -203,7 +235,7 @@ pub fn interaction<T: Real>(
         .iter()
         .map(|c| here.relative.row(*c))
         .collect();
-    let e = strains(connector, geometry, numbers.x, &here, &rows);
+    let e = strains(connector, geometry, numbers, &here, &rows);
     let rates: Option<Vec<T>> = here
         .twist
         .as_ref()
@@ -285,7 +317,7 @@ pub fn coordinate_tangent(
         .map(|c| here.relative.row(*c))
         .collect();
     let gradients = rows.iter().map(|r| r.g.rotated(&here.a.r)).collect();
-    let e = strains(connector, geometry, numbers.x, &here, &rows);
+    let e = strains(connector, geometry, numbers, &here, &rows);
     let slopes = response(connector, numbers.x, numbers.memory, &e, None, wanted);
     CoordinateTangent {
         point: here.b.p,
@@ -359,12 +391,17 @@ pub fn collapsed<'t>(
 pub(crate) fn strains<T: Real>(
     connector: &Connector,
     geometry: &Geometry<T>,
-    x: &[T],
+    numbers: Numbers<'_, T>,
     here: &Local<T>,
     rows: &[Row<T>],
 ) -> Vec<T> {
     let mut all: Vec<T> = rows.iter().map(|r| r.e).collect();
-    offset_natural(connector, geometry, x, &mut all[0]);
+    for (i, e) in all.iter_mut().enumerate() {
+        if let Some(before) = connector.turn_of(i).and_then(|k| numbers.memory.get(k)) {
+            *e += T::from(turns(before.re() - e.re()));
+        }
+    }
+    offset_natural(connector, geometry, numbers.x, &mut all[0]);
     let far = |p: &V3<T>| p.iter().map(|v| v.re().abs()).fold(0.0, f64::max);
     let reach = far(&here.a.p) + far(&here.b.p) + far(&here.relative.u);
     for (e, coordinate) in all.iter_mut().zip(&connector.coordinates) {
@@ -440,19 +477,36 @@ pub fn constraint_rows<T: Real>(
     (here.b.p, rows.collect())
 }
 
-/// The second rate of a coordinate at given accelerations of the bodies: g . xi' + xi . h xi, in axes that move with a.
+/// The rates of coordinates of a joint.
+pub fn constraint_rates<T: Real>(
+    topology: &Topology,
+    geometry: &Geometry<T>,
+    placement: &Placement<T>,
+    joint: usize,
+    coordinates: &[Coordinate],
+) -> Vec<T> {
+    let spec = &topology.tables.joints[joint];
+    let here = local(topology, placement, spec.a, spec.b, &geometry.joints[joint]);
+    let rate = |c: &Coordinate| {
+        let g = here.relative.row(*c).g;
+        here.twist.as_ref().map_or_else(T::zero, |v| g.dot(v))
+    };
+    coordinates.iter().map(rate).collect()
+}
+
+/// The second rates of coordinates of a joint at given accelerations of the bodies: g . xi' + xi . h xi, in axes that move with a.
 pub fn constraint_bias<T: Real>(
     topology: &Topology,
     geometry: &Geometry<T>,
     placement: &Placement<T>,
     joint: usize,
-    coordinate: Coordinate,
+    coordinates: &[Coordinate],
     accelerations: &[Six<T>],
-) -> T {
+) -> Vec<T> {
     let spec = &topology.tables.joints[joint];
     let here = local(topology, placement, spec.a, spec.b, &geometry.joints[joint]);
     let (Some(xi), Some(velocity)) = (here.twist, placement.velocity.as_ref()) else {
-        return T::zero();
+        return vec![T::zero(); coordinates.len()];
     };
     let at = |body: BodyRef, of: &[Six<T>]| {
         topology.node(body).map_or_else(Six::zero, |n| {
@@ -467,9 +521,12 @@ pub fn constraint_bias<T: Real>(
         spatial.l + relative.a.cross(&vb.l) - va.a.cross(&relative.l),
         spatial.a - va.a.cross(&relative.a),
     )
-    .rotated(&here.a.r.transpose());
-    let h = here.relative.curvature(coordinate);
-    here.relative.row(coordinate).g.dot(&turned) + xi.dot(&h.apply(&xi))
+    .rotated_back(&here.a.r);
+    let bias = |c: &Coordinate| {
+        let h = here.relative.curvature(*c);
+        here.relative.row(*c).g.dot(&turned) + xi.dot(&h.apply(&xi))
+    };
+    coordinates.iter().map(bias).collect()
 }
 
 /// What motions add to a load's value at time t, in the axes in which the value is constant.
@@ -533,7 +590,7 @@ pub fn load_interaction<T: Real>(
     Interaction {
         a: None,
         b: Some(spec.body),
-        point: pose.p + pose.r * local,
+        point: pose.p + turned(&pose.r, &local),
         wrench,
         damped: false,
         elastic: None,

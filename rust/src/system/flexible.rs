@@ -22,7 +22,7 @@ pub fn modal_coordinates<T: Real>(topology: &Topology, relative: &[Pose<T>]) -> 
 }
 
 /// Which modal coordinates move a node, counted among the modal ones.
-fn movers(topology: &Topology, node: &Node) -> (usize, std::ops::Range<usize>) {
+pub fn movers(topology: &Topology, node: &Node) -> (usize, std::ops::Range<usize>) {
     let tip = topology.tip(node);
     let own = &topology.modal[topology.tables.tips[tip].flexible];
     let first = own.first - topology.modal[0].first;

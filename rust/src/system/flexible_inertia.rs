@@ -86,7 +86,7 @@ pub fn shapes<'a, T: Real>(input: &InertiaInput<'a, T>) -> Vec<Shapes<'a, T>> {
 }
 
 impl<'a, T: Real> Shapes<'a, T> {
-    fn new(
+    pub fn new(
         modal: &'a Modal,
         g: &'a FlexibleGeometry<T>,
         r: M3<T>,

@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 
 use crate::linalg::entries::Entries;
 use crate::model::geometry::Geometry;
-use crate::spatial::{M3, Map6, Real, Six, V3, outer, skew};
+use crate::spatial::{M3, Map6, Real, Six, V3, conjugated, outer, product, skew, turned};
 use crate::system::flexible::node_rates;
 use crate::system::flexible_inertia::{Shapes, shapes};
 use crate::system::placement::Placement;
@@ -25,7 +25,7 @@ impl<T: Real> Composite<T> {
     fn apply(&self, v: &Six<T>) -> Six<T> {
         Six::new(
             v.l * self.m + v.a.cross(&self.h),
-            self.h.cross(&v.l) + self.j * v.a,
+            self.h.cross(&v.l) + turned(&self.j, &v.a),
         )
     }
 
@@ -79,17 +79,20 @@ impl<T: Real> InertiaInput<'_, T> {
         self.rate.is_some() || self.acceleration.is_some() || self.gravity.is_some()
     }
 
+    fn rigid(&self, node: usize) -> Composite<T> {
+        let body = &self.geometry.bodies[self.topology.nodes[node].body];
+        let r = &self.placement.pose[node].r;
+        Composite {
+            m: body.mass,
+            h: V3::zeros(),
+            j: conjugated(r, &body.inertia),
+        }
+    }
+
     fn composites(&self, flexible: &[Shapes<'_, T>]) -> Vec<Composite<T>> {
-        let one = |node: usize| {
-            let body = &self.geometry.bodies[self.topology.nodes[node].body];
-            let r = &self.placement.pose[node].r;
-            Composite {
-                m: body.mass,
-                h: V3::zeros(),
-                j: r * body.inertia * r.transpose(),
-            }
-        };
-        let mut all: Vec<_> = (0..self.topology.nodes.len()).map(one).collect();
+        let mut all: Vec<_> = (0..self.topology.nodes.len())
+            .map(|node| self.rigid(node))
+            .collect();
         for shapes in flexible {
             let (h, j) = shapes.composite();
             let own = &mut all[shapes.modal.node];
@@ -148,6 +151,16 @@ impl<T: Real> InertiaInput<'_, T> {
     /// Per node: the spatial acceleration about the centre of mass.
     pub fn body_accelerations(&self) -> Vec<Six<T>> {
         self.accelerations().body
+    }
+
+    /// The same of one rigid body, whose acceleration is given.
+    pub fn rigid_force(&self, node: usize, a: &Six<T>) -> Six<T> {
+        let own = self.rigid(node);
+        let mut f = own.apply(a);
+        if let Some(v) = self.twist(node) {
+            f += v.cross_force(&own.apply(v));
+        }
+        f
     }
 
     /// Per node: the inertia force I a + v x* I v - gravity about the centre of mass.
@@ -335,15 +348,15 @@ fn coriolis_maps<T: Real>(
         let (w, l) = (skew(&v.a), skew(&v.l));
         // v x* = [[w, 0], [l, w]] and v x = [[w, l], [0, w]] on (translation, rotation)
         let mut b = Map6 {
-            ll: w * i.ll,
-            la: w * i.la,
-            al: l * i.ll + w * i.al,
-            aa: l * i.la + w * i.aa,
+            ll: product(&w, &i.ll),
+            la: product(&w, &i.la),
+            al: product(&l, &i.ll) + product(&w, &i.al),
+            aa: product(&l, &i.la) + product(&w, &i.aa),
         };
-        b.ll -= i.ll * w;
-        b.la -= i.ll * l + i.la * w;
-        b.al -= i.al * w;
-        b.aa -= i.al * l + i.aa * w;
+        b.ll -= product(&i.ll, &w);
+        b.la -= product(&i.ll, &l) + product(&i.la, &w);
+        b.al -= product(&i.al, &w);
+        b.aa -= product(&i.al, &l) + product(&i.aa, &w);
         // m x* p = (m.a x p.l, m.a x p.a + m.l x p.l)
         b.la -= skew(&p.l);
         b.al -= skew(&p.l);

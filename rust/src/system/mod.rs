@@ -19,6 +19,7 @@ pub mod flexible_inertia;
 mod flexible_scene;
 pub mod inertia;
 pub mod loops;
+pub mod parts;
 pub mod path;
 pub mod placement;
 pub mod rows;
@@ -85,6 +86,12 @@ impl System {
         times.sort_by(f64::total_cmp);
         times.dedup();
         times
+    }
+
+    /// Times after `start` at which a table wakes after a quiet time.
+    pub fn wakes(&self, start: f64) -> Vec<f64> {
+        let all = self.geometry.motions.iter().flat_map(|m| m.wakes());
+        all.filter(|t| *t > start).collect()
     }
 
     /// Bodies, then moving nodes of flexible ones.

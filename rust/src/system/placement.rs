@@ -2,7 +2,7 @@
 use crate::model::geometry::{Geometry, MarkerPair};
 use crate::model::joint::JointKind;
 use crate::model::tables::BodyRef;
-use crate::spatial::{M3, Pose, Real, Six, V3, exp_so3, lift};
+use crate::spatial::{M3, Pose, Real, Six, V3, exp_so3, lift, product};
 use crate::system::flexible::{deformed, modal_coordinates, node_columns, node_rates, node_values};
 use crate::system::topology::{Node, Topology};
 
@@ -233,9 +233,9 @@ fn advance_joint<T: Real>(node: &Node, pose: &mut Pose<T>, dy: &[T]) {
             (true, true) => outer[freedom.axis] += d,
         }
     }
-    pose.r = exp_so3(&inner) * pose.r;
+    pose.r = product(&exp_so3(&inner), &pose.r);
     if node.kind == JointKind::Universal {
-        pose.r *= exp_so3(&outer);
+        pose.r = product(&pose.r, &exp_so3(&outer));
     }
 }
 
@@ -290,6 +290,15 @@ pub fn place<T: Real>(
         column,
         velocity,
         modal,
+    }
+}
+
+impl<T: Real> Placement<T> {
+    /// The same place at other rates.
+    pub fn at_rates(mut self, topology: &Topology, geometry: &Geometry<T>, rate: &[T]) -> Self {
+        let nodes = node_rates(topology, geometry, rate);
+        self.velocity = Some(velocities(topology, &self.pose, &self.column, rate, nodes));
+        self
     }
 }
 

@@ -5,17 +5,17 @@
 //! drive     e - m(t) = 0,                       Phi_t = -m',  Phi_tt = -m"
 //! coupler   e_second - ratio e_first - offset = 0
 //! ```
-//! Angles of drives and couplers count whole turns: a drive takes the turn nearest to its motion, a coupler the one nearest to what
-//! it remembers. Rows of an effect that is left out are zero, which the rank-revealing factorisations take for redundant.
+//! Angles of drives and couplers count whole turns: a drive takes the turn nearest to its motion, a coupler (and a spring) the one
+//! nearest to what it remembers. Rows of an effect that is left out are zero, which the rank-revealing factorisations take for redundant.
 use nalgebra::{DMatrix, DVector};
 
-use crate::linalg::entries::Entries;
+use crate::linalg::entries::{Entries, Nowhere};
 use crate::model::geometry::Geometry;
 use crate::model::joint::{Coordinate, JointKind};
 use crate::model::tables::LENGTH_GIVEN;
 use crate::spatial::{Real, Six};
 use crate::system::assemble::{Effects, Scene};
-use crate::system::connector::{constraint_bias, constraint_rows};
+use crate::system::connector::{angles_of, constraint_bias, constraint_rates, constraint_rows};
 use crate::system::flexible::FoldedRows;
 use crate::system::path::path;
 use crate::system::topology::{ConstraintRow, Level, Purpose, Topology};
@@ -27,7 +27,7 @@ pub struct Carried<T> {
     pub rows: Vec<(Coordinate, T)>,
 }
 
-fn turns(difference: f64) -> f64 {
+pub(super) fn turns(difference: f64) -> f64 {
     (difference / std::f64::consts::TAU).round() * std::f64::consts::TAU
 }
 
@@ -116,19 +116,23 @@ impl<T: Real> Scene<'_, T> {
     }
 
     /// The values of coordinates of a joint; their gradients over the tree coordinates, times a factor, go into J.
-    fn add_rows(
+    fn add_rows<E: Entries<T>>(
         &self,
         joint: usize,
         coordinates: &[Coordinate],
         factor: T,
         start: usize,
         values: &mut [T],
-        jacobian: &mut impl Entries<T>,
+        jacobian: &mut E,
     ) {
         let (topology, placement) = (self.topology, self.placement);
         let spec = &topology.tables.joints[joint];
         let (point, rows) = constraint_rows(topology, self.geometry, placement, joint, coordinates);
-        let entries = path(topology, placement, spec.a, spec.b, &point);
+        let entries = if E::KEPT {
+            path(topology, placement, spec.a, spec.b, &point)
+        } else {
+            Vec::new()
+        };
         for (i, (value, g)) in rows.iter().enumerate() {
             values[i] = *value;
             if !self.acts(&topology.rows[start + i]) {
@@ -173,32 +177,59 @@ impl<T: Real> Scene<'_, T> {
         }
     }
 
-    /// gamma of J a + gamma = 0: what all rows do at zero a, drives left out; `accelerations` of the bodies at a = 0.
-    pub fn row_bias(&self, accelerations: &[Six<T>]) -> DVector<T> {
-        let (topology, tables) = (self.topology, &self.topology.tables);
-        let bias = |joint: usize, coordinate: Coordinate| {
-            constraint_bias(
-                topology,
+    /// Phi alone.
+    pub fn row_values(&self) -> DVector<T> {
+        self.rows_over_columns(&mut Nowhere)
+    }
+
+    /// J v: what all rows do at these rates, drives left out.
+    pub fn row_rates(&self) -> DVector<T> {
+        self.over_joints(|joint, coordinates| {
+            constraint_rates(
+                self.topology,
                 self.geometry,
                 self.placement,
                 joint,
-                coordinate,
+                coordinates,
+            )
+        })
+    }
+
+    /// gamma of J a + gamma = 0: what all rows do at zero a, drives left out; `accelerations` of the bodies at a = 0.
+    pub fn row_bias(&self, accelerations: &[Six<T>]) -> DVector<T> {
+        self.over_joints(|joint, coordinates| {
+            constraint_bias(
+                self.topology,
+                self.geometry,
+                self.placement,
+                joint,
+                coordinates,
                 accelerations,
             )
-        };
-        let of = |row: &ConstraintRow| {
-            if !self.acts(row) {
-                return T::zero();
+        })
+    }
+
+    /// What is linear in the coordinates of joints, per row: `of` the coordinates of one joint.
+    fn over_joints(&self, of: impl Fn(usize, &[Coordinate]) -> Vec<T>) -> DVector<T> {
+        let (rows, tables) = (&self.topology.rows, &self.topology.tables);
+        let mut out = Vec::with_capacity(rows.len());
+        for group in rows.chunk_by(ConstraintRow::belongs_with) {
+            let coordinates: Vec<_> = group.iter().map(|r| r.coordinate).collect();
+            let mut values = of(group[0].joint, &coordinates);
+            for (row, value) in group.iter().zip(&mut values) {
+                if let Purpose::Coupler(c) = row.purpose {
+                    let spec = &tables.couplers[c];
+                    let kind = &tables.joints[spec.joints[0]].kind;
+                    let first = kind.free_coordinates()[spec.coordinates[0]];
+                    *value -= self.x[spec.x] * of(spec.joints[0], &[first])[0];
+                }
+                if !self.acts(row) {
+                    *value = T::zero();
+                }
             }
-            let own = bias(row.joint, row.coordinate);
-            let Purpose::Coupler(c) = row.purpose else {
-                return own;
-            };
-            let spec = &tables.couplers[c];
-            let first = tables.joints[spec.joints[0]].kind.free_coordinates()[spec.coordinates[0]];
-            own - self.x[spec.x] * bias(spec.joints[0], first)
-        };
-        DVector::from_iterator(topology.rows.len(), topology.rows.iter().map(of))
+            out.extend(values);
+        }
+        DVector::from_vec(out)
     }
 
     fn distance(&self, joint: usize) -> T {
@@ -252,7 +283,7 @@ impl<T: Real> Scene<'_, T> {
             .collect()
     }
 
-    /// What couplers remember of this scene.
+    /// What couplers and springs of angles remember of this scene.
     pub fn remember_turns(&self, memory: &mut [T]) {
         let (topology, tables) = (self.topology, &self.topology.tables);
         for (c, spec) in tables.couplers.iter().enumerate() {
@@ -271,6 +302,14 @@ impl<T: Real> Scene<'_, T> {
                     (found.first(), memory.get_mut(topology.turns + 2 * c + k))
                 {
                     *slot = continued(*e, coordinate, Some(slot));
+                }
+            }
+        }
+        for c in topology.connectors.iter().filter(|c| c.turns.is_some()) {
+            let found = angles_of(topology, self.geometry, self.placement, c);
+            for (slot, e) in found {
+                if let Some(place) = memory.get_mut(slot) {
+                    *place = e + turns(place.re() - e.re());
                 }
             }
         }

@@ -106,6 +106,18 @@ pub struct Connector {
     pub full: bool,
     pub natural: Natural,
     pub laws: Vec<BoundLaw>,
+    /// where in the memory its angles continue over turns, in the order of its angles; None where nothing asks for them
+    pub turns: Option<usize>,
+}
+
+impl Connector {
+    /// Place in the memory of one of its coordinates, if that is an angle.
+    pub fn turn_of(&self, coordinate: usize) -> Option<usize> {
+        let angle = |c: &Coordinate| matches!(c, Coordinate::Angle { .. });
+        let before = self.coordinates[..coordinate].iter();
+        angle(&self.coordinates[coordinate])
+            .then(|| Some(self.turns? + before.filter(|c| angle(c)).count()))?
+    }
 }
 
 /// A law on one coordinate of a connector: where its parameters are in x and its memory in the state.
@@ -146,9 +158,9 @@ pub struct Topology {
     pub cut: Vec<usize>,
     pub rows: Vec<ConstraintRow>,
     pub connectors: Vec<Connector>,
-    /// numbers that laws and couplers remember
+    /// numbers that laws, couplers and springs of angles remember
     pub n_memory: usize,
-    /// where those of couplers start, two each: their coordinates, angles continuous over turns
+    /// where those of couplers start, two each: their coordinates, angles continuous over turns; those of springs follow
     pub turns: usize,
 }
 
@@ -190,8 +202,8 @@ impl Topology {
         let n_tree = names.len();
         let mut rows: Vec<_> = cut.iter().flat_map(|j| cut_rows(&tables, *j)).collect();
         rows.extend(imposed_rows(&tables));
-        let (connectors, turns) = connectors(&tables)?;
-        let n_memory = turns + 2 * tables.couplers.len();
+        let (mut connectors, turns) = connectors(&tables)?;
+        let n_memory = number_turns(&mut connectors, turns + 2 * tables.couplers.len());
         Ok(Topology {
             tables,
             nodes,
@@ -458,9 +470,24 @@ fn connectors(tables: &Tables) -> Result<(Vec<Connector>, usize)> {
             full: false,
             natural: Natural::Zero,
             laws,
+            turns: None,
         });
     }
     Ok((all, binder.memory))
+}
+
+/// Memory for the angles of what depends on them, from a place on; where it ends.
+fn number_turns(connectors: &mut [Connector], mut next: usize) -> usize {
+    for c in connectors {
+        let angles = c.coordinates.iter();
+        let angles = angles.filter(|c| matches!(c, Coordinate::Angle { .. }));
+        let n = angles.count();
+        if n > 0 && (c.k.is_some() || !c.laws.is_empty()) {
+            c.turns = Some(next);
+            next += n;
+        }
+    }
+    next
 }
 
 fn element_connector(i: usize, e: &ElementSpec) -> Connector {
@@ -495,5 +522,6 @@ fn element_connector(i: usize, e: &ElementSpec) -> Connector {
         full: e.kind == ElementKind::Bushing,
         natural,
         laws: Vec::new(),
+        turns: None,
     }
 }

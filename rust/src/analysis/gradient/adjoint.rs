@@ -1,21 +1,18 @@
 //! The steps backwards: the exact reverse of what `direct` does forwards, whatever the number of parameters.
 //!
-//! A step is reversed by hand (`adjoint_ali3p`) where the scene allows, on the tape else (`adjoint_taped`, `adjoint_alpha`). Instants
-//! are kept at checkpoints; a stretch between two is run again.
-use nalgebra::DVector;
-
+//! Steps are reversed by hand (`adjoint_ali3p`, `adjoint_alpha`), what an objective reads on the tape. Instants are kept at
+//! checkpoints; a stretch between two is run again.
 use crate::analysis::transient::{Equations, Instant};
 use crate::error::Result;
 use crate::run::{Cancel, Counts};
 
-use super::by_hand::ByHand;
 use super::kinks::{Kink, Watch};
 use super::march::{Here, Made, March, Rule};
 use super::quantity::{Point, Quantity, evaluate};
-use super::recorder::{Adjoint, Recorder, add, column, constant, seed, weighed};
+use super::recorder::{Adjoint, Recorder, seed};
 use super::start::Starting;
 use super::{Direction, Plan};
-use super::{adjoint_ali3p, adjoint_alpha, adjoint_taped};
+use super::{adjoint_ali3p, adjoint_alpha};
 
 /// The first instant: accelerations and multipliers backwards; what is left are adjoints of poses and rates.
 fn first_back(
@@ -25,27 +22,9 @@ fn first_back(
     mut at: Adjoint,
 ) -> Result<Adjoint> {
     at.first();
-    let (u, w) = starting
-        .accelerating()
-        .solve_transposed(&column(&at.acceleration), &column(&at.lam))?;
-    let eq = recorder.begin();
-    let leaves = recorder.leaves(&first.motion, &[], &[], &[]);
-    let a = constant(&first.acceleration);
-    let r = eq.residual(
-        &leaves.motion,
-        &a,
-        &constant(&first.lam),
-        &mut Counts::default(),
-    );
-    let mut sum = -weighed(r.as_slice(), u.as_slice());
-    if eq.n_rows() > 0 {
-        let jacobian = eq.rows(&leaves.motion).1;
-        let g = eq.row_bias(&leaves.motion) + jacobian * DVector::from_vec(a);
-        sum -= weighed(g.as_slice(), w.as_slice());
-    }
-    let (found, _) = recorder.finish(sum, &leaves);
-    add(&mut at.pose, &found.pose);
-    add(&mut at.rate, &found.rate);
+    let mut before = at.clone();
+    let (m, by) = (&first.motion, starting.accelerating());
+    adjoint_alpha::accelerations_back(recorder, m, first, by, &mut at, &mut before)?;
     Ok(at)
 }
 
@@ -187,7 +166,6 @@ pub fn backward(
 ) -> Result<Vec<f64>> {
     let (n, w) = (plan.n_steps(), run.width);
     let mut recorder = Recorder::new(eq);
-    let mut hand = ByHand::new(eq);
     let first = &run.checkpoints[0];
     let mut at = Adjoint::none(first);
     let mut longest = 0;
@@ -219,24 +197,7 @@ pub fn backward(
             at = match (made, plan.rule) {
                 (Made::Ali3p(record, by), Rule::Ali3p(weight)) => {
                     let parts = (record, by.as_ref());
-                    match &mut hand {
-                        Some(hand) => adjoint_ali3p::step_back(
-                            (hand, &mut recorder),
-                            (from, end),
-                            parts,
-                            weight,
-                            at,
-                        )?,
-                        None => adjoint_taped::step_back(
-                            &mut recorder,
-                            from,
-                            end,
-                            parts,
-                            weight,
-                            at,
-                            counts,
-                        )?,
-                    }
+                    adjoint_ali3p::step_back(&mut recorder, (from, end), parts, weight, at)?
                 }
                 (Made::Alpha(p, h), _) => {
                     adjoint_alpha::step_back(&mut recorder, from, end, *p, *h, at, counts)?
@@ -249,9 +210,6 @@ pub fn backward(
     seed(&mut recorder, &first.instant, wanted, &seeds[..w], &mut at)?;
     let starting = Starting::new(eq, &first.instant, &plan.follow)?;
     let at = first_back(&mut recorder, &starting, &first.instant, at)?;
-    if let Some(hand) = &hand {
-        hand.add_numbers(recorder.found());
-    }
     let numbers = recorder.numbers();
     directions
         .iter()

@@ -11,11 +11,10 @@ use crate::analysis::transient::ali3p::{Factors, Record, Weight, stars};
 use crate::analysis::transient::{Equations, Instant};
 use crate::error::Result;
 
-use super::adjoint_taped::transposed_times;
 use super::by_hand::ByHand;
 use super::increments::{add_numbers, before_move, by_increments};
 use super::march::Here;
-use super::recorder::{Adjoint, Recorder, add, column, remembered_back};
+use super::recorder::{Adjoint, Recorder, add, column, remembered_back, transposed_times};
 
 /// Adjoints at the end of the step: of the configuration by increments, of v* and a*.
 struct Star {
@@ -25,8 +24,8 @@ struct Star {
 }
 
 /// From the adjoints at the end of a step to those at its start.
-pub fn step_back<'a>(
-    (hand, recorder): (&mut ByHand<'a>, &mut Recorder<'a>),
+pub fn step_back(
+    recorder: &mut Recorder<'_>,
     (from, end): (&Here, &Here),
     (record, factors): (&Record, &Factors),
     weight: Weight,
@@ -39,6 +38,7 @@ pub fn step_back<'a>(
         remembered_back(recorder, from, end, &mut at);
         std::mem::swap(&mut before.memory, &mut at.memory);
     }
+    let hand = &mut recorder.hand;
     let (from, end) = (&from.instant, &end.instant);
     let mut star = projections_back(
         hand,
@@ -101,7 +101,7 @@ fn projections_back(
     };
     let none = DMatrix::zeros(eq.n_rows(), 1);
     let (u3, w3) = projection.solve_transposed(&column(&star.acceleration), &none)?;
-    let (q, rate) = hand.row_bias(end, w3.as_slice());
+    let (q, rate) = hand.row_bias(&end.motion, &end.acceleration, w3.as_slice());
     add(&mut star.q, &q);
     add(&mut star.rate, &rate);
     let (u2, w2) = projection.solve_transposed(&column(&star.rate), &none)?;

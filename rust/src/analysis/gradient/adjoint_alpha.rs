@@ -5,21 +5,18 @@
 //! v1:       [M J^T; J 0]^T (u, w) = (v1^, 0)      then -u.(M dv + J^T kappa) - w.(J v1 + Phi_t) by q1, and M u for v*
 //! s1:       [A J^T; R 0]^T (u, w) = (s1^/(h^2 b), 0)   then -u.balance - w.closure by q0, v0, a0, s0
 //! ```
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
-use crate::analysis::transient::Motion;
-use crate::analysis::transient::ali3p::pulled;
 use crate::analysis::transient::generalized_alpha::{Parameters, reached};
 use crate::analysis::transient::penalty::Penalty;
+use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::Result;
 use crate::run::Counts;
 
-use super::adjoint_taped::transposed_times;
-use super::alpha::{Load, Solved, accelerating, balance, closure};
+use super::alpha::{Load, Solved, accelerating};
+use super::increments::{add_numbers, before_move, by_increments};
 use super::march::Here;
-use super::recorder::{
-    Adjoint, Leaves, Recorder, add, column, constant, remembered_back, weighed, weighed_poses,
-};
+use super::recorder::{Adjoint, Recorder, add, column, remembered_back, transposed_times};
 
 /// From the adjoints at the end of a step to those at its start.
 pub fn step_back(
@@ -36,7 +33,8 @@ pub fn step_back(
         return Ok(before);
     };
     let by = Solved::new(recorder.eq, p, from, end, h, counts)?;
-    if !at.memory.is_empty() {
+    // turns of couplers are remembered too, but nothing depends on them
+    if at.memory.iter().any(|m| *m != 0.0) {
         remembered_back(recorder, from, end, &mut at);
         std::mem::swap(&mut before.memory, &mut at.memory);
     }
@@ -48,20 +46,19 @@ pub fn step_back(
         memory: from.instant.motion.memory.clone(),
         ..end.instant.motion.clone()
     };
-    accelerations_back(recorder, &there, end, &by.end, &mut at, &mut before)?;
+    accelerations_back(
+        recorder,
+        &there,
+        &end.instant,
+        &by.end,
+        &mut at,
+        &mut before,
+    )?;
     let star = rates_back(recorder, &there, &by, &mut at)?;
     let start = Load::of(carried);
-    let own = stage_back(
-        recorder,
-        from,
-        &start,
-        p,
-        h,
-        &by,
-        (&at, &star, &load),
-        &mut before,
-        counts,
-    )?;
+    let of = (&from.instant.motion, &there);
+    let found = (&at, &star[..], &load);
+    let own = stage_back(recorder, of, &start, (p, h), &by, found, &mut before)?;
     let shift = start.shift(p, h);
     let slope = match start.slope.is_empty() {
         true => vec![0.0; own.0.len()],
@@ -76,33 +73,24 @@ pub fn step_back(
     Ok(before)
 }
 
-/// Accelerations and multipliers of the end by its poses, rates and what laws remembered.
-fn accelerations_back(
+/// Accelerations and multipliers of an instant by its poses, rates and what laws remembered.
+pub fn accelerations_back(
     recorder: &mut Recorder<'_>,
     there: &Motion<f64>,
-    end: &Here,
+    end: &Instant,
     by: &Penalty,
     at: &mut Adjoint,
     before: &mut Adjoint,
 ) -> Result<()> {
     let (u, w) = by.solve_transposed(&column(&at.acceleration), &column(&at.lam))?;
-    let eq = recorder.begin();
-    let leaves = recorder.leaves(there, &[], &[], &[]);
-    let (a, lam) = (
-        constant(&end.instant.acceleration),
-        constant(&end.instant.lam),
-    );
-    let r = eq.residual(&leaves.motion, &a, &lam, &mut Counts::default());
-    let mut sum = -weighed(r.as_slice(), u.as_slice());
+    let (hand, (u, w)) = (&mut recorder.hand, (u.as_slice(), w.as_slice()));
+    let mut found = hand.balance(there, &end.acceleration, &end.lam, (u, &[]), 1.0, 0.0);
     if !w.is_empty() {
-        let carried = eq.rows(&leaves.motion).1 * DVector::from_vec(a);
-        sum -= weighed(
-            (eq.row_bias(&leaves.motion) + carried).as_slice(),
-            w.as_slice(),
-        );
+        let (q, rate) = hand.row_bias(there, &end.acceleration, w);
+        add(&mut found.q, &q);
+        add(&mut found.rate, &rate);
     }
-    let (found, _) = recorder.finish(sum, &leaves);
-    add(&mut at.pose, &found.pose);
+    add_numbers(recorder.eq, there, &found.q, &mut at.pose);
     add(&mut at.rate, &found.rate);
     add(&mut before.memory, &found.memory);
     Ok(())
@@ -119,7 +107,7 @@ pub fn anew_back(
     let mut before = Adjoint::none(end);
     let m = &anew.instant.motion;
     let by = accelerating(recorder.eq, m)?.0;
-    accelerations_back(recorder, m, anew, &by, &mut at, &mut before)?;
+    accelerations_back(recorder, m, &anew.instant, &by, &mut at, &mut before)?;
     before.pose = at.pose;
     before.rate = at.rate;
     add(&mut before.memory, &at.memory);
@@ -140,72 +128,87 @@ fn rates_back(
     let (u, w) = by
         .end
         .solve_transposed(&column(&at.rate), &DMatrix::zeros(rows, 1))?;
-    let eq = recorder.begin();
-    let leaves = recorder.leaves(there, &[], &[], &[]);
-    let m = Motion {
-        rate: constant(&there.rate),
-        ..leaves.motion.clone()
-    };
-    let jacobian = eq.rows(&m).1;
-    let moved = eq.mass(&m) * DVector::from_vec(constant(&by.dv)) + pulled(&jacobian, &by.kappa);
-    let rates = eq.row_rates_of(&m, &jacobian);
-    let sum = -weighed(moved.as_slice(), u.as_slice()) - weighed(rates.as_slice(), w.as_slice());
-    let (found, _) = recorder.finish(sum, &leaves);
-    add(&mut at.pose, &found.pose);
+    let (hand, u1) = (&mut recorder.hand, u.as_slice());
+    let mut q = hand.mass(there, (&by.dv, &by.kappa), u1).q;
+    add(&mut q, &hand.row_rates(there, w.as_slice()));
+    add_numbers(recorder.eq, there, &q, &mut at.pose);
     Ok(transposed_times(
         &by.end.matrix(),
         &u.column(0).into_owned(),
     ))
 }
 
-/// The step itself; adjoints of a0 and s0.
-#[allow(clippy::too_many_arguments)]
+/// Adjoints of what `reached` takes: increments and rates of the start, a0, s0, s1.
+struct Taken {
+    q: Vec<f64>,
+    rate: Vec<f64>,
+    a0: Vec<f64>,
+    s0: Vec<f64>,
+    s1: Vec<f64>,
+}
+
+/// `reached` backwards, from adjoints of the configuration (by increments), of v* and of a1.
+fn reached_back(
+    eq: &Equations<'_, f64>,
+    (p, h): (Parameters, f64),
+    dq: &[f64],
+    q: &[f64],
+    star: &[f64],
+    a1: &[f64],
+) -> Taken {
+    let by_dq = eq.turned_columns(DMatrix::from_row_slice(1, q.len(), q), dq);
+    let mut out = Taken {
+        q: q.to_vec(),
+        rate: Vec::new(),
+        a0: Vec::new(),
+        s0: Vec::new(),
+        s1: Vec::new(),
+    };
+    before_move(eq, dq, &mut out.q);
+    for (i, v) in star.iter().enumerate() {
+        let (d, unit) = (by_dq[i], 1.0 / (1.0 - p.am));
+        let a = a1[i] + h * h * p.beta * d + h * p.gamma * v;
+        out.rate.push(h * d + v);
+        out.a0
+            .push(h * h * (0.5 - p.beta) * d + h * (1.0 - p.gamma) * v - p.am * unit * a);
+        out.s0.push(p.af * unit * a);
+        out.s1.push((1.0 - p.af) * unit * a);
+    }
+    out
+}
+
+/// The step itself, from its start to `there`; adjoints of a0 and s0.
 fn stage_back(
     recorder: &mut Recorder<'_>,
-    from: &Here,
+    (from, there): (&Motion<f64>, &Motion<f64>),
     start: &Load<f64>,
-    p: Parameters,
-    h: f64,
+    (p, h): (Parameters, f64),
     by: &Solved,
     (at, star, load): (&Adjoint, &[f64], &Load<f64>),
     before: &mut Adjoint,
-    counts: &mut Counts,
 ) -> Result<(Vec<f64>, Vec<f64>)> {
-    let n = recorder.eq.n();
-    let numbers = [start.shifted(p, h), start.rate_slope.clone(), by.s1.clone()].concat();
-    let moved = &from.instant.motion;
-    let collect = |found: Adjoint, before: &mut Adjoint| {
-        add(&mut before.pose, &found.pose);
-        add(&mut before.rate, &found.rate);
-        add(&mut before.memory, &found.memory);
-    };
-    let parts = |leaves: &Leaves| {
-        let e = &leaves.extra;
-        (e[..n].to_vec(), e[n..2 * n].to_vec(), e[2 * n..].to_vec())
-    };
-    let eq = recorder.begin();
-    let leaves = recorder.leaves(moved, &[], &[], &numbers);
-    let (a0, s0, s1) = parts(&leaves);
-    let (_, m, a1) = reached(&eq, p, &leaves.motion, (&a0, &s0, &s1), h);
-    let sum = weighed_poses(&m, &at.pose) + weighed(&m.rate, star) + weighed(&a1, &load.a);
-    let (found, mut own) = recorder.finish(sum, &leaves);
-    collect(found, before);
-    let unit = 1.0 / (h * h * p.slopes().0);
-    let wanted: Vec<f64> = (own[2 * n..].iter().zip(&load.rate_slope))
+    let (eq, hand) = (recorder.eq, &mut recorder.hand);
+    let a0 = start.shifted(p, h);
+    let (dq, m, _) = reached(eq, p, from, (&a0, &start.rate_slope, &by.s1), h);
+    let q = by_increments(eq, there, &at.pose);
+    let mut taken = reached_back(eq, (p, h), &dq, &q, star, &load.a);
+    let (b, g) = p.slopes();
+    let unit = 1.0 / (h * h * b);
+    let wanted: Vec<f64> = (taken.s1.iter().zip(&load.rate_slope))
         .map(|(a, b)| (a + b) * unit)
         .collect();
-    let none = DMatrix::zeros(recorder.eq.n_rows(), 1);
+    let none = DMatrix::zeros(eq.n_rows(), 1);
     let (u, w) = by.step.solve_transposed(&column(&wanted), &none)?;
-    let eq = recorder.begin();
-    let leaves = recorder.leaves(moved, &[], &[], &numbers);
-    let (a0, s0, _) = parts(&leaves);
-    let s1 = constant(&by.s1);
-    let (_, m, _) = reached(&eq, p, &leaves.motion, (&a0, &s0, &s1), h);
-    let r = balance(&eq, p, &m, &s1, &constant(&by.lam), h, counts);
-    let sum = -weighed(r.as_slice(), u.as_slice())
-        - weighed(closure(&eq, p, &m, h).as_slice(), w.as_slice());
-    let (found, more) = recorder.finish(sum, &leaves);
-    collect(found, before);
-    add(&mut own, &more);
-    Ok((own[..n].to_vec(), own[n..2 * n].to_vec()))
+    let uw = (u.as_slice(), w.as_slice());
+    let found = hand.balance(&m, &by.s1, &by.lam, uw, h * h * b, h * b / g);
+    let nothing = vec![0.0; eq.n()];
+    let more = reached_back(eq, (p, h), &dq, &found.q, &found.rate, &nothing);
+    add(&mut taken.q, &more.q);
+    add(&mut taken.rate, &more.rate);
+    add(&mut taken.a0, &more.a0);
+    add(&mut taken.s0, &more.s0);
+    add_numbers(eq, from, &taken.q, &mut before.pose);
+    add(&mut before.rate, &taken.rate);
+    add(&mut before.memory, &found.memory);
+    Ok((taken.a0, taken.s0))
 }

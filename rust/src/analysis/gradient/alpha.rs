@@ -9,8 +9,9 @@
 use nalgebra::{DMatrix, DVector};
 use num_dual::Dual64;
 
-use crate::analysis::transient::ali3p::{closure_by, lifted};
+use crate::analysis::transient::ali3p::{Linear, closure_by, lifted};
 use crate::analysis::transient::generalized_alpha::{Carried, Parameters, reached};
+use crate::analysis::transient::matrix::turn_columns;
 use crate::analysis::transient::penalty::Penalty;
 use crate::analysis::transient::{Equations, Motion};
 use crate::error::{Error, Result};
@@ -42,16 +43,6 @@ impl Load<f64> {
 }
 
 impl<T: Real> Load<T> {
-    /// Before the first step.
-    pub fn first(acceleration: &[T]) -> Self {
-        Load {
-            a: acceleration.to_vec(),
-            rate_slope: acceleration.to_vec(),
-            slope: Vec::new(),
-            h: 0.0,
-        }
-    }
-
     /// How a follows the slope where the step changes.
     pub fn shift(&self, p: Parameters, h: f64) -> f64 {
         (p.am - p.af) * (h - self.h)
@@ -68,19 +59,7 @@ impl<T: Real> Load<T> {
     }
 }
 
-/// h^2 b r.
-pub fn balance<T: Real>(
-    eq: &Equations<'_, T>,
-    p: Parameters,
-    m: &Motion<T>,
-    s1: &[T],
-    lam: &[T],
-    h: f64,
-    counts: &mut Counts,
-) -> DVector<T> {
-    eq.residual(m, s1, lam, counts) * T::from(h * h * p.slopes().0)
-}
-
+/// What keeps the loops closed, in the units of the step.
 pub fn closure<T: Real>(eq: &Equations<'_, T>, p: Parameters, m: &Motion<T>, h: f64) -> DVector<T> {
     let (b, g) = p.slopes();
     closure_by(eq, m, h * b / g)
@@ -96,6 +75,7 @@ pub struct Solved {
     /// v1 - v*, and the multipliers that made it
     pub dv: Vec<f64>,
     pub kappa: Vec<f64>,
+    pub linear: Linear,
 }
 
 /// [M J^T; J 0] of an instant.
@@ -125,15 +105,13 @@ impl Solved {
         let a0 = before.shifted(p, h);
         let start = &from.instant.motion;
         let (dq, m, _) = reached(eq, p, start, (&a0, &before.rate_slope, &s1), h);
-        let tangent = eq.tangent(&m, &s1, &lam, counts);
-        let mut matrix = tangent.mass + eq.turned_columns(tangent.stiffness * (h * h * b), &dq);
-        for d in [&tangent.damping, &tangent.gyroscopic]
-            .into_iter()
-            .flatten()
-        {
-            matrix += d * (h * g);
-        }
-        let jacobian = eq.rows(&m).1;
+        let linear = eq.linearised(&m, &s1, &lam, h * b / g, counts).2;
+        let maps = eq.rotation_maps(&dq);
+        let mut matrix = linear.combined(h * g, 0.0);
+        let mut stiffness = &linear.tangent.stiffness * (h * h * b);
+        turn_columns(&mut stiffness, &maps);
+        matrix += stiffness;
+        let jacobian = &linear.jacobian;
         let mut right = eq.turned_columns(jacobian.clone(), &dq);
         if eq.topology().has_velocity_rows() {
             velocity_row_slopes(eq, p, start, (&a0, &before.rate_slope, &s1), h, &mut right);
@@ -157,6 +135,7 @@ impl Solved {
             lam,
             dv,
             kappa: kappa.as_slice().to_vec(),
+            linear,
         })
     }
 }

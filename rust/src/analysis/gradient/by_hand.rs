@@ -2,14 +2,14 @@
 use num_dual::Dual64;
 
 use crate::analysis::transient::ali3p::{Weight, lifted};
-use crate::analysis::transient::{Equations, Instant, Motion};
+use crate::analysis::transient::{Equations, Motion};
 use crate::model::geometry::Geometry;
 use crate::model::motion::MotionLaw;
 use crate::spatial::Pose;
 use crate::system::topology::Level;
 
 use super::increments::add_small_move;
-use super::power::{Forces, Power, Slopes, knows};
+use super::power::{Forces, Power, Slopes};
 use super::tape::{Taped, backwards, clear, leaf};
 
 /// Derivatives by tree increments, rates, accelerations and memories.
@@ -36,14 +36,13 @@ pub struct ByHand<'a> {
 }
 
 impl<'a> ByHand<'a> {
-    /// None where the scene holds something that the virtual power does not know.
-    pub fn new(eq: &'a Equations<'a, f64>) -> Option<Self> {
-        knows(eq).then(|| ByHand {
+    pub fn new(eq: &'a Equations<'a, f64>) -> Self {
+        ByHand {
             eq,
             dual: lifted(eq),
             plain: Slopes::none(eq),
             along: Slopes::none(eq),
-        })
+        }
     }
 
     /// -u.r - w.(rows), r with multipliers, times f; rows on velocity level times `speed`.
@@ -103,15 +102,14 @@ impl<'a> ByHand<'a> {
     }
 
     /// -w.(J a + gamma) by configuration and rates: J v + Phi_t in the direction of the motion.
-    pub fn row_bias(&mut self, at: &Instant, w: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let (v, a) = (&at.motion.rate, &at.acceleration);
+    pub fn row_bias(&mut self, m: &Motion<f64>, a: &[f64], w: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let along = Along {
-            increment: v,
+            increment: &m.rate,
             rate: a,
             factors: [1.0, 1.0],
         };
         let beta: Vec<_> = w.iter().map(|w| Dual64::from(-w)).collect();
-        let moved = self.moved(&at.motion, &along);
+        let moved = self.moved(m, &along);
         let power = Power {
             eq: &self.dual,
             motion: &moved,
@@ -124,7 +122,7 @@ impl<'a> ByHand<'a> {
             kappa: &[],
         };
         power.back(&mut self.along);
-        let mut found = self.along_found(at.motion.t, &along, true);
+        let mut found = self.along_found(m.t, &along, true);
         // the direction is that of the rates
         for (d, q) in found.rate.iter_mut().zip(&self.along.q) {
             *d += q.re;

@@ -10,6 +10,12 @@ fn sign(node: &Node) -> f64 {
     if node.reversed { -1.0 } else { 1.0 }
 }
 
+/// Nodes with coordinates of their own: not those that modal coordinates move.
+fn joints<'a>(eq: &Equations<'a, f64>) -> impl Iterator<Item = (usize, &'a Node)> + use<'a> {
+    let nodes = eq.topology().nodes.iter().enumerate();
+    nodes.filter(|(_, n)| n.kind != JointKind::Node)
+}
+
 /// The axis about which a rotation turns the relative rotation from the left.
 fn axis(m: &Motion<f64>, node: usize, f: &Freedom) -> V3<f64> {
     if f.outer {
@@ -22,7 +28,12 @@ fn axis(m: &Motion<f64>, node: usize, f: &Freedom) -> V3<f64> {
 /// By tree increments: what twelve numbers of each pose count along every increment.
 pub fn by_increments(eq: &Equations<'_, f64>, m: &Motion<f64>, twelve: &[f64]) -> Vec<f64> {
     let mut out = vec![0.0; eq.n()];
-    for (i, node) in eq.topology().nodes.iter().enumerate() {
+    for modal in &eq.topology().modal {
+        for k in 0..modal.m {
+            out[modal.first + k] = twelve[12 * (modal.pose + k / 3) + k % 3];
+        }
+    }
+    for (i, node) in joints(eq) {
         let own = &twelve[12 * i..12 * i + 12];
         for (k, f) in node.kind.freedoms(node.reversed).iter().enumerate() {
             let d = if f.rotation {
@@ -39,7 +50,12 @@ pub fn by_increments(eq: &Equations<'_, f64>, m: &Motion<f64>, twelve: &[f64]) -
 
 /// Twelve numbers of each pose that count the same along every increment, added up.
 pub fn add_numbers(eq: &Equations<'_, f64>, m: &Motion<f64>, by: &[f64], onto: &mut [f64]) {
-    for (i, node) in eq.topology().nodes.iter().enumerate() {
+    for modal in &eq.topology().modal {
+        for k in 0..modal.m {
+            onto[12 * (modal.pose + k / 3) + k % 3] += by[modal.first + k];
+        }
+    }
+    for (i, node) in joints(eq) {
         let own = &mut onto[12 * i..12 * i + 12];
         let mut moment = V3::zeros();
         for (k, f) in node.kind.freedoms(node.reversed).iter().enumerate() {

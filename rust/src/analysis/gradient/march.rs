@@ -1,5 +1,5 @@
 //! The motion itself, step by step, with what is needed to differentiate each step.
-use crate::analysis::transient::ali3p::{Factors, Record, Weight};
+use crate::analysis::transient::ali3p::{Factors, Record, Trend, Weight};
 use crate::analysis::transient::generalized_alpha::{Carried, GeneralizedAlpha, Parameters};
 use crate::analysis::transient::{Equations, Instant, Scheme};
 use crate::error::{Error, Result};
@@ -56,11 +56,14 @@ pub enum Made {
     Alpha(Parameters, f64),
 }
 
-/// Goes from step to step; a kept factorisation of the motion is all that it holds.
+/// Goes from step to step; what it holds makes steps cheaper and leaves them the same.
 pub struct March<'a> {
     eq: &'a Equations<'a, f64>,
     plan: &'a Plan,
     alpha: Option<GeneralizedAlpha>,
+    trend: Trend,
+    /// tangents come along with the factors; on the way back they are of no use
+    tangents: bool,
 }
 
 impl<'a> March<'a> {
@@ -69,12 +72,22 @@ impl<'a> March<'a> {
             eq,
             plan,
             alpha: None,
+            trend: Trend::default(),
+            tangents: false,
+        }
+    }
+
+    pub fn with_tangents(self) -> Self {
+        March {
+            tangents: true,
+            ..self
         }
     }
 
     /// Forget factorisations: steps from here on are the same whatever was before.
     pub fn forget(&mut self) {
         self.alpha = None;
+        self.trend = Trend::default();
     }
 
     /// The end of step i, memories included, and how it came about.
@@ -105,8 +118,13 @@ impl<'a> March<'a> {
         let (h, t) = (self.plan.step(i), self.plan.times[i + 1]);
         match self.plan.rule {
             Rule::Ali3p(weight) => {
-                let (mut end, record, by) = self.eq.ali3p_step(&from.instant, h, weight, counts)?;
+                let (mut end, record, mut by) =
+                    self.eq
+                        .ali3p_step(&from.instant, h, &self.trend, weight, counts)?;
+                self.trend
+                    .pass(&from.instant.acceleration, &end.acceleration, h);
                 end.motion.t = t;
+                by.linear = by.linear.filter(|_| self.tangents);
                 self.eq.remember(&mut end.motion, counts);
                 let here = Here {
                     instant: end,

@@ -11,29 +11,35 @@
 //! | `march` | the motion itself, step by step |
 //! | `kinks` | where a motion has no derivative |
 //! | `alpha` | a step of generalised-alpha as equations |
-//! | `lanes`, `direct` | all directions along with the motion |
+//! | `direct`, `along`, `slopes` | all directions along with the motion, by the tangents of its steps |
+//! | `chunk`, `explicit`, `lanes` | what tangents do not give: by the numbers themselves, in several directions at once |
 //! | `adjoint` | the steps backwards, with checkpoints |
-//! | `adjoint_ali3p`, `by_hand`, `increments` | a step backwards by hand |
-//! | `power`, `power_tree`, `power_links` | the virtual power and its derivative by everything |
-//! | `adjoint_taped`, `adjoint_alpha`, `recorder` | a step backwards on the tape |
+//! | `adjoint_ali3p`, `adjoint_alpha`, `by_hand`, `increments` | a step backwards |
+//! | `power`, `power_tree`, `power_links`, `power_loads`, `power_flexible` | the virtual power and its derivative by everything |
+//! | `recorder` | quantities, memories and the geometry backwards, on the tape |
 //! | `tape` | numbers that remember where they come from |
 pub mod adjoint;
 mod adjoint_ali3p;
 mod adjoint_alpha;
-mod adjoint_taped;
+mod along;
 mod alpha;
 mod by_hand;
+mod chunk;
 pub mod direct;
+mod explicit;
 mod increments;
 pub mod kinks;
 mod lanes;
 pub mod march;
 mod power;
+mod power_flexible;
 mod power_links;
+mod power_loads;
 mod power_tree;
 pub mod quantity;
 mod reactions;
 mod recorder;
+mod slopes;
 pub mod start;
 pub mod tape;
 
@@ -56,6 +62,8 @@ pub struct Plan {
     pub breaks: Vec<f64>,
     /// the way back keeps a motion of at most so many numbers whole; of a longer one checkpoints, as many as the root of its steps
     pub keep: usize,
+    /// instants at which quantities are wanted, going forwards, zeros elsewhere; empty: at all
+    pub read: Vec<bool>,
 }
 
 /// What the first instant follows besides closing its loops by the smallest change.
@@ -76,6 +84,11 @@ impl Plan {
             return Err(Error::model("the times of the steps must increase"));
         }
         Ok(())
+    }
+
+    /// Are quantities wanted at instant i?
+    pub fn reads(&self, i: usize) -> bool {
+        self.read.get(i).copied().unwrap_or(true)
     }
 
     pub fn n_steps(&self) -> usize {

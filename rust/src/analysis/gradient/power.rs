@@ -7,12 +7,12 @@
 //! What a step backwards asks for is such a number: residual and rows at once; J v in the direction of a motion gives J a + gamma, the
 //! residual along (c d, h/2 d, d) the metric of the projections, both with dual numbers for T, of which the derivatives are read.
 //! A sum of products over bodies costs about what the residual itself does, where a tape writes down every operation of it.
-//! Scenes it does not know, those with flexible bodies, are left to the tape (`knows`).
 use crate::analysis::transient::{Equations, Motion};
 use crate::model::geometry::Geometry;
 use crate::spatial::{M3, Real, Six, V3};
 use crate::system::placement::Placement;
 
+use super::power_flexible::OnTape;
 use super::power_tree::{Bodies, Twists};
 
 /// Which forces count.
@@ -45,6 +45,8 @@ pub struct Slopes<T: Real> {
     pub q: Vec<T>,
     pub rate: Vec<T>,
     pub acceleration: Vec<T>,
+    /// what the columns of moving nodes hand on to their shapes
+    pub virtual_: Vec<T>,
     pub memory: Vec<T>,
     pub x: Vec<T>,
     pub geometry: Geometry<T>,
@@ -58,6 +60,7 @@ impl<T: Real> Slopes<T> {
             q: Vec::new(),
             rate: Vec::new(),
             acceleration: Vec::new(),
+            virtual_: Vec::new(),
             memory: Vec::new(),
             x: vec![T::zero(); eq.x.len()],
             geometry: eq.geometry.map(|_| T::zero()),
@@ -70,6 +73,7 @@ impl<T: Real> Slopes<T> {
             (&mut self.q, n),
             (&mut self.rate, n),
             (&mut self.acceleration, n),
+            (&mut self.virtual_, n),
             (&mut self.memory, memory),
         ] {
             v.clear();
@@ -80,19 +84,14 @@ impl<T: Real> Slopes<T> {
     }
 }
 
-/// Are all forces of this scene known here?
-pub fn knows(eq: &Equations<'_, f64>) -> bool {
-    let topology = eq.topology();
-    let mut laws = topology.connectors.iter().flat_map(|c| &c.laws);
-    // without damping slopes by rates are not made, but a law still feels them
-    !topology.is_flexible() && (eq.effects.damping || !laws.any(|l| l.law.uses_velocity()))
+/// Rates, accelerations and virtual rates of all columns: of the coordinates, then of the nodes that modal ones move.
+pub struct Columns<T: Real> {
+    pub rate: Vec<T>,
+    pub acceleration: Vec<T>,
+    pub virtual_: Vec<T>,
 }
 
-impl<T: Real> Power<'_, '_, T> {
-    pub(super) fn virtual_rate(&self, k: usize) -> T {
-        self.rates.get(k).map_or_else(T::zero, |u| T::from(*u))
-    }
-
+impl<T: OnTape> Power<'_, '_, T> {
     pub(super) fn gravity(&self) -> Option<V3<T>> {
         let acts = self.forces == Forces::All && self.eq.effects.gravity;
         self.eq.geometry.gravity.filter(|_| acts)
@@ -107,16 +106,17 @@ impl<T: Real> Power<'_, '_, T> {
     pub fn back(&self, out: &mut Slopes<T>) {
         let topology = self.eq.topology();
         let motions = topology.tables.motions.len();
-        out.start(self.eq.n(), self.motion.memory.len(), motions);
-        let at = self.eq.place(self.motion);
-        let twists = self.twists(&at);
+        out.start(topology.dofs.len(), self.motion.memory.len(), motions);
+        let (at, columns) = (self.eq.place(self.motion), self.columns());
+        let twists = self.twists(&at, &columns);
         let mut bodies = Bodies::none(topology.nodes.len());
         if self.forces != Forces::None {
             self.inertia_back(&at, &twists, &mut bodies, out);
+            self.flexible_back(&at, &twists, &columns, &mut bodies, out);
         }
         if self.forces == Forces::All {
             self.springs_back(&at, &twists, &mut bodies, out);
-            self.loads_back(&at, &twists, &mut bodies, out);
+            self.loads_back(&at, &twists, &columns, &mut bodies, out);
         }
         if ![self.alpha, self.beta, self.kappa]
             .iter()
@@ -124,7 +124,11 @@ impl<T: Real> Power<'_, '_, T> {
         {
             self.rows_back(&at, &twists, &mut bodies, out);
         }
-        self.tree_back(&at, bodies, out);
+        self.tree_back(&at, &columns, bodies, out);
+        self.fold_back(&at, &columns, out);
+        for v in [&mut out.q, &mut out.rate, &mut out.acceleration] {
+            v.truncate(self.eq.n());
+        }
     }
 
     /// U.(I A) + Y.(I V), Y = U x V. An inertia carried along changes by d x* I - I d x.
@@ -136,7 +140,11 @@ impl<T: Real> Power<'_, '_, T> {
         out: &mut Slopes<T>,
     ) {
         let f = T::from(self.factor);
-        for (i, node) in self.eq.topology().nodes.iter().enumerate() {
+        let topology = self.eq.topology();
+        for (i, node) in topology.nodes.iter().enumerate() {
+            if topology.modal.iter().any(|m| m.node == i) {
+                continue;
+            }
             let body = &self.eq.geometry.bodies[node.body];
             let onto = &mut out.geometry.bodies[node.body];
             let r = &at.pose[i].r;

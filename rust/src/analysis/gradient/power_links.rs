@@ -1,4 +1,4 @@
-//! What acts between two markers or at a point of a body: springs, constraint rows and loads, with their derivatives by hand.
+//! What acts between two markers: springs and constraint rows, with their derivatives by hand.
 //!
 //! Of a coordinate e with gradient g and curvature h, at relative velocity xi and relative virtual velocity eta (both of b against a
 //! at p_B, axes A), P depends on e, on e' = g.xi and on its virtual rate g.eta. A displacement z of b against a, twists held, gives
@@ -11,14 +11,15 @@ use num_dual::Dual;
 use crate::laws::Law;
 use crate::model::joint::{Coordinate, JointKind};
 use crate::model::tables::{BodyRef, LENGTH_GIVEN};
-use crate::spatial::{M3, Real, Six, V3, absent};
-use crate::system::connector::{Local, Wanted, load_parts, local, pair_of, strains};
+use crate::spatial::{Real, Six, absent};
+use crate::system::connector::{Local, Numbers, Wanted, local, pair_of, strains};
 use crate::system::connector_force::response;
 use crate::system::placement::Placement;
 use crate::system::rows::continued;
 use crate::system::topology::{BoundLaw, Connector, ConstraintRow, Natural, Owner, Purpose};
 
 use super::power::{Power, Slopes};
+use super::power_flexible::OnTape;
 use super::power_tree::{Bodies, Twists, body_rotation, marker_back};
 
 /// Derivatives of P by a coordinate, its rate and its virtual rate.
@@ -81,7 +82,7 @@ impl<T: Real> Link<T> {
     }
 }
 
-impl<T: Real> Power<'_, '_, T> {
+impl<T: OnTape> Power<'_, '_, T> {
     fn link(
         &self,
         at: &Placement<T>,
@@ -161,7 +162,11 @@ impl<T: Real> Power<'_, '_, T> {
                 .iter()
                 .map(|x| link.here.relative.row(*x))
                 .collect();
-            let e = strains(c, &self.eq.geometry, &self.eq.x, &link.here, &rows);
+            let numbers = Numbers {
+                x: &self.eq.x,
+                memory: &self.motion.memory,
+            };
+            let e = strains(c, &self.eq.geometry, numbers, &link.here, &rows);
             let rates: Vec<T> = rows.iter().map(|r| r.g.dot(&link.xi)).collect();
             let f = T::from(self.factor);
             let virtual_: Vec<T> = rows.iter().map(|r| r.g.dot(&link.eta) * f).collect();
@@ -170,7 +175,10 @@ impl<T: Real> Power<'_, '_, T> {
                 laws: true,
                 ..self.eq.effects.wanted()
             };
-            let made = response(c, &self.eq.x, &self.motion.memory, &e, Some(&rates), wanted);
+            let mut made = response(c, &self.eq.x, &self.motion.memory, &e, Some(&rates), wanted);
+            if !wanted.damping {
+                self.add_slopes_by_rate(c, &e, &rates, wanted, &mut made.c);
+            }
             let of = |slopes: &[[T; 6]; 6], j: usize| {
                 virtual_
                     .iter()
@@ -187,6 +195,26 @@ impl<T: Real> Power<'_, '_, T> {
             self.natural_back(c, entries[0].by[0], out);
             self.numbers_back(c, &e, &rates, &virtual_, wanted, out);
             self.link_back(at, &link, &entries, bodies, out);
+        }
+    }
+
+    /// Without damping slopes by rates are not made, but a law still feels them.
+    fn add_slopes_by_rate(
+        &self,
+        c: &Connector,
+        e: &[T],
+        v: &[T],
+        wanted: Wanted,
+        onto: &mut [[T; 6]; 6],
+    ) {
+        let feels = |l: &&BoundLaw| wanted.law(l.law) && l.law.uses_velocity();
+        for bound in c.laws.iter().filter(feels) {
+            let (law, i) = (bound.law, bound.component);
+            let numbers = &self.eq.x[bound.x..bound.x + law.n_params()];
+            let p: Vec<_> = numbers.iter().map(|v| Dual::from_re(*v)).collect();
+            let rate = Dual::new(v[i], T::one());
+            // no law feels its rate and remembers
+            onto[i][i] += law.force(Dual::from_re(e[i]), rate, &p, &[], &mut []).eps;
         }
     }
 
@@ -366,78 +394,6 @@ impl<T: Real> Power<'_, '_, T> {
                     let e = continued(e, first, self.motion.memory.get(topology.turns + 2 * c));
                     out.x[spec.x] -= e * by[0] + rate * by[1] + virtual_ * by[2];
                     out.x[spec.x + 1] -= by[0];
-                }
-            }
-        }
-    }
-
-    /// - U.W of all loads.
-    pub fn loads_back(
-        &self,
-        at: &Placement<T>,
-        twists: &Twists<T>,
-        bodies: &mut Bodies<T>,
-        out: &mut Slopes<T>,
-    ) {
-        let topology = self.eq.topology();
-        let f = T::from(-self.factor);
-        for (load, spec) in topology.tables.loads.iter().enumerate() {
-            let n = topology.node_of_body[spec.body];
-            let r = &at.pose[n].r;
-            let (local, value) = load_parts(topology, &self.eq.geometry, load, self.motion.t);
-            let arm = r * local;
-            let world: V3<T> = if spec.follower { r * value } else { value } * f;
-            // at its point
-            let u = twists.virtual_[n].motion_at(&arm);
-            let zero = V3::zeros();
-            let (virtual_, moved, felt) = if spec.torque {
-                let moved = if spec.follower {
-                    world.cross(&u.a)
-                } else {
-                    zero
-                };
-                (Six::new(zero, world), Six::new(zero, moved), u.a)
-            } else {
-                let moved = if spec.follower {
-                    world.cross(&u.l)
-                } else {
-                    zero
-                };
-                (
-                    Six::new(world, zero),
-                    Six::new(world.cross(&u.a), moved),
-                    u.l,
-                )
-            };
-            let to_com = -arm;
-            bodies.virtual_[n] += virtual_.wrench_at(&to_com);
-            bodies.displaced[n] += moved.wrench_at(&to_com);
-            out.geometry.loads[load].0 += r.transpose() * moved.l;
-            let by_value = if spec.follower {
-                r.transpose() * felt
-            } else {
-                felt
-            } * f;
-            out.geometry.loads[load].1 += by_value;
-            self.load_motions_back(load, &by_value, out);
-        }
-    }
-
-    /// Motions add to a load in the drawn world; a follower carries the sum along from there.
-    fn load_motions_back(&self, load: usize, by_value: &V3<T>, out: &mut Slopes<T>) {
-        let (tables, geometry) = (&self.eq.topology().tables, &self.eq.geometry);
-        let spec = &tables.loads[load];
-        let drawn: M3<T> = match spec.follower {
-            true => geometry.bodies[spec.body].drawn.r,
-            false => M3::identity(),
-        };
-        let by_world = drawn * by_value;
-        for m in tables.load_motions.iter().filter(|m| m.load == load) {
-            out.motions[m.motion][0] += by_world[m.component];
-            if spec.follower {
-                let v = geometry.motions[m.motion].at(self.motion.t)[0];
-                for k in 0..3 {
-                    out.geometry.bodies[spec.body].drawn.r[(m.component, k)] += v * by_value[k];
                 }
             }
         }

@@ -13,7 +13,8 @@ use crate::spatial::{M3, Pose, Real, Six, V3, skew};
 use crate::system::placement::Placement;
 use crate::system::topology::Topology;
 
-use super::power::{Power, Slopes};
+use super::power::{Columns, Power, Slopes};
+use super::power_flexible::OnTape;
 
 /// Twists of the bodies by virtual rates, and their accelerations (-g of ground included).
 pub struct Twists<T: Real> {
@@ -60,9 +61,9 @@ pub fn body_rotation<T: Real>(topology: &Topology, at: &Placement<T>, body: Body
         .map_or_else(M3::identity, |n| at.pose[n].r)
 }
 
-impl<T: Real> Power<'_, '_, T> {
+impl<T: OnTape> Power<'_, '_, T> {
     /// Virtual twists and accelerations of all bodies.
-    pub fn twists(&self, at: &Placement<T>) -> Twists<T> {
+    pub fn twists(&self, at: &Placement<T>, columns: &Columns<T>) -> Twists<T> {
         let topology = self.eq.topology();
         let base = match self.gravity() {
             Some(g) => Six::new(-g, V3::zeros()),
@@ -81,12 +82,10 @@ impl<T: Real> Power<'_, '_, T> {
             };
             for k in node.first..node.first + node.n {
                 let s = &at.column[k];
-                u += s.scaled(self.virtual_rate(k));
-                if let Some(x) = self.acceleration.get(k) {
-                    a += s.scaled(*x);
-                }
+                u += s.scaled(columns.virtual_[k]);
+                a += s.scaled(columns.acceleration[k]);
                 if let (true, Some(v)) = (self.turning(), &at.velocity) {
-                    a += v.before[k].cross_motion(s).scaled(self.motion.rate[k]);
+                    a += v.before[k].cross_motion(s).scaled(columns.rate[k]);
                 }
             }
             virtual_.push(u);
@@ -99,10 +98,16 @@ impl<T: Real> Power<'_, '_, T> {
     }
 
     /// Bodies back to coordinates, joint frames and gravity.
-    pub fn tree_back(&self, at: &Placement<T>, mut bodies: Bodies<T>, out: &mut Slopes<T>) {
+    pub fn tree_back(
+        &self,
+        at: &Placement<T>,
+        columns: &Columns<T>,
+        mut bodies: Bodies<T>,
+        out: &mut Slopes<T>,
+    ) {
         let topology = self.eq.topology();
         for i in (0..topology.nodes.len()).rev() {
-            let (inner, by_velocity) = self.joint_back(at, i, &bodies, out);
+            let (inner, by_velocity) = self.joint_back(at, columns, i, &bodies, out);
             self.frames_back(at, i, &inner, &bodies.displaced[i], out);
             let (by_virtual, by_acceleration) = (bodies.virtual_[i], bodies.acceleration[i]);
             let Some(p) = topology.nodes[i].parent else {
@@ -123,6 +128,7 @@ impl<T: Real> Power<'_, '_, T> {
     fn joint_back(
         &self,
         at: &Placement<T>,
+        columns: &Columns<T>,
         i: usize,
         bodies: &Bodies<T>,
         out: &mut Slopes<T>,
@@ -137,14 +143,14 @@ impl<T: Real> Power<'_, '_, T> {
                 if topology.dofs[k].freedom.stage != stage {
                     continue;
                 }
-                let (s, rate) = (&at.column[k], self.motion.rate[k]);
+                let (s, rate) = (&at.column[k], columns.rate[k]);
                 out.q[k] += s.dot(&displaced);
                 out.rate[k] += s.dot(&velocity);
-                let mut column = velocity.scaled(rate) + by_virtual.scaled(self.virtual_rate(k));
-                if let Some(a) = self.acceleration.get(k) {
-                    out.acceleration[k] += s.dot(by_acceleration);
-                    column += by_acceleration.scaled(*a);
-                }
+                out.acceleration[k] += s.dot(by_acceleration);
+                out.virtual_[k] += s.dot(by_virtual);
+                let mut column = velocity.scaled(rate)
+                    + by_virtual.scaled(columns.virtual_[k])
+                    + by_acceleration.scaled(columns.acceleration[k]);
                 if let (true, Some(own)) = (self.turning(), &at.velocity) {
                     let before = &own.before[k];
                     out.rate[k] += before.cross_motion(s).dot(by_acceleration);
@@ -173,7 +179,16 @@ impl<T: Real> Power<'_, '_, T> {
         let own = (-*body).rotated(&pose.r.transpose());
         let geometry = &self.eq.geometry;
         let Some(j) = node.joint else {
-            if node.kind == JointKind::Free {
+            if node.kind == JointKind::Node {
+                // the node's undeformed place is the inner frame, or of a reversed one the outer
+                let carrier = node.parent.map_or_else(M3::identity, |p| at.pose[p].r);
+                let tip = &mut out.geometry.tips[topology.tip(node)].offset;
+                *tip += if node.reversed {
+                    own.l
+                } else {
+                    carrier.transpose() * inner.l
+                };
+            } else {
                 // world axes at the drawn centre of mass, the drawn axes in the body
                 let drawn = &geometry.bodies[node.body].drawn;
                 let onto = &mut out.geometry.bodies[node.body].drawn;

@@ -2,7 +2,7 @@
 use crate::analysis::transient::{Equations, Motion};
 use crate::error::{Error, Result};
 use crate::model::tables::BodyRef;
-use crate::spatial::{Real, Six, V3};
+use crate::spatial::{Real, Six, V3, turned, turned_back};
 use crate::system::connector::relative_of;
 use crate::system::flexible::node_rates;
 use crate::system::placement::Placement;
@@ -163,10 +163,10 @@ fn point<T: Real>(
     let geometry = &eq.geometry.bodies[body];
     let local = world.map_or_else(
         || -geometry.com,
-        |p| geometry.drawn.r.transpose() * (p - geometry.drawn.p),
+        |p| turned_back(&geometry.drawn.r, &(p - geometry.drawn.p)),
     );
     let pose = &placement.pose[node];
-    let arm = pose.r * local;
+    let arm = turned(&pose.r, &local);
     if order == 0 {
         return pose.p + arm;
     }

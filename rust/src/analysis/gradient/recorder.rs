@@ -1,5 +1,5 @@
-//! Steps on the tape: which numbers are leaves, and where their derivatives go.
-use nalgebra::{DMatrix, Matrix3, Vector3};
+//! What objectives read and laws remember on the tape: which numbers are leaves, and where their derivatives go.
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::Result;
@@ -8,6 +8,7 @@ use crate::run::Counts;
 use crate::spatial::Pose;
 
 use super::alpha::Load;
+use super::by_hand::ByHand;
 use super::march::Here;
 use super::quantity::{Point, Quantity, evaluate};
 use super::tape::{Taped, backwards, clear, leaf};
@@ -63,7 +64,6 @@ pub struct Leaves {
     pub motion: Motion<Taped>,
     pub acceleration: Vec<Taped>,
     pub lam: Vec<Taped>,
-    pub extra: Vec<Taped>,
     places: [usize; 6],
 }
 
@@ -74,6 +74,8 @@ pub struct Recorder<'a> {
     n_geometry: usize,
     /// adjoints of numbers and of the geometry, summed over all steps
     numbers: Vec<f64>,
+    /// what needs no tape
+    pub hand: ByHand<'a>,
 }
 
 impl<'a> Recorder<'a> {
@@ -89,18 +91,19 @@ impl<'a> Recorder<'a> {
             n_x,
             n_geometry,
             numbers: vec![0.0; n_x + n_geometry],
+            hand: ByHand::new(eq),
         }
     }
 
-    pub fn begin(&self) -> Equations<'a, Taped> {
+    fn begin(&self) -> Equations<'a, Taped> {
         clear();
         let x = self.eq.x.iter().map(|v| leaf(*v)).collect();
         let geometry = self.eq.geometry.map(leaf);
         Equations::with_geometry(self.eq.system, x, geometry, self.eq.effects)
     }
 
-    /// An instant as leaves; `extra`: more numbers, such as an increment.
-    pub fn leaves(&self, m: &Motion<f64>, a: &[f64], lam: &[f64], extra: &[f64]) -> Leaves {
+    /// An instant as leaves.
+    fn leaves(&self, m: &Motion<f64>, a: &[f64], lam: &[f64]) -> Leaves {
         let all = |v: &[f64]| v.iter().map(|x| leaf(*x)).collect::<Vec<_>>();
         let relative: Vec<Pose<Taped>> = m
             .relative
@@ -133,57 +136,51 @@ impl<'a> Recorder<'a> {
             },
             acceleration: all(a),
             lam: all(lam),
-            extra: all(extra),
             places,
         }
     }
 
-    /// Differentiate a sum: numbers of the model are added up here, the instant's adjoints and those of `extra` come back.
-    pub fn finish(&mut self, sum: Taped, of: &Leaves) -> (Adjoint, Vec<f64>) {
-        let n = of.places[5] + of.extra.len();
-        let d = backwards(sum, n);
+    /// Differentiate a sum: numbers of the model are added up here, the instant's adjoints come back.
+    fn finish(&mut self, sum: Taped, of: &Leaves) -> Adjoint {
+        let d = backwards(sum, of.places[5]);
         let own = self.n_x + self.n_geometry;
         add(&mut self.numbers, &d[..own]);
         let part = |i: usize| d[of.places[i]..of.places[i + 1]].to_vec();
-        let found = Adjoint {
+        Adjoint {
             pose: part(0),
             rate: part(1),
             memory: part(2),
             acceleration: part(3),
             lam: part(4),
             load: None,
-        };
-        (found, d[of.places[5]..].to_vec())
-    }
-
-    /// Adjoints of numbers, then of the geometry, for others to add to.
-    pub fn found(&mut self) -> &mut [f64] {
-        &mut self.numbers
+        }
     }
 
     /// Adjoints of the numbers x, those of the geometry carried to them.
     pub fn numbers(&self) -> Vec<f64> {
+        let mut all = self.numbers.clone();
+        self.hand.add_numbers(&mut all);
         clear();
         let x: Vec<Taped> = self.eq.x.iter().map(|v| leaf(*v)).collect();
         let geometry = Geometry::derive(&self.eq.system.topology.tables, &x);
         let mut sum = Taped::from(0.0);
         let mut place = self.n_x;
         let _ = geometry.map(|v: Taped| {
-            sum += v * self.numbers[place];
+            sum += v * all[place];
             place += 1;
             0.0
         });
         let mut out = backwards(sum, self.n_x);
-        add(&mut out, &self.numbers[..self.n_x]);
+        add(&mut out, &all[..self.n_x]);
         out
     }
 }
 
-pub fn twelve(p: &Pose<f64>) -> [f64; 12] {
+fn twelve(p: &Pose<f64>) -> [f64; 12] {
     std::array::from_fn(|k| p.number(k))
 }
 
-pub fn weighed(v: &[Taped], by: &[f64]) -> Taped {
+fn weighed(v: &[Taped], by: &[f64]) -> Taped {
     v.iter()
         .zip(by)
         .fold(Taped::from(0.0), |s, (v, w)| s + *v * *w)
@@ -205,14 +202,14 @@ pub fn seed(
         return Ok(());
     }
     let eq = recorder.begin();
-    let leaves = recorder.leaves(&at.motion, &at.acceleration, &at.lam, &[]);
+    let leaves = recorder.leaves(&at.motion, &at.acceleration, &at.lam);
     let point = Point {
         motion: &leaves.motion,
         acceleration: &leaves.acceleration,
         lam: &leaves.lam,
     };
     let sum = weighed(&evaluate(&eq, &point, wanted)?, seeds);
-    let (found, _) = recorder.finish(sum, &leaves);
+    let found = recorder.finish(sum, &leaves);
     add_all(onto, &found);
     Ok(())
 }
@@ -232,27 +229,17 @@ pub fn remembered_back(recorder: &mut Recorder<'_>, from: &Here, end: &Here, at:
         memory: from.instant.motion.memory.clone(),
         ..end.instant.motion.clone()
     };
-    let leaves = recorder.leaves(&start, &[], &[], &[]);
+    let leaves = recorder.leaves(&start, &[], &[]);
     let mut m = leaves.motion.clone();
     eq.remember(&mut m, &mut Counts::default());
     let sum = weighed(&m.memory, &at.memory);
-    let (found, _) = recorder.finish(sum, &leaves);
+    let found = recorder.finish(sum, &leaves);
     add(&mut at.pose, &found.pose);
     add(&mut at.rate, &found.rate);
     at.memory = found.memory;
 }
 
-/// The sum of weights times twelve numbers of poses.
-pub fn weighed_poses(m: &Motion<Taped>, by: &[f64]) -> Taped {
-    let mut sum = Taped::from(0.0);
-    for (p, w) in m.relative.iter().zip(by.chunks(12)) {
-        for (k, w) in w.iter().enumerate() {
-            sum += p.number(k) * *w;
-        }
-    }
-    sum
-}
-
-pub fn constant(v: &[f64]) -> Vec<Taped> {
-    v.iter().map(|x| Taped::from(*x)).collect()
+/// x^T A for the metric of the projections: what a change of v* or a* does to the right sides.
+pub fn transposed_times(by: &DMatrix<f64>, u: &DVector<f64>) -> Vec<f64> {
+    by.tr_mul(u).as_slice().to_vec()
 }

@@ -18,7 +18,8 @@ use crate::spatial::Pose;
 use crate::system::placement::{State, advance, lifted_relative, place};
 use crate::system::topology::Level;
 
-use super::{Direction, Follow};
+use super::slopes::Slopes;
+use super::{Direction, Follow, Plan};
 
 /// A direction that moves redundant rows apart by more than this (relative) breaks a loop open.
 const BREAKS_LOOP: f64 = 1e-7;
@@ -312,6 +313,60 @@ impl<'a> Starting<'a> {
             .sum();
         Ok(sum + rates)
     }
+}
+
+/// The first instant along all directions.
+pub fn started(
+    eq: &Equations<'_, f64>,
+    first: &Instant,
+    plan: &Plan,
+    directions: &[Direction],
+    order: &[usize],
+    counts: &mut Counts,
+) -> Result<Slopes> {
+    let none = |rows: usize| DMatrix::zeros(rows, order.len());
+    let (n, memory) = (eq.n(), first.motion.memory.len());
+    let mut out = Slopes {
+        x: none(n),
+        v: none(n),
+        a: none(n),
+        lam: none(eq.n_rows()),
+        z: none(memory),
+    };
+    if order.is_empty() {
+        return Ok(out);
+    }
+    let starting = Starting::new(eq, first, &plan.follow)?;
+    let held = Motion {
+        t: first.motion.t,
+        relative: first
+            .motion
+            .relative
+            .iter()
+            .map(Pose::<f64>::lifted)
+            .collect(),
+        rate: Vec::new(),
+        memory: Vec::new(),
+    };
+    for (column, p) in order.iter().enumerate() {
+        let mut x: Vec<Dual64> = eq.x.iter().map(|v| Dual64::from(*v)).collect();
+        for (i, d) in &directions[*p] {
+            x[*i].eps += d;
+        }
+        let dual = Equations::new(eq.system, x, eq.effects);
+        let start = starting.along(&dual, *p, counts)?;
+        let put = |to: &mut DMatrix<f64>, d: &[Dual64]| {
+            for (i, d) in d.iter().enumerate() {
+                to[(i, column)] = d.eps;
+            }
+        };
+        put(&mut out.x, &dual.difference(&held, &start.motion));
+        put(&mut out.v, &start.motion.rate);
+        put(&mut out.a, &start.acceleration);
+        put(&mut out.lam, &start.lam);
+        put(&mut out.z, &start.motion.memory);
+    }
+    Ok(out)
 }
 
 /// Loops that are drawn open by more than this (relative) are closed along a path that matters.

@@ -23,15 +23,26 @@ const NOTHING: Node = Node {
     slope: [0.0, 0.0],
 };
 
-thread_local! {
-    static TAPE: RefCell<Vec<Node>> = RefCell::new(vec![NOTHING]);
+/// What is written, and room for the pass backwards.
+struct Tape {
+    nodes: Vec<Node>,
+    adjoint: Vec<f64>,
 }
 
+thread_local! {
+    static TAPE: RefCell<Tape> = const {
+        RefCell::new(Tape {
+            nodes: Vec::new(),
+            adjoint: Vec::new(),
+        })
+    };
+}
+
+#[inline]
 fn write(node: Node) -> u32 {
-    TAPE.with(|t| {
-        let mut t = t.borrow_mut();
-        t.push(node);
-        (t.len() - 1) as u32
+    TAPE.with_borrow_mut(|t| {
+        t.nodes.push(node);
+        (t.nodes.len() - 1) as u32
     })
 }
 
@@ -42,9 +53,12 @@ pub struct Taped {
     at: u32,
 }
 
-/// Start anew on this thread.
+/// Start anew on this thread; whatever comes before the first number of all is no tape yet.
 pub fn clear() {
-    TAPE.with(|t| t.borrow_mut().truncate(1));
+    TAPE.with_borrow_mut(|t| {
+        t.nodes.clear();
+        t.nodes.push(NOTHING);
+    });
 }
 
 /// An independent number; its place is its rank among them where they come first.
@@ -57,14 +71,15 @@ pub fn leaf(re: f64) -> Taped {
 
 /// Derivatives of `sum` by the first n leaves after `clear`.
 pub fn backwards(sum: Taped, n: usize) -> Vec<f64> {
-    TAPE.with(|t| {
-        let t = t.borrow();
-        let mut adjoint = vec![0.0; t.len()];
+    TAPE.with_borrow_mut(|t| {
+        let Tape { nodes, adjoint } = t;
+        adjoint.clear();
+        adjoint.resize(nodes.len(), 0.0);
         adjoint[sum.at as usize] = 1.0;
-        for i in (n + 1..t.len()).rev() {
+        for i in (n + 1..nodes.len()).rev() {
             let a = adjoint[i];
             if a != 0.0 {
-                let node = t[i];
+                let node = nodes[i];
                 adjoint[node.from[0] as usize] += a * node.slope[0];
                 adjoint[node.from[1] as usize] += a * node.slope[1];
             }
@@ -74,10 +89,12 @@ pub fn backwards(sum: Taped, n: usize) -> Vec<f64> {
 }
 
 impl Taped {
+    #[inline]
     fn constant(re: f64) -> Self {
         Taped { re, at: 0 }
     }
 
+    #[inline]
     fn one_of(self, re: f64, slope: f64) -> Self {
         if self.at == 0 {
             return Taped::constant(re);
@@ -89,6 +106,7 @@ impl Taped {
         Taped { re, at }
     }
 
+    #[inline]
     fn two_of(self, other: Self, re: f64, slope: [f64; 2]) -> Self {
         match (self.at, other.at) {
             (0, 0) => Taped::constant(re),
@@ -104,6 +122,7 @@ impl Taped {
         }
     }
 
+    #[inline]
     fn is_nothing(&self) -> bool {
         self.at == 0 && self.re == 0.0
     }
@@ -111,6 +130,7 @@ impl Taped {
 
 impl Add for Taped {
     type Output = Self;
+    #[inline]
     fn add(self, o: Self) -> Self {
         if self.is_nothing() {
             return o;
@@ -124,6 +144,7 @@ impl Add for Taped {
 
 impl Sub for Taped {
     type Output = Self;
+    #[inline]
     fn sub(self, o: Self) -> Self {
         if o.is_nothing() {
             return self;
@@ -134,6 +155,7 @@ impl Sub for Taped {
 
 impl Mul for Taped {
     type Output = Self;
+    #[inline]
     fn mul(self, o: Self) -> Self {
         if self.is_nothing() || o.is_nothing() {
             return Taped::constant(0.0);
@@ -144,6 +166,7 @@ impl Mul for Taped {
 
 impl Div for Taped {
     type Output = Self;
+    #[inline]
     fn div(self, o: Self) -> Self {
         let inverse = 1.0 / o.re;
         let re = self.re * inverse;
@@ -153,6 +176,7 @@ impl Div for Taped {
 
 impl Rem for Taped {
     type Output = Self;
+    #[inline]
     fn rem(self, o: Self) -> Self {
         let whole = (self.re / o.re).trunc();
         self.two_of(o, self.re % o.re, [1.0, -whole])
@@ -161,6 +185,7 @@ impl Rem for Taped {
 
 impl Neg for Taped {
     type Output = Self;
+    #[inline]
     fn neg(self) -> Self {
         self.one_of(-self.re, -1.0)
     }
@@ -170,22 +195,26 @@ macro_rules! forward {
     ($($op:ident $method:ident $assign:ident $assign_method:ident),*) => {$(
         impl $op<&Taped> for Taped {
             type Output = Taped;
+            #[inline]
             fn $method(self, o: &Taped) -> Taped {
                 self.$method(*o)
             }
         }
         impl $op<f64> for Taped {
             type Output = Taped;
+            #[inline]
             fn $method(self, o: f64) -> Taped {
                 self.$method(Taped::constant(o))
             }
         }
         impl $assign for Taped {
+            #[inline]
             fn $assign_method(&mut self, o: Taped) {
                 *self = self.$method(o);
             }
         }
         impl $assign<f64> for Taped {
+            #[inline]
             fn $assign_method(&mut self, o: f64) {
                 *self = self.$method(Taped::constant(o));
             }
@@ -226,16 +255,19 @@ impl PartialOrd<f64> for Taped {
 }
 
 impl From<f64> for Taped {
+    #[inline]
     fn from(re: f64) -> Self {
         Taped::constant(re)
     }
 }
 
 impl Zero for Taped {
+    #[inline]
     fn zero() -> Self {
         Taped::constant(0.0)
     }
 
+    #[inline]
     fn is_zero(&self) -> bool {
         self.re == 0.0
     }
@@ -346,6 +378,7 @@ impl DualNum for Taped {
     type InnerDual = f64;
     const NDERIV: usize = 1;
 
+    #[inline]
     fn from_re(re: f64) -> Self {
         Taped::constant(re)
     }

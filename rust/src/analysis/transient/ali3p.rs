@@ -14,6 +14,7 @@ use num_dual::{Dual, Dual64};
 use crate::error::{Error, Result};
 use crate::run::Counts;
 use crate::spatial::{Pose, Real};
+use crate::system::assemble::Tangent;
 use crate::system::topology::Level;
 
 use super::matrix::turn_columns;
@@ -49,6 +50,63 @@ pub struct Record {
 pub struct Factors {
     pub step: Penalty,
     pub projection: Option<Penalty>,
+    pub weight: Weight,
+    /// what the first one was made of, for those who differentiate
+    pub linear: Option<Linear>,
+}
+
+/// Derivatives of the residual and of the rows by the motion, in increments of the tree coordinates.
+pub struct Linear {
+    pub tangent: Tangent<f64>,
+    pub jacobian: DMatrix<f64>,
+}
+
+impl Linear {
+    /// M + d D + k K.
+    pub fn combined(&self, d: f64, k: f64) -> DMatrix<f64> {
+        let t = &self.tangent;
+        let mut out = &t.mass + &t.stiffness * k;
+        for part in [&t.damping, &t.gyroscopic].into_iter().flatten() {
+            out.zip_apply(part, |a, b| *a += b * d);
+        }
+        out
+    }
+}
+
+/// How accelerations changed over the last steps, from which the next ones are foreseen: a polynomial through three of them.
+#[derive(Debug, Clone, Default)]
+pub struct Trend {
+    /// changes over the last two steps by their lengths, and these
+    slopes: Vec<(Vec<f64>, f64)>,
+}
+
+impl Trend {
+    /// A step was made.
+    pub fn pass(&mut self, from: &[f64], to: &[f64], h: f64) {
+        let slope = to.iter().zip(from).map(|(a, b)| (a - b) / h).collect();
+        if self.slopes.len() == 2 {
+            self.slopes.remove(0);
+        }
+        self.slopes.push((slope, h));
+    }
+
+    /// Accelerations after another step.
+    fn ahead(&self, a0: &[f64], h: f64) -> Vec<f64> {
+        let mut a = a0.to_vec();
+        let Some((slope, last)) = self.slopes.last() else {
+            return a;
+        };
+        for (a, s) in a.iter_mut().zip(slope) {
+            *a += h * s;
+        }
+        if let [(before, first), _] = self.slopes.as_slice() {
+            let factor = h * (h + last) / (last + first);
+            for (a, (s, b)) in a.iter_mut().zip(slope.iter().zip(before)) {
+                *a += factor * (s - b);
+            }
+        }
+        a
+    }
 }
 
 /// What the trapezoidal rule makes of an increment: motion with v*, and a*.
@@ -91,8 +149,16 @@ pub fn closure<T: Real>(eq: &Equations<'_, T>, m: &Motion<T>, h: f64) -> DVector
 /// The same with another factor of velocity rows.
 pub fn closure_by<T: Real>(eq: &Equations<'_, T>, m: &Motion<T>, factor: f64) -> DVector<T> {
     let (mut phi, jacobian) = eq.rows(m);
+    eq.close_rates(m, &jacobian, factor, &mut phi);
+    phi
+}
+
+/// The closure without its Jacobian.
+pub fn closure_values<T: Real>(eq: &Equations<'_, T>, m: &Motion<T>, factor: f64) -> DVector<T> {
+    let placement = eq.place(m);
+    let mut phi = eq.scene(m, &placement, None).row_values();
     if eq.topology().has_velocity_rows() {
-        let rates = eq.row_rates_of(m, &jacobian);
+        let rates = eq.row_rates(m);
         for (i, row) in eq.topology().rows.iter().enumerate() {
             if row.level == Level::Velocity {
                 phi[i] = rates[i] * factor;
@@ -100,6 +166,21 @@ pub fn closure_by<T: Real>(eq: &Equations<'_, T>, m: &Motion<T>, factor: f64) ->
         }
     }
     phi
+}
+
+impl<T: Real> Equations<'_, T> {
+    /// Velocity rows of a closure: J v + Phi_t times a factor.
+    fn close_rates(&self, m: &Motion<T>, jacobian: &DMatrix<T>, factor: f64, phi: &mut DVector<T>) {
+        if !self.topology().has_velocity_rows() {
+            return;
+        }
+        let rates = self.row_rates_of(m, jacobian);
+        for (i, row) in self.topology().rows.iter().enumerate() {
+            if row.level == Level::Velocity {
+                phi[i] = rates[i] * factor;
+            }
+        }
+    }
 }
 
 /// The same equations over duals of their numbers.
@@ -161,30 +242,29 @@ impl Equations<'_, f64> {
     }
 
     /// The matrix of a step: derivative of balance and closure by (dq, c lam).
-    pub fn step_matrix(
+    fn step_matrix(
         &self,
         from: &Instant,
         dq: &[f64],
-        lam: &[f64],
+        linear: &Linear,
         h: f64,
         counts: &mut Counts,
     ) -> Result<Penalty> {
-        let (m, a) = stars(self, &from.motion, &from.acceleration, dq, h);
-        let tangent = self.tangent(&m, &a, lam, counts);
-        let mut matrix = tangent.mass + self.turned_columns(tangent.stiffness * (0.25 * h * h), dq);
-        for d in [&tangent.damping, &tangent.gyroscopic]
-            .into_iter()
-            .flatten()
-        {
-            matrix += d * (0.5 * h);
+        let t = &linear.tangent;
+        let (c, maps) = (0.25 * h * h, self.rotation_maps(dq));
+        let mut matrix = &t.stiffness * c;
+        turn_columns(&mut matrix, &maps);
+        matrix += &t.mass;
+        for part in [&t.damping, &t.gyroscopic].into_iter().flatten() {
+            matrix.zip_apply(part, |a, b| *a += b * (0.5 * h));
         }
-        let jacobian = self.rows(&m).1;
-        let mut right = self.turned_columns(jacobian.clone(), dq);
+        let mut right = linear.jacobian.clone();
+        turn_columns(&mut right, &maps);
         if self.topology().has_velocity_rows() {
             self.velocity_row_slopes(from, dq, h, &mut right);
         }
         counts.add("factorisations", 1);
-        Penalty::new(&matrix, &jacobian.transpose(), &right)
+        Penalty::new(&matrix, &linear.jacobian.transpose(), &right)
     }
 
     /// Rows of velocity level: h/2 d(J v*)/d(dq), column by column with a dual number.
@@ -217,7 +297,7 @@ impl Equations<'_, f64> {
     }
 
     /// The matrix of both projections.
-    pub fn projection_matrix(
+    fn projection_matrix(
         &self,
         m: &Motion<f64>,
         a: &[f64],
@@ -228,35 +308,32 @@ impl Equations<'_, f64> {
     ) -> Result<Penalty> {
         let matrix = match weight {
             Weight::Mass => self.mass(m),
-            Weight::Tangent => {
-                let tangent = self.tangent(m, a, &[], counts);
-                let mut w = tangent.mass + tangent.stiffness * (0.25 * h * h);
-                for d in [&tangent.damping, &tangent.gyroscopic]
-                    .into_iter()
-                    .flatten()
-                {
-                    w += d * (0.5 * h);
-                }
-                w
+            Weight::Tangent => Linear {
+                tangent: self.tangent(m, a, &[], counts),
+                jacobian: DMatrix::zeros(0, 0),
             }
+            .combined(0.5 * h, 0.25 * h * h),
         };
         counts.add("factorisations", 1);
         Penalty::new(&matrix, &jacobian.transpose(), jacobian)
     }
 
-    /// One step, with what is needed to repeat it.
+    /// One step, with what is needed to repeat it; the accelerations at its end are foreseen by those before.
     pub fn ali3p_step(
         &self,
         from: &Instant,
         h: f64,
+        trend: &Trend,
         weight: Weight,
         counts: &mut Counts,
     ) -> Result<(Instant, Record, Factors)> {
         let n = self.n();
         let (v0, a0) = (&from.motion.rate, &from.acceleration);
-        let mut dq: Vec<f64> = (0..n).map(|i| h * v0[i] + 0.5 * h * h * a0[i]).collect();
+        let ahead = trend.ahead(a0, h);
+        let c = 0.25 * h * h;
+        let mut dq: Vec<f64> = (0..n).map(|i| h * v0[i] + c * (a0[i] + ahead[i])).collect();
         let mut lam = from.lam.clone();
-        let step = self.newton(from, h, &mut dq, &mut lam, counts)?;
+        let (step, linear) = self.newton(from, h, &mut dq, &mut lam, counts)?;
         let (m, a) = stars(self, &from.motion, a0, &dq, h);
         let mut record = Record {
             h,
@@ -275,7 +352,13 @@ impl Equations<'_, f64> {
         let projection = (self.n_rows() > 0)
             .then(|| self.project(&mut end, &mut record, weight, counts))
             .transpose()?;
-        Ok((end, record, Factors { step, projection }))
+        let factors = Factors {
+            step,
+            projection,
+            weight,
+            linear: Some(linear),
+        };
+        Ok((end, record, factors))
     }
 
     fn project(
@@ -314,6 +397,28 @@ impl Equations<'_, f64> {
         Ok(by)
     }
 
+    /// Residual, closure (velocity rows times a factor) and their derivatives, all of one placement.
+    pub fn linearised(
+        &self,
+        m: &Motion<f64>,
+        a: &[f64],
+        lam: &[f64],
+        factor: f64,
+        counts: &mut Counts,
+    ) -> (DVector<f64>, DVector<f64>, Linear) {
+        counts.add("force evaluations", 1);
+        let placement = self.place(m);
+        let carried = (!lam.is_empty()).then_some(lam);
+        let r = self.scene(m, &placement, Some(a)).residual(carried);
+        let tangent = self.tangent_at(m, &placement, a, lam, counts);
+        let (mut phi, jacobian) = match self.n_rows() {
+            0 => (DVector::zeros(0), DMatrix::zeros(0, self.n())),
+            _ => self.scene(m, &placement, None).constraints(),
+        };
+        self.close_rates(m, &jacobian, factor, &mut phi);
+        (r, phi, Linear { tangent, jacobian })
+    }
+
     fn newton(
         &self,
         from: &Instant,
@@ -321,7 +426,7 @@ impl Equations<'_, f64> {
         dq: &mut [f64],
         lam: &mut [f64],
         counts: &mut Counts,
-    ) -> Result<Penalty> {
+    ) -> Result<(Penalty, Linear)> {
         let scales = self.scales();
         let size = |v: &[f64]| scaled_size(v, &scales);
         let c = 0.25 * h * h;
@@ -329,13 +434,13 @@ impl Equations<'_, f64> {
         for _ in 0..MAX_ITERATIONS {
             counts.add("iterations", 1);
             let (m, a) = stars(self, &from.motion, &from.acceleration, dq, h);
-            let r = balance(self, &m, &a, lam, h, counts);
-            let phi = closure(self, &m, h);
+            let (mut r, phi, linear) = self.linearised(&m, &a, lam, 0.5 * h, counts);
+            r *= -c;
             if r.iter().chain(phi.iter()).any(|v| !v.is_finite()) {
                 return Err(unsolved(h, f64::NAN));
             }
-            let by = self.step_matrix(from, dq, lam, h, counts)?;
-            let (x, y) = by.solve_one(&-r, &-phi)?;
+            let by = self.step_matrix(from, dq, &linear, h, counts)?;
+            let (x, y) = by.solve_one(&r, &-phi)?;
             for (d, x) in dq.iter_mut().zip(x.iter()) {
                 *d += x;
             }
@@ -345,14 +450,14 @@ impl Equations<'_, f64> {
             let step = size(x.as_slice());
             let whole = size(dq).max(c * size(&from.acceleration));
             if step <= SOLVED * whole || step <= 4.0 * f64::EPSILON {
-                return Ok(by);
+                return Ok((by, linear));
             }
             if step > 2.0 * last && step > 1.0 {
                 break;
             }
             // rounding of a long way or of stiff forces: no further progress
             if step > 0.5 * last && step < 1e-12 {
-                return Ok(by);
+                return Ok((by, linear));
             }
             last = step;
         }
@@ -372,15 +477,14 @@ fn unsolved(h: f64, residual: f64) -> Error {
 #[derive(Default)]
 pub struct Ali3p {
     pub weight: Weight,
-    /// change of the acceleration over the last step, and its length
-    slope: Option<(Vec<f64>, f64)>,
+    trend: Trend,
 }
 
 impl Ali3p {
     pub fn new(weight: Weight) -> Self {
         Ali3p {
             weight,
-            slope: None,
+            trend: Trend::default(),
         }
     }
 
@@ -389,9 +493,8 @@ impl Ali3p {
         let n = end.acceleration.len();
         let slope = |i: usize| (end.acceleration[i] - from.acceleration[i]) / h;
         let second = |i: usize| {
-            self.slope
-                .as_ref()
-                .map_or(0.0, |(s, before)| 2.0 * (slope(i) - s[i]) / (h + before))
+            let last = self.trend.slopes.last();
+            last.map_or(0.0, |(s, before)| 2.0 * (slope(i) - s[i]) / (h + before))
         };
         let factor = h * h * h / 12.0;
         LocalError {
@@ -414,22 +517,26 @@ impl Scheme for Ali3p {
         estimate: bool,
         counts: &mut Counts,
     ) -> Result<Step> {
-        let (end, ..) = eq.ali3p_step(from, h, self.weight, counts)?;
+        let (end, record, _) = eq.ali3p_step(from, h, &self.trend, self.weight, counts)?;
+        if estimate {
+            let projected = end.motion.rate.iter().zip(&record.dv);
+            let before: Vec<f64> = projected.map(|(v, d)| v - d).collect();
+            eq.same_branch(&before, &end, h)?;
+        }
         let error = estimate.then(|| self.estimate(from, &end, h));
         Ok(Step { end, error })
     }
 
     fn accept(&mut self, _eq: &Equations<'_, f64>, from: &Instant, step: &Step, h: f64) {
-        let slope = step
-            .end
-            .acceleration
-            .iter()
-            .zip(&from.acceleration)
-            .map(|(a, b)| (a - b) / h);
-        self.slope = Some((slope.collect(), h));
+        self.trend
+            .pass(&from.acceleration, &step.end.acceleration, h);
+    }
+
+    fn per_unit_step(&self) -> bool {
+        true
     }
 
     fn reset(&mut self) {
-        self.slope = None;
+        self.trend = Trend::default();
     }
 }

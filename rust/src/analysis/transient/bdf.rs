@@ -28,6 +28,9 @@ const NEAR: f64 = 0.25;
 const SAFETY: f64 = 0.85;
 /// Corrections that stop falling below this are rounding.
 const ROUNDING: f64 = 1e-10;
+/// Motions within a step below this, characteristic lengths or radians, are solved as if they were of this size: at rest there
+/// is nothing but rounding to be relative to.
+const RESOLVED: f64 = 1e-6;
 /// Rotations of a chart beyond this (radians) call for a new one.
 const WIDE: f64 = 1.0;
 /// Tolerance of the run that starts fixed steps.
@@ -92,6 +95,8 @@ pub struct Bdf {
     /// steps of one length and order: their errors have no tolerance that could choose
     fixed: bool,
     stiff: bool,
+    /// of the whole run: what starts from rest is no slower than this
+    time: f64,
     /// allowed remainder of Newton's method, in the units of the tolerance
     solved: f64,
     history: Option<History>,
@@ -114,6 +119,7 @@ impl Bdf {
             order: 1,
             fixed: rtol.is_none(),
             stiff: false,
+            time: f64::INFINITY,
             solved: rtol.map_or(1e-12, |r| 0.01 * r),
             history: None,
             start: VecDeque::new(),
@@ -135,7 +141,9 @@ impl Bdf {
         }
         let scales = eq.scales();
         let size = |v: &[f64]| scaled_size(v, &scales);
-        let motion = size(&at.motion.rate).max(size(&at.acceleration).sqrt());
+        let motion = size(&at.motion.rate)
+            .max(size(&at.acceleration).sqrt())
+            .max(1.0 / self.time);
         self.stiff = eq.fastest(at, counts)? > STIFF * motion;
         Ok(())
     }
@@ -177,7 +185,6 @@ impl Bdf {
             },
             outputs: Some(times),
             breaks: Vec::new(),
-            per_unit_step: false,
             max_steps: 100_000,
         };
         let mut scheme = Bdf::new(Some(START));
@@ -258,7 +265,7 @@ impl Bdf {
         let speed = size(&guess.v)
             .max(size(&from.motion.rate))
             .max(c * size(&from.acceleration))
-            .max(1e-300);
+            .max(RESOLVED / c);
         let (mut v, mut y, mut lam) = (guess.v.clone(), guess.y.clone(), from.lam.clone());
         if self
             .kept
@@ -433,6 +440,9 @@ impl Scheme for Bdf {
         let c = h / alpha(k);
         let trial = self.solve(eq, &guess, &psi, c, from, from.motion.t + h, counts)?;
         let end = eq.consistent(trial.motion.clone(), counts)?;
+        if estimate {
+            eq.same_branch(&trial.motion.rate, &end, h)?;
+        }
         let projected = eq.increment_rates(&trial.y, &eq.difference(&trial.motion, &end.motion));
         let mut d = Pair {
             y: trial.y,
@@ -465,6 +475,10 @@ impl Scheme for Bdf {
         if eq.widest_rotation(&history.d[0].y) > WIDE {
             recharted(eq, history, k + 2);
         }
+    }
+
+    fn over(&mut self, time: f64) {
+        self.time = time;
     }
 
     /// In a stiff scene rates count by what they move within a step: fast vibrations that move little may be stepped over.

@@ -18,6 +18,8 @@ use super::saddle::Saddle;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
 const STEPS: usize = 4;
+/// Growth of start steps.
+const REGROWTH: f64 = 5.0;
 /// Leading term of the error over the fifth difference: (1/5)/(25/12).
 const LEADING: f64 = 12.0 / 125.0;
 /// A fifth difference sums 32 values: what it may show of the norm that the equations of a step are left with.
@@ -33,6 +35,10 @@ pub struct BdfBfgs {
     tried: Option<Vec<f64>>,
     /// the step that is tried leaves the history behind
     restarted: bool,
+    /// length and parts of the step that is tried, where it is a start step
+    started: Option<(f64, u64)>,
+    /// length of the last step with the formula
+    usual: f64,
 }
 
 impl BdfBfgs {
@@ -45,6 +51,8 @@ impl BdfBfgs {
             lam: None,
             tried: None,
             restarted: false,
+            started: None,
+            usual: 0.0,
         }
     }
 
@@ -184,11 +192,13 @@ impl Scheme for BdfBfgs {
     ) -> Result<Step> {
         // the last step of a run with fixed steps may be shorter: one start step is nothing lost
         self.restarted = self.history.too_wide(from, h);
+        self.started = None;
         if !self.restarted && self.history.past.len() >= STEPS - 1 + usize::from(estimate) {
             return self.corrected(eq, from, h, counts);
         }
         self.tried = None;
-        let end = self.history.start(eq, from, h, counts)?;
+        let (end, parts) = self.history.start(eq, from, h, counts)?;
+        self.started = Some((h, parts));
         let none = || LocalError {
             position: vec![0.0; eq.n()],
             rate: vec![0.0; eq.n()],
@@ -199,13 +209,28 @@ impl Scheme for BdfBfgs {
         })
     }
 
-    fn accept(&mut self, _: &Equations<'_, f64>, from: &Instant, step: &Step, _: f64) {
+    fn accept(&mut self, _: &Equations<'_, f64>, from: &Instant, step: &Step, h: f64) {
+        if self.started.is_none() {
+            self.usual = h;
+        }
         if self.restarted {
             self.history.past.clear();
         }
         self.history.past.insert(0, from.clone());
         self.history.past.truncate(STEPS);
         self.lam = self.tried.take().map(|lam| (step.end.motion.t, lam));
+    }
+
+    /// Behind a kink start steps grow back to the length that steps had before it: in short ones rounding, which a difference of
+    /// rates shows over the step, would pass for an error.
+    fn proposal(&mut self, _: &dyn Fn(&LocalError) -> f64) -> Option<f64> {
+        let (h, parts) = self.started?;
+        let back = (self.usual / h).clamp(1.0, REGROWTH);
+        Some(if parts == 1 { back } else { 1.0 })
+    }
+
+    fn per_unit_step(&self) -> bool {
+        true
     }
 
     fn reset(&mut self) {

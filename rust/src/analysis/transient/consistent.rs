@@ -163,6 +163,15 @@ impl Equations<'_, f64> {
         Ok(())
     }
 
+    /// [M J^T; J 0] at a motion.
+    pub(super) fn saddle_at(&self, m: &Motion<f64>, counts: &mut Counts) -> Result<Saddle> {
+        let placement = self.place(m);
+        let scene = self.scene(m, &placement, None);
+        let mut jacobian = self.matrix(self.n_rows());
+        scene.constraints_into(&mut jacobian);
+        self.saddle(&self.mass_of(&scene), &jacobian, counts)
+    }
+
     /// The same, with the factors that the accelerations need as well.
     fn aligned(&self, m: &mut Motion<f64>, counts: &mut Counts) -> Result<Saddle> {
         counts.add("velocity projections", 1);

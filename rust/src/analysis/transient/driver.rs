@@ -2,10 +2,10 @@
 use std::f64::consts::TAU;
 
 use crate::error::{Error, Result};
-use crate::model::joint::JointKind;
 use crate::run::{Cancel, Counts};
 
-use super::way::{Aim, Detour, Verdict, Way, active};
+use super::detour::Detour;
+use super::way::{Aim, Verdict, Way, active, finest};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
 pub use super::plan::{End, Output, Plan, Progress, Run, Steps};
@@ -21,6 +21,8 @@ const FADING: f64 = 0.3;
 const SLOWEST: f64 = 1e-3;
 const MAX_FAILURES: usize = 60;
 const DIVISIONS: usize = 5;
+/// Steps of one detour that are placed anew for a singular pose.
+const PLACED: usize = 8;
 
 struct Driver<'e, 's, 'p> {
     eq: &'e Equations<'s, f64>,
@@ -64,6 +66,7 @@ pub fn drive(
         },
     };
     driver.at_start(&start);
+    scheme.over(plan.end - start.motion.t);
     driver.march(scheme, start, cancel, progress, counts)?;
     Ok(driver.run)
 }
@@ -142,24 +145,35 @@ impl Driver<'_, '_, '_> {
                 .max(self.scaled(&way.here.motion.rate))
                 .max(1e-3 * self.scaled(&way.here.acceleration) * total.min(way.h * 1e3))
                 .max(SLOWEST / total);
-            if way
-                .detour
-                .take_if(|d| way.here.motion.t >= d.until)
-                .is_some()
-            {
-                way.h = way.recent;
+            let here = &way.here;
+            if let Some(d) = way.detour.take_if(|d| d.is_behind(self.eq, here, counts)) {
+                (way.h, way.recent) = (d.before, d.before);
                 scheme.reset();
             }
             let aim = self.aim(&mut way);
             let estimate = self.controlled();
+            let finest = finest(&way);
             let active = active(&mut way.detour, scheme);
             let tried = active.step(self.eq, &way.here, aim.length, estimate, counts);
-            let going_on = match self.judged(tried, &way.here, aim.length, active) {
+            let allowed = self.tolerance(active, aim.length).max(finest);
+            let better = active
+                .better_end()
+                .filter(|_| estimate && way.placed < PLACED);
+            let verdict = match better {
+                Some(part) => Verdict::Misplaced(part),
+                None => self.judged(tried, &way.here, aim.length, active, allowed),
+            };
+            let going_on = match verdict {
                 Verdict::Accepted(step, size) => {
                     self.accepted(&mut way, scheme, *step, size, &aim, counts)?
                 }
                 Verdict::Rejected(factor, why) => {
                     self.rejected(&mut way, scheme, aim.length * factor, why, counts)
+                }
+                Verdict::Misplaced(part) => {
+                    counts.add("singular poses", 1);
+                    way.place(part, aim.length);
+                    true
                 }
                 Verdict::Turned(part) => self.turned(&mut way, aim.length * part, counts),
                 Verdict::Fatal(error) => {
@@ -198,18 +212,23 @@ impl Driver<'_, '_, '_> {
             after_rejection: false,
             detour: None,
             recent: 0.0,
+            cut: None,
+            placed: 0,
         }
     }
 
     /// The length of the next step, and what it ends at.
     fn aim(&self, way: &mut Way) -> Aim {
         if self.controlled() {
-            way.h = way.h.min(self.half_turn(&way.here));
+            way.h = way.h.min(self.eq.half_turn(&way.here));
         }
         let t = way.here.motion.t;
         let (mut length, mut target) = self.fitted(&way.here, way.h);
-        if let Some(d) = way.detour.as_ref().filter(|d| t + length > d.until) {
-            (length, target) = (d.until - t, Some(d.until));
+        if let Some(until) = way.detour.as_ref().and_then(|d| d.end_within(t, length)) {
+            (length, target) = (until - t, Some(until));
+        }
+        if let Some(cut) = way.cut.filter(|c| t + length > *c) {
+            (length, target) = (cut - t, None);
         }
         // a break is approached from the left; what jumps there belongs to what follows
         let end = self.plan.end;
@@ -238,12 +257,13 @@ impl Driver<'_, '_, '_> {
         if let Some(t) = aim.target {
             step.end.motion.t = t;
         }
+        let finest = finest(way);
         let active = active(&mut way.detour, scheme);
         self.record(active, &way.here, &mut step, aim.length, counts)?;
         active.accept(self.eq, &way.here, &step, aim.length);
         let patience = active.rate_time(aim.length);
-        let tolerance =
-            |e: &LocalError| self.size(e, self.speed, patience) / self.tolerance(aim.length);
+        let allowed = self.tolerance(active, aim.length).max(finest);
+        let tolerance = |e: &LocalError| self.size(e, self.speed, patience) / allowed;
         let next = match active.proposal(&tolerance) {
             Some(factor) => self.proposed(way.h, aim.length, factor),
             None => {
@@ -258,6 +278,9 @@ impl Driver<'_, '_, '_> {
         let faded = way.recent * (-FADING * aim.length / way.recent.max(aim.length)).exp();
         way.recent = aim.length.max(faded);
         way.here = step.end;
+        way.cut = way
+            .cut
+            .filter(|c| *c - way.here.motion.t > 1e-6 * aim.length);
         self.run.local.push(size);
         self.run.steps.push(aim.broken.unwrap_or(way.here.motion.t));
         counts.add("steps", 1);
@@ -295,17 +318,10 @@ impl Driver<'_, '_, '_> {
         way.failures += 1;
         way.after_rejection = true;
         way.h = shorter;
-        if self.controlled()
-            && way.detour.is_none()
-            && let Some(around) = scheme.bridge(self.eq, shorter / way.recent)
-        {
-            counts.add("detours", 1);
-            way.failures = 0;
-            way.h = way.recent;
-            way.detour = Some(Detour {
-                scheme: around,
-                until: t + way.recent,
-            });
+        if let Some(detour) = self.detour(way, scheme, shorter, counts) {
+            (way.failures, way.placed) = (0, 0);
+            way.h = detour.length;
+            way.detour = Some(detour);
             return true;
         }
         // a fixed step is divided where its equations have no solution, as in singular poses
@@ -315,10 +331,39 @@ impl Driver<'_, '_, '_> {
             DIVISIONS
         };
         if self.vanishes(shorter, t) || way.failures > most {
+            // steps that were accepted are as short beside the whole as this one
+            let why = if t > self.start && self.vanishes(way.recent, t) {
+                format!(
+                    "1e14 steps of {shorter:.1e} s would not reach the end; take a shorter time"
+                )
+            } else {
+                why
+            };
             self.stop(t, why);
             return false;
         }
         true
+    }
+
+    /// A way around the pose that made a step of the scheme fail.
+    fn detour(
+        &self,
+        way: &Way,
+        scheme: &dyn Scheme,
+        shorter: f64,
+        counts: &mut Counts,
+    ) -> Option<Detour> {
+        let Steps::Controlled { rtol, longest, .. } = self.plan.steps else {
+            return None;
+        };
+        if way.detour.is_some() {
+            return None;
+        }
+        let around = scheme.bridge(shorter / way.recent)?;
+        let natural = self.first_step(&way.here, rtol, around.order());
+        // long enough to get well beyond the pose with the first step
+        let natural = way.recent.max(natural).min(longest);
+        Detour::around(self.eq, &way.here, around, way.recent, natural, counts)
     }
 
     /// A shorter step that ends where a slider turns.
@@ -341,24 +386,6 @@ impl Driver<'_, '_, '_> {
 
     fn stop(&mut self, t: f64, message: String) {
         self.run.end = End::Stopped { t, message };
-    }
-
-    /// A step in which no angle of a joint turns by half a turn, beyond which turns cannot be counted: v h + a h^2/2 <= 2.
-    fn half_turn(&self, here: &Instant) -> f64 {
-        const TURN: f64 = 2.0;
-        let nodes = self.eq.topology().nodes.iter();
-        let counted = nodes.filter(|n| {
-            !matches!(
-                n.kind,
-                JointKind::Spherical | JointKind::Free | JointKind::Node
-            )
-        });
-        let dofs = counted.flat_map(|n| n.first..n.first + n.n);
-        let turning = dofs.filter(|d| self.eq.topology().dofs[*d].freedom.rotation);
-        turning.fold(f64::INFINITY, |h, d| {
-            let (v, a) = (here.motion.rate[d].abs(), here.acceleration[d].abs());
-            h.min(2.0 * TURN / (v + (v * v + 2.0 * a * TURN).sqrt()))
-        })
     }
 
     /// The step that does not pass the end or a break, and the time it must hit exactly.
@@ -406,7 +433,15 @@ impl Driver<'_, '_, '_> {
         }
     }
 
-    fn judged(&self, tried: Result<Step>, here: &Instant, h: f64, scheme: &dyn Scheme) -> Verdict {
+    /// `allowed`: local error of the step
+    fn judged(
+        &self,
+        tried: Result<Step>,
+        here: &Instant,
+        h: f64,
+        scheme: &dyn Scheme,
+        allowed: f64,
+    ) -> Verdict {
         let step = match tried {
             Ok(step) => step,
             Err(error @ (Error::Convergence { .. } | Error::Singular(_))) => {
@@ -420,7 +455,7 @@ impl Driver<'_, '_, '_> {
         // what starts from rest without force has no rate of its own yet
         let reached = self.scaled(&step.end.motion.rate);
         let patience = scheme.rate_time(h);
-        let size = self.size(error, self.speed.max(reached), patience) / self.tolerance(h);
+        let size = self.size(error, self.speed.max(reached), patience) / allowed;
         if size <= 1.0 {
             let turn = match self.plan.steps {
                 Steps::Controlled { rtol, .. } => {
@@ -446,10 +481,10 @@ impl Driver<'_, '_, '_> {
     }
 
     /// What the local error of a step may be; infinite for fixed steps.
-    fn tolerance(&self, h: f64) -> f64 {
+    fn tolerance(&self, scheme: &dyn Scheme, h: f64) -> f64 {
         match self.plan.steps {
             Steps::Fixed(_) => f64::INFINITY,
-            Steps::Controlled { rtol, .. } if self.plan.per_unit_step => {
+            Steps::Controlled { rtol, .. } if scheme.per_unit_step() => {
                 rtol * h / (self.plan.end - self.start)
             }
             Steps::Controlled { rtol, .. } => rtol,

@@ -3,7 +3,9 @@ use crate::laws::Law;
 use crate::model::flexible::FlexibleGeometry;
 use crate::model::joint::{Coordinate, JointKind};
 use crate::spatial::{Six, V3, log_so3};
-use crate::system::connector::{motion_of, relative_of};
+use crate::system::connector::{
+    Numbers, Wanted, continued_motion_of, load_interaction, modal_load, relative_of,
+};
 use crate::system::placement::Placement;
 use crate::system::topology::{Connector, Modal, Node};
 
@@ -21,6 +23,8 @@ pub struct Energies {
     pub gravity: f64,
     /// of all connectors, then of flexible bodies
     pub elements: Vec<ElementEnergy>,
+    /// power that loads take: negative where they drive
+    pub loads: Vec<f64>,
 }
 
 /// Nodes and weights of Gauss-Legendre quadrature with 5 points on [0, 1].
@@ -101,11 +105,33 @@ impl Equations<'_, f64> {
         let connectors = topology.connectors.iter();
         let elements = connectors.map(|c| self.element_energy(&placement, m, c));
         let elements = elements.chain(self.modal_energies(&placement, m)).collect();
+        let loads = (0..topology.tables.loads.len())
+            .map(|i| -self.load_power(i, &placement, m))
+            .collect();
         Energies {
             kinetic,
             gravity,
             elements,
+            loads,
         }
+    }
+
+    fn load_power(&self, load: usize, placement: &Placement<f64>, m: &Motion<f64>) -> f64 {
+        let topology = self.topology();
+        let spec = &topology.tables.loads[load];
+        if let Some(mode) = spec.mode {
+            let coordinate = topology.modal_coordinate(spec.body, mode);
+            let rate = coordinate.map_or(0.0, |i| m.rate[i]);
+            return rate * modal_load(topology, &self.geometry, load, m.t);
+        }
+        let Some(velocity) = placement.velocity.as_ref() else {
+            return 0.0;
+        };
+        let forces = Wanted::FORCES;
+        let acting = load_interaction(topology, &self.geometry, placement, load, m.t, forces);
+        let node = topology.node_of_body[spec.body];
+        let arm = acting.point - placement.pose[node].p;
+        acting.wrench.dot(&velocity.body[node].motion_at(&arm))
     }
 
     /// Strain energy of flexible bodies, and what their stiffness and damping take.
@@ -141,7 +167,11 @@ impl Equations<'_, f64> {
         c: &Connector,
     ) -> ElementEnergy {
         let x = &self.x;
-        let moved = motion_of(self.topology(), &self.geometry, placement, x, c);
+        let numbers = Numbers {
+            x,
+            memory: &m.memory,
+        };
+        let moved = continued_motion_of(self.topology(), &self.geometry, placement, numbers, c);
         let n = moved.len();
         let (mut stored, mut power, mut skew) = (0.0, 0.0, false);
         for (i, (e, v)) in moved.iter().enumerate() {

@@ -12,7 +12,8 @@ use crate::run::Counts;
 
 use super::dop853_numbers::{A, B, C, D, E3, E5, Row, STAGES};
 use super::explicit_minimal::Minimal;
-use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
+use super::explicit_passing::Passing;
+use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 
 /// The estimate exceeds that of order 5 at most by this factor.
 const MOST: f64 = 10.0;
@@ -34,6 +35,8 @@ pub struct Explicit8 {
     end: Option<Ends>,
     /// None: tree coordinates
     minimal: Option<Minimal>,
+    /// singular poses are looked for
+    passing: Option<Passing>,
 }
 
 #[derive(Clone)]
@@ -80,7 +83,10 @@ impl Explicit8 {
 
     /// For schemes whose own steps collapse there.
     pub fn past_singular_poses() -> Box<dyn Scheme> {
-        Box::new(Explicit8::new(Coordinates::Independent, None))
+        Box::new(Explicit8 {
+            passing: Some(Passing::default()),
+            ..Explicit8::new(Coordinates::Independent, None)
+        })
     }
 
     fn stage(
@@ -95,6 +101,9 @@ impl Explicit8 {
         if let Some(minimal) = &mut self.minimal {
             let rate = from.rate.iter().zip(&v).map(|(r, dv)| r + dv).collect();
             let at = minimal.settle(eq, from, from.t + C[stage] * h, (y, rate), false, counts)?;
+            if let Some(passing) = self.passing.as_mut().filter(|_| stage < STAGES) {
+                passing.see(C[stage], minimal.pivots());
+            }
             let v = minimal.accelerations(eq, &at, counts)?;
             let y = eq.increment_rates(&at.increment, &at.motion.rate);
             self.slopes.push(Slope { y, v });
@@ -175,7 +184,12 @@ impl Scheme for Explicit8 {
             v: from.acceleration.clone(),
         });
         match &mut self.minimal {
-            Some(minimal) if eq.n_rows() > 0 => minimal.choose(eq, &from.motion, counts)?,
+            Some(minimal) if eq.n_rows() > 0 => {
+                minimal.choose(eq, &from.motion, counts)?;
+                if let Some(passing) = &mut self.passing {
+                    passing.start(minimal.pivots_at(eq, &from.motion)?);
+                }
+            }
             _ => self.minimal = None,
         }
         for stage in 1..STAGES {
@@ -206,10 +220,23 @@ impl Scheme for Explicit8 {
                 (y, v)
             });
             let scales = eq.scales();
-            LocalError {
+            let mut error = LocalError {
                 position: combined(five.0, &three.0, &scales),
                 rate: combined(five.1, &three.1, &scales),
+            };
+            if let Some(passing) = &self.passing {
+                let floor = passing.rounding(scaled_size(&end.motion.rate, &scales), h);
+                // no step could be short enough for what rounding adds
+                for (e, (v, s)) in error
+                    .position
+                    .iter_mut()
+                    .zip(error.rate.iter_mut().zip(&scales))
+                {
+                    *v -= v.clamp(-floor * s, floor * s);
+                    *e -= e.clamp(-h * floor * s, h * floor * s);
+                }
             }
+            error
         });
         self.slopes.push(Slope {
             y: eq.increment_rates(&dy, &end.motion.rate),
@@ -219,9 +246,12 @@ impl Scheme for Explicit8 {
         Ok(Step { end, error })
     }
 
-    fn bridge(&self, eq: &Equations<'_, f64>, left: f64) -> Option<Box<dyn Scheme>> {
-        let alone = eq.n_rows() > 0 && self.minimal.is_none() && left < COLLAPSED;
-        alone.then(Explicit8::past_singular_poses)
+    fn bridge(&self, left: f64) -> Option<Box<dyn Scheme>> {
+        (self.passing.is_none() && left < COLLAPSED).then(Explicit8::past_singular_poses)
+    }
+
+    fn better_end(&self) -> Option<f64> {
+        self.passing.as_ref()?.better_end()
     }
 
     fn remark(&self) -> Option<String> {

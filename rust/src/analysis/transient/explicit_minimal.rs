@@ -24,9 +24,10 @@ const WORN: f64 = 4.0;
 /// A redundant row of which this much is left has become one of its own.
 const RANK: f64 = 1e-7;
 const NEWTON_STEPS: usize = 12;
-/// Part of the tolerance to which positions of stages are closed.
+/// Part of the tolerance to which positions of stages are closed; accelerations miss by that over the square of the smallest pivot.
 const CLOSER: f64 = 1e-2;
 const TIGHT: f64 = 1e-14;
+const COARSE: f64 = 1e-7;
 /// Corrections that are smaller and shrink no more are rounding.
 const ROUNDING: f64 = 1e-11;
 /// Sparse models: freedoms times dependent coordinates, over rows and coordinates, up to which B is cheaper than multipliers.
@@ -40,6 +41,7 @@ pub struct Minimal {
     rates: Factors,
     places: Factors,
     worn: bool,
+    /// of positions of stages
     tolerance: f64,
     switches: usize,
     names: String,
@@ -60,7 +62,7 @@ impl Minimal {
             rates: Factors::default(),
             places: Factors::default(),
             worn: false,
-            tolerance: rtol.map_or(TIGHT, |r| (CLOSER * r).clamp(TIGHT, 1e-7)),
+            tolerance: rtol.map_or(TIGHT, |r| CLOSER * r),
             switches: 0,
             names: String::new(),
         }
@@ -119,7 +121,10 @@ impl Minimal {
         counts: &mut Counts,
     ) -> Result<Settled> {
         let plan = self.plan.as_ref().ok_or_else(no_choice)?;
-        let tolerance = if end { TIGHT } else { self.tolerance };
+        let tolerance = |least: f64| match end {
+            true => TIGHT,
+            false => (self.tolerance * least * least).clamp(TIGHT, COARSE),
+        };
         let scales = eq.scales();
         let (mut m, mut last, mut left) =
             (from.moved(eq.topology(), &y), f64::INFINITY, NEWTON_STEPS);
@@ -143,16 +148,17 @@ impl Minimal {
             let mut d = vec![0.0; eq.n()];
             plan.depend(places, Some((-&phi).as_slice()), &mut d, plan.n_position);
             let size = scaled_size(&d, &scales);
-            let lost = left == 0 || size > last && last > ROUNDING;
+            let (open, worst) = eq.worst_row(&phi);
+            // what rounding leaves of a row is larger by the pivot in the coordinate
+            let rounding = size <= ROUNDING || open <= TIGHT;
+            let lost = left == 0 || size > last && !rounding;
             if !size.is_finite() || size > 1.0 || lost {
-                let (open, worst) = eq.worst_row(&phi);
                 return Err(eq.open(worst, open));
             }
             y.iter_mut().zip(&d).for_each(|(y, d)| *y += d);
             m.relative.clone_from(&from.relative);
             advance(eq.topology(), &mut m.relative, &y);
-            if size <= tolerance || size <= ROUNDING && size > 0.5 * last {
-                let (open, worst) = eq.worst_row(&phi);
+            if size <= tolerance(self.rates.least) || rounding && size > 0.5 * last {
                 if end && open > ACCEPTABLE {
                     return Err(eq.open(worst, open));
                 }
@@ -175,12 +181,41 @@ impl Minimal {
         })
     }
 
+    /// The pivots at the start of a step, whose signs tell of singular poses.
+    pub fn pivots_at(&mut self, eq: &Equations<'_, f64>, from: &Motion<f64>) -> Result<Vec<f64>> {
+        let plan = self.plan.as_ref().ok_or_else(no_choice)?;
+        plan.factor(&eq.row_matrix(from).1, false, &mut self.rates)?;
+        Ok(plan.sizes(&self.rates))
+    }
+
+    /// The pivots at the pose that was settled last.
+    pub fn pivots(&self) -> Vec<f64> {
+        let plan = self.plan.as_ref();
+        plan.map_or_else(Vec::new, |p| p.sizes(&self.rates))
+    }
+
     /// What follows from changes of independent increments and rates at the last pose.
     pub fn follow(&self, y: &mut [f64], v: &mut [f64]) {
         if let Some(plan) = &self.plan {
             plan.depend(&self.rates, None, y, plan.n_position);
             plan.depend(&self.rates, None, v, plan.pivots.len());
         }
+    }
+
+    /// Are B and M so small, or B so narrow, that they are cheaper than the multipliers?
+    fn narrow(&self, eq: &Equations<'_, f64>) -> bool {
+        let wide = |p: &Plan| p.independent.len() * p.pivots.len() > FEW * (eq.n() + eq.n_rows());
+        !eq.sparse || !self.plan.as_ref().is_none_or(wide)
+    }
+
+    /// Large models with few freedoms: stages in independent coordinates are cheaper than multipliers of all loops. In small ones
+    /// they are not, since positions have to be closed in every stage.
+    pub fn pays(eq: &Equations<'_, f64>, at: &Motion<f64>) -> bool {
+        if !eq.sparse || eq.n_rows() == 0 {
+            return false;
+        }
+        let mut trial = Minimal::new(None);
+        trial.choose(eq, at, &mut Counts::default()).is_ok() && trial.narrow(eq)
     }
 
     /// Accelerations of all coordinates at the pose that was settled last.
@@ -201,7 +236,7 @@ impl Minimal {
             scene.row_bias(&scene.carried_accelerations()) + eq.explicit_rates(&at.motion).1;
         let mass = eq.mass_of(&scene);
         let (n, f, r) = (eq.n(), plan.independent.len(), plan.pivots.len());
-        if eq.sparse && f * r > FEW * (n + eq.n_rows()) {
+        if !self.narrow(eq) {
             let saddle = eq.saddle(&mass, &at.jacobian, counts)?;
             return Ok(saddle.solve(&-h, &-gamma)?.0.as_slice().to_vec());
         }

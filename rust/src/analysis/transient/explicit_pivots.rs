@@ -71,7 +71,7 @@ pub struct Factors {
     pub worn: f64,
     /// the largest remainder of a redundant row
     pub remainder: f64,
-    /// the pivot that is the smallest, with its sign
+    /// the smallest size of a pivot
     pub least: f64,
 }
 
@@ -262,9 +262,7 @@ impl Plan {
                     "the chosen coordinates determine no others here",
                 ));
             }
-            if pivot.abs() < into.least.abs() {
-                into.least = pivot;
-            }
+            into.least = into.least.min(pivot.abs());
             for u in row {
                 let c = self.upper.item[u];
                 into.upper[u] = std::mem::take(&mut work[c]);
@@ -272,6 +270,13 @@ impl Plan {
             }
         }
         Ok(())
+    }
+
+    /// The pivots of a pose, in order.
+    pub fn sizes(&self, f: &Factors) -> Vec<f64> {
+        (0..self.pivots.len())
+            .map(|k| f.upper[self.upper.start[k]])
+            .collect()
     }
 
     /// x_d of J x = b in the first `pivots` rows, b = 0 where there is none; x holds the independent ones and takes the others.

@@ -16,7 +16,6 @@ use crate::run::Counts;
 use crate::spatial::Real;
 use crate::system::topology::Level;
 
-use super::explicit8::Explicit8;
 use super::saddle::Saddle;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 
@@ -24,8 +23,6 @@ use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 const MAX_ITERATIONS: usize = 50;
 /// Accelerations of an instant that change so much more than those of the scheme are not decided by the pose.
 const SINGULAR: f64 = 30.0;
-/// Steps that fall to this part of those before have met an obstacle.
-const COLLAPSED: f64 = 0.05;
 /// Part of a step after which the first rate of the acceleration is taken.
 const AHEAD: f64 = 1e-2;
 /// A kept factorisation is renewed when the corrections shrink more slowly.
@@ -420,9 +417,8 @@ impl Scheme for GeneralizedAlpha {
         })
     }
 
-    /// Newton's method gives up where the end of a step lies in a singular pose, and shorter steps only lead there.
-    fn bridge(&self, eq: &Equations<'_, f64>, left: f64) -> Option<Box<dyn Scheme>> {
-        (eq.n_rows() > 0 && left < COLLAPSED).then(Explicit8::past_singular_poses)
+    fn per_unit_step(&self) -> bool {
+        true
     }
 
     fn reset(&mut self) {

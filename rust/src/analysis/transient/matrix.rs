@@ -2,7 +2,6 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::linalg::entries::{Entries, Triplets};
-use crate::spatial::M3;
 
 #[derive(Debug, Clone)]
 pub enum Matrix {
@@ -135,26 +134,6 @@ impl Matrix {
                 }
             }
         }
-    }
-
-    /// Entries of columns first..first + 3 times a 3 x 3 matrix, for all such triples.
-    pub fn columns_times(&self, triples: &[(usize, M3<f64>)]) -> Vec<(usize, usize, f64)> {
-        if triples.is_empty() {
-            return Vec::new();
-        }
-        let mut of = vec![None; self.shape().1];
-        for (first, map) in triples {
-            for l in 0..3 {
-                of[first + l] = Some((*first, map.row(l).into_owned()));
-            }
-        }
-        let mut out = Vec::new();
-        self.each(|i, j, v| {
-            if let Some((first, row)) = of[j].as_ref().filter(|_| v != 0.0) {
-                out.extend((0..3).map(|k| (i, first + k, v * row[k])));
-            }
-        });
-        out
     }
 
     /// Columns first..first + 3 times a 3 x 3 matrix, for all such triples.

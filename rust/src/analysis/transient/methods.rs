@@ -1,6 +1,8 @@
 //! Which scheme runs, and a whole run from any start: consistent initial values first.
 use crate::error::{Error, Result};
+use crate::laws::Law;
 use crate::run::{Cancel, Counts};
+use crate::system::topology::BoundLaw;
 
 use super::ali3p::{Ali3p, Weight};
 use crate::solve::inverse::Family;
@@ -9,6 +11,7 @@ use super::bdf::Bdf;
 use super::bdf_bfgs::BdfBfgs;
 use super::bdf_step::Form;
 use super::driver::{Plan, Progress, Run, Steps, drive};
+use super::explicit_minimal::Minimal;
 use super::explicit8::{Coordinates, Explicit8};
 use super::generalized_alpha::GeneralizedAlpha;
 use super::{Equations, Instant, Motion, Scheme, scaled_size};
@@ -16,6 +19,7 @@ use super::{Equations, Instant, Motion, Scheme, scaled_size};
 #[derive(Debug, Clone, Copy)]
 pub enum Method {
     Auto,
+    /// None: what the scene lets expect to be cheaper
     Explicit(Option<Coordinates>),
     /// spectral radius at infinity
     GeneralizedAlpha(f64),
@@ -71,24 +75,13 @@ impl Method {
             Steps::Controlled { rtol, .. } => Some(rtol),
         };
         match self {
-            Method::Auto => Box::new(Explicit8::new(Coordinates::Tree, rtol)),
-            Method::Explicit(coordinates) => {
-                let coordinates = coordinates.unwrap_or(Coordinates::Tree);
-                Box::new(Explicit8::new(coordinates, rtol))
-            }
+            Method::Auto | Method::Explicit(None) => Box::new(Explicit8::default()),
+            Method::Explicit(Some(coordinates)) => Box::new(Explicit8::new(*coordinates, rtol)),
             Method::GeneralizedAlpha(rho) => Box::new(GeneralizedAlpha::new(*rho)),
             Method::Ali3p(weight) => Box::new(Ali3p::new(*weight)),
             Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family, rtol)),
             Method::Bdf => Box::new(Bdf::new(rtol)),
         }
-    }
-
-    /// Schemes without local extrapolation: their tolerance is that of a unit of time.
-    fn per_unit_step(&self) -> bool {
-        matches!(
-            self,
-            Method::GeneralizedAlpha(_) | Method::BdfBfgs(..) | Method::Ali3p(_)
-        )
     }
 }
 
@@ -106,7 +99,7 @@ pub fn simulate(
     eq: &Equations<'_, f64>,
     method: Method,
     start: Motion<f64>,
-    mut plan: Plan,
+    plan: Plan,
     cancel: &Cancel,
     progress: &Progress,
     counts: &mut Counts,
@@ -124,8 +117,11 @@ pub fn simulate(
         .map(|(a, b)| a - b)
         .collect();
     let velocity_correction = size(&changed);
-    let (method, mut why) = chosen(eq, method, &first, &plan, counts)?;
-    plan.per_unit_step = method.per_unit_step();
+    let (mut method, mut why) = chosen(eq, method, &first, &plan, counts)?;
+    if matches!(method, Method::Explicit(None)) && Minimal::pays(eq, &first.motion) {
+        method = Method::Explicit(Some(Coordinates::Independent));
+        why = format!("{why}; many loops and few freedoms");
+    }
     let mut scheme = method.scheme(plan.steps);
     let run = drive(eq, scheme.as_mut(), first, &plan, cancel, progress, counts)?;
     if let Some(remark) = scheme.remark() {
@@ -173,7 +169,10 @@ fn chosen(
     let motion = size(&first.motion.rate)
         .max(size(&first.acceleration).sqrt())
         .max(1.0 / time);
-    let fastest = eq.fastest(first, counts)?;
+    let mut fastest = eq.fastest(first, counts)?;
+    if let Some(still) = held_by_friction(eq, first, counts)? {
+        fastest = fastest.max(eq.fastest(&still, counts)?);
+    }
     let text = format!(
         "the fastest vibration or decay ({fastest:.2e} 1/s) is {:.1e} times as fast as the motion",
         fastest / motion
@@ -183,4 +182,20 @@ fn chosen(
     } else {
         Ok((Method::Explicit(None), format!("not stiff: {text}")))
     }
+}
+
+/// The start without its rates, where friction is steepest: what slides now may stick later. None without friction.
+fn held_by_friction(
+    eq: &Equations<'_, f64>,
+    first: &Instant,
+    counts: &mut Counts,
+) -> Result<Option<Instant>> {
+    let rubs = |l: &BoundLaw| matches!(l.law, Law::CoulombTanh);
+    let mut connectors = eq.topology().connectors.iter();
+    if !eq.effects.friction || !connectors.any(|c| c.laws.iter().any(rubs)) {
+        return Ok(None);
+    }
+    let mut still = first.motion.clone();
+    still.rate.fill(0.0);
+    eq.instant(still, counts).map(Some)
 }

@@ -12,7 +12,10 @@
 //! |---|---|
 //! | `saddle` | [A J^T; J 0] with redundant rows |
 //! | `consistent` | closing, projection of rates, accelerations and multipliers: all that makes an `Instant` |
+//! | `singular` | poses where rows lose rank |
+//! | `detour` | around them |
 //! | `plan`, `driver`, `way` | fixed or controlled steps, output times, stops, detours |
+//! | `held_rates` | tangents at constant rates |
 //! | `interpolate` | between two instants |
 //! | one file for each scheme | implements `Scheme` |
 pub mod ali3p;
@@ -22,14 +25,17 @@ mod bdf_history;
 mod bdf_solver;
 pub mod bdf_step;
 pub mod consistent;
+mod detour;
 mod dop853_numbers;
 pub mod driver;
 pub mod energy;
 pub mod explicit;
 pub mod explicit8;
 mod explicit_minimal;
+mod explicit_passing;
 mod explicit_pivots;
 pub mod generalized_alpha;
+mod held_rates;
 pub mod interpolate;
 pub mod matrix;
 pub mod methods;
@@ -37,19 +43,21 @@ pub mod penalty;
 pub mod plan;
 mod reversal;
 pub mod saddle;
+mod singular;
 pub mod stiffness;
 mod way;
 
+use explicit8::Explicit8;
 use nalgebra::{DMatrix, DVector};
 
 use crate::error::Result;
 use crate::model::geometry::Geometry;
 use crate::model::joint::JointKind;
 use crate::run::Counts;
-use crate::spatial::{M3, Pose, Real, V3, left_jacobian_coefficient, log_so3, skew};
+use crate::spatial::{M3, Pose, Real, V3, left_jacobian_coefficient, log_so3};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene, Tangent};
-use crate::system::connector::motion_of;
+use crate::system::connector::{Numbers, continued_motion_of};
 use crate::system::loops::{column_scales, row_scales};
 use crate::system::placement::{Placement, advance, place};
 use crate::system::rows::explicit_rates;
@@ -117,6 +125,14 @@ pub trait Scheme {
         f64::from(self.order())
     }
 
+    /// A run over this time begins.
+    fn over(&mut self, _time: f64) {}
+
+    /// One that extrapolates locally holds the error of a step to the tolerance, others that of a unit of time.
+    fn per_unit_step(&self) -> bool {
+        false
+    }
+
     /// Factor of the next step, for schemes that choose their order; `size` of an error is one at its tolerance. Called after
     /// `accept`.
     fn proposal(&mut self, _size: &dyn Fn(&LocalError) -> f64) -> Option<f64> {
@@ -126,8 +142,13 @@ pub trait Scheme {
     /// The driver goes on from the end of this step (of length h): the place to move histories on.
     fn accept(&mut self, _eq: &Equations<'_, f64>, _from: &Instant, _step: &Step, _h: f64) {}
 
-    /// A scheme that gets past places where the steps of this one collapse; `left`: the next step over those before.
-    fn bridge(&self, _eq: &Equations<'_, f64>, _left: f64) -> Option<Box<dyn Scheme>> {
+    /// A scheme that gets past singular poses where this one does not; `left`: the next step over those before.
+    fn bridge(&self, _left: f64) -> Option<Box<dyn Scheme>> {
+        Some(Explicit8::past_singular_poses())
+    }
+
+    /// The part of the step just made after which it should rather end.
+    fn better_end(&self) -> Option<f64> {
         None
     }
 
@@ -295,7 +316,22 @@ impl<'a, T: Real> Equations<'a, T> {
 
     /// J v + Phi_t.
     pub fn row_rates(&self, m: &Motion<T>) -> DVector<T> {
-        self.row_rates_of(m, &self.rows(m).1)
+        self.row_rates_at(m, &self.place(m))
+    }
+
+    pub fn row_rates_at(&self, m: &Motion<T>, placement: &Placement<T>) -> DVector<T> {
+        self.scene(m, placement, None).row_rates() + self.explicit_rates(m).0
+    }
+
+    /// J a + gamma, without ever forming J.
+    pub fn row_accelerations(
+        &self,
+        m: &Motion<T>,
+        placement: &Placement<T>,
+        a: &[T],
+    ) -> DVector<T> {
+        let scene = self.scene(m, placement, Some(a));
+        scene.row_bias(&scene.free_accelerations()) + self.explicit_rates(m).1
     }
 
     /// The same where J is known already.
@@ -317,41 +353,23 @@ impl<'a, T: Real> Equations<'a, T> {
 
     /// M, D = dr/dv (damping and gyroscopic), K = dr/dq at constant v, a, lam.
     pub fn tangent(&self, m: &Motion<T>, a: &[T], lam: &[T], counts: &mut Counts) -> Tangent<T> {
-        counts.add("tangents", 1);
-        let placement = self.place(m);
-        let lam = (!lam.is_empty()).then_some(lam);
-        let mut made = self.scene(m, &placement, Some(a)).tangent(lam, counts);
-        self.hold_rates(m, a, &mut made);
-        made
+        self.tangent_at(m, &self.place(m), a, lam, counts)
     }
 
-    /// A linearisation lets three rotations carry their rates along, dv = y' + y x v and da = y" + y' x v + y x a; here rates and
-    /// accelerations stay: with Omega y = y x v and A y = y x a, D - M Omega and K - (D - M Omega) Omega - M A.
-    fn hold_rates(&self, m: &Motion<T>, a: &[T], t: &mut Tangent<T>) {
-        let Some(d) = t.gyroscopic.as_mut() else {
-            return;
-        };
-        for node in &self.topology().nodes {
-            if !matches!(node.kind, JointKind::Spherical | JointKind::Free) {
-                continue;
-            }
-            let first = node.first + node.n - 3;
-            let sign = T::from(if node.reversed { 1.0 } else { -1.0 });
-            let turning = |v: &[T]| skew(&(V3::new(v[first], v[first + 1], v[first + 2]) * sign));
-            let (omega, alpha) = (turning(&m.rate), turning(a));
-            let mass = t.mass.columns(first, 3).into_owned();
-            let mut own = d.columns(first, 3).into_owned() - &mass * omega;
-            d.columns_mut(first, 3).copy_from(&own);
-            if let Some(damping) = &t.damping {
-                own += damping.columns(first, 3);
-            }
-            let change = own * omega + mass * alpha;
-            for (j, c) in change.column_iter().enumerate() {
-                for i in 0..c.len() {
-                    t.stiffness[(i, first + j)] -= c[i];
-                }
-            }
-        }
+    /// The same where the placement is known already.
+    pub fn tangent_at(
+        &self,
+        m: &Motion<T>,
+        placement: &Placement<T>,
+        a: &[T],
+        lam: &[T],
+        counts: &mut Counts,
+    ) -> Tangent<T> {
+        counts.add("tangents", 1);
+        let lam = (!lam.is_empty()).then_some(lam);
+        let mut made = self.scene(m, placement, Some(a)).tangent(lam, counts);
+        self.hold_rates(m, a, &mut made);
+        made
     }
 
     /// Memories of laws marched to this motion: for accepted steps only.
@@ -360,10 +378,17 @@ impl<'a, T: Real> Equations<'a, T> {
             return;
         }
         counts.add("memory updates", 1);
-        let placement = self.place(m);
         let topology = self.topology();
+        // turns are remembered whatever the rates
+        let laws = topology.connectors.iter().any(|c| !c.laws.is_empty());
+        let rate = laws.then_some(m.rate.as_slice());
+        let placement = place(topology, &self.geometry, &m.relative, rate);
         for c in topology.connectors.iter().filter(|c| !c.laws.is_empty()) {
-            let moved = motion_of(topology, &self.geometry, &placement, &self.x, c);
+            let numbers = Numbers {
+                x: &self.x,
+                memory: &m.memory,
+            };
+            let moved = continued_motion_of(topology, &self.geometry, &placement, numbers, c);
             for law in &c.laws {
                 let (e, v) = moved[law.component];
                 let p = &self.x[law.x..law.x + law.law.n_params()];

@@ -11,6 +11,7 @@ use faer::prelude::*;
 use nalgebra::{DMatrix, DVector};
 
 use crate::error::{Error, Result};
+use crate::linalg::small_lu::SmallLu;
 
 const ALPHA: f64 = 1e7;
 const PASSES: usize = 40;
@@ -23,7 +24,15 @@ pub struct Penalty {
     right: DMatrix<f64>,
     column: Vec<f64>,
     row: Vec<f64>,
-    lu: PartialPivLu<f64>,
+    lu: Lu,
+}
+
+/// Up to this size plain loops are faster than a library.
+const SMALL: usize = 16;
+
+enum Lu {
+    Small(SmallLu),
+    Large(PartialPivLu<f64>),
 }
 
 impl Penalty {
@@ -61,7 +70,11 @@ impl Penalty {
         if p.iter().any(|v| !v.is_finite()) {
             return Err(Error::singular("the equations of a step are no numbers"));
         }
-        let lu = MatRef::from_column_major_slice(p.as_slice(), n, n).partial_piv_lu();
+        let lu = if n <= SMALL {
+            Lu::Small(SmallLu::new(p))
+        } else {
+            Lu::Large(MatRef::from_column_major_slice(p.as_slice(), n, n).partial_piv_lu())
+        };
         Ok(Penalty {
             a,
             left,
@@ -122,7 +135,9 @@ impl Penalty {
         let (mut x, mut y) = (DMatrix::zeros(n, k), DMatrix::zeros(m, k));
         let mut last = f64::INFINITY;
         for pass in 0..PASSES {
-            let (r1, r2) = if transposed {
+            let (r1, r2) = if pass == 0 {
+                (f.clone(), g.clone())
+            } else if transposed {
                 (
                     &f - self.a.tr_mul(&x) - self.right.tr_mul(&y),
                     &g - self.left.tr_mul(&x),
@@ -131,9 +146,9 @@ impl Penalty {
                 (&f - &self.a * &x - &self.left * &y, &g - &self.right * &x)
             };
             let dx = if transposed {
-                self.back(&(r1 + self.right.tr_mul(&r2) * ALPHA), true)
+                self.back(r1 + self.right.tr_mul(&r2) * ALPHA, true)
             } else {
-                self.back(&(r1 + &self.left * &r2 * ALPHA), false)
+                self.back(r1 + &self.left * &r2 * ALPHA, false)
             };
             if dx.iter().any(|v| !v.is_finite()) {
                 return Err(Error::singular(
@@ -150,8 +165,7 @@ impl Penalty {
             x += &dx;
             y += &dy;
             let change = relative(&dx, &x).max(relative(&dy, &y));
-            if change <= 4.0 * f64::EPSILON || m == 0 && pass > 0 || change > 0.3 * last && pass > 1
-            {
+            if m == 0 || change <= 4.0 * f64::EPSILON || change > 0.3 * last && pass > 1 {
                 break;
             }
             last = change;
@@ -162,14 +176,21 @@ impl Penalty {
         ))
     }
 
-    fn back(&self, b: &DMatrix<f64>, transposed: bool) -> DMatrix<f64> {
-        let view = MatRef::from_column_major_slice(b.as_slice(), b.nrows(), b.ncols());
-        let x = if transposed {
-            self.lu.solve_transpose(view)
-        } else {
-            self.lu.solve(view)
-        };
-        DMatrix::from_fn(b.nrows(), b.ncols(), |i, j| x[(i, j)])
+    fn back(&self, mut b: DMatrix<f64>, transposed: bool) -> DMatrix<f64> {
+        match &self.lu {
+            Lu::Small(lu) if transposed => lu.solve_transposed(&mut b),
+            Lu::Small(lu) => lu.solve(&mut b),
+            Lu::Large(lu) => {
+                let (n, k) = b.shape();
+                let x = MatMut::from_column_major_slice_mut(b.as_mut_slice(), n, k);
+                if transposed {
+                    lu.solve_transpose_in_place(x);
+                } else {
+                    lu.solve_in_place(x);
+                }
+            }
+        }
+        b
     }
 }
 

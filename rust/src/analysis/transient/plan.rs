@@ -22,8 +22,6 @@ pub struct Plan {
     pub outputs: Option<Vec<f64>>,
     /// times at which a step must end and histories start anew, ascending
     pub breaks: Vec<f64>,
-    /// a scheme that extrapolates locally holds the error of a step to the tolerance, others that of a unit of time
-    pub per_unit_step: bool,
     pub max_steps: usize,
 }
 

@@ -4,7 +4,7 @@
 //! turns at u* the slider has moved there, which a step that ends behind the turn would miss: an error that no difference of
 //! orders sees. Steps end at such turns. u between the ends of a step is taken as the cubic with the values and rates there.
 use crate::laws::Law;
-use crate::system::connector::motion_of;
+use crate::system::connector::{Numbers, continued_motion_of};
 
 use super::{Equations, Motion};
 
@@ -19,12 +19,22 @@ impl Equations<'_, f64> {
         }
         let topology = self.topology();
         let slides = |law: &Law| law.n_memory() > 0;
-        let (before, after) = (self.place(from), self.place(to));
-        let mut first: Option<f64> = None;
         let connectors = topology.connectors.iter();
-        for c in connectors.filter(|c| c.laws.iter().any(|l| slides(&l.law))) {
-            let start = motion_of(topology, &self.geometry, &before, &self.x, c);
-            let end = motion_of(topology, &self.geometry, &after, &self.x, c);
+        let sliding: Vec<_> = connectors
+            .filter(|c| c.laws.iter().any(|l| slides(&l.law)))
+            .collect();
+        if sliding.is_empty() {
+            return None;
+        }
+        let (before, after) = (self.place(from), self.place(to));
+        let numbers = Numbers {
+            x: &self.x,
+            memory: &from.memory,
+        };
+        let mut first: Option<f64> = None;
+        for c in sliding {
+            let moved = |place| continued_motion_of(topology, &self.geometry, place, numbers, c);
+            let (start, end) = (moved(&before), moved(&after));
             for law in c.laws.iter().filter(|l| slides(&l.law)) {
                 let way = Way::new(start[law.component], end[law.component], to.t - from.t);
                 let p = &self.x[law.x..law.x + law.law.n_params()];

@@ -171,6 +171,9 @@ impl Saddle {
         s: &DVector<f64>,
     ) -> Result<(DVector<f64>, DVector<f64>)> {
         let (n, m) = (self.n, self.row.len());
+        if n + m == 0 {
+            return Ok((DVector::zeros(0), DVector::zeros(0)));
+        }
         let right = DVector::from_fn(n + m, |i, _| {
             if i < n {
                 r[i] * self.column[i]

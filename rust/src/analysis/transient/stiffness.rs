@@ -1,13 +1,10 @@
 //! How fast a model can vibrate or decay at its start: power iteration on differences of accelerations, without any tangent.
 use crate::error::Result;
-use crate::linalg::entries::Entries;
 use crate::run::Counts;
-use crate::spatial::{V3, skew};
 use crate::system::assemble::Tangent;
 
 use super::matrix::Matrix;
 use super::{Equations, Instant, Motion, scaled_size};
-use crate::model::joint::JointKind;
 use nalgebra::DVector;
 
 const ITERATIONS: usize = 12;
@@ -75,7 +72,7 @@ impl Equations<'_, f64> {
         let n = self.n();
         let mut tangent: Tangent<f64, Matrix> =
             scene.tangent_into(lam, counts, || Matrix::zeros(n, n, self.sparse));
-        self.hold_rates_of(m, a, &mut tangent);
+        self.hold_rates(m, a, &mut tangent);
         let mut jacobian = Matrix::zeros(self.n_rows(), n, self.sparse);
         scene.constraints_into(&mut jacobian);
         let triples = self.rotation_maps(theta);
@@ -93,38 +90,8 @@ impl Equations<'_, f64> {
         (matrix, jacobian)
     }
 
-    /// `hold_rates` for any place: D - M Omega and K - (D + C) Omega + M (Omega Omega - A) in the columns of three rotations.
-    fn hold_rates_of(&self, m: &Motion<f64>, a: &[f64], t: &mut Tangent<f64, Matrix>) {
-        let Some(gyroscopic) = t.gyroscopic.as_mut() else {
-            return;
-        };
-        let turning = |v: &[f64], first: usize, sign: f64| {
-            skew(&(V3::new(v[first], v[first + 1], v[first + 2]) * sign))
-        };
-        let (mut rates, mut accelerations) = (Vec::new(), Vec::new());
-        for (first, sign) in self.rotation_triples() {
-            let omega = turning(&m.rate, first, sign);
-            rates.push((first, -omega));
-            accelerations.push((first, omega * omega - turning(a, first, sign)));
-        }
-        let mut stiff = Vec::new();
-        for d in [Some(&*gyroscopic), t.damping.as_ref()]
-            .into_iter()
-            .flatten()
-        {
-            stiff.extend(d.columns_times(&rates));
-        }
-        stiff.extend(t.mass.columns_times(&accelerations));
-        for (i, j, v) in t.mass.columns_times(&rates) {
-            gyroscopic.add(i, j, v);
-        }
-        for (i, j, v) in stiff {
-            t.stiffness.add(i, j, v);
-        }
-    }
-
     /// J_l of every three rotations that act together.
-    pub(super) fn rotation_maps(&self, theta: &[f64]) -> Vec<(usize, [[f64; 3]; 3])> {
+    pub fn rotation_maps(&self, theta: &[f64]) -> Vec<(usize, [[f64; 3]; 3])> {
         let n = self.n();
         let mut out = Vec::new();
         for (first, _) in self.rotation_triples() {
@@ -140,14 +107,6 @@ impl Equations<'_, f64> {
             out.push((first, map));
         }
         out
-    }
-
-    /// First coordinate and sign: coordinates of a reversed joint count backwards.
-    pub(super) fn rotation_triples(&self) -> impl Iterator<Item = (usize, f64)> {
-        let nodes = self.topology().nodes.iter();
-        nodes
-            .filter(|n| matches!(n.kind, JointKind::Spherical | JointKind::Free))
-            .map(|n| (n.first + n.n - 3, if n.reversed { 1.0 } else { -1.0 }))
     }
 
     /// The largest angle of three rotations together.

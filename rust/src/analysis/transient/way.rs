@@ -1,10 +1,12 @@
-//! Where a march stands between two steps, and what became of a step that was tried.
+//! Where the driver stands between two steps, and what it decides about one.
 use crate::error::Error;
+use crate::model::joint::JointKind;
 
-use super::{Instant, Scheme, Step};
+use super::detour::{Detour, FINEST};
+use super::{Equations, Instant, Scheme, Step};
 
 /// Where the march stands, and how it goes on.
-pub struct Way {
+pub(super) struct Way {
     pub here: Instant,
     pub h: f64,
     pub failures: usize,
@@ -12,23 +14,59 @@ pub struct Way {
     pub detour: Option<Detour>,
     /// the longest step of late, fading with time: shrinking steps do not hide what they shrink from
     pub recent: f64,
+    /// where a step must end for the next one to pass a singular pose well
+    pub cut: Option<f64>,
+    /// how often that was asked in this detour
+    pub placed: usize,
 }
 
-/// Another scheme for a while.
-pub struct Detour {
-    pub scheme: Box<dyn Scheme>,
-    pub until: f64,
+impl Way {
+    /// The next step ends after this part of one that was not taken.
+    pub fn place(&mut self, part: f64, length: f64) {
+        let t = self.here.motion.t;
+        self.cut = Some(t + part * length);
+        self.placed += 1;
+        self.h = length;
+        if let Some(d) = &mut self.detour {
+            d.reach(t + 2.0 * length);
+        }
+    }
+}
+
+impl Equations<'_, f64> {
+    /// A step in which no angle of a joint turns by half a turn, beyond which turns cannot be counted: v h + a h^2/2 <= 2.
+    pub(super) fn half_turn(&self, here: &Instant) -> f64 {
+        const TURN: f64 = 2.0;
+        let nodes = self.topology().nodes.iter();
+        let counted = nodes.filter(|n| {
+            !matches!(
+                n.kind,
+                JointKind::Spherical | JointKind::Free | JointKind::Node
+            )
+        });
+        let dofs = counted.flat_map(|n| n.first..n.first + n.n);
+        let turning = dofs.filter(|d| self.topology().dofs[*d].freedom.rotation);
+        turning.fold(f64::INFINITY, |h, d| {
+            let (v, a) = (here.motion.rate[d].abs(), here.acceleration[d].abs());
+            h.min(2.0 * TURN / (v + (v * v + 2.0 * a * TURN).sqrt()))
+        })
+    }
 }
 
 /// A step to try: its length, the time it hits exactly, the break it ends at.
-pub struct Aim {
+pub(super) struct Aim {
     pub length: f64,
     pub target: Option<f64>,
     pub broken: Option<f64>,
 }
 
+/// The smallest tolerance that the pose allows which a detour passes.
+pub(super) fn finest(way: &Way) -> f64 {
+    way.detour.as_ref().map_or(0.0, |_| FINEST)
+}
+
 /// What makes the next step: the detour's scheme while there is one.
-pub fn active<'s>(
+pub(super) fn active<'s>(
     detour: &'s mut Option<Detour>,
     scheme: &'s mut dyn Scheme,
 ) -> &'s mut dyn Scheme {
@@ -38,11 +76,12 @@ pub fn active<'s>(
     }
 }
 
-/// What became of it.
-pub enum Verdict {
+pub(super) enum Verdict {
     Accepted(Box<Step>, f64),
     Rejected(f64, String),
     /// a slider turns after this part of the step
     Turned(f64),
+    /// a singular pose is passed better by a step that ends after this part of it, or begins there
+    Misplaced(f64),
     Fatal(Error),
 }
