@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import ModelError
 from .design_solver import FEASIBLE
+from .errors import ModelError
 from .gradient import finite, gradient, value_at
 from .names import nearest, shown
 from .objectives import AtTimes, Final, Integral, Objective
