@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .design_solver import FEASIBLE
 from .errors import ModelError
 from .gradient import finite, gradient, value_at
 from .names import nearest, shown
@@ -135,6 +136,11 @@ class Optimum(Result):
         return table(["parameter", "unit", "value"], rows, title=title, footer=unit_note(self.labels, self.units))
 
     __repr__ = __str__
+
+    @property
+    def kept(self) -> np.ndarray:
+        """(n,) whether the constraints held at every evaluation, to 1e-4 of their limits."""
+        return np.asarray(self.violation <= FEASIBLE)
 
     def plot(self, **options: Any) -> Any:
         """The objective over the evaluations."""

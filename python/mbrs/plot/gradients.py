@@ -124,12 +124,10 @@ def _per(unit: str, by: str) -> str:
 
 def convergence(result: Any) -> Any:
     """The objective over the evaluations of an optimiser, and the least so far among designs that keep to the constraints."""
-    from ..design_solver import FEASIBLE
-
     with style():
         made, axes = figure(1, 1, size=(7.0, 4.0))
         ax = np.ravel(axes)[0]
-        values, kept = np.asarray(result.history), np.asarray(result.violation) <= FEASIBLE
+        values, kept = np.asarray(result.history), np.asarray(result.kept)
         count = np.arange(1, len(values) + 1)
         names = ["evaluated", "least so far"]
         ax.plot(count[kept], values[kept], "o", color=PALETTE[0], ms=5, label=names[0])
