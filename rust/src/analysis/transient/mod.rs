@@ -21,6 +21,7 @@
 pub mod ali3p;
 pub mod bdf;
 pub mod bdf_bfgs;
+mod bdf_differences;
 mod bdf_history;
 mod bdf_solver;
 pub mod bdf_step;

@@ -1,0 +1,79 @@
+//! Coefficients of the numerical differentiation formulas, and backward differences on a grid that changes.
+use super::LocalError;
+
+const KAPPA: [f64; 6] = [0.0, -0.1850, -1.0 / 9.0, -0.0823, -0.0415, 0.0];
+
+pub fn gamma(k: usize) -> f64 {
+    (1..=k).map(|j| 1.0 / j as f64).sum()
+}
+
+pub fn alpha(k: usize) -> f64 {
+    (1.0 - KAPPA[k]) * gamma(k)
+}
+
+pub fn error_constant(k: usize) -> f64 {
+    let kappa = KAPPA.get(k).copied().unwrap_or(0.0);
+    kappa * gamma(k) + 1.0 / (k as f64 + 1.0)
+}
+
+/// Increments from the chart, and rates.
+#[derive(Debug, Clone)]
+pub struct Pair {
+    pub y: Vec<f64>,
+    pub v: Vec<f64>,
+}
+
+impl Pair {
+    pub fn zero(n: usize) -> Self {
+        Pair {
+            y: vec![0.0; n],
+            v: vec![0.0; n],
+        }
+    }
+
+    pub fn add(&mut self, o: &Pair, factor: f64) {
+        for (a, b) in self.y.iter_mut().zip(&o.y) {
+            *a += factor * b;
+        }
+        for (a, b) in self.v.iter_mut().zip(&o.v) {
+            *a += factor * b;
+        }
+    }
+
+    pub fn error(&self, factor: f64) -> LocalError {
+        LocalError {
+            position: self.y.iter().map(|v| v * factor).collect(),
+            rate: self.v.iter().map(|v| v * factor).collect(),
+        }
+    }
+}
+
+/// Differences on a grid with steps longer by `factor` (Shampine and Reichelt, R U).
+pub fn stretched(d: &mut [Pair], order: usize, factor: f64) {
+    let map = |factor: f64| {
+        let mut m = vec![vec![0.0; order + 1]; order + 1];
+        m[0].fill(1.0);
+        for i in 1..=order {
+            m[i] = (0..=order)
+                .map(|j| match j {
+                    0 => 0.0,
+                    _ => m[i - 1][j] * (i as f64 - 1.0 - factor * j as f64) / i as f64,
+                })
+                .collect();
+        }
+        m
+    };
+    let (r, u) = (map(factor), map(1.0));
+    let n = d[0].y.len();
+    let old: Vec<Pair> = d[..=order].to_vec();
+    for (i, target) in d.iter_mut().enumerate().take(order + 1) {
+        *target = Pair::zero(n);
+        for (j, source) in old.iter().enumerate() {
+            // (R U)^T
+            let weight: f64 = (0..=order).map(|k| r[j][k] * u[k][i]).sum();
+            if weight != 0.0 {
+                target.add(source, weight);
+            }
+        }
+    }
+}
