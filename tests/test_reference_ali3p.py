@@ -52,7 +52,7 @@ def test_point_converges_to_the_known_gradient():
 @pytest.mark.parametrize("h", [2e-2, 1e-3])
 @pytest.mark.parametrize("mech", [FiveBar(), NonholonomicPoint()], ids=["five-bar", "point"])
 def test_tangent_linear_model_is_the_derivative_of_the_discrete_solution(mech, h, weight):
-    n, p = 20, mech.p
+    n, p = 8, mech.p
     motion, tangent = Scheme(mech, p, h, weight).run_tangent(n)
     end, d = motion[-1], tangent[-1]
     exact = np.concatenate([d.q, d.v, d.a, d.lam])
