@@ -165,7 +165,7 @@ impl<T: Real> Scene<'_, T> {
     fn connected(&self) -> Vec<Six<T>> {
         let mut sums = vec![Six::zero(); self.topology.nodes.len()];
         let wanted = self.effects.wanted();
-        for c in &self.topology.connectors {
+        for c in self.topology.connectors.iter().filter(|c| wanted.acts(c)) {
             let acting = interaction(
                 self.topology,
                 self.geometry,
@@ -426,8 +426,8 @@ impl<T: Real> Scene<'_, T> {
             laws: self.effects.law_slopes,
             ..self.effects.wanted()
         };
-        let (mut laws, mut damped, mut loaded) = (0, 0, 0);
-        for c in &self.topology.connectors {
+        let (mut all, mut laws, mut damped, mut loaded) = (0, 0, 0, 0);
+        for c in self.topology.connectors.iter().filter(|c| wanted.acts(c)) {
             let acting = interaction(
                 self.topology,
                 self.geometry,
@@ -448,10 +448,10 @@ impl<T: Real> Scene<'_, T> {
             if self.effects.law_slopes {
                 laws += c.laws.len() as u64;
             }
+            all += 1;
             damped += u64::from(acting.damped);
             loaded += u64::from(geometric && !acting.wrench.is_absent());
         }
-        let all = self.topology.connectors.len() as u64;
         for (what, n) in [
             ("connector tangents", all),
             ("law tangents", laws),

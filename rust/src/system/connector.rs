@@ -91,6 +91,14 @@ impl Wanted {
         ..Wanted::FORCES
     };
 
+    /// Does anything of a connector act? One whose effects are all left out is not looked at.
+    pub(crate) fn acts(&self, c: &Connector) -> bool {
+        c.k.is_some()
+            || c.preload.is_some()
+            || self.damping && c.c.is_some()
+            || c.laws.iter().any(|l| self.law(l.law))
+    }
+
     pub(crate) fn law(&self, law: Law) -> bool {
         match law {
             Law::CoulombTanh | Law::Jenkins | Law::Iwan { .. } => self.friction,

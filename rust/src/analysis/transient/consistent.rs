@@ -67,10 +67,10 @@ impl Equations<'_, f64> {
         let scene = self.scene(m, &placement, None);
         let h = scene.residual(None);
         self.check_forces(&h)?;
-        let mut jacobian = self.matrix(self.n_rows());
-        let mut gamma = DVector::zeros(0);
-        if self.n_rows() > 0 {
+        let (mut jacobian, mut gamma) = (self.matrix(0), DVector::zeros(0));
+        if self.constrained() {
             counts.add("multiplier solutions", 1);
+            jacobian = self.matrix(self.n_rows());
             scene.constraints_into(&mut jacobian);
             gamma = scene.row_bias(&scene.carried_accelerations()) + self.explicit_rates(m).1;
         }
@@ -157,7 +157,7 @@ impl Equations<'_, f64> {
 
     /// Make the rates agree with all rows.
     pub fn align(&self, m: &mut Motion<f64>, counts: &mut Counts) -> Result<()> {
-        if self.n_rows() > 0 {
+        if self.constrained() {
             self.aligned(m, counts)?;
         }
         Ok(())
@@ -193,33 +193,36 @@ impl Equations<'_, f64> {
         let now = self.evaluated(&motion, counts)?;
         let saddle = self.saddle(&now.mass, &now.jacobian, counts)?;
         let (a, lam) = saddle.solve(&-now.h, &-now.gamma)?;
-        Ok(Instant {
+        Ok(self.joined(motion, &a, &lam))
+    }
+
+    /// Rows of effects that are left out were not solved for: their multipliers are zero.
+    fn joined(&self, motion: Motion<f64>, a: &DVector<f64>, lam: &DVector<f64>) -> Instant {
+        let mut lam = lam.as_slice().to_vec();
+        lam.resize(self.n_rows(), 0.0);
+        Instant {
             motion,
             acceleration: a.as_slice().to_vec(),
-            lam: lam.as_slice().to_vec(),
-        })
+            lam,
+        }
     }
 
     /// Closed, aligned, with accelerations: one factorisation for rates and accelerations.
     pub fn consistent(&self, mut m: Motion<f64>, counts: &mut Counts) -> Result<Instant> {
-        if self.n_rows() == 0 {
+        if !self.constrained() {
             return self.instant(m, counts);
         }
         self.close(&mut m, counts)?;
         let saddle = self.aligned(&mut m, counts)?;
         let now = self.evaluated(&m, counts)?;
         let (a, lam) = saddle.solve(&-now.h, &-now.gamma)?;
-        Ok(Instant {
-            motion: m,
-            acceleration: a.as_slice().to_vec(),
-            lam: lam.as_slice().to_vec(),
-        })
+        Ok(self.joined(m, &a, &lam))
     }
 
     /// Near a singular pose a step may close on another branch than the one it arrives on; there rates turn at once by far more
     /// than a step errs.
     pub fn same_branch(&self, before: &[f64], end: &Instant, h: f64) -> Result<()> {
-        if self.n_rows() == 0 {
+        if !self.constrained() {
             return Ok(());
         }
         let scales = self.scales();

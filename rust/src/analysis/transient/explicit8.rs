@@ -184,7 +184,7 @@ impl Scheme for Explicit8 {
             v: from.acceleration.clone(),
         });
         match &mut self.minimal {
-            Some(minimal) if eq.n_rows() > 0 => {
+            Some(minimal) if eq.constrained() => {
                 minimal.choose(eq, &from.motion, counts)?;
                 if let Some(passing) = &mut self.passing {
                     passing.start(minimal.pivots_at(eq, &from.motion)?);

@@ -211,7 +211,7 @@ impl Minimal {
     /// Large models with few freedoms: stages in independent coordinates are cheaper than multipliers of all loops. In small ones
     /// they are not, since positions have to be closed in every stage.
     pub fn pays(eq: &Equations<'_, f64>, at: &Motion<f64>) -> bool {
-        if !eq.sparse || eq.n_rows() == 0 {
+        if !eq.sparse || !eq.constrained() {
             return false;
         }
         let mut trial = Minimal::new(None);

@@ -242,6 +242,11 @@ impl<'a, T: Real> Equations<'a, T> {
         self.topology().rows.len()
     }
 
+    /// Is there a row that acts, and not only rows of effects that are left out?
+    pub fn constrained(&self) -> bool {
+        self.topology().rows.iter().any(|r| self.effects.row(r))
+    }
+
     /// Characteristic length of lengths, one of angles: an increment over it is dimensionless.
     pub fn scales(&self) -> Vec<f64> {
         column_scales(self.topology(), self.system.length)

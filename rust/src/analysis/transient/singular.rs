@@ -19,7 +19,7 @@ impl Equations<'_, f64> {
     /// Whether the rows lose or have just gained rank: their corrections change much over a small way ahead.
     pub fn near_singular_pose(&self, at: &Instant, counts: &mut Counts) -> Result<bool> {
         let speed = scaled_size(&at.motion.rate, &self.scales());
-        if self.n_rows() == 0 || speed == 0.0 {
+        if !self.constrained() || speed == 0.0 {
             return Ok(false);
         }
         let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
