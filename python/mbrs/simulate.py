@@ -95,7 +95,8 @@ def simulate(
         "explicit": what its stages integrate where there are loops, drives or rolling. "tree": all tree coordinates, with the
         constraints at acceleration level, projected onto them after each step. "independent": those that determine the others
         (Wehage and Haug 1982), which are switched between steps where others would serve better; ``stats.route`` names them.
-        None: see docs/motion.md.
+        None: independent where many loops leave few freedoms, else tree
+        (docs/motion.md).
     max_step, first_step
         s; limits of the controlled steps.
     max_steps
