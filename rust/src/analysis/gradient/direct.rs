@@ -50,6 +50,8 @@ impl Along<'_> {
         let (c, f) = (0.25 * h * h, 2.0 / h);
         let (start, a0) = (&from.instant.motion, &from.instant.acceleration);
         let (mut m, a) = stars(eq, start, a0, &record.dq, h);
+        let renewed = (!by.exact).then(|| eq.linearised(&m, &a, &record.lam, 0.0, counts).2);
+        let linear = renewed.as_ref().unwrap_or(linear);
         let mut x = carried(eq.topology(), &record.dq, &self.now.x);
         let mut v = -&self.now.v;
         let mut da = &v * (2.0 * f) - &self.now.a;

@@ -25,6 +25,9 @@ const MAX_ITERATIONS: usize = 25;
 /// Newton's error is squared by its last step: a correction below this part of the increment leaves rounding only.
 const SOLVED: f64 = 1e-9;
 
+/// Below this part of the increment a correction leaves tangents the same: their derivatives of a motion part by less than 1e-10.
+const EXACT: f64 = 1e-11;
+
 /// The metric of the projections.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Weight {
@@ -53,6 +56,8 @@ pub struct Factors {
     pub weight: Weight,
     /// what the first one was made of, for those who differentiate
     pub linear: Option<Linear>,
+    /// was the last correction so small that this is the tangent at the solution?
+    pub exact: bool,
 }
 
 /// Derivatives of the residual and of the rows by the motion, in increments of the tree coordinates.
@@ -333,7 +338,7 @@ impl Equations<'_, f64> {
         let c = 0.25 * h * h;
         let mut dq: Vec<f64> = (0..n).map(|i| h * v0[i] + c * (a0[i] + ahead[i])).collect();
         let mut lam = from.lam.clone();
-        let (step, linear) = self.newton(from, h, &mut dq, &mut lam, counts)?;
+        let (step, linear, exact) = self.newton(from, h, &mut dq, &mut lam, counts)?;
         let (m, a) = stars(self, &from.motion, a0, &dq, h);
         let mut record = Record {
             h,
@@ -357,6 +362,7 @@ impl Equations<'_, f64> {
             projection,
             weight,
             linear: Some(linear),
+            exact,
         };
         Ok((end, record, factors))
     }
@@ -426,7 +432,7 @@ impl Equations<'_, f64> {
         dq: &mut [f64],
         lam: &mut [f64],
         counts: &mut Counts,
-    ) -> Result<(Penalty, Linear)> {
+    ) -> Result<(Penalty, Linear, bool)> {
         let scales = self.scales();
         let size = |v: &[f64]| scaled_size(v, &scales);
         let c = 0.25 * h * h;
@@ -450,14 +456,14 @@ impl Equations<'_, f64> {
             let step = size(x.as_slice());
             let whole = size(dq).max(c * size(&from.acceleration));
             if step <= SOLVED * whole || step <= 4.0 * f64::EPSILON {
-                return Ok((by, linear));
+                return Ok((by, linear, step <= EXACT * whole));
             }
             if step > 2.0 * last && step > 1.0 {
                 break;
             }
             // rounding of a long way or of stiff forces: no further progress
             if step > 0.5 * last && step < 1e-12 {
-                return Ok((by, linear));
+                return Ok((by, linear, false));
             }
             last = step;
         }
