@@ -520,17 +520,10 @@ impl Driver<'_, '_, '_> {
         worst.map_or("", |i| &self.eq.topology().names[i])
     }
 
-    fn grid(&self) -> f64 {
-        match self.plan.steps {
-            Steps::Fixed(h) => h,
-            Steps::Controlled { longest, .. } => longest,
-        }
-    }
-
     /// The next step by a scheme's own proposal; one that was cut short for an output or the end says little.
     fn proposed(&self, wanted: f64, length: f64, factor: f64) -> f64 {
         let Steps::Controlled { longest, .. } = self.plan.steps else {
-            return self.grid();
+            return self.plan.steps.longest();
         };
         let next = length * factor;
         (if length < 0.5 * wanted {
@@ -543,7 +536,7 @@ impl Driver<'_, '_, '_> {
 
     fn next(&self, wanted: f64, length: f64, size: f64, power: f64, growth: f64) -> f64 {
         let Steps::Controlled { longest, .. } = self.plan.steps else {
-            return self.grid();
+            return self.plan.steps.longest();
         };
         let factor = (SAFETY * size.max(1e-30).powf(-1.0 / power)).clamp(SHRINK, GROW.min(growth));
         let next = length * factor;
