@@ -3,8 +3,20 @@ use crate::run::Counts;
 
 use super::{Equations, Instant, Scheme};
 
+/// Parts of a step of order eight far from all its stages: there the pose is to lie.
+const GAPS: [f64; 3] = [0.19, 0.45, 0.75];
+/// The first step may differ from the one that the tolerance suggests by this factor.
+const NEARLY: f64 = 3.0;
 /// Local errors below this drown in what the pose makes of rounding.
-pub(super) const FINEST: f64 = 1e-10;
+const FINEST: f64 = 1e-10;
+
+/// What gets past singular poses.
+pub enum Bridge {
+    /// a scheme that says itself where its steps should end
+    Placing(Box<dyn Scheme>),
+    /// one that makes a long first step to the other side
+    Across(Box<dyn Scheme>),
+}
 
 pub(super) struct Detour {
     pub scheme: Box<dyn Scheme>,
@@ -13,33 +25,67 @@ pub(super) struct Detour {
     pub length: f64,
     /// the step of the scheme that is left
     pub before: f64,
+    across: bool,
 }
 
 impl Detour {
-    /// Around the pose that `here` is near to, None where there is none; `length`: a step that the scheme could make.
-    pub fn around(
+    /// Where steps have become so short, for as long as those before were.
+    pub fn placing(
+        here: &Instant,
+        scheme: Box<dyn Scheme>,
+        before: f64,
+        counts: &mut Counts,
+    ) -> Detour {
+        counts.add("detours", 1);
+        Detour {
+            scheme,
+            until: here.motion.t + before,
+            length: before,
+            before,
+            across: false,
+        }
+    }
+
+    /// It lasts until then at least.
+    pub fn reach(&mut self, t: f64) {
+        self.until = self.until.max(t);
+    }
+
+    /// The smallest tolerance that it can serve.
+    pub fn finest(&self) -> f64 {
+        if self.across { FINEST } else { 0.0 }
+    }
+
+    /// The next step of the scheme that is left; `recent`: the longest of late.
+    pub fn next(&self, recent: f64) -> f64 {
+        if self.across { self.before } else { recent }
+    }
+
+    /// Across the pose that `here` is near to, None where there is none; `natural`: a step that the scheme could make.
+    pub fn across(
         eq: &Equations<'_, f64>,
         here: &Instant,
         scheme: Box<dyn Scheme>,
         before: f64,
-        length: f64,
+        natural: f64,
         counts: &mut Counts,
     ) -> Option<Detour> {
-        if !is_near(eq, here, counts) {
-            return None;
-        }
+        // what cannot be factorised is no reason to go another way
+        let ahead = eq.way_to_singular_pose(here, counts).ok()??;
+        let length = GAPS
+            .iter()
+            .map(|gap| ahead / gap)
+            .filter(|h| (natural / NEARLY..NEARLY * natural).contains(h))
+            .min_by(|a, b| off(*a, natural).total_cmp(&off(*b, natural)))
+            .unwrap_or(natural);
         counts.add("detours", 1);
         Some(Detour {
             scheme,
             until: here.motion.t + length,
             length,
             before,
+            across: true,
         })
-    }
-
-    /// It lasts until then at least.
-    pub fn reach(&mut self, t: f64) {
-        self.until = self.until.max(t);
     }
 
     /// The time at which it ends, where a step of this length would go beyond it.
@@ -57,15 +103,18 @@ impl Detour {
         if here.motion.t < self.until {
             return false;
         }
-        let near = is_near(eq, here, counts);
-        if near {
-            self.until += self.length;
+        if !self.across {
+            return true;
         }
-        !near
+        let near = eq.way_to_singular_pose(here, counts);
+        if near.is_ok_and(|way| way.is_some()) {
+            self.until += self.length;
+            return false;
+        }
+        true
     }
 }
 
-/// What cannot be factorised is no reason to go another way.
-fn is_near(eq: &Equations<'_, f64>, here: &Instant, counts: &mut Counts) -> bool {
-    eq.near_singular_pose(here, counts).unwrap_or(false)
+fn off(h: f64, natural: f64) -> f64 {
+    (h / natural).ln().abs()
 }

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
-use super::detour::Detour;
+use super::detour::{Bridge, Detour};
 use super::way::{Aim, Verdict, Way, active, finest};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
@@ -147,7 +147,8 @@ impl Driver<'_, '_, '_> {
                 .max(SLOWEST / total);
             let here = &way.here;
             if let Some(d) = way.detour.take_if(|d| d.is_behind(self.eq, here, counts)) {
-                (way.h, way.recent) = (d.before, d.before);
+                way.recent = d.next(way.recent);
+                way.h = way.recent;
                 scheme.reset();
             }
             let aim = self.aim(&mut way);
@@ -356,14 +357,19 @@ impl Driver<'_, '_, '_> {
         let Steps::Controlled { rtol, longest, .. } = self.plan.steps else {
             return None;
         };
-        if way.detour.is_some() {
+        if way.detour.is_some() || self.eq.n_rows() == 0 {
             return None;
         }
-        let around = scheme.bridge(shorter / way.recent)?;
+        let around = match scheme.bridge(shorter / way.recent)? {
+            Bridge::Placing(around) => {
+                return Some(Detour::placing(&way.here, around, way.recent, counts));
+            }
+            Bridge::Across(around) => around,
+        };
         let natural = self.first_step(&way.here, rtol, around.order());
         // long enough to get well beyond the pose with the first step
         let natural = way.recent.max(natural).min(longest);
-        Detour::around(self.eq, &way.here, around, way.recent, natural, counts)
+        Detour::across(self.eq, &way.here, around, way.recent, natural, counts)
     }
 
     /// A shorter step that ends where a slider turns.
@@ -514,17 +520,10 @@ impl Driver<'_, '_, '_> {
         worst.map_or("", |i| &self.eq.topology().names[i])
     }
 
-    fn grid(&self) -> f64 {
-        match self.plan.steps {
-            Steps::Fixed(h) => h,
-            Steps::Controlled { longest, .. } => longest,
-        }
-    }
-
     /// The next step by a scheme's own proposal; one that was cut short for an output or the end says little.
     fn proposed(&self, wanted: f64, length: f64, factor: f64) -> f64 {
         let Steps::Controlled { longest, .. } = self.plan.steps else {
-            return self.grid();
+            return self.plan.steps.longest();
         };
         let next = length * factor;
         (if length < 0.5 * wanted {
@@ -537,7 +536,7 @@ impl Driver<'_, '_, '_> {
 
     fn next(&self, wanted: f64, length: f64, size: f64, power: f64, growth: f64) -> f64 {
         let Steps::Controlled { longest, .. } = self.plan.steps else {
-            return self.grid();
+            return self.plan.steps.longest();
         };
         let factor = (SAFETY * size.max(1e-30).powf(-1.0 / power)).clamp(SHRINK, GROW.min(growth));
         let next = length * factor;

@@ -10,6 +10,7 @@
 use crate::error::Result;
 use crate::run::Counts;
 
+use super::detour::Bridge;
 use super::dop853_numbers::{A, B, C, D, E3, E5, Row, STAGES};
 use super::explicit_minimal::Minimal;
 use super::explicit_passing::Passing;
@@ -37,6 +38,8 @@ pub struct Explicit8 {
     minimal: Option<Minimal>,
     /// singular poses are looked for
     passing: Option<Passing>,
+    /// tree coordinates, but stages are closed and aligned too
+    careful: bool,
 }
 
 #[derive(Clone)]
@@ -89,6 +92,14 @@ impl Explicit8 {
         })
     }
 
+    /// For other schemes: one long step from one side of the pose to the other.
+    pub fn across_singular_poses() -> Box<dyn Scheme> {
+        Box::new(Explicit8 {
+            careful: true,
+            ..Explicit8::default()
+        })
+    }
+
     fn stage(
         &mut self,
         eq: &Equations<'_, f64>,
@@ -110,6 +121,15 @@ impl Explicit8 {
             return Ok(());
         }
         let m = trial(eq, from, C[stage] * h, &y, &v);
+        if self.careful {
+            let at = eq.consistent(m, counts)?;
+            let y = eq.difference(from, &at.motion);
+            self.slopes.push(Slope {
+                y: eq.increment_rates(&y, &at.motion.rate),
+                v: at.acceleration,
+            });
+            return Ok(());
+        }
         let slope_y = eq.increment_rates(&y, &m.rate);
         let at = eq.instant(m, counts)?;
         self.slopes.push(Slope {
@@ -246,8 +266,9 @@ impl Scheme for Explicit8 {
         Ok(Step { end, error })
     }
 
-    fn bridge(&self, left: f64) -> Option<Box<dyn Scheme>> {
-        (self.passing.is_none() && left < COLLAPSED).then(Explicit8::past_singular_poses)
+    fn bridge(&self, left: f64) -> Option<Bridge> {
+        let alone = self.passing.is_none() && !self.careful && left < COLLAPSED;
+        alone.then(|| Bridge::Placing(Explicit8::past_singular_poses()))
     }
 
     fn better_end(&self) -> Option<f64> {

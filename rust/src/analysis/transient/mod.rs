@@ -48,6 +48,7 @@ mod singular;
 pub mod stiffness;
 mod way;
 
+use detour::Bridge;
 use explicit8::Explicit8;
 use nalgebra::{DMatrix, DVector};
 
@@ -144,8 +145,8 @@ pub trait Scheme {
     fn accept(&mut self, _eq: &Equations<'_, f64>, _from: &Instant, _step: &Step, _h: f64) {}
 
     /// A scheme that gets past singular poses where this one does not; `left`: the next step over those before.
-    fn bridge(&self, _left: f64) -> Option<Box<dyn Scheme>> {
-        Some(Explicit8::past_singular_poses())
+    fn bridge(&self, _left: f64) -> Option<Bridge> {
+        Some(Bridge::Across(Explicit8::across_singular_poses()))
     }
 
     /// The part of the step just made after which it should rather end.

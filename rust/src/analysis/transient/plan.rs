@@ -15,6 +15,15 @@ pub enum Steps {
     },
 }
 
+impl Steps {
+    pub(super) fn longest(&self) -> f64 {
+        match self {
+            Steps::Fixed(h) => *h,
+            Steps::Controlled { longest, .. } => *longest,
+        }
+    }
+}
+
 pub struct Plan {
     pub end: f64,
     pub steps: Steps,

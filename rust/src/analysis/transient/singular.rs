@@ -16,23 +16,32 @@ const AHEAD: f64 = 2e-3;
 const CHANGE: f64 = 1.1;
 
 impl Equations<'_, f64> {
-    /// Whether the rows lose or have just gained rank: their corrections change much over a small way ahead.
-    pub fn near_singular_pose(&self, at: &Instant, counts: &mut Counts) -> Result<bool> {
+    /// The time to the pose near which corrections change much over a small way ahead, negative behind it; None far from any.
+    pub fn way_to_singular_pose(&self, at: &Instant, counts: &mut Counts) -> Result<Option<f64>> {
         let speed = scaled_size(&at.motion.rate, &self.scales());
         if !self.constrained() || speed == 0.0 {
-            return Ok(false);
+            return Ok(None);
         }
-        let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
-        for part in [0.0, 0.5, 1.0] {
-            let time = part * AHEAD / speed;
-            let increment: Vec<f64> = at.motion.rate.iter().map(|v| v * time).collect();
+        let mut sizes = [0.0; 3];
+        for (part, size) in [0.0, 0.5, 1.0].iter().zip(&mut sizes) {
+            let way = part * AHEAD / speed;
+            let increment: Vec<f64> = at.motion.rate.iter().map(|v| v * way).collect();
             let mut m = at.motion.moved(self.topology(), &increment);
-            m.t += time;
-            let size = self.correction(&m, counts)?;
-            least = least.min(size);
-            most = most.max(size);
+            m.t += way;
+            *size = self.correction(&m, counts)?;
         }
-        Ok(most > CHANGE * least)
+        let [here, between, there] = sizes;
+        let most = here.max(between).max(there);
+        if most <= CHANGE * here.min(between).min(there) {
+            return Ok(None);
+        }
+        // corrections grow as 1/d
+        let part = if between >= most {
+            0.5
+        } else {
+            1.0 / (1.0 - here / there)
+        };
+        Ok(Some(part * AHEAD / speed))
     }
 
     /// How far coordinates move to close rows that are open by about one; no direction is special, and none is left out.

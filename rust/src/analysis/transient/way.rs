@@ -2,7 +2,7 @@
 use crate::error::Error;
 use crate::model::joint::JointKind;
 
-use super::detour::{Detour, FINEST};
+use super::detour::Detour;
 use super::{Equations, Instant, Scheme, Step};
 
 /// Where the march stands, and how it goes on.
@@ -62,7 +62,7 @@ pub(super) struct Aim {
 
 /// The smallest tolerance that the pose allows which a detour passes.
 pub(super) fn finest(way: &Way) -> f64 {
-    way.detour.as_ref().map_or(0.0, |_| FINEST)
+    way.detour.as_ref().map_or(0.0, Detour::finest)
 }
 
 /// What makes the next step: the detour's scheme while there is one.
