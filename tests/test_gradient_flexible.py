@@ -6,7 +6,6 @@ import pytest
 from flexible_models import MECHANISMS
 from motion_models import silent
 from test_gradient import differences, worst
-from test_gradient_hand import against_direct
 
 NAMES = {
     "cantilever": ["rod.K[0,0]", "gravity[2]"],
@@ -42,16 +41,6 @@ def test_gradients_with_flexible_bodies(name, scheme, damping):
     print(f"{name}, {scheme}, damping {damping}: adjoint - direct {agreement:.1e}, direct - differences {error:.1e}")
     assert agreement < 1e-9
     assert error < 1e-6
-
-
-@pytest.mark.parametrize("scheme", ["ali3p", "generalized-alpha"])
-@pytest.mark.parametrize("name", ["pendulum", "four-bar"])
-def test_adjoint_by_all_numbers_without_damping(name, scheme):
-    """Dampings of the modes are zero here, and still numbers that the motion depends on."""
-    m = silent(lambda: MECHANISMS[name](damping=0.0))
-    error = against_direct(m, scheme)
-    print(f"{name}, {scheme}: adjoint - direct {error:.1e}")
-    assert error < 1e-9
 
 
 def wing(times=None):
