@@ -11,35 +11,18 @@
 //! | `march` | the motion itself, step by step |
 //! | `kinks` | where a motion has no derivative |
 //! | `alpha` | a step of generalised-alpha as equations |
-//! | `direct`, `along`, `slopes` | all directions along with the motion, by the tangents of its steps |
-//! | `chunk`, `explicit`, `lanes` | what tangents do not give: by the numbers themselves, in several directions at once |
-//! | `adjoint` | the steps backwards, with checkpoints |
-//! | `adjoint_ali3p`, `adjoint_alpha`, `by_hand`, `increments` | a step backwards |
-//! | `power`, `power_tree`, `power_links`, `power_loads`, `power_flexible` | the virtual power and its derivative by everything |
-//! | `recorder` | quantities, memories and the geometry backwards, on the tape |
+//! | `direct/` | all directions along with the motion |
+//! | `adjoint/` | the steps backwards, with checkpoints |
+//! | `power/` | the virtual power of a step and its derivative by everything |
 //! | `tape` | numbers that remember where they come from |
 pub mod adjoint;
-mod adjoint_ali3p;
-mod adjoint_alpha;
-mod along;
 mod alpha;
-mod by_hand;
-mod chunk;
 pub mod direct;
-mod explicit;
-mod increments;
 pub mod kinks;
-mod lanes;
 pub mod march;
 mod power;
-mod power_flexible;
-mod power_links;
-mod power_loads;
-mod power_tree;
 pub mod quantity;
 mod reactions;
-mod recorder;
-mod slopes;
 pub mod start;
 pub mod tape;
 

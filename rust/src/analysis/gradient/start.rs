@@ -18,7 +18,7 @@ use crate::spatial::Pose;
 use crate::system::placement::{State, advance, lifted_relative, place};
 use crate::system::topology::Level;
 
-use super::slopes::Slopes;
+use super::direct::slopes::Slopes;
 use super::{Direction, Follow, Plan};
 
 /// A direction that moves redundant rows apart by more than this (relative) breaks a loop open.

@@ -13,9 +13,9 @@ use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::Result;
 use crate::run::Counts;
 
-use super::alpha::{Load, Solved, accelerating};
+use super::super::alpha::{Load, Solved, accelerating};
+use super::super::march::Here;
 use super::increments::{add_numbers, before_move, by_increments};
-use super::march::Here;
 use super::recorder::{Adjoint, Recorder, add, column, remembered_back, transposed_times};
 
 /// From the adjoints at the end of a step to those at its start.

@@ -1,18 +1,28 @@
 //! The steps backwards: the exact reverse of what `direct` does forwards, whatever the number of parameters.
 //!
-//! Steps are reversed by hand (`adjoint_ali3p`, `adjoint_alpha`), what an objective reads on the tape. Instants are kept at
+//! Steps are reversed by hand (`ali3p`, `alpha`), what an objective reads on the tape. Instants are kept at
 //! checkpoints; a stretch between two is run again.
+//!
+//! | file | |
+//! |---|---|
+//! | `ali3p`, `alpha`, `by_hand`, `increments` | a step backwards |
+//! | `recorder` | quantities, memories and the geometry backwards, on the tape |
+mod ali3p;
+mod alpha;
+mod by_hand;
+mod increments;
+mod recorder;
+
 use crate::analysis::transient::{Equations, Instant};
 use crate::error::Result;
 use crate::run::{Cancel, Counts};
 
+use self::recorder::{Adjoint, Recorder, seed};
 use super::kinks::{Kink, Watch};
 use super::march::{Here, Made, March, Rule};
 use super::quantity::{Point, Quantity, evaluate};
-use super::recorder::{Adjoint, Recorder, seed};
 use super::start::Starting;
 use super::{Direction, Plan};
-use super::{adjoint_ali3p, adjoint_alpha};
 
 /// The first instant: accelerations and multipliers backwards; what is left are adjoints of poses and rates.
 fn first_back(
@@ -24,7 +34,7 @@ fn first_back(
     at.first();
     let mut before = at.clone();
     let (m, by) = (&first.motion, starting.accelerating());
-    adjoint_alpha::accelerations_back(recorder, m, first, by, &mut at, &mut before)?;
+    alpha::accelerations_back(recorder, m, first, by, &mut at, &mut before)?;
     Ok(at)
 }
 
@@ -190,17 +200,17 @@ pub fn backward(
             let end = match before {
                 None => end,
                 Some(before) => {
-                    at = adjoint_alpha::anew_back(&mut recorder, before, end, at)?;
+                    at = alpha::anew_back(&mut recorder, before, end, at)?;
                     before
                 }
             };
             at = match (made, plan.rule) {
                 (Made::Ali3p(record, by), Rule::Ali3p(weight)) => {
                     let parts = (record, by.as_ref());
-                    adjoint_ali3p::step_back(&mut recorder, (from, end), parts, weight, at)?
+                    ali3p::step_back(&mut recorder, (from, end), parts, weight, at)?
                 }
                 (Made::Alpha(p, h), _) => {
-                    adjoint_alpha::step_back(&mut recorder, from, end, *p, *h, at, counts)?
+                    alpha::step_back(&mut recorder, from, end, *p, *h, at, counts)?
                 }
                 _ => at,
             };

@@ -4,7 +4,7 @@ use crate::model::joint::{Freedom, JointKind};
 use crate::spatial::{V3, exp_so3};
 use crate::system::topology::Node;
 
-use super::power_tree::turned;
+use super::super::power::tree::turned;
 
 fn sign(node: &Node) -> f64 {
     if node.reversed { -1.0 } else { 1.0 }

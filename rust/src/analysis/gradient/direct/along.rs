@@ -16,13 +16,13 @@ use crate::run::Counts;
 use crate::spatial::Pose;
 use crate::system::placement::advance;
 
+use super::super::quantity::Quantity;
+use super::super::start::started;
+use super::super::{Direction, Plan};
 use super::chunk::{Chunk, Moving, WIDEST, chunk, touched};
 use super::explicit::Held;
 use super::lanes::{Jet, constant_pose, constants};
-use super::quantity::Quantity;
 use super::slopes::{Slopes, crossed};
-use super::start::started;
-use super::{Direction, Plan};
 
 /// All directions on their way.
 pub struct Along<'a> {

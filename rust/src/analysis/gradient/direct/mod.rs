@@ -1,4 +1,15 @@
 //! The tangent linear model of every step, on the factors of that step: all directions together with the motion.
+//!
+//! | file | |
+//! |---|---|
+//! | `along`, `slopes` | by the tangents of the steps |
+//! | `chunk`, `explicit`, `lanes` | what tangents do not give: by the numbers themselves, in several directions at once |
+mod along;
+mod chunk;
+mod explicit;
+mod lanes;
+pub(super) mod slopes;
+
 use nalgebra::DMatrix;
 
 use crate::analysis::transient::ali3p::{Factors, Record, Weight, stars};
@@ -7,13 +18,13 @@ use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::Result;
 use crate::run::{Cancel, Counts};
 
-use super::along::Along;
+use self::along::Along;
+use self::chunk::Moving;
+use self::slopes::{Slopes, add_increments, carried};
 use super::alpha::{self, Load, Solved};
-use super::chunk::Moving;
 use super::kinks::{Kink, Watch};
 use super::march::{Here, Made, March};
 use super::quantity::{Point, Quantity, evaluate};
-use super::slopes::{Slopes, add_increments, carried};
 use super::{Direction, Plan};
 
 /// What generalised-alpha carries on, by all directions.

@@ -8,9 +8,9 @@ use crate::model::motion::MotionLaw;
 use crate::spatial::Pose;
 use crate::system::topology::Level;
 
+use super::super::power::{Forces, Power, Slopes};
+use super::super::tape::{Taped, backwards, clear, leaf};
 use super::increments::add_small_move;
-use super::power::{Forces, Power, Slopes};
-use super::tape::{Taped, backwards, clear, leaf};
 
 /// Derivatives by tree increments, rates, accelerations and memories.
 pub struct Found {

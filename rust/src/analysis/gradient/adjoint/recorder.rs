@@ -7,11 +7,11 @@ use crate::model::geometry::Geometry;
 use crate::run::Counts;
 use crate::spatial::Pose;
 
-use super::alpha::Load;
+use super::super::alpha::Load;
+use super::super::march::Here;
+use super::super::quantity::{Point, Quantity, evaluate};
+use super::super::tape::{Taped, backwards, clear, leaf};
 use super::by_hand::ByHand;
-use super::march::Here;
-use super::quantity::{Point, Quantity, evaluate};
-use super::tape::{Taped, backwards, clear, leaf};
 
 /// Adjoints of an instant; poses with twelve numbers each.
 #[derive(Clone)]

@@ -3,9 +3,9 @@ use crate::spatial::{M3, Six, V3};
 use crate::system::connector::load_parts;
 use crate::system::placement::Placement;
 
-use super::power::{Columns, Power, Slopes};
-use super::power_flexible::OnTape;
-use super::power_tree::{Bodies, Twists};
+use super::flexible::OnTape;
+use super::tree::{Bodies, Twists};
+use super::{Columns, Power, Slopes};
 
 impl<T: OnTape> Power<'_, '_, T> {
     /// - U.W of all loads.

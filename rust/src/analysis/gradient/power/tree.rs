@@ -13,8 +13,8 @@ use crate::spatial::{M3, Pose, Real, Six, V3, skew};
 use crate::system::placement::Placement;
 use crate::system::topology::Topology;
 
-use super::power::{Columns, Power, Slopes};
-use super::power_flexible::OnTape;
+use super::flexible::OnTape;
+use super::{Columns, Power, Slopes};
 
 /// Twists of the bodies by virtual rates, and their accelerations (-g of ground included).
 pub struct Twists<T: Real> {

@@ -12,9 +12,9 @@ use crate::system::flexible_inertia::Shapes;
 use crate::system::placement::Placement;
 use crate::system::topology::Modal;
 
-use super::power::{Columns, Forces, Power, Slopes};
-use super::power_tree::{Bodies, Twists};
-use super::tape::{Taped, backwards, clear, leaf};
+use super::super::tape::{Taped, backwards, clear, leaf};
+use super::tree::{Bodies, Twists};
+use super::{Columns, Forces, Power, Slopes};
 
 /// Numbers that can be put on the tape, with their derivatives.
 pub trait OnTape: Real {

@@ -11,9 +11,9 @@ use crate::analysis::transient::ali3p::{Factors, Record, Weight, stars};
 use crate::analysis::transient::{Equations, Instant};
 use crate::error::Result;
 
+use super::super::march::Here;
 use super::by_hand::ByHand;
 use super::increments::{add_numbers, before_move, by_increments};
-use super::march::Here;
 use super::recorder::{Adjoint, Recorder, add, column, remembered_back, transposed_times};
 
 /// Adjoints at the end of the step: of the configuration by increments, of v* and a*.

@@ -7,13 +7,23 @@
 //! What a step backwards asks for is such a number: residual and rows at once; J v in the direction of a motion gives J a + gamma, the
 //! residual along (c d, h/2 d, d) the metric of the projections, both with dual numbers for T, of which the derivatives are read.
 //! A sum of products over bodies costs about what the residual itself does, where a tape writes down every operation of it.
+//!
+//! | file | |
+//! |---|---|
+//! | `tree` | bodies and their inertia |
+//! | `links`, `loads`, `flexible` | connectors and rows, loads, flexible bodies |
+mod flexible;
+mod links;
+mod loads;
+pub(super) mod tree;
+
 use crate::analysis::transient::{Equations, Motion};
 use crate::model::geometry::Geometry;
 use crate::spatial::{M3, Real, Six, V3};
 use crate::system::placement::Placement;
 
-use super::power_flexible::OnTape;
-use super::power_tree::{Bodies, Twists};
+use self::flexible::OnTape;
+use self::tree::{Bodies, Twists};
 
 /// Which forces count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

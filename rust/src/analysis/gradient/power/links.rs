@@ -18,9 +18,9 @@ use crate::system::placement::Placement;
 use crate::system::rows::continued;
 use crate::system::topology::{BoundLaw, Connector, ConstraintRow, Natural, Owner, Purpose};
 
-use super::power::{Power, Slopes};
-use super::power_flexible::OnTape;
-use super::power_tree::{Bodies, Twists, body_rotation, marker_back};
+use super::flexible::OnTape;
+use super::tree::{Bodies, Twists, body_rotation, marker_back};
+use super::{Power, Slopes};
 
 /// Derivatives of P by a coordinate, its rate and its virtual rate.
 struct Entry<T: Real> {

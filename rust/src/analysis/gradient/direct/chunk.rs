@@ -11,10 +11,10 @@ use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::placement::{Placement, advance};
 
-use super::Direction;
+use super::super::Direction;
+use super::super::quantity::{Point, Quantity, evaluate};
 use super::explicit::{Held, Touched, explicit};
 use super::lanes::{Jet, Wide, constant_pose, geometry_over};
-use super::quantity::{Point, Quantity, evaluate};
 use super::slopes::Slopes;
 
 /// A motion with derivatives along all directions, one column for each; multipliers and accelerations where they are read.
