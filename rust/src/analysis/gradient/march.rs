@@ -30,6 +30,8 @@ impl Rule {
 pub struct Here {
     pub instant: Instant,
     pub carried: Option<Carried>,
+    /// with which ALI3-P foresees the next accelerations: a step is the same, to the last digit, wherever a run of them begins
+    pub trend: Trend,
 }
 
 impl Here {
@@ -46,7 +48,11 @@ impl Here {
                 h: 0.0,
             }),
         };
-        Here { instant, carried }
+        Here {
+            instant,
+            carried,
+            trend: Trend::default(),
+        }
     }
 }
 
@@ -56,12 +62,11 @@ pub enum Made {
     Alpha(Parameters, f64),
 }
 
-/// Goes from step to step; what it holds makes steps cheaper and leaves them the same.
+/// Goes from step to step; a kept factorisation of the motion is all that it holds.
 pub struct March<'a> {
     eq: &'a Equations<'a, f64>,
     plan: &'a Plan,
     alpha: Option<GeneralizedAlpha>,
-    trend: Trend,
     /// tangents come along with the factors; on the way back they are of no use
     tangents: bool,
 }
@@ -72,7 +77,6 @@ impl<'a> March<'a> {
             eq,
             plan,
             alpha: None,
-            trend: Trend::default(),
             tangents: false,
         }
     }
@@ -87,7 +91,6 @@ impl<'a> March<'a> {
     /// Forget factorisations: steps from here on are the same whatever was before.
     pub fn forget(&mut self) {
         self.alpha = None;
-        self.trend = Trend::default();
     }
 
     /// The end of step i, memories included, and how it came about.
@@ -118,17 +121,18 @@ impl<'a> March<'a> {
         let (h, t) = (self.plan.step(i), self.plan.times[i + 1]);
         match self.plan.rule {
             Rule::Ali3p(weight) => {
+                let mut trend = from.trend.clone();
                 let (mut end, record, mut by) =
                     self.eq
-                        .ali3p_step(&from.instant, h, &self.trend, weight, counts)?;
-                self.trend
-                    .pass(&from.instant.acceleration, &end.acceleration, h);
+                        .ali3p_step(&from.instant, h, &trend, weight, counts)?;
+                trend.pass(&from.instant.acceleration, &end.acceleration, h);
                 end.motion.t = t;
                 by.linear = by.linear.filter(|_| self.tangents);
                 self.eq.remember(&mut end.motion, counts);
                 let here = Here {
                     instant: end,
                     carried: None,
+                    trend,
                 };
                 Ok((here, Made::Ali3p(record, Box::new(by))))
             }
@@ -145,6 +149,7 @@ impl<'a> March<'a> {
                 let here = Here {
                     carried: scheme.carried().cloned(),
                     instant: step.end,
+                    trend: Trend::default(),
                 };
                 Ok((here, Made::Alpha(Parameters::of(rho), h)))
             }
