@@ -8,16 +8,9 @@ const GAPS: [f64; 3] = [0.19, 0.45, 0.75];
 /// The first step may differ from the one that the tolerance suggests by this factor.
 const NEARLY: f64 = 3.0;
 /// Local errors below this drown in what the pose makes of rounding.
-const FINEST: f64 = 1e-10;
+pub const FINEST: f64 = 1e-10;
 
-/// What gets past singular poses.
-pub enum Bridge {
-    /// a scheme that says itself where its steps should end
-    Placing(Box<dyn Scheme>),
-    /// one that makes a long first step to the other side
-    Across(Box<dyn Scheme>),
-}
-
+/// One long step to the other side of a singular pose, and others until it is left behind.
 pub(super) struct Detour {
     pub scheme: Box<dyn Scheme>,
     until: f64,
@@ -25,42 +18,9 @@ pub(super) struct Detour {
     pub length: f64,
     /// the step of the scheme that is left
     pub before: f64,
-    across: bool,
 }
 
 impl Detour {
-    /// Where steps have become so short, for as long as those before were.
-    pub fn placing(
-        here: &Instant,
-        scheme: Box<dyn Scheme>,
-        before: f64,
-        counts: &mut Counts,
-    ) -> Detour {
-        counts.add("detours", 1);
-        Detour {
-            scheme,
-            until: here.motion.t + before,
-            length: before,
-            before,
-            across: false,
-        }
-    }
-
-    /// It lasts until then at least.
-    pub fn reach(&mut self, t: f64) {
-        self.until = self.until.max(t);
-    }
-
-    /// The smallest tolerance that it can serve.
-    pub fn finest(&self) -> f64 {
-        if self.across { FINEST } else { 0.0 }
-    }
-
-    /// The next step of the scheme that is left; `recent`: the longest of late.
-    pub fn next(&self, recent: f64) -> f64 {
-        if self.across { self.before } else { recent }
-    }
-
     /// Across the pose that `here` is near to, None where there is none; `natural`: a step that the scheme could make.
     pub fn across(
         eq: &Equations<'_, f64>,
@@ -84,7 +44,6 @@ impl Detour {
             until: here.motion.t + length,
             length,
             before,
-            across: true,
         })
     }
 
@@ -102,9 +61,6 @@ impl Detour {
     ) -> bool {
         if here.motion.t < self.until {
             return false;
-        }
-        if !self.across {
-            return true;
         }
         let near = eq.way_to_singular_pose(here, counts);
         if near.is_ok_and(|way| way.is_some()) {

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
-use super::detour::{Bridge, Detour};
+use super::detour::Detour;
 use super::way::{Aim, Verdict, Way, active, finest};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
@@ -21,8 +21,6 @@ const FADING: f64 = 0.3;
 const SLOWEST: f64 = 1e-3;
 const MAX_FAILURES: usize = 60;
 const DIVISIONS: usize = 5;
-/// Steps of one detour that are placed anew for a singular pose.
-const PLACED: usize = 8;
 
 struct Driver<'e, 's, 'p> {
     eq: &'e Equations<'s, f64>,
@@ -147,7 +145,7 @@ impl Driver<'_, '_, '_> {
                 .max(SLOWEST / total);
             let here = &way.here;
             if let Some(d) = way.detour.take_if(|d| d.is_behind(self.eq, here, counts)) {
-                way.recent = d.next(way.recent);
+                way.recent = d.before;
                 way.h = way.recent;
                 scheme.reset();
             }
@@ -157,24 +155,12 @@ impl Driver<'_, '_, '_> {
             let active = active(&mut way.detour, scheme);
             let tried = active.step(self.eq, &way.here, aim.length, estimate, counts);
             let allowed = self.tolerance(active, aim.length).max(finest);
-            let better = active
-                .better_end()
-                .filter(|_| estimate && way.placed < PLACED);
-            let verdict = match better {
-                Some(part) => Verdict::Misplaced(part),
-                None => self.judged(tried, &way.here, aim.length, active, allowed),
-            };
-            let going_on = match verdict {
+            let going_on = match self.judged(tried, &way.here, aim.length, active, allowed) {
                 Verdict::Accepted(step, size) => {
                     self.accepted(&mut way, scheme, *step, size, &aim, counts)?
                 }
                 Verdict::Rejected(factor, why) => {
                     self.rejected(&mut way, scheme, aim.length * factor, why, counts)
-                }
-                Verdict::Misplaced(part) => {
-                    counts.add("singular poses", 1);
-                    way.place(part, aim.length);
-                    true
                 }
                 Verdict::Turned(part) => self.turned(&mut way, aim.length * part, counts),
                 Verdict::Fatal(error) => {
@@ -213,8 +199,6 @@ impl Driver<'_, '_, '_> {
             after_rejection: false,
             detour: None,
             recent: 0.0,
-            cut: None,
-            placed: 0,
         }
     }
 
@@ -227,9 +211,6 @@ impl Driver<'_, '_, '_> {
         let (mut length, mut target) = self.fitted(&way.here, way.h);
         if let Some(until) = way.detour.as_ref().and_then(|d| d.end_within(t, length)) {
             (length, target) = (until - t, Some(until));
-        }
-        if let Some(cut) = way.cut.filter(|c| t + length > *c) {
-            (length, target) = (cut - t, None);
         }
         // a break is approached from the left; what jumps there belongs to what follows
         let end = self.plan.end;
@@ -279,9 +260,6 @@ impl Driver<'_, '_, '_> {
         let faded = way.recent * (-FADING * aim.length / way.recent.max(aim.length)).exp();
         way.recent = aim.length.max(faded);
         way.here = step.end;
-        way.cut = way
-            .cut
-            .filter(|c| *c - way.here.motion.t > 1e-6 * aim.length);
         self.run.local.push(size);
         self.run.steps.push(aim.broken.unwrap_or(way.here.motion.t));
         counts.add("steps", 1);
@@ -320,7 +298,7 @@ impl Driver<'_, '_, '_> {
         way.after_rejection = true;
         way.h = shorter;
         if let Some(detour) = self.detour(way, scheme, shorter, counts) {
-            (way.failures, way.placed) = (0, 0);
+            way.failures = 0;
             way.h = detour.length;
             way.detour = Some(detour);
             return true;
@@ -357,15 +335,10 @@ impl Driver<'_, '_, '_> {
         let Steps::Controlled { rtol, longest, .. } = self.plan.steps else {
             return None;
         };
-        if way.detour.is_some() || self.eq.n_rows() == 0 {
+        if way.detour.is_some() || !self.eq.constrained() {
             return None;
         }
-        let around = match scheme.bridge(shorter / way.recent)? {
-            Bridge::Placing(around) => {
-                return Some(Detour::placing(&way.here, around, way.recent, counts));
-            }
-            Bridge::Across(around) => around,
-        };
+        let around = scheme.bridge(shorter / way.recent)?;
         let natural = self.first_step(&way.here, rtol, around.order());
         // long enough to get well beyond the pose with the first step
         let natural = way.recent.max(natural).min(longest);

@@ -14,11 +14,9 @@
 use crate::error::Result;
 use crate::run::Counts;
 
-use super::detour::Bridge;
 use super::dop853_numbers::{A, B, C, D, E3, E5, Row, STAGES};
 use super::explicit_minimal::Minimal;
-use super::explicit_passing::Passing;
-use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
+use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
 /// The estimate exceeds that of order 5 at most by this factor.
 const MOST: f64 = 10.0;
@@ -40,8 +38,6 @@ pub struct Explicit8 {
     end: Option<Ends>,
     /// None: tree coordinates
     minimal: Option<Minimal>,
-    /// singular poses are looked for
-    passing: Option<Passing>,
     /// tree coordinates, but stages are closed and aligned too
     careful: bool,
 }
@@ -88,15 +84,7 @@ impl Explicit8 {
         }
     }
 
-    /// For schemes whose own steps collapse there.
-    pub fn past_singular_poses() -> Box<dyn Scheme> {
-        Box::new(Explicit8 {
-            passing: Some(Passing::default()),
-            ..Explicit8::new(Coordinates::Independent, None)
-        })
-    }
-
-    /// For other schemes: one long step from one side of the pose to the other.
+    /// One long step from one side of a singular pose to the other, for schemes whose own steps collapse there.
     pub fn across_singular_poses() -> Box<dyn Scheme> {
         Box::new(Explicit8 {
             careful: true,
@@ -116,9 +104,6 @@ impl Explicit8 {
         if let Some(minimal) = &mut self.minimal {
             let rate = from.rate.iter().zip(&v).map(|(r, dv)| r + dv).collect();
             let at = minimal.settle(eq, from, from.t + C[stage] * h, (y, rate), false, counts)?;
-            if let Some(passing) = self.passing.as_mut().filter(|_| stage < STAGES) {
-                passing.see(C[stage], minimal.pivots());
-            }
             let v = minimal.accelerations(eq, &at, counts)?;
             let y = eq.increment_rates(&at.increment, &at.motion.rate);
             self.slopes.push(Slope { y, v });
@@ -208,12 +193,7 @@ impl Scheme for Explicit8 {
             v: from.acceleration.clone(),
         });
         match &mut self.minimal {
-            Some(minimal) if eq.constrained() => {
-                minimal.choose(eq, &from.motion, counts)?;
-                if let Some(passing) = &mut self.passing {
-                    passing.start(minimal.pivots_at(eq, &from.motion)?);
-                }
-            }
+            Some(minimal) if eq.constrained() => minimal.choose(eq, &from.motion, counts)?,
             _ => self.minimal = None,
         }
         for stage in 1..STAGES {
@@ -244,23 +224,10 @@ impl Scheme for Explicit8 {
                 (y, v)
             });
             let scales = eq.scales();
-            let mut error = LocalError {
+            LocalError {
                 position: combined(five.0, &three.0, &scales),
                 rate: combined(five.1, &three.1, &scales),
-            };
-            if let Some(passing) = &self.passing {
-                let floor = passing.rounding(scaled_size(&end.motion.rate, &scales), h);
-                // no step could be short enough for what rounding adds
-                for (e, (v, s)) in error
-                    .position
-                    .iter_mut()
-                    .zip(error.rate.iter_mut().zip(&scales))
-                {
-                    *v -= v.clamp(-floor * s, floor * s);
-                    *e -= e.clamp(-h * floor * s, h * floor * s);
-                }
             }
-            error
         });
         self.slopes.push(Slope {
             y: eq.increment_rates(&dy, &end.motion.rate),
@@ -270,13 +237,8 @@ impl Scheme for Explicit8 {
         Ok(Step { end, error })
     }
 
-    fn bridge(&self, left: f64) -> Option<Bridge> {
-        let alone = self.passing.is_none() && !self.careful && left < COLLAPSED;
-        alone.then(|| Bridge::Placing(Explicit8::past_singular_poses()))
-    }
-
-    fn better_end(&self) -> Option<f64> {
-        self.passing.as_ref()?.better_end()
+    fn bridge(&self, left: f64) -> Option<Box<dyn Scheme>> {
+        (!self.careful && left < COLLAPSED).then(Explicit8::across_singular_poses)
     }
 
     fn remark(&self) -> Option<String> {

@@ -181,19 +181,6 @@ impl Minimal {
         })
     }
 
-    /// The pivots at the start of a step, whose signs tell of singular poses.
-    pub fn pivots_at(&mut self, eq: &Equations<'_, f64>, from: &Motion<f64>) -> Result<Vec<f64>> {
-        let plan = self.plan.as_ref().ok_or_else(no_choice)?;
-        plan.factor(&eq.row_matrix(from).1, false, &mut self.rates)?;
-        Ok(plan.sizes(&self.rates))
-    }
-
-    /// The pivots at the pose that was settled last.
-    pub fn pivots(&self) -> Vec<f64> {
-        let plan = self.plan.as_ref();
-        plan.map_or_else(Vec::new, |p| p.sizes(&self.rates))
-    }
-
     /// What follows from changes of independent increments and rates at the last pose.
     pub fn follow(&self, y: &mut [f64], v: &mut [f64]) {
         if let Some(plan) = &self.plan {

@@ -272,13 +272,6 @@ impl Plan {
         Ok(())
     }
 
-    /// The pivots of a pose, in order.
-    pub fn sizes(&self, f: &Factors) -> Vec<f64> {
-        (0..self.pivots.len())
-            .map(|k| f.upper[self.upper.start[k]])
-            .collect()
-    }
-
     /// x_d of J x = b in the first `pivots` rows, b = 0 where there is none; x holds the independent ones and takes the others.
     pub fn depend(&self, f: &Factors, b: Option<&[f64]>, x: &mut [f64], pivots: usize) {
         let mut z = vec![0.0; pivots];

@@ -33,7 +33,6 @@ pub mod energy;
 pub mod explicit;
 pub mod explicit8;
 mod explicit_minimal;
-mod explicit_passing;
 mod explicit_pivots;
 pub mod generalized_alpha;
 mod held_rates;
@@ -48,7 +47,6 @@ mod singular;
 pub mod stiffness;
 mod way;
 
-use detour::Bridge;
 use explicit8::Explicit8;
 use nalgebra::{DMatrix, DVector};
 
@@ -145,13 +143,8 @@ pub trait Scheme {
     fn accept(&mut self, _eq: &Equations<'_, f64>, _from: &Instant, _step: &Step, _h: f64) {}
 
     /// A scheme that gets past singular poses where this one does not; `left`: the next step over those before.
-    fn bridge(&self, _left: f64) -> Option<Bridge> {
-        Some(Bridge::Across(Explicit8::across_singular_poses()))
-    }
-
-    /// The part of the step just made after which it should rather end.
-    fn better_end(&self) -> Option<f64> {
-        None
+    fn bridge(&self, _left: f64) -> Option<Box<dyn Scheme>> {
+        Some(Explicit8::across_singular_poses())
     }
 
     /// How long an error of the rates counts in positions; the driver takes the time of the motion where that is shorter.

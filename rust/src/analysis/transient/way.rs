@@ -2,7 +2,7 @@
 use crate::error::Error;
 use crate::model::joint::JointKind;
 
-use super::detour::Detour;
+use super::detour::{Detour, FINEST};
 use super::{Equations, Instant, Scheme, Step};
 
 /// Where the march stands, and how it goes on.
@@ -14,23 +14,6 @@ pub(super) struct Way {
     pub detour: Option<Detour>,
     /// the longest step of late, fading with time: shrinking steps do not hide what they shrink from
     pub recent: f64,
-    /// where a step must end for the next one to pass a singular pose well
-    pub cut: Option<f64>,
-    /// how often that was asked in this detour
-    pub placed: usize,
-}
-
-impl Way {
-    /// The next step ends after this part of one that was not taken.
-    pub fn place(&mut self, part: f64, length: f64) {
-        let t = self.here.motion.t;
-        self.cut = Some(t + part * length);
-        self.placed += 1;
-        self.h = length;
-        if let Some(d) = &mut self.detour {
-            d.reach(t + 2.0 * length);
-        }
-    }
 }
 
 impl Equations<'_, f64> {
@@ -62,7 +45,7 @@ pub(super) struct Aim {
 
 /// The smallest tolerance that the pose allows which a detour passes.
 pub(super) fn finest(way: &Way) -> f64 {
-    way.detour.as_ref().map_or(0.0, Detour::finest)
+    way.detour.as_ref().map_or(0.0, |_| FINEST)
 }
 
 /// What makes the next step: the detour's scheme while there is one.
@@ -81,7 +64,5 @@ pub(super) enum Verdict {
     Rejected(f64, String),
     /// a slider turns after this part of the step
     Turned(f64),
-    /// a singular pose is passed better by a step that ends after this part of it, or begins there
-    Misplaced(f64),
     Fatal(Error),
 }
