@@ -163,7 +163,7 @@ def test_directions_of_the_isolator():
     t = tables(m)
     d = directions(m, ["k_leg", "c_leg", "payload.mass", "leg0.at_b[2]"])
     assert d.labels == ("k_leg", "c_leg", "payload.mass", "leg0.at_b[2]")
-    assert d.units == ("", "", "kg", "m") and d.shape == (4,)
+    assert d.units == ("N/m", "N s/m", "kg", "m") and d.shape == (4,)
     assert d.dense.flags.f_contiguous and d.dense.dtype == np.float64
     assert np.flatnonzero(d.dense[:, 0]).tolist() == (t["element_x"] + 6).tolist()
     assert np.flatnonzero(d.dense[:, 1]).tolist() == (t["element_x"] + 7).tolist()

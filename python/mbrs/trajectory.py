@@ -388,7 +388,7 @@ class Trajectory(Result):
         except (TypeError, ValueError):
             raise ModelError(f"t = {t!r} is no output time: t= is a time of an output, one of traj.t") from None
         i = int(np.argmin(np.abs(self.t - asked)))
-        if not abs(self.t[i] - asked) <= 1e-9 * max(1.0, abs(asked)):
+        if not np.isfinite(asked) or abs(self.t[i] - asked) > 1e-9 * max(1.0, abs(asked)):
             raise ModelError(f"t = {t} is no output time; the nearest is {self.t[i]:.9g}: name times with t=[...]")
         return i
 

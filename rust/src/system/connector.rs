@@ -6,7 +6,6 @@
 //! multiplier. `path` spreads both over the tree coordinates.
 
 use crate::kinematics::relative::{Relative, Row};
-use crate::laws::Law;
 use crate::model::geometry::{Geometry, MarkerPair};
 use crate::model::joint::{Coordinate, JointKind};
 use crate::model::tables::{BodyRef, ElementKind};
@@ -17,6 +16,7 @@ use crate::system::connector_force::response;
 use crate::system::placement::{Placement, marker_pose};
 use crate::system::rows::turns;
 use crate::system::topology::{Connector, Natural, Owner, Topology};
+pub use crate::system::wanted::Wanted;
 
 /// A wrench on b about the current place of p_B (world axes), the opposite on a; tangents where they were asked for.
 #[derive(Debug, Clone)]
@@ -51,61 +51,6 @@ const COLLAPSED: f64 = 1e-12;
 pub struct Numbers<'a, T: Real> {
     pub x: &'a [T],
     pub memory: &'a [T],
-}
-
-/// What of a tangent is wanted.
-#[derive(Debug, Clone, Copy)]
-pub struct Wanted {
-    pub tangent: bool,
-    /// terms that are proportional to the force
-    pub geometric: bool,
-    pub damping: bool,
-    /// slopes of the laws; harmonic balance takes them from the elements instead
-    pub laws: bool,
-    pub friction: bool,
-    pub contact: bool,
-}
-
-impl Wanted {
-    /// Forces alone, all of them.
-    pub const FORCES: Wanted = Wanted {
-        tangent: false,
-        geometric: false,
-        damping: true,
-        laws: false,
-        friction: true,
-        contact: true,
-    };
-
-    /// Slopes of springs and laws, without the terms that are proportional to their forces.
-    pub const SLOPES: Wanted = Wanted {
-        tangent: true,
-        laws: true,
-        ..Wanted::FORCES
-    };
-
-    /// The tangent of given forces, such as multipliers.
-    pub const GEOMETRY: Wanted = Wanted {
-        tangent: true,
-        geometric: true,
-        ..Wanted::FORCES
-    };
-
-    /// Does anything of a connector act? One whose effects are all left out is not looked at.
-    pub(crate) fn acts(&self, c: &Connector) -> bool {
-        c.k.is_some()
-            || c.preload.is_some()
-            || self.damping && c.c.is_some()
-            || c.laws.iter().any(|l| self.law(l.law))
-    }
-
-    pub(crate) fn law(&self, law: Law) -> bool {
-        match law {
-            Law::CoulombTanh | Law::Jenkins | Law::Iwan { .. } => self.friction,
-            Law::Gap | Law::GapBilateral | Law::Hertz => self.contact,
-            _ => true,
-        }
-    }
 }
 
 pub(crate) fn pair_of<T: Real>(geometry: &Geometry<T>, owner: Owner) -> &MarkerPair<T> {

@@ -26,6 +26,7 @@ pub mod rows;
 pub mod sparse;
 pub mod topology;
 mod tree;
+pub mod wanted;
 
 use std::sync::Arc;
 

@@ -118,17 +118,9 @@ pub fn simulate(
         .collect();
     let velocity_correction = size(&changed);
     let (mut method, mut why) = chosen(eq, method, &first, &plan, counts)?;
-    if matches!(method, Method::Explicit(None)) {
-        let tight = matches!(plan.steps, Steps::Controlled { rtol, .. } if rtol < TIGHT);
-        let reason = if Minimal::pays(eq, &first.motion) {
-            Some("many loops and few freedoms")
-        } else {
-            (tight && eq.n_rows() > 0).then_some("a tolerance near to rounding")
-        };
-        if let Some(reason) = reason {
-            method = Method::Explicit(Some(Coordinates::Independent));
-            why = format!("{why}; {reason}");
-        }
+    if matches!(method, Method::Explicit(None)) && Minimal::pays(eq, &first.motion) {
+        method = Method::Explicit(Some(Coordinates::Independent));
+        why = format!("{why}; many loops and few freedoms");
     }
     let mut scheme = method.scheme(plan.steps);
     let run = drive(eq, scheme.as_mut(), first, &plan, cancel, progress, counts)?;
@@ -143,9 +135,6 @@ pub fn simulate(
         velocity_correction,
     })
 }
-
-/// Below this tolerance projected steps may creep up to a singular pose until they lose their branch.
-const TIGHT: f64 = 9e-11;
 
 fn at_start(error: Error) -> Error {
     match error {

@@ -1,4 +1,4 @@
-//! A step of generalised-alpha backwards: the exact reverse of `Chunk::alpha`.
+//! A step of generalised-alpha backwards: the exact reverse of `Along::alpha`.
 //!
 //! ```text
 //! a, lam:   [M J^T; J 0]^T (u, w) = (a^, lam^)    then -u.r - w.(J a + gamma) by q1, v1
