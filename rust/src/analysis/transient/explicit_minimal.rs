@@ -32,6 +32,9 @@ const COARSE: f64 = 1e-7;
 const ROUNDING: f64 = 1e-11;
 /// Sparse models: freedoms times dependent coordinates, over rows and coordinates, up to which B is cheaper than multipliers.
 const FEW: usize = 4;
+/// Beyond so many tree coordinates the choice of pivots and the fill of their elimination cost more than multipliers of all loops
+/// (measured on rows of four-bars: a fifth less time for 40 of them, as much for 100, half as much again for 1000).
+const LARGEST: usize = 150;
 /// So many coordinates are named.
 const SHOWN: usize = 6;
 
@@ -198,7 +201,7 @@ impl Minimal {
     /// Large models with few freedoms: stages in independent coordinates are cheaper than multipliers of all loops. In small ones
     /// they are not, since positions have to be closed in every stage.
     pub fn pays(eq: &Equations<'_, f64>, at: &Motion<f64>) -> bool {
-        if !eq.sparse || !eq.constrained() {
+        if !eq.sparse || !eq.constrained() || eq.n() > LARGEST {
             return false;
         }
         let mut trial = Minimal::new(None);
