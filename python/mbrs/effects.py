@@ -228,6 +228,11 @@ def _constraint_stiffness(m: Model) -> tuple[bool, str]:
     return True, "joints are loaded by " + ", ".join(loads)
 
 
+def with_rate_laws(m: Model) -> list[Any]:
+    """Elements and joints with a law whose force depends on the rate."""
+    return [law.owner for laws in m.laws.values() for law in laws if law.code in _RATE_LAWS]
+
+
 def _damping(m: Model) -> tuple[bool, str]:
     owners = _springs(m)
     flexible = [b for b in m.bodies if b.kind == "flexible body" and any(b.shapes.damping())]  # type: ignore[attr-defined]
@@ -235,7 +240,7 @@ def _damping(m: Model) -> tuple[bool, str]:
         return True, f"modal damping of {_listed([b.name for b in flexible])}"
     if not owners:
         return False, "no spring, bushing or joint stiffness that could have damping"
-    rated = {id(law.owner) for laws in m.laws.values() for law in laws if law.code in _RATE_LAWS}
+    rated = {id(owner) for owner in with_rate_laws(m)}
     damped = [o for o in owners if o.flags & 2 or id(o) in rated]
     if not damped:
         return False, "no c= was given, and no law depends on a rate"

@@ -14,7 +14,7 @@ import numpy as np
 
 from . import _core
 from ._border import core_errors
-from .effects import check_without, effects
+from .effects import check_without, effects, with_rate_laws
 from .errors import KinkWarning, MbrsWarning, ModelError, NameNotFoundError
 from .guessed_start import require_followed_guess
 from .linearize import Snapshot
@@ -351,6 +351,20 @@ def finite(name: str, value: Any, least: float = 0.0) -> float:
     return number
 
 
+def _require_exact_tangents(m: Model, without: tuple[str, ...]) -> None:
+    """Two effects leave tangents of a step that are not the derivatives of its forces."""
+    why = None
+    if "centrifugal" in without:
+        why = "without=('centrifugal',)"
+    rated = with_rate_laws(m) if "damping" in without else []
+    if rated:
+        why = f"without=('damping',) with the law of {rated[0].name!r}, which feels rates,"
+    if why:
+        raise ModelError(
+            f"{why} has no gradients: leave the effect in, or take differences of mb.simulate (relative steps of 1e-5)"
+        )
+
+
 def prepare(
     m: Model,
     objectives: Sequence[Objective],
@@ -362,6 +376,7 @@ def prepare(
     **kind: Any,
 ) -> Run:
     """Start and steps of a motion."""
+    _require_exact_tangents(m, without)
     snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
     end = finite("t", t, state.t)
