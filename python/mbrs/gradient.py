@@ -556,6 +556,7 @@ def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
             "'generalized-alpha' to get them"
         )
     traj.snapshot.check_current("motion")
+    _require_exact_tangents(traj.model, traj.without)
     run = Run(
         traj.model,
         traj.snapshot,
