@@ -454,3 +454,11 @@ def test_residuals_are_relative_to_the_motion(second):
     print(f"{second:.0e} s: {traj.residual.max(axis=0)}")
     assert np.ptp(traj.joint("A")) > 1.0
     assert traj.residual[:, 1].max() > 0 and np.all(traj.residual.max(axis=0) < [1e-13, 1e-13, 1e-12])
+
+
+@pytest.mark.parametrize("method", ["auto", "explicit", "bdf", "generalized-alpha"])
+def test_a_joint_that_moves_no_inertia_is_named(method):
+    m = mb.Model("pin", gravity=(0, 0, -9.81))
+    m.spherical("socket", m.ground, m.body("ball", mass=1.0, inertia=(0, 0, 0)), at=(0, 0, 0))
+    with pytest.raises(mb.SingularError, match=r"'socket\.rx' moves no inertia; give"):
+        mb.simulate(m, t=1.0, method=method)

@@ -58,6 +58,14 @@ impl Equations<'_, f64> {
         counts: &mut Counts,
     ) -> Result<Saddle> {
         counts.add("mass factorisations", 1);
+        let bare = |d: &f64| *d == 0.0 || !d.is_finite();
+        if let Some(i) = mass.diagonal().iter().position(bare) {
+            return Err(Error::singular(format!(
+                "the equations of motion are singular: '{}' moves no inertia; give the bodies that it moves mass or a rotational \
+                 inertia, or lock it with a fixed joint",
+                self.topology().names[i]
+            )));
+        }
         Saddle::of(mass, jacobian, Some(&self.ordering))
     }
 
