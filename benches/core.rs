@@ -31,12 +31,7 @@ fn linearized(system: &System) -> Result<Linearization> {
     let mut counts = Counts::default();
     let state = assemble(system, true, Effects::ALL, &mut counts)?.state;
     let effects = Effects::ALL;
-    let setting = Setting {
-        system,
-        state: &state,
-        memory: &[],
-        effects,
-    };
+    let setting = Setting { system, state: &state, memory: &[], effects };
     linearize(&setting, &mut counts)
 }
 
@@ -81,9 +76,7 @@ fn random(n: usize, damped: bool, gyroscopic: bool) -> Result<SecondOrder> {
     let mut any = || Mat::from_fn(n, n, |_, _| rng.random_range(-1.0..1.0));
     let positive = |a: &Mat<f64>, shift: f64| {
         let p = a * a.transpose();
-        Mat::from_fn(n, n, |i, j| {
-            0.5 * (p[(i, j)] + p[(j, i)]) + if i == j { shift } else { 0.0 }
-        })
+        Mat::from_fn(n, n, |i, j| 0.5 * (p[(i, j)] + p[(j, i)]) + if i == j { shift } else { 0.0 })
     };
     let (a, b, d, g) = (any(), any(), any(), any());
     let skew = Mat::from_fn(n, n, |i, j| g[(i, j)] - g[(j, i)]);
@@ -98,11 +91,8 @@ fn random(n: usize, damped: bool, gyroscopic: bool) -> Result<SecondOrder> {
 }
 
 fn eigen_routes(c: &mut Criterion) -> Result<()> {
-    for (name, damped, gyroscopic) in [
-        ("undamped", false, false),
-        ("damped", true, false),
-        ("gyroscopic", false, true),
-    ] {
+    for (name, damped, gyroscopic) in [("undamped", false, false), ("damped", true, false), ("gyroscopic", false, true)]
+    {
         let system = random(60, damped, gyroscopic)?;
         c.bench_function(&format!("60 degrees of freedom: {name} modes"), |b| {
             b.iter(|| modes(black_box(&system)));
@@ -123,26 +113,12 @@ fn transfer_functions(c: &mut Criterion) -> Result<()> {
     let system = random(n, true, false)?;
     let quadratic = Quadratic::new(system.m.clone(), system.velocity(), system.position())?;
     let l = Mat::from_fn(6, n, |i, j| f64::from(u8::from(j == 20 * i)));
-    let ports = Ports {
-        f: l.transpose().to_owned(),
-        l,
-        order_in: vec![0; 6],
-        order_out: 0,
-        d0: None,
-    };
+    let ports = Ports { f: l.transpose().to_owned(), l, order_in: vec![0; 6], order_out: 0, d0: None };
     let omega: Vec<f64> = (0..400).map(|i| 0.01 * f64::from(i)).collect();
     let mut group = c.benchmark_group("300 states, 6 x 6 x 400");
     group.sample_size(10);
     group.bench_function("reduce and evaluate", |b| {
-        b.iter(|| {
-            Reduction::new(quadratic.clone())?.evaluate(
-                &ports,
-                &omega,
-                None,
-                true,
-                &Cancel::default(),
-            )
-        });
+        b.iter(|| Reduction::new(quadratic.clone())?.evaluate(&ports, &omega, None, true, &Cancel::default()));
     });
     group.finish();
     Ok(())

@@ -33,12 +33,7 @@ fn linearized(system: &System) -> Result<Linearization> {
     let mut counts = Counts::default();
     let state = assemble(system, true, Effects::ALL, &mut counts)?.state;
     let effects = Effects::ALL;
-    let setting = Setting {
-        system,
-        state: &state,
-        memory: &[],
-        effects,
-    };
+    let setting = Setting { system, state: &state, memory: &[], effects };
     linearize(&setting, &mut counts)
 }
 
@@ -61,13 +56,9 @@ fn hexapod_has_its_closed_form() -> Result<()> {
     let found = modes(&second_order(&linearized(&system)?)?)?;
     // K = diag(2k, 2k, 2k) for translations, and k L^2/2 twice, 2 k L^2 once for rotations.
     let tilt = k * edge.powi(2) / (2.0 * inertia);
-    let squares = [2.0 * k / mass; 3]
-        .into_iter()
-        .chain([tilt, tilt, 4.0 * tilt]);
+    let squares = [2.0 * k / mass; 3].into_iter().chain([tilt, tilt, 4.0 * tilt]);
     let exact: Vec<f64> = squares.map(f64::sqrt).collect();
-    let worst = (0..6)
-        .map(|i| (found.s[i].norm() / exact[i] - 1.0).abs())
-        .fold(0.0, f64::max);
+    let worst = (0..6).map(|i| (found.s[i].norm() / exact[i] - 1.0).abs()).fold(0.0, f64::max);
     println!("hexapod: {worst:.1e}, route {}", found.route);
     assert!(worst < 1e-12);
     assert_eq!(found.groups, [(0, 3), (3, 2)]);
@@ -80,10 +71,9 @@ fn hexapod_has_its_closed_form() -> Result<()> {
 #[test]
 fn constraint_forces_stiffen_hanging_mechanisms() -> Result<()> {
     // sqrt(m g l/2 / (m l^2/3)) and sqrt(2 m g l / (5/3 m l^2)): issue 2
-    for (tables, square, digits) in [
-        (models::hanging_rod(), 1.5 * 9.81, "0.610521"),
-        (models::hanging_four_bar(), 1.2 * 9.81, "0.546066"),
-    ] {
+    for (tables, square, digits) in
+        [(models::hanging_rod(), 1.5 * 9.81, "0.610521"), (models::hanging_four_bar(), 1.2 * 9.81, "0.546066")]
+    {
         let found = balanced(tables, &Cancel::default())?;
         let f = frequencies(&found.linearization)?;
         assert_eq!(f.len(), 1);
@@ -100,16 +90,11 @@ fn new_values_keep_the_topology() -> Result<()> {
     let mut x = system.x.to_vec();
     for element in &system.topology.tables.elements {
         // stiffness and damping by four: frequencies by two
-        x[element.x + 10..element.x + 82]
-            .iter_mut()
-            .for_each(|v| *v *= 4.0);
+        x[element.x + 10..element.x + 82].iter_mut().for_each(|v| *v *= 4.0);
     }
     let stiffer = system.with_values(x)?;
     assert!(std::sync::Arc::ptr_eq(&system.topology, &stiffer.topology));
-    let (soft, hard) = (
-        frequencies(&linearized(&system)?)?,
-        frequencies(&linearized(&stiffer)?)?,
-    );
+    let (soft, hard) = (frequencies(&linearized(&system)?)?, frequencies(&linearized(&stiffer)?)?);
     assert_eq!(soft.len(), 12);
     for (a, b) in soft.iter().zip(&hard) {
         assert!((b / a - 2.0).abs() < 1e-9, "{a} {b}");
@@ -123,19 +108,9 @@ fn receptance_of_the_hexapod_is_that_of_one_oscillator() -> Result<()> {
     let system = System::new(models::cubic_hexapod(0.2, k, c, mass, 0.15))?;
     let lin = linearized(&system)?;
     let damping = lin.matrices.damping.as_ref().map(dense);
-    let q = Quadratic::new(
-        dense(&lin.matrices.mass),
-        damping,
-        dense(&lin.matrices.stiffness),
-    )?;
+    let q = Quadratic::new(dense(&lin.matrices.mass), damping, dense(&lin.matrices.stiffness))?;
     let l = Mat::from_fn(1, 6, |_, j| lin.body_map[(2, j)]);
-    let ports = Ports {
-        f: l.transpose().to_owned(),
-        l,
-        order_in: vec![0],
-        order_out: 0,
-        d0: None,
-    };
+    let ports = Ports { f: l.transpose().to_owned(), l, order_in: vec![0], order_out: 0, d0: None };
     let omega: Vec<f64> = (1..200).map(|i| f64::from(i) * TAU).collect();
     let values = Reduction::new(q)?.evaluate(&ports, &omega, None, true, &Cancel::default())?;
     for (w, h) in omega.iter().zip(&values.h) {

@@ -1,8 +1,6 @@
 //! Models written as Tables (docs/tables.md), for the integration tests and the benchmarks of the Rust API.
 use mbrs::model::joint::JointKind;
-use mbrs::model::tables::{
-    BodyRef, BodySpec, ElementKind, ElementSpec, HAS_C, HAS_K, JointSpec, Tables,
-};
+use mbrs::model::tables::{BodyRef, BodySpec, ElementKind, ElementSpec, HAS_C, HAS_K, JointSpec, Tables};
 
 const UPRIGHT: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
 

@@ -17,11 +17,7 @@ pub enum Error {
     Singular(String),
     /// An iteration gave up; what it reached travels beside the message.
     #[error("{message}")]
-    Convergence {
-        message: String,
-        best: Vec<f64>,
-        residual: f64,
-    },
+    Convergence { message: String, best: Vec<f64>, residual: f64 },
     /// A derivative that does not exist.
     #[error("{0}")]
     NotDifferentiable(String),

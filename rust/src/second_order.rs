@@ -53,34 +53,19 @@ impl SecondOrder {
                 )));
             }
             if !is_finite(kf.as_ref()) {
-                return Err(Error::model(
-                    "the stiffness factor contains NaN or infinite entries",
-                ));
+                return Err(Error::model("the stiffness factor contains NaN or infinite entries"));
             }
         }
-        Ok(SecondOrder {
-            m,
-            c,
-            g,
-            k,
-            n,
-            kf,
-            mf: None,
-        })
+        Ok(SecondOrder { m, c, g, k, n, kf, mf: None })
     }
 
     /// The same system with a factor of its mass matrix.
     pub fn with_mass_factor(self, mf: Mat<f64>) -> Result<Self> {
         let size = self.size();
         if mf.ncols() != size || mf.nrows() < size || !is_finite(mf.as_ref()) {
-            return Err(Error::model(format!(
-                "the mass factor must be finite, with {size} columns and no fewer rows"
-            )));
+            return Err(Error::model(format!("the mass factor must be finite, with {size} columns and no fewer rows")));
         }
-        Ok(SecondOrder {
-            mf: Some(mf),
-            ..self
-        })
+        Ok(SecondOrder { mf: Some(mf), ..self })
     }
 
     pub fn size(&self) -> usize {
@@ -151,40 +136,24 @@ fn present(name: &str, a: Option<Mat<f64>>, size: usize, sign: f64) -> Result<Op
 
 fn checked(name: &str, a: Mat<f64>, size: usize, sign: f64) -> Result<Mat<f64>> {
     if a.nrows() != size || a.ncols() != size {
-        return Err(Error::model(format!(
-            "{name} is {} x {} but M is {size} x {size}",
-            a.nrows(),
-            a.ncols()
-        )));
+        return Err(Error::model(format!("{name} is {} x {} but M is {size} x {size}", a.nrows(), a.ncols())));
     }
     if !is_finite(a.as_ref()) {
-        return Err(Error::model(format!(
-            "{name} contains NaN or infinite entries"
-        )));
+        return Err(Error::model(format!("{name} contains NaN or infinite entries")));
     }
     let (gap, i, j) = asymmetry(a.as_ref(), sign);
     if gap > ROUNDING {
         return Err(Error::model(unsymmetric(name, sign, gap, i, j)));
     }
-    Ok(if sign > 0.0 {
-        symmetrised(a)
-    } else {
-        Mat::from_fn(size, size, |i, j| 0.5 * (a[(i, j)] - a[(j, i)]))
-    })
+    Ok(if sign > 0.0 { symmetrised(a) } else { Mat::from_fn(size, size, |i, j| 0.5 * (a[(i, j)] - a[(j, i)])) })
 }
 
 fn unsymmetric(name: &str, sign: f64, gap: f64, i: usize, j: usize) -> String {
-    let wanted = if sign > 0.0 {
-        "symmetric"
-    } else {
-        "skew-symmetric"
-    };
+    let wanted = if sign > 0.0 { "symmetric" } else { "skew-symmetric" };
     let remedy = match name {
         "M" => "a mass matrix must be symmetric",
         "C" | "G" => "pass the symmetric part as C and the skew part as G",
         _ => "pass the symmetric part as K and the skew part as N",
     };
-    format!(
-        "{name} is not {wanted} (entries {i}, {j} differ by {gap:.1e} of the largest); {remedy}"
-    )
+    format!("{name} is not {wanted} (entries {i}, {j} differ by {gap:.1e} of the largest); {remedy}")
 }

@@ -74,9 +74,7 @@ pub fn product_of_transpose<T: Real>(a: &M3<T>, b: &M3<T>) -> M3<T> {
 #[inline]
 pub fn conjugated<T: Real>(r: &M3<T>, m: &M3<T>) -> M3<T> {
     let half = product(r, m);
-    M3::from_fn(|i, j| {
-        half[(i, 0)] * r[(j, 0)] + half[(i, 1)] * r[(j, 1)] + half[(i, 2)] * r[(j, 2)]
-    })
+    M3::from_fn(|i, j| half[(i, 0)] * r[(j, 0)] + half[(i, 1)] * r[(j, 1)] + half[(i, 2)] * r[(j, 2)])
 }
 
 pub fn outer<T: Real>(a: &V3<T>, b: &V3<T>) -> M3<T> {
@@ -100,10 +98,7 @@ impl<T: Real> Six<T> {
     }
 
     pub fn zero() -> Self {
-        Six {
-            l: V3::zeros(),
-            a: V3::zeros(),
-        }
+        Six { l: V3::zeros(), a: V3::zeros() }
     }
 
     /// Power or virtual work of a twist with a wrench at the same point.
@@ -113,55 +108,34 @@ impl<T: Real> Six<T> {
 
     /// The same rigid motion at a point displaced by `d` from this one's.
     pub fn motion_at(&self, d: &V3<T>) -> Self {
-        Six {
-            l: self.l + self.a.cross(d),
-            a: self.a,
-        }
+        Six { l: self.l + self.a.cross(d), a: self.a }
     }
 
     /// The same wrench about a point displaced by `d` from this one's.
     pub fn wrench_at(&self, d: &V3<T>) -> Self {
-        Six {
-            l: self.l,
-            a: self.a - d.cross(&self.l),
-        }
+        Six { l: self.l, a: self.a - d.cross(&self.l) }
     }
 
     /// v x m: how the rigid motion `m` changes when it is carried along by the rigid motion v.
     pub fn cross_motion(&self, m: &Self) -> Self {
-        Six {
-            l: self.a.cross(&m.l) + self.l.cross(&m.a),
-            a: self.a.cross(&m.a),
-        }
+        Six { l: self.a.cross(&m.l) + self.l.cross(&m.a), a: self.a.cross(&m.a) }
     }
 
     /// v x* w: how the wrench `w` about a fixed point changes when it is carried along by the rigid motion v.
     pub fn cross_force(&self, w: &Self) -> Self {
-        Six {
-            l: self.a.cross(&w.l),
-            a: self.a.cross(&w.a) + self.l.cross(&w.l),
-        }
+        Six { l: self.a.cross(&w.l), a: self.a.cross(&w.a) + self.l.cross(&w.l) }
     }
 
     pub fn rotated(&self, r: &M3<T>) -> Self {
-        Six {
-            l: turned(r, &self.l),
-            a: turned(r, &self.a),
-        }
+        Six { l: turned(r, &self.l), a: turned(r, &self.a) }
     }
 
     pub fn rotated_back(&self, r: &M3<T>) -> Self {
-        Six {
-            l: turned_back(r, &self.l),
-            a: turned_back(r, &self.a),
-        }
+        Six { l: turned_back(r, &self.l), a: turned_back(r, &self.a) }
     }
 
     pub fn scaled(&self, s: T) -> Self {
-        Six {
-            l: self.l * s,
-            a: self.a * s,
-        }
+        Six { l: self.l * s, a: self.a * s }
     }
 
     pub fn is_absent(&self) -> bool {
@@ -176,30 +150,21 @@ impl<T: Real> Six<T> {
 impl<T: Real> std::ops::Add for Six<T> {
     type Output = Self;
     fn add(self, o: Self) -> Self {
-        Six {
-            l: self.l + o.l,
-            a: self.a + o.a,
-        }
+        Six { l: self.l + o.l, a: self.a + o.a }
     }
 }
 
 impl<T: Real> std::ops::Sub for Six<T> {
     type Output = Self;
     fn sub(self, o: Self) -> Self {
-        Six {
-            l: self.l - o.l,
-            a: self.a - o.a,
-        }
+        Six { l: self.l - o.l, a: self.a - o.a }
     }
 }
 
 impl<T: Real> std::ops::Neg for Six<T> {
     type Output = Self;
     fn neg(self) -> Self {
-        Six {
-            l: -self.l,
-            a: -self.a,
-        }
+        Six { l: -self.l, a: -self.a }
     }
 }
 
@@ -222,19 +187,11 @@ pub struct Map6<T: Real> {
 impl<T: Real> Map6<T> {
     pub fn zero() -> Self {
         let o = M3::zeros();
-        Map6 {
-            ll: o,
-            la: o,
-            al: o,
-            aa: o,
-        }
+        Map6 { ll: o, la: o, al: o, aa: o }
     }
 
     pub fn apply(&self, m: &Six<T>) -> Six<T> {
-        Six {
-            l: turned(&self.ll, &m.l) + turned(&self.la, &m.a),
-            a: turned(&self.al, &m.l) + turned(&self.aa, &m.a),
-        }
+        Six { l: turned(&self.ll, &m.l) + turned(&self.la, &m.a), a: turned(&self.al, &m.l) + turned(&self.aa, &m.a) }
     }
 
     pub fn apply_transposed(&self, m: &Six<T>) -> Six<T> {
@@ -275,12 +232,7 @@ impl<T: Real> Map6<T> {
         let s = skew(d);
         let la = self.la + product(&self.ll, &s);
         let aa = self.aa + product(&self.al, &s);
-        Map6 {
-            ll: self.ll,
-            la,
-            al: self.al - product(&s, &self.ll),
-            aa: aa - product(&s, &la),
-        }
+        Map6 { ll: self.ll, la, al: self.al - product(&s, &self.ll), aa: aa - product(&s, &la) }
     }
 }
 
@@ -293,48 +245,29 @@ pub struct Pose<T: Real> {
 
 impl<T: Real> Pose<T> {
     pub fn identity() -> Self {
-        Pose {
-            p: V3::zeros(),
-            r: M3::identity(),
-        }
+        Pose { p: V3::zeros(), r: M3::identity() }
     }
 
     /// One of the twelve numbers in which poses are handed over: the position, then the rotation by rows.
     pub fn number(&self, k: usize) -> T {
-        if k < 3 {
-            self.p[k]
-        } else {
-            self.r[((k - 3) / 3, (k - 3) % 3)]
-        }
+        if k < 3 { self.p[k] } else { self.r[((k - 3) / 3, (k - 3) % 3)] }
     }
 
     pub fn then(&self, inner: &Self) -> Self {
-        Pose {
-            p: self.p + turned(&self.r, &inner.p),
-            r: product(&self.r, &inner.r),
-        }
+        Pose { p: self.p + turned(&self.r, &inner.p), r: product(&self.r, &inner.r) }
     }
 
     pub fn inverse(&self) -> Self {
         let t = self.r.transpose();
-        Pose {
-            p: -turned(&t, &self.p),
-            r: t,
-        }
+        Pose { p: -turned(&t, &self.p), r: t }
     }
 
     pub fn lifted<U: Real>(pose: &Pose<f64>) -> Pose<U> {
-        Pose {
-            p: lift3(&pose.p),
-            r: lift33(&pose.r),
-        }
+        Pose { p: lift3(&pose.p), r: lift33(&pose.r) }
     }
 
     pub fn real(&self) -> Pose<f64> {
-        Pose {
-            p: real3(&self.p),
-            r: real33(&self.r),
-        }
+        Pose { p: real3(&self.p), r: real33(&self.r) }
     }
 }
 
@@ -360,12 +293,7 @@ pub fn rotation_of_quaternion<T: Real>(q: &[T]) -> M3<T> {
 pub fn quaternion_of_rotation<T: Real>(r: &M3<T>) -> [T; 4] {
     let (a, b, c) = (r[(0, 0)], r[(1, 1)], r[(2, 2)]);
     let one = T::one();
-    let four = [
-        one + a + b + c,
-        one + a - b - c,
-        one - a + b - c,
-        one - a - b + c,
-    ];
+    let four = [one + a + b + c, one + a - b - c, one - a + b - c, one - a - b + c];
     let mut k = 0;
     for i in 1..4 {
         if four[i].re() > four[k].re() {
@@ -375,16 +303,8 @@ pub fn quaternion_of_rotation<T: Real>(r: &M3<T>) -> [T; 4] {
     let root = four[k].sqrt();
     let half = root * 0.5;
     let s = T::from(0.5) / root;
-    let (x, y, z) = (
-        r[(2, 1)] - r[(1, 2)],
-        r[(0, 2)] - r[(2, 0)],
-        r[(1, 0)] - r[(0, 1)],
-    );
-    let (xy, xz, yz) = (
-        r[(0, 1)] + r[(1, 0)],
-        r[(0, 2)] + r[(2, 0)],
-        r[(1, 2)] + r[(2, 1)],
-    );
+    let (x, y, z) = (r[(2, 1)] - r[(1, 2)], r[(0, 2)] - r[(2, 0)], r[(1, 0)] - r[(0, 1)]);
+    let (xy, xz, yz) = (r[(0, 1)] + r[(1, 0)], r[(0, 2)] + r[(2, 0)], r[(1, 2)] + r[(2, 1)]);
     let q = match k {
         0 => [half, x * s, y * s, z * s],
         1 => [x * s, half, xy * s, xz * s],
@@ -402,28 +322,8 @@ pub fn exp_so3<T: Real>(w: &V3<T>) -> M3<T> {
     let s = w.dot(w);
     let (a, b) = if s.re() < SMALL {
         (
-            series(
-                s,
-                &[
-                    1.0,
-                    -1.0 / 6.0,
-                    1.0 / 120.0,
-                    -1.0 / 5040.0,
-                    1.0 / 362_880.0,
-                    -1.0 / 39_916_800.0,
-                ],
-            ),
-            series(
-                s,
-                &[
-                    0.5,
-                    -1.0 / 24.0,
-                    1.0 / 720.0,
-                    -1.0 / 40_320.0,
-                    1.0 / 3_628_800.0,
-                    -1.0 / 479_001_600.0,
-                ],
-            ),
+            series(s, &[1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0, -1.0 / 39_916_800.0]),
+            series(s, &[0.5, -1.0 / 24.0, 1.0 / 720.0, -1.0 / 40_320.0, 1.0 / 3_628_800.0, -1.0 / 479_001_600.0]),
         )
     } else {
         let t = s.sqrt();
@@ -454,17 +354,7 @@ pub fn log_so3<T: Real>(r: &M3<T>) -> V3<T> {
     let s = v.dot(&v);
     let factor = if s.re() < 1e-3 {
         // 2 asin(n)/n in powers of n^2, n = |v|
-        series(
-            s,
-            &[
-                2.0,
-                1.0 / 3.0,
-                3.0 / 20.0,
-                5.0 / 56.0,
-                35.0 / 576.0,
-                63.0 / 1408.0,
-            ],
-        )
+        series(s, &[2.0, 1.0 / 3.0, 3.0 / 20.0, 5.0 / 56.0, 35.0 / 576.0, 63.0 / 1408.0])
     } else {
         let n = s.sqrt();
         n.atan2(w) * 2.0 / n
@@ -473,23 +363,14 @@ pub fn log_so3<T: Real>(r: &M3<T>) -> V3<T> {
 }
 
 fn series<T: Real>(x: T, coefficients: &[f64]) -> T {
-    coefficients
-        .iter()
-        .rev()
-        .fold(T::zero(), |sum, c| sum * x + *c)
+    coefficients.iter().rev().fold(T::zero(), |sum, c| sum * x + *c)
 }
 
 /// The coefficient b(s), s = |phi|^2, of J_l^-1 = 1 - phi^/2 + b phi^ phi^, and db/ds.
 pub fn left_jacobian_coefficient<T: Real>(s: T) -> (T, T) {
     if s.re() < SMALL {
-        let c = [
-            1.0 / 12.0,
-            1.0 / 720.0,
-            1.0 / 30_240.0,
-            1.0 / 1_209_600.0,
-            1.0 / 47_900_160.0,
-            5.284_190_138_687_494e-10,
-        ];
+        let c =
+            [1.0 / 12.0, 1.0 / 720.0, 1.0 / 30_240.0, 1.0 / 1_209_600.0, 1.0 / 47_900_160.0, 5.284_190_138_687_494e-10];
         let d = [c[1], 2.0 * c[2], 3.0 * c[3], 4.0 * c[4], 5.0 * c[5]];
         return (series(s, &c), series(s, &d));
     }
@@ -525,10 +406,7 @@ mod tests {
     fn exp_and_log_invert_each_other_for_small_and_large_angles() {
         for angle in [0.0, 1e-9, 1e-3, 0.2, 0.3, 1.0, 3.0, 3.1] {
             let w = V3::new(0.3, -0.5, 0.81).normalize() * angle;
-            assert!(
-                (log_so3(&exp_so3(&w)) - w).norm() < 1e-12 * (1.0 + angle),
-                "{angle}"
-            );
+            assert!((log_so3(&exp_so3(&w)) - w).norm() < 1e-12 * (1.0 + angle), "{angle}");
         }
     }
 
@@ -551,24 +429,14 @@ mod tests {
     fn the_slope_of_the_coefficient_is_continuous_at_the_switch() {
         for s in [0.02, 0.0499, 0.0501, 1.0] {
             let value = left_jacobian_coefficient(Dual64::new(s, 1.0));
-            assert!(
-                (value.0.eps - value.1.re).abs() < 1e-11,
-                "{s}: {} {}",
-                value.0.eps,
-                value.1.re
-            );
+            assert!((value.0.eps - value.1.re).abs() < 1e-11, "{s}: {} {}", value.0.eps, value.1.re);
         }
     }
 
     #[test]
     fn moving_the_point_of_a_map_keeps_its_work() {
         let m = |k: f64| M3::new(1.0 + k, 2.0, k, 0.3, 1.5, -k, 0.2 * k, 0.7, 1.1);
-        let map = Map6 {
-            ll: m(0.1),
-            la: m(0.2),
-            al: m(0.3),
-            aa: m(0.4),
-        };
+        let map = Map6 { ll: m(0.1), la: m(0.2), al: m(0.3), aa: m(0.4) };
         let d = V3::new(0.4, -1.2, 0.3);
         let here = Six::new(V3::new(1.0, 2.0, 3.0), V3::new(-0.3, 0.2, 0.9));
         let there = here.motion_at(&d);

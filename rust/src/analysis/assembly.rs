@@ -14,9 +14,7 @@ use crate::spatial::{Pose, Real, Six, V3, rotation_of_quaternion};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene};
 use crate::system::loops::{column_scales, gap, row_scales};
-use crate::system::placement::{
-    Placement, State, advance, drawn_relative, place, relative_from_poses,
-};
+use crate::system::placement::{Placement, State, advance, drawn_relative, place, relative_from_poses};
 use crate::system::rows::explicit_rates;
 use crate::system::topology::{Level, Node, Purpose, Topology};
 
@@ -33,23 +31,11 @@ pub struct Assembled {
 /// The drawn state: two-point joints brought together, loops closed by the smallest change, velocities projected.
 ///
 /// `hold`: drives stand still at their values of t = 0, as linear analyses take them; else they give their rates.
-pub fn assemble(
-    system: &System,
-    hold: bool,
-    effects: Effects,
-    counts: &mut Counts,
-) -> Result<Assembled> {
-    let mut state = State {
-        relative: start(system),
-        rate: Vec::new(),
-    };
+pub fn assemble(system: &System, hold: bool, effects: Effects, counts: &mut Counts) -> Result<Assembled> {
+    let mut state = State { relative: start(system), rate: Vec::new() };
     let iterations = close(system, &mut state, effects, counts)?;
     let velocity_correction = set_velocities(system, &mut state, hold, effects)?;
-    Ok(Assembled {
-        state,
-        velocity_correction,
-        iterations,
-    })
+    Ok(Assembled { state, velocity_correction, iterations })
 }
 
 /// The drawn relative poses, or those of the user's first guess.
@@ -63,10 +49,7 @@ pub fn start(system: &System) -> Vec<Pose<f64>> {
     for &(body, x) in &topology.tables.poses {
         let r = rotation_of_quaternion(&system.x[x + 3..x + 7]);
         let origin = V3::new(system.x[x], system.x[x + 1], system.x[x + 2]);
-        poses[body] = Pose {
-            p: origin + r * system.geometry.bodies[body].com,
-            r,
-        };
+        poses[body] = Pose { p: origin + r * system.geometry.bodies[body].com, r };
     }
     let guessed = relative_from_poses(topology, &system.geometry, &poses);
     let touched = |node: &Node| {
@@ -96,19 +79,11 @@ pub fn scene<'a>(system: &'a System, placement: &'a Placement<f64>) -> Scene<'a,
 }
 
 fn with<'a>(system: &'a System, placement: &'a Placement<f64>, effects: Effects) -> Scene<'a, f64> {
-    Scene {
-        effects,
-        ..scene(system, placement)
-    }
+    Scene { effects, ..scene(system, placement) }
 }
 
 /// Newton on the position rows with the minimum-norm step; returns the number of steps.
-pub fn close(
-    system: &System,
-    state: &mut State,
-    effects: Effects,
-    counts: &mut Counts,
-) -> Result<usize> {
+pub fn close(system: &System, state: &mut State, effects: Effects, counts: &mut Counts) -> Result<usize> {
     if system.topology.rows.is_empty() {
         return Ok(0);
     }
@@ -120,9 +95,11 @@ pub fn close(
         let mut jacobian = rows_of(system);
         let phi = with(system, &placement, effects).constraints_into(&mut jacobian);
         if phi.iter().any(|v| !v.is_finite()) {
-            return Err(system.topology.tables.failure().unwrap_or_else(|| {
-                Error::Assembly("the constraints cannot be evaluated in this state".into())
-            }));
+            return Err(system
+                .topology
+                .tables
+                .failure()
+                .unwrap_or_else(|| Error::Assembly("the constraints cannot be evaluated in this state".into())));
         }
         let (size, worst) = gap(&system.topology, &phi, &rows);
         if size <= CLOSED {
@@ -153,11 +130,7 @@ pub fn close(
     let placement = place(&system.topology, &system.geometry, &state.relative, None);
     let (phi, _) = with(system, &placement, effects).constraints();
     let (size, worst) = gap(&system.topology, &phi, &rows);
-    if size < 1e-9 {
-        Ok(MAX_ITERATIONS)
-    } else {
-        Err(cannot_close(system, &phi, worst, size))
-    }
+    if size < 1e-9 { Ok(MAX_ITERATIONS) } else { Err(cannot_close(system, &phi, worst, size)) }
 }
 
 fn cannot_close(system: &System, phi: &DVector<f64>, worst: Option<usize>, size: f64) -> Error {
@@ -168,11 +141,7 @@ fn cannot_close(system: &System, phi: &DVector<f64>, worst: Option<usize>, size:
     let joint = &system.topology.tables.joints[spec.joint];
     let (what, unit) = match spec.coordinate {
         c if spec.purpose != Purpose::Joint => {
-            let kind = if matches!(spec.purpose, Purpose::Drive(_)) {
-                "drive"
-            } else {
-                "coupler"
-            };
+            let kind = if matches!(spec.purpose, Purpose::Drive(_)) { "drive" } else { "coupler" };
             let unit = if c.is_length() { "m" } else { "rad" };
             return Error::Assembly(format!(
                 "{kind} '{}' asks for a value of joint '{}' that the model cannot take: it is off by {:.6} {unit} at the closest approach; \
@@ -185,11 +154,8 @@ fn cannot_close(system: &System, phi: &DVector<f64>, worst: Option<usize>, size:
         c if c.is_length() => ("points are apart by", "m"),
         _ => ("axes are off by", "rad"),
     };
-    let bodies = format!(
-        "'{}' and '{}'",
-        system.topology.tables.body_name(joint.a),
-        system.topology.tables.body_name(joint.b)
-    );
+    let bodies =
+        format!("'{}' and '{}'", system.topology.tables.body_name(joint.a), system.topology.tables.body_name(joint.b));
     Error::Assembly(format!(
         "the loop cannot close at joint '{}' between {bodies}: its {what} {:.6} {unit} at the closest approach (relative gap {size:.1e}); \
          check the points and lengths of the joints in this loop",
@@ -241,9 +207,8 @@ fn smallest(m: &Matrix, right: &DVector<f64>) -> Result<DVector<f64>> {
 /// Least-squares solution of smallest norm; directions below the rank tolerance are left alone.
 pub fn minimum_norm(m: &DMatrix<f64>, right: &DVector<f64>) -> Result<DVector<f64>> {
     let a = Mat::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)]);
-    let svd = a.thin_svd().map_err(|_| {
-        Error::singular("the singular values of the constraint rows could not be found")
-    })?;
+    let svd =
+        a.thin_svd().map_err(|_| Error::singular("the singular values of the constraint rows could not be found"))?;
     let (u, s, v) = (svd.U(), svd.S().column_vector(), svd.V());
     let mut x = DVector::zeros(m.ncols());
     let largest = if s.nrows() > 0 { s[0] } else { 0.0 };
@@ -280,9 +245,7 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
         let pose = &placement.pose[n];
         let arm = pose.r * from_origin(system.topology.as_ref(), &system.geometry, node.body);
         let wanted = Six::new(velocity, omega).motion_at(&arm);
-        let carried = node.parent.map_or_else(Six::zero, |p| {
-            body[p].motion_at(&(pose.p - placement.pose[p].p))
-        });
+        let carried = node.parent.map_or_else(Six::zero, |p| body[p].motion_at(&(pose.p - placement.pose[p].p)));
         let relative = wanted - carried;
         if node.kind == JointKind::Node {
             body.push(carried);
@@ -320,9 +283,7 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
         if driven && resting(n) {
             continue;
         }
-        correction = correction
-            .max((origin.l - velocity).norm())
-            .max((origin.a - omega).norm() * system.length);
+        correction = correction.max((origin.l - velocity).norm()).max((origin.a - omega).norm() * system.length);
     }
     state.rate = held;
     Ok(correction)
@@ -345,9 +306,7 @@ fn weighted_columns<T: Real>(
     relative: &Six<T>,
 ) -> (DMatrix<T>, DVector<T>) {
     let weight = |i: usize| if i < 3 { T::one() } else { length };
-    let m = DMatrix::from_fn(6, node.n, |i, k| {
-        placement.column[node.first + k].get(i) * weight(i)
-    });
+    let m = DMatrix::from_fn(6, node.n, |i, k| placement.column[node.first + k].get(i) * weight(i));
     (m, DVector::from_fn(6, |i, _| relative.get(i) * weight(i)))
 }
 
@@ -368,9 +327,7 @@ pub fn given_rates(
         let at = |i: usize| V3::new(x[start + i], x[start + i + 1], x[start + i + 2]);
         let pose = &placement.pose[n];
         let arm = pose.r * from_origin(topology, geometry, node.body);
-        let carried = node.parent.map_or_else(Six::zero, |p| {
-            body[p].motion_at(&(pose.p - placement.pose[p].p))
-        });
+        let carried = node.parent.map_or_else(Six::zero, |p| body[p].motion_at(&(pose.p - placement.pose[p].p)));
         let relative = Six::new(at(17), at(20)).motion_at(&arm) - carried;
         if node.kind == JointKind::Node {
             body.push(carried);
@@ -393,10 +350,7 @@ fn dual_least_squares(m: &DMatrix<Dual64>, b: &DVector<Dual64>) -> Result<Vec<Du
     let x = minimum_norm(&real, &b.map(|v| v.re))?;
     let miss = m.transpose() * (b - m * x.map(Dual64::from));
     let slope = minimum_norm(&(real.transpose() * &real), &miss.map(|v| v.eps))?;
-    Ok(x.iter()
-        .zip(&slope)
-        .map(|(x, d)| Dual64::new(*x, *d))
-        .collect())
+    Ok(x.iter().zip(&slope).map(|(x, d)| Dual64::new(*x, *d)).collect())
 }
 
 /// The closest rates (scaled by the characteristic length) that satisfy all rows, drives moving or held.

@@ -108,8 +108,7 @@ fn dual_scene(
 ) -> Result<DualScene> {
     let system = setting.system;
     let (x, geometry, relative) = varied(setting, dx, dy);
-    let moving = setting.state.moving()
-        || rates == Rates::Drawn && gives_velocity(&system.topology.tables, dx);
+    let moving = setting.state.moving() || rates == Rates::Drawn && gives_velocity(&system.topology.tables, dx);
     let mut made = DualScene {
         placement: place(&system.topology, &geometry, &relative, None),
         memory: setting.memory.iter().map(|z| Dual64::from(*z)).collect(),
@@ -137,11 +136,7 @@ fn dual_scene(
         Rates::Held => held_rates(setting, loops.as_ref().map(|(l, b)| (*l, b))),
     };
     if let Some((l, _)) = &loops {
-        let path = Path {
-            x: &made.x,
-            relative: &relative,
-            rate: &rate,
-        };
+        let path = Path { x: &made.x, relative: &relative, rate: &rate };
         let turning = turning(setting, l, &path);
         let acceleration = turning.acceleration.clone();
         made.acceleration = setting.effects.centrifugal.then_some(acceleration);
@@ -168,12 +163,7 @@ fn varied(setting: &Setting<'_>, dx: &[(usize, f64)], dy: &[f64]) -> Varied {
 }
 
 fn held_rates(setting: &Setting<'_>, loops: Option<(&Loops, &DMatrix<Dual64>)>) -> Vec<Dual64> {
-    let mut rate: Vec<Dual64> = setting
-        .state
-        .rate
-        .iter()
-        .map(|r| Dual64::from(*r))
-        .collect();
+    let mut rate: Vec<Dual64> = setting.state.rate.iter().map(|r| Dual64::from(*r)).collect();
     rate.resize(setting.system.n_tree(), Dual64::from(0.0));
     let Some((l, b)) = loops else { return rate };
     let z = DVector::from_fn(l.independent.len(), |k, _| rate[l.independent[k]]);
@@ -193,9 +183,7 @@ fn projected(
     b: &DMatrix<Dual64>,
     given: &[Dual64],
 ) -> Result<Vec<Dual64>> {
-    let length = system
-        .topology
-        .characteristic_length(&made.geometry, &made.x);
+    let length = system.topology.characteristic_length(&made.geometry, &made.x);
     let weight = |i: usize| match system.topology.dofs[i].freedom.rotation {
         true => Dual64::from(1.0),
         false => {
@@ -223,12 +211,7 @@ fn projected(
 }
 
 fn gives_velocity(tables: &Tables, dx: &[(usize, f64)]) -> bool {
-    let of = |i: usize| {
-        tables
-            .bodies
-            .iter()
-            .any(|b| (b.x + 17..b.x + 23).contains(&i))
-    };
+    let of = |i: usize| tables.bodies.iter().any(|b| (b.x + 17..b.x + 23).contains(&i));
     dx.iter().any(|(i, d)| *d != 0.0 && of(*i))
 }
 
@@ -259,11 +242,7 @@ pub fn directional(
         return Ok(local);
     }
     let n = setting.system.n_tree();
-    let rates = if request.drawn {
-        Rates::Drawn
-    } else {
-        Rates::Held
-    };
+    let rates = if request.drawn { Rates::Drawn } else { Rates::Held };
     let mut dy = closing(setting, base, dx)?;
     if let Some(solve) = request.solve {
         let held = dual_scene(setting, base, dx, &dy, rates)?;
@@ -334,11 +313,7 @@ fn breaks_loop(size: f64) -> Error {
     ))
 }
 
-fn check_agreement(
-    base: &Linearization,
-    jacobian: &DMatrix<Dual64>,
-    b: &DMatrix<Dual64>,
-) -> Result<()> {
+fn check_agreement(base: &Linearization, jacobian: &DMatrix<Dual64>, b: &DMatrix<Dual64>) -> Result<()> {
     let Some(loops) = &base.loops else {
         return Ok(());
     };
@@ -347,14 +322,8 @@ fn check_agreement(
     }
     let parts = loops.disagreement(jacobian, b).map(|v| v.eps).amax();
     let change = jacobian.map(|v| v.eps);
-    let size = (0..change.nrows())
-        .map(|i| change.row(i).amax() * loops.row_scale[i])
-        .fold(0.0, f64::max);
-    if parts > BREAKS_LOOP * size && size > 0.0 {
-        Err(breaks_loop(parts))
-    } else {
-        Ok(())
-    }
+    let size = (0..change.nrows()).map(|i| change.row(i).amax() * loops.row_scale[i]).fold(0.0, f64::max);
+    if parts > BREAKS_LOOP * size && size > 0.0 { Err(breaks_loop(parts)) } else { Ok(()) }
 }
 
 fn derivative_at(
@@ -369,12 +338,7 @@ fn derivative_at(
     let scene = moved.scene(setting);
     let tau = scene.residual(None);
     let (matrices, residual, lam, loops) = match &base.loops {
-        None => (
-            unreduced(scene.tangent(None, &mut Counts::default())),
-            tau,
-            DVector::zeros(0),
-            None,
-        ),
+        None => (unreduced(scene.tangent(None, &mut Counts::default())), tau, DVector::zeros(0), None),
         Some(l) => {
             let jacobian = scene.constraints().1;
             let b = l.dependent_map(&jacobian);
@@ -392,19 +356,13 @@ fn derivative_at(
     let (map, coupling) = if request.maps {
         let loops = loops.as_ref().map(|(l, b)| (*l, b));
         let map = body_map(setting.system, &moved.geometry, &moved.placement, loops);
-        (
-            Some(slopes(&map)),
-            Some(slopes(&reduce_rows(scene.ground_coupling(), loops))),
-        )
+        (Some(slopes(&map)), Some(slopes(&reduce_rows(scene.ground_coupling(), loops))))
     } else {
         (None, None)
     };
     Ok(Directional {
         mass: Entries::of(&matrices.mass),
-        damping: matrices
-            .damping
-            .as_ref()
-            .map_or_else(Entries::default, Entries::of),
+        damping: matrices.damping.as_ref().map_or_else(Entries::default, Entries::of),
         stiffness: Entries::of(&matrices.stiffness),
         body_map: map,
         ground_coupling: coupling,

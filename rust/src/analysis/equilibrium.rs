@@ -60,42 +60,15 @@ pub(super) struct Local {
 }
 
 impl Local {
-    pub fn at(
-        system: &System,
-        state: &State,
-        effects: Effects,
-        counts: &mut Counts,
-    ) -> Result<Local> {
-        let linearization = linearize(
-            &Setting {
-                system,
-                state,
-                memory: &[],
-                effects,
-            },
-            counts,
-        )?;
+    pub fn at(system: &System, state: &State, effects: Effects, counts: &mut Counts) -> Result<Local> {
+        let linearization = linearize(&Setting { system, state, memory: &[], effects }, counts)?;
         let all = column_scales(&system.topology, system.length);
-        let scale: Vec<f64> = linearization
-            .coordinates(system.n_tree())
-            .iter()
-            .map(|i| all[*i])
-            .collect();
+        let scale: Vec<f64> = linearization.coordinates(system.n_tree()).iter().map(|i| all[*i]).collect();
         let n = scale.len();
-        let scaled =
-            |x: &DMatrix<f64>| DMatrix::from_fn(n, n, |i, j| x[(i, j)] * scale[i] * scale[j]);
-        let (k, m) = (
-            scaled(&linearization.matrices.stiffness),
-            scaled(&linearization.matrices.mass),
-        );
+        let scaled = |x: &DMatrix<f64>| DMatrix::from_fn(n, n, |i, j| x[(i, j)] * scale[i] * scale[j]);
+        let (k, m) = (scaled(&linearization.matrices.stiffness), scaled(&linearization.matrices.mass));
         let r = DVector::from_fn(n, |i, _| linearization.residual[i] * scale[i]);
-        Ok(Local {
-            k,
-            m,
-            r,
-            scale,
-            linearization,
-        })
+        Ok(Local { k, m, r, scale, linearization })
     }
 
     fn skew(&self) -> f64 {
@@ -141,11 +114,7 @@ impl Spectrum {
 fn spectrum(k: &DMatrix<f64>) -> Result<Spectrum> {
     let n = k.nrows();
     if n == 0 {
-        return Ok(Spectrum {
-            values: Vec::new(),
-            vectors: DMatrix::zeros(0, 0),
-            none: 0.0,
-        });
+        return Ok(Spectrum { values: Vec::new(), vectors: DMatrix::zeros(0, 0), none: 0.0 });
     }
     let a = Mat::from_fn(n, n, |i, j| 0.5 * (k[(i, j)] + k[(j, i)]));
     let eigen = a
@@ -154,11 +123,7 @@ fn spectrum(k: &DMatrix<f64>) -> Result<Spectrum> {
     let values: Vec<f64> = (0..n).map(|i| eigen.S().column_vector()[i]).collect();
     let vectors = DMatrix::from_fn(n, n, |i, j| eigen.U()[(i, j)]);
     let none = NO_STIFFNESS * values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-    Ok(Spectrum {
-        values,
-        vectors,
-        none,
-    })
+    Ok(Spectrum { values, vectors, none })
 }
 
 fn shortened(counts: &Counts) -> u64 {
@@ -172,10 +137,7 @@ pub fn equilibrium(
     cancel: &Cancel,
     counts: &mut Counts,
 ) -> Result<Equilibrium> {
-    let mut state = State {
-        relative: start.relative.clone(),
-        rate: Vec::new(),
-    };
+    let mut state = State { relative: start.relative.clone(), rate: Vec::new() };
     let mut local = Local::at(system, &state, effects, counts)?;
     let (mut sigma, mut pushed, mut saddles) = (0.0, 0, 0);
     let mut best = (f64::INFINITY, state.clone());
@@ -215,8 +177,7 @@ pub fn equilibrium(
             // where the drawn state was in balance its balance is the answer, stable or not; a saddle on the way is not
             if iteration > 0
                 && saddles < MAX_PUSHES
-                && let Some((next_state, next)) =
-                    leave_saddle(system, &state, &local, effects, counts)?
+                && let Some((next_state, next)) = leave_saddle(system, &state, &local, effects, counts)?
             {
                 saddles += 1;
                 state = next_state;
@@ -228,15 +189,13 @@ pub fn equilibrium(
         }
         if careful
             && step.amax() > CLOSE
-            && let Some((lower, there)) = descent
-                .get_or_insert_with(|| Descent::new(system, effects))
-                .step(&state, &local, &spectrum, counts)?
+            && let Some((lower, there)) =
+                descent.get_or_insert_with(|| Descent::new(system, effects)).step(&state, &local, &spectrum, counts)?
         {
             (state, local, sigma) = (lower, there, 0.0);
             continue;
         }
-        let (next_state, next, relaxed) =
-            advance_once(system, &state, &local, &spectrum, sigma, effects, counts)?;
+        let (next_state, next, relaxed) = advance_once(system, &state, &local, &spectrum, sigma, effects, counts)?;
         sigma = if relaxed {
             next.r.norm() / local.r.norm().max(f64::MIN_POSITIVE) * sigma.max(initial_sigma(&local))
         } else {
@@ -251,12 +210,7 @@ pub fn equilibrium(
              to it (draw the model there), or add stiffness where the model is a mechanism",
             best.0
         ),
-        best: best
-            .1
-            .relative
-            .iter()
-            .flat_map(|p| p.p.iter().chain(p.r.iter()).copied().collect::<Vec<_>>())
-            .collect(),
+        best: best.1.relative.iter().flat_map(|p| p.p.iter().chain(p.r.iter()).copied().collect::<Vec<_>>()).collect(),
         residual: best.0,
     })
 }
@@ -288,8 +242,7 @@ fn leave_saddle(
 
 fn pushed_freely(local: &Local, spectrum: &Spectrum, size: f64) -> bool {
     let free = (0..spectrum.values.len()).filter(|k| spectrum.values[*k].abs() <= spectrum.none);
-    free.into_iter()
-        .any(|k| spectrum.vectors.column(k).dot(&local.r).abs() > 1e-9 * size)
+    free.into_iter().any(|k| spectrum.vectors.column(k).dot(&local.r).abs() > 1e-9 * size)
 }
 
 fn initial_sigma(local: &Local) -> f64 {
@@ -301,11 +254,7 @@ fn initial_sigma(local: &Local) -> f64 {
 fn newton_step(local: &Local, spectrum: &Spectrum, sigma: f64) -> Result<DVector<f64>> {
     if sigma > 0.0 {
         let a = &local.k + &local.m * sigma;
-        if let Some(step) = a
-            .lu()
-            .solve(&-&local.r)
-            .filter(|s| s.iter().all(|v| v.is_finite()))
-        {
+        if let Some(step) = a.lu().solve(&-&local.r).filter(|s| s.iter().all(|v| v.is_finite())) {
             return Ok(step);
         }
     }
@@ -316,16 +265,9 @@ fn newton_answer(local: &Local, spectrum: &Spectrum, r: &DVector<f64>) -> Result
     // K itself where it leads downhill anyway; its symmetric part where that decides about up and down
     let definite = spectrum.values.first().is_some_and(|v| *v > spectrum.none);
     if !local.conservative() && (definite || !local.may_be_conservative()) {
-        let step = local
-            .k
-            .clone()
-            .lu()
-            .solve(&-r)
-            .filter(|s| s.iter().all(|v| v.is_finite()));
+        let step = local.k.clone().lu().solve(&-r).filter(|s| s.iter().all(|v| v.is_finite()));
         return step.ok_or_else(|| {
-            Error::singular(
-                "the tangent stiffness is singular under follower loads; restrain the model",
-            )
+            Error::singular("the tangent stiffness is singular under follower loads; restrain the model")
         });
     }
     let mut step = DVector::zeros(r.len());
@@ -348,10 +290,7 @@ pub(super) fn moved(
     counts: &mut Counts,
 ) -> Result<State> {
     let z = DVector::from_fn(step.len(), |i, _| step[i] * alpha * local.scale[i]);
-    let dy = match (
-        &local.linearization.loops,
-        &local.linearization.dependent_map,
-    ) {
+    let dy = match (&local.linearization.loops, &local.linearization.dependent_map) {
         (Some(l), Some(b)) => l.expand(b, &z),
         _ => z,
     };
@@ -398,11 +337,7 @@ fn advance_once(
             counts.add("line-search steps", 1);
         }
         counts.add("relaxation steps", 1);
-        sigma = if sigma > 0.0 {
-            10.0 * sigma
-        } else {
-            initial_sigma(local)
-        };
+        sigma = if sigma > 0.0 { 10.0 * sigma } else { initial_sigma(local) };
         if attempt > 25 && last.is_some() {
             break;
         }
@@ -433,14 +368,7 @@ fn acceptable(local: &Local, next: &Local, step: &DVector<f64>) -> bool {
 /// The full step from the next state, by the old stiffness, is shorter (the natural monotonicity test of P. Deuflhard, Newton Methods
 /// for Nonlinear Problems, Springer 2004, eq. 3.21): straight steps stretch what is stiff on curved paths, and that
 /// raises forces and energy without being far from balance.
-fn nearer(
-    system: &System,
-    local: &Local,
-    next: &Local,
-    spectrum: &Spectrum,
-    step: &DVector<f64>,
-    alpha: f64,
-) -> bool {
+fn nearer(system: &System, local: &Local, next: &Local, spectrum: &Spectrum, step: &DVector<f64>, alpha: f64) -> bool {
     if !same_coordinates(system, local, next) {
         return false;
     }
@@ -454,14 +382,8 @@ fn direction_names(system: &System, local: &Local, v: &DVector<f64>) -> String {
     let mut order: Vec<usize> = (0..v.len()).collect();
     order.sort_by(|a, b| v[*b].abs().total_cmp(&v[*a].abs()));
     let largest = order.first().map_or(0.0, |i| v[*i].abs());
-    let named = order
-        .iter()
-        .take(3)
-        .filter(|i| v[**i].abs() > 0.3 * largest);
-    named
-        .map(|i| system.topology.names[coordinates[*i]].clone())
-        .collect::<Vec<_>>()
-        .join(" + ")
+    let named = order.iter().take(3).filter(|i| v[**i].abs() > 0.3 * largest);
+    named.map(|i| system.topology.names[coordinates[*i]].clone()).collect::<Vec<_>>().join(" + ")
 }
 
 fn unrestrained(system: &System, local: &Local, spectrum: &Spectrum) -> Error {
@@ -470,21 +392,14 @@ fn unrestrained(system: &System, local: &Local, spectrum: &Spectrum) -> Error {
         let along = |k: usize| spectrum.vectors.column(k).dot(&local.r).abs();
         along(*a).total_cmp(&along(*b))
     });
-    let name = pushed.map_or_else(String::new, |k| {
-        direction_names(system, local, &spectrum.vectors.column(k).into_owned())
-    });
+    let name =
+        pushed.map_or_else(String::new, |k| direction_names(system, local, &spectrum.vectors.column(k).into_owned()));
     Error::singular(format!(
         "nothing restrains the direction {name} but a force acts along it: add a spring, a joint or an opposing force"
     ))
 }
 
-fn finish(
-    system: &System,
-    state: State,
-    local: Local,
-    size: f64,
-    iterations: usize,
-) -> Result<Equilibrium> {
+fn finish(system: &System, state: State, local: Local, size: f64, iterations: usize) -> Result<Equilibrium> {
     let spectrum = spectrum(&local.k)?;
     let mut free_directions = Vec::new();
     for (k, value) in spectrum.values.iter().enumerate() {
@@ -500,15 +415,7 @@ fn finish(
     let error = step + spectrum.answer_to(ROUNDING * size) + ROUNDING;
     let stable = spectrum.stable();
     let residual = local.r.amax() / size;
-    Ok(Equilibrium {
-        state,
-        residual,
-        error,
-        iterations,
-        stable,
-        free_directions,
-        linearization: local.linearization,
-    })
+    Ok(Equilibrium { state, residual, error, iterations, stable, free_directions, linearization: local.linearization })
 }
 
 /// Solve K'' z = r at an equilibrium; free directions stay where they are unless the right side acts along them.
@@ -520,18 +427,13 @@ pub fn equilibrium_solver(
     let all = column_scales(&system.topology, system.length);
     let coordinates = linearization.coordinates(system.n_tree());
     let dof = coordinates.len();
-    let free: Vec<usize> = (0..dof)
-        .filter(|k| !driven.contains(&coordinates[*k]))
-        .collect();
+    let free: Vec<usize> = (0..dof).filter(|k| !driven.contains(&coordinates[*k])).collect();
     let scale: Vec<f64> = free.iter().map(|k| all[coordinates[*k]]).collect();
     let n = scale.len();
     let k = &linearization.matrices.stiffness;
     let scaled = Mat::from_fn(n, n, |i, j| k[(free[i], free[j])] * scale[i] * scale[j]);
     // faer has no decomposition of an empty matrix
-    let svd = (n > 0)
-        .then(|| scaled.svd())
-        .transpose()
-        .map_err(|_| Error::singular("the stiffness is not finite"))?;
+    let svd = (n > 0).then(|| scaled.svd()).transpose().map_err(|_| Error::singular("the stiffness is not finite"))?;
     Ok(move |r: &DVector<f64>| {
         let Some(svd) = &svd else {
             return Ok(DVector::zeros(dof));

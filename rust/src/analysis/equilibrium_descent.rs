@@ -121,8 +121,7 @@ impl<'s> Descent<'s> {
                 Some((next_state, next, rise)) if good(rise) => {
                     let ratio = rise / promised;
                     if ratio > 0.7 {
-                        self.radius =
-                            f64::max(self.radius, 2.0 * part * self.radius).min(LONGEST_TRAVEL);
+                        self.radius = f64::max(self.radius, 2.0 * part * self.radius).min(LONGEST_TRAVEL);
                     } else if ratio < 0.25 {
                         self.radius *= 0.5 * part;
                     }
@@ -140,11 +139,7 @@ impl<'s> Descent<'s> {
         let dofs = &self.system.topology.dofs;
         let coordinates = local.linearization.coordinates(self.system.n_tree());
         let longest = |i: &usize| {
-            if dofs[*i].freedom.rotation {
-                self.radius.min(LONGEST_STEP)
-            } else {
-                self.radius
-            }
+            if dofs[*i].freedom.rotation { self.radius.min(LONGEST_STEP) } else { self.radius }
         };
         coordinates.iter().map(longest).collect()
     }
@@ -207,11 +202,7 @@ fn shortened(spectrum: &Spectrum, r: &DVector<f64>, limits: &[f64]) -> (f64, DVe
     let mut p = answer(spectrum, r, high);
     let mut sigma = high;
     for _ in 0..40 {
-        let middle = if low > 0.0 {
-            f64::sqrt(low * high)
-        } else {
-            1e-3 * high
-        };
+        let middle = if low > 0.0 { f64::sqrt(low * high) } else { 1e-3 * high };
         let q = answer(spectrum, r, middle);
         let part = reach(&q, limits);
         if part > 1.0 {

@@ -79,15 +79,7 @@ impl Reduction {
                 complex = complex_modes(form);
             }
         }
-        Ok(Reduction {
-            scale: q.unit_scale(),
-            q,
-            normal,
-            real,
-            complex,
-            hessenberg: OnceLock::new(),
-            counts,
-        })
+        Ok(Reduction { scale: q.unit_scale(), q, normal, real, complex, hessenberg: OnceLock::new(), counts })
     }
 
     /// All 2n poles in rad/s, or None where no reduction was possible.
@@ -104,11 +96,7 @@ impl Reduction {
         if self.real.is_some() {
             routes.push(Route::RealModes);
         }
-        if self
-            .complex
-            .as_ref()
-            .is_some_and(|m| m.condition < WORST_VECTORS)
-        {
+        if self.complex.as_ref().is_some_and(|m| m.condition < WORST_VECTORS) {
             routes.push(Route::ComplexModes);
         }
         // per frequency 4 n^2 (1 + outputs) operations against n^3 of a factorisation that runs about eight times faster
@@ -132,32 +120,17 @@ impl Reduction {
     ) -> Result<Values> {
         ports.check(self.q.n())?;
         if ports.n_out() == 0 || ports.n_in() == 0 {
-            return Err(Error::model(
-                "a transfer function needs at least one input and one output",
-            ));
+            return Err(Error::model("a transfer function needs at least one input and one output"));
         }
         if omega.iter().any(|w| !w.is_finite()) {
             return Err(Error::model("omega contains NaN or infinite values"));
         }
         let mut counts = Counts::default();
-        let samples = if checked {
-            self.samples(omega)
-        } else {
-            Vec::new()
-        };
+        let samples = if checked { self.samples(omega) } else { Vec::new() };
         let checks = self.references(ports, omega, &samples, &mut counts);
         let measured = |evaluator: &Evaluator<'_>| {
-            let distances = checks
-                .iter()
-                .map(|check| check.distance(evaluator.at(omega[check.index])));
-            distances.fold(
-                if checks.is_empty() {
-                    f64::NAN
-                } else {
-                    f64::EPSILON
-                },
-                f64::max,
-            )
+            let distances = checks.iter().map(|check| check.distance(evaluator.at(omega[check.index])));
+            distances.fold(if checks.is_empty() { f64::NAN } else { f64::EPSILON }, f64::max)
         };
         let (route, evaluator, error) = match keep {
             Some(keep) => {
@@ -169,13 +142,7 @@ impl Reduction {
         };
         counts.add("frequencies", omega.len() as u64);
         let (h, singular) = self.sweep(&evaluator, ports, omega, &mut counts, cancel)?;
-        Ok(Values {
-            h,
-            route,
-            error,
-            singular,
-            counts,
-        })
+        Ok(Values { h, route, error, singular, counts })
     }
 
     fn cheapest<'a>(
@@ -194,11 +161,7 @@ impl Reduction {
             }
         }
         // each refinement contracts the error by what the first correction was
-        (
-            Route::Direct,
-            self.direct(ports, 3),
-            plain.powi(4).max(f64::EPSILON),
-        )
+        (Route::Direct, self.direct(ports, 3), plain.powi(4).max(f64::EPSILON))
     }
 
     /// Real or complex modes of the `keep` smallest |s|, a conjugate pair counting as one.
@@ -209,10 +172,9 @@ impl Reduction {
         }
         match (&self.normal, &self.real, &self.complex) {
             (_, Some(modes), _) => Ok((Route::RealModes, real_evaluator(modes, ports, keep))),
-            (Some(form), _, Some(modes)) if modes.condition < WORST_VECTORS => Ok((
-                Route::ComplexModes,
-                complex_evaluator(form, modes, ports, keep),
-            )),
+            (Some(form), _, Some(modes)) if modes.condition < WORST_VECTORS => {
+                Ok((Route::ComplexModes, complex_evaluator(form, modes, ports, keep)))
+            }
             _ => refuse("the system has no well-conditioned modes to sum up; leave modes= out"),
         }
     }
@@ -224,18 +186,12 @@ impl Reduction {
             return None;
         }
         let sizes = || modes.pole.iter().map(|s| s.norm());
-        let (slow, fast) = (
-            sizes().fold(f64::MAX, f64::min),
-            sizes().fold(0.0, f64::max),
-        );
+        let (slow, fast) = (sizes().fold(f64::MAX, f64::min), sizes().fold(0.0, f64::max));
         let slow = slow.max(1e-6 * fast);
-        let omega: Vec<f64> = (0..5)
-            .map(|k| slow * (fast / slow).powf(k as f64 / 4.0))
-            .collect();
+        let omega: Vec<f64> = (0..5).map(|k| slow * (fast / slow).powf(k as f64 / 4.0)).collect();
         let checks = self.references(ports, &omega, &[0, 1, 2, 3, 4], counts);
         let evaluator = complex_evaluator(form, modes, ports, self.q.n());
-        let good =
-            |check: &Check| check.distance(evaluator.at(omega[check.index])) < WORST_ACCEPTED;
+        let good = |check: &Check| check.distance(evaluator.at(omega[check.index])) < WORST_ACCEPTED;
         checks.iter().all(good).then_some(modes)
     }
 
@@ -266,11 +222,7 @@ impl Reduction {
             for i in 0..n_out {
                 for j in 0..n_in {
                     let order = ports.order_in[j] + ports.order_out;
-                    let factor = if powers_done {
-                        c64::new(1.0, 0.0)
-                    } else {
-                        i_omega(w, order)
-                    };
+                    let factor = if powers_done { c64::new(1.0, 0.0) } else { i_omega(w, order) };
                     let direct = ports.d0.as_ref().map_or(0.0, |d| d[(i, j)]);
                     let mut entry = scaled(value[(i, j)], factor);
                     if direct != 0.0 {
@@ -292,35 +244,21 @@ impl Reduction {
         let distance = |w: f64| {
             let at = poles.partition_point(|p| p.im < w.abs());
             let near = at.saturating_sub(1)..(at + 1).min(poles.len());
-            let relative =
-                near.map(|k| (c64::new(0.0, w.abs()) - poles[k]).norm() / poles[k].norm());
+            let relative = near.map(|k| (c64::new(0.0, w.abs()) - poles[k]).norm() / poles[k].norm());
             relative.fold(f64::INFINITY, f64::min)
         };
         let third = omega.len().div_ceil(3).max(1);
         let nearest = |part: usize| {
             let range = part * third..((part + 1) * third).min(omega.len());
-            range
-                .map(|k| (distance(omega[k]), k))
-                .min_by(|a, b| a.0.total_cmp(&b.0))
-                .map(|(_, k)| k)
+            range.map(|k| (distance(omega[k]), k)).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, k)| k)
         };
         (0..3).filter_map(nearest).collect()
     }
 
-    fn references(
-        &self,
-        ports: &Ports,
-        omega: &[f64],
-        samples: &[usize],
-        counts: &mut Counts,
-    ) -> Vec<Check> {
+    fn references(&self, ports: &Ports, omega: &[f64], samples: &[usize], counts: &mut Counts) -> Vec<Check> {
         let mix = input_mix(ports);
         let load = Mat::from_fn(self.q.n(), 1, |i, _| {
-            let sum: f64 = mix
-                .iter()
-                .enumerate()
-                .map(|(j, r)| ports.f[(i, j)] * r)
-                .sum();
+            let sum: f64 = mix.iter().enumerate().map(|(j, r)| ports.f[(i, j)] * r).sum();
             c64::new(sum, 0.0)
         });
         let mut checks = Vec::new();
@@ -353,9 +291,7 @@ impl Reduction {
     fn prepare<'a>(&'a self, route: Route, ports: &'a Ports, counts: &mut Counts) -> Evaluator<'a> {
         match (route, &self.normal, &self.real, &self.complex) {
             (Route::RealModes, _, Some(modes), _) => real_evaluator(modes, ports, self.q.n()),
-            (Route::ComplexModes, Some(form), _, Some(modes)) => {
-                complex_evaluator(form, modes, ports, self.q.n())
-            }
+            (Route::ComplexModes, Some(form), _, Some(modes)) => complex_evaluator(form, modes, ports, self.q.n()),
             (Route::Hessenberg, Some(form), _, _) => {
                 let state = StateSpace::new(form, ports);
                 let reduced = self.hessenberg.get_or_init(|| {
@@ -396,12 +332,7 @@ fn real_evaluator<'a>(modes: &RealModes, ports: &Ports, keep: usize) -> Evaluato
     }
 }
 
-fn complex_evaluator<'a>(
-    form: &NormalForm,
-    modes: &ComplexModes,
-    ports: &Ports,
-    keep: usize,
-) -> Evaluator<'a> {
+fn complex_evaluator<'a>(form: &NormalForm, modes: &ComplexModes, ports: &Ports, keep: usize) -> Evaluator<'a> {
     let state = StateSpace::new(form, ports);
     let largest = modes.pole.iter().fold(0.0_f64, |a, s| a.max(s.norm()));
     let kept = lowest(&modes.pole, 2 * keep, |s| s.norm());
@@ -427,18 +358,12 @@ fn lowest<T: Copy>(values: &[T], keep: usize, size: impl Fn(T) -> f64) -> Vec<us
     }
     sizes.sort_by(f64::total_cmp);
     let limit = sizes[keep - 1] * (1.0 + 1e-9);
-    (0..values.len())
-        .filter(|k| size(values[*k]) <= limit)
-        .collect()
+    (0..values.len()).filter(|k| size(values[*k]) <= limit).collect()
 }
 
 /// A product that leaves infinite entries infinite instead of making NaN of inf * 0.
 fn scaled(value: c64, factor: c64) -> c64 {
-    if value.is_finite() {
-        value * factor
-    } else {
-        value
-    }
+    if value.is_finite() { value * factor } else { value }
 }
 
 #[cfg(test)]
@@ -476,9 +401,7 @@ mod tests {
         ];
         for (q, route) in cases {
             let reduction = Reduction::new(q).unwrap();
-            let values = reduction
-                .evaluate(&end_to_end(12), &omega, None, true, &Cancel::default())
-                .unwrap();
+            let values = reduction.evaluate(&end_to_end(12), &omega, None, true, &Cancel::default()).unwrap();
             assert_eq!(values.route, route);
             let ports = end_to_end(12);
             let direct = reduction.direct(&ports, 3);
@@ -505,9 +428,7 @@ mod tests {
         ports.l = Mat::from_fn(1, n, |_, j| (j == 50) as u8 as f64);
         ports.f = Mat::from_fn(n, 1, |i, _| (i + 1 == n) as u8 as f64);
         let omega = [0.3, 1.0];
-        let values = reduction
-            .evaluate(&ports, &omega, None, true, &Cancel::default())
-            .unwrap();
+        let values = reduction.evaluate(&ports, &omega, None, true, &Cancel::default()).unwrap();
         assert_eq!(values.route, Route::Hessenberg);
         for (h, w) in values.h.iter().zip(omega) {
             // 1 / (1 + i w)^2 per oscillator, 0.9 per link

@@ -8,44 +8,16 @@ use crate::linalg::quadratic::Quadratic;
 
 /// One route bound to its ports; `at` gives L Z^-1 F, or None where Z is (nearly) singular.
 pub enum Evaluator<'a> {
-    Real {
-        lambda: Vec<f64>,
-        damping: Vec<f64>,
-        left: Mat<f64>,
-        right: Mat<c64>,
-        noise: f64,
-    },
-    Complex {
-        pole: Vec<c64>,
-        left: Mat<c64>,
-        right: Mat<c64>,
-        noise: f64,
-        largest: f64,
-    },
-    Hessenberg {
-        reduced: &'a Hessenberg,
-        cq: Mat<f64>,
-        qb: Mat<f64>,
-    },
-    Direct {
-        q: &'a Quadratic,
-        scale: &'a [f64],
-        l: Mat<c64>,
-        f: Mat<c64>,
-        refinements: usize,
-    },
+    Real { lambda: Vec<f64>, damping: Vec<f64>, left: Mat<f64>, right: Mat<c64>, noise: f64 },
+    Complex { pole: Vec<c64>, left: Mat<c64>, right: Mat<c64>, noise: f64, largest: f64 },
+    Hessenberg { reduced: &'a Hessenberg, cq: Mat<f64>, qb: Mat<f64> },
+    Direct { q: &'a Quadratic, scale: &'a [f64], l: Mat<c64>, f: Mat<c64>, refinements: usize },
 }
 
 impl Evaluator<'_> {
     pub fn at(&self, w: f64) -> Option<Mat<c64>> {
         match self {
-            Evaluator::Real {
-                lambda,
-                damping,
-                left,
-                right,
-                noise,
-            } => {
+            Evaluator::Real { lambda, damping, left, right, noise } => {
                 let mut receptance = Vec::with_capacity(lambda.len());
                 for (l, c) in lambda.iter().zip(damping) {
                     let den = c64::new(l - w * w, w * c);
@@ -54,18 +26,10 @@ impl Evaluator<'_> {
                     }
                     receptance.push(den.inv());
                 }
-                let weighted = Mat::from_fn(left.nrows(), left.ncols(), |i, r| {
-                    left[(i, r)] * receptance[r]
-                });
+                let weighted = Mat::from_fn(left.nrows(), left.ncols(), |i, r| left[(i, r)] * receptance[r]);
                 Some(product(weighted.as_ref(), right.as_ref()))
             }
-            Evaluator::Complex {
-                pole,
-                left,
-                right,
-                noise,
-                largest,
-            } => {
+            Evaluator::Complex { pole, left, right, noise, largest } => {
                 let s = c64::new(0.0, w);
                 let mut factor = Vec::with_capacity(pole.len());
                 for pole in pole {
@@ -76,8 +40,7 @@ impl Evaluator<'_> {
                     }
                     factor.push((s - pole).inv());
                 }
-                let weighted =
-                    Mat::from_fn(left.nrows(), left.ncols(), |i, r| left[(i, r)] * factor[r]);
+                let weighted = Mat::from_fn(left.nrows(), left.ncols(), |i, r| left[(i, r)] * factor[r]);
                 Some(product(weighted.as_ref(), right.as_ref()))
             }
             Evaluator::Hessenberg { reduced, cq, qb } => {
@@ -86,13 +49,7 @@ impl Evaluator<'_> {
                 }
                 reduced.transfer(c64::new(0.0, w), cq.as_ref(), qb.as_ref())
             }
-            Evaluator::Direct {
-                q,
-                scale,
-                l,
-                f,
-                refinements,
-            } => {
+            Evaluator::Direct { q, scale, l, f, refinements } => {
                 let solved = q.solve(w, f.as_ref(), scale, *refinements)?;
                 Some(product(l.as_ref(), solved.x.as_ref()))
             }
@@ -118,15 +75,8 @@ impl Check {
             return 0.0; // singular: another routine answers there
         };
         let (mut worst, mut size) = (0.0_f64, f64::EPSILON * self.motion);
-        for (i, unit) in self
-            .unit
-            .iter()
-            .enumerate()
-            .filter(|(_, unit)| **unit > 0.0)
-        {
-            let mixed: c64 = (0..value.ncols())
-                .map(|j| value[(i, j)] * self.mix[j])
-                .sum();
+        for (i, unit) in self.unit.iter().enumerate().filter(|(_, unit)| **unit > 0.0) {
+            let mixed: c64 = (0..value.ncols()).map(|j| value[(i, j)] * self.mix[j]).sum();
             worst = worst.max((mixed - self.reference[(i, 0)]).norm() / unit);
             size = size.max(self.reference[(i, 0)].norm() / unit);
         }

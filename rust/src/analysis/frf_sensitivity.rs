@@ -48,12 +48,7 @@ pub fn sensitivity(
     if omega.iter().any(|w| !w.is_finite()) {
         return Err(Error::model("omega contains NaN or infinite values"));
     }
-    let (n_out, n_in, n_freq, n_p) = (
-        ports.l.nrows(),
-        ports.f.ncols(),
-        omega.len(),
-        variations.len(),
-    );
+    let (n_out, n_in, n_freq, n_p) = (ports.l.nrows(), ports.f.ncols(), omega.len(), variations.len());
     let mut counts = Counts::default();
     let mut dh = vec![c64::new(0.0, 0.0); n_out * n_in * n_freq * n_p];
     let mut singular = Vec::new();
@@ -79,12 +74,7 @@ pub fn sensitivity(
         }
     }
     let error = sampled_error(q, ports, omega, &solver.scale);
-    Ok(Derivatives {
-        dh,
-        error,
-        singular,
-        counts,
-    })
+    Ok(Derivatives { dh, error, singular, counts })
 }
 
 struct Solver<'a> {
@@ -116,8 +106,7 @@ impl<'a> Solver<'a> {
         lu.solve_transpose_in_place(&mut y);
         let (x, y) = (scaled(x.as_ref()), scaled(y.as_ref()));
         let growth = x.norm_l2() * z.norm_l2() / self.f.norm_l2().max(f64::MIN_POSITIVE);
-        let regular =
-            is_finite_complex(x.as_ref()) && is_finite_complex(y.as_ref()) && growth < 1e15;
+        let regular = is_finite_complex(x.as_ref()) && is_finite_complex(y.as_ref()) && growth < 1e15;
         regular.then_some((x, y))
     }
 }
@@ -152,8 +141,7 @@ fn one(variation: &Variation, ports: &Ports, w: f64, x: &Mat<c64>, y: &Mat<c64>)
     }
     Mat::from_fn(n_out, n_in, |i, j| {
         let feed = variation.dd0.as_ref().map_or(0.0, |d| d[(i, j)]);
-        out[(i, j)] * i_omega(w, ports.order_in[j] + ports.order_out)
-            + i_omega(w, ports.order_out) * feed
+        out[(i, j)] * i_omega(w, ports.order_in[j] + ports.order_out) + i_omega(w, ports.order_out) * feed
     })
 }
 
@@ -163,9 +151,7 @@ fn sampled_error(q: &Quadratic, ports: &Ports, omega: &[f64], scale: &[f64]) -> 
     if n == 0 {
         return 0.0;
     }
-    let load = Mat::from_fn(q.n(), 1, |i, _| {
-        c64::new((0..ports.f.ncols()).map(|j| ports.f[(i, j)]).sum(), 0.0)
-    });
+    let load = Mat::from_fn(q.n(), 1, |i, _| c64::new((0..ports.f.ncols()).map(|j| ports.f[(i, j)]).sum(), 0.0));
     [0, n / 2, n - 1]
         .iter()
         .filter_map(|k| q.solve(omega[*k], load.as_ref(), scale, 2))

@@ -34,9 +34,7 @@ pub fn transfer(reduction: &Reduction, ports: &Ports, w: f64) -> Result<(Mat<c64
     let split = frame.split(w)?;
     let (l, f) = (&frame.l, &frame.f);
     let order = |j: usize| ports.order_in[j] + ports.order_out;
-    let mut value = Mat::from_fn(l.nrows(), f.ncols(), |i, j| {
-        split.regular[(i, j)] * i_omega(w, order(j))
-    });
+    let mut value = Mat::from_fn(l.nrows(), f.ncols(), |i, j| split.regular[(i, j)] * i_omega(w, order(j)));
     if split.right.ncols() == 0 {
         return Ok((value, false));
     }
@@ -131,9 +129,7 @@ impl Frame {
             self.s[(i, j)] - m * (w * w) + c64::new(0.0, w) * d
         });
         let svd = z.svd().map_err(|_| {
-            Error::singular(format!(
-                "the dynamic stiffness at omega = {w} rad/s could not be decomposed"
-            ))
+            Error::singular(format!("the dynamic stiffness at omega = {w} rad/s could not be decomposed"))
         })?;
         let sigma: Vec<f64> = (0..n).map(|k| svd.S()[k].re).collect();
         let size = self.s.norm_l2() + w * w + self.d.as_ref().map_or(0.0, |d| w * d.norm_l2());

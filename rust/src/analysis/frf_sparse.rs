@@ -34,16 +34,11 @@ impl SparseSystem {
             if let Some(a) = a
                 && (a.rows != n || a.cols != n)
             {
-                return Err(Error::model(format!(
-                    "{name} is {} x {}, M has {n} rows",
-                    a.rows, a.cols
-                )));
+                return Err(Error::model(format!("{name} is {} x {}, M has {n} rows", a.rows, a.cols)));
             }
         }
         if n == 0 {
-            return Err(Error::model(
-                "the system has no coordinates; it needs at least one",
-            ));
+            return Err(Error::model("the system has no coordinates; it needs at least one"));
         }
         let mut pattern = m.combined(1.0, 1.0, s);
         if let Some(d) = d {
@@ -82,37 +77,24 @@ impl SparseSystem {
             for i in 0..n_out {
                 for j in 0..n_in {
                     let feed = ports.d0.as_ref().map_or(0.0, |d| d[(i, j)]);
-                    h[(i * n_in + j) * n_freq + k] = value[(i, j)]
-                        * i_omega(w, ports.order_in[j] + ports.order_out)
+                    h[(i * n_in + j) * n_freq + k] = value[(i, j)] * i_omega(w, ports.order_in[j] + ports.order_out)
                         + i_omega(w, ports.order_out) * feed;
                 }
             }
         }
-        Ok(SparseValues {
-            h,
-            error,
-            singular,
-            counts,
-        })
+        Ok(SparseValues { h, error, singular, counts })
     }
 
     /// Z^-1 F after one step of refinement, and how much that step changed; None where Z is singular.
     fn solve(&self, w: f64, f: MatRef<'_, c64>) -> Result<Option<(Mat<c64>, f64)>> {
         let value: Vec<c64> = (0..self.s.len())
-            .map(|k| {
-                c64::new(
-                    self.s[k] - w * w * self.m[k],
-                    self.d.get(k).map_or(0.0, |d| w * d),
-                )
-            })
+            .map(|k| c64::new(self.s[k] - w * w * self.m[k], self.d.get(k).map_or(0.0, |d| w * d)))
             .collect();
         let z = SparseColMatRef::new(self.pattern.pattern(), &value);
         let mut numeric = NumericLu::new();
-        let scratch = self
-            .symbolic
-            .factorize_numeric_lu_scratch::<c64>(Par::Seq, Default::default());
-        let mut memory = MemBuffer::try_new(scratch)
-            .map_err(|e| Error::singular(format!("no memory for the factors: {e:?}")))?;
+        let scratch = self.symbolic.factorize_numeric_lu_scratch::<c64>(Par::Seq, Default::default());
+        let mut memory =
+            MemBuffer::try_new(scratch).map_err(|e| Error::singular(format!("no memory for the factors: {e:?}")))?;
         let done = self.symbolic.factorize_numeric_lu(
             &mut numeric,
             z,
@@ -123,18 +105,14 @@ impl SparseSystem {
         if done.is_err() {
             return Ok(None);
         }
-        let mut memory = MemBuffer::new(
-            self.symbolic
-                .solve_in_place_scratch::<c64>(f.ncols(), Par::Seq),
-        );
+        let mut memory = MemBuffer::new(self.symbolic.solve_in_place_scratch::<c64>(f.ncols(), Par::Seq));
         let mut apply = |x: &mut Mat<c64>| {
-            LuRef::<'_, u32, c64>::new_unchecked(&self.symbolic, &numeric)
-                .solve_in_place_with_conj(
-                    Conj::No,
-                    x.as_mut(),
-                    Par::Seq,
-                    MemStack::new(&mut memory),
-                );
+            LuRef::<'_, u32, c64>::new_unchecked(&self.symbolic, &numeric).solve_in_place_with_conj(
+                Conj::No,
+                x.as_mut(),
+                Par::Seq,
+                MemStack::new(&mut memory),
+            );
         };
         let mut x = f.to_owned();
         apply(&mut x);

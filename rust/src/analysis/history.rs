@@ -32,9 +32,7 @@ impl History {
             )));
         }
         if !is_finite(self.u.as_ref()) || !is_finite(self.bulge.as_ref()) {
-            return Err(Error::model(
-                "a load history contains NaN or infinite values",
-            ));
+            return Err(Error::model("a load history contains NaN or infinite values"));
         }
         Ok(())
     }

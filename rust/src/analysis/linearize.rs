@@ -54,15 +54,11 @@ pub struct Linearization {
 }
 
 /// Rows of tree coordinates to minimal ones, B''^T X.
-pub(super) fn reduce_rows<T: Real>(
-    x: DMatrix<T>,
-    loops: Option<(&Loops, &DMatrix<T>)>,
-) -> DMatrix<T> {
+pub(super) fn reduce_rows<T: Real>(x: DMatrix<T>, loops: Option<(&Loops, &DMatrix<T>)>) -> DMatrix<T> {
     match loops {
         None => x,
         Some((l, b)) => {
-            let pick =
-                |rows: &[usize]| DMatrix::from_fn(rows.len(), x.ncols(), |i, j| x[(rows[i], j)]);
+            let pick = |rows: &[usize]| DMatrix::from_fn(rows.len(), x.ncols(), |i, j| x[(rows[i], j)]);
             pick(&l.independent) + b.transpose() * pick(&l.dependent)
         }
     }
@@ -73,9 +69,8 @@ pub(super) fn reduce_rows<T: Real>(
 fn force_scale(scene: &Scene<'_, f64>, tangent: &Tangent<f64>, length: f64) -> f64 {
     let size = |w: &Six<f64>| w.l.norm() * length + w.a.norm();
     let columns = column_scales(scene.topology, length);
-    let stiffness = (0..columns.len())
-        .map(|i| tangent.stiffness[(i, i)].abs() * columns[i] * columns[i])
-        .fold(0.0, f64::max);
+    let stiffness =
+        (0..columns.len()).map(|i| tangent.stiffness[(i, i)].abs() * columns[i] * columns[i]).fold(0.0, f64::max);
     let forces = scene.body_wrenches(None).iter().map(size).sum::<f64>();
     forces + scene.connector_sizes(length) + UNRESOLVED * stiffness
 }
@@ -85,10 +80,7 @@ impl Linearization {
     pub fn expand(&self, z: DVector<f64>) -> Result<DVector<f64>> {
         let n = self.matrices.mass.nrows();
         if z.len() != n || z.iter().any(|v| !v.is_finite()) {
-            return Err(Error::model(format!(
-                "{n} finite increments are needed, {} were given",
-                z.len()
-            )));
+            return Err(Error::model(format!("{n} finite increments are needed, {} were given", z.len())));
         }
         Ok(match (&self.loops, &self.dependent_map) {
             (Some(l), Some(b)) => l.expand(b, &z),
@@ -116,9 +108,7 @@ impl Linearization {
 
     /// Indices of the minimal coordinates among the tree coordinates.
     pub fn coordinates(&self, n_tree: usize) -> Vec<usize> {
-        self.loops
-            .as_ref()
-            .map_or_else(|| (0..n_tree).collect(), |l| l.independent.clone())
+        self.loops.as_ref().map_or_else(|| (0..n_tree).collect(), |l| l.independent.clone())
     }
 }
 
@@ -132,9 +122,7 @@ pub struct Setting<'a> {
 
 impl Setting<'_> {
     pub(super) fn rate<T: Real>(&self) -> Option<Vec<T>> {
-        self.state
-            .moving()
-            .then(|| self.state.rate.iter().map(|r| T::from(*r)).collect())
+        self.state.moving().then(|| self.state.rate.iter().map(|r| T::from(*r)).collect())
     }
 }
 
@@ -159,12 +147,7 @@ type Closed = (DMatrix<f64>, Option<Loops>, Option<DMatrix<f64>>);
 fn closed(setting: &Setting<'_>, scene: &Scene<'_, f64>) -> Result<Closed> {
     let system = setting.system;
     check_velocity_rows(setting)?;
-    if let Some(name) = collapsed(
-        scene.topology,
-        scene.geometry,
-        scene.placement,
-        system.length,
-    ) {
+    if let Some(name) = collapsed(scene.topology, scene.geometry, scene.placement, system.length) {
         return Err(Error::singular(format!(
             "the ends of '{name}' coincide in this state, so that its direction is undefined: start elsewhere, or use a bushing"
         )));
@@ -181,12 +164,7 @@ fn closed(setting: &Setting<'_>, scene: &Scene<'_, f64>) -> Result<Closed> {
 /// Which coordinates are free at rest in this state; of an open tree all, without any work.
 pub fn mobility(setting: &Setting<'_>) -> Result<Option<Loops>> {
     let system = setting.system;
-    let placement = place(
-        &system.topology,
-        &system.geometry,
-        &setting.state.relative,
-        None,
-    );
+    let placement = place(&system.topology, &system.geometry, &setting.state.relative, None);
     let scene = Scene {
         topology: &system.topology,
         geometry: &system.geometry,
@@ -205,12 +183,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     let system = setting.system;
     let topology = &*system.topology;
     let rate = setting.rate::<f64>();
-    let placement = place(
-        topology,
-        &system.geometry,
-        &setting.state.relative,
-        rate.as_deref(),
-    );
+    let placement = place(topology, &system.geometry, &setting.state.relative, rate.as_deref());
     let mut scene = Scene {
         topology,
         geometry: &system.geometry,
@@ -228,11 +201,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     }
     let turning = match (&loops, &rate) {
         (Some(l), Some(rate)) => {
-            let path = Path {
-                x: &system.x,
-                relative: &setting.state.relative,
-                rate,
-            };
+            let path = Path { x: &system.x, relative: &setting.state.relative, rate };
             Some(turning(setting, l, &path))
         }
         _ => None,
@@ -241,25 +210,15 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     let acceleration = acceleration.filter(|_| setting.effects.centrifugal);
     scene.acceleration = acceleration.as_deref();
     let tau = scene.residual(None);
-    let lam = loops
-        .as_ref()
-        .map_or_else(|| DVector::zeros(0), |l| l.multipliers(&jacobian, &tau));
+    let lam = loops.as_ref().map_or_else(|| DVector::zeros(0), |l| l.multipliers(&jacobian, &tau));
     let tangent = scene.tangent(Some(lam.as_slice()), counts);
     let force_scale = force_scale(&scene, &tangent, system.length);
     check_finite(&scene, &tangent)?;
     let (matrices, residual) = match (&loops, &b) {
-        (Some(l), Some(b)) => (
-            reduce(&tangent, l, b, turning.as_ref(), setting.effects),
-            l.reduce_vector(&tau, b),
-        ),
+        (Some(l), Some(b)) => (reduce(&tangent, l, b, turning.as_ref(), setting.effects), l.reduce_vector(&tau, b)),
         _ => (unreduced(tangent), tau),
     };
-    let body_map = body_map(
-        system,
-        &system.geometry,
-        &placement,
-        loops.as_ref().zip(b.as_ref()),
-    );
+    let body_map = body_map(system, &system.geometry, &placement, loops.as_ref().zip(b.as_ref()));
     let ground_coupling = reduce_rows(scene.ground_coupling(), loops.as_ref().zip(b.as_ref()));
     Ok(Linearization {
         matrices,
@@ -282,11 +241,7 @@ fn sum<T: Real>(a: Option<DMatrix<T>>, b: Option<DMatrix<T>>) -> Option<DMatrix<
 }
 
 pub(super) fn unreduced<T: Real>(tangent: Tangent<T>) -> Matrices<T> {
-    Matrices {
-        mass: tangent.mass,
-        damping: sum(tangent.damping, tangent.gyroscopic),
-        stiffness: tangent.stiffness,
-    }
+    Matrices { mass: tangent.mass, damping: sum(tangent.damping, tangent.gyroscopic), stiffness: tangent.stiffness }
 }
 
 pub(super) fn reduce<T: Real>(
@@ -318,18 +273,12 @@ pub(super) fn reduce<T: Real>(
             stiffness += along(&tangent.mass, &turning.second);
         }
     }
-    Matrices {
-        mass,
-        damping,
-        stiffness,
-    }
+    Matrices { mass, damping, stiffness }
 }
 
 /// B''^T X W for a change W of B'', which has rows on the dependent coordinates alone.
 fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<T>, b: &DMatrix<T>) -> DMatrix<T> {
-    let columns = DMatrix::from_fn(x.nrows(), loops.dependent.len(), |i, k| {
-        x[(i, loops.dependent[k])]
-    });
+    let columns = DMatrix::from_fn(x.nrows(), loops.dependent.len(), |i, k| x[(i, loops.dependent[k])]);
     let full = columns * w;
     let mut out = DMatrix::zeros(loops.independent.len(), full.ncols());
     for j in 0..full.ncols() {
@@ -338,11 +287,7 @@ fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<T>, b: &DMatrix<T>
     out
 }
 
-pub(super) fn turning<T: Real>(
-    setting: &Setting<'_>,
-    loops: &Loops,
-    path: &Path<'_, T>,
-) -> Turning<T> {
+pub(super) fn turning<T: Real>(setting: &Setting<'_>, loops: &Loops, path: &Path<'_, T>) -> Turning<T> {
     let jacobian = turning_jacobian(setting, path, None);
     // J y" + J' y' = 0 with y" on the dependent coordinates alone
     let bias = jacobian.map(|v| v.v1) * DVector::from_column_slice(path.rate);
@@ -353,11 +298,7 @@ pub(super) fn turning<T: Real>(
         acceleration[loops.dependent[k]] = *v;
     }
     let b = loops.dependent_map(&turning_jacobian(setting, path, Some(&acceleration)));
-    Turning {
-        first: b.map(|v| v.v1),
-        second: b.map(|v| v.v2),
-        acceleration,
-    }
+    Turning { first: b.map(|v| v.v1), second: b.map(|v| v.v2), acceleration }
 }
 
 /// J along y(t) = rate t + acceleration t^2 / 2, to second order in time.
@@ -369,15 +310,10 @@ fn turning_jacobian<T: Real>(
     let system = setting.system;
     let x: Vec<Dual2<T>> = path.x.iter().map(|v| Dual2::from_re(*v)).collect();
     let geometry = Geometry::derive(&system.topology.tables, &x);
-    let still = |pose: &Pose<T>| Pose {
-        p: pose.p.map(Dual2::from_re),
-        r: pose.r.map(Dual2::from_re),
-    };
+    let still = |pose: &Pose<T>| Pose { p: pose.p.map(Dual2::from_re), r: pose.r.map(Dual2::from_re) };
     let mut relative: Vec<Pose<Dual2<T>>> = path.relative.iter().map(still).collect();
     let at = |a: Option<&[T]>, i: usize| a.map_or(T::zero(), |a| a[i]);
-    let dy: Vec<_> = (0..path.rate.len())
-        .map(|i| Dual2::new(T::zero(), path.rate[i], at(acceleration, i)))
-        .collect();
+    let dy: Vec<_> = (0..path.rate.len()).map(|i| Dual2::new(T::zero(), path.rate[i], at(acceleration, i))).collect();
     advance(&system.topology, &mut relative, &dy);
     let placement = place(&system.topology, &geometry, &relative, None);
     let scene = Scene {
@@ -415,44 +351,25 @@ fn check_finite(scene: &Scene<'_, f64>, tangent: &Tangent<f64>) -> Result<()> {
     if tangent.stiffness.iter().all(|v| v.is_finite()) {
         return Ok(());
     }
-    let named = scene
-        .undirected()
-        .map_or_else(|| "an element".into(), |name| format!("'{name}'"));
+    let named = scene.undirected().map_or_else(|| "an element".into(), |name| format!("'{name}'"));
     Err(Error::singular(format!(
         "the end points of {named} coincide in this state, so that its direction is lost; use a bushing there, or move the points apart"
     )))
 }
 
 /// Redundant rows that agree to first order but not to second: the pose where a mechanism may change its mobility.
-fn check_pose(
-    system: &System,
-    scene: &Scene<'_, f64>,
-    loops: &Loops,
-    b: &DMatrix<f64>,
-) -> Result<()> {
+fn check_pose(system: &System, scene: &Scene<'_, f64>, loops: &Loops, b: &DMatrix<f64>) -> Result<()> {
     let scale = column_scales(&system.topology, system.length);
     for k in 0..loops.redundant.ncols() {
-        let lam: Vec<f64> = loops
-            .redundant
-            .column(k)
-            .iter()
-            .zip(&loops.row_scale)
-            .map(|(v, s)| v * s)
-            .collect();
+        let lam: Vec<f64> = loops.redundant.column(k).iter().zip(&loops.row_scale).map(|(v, s)| v * s).collect();
         let curvature = scene.multiplier_stiffness(&lam, &mut Counts::default());
         let reduced = loops.reduce(&curvature, b);
         let sym = DMatrix::from_fn(reduced.nrows(), reduced.ncols(), |i, j| {
-            0.5 * (reduced[(i, j)] + reduced[(j, i)])
-                * scale[loops.independent[i]]
-                * scale[loops.independent[j]]
+            0.5 * (reduced[(i, j)] + reduced[(j, i)]) * scale[loops.independent[i]] * scale[loops.independent[j]]
         });
         let size = sym.amax();
         if size > SINGULAR_POSE {
-            let worst = lam
-                .iter()
-                .enumerate()
-                .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
-                .map_or(0, |(i, _)| i);
+            let worst = lam.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map_or(0, |(i, _)| i);
             let joint = &system.topology.tables.joints[system.topology.rows[worst].joint].name;
             return Err(Error::singular(format!(
                 "the mechanism is in a singular pose: around the loop through joint '{joint}' the constraints lose rank here, where its \
@@ -481,9 +398,7 @@ pub fn body_map<T: Real>(
         carried[k..].fill(false);
         carried[k] = true;
         for i in k..topology.nodes.len() {
-            carried[i] |= topology.nodes[i]
-                .parent
-                .is_some_and(|p| p >= k && carried[p]);
+            carried[i] |= topology.nodes[i].parent.is_some_and(|p| p >= k && carried[p]);
             if !carried[i] {
                 continue;
             }
@@ -503,9 +418,7 @@ pub fn body_map<T: Real>(
     match loops {
         None => map,
         Some((l, b)) => {
-            let pick = |columns: &[usize]| {
-                DMatrix::from_fn(map.nrows(), columns.len(), |i, j| map[(i, columns[j])])
-            };
+            let pick = |columns: &[usize]| DMatrix::from_fn(map.nrows(), columns.len(), |i, j| map[(i, columns[j])]);
             pick(&l.independent) + pick(&l.dependent) * b
         }
     }

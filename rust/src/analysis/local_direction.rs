@@ -30,23 +30,11 @@ fn owner_range(tables: &Tables, connector: &Connector, index: usize) -> bool {
     let own = match connector.owner {
         Owner::Element(i) => {
             let e = &tables.elements[i];
-            inside(
-                index,
-                e.x,
-                0,
-                if e.kind == ElementKind::Bushing {
-                    88
-                } else {
-                    10
-                },
-            )
+            inside(index, e.x, 0, if e.kind == ElementKind::Bushing { 88 } else { 10 })
         }
         Owner::Joint(i) => inside(index, tables.joints[i].x, 16, 34),
     };
-    own || connector
-        .laws
-        .iter()
-        .any(|l| inside(index, l.x, 0, l.law.n_params()))
+    own || connector.laws.iter().any(|l| inside(index, l.x, 0, l.law.n_params()))
 }
 
 fn touched(topology: &Topology, dx: &[(usize, f64)]) -> Option<Touched> {
@@ -55,15 +43,8 @@ fn touched(topology: &Topology, dx: &[(usize, f64)]) -> Option<Touched> {
         if *weight == 0.0 {
             continue;
         }
-        let connector = topology
-            .connectors
-            .iter()
-            .position(|c| owner_range(&topology.tables, c, *index));
-        let body = topology
-            .tables
-            .bodies
-            .iter()
-            .position(|b| inside(*index, b.x, 10, 17));
+        let connector = topology.connectors.iter().position(|c| owner_range(&topology.tables, c, *index));
+        let body = topology.tables.bodies.iter().position(|b| inside(*index, b.x, 10, 17));
         match (connector, body) {
             (Some(c), _) if !found.connectors.contains(&c) => found.connectors.push(c),
             (None, Some(b)) if !found.bodies.contains(&b) => found.bodies.push(b),
@@ -101,14 +82,7 @@ pub fn local_direction(
     let mut mass = Entries::default();
     let mut coupling = DMatrix::zeros(n, 6);
     for body in &touched.bodies {
-        add_body(
-            topology,
-            &placed,
-            *body,
-            dx,
-            &mut mass,
-            request.maps.then_some(&mut coupling),
-        );
+        add_body(topology, &placed, *body, dx, &mut mass, request.maps.then_some(&mut coupling));
     }
     let (mut stiffness, mut damping) = (Entries::default(), Entries::default());
     if !touched.connectors.is_empty() {
@@ -145,13 +119,9 @@ fn add_body(
     }
     let node = topology.node_of_body[body];
     let pose = &placed.pose[node];
-    let inertia =
-        pose.r * M3::new(d[1], d[4], d[5], d[4], d[2], d[6], d[5], d[6], d[3]) * pose.r.transpose();
+    let inertia = pose.r * M3::new(d[1], d[4], d[5], d[4], d[2], d[6], d[5], d[6], d[3]) * pose.r.transpose();
     let chain = chain(topology, placed, node);
-    let momenta: Vec<Six<f64>> = chain
-        .iter()
-        .map(|(_, s)| Six::new(s.l * d[0], inertia * s.a))
-        .collect();
+    let momenta: Vec<Six<f64>> = chain.iter().map(|(_, s)| Six::new(s.l * d[0], inertia * s.a)).collect();
     for ((i, _), p) in chain.iter().zip(&momenta) {
         for (j, s) in &chain {
             mass.push(*i, *j, p.dot(s));
@@ -174,9 +144,7 @@ fn chain(topology: &Topology, placed: &Placement<f64>, node: usize) -> Vec<(usiz
     while let Some(k) = at {
         let spec = &topology.nodes[k];
         let arm = placed.pose[node].p - placed.pose[k].p;
-        out.extend(
-            (spec.first..spec.first + spec.n).map(|d| (d, placed.column[d].motion_at(&arm))),
-        );
+        out.extend((spec.first..spec.first + spec.n).map(|d| (d, placed.column[d].motion_at(&arm))));
         at = spec.parent;
     }
     out
@@ -222,26 +190,10 @@ fn connectors(
     let (mut stiffness, mut damping) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
     let mut sums = vec![Six::zero(); topology.nodes.len()];
     for c in touched {
-        let numbers = Numbers {
-            x: &x,
-            memory: &memory,
-        };
-        let acting: Interaction<Dual64> = interaction(
-            topology,
-            &geometry,
-            &placement,
-            numbers,
-            &topology.connectors[*c],
-            wanted,
-        );
-        add_tangent(
-            topology,
-            &placement,
-            &acting,
-            true,
-            &mut stiffness,
-            Some(&mut damping),
-        );
+        let numbers = Numbers { x: &x, memory: &memory };
+        let acting: Interaction<Dual64> =
+            interaction(topology, &geometry, &placement, numbers, &topology.connectors[*c], wanted);
+        add_tangent(topology, &placement, &acting, true, &mut stiffness, Some(&mut damping));
         add_wrench(topology, &placement, &acting, &mut sums);
     }
     let moves = sums.iter().any(|w| changes(&w.l) || changes(&w.a));

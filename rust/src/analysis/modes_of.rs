@@ -59,22 +59,12 @@ pub fn real_modes(form: &NormalForm) -> Result<Option<RealModes>> {
                     return Ok(None);
                 }
             }
-            damping[j] = if modal[(j, j)].abs() <= tol {
-                0.0
-            } else {
-                modal[(j, j)]
-            };
+            damping[j] = if modal[(j, j)].abs() <= tol { 0.0 } else { modal[(j, j)] };
         }
     }
     let mut shape = eigen.U().to_owned();
-    form.l
-        .transpose()
-        .solve_upper_triangular_in_place(&mut shape);
-    Ok(Some(RealModes {
-        shape,
-        lambda,
-        damping,
-    }))
+    form.l.transpose().solve_upper_triangular_in_place(&mut shape);
+    Ok(Some(RealModes { shape, lambda, damping }))
 }
 
 pub fn complex_modes(form: &NormalForm) -> Option<ComplexModes> {
@@ -115,11 +105,7 @@ fn vectors_condition(v: MatRef<'_, c64>, lu: &faer::linalg::solvers::PartialPivL
         estimate = size;
         let mut sign = Mat::from_fn(n, 1, |i, _| {
             let a = x[(i, 0)];
-            if a.norm() > 0.0 {
-                a / a.norm()
-            } else {
-                c64::new(1.0, 0.0)
-            }
+            if a.norm() > 0.0 { a / a.norm() } else { c64::new(1.0, 0.0) }
         });
         lu.solve_adjoint_in_place(&mut sign);
         let largest = (0..n).max_by(|a, b| sign[(*a, 0)].norm().total_cmp(&sign[(*b, 0)].norm()));

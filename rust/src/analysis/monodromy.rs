@@ -45,9 +45,7 @@ impl Splitting {
         let lu = mass.partial_piv_lu();
         let (c, k) = (lu.solve(damping), lu.solve(stiffness));
         if !(0..n).all(|i| c[(i, i)].is_finite() && k[(i, i)].is_finite()) {
-            return Err(Error::singular(
-                "stability needs a regular mass matrix; remove coordinates without mass",
-            ));
+            return Err(Error::singular("stability needs a regular mass matrix; remove coordinates without mass"));
         }
         let mut see = Mat::<f64>::zeros(n, n_e);
         for (e, direction) in problem.retained().iter().enumerate() {
@@ -107,11 +105,7 @@ impl Splitting {
                 None => f64::INFINITY,
             };
             // where changes shrink, the next one shrinks at least as fast: it is the error of the present value
-            let next = if change <= SETTLED {
-                change * (change / before).min(1.0)
-            } else {
-                change
-            };
+            let next = if change <= SETTLED { change * (change / before).min(1.0) } else { change };
             (last, before) = (row, change);
             if next <= TOLERANCE {
                 break;
@@ -132,13 +126,7 @@ impl Splitting {
     }
 
     /// df/du and df/dv of the elements at the middles of the steps.
-    fn tangents(
-        &mut self,
-        problem: &mut Problem,
-        y: &[f64],
-        level: usize,
-        steps: usize,
-    ) -> Result<Tangents> {
+    fn tangents(&mut self, problem: &mut Problem, y: &[f64], level: usize, steps: usize) -> Result<Tangents> {
         if self.samplers.len() <= level {
             self.samplers.push(Aft::between(&problem.basis, steps));
         }

@@ -27,10 +27,7 @@ impl Ports {
             )));
         }
         if self.order_in.len() != n_in {
-            return Err(Error::model(format!(
-                "there are {n_in} inputs but {} derivative orders",
-                self.order_in.len()
-            )));
+            return Err(Error::model(format!("there are {n_in} inputs but {} derivative orders", self.order_in.len())));
         }
         if let Some(d0) = &self.d0
             && (d0.nrows() != n_out || d0.ncols() != n_in)
@@ -45,9 +42,7 @@ impl Ports {
             && is_finite(self.f.as_ref())
             && self.d0.as_ref().is_none_or(|d| is_finite(d.as_ref()));
         if !finite {
-            return Err(Error::model(
-                "an input or output map contains NaN or infinite entries",
-            ));
+            return Err(Error::model("an input or output map contains NaN or infinite entries"));
         }
         Ok(())
     }

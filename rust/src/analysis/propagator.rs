@@ -35,9 +35,7 @@ impl Modes {
                 *x /= length;
             }
         }
-        let from_state = to_state
-            .partial_piv_lu()
-            .solve(Mat::<c64>::identity(2 * n, 2 * n));
+        let from_state = to_state.partial_piv_lu().solve(Mat::<c64>::identity(2 * n, 2 * n));
         if to_state.norm_l2() * from_state.norm_l2() >= SKEW {
             return None;
         }
@@ -81,14 +79,11 @@ impl Modes {
         let f = |e: usize| (tangents[e].0[step], tangents[e].1[step]);
         if n_e == 1 {
             let (f_u, f_v) = f(0);
-            let own: c64 = (0..phi.nrows())
-                .map(|i| self.see_v[(0, i)] * self.kick[(i, 0)])
-                .sum();
+            let own: c64 = (0..phi.nrows()).map(|i| self.see_v[(0, i)] * self.kick[(i, 0)]).sum();
             let factor = h / (1.0 - 0.5 * h * f_v * own);
             let kick = self.kick.col_as_slice(0);
-            let seen: Vec<c64> = (0..phi.nrows())
-                .map(|i| (self.see_u[(0, i)] * f_u + self.see_v[(0, i)] * f_v) * factor)
-                .collect();
+            let seen: Vec<c64> =
+                (0..phi.nrows()).map(|i| (self.see_u[(0, i)] * f_u + self.see_v[(0, i)] * f_v) * factor).collect();
             for j in 0..phi.ncols() {
                 let column = phi.col_as_slice_mut(j);
                 let g: c64 = column.iter().zip(&seen).map(|(z, s)| s * z).sum();
@@ -98,9 +93,7 @@ impl Modes {
             }
             return;
         }
-        let seen = Mat::from_fn(n_e, phi.nrows(), |e, i| {
-            self.see_u[(e, i)] * f(e).0 + self.see_v[(e, i)] * f(e).1
-        });
+        let seen = Mat::from_fn(n_e, phi.nrows(), |e, i| self.see_u[(e, i)] * f(e).0 + self.see_v[(e, i)] * f(e).1);
         let mut g = &seen * &*phi;
         if tangents.iter().any(|t| t.1[step] != 0.0) {
             let own = &self.see_v * &self.kick;
@@ -137,11 +130,7 @@ impl States {
             let entry = |at: usize| push[(at % n, e)] * see[(at / n, e)];
             (0..n * n).map(entry).collect()
         };
-        States {
-            c,
-            k,
-            rank_one: (0..see.ncols()).map(outer).collect(),
-        }
+        States { c, k, rank_one: (0..see.ncols()).map(outer).collect() }
     }
 
     /// The motion over one period 2 pi / w0.
@@ -229,9 +218,7 @@ fn kick_moving(n: usize, g_u: &[f64], g_v: &[f64], phi: &mut [f64]) {
         (0..2).for_each(|j| change[(0, j)] *= factor);
     } else {
         let one = |i: usize, j: usize| f64::from(u8::from(i == j));
-        Mat::from_fn(n, n, |i, j| one(i, j) + 0.5 * g_v[j * n + i])
-            .partial_piv_lu()
-            .solve_in_place(&mut change);
+        Mat::from_fn(n, n, |i, j| one(i, j) + 0.5 * g_v[j * n + i]).partial_piv_lu().solve_in_place(&mut change);
     }
     for (j, column) in phi.chunks_exact_mut(2 * n).enumerate() {
         let entries = column[n..].iter_mut().zip(change.col_as_slice(j));
@@ -252,14 +239,8 @@ fn companion(c: &Mat<f64>, k: &Mat<f64>, w: f64) -> Mat<f64> {
 /// exp(A) by Taylor's series on A / 2^k with norm below 1/4, squared back.
 fn exponential(a: &Mat<f64>) -> Mat<f64> {
     let n = a.nrows();
-    let norm = (0..n)
-        .map(|i| (0..n).map(|j| a[(i, j)].abs()).sum::<f64>())
-        .fold(0.0, f64::max);
-    let halvings = if norm > 0.25 {
-        (norm / 0.25).log2().ceil() as i32
-    } else {
-        0
-    };
+    let norm = (0..n).map(|i| (0..n).map(|j| a[(i, j)].abs()).sum::<f64>()).fold(0.0, f64::max);
+    let halvings = if norm > 0.25 { (norm / 0.25).log2().ceil() as i32 } else { 0 };
     let small = a * Scale(0.5_f64.powi(halvings));
     let mut sum = Mat::<f64>::identity(n, n);
     for order in (1..=11).rev() {

@@ -21,12 +21,7 @@ use crate::system::topology::{Purpose, Topology};
 pub fn reactions(setting: &Setting<'_>, base: &Linearization) -> Result<Vec<Six<f64>>> {
     let system = setting.system;
     let rate = setting.state.moving().then(|| setting.state.rate.clone());
-    let placement = place(
-        &system.topology,
-        &system.geometry,
-        &setting.state.relative,
-        rate.as_deref(),
-    );
+    let placement = place(&system.topology, &system.geometry, &setting.state.relative, rate.as_deref());
     let scene = Scene {
         topology: &system.topology,
         geometry: &system.geometry,
@@ -50,39 +45,17 @@ pub fn shared(
     loops: Option<&Loops>,
 ) -> Result<Vec<Six<f64>>> {
     let (topology, geometry) = (&*system.topology, &*system.geometry);
-    let mut all = joint_wrenches(
-        topology,
-        geometry,
-        scene,
-        placement,
-        scene.body_wrenches(Some(lam)),
-        lam,
-    );
+    let mut all = joint_wrenches(topology, geometry, scene, placement, scene.body_wrenches(Some(lam)), lam);
     let Some(loops) = loops.filter(|l| l.redundant.ncols() > 0) else {
         return Ok(all);
     };
     let states: Vec<Vec<Six<f64>>> = (0..loops.redundant.ncols())
         .map(|k| {
-            let lam: Vec<f64> = loops
-                .redundant
-                .column(k)
-                .iter()
-                .zip(&loops.row_scale)
-                .map(|(v, s)| v * s)
-                .collect();
-            joint_wrenches(
-                topology,
-                geometry,
-                scene,
-                placement,
-                scene.multiplier_wrenches(&lam),
-                &lam,
-            )
+            let lam: Vec<f64> = loops.redundant.column(k).iter().zip(&loops.row_scale).map(|(v, s)| v * s).collect();
+            joint_wrenches(topology, geometry, scene, placement, scene.multiplier_wrenches(&lam), &lam)
         })
         .collect();
-    let entry = |w: &[Six<f64>], i: usize| {
-        w[i / 6].get(i % 6) / if i % 6 < 3 { 1.0 } else { system.length }
-    };
+    let entry = |w: &[Six<f64>], i: usize| w[i / 6].get(i % 6) / if i % 6 < 3 { 1.0 } else { system.length };
     let n = 6 * all.len();
     let m = DMatrix::from_fn(n, states.len(), |i, k| entry(&states[k], i));
     let alpha = minimum_norm(&m, &DVector::from_fn(n, |i, _| -entry(&all, i)))?;
@@ -106,13 +79,7 @@ pub fn joint_wrenches<T: Real>(
     let subtree = scene.subtree_wrenches(sums);
     let mut all = vec![Six::zero(); topology.tables.joints.len() + topology.tables.drives.len()];
     let point = |joint: usize| {
-        marker_pose(
-            topology,
-            &placement.pose,
-            topology.tables.joints[joint].b,
-            &geometry.joints[joint].b,
-        )
-        .p
+        marker_pose(topology, &placement.pose, topology.tables.joints[joint].b, &geometry.joints[joint].b).p
     };
     for (i, node) in topology.nodes.iter().enumerate() {
         if let Some(j) = node.joint {
@@ -127,8 +94,7 @@ pub fn joint_wrenches<T: Real>(
             Purpose::Drive(i) => topology.tables.joints.len() + i,
             Purpose::Coupler(_) => continue,
         };
-        all[place] =
-            constraint_interaction(topology, geometry, placement, c.joint, &c.rows, wanted).wrench;
+        all[place] = constraint_interaction(topology, geometry, placement, c.joint, &c.rows, wanted).wrench;
     }
     all
 }

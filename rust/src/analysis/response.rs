@@ -71,23 +71,13 @@ impl Linear {
         let (blocks, route) = if let Some(modes) = &reduction.real {
             (real_blocks(reduction, modes, ports, x0, v0), "real modes")
         } else {
-            let modes = if 2 * n > DENSE_STATES {
-                reduction.trusted_modes(ports, &mut counts)
-            } else {
-                None
-            };
+            let modes = if 2 * n > DENSE_STATES { reduction.trusted_modes(ports, &mut counts) } else { None };
             match modes {
                 Some(modes) => (complex_blocks(form, modes, ports, x0, v0), "complex modes"),
                 None => (vec![dense_block(form, ports, x0, v0)], "exponential"),
             }
         };
-        Ok(Linear {
-            blocks,
-            direct,
-            n_out: ports.l.nrows(),
-            route,
-            counts,
-        })
+        Ok(Linear { blocks, direct, n_out: ports.l.nrows(), route, counts })
     }
 
     pub fn run(&self, history: &History, cancel: &Cancel) -> Result<Motion> {
@@ -166,9 +156,7 @@ impl Propagator {
     /// What deviations e of the state and bulges b of the load have become after a step.
     pub fn advance_error(&self, e: &[f64], b: &[f64]) -> Vec<f64> {
         let (k, w) = (self.size, self.inputs);
-        let row = |i: usize| {
-            dot(&self.e[i * k..(i + 1) * k], e) + dot(&self.bulge[i * w..(i + 1) * w], b)
-        };
+        let row = |i: usize| dot(&self.e[i * k..(i + 1) * k], e) + dot(&self.bulge[i * w..(i + 1) * w], b);
         (0..k).map(row).collect()
     }
 }
@@ -226,15 +214,10 @@ pub fn add_outputs(c: &[Mat<f64>; 3], x: &[f64], y: &mut [Mat<f64>; 3], column: 
 pub fn check_state(n: usize, x0: &[f64], v0: &[f64]) -> Result<()> {
     for (name, v) in [("x0", x0), ("v0", v0)] {
         if v.len() != n {
-            return Err(Error::model(format!(
-                "{name} has {} entries, the system has {n} coordinates",
-                v.len()
-            )));
+            return Err(Error::model(format!("{name} has {} entries, the system has {n} coordinates", v.len())));
         }
         if v.iter().any(|a| !a.is_finite()) {
-            return Err(Error::model(format!(
-                "{name} contains NaN or infinite entries"
-            )));
+            return Err(Error::model(format!("{name} contains NaN or infinite entries")));
         }
     }
     Ok(())
@@ -251,13 +234,7 @@ fn dense_block(form: &NormalForm, ports: &Ports, x0: &[f64], v0: &[f64]) -> Bloc
     }
 }
 
-fn real_blocks(
-    reduction: &Reduction,
-    modes: &RealModes,
-    ports: &Ports,
-    x0: &[f64],
-    v0: &[f64],
-) -> Vec<Block> {
+fn real_blocks(reduction: &Reduction, modes: &RealModes, ports: &Ports, x0: &[f64], v0: &[f64]) -> Vec<Block> {
     let n = x0.len();
     let seen = &ports.l * &modes.shape;
     let driven = modes.shape.transpose() * &ports.f;
@@ -270,14 +247,8 @@ fn real_blocks(
             let rate = if rate > 0.0 { rate } else { 1.0 };
             let space = StateSpace {
                 a: Mat::from_fn(2, 2, |i, j| [[0.0, rate], [-lambda / rate, -c]][i][j]),
-                b: Mat::from_fn(2, driven.ncols(), |i, j| {
-                    if i == 0 { 0.0 } else { driven[(r, j)] / rate }
-                }),
-                c: Mat::from_fn(
-                    seen.nrows(),
-                    2,
-                    |i, j| if j == 0 { seen[(i, r)] } else { 0.0 },
-                ),
+                b: Mat::from_fn(2, driven.ncols(), |i, j| if i == 0 { 0.0 } else { driven[(r, j)] / rate }),
+                c: Mat::from_fn(seen.nrows(), 2, |i, j| if j == 0 { seen[(i, r)] } else { 0.0 }),
             };
             Block {
                 b: space.driven(&ports.order_in),
@@ -290,13 +261,7 @@ fn real_blocks(
 }
 
 /// A conjugate pair xi, conj(xi) with xi' = s xi + beta u becomes the real pair (Re xi, Im xi); the outputs take twice the real part.
-fn complex_blocks(
-    form: &NormalForm,
-    modes: &ComplexModes,
-    ports: &Ports,
-    x0: &[f64],
-    v0: &[f64],
-) -> Vec<Block> {
+fn complex_blocks(form: &NormalForm, modes: &ComplexModes, ports: &Ports, x0: &[f64], v0: &[f64]) -> Vec<Block> {
     let space = StateSpace::new(form, ports);
     let driven = modes.coordinates(space.driven(&ports.order_in).as_ref());
     let start = modes.coordinates(initial(form, x0, v0).as_ref());
@@ -309,14 +274,8 @@ fn complex_blocks(
         let size = if s.im > 0.0 { 2 } else { 1 };
         let twice = size as f64;
         let part = |z: faer::c64, i: usize| if i == 0 { z.re } else { z.im };
-        let c = Mat::from_fn(seen.nrows(), size, |i, j| {
-            twice
-                * if j == 0 {
-                    seen[(i, r)].re
-                } else {
-                    -seen[(i, r)].im
-                }
-        });
+        let c =
+            Mat::from_fn(seen.nrows(), size, |i, j| twice * if j == 0 { seen[(i, r)].re } else { -seen[(i, r)].im });
         let block = StateSpace {
             a: Mat::from_fn(size, size, |i, j| [[s.re, -s.im], [s.im, s.re]][i][j]),
             b: Mat::from_fn(size, driven.ncols(), |i, j| part(driven[(r, j)], i)),
@@ -342,18 +301,9 @@ mod tests {
         let one = |v: f64| Mat::from_fn(1, 1, |_, _| v);
         let q = Quadratic::new(one(2.0), None, one(8.0)).unwrap();
         let reduction = Reduction::new(q).unwrap();
-        let ports = Ports {
-            l: one(1.0),
-            f: one(1.0),
-            order_in: vec![0],
-            order_out: 0,
-            d0: None,
-        };
-        let history = History {
-            t: vec![0.0, 1.3],
-            u: Mat::from_fn(1, 2, |_, j| 1.3 * j as f64),
-            bulge: Mat::zeros(1, 1),
-        };
+        let ports = Ports { l: one(1.0), f: one(1.0), order_in: vec![0], order_out: 0, d0: None };
+        let history =
+            History { t: vec![0.0, 1.3], u: Mat::from_fn(1, 2, |_, j| 1.3 * j as f64), bulge: Mat::zeros(1, 1) };
         let linear = Linear::new(&reduction, &ports, &[0.0], &[0.0]).unwrap();
         let motion = linear.run(&history, &Cancel::default()).unwrap();
         // 2 y'' + 8 y = t: y = (t - sin(2 t) / 2) / 8

@@ -61,10 +61,7 @@ pub fn sensitivities(
     let batch = (MEMORY / (12 * 8 * size * size)).max(1);
     let mut motions = Vec::new();
     for some in variations.chunks(batch) {
-        let directions: Vec<Direction> = some
-            .iter()
-            .map(|v| Direction::new(form, ports, &state, v))
-            .collect();
+        let directions: Vec<Direction> = some.iter().map(|v| Direction::new(form, ports, &state, v)).collect();
         motions.extend(propagate(&state, ports, &directions, &x0, history, cancel)?);
     }
     Ok(motions)
@@ -94,11 +91,7 @@ fn propagate(
             let mut counts = Counts::default();
             counts.add("propagators", steps.len() as u64);
             counts.add("steps", index.len() as u64);
-            Motion {
-                y,
-                error: blank(),
-                counts,
-            }
+            Motion { y, error: blank(), counts }
         })
         .collect();
     let mut x = x0.to_vec();
@@ -121,29 +114,11 @@ fn propagate(
         let none = vec![0.0; u.len()];
         let (x1, e1) = (base.advance(&x, &u, &next), base.advance_error(&e, &bulge));
         for (p, direction) in directions.iter().enumerate() {
-            let sum = |a: Vec<f64>, b: Vec<f64>| {
-                a.iter().zip(&b).map(|(a, b)| a + b).collect::<Vec<f64>>()
-            };
-            dx[p] = sum(
-                base.advance(&dx[p], &none, &none),
-                along[p].advance(&x, &u, &next),
-            );
-            de[p] = sum(
-                base.advance_error(&de[p], &none),
-                along[p].advance_error(&e, &bulge),
-            );
-            add_outputs(
-                &direction.c,
-                &both(&x1, &dx[p]),
-                &mut motions[p].y,
-                step + 1,
-            );
-            add_outputs(
-                &direction.c,
-                &both(&e1, &de[p]),
-                &mut motions[p].error,
-                step + 1,
-            );
+            let sum = |a: Vec<f64>, b: Vec<f64>| a.iter().zip(&b).map(|(a, b)| a + b).collect::<Vec<f64>>();
+            dx[p] = sum(base.advance(&dx[p], &none, &none), along[p].advance(&x, &u, &next));
+            de[p] = sum(base.advance_error(&de[p], &none), along[p].advance_error(&e, &bulge));
+            add_outputs(&direction.c, &both(&x1, &dx[p]), &mut motions[p].y, step + 1);
+            add_outputs(&direction.c, &both(&e1, &de[p]), &mut motions[p].error, step + 1);
         }
         (x, e) = (x1, e1);
     }
@@ -158,14 +133,9 @@ fn propagators(
     h: f64,
 ) -> Result<(Propagator, Vec<Propagator>)> {
     let scaled = |a: &Mat<f64>| faer::Scale(h) * a;
-    let along: Vec<_> = directions
-        .iter()
-        .map(|d| (scaled(&d.da), d.db.clone()))
-        .collect();
+    let along: Vec<_> = directions.iter().map(|d| (scaled(&d.da), d.db.clone())).collect();
     let ((e, phi), derivatives) = phi_derivatives(scaled(&state.a).as_ref(), b.as_ref(), &along)?;
-    let along = derivatives
-        .iter()
-        .map(|(e, phi)| Propagator::from_functions(e, phi, h));
+    let along = derivatives.iter().map(|(e, phi)| Propagator::from_functions(e, phi, h));
     Ok((Propagator::from_functions(&e, &phi, h), along.collect()))
 }
 
@@ -174,11 +144,7 @@ impl Direction {
     fn new(form: &NormalForm, ports: &Ports, state: &StateSpace, change: &Variation) -> Self {
         let n = form.n();
         let rate = form.rate();
-        let congruent = |a: MatRef<'_, f64>| {
-            form.outputs(form.outputs(a).transpose())
-                .transpose()
-                .to_owned()
-        };
+        let congruent = |a: MatRef<'_, f64>| form.outputs(form.outputs(a).transpose()).transpose().to_owned();
         let dm = congruent(change.dm.as_ref());
         let ds = congruent(change.ds.as_ref()) - &dm * &form.s;
         let mut dd = congruent(change.dd.as_ref());

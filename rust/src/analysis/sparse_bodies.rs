@@ -52,11 +52,7 @@ pub fn modes(
     cancel.check()?;
     let dof = dof(system, &form);
     let damped = form.damping.iter().any(|e| e.2 != 0.0);
-    let wanted = if damped {
-        (n + BUFFER).min(dof)
-    } else {
-        n.min(dof)
-    };
+    let wanted = if damped { (n + BUFFER).min(dof) } else { n.min(dof) };
     let pencil = pencil(&form)?;
     let found = lowest(&pencil, wanted, sigma, cancel)?;
     counts.merge(&found.counts);
@@ -65,12 +61,7 @@ pub fn modes(
         let modal = space.solve(false)?;
         let body = space.combined(&modal, n.min(dof));
         return Ok(BodyModes {
-            error: found
-                .error
-                .iter()
-                .zip(&found.lambda)
-                .map(|(e, l)| if *l == 0.0 { 0.0 } else { *e })
-                .collect(),
+            error: found.error.iter().zip(&found.lambda).map(|(e, l)| if *l == 0.0 { 0.0 } else { *e }).collect(),
             residual: found.residual,
             verified: found.verified,
             modal,
@@ -93,9 +84,7 @@ pub fn modes(
 }
 
 pub fn dof(system: &System, form: &SparseForm) -> usize {
-    form.loops
-        .as_ref()
-        .map_or(system.n_tree(), |l| l.independent.len())
+    form.loops.as_ref().map_or(system.n_tree(), |l| l.independent.len())
 }
 
 /// M, and the augmented matrix [[K_geo, G^T], [G, -compliance]].
@@ -207,13 +196,7 @@ impl<'a> Subspace<'a> {
     }
 
     /// Widen until the residuals of the first n pairs are small.
-    fn resolve(
-        &mut self,
-        sigma: f64,
-        n: usize,
-        counts: &mut Counts,
-        cancel: &Cancel,
-    ) -> Result<(Modal, Vec<f64>)> {
+    fn resolve(&mut self, sigma: f64, n: usize, counts: &mut Counts, cancel: &Cancel) -> Result<(Modal, Vec<f64>)> {
         let accelerations = constrained_mass(self.form, self.pencil.mass())?;
         counts.add("factorisations", 1);
         let mut inverse: Option<ShiftInvert<'_>> = None;
@@ -248,16 +231,10 @@ impl<'a> Subspace<'a> {
     /// r = s^2 M y + s C y + K y, and its size as acceleration over that of s^2 y.
     fn residuals(&self, modal: &Modal, n: usize, factor: &Factor) -> (Mat<c64>, Vec<f64>) {
         let q = modal.shape.subcols(0, n);
-        let (my, cy, ky) = (
-            combine(&self.mz, q),
-            combine(&self.cz, q),
-            combine(&self.kz, q),
-        );
+        let (my, cy, ky) = (combine(&self.mz, q), combine(&self.cz, q), combine(&self.kz, q));
         let rows = self.z.nrows();
         let s = &modal.s;
-        let r = Mat::from_fn(rows, n, |i, k| {
-            s[k] * s[k] * my[(i, k)] + s[k] * cy[(i, k)] + ky[(i, k)]
-        });
+        let r = Mat::from_fn(rows, n, |i, k| s[k] * s[k] * my[(i, k)] + s[k] * cy[(i, k)] + ky[(i, k)]);
         let accelerate = |a: &Mat<c64>| {
             let mut rhs = Mat::zeros(factor.n(), 2 * n);
             for k in 0..n {
@@ -268,15 +245,8 @@ impl<'a> Subspace<'a> {
             }
             let given = rhs.clone();
             factor.solve(rhs.as_mut());
-            let energy = |k: usize| {
-                (0..rows)
-                    .map(|i| given[(i, k)] * rhs[(i, k)])
-                    .sum::<f64>()
-                    .max(0.0)
-            };
-            (0..n)
-                .map(|k| (energy(k) + energy(n + k)).sqrt())
-                .collect::<Vec<_>>()
+            let energy = |k: usize| (0..rows).map(|i| given[(i, k)] * rhs[(i, k)]).sum::<f64>().max(0.0);
+            (0..n).map(|k| (energy(k) + energy(n + k)).sqrt()).collect::<Vec<_>>()
         };
         let (size, inertia, elastic) = (accelerate(&r), accelerate(&my), accelerate(&ky));
         let relative = (0..n)
@@ -289,13 +259,7 @@ impl<'a> Subspace<'a> {
     }
 
     /// Add K^-1 r, orthogonal to what is there; (K - sigma M) w = r gives K w = r + sigma M w.
-    fn widen(
-        &mut self,
-        op: &ShiftInvert<'_>,
-        sigma: f64,
-        r: &Mat<c64>,
-        open: &[usize],
-    ) -> Result<()> {
+    fn widen(&mut self, op: &ShiftInvert<'_>, sigma: f64, r: &Mat<c64>, open: &[usize]) -> Result<()> {
         let rows = self.z.nrows();
         let mut force = Mat::zeros(rows, 2 * open.len());
         for (k, column) in open.iter().enumerate() {
@@ -321,11 +285,7 @@ impl<'a> Subspace<'a> {
         let m = self.pencil.mass();
         let norm = |x: &faer::Col<f64>| {
             let mx = product(m, x.as_mat());
-            (0..x.nrows())
-                .map(|i| x[i] * mx[(i, 0)])
-                .sum::<f64>()
-                .max(0.0)
-                .sqrt()
+            (0..x.nrows()).map(|i| x[i] * mx[(i, 0)]).sum::<f64>().max(0.0).sqrt()
         };
         let before = norm(&w);
         for _ in 0..2 {
@@ -359,17 +319,11 @@ fn eigenvalue_errors(modal: &Modal, residual: &[f64]) -> Vec<f64> {
             .iter()
             .find(|(first, n)| (*first..first + n).contains(&k))
             .map_or(k..k + 1, |(first, n)| *first..first + n);
-        let others = (0..modal.s.len())
-            .filter(|j| !own.contains(j))
-            .map(|j| (modal.s[j] - s).norm());
+        let others = (0..modal.s.len()).filter(|j| !own.contains(j)).map(|j| (modal.s[j] - s).norm());
         let gap = others.fold((modal.partner[k] - s).norm(), f64::min) / s.norm();
         let quadratic = 4.0 * r * r / gap;
         let linear = *r;
-        let found = if modal.near_defective[k] || !quadratic.is_finite() {
-            linear
-        } else {
-            quadratic.min(linear)
-        };
+        let found = if modal.near_defective[k] || !quadratic.is_finite() { linear } else { quadratic.min(linear) };
         found + modal.error[k]
     };
     residual.iter().enumerate().map(estimate).collect()
@@ -389,16 +343,13 @@ fn combine(z: &Mat<f64>, q: MatRef<'_, c64>) -> Mat<c64> {
         z * q
     };
     let (re, im) = (part(&|v| v.re), part(&|v| v.im));
-    Mat::from_fn(z.nrows(), q.ncols(), |i, j| {
-        c64::new(re[(i, j)], im[(i, j)])
-    })
+    Mat::from_fn(z.nrows(), q.ncols(), |i, j| c64::new(re[(i, j)], im[(i, j)]))
 }
 
 fn divide_by_mass(mass: &[Map6<f64>], mut x: MatMut<'_, f64>) -> Result<()> {
     for (b, m) in mass.iter().enumerate() {
         let inverse =
-            m.aa.try_inverse()
-                .ok_or_else(|| Error::singular(format!("body {b} has no rotational inertia")))?;
+            m.aa.try_inverse().ok_or_else(|| Error::singular(format!("body {b} has no rotational inertia")))?;
         for c in 0..x.ncols() {
             for k in 0..3 {
                 x[(6 * b + k, c)] /= m.ll[(k, k)];

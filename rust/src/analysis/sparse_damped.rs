@@ -44,10 +44,7 @@ impl Damped {
         let n = m.rows;
         for (name, a) in [("D", &d), ("S", &s)] {
             if a.rows != n || a.cols != n {
-                return Err(Error::model(format!(
-                    "{name} is {} x {}, M has {n} rows",
-                    a.rows, a.cols
-                )));
+                return Err(Error::model(format!("{name} is {} x {}, M has {n} rows", a.rows, a.cols)));
             }
         }
         // the checks of M are those of the symmetric problem
@@ -56,27 +53,18 @@ impl Damped {
     }
 
     fn polynomial(&self, sigma: f64) -> Csc {
-        self.s
-            .combined(1.0, sigma, &self.d)
-            .combined(1.0, sigma * sigma, &self.m)
+        self.s.combined(1.0, sigma, &self.d).combined(1.0, sigma * sigma, &self.m)
     }
 
     fn operator<'a>(&'a self, sigma: f64, rate: f64, strain: &'a Csc) -> Result<StateOperator<'a>> {
-        Ok(StateOperator {
-            factor: Factor::lu(&self.polynomial(sigma))?,
-            system: self,
-            sigma,
-            rate,
-            strain,
-        })
+        Ok(StateOperator { factor: Factor::lu(&self.polynomial(sigma))?, system: self, sigma, rate, strain })
     }
 
     /// The symmetric part of S.
     fn stiffness(&self) -> Csc {
         let mirrored = self.s.entries().map(|(i, j, v)| (j, i, v)).collect();
         let n = self.m.rows;
-        self.s
-            .combined(0.5, 0.5, &Csc::from_entries(n, n, mirrored))
+        self.s.combined(0.5, 0.5, &Csc::from_entries(n, n, mirrored))
     }
 
     /// What measures y: S + sigma^2 M where that is positive definite, else M in its size.
@@ -103,14 +91,10 @@ impl Damped {
                     let (mut x, mut z) = (Mat::zeros(n, 1), Mat::zeros(n, 1));
                     a.multiply(re.as_ref(), x.as_mut(), false);
                     a.multiply(im.as_ref(), z.as_mut(), false);
-                    (0..n)
-                        .map(|i| c64::new(x[(i, 0)], z[(i, 0)]))
-                        .collect::<Vec<_>>()
+                    (0..n).map(|i| c64::new(x[(i, 0)], z[(i, 0)])).collect::<Vec<_>>()
                 };
                 let (my, dy, sy) = (apply(&self.m), apply(&self.d), apply(&self.s));
-                let r: f64 = (0..n)
-                    .map(|i| (s[k] * s[k] * my[i] + s[k] * dy[i] + sy[i]).norm_sqr())
-                    .sum();
+                let r: f64 = (0..n).map(|i| (s[k] * s[k] * my[i] + s[k] * dy[i] + sy[i]).norm_sqr()).sum();
                 let size = s[k].norm_sqr() * nm + s[k].norm() * nd + ns;
                 r.sqrt() / (size * y.col(k).norm_l2())
             })
@@ -127,9 +111,7 @@ impl Operator for StateOperator<'_> {
     fn apply(&self, x: MatRef<'_, f64>, mut out: MatMut<'_, f64>) -> Result<()> {
         let n = self.system.m.rows;
         let (a, b) = (x.subrows(0, n), x.subrows(n, n));
-        let inertia = Mat::from_fn(n, x.ncols(), |i, j| {
-            -(self.rate * b[(i, j)] + self.sigma * a[(i, j)])
-        });
+        let inertia = Mat::from_fn(n, x.ncols(), |i, j| -(self.rate * b[(i, j)] + self.sigma * a[(i, j)]));
         let negative = Mat::from_fn(n, x.ncols(), |i, j| -a[(i, j)]);
         let mut y = Mat::zeros(n, x.ncols());
         self.system.m.multiply(inertia.as_ref(), y.as_mut(), false);
@@ -146,32 +128,22 @@ impl Operator for StateOperator<'_> {
 
     fn weigh(&self, x: MatRef<'_, f64>, mut out: MatMut<'_, f64>) {
         let n = self.system.m.rows;
-        self.strain
-            .multiply(x.subrows(0, n), out.as_mut().subrows_mut(0, n), false);
+        self.strain.multiply(x.subrows(0, n), out.as_mut().subrows_mut(0, n), false);
         let scale = 1.0 / (self.rate * self.rate);
         for j in 0..x.ncols() {
             for i in 0..n {
                 out[(i, j)] *= scale;
             }
         }
-        self.system
-            .m
-            .multiply(x.subrows(n, n), out.subrows_mut(n, n), false);
+        self.system.m.multiply(x.subrows(n, n), out.subrows_mut(n, n), false);
     }
 }
 
 /// The `wanted` roots with Im s >= 0 nearest to the real shift, by default those of smallest modulus.
-pub fn lowest(
-    system: &Damped,
-    wanted: usize,
-    sigma: Option<f64>,
-    cancel: &Cancel,
-) -> Result<DampedModes> {
+pub fn lowest(system: &Damped, wanted: usize, sigma: Option<f64>, cancel: &Cancel) -> Result<DampedModes> {
     let n = system.m.rows;
     if wanted == 0 || wanted > n {
-        return Err(Error::model(format!(
-            "n = {wanted} modes were asked for; the system has {n} coordinates"
-        )));
+        return Err(Error::model(format!("n = {wanted} modes were asked for; the system has {n} coordinates")));
     }
     let mut counts = Counts::default();
     let (sigma, strain) = match sigma {
@@ -186,35 +158,16 @@ pub fn lowest(
         counts.add("dense eigensolutions", 1);
         every(system)?
     } else {
-        iterated(
-            system,
-            wanted,
-            (sigma, strain),
-            options,
-            &mut counts,
-            cancel,
-        )?
+        iterated(system, wanted, (sigma, strain), options, &mut counts, cancel)?
     };
     let shape = normalised(system, shape.as_ref());
     let (s, shape, rigid) = merge_rigid(system, s, shape, sigma);
     let mut order: Vec<usize> = (0..s.len()).collect();
-    order.sort_by(|a, b| {
-        s[*a]
-            .norm()
-            .total_cmp(&s[*b].norm())
-            .then(s[*b].re.total_cmp(&s[*a].re))
-    });
+    order.sort_by(|a, b| s[*a].norm().total_cmp(&s[*b].norm()).then(s[*b].re.total_cmp(&s[*a].re)));
     order.truncate(wanted);
     let s: Vec<c64> = order.iter().map(|k| s[*k]).collect();
     let shape = Mat::from_fn(n, order.len(), |i, j| shape[(i, order[j])]);
-    Ok(DampedModes {
-        residual: system.residuals(&s, shape.as_ref()),
-        s,
-        shape,
-        rigid,
-        sigma,
-        counts,
-    })
+    Ok(DampedModes { residual: system.residuals(&s, shape.as_ref()), s, shape, rigid, sigma, counts })
 }
 
 fn iterated(
@@ -236,10 +189,7 @@ fn iterated(
     let mut ritz = space.converge(cancel)?;
     // new random vectors bring to light what the first ones did not see
     for _ in 0..4 {
-        let before: Vec<c64> = upper(&ritz, wanted)
-            .iter()
-            .map(|k| ritz.value[*k])
-            .collect();
+        let before: Vec<c64> = upper(&ritz, wanted).iter().map(|k| ritz.value[*k]).collect();
         space.restart_afresh(&ritz, 2 * wanted)?;
         ritz = space.converge(cancel)?;
         let now = upper(&ritz, wanted);
@@ -253,9 +203,7 @@ fn iterated(
     let picked = Ritz {
         value: chosen.iter().map(|k| ritz.value[*k]).collect(),
         residual: chosen.iter().map(|k| ritz.residual[*k]).collect(),
-        vector: Mat::from_fn(ritz.vector.nrows(), chosen.len(), |i, j| {
-            ritz.vector[(i, chosen[j])]
-        }),
+        vector: Mat::from_fn(ritz.vector.nrows(), chosen.len(), |i, j| ritz.vector[(i, chosen[j])]),
     };
     let states = space.vectors(&picked, chosen.len());
     let s = picked.value.iter().map(|mu| sigma + mu.inv()).collect();
@@ -269,10 +217,7 @@ fn every(system: &Damped) -> Result<(Vec<c64>, Mat<c64>)> {
     let q = Quadratic::new(dense(&system.m), Some(dense(&system.d)), dense(&system.s))?;
     let failed = || Error::singular("the dense eigenproblem of the damped system did not converge");
     let form = q.normal_form().ok_or_else(failed)?;
-    let eigen = form
-        .state_matrix(form.rate())
-        .eigen()
-        .map_err(|_| failed())?;
+    let eigen = form.state_matrix(form.rate()).eigen().map_err(|_| failed())?;
     let upper: Vec<usize> = (0..2 * n).filter(|k| eigen.S()[*k].im >= 0.0).collect();
     let s = upper.iter().map(|k| eigen.S()[*k]).collect();
     let part = |f: &dyn Fn(c64) -> f64| {
@@ -281,19 +226,11 @@ fn every(system: &Damped) -> Result<(Vec<c64>, Mat<c64>)> {
         x
     };
     let (re, im) = (part(&|z| z.re), part(&|z| z.im));
-    Ok((
-        s,
-        Mat::from_fn(n, upper.len(), |i, j| c64::new(re[(i, j)], im[(i, j)])),
-    ))
+    Ok((s, Mat::from_fn(n, upper.len(), |i, j| c64::new(re[(i, j)], im[(i, j)]))))
 }
 
 /// Roots that are zero to the accuracy of a double root belong to rigid motions, two to each; one mode of each is left, s = 0.
-fn merge_rigid(
-    system: &Damped,
-    s: Vec<c64>,
-    shape: Mat<c64>,
-    sigma: f64,
-) -> (Vec<c64>, Mat<c64>, usize) {
+fn merge_rigid(system: &Damped, s: Vec<c64>, shape: Mat<c64>, sigma: f64) -> (Vec<c64>, Mat<c64>, usize) {
     let n = shape.nrows();
     let zero = |s: &c64| s.norm() <= 1e-5 * sigma.abs();
     let mut rigid: Vec<Mat<f64>> = Vec::new();
@@ -319,27 +256,16 @@ fn merge_rigid(
     }
     let others: Vec<usize> = (0..s.len()).filter(|k| !zero(&s[*k])).collect();
     let count = rigid.len();
-    let values = std::iter::repeat_n(c64::new(0.0, 0.0), count)
-        .chain(others.iter().map(|k| s[*k]))
-        .collect();
+    let values = std::iter::repeat_n(c64::new(0.0, 0.0), count).chain(others.iter().map(|k| s[*k])).collect();
     let merged = Mat::from_fn(n, count + others.len(), |i, j| {
-        if j < count {
-            c64::new(rigid[j][(i, 0)], 0.0)
-        } else {
-            shape[(i, others[j - count])]
-        }
+        if j < count { c64::new(rigid[j][(i, 0)], 0.0) } else { shape[(i, others[j - count])] }
     });
     (values, merged, count)
 }
 
 /// Zero where the stiffness is safely positive definite, and then the stiffness as the measure of strain; else a negative shift of
 /// the size of the wanted undamped frequencies.
-fn shift(
-    system: &Damped,
-    wanted: usize,
-    counts: &mut Counts,
-    cancel: &Cancel,
-) -> Result<(f64, Option<Csc>)> {
+fn shift(system: &Damped, wanted: usize, counts: &mut Counts, cancel: &Cancel) -> Result<(f64, Option<Csc>)> {
     let stiffness = system.stiffness();
     let undamped = Assembled::new(system.m.clone(), stiffness.clone())?;
     if undamped.shifted_at_zero()?.is_some() {
@@ -348,11 +274,7 @@ fn shift(
     let modes = super::sparse_modal::lowest(&undamped, wanted, None, cancel)?;
     counts.merge(&modes.counts);
     let highest = modes.lambda.iter().fold(0.0_f64, |a, l| a.max(l.abs()));
-    let highest = if highest > 0.0 {
-        highest
-    } else {
-        modes.sigma.abs()
-    };
+    let highest = if highest > 0.0 { highest } else { modes.sigma.abs() };
     Ok((-0.3 * highest.sqrt(), None))
 }
 
@@ -360,33 +282,20 @@ fn shift(
 fn rate(system: &Damped, sigma: f64, strain: &Csc) -> Result<f64> {
     let k = system.s.diagonal();
     let m = system.m.diagonal();
-    let fastest = k
-        .iter()
-        .zip(&m)
-        .map(|(k, m)| (k.abs() / m).sqrt())
-        .fold(0.0, f64::max);
+    let fastest = k.iter().zip(&m).map(|(k, m)| (k.abs() / m).sqrt()).fold(0.0, f64::max);
     let fastest = if fastest > 0.0 { fastest } else { 1.0 };
     let op = system.operator(sigma, fastest, strain)?;
-    let options = Options {
-        dim: 6,
-        ..Options::new(1, false)
-    };
+    let options = Options { dim: 6, ..Options::new(1, false) };
     let mut space = Space::new(&op, options)?;
     let ritz = space.cycle(&Cancel::default())?;
     let slowest = 1.0 / ritz.value[0].norm();
-    Ok(if slowest.is_finite() && slowest > 0.0 {
-        slowest
-    } else {
-        fastest
-    })
+    Ok(if slowest.is_finite() && slowest > 0.0 { slowest } else { fastest })
 }
 
 /// Indices of the leading roots in the closed upper half plane.
 fn upper(ritz: &Ritz, wanted: usize) -> Vec<usize> {
     // 1/mu has the opposite sign of the imaginary part
-    let mut indices: Vec<usize> = (0..ritz.value.len())
-        .filter(|k| ritz.value[*k].im <= 0.0)
-        .collect();
+    let mut indices: Vec<usize> = (0..ritz.value.len()).filter(|k| ritz.value[*k].im <= 0.0).collect();
     indices.truncate(wanted);
     indices
 }
@@ -402,9 +311,7 @@ fn normalised(system: &Damped, y: MatRef<'_, c64>) -> Mat<c64> {
             system.m.multiply(x.as_ref(), weighed.as_mut(), false);
             sum += (0..n).map(|i| x[(i, 0)] * weighed[(i, 0)]).sum::<f64>();
         }
-        let largest = (0..n)
-            .max_by(|a, b| y[(*a, k)].norm().total_cmp(&y[(*b, k)].norm()))
-            .unwrap_or(0);
+        let largest = (0..n).max_by(|a, b| y[(*a, k)].norm().total_cmp(&y[(*b, k)].norm())).unwrap_or(0);
         let turn = y[(largest, k)].conj() / y[(largest, k)].norm() / sum.sqrt();
         for i in 0..n {
             out[(i, k)] *= turn;

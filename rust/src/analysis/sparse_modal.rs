@@ -35,12 +35,7 @@ pub struct SymmetricModes {
 }
 
 /// The `wanted` modes nearest to the shift, by default the lowest.
-pub fn lowest(
-    pencil: &impl Pencil,
-    wanted: usize,
-    sigma: Option<f64>,
-    cancel: &Cancel,
-) -> Result<SymmetricModes> {
+pub fn lowest(pencil: &impl Pencil, wanted: usize, sigma: Option<f64>, cancel: &Cancel) -> Result<SymmetricModes> {
     if wanted == 0 || wanted > pencil.dim() {
         return Err(Error::model(format!(
             "n = {wanted} modes were asked for; the system has {} coordinates",
@@ -48,12 +43,7 @@ pub fn lowest(
         )));
     }
     let mut counts = Counts::default();
-    let mut modes = around(
-        pencil,
-        wanted,
-        start(pencil, wanted, sigma, &mut counts, cancel)?,
-        cancel,
-    )?;
+    let mut modes = around(pencil, wanted, start(pencil, wanted, sigma, &mut counts, cancel)?, cancel)?;
     counts.merge(&modes.counts);
     for _ in 0..4 {
         let Some(softer) = modes.softer.filter(|_| sigma.is_none()) else {
@@ -111,13 +101,7 @@ fn around(
     }
     counts.merge(&space.counts);
     let theta: Vec<f64> = ritz.value.iter().take(wanted).map(|v| v.re).collect();
-    let mut modes = finish(
-        pencil,
-        &op,
-        space.real_vectors(&ritz, wanted),
-        &theta,
-        sigma,
-    )?;
+    let mut modes = finish(pencil, &op, space.real_vectors(&ritz, wanted), &theta, sigma)?;
     modes.verified = verified;
     modes.counts = counts;
     Ok(modes)
@@ -129,11 +113,7 @@ fn is_small(pencil: &impl Pencil, options: &Options) -> bool {
 }
 
 /// All eigenpairs of L^T Op L^-T, of which the `wanted` largest are returned.
-fn every(
-    pencil: &impl Pencil,
-    op: &ShiftInvert<'_>,
-    wanted: usize,
-) -> Result<(Vec<f64>, Mat<f64>)> {
+fn every(pencil: &impl Pencil, op: &ShiftInvert<'_>, wanted: usize) -> Result<(Vec<f64>, Mat<f64>)> {
     let n = pencil.dim();
     if n > LARGEST_DENSE {
         return Err(Error::model(format!(
@@ -142,9 +122,7 @@ fn every(
         )));
     }
     let m = Mat::from_fn(n, n, |i, j| pencil.mass().get(i, j));
-    let l = m
-        .llt(faer::Side::Lower)
-        .map_err(|_| Error::singular("the mass matrix is not positive definite"))?;
+    let l = m.llt(faer::Side::Lower).map_err(|_| Error::singular("the mass matrix is not positive definite"))?;
     let l = l.L();
     // Op L^-T = A^-1 L restricted to the coordinates
     let mut columns = Mat::<f64>::identity(n, n);
@@ -153,9 +131,7 @@ fn every(
     op.apply(columns.as_ref(), x.as_mut())?;
     let b = l.transpose() * &x;
     if !crate::linalg::quadratic::is_finite(b.as_ref()) {
-        return Err(Error::singular(
-            "the shifted matrix is singular; use another shift sigma",
-        ));
+        return Err(Error::singular("the shifted matrix is singular; use another shift sigma"));
     }
     let symmetric = Mat::from_fn(n, n, |i, j| 0.5 * (b[(i, j)] + b[(j, i)]));
     let eigen = symmetric
@@ -205,21 +181,12 @@ fn start<'a>(
         counts.add("factorisations", 1);
         let op = pencil.shifted(sigma)?;
         let options = Options::new(wanted, true);
-        let coarse = Options {
-            dim: (wanted + 2 * options.block).div_ceil(options.block) * options.block,
-            ..options
-        };
+        let coarse = Options { dim: (wanted + 2 * options.block).div_ceil(options.block) * options.block, ..options };
         let mut space = Space::new(&op, coarse)?;
         let ritz = space.cycle(cancel)?;
         counts.merge(&space.counts);
-        let elastic = ritz
-            .value
-            .iter()
-            .filter(|theta| theta.re > 0.0)
-            .map(|theta| sigma + 1.0 / theta.re);
-        let first = elastic
-            .filter(|l| *l > 1e-7 * sigma.abs())
-            .fold(f64::INFINITY, f64::min);
+        let elastic = ritz.value.iter().filter(|theta| theta.re > 0.0).map(|theta| sigma + 1.0 / theta.re);
+        let first = elastic.filter(|l| *l > 1e-7 * sigma.abs()).fold(f64::INFINITY, f64::min);
         if 30.0 * first >= sigma.abs() {
             return Ok((op, sigma));
         }
@@ -231,24 +198,12 @@ fn start<'a>(
 }
 
 /// Whether eigenvalues nearer to the shift than the wanted ones were overlooked; None where inertia cannot tell.
-fn missed(
-    pencil: &impl Pencil,
-    ritz: &Ritz,
-    wanted: usize,
-    sigma: f64,
-    counts: &mut Counts,
-) -> Option<bool> {
+fn missed(pencil: &impl Pencil, ritz: &Ritz, wanted: usize, sigma: f64, counts: &mut Counts) -> Option<bool> {
     let distance = |k: usize| 1.0 / ritz.value[k].norm();
     // the last of the wanted ones that is followed by a gap, so that a group cut in two is not counted
     let total = ritz.value.iter().take_while(|v| v.norm() > 0.0).count();
-    let cut = (1..=wanted.min(total))
-        .rev()
-        .find(|c| *c == total || distance(*c) > distance(c - 1) * (1.0 + 1e-6))?;
-    let gap = if cut < total {
-        distance(cut) - distance(cut - 1)
-    } else {
-        f64::INFINITY
-    };
+    let cut = (1..=wanted.min(total)).rev().find(|c| *c == total || distance(*c) > distance(c - 1) * (1.0 + 1e-6))?;
+    let gap = if cut < total { distance(cut) - distance(cut - 1) } else { f64::INFINITY };
     let radius = distance(cut - 1) + (0.5 * gap).min(1e-3 * distance(cut - 1));
     counts.add("inertia counts", 2);
     let above = pencil.count_below(sigma + radius)?;
@@ -273,13 +228,7 @@ fn finish(
         let difference = Mat::from_fn(n, 1, |i, _| y[(i, k)] / theta - x[(i, k)]);
         residual[k] = mass_norm(pencil.mass(), difference.as_ref());
         // deterministic sign: the largest component is positive
-        let largest = (0..n).fold(0, |a, i| {
-            if y[(i, k)].abs() > y[(a, k)].abs() {
-                i
-            } else {
-                a
-            }
-        });
+        let largest = (0..n).fold(0, |a, i| if y[(i, k)].abs() > y[(a, k)].abs() { i } else { a });
         let norm = mass_norm(pencil.mass(), y.subcols(k, 1)).copysign(y[(largest, k)]);
         for i in 0..n {
             y[(i, k)] /= norm;
@@ -288,13 +237,8 @@ fn finish(
     let from_energy = pencil.energies(y.as_ref());
     // what the entries of an assembled K leave of its low eigenvalues; sums of energies lose nothing of the kind
     let exact = from_energy.is_some();
-    let data = if exact {
-        0.0
-    } else {
-        ENTRY_NOISE * f64::EPSILON * pencil.scale()
-    };
-    let mut lambda =
-        from_energy.unwrap_or_else(|| (0..wanted).map(|k| sigma + 1.0 / values[k]).collect());
+    let data = if exact { 0.0 } else { ENTRY_NOISE * f64::EPSILON * pencil.scale() };
+    let mut lambda = from_energy.unwrap_or_else(|| (0..wanted).map(|k| sigma + 1.0 / values[k]).collect());
     let mut error = vec![0.0; wanted];
     let (mut rigid, mut softest) = (0, f64::INFINITY);
     for k in 0..wanted {

@@ -42,11 +42,7 @@ pub struct ShiftInvert<'a> {
 
 impl<'a> ShiftInvert<'a> {
     fn new(factor: Factor, m: &'a Csc) -> Self {
-        ShiftInvert {
-            factor,
-            m,
-            rhs: RefCell::new(Mat::new()),
-        }
+        ShiftInvert { factor, m, rhs: RefCell::new(Mat::new()) }
     }
 }
 
@@ -87,15 +83,10 @@ impl Assembled {
     pub fn new(m: Csc, k: Csc) -> Result<Self> {
         check_mass(&m)?;
         if k.rows != m.rows || k.cols != m.rows {
-            return Err(Error::model(format!(
-                "K is {} x {}, M has {} rows",
-                k.rows, k.cols, m.rows
-            )));
+            return Err(Error::model(format!("K is {} x {}, M has {} rows", k.rows, k.cols, m.rows)));
         }
         if !k.is_symmetric() {
-            return Err(Error::model(
-                "K is not symmetric; pass it with the damping matrix to the general solver",
-            ));
+            return Err(Error::model("K is not symmetric; pass it with the damping matrix to the general solver"));
         }
         Ok(Assembled { m, k })
     }
@@ -103,18 +94,13 @@ impl Assembled {
 
 fn check_mass(m: &Csc) -> Result<()> {
     if m.rows == 0 || m.rows != m.cols {
-        return Err(Error::model(format!(
-            "M is {} x {}; it must be square",
-            m.rows, m.cols
-        )));
+        return Err(Error::model(format!("M is {} x {}; it must be square", m.rows, m.cols)));
     }
     if !m.is_symmetric() {
         return Err(Error::model("M is not symmetric"));
     }
     if Factor::cholesky(m, 1e-14)?.is_none() {
-        return Err(Error::singular(
-            "the mass matrix is not positive definite: give every coordinate a mass",
-        ));
+        return Err(Error::singular("the mass matrix is not positive definite: give every coordinate a mass"));
     }
     Ok(())
 }
@@ -160,16 +146,8 @@ impl Pencil for Assembled {
 }
 
 fn ratio(k: &[f64], m: &[f64]) -> f64 {
-    let largest = k
-        .iter()
-        .zip(m)
-        .map(|(k, m)| k.abs() / m.max(f64::MIN_POSITIVE))
-        .fold(0.0, f64::max);
-    if largest > 0.0 && largest.is_finite() {
-        largest
-    } else {
-        1.0
-    }
+    let largest = k.iter().zip(m).map(|(k, m)| k.abs() / m.max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
+    if largest > 0.0 && largest.is_finite() { largest } else { 1.0 }
 }
 
 /// The augmented form; `a` is the whole matrix at zero shift, its first rows belong to x.
@@ -223,15 +201,8 @@ impl Stiffness {
     /// From the lower right corner, -compliance; rows without any are constraints.
     fn new(corner: &Csc) -> Result<Self> {
         let n = corner.rows;
-        let refuse = || {
-            Error::model(
-                "a compliance block (minus the lower right corner) is not positive definite",
-            )
-        };
-        let mut out = Stiffness {
-            single: vec![0.0; n],
-            blocks: Vec::new(),
-        };
+        let refuse = || Error::model("a compliance block (minus the lower right corner) is not positive definite");
+        let mut out = Stiffness { single: vec![0.0; n], blocks: Vec::new() };
         let mut done = vec![false; n];
         for first in 0..n {
             if done[first] {
@@ -239,8 +210,7 @@ impl Stiffness {
             }
             let rows = connected(corner, first, &mut done)?;
             if rows.len() > 1 {
-                let block =
-                    Mat::from_fn(rows.len(), rows.len(), |i, j| -corner.get(rows[i], rows[j]));
+                let block = Mat::from_fn(rows.len(), rows.len(), |i, j| -corner.get(rows[i], rows[j]));
                 let llt = block.llt(faer::Side::Lower).map_err(|_| refuse())?;
                 let stiffness = llt.solve(Mat::<f64>::identity(rows.len(), rows.len()));
                 out.blocks.push(Coupled { rows, stiffness });
@@ -337,10 +307,8 @@ impl Pencil for Mixed {
         self.geometric.multiply(x, geometric.as_mut(), false);
         let mut inertia = Mat::zeros(self.m.rows, x.ncols());
         self.m.multiply(x, inertia.as_mut(), false);
-        let dot =
-            |a: &Mat<f64>, c: usize| (0..x.nrows()).map(|i| x[(i, c)] * a[(i, c)]).sum::<f64>();
-        let quotient =
-            |c: usize| (self.stiffness.energy(&stretch, c) + dot(&geometric, c)) / dot(&inertia, c);
+        let dot = |a: &Mat<f64>, c: usize| (0..x.nrows()).map(|i| x[(i, c)] * a[(i, c)]).sum::<f64>();
+        let quotient = |c: usize| (self.stiffness.energy(&stretch, c) + dot(&geometric, c)) / dot(&inertia, c);
         Some((0..x.ncols()).map(quotient).collect())
     }
 

@@ -63,26 +63,12 @@ impl Stability {
         let splitting = Splitting::new(problem, matrices)?;
         let value = problem.family.as_ref().map(|f| f.value);
         let small = 2 * problem.n() * problem.basis.n_coefficients() <= LARGEST_HILL;
-        let inertia = if small && splitting.size() == 2 * problem.n() {
-            Inertia::new(problem)
-        } else {
-            None
-        };
-        Ok(Some(Stability {
-            inertia,
-            splitting,
-            agreed: None,
-            value,
-        }))
+        let inertia = if small && splitting.size() == 2 * problem.n() { Inertia::new(problem) } else { None };
+        Ok(Some(Stability { inertia, splitting, agreed: None, value }))
     }
 
     /// Exponents of the solution y; `jacobian` is dR/dy there.
-    pub fn exponents(
-        &mut self,
-        problem: &mut Problem,
-        jacobian: MatRef<'_, f64>,
-        y: &[f64],
-    ) -> Result<Floquet> {
+    pub fn exponents(&mut self, problem: &mut Problem, jacobian: MatRef<'_, f64>, y: &[f64]) -> Result<Floquet> {
         if self.value != problem.family.as_ref().map(|f| f.value)
             && let Some(renewed) = Stability::new(problem, None)?
         {
@@ -100,10 +86,7 @@ impl Stability {
                     let cheap = self.splitting.finest <= FEW_STEPS;
                     self.agreed = Some(cheap && agree(&exponents, period, &eigenvalues(&phi)?));
                 }
-                return Ok(Floquet {
-                    exponents,
-                    by_hill: true,
-                });
+                return Ok(Floquet { exponents, by_hill: true });
             }
         }
         let (phi, sum) = self.splitting.monodromy(problem, y)?;
@@ -111,10 +94,7 @@ impl Stability {
             self.agreed = Some(false);
         }
         let exponents = from_monodromy(&phi, sum, problem.base_frequency())?;
-        Ok(Floquet {
-            exponents,
-            by_hill: false,
-        })
+        Ok(Floquet { exponents, by_hill: false })
     }
 
     /// Fundamental matrix of the state [x; x'] over one period.
@@ -135,9 +115,7 @@ fn represents(problem: &mut Problem, model: &Matrices) -> Result<bool> {
         if problem.linear.evaluate(w, usize::MAX, &mut block).is_err() {
             continue; // an undamped resonance of what is condensed; its neighbours tell as much
         }
-        let z = Mat::from_fn(m.nrows(), m.nrows(), |i, j| {
-            c64::new(k[(i, j)] - w * w * m[(i, j)], w * c[(i, j)])
-        });
+        let z = Mat::from_fn(m.nrows(), m.nrows(), |i, j| c64::new(k[(i, j)] - w * w * m[(i, j)], w * c[(i, j)]));
         let n_l = m.nrows() - n_r;
         let inner = z.submatrix(n_r, n_r, n_l, n_l).partial_piv_lu();
         let influence = inner.solve(z.submatrix(n_r, 0, n_l, n_r));
@@ -160,14 +138,8 @@ struct Inertia {
 impl Inertia {
     fn new(problem: &Problem) -> Option<Inertia> {
         let (mass, damping, _) = problem.linear.matrices()?;
-        let inverse = mass
-            .partial_piv_lu()
-            .solve(Mat::<f64>::identity(mass.nrows(), mass.nrows()));
-        Some(Inertia {
-            mass,
-            damping,
-            inverse,
-        })
+        let inverse = mass.partial_piv_lu().solve(Mat::<f64>::identity(mass.nrows(), mass.nrows()));
+        Some(Inertia { mass, damping, inverse })
     }
 
     fn trace_fits(&self, problem: &Problem, rate: &Mat<f64>, exponents: &[c64]) -> bool {
@@ -179,17 +151,11 @@ impl Inertia {
             }
         }
         let sum: f64 = exponents.iter().map(|s| s.re).sum();
-        exponents.len() == 2 * n
-            && (sum + trace).abs() <= TRACE_TOLERANCE * (problem.base_frequency() + trace.abs())
+        exponents.len() == 2 * n && (sum + trace).abs() <= TRACE_TOLERANCE * (problem.base_frequency() + trace.abs())
     }
 }
 
-fn hill(
-    problem: &Problem,
-    inertia: &Inertia,
-    jacobian: MatRef<'_, f64>,
-    rate: MatRef<'_, f64>,
-) -> Result<Vec<c64>> {
+fn hill(problem: &Problem, inertia: &Inertia, jacobian: MatRef<'_, f64>, rate: MatRef<'_, f64>) -> Result<Vec<c64>> {
     let (n, size) = (problem.n(), jacobian.nrows());
     let w0 = problem.base_frequency();
     let frequencies = problem.basis.frequencies(&problem.omega);
@@ -201,8 +167,7 @@ fn hill(
                 d1[(c * n + i, c * n + j)] += inertia.damping[(i, j)];
                 if c > 0 {
                     let gyration = 2.0 * frequencies[(c - 1) / 2] * inertia.mass[(i, j)];
-                    d1[(c * n + i, partner * n + j)] +=
-                        if c % 2 == 1 { gyration } else { -gyration };
+                    d1[(c * n + i, partner * n + j)] += if c % 2 == 1 { gyration } else { -gyration };
                 }
             }
         }
@@ -228,11 +193,7 @@ fn hill(
     let mut roots = eigenvalues(&companion)?;
     // a root on the edge comes with its copy on the other edge, which is the same exponent
     roots.retain(|s| (s.im + 0.5).abs() >= EDGE);
-    roots.sort_by(|a, b| {
-        a.im.abs()
-            .total_cmp(&b.im.abs())
-            .then(b.im.total_cmp(&a.im))
-    });
+    roots.sort_by(|a, b| a.im.abs().total_cmp(&b.im.abs()).then(b.im.total_cmp(&a.im)));
     roots.truncate(2 * n);
     Ok(roots.iter().map(|s| s * w0).collect())
 }
@@ -242,16 +203,12 @@ fn agree(exponents: &[c64], period: f64, multipliers: &[c64]) -> bool {
     let largest = multipliers.iter().map(|m| m.norm()).fold(1.0, f64::max);
     exponents.iter().all(|s| {
         let multiplier = (s * period).exp();
-        multipliers
-            .iter()
-            .any(|m| (m - multiplier).norm() <= AGREEMENT * largest)
+        multipliers.iter().any(|m| (m - multiplier).norm() <= AGREEMENT * largest)
     })
 }
 
 fn eigenvalues(a: &Mat<f64>) -> Result<Vec<c64>> {
-    a.eigenvalues().map_err(|_| {
-        Error::singular("the eigenvalues for stability did not converge; switch stability off")
-    })
+    a.eigenvalues().map_err(|_| Error::singular("the eigenvalues for stability did not converge; switch stability off"))
 }
 
 /// ln(mu) / T for the multipliers mu, 0 <= Im <= w0/2 or its conjugate. Multipliers below rounding are not seen; the mean of
@@ -261,18 +218,10 @@ fn from_monodromy(phi: &Mat<f64>, sum: f64, w0: f64) -> Result<Vec<c64>> {
     let multipliers = eigenvalues(phi)?;
     let visible = 1e-11 * phi.norm_max().max(f64::MIN_POSITIVE);
     let exponent = |mu: &c64| {
-        let turn = if mu.im == 0.0 && mu.re < 0.0 {
-            std::f64::consts::PI
-        } else {
-            mu.arg()
-        };
+        let turn = if mu.im == 0.0 && mu.re < 0.0 { std::f64::consts::PI } else { mu.arg() };
         c64::new(mu.norm().ln(), turn) / period
     };
-    let mut exponents: Vec<c64> = multipliers
-        .iter()
-        .filter(|mu| mu.norm() > visible)
-        .map(exponent)
-        .collect();
+    let mut exponents: Vec<c64> = multipliers.iter().filter(|mu| mu.norm() > visible).map(exponent).collect();
     let hidden = multipliers.len() - exponents.len();
     let rest = sum - exponents.iter().map(|s| s.re).sum::<f64>();
     exponents.extend((0..hidden).map(|_| c64::new(rest / hidden as f64, 0.0)));

@@ -18,15 +18,10 @@ impl StateSpace {
     pub fn new(form: &NormalForm, ports: &Ports) -> Self {
         let n = form.n();
         let rate = form.rate();
-        let (l, f) = (
-            form.outputs(ports.l.as_ref()),
-            form.inputs(ports.f.as_ref()),
-        );
+        let (l, f) = (form.outputs(ports.l.as_ref()), form.inputs(ports.f.as_ref()));
         StateSpace {
             a: form.state_matrix(rate),
-            b: Mat::from_fn(2 * n, f.ncols(), |i, j| {
-                if i < n { 0.0 } else { f[(i - n, j)] / rate }
-            }),
+            b: Mat::from_fn(2 * n, f.ncols(), |i, j| if i < n { 0.0 } else { f[(i - n, j)] / rate }),
             c: Mat::from_fn(l.nrows(), 2 * n, |i, j| if j < n { l[(i, j)] } else { 0.0 }),
         }
     }
@@ -71,21 +66,13 @@ impl StateSpace {
                 .map(|r| {
                     Mat::from_fn(n_out, n_in, |i, j| {
                         let m = order_in[j] as usize + q;
-                        let through = if m > r {
-                            markov[m - 1 - r][(i, j)]
-                        } else {
-                            0.0
-                        };
+                        let through = if m > r { markov[m - 1 - r][(i, j)] } else { 0.0 };
                         let feed = match d0 {
                             Some(d0) if r == q => d0[(i, j)],
                             _ => 0.0,
                         };
                         let sum = through + feed;
-                        if sum.abs() <= 1e-10 * through.abs().max(feed.abs()) {
-                            0.0
-                        } else {
-                            sum
-                        }
+                        if sum.abs() <= 1e-10 * through.abs().max(feed.abs()) { 0.0 } else { sum }
                     })
                 })
                 .collect()
@@ -96,19 +83,12 @@ impl StateSpace {
 pub fn initial(form: &NormalForm, x0: &[f64], v0: &[f64]) -> Mat<f64> {
     let n = form.n();
     let rate = form.rate();
-    let z =
-        form.l.transpose() * Mat::from_fn(n, 2, |i, k| if k == 0 { x0[i] } else { v0[i] / rate });
-    Mat::from_fn(
-        2 * n,
-        1,
-        |i, _| if i < n { z[(i, 0)] } else { z[(i - n, 1)] },
-    )
+    let z = form.l.transpose() * Mat::from_fn(n, 2, |i, k| if k == 0 { x0[i] } else { v0[i] / rate });
+    Mat::from_fn(2 * n, 1, |i, _| if i < n { z[(i, 0)] } else { z[(i - n, 1)] })
 }
 
 pub fn massless(q: &Quadratic) -> Error {
-    let worst = (0..q.n())
-        .min_by(|a, b| q.m[(*a, *a)].total_cmp(&q.m[(*b, *b)]))
-        .unwrap_or(0);
+    let worst = (0..q.n()).min_by(|a, b| q.m[(*a, *a)].total_cmp(&q.m[(*b, *b)])).unwrap_or(0);
     Error::singular(format!(
         "the mass matrix is not symmetric positive definite (smallest diagonal entry {:.3e} at coordinate {worst}): \
          give every coordinate a mass or remove it",

@@ -9,9 +9,7 @@
 use num_dual::Dual;
 
 use crate::model::joint::Coordinate;
-use crate::spatial::{
-    M3, Map6, Real, Six, V3, left_jacobian_coefficient, log_so3, outer, product, skew,
-};
+use crate::spatial::{M3, Map6, Real, Six, V3, left_jacobian_coefficient, log_so3, outer, product, skew};
 
 /// Relative pose of a marker pair in the axes of A.
 #[derive(Debug, Clone, Copy)]
@@ -39,40 +37,22 @@ impl<T: Real> Relative<T> {
     pub fn row(&self, coordinate: Coordinate) -> Row<T> {
         let zero = V3::zeros();
         match coordinate {
-            Coordinate::Translation(i) => Row {
-                e: self.u[i],
-                g: Six::new(unit(i), zero),
-            },
+            Coordinate::Translation(i) => Row { e: self.u[i], g: Six::new(unit(i), zero) },
             Coordinate::Length => {
                 let length = self.u.dot(&self.u).sqrt();
-                Row {
-                    e: length,
-                    g: Six::new(self.u / length, zero),
-                }
+                Row { e: length, g: Six::new(self.u / length, zero) }
             }
-            Coordinate::Dot(i, j) => Row {
-                e: self.r[(i, j)],
-                g: Six::new(zero, self.entry_gradient(i, j)),
-            },
+            Coordinate::Dot(i, j) => Row { e: self.r[(i, j)], g: Six::new(zero, self.entry_gradient(i, j)) },
             Coordinate::Angle { s, c } => {
                 let (sv, cv) = (self.r[s], self.r[c]);
                 let n = self.entry_gradient(s.0, s.1) * cv - self.entry_gradient(c.0, c.1) * sv;
-                Row {
-                    e: sv.atan2(cv),
-                    g: Six::new(zero, n / (sv * sv + cv * cv)),
-                }
+                Row { e: sv.atan2(cv), g: Six::new(zero, n / (sv * sv + cv * cv)) }
             }
             Coordinate::RotationVector(i) => {
                 let phi = log_so3(&self.r);
-                Row {
-                    e: phi[i],
-                    g: Six::new(zero, inverse_left_transposed(&phi, &unit(i))),
-                }
+                Row { e: phi[i], g: Six::new(zero, inverse_left_transposed(&phi, &unit(i))) }
             }
-            Coordinate::Edge => Row {
-                e: T::zero(),
-                g: Six::new(self.r.column(2).into_owned(), zero),
-            },
+            Coordinate::Edge => Row { e: T::zero(), g: Six::new(self.r.column(2).into_owned(), zero) },
             Coordinate::Disc(k) => self.disc_row(k),
         }
     }
@@ -89,9 +69,7 @@ impl<T: Real> Relative<T> {
             }
             Coordinate::Dot(i, j) => h.aa = self.entry_curvature(i, j),
             Coordinate::Angle { s, c } => h.aa = self.angle_curvature(s, c),
-            Coordinate::RotationVector(i) => {
-                h.aa = rotation_vector_curvature(&log_so3(&self.r), &unit(i))
-            }
+            Coordinate::RotationVector(i) => h.aa = rotation_vector_curvature(&log_so3(&self.r), &unit(i)),
             Coordinate::Edge => h.la = -skew(&self.r.column(2).into_owned()),
             Coordinate::Disc(k) => self.disc_curvature(k, &mut h),
         }
@@ -110,15 +88,8 @@ impl<T: Real> Relative<T> {
             1 => track / rho,
             _ => z.cross(&track) / rho,
         };
-        let e = if k == 0 {
-            self.u[2] - self.radius * rho
-        } else {
-            T::zero()
-        };
-        Row {
-            e,
-            g: Six::new(t, contact.cross(&t)),
-        }
+        let e = if k == 0 { self.u[2] - self.radius * rho } else { T::zero() };
+        Row { e, g: Six::new(t, contact.cross(&t)) }
     }
 
     /// The row turned by dual numbers about each axis in turn.
@@ -172,8 +143,7 @@ fn inverse_left_transposed<T: Real>(phi: &V3<T>, f: &V3<T>) -> V3<T> {
 fn rotation_vector_curvature<T: Real>(phi: &V3<T>, f: &V3<T>) -> M3<T> {
     let (b, b_s) = left_jacobian_coefficient(phi.dot(phi));
     let (p, pf) = (skew(phi), phi.cross(f));
-    let by_phi = -skew(f) * T::from(0.5) - (skew(&pf) + p * skew(f)) * b
-        + outer(&phi.cross(&pf), phi) * (b_s * 2.0);
+    let by_phi = -skew(f) * T::from(0.5) - (skew(&pf) + p * skew(f)) * b + outer(&phi.cross(&pf), phi) * (b_s * 2.0);
     let inverse_left = M3::identity() - p * T::from(0.5) + p * p * b;
     by_phi * inverse_left
 }
@@ -220,19 +190,10 @@ mod tests {
                         continue;
                     }
                     let (row, dual_row) = (here.row(coordinate), moved.row(coordinate));
-                    let velocity = matches!(
-                        coordinate,
-                        Coordinate::Edge | Coordinate::Disc(1) | Coordinate::Disc(2)
-                    );
-                    assert!(
-                        velocity || (dual_row.e.eps - row.g.get(k)).abs() < 1e-12,
-                        "{coordinate:?} {scale} {k}"
-                    );
+                    let velocity = matches!(coordinate, Coordinate::Edge | Coordinate::Disc(1) | Coordinate::Disc(2));
+                    assert!(velocity || (dual_row.e.eps - row.g.get(k)).abs() < 1e-12, "{coordinate:?} {scale} {k}");
                     let h = here.curvature(coordinate);
-                    let expected = h.apply(&Six::new(
-                        V3::from_fn(|i, _| xi[i]),
-                        V3::from_fn(|i, _| xi[3 + i]),
-                    ));
+                    let expected = h.apply(&Six::new(V3::from_fn(|i, _| xi[i]), V3::from_fn(|i, _| xi[3 + i])));
                     for i in 0..6 {
                         assert!(
                             (dual_row.g.get(i).eps - expected.get(i)).abs() < 1e-11,

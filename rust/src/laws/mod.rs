@@ -67,15 +67,9 @@ impl Law {
             11 => Law::VaryingStiffness,
             _ => return Err(Error::model(format!("no law has the code {code}"))),
         };
-        let least = if matches!(law, Law::Table { .. }) {
-            4
-        } else {
-            1
-        };
+        let least = if matches!(law, Law::Table { .. }) { 4 } else { 1 };
         if n != law.n_params() || n < least {
-            return Err(Error::model(format!(
-                "{law:?} (code {code}) cannot have {n} parameters"
-            )));
+            return Err(Error::model(format!("{law:?} (code {code}) cannot have {n} parameters")));
         }
         Ok(law)
     }
@@ -101,10 +95,7 @@ impl Law {
 
     /// False where the force does not depend on v: a velocity tangent is then not even computed.
     pub fn uses_velocity(&self) -> bool {
-        matches!(
-            self,
-            Law::PolynomialVelocity { .. } | Law::CoulombTanh | Law::VanDerPol
-        )
+        matches!(self, Law::PolynomialVelocity { .. } | Law::CoulombTanh | Law::VanDerPol)
     }
 
     /// Degree of the law as a polynomial in (u, v), None where it is none: decides how many samples are alias-free.
@@ -124,33 +115,21 @@ impl Law {
 
     /// The force at the phase `tau` of the excitation (rad), on which only `VaryingStiffness` depends.
     #[inline]
-    pub fn force_at<D: Scalar>(
-        &self,
-        tau: f64,
-        u: D,
-        v: D,
-        p: &[D],
-        z: &[D],
-        z_new: &mut [D],
-    ) -> D {
+    pub fn force_at<D: Scalar>(&self, tau: f64, u: D, v: D, p: &[D], z: &[D], z_new: &mut [D]) -> D {
         match *self {
             Law::Cubic => polynomial::cubic(u, p[0]),
             Law::Polynomial { .. } => polynomial::horner(u, p),
-            Law::PolynomialVelocity { n } => {
-                polynomial::horner(u, &p[..n]) + polynomial::horner(v, &p[n..])
-            }
+            Law::PolynomialVelocity { n } => polynomial::horner(u, &p[..n]) + polynomial::horner(v, &p[n..]),
             Law::Gap => contact::gap(u, p[0], p[1], p[2]),
-            Law::GapBilateral => {
-                contact::gap(u, p[0], p[1], p[2]) - contact::gap(-u, p[0], p[1], p[2])
-            }
+            Law::GapBilateral => contact::gap(u, p[0], p[1], p[2]) - contact::gap(-u, p[0], p[1], p[2]),
             Law::CoulombTanh => friction::coulomb_tanh(v, p[0], p[1]),
             Law::Hertz => contact::hertz(u, p[0], p[1], p[2]),
             Law::Table { n } => table::pchip(u, &p[..n], &p[n..]),
             Law::VanDerPol => van_der_pol::force(u, v, p[0]),
             Law::Jenkins => jenkins::force(u, p[0], p[1], z[0], &mut z_new[0]),
-            Law::Iwan { n } => (0..n).fold(D::from(0.0), |sum, i| {
-                sum + jenkins::force(u, p[2 * i], p[2 * i + 1], z[i], &mut z_new[i])
-            }),
+            Law::Iwan { n } => {
+                (0..n).fold(D::from(0.0), |sum, i| sum + jenkins::force(u, p[2 * i], p[2 * i + 1], z[i], &mut z_new[i]))
+            }
             Law::VaryingStiffness => varying::force(tau, u, p[0], p[1], p[2]),
         }
     }
@@ -178,19 +157,13 @@ mod tests {
         vec![
             (Law::Cubic, vec![0.7]),
             (Law::Polynomial { n: 4 }, vec![0.1, 2.0, -0.3, 0.5]),
-            (
-                Law::PolynomialVelocity { n: 3 },
-                vec![0.0, 1.0, 0.2, 0.0, 0.3, 0.4],
-            ),
+            (Law::PolynomialVelocity { n: 3 }, vec![0.0, 1.0, 0.2, 0.0, 0.3, 0.4]),
             (Law::Gap, vec![5.0, 0.2, 0.0]),
             (Law::Gap, vec![5.0, 0.2, 0.05]),
             (Law::GapBilateral, vec![5.0, 0.2, 0.01]),
             (Law::CoulombTanh, vec![2.0, 0.1]),
             (Law::Hertz, vec![3.0, 1.5, 0.1]),
-            (
-                Law::Table { n: 5 },
-                vec![-1.0, -0.5, 0.0, 0.5, 1.0, -3.0, -1.0, 0.0, 0.4, 2.0],
-            ),
+            (Law::Table { n: 5 }, vec![-1.0, -0.5, 0.0, 0.5, 1.0, -3.0, -1.0, 0.0, 0.4, 2.0]),
             (Law::VanDerPol, vec![1.3]),
             (Law::Jenkins, vec![4.0, 1.1]),
             (Law::Iwan { n: 2 }, vec![4.0, 1.1, 2.0, 0.3]),
@@ -212,12 +185,9 @@ mod tests {
                 let z = vec![Dual64::from(0.05); law.n_memory()];
                 for arg in 0..2 {
                     let seed = |i: usize, x: f64| Dual64::new(x, f64::from(u8::from(i == arg)));
-                    let slope = law
-                        .force(seed(0, u), seed(1, v), &pd, &z, &mut z.clone())
-                        .eps;
+                    let slope = law.force(seed(0, u), seed(1, v), &pd, &z, &mut z.clone()).eps;
                     let h = 1e-6;
-                    let at =
-                        |d: f64| value(law, if arg == 0 { [u + d, v] } else { [u, v + d] }, &p);
+                    let at = |d: f64| value(law, if arg == 0 { [u + d, v] } else { [u, v + d] }, &p);
                     let difference = (at(h) - at(-h)) / (2.0 * h);
                     assert!(
                         (slope - difference).abs() < 1e-7 * (1.0 + slope.abs()),
@@ -251,9 +221,7 @@ mod tests {
         for (x, y) in u.iter().zip(f) {
             assert!((table::pchip(*x, &u, &f) - y).abs() < 1e-14);
         }
-        let samples: Vec<f64> = (0..=1000)
-            .map(|i| table::pchip(0.01 * f64::from(i), &u, &f))
-            .collect();
+        let samples: Vec<f64> = (0..=1000).map(|i| table::pchip(0.01 * f64::from(i), &u, &f)).collect();
         assert!(samples.windows(2).all(|w| w[1] >= w[0] - 1e-14));
     }
 

@@ -17,11 +17,7 @@ impl Balanced {
         let n = a.nrows();
         let mut matrix = Mat::from_fn(n, n, |i, j| a[(order[i], order[j])]);
         let scale = equilibrate(&mut matrix, active);
-        Balanced {
-            matrix,
-            order,
-            scale,
-        }
+        Balanced { matrix, order, scale }
     }
 
     /// Row of `A` that row `i` of `matrix` came from, and the factor of a right eigenvector's entry there.
@@ -46,10 +42,7 @@ fn isolate(a: &Mat<f64>) -> (Vec<usize>, std::ops::Range<usize>) {
             j == at || (if row { a[(p, q)] } else { a[(q, p)] }) == 0.0
         })
     };
-    while let Some(at) = (low..high)
-        .rev()
-        .find(|&i| alone(&order, i, low, high, true))
-    {
+    while let Some(at) = (low..high).rev().find(|&i| alone(&order, i, low, high, true)) {
         order.swap(at, high - 1);
         high -= 1;
     }
@@ -102,12 +95,7 @@ mod tests {
 
     #[test]
     fn scaling_and_permutation_are_undone_exactly() {
-        let a = faer::mat![
-            [1.0, 1e6, 0.0, 2.0],
-            [1e-6, 2.0, 0.0, 1e3],
-            [5.0, 7.0, 3.0, 1.0],
-            [0.0, 1e-4, 0.0, 4.0]
-        ];
+        let a = faer::mat![[1.0, 1e6, 0.0, 2.0], [1e-6, 2.0, 0.0, 1e3], [5.0, 7.0, 3.0, 1.0], [0.0, 1e-4, 0.0, 4.0]];
         let b = Balanced::new(&a);
         for i in 0..4 {
             for j in 0..4 {

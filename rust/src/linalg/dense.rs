@@ -65,9 +65,7 @@ pub fn real_times(a: MatRef<'_, f64>, x: MatRef<'_, C>) -> Mat<C> {
     }
     let im = Mat::from_fn(x.nrows(), x.ncols(), |i, j| x[(i, j)].im);
     let product_im = a * &im;
-    Mat::from_fn(a.nrows(), x.ncols(), |i, j| {
-        C::new(product_re[(i, j)], product_im[(i, j)])
-    })
+    Mat::from_fn(a.nrows(), x.ncols(), |i, j| C::new(product_re[(i, j)], product_im[(i, j)]))
 }
 
 pub fn to_complex(a: MatRef<'_, f64>) -> Mat<C> {
@@ -84,16 +82,10 @@ pub fn cholesky(a: MatRef<'_, f64>) -> Result<Mat<f64>, usize> {
             let l = factor.L();
             match (0..n).find(|&i| l[(i, i)].powi(2) <= floor * a[(i, i)].abs()) {
                 Some(i) => Err(i),
-                None => Ok(Mat::from_fn(
-                    n,
-                    n,
-                    |i, j| if i >= j { l[(i, j)] } else { 0.0 },
-                )),
+                None => Ok(Mat::from_fn(n, n, |i, j| if i >= j { l[(i, j)] } else { 0.0 })),
             }
         }
-        Err(faer::linalg::cholesky::llt::factor::LltError::NonPositivePivot { index }) => {
-            Err(index.min(n - 1))
-        }
+        Err(faer::linalg::cholesky::llt::factor::LltError::NonPositivePivot { index }) => Err(index.min(n - 1)),
     }
 }
 
@@ -116,13 +108,13 @@ pub fn completed(z: MatRef<'_, f64>) -> (Mat<f64>, Mat<f64>) {
 /// The columns of `a` and then those of `b`.
 pub fn beside<T: Copy>(a: MatRef<'_, T>, b: MatRef<'_, T>) -> Mat<T> {
     let split = a.ncols();
-    Mat::from_fn(a.nrows().max(b.nrows()), split + b.ncols(), |i, j| {
-        if j < split {
-            a[(i, j)]
-        } else {
-            b[(i, j - split)]
-        }
-    })
+    Mat::from_fn(
+        a.nrows().max(b.nrows()),
+        split + b.ncols(),
+        |i, j| {
+            if j < split { a[(i, j)] } else { b[(i, j - split)] }
+        },
+    )
 }
 
 /// sum_i a_i b_i without conjugation.

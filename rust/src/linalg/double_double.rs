@@ -64,10 +64,7 @@ impl Dd {
     }
 
     pub fn minus(self, other: Dd) -> Self {
-        self.plus(Dd {
-            hi: -other.hi,
-            lo: -other.lo,
-        })
+        self.plus(Dd { hi: -other.hi, lo: -other.lo })
     }
 
     pub fn value(self) -> f64 {

@@ -13,9 +13,7 @@ pub fn symmetric(a: MatRef<'_, f64>) -> Result<(Vec<f64>, Mat<f64>)> {
     if a.nrows() == 0 {
         return Ok((Vec::new(), Mat::zeros(0, 0)));
     }
-    let eigen = a
-        .self_adjoint_eigen(Side::Lower)
-        .map_err(|_| no_convergence("symmetric", a.nrows()))?;
+    let eigen = a.self_adjoint_eigen(Side::Lower).map_err(|_| no_convergence("symmetric", a.nrows()))?;
     let values = eigen.S().column_vector().iter().copied().collect();
     Ok((values, eigen.U().to_owned()))
 }
@@ -24,9 +22,7 @@ pub fn hermitian(a: MatRef<'_, C>) -> Result<(Vec<f64>, Mat<C>)> {
     if a.nrows() == 0 {
         return Ok((Vec::new(), Mat::zeros(0, 0)));
     }
-    let eigen = a
-        .self_adjoint_eigen(Side::Lower)
-        .map_err(|_| no_convergence("Hermitian", a.nrows()))?;
+    let eigen = a.self_adjoint_eigen(Side::Lower).map_err(|_| no_convergence("Hermitian", a.nrows()))?;
     let values = eigen.S().column_vector().iter().map(|s| s.re).collect();
     Ok((values, eigen.U().to_owned()))
 }
@@ -42,28 +38,14 @@ pub struct Roots {
 pub fn general(a: &Mat<f64>, want_left: bool) -> Result<Roots> {
     let n = a.nrows();
     if n == 0 {
-        return Ok(Roots {
-            s: Vec::new(),
-            right: Mat::zeros(0, 0),
-            left: want_left.then(|| Mat::zeros(0, 0)),
-        });
+        return Ok(Roots { s: Vec::new(), right: Mat::zeros(0, 0), left: want_left.then(|| Mat::zeros(0, 0)) });
     }
     let balanced = Balanced::new(a);
     let (mut re, mut im) = (Diag::<f64>::zeros(n), Diag::<f64>::zeros(n));
     let mut right = Mat::<f64>::zeros(n, n);
     let mut left = want_left.then(|| Mat::<f64>::zeros(n, n));
-    let wanted = if want_left {
-        ComputeEigenvectors::Yes
-    } else {
-        ComputeEigenvectors::No
-    };
-    let scratch = evd_scratch::<f64>(
-        n,
-        wanted,
-        ComputeEigenvectors::Yes,
-        Par::Seq,
-        Default::default(),
-    );
+    let wanted = if want_left { ComputeEigenvectors::Yes } else { ComputeEigenvectors::No };
+    let scratch = evd_scratch::<f64>(n, wanted, ComputeEigenvectors::Yes, Par::Seq, Default::default());
     evd_real(
         balanced.matrix.as_ref(),
         re.as_mut(),
@@ -76,10 +58,7 @@ pub fn general(a: &Mat<f64>, want_left: bool) -> Result<Roots> {
     )
     .map_err(|_| no_convergence("general", n))?;
     let columns = upper_half(&im, n);
-    let s = columns
-        .iter()
-        .map(|&j| C::new(re[j], im[j].abs()))
-        .collect();
+    let s = columns.iter().map(|&j| C::new(re[j], im[j].abs())).collect();
     let right = unpack(&right, &im, &columns, 1.0, |i| balanced.right(i));
     // faer's left vectors satisfy u^H a = s u^H; ours are transposed, not conjugated
     let left = left.map(|u| unpack(&u, &im, &columns, -1.0, |i| balanced.left(i)));
@@ -108,11 +87,7 @@ fn unpack(
     for (k, &j) in columns.iter().enumerate() {
         for i in 0..n {
             let (row, scale) = place(i);
-            let imaginary = if im[j] == 0.0 {
-                0.0
-            } else {
-                sign * im[j].signum() * packed[(i, j + 1)]
-            };
+            let imaginary = if im[j] == 0.0 { 0.0 } else { sign * im[j].signum() * packed[(i, j + 1)] };
             x[(row, k)] = C::new(packed[(i, j)], imaginary) * scale;
         }
     }
@@ -121,9 +96,7 @@ fn unpack(
 
 fn no_convergence(kind: &str, n: usize) -> Error {
     Error::Convergence {
-        message: format!(
-            "the {kind} eigensolver did not converge (size {n}); scale the model or use the sparse route"
-        ),
+        message: format!("the {kind} eigensolver did not converge (size {n}); scale the model or use the sparse route"),
         best: Vec::new(),
         residual: f64::NAN,
     }
@@ -135,9 +108,7 @@ mod tests {
 
     #[test]
     fn both_vectors_satisfy_their_equation() {
-        let a = Mat::from_fn(7, 7, |i, j| {
-            ((3 * i + 5 * j + i * j) as f64).sin() * 10f64.powi(i as i32 - j as i32)
-        });
+        let a = Mat::from_fn(7, 7, |i, j| ((3 * i + 5 * j + i * j) as f64).sin() * 10f64.powi(i as i32 - j as i32));
         let roots = general(&a, true).unwrap();
         let left = roots.left.unwrap();
         let pairs = roots.s.iter().filter(|s| s.im > 0.0).count();

@@ -42,11 +42,7 @@ pub struct Triplets {
 
 impl Triplets {
     pub fn new(rows: usize, cols: usize) -> Self {
-        Triplets {
-            rows,
-            cols,
-            list: Vec::new(),
-        }
+        Triplets { rows, cols, list: Vec::new() }
     }
 }
 

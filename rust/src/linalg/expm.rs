@@ -34,9 +34,7 @@ impl Algebra for Mat<f64> {
     const SAFETY: f64 = 1.0;
 
     fn norm_1(&self) -> f64 {
-        (0..self.ncols())
-            .map(|j| self.col(j).norm_l1())
-            .fold(0.0, f64::max)
+        (0..self.ncols()).map(|j| self.col(j).norm_l1()).fold(0.0, f64::max)
     }
 
     fn times(&self, other: &Self) -> Self {
@@ -77,10 +75,7 @@ impl Algebra for Jet {
 
     fn times(&self, other: &Self) -> Self {
         let product = |(da, db): (&Mat<f64>, &Mat<f64>)| da * &other.value + &self.value * db;
-        Jet {
-            value: &self.value * &other.value,
-            along: self.along.iter().zip(&other.along).map(product).collect(),
-        }
+        Jet { value: &self.value * &other.value, along: self.along.iter().zip(&other.along).map(product).collect() }
     }
 
     fn combination(terms: &[(f64, &Self)], identity: f64) -> Self {
@@ -90,10 +85,7 @@ impl Algebra for Jet {
             let parts: Vec<_> = terms.iter().map(|(c, x)| (*c, &x.along[p])).collect();
             Mat::combination(&parts, 0.0)
         };
-        Jet {
-            value: Mat::combination(&values, identity),
-            along: (0..directions).map(along).collect(),
-        }
+        Jet { value: Mat::combination(&values, identity), along: (0..directions).map(along).collect() }
     }
 
     fn quotient(even: &Self, odd: &Self) -> Self {
@@ -125,9 +117,7 @@ fn coefficients(m: usize) -> Vec<f64> {
 fn exponential<T: Algebra>(a: &T) -> Result<T> {
     let norm = a.norm_1();
     if !norm.is_finite() {
-        return Err(Error::model(
-            "the exponential of a matrix with NaN or infinite entries",
-        ));
+        return Err(Error::model("the exponential of a matrix with NaN or infinite entries"));
     }
     let small = THETA.iter().find(|(_, theta)| norm <= T::SAFETY * theta);
     let (m, squarings) = match small {
@@ -139,20 +129,14 @@ fn exponential<T: Algebra>(a: &T) -> Result<T> {
             "a time step is {norm:.1e} times longer than the fastest motion; use shorter steps"
         )));
     }
-    let mut e = if squarings > 0.0 {
-        pade(&T::combination(&[((-squarings).exp2(), a)], 0.0), m)
-    } else {
-        pade(a, m)
-    };
+    let mut e = if squarings > 0.0 { pade(&T::combination(&[((-squarings).exp2(), a)], 0.0), m) } else { pade(a, m) };
     for _ in 0..squarings as usize {
         e = e.times(&e);
     }
     if e.is_finite() {
         Ok(e)
     } else {
-        Err(Error::singular(
-            "the matrix exponential overflowed: an unstable motion over a step that is far too long",
-        ))
+        Err(Error::singular("the matrix exponential overflowed: an unstable motion over a step that is far too long"))
     }
 }
 
@@ -162,38 +146,19 @@ fn pade<T: Algebra>(a: &T, m: usize) -> T {
     if m == 13 {
         let a4 = a2.times(&a2);
         let a6 = a4.times(&a2);
-        let part = |c: [f64; 3], identity: f64| {
-            T::combination(&[(c[0], &a6), (c[1], &a4), (c[2], &a2)], identity)
-        };
+        let part = |c: [f64; 3], identity: f64| T::combination(&[(c[0], &a6), (c[1], &a4), (c[2], &a2)], identity);
         let inner = part([b[13], b[11], b[9]], 0.0);
-        let odd = T::combination(
-            &[
-                (1.0, &a6.times(&inner)),
-                (1.0, &part([b[7], b[5], b[3]], b[1])),
-            ],
-            0.0,
-        );
+        let odd = T::combination(&[(1.0, &a6.times(&inner)), (1.0, &part([b[7], b[5], b[3]], b[1]))], 0.0);
         let inner = part([b[12], b[10], b[8]], 0.0);
-        let even = T::combination(
-            &[
-                (1.0, &a6.times(&inner)),
-                (1.0, &part([b[6], b[4], b[2]], b[0])),
-            ],
-            0.0,
-        );
+        let even = T::combination(&[(1.0, &a6.times(&inner)), (1.0, &part([b[6], b[4], b[2]], b[0]))], 0.0);
         return T::quotient(&even, &a.times(&odd));
     }
     let mut powers = vec![a2];
     while powers.len() < m / 2 {
         powers.push(powers[powers.len() - 1].times(&powers[0]));
     }
-    let terms = |first: usize| -> Vec<(f64, &T)> {
-        powers
-            .iter()
-            .enumerate()
-            .map(|(k, p)| (b[2 * k + first], p))
-            .collect()
-    };
+    let terms =
+        |first: usize| -> Vec<(f64, &T)> { powers.iter().enumerate().map(|(k, p)| (b[2 * k + first], p)).collect() };
     let odd = T::combination(&terms(3), b[1]);
     let even = T::combination(&terms(2), b[0]);
     T::quotient(&even, &a.times(&odd))
@@ -222,13 +187,8 @@ pub fn phi_derivatives(
 ) -> Result<((Mat<f64>, [Mat<f64>; 3]), Vec<(Mat<f64>, [Mat<f64>; 3])>)> {
     let (n, w) = (a.nrows(), b.ncols());
     let scale = input_scale(a, b);
-    let along = directions
-        .iter()
-        .map(|(da, db)| augmented(da.as_ref(), db.as_ref(), scale, 0.0));
-    let jet = Jet {
-        value: augmented(a, b, scale, 1.0),
-        along: along.collect(),
-    };
+    let along = directions.iter().map(|(da, db)| augmented(da.as_ref(), db.as_ref(), scale, 0.0));
+    let jet = Jet { value: augmented(a, b, scale, 1.0), along: along.collect() };
     let e = exponential(&jet)?;
     let derivatives = e.along.iter().map(|d| split(d, n, w, scale)).collect();
     Ok((split(&e.value, n, w, scale), derivatives))
@@ -236,10 +196,7 @@ pub fn phi_derivatives(
 
 /// A power of two that brings B down to the size of A, so that it does not add squarings.
 fn input_scale(a: MatRef<'_, f64>, b: MatRef<'_, f64>) -> f64 {
-    let (a, b) = (
-        a.to_owned().norm_1().max(1.0),
-        b.to_owned().norm_1().max(f64::MIN_POSITIVE),
-    );
+    let (a, b) = (a.to_owned().norm_1().max(1.0), b.to_owned().norm_1().max(f64::MIN_POSITIVE));
     (a / b).log2().floor().clamp(-900.0, 0.0).exp2()
 }
 

@@ -24,23 +24,13 @@ struct Rows {
 
 impl Rows {
     fn new(rows: usize, n: usize) -> Self {
-        Rows {
-            n,
-            re: vec![0.0; rows * n],
-            im: vec![0.0; rows * n],
-        }
+        Rows { n, re: vec![0.0; rows * n], im: vec![0.0; rows * n] }
     }
 }
 
 /// y -= a x on split complex vectors.
 #[inline(always)]
-fn subtract<const FUSED: bool>(
-    y_re: &mut [f64],
-    y_im: &mut [f64],
-    a: c64,
-    x_re: &[f64],
-    x_im: &[f64],
-) {
+fn subtract<const FUSED: bool>(y_re: &mut [f64], y_im: &mut [f64], a: c64, x_re: &[f64], x_im: &[f64]) {
     let len = y_re.len();
     let (y_im, x_re, x_im) = (&mut y_im[..len], &x_re[..len], &x_im[..len]);
     for i in 0..len {
@@ -60,23 +50,13 @@ impl Hessenberg {
         let mut v = a.to_owned();
         let mut q = Mat::<f64>::identity(n, n);
         if n > 2 {
-            let block =
-                faer::linalg::qr::no_pivoting::factor::recommended_block_size::<f64>(n - 1, n - 1);
+            let block = faer::linalg::qr::no_pivoting::factor::recommended_block_size::<f64>(n - 1, n - 1);
             let mut taus = Mat::<f64>::zeros(block, n - 1);
-            let mut memory = MemBuffer::new(
-                hessenberg_in_place_scratch::<f64>(n, block, Par::Seq, Default::default()).or(
-                    householder::apply_block_householder_sequence_on_the_right_in_place_scratch::<
-                        f64,
-                    >(n - 1, block, n),
-                ),
-            );
-            hessenberg_in_place(
-                v.as_mut(),
-                taus.as_mut(),
-                Par::Seq,
-                MemStack::new(&mut memory),
-                Default::default(),
-            );
+            let mut memory =
+                MemBuffer::new(hessenberg_in_place_scratch::<f64>(n, block, Par::Seq, Default::default()).or(
+                    householder::apply_block_householder_sequence_on_the_right_in_place_scratch::<f64>(n - 1, block, n),
+                ));
+            hessenberg_in_place(v.as_mut(), taus.as_mut(), Par::Seq, MemStack::new(&mut memory), Default::default());
             accumulate(v.as_ref(), taus.as_ref(), q.as_mut(), &mut memory);
         }
         let mut h = vec![0.0; n * n];
@@ -85,12 +65,7 @@ impl Hessenberg {
                 h[i * n + j] = v[(i, j)];
             }
         }
-        Hessenberg {
-            n,
-            h,
-            q,
-            norm: a.norm_l2(),
-        }
+        Hessenberg { n, h, q, norm: a.norm_l2() }
     }
 
     /// Q^T B, once per input map.
@@ -121,12 +96,7 @@ impl Hessenberg {
     }
 
     #[inline(always)]
-    fn sweep<const FUSED: bool>(
-        &self,
-        s: c64,
-        cq: MatRef<'_, f64>,
-        qb: MatRef<'_, f64>,
-    ) -> Option<Mat<c64>> {
+    fn sweep<const FUSED: bool>(&self, s: c64, cq: MatRef<'_, f64>, qb: MatRef<'_, f64>) -> Option<Mat<c64>> {
         let (n, n_out, n_in) = (self.n, cq.nrows(), qb.ncols());
         let tiny = f64::EPSILON * (self.norm + s.norm());
         let mut c = Rows::new(n_out, n);
@@ -145,10 +115,7 @@ impl Hessenberg {
             if k + 1 < n {
                 self.shifted_row(k + 1, s, &mut next_re, &mut next_im);
                 b_next = (0..n_in).map(|j| c64::new(qb[(k + 1, j)], 0.0)).collect();
-                let (top, low) = (
-                    c64::new(row_re[k], row_im[k]),
-                    c64::new(next_re[k], next_im[k]),
-                );
+                let (top, low) = (c64::new(row_re[k], row_im[k]), c64::new(next_re[k], next_im[k]));
                 if low.norm_sqr() > top.norm_sqr() {
                     std::mem::swap(&mut row_re, &mut next_re);
                     std::mem::swap(&mut row_im, &mut next_im);
@@ -197,10 +164,7 @@ impl Hessenberg {
     /// Row i of s I - H.
     fn shifted_row(&self, i: usize, s: c64, re: &mut [f64], im: &mut [f64]) {
         let start = i.saturating_sub(1);
-        for (value, h) in re[start..]
-            .iter_mut()
-            .zip(&self.h[i * self.n + start..(i + 1) * self.n])
-        {
+        for (value, h) in re[start..].iter_mut().zip(&self.h[i * self.n + start..(i + 1) * self.n]) {
             *value = -h;
         }
         im[start..].fill(0.0);
@@ -209,12 +173,7 @@ impl Hessenberg {
     }
 }
 
-fn accumulate(
-    v: MatRef<'_, f64>,
-    taus: MatRef<'_, f64>,
-    q: MatMut<'_, f64>,
-    memory: &mut MemBuffer,
-) {
+fn accumulate(v: MatRef<'_, f64>, taus: MatRef<'_, f64>, q: MatMut<'_, f64>, memory: &mut MemBuffer) {
     let n = v.nrows();
     householder::apply_block_householder_sequence_on_the_right_in_place_with_conj(
         v.submatrix(1, 0, n - 1, n - 1),
@@ -239,26 +198,11 @@ mod tests {
             let c = Mat::from_fn(3, n, |i, j| ((i * 5 + j) as f64 + 0.3).sin());
             let h = Hessenberg::new(a.as_ref());
             let s = c64::new(0.1, 1.7);
-            let value = h
-                .transfer(
-                    s,
-                    h.outputs(c.as_ref()).as_ref(),
-                    h.inputs(b.as_ref()).as_ref(),
-                )
-                .unwrap();
-            let z = Mat::from_fn(
-                n,
-                n,
-                |i, j| if i == j { s } else { c64::new(0.0, 0.0) } - a[(i, j)],
-            );
-            let x = z
-                .partial_piv_lu()
-                .solve(Mat::from_fn(n, 2, |i, j| c64::new(b[(i, j)], 0.0)));
+            let value = h.transfer(s, h.outputs(c.as_ref()).as_ref(), h.inputs(b.as_ref()).as_ref()).unwrap();
+            let z = Mat::from_fn(n, n, |i, j| if i == j { s } else { c64::new(0.0, 0.0) } - a[(i, j)]);
+            let x = z.partial_piv_lu().solve(Mat::from_fn(n, 2, |i, j| c64::new(b[(i, j)], 0.0)));
             let expected = Mat::from_fn(3, n, |i, j| c64::new(c[(i, j)], 0.0)) * x;
-            assert!(
-                (&value - &expected).norm_l2() <= 1e-12 * expected.norm_l2(),
-                "n = {n}"
-            );
+            assert!((&value - &expected).norm_l2() <= 1e-12 * expected.norm_l2(), "n = {n}");
         }
     }
 }

@@ -34,14 +34,7 @@ impl Options {
     pub fn new(wanted: usize, symmetric: bool) -> Self {
         let block = 3;
         let dim = (2 * wanted + 4 * block).max(wanted + 30);
-        Options {
-            wanted,
-            block,
-            dim: dim.div_ceil(block) * block,
-            tol: 1e-11,
-            max_cycles: 200,
-            symmetric,
-        }
+        Options { wanted, block, dim: dim.div_ceil(block) * block, tol: 1e-11, max_cycles: 200, symmetric }
     }
 }
 
@@ -72,10 +65,7 @@ struct Random(u64);
 
 impl Random {
     fn next(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         ((self.0 >> 11) as f64) / (1u64 << 53) as f64 - 0.5
     }
 }
@@ -138,15 +128,9 @@ impl<'a, O: Operator> Space<'a, O> {
             let before = self.block_norms(at + b)?;
             let mut h = Mat::zeros(at + b, b);
             self.orthogonalise(at + b, &mut h);
-            self.t
-                .as_mut()
-                .submatrix_mut(0, at, at + b, b)
-                .copy_from(&h);
+            self.t.as_mut().submatrix_mut(0, at, at + b, b).copy_from(&h);
             let r = self.orthonormalise_block(at + b, &before)?;
-            self.t
-                .as_mut()
-                .submatrix_mut(at + b, at, b, b)
-                .copy_from(&r);
+            self.t.as_mut().submatrix_mut(at + b, at, b, b).copy_from(&r);
             self.size = at + b;
         }
         self.counts.add("Krylov cycles", 1);
@@ -164,14 +148,7 @@ impl<'a, O: Operator> Space<'a, O> {
             let (basis, block) = self.v.as_mut().split_at_col_mut(at);
             let basis = basis.rb();
             let coefficients = tall_product(basis, self.weighed.as_ref());
-            matmul(
-                block.subcols_mut(0, b),
-                Accum::Add,
-                basis,
-                coefficients.as_ref(),
-                -1.0,
-                Par::Seq,
-            );
+            matmul(block.subcols_mut(0, b), Accum::Add, basis, coefficients.as_ref(), -1.0, Par::Seq);
             *h += coefficients;
         }
     }
@@ -225,14 +202,7 @@ impl<'a, O: Operator> Space<'a, O> {
             let (basis, rest) = self.v.as_mut().split_at_col_mut(column);
             let basis = basis.rb().subcols(start, column - start);
             let coefficients = tall_product(basis, weighed.rb());
-            matmul(
-                rest.subcols_mut(0, 1),
-                Accum::Add,
-                basis,
-                coefficients.as_ref(),
-                -1.0,
-                Par::Seq,
-            );
+            matmul(rest.subcols_mut(0, 1), Accum::Add, basis, coefficients.as_ref(), -1.0, Par::Seq);
             sum += coefficients;
         }
         Ok(sum)
@@ -254,9 +224,7 @@ impl<'a, O: Operator> Space<'a, O> {
         let x = self.v.subcols(column, 1);
         let mut weighed = self.weighed.as_mut().subcols_mut(0, 1);
         self.op.weigh(x, weighed.rb_mut());
-        let sum: f64 = (0..self.op.dim())
-            .map(|i| x[(i, 0)] * weighed[(i, 0)])
-            .sum();
+        let sum: f64 = (0..self.op.dim()).map(|i| x[(i, 0)] * weighed[(i, 0)]).sum();
         if sum.is_finite() {
             return Ok(sum.max(0.0).sqrt());
         }
@@ -276,9 +244,7 @@ impl<'a, O: Operator> Space<'a, O> {
         };
         let (value, vector) = if self.options.symmetric {
             let symmetric = Mat::from_fn(p, p, |i, j| 0.5 * (t[(i, j)] + t[(j, i)]));
-            let eigen = symmetric
-                .self_adjoint_eigen(Side::Lower)
-                .map_err(|_| failed())?;
+            let eigen = symmetric.self_adjoint_eigen(Side::Lower).map_err(|_| failed())?;
             let value: Vec<c64> = (0..p).map(|k| c64::new(eigen.S()[k], 0.0)).collect();
             let u = eigen.U();
             (value, Mat::from_fn(p, p, |i, j| c64::new(u[(i, j)], 0.0)))
@@ -333,10 +299,7 @@ impl<'a, O: Operator> Space<'a, O> {
     pub fn restart_afresh(&mut self, ritz: &Ritz, keep: usize) -> Result<()> {
         self.restart(ritz, keep);
         let k = self.size;
-        self.t
-            .as_mut()
-            .submatrix_mut(k, 0, self.options.block, k)
-            .fill(0.0);
+        self.t.as_mut().submatrix_mut(k, 0, self.options.block, k).fill(0.0);
         self.counts.add("random restarts", 1);
         self.inject(k)
     }
@@ -396,14 +359,7 @@ fn tall_product(basis: MatRef<'_, f64>, x: MatRef<'_, f64>) -> Mat<f64> {
     let mut row = 0;
     while row < basis.nrows() {
         let len = SLICE.min(basis.nrows() - row);
-        matmul(
-            out.as_mut(),
-            Accum::Add,
-            basis.subrows(row, len).transpose(),
-            x.subrows(row, len),
-            1.0,
-            Par::Seq,
-        );
+        matmul(out.as_mut(), Accum::Add, basis.subrows(row, len).transpose(), x.subrows(row, len), 1.0, Par::Seq);
         row += len;
     }
     out

@@ -32,8 +32,7 @@ pub fn is_finite(a: MatRef<'_, f64>) -> bool {
 }
 
 pub fn is_finite_complex(a: MatRef<'_, c64>) -> bool {
-    (0..a.ncols())
-        .all(|j| (0..a.nrows()).all(|i| a[(i, j)].re.is_finite() && a[(i, j)].im.is_finite()))
+    (0..a.ncols()).all(|j| (0..a.nrows()).all(|i| a[(i, j)].re.is_finite() && a[(i, j)].im.is_finite()))
 }
 
 pub fn max_abs(a: MatRef<'_, f64>) -> f64 {
@@ -50,9 +49,7 @@ impl Quadratic {
     pub fn new(m: Mat<f64>, d: Option<Mat<f64>>, s: Mat<f64>) -> Result<Self> {
         let n = m.nrows();
         if n == 0 {
-            return Err(Error::model(
-                "the system has no coordinates; it needs at least one",
-            ));
+            return Err(Error::model("the system has no coordinates; it needs at least one"));
         }
         let named = [("M", Some(&m)), ("D", d.as_ref()), ("S", Some(&s))];
         for (name, a) in named {
@@ -65,9 +62,7 @@ impl Quadratic {
                 )));
             }
             if !is_finite(a.as_ref()) {
-                return Err(Error::model(format!(
-                    "{name} contains NaN or infinite entries"
-                )));
+                return Err(Error::model(format!("{name} contains NaN or infinite entries")));
             }
         }
         // an all-zero damping matrix is no damping, and no damping is cheaper
@@ -123,24 +118,14 @@ impl Quadratic {
             .map(|i| {
                 let m = self.m[(i, i)];
                 let size = if m > 0.0 { m } else { self.s[(i, i)].abs() };
-                if size > 0.0 && size.is_finite() {
-                    (-0.5 * size.log2()).round().exp2()
-                } else {
-                    1.0
-                }
+                if size > 0.0 && size.is_finite() { (-0.5 * size.log2()).round().exp2() } else { 1.0 }
             })
             .collect()
     }
 
     /// Solve Z(i omega) x = f by one factorisation and up to `refinements` corrections from exact residuals.
     /// None where Z is singular to working precision.
-    pub fn solve(
-        &self,
-        omega: f64,
-        f: MatRef<'_, c64>,
-        scale: &[f64],
-        refinements: usize,
-    ) -> Option<Solved> {
+    pub fn solve(&self, omega: f64, f: MatRef<'_, c64>, scale: &[f64], refinements: usize) -> Option<Solved> {
         let n = self.n();
         let z = self.dynamic(omega);
         let scaled = Mat::from_fn(n, n, |i, j| z[(i, j)] * scale[i] * scale[j]);
@@ -164,11 +149,7 @@ impl Quadratic {
             sum.sqrt()
         };
         // without refinement only the growth of the solution tells a singular Z from a regular one
-        let load = (0..f.ncols()).map(|k| {
-            (0..n)
-                .map(|i| (f[(i, k)] * scale[i]).norm_sqr())
-                .sum::<f64>()
-        });
+        let load = (0..f.ncols()).map(|k| (0..n).map(|i| (f[(i, k)] * scale[i]).norm_sqr()).sum::<f64>());
         if size(x.as_ref()) * scaled.norm_l2() > 1e15 * load.sum::<f64>().sqrt() {
             return None;
         }
@@ -176,11 +157,7 @@ impl Quadratic {
         for pass in 0..refinements {
             let correction = apply(self.residual(omega, x.as_ref(), f).as_ref());
             let norm = size(x.as_ref());
-            let ratio = if norm > 0.0 {
-                size(correction.as_ref()) / norm
-            } else {
-                0.0
-            };
+            let ratio = if norm > 0.0 { size(correction.as_ref()) / norm } else { 0.0 };
             if !ratio.is_finite() || ratio > 0.3 {
                 return None;
             }
@@ -214,11 +191,7 @@ impl Quadratic {
             l.solve_lower_triangular_in_place(&mut y);
             y.transpose().to_owned()
         };
-        Some(NormalForm {
-            d: self.d.as_ref().map(congruent),
-            s: congruent(&self.s),
-            l,
-        })
+        Some(NormalForm { d: self.d.as_ref().map(congruent), s: congruent(&self.s), l })
     }
 }
 
@@ -248,14 +221,7 @@ impl NormalForm {
     /// The time scale that makes the two halves of the state matrix equally large.
     pub fn rate(&self) -> f64 {
         let rate = self.s.norm_l2().sqrt();
-        if rate > 0.0 {
-            rate
-        } else {
-            self.d
-                .as_ref()
-                .map_or(1.0, |d| d.norm_l2())
-                .max(f64::MIN_POSITIVE)
-        }
+        if rate > 0.0 { rate } else { self.d.as_ref().map_or(1.0, |d| d.norm_l2()).max(f64::MIN_POSITIVE) }
     }
 
     /// A of x = (z, z'/rate): [[0, rate], [-s/rate, -d]].

@@ -15,11 +15,7 @@ impl SmallLu {
         let mut pivots = Vec::with_capacity(n);
         for k in 0..n {
             let larger = |p: usize, i: usize| {
-                if a[(i, k)].abs() > a[(p, k)].abs() {
-                    i
-                } else {
-                    p
-                }
+                if a[(i, k)].abs() > a[(p, k)].abs() { i } else { p }
             };
             let p = (k + 1..n).fold(k, larger);
             pivots.push(p);

@@ -5,8 +5,7 @@ use std::sync::Arc;
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw,
-    factorize_symbolic_cholesky,
+    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, factorize_symbolic_cholesky,
 };
 use faer::sparse::linalg::lu::{LuRef, NumericLu, SymbolicLu, factorize_symbolic_lu};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
@@ -26,19 +25,9 @@ pub struct Csc {
 
 impl Csc {
     /// From the three arrays of `scipy.sparse.csc_matrix`; duplicates are summed, rows are sorted.
-    pub fn new(
-        name: &str,
-        rows: usize,
-        cols: usize,
-        start: &[i64],
-        row: &[i64],
-        value: &[f64],
-    ) -> Result<Self> {
+    pub fn new(name: &str, rows: usize, cols: usize, start: &[i64], row: &[i64], value: &[f64]) -> Result<Self> {
         let bad = |why: &str| Err(Error::model(format!("sparse matrix {name}: {why}")));
-        if start.len() != cols + 1
-            || start.first() != Some(&0)
-            || start.windows(2).any(|w| w[1] < w[0])
-        {
+        if start.len() != cols + 1 || start.first() != Some(&0) || start.windows(2).any(|w| w[1] < w[0]) {
             return bad("its column pointers do not describe its columns");
         }
         if start[cols] as usize != row.len() || row.len() != value.len() {
@@ -53,19 +42,13 @@ impl Csc {
         if value.len() > (u32::MAX / 4) as usize || rows.max(cols) > (u32::MAX / 4) as usize {
             return bad("it is too large for 32-bit indices");
         }
-        let triplets =
-            (0..cols).flat_map(|j| (start[j] as usize..start[j + 1] as usize).map(move |k| (j, k)));
-        let entries = triplets
-            .map(|(j, k)| (row[k] as usize, j, value[k]))
-            .collect();
+        let triplets = (0..cols).flat_map(|j| (start[j] as usize..start[j + 1] as usize).map(move |k| (j, k)));
+        let entries = triplets.map(|(j, k)| (row[k] as usize, j, value[k])).collect();
         Ok(Self::from_entries(rows, cols, entries))
     }
 
     pub fn from_entries(rows: usize, cols: usize, mut entries: Vec<(usize, usize, f64)>) -> Self {
-        if !entries
-            .windows(2)
-            .all(|w| (w[0].1, w[0].0) < (w[1].1, w[1].0))
-        {
+        if !entries.windows(2).all(|w| (w[0].1, w[0].0) < (w[1].1, w[1].0)) {
             entries.sort_by_key(|e| (e.1, e.0));
         }
         let mut out = Csc {
@@ -100,10 +83,7 @@ impl Csc {
 
     pub fn column(&self, j: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let range = self.start[j] as usize..self.start[j + 1] as usize;
-        self.row[range.clone()]
-            .iter()
-            .zip(&self.value[range])
-            .map(|(i, v)| (*i as usize, *v))
+        self.row[range.clone()].iter().zip(&self.value[range]).map(|(i, v)| (*i as usize, *v))
     }
 
     /// a self + b other, on the union of both patterns. `other` may be smaller; it then takes the leading block.
@@ -118,23 +98,13 @@ impl Csc {
     }
 
     pub fn diagonal(&self) -> Vec<f64> {
-        (0..self.cols)
-            .map(|j| {
-                self.column(j)
-                    .find(|(i, _)| *i == j)
-                    .map_or(0.0, |(_, v)| v)
-            })
-            .collect()
+        (0..self.cols).map(|j| self.column(j).find(|(i, _)| *i == j).map_or(0.0, |(_, v)| v)).collect()
     }
 
     /// Rows and columns of the leading block that starts at `first`.
     pub fn block(&self, rows: std::ops::Range<usize>, cols: std::ops::Range<usize>) -> Csc {
-        let inside = self
-            .entries()
-            .filter(|(i, j, _)| rows.contains(i) && cols.contains(j));
-        let entries = inside
-            .map(|(i, j, v)| (i - rows.start, j - cols.start, v))
-            .collect();
+        let inside = self.entries().filter(|(i, j, _)| rows.contains(i) && cols.contains(j));
+        let entries = inside.map(|(i, j, v)| (i - rows.start, j - cols.start, v)).collect();
         Csc::from_entries(rows.len(), cols.len(), entries)
     }
 
@@ -155,11 +125,7 @@ impl Csc {
                 next[i] += 1;
             }
             let at = next[i] as usize;
-            let mirror = if next[i] < end && self.row[at] as usize == j {
-                self.value[at]
-            } else {
-                0.0
-            };
+            let mirror = if next[i] < end && self.row[at] as usize == j { self.value[at] } else { 0.0 };
             if (v - mirror).abs() > tol {
                 return false;
             }
@@ -181,10 +147,7 @@ impl Csc {
             out.fill(0.0);
         }
         for c in 0..x.ncols() {
-            let (Some(x), Some(y)) = (
-                x.col(c).try_as_col_major().map(|x| x.as_slice()),
-                out.rb_mut_col(c),
-            ) else {
+            let (Some(x), Some(y)) = (x.col(c).try_as_col_major().map(|x| x.as_slice()), out.rb_mut_col(c)) else {
                 continue;
             };
             for (j, xj) in x.iter().enumerate() {
@@ -198,9 +161,7 @@ impl Csc {
 
     /// A^T x for one vector.
     pub fn transposed(&self, x: &[f64]) -> Vec<f64> {
-        (0..self.cols)
-            .map(|j| self.column(j).map(|(i, v)| v * x[i]).sum())
-            .collect()
+        (0..self.cols).map(|j| self.column(j).map(|(i, v)| v * x[i]).sum()).collect()
     }
 
     fn as_faer(&self) -> SparseColMatRef<'_, u32, f64> {
@@ -225,22 +186,13 @@ trait ColumnSlice {
 impl ColumnSlice for MatMut<'_, f64> {
     fn rb_mut_col(&mut self, j: usize) -> Option<&mut [f64]> {
         use faer::prelude::ReborrowMut;
-        self.rb_mut()
-            .col_mut(j)
-            .try_as_col_major_mut()
-            .map(|c| c.as_slice_mut())
+        self.rb_mut().col_mut(j).try_as_col_major_mut().map(|c| c.as_slice_mut())
     }
 }
 
 enum Kind {
-    Llt {
-        symbolic: SymbolicCholesky<u32>,
-        value: Vec<f64>,
-    },
-    Lu {
-        symbolic: Arc<SymbolicLu<u32>>,
-        numeric: NumericLu<u32, f64>,
-    },
+    Llt { symbolic: SymbolicCholesky<u32>, value: Vec<f64> },
+    Lu { symbolic: Arc<SymbolicLu<u32>>, numeric: NumericLu<u32, f64> },
 }
 
 /// The elimination order of a pattern, kept for matrices that differ in values alone.
@@ -262,14 +214,10 @@ impl LuPlan {
         {
             return Ok(known.symbolic.clone());
         }
-        let symbolic = factorize_symbolic_lu(a.as_faer().symbolic(), Default::default())
-            .map_err(|e| failed("ordering", e))?;
+        let symbolic =
+            factorize_symbolic_lu(a.as_faer().symbolic(), Default::default()).map_err(|e| failed("ordering", e))?;
         let symbolic = Arc::new(symbolic);
-        *kept = Some(Ordered {
-            start: a.start.clone(),
-            row: a.row.clone(),
-            symbolic: symbolic.clone(),
-        });
+        *kept = Some(Ordered { start: a.start.clone(), row: a.row.clone(), symbolic: symbolic.clone() });
         Ok(symbolic)
     }
 }
@@ -283,11 +231,7 @@ pub struct Factor {
 
 impl Factor {
     fn with(n: usize, kind: Kind) -> Self {
-        Factor {
-            n,
-            kind,
-            memory: RefCell::new(MemBuffer::new(StackReq::EMPTY)),
-        }
+        Factor { n, kind, memory: RefCell::new(MemBuffer::new(StackReq::EMPTY)) }
     }
 }
 
@@ -302,18 +246,13 @@ impl Factor {
         if diagonal.iter().any(|d| *d <= 0.0) {
             return Ok(None);
         }
-        let symbolic = factorize_symbolic_cholesky(
-            a.as_faer().symbolic(),
-            Side::Upper,
-            Default::default(),
-            Default::default(),
-        )
-        .map_err(|e| failed("ordering", e))?;
+        let symbolic =
+            factorize_symbolic_cholesky(a.as_faer().symbolic(), Side::Upper, Default::default(), Default::default())
+                .map_err(|e| failed("ordering", e))?;
         let mut value = vec![0.0; symbolic.len_val()];
-        let mut memory = MemBuffer::try_new(
-            symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()),
-        )
-        .map_err(|e| failed("allocation", e))?;
+        let mut memory =
+            MemBuffer::try_new(symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()))
+                .map_err(|e| failed("allocation", e))?;
         let done = symbolic.factorize_numeric_llt(
             &mut value,
             a.as_faer(),
@@ -346,30 +285,18 @@ impl Factor {
     pub fn lu_as_planned(a: &Csc, plan: &LuPlan) -> Result<Self> {
         let symbolic = plan.of(a)?;
         let mut numeric = NumericLu::new();
-        let mut memory = MemBuffer::try_new(
-            symbolic.factorize_numeric_lu_scratch::<f64>(Par::Seq, Default::default()),
-        )
-        .map_err(|e| failed("allocation", e))?;
+        let mut memory = MemBuffer::try_new(symbolic.factorize_numeric_lu_scratch::<f64>(Par::Seq, Default::default()))
+            .map_err(|e| failed("allocation", e))?;
         symbolic
-            .factorize_numeric_lu(
-                &mut numeric,
-                a.as_faer(),
-                Par::Seq,
-                MemStack::new(&mut memory),
-                Default::default(),
-            )
+            .factorize_numeric_lu(&mut numeric, a.as_faer(), Par::Seq, MemStack::new(&mut memory), Default::default())
             .map_err(|e| failed("factorisation", e))?;
         Ok(Factor::with(a.rows, Kind::Lu { symbolic, numeric }))
     }
 
     pub fn solve(&self, rhs: MatMut<'_, f64>) {
         let need = match &self.kind {
-            Kind::Llt { symbolic, .. } => {
-                symbolic.solve_in_place_scratch::<f64>(rhs.ncols(), Par::Seq)
-            }
-            Kind::Lu { symbolic, .. } => {
-                symbolic.solve_in_place_scratch::<f64>(rhs.ncols(), Par::Seq)
-            }
+            Kind::Llt { symbolic, .. } => symbolic.solve_in_place_scratch::<f64>(rhs.ncols(), Par::Seq),
+            Kind::Lu { symbolic, .. } => symbolic.solve_in_place_scratch::<f64>(rhs.ncols(), Par::Seq),
         };
         let mut memory = self.memory.borrow_mut();
         if memory.len() < need.unaligned_bytes_required() {
@@ -377,12 +304,11 @@ impl Factor {
         }
         let stack = MemStack::new(&mut memory);
         match &self.kind {
-            Kind::Llt { symbolic, value } => LltRef::<'_, u32, f64>::new(symbolic, value)
+            Kind::Llt { symbolic, value } => {
+                LltRef::<'_, u32, f64>::new(symbolic, value).solve_in_place_with_conj(Conj::No, rhs, Par::Seq, stack)
+            }
+            Kind::Lu { symbolic, numeric } => LuRef::<'_, u32, f64>::new_unchecked(symbolic, numeric)
                 .solve_in_place_with_conj(Conj::No, rhs, Par::Seq, stack),
-            Kind::Lu { symbolic, numeric } => LuRef::<'_, u32, f64>::new_unchecked(
-                symbolic, numeric,
-            )
-            .solve_in_place_with_conj(Conj::No, rhs, Par::Seq, stack),
         }
     }
 
@@ -394,15 +320,10 @@ impl Factor {
 /// Diagonal of the factor in its own order.
 fn pivots(symbolic: &SymbolicCholesky<u32>, value: &[f64]) -> Vec<f64> {
     match symbolic.raw() {
-        SymbolicCholeskyRaw::Simplicial(s) => (0..s.ncols())
-            .map(|j| value[s.col_ptr()[j] as usize])
-            .collect(),
+        SymbolicCholeskyRaw::Simplicial(s) => (0..s.ncols()).map(|j| value[s.col_ptr()[j] as usize]).collect(),
         SymbolicCholeskyRaw::Supernodal(s) => {
             let mut out = vec![0.0; s.nrows()];
-            let llt =
-                faer::sparse::linalg::cholesky::supernodal::SupernodalLltRef::<'_, u32, f64>::new(
-                    s, value,
-                );
+            let llt = faer::sparse::linalg::cholesky::supernodal::SupernodalLltRef::<'_, u32, f64>::new(s, value);
             for k in 0..s.n_supernodes() {
                 let node = llt.supernode(k);
                 let width = node.val().ncols();
@@ -422,18 +343,10 @@ pub fn negative_eigenvalues(a: &Csc) -> Option<usize> {
         supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SIMPLICIAL,
         ..Default::default()
     };
-    let symbolic = factorize_symbolic_cholesky(
-        a.as_faer().symbolic(),
-        Side::Upper,
-        Default::default(),
-        params,
-    )
-    .ok()?;
+    let symbolic = factorize_symbolic_cholesky(a.as_faer().symbolic(), Side::Upper, Default::default(), params).ok()?;
     let mut value = vec![0.0; symbolic.len_val()];
-    let mut memory = MemBuffer::try_new(
-        symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default()),
-    )
-    .ok()?;
+    let mut memory =
+        MemBuffer::try_new(symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default())).ok()?;
     symbolic
         .factorize_numeric_ldlt(
             &mut value,
@@ -457,9 +370,7 @@ pub fn negative_eigenvalues(a: &Csc) -> Option<usize> {
     );
     let mut r = Mat::zeros(n, 1);
     a.multiply(x.as_ref(), r.as_mut(), false);
-    let worst = (0..n)
-        .map(|i| (r[(i, 0)] - b[(i, 0)]).abs())
-        .fold(0.0, f64::max);
+    let worst = (0..n).map(|i| (r[(i, 0)] - b[(i, 0)]).abs()).fold(0.0, f64::max);
     // inertia is right as long as the factors are those of a matrix close to a: ask for the residual of a stable solve
     let rows = row_sizes(a, x.as_ref());
     let scale = rows.iter().fold(0.0_f64, |s, v| s.max(*v)) + 0.5;
@@ -500,10 +411,7 @@ mod tests {
         let n = 50;
         let a = tridiagonal(n, 2.0);
         let b = Mat::from_fn(n, 2, |i, j| (i + j) as f64);
-        let factors = [
-            Factor::cholesky(&a, 1e-12).unwrap().unwrap(),
-            Factor::lu(&a).unwrap(),
-        ];
+        let factors = [Factor::cholesky(&a, 1e-12).unwrap().unwrap(), Factor::lu(&a).unwrap()];
         for factor in factors {
             let mut x = b.clone();
             factor.solve(x.as_mut());
@@ -520,10 +428,6 @@ mod tests {
             );
         }
         assert_eq!(negative_eigenvalues(&tridiagonal(n, 2.0 - 1.0)), None);
-        assert!(
-            Factor::cholesky(&tridiagonal(n, 1.0), 1e-12)
-                .unwrap()
-                .is_none()
-        );
+        assert!(Factor::cholesky(&tridiagonal(n, 1.0), 1e-12).unwrap().is_none());
     }
 }

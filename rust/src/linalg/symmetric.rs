@@ -17,19 +17,13 @@ pub struct Pattern {
 }
 
 fn failed(what: &str) -> Error {
-    Error::singular(format!(
-        "the sparse {what} of the equations of motion failed"
-    ))
+    Error::singular(format!("the sparse {what} of the equations of motion failed"))
 }
 
 impl Pattern {
     /// From the places of all entries, in the order in which values will come.
     pub fn new(n: usize, places: &[(u32, u32)]) -> Result<Self> {
-        let mut upper: Vec<(u32, u32)> = places
-            .iter()
-            .filter(|(i, j)| i <= j)
-            .map(|(i, j)| (*j, *i))
-            .collect();
+        let mut upper: Vec<(u32, u32)> = places.iter().filter(|(i, j)| i <= j).map(|(i, j)| (*j, *i)).collect();
         upper.sort_unstable();
         upper.dedup();
         let mut start = vec![0_u32; n + 1];
@@ -41,25 +35,11 @@ impl Pattern {
         }
         let row: Vec<u32> = upper.iter().map(|(_, i)| *i).collect();
         let at = |i: u32, j: u32| upper.binary_search(&(j, i)).ok().map(|k| k as u32);
-        let place = places
-            .iter()
-            .map(|(i, j)| if i <= j { at(*i, *j) } else { None })
-            .collect();
+        let place = places.iter().map(|(i, j)| if i <= j { at(*i, *j) } else { None }).collect();
         let pattern = SymbolicSparseColMatRef::new_checked(n, n, &start, None, &row);
-        let symbolic = factorize_symbolic_cholesky(
-            pattern,
-            Side::Upper,
-            Default::default(),
-            Default::default(),
-        )
-        .map_err(|_| failed("ordering"))?;
-        Ok(Pattern {
-            n,
-            start,
-            row,
-            place,
-            symbolic,
-        })
+        let symbolic = factorize_symbolic_cholesky(pattern, Side::Upper, Default::default(), Default::default())
+            .map_err(|_| failed("ordering"))?;
+        Ok(Pattern { n, start, row, place, symbolic })
     }
 
     /// The factors for the values of all entries; those of the same place add up.
@@ -70,12 +50,9 @@ impl Pattern {
                 upper[*k as usize] += v;
             }
         }
-        let pattern =
-            SymbolicSparseColMatRef::new_checked(self.n, self.n, &self.start, None, &self.row);
+        let pattern = SymbolicSparseColMatRef::new_checked(self.n, self.n, &self.start, None, &self.row);
         let mut value = vec![0.0; self.symbolic.len_val()];
-        let need = self
-            .symbolic
-            .factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
+        let need = self.symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default());
         let mut memory = MemBuffer::try_new(need).map_err(|_| failed("allocation"))?;
         self.symbolic
             .factorize_numeric_ldlt(
@@ -88,10 +65,7 @@ impl Pattern {
                 Default::default(),
             )
             .map_err(|_| failed("factorisation"))?;
-        Ok(Ldl {
-            pattern: self.clone(),
-            value,
-        })
+        Ok(Ldl { pattern: self.clone(), value })
     }
 }
 

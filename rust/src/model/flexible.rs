@@ -63,9 +63,7 @@ impl<T: Real> FlexibleGeometry<T> {
         let n = &x[spec.x..spec.x + spec.size()];
         let s: Vec<V3<T>> = (0..m).map(|k| V3::from_fn(|i, _| n[i * m + k])).collect();
         let square = |at: usize| M3::from_fn(|i, j| n[at + 3 * i + j]);
-        let p1 = (0..m)
-            .map(|k| square(3 * m + 9 * k) - outer(com, &s[k]))
-            .collect();
+        let p1 = (0..m).map(|k| square(3 * m + 9 * k) - outer(com, &s[k])).collect();
         let at = 12 * m;
         let p2 = (0..m * m).map(|i| square(at + 9 * i)).collect();
         let (k, c) = (at + 9 * m * m, at + 10 * m * m);
@@ -73,25 +71,10 @@ impl<T: Real> FlexibleGeometry<T> {
         let field = |i: usize, kl: usize| kg[i * m * m + kl];
         let stiffened = kg.iter().any(|v| v.re() != 0.0);
         let pairs = if stiffened { m * m } else { 0 };
-        let s2: Vec<V3<T>> = (0..pairs)
-            .map(|kl| V3::from_fn(|i, _| field(i, kl)))
-            .collect();
-        let p12 = (0..pairs)
-            .map(|kl| M3::from_fn(|j, i| field(3 + 3 * i + j, kl)) - outer(com, &s2[kl]))
-            .collect();
-        let damped = n[c..c + m * m]
-            .iter()
-            .any(|v| v.re() != 0.0 || T::NDERIV > 0);
-        FlexibleGeometry {
-            s,
-            p1,
-            p2,
-            k: n[k..k + m * m].to_vec(),
-            c: n[c..c + m * m].to_vec(),
-            damped,
-            s2,
-            p12,
-        }
+        let s2: Vec<V3<T>> = (0..pairs).map(|kl| V3::from_fn(|i, _| field(i, kl))).collect();
+        let p12 = (0..pairs).map(|kl| M3::from_fn(|j, i| field(3 + 3 * i + j, kl)) - outer(com, &s2[kl])).collect();
+        let damped = n[c..c + m * m].iter().any(|v| v.re() != 0.0 || T::NDERIV > 0);
+        FlexibleGeometry { s, p1, p2, k: n[k..k + m * m].to_vec(), c: n[c..c + m * m].to_vec(), damped, s2, p12 }
     }
 
     pub fn m(&self) -> usize {
@@ -131,17 +114,12 @@ impl<T: Real> TipGeometry<T> {
     pub fn derive(x: &[T], m: usize, com: &V3<T>) -> Self {
         TipGeometry {
             offset: V3::new(x[0], x[1], x[2]) - com,
-            shape: (0..m)
-                .map(|k| std::array::from_fn(|i| x[3 + i * m + k]))
-                .collect(),
+            shape: (0..m).map(|k| std::array::from_fn(|i| x[3 + i * m + k])).collect(),
         }
     }
 
     pub fn map<U: Real>(&self, f: &mut impl FnMut(T) -> U) -> TipGeometry<U> {
-        TipGeometry {
-            offset: self.offset.map(&mut *f),
-            shape: self.shape.iter().map(|row| row.map(&mut *f)).collect(),
-        }
+        TipGeometry { offset: self.offset.map(&mut *f), shape: self.shape.iter().map(|row| row.map(&mut *f)).collect() }
     }
 
     /// Three displacements and three successive rotations of modal values.
@@ -158,8 +136,7 @@ impl<T: Real> TipGeometry<T> {
 
 impl Tables {
     pub(super) fn check_flexible(&self) -> Result<()> {
-        let outside =
-            || Error::model("the numbers of a flexible body lie outside the value vector");
+        let outside = || Error::model("the numbers of a flexible body lie outside the value vector");
         for f in &self.flexible {
             let end = f.x.checked_add(f.size()).ok_or_else(outside)?;
             if end > self.x.len() || f.m == 0 || f.body >= self.bodies.len() {

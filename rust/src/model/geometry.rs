@@ -51,11 +51,7 @@ fn vector<T: Real>(x: &[T], at: usize) -> V3<T> {
 
 impl<T: Real> Geometry<T> {
     pub fn derive(tables: &Tables, x: &[T]) -> Self {
-        let tips: Vec<_> = tables
-            .tips
-            .iter()
-            .map(|tip| tip_geometry(tables, tip, x))
-            .collect();
+        let tips: Vec<_> = tables.tips.iter().map(|tip| tip_geometry(tables, tip, x)).collect();
         let bodies: Vec<_> = tables
             .bodies
             .iter()
@@ -71,27 +67,19 @@ impl<T: Real> Geometry<T> {
             None => *world,
             Some(b) => bodies[b].drawn.inverse().then(world),
         };
-        let pair =
-            |a: BodyRef, b: BodyRef, pa: V3<T>, pb: V3<T>, frame: (M3<T>, M3<T>)| MarkerPair {
-                a: local(a, &Pose { p: pa, r: frame.0 }),
-                b: local(b, &Pose { p: pb, r: frame.1 }),
-                radius: T::zero(),
-            };
+        let pair = |a: BodyRef, b: BodyRef, pa: V3<T>, pb: V3<T>, frame: (M3<T>, M3<T>)| MarkerPair {
+            a: local(a, &Pose { p: pa, r: frame.0 }),
+            b: local(b, &Pose { p: pb, r: frame.1 }),
+            radius: T::zero(),
+        };
         let mut joints = Vec::with_capacity(tables.joints.len());
         let mut joint_length = Vec::with_capacity(tables.joints.len());
         for j in &tables.joints {
             let n = &x[j.x..j.x + 36];
             let (pa, pb) = (vector(n, 0), vector(n, 3));
             let frames = joint_frames(j.kind, j.flags, n);
-            joints.push(MarkerPair {
-                radius: n[35],
-                ..pair(j.a, j.b, pa, pb, frames)
-            });
-            joint_length.push(if j.kind == JointKind::Distance {
-                distance(&pa, &pb)
-            } else {
-                T::zero()
-            });
+            joints.push(MarkerPair { radius: n[35], ..pair(j.a, j.b, pa, pb, frames) });
+            joint_length.push(if j.kind == JointKind::Distance { distance(&pa, &pb) } else { T::zero() });
         }
         let mut elements = Vec::with_capacity(tables.elements.len());
         let mut element_length = Vec::with_capacity(tables.elements.len());
@@ -104,24 +92,13 @@ impl<T: Real> Geometry<T> {
                 ElementKind::Torsion => (pa, frame_of_axis(&vector(n, 3))),
             };
             elements.push(pair(e.a, e.b, pa, pb, (frame, frame)));
-            element_length.push(if e.kind == ElementKind::SpringDamper {
-                distance(&pa, &pb)
-            } else {
-                T::zero()
-            });
+            element_length.push(if e.kind == ElementKind::SpringDamper { distance(&pa, &pb) } else { T::zero() });
         }
         let loads = tables.loads.iter().map(|l| {
             let drawn = &bodies[l.body].drawn;
             let point = drawn.r.transpose() * (vector(x, l.x) - drawn.p);
             let value = vector(x, l.x + 3);
-            (
-                point,
-                if l.follower {
-                    drawn.r.transpose() * value
-                } else {
-                    value
-                },
-            )
+            (point, if l.follower { drawn.r.transpose() * value } else { value })
         });
         Geometry {
             loads: loads.collect(),
@@ -129,15 +106,9 @@ impl<T: Real> Geometry<T> {
             elements,
             element_length,
             joint_length,
-            motions: tables
-                .motions
-                .iter()
-                .map(|m| MotionLaw::derive(m, x))
-                .collect(),
+            motions: tables.motions.iter().map(|m| MotionLaw::derive(m, x)).collect(),
             gravity: tables.gravity.map(|g| vector(x, g)),
-            flexible: (tables.flexible.iter())
-                .map(|f| FlexibleGeometry::derive(f, x, &bodies[f.body].com))
-                .collect(),
+            flexible: (tables.flexible.iter()).map(|f| FlexibleGeometry::derive(f, x, &bodies[f.body].com)).collect(),
             tips,
             bodies,
         }
@@ -148,22 +119,10 @@ impl<T: Real> Geometry<T> {
     /// The same numbers as others, one by one in a fixed order.
     pub fn map<U: Real>(&self, mut f: impl FnMut(T) -> U) -> Geometry<U> {
         fn pose<T: Real, U: Real>(p: &Pose<T>, f: &mut impl FnMut(T) -> U) -> Pose<U> {
-            Pose {
-                p: p.p.map(&mut *f),
-                r: p.r.map(&mut *f),
-            }
+            Pose { p: p.p.map(&mut *f), r: p.r.map(&mut *f) }
         }
-        fn pairs<T: Real, U: Real>(
-            all: &[MarkerPair<T>],
-            f: &mut impl FnMut(T) -> U,
-        ) -> Vec<MarkerPair<U>> {
-            all.iter()
-                .map(|p| MarkerPair {
-                    a: pose(&p.a, f),
-                    b: pose(&p.b, f),
-                    radius: f(p.radius),
-                })
-                .collect()
+        fn pairs<T: Real, U: Real>(all: &[MarkerPair<T>], f: &mut impl FnMut(T) -> U) -> Vec<MarkerPair<U>> {
+            all.iter().map(|p| MarkerPair { a: pose(&p.a, f), b: pose(&p.b, f), radius: f(p.radius) }).collect()
         }
         let bodies = self.bodies.iter().map(|b| BodyGeometry {
             mass: f(b.mass),
@@ -178,11 +137,7 @@ impl<T: Real> Geometry<T> {
             element_length: self.element_length.iter().map(|v| f(*v)).collect(),
             joint_length: self.joint_length.iter().map(|v| f(*v)).collect(),
             motions: self.motions.iter().map(|m| m.map(&mut f)).collect(),
-            loads: self
-                .loads
-                .iter()
-                .map(|(p, v)| (p.map(&mut f), v.map(&mut f)))
-                .collect(),
+            loads: self.loads.iter().map(|(p, v)| (p.map(&mut f), v.map(&mut f))).collect(),
             gravity: self.gravity.map(|g| g.map(&mut f)),
             flexible: self.flexible.iter().map(|g| g.map(&mut f)).collect(),
             tips: self.tips.iter().map(|t| t.map(&mut f)).collect(),
@@ -201,10 +156,7 @@ fn massless<T: Real>(frame: &BodyGeometry<T>, tip: &TipGeometry<T>) -> BodyGeome
     BodyGeometry {
         mass: T::zero(),
         inertia: M3::zeros(),
-        drawn: Pose {
-            p: frame.drawn.p + frame.drawn.r * tip.offset,
-            r: frame.drawn.r,
-        },
+        drawn: Pose { p: frame.drawn.p + frame.drawn.r * tip.offset, r: frame.drawn.r },
         com: V3::zeros(),
     }
 }
@@ -212,28 +164,14 @@ fn massless<T: Real>(frame: &BodyGeometry<T>, tip: &TipGeometry<T>) -> BodyGeome
 fn body<T: Real>(n: &[T]) -> BodyGeometry<T> {
     let r = rotation_of_quaternion(&n[3..7]);
     let com = vector(n, 7);
-    let inertia = M3::new(
-        n[11], n[14], n[15], n[14], n[12], n[16], n[15], n[16], n[13],
-    );
-    BodyGeometry {
-        mass: n[10],
-        inertia,
-        drawn: Pose {
-            p: vector(n, 0) + r * com,
-            r,
-        },
-        com,
-    }
+    let inertia = M3::new(n[11], n[14], n[15], n[14], n[12], n[16], n[15], n[16], n[13]);
+    BodyGeometry { mass: n[10], inertia, drawn: Pose { p: vector(n, 0) + r * com, r }, com }
 }
 
 /// The frames on both bodies as drawn: the same but for a rolling disc, whose second frame has the disc's axis for z.
 fn joint_frames<T: Real>(kind: JointKind, flags: i64, n: &[T]) -> (M3<T>, M3<T>) {
     let frame = joint_frame(kind, flags, n);
-    if kind == JointKind::RollingDisc {
-        (frame, frame_of_axis(&vector(n, 9)))
-    } else {
-        (frame, frame)
-    }
+    if kind == JointKind::RollingDisc { (frame, frame_of_axis(&vector(n, 9))) } else { (frame, frame) }
 }
 
 fn joint_frame<T: Real>(kind: JointKind, flags: i64, n: &[T]) -> M3<T> {

@@ -27,10 +27,7 @@ pub enum Coordinate {
     /// (log R)_i
     RotationVector(usize),
     /// atan2(R[s], R[c]) of two entries of R
-    Angle {
-        s: (usize, usize),
-        c: (usize, usize),
-    },
+    Angle { s: (usize, usize), c: (usize, usize) },
     /// |u|
     Length,
     /// A_i . B_j = R_ij
@@ -45,23 +42,14 @@ pub enum Coordinate {
 impl Coordinate {
     /// Measured in metres?
     pub fn is_length(self) -> bool {
-        !matches!(
-            self,
-            Coordinate::RotationVector(_) | Coordinate::Angle { .. } | Coordinate::Dot(..)
-        )
+        !matches!(self, Coordinate::RotationVector(_) | Coordinate::Angle { .. } | Coordinate::Dot(..))
     }
 }
 
 /// Rotation about the common z axis.
-pub const ANGLE_Z: Coordinate = Coordinate::Angle {
-    s: (1, 0),
-    c: (0, 0),
-};
+pub const ANGLE_Z: Coordinate = Coordinate::Angle { s: (1, 0), c: (0, 0) };
 /// Second angle of a universal joint, R = Rz(alpha) Rx(beta).
-pub const ANGLE_BETA: Coordinate = Coordinate::Angle {
-    s: (2, 1),
-    c: (2, 2),
-};
+pub const ANGLE_BETA: Coordinate = Coordinate::Angle { s: (2, 1), c: (2, 2) };
 
 /// How a tree coordinate moves the outer body: along or about an axis of the joint frame carried by the inner or the outer body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,71 +64,30 @@ pub struct Freedom {
 }
 
 const fn slide(axis: usize, suffix: &'static str) -> Freedom {
-    Freedom {
-        rotation: false,
-        axis,
-        outer: false,
-        stage: 0,
-        suffix,
-    }
+    Freedom { rotation: false, axis, outer: false, stage: 0, suffix }
 }
 
 const fn turn(axis: usize, stage: usize, suffix: &'static str) -> Freedom {
-    Freedom {
-        rotation: true,
-        axis,
-        outer: false,
-        stage,
-        suffix,
-    }
+    Freedom { rotation: true, axis, outer: false, stage, suffix }
 }
 
 const REVOLUTE: [Freedom; 1] = [turn(2, 0, "")];
 const PRISMATIC: [Freedom; 1] = [slide(2, "")];
 const CYLINDRICAL: [Freedom; 2] = [slide(2, "z"), turn(2, 0, "rz")];
-const UNIVERSAL: [Freedom; 2] = [
-    turn(2, 0, "alpha"),
-    Freedom {
-        rotation: true,
-        axis: 0,
-        outer: true,
-        stage: 1,
-        suffix: "beta",
-    },
-];
-const UNIVERSAL_REVERSED: [Freedom; 2] = [
-    Freedom {
-        rotation: true,
-        axis: 2,
-        outer: true,
-        stage: 1,
-        suffix: "alpha",
-    },
-    turn(0, 0, "beta"),
-];
+const UNIVERSAL: [Freedom; 2] =
+    [turn(2, 0, "alpha"), Freedom { rotation: true, axis: 0, outer: true, stage: 1, suffix: "beta" }];
+const UNIVERSAL_REVERSED: [Freedom; 2] =
+    [Freedom { rotation: true, axis: 2, outer: true, stage: 1, suffix: "alpha" }, turn(0, 0, "beta")];
 const SPHERICAL: [Freedom; 3] = [turn(0, 0, "rx"), turn(1, 0, "ry"), turn(2, 0, "rz")];
 const PLANAR: [Freedom; 3] = [slide(0, "x"), slide(1, "y"), turn(2, 1, "rz")];
-const FREE: [Freedom; 6] = [
-    slide(0, "x"),
-    slide(1, "y"),
-    slide(2, "z"),
-    turn(0, 1, "rx"),
-    turn(1, 1, "ry"),
-    turn(2, 1, "rz"),
-];
+const FREE: [Freedom; 6] =
+    [slide(0, "x"), slide(1, "y"), slide(2, "z"), turn(0, 1, "rx"), turn(1, 1, "ry"), turn(2, 1, "rz")];
 
 const fn late(freedom: Freedom, stage: usize) -> Freedom {
     Freedom { stage, ..freedom }
 }
 
-const NODE: [Freedom; 6] = [
-    slide(0, ""),
-    slide(1, ""),
-    slide(2, ""),
-    turn(0, 1, ""),
-    turn(1, 2, ""),
-    turn(2, 3, ""),
-];
+const NODE: [Freedom; 6] = [slide(0, ""), slide(1, ""), slide(2, ""), turn(0, 1, ""), turn(1, 2, ""), turn(2, 3, "")];
 const NODE_REVERSED: [Freedom; 6] = [
     late(slide(0, ""), 3),
     late(slide(1, ""), 3),
@@ -186,10 +133,7 @@ impl JointKind {
 
     /// May this joint carry a body in the spanning tree before the free joints are looked at?
     pub fn in_tree(self) -> bool {
-        !matches!(
-            self,
-            JointKind::Free | JointKind::Distance | JointKind::KnifeEdge | JointKind::RollingDisc
-        )
+        !matches!(self, JointKind::Free | JointKind::Distance | JointKind::KnifeEdge | JointKind::RollingDisc)
     }
 
     /// Position-level constraint rows, zero when satisfied (docs/tables.md).
@@ -204,9 +148,7 @@ impl JointKind {
             JointKind::Spherical => &[T(0), T(1), T(2)],
             JointKind::Planar => &[T(2), Dot(0, 2), Dot(1, 2)],
             JointKind::Distance => &[Length],
-            JointKind::Free | JointKind::KnifeEdge | JointKind::RollingDisc | JointKind::Node => {
-                &[]
-            }
+            JointKind::Free | JointKind::KnifeEdge | JointKind::RollingDisc | JointKind::Node => &[],
         }
     }
 

@@ -32,11 +32,7 @@ impl std::fmt::Debug for Function {
 
 impl Function {
     pub fn new(call: impl Fn(f64) -> Called + Send + Sync + 'static) -> Self {
-        Function {
-            call: Box::new(call),
-            last: Mutex::new(None),
-            failure: Mutex::new(None),
-        }
+        Function { call: Box::new(call), last: Mutex::new(None), failure: Mutex::new(None) }
     }
 
     fn output(&self, t: f64, k: usize) -> f64 {
@@ -54,9 +50,7 @@ impl Function {
                 }
             }
         }
-        last.as_ref()
-            .and_then(|(_, values)| values.get(k).copied())
-            .unwrap_or(f64::NAN)
+        last.as_ref().and_then(|(_, values)| values.get(k).copied()).unwrap_or(f64::NAN)
     }
 
     fn failed(&self, reason: Option<String>) {
@@ -65,10 +59,7 @@ impl Function {
 
     /// Why the last call gave nothing.
     pub fn failure(&self) -> Option<String> {
-        self.failure
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
+        self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
@@ -108,13 +99,7 @@ impl MotionKind {
             6 => (Function, n == 0),
             _ => return Err(Error::model(format!("motion type {code} does not exist"))),
         };
-        if fits {
-            Ok(kind)
-        } else {
-            Err(Error::model(format!(
-                "a motion of type {code} cannot have {n} numbers"
-            )))
-        }
+        if fits { Ok(kind) } else { Err(Error::model(format!("a motion of type {code} cannot have {n} numbers"))) }
     }
 }
 
@@ -147,51 +132,26 @@ impl<T: Real> MotionLaw<T> {
     pub fn map<U: Real>(&self, f: &mut impl FnMut(T) -> U) -> MotionLaw<U> {
         let mut all = |v: &[T]| v.iter().map(|x| f(*x)).collect::<Vec<U>>();
         match self {
-            MotionLaw::Ramp {
-                rate,
-                offset,
-                start,
-            } => MotionLaw::Ramp {
-                rate: f(*rate),
-                offset: f(*offset),
-                start: f(*start),
-            },
-            MotionLaw::Sine {
-                amplitude,
-                omega,
-                phase,
-                offset,
-            } => MotionLaw::Sine {
-                amplitude: f(*amplitude),
-                omega: f(*omega),
-                phase: f(*phase),
-                offset: f(*offset),
-            },
+            MotionLaw::Ramp { rate, offset, start } => {
+                MotionLaw::Ramp { rate: f(*rate), offset: f(*offset), start: f(*start) }
+            }
+            MotionLaw::Sine { amplitude, omega, phase, offset } => {
+                MotionLaw::Sine { amplitude: f(*amplitude), omega: f(*omega), phase: f(*phase), offset: f(*offset) }
+            }
             MotionLaw::Polynomial(c) => MotionLaw::Polynomial(all(c)),
-            MotionLaw::Table { t, v, curvature } => MotionLaw::Table {
-                t: all(t),
-                v: all(v),
-                curvature: all(curvature),
-            },
+            MotionLaw::Table { t, v, curvature } => {
+                MotionLaw::Table { t: all(t), v: all(v), curvature: all(curvature) }
+            }
             MotionLaw::Function(function, output) => MotionLaw::Function(function.clone(), *output),
         }
     }
 
     pub fn derive(spec: &MotionSpec, x: &[T]) -> Self {
         let p = &x[spec.x..spec.x + spec.n];
-        let sine = |omega: T| MotionLaw::Sine {
-            amplitude: p[0],
-            omega,
-            phase: p[2],
-            offset: p[3],
-        };
+        let sine = |omega: T| MotionLaw::Sine { amplitude: p[0], omega, phase: p[2], offset: p[3] };
         let knots = || (p[..spec.n / 2].to_vec(), p[spec.n / 2..].to_vec());
         match spec.kind {
-            MotionKind::Ramp => MotionLaw::Ramp {
-                rate: p[0],
-                offset: p[1],
-                start: p[2],
-            },
+            MotionKind::Ramp => MotionLaw::Ramp { rate: p[0], offset: p[1], start: p[2] },
             MotionKind::Sine => sine(p[1]),
             MotionKind::SineHertz => sine(p[1] * std::f64::consts::TAU),
             MotionKind::Polynomial => MotionLaw::Polynomial(p.to_vec()),
@@ -212,43 +172,24 @@ impl<T: Real> MotionLaw<T> {
     /// Value, rate and acceleration; at a kink those that follow it.
     pub fn at(&self, t: f64) -> [T; 3] {
         match self {
-            MotionLaw::Ramp {
-                rate,
-                offset,
-                start,
-            } => {
+            MotionLaw::Ramp { rate, offset, start } => {
                 if t < start.re() {
                     [*offset, T::zero(), T::zero()]
                 } else {
                     [*offset + *rate * (-*start + t), *rate, T::zero()]
                 }
             }
-            MotionLaw::Sine {
-                amplitude,
-                omega,
-                phase,
-                offset,
-            } => {
+            MotionLaw::Sine { amplitude, omega, phase, offset } => {
                 let (s, c) = (*omega * t + *phase).sin_cos();
                 let swing = *amplitude * s;
-                [
-                    *offset + swing,
-                    *amplitude * *omega * c,
-                    -(*omega * *omega * swing),
-                ]
+                [*offset + swing, *amplitude * *omega * c, -(*omega * *omega * swing)]
             }
-            MotionLaw::Polynomial(c) => c.iter().rev().fold([T::zero(); 3], |[v, d, dd], c| {
-                [v * t + *c, d * t + v, dd * t + d * 2.0]
-            }),
-            MotionLaw::Table {
-                t: at,
-                v,
-                curvature,
-            } => table(at, v, curvature, t),
+            MotionLaw::Polynomial(c) => {
+                c.iter().rev().fold([T::zero(); 3], |[v, d, dd], c| [v * t + *c, d * t + v, dd * t + d * 2.0])
+            }
+            MotionLaw::Table { t: at, v, curvature } => table(at, v, curvature, t),
             MotionLaw::Function(None, _) => [T::from(f64::NAN); 3],
-            MotionLaw::Function(Some(f), output) => {
-                std::array::from_fn(|k| T::from(f.output(t, output + k)))
-            }
+            MotionLaw::Function(Some(f), output) => std::array::from_fn(|k| T::from(f.output(t, output + k))),
         }
     }
 
@@ -256,9 +197,7 @@ impl<T: Real> MotionLaw<T> {
     pub fn kinks(&self) -> Vec<f64> {
         match self {
             MotionLaw::Ramp { start, .. } => vec![start.re()],
-            MotionLaw::Table { t, curvature, .. } if curvature.is_empty() => {
-                t.iter().map(|t| t.re()).collect()
-            }
+            MotionLaw::Table { t, curvature, .. } if curvature.is_empty() => t.iter().map(|t| t.re()).collect(),
             MotionLaw::Table { t, .. } => vec![t[0].re(), t[t.len() - 1].re()],
             _ => Vec::new(),
         }
@@ -270,10 +209,7 @@ impl<T: Real> MotionLaw<T> {
             return Vec::new();
         };
         let largest = curvature.iter().map(|m| m.re().abs()).fold(0.0, f64::max);
-        let quiet: Vec<bool> = curvature
-            .iter()
-            .map(|m| m.re().abs() <= QUIET * largest)
-            .collect();
+        let quiet: Vec<bool> = curvature.iter().map(|m| m.re().abs() <= QUIET * largest).collect();
         let wakes = |i: &usize| !quiet[*i] && quiet[i - QUIET_KNOTS..*i].iter().all(|q| *q);
         let all = (QUIET_KNOTS..quiet.len()).filter(wakes);
         all.flat_map(|i| [t[i - 1].re(), t[i].re()]).collect()
@@ -343,23 +279,11 @@ mod tests {
             (MotionKind::Sine, vec![0.7, 3.0, 0.4, 0.1]),
             (MotionKind::SineHertz, vec![0.7, 0.5, 0.4, 0.1]),
             (MotionKind::Polynomial, vec![0.7, 3.0, -0.4, 0.1]),
-            (
-                MotionKind::Table,
-                vec![0.0, 0.5, 1.1, 2.0, 0.3, 0.9, -0.2, 0.5],
-            ),
-            (
-                MotionKind::Lines,
-                vec![0.0, 0.5, 1.1, 2.0, 0.3, 0.9, -0.2, 0.5],
-            ),
+            (MotionKind::Table, vec![0.0, 0.5, 1.1, 2.0, 0.3, 0.9, -0.2, 0.5]),
+            (MotionKind::Lines, vec![0.0, 0.5, 1.1, 2.0, 0.3, 0.9, -0.2, 0.5]),
         ];
         for (kind, numbers) in cases {
-            let spec = MotionSpec {
-                kind,
-                n: numbers.len(),
-                x: 0,
-                function: None,
-                output: 0,
-            };
+            let spec = MotionSpec { kind, n: numbers.len(), x: 0, function: None, output: 0 };
             let law = MotionLaw::derive(&spec, &numbers);
             for t in [0.61, 1.3, 1.95] {
                 let [_, rate, acceleration] = law.at(t);
@@ -377,13 +301,7 @@ mod tests {
 
     #[test]
     fn a_failure_is_kept_with_its_reason() {
-        let f = Function::new(|t| {
-            if t > 1.0 {
-                Err("too late".into())
-            } else {
-                Ok(vec![t, 1.0, 0.0])
-            }
-        });
+        let f = Function::new(|t| if t > 1.0 { Err("too late".into()) } else { Ok(vec![t, 1.0, 0.0]) });
         let law: MotionLaw<f64> = MotionLaw::Function(Some(Arc::new(f)), 0);
         assert_eq!(law.at(0.5), [0.5, 1.0, 0.0]);
         assert!(law.at(2.0)[0].is_nan());
@@ -391,10 +309,7 @@ mod tests {
             return;
         };
         assert_eq!(f.failure().as_deref(), Some("too late"));
-        assert_eq!(
-            MotionLaw::<f64>::Function(Some(f.clone()), 0).at(0.1)[0],
-            0.1
-        );
+        assert_eq!(MotionLaw::<f64>::Function(Some(f.clone()), 0).at(0.1)[0], 0.1);
         assert_eq!(f.failure(), None);
     }
 }

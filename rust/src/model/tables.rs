@@ -122,9 +122,7 @@ impl Tables {
     /// Every number must be finite and every index inside its table, whoever wrote them.
     pub fn check(&self) -> Result<()> {
         if let Some(i) = self.x.iter().position(|v| !v.is_finite()) {
-            return Err(Error::model(format!(
-                "number {i} of the tables is not finite"
-            )));
+            return Err(Error::model(format!("number {i} of the tables is not finite")));
         }
         for body in &self.bodies {
             self.inside(&body.name, body.x, 23)?;
@@ -134,27 +132,16 @@ impl Tables {
             self.connects(&joint.name, joint.a, joint.b)?;
         }
         for element in &self.elements {
-            let n = if element.kind == ElementKind::Bushing {
-                88
-            } else {
-                10
-            };
+            let n = if element.kind == ElementKind::Bushing { 88 } else { 10 };
             self.inside(&element.name, element.x, n)?;
             self.connects(&element.name, element.a, element.b)?;
         }
         for load in &self.loads {
             self.inside(&load.name, load.x, 6)?;
             self.connects(&load.name, Some(load.body), None)?;
-            let modes = self
-                .flexible
-                .iter()
-                .find(|f| f.body == load.body)
-                .map(|f| f.m);
+            let modes = self.flexible.iter().find(|f| f.body == load.body).map(|f| f.m);
             if load.mode.is_some_and(|k| modes.is_none_or(|m| k >= m)) {
-                return Err(Error::model(format!(
-                    "'{}' acts on a modal coordinate that does not exist",
-                    load.name
-                )));
+                return Err(Error::model(format!("'{}' acts on a modal coordinate that does not exist", load.name)));
             }
         }
         self.check_flexible()?;
@@ -176,9 +163,7 @@ impl Tables {
         }
         for m in &self.load_motions {
             if m.load >= self.loads.len() || m.component >= 3 {
-                return Err(Error::model(
-                    "a motion belongs to a load that does not exist",
-                ));
+                return Err(Error::model("a motion belongs to a load that does not exist"));
             }
             self.follows(&self.loads[m.load].name, m.motion)?;
         }
@@ -186,15 +171,12 @@ impl Tables {
             self.connects("a pose", Some(*body), None)?;
             self.inside("a pose", *x, 7)?;
         }
-        self.gravity
-            .map_or(Ok(()), |g| self.inside("gravity", g, 3))
+        self.gravity.map_or(Ok(()), |g| self.inside("gravity", g, 3))
     }
 
     fn inside(&self, name: &str, start: usize, n: usize) -> Result<()> {
         if start.checked_add(n).is_none_or(|end| end > self.x.len()) {
-            return Err(Error::model(format!(
-                "'{name}': its numbers lie outside the value vector"
-            )));
+            return Err(Error::model(format!("'{name}': its numbers lie outside the value vector")));
         }
         Ok(())
     }
@@ -202,18 +184,14 @@ impl Tables {
     fn drives(&self, name: &str, joint: usize, coordinate: usize) -> Result<()> {
         let free = self.joints.get(joint).map(|j| j.kind.free_coordinates());
         if free.is_none_or(|free| coordinate >= free.len()) {
-            return Err(Error::model(format!(
-                "'{name}' refers to a joint coordinate that does not exist"
-            )));
+            return Err(Error::model(format!("'{name}' refers to a joint coordinate that does not exist")));
         }
         Ok(())
     }
 
     fn follows(&self, name: &str, motion: usize) -> Result<()> {
         if motion >= self.motions.len() {
-            return Err(Error::model(format!(
-                "'{name}' refers to a motion that does not exist"
-            )));
+            return Err(Error::model(format!("'{name}' refers to a motion that does not exist")));
         }
         Ok(())
     }
@@ -225,11 +203,7 @@ impl Tables {
         let couplers = self.couplers.iter().map(|c| c.name.as_str());
         let flexible = self.flexible.iter();
         let flexible = flexible.map(|f| self.bodies[f.body].name.as_str());
-        let mut all = joints
-            .map(|j| j.name.as_str())
-            .chain(drives)
-            .chain(couplers)
-            .chain(flexible);
+        let mut all = joints.map(|j| j.name.as_str()).chain(drives).chain(couplers).chain(flexible);
         all.next()
     }
 
@@ -237,23 +211,15 @@ impl Tables {
     pub fn failure(&self) -> Option<Error> {
         let mut functions = self.motions.iter().filter_map(|m| m.function.as_ref());
         let message = functions.find_map(|f| f.failure())?;
-        Some(Error::Convergence {
-            message,
-            best: Vec::new(),
-            residual: f64::NAN,
-        })
+        Some(Error::Convergence { message, best: Vec::new(), residual: f64::NAN })
     }
 
     fn connects(&self, name: &str, a: BodyRef, b: BodyRef) -> Result<()> {
         if a.into_iter().chain(b).any(|body| body >= self.bodies.len()) {
-            return Err(Error::model(format!(
-                "'{name}' refers to a body that does not exist"
-            )));
+            return Err(Error::model(format!("'{name}' refers to a body that does not exist")));
         }
         if a == b {
-            return Err(Error::model(format!(
-                "'{name}' connects a body with itself"
-            )));
+            return Err(Error::model(format!("'{name}' connects a body with itself")));
         }
         Ok(())
     }

@@ -14,12 +14,7 @@ use pyo3::types::PyDict;
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
-create_exception!(
-    _core,
-    CoreError,
-    PyException,
-    "Base of the errors that the core raises; mbrs.errors maps them."
-);
+create_exception!(_core, CoreError, PyException, "Base of the errors that the core raises; mbrs.errors maps them.");
 create_exception!(_core, CoreModelError, CoreError);
 create_exception!(_core, CoreRouteError, CoreModelError);
 create_exception!(_core, CoreAssemblyError, CoreError);
@@ -34,14 +29,8 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("CoreRouteError", py.get_type::<CoreRouteError>())?;
     module.add("CoreAssemblyError", py.get_type::<CoreAssemblyError>())?;
     module.add("CoreSingularError", py.get_type::<CoreSingularError>())?;
-    module.add(
-        "CoreConvergenceError",
-        py.get_type::<CoreConvergenceError>(),
-    )?;
-    module.add(
-        "CoreNotDifferentiableError",
-        py.get_type::<CoreNotDifferentiableError>(),
-    )?;
+    module.add("CoreConvergenceError", py.get_type::<CoreConvergenceError>())?;
+    module.add("CoreNotDifferentiableError", py.get_type::<CoreNotDifferentiableError>())?;
     Ok(())
 }
 
@@ -53,9 +42,7 @@ impl From<Error> for PyErr {
             Error::Route(_) => CoreRouteError::new_err(text),
             Error::Assembly(_) => CoreAssemblyError::new_err(text),
             Error::Singular(_) => CoreSingularError::new_err(text),
-            Error::Convergence { best, residual, .. } => {
-                CoreConvergenceError::new_err((text, best, residual))
-            }
+            Error::Convergence { best, residual, .. } => CoreConvergenceError::new_err((text, best, residual)),
             Error::NotDifferentiable(_) => CoreNotDifferentiableError::new_err(text),
             Error::Interrupted => PyKeyboardInterrupt::new_err("interrupted"),
         }
@@ -95,9 +82,7 @@ pub fn interruptible<T: Send + 'static>(
                 }
             }
             Err(RecvTimeoutError::Disconnected) => {
-                return Err(CoreError::new_err(
-                    "the worker thread ended without a result",
-                ));
+                return Err(CoreError::new_err("the worker thread ended without a result"));
             }
         }
     }
@@ -117,9 +102,7 @@ fn flatten<T>(outcome: std::thread::Result<Result<T>>) -> PyResult<T> {
                 .cloned()
                 .or_else(|| panic.downcast_ref::<&str>().map(|s| (*s).to_string()))
                 .unwrap_or_default();
-            Err(CoreError::new_err(format!(
-                "internal error, please report it: {text}"
-            )))
+            Err(CoreError::new_err(format!("internal error, please report it: {text}")))
         }
     }
 }
@@ -137,19 +120,13 @@ pub fn to_numpy<'py>(py: Python<'py>, m: MatRef<'_, f64>) -> Bound<'py, PyArray2
     array
 }
 
-pub fn to_numpy_complex<'py>(
-    py: Python<'py>,
-    m: MatRef<'_, Complex64>,
-) -> Bound<'py, PyArray2<Complex64>> {
+pub fn to_numpy_complex<'py>(py: Python<'py>, m: MatRef<'_, Complex64>) -> Bound<'py, PyArray2<Complex64>> {
     let array = PyArray2::<Complex64>::zeros(py, [m.nrows(), m.ncols()], false);
     fill(&array, |i, j| m[(i, j)]);
     array
 }
 
-fn fill<T: numpy::Element + Copy>(
-    array: &Bound<'_, PyArray2<T>>,
-    value: impl Fn(usize, usize) -> T,
-) {
+fn fill<T: numpy::Element + Copy>(array: &Bound<'_, PyArray2<T>>, value: impl Fn(usize, usize) -> T) {
     let [rows, cols] = [array.shape()[0], array.shape()[1]];
     // a new array is writable, contiguous and not shared yet
     let slice = unsafe { numpy::PyArrayMethods::as_slice_mut(array) };

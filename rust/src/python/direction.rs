@@ -61,9 +61,7 @@ fn stacked(
 
 fn columns(all: &[Directional], pick: impl Fn(&Directional) -> &[f64]) -> Array2<f64> {
     let n = all.iter().map(|d| pick(d).len()).max().unwrap_or(0);
-    Array2::from_shape_fn((n, all.len()), |(i, k)| {
-        pick(&all[k]).get(i).copied().unwrap_or(0.0)
-    })
+    Array2::from_shape_fn((n, all.len()), |(i, k)| pick(&all[k]).get(i).copied().unwrap_or(0.0))
 }
 
 /// Derivatives along sparse directions (indices into the values, weights). `follow`: "equilibrium" moves along, "drawn" follows the
@@ -87,42 +85,22 @@ fn directions<'py>(
     let state = state_of(&system.0, &relative, &rate)?;
     remembered(&system.0, &memory)?;
     let effects = effects(&without)?;
-    let (follow, drawn) = (
-        matches!(follow, "equilibrium" | "steady"),
-        follow == "drawn",
-    );
+    let (follow, drawn) = (matches!(follow, "equilibrium" | "steady"), follow == "drawn");
     let n_x = system.0.x.len();
-    if directions
-        .iter()
-        .any(|(i, v)| i.len() != v.len() || i.iter().any(|i| *i >= n_x))
-    {
+    if directions.iter().any(|(i, v)| i.len() != v.len() || i.iter().any(|i| *i >= n_x)) {
         return Err(Error::model("a direction does not fit the value vector").into());
     }
     let (all, dof) = run(py, &system.0, move |system, cancel| {
-        let setting = Setting {
-            system,
-            state: &state,
-            memory: &memory,
-            effects,
-        };
+        let setting = Setting { system, state: &state, memory: &memory, effects };
         let base = linearize(&setting, &mut Counts::default())?;
-        let solver = follow
-            .then(|| equilibrium_solver(system, &base, &driven))
-            .transpose()?;
-        let request = Request {
-            maps,
-            solve: solver.as_ref().map(|s| s as _),
-            drawn,
-        };
+        let solver = follow.then(|| equilibrium_solver(system, &base, &driven)).transpose()?;
+        let request = Request { maps, solve: solver.as_ref().map(|s| s as _), drawn };
         let one = |(indices, weights): (Vec<usize>, Vec<f64>)| {
             cancel.check()?;
             let dx: Vec<_> = indices.into_iter().zip(weights).collect();
             directional(&setting, &base, &dx, request)
         };
-        let all = directions
-            .into_iter()
-            .map(one)
-            .collect::<Result<Vec<_>>>()?;
+        let all = directions.into_iter().map(one).collect::<Result<Vec<_>>>()?;
         Ok((all, base.matrices.mass.nrows()))
     })?;
     let out = PyDict::new(py);
@@ -131,23 +109,11 @@ fn directions<'py>(
     out.set_item("dS", entries(py, &all, |d| &d.stiffness)?)?;
     if maps {
         let n = 6 * system.0.n_bodies();
-        out.set_item(
-            "dT",
-            stacked(&all, n, dof, |d| d.body_map.as_ref()).into_pyarray(py),
-        )?;
-        out.set_item(
-            "d_ground_coupling",
-            stacked(&all, dof, 6, |d| d.ground_coupling.as_ref()).into_pyarray(py),
-        )?;
+        out.set_item("dT", stacked(&all, n, dof, |d| d.body_map.as_ref()).into_pyarray(py))?;
+        out.set_item("d_ground_coupling", stacked(&all, dof, 6, |d| d.ground_coupling.as_ref()).into_pyarray(py))?;
     }
-    out.set_item(
-        "tree_coordinates",
-        columns(&all, |d| &d.dy).into_pyarray(py),
-    )?;
-    out.set_item(
-        "body_motion",
-        columns(&all, |d| &d.body_motion).into_pyarray(py),
-    )?;
+    out.set_item("tree_coordinates", columns(&all, |d| &d.dy).into_pyarray(py))?;
+    out.set_item("body_motion", columns(&all, |d| &d.body_motion).into_pyarray(py))?;
     out.set_item("multipliers", columns(&all, |d| &d.lam).into_pyarray(py))?;
     Ok(out)
 }

@@ -6,9 +6,7 @@ use pyo3::types::{PyDict, PyList};
 
 use super::border::{counts_dict, guarded, interruptible, matrix, to_numpy_complex};
 use super::modal::{LARGE, Optional, optional};
-use crate::analysis::eigen_sensitivity::{
-    Directions, Known, Slices, eigen_sensitivity, shape_derivatives,
-};
+use crate::analysis::eigen_sensitivity::{Directions, Known, Slices, eigen_sensitivity, shape_derivatives};
 use crate::error::Result;
 use crate::run::Counts;
 use crate::second_order::SecondOrder;
@@ -93,12 +91,7 @@ struct Changes<'py>(Entries<'py>, Entries<'py>, Entries<'py>, usize);
 impl Changes<'_> {
     fn directions(&self, n: usize) -> Result<Directions> {
         let count = self.3;
-        Ok(Directions::new(
-            self.0.slices(n, count)?,
-            self.1.slices(n, count)?,
-            self.2.slices(n, count)?,
-            count,
-        ))
+        Ok(Directions::new(self.0.slices(n, count)?, self.1.slices(n, count)?, self.2.slices(n, count)?, count))
     }
 }
 
@@ -119,16 +112,9 @@ fn eigen_sensitivities<'py>(
     let directions = changes.directions(system.size())?;
     let large = system.size() >= LARGE;
     let work = move || eigen_sensitivity(&system, &known, &directions);
-    let result = if large {
-        interruptible(py, move |_| work())?
-    } else {
-        guarded(py, work)?
-    };
+    let result = if large { interruptible(py, move |_| work())? } else { guarded(py, work)? };
     let dict = PyDict::new(py);
-    dict.set_item(
-        "eigenvalue",
-        to_numpy_complex(py, result.eigenvalue.as_ref()),
-    )?;
+    dict.set_item("eigenvalue", to_numpy_complex(py, result.eigenvalue.as_ref()))?;
     let groups = PyList::empty(py);
     for group in &result.groups {
         groups.append(stacked(py, group))?;
@@ -155,11 +141,8 @@ fn shape_sensitivities<'py>(
         let shapes = shape_derivatives(&system, &known, &directions, &ds, &mut counts, cancel)?;
         Ok((shapes, counts))
     };
-    let (shapes, counts) = if large {
-        interruptible(py, work)?
-    } else {
-        guarded(py, || work(&crate::run::Cancel::default()))?
-    };
+    let (shapes, counts) =
+        if large { interruptible(py, work)? } else { guarded(py, || work(&crate::run::Cancel::default()))? };
     let dict = PyDict::new(py);
     dict.set_item("shape", stacked(py, &shapes))?;
     dict.set_item("counts", counts_dict(py, &counts)?)?;
@@ -169,9 +152,6 @@ fn shape_sensitivities<'py>(
 /// Matrices of one size as an array whose first axis counts them.
 fn stacked<'py>(py: Python<'py>, matrices: &[Mat<Complex64>]) -> Bound<'py, PyArray3<Complex64>> {
     let (rows, columns) = matrices.first().map_or((0, 0), |m| (m.nrows(), m.ncols()));
-    let array =
-        numpy::ndarray::Array3::from_shape_fn((matrices.len(), rows, columns), |(k, i, j)| {
-            matrices[k][(i, j)]
-        });
+    let array = numpy::ndarray::Array3::from_shape_fn((matrices.len(), rows, columns), |(k, i, j)| matrices[k][(i, j)]);
     PyArray3::from_owned_array(py, array)
 }

@@ -2,10 +2,7 @@
 use std::sync::Arc;
 
 use faer::{Mat, c64};
-use numpy::{
-    Complex64, IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArray3,
-};
+use numpy::{Complex64, IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -39,9 +36,7 @@ impl FrfReduction {
     fn new(py: Python<'_>, m: M2<'_>, d: Option<M2<'_>>, s: M2<'_>) -> PyResult<Self> {
         let (m, d, s) = (matrix(&m), d.map(|d| matrix(&d)), matrix(&s));
         let inner = interruptible(py, move |_| Reduction::new(Quadratic::new(m, d, s)?))?;
-        Ok(FrfReduction {
-            inner: Arc::new(inner),
-        })
+        Ok(FrfReduction { inner: Arc::new(inner) })
     }
 
     /// Poles in rad/s, or None where the mass matrix is not positive definite.
@@ -73,9 +68,7 @@ impl FrfReduction {
         let omega: Vec<f64> = omega.as_array().to_vec();
         let shape = [ports.l.nrows(), ports.f.ncols(), omega.len()];
         let inner = self.inner.clone();
-        let values = interruptible(py, move |cancel| {
-            inner.evaluate(&ports, &omega, modes, checked, cancel)
-        })?;
+        let values = interruptible(py, move |cancel| inner.evaluate(&ports, &omega, modes, checked, cancel))?;
         let out = PyDict::new(py);
         out.set_item("value", values.h.into_pyarray(py).reshape(shape)?)?;
         out.set_item("route", values.route.name())?;
@@ -111,8 +104,7 @@ impl FrfReduction {
         let shapes = shapes(n, &ports);
         let variations = (0..n_p)
             .map(|p| {
-                let slice =
-                    |name, a: &Option<M3<'_>>| parameter_slice(name, a, shapes(name), n_p, p);
+                let slice = |name, a: &Option<M3<'_>>| parameter_slice(name, a, shapes(name), n_p, p);
                 Ok(Variation {
                     entries: entries(slice("dM", &dm)?, slice("dD", &dd)?, slice("dS", &ds)?),
                     df: slice("dF", &df)?,
@@ -209,14 +201,7 @@ impl FrfReduction {
             .collect::<Result<Vec<_>>>()?;
         let inner = self.inner.clone();
         let motions = interruptible(py, move |cancel| {
-            response_sensitivity::sensitivities(
-                &inner,
-                &ports,
-                &changes,
-                (&x0, &v0),
-                &history,
-                cancel,
-            )
+            response_sensitivity::sensitivities(&inner, &ports, &changes, (&x0, &v0), &history, cancel)
         })?;
         motions.iter().map(|m| motion_dict(py, m)).collect()
     }
@@ -224,36 +209,20 @@ impl FrfReduction {
 
 fn motion_dict<'py>(py: Python<'py>, motion: &response::Motion) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
-    for (q, name) in ["displacement", "velocity", "acceleration"]
-        .iter()
-        .enumerate()
-    {
+    for (q, name) in ["displacement", "velocity", "acceleration"].iter().enumerate() {
         out.set_item(*name, to_numpy(py, motion.y[q].as_ref()))?;
-        out.set_item(
-            format!("{name}_error"),
-            to_numpy(py, motion.error[q].as_ref()),
-        )?;
+        out.set_item(format!("{name}_error"), to_numpy(py, motion.error[q].as_ref()))?;
     }
     out.set_item("counts", counts_dict(py, &motion.counts)?)?;
     Ok(out)
 }
 
 fn ports(l: &M2<'_>, f: &M2<'_>, order_in: Vec<u32>, d0: Option<&M2<'_>>, order_out: u32) -> Ports {
-    Ports {
-        l: matrix(l),
-        f: matrix(f),
-        order_in,
-        order_out,
-        d0: d0.map(matrix),
-    }
+    Ports { l: matrix(l), f: matrix(f), order_in, order_out, d0: d0.map(matrix) }
 }
 
 fn history(t: &PyReadonlyArray1<'_, f64>, u: &M2<'_>, bulge: &M2<'_>) -> History {
-    History {
-        t: t.as_array().to_vec(),
-        u: matrix(u),
-        bulge: matrix(bulge),
-    }
+    History { t: t.as_array().to_vec(), u: matrix(u), bulge: matrix(bulge) }
 }
 
 fn shapes(n: usize, ports: &Ports) -> impl Fn(&str) -> (usize, usize) + use<> {
@@ -278,16 +247,11 @@ fn parameter_slice(
     let view = a.as_array();
     let (rows, cols) = shape;
     if view.shape() != [rows, cols, n_p] {
-        return Err(Error::model(format!(
-            "{name} has shape {:?}; it must be ({rows}, {cols}, {n_p})",
-            view.shape()
-        )));
+        return Err(Error::model(format!("{name} has shape {:?}; it must be ({rows}, {cols}, {n_p})", view.shape())));
     }
     let value = Mat::from_fn(rows, cols, |i, j| view[(i, j, p)]);
     if !crate::linalg::quadratic::is_finite(value.as_ref()) {
-        return Err(Error::model(format!(
-            "{name} contains NaN or infinite entries"
-        )));
+        return Err(Error::model(format!("{name} contains NaN or infinite entries")));
     }
     Ok((value.norm_max() > 0.0).then_some(value))
 }
@@ -303,13 +267,7 @@ fn entries(dm: Option<Mat<f64>>, dd: Option<Mat<f64>>, ds: Option<Mat<f64>>) -> 
         for col in 0..n {
             let (m, d, s) = (at(&dm, row, col), at(&dd, row, col), at(&ds, row, col));
             if m != 0.0 || d != 0.0 || s != 0.0 {
-                entries.push(Entry {
-                    row,
-                    col,
-                    dm: m,
-                    dd: d,
-                    ds: s,
-                });
+                entries.push(Entry { row, col, dm: m, dd: d, ds: s });
             }
         }
     }

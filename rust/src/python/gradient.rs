@@ -84,10 +84,7 @@ fn task<'py>(
     let asked: Vec<Asked> = need(options, "quantities")?;
     let pairs: Vec<(Vec<usize>, Vec<f64>)> = need(options, "directions")?;
     let n_x = system.x.len();
-    if pairs
-        .iter()
-        .any(|(i, v)| i.len() != v.len() || i.iter().any(|i| *i >= n_x))
-    {
+    if pairs.iter().any(|(i, v)| i.len() != v.len() || i.iter().any(|i| *i >= n_x)) {
         return Err(Error::model("a direction does not fit the value vector").into());
     }
     let weight = match need::<String>(options, "weight")?.as_str() {
@@ -102,9 +99,7 @@ fn task<'py>(
         }
     };
     let shift: Vec<Vec<f64>> = need(options, "shift")?;
-    if !shift.is_empty()
-        && (shift.len() != pairs.len() || shift.iter().any(|s| s.len() != system.n_tree()))
-    {
+    if !shift.is_empty() && (shift.len() != pairs.len() || shift.iter().any(|s| s.len() != system.n_tree())) {
         return Err(Error::model("the shifts of the start do not fit the directions").into());
     }
     Ok(Task {
@@ -112,11 +107,7 @@ fn task<'py>(
             t: times.first().copied().unwrap_or(0.0),
             relative: state.relative,
             rate: state.rate,
-            memory: if memory.len() == n_memory {
-                memory
-            } else {
-                vec![0.0; n_memory]
-            },
+            memory: if memory.len() == n_memory { memory } else { vec![0.0; n_memory] },
         },
         plan: Plan {
             breaks: system.kinks(times.first().copied().unwrap_or(0.0)),
@@ -124,17 +115,10 @@ fn task<'py>(
             rule,
             keep: need(options, "keep")?,
             read: need(options, "read")?,
-            follow: Follow {
-                drawn: need(options, "drawn")?,
-                velocities: need(options, "velocities")?,
-                shift,
-            },
+            follow: Follow { drawn: need(options, "drawn")?, velocities: need(options, "velocities")?, shift },
         },
         wanted: asked.iter().map(quantity).collect::<Result<_>>()?,
-        directions: pairs
-            .into_iter()
-            .map(|(i, v)| i.into_iter().zip(v).collect())
-            .collect(),
+        directions: pairs.into_iter().map(|(i, v)| i.into_iter().zip(v).collect()).collect(),
         effects: effects(without)?.with_exact_tangents(),
     })
 }
@@ -151,10 +135,7 @@ fn begin(eq: &Equations<'_, f64>, task: &Task, counts: &mut Counts) -> Result<In
 
 /// (t, element, what) of each.
 fn listed(kinks: &[Kink]) -> Vec<(f64, String, &'static str)> {
-    kinks
-        .iter()
-        .map(|k| (k.t, k.element.clone(), k.what))
-        .collect()
+    kinks.iter().map(|k| (k.t, k.element.clone(), k.what)).collect()
 }
 
 /// Times after `start` at which a load or a drive is not smooth: a step ends there.
@@ -170,14 +151,9 @@ fn put_instants(out: &Bound<'_, PyDict>, all: &[Instant]) -> PyResult<()> {
         let width = all.first().map_or(0, |o| of(o).len());
         Array2::from_shape_fn((n, width), |(i, k)| of(&all[i])[k]).into_pyarray(py)
     };
-    out.set_item(
-        "t",
-        Array1::from_shape_fn(n, |i| all[i].motion.t).into_pyarray(py),
-    )?;
+    out.set_item("t", Array1::from_shape_fn(n, |i| all[i].motion.t).into_pyarray(py))?;
     let bodies = all.first().map_or(0, |i| i.motion.relative.len());
-    let relative = Array3::from_shape_fn((n, bodies, 12), |(i, b, k)| {
-        all[i].motion.relative[b].number(k)
-    });
+    let relative = Array3::from_shape_fn((n, bodies, 12), |(i, b, k)| all[i].motion.relative[b].number(k));
     out.set_item("relative", relative.into_pyarray(py))?;
     out.set_item("rate", rows(&|i| &i.motion.rate))?;
     out.set_item("memory", rows(&|i| &i.motion.memory))?;
@@ -204,15 +180,7 @@ fn motion_directions<'py>(
         let mut counts = Counts::default();
         let eq = Equations::new(system, system.x.to_vec(), task.effects);
         let start = begin(&eq, &task, &mut counts)?;
-        let found = direct(
-            &eq,
-            start,
-            &task.plan,
-            &task.wanted,
-            &task.directions,
-            cancel,
-            &mut counts,
-        )?;
+        let found = direct(&eq, start, &task.plan, &task.wanted, &task.directions, cancel, &mut counts)?;
         Ok((found, counts))
     })?;
     let out = PyDict::new(py);
@@ -220,14 +188,10 @@ fn motion_directions<'py>(
     out.set_item("kinks", listed(&found.kinks))?;
     let (n, w) = (found.instants.len(), found.width);
     let (values, derivatives) = (found.values, found.derivatives);
-    out.set_item(
-        "values",
-        Array2::from_shape_fn((n, w), |(i, k)| values[i * w + k]).into_pyarray(py),
-    )?;
+    out.set_item("values", Array2::from_shape_fn((n, w), |(i, k)| values[i * w + k]).into_pyarray(py))?;
     out.set_item(
         "derivatives",
-        Array3::from_shape_fn((n, w, n_p), |(i, k, p)| derivatives[(i * w + k) * n_p + p])
-            .into_pyarray(py),
+        Array3::from_shape_fn((n, w, n_p), |(i, k, p)| derivatives[(i * w + k) * n_p + p]).into_pyarray(py),
     )?;
     out.set_item("counts", counts_dict(py, &counts)?)?;
     Ok(out)
@@ -264,12 +228,7 @@ impl MotionForward {
             let run = forward(&eq, start, &own.plan, &own.wanted, cancel, &mut counts)?;
             Ok((run, counts))
         })?;
-        Ok(MotionForward {
-            system,
-            task,
-            run: Arc::new(run),
-            counts,
-        })
+        Ok(MotionForward { system, task, run: Arc::new(run), counts })
     }
 
     /// (n_t, n) the wanted quantities.
@@ -303,16 +262,7 @@ impl MotionForward {
         let (found, counts) = interruptible(py, move |cancel| {
             let mut counts = Counts::default();
             let eq = Equations::new(&system, system.x.to_vec(), task.effects);
-            let found = backward(
-                &eq,
-                &run,
-                &task.plan,
-                &task.wanted,
-                &seeds,
-                &task.directions,
-                cancel,
-                &mut counts,
-            )?;
+            let found = backward(&eq, &run, &task.plan, &task.wanted, &seeds, &task.directions, cancel, &mut counts)?;
             Ok((found, counts))
         })?;
         Ok((found.into_pyarray(py), counts_dict(py, &counts)?))

@@ -49,11 +49,7 @@ fn law_force<'py>(
     let law = Law::from_code(code, values.len())?;
     let (u, v) = (u.as_array(), v.as_array());
     let mut memory = vec![0.0; law.n_memory()];
-    let force = u
-        .iter()
-        .zip(v.iter())
-        .map(|(u, v)| law.eval(*u, *v, &values, &mut memory))
-        .collect();
+    let force = u.iter().zip(v.iter()).map(|(u, v)| law.eval(*u, *v, &values, &mut memory)).collect();
     Ok(PyArray1::from_vec(py, force))
 }
 
@@ -76,11 +72,7 @@ impl HbmElements {
         weight: Vec<f64>,
     ) -> PyResult<Self> {
         let n = code.len();
-        if count.len() != n
-            || functions.len() != n
-            || start.len() != n + 1
-            || index.len() != weight.len()
-        {
+        if count.len() != n || functions.len() != n || start.len() != n + 1 || index.len() != weight.len() {
             return Err(Error::model("elements: arrays of different lengths").into());
         }
         let mut elements = Vec::new();
@@ -88,18 +80,14 @@ impl HbmElements {
         for (e, function) in functions.into_iter().enumerate() {
             let params = values.get(at..at + count[e]);
             let range = start[e]..start[e + 1];
-            let (Some(params), Some(index), Some(weight)) =
-                (params, index.get(range.clone()), weight.get(range))
+            let (Some(params), Some(index), Some(weight)) = (params, index.get(range.clone()), weight.get(range))
             else {
                 return Err(Error::model(format!("element {e}: numbers are missing")).into());
             };
             at += count[e];
             let direction = index.iter().copied().zip(weight.iter().copied()).collect();
             let force = match function {
-                Some(function) => Force::Sampled(Arc::new(PythonLaw {
-                    function,
-                    element: e,
-                })),
+                Some(function) => Force::Sampled(Arc::new(PythonLaw { function, element: e })),
                 None => Force::Known(Law::from_code(code[e], count[e])?, params.to_vec()),
             };
             elements.push(Element { force, direction });
@@ -115,14 +103,7 @@ struct PythonLaw {
 }
 
 impl Sampled for PythonLaw {
-    fn evaluate(
-        &self,
-        u: &[f64],
-        v: &[f64],
-        f: &mut [f64],
-        f_u: &mut [f64],
-        f_v: &mut [f64],
-    ) -> Result<()> {
+    fn evaluate(&self, u: &[f64], v: &[f64], f: &mut [f64], f_u: &mut [f64], f_v: &mut [f64]) -> Result<()> {
         let call = |py: Python<'_>| -> PyResult<()> {
             let arguments = (PyArray1::from_slice(py, u), PyArray1::from_slice(py, v));
             let answer = self.function.call1(py, arguments)?;
@@ -130,23 +111,15 @@ impl Sampled for PythonLaw {
             for (part, out) in parts.iter().zip([f, f_u, f_v]) {
                 let part = part.as_array();
                 if part.len() != out.len() {
-                    return Err(Error::model(format!(
-                        "it returned {} values for {} samples",
-                        part.len(),
-                        out.len()
-                    ))
-                    .into());
+                    return Err(
+                        Error::model(format!("it returned {} values for {} samples", part.len(), out.len())).into()
+                    );
                 }
                 out.iter_mut().zip(part.iter()).for_each(|(o, p)| *o = *p);
             }
             Ok(())
         };
-        Python::attach(call).map_err(|e| {
-            Error::model(format!(
-                "elements[{}], a function, failed: {e}",
-                self.element
-            ))
-        })
+        Python::attach(call).map_err(|e| Error::model(format!("elements[{}], a function, failed: {e}", self.element)))
     }
 }
 
@@ -157,19 +130,11 @@ impl Family for PythonFamily {
     fn member(&self, value: f64) -> Result<Member> {
         Python::attach(|py| -> PyResult<Member> {
             let answer = self.0.call1(py, (value,))?;
-            let (linear, elements): (Bound<'_, HbmLinear>, Bound<'_, HbmElements>) =
-                answer.extract(py)?;
+            let (linear, elements): (Bound<'_, HbmLinear>, Bound<'_, HbmElements>) = answer.extract(py)?;
             let linear = lock(&linear.get().0).copied()?;
-            Ok(Member {
-                linear,
-                elements: elements.get().0.clone(),
-            })
+            Ok(Member { linear, elements: elements.get().0.clone() })
         })
-        .map_err(|e| {
-            Error::model(format!(
-                "the system could not be made for the parameter {value}: {e}"
-            ))
-        })
+        .map_err(|e| Error::model(format!("the system could not be made for the parameter {value}: {e}")))
     }
 }
 
@@ -203,19 +168,13 @@ impl HbmProblem {
         fine: Vec<usize>,
     ) -> PyResult<Self> {
         let linear = lock(&linear.0).copied()?;
-        let basis = Basis {
-            indices,
-            subharmonic: f64::from(subharmonic),
-        };
+        let basis = Basis { indices, subharmonic: f64::from(subharmonic) };
         let finer = Finer { extra, dims: fine };
         check(&basis, &elements.0, linear.as_ref(), &dims, &omega)?;
         let extended = basis.extended(&finer.extra);
         check(&extended, &elements.0, linear.as_ref(), &finer.dims, &omega)?;
         let problem = Problem::new(basis, linear, elements.0.clone(), omega, &dims)?;
-        Ok(Self {
-            inner: Arc::new(Mutex::new(problem)),
-            finer,
-        })
+        Ok(Self { inner: Arc::new(Mutex::new(problem)), finer })
     }
 
     /// Number of unknowns.
@@ -226,11 +185,7 @@ impl HbmProblem {
 
     /// Lets the system depend on a parameter: `family(value)` returns (HbmLinear, HbmElements); `step` is that of differences.
     fn with_family(&self, family: Py<PyAny>, value: f64, step: f64) {
-        lock(&self.inner).family = Some(Placed {
-            family: Arc::new(PythonFamily(family)),
-            value,
-            step,
-        });
+        lock(&self.inner).family = Some(Placed { family: Arc::new(PythonFamily(family)), value, step });
     }
 
     /// Residual, Jacobian and slope by the parameter ("omega", "level", "scale" or "family") at the coefficients y (harmonic by harmonic).
@@ -281,10 +236,7 @@ impl HbmProblem {
         let mut y = y.as_slice()?.to_vec();
         drop(self.at(&omega, y.len(), level)?);
         let (inner, finer) = (self.inner.clone(), self.finer.clone());
-        let options = Options {
-            tolerance,
-            max_iterations,
-        };
+        let options = Options { tolerance, max_iterations };
         let solved = interruptible(py, move |cancel| {
             let mut problem = lock(&inner);
             problem.omega = omega;
@@ -322,10 +274,7 @@ impl HbmProblem {
             return Err(Error::model("coefficients of a wrong size").into());
         }
         let finer = self.finer.clone();
-        let options = Options {
-            tolerance,
-            max_iterations,
-        };
+        let options = Options { tolerance, max_iterations };
         let (z, outcome, error, evaluations) = interruptible(py, move |cancel| {
             let outcome = autonomous::solve(&mut problem, &mut z, options, cancel)?;
             let error = autonomous::estimate(&problem, &z, &finer)?;
@@ -363,11 +312,7 @@ impl HbmProblem {
                 return Ok((None, None));
             };
             let floquet = stability.exponents(&mut problem, out.jacobian.as_ref(), &y)?;
-            let matrix = if monodromy {
-                Some(stability.monodromy(&mut problem, &y)?)
-            } else {
-                None
-            };
+            let matrix = if monodromy { Some(stability.monodromy(&mut problem, &y)?) } else { None };
             Ok((Some(floquet.exponents), matrix))
         })?;
         let exponents = exponents.map(|e| PyArray1::from_vec(py, e));
@@ -392,9 +337,7 @@ impl HbmProblem {
         }
         problem.omega[0] = omega;
         problem.level = level;
-        let (omega, y) = interruptible(py, move |cancel| {
-            find_peak(&mut problem, &y, coordinate, term, cancel)
-        })?;
+        let (omega, y) = interruptible(py, move |cancel| find_peak(&mut problem, &y, coordinate, term, cancel))?;
         Ok((omega, PyArray1::from_vec(py, y)))
     }
 
@@ -413,11 +356,7 @@ impl HbmProblem {
     }
 
     /// The vector y of all coordinates X (n, n_c).
-    fn restrict<'py>(
-        &self,
-        py: Python<'py>,
-        x: PyReadonlyArray2<'_, f64>,
-    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    fn restrict<'py>(&self, py: Python<'py>, x: PyReadonlyArray2<'_, f64>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let x = matrix(&x);
         let problem = lock(&self.inner);
         if x.nrows() != problem.linear.full_size() || x.ncols() != problem.basis.n_coefficients() {
@@ -486,9 +425,7 @@ pub fn parameter_called(name: &str) -> Result<Parameter> {
         "family" => Ok(Parameter::Family),
         other => match other.strip_prefix("omega").map(str::parse) {
             Some(Ok(i)) => Ok(Parameter::Omega(i)),
-            _ => Err(Error::model(format!(
-                "no continuation parameter is called {other}"
-            ))),
+            _ => Err(Error::model(format!("no continuation parameter is called {other}"))),
         },
     }
 }
@@ -503,33 +440,20 @@ fn check(
 ) -> Result<()> {
     let (n, p) = (linear.full_size(), dims.len());
     if n == 0 || p == 0 || omega.len() != p || basis.indices.iter().any(|k| k.len() != p) {
-        return Err(Error::model(
-            "harmonic balance: frequencies, indices and samples do not match",
-        ));
+        return Err(Error::model("harmonic balance: frequencies, indices and samples do not match"));
     }
     let reach = basis.reach();
     if dims.iter().zip(&reach).any(|(n, k)| *n < 2 * k + 1) {
-        return Err(Error::model(
-            "harmonic balance: fewer samples than coefficients",
-        ));
+        return Err(Error::model("harmonic balance: fewer samples than coefficients"));
     }
-    if elements
-        .iter()
-        .any(|e| e.direction.iter().any(|(i, _)| *i >= n))
-    {
-        return Err(Error::model(
-            "harmonic balance: a direction beyond the last coordinate",
-        ));
+    if elements.iter().any(|e| e.direction.iter().any(|(i, _)| *i >= n)) {
+        return Err(Error::model("harmonic balance: a direction beyond the last coordinate"));
     }
     if p > 1 && elements.iter().any(|e| e.force.has_memory()) {
-        return Err(Error::model(
-            "laws with memory have no quasi-periodic form; use laws without memory",
-        ));
+        return Err(Error::model("laws with memory have no quasi-periodic form; use laws without memory"));
     }
     if basis.subharmonic < 1.0 {
-        return Err(Error::model(
-            "harmonic balance: a subharmonic order below one",
-        ));
+        return Err(Error::model("harmonic balance: a subharmonic order below one"));
     }
     check_memory(basis, elements, linear.size(), dims)
 }

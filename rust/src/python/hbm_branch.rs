@@ -67,20 +67,9 @@ impl HbmBranch {
         across: bool,
         model: Option<[PyReadonlyArray2<'_, f64>; 3]>,
     ) -> PyResult<Self> {
-        let options = options(
-            predictor,
-            corrector,
-            [first_step, least_step, largest_step],
-            tolerance,
-            (stop - start).abs(),
-        )?;
-        let settings = Settings {
-            options,
-            from: start,
-            to: stop,
-            stability,
-            events,
-        };
+        let options =
+            options(predictor, corrector, [first_step, least_step, largest_step], tolerance, (stop - start).abs())?;
+        let settings = Settings { options, from: start, to: stop, stability, events };
         let parameter = parameter_called(parameter)?;
         let mut y = y.as_slice()?.to_vec();
         let finer = problem.finer.clone();
@@ -95,14 +84,10 @@ impl HbmBranch {
             return Err(Error::model("there is no such base frequency").into());
         }
         if parameter == Parameter::Family && copy.family.is_none() {
-            return Err(
-                Error::model("a branch in a parameter of the system needs its family").into(),
-            );
+            return Err(Error::model("a branch in a parameter of the system needs its family").into());
         }
         copy.parameter = parameter;
-        let towards = towards
-            .map(|t| t.as_slice().map(<[f64]>::to_vec))
-            .transpose()?;
+        let towards = towards.map(|t| t.as_slice().map(<[f64]>::to_vec)).transpose()?;
         if y.len() != copy.size() || towards.as_ref().is_some_and(|t| t.len() != y.len() + 1) {
             return Err(Error::model("a branch starts with coefficients of a wrong size").into());
         }
@@ -112,27 +97,13 @@ impl HbmBranch {
             if !across {
                 first(&mut copy, &mut y, tolerance, cancel)?;
             }
-            Follower::start(
-                copy,
-                &finer,
-                &y,
-                towards.as_deref(),
-                settings,
-                model.as_ref(),
-            )
+            Follower::start(copy, &finer, &y, towards.as_deref(), settings, model.as_ref())
         })?;
-        Ok(Self {
-            inner: Arc::new(Mutex::new(follower)),
-        })
+        Ok(Self { inner: Arc::new(Mutex::new(follower)) })
     }
 
     /// Goes on for at most so many points and seconds; returns what is new.
-    fn run<'py>(
-        &self,
-        py: Python<'py>,
-        points: usize,
-        seconds: f64,
-    ) -> PyResult<Bound<'py, PyDict>> {
+    fn run<'py>(&self, py: Python<'py>, points: usize, seconds: f64) -> PyResult<Bound<'py, PyDict>> {
         let inner = self.inner.clone();
         let chunk = interruptible(py, move |cancel| {
             let begin = Instant::now();
@@ -159,10 +130,7 @@ impl HbmBranch {
 
 /// The first point, found from the guess y.
 fn first(problem: &mut Problem, y: &mut [f64], tolerance: f64, cancel: &Cancel) -> Result<()> {
-    let newton = newton::Options {
-        tolerance,
-        max_iterations: 60,
-    };
+    let newton = newton::Options { tolerance, max_iterations: 60 };
     let outcome = start::solve(problem, y, newton, cancel)?;
     if outcome.converged {
         return Ok(());
@@ -171,30 +139,17 @@ fn first(problem: &mut Problem, y: &mut [f64], tolerance: f64, cancel: &Cancel) 
         Some(e) => format!("elements[{e}] returned a force that is not finite"),
         None => outcome.reason.to_string(),
     };
-    let message =
-        format!("the first point of the branch was not found: {what}; begin elsewhere or give x0");
-    Err(Error::Convergence {
-        message,
-        best: y.to_vec(),
-        residual: outcome.step,
-    })
+    let message = format!("the first point of the branch was not found: {what}; begin elsewhere or give x0");
+    Err(Error::Convergence { message, best: y.to_vec(), residual: outcome.step })
 }
 
-pub fn options(
-    predictor: &str,
-    corrector: &str,
-    steps: [f64; 3],
-    tolerance: f64,
-    scale: f64,
-) -> Result<Options> {
+pub fn options(predictor: &str, corrector: &str, steps: [f64; 3], tolerance: f64, scale: f64) -> Result<Options> {
     let predictor = match predictor {
         "tangent" => Predictor::Tangent,
         "secant" => Predictor::Secant,
         "lagrange" => Predictor::Lagrange,
         other => {
-            return Err(Error::model(format!(
-                "no predictor is called {other}; use tangent, secant or lagrange"
-            )));
+            return Err(Error::model(format!("no predictor is called {other}; use tangent, secant or lagrange")));
         }
     };
     let corrector = match corrector {
@@ -202,9 +157,7 @@ pub fn options(
         "arclength" => Corrector::Arclength,
         "moore-penrose" => Corrector::MoorePenrose,
         other => {
-            let message = format!(
-                "no corrector is called {other}; use pseudo-arclength, arclength or moore-penrose"
-            );
+            let message = format!("no corrector is called {other}; use pseudo-arclength, arclength or moore-penrose");
             return Err(Error::model(message));
         }
     };
@@ -223,9 +176,7 @@ pub fn options(
 impl Chunk {
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
-        let column = |f: &dyn Fn(&Record) -> f64| {
-            PyArray1::from_vec(py, self.records.iter().map(f).collect())
-        };
+        let column = |f: &dyn Fn(&Record) -> f64| PyArray1::from_vec(py, self.records.iter().map(f).collect());
         dict.set_item("p", column(&|r| r.p))?;
         dict.set_item("error", column(&|r| r.error))?;
         dict.set_item("aliasing", column(&|r| r.aliasing))?;
@@ -239,26 +190,13 @@ impl Chunk {
         };
         dict.set_item("stable", column(&stable))?;
         let ys: Vec<Vec<f64>> = self.records.iter().map(|r| r.y.clone()).collect();
-        dict.set_item(
-            "y",
-            PyArray2::from_vec2(py, &ys).map_err(|e| Error::model(e.to_string()))?,
-        )?;
-        let exponents: Vec<Vec<Complex64>> = self
-            .records
-            .iter()
-            .filter_map(|r| r.floquet.as_ref().map(|f| f.exponents.clone()))
-            .collect();
+        dict.set_item("y", PyArray2::from_vec2(py, &ys).map_err(|e| Error::model(e.to_string()))?)?;
+        let exponents: Vec<Vec<Complex64>> =
+            self.records.iter().filter_map(|r| r.floquet.as_ref().map(|f| f.exponents.clone())).collect();
         if !exponents.is_empty() && exponents.len() == self.records.len() {
-            dict.set_item(
-                "exponents",
-                PyArray2::from_vec2(py, &exponents).map_err(|e| Error::model(e.to_string()))?,
-            )?;
+            dict.set_item("exponents", PyArray2::from_vec2(py, &exponents).map_err(|e| Error::model(e.to_string()))?)?;
         }
-        let fallbacks = self
-            .records
-            .iter()
-            .filter(|r| r.floquet.as_ref().is_some_and(|f| !f.by_hill))
-            .count();
+        let fallbacks = self.records.iter().filter(|r| r.floquet.as_ref().is_some_and(|f| !f.by_hill)).count();
         dict.set_item("monodromies", fallbacks)?;
         let events = PyList::empty(py);
         for event in &self.events {
@@ -308,13 +246,7 @@ pub fn find_peak(
     cancel: &Cancel,
 ) -> Result<(f64, Vec<f64>)> {
     let scale = problem.omega[0];
-    let options = options(
-        "tangent",
-        "pseudo-arclength",
-        [1e-3, 1e-10, 0.05],
-        1e-11,
-        scale,
-    )?;
+    let options = options("tangent", "pseudo-arclength", [1e-3, 1e-10, 0.05], 1e-11, scale)?;
     let point = peak::find(problem, y, coordinate, term, options, cancel)?;
     Ok((point.p(), point.y().to_vec()))
 }

@@ -17,15 +17,11 @@ use crate::error::Error;
 pub struct HbmLinear(pub Mutex<Box<dyn DynamicStiffness>>);
 
 fn rows(m: &Mat<f64>) -> Vec<f64> {
-    (0..m.nrows() * m.ncols())
-        .map(|i| m[(i / m.ncols(), i % m.ncols())])
-        .collect()
+    (0..m.nrows() * m.ncols()).map(|i| m[(i / m.ncols(), i % m.ncols())]).collect()
 }
 
 fn terms(forces: &PyReadonlyArray2<'_, Complex64>) -> Forces {
-    let row = |f: numpy::ndarray::ArrayView1<'_, Complex64>| {
-        f.iter().any(|x| x.norm() > 0.0).then(|| f.to_vec())
-    };
+    let row = |f: numpy::ndarray::ArrayView1<'_, Complex64>| f.iter().any(|x| x.norm() > 0.0).then(|| f.to_vec());
     Arc::new(forces.as_array().outer_iter().map(row).collect())
 }
 
@@ -33,10 +29,7 @@ fn of_size(what: &str, found: usize, expected: usize) -> PyResult<()> {
     if found == expected {
         Ok(())
     } else {
-        Err(Error::model(format!(
-            "{what} has the length {found} instead of {expected}"
-        ))
-        .into())
+        Err(Error::model(format!("{what} has the length {found} instead of {expected}")).into())
     }
 }
 
@@ -57,13 +50,7 @@ impl HbmLinear {
         }
         of_size("the force", forces.as_array().ncols(), n)?;
         let [m, c, k] = parts.each_ref().map(rows);
-        Ok(Self(Mutex::new(Box::new(Full {
-            n,
-            m,
-            c,
-            k,
-            forces: terms(&forces),
-        }))))
+        Ok(Self(Mutex::new(Box::new(Full { n, m, c, k, forces: terms(&forces) }))))
     }
 
     /// Entries (row, column, m, c, k) without repetition; `retained` coordinates, to which free ones are added.
@@ -87,18 +74,10 @@ impl HbmLinear {
         if row.iter().chain(&column).chain(&retained).any(|i| *i >= n) {
             return Err(Error::model("an entry lies outside the matrix").into());
         }
-        let entry = |i: usize| Entry {
-            row: row[i],
-            column: column[i],
-            m: m[i],
-            c: c[i],
-            k: k[i],
-        };
+        let entry = |i: usize| Entry { row: row[i], column: column[i], m: m[i], c: c[i], k: k[i] };
         let entries: Vec<Entry> = (0..row.len()).map(entry).collect();
         let forces = terms(&forces);
-        let condensed = guarded(py, || {
-            Condensed::new(Arc::new(Split::new(n, &entries, retained, forces)?))
-        })?;
+        let condensed = guarded(py, || Condensed::new(Arc::new(Split::new(n, &entries, retained, forces)?)))?;
         Ok(Self(Mutex::new(Box::new(condensed))))
     }
 
@@ -137,19 +116,7 @@ impl HbmLinear {
         let modal_forces = Vec::new();
         let matrices = matrices.map(|parts| parts.map(|p| matrix(&p)).into());
         let n = n_r + n_l;
-        let mut modes = Modes {
-            n,
-            retained,
-            local,
-            rr,
-            lr,
-            stiffness,
-            damping,
-            shape,
-            forces,
-            matrices,
-            modal_forces,
-        };
+        let mut modes = Modes { n, retained, local, rr, lr, stiffness, damping, shape, forces, matrices, modal_forces };
         let modes = guarded(py, move || {
             modes.project_forces();
             Ok(modes)

@@ -45,11 +45,7 @@ fn dense_modes<'py>(
             Some(mf) => modes(&system.with_mass_factor(mf)?),
         }
     };
-    let result = if large {
-        interruptible(py, move |_| work())?
-    } else {
-        guarded(py, work)?
-    };
+    let result = if large { interruptible(py, move |_| work())? } else { guarded(py, work)? };
     as_dict(py, result)
 }
 
@@ -61,13 +57,8 @@ pub(super) fn as_dict<'py>(py: Python<'py>, r: Modal) -> PyResult<Bound<'py, PyD
     let left = r.left.map(|left| to_numpy_complex(py, left.as_ref()));
     dict.set_item("left", left)?;
     dict.set_item("partner_mode", r.partner_mode.into_pyarray(py))?;
-    dict.set_item(
-        "partner_shape",
-        to_numpy_complex(py, r.partner_shape.as_ref()),
-    )?;
-    let left = r
-        .partner_left
-        .map(|left| to_numpy_complex(py, left.as_ref()));
+    dict.set_item("partner_shape", to_numpy_complex(py, r.partner_shape.as_ref()))?;
+    let left = r.partner_left.map(|left| to_numpy_complex(py, left.as_ref()));
     dict.set_item("partner_left", left)?;
     dict.set_item("kind", r.kind.iter().map(|k| k.name()).collect::<Vec<_>>())?;
     dict.set_item("near_defective", r.near_defective.into_pyarray(py))?;

@@ -59,24 +59,14 @@ struct Plan {
     n_steps: usize,
 }
 
-fn follow<T: Seed>(
-    system: &System,
-    plan: &Plan,
-    cancel: &Cancel,
-    counts: &mut Counts,
-) -> Result<History> {
+fn follow<T: Seed>(system: &System, plan: &Plan, cancel: &Cancel, counts: &mut Counts) -> Result<History> {
     let mut x: Vec<T> = system.x.iter().map(|v| T::from(*v)).collect();
     for (i, d) in &plan.direction {
         x[*i] = T::seeded(system.x[*i], *d);
     }
     let start = Motion {
         t: 0.0,
-        relative: plan
-            .state
-            .relative
-            .iter()
-            .map(Pose::<f64>::lifted)
-            .collect(),
+        relative: plan.state.relative.iter().map(Pose::<f64>::lifted).collect(),
         rate: plan.state.rate.iter().map(|r| T::from(*r)).collect(),
         memory: vec![T::zero(); system.topology.n_memory],
     };
@@ -85,17 +75,11 @@ fn follow<T: Seed>(
     let real = |v: &[T]| v.iter().map(|x| x.re()).collect();
     for motion in run.integrate(start, plan.step, plan.n_steps, cancel, counts)? {
         let positions = run.positions(&motion);
-        history
-            .relative
-            .push(motion.relative.iter().map(Pose::real).collect());
+        history.relative.push(motion.relative.iter().map(Pose::real).collect());
         history.rate.push(real(&motion.rate));
         history.memory.push(real(&motion.memory));
-        history
-            .position
-            .push(positions.iter().map(|p| p.map(|v| v.re())).collect());
-        history
-            .derivative
-            .push(positions.iter().map(|p| p.map(|v| v.slope())).collect());
+        history.position.push(positions.iter().map(|p| p.map(|v| v.re())).collect());
+        history.derivative.push(positions.iter().map(|p| p.map(|v| v.slope())).collect());
     }
     Ok(history)
 }
@@ -119,12 +103,7 @@ pub fn integrate<'py>(
     if indices.len() != weights.len() || indices.iter().any(|i| *i >= system.x.len()) {
         return Err(Error::model("the direction does not fit the value vector").into());
     }
-    let plan = Plan {
-        state,
-        direction: indices.into_iter().zip(weights).collect(),
-        step,
-        n_steps,
-    };
+    let plan = Plan { state, direction: indices.into_iter().zip(weights).collect(), step, n_steps };
     let (history, counts) = run(py, system, move |system, cancel| {
         let mut counts = Counts::default();
         let history = if differentiate {
@@ -136,15 +115,10 @@ pub fn integrate<'py>(
     })?;
     let out = PyDict::new(py);
     let (n, bodies) = (n_steps + 1, system.n_bodies());
-    let points = |of: &[Vec<V3<f64>>]| {
-        Array3::from_shape_fn((n, bodies, 3), |(i, b, k)| of[i][b][k]).into_pyarray(py)
-    };
-    let rows = |of: &[Vec<f64>]| {
-        Array2::from_shape_fn((n, of[0].len()), |(i, k)| of[i][k]).into_pyarray(py)
-    };
-    let relative = Array3::from_shape_fn((n, system.topology.n_poses(), 12), |(i, b, k)| {
-        history.relative[i][b].number(k)
-    });
+    let points = |of: &[Vec<V3<f64>>]| Array3::from_shape_fn((n, bodies, 3), |(i, b, k)| of[i][b][k]).into_pyarray(py);
+    let rows = |of: &[Vec<f64>]| Array2::from_shape_fn((n, of[0].len()), |(i, k)| of[i][k]).into_pyarray(py);
+    let relative =
+        Array3::from_shape_fn((n, system.topology.n_poses(), 12), |(i, b, k)| history.relative[i][b].number(k));
     out.set_item("relative", relative.into_pyarray(py))?;
     out.set_item("rate", rows(&history.rate))?;
     out.set_item("memory", rows(&history.memory))?;
@@ -158,44 +132,22 @@ pub fn integrate<'py>(
 
 /// Per law, in the order of its numbers: where these start in x, the bodies a and b (-1 ground), the world point (3,) and the row
 /// (6,) that takes the relative twist of b there to the rate of the law's displacement, then displacement and rate.
-pub fn law_places<'py>(
-    py: Python<'py>,
-    system: &System,
-    state: &State,
-) -> PyResult<Bound<'py, PyList>> {
+pub fn law_places<'py>(py: Python<'py>, system: &System, state: &State) -> PyResult<Bound<'py, PyList>> {
     let topology = &*system.topology;
     let rate = state.moving().then_some(state.rate.as_slice());
     let placement = place(topology, &system.geometry, &state.relative, rate);
-    let numbers = Numbers {
-        x: &system.x,
-        memory: &[],
-    };
+    let numbers = Numbers { x: &system.x, memory: &[] };
     let out = PyList::empty(py);
     for c in topology.connectors.iter().filter(|c| !c.laws.is_empty()) {
         let moved = motion_of(topology, &system.geometry, &placement, &system.x, c);
-        let here = coordinate_tangent(
-            topology,
-            &system.geometry,
-            &placement,
-            numbers,
-            c,
-            Wanted::FORCES,
-        );
+        let here = coordinate_tangent(topology, &system.geometry, &placement, numbers, c, Wanted::FORCES);
         for law in &c.laws {
             let (e, v) = moved[law.component];
             let gradient = here.gradients[law.component];
             let row: Vec<f64> = (0..6).map(|k| gradient.get(k)).collect();
             let body = |b: Option<usize>| b.map_or(-1, |b| b as i64);
             let point = here.point.as_slice().to_vec().into_pyarray(py);
-            out.append((
-                law.x,
-                body(c.a),
-                body(c.b),
-                point,
-                row.into_pyarray(py),
-                e,
-                v,
-            ))?;
+            out.append((law.x, body(c.a), body(c.b), point, row.into_pyarray(py), e, v))?;
         }
     }
     Ok(out)

@@ -1,9 +1,7 @@
 //! Derivative-free solution of F(x) = 0 for Python functions.
 use std::sync::{Mutex, PoisonError};
 
-use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
-};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -56,11 +54,7 @@ impl RootInverse {
     }
 
     /// H r.
-    fn apply<'py>(
-        &self,
-        py: Python<'py>,
-        r: PyReadonlyArray1<'_, f64>,
-    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    fn apply<'py>(&self, py: Python<'py>, r: PyReadonlyArray1<'_, f64>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let h = self.h.lock().unwrap_or_else(PoisonError::into_inner);
         if r.len() != self.n {
             return Err(Error::model(format!("the vector needs {} entries", self.n)).into());
@@ -138,25 +132,14 @@ fn root_solve<'py>(
     let start = match (differences, pattern) {
         (_, Some((start, row))) => {
             let ones = vec![1.0; row.len()];
-            Start::Pattern(Csc::new(
-                "sparsity",
-                x0.len(),
-                x0.len(),
-                &start,
-                &row,
-                &ones,
-            )?)
+            Start::Pattern(Csc::new("sparsity", x0.len(), x0.len(), &start, &row, &ones)?)
         }
         (None, None) => Start::Identity,
         (Some(_), None) => Start::Differences,
     };
     let defaults = Options::default();
     let options = Options {
-        family: if broyden {
-            Family::Broyden
-        } else {
-            Family::Bfgs
-        },
+        family: if broyden { Family::Broyden } else { Family::Bfgs },
         tolerance,
         max_iterations: limits.0,
         max_evaluations: limits.1,
@@ -168,10 +151,7 @@ fn root_solve<'py>(
             max_backtracks: rule.4,
             invariant: rule.5,
         },
-        guard: Guard {
-            curvature: guard.0,
-            determinant: (guard.1, guard.2),
-        },
+        guard: Guard { curvature: guard.0, determinant: (guard.1, guard.2) },
         start,
         memory,
         difference: differences.unwrap_or(defaults.difference),
@@ -183,26 +163,14 @@ fn root_solve<'py>(
         let h = &h.get().h;
         h.lock().unwrap_or_else(PoisonError::into_inner).clone()
     });
-    let mut problem = Function {
-        call: function,
-        observer,
-        raised: None,
-    };
+    let mut problem = Function { call: function, observer, raised: None };
     let outcome = guarded(py, || Ok(solve(&mut problem, &x0, &options, &mut h)));
     if let Some(raised) = problem.raised.take() {
         return Err(raised);
     }
     let out = report(py, outcome??)?;
     let n = x0.len();
-    let kept = |h| {
-        Py::new(
-            py,
-            RootInverse {
-                h: Mutex::new(h),
-                n,
-            },
-        )
-    };
+    let kept = |h| Py::new(py, RootInverse { h: Mutex::new(h), n });
     let h = h.map(kept);
     out.set_item("inverse", h.transpose()?)?;
     Ok(out)

@@ -31,25 +31,16 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 
 /// One finite number of the options, or None.
 fn number(options: &Bound<'_, PyDict>, name: &str) -> PyResult<Option<f64>> {
-    options
-        .get_item(name)?
-        .filter(|v| !v.is_none())
-        .map(|v| v.extract())
-        .transpose()
+    options.get_item(name)?.filter(|v| !v.is_none()).map(|v| v.extract()).transpose()
 }
 
 fn numbers(options: &Bound<'_, PyDict>, name: &str) -> PyResult<Option<Vec<f64>>> {
-    options
-        .get_item(name)?
-        .filter(|v| !v.is_none())
-        .map(|v| v.extract())
-        .transpose()
+    options.get_item(name)?.filter(|v| !v.is_none()).map(|v| v.extract()).transpose()
 }
 
 fn plan(options: &Bound<'_, PyDict>) -> PyResult<Plan> {
     let need = |name: &str| -> PyResult<f64> {
-        number(options, name)?
-            .ok_or_else(|| Error::model(format!("the option '{name}' is missing")).into())
+        number(options, name)?.ok_or_else(|| Error::model(format!("the option '{name}' is missing")).into())
     };
     let steps = match number(options, "step")? {
         Some(h) => Steps::Fixed(h),
@@ -87,22 +78,16 @@ fn watched<T: Send + 'static>(
         .map_err(|e| CoreError::new_err(format!("no thread could be started: {e}")))?;
     loop {
         let outcome = py.detach(|| {
-            let receiver = receiver
-                .lock()
-                .unwrap_or_else(std::sync::PoisonError::into_inner);
+            let receiver = receiver.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             receiver.recv_timeout(Duration::from_millis(50))
         });
         match outcome {
             Ok(Ok(value)) => return value.map_err(PyErr::from),
             Ok(Err(_)) => {
-                return Err(CoreError::new_err(
-                    "internal error in the motion, please report it",
-                ));
+                return Err(CoreError::new_err("internal error in the motion, please report it"));
             }
             Err(RecvTimeoutError::Disconnected) => {
-                return Err(CoreError::new_err(
-                    "the worker thread ended without a result",
-                ));
+                return Err(CoreError::new_err("the worker thread ended without a result"));
             }
             Err(RecvTimeoutError::Timeout) => {
                 // the partial motion is the answer to an interrupt
@@ -110,9 +95,7 @@ fn watched<T: Send + 'static>(
                     shared.0.stop();
                 }
                 if let Some(report) = report {
-                    report
-                        .call1((shared.1.get(),))
-                        .inspect_err(|_| shared.0.stop())?;
+                    report.call1((shared.1.get(),)).inspect_err(|_| shared.0.stop())?;
                 }
             }
         }
@@ -147,11 +130,7 @@ fn simulate_motion<'py>(
         t: number(options, "t")?.unwrap_or(0.0),
         relative: state.relative,
         rate: state.rate,
-        memory: if memory.is_empty() {
-            vec![0.0; n_memory]
-        } else {
-            memory
-        },
+        memory: if memory.is_empty() { vec![0.0; n_memory] } else { memory },
     };
     let method: String = match options.get_item("method")? {
         Some(name) => name.extract()?,
@@ -188,14 +167,9 @@ fn put_run<'py>(py: Python<'py>, run: &Run) -> PyResult<Bound<'py, PyDict>> {
         let width = all.first().map_or(0, |o| of(o).len());
         Array2::from_shape_fn((n, width), |(i, k)| of(&all[i])[k]).into_pyarray(py)
     };
-    out.set_item(
-        "t",
-        Array1::from_shape_fn(n, |i| all[i].instant.motion.t).into_pyarray(py),
-    )?;
+    out.set_item("t", Array1::from_shape_fn(n, |i| all[i].instant.motion.t).into_pyarray(py))?;
     let bodies = run.last.motion.relative.len();
-    let relative = Array3::from_shape_fn((n, bodies, 12), |(i, b, k)| {
-        all[i].instant.motion.relative[b].number(k)
-    });
+    let relative = Array3::from_shape_fn((n, bodies, 12), |(i, b, k)| all[i].instant.motion.relative[b].number(k));
     out.set_item("relative", relative.into_pyarray(py))?;
     out.set_item("rate", rows(&|o| &o.instant.motion.rate))?;
     out.set_item("memory", rows(&|o| &o.instant.motion.memory))?;
@@ -223,12 +197,7 @@ fn motions(
     rate: &PyReadonlyArray2<'_, f64>,
     memory: &PyReadonlyArray2<'_, f64>,
 ) -> Result<Vec<Motion<f64>>> {
-    let (t, r, v, z) = (
-        values(t),
-        relative.as_array(),
-        rate.as_array(),
-        memory.as_array(),
-    );
+    let (t, r, v, z) = (values(t), relative.as_array(), rate.as_array(), memory.as_array());
     let n = t.len();
     if r.shape() != [n, system.topology.n_poses(), 12]
         || v.shape() != [n, system.n_tree()]
@@ -283,12 +252,7 @@ fn motion_quantities<'py>(
                     rotations[node.body] = quaternion_of_rotation(&pose.r);
                 }
                 let acceleration: Vec<f64> = a.row(i).to_vec();
-                (
-                    eq.origins(&placement),
-                    rotations,
-                    eq.energies(m),
-                    eq.residuals(m, &acceleration),
-                )
+                (eq.origins(&placement), rotations, eq.energies(m), eq.residuals(m, &acceleration))
             })
             .collect::<Vec<_>>())
     })?;
@@ -300,10 +264,7 @@ fn motion_quantities<'py>(
     out.set_item("position", vectors(&|i, b, k| found[i].0[b].0[k], 3))?;
     out.set_item("orientation", vectors(&|i, b, k| found[i].1[b][k], 4))?;
     out.set_item("velocity", vectors(&|i, b, k| found[i].0[b].1.l[k], 3))?;
-    out.set_item(
-        "angular_velocity",
-        vectors(&|i, b, k| found[i].0[b].1.a[k], 3),
-    )?;
+    out.set_item("angular_velocity", vectors(&|i, b, k| found[i].0[b].1.a[k], 3))?;
     let series = |of: &dyn Fn(usize) -> f64| Array1::from_shape_fn(n, of).into_pyarray(py);
     out.set_item("kinetic", series(&|i| found[i].2.kinetic))?;
     out.set_item("gravity", series(&|i| found[i].2.gravity))?;
@@ -317,9 +278,8 @@ fn motion_quantities<'py>(
     let loads = tables.loads.iter().map(|l| l.name.as_str());
     let names: Vec<_> = names.chain(flexible).chain(loads).collect();
     let first_load = names.len() - tables.loads.len();
-    let table = |of: &dyn Fn(usize, usize) -> f64| {
-        Array2::from_shape_fn((n, names.len()), |(i, k)| of(i, k)).into_pyarray(py)
-    };
+    let table =
+        |of: &dyn Fn(usize, usize) -> f64| Array2::from_shape_fn((n, names.len()), |(i, k)| of(i, k)).into_pyarray(py);
     out.set_item(
         "stored",
         table(&|i, k| {
@@ -334,10 +294,7 @@ fn motion_quantities<'py>(
             None => found[i].2.loads[k - first_load],
         }),
     )?;
-    out.set_item(
-        "residual",
-        Array2::from_shape_fn((n, 3), |(i, k)| found[i].3[k]).into_pyarray(py),
-    )?;
+    out.set_item("residual", Array2::from_shape_fn((n, 3), |(i, k)| found[i].3[k]).into_pyarray(py))?;
     out.set_item("elements", PyList::new(py, names)?)?;
     Ok(out)
 }
@@ -359,10 +316,7 @@ fn motion_reactions<'py>(
     let system = &system.0;
     let all = motions(system, &t, &relative, &rate, &memory)?;
     let effects = effects(&without)?;
-    let (a, lam) = (
-        acceleration.as_array().to_owned(),
-        multipliers.as_array().to_owned(),
-    );
+    let (a, lam) = (acceleration.as_array().to_owned(), multipliers.as_array().to_owned());
     let rows = system.topology.rows.len();
     if a.shape() != [all.len(), system.n_tree()] || lam.shape() != [all.len(), rows] {
         return Err(Error::model("the accelerations and multipliers do not fit the model").into());
@@ -374,20 +328,11 @@ fn motion_reactions<'py>(
             let acceleration = a.row(i).to_vec();
             let scene = eq.scene(m, &placement, Some(&acceleration));
             let loops = Loops::analyse(system, &scene.constraints().1)?;
-            shared(
-                system,
-                &scene,
-                &placement,
-                &lam.row(i).to_vec(),
-                loops.as_ref(),
-            )
+            shared(system, &scene, &placement, &lam.row(i).to_vec(), loops.as_ref())
         };
         all.iter().enumerate().map(one).collect::<Result<Vec<_>>>()
     })?;
     let tables = &system.topology.tables;
     let wrenches = tables.joints.len() + tables.drives.len();
-    Ok(
-        Array3::from_shape_fn((found.len(), wrenches, 6), |(i, j, k)| found[i][j].get(k))
-            .into_pyarray(py),
-    )
+    Ok(Array3::from_shape_fn((found.len(), wrenches, 6), |(i, j, k)| found[i][j].get(k)).into_pyarray(py))
 }

@@ -20,11 +20,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 }
 
 /// (column pointers, row indices, values), square.
-type Arrays<'py> = (
-    PyReadonlyArray1<'py, i64>,
-    PyReadonlyArray1<'py, i64>,
-    PyReadonlyArray1<'py, f64>,
-);
+type Arrays<'py> = (PyReadonlyArray1<'py, i64>, PyReadonlyArray1<'py, i64>, PyReadonlyArray1<'py, f64>);
 
 fn csc(name: &str, arrays: &Arrays<'_>) -> Result<Csc> {
     let (start, row, value) = arrays;
@@ -55,15 +51,11 @@ fn sparse_modes<'py>(
     let d = d.map(|d| csc("D", &d)).transpose()?;
     let undamped = d.as_ref().is_none_or(|d| d.value.iter().all(|v| *v == 0.0));
     if undamped && s.is_symmetric() {
-        let modes = interruptible(py, move |cancel| {
-            sparse_modal::lowest(&Assembled::new(m, s)?, n, sigma, cancel)
-        })?;
+        let modes = interruptible(py, move |cancel| sparse_modal::lowest(&Assembled::new(m, s)?, n, sigma, cancel))?;
         return symmetric_dict(py, modes);
     }
     let d = d.unwrap_or_else(|| Csc::from_entries(m.rows, m.cols, Vec::new()));
-    let modes = interruptible(py, move |cancel| {
-        sparse_damped::lowest(&Damped::new(m, d, s)?, n, sigma, cancel)
-    })?;
+    let modes = interruptible(py, move |cancel| sparse_damped::lowest(&Damped::new(m, d, s)?, n, sigma, cancel))?;
     let out = PyDict::new(py);
     out.set_item("eigenvalue", modes.s.into_pyarray(py))?;
     out.set_item("shape", to_numpy_complex(py, modes.shape.as_ref()))?;
@@ -77,12 +69,7 @@ fn sparse_modes<'py>(
 
 /// Number of eigenvalues of K x = lambda M x below a value, None where inertia cannot tell.
 #[pyfunction]
-fn sparse_count(
-    py: Python<'_>,
-    m: Arrays<'_>,
-    k: Arrays<'_>,
-    below: f64,
-) -> PyResult<Option<usize>> {
+fn sparse_count(py: Python<'_>, m: Arrays<'_>, k: Arrays<'_>, below: f64) -> PyResult<Option<usize>> {
     let (m, k) = (csc("M", &m)?, csc("K", &k)?);
     interruptible(py, move |_| Ok(Assembled::new(m, k)?.count_below(below)))
 }
@@ -105,18 +92,11 @@ fn sparse_frf<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let (m, s) = (csc("M", &m)?, csc("S", &s)?);
     let d = d.map(|d| csc("D", &d)).transpose()?;
-    let ports = Ports {
-        l: matrix(&l),
-        f: matrix(&f),
-        order_in,
-        order_out,
-        d0: d0.as_ref().map(matrix),
-    };
+    let ports = Ports { l: matrix(&l), f: matrix(&f), order_in, order_out, d0: d0.as_ref().map(matrix) };
     let omega: Vec<f64> = omega.as_array().to_vec();
     let shape = [ports.n_out(), ports.n_in(), omega.len()];
-    let values = interruptible(py, move |cancel| {
-        SparseSystem::new(&m, d.as_ref(), &s)?.evaluate(&ports, &omega, cancel)
-    })?;
+    let values =
+        interruptible(py, move |cancel| SparseSystem::new(&m, d.as_ref(), &s)?.evaluate(&ports, &omega, cancel))?;
     let out = PyDict::new(py);
     out.set_item("value", values.h.into_pyarray(py).reshape(shape)?)?;
     out.set_item("error", values.error)?;
@@ -137,9 +117,7 @@ fn mixed_modes<'py>(
     sigma: Option<f64>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (m, a) = (csc("M", &m)?, csc("A", &a)?);
-    let modes = interruptible(py, move |cancel| {
-        sparse_modal::lowest(&Mixed::new(m, a)?, n, sigma, cancel)
-    })?;
+    let modes = interruptible(py, move |cancel| sparse_modal::lowest(&Mixed::new(m, a)?, n, sigma, cancel))?;
     symmetric_dict(py, modes)
 }
 

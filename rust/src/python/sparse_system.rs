@@ -57,11 +57,7 @@ fn sparse_model_modes<'py>(
     out.set_item("verified", found.verified)?;
     let names: Vec<&str> = match &found.form.loops {
         None => system.topology.names.iter().map(String::as_str).collect(),
-        Some(l) => l
-            .independent
-            .iter()
-            .map(|i| system.topology.names[*i].as_str())
-            .collect(),
+        Some(l) => l.independent.iter().map(|i| system.topology.names[*i].as_str()).collect(),
     };
     out.set_item("coordinates", names)?;
     let (unbalanced, worst) = found.form.unbalanced;
@@ -73,18 +69,12 @@ fn sparse_model_modes<'py>(
 
 fn minimal(system: &System, found: &BodyModes) -> Mat<Complex64> {
     let part = |k: usize, f: &dyn Fn(Complex64) -> f64| {
-        let x: Vec<f64> = (0..found.body.nrows())
-            .map(|i| f(found.body[(i, k)]))
-            .collect();
+        let x: Vec<f64> = (0..found.body.nrows()).map(|i| f(found.body[(i, k)])).collect();
         found.form.minimal(system, &x)
     };
-    let columns: Vec<_> = (0..found.body.ncols())
-        .map(|k| (part(k, &|v| v.re), part(k, &|v| v.im)))
-        .collect();
+    let columns: Vec<_> = (0..found.body.ncols()).map(|k| (part(k, &|v| v.re), part(k, &|v| v.im))).collect();
     let rows = columns.first().map_or(0, |c| c.0.len());
-    Mat::from_fn(rows, columns.len(), |i, k| {
-        Complex64::new(columns[k].0[i], columns[k].1[i])
-    })
+    Mat::from_fn(rows, columns.len(), |i, k| Complex64::new(columns[k].0[i], columns[k].1[i]))
 }
 
 /// From the centres of mass to the bodies' origins, world axes.
@@ -112,9 +102,7 @@ fn sparse_model_form<'py>(
     let state = state_of(&system.0, &relative, &rate)?;
     let effects = effects(&without)?;
     let owned = system.0.clone();
-    let form = interruptible(py, move |_| {
-        SparseForm::new(&owned, &state, effects, &mut Counts::default())
-    })?;
+    let form = interruptible(py, move |_| SparseForm::new(&owned, &state, effects, &mut Counts::default()))?;
     let out = PyDict::new(py);
     let mass = Array3::from_shape_fn((form.mass.len(), 6, 6), |(b, i, j)| {
         let m = &form.mass[b];
@@ -149,16 +137,8 @@ fn sparse_model_form<'py>(
 
 fn put_entries(out: &Bound<'_, PyDict>, key: &str, entries: &Entries) -> PyResult<()> {
     let py = out.py();
-    let index = |f: &dyn Fn(&(usize, usize, f64)) -> usize| -> Vec<i64> {
-        entries.iter().map(|e| f(e) as i64).collect()
-    };
+    let index =
+        |f: &dyn Fn(&(usize, usize, f64)) -> usize| -> Vec<i64> { entries.iter().map(|e| f(e) as i64).collect() };
     let values: Vec<f64> = entries.iter().map(|e| e.2).collect();
-    out.set_item(
-        key,
-        (
-            index(&|e| e.0).into_pyarray(py),
-            index(&|e| e.1).into_pyarray(py),
-            values.into_pyarray(py),
-        ),
-    )
+    out.set_item(key, (index(&|e| e.0).into_pyarray(py), index(&|e| e.1).into_pyarray(py), values.into_pyarray(py)))
 }

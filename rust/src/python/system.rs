@@ -70,9 +70,7 @@ pub fn effects(without: &[String]) -> Result<Effects> {
             // belong to other analyses: nothing to leave out here
             "flexibility" => {}
             other => {
-                return Err(Error::model(format!(
-                    "the effect '{other}' cannot be switched off in this analysis"
-                )));
+                return Err(Error::model(format!("the effect '{other}' cannot be switched off in this analysis")));
             }
         }
     }
@@ -94,23 +92,13 @@ pub fn state_of(
     }
     let rate = values(rate);
     if !rate.is_empty() && rate.len() != system.n_tree() {
-        return Err(Error::model(format!(
-            "a state of this model has {} rates, not {}",
-            system.n_tree(),
-            rate.len()
-        )));
+        return Err(Error::model(format!("a state of this model has {} rates, not {}", system.n_tree(), rate.len())));
     }
     if view.iter().chain(&rate).any(|v| !v.is_finite()) {
         return Err(Error::model("the state contains NaN or infinite numbers"));
     }
-    let pose = |i: usize| Pose {
-        p: V3::from_fn(|k, _| view[(i, k)]),
-        r: M3::from_fn(|r, c| view[(i, 3 + 3 * r + c)]),
-    };
-    Ok(State {
-        relative: (0..system.topology.n_poses()).map(pose).collect(),
-        rate,
-    })
+    let pose = |i: usize| Pose { p: V3::from_fn(|k, _| view[(i, k)]), r: M3::from_fn(|r, c| view[(i, 3 + 3 * r + c)]) };
+    Ok(State { relative: (0..system.topology.n_poses()).map(pose).collect(), rate })
 }
 
 fn empty(py: Python<'_>) -> PyResult<PyReadonlyArray1<'_, f64>> {
@@ -118,9 +106,7 @@ fn empty(py: Python<'_>) -> PyResult<PyReadonlyArray1<'_, f64>> {
 }
 
 fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult<()> {
-    let relative = Array2::from_shape_fn((state.relative.len(), 12), |(i, k)| {
-        state.relative[i].number(k)
-    });
+    let relative = Array2::from_shape_fn((state.relative.len(), 12), |(i, k)| state.relative[i].number(k));
     out.set_item("relative", relative.into_pyarray(py))?;
     out.set_item("rate", state.rate.clone().into_pyarray(py))
 }
@@ -133,40 +119,19 @@ pub fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
         .unwrap_or_else(|_| Array2::from_shape_fn(shape, |(i, j)| m[(i, j)]))
 }
 
-fn put_linearization(
-    py: Python<'_>,
-    out: &Bound<'_, PyDict>,
-    system: &System,
-    lin: &Linearization,
-) -> PyResult<()> {
-    let names: Vec<_> = lin
-        .coordinates(system.n_tree())
-        .iter()
-        .map(|i| system.topology.names[*i].clone())
-        .collect();
+fn put_linearization(py: Python<'_>, out: &Bound<'_, PyDict>, system: &System, lin: &Linearization) -> PyResult<()> {
+    let names: Vec<_> = lin.coordinates(system.n_tree()).iter().map(|i| system.topology.names[*i].clone()).collect();
     out.set_item("coordinates", names)?;
     out.set_item("M", array(&lin.matrices.mass).into_pyarray(py))?;
-    out.set_item(
-        "D",
-        lin.matrices
-            .damping
-            .as_ref()
-            .map(|d| array(d).into_pyarray(py)),
-    )?;
+    out.set_item("D", lin.matrices.damping.as_ref().map(|d| array(d).into_pyarray(py)))?;
     out.set_item("S", array(&lin.matrices.stiffness).into_pyarray(py))?;
     out.set_item("T", array(&lin.body_map).into_pyarray(py))?;
     if system.topology.is_flexible() {
         let map = array(&lin.modal_map(&system.topology));
         out.set_item("modal_map", map.into_pyarray(py))?;
     }
-    out.set_item(
-        "residual",
-        lin.residual.as_slice().to_vec().into_pyarray(py),
-    )?;
-    out.set_item(
-        "ground_coupling",
-        array(&lin.ground_coupling).into_pyarray(py),
-    )?;
+    out.set_item("residual", lin.residual.as_slice().to_vec().into_pyarray(py))?;
+    out.set_item("ground_coupling", array(&lin.ground_coupling).into_pyarray(py))?;
     out.set_item("force_scale", lin.force_scale)?;
     out.set_item("multipliers", lin.lam.clone().into_pyarray(py))
 }
@@ -211,26 +176,12 @@ impl PySystem {
         let out = PyDict::new(py);
         let tree = PyList::empty(py);
         for node in &topology.nodes {
-            let parent = node
-                .parent
-                .map(|p| topology.tables.bodies[topology.nodes[p].body].name.as_str());
+            let parent = node.parent.map(|p| topology.tables.bodies[topology.nodes[p].body].name.as_str());
             let joint = node.joint.map(|j| topology.tables.joints[j].name.as_str());
-            tree.append((
-                &topology.tables.bodies[node.body].name,
-                parent,
-                joint,
-                node.kind.name(),
-            ))?;
+            tree.append((&topology.tables.bodies[node.body].name, parent, joint, node.kind.name()))?;
         }
         out.set_item("tree", tree)?;
-        out.set_item(
-            "cut",
-            topology
-                .cut
-                .iter()
-                .map(|j| topology.tables.joints[*j].name.clone())
-                .collect::<Vec<_>>(),
-        )?;
+        out.set_item("cut", topology.cut.iter().map(|j| topology.tables.joints[*j].name.clone()).collect::<Vec<_>>())?;
         out.set_item("coordinates", topology.names.clone())?;
         let rows = 0..topology.rows.len();
         let names: Vec<_> = rows.map(|i| topology.row_name(i).to_owned()).collect();
@@ -240,12 +191,7 @@ impl PySystem {
 
     /// The drawn state, loops closed and velocities made consistent; `hold`: with drives that stand still.
     #[pyo3(signature = (hold=false, without=Vec::new()))]
-    fn assemble<'py>(
-        &self,
-        py: Python<'py>,
-        hold: bool,
-        without: Vec<String>,
-    ) -> PyResult<Bound<'py, PyDict>> {
+    fn assemble<'py>(&self, py: Python<'py>, hold: bool, without: Vec<String>) -> PyResult<Bound<'py, PyDict>> {
         let effects = effects(&without)?;
         let (assembled, counts) = run(py, &self.0, move |system, _| {
             let mut counts = Counts::default();
@@ -271,11 +217,8 @@ impl PySystem {
         let rate = state.moving().then_some(state.rate.as_slice());
         let placement = place(topology, &self.0.geometry, &state.relative, rate);
         let n = self.0.n_bodies();
-        let (mut position, mut velocity, mut omega) = (
-            Array2::zeros((n, 3)),
-            Array2::zeros((n, 3)),
-            Array2::zeros((n, 3)),
-        );
+        let (mut position, mut velocity, mut omega) =
+            (Array2::zeros((n, 3)), Array2::zeros((n, 3)), Array2::zeros((n, 3)));
         let mut rotation = Array3::zeros((n, 3, 3));
         for (i, node) in topology.nodes.iter().enumerate() {
             let pose = &placement.pose[i];
@@ -286,11 +229,7 @@ impl PySystem {
                     rotation[(node.body, k, l)] = pose.r[(k, l)];
                 }
             }
-            if let Some(v) = placement
-                .velocity
-                .as_ref()
-                .map(|v| v.body[i].motion_at(&arm))
-            {
+            if let Some(v) = placement.velocity.as_ref().map(|v| v.body[i].motion_at(&arm)) {
                 for k in 0..3 {
                     velocity[(node.body, k)] = v.l[k];
                     omega[(node.body, k)] = v.a[k];
@@ -343,23 +282,11 @@ impl PySystem {
         super::direction::remembered(&self.0, &memory)?;
         let (lin, counts) = run(py, &self.0, move |system, _| {
             let mut counts = Counts::default();
-            linearize(
-                &Setting {
-                    system,
-                    state: &state,
-                    memory: &memory,
-                    effects,
-                },
-                &mut counts,
-            )
-            .map(|l| (l, counts))
+            linearize(&Setting { system, state: &state, memory: &memory, effects }, &mut counts).map(|l| (l, counts))
         })?;
         let out = PyDict::new(py);
         put_linearization(py, &out, &self.0, &lin)?;
-        out.set_item(
-            "moving",
-            lin.acceleration.is_some() || rate.as_array().iter().any(|r| *r != 0.0),
-        )?;
+        out.set_item("moving", lin.acceleration.is_some() || rate.as_array().iter().any(|r| *r != 0.0))?;
         if let Some(l) = &lin.loops {
             out.set_item("rank", l.dependent.len())?;
             let named = redundant_names(&self.0.topology, l, |row| effects.row(row));
@@ -370,19 +297,10 @@ impl PySystem {
     }
 
     /// Minimal coordinates at rest, with the rank of the loops and what is redundant in them.
-    fn mobility<'py>(
-        &self,
-        py: Python<'py>,
-        relative: PyReadonlyArray2<'py, f64>,
-    ) -> PyResult<Bound<'py, PyDict>> {
+    fn mobility<'py>(&self, py: Python<'py>, relative: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &relative, &empty(py)?)?;
         let loops = run(py, &self.0, move |system, _| {
-            mobility(&Setting {
-                system,
-                state: &state,
-                memory: &[],
-                effects: Effects::ALL,
-            })
+            mobility(&Setting { system, state: &state, memory: &[], effects: Effects::ALL })
         })?;
         let out = PyDict::new(py);
         let topology = &self.0.topology;
@@ -412,12 +330,7 @@ impl PySystem {
         let effects = effects(&without)?;
         let z = nalgebra::DVector::from_vec(values(&increments));
         let moved = run(py, &self.0, move |system, _| {
-            let setting = Setting {
-                system,
-                state: &state,
-                memory: &[],
-                effects,
-            };
+            let setting = Setting { system, state: &state, memory: &[], effects };
             let base = linearize(&setting, &mut Counts::default())?;
             let dy = base.expand(z)?;
             advance(&system.topology, &mut state.relative, dy.as_slice());
@@ -442,12 +355,7 @@ impl PySystem {
         let mut state = state_of(&self.0, &relative, &rate)?;
         state.rate.resize(self.0.n_tree(), 0.0);
         let effects = effects(&without)?;
-        let motion = Motion {
-            t,
-            relative: state.relative,
-            rate: state.rate,
-            memory: Vec::new(),
-        };
+        let motion = Motion { t, relative: state.relative, rate: state.rate, memory: Vec::new() };
         let (phi, jacobian, rates, bias) = guarded(py, || {
             let eq = Equations::new(&self.0, self.0.x.to_vec(), effects);
             let (phi, jacobian) = eq.rows(&motion);
@@ -475,19 +383,12 @@ impl PySystem {
         guarded(py, || {
             let (topology, geometry) = (&self.0.topology, &self.0.geometry);
             let placement = place(topology, geometry, &state.relative, None);
-            let acting = Scene {
-                effects,
-                ..scene(&self.0, &placement)
-            };
+            let acting = Scene { effects, ..scene(&self.0, &placement) };
             let jacobian = acting.constraints().1;
             let prescribed = explicit_rates(topology, geometry, effects, 0.0).0;
             let scales = row_scales(&self.0.topology, self.0.length);
             let miss = jacobian * nalgebra::DVector::from_vec(state.rate.clone()) + prescribed;
-            Ok(miss
-                .iter()
-                .zip(&scales)
-                .map(|(m, s)| (m * s).abs())
-                .fold(0.0, f64::max))
+            Ok(miss.iter().zip(&scales).map(|(m, s)| (m * s).abs()).fold(0.0, f64::max))
         })
     }
 
@@ -526,16 +427,9 @@ impl PySystem {
     ) -> PyResult<Bound<'py, PyList>> {
         let state = state_of(&self.0, &relative, &empty(py)?)?;
         let effects = effects(&without)?;
-        let wanted = Wanted {
-            laws: effects.law_slopes,
-            friction: effects.friction,
-            contact: effects.contact,
-            ..Wanted::SLOPES
-        };
-        let numbers = Numbers {
-            x: &self.0.x,
-            memory: &[],
-        };
+        let wanted =
+            Wanted { laws: effects.law_slopes, friction: effects.friction, contact: effects.contact, ..Wanted::SLOPES };
+        let numbers = Numbers { x: &self.0.x, memory: &[] };
         let topology = &self.0.topology;
         let placement = place(topology, &self.0.geometry, &state.relative, None);
         let out = PyList::empty(py);
@@ -548,18 +442,10 @@ impl PySystem {
                 Owner::Element(i) => &topology.tables.elements[i].name,
                 Owner::Joint(i) => &topology.tables.joints[i].name,
             };
-            let gradients =
-                Array2::from_shape_fn((one.gradients.len(), 6), |(i, k)| one.gradients[i].get(k));
+            let gradients = Array2::from_shape_fn((one.gradients.len(), 6), |(i, k)| one.gradients[i].get(k));
             let body = |b: Option<usize>| b.map_or(-1, |b| b as i64);
             let point = one.point.as_slice().to_vec().into_pyarray(py);
-            out.append((
-                name,
-                body(c.a),
-                body(c.b),
-                point,
-                gradients.into_pyarray(py),
-                k.into_pyarray(py),
-            ))?;
+            out.append((name, body(c.a), body(c.b), point, gradients.into_pyarray(py), k.into_pyarray(py)))?;
         }
         Ok(out)
     }
@@ -575,12 +461,7 @@ impl PySystem {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
         let all = run(py, &self.0, move |system, _| {
-            let setting = Setting {
-                system,
-                state: &state,
-                memory: &[],
-                effects,
-            };
+            let setting = Setting { system, state: &state, memory: &[], effects };
             let base = linearize(&setting, &mut Counts::default())?;
             reactions(&setting, &base)
         })?;

@@ -10,17 +10,15 @@ use crate::model::flexible::{FlexibleSpec, TipSpec};
 use crate::model::joint::JointKind;
 use crate::model::motion::{Called, Function, MotionKind, MotionSpec};
 use crate::model::tables::{
-    BodyRef, BodySpec, CouplerSpec, DriveSpec, ElementKind, ElementSpec, JointSpec, LawSpec,
-    LoadMotionSpec, LoadSpec, Tables,
+    BodyRef, BodySpec, CouplerSpec, DriveSpec, ElementKind, ElementSpec, JointSpec, LawSpec, LoadMotionSpec, LoadSpec,
+    Tables,
 };
 
 struct Reader<'a, 'py>(&'a Bound<'py, PyDict>);
 
 impl Reader<'_, '_> {
     fn item(&self, key: &str) -> PyResult<Bound<'_, PyAny>> {
-        self.0
-            .get_item(key)?
-            .ok_or_else(|| Error::model(format!("the tables have no '{key}'")).into())
+        self.0.get_item(key)?.ok_or_else(|| Error::model(format!("the tables have no '{key}'")).into())
     }
 
     fn ints(&self, key: &str) -> PyResult<Vec<i64>> {
@@ -37,8 +35,7 @@ impl Reader<'_, '_> {
 }
 
 fn offset(x: i64) -> Result<usize> {
-    usize::try_from(x)
-        .map_err(|_| Error::model(format!("{x} is not an offset into the value vector")))
+    usize::try_from(x).map_err(|_| Error::model(format!("{x} is not an offset into the value vector")))
 }
 
 fn body(b: i64) -> BodyRef {
@@ -47,9 +44,7 @@ fn body(b: i64) -> BodyRef {
 
 fn same_length(key: &str, lengths: &[usize]) -> Result<()> {
     if lengths.windows(2).any(|w| w[0] != w[1]) {
-        return Err(Error::model(format!(
-            "the '{key}' tables have different lengths {lengths:?}"
-        )));
+        return Err(Error::model(format!("the '{key}' tables have different lengths {lengths:?}")));
     }
     Ok(())
 }
@@ -61,11 +56,7 @@ pub fn values(array: &PyReadonlyArray1<'_, f64>) -> Vec<f64> {
 pub fn tables(dict: &Bound<'_, PyDict>) -> PyResult<Tables> {
     let reader = Reader(dict);
     let x = values(&reader.item("x")?.extract::<PyReadonlyArray1<'_, f64>>()?);
-    let gravity = reader
-        .ints("gravity_x")?
-        .first()
-        .copied()
-        .and_then(|g| usize::try_from(g).ok());
+    let gravity = reader.ints("gravity_x")?.first().copied().and_then(|g| usize::try_from(g).ok());
     let mut bodies = bodies(&reader)?;
     let flexible = Flexible::read(&reader, &bodies)?;
     let (joints, elements) = (joints(&reader, &flexible)?, elements(&reader, &flexible)?);
@@ -94,17 +85,7 @@ pub fn tables(dict: &Bound<'_, PyDict>) -> PyResult<Tables> {
 fn bodies(reader: &Reader<'_, '_>) -> PyResult<Vec<BodySpec>> {
     let (names, x) = (reader.names("body_name")?, reader.ints("body_x")?);
     same_length("body", &[names.len(), x.len()])?;
-    names
-        .into_iter()
-        .zip(x)
-        .map(|(name, x)| {
-            Ok(BodySpec {
-                name,
-                x: offset(x)?,
-                tip: None,
-            })
-        })
-        .collect()
+    names.into_iter().zip(x).map(|(name, x)| Ok(BodySpec { name, x: offset(x)?, tip: None })).collect()
 }
 
 /// Flexible bodies and the frame that each node stands for: its body, or a body of its own behind the others.
@@ -123,11 +104,7 @@ impl Flexible {
         };
         let mut made = Flexible::default();
         for i in 0..body.len() {
-            made.bodies.push(FlexibleSpec {
-                body: offset(body[i])?,
-                m: offset(modes[i])?,
-                x: offset(x[i])?,
-            });
+            made.bodies.push(FlexibleSpec { body: offset(body[i])?, m: offset(modes[i])?, x: offset(x[i])? });
         }
         let names = reader.names("flexible_node_name")?;
         let [on, x] = columns(reader, "flexible_node", ["body", "x"], names.len())?;
@@ -146,11 +123,7 @@ impl Flexible {
                 x: frame.x,
                 tip: Some(made.tips.len()),
             });
-            made.tips.push(TipSpec {
-                flexible,
-                body: number,
-                x: offset(x[node])?,
-            });
+            made.tips.push(TipSpec { flexible, body: number, x: offset(x[node])? });
         }
         Ok(made)
     }
@@ -163,9 +136,7 @@ impl Flexible {
         let nodes = reader.ints(key)?;
         same_length(key, &[nodes.len(), bodies.len()])?;
         let frame = |(b, n): (i64, i64)| {
-            let own = usize::try_from(n)
-                .ok()
-                .and_then(|n| self.frame.get(n).copied());
+            let own = usize::try_from(n).ok().and_then(|n| self.frame.get(n).copied());
             own.flatten().map_or(b, |f| f as i64)
         };
         Ok(bodies.into_iter().zip(nodes).map(frame).collect())
@@ -174,12 +145,7 @@ impl Flexible {
 
 fn joints(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<Vec<JointSpec>> {
     let names = reader.names("joint_name")?;
-    let [kind, a, b, flags, x] = columns(
-        reader,
-        "joint",
-        ["type", "a", "b", "flags", "x"],
-        names.len(),
-    )?;
+    let [kind, a, b, flags, x] = columns(reader, "joint", ["type", "a", "b", "flags", "x"], names.len())?;
     let a = flexible.placed(reader, "joint_a_node", a)?;
     let b = flexible.placed(reader, "joint_b_node", b)?;
     let one = |(i, name): (usize, String)| {
@@ -197,12 +163,7 @@ fn joints(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<Vec<JointSpe
 
 fn elements(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<Vec<ElementSpec>> {
     let names = reader.names("element_name")?;
-    let [kind, a, b, flags, x] = columns(
-        reader,
-        "element",
-        ["type", "a", "b", "flags", "x"],
-        names.len(),
-    )?;
+    let [kind, a, b, flags, x] = columns(reader, "element", ["type", "a", "b", "flags", "x"], names.len())?;
     let a = flexible.placed(reader, "element_a_node", a)?;
     let b = flexible.placed(reader, "element_b_node", b)?;
     let one = |(i, name): (usize, String)| {
@@ -211,27 +172,17 @@ fn elements(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<Vec<Elemen
             1 => ElementKind::Bushing,
             2 => ElementKind::Torsion,
             other => {
-                return Err(
-                    Error::model(format!("element '{name}': type {other} does not exist")).into(),
-                );
+                return Err(Error::model(format!("element '{name}': type {other} does not exist")).into());
             }
         };
-        Ok(ElementSpec {
-            name,
-            kind,
-            a: body(a[i]),
-            b: body(b[i]),
-            flags: flags[i],
-            x: offset(x[i])?,
-        })
+        Ok(ElementSpec { name, kind, a: body(a[i]), b: body(b[i]), flags: flags[i], x: offset(x[i])? })
     };
     names.into_iter().enumerate().map(one).collect()
 }
 
 fn loads(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<Vec<LoadSpec>> {
     let names = reader.names("load_name")?;
-    let [kind, on, frame, x] =
-        columns(reader, "load", ["type", "body", "frame", "x"], names.len())?;
+    let [kind, on, frame, x] = columns(reader, "load", ["type", "body", "frame", "x"], names.len())?;
     let on = flexible.placed(reader, "load_node", on)?;
     let one = |(i, name): (usize, String)| {
         let modal = kind[i] == 2;
@@ -249,32 +200,17 @@ fn loads(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<Vec<LoadSpec>
 
 fn laws(reader: &Reader<'_, '_>) -> PyResult<Vec<LawSpec>> {
     let owner = reader.ints("law_owner")?;
-    let [kind, component, code, n, x] = columns(
-        reader,
-        "law",
-        ["owner_kind", "component", "type", "n", "x"],
-        owner.len(),
-    )?;
+    let [kind, component, code, n, x] =
+        columns(reader, "law", ["owner_kind", "component", "type", "n", "x"], owner.len())?;
     let one = |(i, owner): (usize, i64)| {
         let (owner, component) = (offset(owner)?, offset(component[i])?);
-        Ok(LawSpec {
-            on_joint: kind[i] == 1,
-            owner,
-            component,
-            code: code[i],
-            n: offset(n[i])?,
-            x: offset(x[i])?,
-        })
+        Ok(LawSpec { on_joint: kind[i] == 1, owner, component, code: code[i], n: offset(n[i])?, x: offset(x[i])? })
     };
     owner.into_iter().enumerate().map(one).collect()
 }
 
 /// Tables without motions need not have their keys.
-fn optional<const N: usize>(
-    reader: &Reader<'_, '_>,
-    stem: &str,
-    keys: [&str; N],
-) -> PyResult<Option<[Vec<i64>; N]>> {
+fn optional<const N: usize>(reader: &Reader<'_, '_>, stem: &str, keys: [&str; N]) -> PyResult<Option<[Vec<i64>; N]>> {
     let first = format!("{stem}_{}", keys[0]);
     if reader.0.get_item(&first)?.is_none() {
         return Ok(None);
@@ -289,29 +225,17 @@ fn motions(reader: &Reader<'_, '_>) -> PyResult<Vec<MotionSpec>> {
         return Ok(Vec::new());
     };
     let functions: Vec<Arc<Function>> = match reader.0.get_item("functions")? {
-        Some(all) => all
-            .extract::<Vec<Py<PyAny>>>()?
-            .into_iter()
-            .map(|f| Arc::new(python_function(f)))
-            .collect(),
+        Some(all) => all.extract::<Vec<Py<PyAny>>>()?.into_iter().map(|f| Arc::new(python_function(f))).collect(),
         None => Vec::new(),
     };
     let one = |i: usize| {
         let n = offset(n[i])?;
         let kind = MotionKind::from_code(code[i], n)?;
-        let own = usize::try_from(function[i])
-            .ok()
-            .and_then(|f| functions.get(f).cloned());
+        let own = usize::try_from(function[i]).ok().and_then(|f| functions.get(f).cloned());
         if kind == MotionKind::Function && own.is_none() {
             return Err(Error::model("a motion refers to a function that does not exist").into());
         }
-        Ok(MotionSpec {
-            kind,
-            n,
-            x: offset(x[i])?,
-            function: own,
-            output: offset(output[i])?,
-        })
+        Ok(MotionSpec { kind, n, x: offset(x[i])?, function: own, output: offset(output[i])? })
     };
     (0..code.len()).map(one).collect()
 }
@@ -334,24 +258,13 @@ fn drives(reader: &Reader<'_, '_>) -> PyResult<Vec<DriveSpec>> {
     let names = reader.names("drive_name")?;
     same_length("drive", &[names.len(), joint.len()])?;
     let one = |(i, name)| {
-        Ok(DriveSpec {
-            name,
-            joint: offset(joint[i])?,
-            coordinate: offset(coordinate[i])?,
-            motion: offset(motion[i])?,
-        })
+        Ok(DriveSpec { name, joint: offset(joint[i])?, coordinate: offset(coordinate[i])?, motion: offset(motion[i])? })
     };
     names.into_iter().enumerate().map(one).collect()
 }
 
 fn couplers(reader: &Reader<'_, '_>) -> PyResult<Vec<CouplerSpec>> {
-    let keys = [
-        "first",
-        "second",
-        "first_coordinate",
-        "second_coordinate",
-        "x",
-    ];
+    let keys = ["first", "second", "first_coordinate", "second_coordinate", "x"];
     let Some([first, second, of_first, of_second, x]) = optional(reader, "coupler", keys)? else {
         return Ok(Vec::new());
     };
@@ -374,11 +287,7 @@ fn load_motions(reader: &Reader<'_, '_>) -> PyResult<Vec<LoadMotionSpec>> {
         return Ok(Vec::new());
     };
     let one = |i: usize| {
-        Ok(LoadMotionSpec {
-            load: offset(load[i])?,
-            component: offset(component[i])?,
-            motion: offset(motion[i])?,
-        })
+        Ok(LoadMotionSpec { load: offset(load[i])?, component: offset(component[i])?, motion: offset(motion[i])? })
     };
     (0..load.len()).map(one).collect()
 }
@@ -389,18 +298,10 @@ fn poses(reader: &Reader<'_, '_>) -> PyResult<Vec<(usize, usize)>> {
     }
     let (on, x) = (reader.ints("pose_body")?, reader.ints("pose_x")?);
     same_length("pose", &[on.len(), x.len()])?;
-    on.into_iter()
-        .zip(x)
-        .map(|(b, x)| Ok((offset(b)?, offset(x)?)))
-        .collect()
+    on.into_iter().zip(x).map(|(b, x)| Ok((offset(b)?, offset(x)?))).collect()
 }
 
-fn columns<const N: usize>(
-    reader: &Reader<'_, '_>,
-    stem: &str,
-    keys: [&str; N],
-    n: usize,
-) -> PyResult<[Vec<i64>; N]> {
+fn columns<const N: usize>(reader: &Reader<'_, '_>, stem: &str, keys: [&str; N], n: usize) -> PyResult<[Vec<i64>; N]> {
     let mut all = [const { Vec::new() }; N];
     for (column, key) in all.iter_mut().zip(keys) {
         *column = reader.ints(&format!("{stem}_{key}"))?;

@@ -5,9 +5,7 @@
 use std::collections::VecDeque;
 
 use super::Curve;
-use super::corrector::{
-    Corrector, Options, Point, Predictor, Target, Workspace, correct, dot, renew_scale, scaled,
-};
+use super::corrector::{Corrector, Options, Point, Predictor, Target, Workspace, correct, dot, renew_scale, scaled};
 use super::segment::Segment;
 use crate::error::Result;
 use crate::run::Cancel;
@@ -57,12 +55,7 @@ impl Branch {
         let Some(point) = correct(curve, &mut work, &target, x.clone(), &options)? else {
             return Ok(None);
         };
-        Ok(Some(Branch {
-            step: options.first_step,
-            options,
-            work,
-            history: VecDeque::from([point]),
-        }))
+        Ok(Some(Branch { step: options.first_step, options, work, history: VecDeque::from([point]) }))
     }
 
     /// The step that leaves y alone and moves p.
@@ -86,8 +79,7 @@ impl Branch {
             cancel.check()?;
             if let Some(mut point) = self.attempt(curve)? {
                 point.step = self.step;
-                self.step = (self.step * growth(point.iterations, self.turn(&point)))
-                    .min(self.options.largest_step);
+                self.step = (self.step * growth(point.iterations, self.turn(&point))).min(self.options.largest_step);
                 self.history.push_front(point);
                 self.history.truncate(4);
                 return Ok(Advance::Moved);
@@ -118,12 +110,7 @@ impl Branch {
         };
         // a correction as long as the step, or a sharp turn, means that another branch was hit or a corner was cut
         let found = scaled(&point.z, &self.history[0].scale);
-        let moved: f64 = found
-            .iter()
-            .zip(&start)
-            .map(|(a, b)| (a - b).powi(2))
-            .sum::<f64>()
-            .sqrt();
+        let moved: f64 = found.iter().zip(&start).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
         let may_shrink = self.step > 4.0 * self.options.least_step;
         let jumped = moved > self.step || self.turn(&point) < 0.5;
         Ok((!(jumped && may_shrink)).then_some(point))
@@ -132,56 +119,31 @@ impl Branch {
     /// Cosine between the tangents of the present point and of a new one.
     fn turn(&self, point: &Point) -> f64 {
         let here = &self.history[0];
-        let (a, b) = (
-            scaled(&here.tangent, &here.scale),
-            scaled(&point.tangent, &here.scale),
-        );
+        let (a, b) = (scaled(&here.tangent, &here.scale), scaled(&point.tangent, &here.scale));
         dot(&a, &b) / dot(&b, &b).sqrt()
     }
 
     fn predict(&self, centre: &[f64], direction: &[f64]) -> Vec<f64> {
-        let along = |d: &[f64]| -> Vec<f64> {
-            centre
-                .iter()
-                .zip(d)
-                .map(|(c, d)| c + self.step * d)
-                .collect()
-        };
+        let along = |d: &[f64]| -> Vec<f64> { centre.iter().zip(d).map(|(c, d)| c + self.step * d).collect() };
         let known = self.history.len();
         if self.options.predictor == Predictor::Tangent || known < 2 {
             return along(direction);
         }
         let scale = &self.history[0].scale;
         let old: Vec<Vec<f64>> = self.history.iter().map(|p| scaled(&p.z, scale)).collect();
-        let gap = |i: usize| -> f64 {
-            old[i]
-                .iter()
-                .zip(&old[i + 1])
-                .map(|(a, b)| (a - b).powi(2))
-                .sum::<f64>()
-                .sqrt()
-        };
+        let gap =
+            |i: usize| -> f64 { old[i].iter().zip(&old[i + 1]).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt() };
         if self.options.predictor == Predictor::Secant {
             let length = gap(0);
-            let secant: Vec<f64> = old[0]
-                .iter()
-                .zip(&old[1])
-                .map(|(a, b)| (a - b) / length)
-                .collect();
+            let secant: Vec<f64> = old[0].iter().zip(&old[1]).map(|(a, b)| (a - b) / length).collect();
             return along(&secant);
         }
         let mut s = vec![0.0];
         (0..known - 1).for_each(|i| s.push(s[i] - gap(i)));
-        let weight = |i: usize| -> f64 {
-            (0..known)
-                .filter(|l| *l != i)
-                .map(|l| (self.step - s[l]) / (s[i] - s[l]))
-                .product()
-        };
+        let weight =
+            |i: usize| -> f64 { (0..known).filter(|l| *l != i).map(|l| (self.step - s[l]) / (s[i] - s[l])).product() };
         let weights: Vec<f64> = (0..known).map(weight).collect();
-        (0..centre.len())
-            .map(|c| (0..known).map(|i| weights[i] * old[i][c]).sum())
-            .collect()
+        (0..centre.len()).map(|c| (0..known).map(|i| weights[i] * old[i][c]).sum()).collect()
     }
 
     /// The point at parameter p between the last two points, for landing on the end of a range.
@@ -192,10 +154,7 @@ impl Branch {
         if let Some(before) = self.history.get(1) {
             let fraction = (p - before.p()) / (here.p() - before.p());
             let old = scaled(&before.z, &here.scale);
-            start
-                .iter_mut()
-                .zip(&old)
-                .for_each(|(x, o)| *x = o + fraction * (*x - o));
+            start.iter_mut().zip(&old).for_each(|(x, o)| *x = o + fraction * (*x - o));
         }
         start[n] = p / here.scale[n];
         let mut along = vec![0.0; n + 1];
@@ -303,29 +262,16 @@ mod tests {
     #[test]
     fn a_circle_is_followed_all_around() {
         for predictor in [Predictor::Tangent, Predictor::Secant, Predictor::Lagrange] {
-            for corrector in [
-                Corrector::PseudoArclength,
-                Corrector::Arclength,
-                Corrector::MoorePenrose,
-            ] {
+            for corrector in [Corrector::PseudoArclength, Corrector::Arclength, Corrector::MoorePenrose] {
                 let mut circle = Plane(|y, p| [y * y + p * p - 1.0, 2.0 * y, 2.0 * p]);
-                let mut branch = Branch::start(
-                    &mut circle,
-                    &[0.8],
-                    0.6,
-                    &[0.0, 1.0],
-                    options(predictor, corrector),
-                )
-                .unwrap()
-                .unwrap();
+                let mut branch = Branch::start(&mut circle, &[0.8], 0.6, &[0.0, 1.0], options(predictor, corrector))
+                    .unwrap()
+                    .unwrap();
                 let mut folds = Vec::new();
                 let mut angle = 0.0;
                 while angle < std::f64::consts::TAU {
                     let before = branch.point().clone();
-                    assert_eq!(
-                        branch.advance(&mut circle, &Cancel::default()).unwrap(),
-                        Advance::Moved
-                    );
+                    assert_eq!(branch.advance(&mut circle, &Cancel::default()).unwrap(), Advance::Moved);
                     let after = branch.point().clone();
                     assert_eq!(after.orientation, before.orientation);
                     angle += (before.z[0] * after.z[1] - before.z[1] * after.z[0]).asin();
@@ -333,17 +279,13 @@ mod tests {
                     if ends.0 * ends.1 < 0.0 {
                         let segment = branch.segment().unwrap();
                         let (work, cancel) = (&mut branch.work, Cancel::default());
-                        let fold = segment
-                            .zero(&mut circle, work, &cancel, ends, |_, p, _| Ok(p.p_slope()));
+                        let fold = segment.zero(&mut circle, work, &cancel, ends, |_, p, _| Ok(p.p_slope()));
                         folds.push(fold.unwrap().unwrap());
                     }
                 }
                 assert_eq!(folds.len(), 2, "{predictor:?} {corrector:?}");
                 for fold in folds {
-                    assert!(
-                        (fold.p().abs() - 1.0).abs() < 1e-12 && fold.z[0].abs() < 1e-9,
-                        "{fold:?}"
-                    );
+                    assert!((fold.p().abs() - 1.0).abs() < 1e-12 && fold.z[0].abs() < 1e-9, "{fold:?}");
                 }
             }
         }
@@ -353,17 +295,12 @@ mod tests {
     fn the_orientation_changes_at_a_branch_point_only() {
         let mut pitchfork = Plane(|y, p| [y * (p - y * y), p - 3.0 * y * y, y]);
         let chosen = options(Predictor::Tangent, Corrector::PseudoArclength);
-        let mut branch = Branch::start(&mut pitchfork, &[0.0], -0.55, &[0.0, 1.0], chosen)
-            .unwrap()
-            .unwrap();
+        let mut branch = Branch::start(&mut pitchfork, &[0.0], -0.55, &[0.0, 1.0], chosen).unwrap().unwrap();
         let first = branch.point().orientation;
         while branch.point().p() < 0.3 {
             branch.advance(&mut pitchfork, &Cancel::default()).unwrap();
             let point = branch.point();
-            assert_eq!(
-                point.orientation * first,
-                if point.p() < 0.0 { 1.0 } else { -1.0 }
-            );
+            assert_eq!(point.orientation * first, if point.p() < 0.0 { 1.0 } else { -1.0 });
         }
     }
 }

@@ -155,17 +155,11 @@ impl Target<'_> {
     fn border(&self, x: &[f64], turning: &[f64]) -> (Vec<f64>, f64) {
         let offset: Vec<f64> = x.iter().zip(self.centre).map(|(x, c)| x - c).collect();
         match self.corrector {
-            Corrector::PseudoArclength => (
-                self.direction.to_vec(),
-                dot(self.direction, &offset) - self.distance,
-            ),
+            Corrector::PseudoArclength => (self.direction.to_vec(), dot(self.direction, &offset) - self.distance),
             Corrector::MoorePenrose => (turning.to_vec(), 0.0),
             Corrector::Arclength => {
                 let length = dot(&offset, &offset).sqrt();
-                (
-                    offset.iter().map(|o| o / length).collect(),
-                    length - self.distance,
-                )
+                (offset.iter().map(|o| o / length).collect(), length - self.distance)
             }
         }
     }
@@ -197,33 +191,15 @@ pub(super) fn correct(
             *x += work.rhs[(i, 0)];
             size = size.max(work.rhs[(i, 0)].abs());
         }
-        let length = (0..=n)
-            .map(|i| work.rhs[(i, 1)].powi(2))
-            .sum::<f64>()
-            .sqrt();
+        let length = (0..=n).map(|i| work.rhs[(i, 1)].powi(2)).sum::<f64>().sqrt();
         if !size.is_finite() || !length.is_finite() || (iterations > 2 && size > 2.0 * last) {
             return Ok(None);
         }
-        turning
-            .iter_mut()
-            .enumerate()
-            .for_each(|(i, t)| *t = work.rhs[(i, 1)] / length);
+        turning.iter_mut().enumerate().for_each(|(i, t)| *t = work.rhs[(i, 1)] / length);
         // rounding of the equations may keep the step above the tolerance, where it no longer gets smaller
-        let rounding = iterations > 3
-            && size <= ROUNDING
-            && size > 0.1 * last
-            && curve.rounding() > f64::EPSILON;
+        let rounding = iterations > 3 && size <= ROUNDING && size > 0.1 * last && curve.rounding() > f64::EPSILON;
         if size <= options.tolerance || rounding {
-            return Ok(Some(finish(
-                curve,
-                &x,
-                &turning,
-                scale,
-                target.direction,
-                sign,
-                iterations,
-                options,
-            )));
+            return Ok(Some(finish(curve, &x, &turning, scale, target.direction, sign, iterations, options)));
         }
         last = size;
     }
@@ -243,35 +219,19 @@ fn finish(
 ) -> Point {
     let n = x.len() - 1;
     let z: Vec<f64> = (0..=n).map(|i| x[i] * scale[i]).collect();
-    let forward = if dot(turning, direction) < 0.0 {
-        -1.0
-    } else {
-        1.0
-    };
+    let forward = if dot(turning, direction) < 0.0 { -1.0 } else { 1.0 };
     let mut new_scale = vec![0.0; n + 1];
     renew_scale(curve, &z[..n], options.parameter_scale, &mut new_scale);
     let mut tangent: Vec<f64> = (0..=n).map(|i| forward * turning[i] * scale[i]).collect();
     normalise(&mut tangent, &new_scale);
-    Point {
-        z,
-        tangent,
-        scale: new_scale,
-        orientation: sign * forward,
-        iterations,
-        step: 0.0,
-    }
+    Point { z, tangent, scale: new_scale, orientation: sign * forward, iterations, step: 0.0 }
 }
 
 /// Scales in which the solution y has at most length one, whatever the number of unknowns.
 pub(super) fn renew_scale(curve: &dyn Curve, y: &[f64], parameter_scale: f64, out: &mut [f64]) {
     let n = y.len();
     curve.scale(y, &mut out[..n]);
-    let length = y
-        .iter()
-        .zip(out.iter())
-        .map(|(y, d)| (y / d).powi(2))
-        .sum::<f64>()
-        .sqrt();
+    let length = y.iter().zip(out.iter()).map(|(y, d)| (y / d).powi(2)).sum::<f64>().sqrt();
     if length > 1.0 {
         out[..n].iter_mut().for_each(|d| *d *= length);
     }
@@ -279,12 +239,7 @@ pub(super) fn renew_scale(curve: &dyn Curve, y: &[f64], parameter_scale: f64, ou
 }
 
 fn normalise(tangent: &mut [f64], scale: &[f64]) {
-    let length = tangent
-        .iter()
-        .zip(scale)
-        .map(|(t, d)| (t / d).powi(2))
-        .sum::<f64>()
-        .sqrt();
+    let length = tangent.iter().zip(scale).map(|(t, d)| (t / d).powi(2)).sum::<f64>().sqrt();
     tangent.iter_mut().for_each(|t| *t /= length);
 }
 

@@ -82,8 +82,7 @@ fn groups(pattern: &Csc) -> Vec<Vec<usize>> {
             groups.len() - 1
         });
         groups[place].0.push(j);
-        rows.iter()
-            .for_each(|r| groups[place].1[*r as usize] = true);
+        rows.iter().for_each(|r| groups[place].1[*r as usize] = true);
     }
     groups.into_iter().map(|(columns, _)| columns).collect()
 }

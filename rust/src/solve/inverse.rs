@@ -57,11 +57,7 @@ pub struct Step<'a> {
 impl Inverse {
     pub fn limited(base: Base, room: usize, family: Family) -> Inverse {
         let pairs = Pairs::new(room);
-        Inverse::Limited {
-            base,
-            pairs,
-            family,
-        }
+        Inverse::Limited { base, pairs, family }
     }
 
     pub fn identity(n: usize) -> Inverse {
@@ -92,9 +88,7 @@ impl Inverse {
         let (u, v) = (svd.U(), svd.V());
         let sigma: Vec<f64> = (0..n).map(|i| svd.S().column_vector()[i]).collect();
         let mu = 1e-8 * sigma.first().copied().filter(|s| *s > 0.0)?;
-        let scaled = Mat::from_fn(n, n, |i, j| {
-            v[(i, j)] * sigma[j] / (sigma[j] * sigma[j] + mu * mu)
-        });
+        let scaled = Mat::from_fn(n, n, |i, j| v[(i, j)] * sigma[j] / (sigma[j] * sigma[j] + mu * mu));
         Some(Inverse::dense(&(scaled * u.transpose())))
     }
 
@@ -117,11 +111,7 @@ impl Inverse {
                     *o = dot(row, r);
                 }
             }
-            Inverse::Limited {
-                base,
-                pairs,
-                family,
-            } => {
+            Inverse::Limited { base, pairs, family } => {
                 out.copy_from_slice(r);
                 match family {
                     Family::Bfgs => pairs.apply_bfgs(out, |v| base.apply(v)),
@@ -223,10 +213,7 @@ impl Base {
 mod tests {
     use super::*;
 
-    const GUARD: Guard = Guard {
-        curvature: 1e-12,
-        determinant: (1e-10, 1e10),
-    };
+    const GUARD: Guard = Guard { curvature: 1e-12, determinant: (1e-10, 1e10) };
 
     /// H y = s after an update of either family, dense or limited, and both forms apply alike.
     #[test]
@@ -240,16 +227,8 @@ mod tests {
                 whole.apply(&f, &mut s);
                 s.iter_mut().for_each(|v| *v *= -0.5);
                 let y = [0.9 * s[0] + 0.2 * s[1], 1.5 * s[1] - 0.1 * s[2], 0.7 * s[2]];
-                let step = Step {
-                    s: &s,
-                    y: &y,
-                    f: &f,
-                    lambda: 0.5,
-                };
-                assert_eq!(
-                    whole.update(family, &GUARD, &step),
-                    few.update(family, &GUARD, &step)
-                );
+                let step = Step { s: &s, y: &y, f: &f, lambda: 0.5 };
+                assert_eq!(whole.update(family, &GUARD, &step), few.update(family, &GUARD, &step));
                 let (mut a, mut b) = ([0.0; 3], [0.0; 3]);
                 whole.apply(&y, &mut a);
                 few.apply(&y, &mut b);

@@ -49,10 +49,7 @@ impl Default for Options {
             max_iterations: 500,
             max_evaluations: u64::MAX,
             rule: Rule::default(),
-            guard: Guard {
-                curvature: 1e-12,
-                determinant: (1e-10, 1e10),
-            },
+            guard: Guard { curvature: 1e-12, determinant: (1e-10, 1e10) },
             start: Start::Differences,
             memory: None,
             difference: 1e-7,
@@ -206,21 +203,10 @@ impl<'a> Run<'a> {
         }
         let (mut trial, mut reached) = (vec![0.0; n], vec![0.0; n]);
         let rule = &self.options.rule;
-        let own = if rule.invariant {
-            f64::min(1.0, self.norm / line_search::dot(&d, &d))
-        } else {
-            1.0
-        };
+        let own = if rule.invariant { f64::min(1.0, self.norm / line_search::dot(&d, &d)) } else { 1.0 };
         let unit = *self.unit.get_or_insert(own);
-        let from = line_search::From {
-            x: &self.x,
-            d: &d,
-            norm: self.norm,
-            k: self.out.iterations - self.first,
-            unit,
-        };
-        let (taken, evaluations) =
-            line_search::search(self.problem, rule, &from, &mut trial, &mut reached)?;
+        let from = line_search::From { x: &self.x, d: &d, norm: self.norm, k: self.out.iterations - self.first, unit };
+        let (taken, evaluations) = line_search::search(self.problem, rule, &from, &mut trial, &mut reached)?;
         self.out.evaluations += evaluations as u64;
         self.out.backtracks += evaluations - 1;
         let Some(taken) = taken else {
@@ -228,15 +214,8 @@ impl<'a> Run<'a> {
         };
         let s: Vec<f64> = d.iter().map(|d| taken.lambda * d).collect();
         let y: Vec<f64> = reached.iter().zip(&self.f).map(|(a, b)| a - b).collect();
-        let step = Step {
-            s: &s,
-            y: &y,
-            f: &self.f,
-            lambda: taken.lambda,
-        };
-        if taken.norm > self.options.tolerance
-            && !h.update(self.out.family, &self.options.guard, &step)
-        {
+        let step = Step { s: &s, y: &y, f: &self.f, lambda: taken.lambda };
+        if taken.norm > self.options.tolerance && !h.update(self.out.family, &self.options.guard, &step) {
             self.out.skipped += 1;
         }
         self.accept(trial, reached, taken.norm)
@@ -256,10 +235,7 @@ impl<'a> Run<'a> {
             return Ok(Some(Status::Stopped));
         }
         let waited = self.out.iterations - self.halved.1;
-        Ok(
-            (waited >= self.options.patience && norm > self.options.tolerance)
-                .then_some(Status::Stalled),
-        )
+        Ok((waited >= self.options.patience && norm > self.options.tolerance).then_some(Status::Stalled))
     }
 
     /// After a stall: H anew at the best point, then Broyden's update from there, then Broyden's update from the first point.
@@ -330,11 +306,7 @@ impl<'a> Run<'a> {
 
     fn close(mut self, status: Status) -> Outcome {
         let failed = !matches!(status, Status::Converged | Status::Stopped);
-        (self.out.x, self.out.f) = if failed {
-            (self.best.0, self.best.1)
-        } else {
-            (self.x, self.f)
-        };
+        (self.out.x, self.out.f) = if failed { (self.best.0, self.best.1) } else { (self.x, self.f) };
         self.out.status = status;
         self.out
     }

@@ -12,10 +12,7 @@ pub struct Pairs {
 
 impl Pairs {
     pub fn new(room: usize) -> Pairs {
-        Pairs {
-            room: room.max(1),
-            ..Pairs::default()
-        }
+        Pairs { room: room.max(1), ..Pairs::default() }
     }
 
     pub fn push(&mut self, s: &[f64], y: &[f64]) {

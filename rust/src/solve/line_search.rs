@@ -20,14 +20,7 @@ pub struct Rule {
 
 impl Default for Rule {
     fn default() -> Rule {
-        Rule {
-            rho: 0.9,
-            sigma1: 1e-3,
-            sigma2: 1e-3,
-            beta: 0.5,
-            max_backtracks: 60,
-            invariant: true,
-        }
+        Rule { rho: 0.9, sigma1: 1e-3, sigma2: 1e-3, beta: 0.5, max_backtracks: 60, invariant: true }
     }
 }
 
@@ -70,11 +63,7 @@ pub fn search(
         let reached = norm2(f);
         let full = backtracks == 0 && reached <= rule.rho * norm - rule.sigma2 * length2;
         if full || reached <= (1.0 + eta) * norm - rule.sigma1 * lambda * lambda * length2 {
-            let taken = Taken {
-                lambda,
-                norm: reached,
-                backtracks,
-            };
+            let taken = Taken { lambda, norm: reached, backtracks };
             return Ok((Some(taken), backtracks + 1));
         }
         lambda *= rule.beta;

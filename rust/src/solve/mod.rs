@@ -23,20 +23,12 @@ pub struct Linearisation {
 
 impl Linearisation {
     pub fn new(n: usize) -> Linearisation {
-        Linearisation {
-            residual: vec![0.0; n],
-            jacobian: Mat::zeros(n, n),
-            slope: vec![0.0; n],
-        }
+        Linearisation { residual: vec![0.0; n], jacobian: Mat::zeros(n, n), slope: vec![0.0; n] }
     }
 
     /// For residuals alone.
     pub fn without_jacobian(n: usize) -> Linearisation {
-        Linearisation {
-            residual: vec![0.0; n],
-            jacobian: Mat::zeros(0, 0),
-            slope: vec![0.0; n],
-        }
+        Linearisation { residual: vec![0.0; n], jacobian: Mat::zeros(0, 0), slope: vec![0.0; n] }
     }
 
     pub fn is_finite(&self) -> bool {

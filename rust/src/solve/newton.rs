@@ -59,12 +59,7 @@ pub fn solve(
         step_size = relative(&step, &scale);
         if step_size <= options.tolerance {
             y.copy_from_slice(&trial);
-            return Ok(Outcome {
-                converged: true,
-                iterations,
-                step: step_size,
-                reason: "converged",
-            });
+            return Ok(Outcome { converged: true, iterations, step: step_size, reason: "converged" });
         }
         damping = f64::min(1.0, 4.0 * damping);
         loop {
@@ -81,36 +76,18 @@ pub fn solve(
             damping *= 0.5;
             if damping < LEAST_DAMPING {
                 if step_size <= ROUNDING {
-                    return Ok(Outcome {
-                        converged: true,
-                        iterations,
-                        step: step_size,
-                        reason: "rounding",
-                    });
+                    return Ok(Outcome { converged: true, iterations, step: step_size, reason: "rounding" });
                 }
-                return Ok(gave_up(
-                    iterations,
-                    step_size,
-                    "no step reduces the residual",
-                ));
+                return Ok(gave_up(iterations, step_size, "no step reduces the residual"));
             }
         }
         y.copy_from_slice(&trial);
     }
-    Ok(gave_up(
-        options.max_iterations,
-        step_size,
-        "the iteration limit was reached",
-    ))
+    Ok(gave_up(options.max_iterations, step_size, "the iteration limit was reached"))
 }
 
 fn gave_up(iterations: usize, step: f64, reason: &'static str) -> Outcome {
-    Outcome {
-        converged: false,
-        iterations,
-        step,
-        reason,
-    }
+    Outcome { converged: false, iterations, step, reason }
 }
 
 fn negative_solution(lu: &faer::linalg::solvers::PartialPivLu<f64>, r: &[f64]) -> Vec<f64> {
@@ -121,9 +98,7 @@ fn negative_solution(lu: &faer::linalg::solvers::PartialPivLu<f64>, r: &[f64]) -
 
 /// Largest |x_i| / scale_i.
 pub fn relative(x: &[f64], scale: &[f64]) -> f64 {
-    x.iter()
-        .zip(scale)
-        .fold(0.0, |a, (x, s)| f64::max(a, (x / s).abs()))
+    x.iter().zip(scale).fold(0.0, |a, (x, s)| f64::max(a, (x / s).abs()))
 }
 
 #[cfg(test)]
@@ -155,30 +130,15 @@ mod tests {
 
     #[test]
     fn damping_makes_atan_converge() {
-        let options = Options {
-            tolerance: 1e-12,
-            max_iterations: 40,
-        };
+        let options = Options { tolerance: 1e-12, max_iterations: 40 };
         let mut out = Linearisation::new(1);
         for (start, p) in [(0.0, 0.3), (10.0, 0.3), (-50.0, 1.2)] {
             let mut y = [start];
-            let outcome =
-                solve(&mut Atan, &mut y, p, options, &mut out, &Cancel::default()).unwrap();
-            assert!(
-                outcome.converged && (y[0] - p.tan()).abs() < 1e-12,
-                "{outcome:?} {y:?}"
-            );
+            let outcome = solve(&mut Atan, &mut y, p, options, &mut out, &Cancel::default()).unwrap();
+            assert!(outcome.converged && (y[0] - p.tan()).abs() < 1e-12, "{outcome:?} {y:?}");
         }
         let mut y = [0.0];
-        let outcome = solve(
-            &mut Atan,
-            &mut y,
-            2.0,
-            options,
-            &mut out,
-            &Cancel::default(),
-        )
-        .unwrap();
+        let outcome = solve(&mut Atan, &mut y, 2.0, options, &mut out, &Cancel::default()).unwrap();
         assert!(!outcome.converged);
     }
 }

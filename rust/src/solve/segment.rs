@@ -24,34 +24,14 @@ impl Segment {
         let centre = scaled(&a.z, &scale);
         let direction = scaled(&a.tangent, &scale);
         let far = scaled(&b.z, &scale);
-        let length = far
-            .iter()
-            .zip(&centre)
-            .zip(&direction)
-            .map(|((f, c), d)| (f - c) * d)
-            .sum();
-        let options = Options {
-            tolerance: options.tolerance.min(1e-11),
-            ..options
-        };
-        Segment {
-            scale,
-            centre,
-            direction,
-            far,
-            length,
-            options,
-        }
+        let length = far.iter().zip(&centre).zip(&direction).map(|((f, c), d)| (f - c) * d).sum();
+        let options = Options { tolerance: options.tolerance.min(1e-11), ..options };
+        Segment { scale, centre, direction, far, length, options }
     }
 
     /// How far along the segment a point lies.
     pub fn distance(&self, point: &Point) -> f64 {
-        scaled(&point.z, &self.scale)
-            .iter()
-            .zip(&self.centre)
-            .zip(&self.direction)
-            .map(|((x, c), d)| (x - c) * d)
-            .sum()
+        scaled(&point.z, &self.scale).iter().zip(&self.centre).zip(&self.direction).map(|((x, c), d)| (x - c) * d).sum()
     }
 
     /// The solution at the distance s, started between two places.
@@ -64,12 +44,7 @@ impl Segment {
         high: &Place,
     ) -> Result<Option<Point>> {
         let t = (s - low.0) / (high.0 - low.0);
-        let start = low
-            .2
-            .iter()
-            .zip(&high.2)
-            .map(|(l, h)| l + t * (h - l))
-            .collect();
+        let start = low.2.iter().zip(&high.2).map(|(l, h)| l + t * (h - l)).collect();
         let target = Target {
             scale: &self.scale,
             centre: &self.centre,
@@ -155,13 +130,7 @@ impl Segment {
             }
             best = Some(point);
         }
-        let gap = low
-            .2
-            .iter()
-            .zip(&high.2)
-            .map(|(a, b)| (a - b).powi(2))
-            .sum::<f64>()
-            .sqrt();
+        let gap = low.2.iter().zip(&high.2).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
         // on one branch the two sides approach each other as s does
         let narrowed = (high.0 - low.0).abs() < 1e-3 * self.length.abs();
         if !narrowed || gap > 10.0 * (high.0 - low.0).abs() + 1e-6 {

@@ -11,9 +11,7 @@ use crate::linalg::entries::Entries;
 use crate::model::geometry::Geometry;
 use crate::run::Counts;
 use crate::spatial::{Real, Six, absent};
-use crate::system::connector::{
-    Numbers, Wanted, constraint_interaction, interaction, load_interaction,
-};
+use crate::system::connector::{Numbers, Wanted, constraint_interaction, interaction, load_interaction};
 use crate::system::flexible::{Fold, Folded};
 use crate::system::inertia::{InertiaInput, add_inertia, ground_coupling};
 use crate::system::path::{add_tangent, add_wrench};
@@ -65,12 +63,7 @@ impl Effects {
 
     /// Which forces of connectors and loads act.
     pub(crate) fn wanted(&self) -> Wanted {
-        Wanted {
-            damping: self.damping,
-            friction: self.friction,
-            contact: self.contact,
-            ..Wanted::FORCES
-        }
+        Wanted { damping: self.damping, friction: self.friction, contact: self.contact, ..Wanted::FORCES }
     }
 }
 
@@ -112,18 +105,12 @@ impl<T: Real> Scene<'_, T> {
 
     /// Per node: what its acceleration would be if no tree coordinate accelerated, gravity left out.
     pub fn carried_accelerations(&self) -> Vec<Six<T>> {
-        InertiaInput {
-            acceleration: None,
-            gravity: None,
-            ..self.inertia(true)
-        }
-        .body_accelerations()
+        InertiaInput { acceleration: None, gravity: None, ..self.inertia(true) }.body_accelerations()
     }
 
     fn damped(&self) -> bool {
-        let damps = |c: &Connector| {
-            c.c.is_some() || self.effects.law_slopes && c.laws.iter().any(|l| l.law.uses_velocity())
-        };
+        let damps =
+            |c: &Connector| c.c.is_some() || self.effects.law_slopes && c.laws.iter().any(|l| l.law.uses_velocity());
         let modal = || self.geometry.flexible.iter().any(|f| f.damped);
         self.effects.damping && (self.topology.connectors.iter().any(damps) || modal())
     }
@@ -134,10 +121,7 @@ impl<T: Real> Scene<'_, T> {
     }
 
     fn numbers(&self) -> Numbers<'_, T> {
-        Numbers {
-            x: self.x,
-            memory: self.memory,
-        }
+        Numbers { x: self.x, memory: self.memory }
     }
 
     /// Per node: applied wrenches about the centre of mass, without inertia and multipliers.
@@ -148,14 +132,7 @@ impl<T: Real> Scene<'_, T> {
             if self.topology.tables.loads[load].mode.is_some() {
                 continue;
             }
-            let acting = load_interaction(
-                self.topology,
-                self.geometry,
-                self.placement,
-                load,
-                self.t,
-                wanted,
-            );
+            let acting = load_interaction(self.topology, self.geometry, self.placement, load, self.t, wanted);
             add_wrench(self.topology, self.placement, &acting, &mut sums);
         }
         sums
@@ -166,14 +143,7 @@ impl<T: Real> Scene<'_, T> {
         let mut sums = vec![Six::zero(); self.topology.nodes.len()];
         let wanted = self.effects.wanted();
         for c in self.topology.connectors.iter().filter(|c| wanted.acts(c)) {
-            let acting = interaction(
-                self.topology,
-                self.geometry,
-                self.placement,
-                self.numbers(),
-                c,
-                wanted,
-            );
+            let acting = interaction(self.topology, self.geometry, self.placement, self.numbers(), c, wanted);
             add_wrench(self.topology, self.placement, &acting, &mut sums);
         }
         sums
@@ -204,14 +174,7 @@ impl<T: Real> Scene<'_, T> {
         let mut sums = vec![Six::zero(); self.topology.nodes.len()];
         let wanted = Wanted::FORCES;
         for (joint, rows) in self.cut_multipliers(lam) {
-            let acting = constraint_interaction(
-                self.topology,
-                self.geometry,
-                self.placement,
-                joint,
-                &rows,
-                wanted,
-            );
+            let acting = constraint_interaction(self.topology, self.geometry, self.placement, joint, &rows, wanted);
             add_wrench(self.topology, self.placement, &acting, &mut sums);
         }
         sums.into_iter().map(|w| -w).collect()
@@ -227,22 +190,11 @@ impl<T: Real> Scene<'_, T> {
 
     /// The same into any place; `unused` stays as it is.
     pub fn mass_into<E: Entries<T>>(&self, mass: &mut E, unused: &mut E) {
-        let unloaded = InertiaInput {
-            rate: None,
-            acceleration: None,
-            gravity: None,
-            ..self.inertia(false)
-        };
+        let unloaded = InertiaInput { rate: None, acceleration: None, gravity: None, ..self.inertia(false) };
         match &self.fold() {
             None => add_inertia(&unloaded, mass, unused, None),
             Some(fold) => {
-                let (mut mass, mut unused) = (
-                    Folded { inner: mass, fold },
-                    Folded {
-                        inner: unused,
-                        fold,
-                    },
-                );
+                let (mut mass, mut unused) = (Folded { inner: mass, fold }, Folded { inner: unused, fold });
                 add_inertia(&unloaded, &mut mass, &mut unused, None);
             }
         }
@@ -260,19 +212,12 @@ impl<T: Real> Scene<'_, T> {
     /// The sum of the sizes of all connector forces, moments over the characteristic length.
     pub fn connector_sizes(&self, length: f64) -> f64 {
         let wanted = Wanted::FORCES;
-        let acting = self.topology.connectors.iter().map(|c| {
-            interaction(
-                self.topology,
-                self.geometry,
-                self.placement,
-                self.numbers(),
-                c,
-                wanted,
-            )
-        });
-        acting
-            .map(|w| w.wrench.l.map(|v| v.re()).norm() * length + w.wrench.a.map(|v| v.re()).norm())
-            .sum()
+        let acting = self
+            .topology
+            .connectors
+            .iter()
+            .map(|c| interaction(self.topology, self.geometry, self.placement, self.numbers(), c, wanted));
+        acting.map(|w| w.wrench.l.map(|v| v.re()).norm() * length + w.wrench.a.map(|v| v.re()).norm()).sum()
     }
 
     /// The first connector whose force is no number.
@@ -280,33 +225,20 @@ impl<T: Real> Scene<'_, T> {
         let tables = &self.topology.tables;
         let lost = |c: &&Connector| {
             let (geometry, placement) = (self.geometry, self.placement);
-            let w = interaction(
-                self.topology,
-                geometry,
-                placement,
-                self.numbers(),
-                c,
-                Wanted::FORCES,
-            )
-            .wrench;
+            let w = interaction(self.topology, geometry, placement, self.numbers(), c, Wanted::FORCES).wrench;
             (0..6).any(|i| !w.get(i).re().is_finite())
         };
-        self.topology
-            .connectors
-            .iter()
-            .find(lost)
-            .map(|c| match c.owner {
-                Owner::Element(i) => tables.elements[i].name.as_str(),
-                Owner::Joint(i) => tables.joints[i].name.as_str(),
-            })
+        self.topology.connectors.iter().find(lost).map(|c| match c.owner {
+            Owner::Element(i) => tables.elements[i].name.as_str(),
+            Owner::Joint(i) => tables.joints[i].name.as_str(),
+        })
     }
 
     /// Sum body wrenches to subtrees, about each node's centre of mass.
     pub fn subtree_wrenches(&self, mut sums: Vec<Six<T>>) -> Vec<Six<T>> {
         for node in (0..sums.len()).rev() {
             if let Some(parent) = self.topology.nodes[node].parent {
-                let moved = sums[node]
-                    .wrench_at(&(self.placement.pose[parent].p - self.placement.pose[node].p));
+                let moved = sums[node].wrench_at(&(self.placement.pose[parent].p - self.placement.pose[node].p));
                 sums[parent] += moved;
             }
         }
@@ -319,11 +251,7 @@ impl<T: Real> Scene<'_, T> {
         let sums = self.subtree_wrenches(self.wrenches_with(inertia, lam));
         let all = DVector::from_iterator(
             self.topology.dofs.len(),
-            self.topology
-                .dofs
-                .iter()
-                .zip(&self.placement.column)
-                .map(|(dof, s)| s.dot(&sums[dof.node])),
+            self.topology.dofs.iter().zip(&self.placement.column).map(|(dof, s)| s.dot(&sums[dof.node])),
         );
         match self.fold() {
             None => all,
@@ -351,10 +279,7 @@ impl<T: Real> Scene<'_, T> {
             return self.tangent_over_columns(lam, counts, empty);
         };
         counts.add("flexible bodies", self.topology.modal.len() as u64);
-        let made = self.tangent_over_columns(lam, counts, || Folded {
-            inner: empty(),
-            fold,
-        });
+        let made = self.tangent_over_columns(lam, counts, || Folded { inner: empty(), fold });
         Tangent {
             mass: made.mass.inner,
             damping: made.damping.map(|d| d.inner),
@@ -404,47 +329,17 @@ impl<T: Real> Scene<'_, T> {
         if self.effects.constraint_force_stiffness && T::NDERIV == 0 {
             self.count_carrying_joints(counts);
         }
-        Tangent {
-            mass,
-            damping,
-            gyroscopic,
-            stiffness,
-            number: PhantomData,
-        }
+        Tangent { mass, damping, gyroscopic, stiffness, number: PhantomData }
     }
 
-    fn add_connectors<E: Entries<T>>(
-        &self,
-        stiffness: &mut E,
-        mut damping: Option<&mut E>,
-        counts: &mut Counts,
-    ) {
+    fn add_connectors<E: Entries<T>>(&self, stiffness: &mut E, mut damping: Option<&mut E>, counts: &mut Counts) {
         let geometric = self.effects.preload_stiffness;
-        let wanted = Wanted {
-            tangent: true,
-            geometric,
-            laws: self.effects.law_slopes,
-            ..self.effects.wanted()
-        };
+        let wanted = Wanted { tangent: true, geometric, laws: self.effects.law_slopes, ..self.effects.wanted() };
         let (mut all, mut laws, mut damped, mut loaded) = (0, 0, 0, 0);
         for c in self.topology.connectors.iter().filter(|c| wanted.acts(c)) {
-            let acting = interaction(
-                self.topology,
-                self.geometry,
-                self.placement,
-                self.numbers(),
-                c,
-                wanted,
-            );
+            let acting = interaction(self.topology, self.geometry, self.placement, self.numbers(), c, wanted);
             let own = damping.as_deref_mut().filter(|_| acting.damped);
-            add_tangent(
-                self.topology,
-                self.placement,
-                &acting,
-                geometric,
-                stiffness,
-                own,
-            );
+            add_tangent(self.topology, self.placement, &acting, geometric, stiffness, own);
             if self.effects.law_slopes {
                 laws += c.laws.len() as u64;
             }
@@ -470,14 +365,7 @@ impl<T: Real> Scene<'_, T> {
             if topology.tables.loads[load].mode.is_some() {
                 continue;
             }
-            let acting = load_interaction(
-                topology,
-                self.geometry,
-                self.placement,
-                load,
-                self.t,
-                wanted,
-            );
+            let acting = load_interaction(topology, self.geometry, self.placement, load, self.t, wanted);
             add_tangent(topology, self.placement, &acting, true, stiffness, None);
             counts.add("load tangents", 1);
         }
@@ -490,43 +378,21 @@ impl<T: Real> Scene<'_, T> {
         match &self.fold() {
             None => self.add_multiplier_stiffness(lam, &mut made, counts),
             Some(fold) => {
-                let mut into = Folded {
-                    inner: &mut made,
-                    fold,
-                };
+                let mut into = Folded { inner: &mut made, fold };
                 self.add_multiplier_stiffness(lam, &mut into, counts);
             }
         }
         made
     }
 
-    fn add_multiplier_stiffness<E: Entries<T>>(
-        &self,
-        lam: &[T],
-        stiffness: &mut E,
-        counts: &mut Counts,
-    ) {
+    fn add_multiplier_stiffness<E: Entries<T>>(&self, lam: &[T], stiffness: &mut E, counts: &mut Counts) {
         let wanted = Wanted::GEOMETRY;
         for (joint, rows) in self.cut_multipliers(lam) {
             if rows.iter().all(|(_, l)| absent(l)) {
                 continue;
             }
-            let acting = constraint_interaction(
-                self.topology,
-                self.geometry,
-                self.placement,
-                joint,
-                &rows,
-                wanted,
-            );
-            add_tangent(
-                self.topology,
-                self.placement,
-                &acting,
-                true,
-                stiffness,
-                None,
-            );
+            let acting = constraint_interaction(self.topology, self.geometry, self.placement, joint, &rows, wanted);
+            add_tangent(self.topology, self.placement, &acting, true, stiffness, None);
             counts.add("constraint-force stiffness", 1);
         }
     }

@@ -9,9 +9,7 @@ use crate::kinematics::relative::{Relative, Row};
 use crate::model::geometry::{Geometry, MarkerPair};
 use crate::model::joint::{Coordinate, JointKind};
 use crate::model::tables::{BodyRef, ElementKind};
-use crate::spatial::{
-    Map6, Pose, Real, Six, V3, absent, product_of_transpose, skew, turned, turned_back,
-};
+use crate::spatial::{Map6, Pose, Real, Six, V3, absent, product_of_transpose, skew, turned, turned_back};
 use crate::system::connector_force::response;
 use crate::system::placement::{Placement, marker_pose};
 use crate::system::rows::turns;
@@ -81,18 +79,11 @@ pub(crate) fn local<T: Real>(
     let relative = relative_between(&pa, &pb, pair.radius);
     let twist = placement.velocity.as_ref().map(|velocity| {
         let at = |body: BodyRef| {
-            topology.node(body).map_or_else(Six::zero, |n| {
-                velocity.body[n].motion_at(&(pb.p - placement.pose[n].p))
-            })
+            topology.node(body).map_or_else(Six::zero, |n| velocity.body[n].motion_at(&(pb.p - placement.pose[n].p)))
         };
         (at(b) - at(a)).rotated_back(&pa.r)
     });
-    Local {
-        a: pa,
-        b: pb,
-        relative,
-        twist,
-    }
+    Local { a: pa, b: pb, relative, twist }
 }
 
 /// The relative pose of a marker pair.
@@ -109,11 +100,7 @@ pub fn relative_of<T: Real>(
 }
 
 fn relative_between<T: Real>(a: &Pose<T>, b: &Pose<T>, radius: T) -> Relative<T> {
-    Relative {
-        u: turned_back(&a.r, &(b.p - a.p)),
-        r: product_of_transpose(&a.r, &b.r),
-        radius,
-    }
+    Relative { u: turned_back(&a.r, &(b.p - a.p)), r: product_of_transpose(&a.r, &b.r), radius }
 }
 
 /// Displacement and rate of every coordinate of a connector, angles within half a turn; rates are zero at rest.
@@ -136,24 +123,11 @@ pub fn continued_motion_of<T: Real>(
     numbers: Numbers<'_, T>,
     connector: &Connector,
 ) -> Vec<(T, T)> {
-    let here = local(
-        topology,
-        placement,
-        connector.a,
-        connector.b,
-        pair_of(geometry, connector.owner),
-    );
-    let rows: Vec<_> = connector
-        .coordinates
-        .iter()
-        .map(|c| here.relative.row(*c))
-        .collect();
+    let here = local(topology, placement, connector.a, connector.b, pair_of(geometry, connector.owner));
+    let rows: Vec<_> = connector.coordinates.iter().map(|c| here.relative.row(*c)).collect();
     let rate = |g: &Six<T>| here.twist.as_ref().map_or_else(T::zero, |v| g.dot(v));
     let e = strains(connector, geometry, numbers, &here, &rows);
-    e.into_iter()
-        .zip(&rows)
-        .map(|(e, r)| (e, rate(&r.g)))
-        .collect()
+    e.into_iter().zip(&rows).map(|(e, r)| (e, rate(&r.g))).collect()
 }
 
 /// Angles of a connector within half a turn, each with its place in the memory.
@@ -166,9 +140,7 @@ pub(super) fn angles_of<T: Real>(
     let pair = pair_of(geometry, connector.owner);
     let here = relative_of(topology, placement, connector.a, connector.b, pair);
     let coordinates = connector.coordinates.iter().enumerate();
-    coordinates
-        .filter_map(|(i, c)| Some((connector.turn_of(i)?, here.row(*c).e)))
-        .collect()
+    coordinates.filter_map(|(i, c)| Some((connector.turn_of(i)?, here.row(*c).e))).collect()
 }
 
 /// The force of an element or joint spring, and its tangents.
@@ -183,24 +155,10 @@ pub fn interaction<T: Real>(
     let pair = pair_of(geometry, connector.owner);
     let here = local(topology, placement, connector.a, connector.b, pair);
     let n = connector.coordinates.len();
-    let rows: Vec<_> = connector
-        .coordinates
-        .iter()
-        .map(|c| here.relative.row(*c))
-        .collect();
+    let rows: Vec<_> = connector.coordinates.iter().map(|c| here.relative.row(*c)).collect();
     let e = strains(connector, geometry, numbers, &here, &rows);
-    let rates: Option<Vec<T>> = here
-        .twist
-        .as_ref()
-        .map(|v| rows.iter().map(|r| r.g.dot(v)).collect());
-    let response = response(
-        connector,
-        numbers.x,
-        numbers.memory,
-        &e,
-        rates.as_deref(),
-        wanted,
-    );
+    let rates: Option<Vec<T>> = here.twist.as_ref().map(|v| rows.iter().map(|r| r.g.dot(v)).collect());
+    let response = response(connector, numbers.x, numbers.memory, &e, rates.as_deref(), wanted);
     let wrench = (0..n).fold(Six::zero(), |w, i| w + -rows[i].g.scaled(response.force[i]));
     let tangent = wanted.tangent.then(|| {
         let (mut k, mut c) = (Map6::zero(), Map6::zero());
@@ -210,21 +168,14 @@ pub fn interaction<T: Real>(
                 if response.damped && !absent(&cij) {
                     c.add_outer(&rows[i].g, &rows[j].g, -cij);
                     if let Some(v) = here.twist.as_ref() {
-                        let slope =
-                            rate_gradient(&here.relative, connector.coordinates[j], &rows[j].g, v);
+                        let slope = rate_gradient(&here.relative, connector.coordinates[j], &rows[j].g, v);
                         k.add_outer(&rows[i].g, &slope, -cij);
                     }
                 }
             }
         }
         if wanted.geometric {
-            add_geometric(
-                &mut k,
-                &here.relative,
-                &connector.coordinates,
-                &response.force[..n],
-                &wrench,
-            );
+            add_geometric(&mut k, &here.relative, &connector.coordinates, &response.force[..n], &wrench);
         }
         (k.rotated(&here.a.r), c.rotated(&here.a.r))
     });
@@ -264,30 +215,15 @@ pub fn coordinate_tangent(
 ) -> CoordinateTangent {
     let pair = pair_of(geometry, connector.owner);
     let here = local(topology, placement, connector.a, connector.b, pair);
-    let rows: Vec<_> = connector
-        .coordinates
-        .iter()
-        .map(|c| here.relative.row(*c))
-        .collect();
+    let rows: Vec<_> = connector.coordinates.iter().map(|c| here.relative.row(*c)).collect();
     let gradients = rows.iter().map(|r| r.g.rotated(&here.a.r)).collect();
     let e = strains(connector, geometry, numbers, &here, &rows);
     let slopes = response(connector, numbers.x, numbers.memory, &e, None, wanted);
-    CoordinateTangent {
-        point: here.b.p,
-        gradients,
-        k: slopes.k,
-        c: slopes.c,
-        damped: slopes.damped,
-    }
+    CoordinateTangent { point: here.b.p, gradients, k: slopes.k, c: slopes.c, damped: slopes.damped }
 }
 
 /// d(e')/d(xi) at a given relative twist field: (h xi) . v + g_l . (omega x xi_t).
-fn rate_gradient<T: Real>(
-    relative: &Relative<T>,
-    coordinate: Coordinate,
-    g: &Six<T>,
-    v: &Six<T>,
-) -> Six<T> {
+fn rate_gradient<T: Real>(relative: &Relative<T>, coordinate: Coordinate, g: &Six<T>, v: &Six<T>) -> Six<T> {
     let mut q = relative.curvature(coordinate).apply_transposed(v);
     q.l += g.l.cross(&v.a);
     q
@@ -393,9 +329,7 @@ pub fn constraint_interaction<T: Real>(
 ) -> Interaction<T> {
     let spec = &topology.tables.joints[joint];
     let here = local(topology, placement, spec.a, spec.b, &geometry.joints[joint]);
-    let wrench = rows.iter().fold(Six::zero(), |w, (c, lam)| {
-        w + -here.relative.row(*c).g.scaled(*lam)
-    });
+    let wrench = rows.iter().fold(Six::zero(), |w, (c, lam)| w + -here.relative.row(*c).g.scaled(*lam));
     let tangent = wanted.tangent.then(|| {
         let mut k = Map6::zero();
         let (coordinates, forces): (Vec<_>, Vec<_>) = rows.iter().copied().unzip();
@@ -462,19 +396,15 @@ pub fn constraint_bias<T: Real>(
         return vec![T::zero(); coordinates.len()];
     };
     let at = |body: BodyRef, of: &[Six<T>]| {
-        topology.node(body).map_or_else(Six::zero, |n| {
-            of[n].motion_at(&(here.b.p - placement.pose[n].p))
-        })
+        topology.node(body).map_or_else(Six::zero, |n| of[n].motion_at(&(here.b.p - placement.pose[n].p)))
     };
     let (va, vb) = (at(spec.a, &velocity.body), at(spec.b, &velocity.body));
     let spatial = at(spec.b, accelerations) - at(spec.a, accelerations);
     // the point moves with b; then the turning of the axes of a is taken out
     let relative = vb - va;
-    let turned = Six::new(
-        spatial.l + relative.a.cross(&vb.l) - va.a.cross(&relative.l),
-        spatial.a - va.a.cross(&relative.a),
-    )
-    .rotated_back(&here.a.r);
+    let turned =
+        Six::new(spatial.l + relative.a.cross(&vb.l) - va.a.cross(&relative.l), spatial.a - va.a.cross(&relative.a))
+            .rotated_back(&here.a.r);
     let bias = |c: &Coordinate| {
         let h = here.relative.curvature(*c);
         here.relative.row(*c).g.dot(&turned) + xi.dot(&h.apply(&xi))
@@ -490,11 +420,7 @@ fn varying<T: Real>(topology: &Topology, geometry: &Geometry<T>, load: usize, t:
         value[m.component] += geometry.motions[m.motion].at(t)[0];
     }
     let spec = &tables.loads[load];
-    if spec.follower {
-        geometry.bodies[spec.body].drawn.r.transpose() * value
-    } else {
-        value
-    }
+    if spec.follower { geometry.bodies[spec.body].drawn.r.transpose() * value } else { value }
 }
 
 /// The force of a load on a modal coordinate.
@@ -503,12 +429,7 @@ pub fn modal_load<T: Real>(topology: &Topology, geometry: &Geometry<T>, load: us
 }
 
 /// Local point and value of a load at time t, the value in body axes of a follower and in those of the world otherwise.
-pub(crate) fn load_parts<T: Real>(
-    topology: &Topology,
-    geometry: &Geometry<T>,
-    load: usize,
-    t: f64,
-) -> (V3<T>, V3<T>) {
+pub(crate) fn load_parts<T: Real>(topology: &Topology, geometry: &Geometry<T>, load: usize, t: f64) -> (V3<T>, V3<T>) {
     let (local, value) = &geometry.loads[load];
     (*local, value + varying(topology, geometry, load, t))
 }
@@ -526,11 +447,7 @@ pub fn load_interaction<T: Real>(
     let pose = &placement.pose[topology.node_of_body[spec.body]];
     let (local, value) = load_parts(topology, geometry, load, t);
     let value = if spec.follower { pose.r * value } else { value };
-    let wrench = if spec.torque {
-        Six::new(V3::zeros(), value)
-    } else {
-        Six::new(value, V3::zeros())
-    };
+    let wrench = if spec.torque { Six::new(V3::zeros(), value) } else { Six::new(value, V3::zeros()) };
     let tangent = (wanted.tangent && wanted.geometric).then(|| {
         let mut k = Map6::zero();
         k.al = -skew(&wrench.l);

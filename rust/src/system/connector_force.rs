@@ -24,12 +24,7 @@ pub(crate) fn response<T: Real>(
 ) -> Response<T> {
     let n = e.len();
     let zero = [[T::zero(); 6]; 6];
-    let mut out = Response {
-        force: [T::zero(); 6],
-        k: zero,
-        c: zero,
-        damped: wanted.damping && connector.c.is_some(),
-    };
+    let mut out = Response { force: [T::zero(); 6], k: zero, c: zero, damped: wanted.damping && connector.c.is_some() };
     let entry = |start: usize, i: usize, j: usize| {
         if connector.full {
             x[start + i * n + j]
@@ -57,37 +52,17 @@ pub(crate) fn response<T: Real>(
         }
     }
     for law in connector.laws.iter().filter(|l| wanted.law(l.law)) {
-        add_law(
-            law,
-            x,
-            memory,
-            e[law.component],
-            v.map_or_else(T::zero, |v| v[law.component]),
-            wanted,
-            &mut out,
-        );
+        add_law(law, x, memory, e[law.component], v.map_or_else(T::zero, |v| v[law.component]), wanted, &mut out);
     }
     out
 }
 
-fn add_law<T: Real>(
-    bound: &BoundLaw,
-    x: &[T],
-    memory: &[T],
-    e: T,
-    v: T,
-    wanted: Wanted,
-    out: &mut Response<T>,
-) {
+fn add_law<T: Real>(bound: &BoundLaw, x: &[T], memory: &[T], e: T, v: T, wanted: Wanted, out: &mut Response<T>) {
     let i = bound.component;
     let p = &x[bound.x..bound.x + bound.law.n_params()];
     let n = bound.law.n_memory();
     let centred = vec![T::zero(); n];
-    let z = if memory.is_empty() {
-        &centred
-    } else {
-        &memory[bound.memory..bound.memory + n]
-    };
+    let z = if memory.is_empty() { &centred } else { &memory[bound.memory..bound.memory + n] };
     let mut z_new = vec![T::zero(); n];
     out.force[i] += bound.law.force(e, v, p, z, &mut z_new);
     if !wanted.tangent || !wanted.laws {
@@ -96,22 +71,10 @@ fn add_law<T: Real>(
     let constant = |a: &[T]| -> Vec<Dual<T>> { a.iter().map(|a| Dual::from_re(*a)).collect() };
     let (pd, zd) = (constant(p), constant(z));
     let mut zd_new = vec![Dual::from_re(T::zero()); n];
-    let by_e = bound.law.force(
-        Dual::new(e, T::one()),
-        Dual::from_re(v),
-        &pd,
-        &zd,
-        &mut zd_new,
-    );
+    let by_e = bound.law.force(Dual::new(e, T::one()), Dual::from_re(v), &pd, &zd, &mut zd_new);
     out.k[i][i] += by_e.eps;
     if bound.law.uses_velocity() && wanted.damping {
-        let by_v = bound.law.force(
-            Dual::from_re(e),
-            Dual::new(v, T::one()),
-            &pd,
-            &zd,
-            &mut zd_new,
-        );
+        let by_v = bound.law.force(Dual::from_re(e), Dual::new(v, T::one()), &pd, &zd, &mut zd_new);
         out.c[i][i] += by_v.eps;
         out.damped = true;
     }

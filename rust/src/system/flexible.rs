@@ -30,12 +30,7 @@ pub fn movers(topology: &Topology, node: &Node) -> (usize, std::ops::Range<usize
 }
 
 /// Displacements and angles of a node's columns from values of the modal coordinates.
-pub fn node_values<T: Real>(
-    topology: &Topology,
-    geometry: &Geometry<T>,
-    node: &Node,
-    modal: &[T],
-) -> [T; 6] {
+pub fn node_values<T: Real>(topology: &Topology, geometry: &Geometry<T>, node: &Node, modal: &[T]) -> [T; 6] {
     let (tip, own) = movers(topology, node);
     geometry.tips[tip].of(&modal[own])
 }
@@ -47,9 +42,7 @@ pub fn node_rates<T: Real>(topology: &Topology, geometry: &Geometry<T>, rate: &[
     };
     let values = &rate[modal.first..];
     let nodes = topology.nodes.iter().filter(|n| n.kind == JointKind::Node);
-    nodes
-        .flat_map(|n| node_values(topology, geometry, n, values))
-        .collect()
+    nodes.flat_map(|n| node_values(topology, geometry, n, values)).collect()
 }
 
 fn about<T: Real>(axis: usize, angle: T) -> M3<T> {
@@ -60,10 +53,7 @@ fn about<T: Real>(axis: usize, angle: T) -> M3<T> {
 
 /// The pose of a displaced node in its undeformed place, or the other way round.
 pub fn deformed<T: Real>(w: &[T; 6], reversed: bool) -> Pose<T> {
-    let pose = Pose {
-        p: V3::new(w[0], w[1], w[2]),
-        r: about(0, w[3]) * about(1, w[4]) * about(2, w[5]),
-    };
+    let pose = Pose { p: V3::new(w[0], w[1], w[2]), r: about(0, w[3]) * about(1, w[4]) * about(2, w[5]) };
     if reversed { pose.inverse() } else { pose }
 }
 
@@ -105,10 +95,7 @@ impl<'g, T: Real> Fold<'g, T> {
             let (tip, own) = movers(topology, node);
             (first + own.start, &geometry.tips[tip])
         };
-        Some(Fold {
-            n_tree: topology.n_tree,
-            nodes: nodes.map(of).collect(),
-        })
+        Some(Fold { n_tree: topology.n_tree, nodes: nodes.map(of).collect() })
     }
 
     /// The coordinates that a column belongs to, with its weights in them.

@@ -10,11 +10,7 @@ use crate::system::topology::Modal;
 
 /// int rho a x b of int rho a b^T.
 fn axial<T: Real>(p: &M3<T>) -> V3<T> {
-    V3::new(
-        p[(1, 2)] - p[(2, 1)],
-        p[(2, 0)] - p[(0, 2)],
-        p[(0, 1)] - p[(1, 0)],
-    )
+    V3::new(p[(1, 2)] - p[(2, 1)], p[(2, 0)] - p[(0, 2)], p[(0, 1)] - p[(1, 0)])
 }
 
 fn complement<T: Real>(n: &M3<T>) -> M3<T> {
@@ -73,14 +69,7 @@ pub fn shapes<'a, T: Real>(input: &InertiaInput<'a, T>) -> Vec<Shapes<'a, T>> {
             let q = &input.placement.modal[own.start - base..own.end - base];
             let rate = input.rate.filter(|_| input.placement.velocity.is_some());
             let r = input.placement.pose[modal.node].r;
-            Shapes::new(
-                modal,
-                g,
-                r,
-                q,
-                rate.map(|v| &v[own.clone()]),
-                input.acceleration.map(|a| &a[own]),
-            )
+            Shapes::new(modal, g, r, q, rate.map(|v| &v[own.clone()]), input.acceleration.map(|a| &a[own]))
         })
         .collect()
 }
@@ -117,17 +106,7 @@ impl<'a, T: Real> Shapes<'a, T> {
             h += moment * q[k];
             n += (linear + linear.transpose() + second) * q[k];
         }
-        Shapes {
-            modal,
-            geometry: g,
-            r,
-            s,
-            q: now,
-            h,
-            j: complement(&n),
-            rate,
-            acceleration,
-        }
+        Shapes { modal, geometry: g, r, s, q: now, h, j: complement(&n), rate, acceleration }
     }
 
     /// First moment, and the inertia that deformation adds, world axes.
@@ -138,10 +117,7 @@ impl<'a, T: Real> Shapes<'a, T> {
     fn frame(&self, v: Option<&Six<T>>, a: Option<&Six<T>>) -> Frame<T> {
         let t = self.r.transpose();
         let own = |x: Option<&Six<T>>| x.map_or_else(Six::zero, |x| x.rotated(&t));
-        Frame {
-            v: own(v.filter(|_| self.rate.is_some())),
-            a: own(a),
-        }
+        Frame { v: own(v.filter(|_| self.rate.is_some())), a: own(a) }
     }
 
     fn m(&self) -> usize {
@@ -304,10 +280,7 @@ impl<'a, T: Real> Shapes<'a, T> {
         let (w, alpha) = (frame.v.a, frame.a.a);
         let (s, q) = (&self.s[k], &self.q[k]);
         let j = complement(&(q + q.transpose()));
-        Six::new(
-            frame.field() * s,
-            s.cross(&frame.a0()) + j * alpha + w.cross(&(j * w)),
-        )
+        Six::new(frame.field() * s, s.cross(&frame.a0()) + j * alpha + w.cross(&(j * w)))
     }
 
     /// Kinetic energy that modal coordinates and rates add at a twist of the frame.

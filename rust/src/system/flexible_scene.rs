@@ -28,10 +28,7 @@ impl<T: Real> Scene<'_, T> {
             }
         }
         for (load, spec) in topology.tables.loads.iter().enumerate() {
-            if let Some(i) = spec
-                .mode
-                .and_then(|k| topology.modal_coordinate(spec.body, k))
-            {
+            if let Some(i) = spec.mode.and_then(|k| topology.modal_coordinate(spec.body, k)) {
                 rho[i] -= modal_load(topology, self.geometry, load, self.t);
             }
         }
@@ -43,9 +40,7 @@ impl<T: Real> Scene<'_, T> {
             return T::zero();
         };
         let all = shapes(&self.inertia(true));
-        all.iter().fold(T::zero(), |sum, s| {
-            sum + s.kinetic(&velocity.body[s.modal.node])
-        })
+        all.iter().fold(T::zero(), |sum, s| sum + s.kinetic(&velocity.body[s.modal.node]))
     }
 
     /// First moments of deformed bodies about their undeformed centres of mass, world axes.
@@ -54,11 +49,7 @@ impl<T: Real> Scene<'_, T> {
         all.iter().fold(V3::zeros(), |sum, s| sum + s.composite().0)
     }
 
-    pub(super) fn add_modal_stiffness<E: Entries<T>>(
-        &self,
-        stiffness: &mut E,
-        mut damping: Option<&mut E>,
-    ) {
+    pub(super) fn add_modal_stiffness<E: Entries<T>>(&self, stiffness: &mut E, mut damping: Option<&mut E>) {
         for (modal, g) in self.topology.modal.iter().zip(&self.geometry.flexible) {
             let (m, first) = (modal.m, modal.first);
             for k in 0..m * m {

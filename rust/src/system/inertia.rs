@@ -23,10 +23,7 @@ struct Composite<T: Real> {
 
 impl<T: Real> Composite<T> {
     fn apply(&self, v: &Six<T>) -> Six<T> {
-        Six::new(
-            v.l * self.m + v.a.cross(&self.h),
-            self.h.cross(&v.l) + turned(&self.j, &v.a),
-        )
+        Six::new(v.l * self.m + v.a.cross(&self.h), self.h.cross(&v.l) + turned(&self.j, &v.a))
     }
 
     /// About a point displaced by `d` from this one's.
@@ -34,11 +31,7 @@ impl<T: Real> Composite<T> {
         let r = -d;
         let hr = self.h.dot(&r) * T::from(2.0) + self.m * r.dot(&r);
         let cross = outer(&self.h, &r) + outer(&r, &self.h) + outer(&r, &r) * self.m;
-        Composite {
-            m: self.m,
-            h: self.h + r * self.m,
-            j: self.j + M3::from_diagonal_element(hr) - cross,
-        }
+        Composite { m: self.m, h: self.h + r * self.m, j: self.j + M3::from_diagonal_element(hr) - cross }
     }
 
     fn add(&mut self, o: &Self) {
@@ -49,12 +42,7 @@ impl<T: Real> Composite<T> {
 
     fn map(&self) -> Map6<T> {
         let s = skew(&self.h);
-        Map6 {
-            ll: M3::from_diagonal_element(self.m),
-            la: -s,
-            al: s,
-            aa: self.j,
-        }
+        Map6 { ll: M3::from_diagonal_element(self.m), la: -s, al: s, aa: self.j }
     }
 }
 
@@ -82,17 +70,11 @@ impl<T: Real> InertiaInput<'_, T> {
     fn rigid(&self, node: usize) -> Composite<T> {
         let body = &self.geometry.bodies[self.topology.nodes[node].body];
         let r = &self.placement.pose[node].r;
-        Composite {
-            m: body.mass,
-            h: V3::zeros(),
-            j: conjugated(r, &body.inertia),
-        }
+        Composite { m: body.mass, h: V3::zeros(), j: conjugated(r, &body.inertia) }
     }
 
     fn composites(&self, flexible: &[Shapes<'_, T>]) -> Vec<Composite<T>> {
-        let mut all: Vec<_> = (0..self.topology.nodes.len())
-            .map(|node| self.rigid(node))
-            .collect();
+        let mut all: Vec<_> = (0..self.topology.nodes.len()).map(|node| self.rigid(node)).collect();
         for shapes in flexible {
             let (h, j) = shapes.composite();
             let own = &mut all[shapes.modal.node];
@@ -110,28 +92,19 @@ impl<T: Real> InertiaInput<'_, T> {
 
     fn to_parent(&self, node: usize) -> Option<(usize, V3<T>)> {
         let parent = self.topology.nodes[node].parent?;
-        Some((
-            parent,
-            self.placement.pose[parent].p - self.placement.pose[node].p,
-        ))
+        Some((parent, self.placement.pose[parent].p - self.placement.pose[node].p))
     }
 
     fn accelerations(&self) -> Accelerations<T> {
         let base = Six::new(self.gravity.map_or_else(V3::zeros, |g| -g), V3::zeros());
         let mut body: Vec<Six<T>> = Vec::with_capacity(self.topology.nodes.len());
         let mut before = vec![Six::zero(); self.topology.dofs.len()];
-        let nodes = self
-            .acceleration
-            .map(|a| node_rates(self.topology, self.geometry, a));
+        let nodes = self.acceleration.map(|a| node_rates(self.topology, self.geometry, a));
         for (i, node) in self.topology.nodes.iter().enumerate() {
-            let mut a = self
-                .to_parent(i)
-                .map_or(base, |(p, d)| body[p].motion_at(&-d));
+            let mut a = self.to_parent(i).map_or(base, |(p, d)| body[p].motion_at(&-d));
             for stage in 0..node.kind.stages() {
                 let carried = a;
-                for d in (node.first..node.first + node.n)
-                    .filter(|d| self.topology.dofs[*d].freedom.stage == stage)
-                {
+                for d in (node.first..node.first + node.n).filter(|d| self.topology.dofs[*d].freedom.stage == stage) {
                     before[d] = carried;
                     let s = &self.placement.column[d];
                     if let (Some(rate), Some(v)) = (self.rate, self.placement.velocity.as_ref()) {
@@ -186,12 +159,7 @@ impl<T: Real> InertiaInput<'_, T> {
         Some((forces, modal.collect()))
     }
 
-    fn forces_of(
-        &self,
-        own: &[Composite<T>],
-        flexible: &[Shapes<'_, T>],
-        a: &Accelerations<T>,
-    ) -> Vec<Six<T>> {
+    fn forces_of(&self, own: &[Composite<T>], flexible: &[Shapes<'_, T>], a: &Accelerations<T>) -> Vec<Six<T>> {
         let mut all: Vec<_> = (0..own.len())
             .map(|n| {
                 let mut f = own[n].apply(&a.body[n]);
@@ -226,9 +194,7 @@ pub fn ground_coupling<T: Real>(input: &InertiaInput<'_, T>) -> DMatrix<T> {
     for node in (0..composite.len()).rev() {
         let spec = &input.topology.nodes[node];
         for i in spec.first..spec.first + spec.n {
-            let momentum = composite[node]
-                .apply(&input.placement.column[i])
-                .wrench_at(&-input.placement.pose[node].p);
+            let momentum = composite[node].apply(&input.placement.column[i]).wrench_at(&-input.placement.pose[node].p);
             for k in 0..6 {
                 coupling[(i, k)] = momentum.get(k);
             }
@@ -262,15 +228,7 @@ pub fn add_inertia<T: Real, E: Entries<T>>(
         let node = shapes.modal.node;
         let a = loads.as_ref().map(|(a, _)| a.body[node]);
         let gyroscopic = gyroscopic.as_deref_mut();
-        add_modal(
-            input,
-            shapes,
-            a,
-            columns.as_ref(),
-            mass,
-            stiffness,
-            gyroscopic,
-        );
+        add_modal(input, shapes, a, columns.as_ref(), mass, stiffness, gyroscopic);
     }
     let mut force = loads.map(|(_, f)| f);
     for node in (0..composite.len()).rev() {
@@ -284,15 +242,7 @@ pub fn add_inertia<T: Real, E: Entries<T>>(
                 force.as_ref().map(|f| &f[node]),
                 columns.as_ref(),
             );
-            walk.run(
-                input,
-                (node, Some(node)),
-                i,
-                columns.as_ref(),
-                mass,
-                stiffness,
-                gyroscopic.as_deref_mut(),
-            );
+            walk.run(input, (node, Some(node)), i, columns.as_ref(), mass, stiffness, gyroscopic.as_deref_mut());
         }
         if let Some((parent, d)) = input.to_parent(node) {
             let moved = composite[node].at(&d);
@@ -318,11 +268,7 @@ struct Carried<T: Real> {
 fn carried_columns<T: Real>(input: &InertiaInput<'_, T>, a: &Accelerations<T>) -> Carried<T> {
     let s = &input.placement.column;
     let velocity = input.rate.and(input.placement.velocity.as_ref());
-    let first: Option<Vec<_>> = velocity.map(|v| {
-        (0..s.len())
-            .map(|d| v.before[d].cross_motion(&s[d]))
-            .collect()
-    });
+    let first: Option<Vec<_>> = velocity.map(|v| (0..s.len()).map(|d| v.before[d].cross_motion(&s[d])).collect());
     let second = (0..s.len())
         .map(|d| {
             let by_acceleration = a.before[d].cross_motion(&s[d]);
@@ -400,12 +346,7 @@ fn add_modal<T: Real, E: Entries<T>>(
     }
     for k in 0..m {
         let walk = match &acceleration {
-            None => Walk {
-                momentum: shapes.momentum(k),
-                coriolis_row: None,
-                position_column: None,
-                rate_column: None,
-            },
+            None => Walk { momentum: shapes.momentum(k), coriolis_row: None, position_column: None, rate_column: None },
             Some(a) => {
                 let column = shapes.column(k, v, a);
                 Walk {
@@ -417,15 +358,7 @@ fn add_modal<T: Real, E: Entries<T>>(
             }
         };
         let gyroscopic = gyroscopic.as_deref_mut();
-        walk.run(
-            input,
-            (node, None),
-            first + k,
-            columns,
-            mass,
-            stiffness,
-            gyroscopic,
-        );
+        walk.run(input, (node, None), first + k, columns, mass, stiffness, gyroscopic);
     }
 }
 
@@ -455,9 +388,8 @@ impl<T: Real> Walk<T> {
             }
             q
         });
-        let rate_column = coriolis
-            .zip(first)
-            .map(|(b, first)| b.apply(s) + composite.apply(&first[i]).scaled(T::from(2.0)));
+        let rate_column =
+            coriolis.zip(first).map(|(b, first)| b.apply(s) + composite.apply(&first[i]).scaled(T::from(2.0)));
         Walk {
             momentum: composite.apply(s),
             coriolis_row: coriolis.map(|b| b.apply_transposed(s)),
@@ -540,11 +472,9 @@ impl<T: Real> Walk<T> {
         columns: Option<&Carried<T>>,
         g: &mut impl Entries<T>,
     ) {
-        let (Some(column), Some(b), Some(first)) = (
-            self.rate_column.as_ref(),
-            self.coriolis_row.as_ref(),
-            columns.and_then(|c| c.first.as_ref()),
-        ) else {
+        let (Some(column), Some(b), Some(first)) =
+            (self.rate_column.as_ref(), self.coriolis_row.as_ref(), columns.and_then(|c| c.first.as_ref()))
+        else {
             return;
         };
         g.add(j, i, s.dot(column));
@@ -555,14 +485,7 @@ impl<T: Real> Walk<T> {
 
     fn move_by(&mut self, d: &V3<T>) {
         self.momentum = self.momentum.wrench_at(d);
-        for w in [
-            &mut self.coriolis_row,
-            &mut self.position_column,
-            &mut self.rate_column,
-        ]
-        .into_iter()
-        .flatten()
-        {
+        for w in [&mut self.coriolis_row, &mut self.position_column, &mut self.rate_column].into_iter().flatten() {
             *w = w.wrench_at(d);
         }
     }

@@ -30,19 +30,13 @@ pub struct Loops {
 
 pub fn row_scales(topology: &Topology, length: f64) -> Vec<f64> {
     let scale = |row: &ConstraintRow| {
-        if row.coordinate.is_length() {
-            1.0 / length
-        } else {
-            1.0
-        }
+        if row.coordinate.is_length() { 1.0 / length } else { 1.0 }
     };
     topology.rows.iter().map(scale).collect()
 }
 
 pub fn column_scales(topology: &Topology, length: f64) -> Vec<f64> {
-    (0..topology.n_tree)
-        .map(|i| topology.scale(i, length))
-        .collect()
+    (0..topology.n_tree).map(|i| topology.scale(i, length)).collect()
 }
 
 fn to_faer(m: &DMatrix<f64>) -> Mat<f64> {
@@ -89,46 +83,30 @@ impl Loops {
         }
         let rows = row_scales(topology, system.length);
         let columns = column_scales(topology, system.length);
-        let scaled = DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| {
-            jacobian[(i, j)] * rows[i] * columns[j]
-        });
+        let scaled =
+            DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| jacobian[(i, j)] * rows[i] * columns[j]);
         let (order, rank) = pivots(&scaled);
         let mut dependent = order[..rank].to_vec();
         dependent.sort_unstable();
-        let independent = (0..jacobian.ncols())
-            .filter(|j| dependent.binary_search(j).is_err())
-            .collect();
+        let independent = (0..jacobian.ncols()).filter(|j| dependent.binary_search(j).is_err()).collect();
         let jd = DMatrix::from_fn(scaled.nrows(), rank, |i, k| scaled[(i, dependent[k])]);
         let (inverse, redundant) = left_inverse(&jd)?;
-        let left_inverse = DMatrix::from_fn(rank, rows.len(), |k, i| {
-            columns[dependent[k]] * inverse[(k, i)] * rows[i]
-        });
+        let left_inverse = DMatrix::from_fn(rank, rows.len(), |k, i| columns[dependent[k]] * inverse[(k, i)] * rows[i]);
         let (row_order, _) = pivots(&scaled.transpose());
         let mut dropped = row_order[rank.min(row_order.len())..].to_vec();
         dropped.sort_unstable();
-        Ok(Some(Loops {
-            dependent,
-            independent,
-            left_inverse,
-            redundant,
-            dropped,
-            row_scale: rows,
-        }))
+        Ok(Some(Loops { dependent, independent, left_inverse, redundant, dropped, row_scale: rows }))
     }
 
     /// B'' restricted to the dependent coordinates, -J_d^-1 J_i.
     pub fn dependent_map<T: Real>(&self, jacobian: &DMatrix<T>) -> DMatrix<T> {
-        let ji = DMatrix::from_fn(jacobian.nrows(), self.independent.len(), |i, k| {
-            jacobian[(i, self.independent[k])]
-        });
+        let ji = DMatrix::from_fn(jacobian.nrows(), self.independent.len(), |i, k| jacobian[(i, self.independent[k])]);
         self.balanced(jacobian, &ji)
     }
 
     /// -J_d^-1 R over any number type: Newton corrections of the real inverse give each further order of a dual number exactly.
     pub fn balanced<T: Real>(&self, jacobian: &DMatrix<T>, right: &DMatrix<T>) -> DMatrix<T> {
-        let jd = DMatrix::from_fn(jacobian.nrows(), self.dependent.len(), |i, k| {
-            jacobian[(i, self.dependent[k])]
-        });
+        let jd = DMatrix::from_fn(jacobian.nrows(), self.dependent.len(), |i, k| jacobian[(i, self.dependent[k])]);
         let inverse = self.left_inverse.map(T::from);
         let mut b = -(&inverse * right);
         for _ in 0..T::NDERIV.max(1) {
@@ -139,27 +117,18 @@ impl Loops {
     }
 
     /// How far rows with this Jacobian are from agreeing: the redundant combinations of J B'', scaled.
-    pub fn disagreement<T: Real>(
-        &self,
-        jacobian: &DMatrix<T>,
-        dependent_map: &DMatrix<T>,
-    ) -> DMatrix<T> {
+    pub fn disagreement<T: Real>(&self, jacobian: &DMatrix<T>, dependent_map: &DMatrix<T>) -> DMatrix<T> {
         let n = jacobian.nrows();
-        let jd = DMatrix::from_fn(n, self.dependent.len(), |i, k| {
-            jacobian[(i, self.dependent[k])] * self.row_scale[i]
-        });
-        let ji = DMatrix::from_fn(n, self.independent.len(), |i, k| {
-            jacobian[(i, self.independent[k])] * self.row_scale[i]
-        });
+        let jd = DMatrix::from_fn(n, self.dependent.len(), |i, k| jacobian[(i, self.dependent[k])] * self.row_scale[i]);
+        let ji =
+            DMatrix::from_fn(n, self.independent.len(), |i, k| jacobian[(i, self.independent[k])] * self.row_scale[i]);
         self.redundant.transpose().map(T::from) * (ji + jd * dependent_map)
     }
 
     /// Multipliers that balance generalised forces on the dependent coordinates, of minimum norm in the scaled rows.
     pub fn multipliers<T: Real>(&self, jacobian: &DMatrix<T>, tau: &DVector<T>) -> DVector<T> {
         let n = jacobian.nrows();
-        let jd = DMatrix::from_fn(n, self.dependent.len(), |i, k| {
-            jacobian[(i, self.dependent[k])]
-        });
+        let jd = DMatrix::from_fn(n, self.dependent.len(), |i, k| jacobian[(i, self.dependent[k])]);
         let right = DVector::from_fn(self.dependent.len(), |k, _| -tau[self.dependent[k]]);
         let inverse = self.left_inverse.transpose().map(T::from);
         let mut lam = &inverse * &right;
@@ -206,13 +175,11 @@ fn left_inverse(m: &DMatrix<f64>) -> Result<(DMatrix<f64>, DMatrix<f64>)> {
     if r == 0 {
         return Ok((DMatrix::zeros(0, n), DMatrix::identity(n, n)));
     }
-    let svd = to_faer(m).svd().map_err(|_| {
-        Error::singular("the singular values of the constraint rows could not be found")
-    })?;
+    let svd = to_faer(m)
+        .svd()
+        .map_err(|_| Error::singular("the singular values of the constraint rows could not be found"))?;
     let (u, s, v) = (svd.U(), svd.S().column_vector(), svd.V());
-    let inverse = DMatrix::from_fn(r, n, |i, j| {
-        (0..r).map(|k| v[(i, k)] / s[k] * u[(j, k)]).sum()
-    });
+    let inverse = DMatrix::from_fn(r, n, |i, j| (0..r).map(|k| v[(i, k)] / s[k] * u[(j, k)]).sum());
     let null = DMatrix::from_fn(n, n - r, |i, j| u[(i, r + j)]);
     Ok((inverse, null))
 }

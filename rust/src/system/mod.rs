@@ -62,9 +62,7 @@ impl System {
             )));
         }
         if let Some(i) = x.iter().position(|v| !v.is_finite()) {
-            return Err(crate::error::Error::model(format!(
-                "value {i} is not finite"
-            )));
+            return Err(crate::error::Error::model(format!("value {i} is not finite")));
         }
         Ok(Self::from_parts(self.topology.clone(), x))
     }
@@ -72,12 +70,7 @@ impl System {
     fn from_parts(topology: Arc<Topology>, x: Vec<f64>) -> Self {
         let geometry = Geometry::derive(&topology.tables, &x);
         let length = topology.characteristic_length(&geometry, &x);
-        System {
-            topology,
-            x: Arc::new(x),
-            geometry: Arc::new(geometry),
-            length,
-        }
+        System { topology, x: Arc::new(x), geometry: Arc::new(geometry), length }
     }
 
     /// Times after `start` at which a motion is not smooth, ascending.

@@ -34,17 +34,9 @@ impl Parts {
             out.extend([c.a, c.b].into_iter().filter_map(|b| topology.node(b)));
         }
         for joint in self.joints.iter().map(|j| &tables.joints[*j]) {
-            out.extend(
-                [joint.a, joint.b]
-                    .into_iter()
-                    .filter_map(|b| topology.node(b)),
-            );
+            out.extend([joint.a, joint.b].into_iter().filter_map(|b| topology.node(b)));
         }
-        out.extend(
-            self.loads
-                .iter()
-                .map(|l| topology.node_of_body[tables.loads[*l].body]),
-        );
+        out.extend(self.loads.iter().map(|l| topology.node_of_body[tables.loads[*l].body]));
         out.sort_unstable();
         out.dedup();
         out
@@ -54,18 +46,10 @@ impl Parts {
 impl<T: Real> Scene<'_, T> {
     /// Per node: wrenches of these parts about the centre of mass, with their sign in the residual. `accelerations` are those of
     /// `loaded_accelerations` of a node. Only poses and twists of the nodes concerned are read.
-    pub fn part_wrenches(
-        &self,
-        of: &Parts,
-        accelerations: impl Fn(usize) -> Six<T>,
-        lam: Option<&[T]>,
-    ) -> Vec<Six<T>> {
+    pub fn part_wrenches(&self, of: &Parts, accelerations: impl Fn(usize) -> Six<T>, lam: Option<&[T]>) -> Vec<Six<T>> {
         let (topology, geometry, placement) = (self.topology, self.geometry, self.placement);
         let wanted = self.effects.wanted();
-        let numbers = Numbers {
-            x: self.x,
-            memory: self.memory,
-        };
+        let numbers = Numbers { x: self.x, memory: self.memory };
         let mut sums = vec![Six::zero(); topology.nodes.len()];
         for c in &of.connectors {
             let connector = &topology.connectors[*c];
@@ -79,8 +63,7 @@ impl<T: Real> Scene<'_, T> {
         if let Some(lam) = lam.filter(|_| !of.joints.is_empty()) {
             let all = self.cut_multipliers(lam);
             for (joint, rows) in all.iter().filter(|(j, _)| of.joints.contains(j)) {
-                let acting =
-                    constraint_interaction(topology, geometry, placement, *joint, rows, wanted);
+                let acting = constraint_interaction(topology, geometry, placement, *joint, rows, wanted);
                 add_wrench(topology, placement, &acting, &mut sums);
             }
         }
@@ -101,10 +84,7 @@ impl<T: Real> Scene<'_, T> {
 
     /// The same without gravity.
     pub fn free_accelerations(&self) -> Vec<Six<T>> {
-        let all = InertiaInput {
-            gravity: None,
-            ..self.inertia(true)
-        };
+        let all = InertiaInput { gravity: None, ..self.inertia(true) };
         all.body_accelerations()
     }
 

@@ -35,9 +35,7 @@ impl<T: Real> PathEntry<T> {
 
     /// Does `other` carry this coordinate's axis?
     fn carried_by(&self, other: &Self) -> bool {
-        self.on_b == other.on_b
-            && other.order > self.order
-            && (other.node != self.node || other.stage < self.stage)
+        self.on_b == other.on_b && other.order > self.order && (other.node != self.node || other.stage < self.stage)
     }
 }
 
@@ -60,18 +58,9 @@ pub fn path<T: Real>(
         let arm = point - placement.pose[node].p;
         // outermost stage first, so that what carries an axis always comes later
         for stage in (0..spec.kind.stages()).rev() {
-            for dof in (spec.first..spec.first + spec.n)
-                .filter(|d| topology.dofs[*d].freedom.stage == stage)
-            {
+            for dof in (spec.first..spec.first + spec.n).filter(|d| topology.dofs[*d].freedom.stage == stage) {
                 let order = entries.len();
-                entries.push(PathEntry {
-                    dof,
-                    on_b,
-                    s: placement.column[dof].motion_at(&arm),
-                    node,
-                    stage,
-                    order,
-                });
+                entries.push(PathEntry { dof, on_b, s: placement.column[dof].motion_at(&arm), node, stage, order });
             }
         }
         *side = spec.parent;
@@ -88,13 +77,7 @@ pub fn add_tangent<T: Real, E: Entries<T>>(
     stiffness: &mut E,
     mut damping: Option<&mut E>,
 ) {
-    let entries = path(
-        topology,
-        placement,
-        interaction.a,
-        interaction.b,
-        &interaction.point,
-    );
+    let entries = path(topology, placement, interaction.a, interaction.b, &interaction.point);
     if let Some(elastic) = &interaction.elastic {
         add_elastic(&entries, elastic, &elastic.k, stiffness);
         if let Some(damping) = damping.as_deref_mut() {
@@ -104,24 +87,12 @@ pub fn add_tangent<T: Real, E: Entries<T>>(
     let moving = placement.velocity.is_some() && interaction.damped && damping.is_some();
     if moving || (geometric && !interaction.wrench.is_absent()) {
         let damped = damping.is_some();
-        add_carried(
-            topology,
-            placement,
-            interaction,
-            &entries,
-            (geometric, damped),
-            stiffness,
-        );
+        add_carried(topology, placement, interaction, &entries, (geometric, damped), stiffness);
     }
 }
 
 /// F^T k F with F = g . s S.
-fn add_elastic<T: Real>(
-    entries: &[PathEntry<T>],
-    elastic: &Elastic<T>,
-    k: &[[T; 6]; 6],
-    out: &mut impl Entries<T>,
-) {
+fn add_elastic<T: Real>(entries: &[PathEntry<T>], elastic: &Elastic<T>, k: &[[T; 6]; 6], out: &mut impl Entries<T>) {
     let n = elastic.gradients.len();
     let strains: Vec<[T; 6]> = entries
         .iter()
@@ -163,9 +134,7 @@ fn add_carried<T: Real>(
         return;
     };
     let moving_b = placement.velocity.as_ref().map(|velocity| {
-        let at = |node: usize| {
-            velocity.body[node].motion_at(&(interaction.point - placement.pose[node].p))
-        };
+        let at = |node: usize| velocity.body[node].motion_at(&(interaction.point - placement.pose[node].p));
         topology.node(interaction.b).map_or_else(Six::zero, at)
     });
     let turned = geometric && !interaction.wrench.is_absent();
@@ -174,9 +143,7 @@ fn add_carried<T: Real>(
         if turned && !j.on_b {
             dw += j.s.cross_force(&interaction.wrench);
         }
-        if damped
-            && let (Some(velocity), Some(vb)) = (placement.velocity.as_ref(), moving_b.as_ref())
-        {
+        if damped && let (Some(velocity), Some(vb)) = (placement.velocity.as_ref(), moving_b.as_ref()) {
             let arm = interaction.point - placement.pose[j.node].p;
             let relative = *vb - velocity.before[j.dof].motion_at(&arm);
             let change = j.s.cross_motion(&relative);
@@ -187,11 +154,7 @@ fn add_carried<T: Real>(
             let mut kij = si.dot(&dw);
             if turned && i.carried_by(j) {
                 let ds = j.s.cross_motion(&i.s);
-                kij += if i.on_b {
-                    ds.dot(&interaction.wrench)
-                } else {
-                    -ds.dot(&interaction.wrench)
-                };
+                kij += if i.on_b { ds.dot(&interaction.wrench) } else { -ds.dot(&interaction.wrench) };
             }
             stiffness.add(i.dof, j.dof, -kij);
         }
@@ -206,13 +169,9 @@ pub fn add_wrench<T: Real>(
     sums: &mut [Six<T>],
 ) {
     if let Some(n) = topology.node(interaction.b) {
-        sums[n] += interaction
-            .wrench
-            .wrench_at(&(placement.pose[n].p - interaction.point));
+        sums[n] += interaction.wrench.wrench_at(&(placement.pose[n].p - interaction.point));
     }
     if let Some(n) = topology.node(interaction.a) {
-        sums[n] += -interaction
-            .wrench
-            .wrench_at(&(placement.pose[n].p - interaction.point));
+        sums[n] += -interaction.wrench.wrench_at(&(placement.pose[n].p - interaction.point));
     }
 }

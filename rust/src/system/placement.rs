@@ -45,52 +45,26 @@ pub struct Velocity<T: Real> {
 impl<T: Real> Velocity<T> {
     /// The rate of a column.
     pub fn of(&self, rate: &[T], column: usize) -> T {
-        rate.get(column)
-            .copied()
-            .unwrap_or_else(|| self.nodes[column - rate.len()])
+        rate.get(column).copied().unwrap_or_else(|| self.nodes[column - rate.len()])
     }
 }
 
 /// The markers of a node's joint on its inner and on its outer body.
 fn inner_outer<T: Real>(pair: &MarkerPair<T>, reversed: bool) -> (&Pose<T>, &Pose<T>) {
-    if reversed {
-        (&pair.b, &pair.a)
-    } else {
-        (&pair.a, &pair.b)
-    }
+    if reversed { (&pair.b, &pair.a) } else { (&pair.a, &pair.b) }
 }
 
-fn markers<T: Real>(
-    topology: &Topology,
-    geometry: &Geometry<T>,
-    node: &Node,
-) -> (Pose<T>, Pose<T>) {
+fn markers<T: Real>(topology: &Topology, geometry: &Geometry<T>, node: &Node) -> (Pose<T>, Pose<T>) {
     if node.kind == JointKind::Node {
-        let rest = Pose {
-            p: geometry.tips[topology.tip(node)].offset,
-            r: M3::identity(),
-        };
+        let rest = Pose { p: geometry.tips[topology.tip(node)].offset, r: M3::identity() };
         let own = Pose::identity();
-        return if node.reversed {
-            (own, rest)
-        } else {
-            (rest, own)
-        };
+        return if node.reversed { (own, rest) } else { (rest, own) };
     }
     match node.joint {
         // an implicit free joint: world axes at the drawn centre of mass
         None => {
             let drawn = &geometry.bodies[node.body].drawn;
-            (
-                Pose {
-                    p: drawn.p,
-                    r: M3::identity(),
-                },
-                Pose {
-                    p: V3::zeros(),
-                    r: drawn.r.transpose(),
-                },
-            )
+            (Pose { p: drawn.p, r: M3::identity() }, Pose { p: V3::zeros(), r: drawn.r.transpose() })
         }
         Some(j) => {
             let (inner, outer) = inner_outer(&geometry.joints[j], node.reversed);
@@ -107,25 +81,14 @@ pub fn drawn_relative<T: Real>(topology: &Topology, geometry: &Geometry<T>) -> V
             return Pose::identity();
         };
         let joint = &topology.tables.joints[j];
-        let (pa, pb) = (
-            drawn(joint.a).then(&geometry.joints[j].a),
-            drawn(joint.b).then(&geometry.joints[j].b),
-        );
+        let (pa, pb) = (drawn(joint.a).then(&geometry.joints[j].a), drawn(joint.b).then(&geometry.joints[j].b));
         let (inner, outer) = if node.reversed { (pb, pa) } else { (pa, pb) };
         let u = inner.r.transpose() * (outer.p - inner.p);
         let mut kept = V3::zeros();
-        for f in node
-            .kind
-            .freedoms(node.reversed)
-            .iter()
-            .filter(|f| !f.rotation)
-        {
+        for f in node.kind.freedoms(node.reversed).iter().filter(|f| !f.rotation) {
             kept[f.axis] = u[f.axis];
         }
-        Pose {
-            p: kept,
-            r: M3::identity(),
-        }
+        Pose { p: kept, r: M3::identity() }
     };
     let mut all: Vec<_> = topology.nodes.iter().map(relative).collect();
     all.resize(topology.n_poses(), Pose::identity());
@@ -133,20 +96,11 @@ pub fn drawn_relative<T: Real>(topology: &Topology, geometry: &Geometry<T>) -> V
 }
 
 /// The relative pose of each tree joint from given poses of the centres of mass (per body), as far as the joint allows it.
-pub fn relative_from_poses(
-    topology: &Topology,
-    geometry: &Geometry<f64>,
-    poses: &[Pose<f64>],
-) -> Vec<Pose<f64>> {
+pub fn relative_from_poses(topology: &Topology, geometry: &Geometry<f64>, poses: &[Pose<f64>]) -> Vec<Pose<f64>> {
     let relative = |node: &Node| {
         let (inner_marker, outer_marker) = markers(topology, geometry, node);
-        let carrier = node
-            .parent
-            .map_or_else(Pose::identity, |p| poses[topology.nodes[p].body]);
-        let found = carrier
-            .then(&inner_marker)
-            .inverse()
-            .then(&poses[node.body].then(&outer_marker));
+        let carrier = node.parent.map_or_else(Pose::identity, |p| poses[topology.nodes[p].body]);
+        let found = carrier.then(&inner_marker).inverse().then(&poses[node.body].then(&outer_marker));
         allowed(node, &found)
     };
     topology.nodes.iter().map(relative).collect()
@@ -155,12 +109,7 @@ pub fn relative_from_poses(
 /// The part of a relative pose that a joint's freedoms can make.
 fn allowed(node: &Node, found: &Pose<f64>) -> Pose<f64> {
     let mut p = V3::zeros();
-    for f in node
-        .kind
-        .freedoms(node.reversed)
-        .iter()
-        .filter(|f| !f.rotation)
-    {
+    for f in node.kind.freedoms(node.reversed).iter().filter(|f| !f.rotation) {
         p[f.axis] = found.p[f.axis];
     }
     let r = &found.r;
@@ -171,14 +120,11 @@ fn allowed(node: &Node, found: &Pose<f64>) -> Pose<f64> {
     };
     let r = match node.kind {
         JointKind::Free | JointKind::Spherical => *r,
-        JointKind::Revolute | JointKind::Cylindrical | JointKind::Planar => {
-            about(2, r[(1, 0)].atan2(r[(0, 0)]))
-        }
+        JointKind::Revolute | JointKind::Cylindrical | JointKind::Planar => about(2, r[(1, 0)].atan2(r[(0, 0)])),
         JointKind::Universal => {
             // R = Rz(alpha) Rx(beta) from a to b; a reversed joint holds its transpose
             let ab = if node.reversed { r.transpose() } else { *r };
-            let ab =
-                about(2, ab[(1, 0)].atan2(ab[(0, 0)])) * about(0, ab[(2, 1)].atan2(ab[(2, 2)]));
+            let ab = about(2, ab[(1, 0)].atan2(ab[(0, 0)])) * about(0, ab[(2, 1)].atan2(ab[(2, 2)]));
             if node.reversed { ab.transpose() } else { ab }
         }
         _ => M3::identity(),
@@ -187,11 +133,7 @@ fn allowed(node: &Node, found: &Pose<f64>) -> Pose<f64> {
 }
 
 /// The relative poses of a state over T: constant but for the drawn two-point offsets, which follow the geometry.
-pub fn lifted_relative<T: Real>(
-    topology: &Topology,
-    geometry: &Geometry<T>,
-    state: &State,
-) -> Vec<Pose<T>> {
+pub fn lifted_relative<T: Real>(topology: &Topology, geometry: &Geometry<T>, state: &State) -> Vec<Pose<T>> {
     let drawn = drawn_relative(topology, geometry);
     state
         .relative
@@ -199,10 +141,7 @@ pub fn lifted_relative<T: Real>(
         .zip(drawn)
         .map(|(pose, drawn)| {
             let lifted = Pose::<f64>::lifted::<T>(pose);
-            Pose {
-                p: lifted.p + drawn.p.map(|x| x - x.re()),
-                r: lifted.r,
-            }
+            Pose { p: lifted.p + drawn.p.map(|x| x - x.re()), r: lifted.r }
         })
         .collect()
 }
@@ -256,9 +195,7 @@ pub fn place<T: Real>(
         let inner = carrier.then(&inner_marker);
         if node.kind == JointKind::Node {
             let w = node_values(topology, geometry, node, &modal);
-            let moved = inner
-                .then(&deformed(&w, node.reversed))
-                .then(&outer_marker.inverse());
+            let moved = inner.then(&deformed(&w, node.reversed)).then(&outer_marker.inverse());
             let frame = if node.reversed { &moved } else { &carrier };
             let tip = if node.reversed { &inner } else { &moved };
             let own = &mut column[node.first..node.first + 6];
@@ -273,11 +210,8 @@ pub fn place<T: Real>(
         for (k, freedom) in node.kind.freedoms(node.reversed).iter().enumerate() {
             let frame = if freedom.outer { &outer.r } else { &inner.r };
             let axis: V3<T> = frame.column(freedom.axis) * sign;
-            column[node.first + k] = if freedom.rotation {
-                Six::new(axis.cross(&arm), axis)
-            } else {
-                Six::new(axis, V3::zeros())
-            };
+            column[node.first + k] =
+                if freedom.rotation { Six::new(axis.cross(&arm), axis) } else { Six::new(axis, V3::zeros()) };
         }
         pose.push(body);
     }
@@ -285,12 +219,7 @@ pub fn place<T: Real>(
         let nodes = node_rates(topology, geometry, rate);
         velocities(topology, &pose, &column, rate, nodes)
     });
-    Placement {
-        pose,
-        column,
-        velocity,
-        modal,
-    }
+    Placement { pose, column, velocity, modal }
 }
 
 impl<T: Real> Placement<T> {
@@ -312,44 +241,24 @@ fn velocities<T: Real>(
     let mut body: Vec<Six<T>> = Vec::with_capacity(pose.len());
     let mut before = vec![Six::zero(); column.len()];
     let of = |d: usize| {
-        if d < rate.len() {
-            rate[d]
-        } else {
-            nodes[d - rate.len()]
-        }
+        if d < rate.len() { rate[d] } else { nodes[d - rate.len()] }
     };
     for (i, node) in topology.nodes.iter().enumerate() {
-        let mut v = node
-            .parent
-            .map_or_else(Six::zero, |p| body[p].motion_at(&(pose[i].p - pose[p].p)));
+        let mut v = node.parent.map_or_else(Six::zero, |p| body[p].motion_at(&(pose[i].p - pose[p].p)));
         let dofs = node.first..node.first + node.n;
         for stage in 0..node.kind.stages() {
             let carried = v;
-            for d in dofs
-                .clone()
-                .filter(|d| topology.dofs[*d].freedom.stage == stage)
-            {
+            for d in dofs.clone().filter(|d| topology.dofs[*d].freedom.stage == stage) {
                 before[d] = carried;
                 v += column[d].scaled(of(d));
             }
         }
         body.push(v);
     }
-    Velocity {
-        body,
-        before,
-        nodes,
-    }
+    Velocity { body, before, nodes }
 }
 
 /// World pose of a marker that is given in the frame of its body's centre of mass.
-pub fn marker_pose<T: Real>(
-    topology: &Topology,
-    pose: &[Pose<T>],
-    body: BodyRef,
-    local: &Pose<T>,
-) -> Pose<T> {
-    topology
-        .node(body)
-        .map_or(*local, |node| pose[node].then(local))
+pub fn marker_pose<T: Real>(topology: &Topology, pose: &[Pose<T>], body: BodyRef, local: &Pose<T>) -> Pose<T> {
+    topology.node(body).map_or(*local, |node| pose[node].then(local))
 }

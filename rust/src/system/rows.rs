@@ -78,10 +78,7 @@ impl<T: Real> Scene<'_, T> {
     pub fn constraints_into<E: Entries<T>>(&self, jacobian: &mut E) -> DVector<T> {
         match &self.fold() {
             None => self.rows_over_columns(jacobian),
-            Some(fold) => self.rows_over_columns(&mut FoldedRows {
-                inner: jacobian,
-                fold,
-            }),
+            Some(fold) => self.rows_over_columns(&mut FoldedRows { inner: jacobian, fold }),
         }
     }
 
@@ -90,21 +87,10 @@ impl<T: Real> Scene<'_, T> {
         let mut phi = DVector::zeros(rows.len());
         let mut start = 0;
         while start < rows.len() {
-            let end = start
-                + rows[start..]
-                    .iter()
-                    .take_while(|r| r.belongs_with(&rows[start]))
-                    .count();
+            let end = start + rows[start..].iter().take_while(|r| r.belongs_with(&rows[start])).count();
             let coordinates: Vec<_> = rows[start..end].iter().map(|r| r.coordinate).collect();
             let mut value = vec![T::zero(); end - start];
-            self.add_rows(
-                rows[start].joint,
-                &coordinates,
-                T::one(),
-                start,
-                &mut value,
-                jacobian,
-            );
+            self.add_rows(rows[start].joint, &coordinates, T::one(), start, &mut value, jacobian);
             for (i, e) in (start..end).zip(value) {
                 if self.acts(&rows[i]) {
                     phi[i] = self.value(&rows[i], e, i, jacobian);
@@ -128,11 +114,7 @@ impl<T: Real> Scene<'_, T> {
         let (topology, placement) = (self.topology, self.placement);
         let spec = &topology.tables.joints[joint];
         let (point, rows) = constraint_rows(topology, self.geometry, placement, joint, coordinates);
-        let entries = if E::KEPT {
-            path(topology, placement, spec.a, spec.b, &point)
-        } else {
-            Vec::new()
-        };
+        let entries = if E::KEPT { path(topology, placement, spec.a, spec.b, &point) } else { Vec::new() };
         for (i, (value, g)) in rows.iter().enumerate() {
             values[i] = *value;
             if !self.acts(&topology.rows[start + i]) {
@@ -147,27 +129,19 @@ impl<T: Real> Scene<'_, T> {
     /// Phi of a row whose coordinate is e.
     fn value(&self, row: &ConstraintRow, e: T, i: usize, jacobian: &mut impl Entries<T>) -> T {
         match row.purpose {
-            Purpose::Joint
-                if self.topology.tables.joints[row.joint].kind == JointKind::Distance =>
-            {
+            Purpose::Joint if self.topology.tables.joints[row.joint].kind == JointKind::Distance => {
                 e - self.distance(row.joint)
             }
             Purpose::Joint => e,
             Purpose::Drive(d) => {
                 let motion = self.topology.tables.drives[d].motion;
                 let phi = e - self.geometry.motions[motion].at(self.t)[0];
-                if matches!(row.coordinate, Coordinate::Angle { .. }) {
-                    phi - turns(phi.re())
-                } else {
-                    phi
-                }
+                if matches!(row.coordinate, Coordinate::Angle { .. }) { phi - turns(phi.re()) } else { phi }
             }
             Purpose::Coupler(c) => {
                 let spec = &self.topology.tables.couplers[c];
                 let (ratio, offset) = (self.x[spec.x], self.x[spec.x + 1]);
-                let first = self.topology.tables.joints[spec.joints[0]]
-                    .kind
-                    .free_coordinates()[spec.coordinates[0]];
+                let first = self.topology.tables.joints[spec.joints[0]].kind.free_coordinates()[spec.coordinates[0]];
                 let mut value = [T::zero()];
                 self.add_rows(spec.joints[0], &[first], -ratio, i, &mut value, jacobian);
                 let remembered = |k: usize| self.memory.get(self.topology.turns + 2 * c + k);
@@ -185,27 +159,14 @@ impl<T: Real> Scene<'_, T> {
     /// J v: what all rows do at these rates, drives left out.
     pub fn row_rates(&self) -> DVector<T> {
         self.over_joints(|joint, coordinates| {
-            constraint_rates(
-                self.topology,
-                self.geometry,
-                self.placement,
-                joint,
-                coordinates,
-            )
+            constraint_rates(self.topology, self.geometry, self.placement, joint, coordinates)
         })
     }
 
     /// gamma of J a + gamma = 0: what all rows do at zero a, drives left out; `accelerations` of the bodies at a = 0.
     pub fn row_bias(&self, accelerations: &[Six<T>]) -> DVector<T> {
         self.over_joints(|joint, coordinates| {
-            constraint_bias(
-                self.topology,
-                self.geometry,
-                self.placement,
-                joint,
-                coordinates,
-                accelerations,
-            )
+            constraint_bias(self.topology, self.geometry, self.placement, joint, coordinates, accelerations)
         })
     }
 
@@ -235,11 +196,7 @@ impl<T: Real> Scene<'_, T> {
     fn distance(&self, joint: usize) -> T {
         let spec = &self.topology.tables.joints[joint];
         let x = self.x[spec.x + 34];
-        if spec.flags & LENGTH_GIVEN != 0 {
-            x
-        } else {
-            self.geometry.joint_length[joint] + x
-        }
+        if spec.flags & LENGTH_GIVEN != 0 { x } else { self.geometry.joint_length[joint] + x }
     }
 
     /// Multipliers of both levels with the coordinates they act on, one group per object and joint.
@@ -250,26 +207,15 @@ impl<T: Real> Scene<'_, T> {
             if !self.acts(row) {
                 continue;
             }
-            match out
-                .last_mut()
-                .filter(|c| c.joint == row.joint && c.purpose == row.purpose)
-            {
+            match out.last_mut().filter(|c| c.joint == row.joint && c.purpose == row.purpose) {
                 Some(c) => c.rows.push((row.coordinate, *l)),
-                None => out.push(Carried {
-                    purpose: row.purpose,
-                    joint: row.joint,
-                    rows: vec![(row.coordinate, *l)],
-                }),
+                None => out.push(Carried { purpose: row.purpose, joint: row.joint, rows: vec![(row.coordinate, *l)] }),
             }
             if let Purpose::Coupler(c) = row.purpose {
                 let spec = &tables.couplers[c];
                 let joint = spec.joints[0];
                 let first = tables.joints[joint].kind.free_coordinates()[spec.coordinates[0]];
-                out.push(Carried {
-                    purpose: row.purpose,
-                    joint,
-                    rows: vec![(first, -self.x[spec.x] * *l)],
-                });
+                out.push(Carried { purpose: row.purpose, joint, rows: vec![(first, -self.x[spec.x] * *l)] });
             }
         }
         out
@@ -277,10 +223,7 @@ impl<T: Real> Scene<'_, T> {
 
     /// The same by joint alone.
     pub fn cut_multipliers(&self, lam: &[T]) -> Vec<(usize, Vec<(Coordinate, T)>)> {
-        self.carried(lam)
-            .into_iter()
-            .map(|c| (c.joint, c.rows))
-            .collect()
+        self.carried(lam).into_iter().map(|c| (c.joint, c.rows)).collect()
     }
 
     /// What couplers and springs of angles remember of this scene.
@@ -290,17 +233,8 @@ impl<T: Real> Scene<'_, T> {
             for k in 0..2 {
                 let joint = spec.joints[k];
                 let coordinate = tables.joints[joint].kind.free_coordinates()[spec.coordinates[k]];
-                let found = constraint_rows(
-                    topology,
-                    self.geometry,
-                    self.placement,
-                    joint,
-                    &[coordinate],
-                )
-                .1;
-                if let (Some((e, _)), Some(slot)) =
-                    (found.first(), memory.get_mut(topology.turns + 2 * c + k))
-                {
+                let found = constraint_rows(topology, self.geometry, self.placement, joint, &[coordinate]).1;
+                if let (Some((e, _)), Some(slot)) = (found.first(), memory.get_mut(topology.turns + 2 * c + k)) {
                     *slot = continued(*e, coordinate, Some(slot));
                 }
             }

@@ -18,8 +18,8 @@ use crate::spatial::{Map6, Pose, Six, V3};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene};
 use crate::system::connector::{
-    CoordinateTangent, Interaction, Numbers, Wanted, constraint_interaction, constraint_rows,
-    coordinate_tangent, interaction, load_interaction,
+    CoordinateTangent, Interaction, Numbers, Wanted, constraint_interaction, constraint_rows, coordinate_tangent,
+    interaction, load_interaction,
 };
 use crate::system::loops::Loops;
 use crate::system::placement::{Placement, State, drawn_relative, place};
@@ -51,12 +51,7 @@ pub struct SparseForm {
 }
 
 impl SparseForm {
-    pub fn new(
-        system: &System,
-        state: &State,
-        effects: Effects,
-        counts: &mut Counts,
-    ) -> Result<Self> {
+    pub fn new(system: &System, state: &State, effects: Effects, counts: &mut Counts) -> Result<Self> {
         check(system, state)?;
         let topology = &*system.topology;
         let placement = place(topology, &system.geometry, &state.relative, None);
@@ -89,14 +84,7 @@ impl SparseForm {
             unbalanced = builder.unbalanced(&lam, loops.as_ref());
         }
         counts.add("sparse rows", builder.compliance.len() as u64);
-        let Builder {
-            rows,
-            compliance,
-            connector,
-            geometric,
-            damping,
-            ..
-        } = builder;
+        let Builder { rows, compliance, connector, geometric, damping, .. } = builder;
         Ok(SparseForm {
             mass: masses(system, &placement),
             rows,
@@ -204,11 +192,7 @@ fn loaded(system: &System, state: &State, effects: Effects) -> bool {
         use crate::model::tables::ElementKind::*;
         match e.kind {
             Bushing => e.flags & HAS_PRELOAD != 0 && nonzero(e.x + 82, 6) || apart(e.x),
-            _ => {
-                x[e.x + 8] != 0.0
-                    || e.flags & LENGTH_GIVEN != 0
-                    || e.flags & HAS_PRELOAD != 0 && x[e.x + 9] != 0.0
-            }
+            _ => x[e.x + 8] != 0.0 || e.flags & LENGTH_GIVEN != 0 || e.flags & HAS_PRELOAD != 0 && x[e.x + 9] != 0.0,
         }
     };
     let moved = |(now, drawn): (&Pose<f64>, Pose<f64>)| {
@@ -219,11 +203,7 @@ fn loaded(system: &System, state: &State, effects: Effects) -> bool {
         || !t.laws.is_empty()
         || t.joints.iter().any(joint)
         || t.elements.iter().any(element)
-        || state
-            .relative
-            .iter()
-            .zip(drawn_relative(topology, &system.geometry))
-            .any(moved)
+        || state.relative.iter().zip(drawn_relative(topology, &system.geometry)).any(moved)
 }
 
 fn masses(system: &System, placement: &Placement<f64>) -> Vec<Map6<f64>> {
@@ -300,10 +280,7 @@ impl Builder<'_> {
     }
 
     fn numbers(&self) -> Numbers<'_, f64> {
-        Numbers {
-            x: self.scene.x,
-            memory: self.scene.memory,
-        }
+        Numbers { x: self.scene.x, memory: self.scene.memory }
     }
 
     fn connectors(&mut self) -> Result<()> {
@@ -317,11 +294,7 @@ impl Builder<'_> {
                 c,
                 self.wanted(),
             );
-            let rows: Vec<Spread> = t
-                .gradients
-                .iter()
-                .map(|g| self.spread(c.a, c.b, &t.point, g))
-                .collect();
+            let rows: Vec<Spread> = t.gradients.iter().map(|g| self.spread(c.a, c.b, &t.point, g)).collect();
             self.elastic_rows(index, &t, &rows)?;
             if t.damped {
                 self.add_damping(&t, &rows);
@@ -345,8 +318,7 @@ impl Builder<'_> {
             let d = k(i, i).abs();
             if d > 0.0 { d.sqrt() } else { 1.0 }
         };
-        let skewed = (0..n)
-            .any(|i| (0..n).any(|j| (t.k[i][j] - t.k[j][i]).abs() > SYMMETRIC * size(i) * size(j)));
+        let skewed = (0..n).any(|i| (0..n).any(|j| (t.k[i][j] - t.k[j][i]).abs() > SYMMETRIC * size(i) * size(j)));
         if skewed {
             let topology = self.scene.topology;
             let name = match topology.connectors[index].owner {
@@ -384,8 +356,7 @@ impl Builder<'_> {
             self.push_row(row, 1.0 / w, Some(index));
         } else if w < 0.0 {
             for (i, a) in &row {
-                self.geometric
-                    .extend(row.iter().map(|(j, b)| (*i, *j, w * a * b)));
+                self.geometric.extend(row.iter().map(|(j, b)| (*i, *j, w * a * b)));
             }
         }
     }
@@ -398,8 +369,7 @@ impl Builder<'_> {
                     continue;
                 }
                 for (p, a) in left {
-                    self.damping
-                        .extend(right.iter().map(|(q, b)| (*p, *q, c * a * b)));
+                    self.damping.extend(right.iter().map(|(q, b)| (*p, *q, c * a * b)));
                 }
             }
         }
@@ -435,13 +405,8 @@ impl Builder<'_> {
 
     fn constrain(&mut self, joint: usize, coordinates: &[Coordinate]) {
         let spec = &self.scene.topology.tables.joints[joint];
-        let (point, rows) = constraint_rows(
-            self.scene.topology,
-            self.scene.geometry,
-            self.scene.placement,
-            joint,
-            coordinates,
-        );
+        let (point, rows) =
+            constraint_rows(self.scene.topology, self.scene.geometry, self.scene.placement, joint, coordinates);
         for (_, g) in rows {
             self.push_row(self.spread(spec.a, spec.b, &point, &g), 0.0, None);
         }
@@ -452,13 +417,9 @@ impl Builder<'_> {
         let (geometry, placement) = (self.scene.geometry, self.scene.placement);
         let effects = self.scene.effects;
         if effects.preload_stiffness {
-            let wanted = Wanted {
-                geometric: true,
-                ..self.wanted()
-            };
+            let wanted = Wanted { geometric: true, ..self.wanted() };
             for c in &topology.connectors {
-                let of =
-                    |wanted| interaction(topology, geometry, placement, self.numbers(), c, wanted);
+                let of = |wanted| interaction(topology, geometry, placement, self.numbers(), c, wanted);
                 let (with, without) = (of(wanted), of(self.wanted()));
                 if let (Some((k, _)), Some((elastic, _))) = (&with.tangent, &without.tangent) {
                     let k = difference(k, elastic);
@@ -468,14 +429,7 @@ impl Builder<'_> {
             }
         }
         for load in 0..topology.tables.loads.len() {
-            let acting = load_interaction(
-                topology,
-                geometry,
-                placement,
-                load,
-                self.scene.t,
-                Wanted::GEOMETRY,
-            );
+            let acting = load_interaction(topology, geometry, placement, load, self.scene.t, Wanted::GEOMETRY);
             if let Some((k, _)) = acting.tangent {
                 self.add_interaction(&acting, &k);
                 counts.add("load tangents", 1);
@@ -485,14 +439,7 @@ impl Builder<'_> {
             let mut carried = self.tree_multipliers(lam);
             carried.extend(self.scene.cut_multipliers(lam));
             for (joint, rows) in carried {
-                let acting = constraint_interaction(
-                    topology,
-                    geometry,
-                    placement,
-                    joint,
-                    &rows,
-                    Wanted::GEOMETRY,
-                );
+                let acting = constraint_interaction(topology, geometry, placement, joint, &rows, Wanted::GEOMETRY);
                 if let Some((k, _)) = acting.tangent {
                     self.add_interaction(&acting, &k);
                     counts.add("constraint-force stiffness", 1);
@@ -504,20 +451,13 @@ impl Builder<'_> {
     /// Multipliers of the tree joints from the wrenches of their subtrees, W = -sum lam g.
     fn tree_multipliers(&self, lam: &[f64]) -> Vec<(usize, Vec<(Coordinate, f64)>)> {
         let topology = self.scene.topology;
-        let subtree = self
-            .scene
-            .subtree_wrenches(self.scene.body_wrenches(Some(lam)));
+        let subtree = self.scene.subtree_wrenches(self.scene.body_wrenches(Some(lam)));
         let mut out = Vec::new();
         for (i, node) in topology.nodes.iter().enumerate() {
             let Some(joint) = node.joint else { continue };
             let coordinates = topology.tables.joints[joint].kind.constraints();
-            let (point, rows) = constraint_rows(
-                topology,
-                self.scene.geometry,
-                self.scene.placement,
-                joint,
-                coordinates,
-            );
+            let (point, rows) =
+                constraint_rows(topology, self.scene.geometry, self.scene.placement, joint, coordinates);
             let w = subtree[i].wrench_at(&(point - self.scene.placement.pose[i].p));
             let w = if node.reversed { w } else { -w };
             let gradients: Vec<Six<f64>> = rows.into_iter().map(|(_, g)| g).collect();
@@ -540,11 +480,7 @@ impl Builder<'_> {
                 unit[j] = 1.0;
                 let own = twist(&unit, 0);
                 let xi = own.motion_at(&self.arm(moved, &acting.point));
-                let dw = if is_b {
-                    k.apply(&xi)
-                } else {
-                    -k.apply(&xi) + xi.cross_force(&acting.wrench)
-                };
+                let dw = if is_b { k.apply(&xi) } else { -k.apply(&xi) + xi.cross_force(&acting.wrench) };
                 for (body, sign) in [(acting.a, 1.0), (acting.b, -1.0)] {
                     let Some(body) = body else { continue };
                     let mut change = dw.wrench_at(&-self.arm(body, &acting.point));
@@ -563,12 +499,8 @@ impl Builder<'_> {
         let size = |w: &Six<f64>| w.l.norm() * self.system.length + w.a.norm();
         let total = self.scene.body_wrenches(None).iter().map(size).sum::<f64>()
             + self.scene.connector_sizes(self.system.length);
-        let places: Vec<usize> =
-            loops.map_or_else(|| (0..residual.len()).collect(), |l| l.independent.clone());
-        let worst = places
-            .iter()
-            .copied()
-            .max_by(|a, b| residual[*a].abs().total_cmp(&residual[*b].abs()));
+        let places: Vec<usize> = loops.map_or_else(|| (0..residual.len()).collect(), |l| l.independent.clone());
+        let worst = places.iter().copied().max_by(|a, b| residual[*a].abs().total_cmp(&residual[*b].abs()));
         match worst {
             Some(i) if total > 0.0 => (residual[i].abs() / total, i),
             _ => (0.0, 0),
@@ -577,12 +509,7 @@ impl Builder<'_> {
 }
 
 fn difference(a: &Map6<f64>, b: &Map6<f64>) -> Map6<f64> {
-    Map6 {
-        ll: a.ll - b.ll,
-        la: a.la - b.la,
-        al: a.al - b.al,
-        aa: a.aa - b.aa,
-    }
+    Map6 { ll: a.ll - b.ll, la: a.la - b.la, al: a.al - b.al, aa: a.aa - b.aa }
 }
 
 fn merged(mut row: Spread) -> Spread {

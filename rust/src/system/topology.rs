@@ -115,8 +115,7 @@ impl Connector {
     pub fn turn_of(&self, coordinate: usize) -> Option<usize> {
         let angle = |c: &Coordinate| matches!(c, Coordinate::Angle { .. });
         let before = self.coordinates[..coordinate].iter();
-        angle(&self.coordinates[coordinate])
-            .then(|| Some(self.turns? + before.filter(|c| angle(c)).count()))?
+        angle(&self.coordinates[coordinate]).then(|| Some(self.turns? + before.filter(|c| angle(c)).count()))?
     }
 }
 
@@ -167,9 +166,7 @@ pub struct Topology {
 impl Topology {
     pub fn new(tables: Tables) -> Result<Self> {
         if tables.bodies.is_empty() {
-            return Err(Error::model(
-                "the model has no body: add one with m.body(...)",
-            ));
+            return Err(Error::model("the model has no body: add one with m.body(...)"));
         }
         let (nodes, cut) = spanning_tree(&tables);
         let mut node_of_body = vec![0; nodes.len()];
@@ -181,20 +178,10 @@ impl Topology {
                 continue;
             }
             let freedoms = node.kind.freedoms(node.reversed);
-            let stem = node
-                .joint
-                .map_or(&tables.bodies[node.body].name, |j| &tables.joints[j].name);
+            let stem = node.joint.map_or(&tables.bodies[node.body].name, |j| &tables.joints[j].name);
             for freedom in freedoms {
-                names.push(if freedoms.len() == 1 {
-                    stem.clone()
-                } else {
-                    format!("{stem}.{}", freedom.suffix)
-                });
-                dofs.push(Dof {
-                    node: i,
-                    freedom: *freedom,
-                    sign: if node.reversed { -1.0 } else { 1.0 },
-                });
+                names.push(if freedoms.len() == 1 { stem.clone() } else { format!("{stem}.{}", freedom.suffix) });
+                dofs.push(Dof { node: i, freedom: *freedom, sign: if node.reversed { -1.0 } else { 1.0 } });
             }
         }
         let mut nodes = nodes;
@@ -204,20 +191,7 @@ impl Topology {
         rows.extend(imposed_rows(&tables));
         let (mut connectors, turns) = connectors(&tables)?;
         let n_memory = number_turns(&mut connectors, turns + 2 * tables.couplers.len());
-        Ok(Topology {
-            tables,
-            nodes,
-            node_of_body,
-            dofs,
-            n_tree,
-            modal,
-            names,
-            cut,
-            rows,
-            connectors,
-            n_memory,
-            turns,
-        })
+        Ok(Topology { tables, nodes, node_of_body, dofs, n_tree, modal, names, cut, rows, connectors, n_memory, turns })
     }
 
     /// The name of what makes a row.
@@ -259,10 +233,7 @@ impl Topology {
 
     /// The measure of a tree coordinate: an angle 1, a length the given one, a modal coordinate what displaces by it.
     pub fn scale(&self, coordinate: usize, length: f64) -> f64 {
-        let own = self
-            .modal
-            .iter()
-            .find(|m| (m.first..m.first + m.m).contains(&coordinate));
+        let own = self.modal.iter().find(|m| (m.first..m.first + m.m).contains(&coordinate));
         match own {
             Some(m) => length / m.size[coordinate - m.first],
             None if self.dofs[coordinate].freedom.rotation => 1.0,
@@ -277,11 +248,7 @@ impl Topology {
     /// The largest distance of any located point from the mean of them all; 1 for a single point.
     pub fn characteristic_length<T: Real>(&self, geometry: &Geometry<T>, x: &[T]) -> T {
         let at = |i: usize| V3::new(x[i], x[i + 1], x[i + 2]);
-        let rigid = geometry
-            .bodies
-            .iter()
-            .zip(&self.tables.bodies)
-            .filter(|(_, b)| b.tip.is_none());
+        let rigid = geometry.bodies.iter().zip(&self.tables.bodies).filter(|(_, b)| b.tip.is_none());
         let mut points: Vec<V3<T>> = rigid.map(|(b, _)| b.drawn.p).collect();
         for j in &self.tables.joints {
             points.extend([at(j.x), at(j.x + 3)]);
@@ -299,21 +266,12 @@ impl Topology {
         let far = points.iter().map(|p| p.map(|v| v.re()).amax());
         let rounding = COINCIDENT * far.fold(0.0, f64::max);
         let farthest = squares.fold(T::zero(), |a, b| if b.re() > a.re() { b } else { a });
-        if farthest.re() > rounding * rounding {
-            farthest.sqrt()
-        } else {
-            T::one()
-        }
+        if farthest.re() > rounding * rounding { farthest.sqrt() } else { T::one() }
     }
 }
 
 fn cut_rows(tables: &Tables, joint: usize) -> Vec<ConstraintRow> {
-    let row = |coordinate, level| ConstraintRow {
-        joint,
-        coordinate,
-        level,
-        purpose: Purpose::Joint,
-    };
+    let row = |coordinate, level| ConstraintRow { joint, coordinate, level, purpose: Purpose::Joint };
     match tables.joints[joint].kind {
         JointKind::KnifeEdge => vec![row(Coordinate::Edge, Level::Velocity)],
         JointKind::RollingDisc => vec![
@@ -361,34 +319,16 @@ fn flexible(
         let size = |k: usize| {
             let p2 = spec.x + 12 * m + 9 * (k * m + k);
             let modal = tables.x[p2] + tables.x[p2 + 4] + tables.x[p2 + 8];
-            if modal > 0.0 {
-                (modal / mass).sqrt()
-            } else {
-                1.0
-            }
+            if modal > 0.0 { (modal / mass).sqrt() } else { 1.0 }
         };
-        all.push(Modal {
-            node,
-            first: names.len(),
-            m,
-            pose,
-            size: (0..m).map(size).collect(),
-        });
+        all.push(Modal { node, first: names.len(), m, pose, size: (0..m).map(size).collect() });
         pose += m.div_ceil(3);
         for k in 0..m {
             names.push(format!("{}.q{}", body.name, k + 1));
-            dofs.push(Dof {
-                node,
-                freedom: MODAL,
-                sign: 1.0,
-            });
+            dofs.push(Dof { node, freedom: MODAL, sign: 1.0 });
         }
     }
-    for (i, node) in nodes
-        .iter_mut()
-        .enumerate()
-        .filter(|(_, n)| n.kind == JointKind::Node)
-    {
+    for (i, node) in nodes.iter_mut().enumerate().filter(|(_, n)| n.kind == JointKind::Node) {
         node.first = dofs.len();
         dofs.extend(node.kind.freedoms(node.reversed).iter().map(|freedom| Dof {
             node: i,
@@ -411,10 +351,7 @@ impl<'a> LawBinder<'a> {
         for l in &tables.laws {
             of_owner.entry((l.on_joint, l.owner)).or_default().push(l);
         }
-        LawBinder {
-            of_owner,
-            memory: 0,
-        }
+        LawBinder { of_owner, memory: 0 }
     }
 
     fn of(&mut self, on_joint: bool, owner: usize, n: usize) -> Result<Vec<BoundLaw>> {
@@ -429,12 +366,7 @@ impl<'a> LawBinder<'a> {
             let law = Law::from_code(l.code, l.n)?;
             let memory = self.memory;
             self.memory += law.n_memory();
-            Ok(BoundLaw {
-                component: l.component,
-                law,
-                x: l.x,
-                memory,
-            })
+            Ok(BoundLaw { component: l.component, law, x: l.x, memory })
         });
         bound.collect()
     }
@@ -493,23 +425,14 @@ fn number_turns(connectors: &mut [Connector], mut next: usize) -> usize {
 fn element_connector(i: usize, e: &ElementSpec) -> Connector {
     let (coordinates, k, c, preload, natural) = match e.kind {
         ElementKind::SpringDamper => {
-            let natural = Natural::Length {
-                x: e.x + 8,
-                given: e.flags & LENGTH_GIVEN != 0,
-            };
+            let natural = Natural::Length { x: e.x + 8, given: e.flags & LENGTH_GIVEN != 0 };
             (vec![Coordinate::Length], e.x + 6, e.x + 7, e.x + 9, natural)
         }
         ElementKind::Bushing => {
             let free = JointKind::Free.free_coordinates().to_vec();
             (free, e.x + 10, e.x + 46, e.x + 82, Natural::Zero)
         }
-        ElementKind::Torsion => (
-            vec![ANGLE_Z],
-            e.x + 6,
-            e.x + 7,
-            e.x + 9,
-            Natural::Value { x: e.x + 8 },
-        ),
+        ElementKind::Torsion => (vec![ANGLE_Z], e.x + 6, e.x + 7, e.x + 9, Natural::Value { x: e.x + 8 }),
     };
     Connector {
         owner: Owner::Element(i),

@@ -22,9 +22,7 @@ pub(super) fn spanning_tree(tables: &Tables) -> (Vec<Node>, Vec<usize>) {
         place: vec![None; n],
         used: vec![false; tables.joints.len()],
         first: 0,
-        free: (0..tables.joints.len())
-            .filter(|j| tables.joints[*j].kind == JointKind::Free)
-            .collect(),
+        free: (0..tables.joints.len()).filter(|j| tables.joints[*j].kind == JointKind::Free).collect(),
         next_body: 0,
     };
     let mut queue = VecDeque::from([None]);
@@ -43,9 +41,7 @@ pub(super) fn spanning_tree(tables: &Tables) -> (Vec<Node>, Vec<usize>) {
             None => break,
         }
     }
-    let cut = (0..tables.joints.len())
-        .filter(|&j| !tree.used[j] && tables.joints[j].kind != JointKind::Free)
-        .collect();
+    let cut = (0..tables.joints.len()).filter(|&j| !tree.used[j] && tables.joints[j].kind != JointKind::Free).collect();
     (tree.nodes, cut)
 }
 
@@ -63,13 +59,7 @@ struct Tree<'a> {
 
 impl Tree<'_> {
     /// Attach a body, and at once all else that belongs to it: no loop may be cut inside a flexible body.
-    fn reach(
-        &mut self,
-        body: usize,
-        inner: BodyRef,
-        joint: Option<usize>,
-        queue: &mut VecDeque<BodyRef>,
-    ) {
+    fn reach(&mut self, body: usize, inner: BodyRef, joint: Option<usize>, queue: &mut VecDeque<BodyRef>) {
         self.attach(body, inner, joint);
         queue.push_back(Some(body));
         let tables = self.tables;
@@ -98,28 +88,12 @@ impl Tree<'_> {
         self.push(body, inner, joint, kind, reversed);
     }
 
-    fn push(
-        &mut self,
-        body: usize,
-        inner: BodyRef,
-        joint: Option<usize>,
-        kind: JointKind,
-        reversed: bool,
-    ) {
+    fn push(&mut self, body: usize, inner: BodyRef, joint: Option<usize>, kind: JointKind, reversed: bool) {
         let parent = inner.and_then(|b| self.place[b]);
         let n = kind.freedoms(reversed).len();
         let depth = parent.map_or(0, |p| self.nodes[p].depth + 1);
         self.place[body] = Some(self.nodes.len());
-        self.nodes.push(Node {
-            body,
-            parent,
-            joint,
-            reversed,
-            kind,
-            first: self.first,
-            n,
-            depth,
-        });
+        self.nodes.push(Node { body, parent, joint, reversed, kind, first: self.first, n, depth });
         // columns of moving nodes are counted behind all coordinates
         if kind != JointKind::Node {
             self.first += n;
@@ -130,16 +104,11 @@ impl Tree<'_> {
     fn free_start(&mut self) -> Option<(usize, BodyRef, Option<usize>)> {
         let (place, tables) = (&self.place, self.tables);
         let reached = |b: BodyRef| b.is_none_or(|b| place[b].is_some());
-        self.free
-            .retain(|j| !(reached(tables.joints[*j].a) && reached(tables.joints[*j].b)));
+        self.free.retain(|j| !(reached(tables.joints[*j].a) && reached(tables.joints[*j].b)));
         for &j in &self.free {
             let joint = &tables.joints[j];
             if reached(joint.a) != reached(joint.b) {
-                let (inner, outer) = if reached(joint.a) {
-                    (joint.a, joint.b)
-                } else {
-                    (joint.b, joint.a)
-                };
+                let (inner, outer) = if reached(joint.a) { (joint.a, joint.b) } else { (joint.b, joint.a) };
                 if let Some(body) = outer {
                     return Some((body, inner, Some(j)));
                 }

@@ -17,35 +17,18 @@ pub struct Wanted {
 
 impl Wanted {
     /// Forces alone, all of them.
-    pub const FORCES: Wanted = Wanted {
-        tangent: false,
-        geometric: false,
-        damping: true,
-        laws: false,
-        friction: true,
-        contact: true,
-    };
+    pub const FORCES: Wanted =
+        Wanted { tangent: false, geometric: false, damping: true, laws: false, friction: true, contact: true };
 
     /// Slopes of springs and laws, without the terms that are proportional to their forces.
-    pub const SLOPES: Wanted = Wanted {
-        tangent: true,
-        laws: true,
-        ..Wanted::FORCES
-    };
+    pub const SLOPES: Wanted = Wanted { tangent: true, laws: true, ..Wanted::FORCES };
 
     /// The tangent of given forces, such as multipliers.
-    pub const GEOMETRY: Wanted = Wanted {
-        tangent: true,
-        geometric: true,
-        ..Wanted::FORCES
-    };
+    pub const GEOMETRY: Wanted = Wanted { tangent: true, geometric: true, ..Wanted::FORCES };
 
     /// Does anything of a connector act? One whose effects are all left out is not looked at.
     pub(crate) fn acts(&self, c: &Connector) -> bool {
-        c.k.is_some()
-            || c.preload.is_some()
-            || self.damping && c.c.is_some()
-            || c.laws.iter().any(|l| self.law(l.law))
+        c.k.is_some() || c.preload.is_some() || self.damping && c.c.is_some() || c.laws.iter().any(|l| self.law(l.law))
     }
 
     pub(crate) fn law(&self, law: Law) -> bool {

@@ -32,10 +32,7 @@ impl Known {
     pub fn check(&self, n: usize) -> Result<()> {
         let m = self.s.len();
         let fits = |a: &Mat<C>| a.nrows() == n && a.ncols() == m;
-        let groups = self
-            .groups
-            .iter()
-            .all(|&(first, count)| first + count <= m && count > 0);
+        let groups = self.groups.iter().all(|&(first, count)| first + count <= m && count > 0);
         if fits(&self.x)
             && self.y.as_ref().is_none_or(fits)
             && self.rigid.len() == m
@@ -44,9 +41,7 @@ impl Known {
         {
             Ok(())
         } else {
-            Err(Error::model(
-                "the modal result does not belong to these matrices",
-            ))
+            Err(Error::model("the modal result does not belong to these matrices"))
         }
     }
 
@@ -55,9 +50,7 @@ impl Known {
     }
 
     fn in_group(&self, j: usize) -> bool {
-        self.groups
-            .iter()
-            .any(|&(first, count)| (first..first + count).contains(&j))
+        self.groups.iter().any(|&(first, count)| (first..first + count).contains(&j))
     }
 }
 
@@ -75,11 +68,7 @@ fn undefined() -> C {
 }
 
 /// O(entries of the directions x modes).
-pub fn eigen_sensitivity(
-    system: &SecondOrder,
-    known: &Known,
-    directions: &Directions,
-) -> Result<EigenSensitivity> {
+pub fn eigen_sensitivity(system: &SecondOrder, known: &Known, directions: &Directions) -> Result<EigenSensitivity> {
     known.check(system.size())?;
     let (modes, count) = (known.s.len(), directions.count());
     let denominator = denominators(system, known);
@@ -89,9 +78,7 @@ pub fn eigen_sensitivity(
         let row: Vec<C> = if known.rigid[j] {
             rigid_row(known, directions, j, denominator[j])
         } else {
-            (0..count)
-                .map(|p| -forms[(j, p)] / denominator[j])
-                .collect()
+            (0..count).map(|p| -forms[(j, p)] / denominator[j]).collect()
         };
         for (p, value) in row.into_iter().enumerate() {
             eigenvalue[(j, p)] = value;
@@ -113,9 +100,7 @@ pub fn eigen_sensitivity(
 /// psi^T (2 s M + D) phi of every mode.
 fn denominators(system: &SecondOrder, known: &Known) -> Vec<C> {
     let mx = real_times(system.m.as_ref(), known.x.as_ref());
-    let dx = system
-        .velocity()
-        .map(|d| real_times(d.as_ref(), known.x.as_ref()));
+    let dx = system.velocity().map(|d| real_times(d.as_ref(), known.x.as_ref()));
     let y = known.left();
     (0..known.s.len())
         .map(|j| {
@@ -153,26 +138,15 @@ fn group_matrices(
     size: usize,
 ) -> Vec<Mat<C>> {
     let s = (first..first + size).map(|j| known.s[j]).sum::<C>() / size as f64;
-    let (x, y) = (
-        known.x.subcols(first, size),
-        known.left().subcols(first, size),
-    );
+    let (x, y) = (known.x.subcols(first, size), known.left().subcols(first, size));
     let mut forms = vec![Mat::<C>::zeros(size, size); directions.count()];
     let mut sizes = vec![0.0f64; directions.count()];
     for i in 0..size {
         for k in 0..size {
-            for (p, f) in directions
-                .bilinear(s, y.col(i), x.col(k))
-                .into_iter()
-                .enumerate()
-            {
+            for (p, f) in directions.bilinear(s, y.col(i), x.col(k)).into_iter().enumerate() {
                 forms[p][(i, k)] = f;
             }
-            for (p, f) in directions
-                .absolute_stiffness(y.col(i), x.col(k))
-                .into_iter()
-                .enumerate()
-            {
+            for (p, f) in directions.absolute_stiffness(y.col(i), x.col(k)).into_iter().enumerate() {
                 sizes[p] = sizes[p].max(f);
             }
         }
@@ -218,11 +192,7 @@ fn splits(matrix: &Mat<C>, s: C) -> Vec<C> {
         return vec![undefined(); g];
     };
     let growth = |v: &C| {
-        if s == C::ZERO {
-            v.re
-        } else {
-            (s.conj() * v).re / s.norm()
-        }
+        if s == C::ZERO { v.re } else { (s.conj() * v).re / s.norm() }
     };
     values.sort_by(|a, b| growth(a).total_cmp(&growth(b)).then(a.im.total_cmp(&b.im)));
     values

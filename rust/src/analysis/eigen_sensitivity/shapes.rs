@@ -34,9 +34,7 @@ pub fn shape_derivatives(
 ) -> Result<Vec<Mat<C>>> {
     known.check(system.size())?;
     if ds.nrows() != known.s.len() || ds.ncols() != directions.count() {
-        return Err(Error::model(
-            "ds must have one row for each mode and one column for each direction",
-        ));
+        return Err(Error::model("ds must have one row for each mode and one column for each direction"));
     }
     let symmetric = system.is_symmetric();
     let (system, scale) = system.scaled()?;
@@ -52,11 +50,7 @@ pub fn shape_derivatives(
         .map(|j| {
             cancel.check()?;
             if known.near_defective[j] || known.in_group(j) {
-                return Ok(Mat::from_fn(
-                    scaled.scale.len(),
-                    directions.count(),
-                    |_, _| undefined(),
-                ));
+                return Ok(Mat::from_fn(scaled.scale.len(), directions.count(), |_, _| undefined()));
             }
             counts.add("bordered factorisations", 1);
             Ok(scaled.derivative(known, j, ds))
@@ -96,11 +90,8 @@ impl Scaled {
         let modal = self.symmetric && s.im > 0.0;
         for p in 0..count {
             let part: Vec<C> = (0..n).map(|i| v[(i, p)]).collect();
-            let along = if modal {
-                self.along_modal(&mode, ds[(j, p)], &part, p)
-            } else {
-                self.along_unit(&mode, &part, p)
-            };
+            let along =
+                if modal { self.along_modal(&mode, ds[(j, p)], &part, p) } else { self.along_unit(&mode, &part, p) };
             for i in 0..n {
                 v[(i, p)] = self.scale[i] * (part[i] + along * mode.x[i]);
             }
@@ -125,13 +116,7 @@ impl Scaled {
             s * s * self.system.m[(i, j)] + damping + self.s[(i, j)]
         };
         let size = self.s.norm_max().max(s.norm_sqr());
-        let norm = |v: &[C]| {
-            v.iter()
-                .map(|v| v.norm_sqr())
-                .sum::<f64>()
-                .sqrt()
-                .max(f64::MIN_POSITIVE)
-        };
+        let norm = |v: &[C]| v.iter().map(|v| v.norm_sqr()).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
         let (column, row) = (size / norm(border), size / norm(x));
         Mat::from_fn(n + 1, n + 1, |i, j| match (i < n, j < n) {
             (true, true) => q(i, j),
@@ -160,11 +145,7 @@ impl Scaled {
         let explicit = self.directions.mass_form(p, &conjugate, x);
         let column = Mat::from_fn(x.len(), 1, |i, _| x[i]);
         let k = largest_component(column.col(0), &self.scale);
-        let phase = if x[k] == C::ZERO {
-            0.0
-        } else {
-            -(part[k] / x[k]).im
-        };
+        let phase = if x[k] == C::ZERO { 0.0 } else { -(part[k] / x[k]).im };
         C::new(-inner.re - 0.5 * explicit.re, phase)
     }
 }

@@ -35,20 +35,12 @@ impl Slices {
         let inside = |index: i64, bound: usize| usize::try_from(index).ok().filter(|&i| i < bound);
         let mut sorted = Vec::with_capacity(length);
         for k in 0..length {
-            let place = (
-                inside(rows[k], n),
-                inside(columns[k], n),
-                inside(direction[k], count),
-            );
+            let place = (inside(rows[k], n), inside(columns[k], n), inside(direction[k], count));
             let (Some(i), Some(j), Some(p)) = place else {
-                return Err(Error::model(format!(
-                    "entry {k} of a derivative lies outside the matrices"
-                )));
+                return Err(Error::model(format!("entry {k} of a derivative lies outside the matrices")));
             };
             if !values[k].is_finite() {
-                return Err(Error::model(
-                    "a derivative of the matrices contains NaN or infinite entries",
-                ));
+                return Err(Error::model("a derivative of the matrices contains NaN or infinite entries"));
             }
             sorted.push((p, j, i, values[k]));
         }
@@ -110,25 +102,18 @@ impl Directions {
             let parts = |v: &[C]| v.iter().map(|v| v.re).collect::<Vec<f64>>();
             let (y, x) = (parts(&y), parts(&x));
             let of = |a: &Slices, p: usize| a.bilinear_real(p, &y, &x);
-            return (0..self.count)
-                .map(|p| s * s * of(&self.m, p) + s * of(&self.d, p) + of(&self.s, p))
-                .collect();
+            return (0..self.count).map(|p| s * s * of(&self.m, p) + s * of(&self.d, p) + of(&self.s, p)).collect();
         }
         let of = |a: &Slices, p: usize| a.bilinear(p, &y, &x);
-        (0..self.count)
-            .map(|p| s * s * of(&self.m, p) + s * of(&self.d, p) + of(&self.s, p))
-            .collect()
+        (0..self.count).map(|p| s * s * of(&self.m, p) + s * of(&self.d, p) + of(&self.s, p)).collect()
     }
 
     /// y_j^T (s_j^2 dM + s_j dD + dS) x_j for every mode j (row) and direction (column). Filled matrices are multiplied as such,
     /// others entry by entry.
     pub fn diagonal(&self, s: &[C], y: MatRef<'_, C>, x: MatRef<'_, C>) -> Mat<C> {
         let mut out = Mat::<C>::zeros(s.len(), self.count);
-        let columns = |a: MatRef<'_, C>| -> Vec<Vec<C>> {
-            (0..a.ncols())
-                .map(|j| a.col(j).iter().copied().collect())
-                .collect()
-        };
+        let columns =
+            |a: MatRef<'_, C>| -> Vec<Vec<C>> { (0..a.ncols()).map(|j| a.col(j).iter().copied().collect()).collect() };
         let (ys, xs) = (columns(y), columns(x));
         for (a, power) in [(&self.m, 2), (&self.d, 1), (&self.s, 0)] {
             for p in (0..self.count).filter(|&p| !a.of(p).is_empty()) {
@@ -148,15 +133,7 @@ impl Directions {
 
     /// |y|^T |dS| |x| for every direction.
     pub fn absolute_stiffness(&self, y: ColRef<'_, C>, x: ColRef<'_, C>) -> Vec<f64> {
-        (0..self.count)
-            .map(|p| {
-                self.s
-                    .of(p)
-                    .iter()
-                    .map(|&(i, j, v)| (y[i] * x[j] * v).norm())
-                    .sum()
-            })
-            .collect()
+        (0..self.count).map(|p| self.s.of(p).iter().map(|&(i, j, v)| (y[i] * x[j] * v).norm()).sum()).collect()
     }
 
     /// out += (s^2 dM_p + s dD_p + dS_p) x.
@@ -181,17 +158,8 @@ impl Directions {
     pub fn scaled(&self, d: &[f64]) -> Directions {
         let scale = |a: &Slices| Slices {
             start: a.start.clone(),
-            entries: a
-                .entries
-                .iter()
-                .map(|&(i, j, v)| (i, j, v * d[i] * d[j]))
-                .collect(),
+            entries: a.entries.iter().map(|&(i, j, v)| (i, j, v * d[i] * d[j])).collect(),
         };
-        Directions {
-            m: scale(&self.m),
-            d: scale(&self.d),
-            s: scale(&self.s),
-            count: self.count,
-        }
+        Directions { m: scale(&self.m), d: scale(&self.d), s: scale(&self.s), count: self.count }
     }
 }

@@ -19,9 +19,7 @@ fn one_degree_of_freedom_in_closed_form() {
     };
     let slice = |p: i64| Slices::new(&[0], &[0], &[p], &[1.0], 1, 3).unwrap();
     let directions = Directions::new(slice(0), slice(1), slice(2), 3);
-    let ds = eigen_sensitivity(&system, &known, &directions)
-        .unwrap()
-        .eigenvalue;
+    let ds = eigen_sensitivity(&system, &known, &directions).unwrap().eigenvalue;
     // s = (-c + i r)/(2 m), r = sqrt(4 k m - c^2)
     let r = (4.0f64 * 8.0 * 2.0 - 0.16).sqrt();
     assert!((ds[(0, 2)].im - 1.0 / r).abs() < 1e-15 && ds[(0, 2)].re.abs() < 1e-15);

@@ -33,12 +33,7 @@ pub struct Load<T> {
 
 impl Load<f64> {
     pub fn of(c: &Carried) -> Self {
-        Load {
-            a: c.a.clone(),
-            rate_slope: c.rate_slope.clone(),
-            slope: c.slope.clone().unwrap_or_default(),
-            h: c.h,
-        }
+        Load { a: c.a.clone(), rate_slope: c.rate_slope.clone(), slope: c.slope.clone().unwrap_or_default(), h: c.h }
     }
 }
 
@@ -118,25 +113,12 @@ impl Solved {
         }
         counts.add("factorisations", 2);
         let step = Penalty::new(&matrix, &jacobian.transpose(), &right)?;
-        let there = Motion {
-            memory: start.memory.clone(),
-            ..end.instant.motion.clone()
-        };
+        let there = Motion { memory: start.memory.clone(), ..end.instant.motion.clone() };
         let (by, jacobian) = accelerating(eq, &there)?;
-        let dv: Vec<f64> = (there.rate.iter().zip(&m.rate))
-            .map(|(v, star)| v - star)
-            .collect();
+        let dv: Vec<f64> = (there.rate.iter().zip(&m.rate)).map(|(v, star)| v - star).collect();
         let made = &jacobian * DVector::from_column_slice(&dv);
         let kappa = by.solve_one(&DVector::zeros(eq.n()), &made)?.1;
-        Ok(Solved {
-            step,
-            end: by,
-            s1,
-            lam,
-            dv,
-            kappa: kappa.as_slice().to_vec(),
-            linear,
-        })
+        Ok(Solved { step, end: by, s1, lam, dv, kappa: kappa.as_slice().to_vec(), linear })
     }
 }
 

@@ -35,15 +35,7 @@ const SLIDER: &str = "its slider begins or ceases to slide";
 const GAP: &str = "its gap closes or opens";
 
 fn has_kinks(law: Law) -> bool {
-    matches!(
-        law,
-        Law::Gap
-            | Law::GapBilateral
-            | Law::Hertz
-            | Law::CoulombTanh
-            | Law::Jenkins
-            | Law::Iwan { .. }
-    )
+    matches!(law, Law::Gap | Law::GapBilateral | Law::Hertz | Law::CoulombTanh | Law::Jenkins | Law::Iwan { .. })
 }
 
 fn what(law: Law) -> &'static str {
@@ -56,11 +48,7 @@ fn what(law: Law) -> &'static str {
 
 impl<'a> Watch<'a> {
     pub fn new(eq: &'a Equations<'a, f64>, first: &Instant) -> Self {
-        let mut watch = Watch {
-            eq,
-            last: Vec::new(),
-            found: Vec::new(),
-        };
+        let mut watch = Watch { eq, last: Vec::new(), found: Vec::new() };
         watch.last = watch.distances(first, first);
         watch
     }
@@ -98,18 +86,14 @@ impl<'a> Watch<'a> {
 
     fn laws(&self) -> Vec<(Owner, &'a BoundLaw)> {
         let all = self.eq.topology().connectors.iter();
-        all.flat_map(|c| c.laws.iter().map(|l| (c.owner, l)))
-            .filter(|(_, l)| has_kinks(l.law))
-            .collect()
+        all.flat_map(|c| c.laws.iter().map(|l| (c.owner, l))).filter(|(_, l)| has_kinks(l.law)).collect()
     }
 
     fn distances(&self, from: &Instant, end: &Instant) -> Vec<Vec<Distance>> {
         let eq = self.eq;
         let topology = eq.topology();
         let connectors = topology.connectors.iter();
-        let kinky: Vec<_> = connectors
-            .filter(|c| c.laws.iter().any(|l| has_kinks(l.law)))
-            .collect();
+        let kinky: Vec<_> = connectors.filter(|c| c.laws.iter().any(|l| has_kinks(l.law))).collect();
         if kinky.is_empty() {
             return Vec::new();
         }
@@ -121,10 +105,7 @@ impl<'a> Watch<'a> {
                 let (u, v) = moved[law.component];
                 let p = &eq.x[law.x..law.x + law.law.n_params()];
                 let memory = law.memory..law.memory + law.law.n_memory();
-                let slid = (
-                    &from.motion.memory[memory.clone()],
-                    &end.motion.memory[memory],
-                );
+                let slid = (&from.motion.memory[memory.clone()], &end.motion.memory[memory]);
                 out.push(distances(law.law, p, u, v, slid));
             }
         }
@@ -132,13 +113,7 @@ impl<'a> Watch<'a> {
     }
 }
 
-fn distances(
-    law: Law,
-    p: &[f64],
-    u: f64,
-    v: f64,
-    (before, after): (&[f64], &[f64]),
-) -> Vec<Distance> {
+fn distances(law: Law, p: &[f64], u: f64, v: f64, (before, after): (&[f64], &[f64])) -> Vec<Distance> {
     let one = |from: f64, width: f64| Distance { from, width };
     match law {
         Law::Gap => vec![one(u - p[1], p[2])],
@@ -146,9 +121,9 @@ fn distances(
         // a higher power closes without a kink
         Law::Hertz => vec![one(u - p[2], if p[1] > 1.0 { f64::INFINITY } else { 0.0 })],
         Law::CoulombTanh => vec![one(v, p[1])],
-        Law::Jenkins | Law::Iwan { .. } => (before.iter().zip(after))
-            .map(|(a, b)| one(if a == b { -1.0 } else { 1.0 }, 0.0))
-            .collect(),
+        Law::Jenkins | Law::Iwan { .. } => {
+            (before.iter().zip(after)).map(|(a, b)| one(if a == b { -1.0 } else { 1.0 }, 0.0)).collect()
+        }
         _ => Vec::new(),
     }
 }
@@ -160,11 +135,7 @@ pub fn no_impact(eq: &Equations<'_, f64>, start: f64, end: f64) -> Result<()> {
     }
     for drive in &eq.topology().tables.drives {
         let motion = &eq.geometry.motions[drive.motion];
-        for t in motion
-            .kinks()
-            .into_iter()
-            .filter(|t| *t > start && *t <= end)
-        {
+        for t in motion.kinks().into_iter().filter(|t| *t > start && *t <= end) {
             let before = t - 4.0 * f64::EPSILON * t.abs();
             let (a, b) = (motion.at(before)[1], motion.at(t)[1]);
             if (a - b).abs() > 1e-9 * a.abs().max(b.abs()) {

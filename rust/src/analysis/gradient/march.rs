@@ -48,11 +48,7 @@ impl Here {
                 h: 0.0,
             }),
         };
-        Here {
-            instant,
-            carried,
-            trend: Trend::default(),
-        }
+        Here { instant, carried, trend: Trend::default() }
     }
 }
 
@@ -73,19 +69,11 @@ pub struct March<'a> {
 
 impl<'a> March<'a> {
     pub fn new(eq: &'a Equations<'a, f64>, plan: &'a Plan) -> Self {
-        March {
-            eq,
-            plan,
-            alpha: None,
-            tangents: false,
-        }
+        March { eq, plan, alpha: None, tangents: false }
     }
 
     pub fn with_tangents(self) -> Self {
-        March {
-            tangents: true,
-            ..self
-        }
+        March { tangents: true, ..self }
     }
 
     /// Forget factorisations: steps from here on are the same whatever was before.
@@ -94,17 +82,10 @@ impl<'a> March<'a> {
     }
 
     /// The end of step i, memories included, and how it came about.
-    pub fn step(
-        &mut self,
-        i: usize,
-        from: &Here,
-        cancel: &Cancel,
-        counts: &mut Counts,
-    ) -> Result<(Here, Made)> {
+    pub fn step(&mut self, i: usize, from: &Here, cancel: &Cancel, counts: &mut Counts) -> Result<(Here, Made)> {
         cancel.check()?;
         counts.add("steps", 1);
-        self.made(i, from, counts)
-            .map_err(|e| at_time(e, from.instant.motion.t))
+        self.made(i, from, counts).map_err(|e| at_time(e, from.instant.motion.t))
     }
 
     /// The scheme starts anew where a load or a drive is not smooth: accelerations and multipliers of what follows.
@@ -122,18 +103,12 @@ impl<'a> March<'a> {
         match self.plan.rule {
             Rule::Ali3p(weight) => {
                 let mut trend = from.trend.clone();
-                let (mut end, record, mut by) =
-                    self.eq
-                        .ali3p_step(&from.instant, h, &trend, weight, counts)?;
+                let (mut end, record, mut by) = self.eq.ali3p_step(&from.instant, h, &trend, weight, counts)?;
                 trend.pass(&from.instant.acceleration, &end.acceleration, h);
                 end.motion.t = t;
                 by.linear = by.linear.filter(|_| self.tangents);
                 self.eq.remember(&mut end.motion, counts);
-                let here = Here {
-                    instant: end,
-                    carried: None,
-                    trend,
-                };
+                let here = Here { instant: end, carried: None, trend };
                 Ok((here, Made::Ali3p(record, Box::new(by))))
             }
             Rule::Alpha(rho) => {
@@ -146,11 +121,7 @@ impl<'a> March<'a> {
                 step.end.motion.t = t;
                 self.eq.remember(&mut step.end.motion, counts);
                 scheme.accept(self.eq, &from.instant, &step, h);
-                let here = Here {
-                    carried: scheme.carried().cloned(),
-                    instant: step.end,
-                    trend: Trend::default(),
-                };
+                let here = Here { carried: scheme.carried().cloned(), instant: step.end, trend: Trend::default() };
                 Ok((here, Made::Alpha(Parameters::of(rho), h)))
             }
         }
@@ -159,15 +130,9 @@ impl<'a> March<'a> {
 
 fn at_time(error: Error, t: f64) -> Error {
     match error {
-        Error::Convergence {
-            message,
-            best,
-            residual,
-        } => Error::Convergence {
-            message: format!("at t = {t} s {message}; take smaller steps"),
-            best,
-            residual,
-        },
+        Error::Convergence { message, best, residual } => {
+            Error::Convergence { message: format!("at t = {t} s {message}; take smaller steps"), best, residual }
+        }
         other => other,
     }
 }

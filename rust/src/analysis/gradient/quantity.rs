@@ -46,10 +46,7 @@ impl Quantity {
         match self {
             Quantity::Point(..) | Quantity::Turning(..) => 3,
             Quantity::Rotation(_) => 9,
-            Quantity::Joint(j) => eq.topology().tables.joints[*j]
-                .kind
-                .free_coordinates()
-                .len(),
+            Quantity::Joint(j) => eq.topology().tables.joints[*j].kind.free_coordinates().len(),
             Quantity::Reaction(_) => 6,
         }
     }
@@ -83,16 +80,10 @@ pub fn check(eq: &Equations<'_, f64>, wanted: &[Quantity]) -> Result<()> {
 }
 
 /// All wanted numbers one after the other.
-pub fn evaluate<T: Real>(
-    eq: &Equations<'_, T>,
-    at: &Point<'_, T>,
-    wanted: &[Quantity],
-) -> Result<Vec<T>> {
+pub fn evaluate<T: Real>(eq: &Equations<'_, T>, at: &Point<'_, T>, wanted: &[Quantity]) -> Result<Vec<T>> {
     let placement = eq.place(at.motion);
-    let accelerations = wanted
-        .iter()
-        .any(Quantity::needs_accelerations)
-        .then(|| body_accelerations(eq, at, &placement));
+    let accelerations =
+        wanted.iter().any(Quantity::needs_accelerations).then(|| body_accelerations(eq, at, &placement));
     let reactions = wanted
         .iter()
         .any(|q| matches!(q, Quantity::Reaction(_)))
@@ -102,14 +93,7 @@ pub fn evaluate<T: Real>(
     for q in wanted {
         match q {
             Quantity::Point(body, drawn, order) => {
-                let v = point(
-                    eq,
-                    &placement,
-                    accelerations.as_deref(),
-                    *body,
-                    *drawn,
-                    *order,
-                );
+                let v = point(eq, &placement, accelerations.as_deref(), *body, *drawn, *order);
                 out.extend(v.iter().copied());
             }
             Quantity::Rotation(body) => {
@@ -119,10 +103,7 @@ pub fn evaluate<T: Real>(
             Quantity::Turning(body, order) => {
                 let node = eq.topology().node_of_body[*body];
                 let v = match order {
-                    1 => placement
-                        .velocity
-                        .as_ref()
-                        .map_or_else(V3::zeros, |v| v.body[node].a),
+                    1 => placement.velocity.as_ref().map_or_else(V3::zeros, |v| v.body[node].a),
                     _ => accelerations.as_ref().map_or_else(V3::zeros, |a| a[node].a),
                 };
                 out.extend(v.iter().copied());
@@ -161,19 +142,13 @@ fn point<T: Real>(
     };
     let node = eq.topology().node_of_body[body];
     let geometry = &eq.geometry.bodies[body];
-    let local = world.map_or_else(
-        || -geometry.com,
-        |p| turned_back(&geometry.drawn.r, &(p - geometry.drawn.p)),
-    );
+    let local = world.map_or_else(|| -geometry.com, |p| turned_back(&geometry.drawn.r, &(p - geometry.drawn.p)));
     let pose = &placement.pose[node];
     let arm = turned(&pose.r, &local);
     if order == 0 {
         return pose.p + arm;
     }
-    let v = placement
-        .velocity
-        .as_ref()
-        .map_or_else(Six::zero, |v| v.body[node]);
+    let v = placement.velocity.as_ref().map_or_else(Six::zero, |v| v.body[node]);
     if order == 1 {
         return v.l + v.a.cross(&arm);
     }
@@ -182,11 +157,7 @@ fn point<T: Real>(
 }
 
 /// Per node: acceleration of the centre of mass and angular acceleration, world.
-fn body_accelerations<T: Real>(
-    eq: &Equations<'_, T>,
-    at: &Point<'_, T>,
-    placement: &Placement<T>,
-) -> Vec<Six<T>> {
+fn body_accelerations<T: Real>(eq: &Equations<'_, T>, at: &Point<'_, T>, placement: &Placement<T>) -> Vec<Six<T>> {
     let topology = eq.topology();
     let Some(velocity) = placement.velocity.as_ref() else {
         return vec![Six::zero(); topology.nodes.len()];
@@ -196,24 +167,15 @@ fn body_accelerations<T: Real>(
     let nodes = node_rates(topology, &eq.geometry, at.acceleration);
     let n = at.acceleration.len();
     for (i, node) in topology.nodes.iter().enumerate() {
-        let mut a = node.parent.map_or_else(Six::zero, |p| {
-            spatial[p].motion_at(&(placement.pose[i].p - placement.pose[p].p))
-        });
+        let mut a =
+            node.parent.map_or_else(Six::zero, |p| spatial[p].motion_at(&(placement.pose[i].p - placement.pose[p].p)));
         for d in node.first..node.first + node.n {
             let s = &placement.column[d];
             let speed = velocity.of(&at.motion.rate, d);
             a += velocity.before[d].cross_motion(s).scaled(speed);
-            a += s.scaled(if d < n {
-                at.acceleration[d]
-            } else {
-                nodes[d - n]
-            });
+            a += s.scaled(if d < n { at.acceleration[d] } else { nodes[d - n] });
         }
         spatial.push(a);
     }
-    spatial
-        .iter()
-        .zip(&velocity.body)
-        .map(|(a, v)| Six::new(a.l + v.a.cross(&v.l), a.a))
-        .collect()
+    spatial.iter().zip(&velocity.body).map(|(a, v)| Six::new(a.l + v.a.cross(&v.l), a.a)).collect()
 }

@@ -25,9 +25,8 @@ pub fn joint_reactions<T: Real>(
 ) -> Result<Vec<Six<T>>> {
     let scene: Scene<'_, T> = eq.scene(at.motion, placement, Some(at.acceleration));
     let lam = (!at.lam.is_empty()).then_some(at.lam);
-    let wrenches = |sums: Vec<Six<T>>, lam: &[T]| {
-        joint_wrenches(eq.topology(), &eq.geometry, &scene, placement, sums, lam)
-    };
+    let wrenches =
+        |sums: Vec<Six<T>>, lam: &[T]| joint_wrenches(eq.topology(), &eq.geometry, &scene, placement, sums, lam);
     let mut all = wrenches(scene.body_wrenches(lam), at.lam);
     let jacobian = scene.constraints().1;
     let real = jacobian.map(|v| v.re());
@@ -65,9 +64,7 @@ pub fn joint_reactions<T: Real>(
 
 /// Multipliers that balance each other, (rows, redundant).
 fn null_space<T: Real>(loops: &Loops, jacobian: &DMatrix<T>) -> DMatrix<T> {
-    let jd = DMatrix::from_fn(jacobian.nrows(), loops.dependent.len(), |i, k| {
-        jacobian[(i, loops.dependent[k])]
-    });
+    let jd = DMatrix::from_fn(jacobian.nrows(), loops.dependent.len(), |i, k| jacobian[(i, loops.dependent[k])]);
     let real = DMatrix::from_fn(loops.row_scale.len(), loops.redundant.ncols(), |i, k| {
         loops.redundant[(i, k)] * loops.row_scale[i]
     });
@@ -80,14 +77,9 @@ fn null_space<T: Real>(loops: &Loops, jacobian: &DMatrix<T>) -> DMatrix<T> {
 /// A with M A orthonormal; combinations that no joint feels are left out.
 fn orthonormal(m: &DMatrix<f64>) -> Result<DMatrix<f64>> {
     let svd = m.clone().svd(false, true);
-    let v = svd
-        .v_t
-        .ok_or_else(|| Error::singular("redundant reactions could not be shared"))?;
+    let v = svd.v_t.ok_or_else(|| Error::singular("redundant reactions could not be shared"))?;
     let largest = svd.singular_values.amax();
-    let kept: Vec<usize> = (0..svd.singular_values.len())
-        .filter(|k| svd.singular_values[*k] > 1e-10 * largest)
-        .collect();
-    Ok(DMatrix::from_fn(m.ncols(), kept.len(), |i, k| {
-        v[(kept[k], i)] / svd.singular_values[kept[k]]
-    }))
+    let kept: Vec<usize> =
+        (0..svd.singular_values.len()).filter(|k| svd.singular_values[*k] > 1e-10 * largest).collect();
+    Ok(DMatrix::from_fn(m.ncols(), kept.len(), |i, k| v[(kept[k], i)] / svd.singular_values[kept[k]]))
 }

@@ -57,21 +57,13 @@ impl<'a> Starting<'a> {
     pub fn new(eq: &'a Equations<'a, f64>, first: &'a Instant, follow: &'a Follow) -> Result<Self> {
         let jacobian = eq.rows(&first.motion).1;
         let rows = &eq.topology().rows;
-        let position: Vec<usize> = (0..rows.len())
-            .filter(|i| rows[*i].level == Level::Position)
-            .collect();
+        let position: Vec<usize> = (0..rows.len()).filter(|i| rows[*i].level == Level::Position).collect();
         let scales = eq.scales();
-        let weight = DMatrix::from_fn(eq.n(), eq.n(), |i, j| {
-            if i == j { scales[i].powi(-2) } else { 0.0 }
-        });
+        let weight = DMatrix::from_fn(eq.n(), eq.n(), |i, j| if i == j { scales[i].powi(-2) } else { 0.0 });
         let with = |rows: &DMatrix<f64>| -> Result<Option<Penalty>> {
-            (rows.nrows() > 0)
-                .then(|| Penalty::new(&weight, &rows.transpose(), rows))
-                .transpose()
+            (rows.nrows() > 0).then(|| Penalty::new(&weight, &rows.transpose(), rows)).transpose()
         };
-        let closing = with(&DMatrix::from_fn(position.len(), eq.n(), |i, j| {
-            jacobian[(position[i], j)]
-        }))?;
+        let closing = with(&DMatrix::from_fn(position.len(), eq.n(), |i, j| jacobian[(position[i], j)]))?;
         let path = if follow.drawn && follow.shift.is_empty() && closing.is_some() {
             assembled(eq, first, &position, &weight)?
         } else {
@@ -98,10 +90,10 @@ impl<'a> Starting<'a> {
     /// Do positions and rates of the start depend on numbers at all?
     pub fn is_constant(&self) -> bool {
         let topology = self.eq.topology();
-        let two_points = topology.nodes.iter().any(|n| {
-            n.joint
-                .is_some_and(|_| !n.kind.freedoms(n.reversed).iter().all(|f| f.rotation))
-        });
+        let two_points = topology
+            .nodes
+            .iter()
+            .any(|n| n.joint.is_some_and(|_| !n.kind.freedoms(n.reversed).iter().all(|f| f.rotation)));
         topology.rows.is_empty()
             && self.follow.shift.is_empty()
             && !(two_points && self.follow.drawn)
@@ -112,22 +104,14 @@ impl<'a> Starting<'a> {
     pub fn motion(&self, dual: &Equations<'_, Dual64>, p: usize) -> Result<Motion<Dual64>> {
         let (eq, first) = (self.eq, &self.first.motion);
         let topology = eq.topology();
-        let state = State {
-            relative: first.relative.clone(),
-            rate: first.rate.clone(),
-        };
+        let state = State { relative: first.relative.clone(), rate: first.rate.clone() };
         let relative = if self.follow.drawn {
             lifted_relative(topology, &dual.geometry, &state)
         } else {
             first.relative.iter().map(Pose::<f64>::lifted).collect()
         };
         let lift = |v: &[f64]| v.iter().map(|x| Dual64::from(*x)).collect::<Vec<_>>();
-        let mut m = Motion {
-            t: first.t,
-            relative,
-            rate: lift(&first.rate),
-            memory: lift(&first.memory),
-        };
+        let mut m = Motion { t: first.t, relative, rate: lift(&first.rate), memory: lift(&first.memory) };
         if !self.path.is_empty() {
             m.relative = self.assembled(dual, &m)?;
         }
@@ -144,48 +128,28 @@ impl<'a> Starting<'a> {
     }
 
     /// The configuration after all steps of the assembly, with its derivative at the values of the first instant.
-    fn assembled(
-        &self,
-        dual: &Equations<'_, Dual64>,
-        m: &Motion<Dual64>,
-    ) -> Result<Vec<Pose<Dual64>>> {
+    fn assembled(&self, dual: &Equations<'_, Dual64>, m: &Motion<Dual64>) -> Result<Vec<Pose<Dual64>>> {
         let topology = self.eq.topology();
-        let state = State {
-            relative: start(self.eq.system),
-            rate: Vec::new(),
-        };
-        let mut here = Motion {
-            relative: lifted_relative(topology, &dual.geometry, &state),
-            ..m.clone()
-        };
+        let state = State { relative: start(self.eq.system), rate: Vec::new() };
+        let mut here = Motion { relative: lifted_relative(topology, &dual.geometry, &state), ..m.clone() };
         let slope = self.weight_slopes(dual);
         for step in &self.path {
             let (phi, jacobian) = dual.rows(&here);
             let rows = self.position.len();
-            let jacobian =
-                DMatrix::from_fn(rows, step.dy.len(), |i, j| jacobian[(self.position[i], j)]);
+            let jacobian = DMatrix::from_fn(rows, step.dy.len(), |i, j| jacobian[(self.position[i], j)]);
             let turned = pulled(&jacobian, &step.mu);
             let f = DVector::from_fn(step.dy.len(), |i, _| -turned[i].eps - slope[i] * step.dy[i]);
             let g = DVector::from_fn(rows, |i, _| {
-                let moved: f64 = (0..step.dy.len())
-                    .map(|j| jacobian[(i, j)].eps * step.dy[j])
-                    .sum();
+                let moved: f64 = (0..step.dy.len()).map(|j| jacobian[(i, j)].eps * step.dy[j]).sum();
                 -phi[self.position[i]].eps - moved
             });
             let (d, _) = step.by.solve_one(&f, &g)?;
-            let dy: Vec<_> = (step.dy.iter().zip(d.iter()))
-                .map(|(y, d)| Dual64::new(*y, *d))
-                .collect();
+            let dy: Vec<_> = (step.dy.iter().zip(d.iter())).map(|(y, d)| Dual64::new(*y, *d)).collect();
             advance(topology, &mut here.relative, &dy);
         }
         let at = |d: Dual64, v: f64| Dual64::new(v, d.eps);
         let poses = here.relative.iter().zip(&self.first.motion.relative);
-        Ok(poses
-            .map(|(d, v)| Pose {
-                p: d.p.zip_map(&v.p, at),
-                r: d.r.zip_map(&v.r, at),
-            })
-            .collect())
+        Ok(poses.map(|(d, v)| Pose { p: d.p.zip_map(&v.p, at), r: d.r.zip_map(&v.r, at) }).collect())
     }
 
     /// Derivative of S^-2 along a direction: the characteristic length moves with the points of the model.
@@ -207,14 +171,10 @@ impl<'a> Starting<'a> {
         let miss = DVector::from_fn(self.position.len(), |i, _| -phi[self.position[i]].eps);
         let (dy, _) = closing.solve_one(&DVector::zeros(self.eq.n()), &miss)?;
         let whole = |i: usize| scale[self.position[i]];
-        let size = (0..miss.len())
-            .map(|i| (miss[i] * whole(i)).abs())
-            .fold(0.0, f64::max);
+        let size = (0..miss.len()).map(|i| (miss[i] * whole(i)).abs()).fold(0.0, f64::max);
         let left = (0..miss.len())
             .map(|i| {
-                let reached: f64 = (0..dy.len())
-                    .map(|j| self.jacobian[(self.position[i], j)] * dy[j])
-                    .sum();
+                let reached: f64 = (0..dy.len()).map(|j| self.jacobian[(self.position[i], j)] * dy[j]).sum();
                 ((reached - miss[i]) * whole(i)).abs()
             })
             .fold(0.0, f64::max);
@@ -258,12 +218,7 @@ impl<'a> Starting<'a> {
     }
 
     /// Everything along direction p, which `dual` was seeded with.
-    pub fn along(
-        &self,
-        dual: &Equations<'_, Dual64>,
-        p: usize,
-        counts: &mut Counts,
-    ) -> Result<Start> {
+    pub fn along(&self, dual: &Equations<'_, Dual64>, p: usize, counts: &mut Counts) -> Result<Start> {
         let motion = self.motion(dual, p)?;
         let lift = |v: &[f64]| v.iter().map(|x| Dual64::from(*x)).collect::<Vec<_>>();
         let (a, lam) = (lift(&self.first.acceleration), lift(&self.first.lam));
@@ -275,17 +230,8 @@ impl<'a> Starting<'a> {
             DVector::zeros(0)
         };
         let (da, dlam) = self.accelerating.solve_one(&f, &g)?;
-        let with = |v: &[f64], d: &DVector<f64>| {
-            v.iter()
-                .zip(d.iter())
-                .map(|(v, d)| Dual64::new(*v, *d))
-                .collect()
-        };
-        Ok(Start {
-            motion,
-            acceleration: with(&self.first.acceleration, &da),
-            lam: with(&self.first.lam, &dlam),
-        })
+        let with = |v: &[f64], d: &DVector<f64>| v.iter().zip(d.iter()).map(|(v, d)| Dual64::new(*v, *d)).collect();
+        Ok(Start { motion, acceleration: with(&self.first.acceleration, &da), lam: with(&self.first.lam, &dlam) })
     }
 
     /// Poses (twelve numbers each) and rates of the start along a direction, times weights.
@@ -308,9 +254,7 @@ impl<'a> Starting<'a> {
                 sum += pose.number(k).eps * weight;
             }
         }
-        let rates: f64 = (m.rate.iter().zip(rate_weights))
-            .map(|(v, w)| v.eps * w)
-            .sum();
+        let rates: f64 = (m.rate.iter().zip(rate_weights)).map(|(v, w)| v.eps * w).sum();
         Ok(sum + rates)
     }
 }
@@ -326,25 +270,14 @@ pub fn started(
 ) -> Result<Slopes> {
     let none = |rows: usize| DMatrix::zeros(rows, order.len());
     let (n, memory) = (eq.n(), first.motion.memory.len());
-    let mut out = Slopes {
-        x: none(n),
-        v: none(n),
-        a: none(n),
-        lam: none(eq.n_rows()),
-        z: none(memory),
-    };
+    let mut out = Slopes { x: none(n), v: none(n), a: none(n), lam: none(eq.n_rows()), z: none(memory) };
     if order.is_empty() {
         return Ok(out);
     }
     let starting = Starting::new(eq, first, &plan.follow)?;
     let held = Motion {
         t: first.motion.t,
-        relative: first
-            .motion
-            .relative
-            .iter()
-            .map(Pose::<f64>::lifted)
-            .collect(),
+        relative: first.motion.relative.iter().map(Pose::<f64>::lifted).collect(),
         rate: Vec::new(),
         memory: Vec::new(),
     };
@@ -381,18 +314,13 @@ fn assembled(
     weight: &DMatrix<f64>,
 ) -> Result<Vec<Closing>> {
     let scale = eq.row_scales();
-    let mut m = Motion {
-        relative: start(eq.system),
-        ..first.motion.clone()
-    };
+    let mut m = Motion { relative: start(eq.system), ..first.motion.clone() };
     let mut path = Vec::new();
     for _ in 0..CLOSING_STEPS {
         let (phi, all) = eq.rows(&m);
         let rows = DMatrix::from_fn(position.len(), eq.n(), |i, j| all[(position[i], j)]);
         let phi = DVector::from_fn(position.len(), |i, _| phi[position[i]]);
-        let size = (0..phi.len())
-            .map(|i| (phi[i] * scale[position[i]]).abs())
-            .fold(0.0, f64::max);
+        let size = (0..phi.len()).map(|i| (phi[i] * scale[position[i]]).abs()).fold(0.0, f64::max);
         // what is left is closed by the last step that all starts have in common
         if size <= DRAWN_OPEN {
             return Ok(path);
@@ -400,10 +328,7 @@ fn assembled(
         let by = Penalty::new(weight, &rows.transpose(), &rows)?;
         let (dy, mu) = by.solve_one(&DVector::zeros(eq.n()), &-phi)?;
         let unit = eq.scales();
-        let longest = dy
-            .iter()
-            .zip(&unit)
-            .fold(0.0_f64, |s, (d, u)| s.max((d / u).abs()));
+        let longest = dy.iter().zip(&unit).fold(0.0_f64, |s, (d, u)| s.max((d / u).abs()));
         if longest > 0.5 {
             return Err(Error::NotDifferentiable(
                 "the loops are drawn so far open that the assembly shortened its steps, by which the assembled pose has no derivative                  here; draw the bodies closer to the assembled pose"
@@ -411,11 +336,7 @@ fn assembled(
             ));
         }
         advance(eq.topology(), &mut m.relative, dy.as_slice());
-        path.push(Closing {
-            by,
-            dy: dy.as_slice().to_vec(),
-            mu: mu.as_slice().to_vec(),
-        });
+        path.push(Closing { by, dy: dy.as_slice().to_vec(), mu: mu.as_slice().to_vec() });
     }
     Ok(path)
 }

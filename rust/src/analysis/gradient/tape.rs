@@ -5,9 +5,7 @@
 use std::cell::RefCell;
 use std::fmt;
 use std::iter::{Product, Sum};
-use std::ops::{
-    Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign,
-};
+use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign};
 
 use num_dual::{DualNum, DualStruct, Mappable};
 use realfft::num_traits::{FromPrimitive, Inv, Num, One, Signed, Zero};
@@ -18,10 +16,7 @@ struct Node {
     slope: [f64; 2],
 }
 
-const NOTHING: Node = Node {
-    from: [0, 0],
-    slope: [0.0, 0.0],
-};
+const NOTHING: Node = Node { from: [0, 0], slope: [0.0, 0.0] };
 
 /// What is written, and room for the pass backwards.
 struct Tape {
@@ -63,10 +58,7 @@ pub fn clear() {
 
 /// An independent number; its place is its rank among them where they come first.
 pub fn leaf(re: f64) -> Taped {
-    Taped {
-        re,
-        at: write(NOTHING),
-    }
+    Taped { re, at: write(NOTHING) }
 }
 
 /// Derivatives of `sum` by the first n leaves after `clear`.
@@ -99,10 +91,7 @@ impl Taped {
         if self.at == 0 {
             return Taped::constant(re);
         }
-        let at = write(Node {
-            from: [self.at, 0],
-            slope: [slope, 0.0],
-        });
+        let at = write(Node { from: [self.at, 0], slope: [slope, 0.0] });
         Taped { re, at }
     }
 
@@ -112,13 +101,7 @@ impl Taped {
             (0, 0) => Taped::constant(re),
             (_, 0) => self.one_of(re, slope[0]),
             (0, _) => other.one_of(re, slope[1]),
-            (a, b) => Taped {
-                re,
-                at: write(Node {
-                    from: [a, b],
-                    slope,
-                }),
-            },
+            (a, b) => Taped { re, at: write(Node { from: [a, b], slope }) },
         }
     }
 
@@ -293,11 +276,7 @@ impl Signed for Taped {
     }
 
     fn abs_sub(&self, o: &Self) -> Self {
-        if self.re > o.re {
-            *self - *o
-        } else {
-            Taped::zero()
-        }
+        if self.re > o.re { *self - *o } else { Taped::zero() }
     }
 
     fn signum(&self) -> Self {
@@ -505,27 +484,15 @@ impl DualNum for Taped {
 
     // no law uses Bessel functions: by their closed forms, with the series where these cancel
     fn sph_j0(&self) -> Self {
-        if self.re.abs() < 1e-4 {
-            -*self * *self * (1.0 / 6.0) + 1.0
-        } else {
-            self.sin() / *self
-        }
+        if self.re.abs() < 1e-4 { -*self * *self * (1.0 / 6.0) + 1.0 } else { self.sin() / *self }
     }
 
     fn sph_j1(&self) -> Self {
-        if self.re.abs() < 1e-4 {
-            *self * (1.0 / 3.0)
-        } else {
-            (self.sin() - self.cos() * *self) / (*self * *self)
-        }
+        if self.re.abs() < 1e-4 { *self * (1.0 / 3.0) } else { (self.sin() - self.cos() * *self) / (*self * *self) }
     }
 
     fn sph_j2(&self) -> Self {
-        if self.re.abs() < 1e-3 {
-            *self * *self * (1.0 / 15.0)
-        } else {
-            self.sph_j1() * 3.0 / *self - self.sph_j0()
-        }
+        if self.re.abs() < 1e-3 { *self * *self * (1.0 / 15.0) } else { self.sph_j1() * 3.0 / *self - self.sph_j0() }
     }
 }
 
@@ -551,12 +518,10 @@ mod tests {
         let (a, b) = (leaf(x), leaf(y));
         let inner = f(Dual::new(a, Taped::one()), Dual::new(b, Taped::zero())).eps;
         let d = backwards(inner, 2);
-        let second = f(
-            Dual::new(Dual::new(x, 1.0), Dual::new(1.0, 0.0)),
-            Dual::new(Dual::new(y, 0.0), Dual::new(0.0, 0.0)),
-        )
-        .eps
-        .eps;
+        let second =
+            f(Dual::new(Dual::new(x, 1.0), Dual::new(1.0, 0.0)), Dual::new(Dual::new(y, 0.0), Dual::new(0.0, 0.0)))
+                .eps
+                .eps;
         assert!((d[0] - second).abs() < 1e-14);
     }
 }

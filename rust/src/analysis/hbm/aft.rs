@@ -53,14 +53,7 @@ struct March {
 /// A law that is evaluated for all samples at once, by whatever lies behind it.
 pub trait Sampled: Send + Sync {
     /// Force and its slopes by u and v at the samples.
-    fn evaluate(
-        &self,
-        u: &[f64],
-        v: &[f64],
-        f: &mut [f64],
-        f_u: &mut [f64],
-        f_v: &mut [f64],
-    ) -> Result<()>;
+    fn evaluate(&self, u: &[f64], v: &[f64], f: &mut [f64], f_u: &mut [f64], f_v: &mut [f64]) -> Result<()>;
 }
 
 /// The law of an element.
@@ -128,11 +121,7 @@ impl Aft {
     pub fn between(basis: &Basis, n: usize) -> Aft {
         let half = std::f64::consts::PI / n as f64;
         let mut aft = Aft::new(basis, &[n], false);
-        aft.turn = basis
-            .indices
-            .iter()
-            .map(|k| c64::cis(f64::from(k[0]) * half))
-            .collect();
+        aft.turn = basis.indices.iter().map(|k| c64::cis(f64::from(k[0]) * half)).collect();
         for phase in &mut aft.phase {
             *phase += half * basis.subharmonic;
         }
@@ -145,14 +134,7 @@ impl Aft {
     }
 
     /// The force on the motion with the coefficients `u`; `frequency` of every term and its `slope` along the parameter.
-    pub fn element(
-        &mut self,
-        force: &Force,
-        u: &[f64],
-        frequency: &[f64],
-        slope: &[f64],
-        want: Want,
-    ) -> Result<()> {
+    pub fn element(&mut self, force: &Force, u: &[f64], frequency: &[f64], slope: &[f64], want: Want) -> Result<()> {
         let turned: Vec<f64>;
         let u = if self.turn.is_empty() {
             u
@@ -160,31 +142,13 @@ impl Aft {
             turned = rotated(u, &self.turn);
             &turned
         };
-        synthesise(
-            &mut self.grid,
-            &self.slots,
-            &mut self.spectrum,
-            u,
-            &mut self.u,
-        );
+        synthesise(&mut self.grid, &self.slots, &mut self.spectrum, u, &mut self.u);
         if force.uses_velocity() {
             derivative(u, frequency, &mut self.rate);
-            synthesise(
-                &mut self.grid,
-                &self.slots,
-                &mut self.spectrum,
-                &self.rate,
-                &mut self.v,
-            );
+            synthesise(&mut self.grid, &self.slots, &mut self.spectrum, &self.rate, &mut self.v);
             if want == Want::Jacobian {
                 derivative(u, slope, &mut self.rate);
-                synthesise(
-                    &mut self.grid,
-                    &self.slots,
-                    &mut self.spectrum,
-                    &self.rate,
-                    &mut self.dv,
-                );
+                synthesise(&mut self.grid, &self.slots, &mut self.spectrum, &self.rate, &mut self.dv);
             }
         } else {
             self.v.fill(0.0);
@@ -214,10 +178,7 @@ impl Aft {
         let mut duals = [Dual64::from(0.0); 16];
         let heap: Vec<Dual64>;
         let pd: &[Dual64] = if p.len() <= duals.len() {
-            duals
-                .iter_mut()
-                .zip(p)
-                .for_each(|(d, &x)| *d = Dual64::from(x));
+            duals.iter_mut().zip(p).for_each(|(d, &x)| *d = Dual64::from(x));
             &duals[..p.len()]
         } else {
             heap = p.iter().map(|&x| Dual64::from(x)).collect();
@@ -229,8 +190,7 @@ impl Aft {
             self.f[i] = along_u.re;
             self.f_u[i] = along_u.eps;
             if law.uses_velocity() {
-                let along_v =
-                    law.force_at(tau, Dual64::from(u), Dual64::new(v, 1.0), pd, &[], &mut []);
+                let along_v = law.force_at(tau, Dual64::from(u), Dual64::new(v, 1.0), pd, &[], &mut []);
                 self.f_v[i] = along_v.eps;
             }
         }
@@ -264,10 +224,7 @@ impl Aft {
         self.grid.analyse(&self.f_v, &mut self.spectrum);
         product_matrix(&self.slots, &self.spectrum, n_c, &mut self.damping);
         for row in 0..n_c {
-            let (jacobian, damping) = (
-                &mut self.jacobian[row * n_c..][..n_c],
-                &self.damping[row * n_c..][..n_c],
-            );
+            let (jacobian, damping) = (&mut self.jacobian[row * n_c..][..n_c], &self.damping[row * n_c..][..n_c]);
             for (h, w) in frequency.iter().enumerate() {
                 let (cos, sin) = (2 * h + 1, 2 * h + 2);
                 // u' has the cosine coefficient w b and the sine coefficient -w a
@@ -306,8 +263,7 @@ impl Aft {
             march.slider(law, p, &self.u, &mut self.f, self.n_c);
         }
         for c in 0..self.n_c {
-            self.grid
-                .analyse(&march.columns[c * n..][..n], &mut self.spectrum);
+            self.grid.analyse(&march.columns[c * n..][..n], &mut self.spectrum);
             collect(&self.slots, &self.spectrum, &mut self.rate);
             for (row, value) in self.rate.iter().enumerate() {
                 self.jacobian[row * self.n_c + c] = *value;
@@ -338,10 +294,7 @@ impl March {
                 gamma[j * n_c + 2 * h + 2] = phase.sin();
             }
         }
-        March {
-            gamma,
-            columns: vec![0.0; n * n_c],
-        }
+        March { gamma, columns: vec![0.0; n * n_c] }
     }
 
     /// One memory over two periods; adds force and columns of the second one.
@@ -352,21 +305,9 @@ impl March {
         for step in 0..2 * n {
             let j = step % n;
             let mut new = [Dual64::from(0.0)];
-            let by_u = law.force(
-                Dual64::new(u[j], 1.0),
-                Dual64::from(0.0),
-                &pd,
-                &[Dual64::from(z)],
-                &mut new,
-            );
+            let by_u = law.force(Dual64::new(u[j], 1.0), Dual64::from(0.0), &pd, &[Dual64::from(z)], &mut new);
             let z_u = new[0];
-            let by_z = law.force(
-                Dual64::from(u[j]),
-                Dual64::from(0.0),
-                &pd,
-                &[Dual64::new(z, 1.0)],
-                &mut new,
-            );
+            let by_z = law.force(Dual64::from(u[j]), Dual64::from(0.0), &pd, &[Dual64::new(z, 1.0)], &mut new);
             let z_z = new[0].eps;
             let gamma = &self.gamma[j * n_c..][..n_c];
             if step >= n {
@@ -386,11 +327,7 @@ impl March {
 }
 
 fn at(spectrum: &[c64], slot: Slot) -> c64 {
-    if slot < 0 {
-        spectrum[!slot as usize].conj()
-    } else {
-        spectrum[slot as usize]
-    }
+    if slot < 0 { spectrum[!slot as usize].conj() } else { spectrum[slot as usize] }
 }
 
 fn put(spectrum: &mut [c64], slot: Slot, c: c64) {
@@ -401,13 +338,7 @@ fn put(spectrum: &mut [c64], slot: Slot, c: c64) {
     }
 }
 
-fn synthesise(
-    grid: &mut Grid,
-    slots: &Slots,
-    spectrum: &mut [c64],
-    coefficients: &[f64],
-    samples: &mut [f64],
-) {
+fn synthesise(grid: &mut Grid, slots: &Slots, spectrum: &mut [c64], coefficients: &[f64], samples: &mut [f64]) {
     spectrum.fill(c64::new(0.0, 0.0));
     spectrum[0].re = coefficients[0];
     for (h, slot) in slots.own.iter().enumerate() {
@@ -480,25 +411,15 @@ mod tests {
 
     fn check(law: Law, p: &[f64], basis: &Basis, dims: &[usize], omega: &[f64], tolerance: f64) {
         let n_c = basis.n_coefficients();
-        let u: Vec<f64> = (0..n_c)
-            .map(|i| ((3 * i + 1) as f64).sin() / (1.0 + 0.3 * i as f64))
-            .collect();
+        let u: Vec<f64> = (0..n_c).map(|i| ((3 * i + 1) as f64).sin() / (1.0 + 0.3 * i as f64)).collect();
         let slope = basis.slope(0);
         let mut aft = Aft::new(basis, dims, true);
         let known = Force::Known(law, p.to_vec());
-        aft.element(
-            &known,
-            &u,
-            &basis.frequencies(omega),
-            &slope,
-            Want::Jacobian,
-        )
-        .unwrap();
+        aft.element(&known, &u, &basis.frequencies(omega), &slope, Want::Jacobian).unwrap();
         let (jacobian, force_slope) = (aft.jacobian.clone(), aft.force_slope.clone());
         let h = 1e-6;
         let mut force = |u: &[f64], omega: &[f64]| {
-            aft.element(&known, u, &basis.frequencies(omega), &slope, Want::Force)
-                .unwrap();
+            aft.element(&known, u, &basis.frequencies(omega), &slope, Want::Force).unwrap();
             aft.force.clone()
         };
         for c in 0..=n_c {
@@ -514,15 +435,8 @@ mod tests {
             let (high, low) = (force(&high, &fast), force(&low, &slow));
             for row in 0..n_c {
                 let difference = (high[row] - low[row]) / (2.0 * h);
-                let exact = if c < n_c {
-                    jacobian[row * n_c + c]
-                } else {
-                    force_slope[row]
-                };
-                assert!(
-                    (difference - exact).abs() < tolerance,
-                    "{law:?} row {row} column {c}: {difference} {exact}"
-                );
+                let exact = if c < n_c { jacobian[row * n_c + c] } else { force_slope[row] };
+                assert!((difference - exact).abs() < tolerance, "{law:?} row {row} column {c}: {difference} {exact}");
             }
         }
     }
@@ -535,22 +449,8 @@ mod tests {
         check(Law::VanDerPol, &[0.7], &basis, &[16], &[1.3], 1e-8);
         check(Law::CoulombTanh, &[0.7, 0.5], &basis, &[64], &[1.3], 1e-7);
         check(Law::Gap, &[3.0, 0.1, 0.0], &basis, &[64], &[1.3], 1e-5);
-        check(
-            Law::VaryingStiffness,
-            &[3.0, 2.0, 0.3],
-            &basis,
-            &[16],
-            &[1.3],
-            1e-8,
-        );
-        check(
-            Law::VanDerPol,
-            &[0.7],
-            &Basis::periodic(&[1, 3, 4], 3),
-            &[32],
-            &[1.3],
-            1e-8,
-        );
+        check(Law::VaryingStiffness, &[3.0, 2.0, 0.3], &basis, &[16], &[1.3], 1e-8);
+        check(Law::VanDerPol, &[0.7], &Basis::periodic(&[1, 3, 4], 3), &[32], &[1.3], 1e-8);
     }
 
     #[test]
@@ -558,30 +458,13 @@ mod tests {
         let basis = Basis::periodic(&[1, 2, 3], 1);
         check(Law::Jenkins, &[2.0, 0.4], &basis, &[64], &[1.3], 1e-7);
         check(Law::Jenkins, &[2.0, 1e3], &basis, &[64], &[1.3], 1e-7);
-        check(
-            Law::Iwan { n: 2 },
-            &[2.0, 0.4, 1.0, 1.2],
-            &basis,
-            &[64],
-            &[1.3],
-            1e-7,
-        );
+        check(Law::Iwan { n: 2 }, &[2.0, 0.4, 1.0, 1.2], &basis, &[64], &[1.3], 1e-7);
     }
 
     #[test]
     fn jacobian_of_quasi_periodic_motion() {
-        let indices = vec![
-            vec![0, 1],
-            vec![1, -1],
-            vec![1, 0],
-            vec![0, 2],
-            vec![2, 0],
-            vec![1, 1],
-        ];
-        let basis = Basis {
-            indices,
-            subharmonic: 1.0,
-        };
+        let indices = vec![vec![0, 1], vec![1, -1], vec![1, 0], vec![0, 2], vec![2, 0], vec![1, 1]];
+        let basis = Basis { indices, subharmonic: 1.0 };
         check(Law::Cubic, &[0.7], &basis, &[9, 10], &[1.3, 0.8], 1e-8);
         check(Law::VanDerPol, &[0.7], &basis, &[9, 12], &[1.3, 0.8], 1e-8);
     }

@@ -34,11 +34,7 @@ impl<'a> Cycle<'a> {
         let size = phase.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         phase.iter_mut().for_each(|p| *p /= size);
         let inner = Linearisation::new(y.len());
-        Cycle {
-            problem,
-            phase,
-            inner,
-        }
+        Cycle { problem, phase, inner }
     }
 }
 
@@ -52,10 +48,7 @@ impl Curve for Cycle<'_> {
         self.problem.linearise(&z[..n], z[n], &mut self.inner)?;
         out.residual[..n].copy_from_slice(&self.inner.residual);
         out.residual[n] = self.phase.iter().zip(z).map(|(p, y)| p * y).sum();
-        out.jacobian
-            .as_mut()
-            .submatrix_mut(0, 0, n, n)
-            .copy_from(&self.inner.jacobian);
+        out.jacobian.as_mut().submatrix_mut(0, 0, n, n).copy_from(&self.inner.jacobian);
         for i in 0..n {
             out.jacobian[(i, n)] = self.inner.slope[i];
             out.jacobian[(n, i)] = self.phase[i];
@@ -76,12 +69,7 @@ impl Curve for Cycle<'_> {
 }
 
 /// Newton's method from z = [y, omega], which ends as the cycle.
-pub fn solve(
-    problem: &mut Problem,
-    z: &mut [f64],
-    options: Options,
-    cancel: &Cancel,
-) -> Result<Outcome> {
+pub fn solve(problem: &mut Problem, z: &mut [f64], options: Options, cancel: &Cancel) -> Result<Outcome> {
     let n = z.len() - 1;
     let mut cycle = Cycle::new(problem, &z[..n]);
     let mut out = Linearisation::new(z.len());

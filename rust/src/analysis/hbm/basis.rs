@@ -10,10 +10,7 @@ pub struct Basis {
 
 impl Basis {
     pub fn periodic(harmonics: &[i32], subharmonic: i32) -> Basis {
-        Basis {
-            indices: harmonics.iter().map(|&h| vec![h]).collect(),
-            subharmonic: f64::from(subharmonic),
-        }
+        Basis { indices: harmonics.iter().map(|&h| vec![h]).collect(), subharmonic: f64::from(subharmonic) }
     }
 
     pub fn n_harmonics(&self) -> usize {
@@ -27,48 +24,26 @@ impl Basis {
 
     /// d(k.omega)/d omega_i of every term.
     pub fn slope(&self, i: usize) -> Vec<f64> {
-        self.indices
-            .iter()
-            .map(|k| f64::from(k[i]) / self.subharmonic)
-            .collect()
+        self.indices.iter().map(|k| f64::from(k[i]) / self.subharmonic).collect()
     }
 
     /// Circular frequency of every term.
     pub fn frequencies(&self, omega: &[f64]) -> Vec<f64> {
-        let dot = |k: &Vec<i32>| {
-            k.iter()
-                .zip(omega)
-                .map(|(&k, w)| f64::from(k) * w)
-                .sum::<f64>()
-        };
-        self.indices
-            .iter()
-            .map(|k| dot(k) / self.subharmonic)
-            .collect()
+        let dot = |k: &Vec<i32>| k.iter().zip(omega).map(|(&k, w)| f64::from(k) * w).sum::<f64>();
+        self.indices.iter().map(|k| dot(k) / self.subharmonic).collect()
     }
 
     /// Largest |k_i| per dimension.
     pub fn reach(&self) -> Vec<usize> {
         let p = self.indices.first().map_or(1, Vec::len);
-        (0..p)
-            .map(|i| {
-                self.indices
-                    .iter()
-                    .map(|k| k[i].unsigned_abs() as usize)
-                    .max()
-                    .unwrap_or(0)
-            })
-            .collect()
+        (0..p).map(|i| self.indices.iter().map(|k| k[i].unsigned_abs() as usize).max().unwrap_or(0)).collect()
     }
 
     /// The same terms and more of them.
     pub fn extended(&self, extra: &[Vec<i32>]) -> Basis {
         let mut indices = self.indices.clone();
         indices.extend_from_slice(extra);
-        Basis {
-            indices,
-            subharmonic: self.subharmonic,
-        }
+        Basis { indices, subharmonic: self.subharmonic }
     }
 }
 
@@ -99,21 +74,14 @@ impl Slots {
             grid.slot(&sum)
         };
         let table = |sign: i32| -> Vec<Slot> {
-            all.iter()
-                .flat_map(|j| all.iter().map(move |h| (j, h)))
-                .map(|(j, h)| combine(j, h, sign))
-                .collect()
+            all.iter().flat_map(|j| all.iter().map(move |h| (j, h))).map(|(j, h)| combine(j, h, sign)).collect()
         };
         let negative = |k: &Vec<i32>| -> Vec<i32> { k.iter().map(|k| -k).collect() };
         Slots {
             own: basis.indices.iter().map(|k| grid.slot(k)).collect(),
             minus: table(-1),
             plus: table(1),
-            mirror: basis
-                .indices
-                .iter()
-                .map(|k| (k[p - 1] == 0).then(|| grid.slot(&negative(k))))
-                .collect(),
+            mirror: basis.indices.iter().map(|k| (k[p - 1] == 0).then(|| grid.slot(&negative(k)))).collect(),
         }
     }
 }

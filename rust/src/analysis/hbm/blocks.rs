@@ -20,12 +20,7 @@ pub struct Blocks {
 impl Blocks {
     /// For so many terms of n coordinates.
     pub fn new(terms: usize, n: usize) -> Blocks {
-        Blocks {
-            each: vec![Block::new(n); terms],
-            at: vec![f64::NAN; terms],
-            from: vec![f64::NAN; terms],
-            noise: 0.0,
-        }
+        Blocks { each: vec![Block::new(n); terms], at: vec![f64::NAN; terms], from: vec![f64::NAN; terms], noise: 0.0 }
     }
 
     /// Nothing is known any more.

@@ -60,12 +60,7 @@ enum Place {
 
 impl Split {
     /// Entries without repetition. Coordinates that are free at rest while the retained ones are held join the retained ones.
-    pub fn new(
-        n: usize,
-        entries: &[Entry],
-        mut retained: Vec<usize>,
-        forces: Forces,
-    ) -> Result<Split> {
+    pub fn new(n: usize, entries: &[Entry], mut retained: Vec<usize>, forces: Forces) -> Result<Split> {
         loop {
             let split = Split::with(n, entries, retained.clone(), forces.clone());
             if split.local.is_empty() || !split.symmetric {
@@ -116,11 +111,7 @@ impl Split {
             rl,
             lr,
             ll,
-            all: if n <= STABILITY_COORDINATES {
-                entries.to_vec()
-            } else {
-                Vec::new()
-            },
+            all: if n <= STABILITY_COORDINATES { entries.to_vec() } else { Vec::new() },
             symmetric,
             forces,
         }
@@ -174,9 +165,10 @@ fn is_symmetric(entries: &[Entry]) -> bool {
     let mut turned: Vec<&Entry> = entries.iter().collect();
     turned.sort_unstable_by_key(|e| (e.column, e.row));
     let near = |a: f64, b: f64| (a - b).abs() <= 1e-14 * a.abs().max(b.abs());
-    sorted.iter().zip(&turned).all(|(a, b)| {
-        a.row == b.column && a.column == b.row && near(a.m, b.m) && near(a.c, b.c) && near(a.k, b.k)
-    })
+    sorted
+        .iter()
+        .zip(&turned)
+        .all(|(a, b)| a.row == b.column && a.column == b.row && near(a.m, b.m) && near(a.c, b.c) && near(a.k, b.k))
 }
 
 pub struct Condensed {
@@ -189,11 +181,7 @@ impl Condensed {
     pub fn new(split: Arc<Split>) -> Result<Condensed> {
         let factor = Factor::new(&split.pattern(), split.symmetric)?;
         let values = vec![c64::new(0.0, 0.0); split.ll.len()];
-        Ok(Condensed {
-            split,
-            factor,
-            values,
-        })
+        Ok(Condensed { split, factor, values })
     }
 
     fn factorise(&mut self, w: f64) -> Result<()> {
@@ -223,12 +211,7 @@ impl Condensed {
     }
 
     /// -Z_ll^-1 Z_lr and S with what rounding had taken from them.
-    fn refined(
-        &mut self,
-        w: f64,
-        right: Mat<c64>,
-        left: Option<&Mat<c64>>,
-    ) -> Result<(Mat<c64>, Vec<c64>)> {
+    fn refined(&mut self, w: f64, right: Mat<c64>, left: Option<&Mat<c64>>) -> Result<(Mat<c64>, Vec<c64>)> {
         let split = self.split.clone();
         let n_r = right.ncols();
         let held = Mat::<c64>::identity(n_r, n_r);
@@ -266,9 +249,7 @@ fn finite(block: &Block, w: f64) -> Result<()> {
     if block.s.iter().all(|x| x.re.is_finite() && x.im.is_finite()) {
         Ok(())
     } else {
-        Err(Error::singular(format!(
-            "the condensed coordinates are singular at {w} rad/s; use condense=False"
-        )))
+        Err(Error::singular(format!("the condensed coordinates are singular at {w} rad/s; use condense=False")))
     }
 }
 
@@ -388,9 +369,7 @@ impl DynamicStiffness for Condensed {
     fn retain(&self, direction: &[(usize, f64)]) -> Result<Vec<(usize, f64)>> {
         let one = |&(i, w): &(usize, f64)| match self.split.place[i] {
             Place::Retained(at) => Ok((at, w)),
-            Place::Local(_) => Err(Error::model(format!(
-                "an element acts on coordinate {i}, which is condensed"
-            ))),
+            Place::Local(_) => Err(Error::model(format!("an element acts on coordinate {i}, which is condensed"))),
         };
         direction.iter().map(one).collect()
     }

@@ -27,11 +27,7 @@ impl Estimator {
     pub fn new(problem: &Problem, finer: &Finer) -> Result<Estimator> {
         let larger = problem.on(problem.basis.extended(&finer.extra), &finer.dims)?;
         let n = larger.size();
-        Ok(Estimator {
-            larger,
-            out: Linearisation::new(n),
-            y: vec![0.0; n],
-        })
+        Ok(Estimator { larger, out: Linearisation::new(n), y: vec![0.0; n] })
     }
 
     pub fn factorisations(&self) -> u64 {
@@ -46,17 +42,15 @@ impl Estimator {
         self.y[..y.len()].copy_from_slice(y);
         self.larger.linearise_here(&self.y, &mut self.out)?;
         let n_own = y.len();
-        let mut steps = faer::Mat::from_fn(self.y.len(), 2, |i, column| {
-            if column == 0 || i < n_own {
-                self.out.residual[i]
-            } else {
-                0.0
-            }
-        });
-        self.out
-            .jacobian
-            .partial_piv_lu()
-            .solve_in_place(&mut steps);
+        let mut steps =
+            faer::Mat::from_fn(
+                self.y.len(),
+                2,
+                |i, column| {
+                    if column == 0 || i < n_own { self.out.residual[i] } else { 0.0 }
+                },
+            );
+        self.out.jacobian.partial_piv_lu().solve_in_place(&mut steps);
         let step = steps.col_as_slice(0);
         let largest = amplitudes(y, problem.n()).fold(0.0, f64::max);
         if largest == 0.0 && step.iter().all(|x| *x == 0.0) {
@@ -79,17 +73,11 @@ fn amplitudes(y: &[f64], n: usize) -> impl Iterator<Item = f64> + '_ {
 }
 
 fn amplitude(y: &[f64], n: usize, term: usize, coordinate: usize) -> f64 {
-    if term == 0 {
-        y[coordinate].abs()
-    } else {
-        y[(2 * term - 1) * n + coordinate].hypot(y[2 * term * n + coordinate])
-    }
+    if term == 0 { y[coordinate].abs() } else { y[(2 * term - 1) * n + coordinate].hypot(y[2 * term * n + coordinate]) }
 }
 
 /// Per coordinate the sum of amplitudes: a bound of the deviation at any instant.
 fn coordinate_sums(y: &[f64], n: usize) -> Vec<f64> {
     let terms = (y.len() / n).div_ceil(2);
-    (0..n)
-        .map(|i| (0..terms).map(|t| amplitude(y, n, t, i)).sum())
-        .collect()
+    (0..n).map(|i| (0..terms).map(|t| amplitude(y, n, t, i)).sum()).collect()
 }

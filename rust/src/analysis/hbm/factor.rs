@@ -29,11 +29,7 @@ impl Pattern {
         for i in 0..n {
             start[i + 1] += start[i];
         }
-        Pattern {
-            n,
-            start,
-            row: entries.iter().map(|e| e.0).collect(),
-        }
+        Pattern { n, start, row: entries.iter().map(|e| e.0).collect() }
     }
 }
 
@@ -54,35 +50,23 @@ impl Factor {
         if symmetric {
             return Ok(Factor::Symmetric(Box::new(Ldl::new(pattern)?)));
         }
-        let own = SymbolicSparseColMat::new_checked(
-            pattern.n,
-            pattern.n,
-            pattern.start.clone(),
-            None,
-            pattern.row.clone(),
-        );
+        let own =
+            SymbolicSparseColMat::new_checked(pattern.n, pattern.n, pattern.start.clone(), None, pattern.row.clone());
         let symbolic = SymbolicLu::try_new(own.as_ref()).map_err(out_of_memory)?;
-        Ok(Factor::General(Box::new(General {
-            symbolic,
-            pattern: own,
-            lu: None,
-        })))
+        Ok(Factor::General(Box::new(General { symbolic, pattern: own, lu: None })))
     }
 
     /// Values in the order of the pattern. `SingularError` names the frequency.
     pub fn factorise(&mut self, values: &[c64], w: f64) -> Result<()> {
         let singular = || {
-            Error::singular(format!(
-                "the coordinates that are condensed are singular at {w} rad/s; use condense=False"
-            ))
+            Error::singular(format!("the coordinates that are condensed are singular at {w} rad/s; use condense=False"))
         };
         match self {
             Factor::Symmetric(ldl) => ldl.factorise(values).map_err(|_| singular()),
             Factor::General(general) => {
                 let matrix = SparseColMat::new(general.pattern.clone(), values.to_vec());
                 let symbolic = general.symbolic.clone();
-                let lu =
-                    Lu::try_new_with_symbolic(symbolic, matrix.as_ref()).map_err(|_| singular())?;
+                let lu = Lu::try_new_with_symbolic(symbolic, matrix.as_ref()).map_err(|_| singular())?;
                 general.lu = Some(lu);
                 Ok(())
             }
@@ -168,11 +152,7 @@ impl Upper {
             }
             start.push(row.len());
         }
-        Upper {
-            start,
-            row,
-            position,
-        }
+        Upper { start, row, position }
     }
 }
 
@@ -182,14 +162,8 @@ fn minimum_degree(pattern: &Pattern) -> Result<Vec<usize>> {
     let symbolic = SymbolicSparseColMatRef::new_checked(n, n, &pattern.start, None, &pattern.row);
     let scratch = amd::order_scratch::<usize>(n, pattern.row.len());
     let mut memory = dyn_stack::MemBuffer::try_new(scratch).map_err(out_of_memory)?;
-    amd::order(
-        &mut old,
-        &mut place,
-        symbolic,
-        amd::Control::default(),
-        dyn_stack::MemStack::new(&mut memory),
-    )
-    .map_err(out_of_memory)?;
+    amd::order(&mut old, &mut place, symbolic, amd::Control::default(), dyn_stack::MemStack::new(&mut memory))
+        .map_err(out_of_memory)?;
     Ok(old)
 }
 
@@ -207,16 +181,14 @@ impl Ldl {
         let given: Vec<usize> = (0..n).collect();
         let degree = minimum_degree(pattern)?;
         let found = Upper::new(pattern, &inverse_of(&degree));
-        let (parent, l_start) =
-            elimination_tree(n, &found, usize::MAX).ok_or_else(|| out_of_memory(()))?;
+        let (parent, l_start) = elimination_tree(n, &found, usize::MAX).ok_or_else(|| out_of_memory(()))?;
         let old = match elimination_tree(n, &Upper::new(pattern, &given), l_start[n]) {
             Some(_) => given,
             None => postorder(&parent).into_iter().map(|i| degree[i]).collect(),
         };
         let place = inverse_of(&old);
         let upper = Upper::new(pattern, &place);
-        let (parent, l_start) =
-            elimination_tree(n, &upper, usize::MAX).ok_or_else(|| out_of_memory(()))?;
+        let (parent, l_start) = elimination_tree(n, &upper, usize::MAX).ok_or_else(|| out_of_memory(()))?;
         let (order_start, order) = elimination_order(n, &upper, &parent);
         let zero = c64::new(0.0, 0.0);
         let nonzeros = l_start[n];
@@ -402,11 +374,7 @@ mod tests {
             for (step, value) in [(1, -1.0), (7, 0.4)] {
                 let j = (i + step) % n;
                 a[(i, j)] += c64::new(value, 0.05 * i as f64);
-                a[(j, i)] += if symmetric {
-                    c64::new(value, 0.05 * i as f64)
-                } else {
-                    c64::new(0.5 * value, 0.2)
-                };
+                a[(j, i)] += if symmetric { c64::new(value, 0.05 * i as f64) } else { c64::new(0.5 * value, 0.2) };
             }
         }
         let mut entries = Vec::new();
@@ -426,11 +394,7 @@ mod tests {
                 factor.factorise(&values, 1.0).unwrap();
                 let x = Mat::from_fn(40, 2, |i, j| c64::new((i + j) as f64, 1.0));
                 for transposed in [false, true] {
-                    let mut b = if transposed {
-                        a.transpose() * &x
-                    } else {
-                        &a * &x
-                    };
+                    let mut b = if transposed { a.transpose() * &x } else { &a * &x };
                     factor.solve(&mut b, transposed);
                     assert!((b - &x).norm_max() < 1e-12);
                 }

@@ -97,15 +97,10 @@ impl Grid {
     pub fn analyse(&mut self, samples: &[f64], spectrum: &mut [c64]) {
         let n = self.rows.len();
         let scale = 1.0 / samples.len() as f64;
-        for (row, out) in samples
-            .chunks_exact(n)
-            .zip(spectrum.chunks_exact_mut(self.half))
-        {
+        for (row, out) in samples.chunks_exact(n).zip(spectrum.chunks_exact_mut(self.half)) {
             self.rows.copy_from_slice(row);
             // lengths match by construction, the only thing that realfft checks here
-            let _ = self
-                .forward
-                .process_with_scratch(&mut self.rows, out, &mut self.scratch);
+            let _ = self.forward.process_with_scratch(&mut self.rows, out, &mut self.scratch);
             for c in out.iter_mut() {
                 *c *= scale;
             }
@@ -121,19 +116,14 @@ impl Grid {
             axis.transform(spectrum, true);
         }
         let n = self.rows.len();
-        for (row, out) in spectrum
-            .chunks_exact(self.half)
-            .zip(samples.chunks_exact_mut(n))
-        {
+        for (row, out) in spectrum.chunks_exact(self.half).zip(samples.chunks_exact_mut(n)) {
             self.half_row.copy_from_slice(row);
             // rounding may leave imaginary parts where a real series has none, and realfft then refuses
             self.half_row[0].im = 0.0;
             if n.is_multiple_of(2) {
                 self.half_row[self.half - 1].im = 0.0;
             }
-            let _ = self
-                .inverse
-                .process_with_scratch(&mut self.half_row, out, &mut self.scratch);
+            let _ = self.inverse.process_with_scratch(&mut self.half_row, out, &mut self.scratch);
         }
     }
 }
@@ -149,16 +139,8 @@ impl Axis {
                     self.re[i] = c.re;
                     self.im[i] = sign * c.im;
                 }
-                let _ = self.plan.process_with_scratch(
-                    &mut self.re,
-                    &mut self.re_hat,
-                    &mut self.scratch,
-                );
-                let _ = self.plan.process_with_scratch(
-                    &mut self.im,
-                    &mut self.im_hat,
-                    &mut self.scratch,
-                );
+                let _ = self.plan.process_with_scratch(&mut self.re, &mut self.re_hat, &mut self.scratch);
+                let _ = self.plan.process_with_scratch(&mut self.im, &mut self.im_hat, &mut self.scratch);
                 for i in 0..n {
                     let (r, m) = if i <= n / 2 {
                         (self.re_hat[i], self.im_hat[i])
@@ -180,12 +162,7 @@ mod tests {
     fn two_dimensions_against_the_sum() {
         let mut grid = Grid::new(&[7, 6]);
         let mut spectrum = vec![c64::new(0.0, 0.0); grid.spectrum_len()];
-        let terms = [
-            ([2, -1], 0.3, -0.7),
-            ([0, 2], 1.1, 0.4),
-            ([1, 0], -0.2, 0.9),
-            ([3, 1], 0.5, 0.25),
-        ];
+        let terms = [([2, -1], 0.3, -0.7), ([0, 2], 1.1, 0.4), ([1, 0], -0.2, 0.9), ([3, 1], 0.5, 0.25)];
         let value = |t: [f64; 2]| -> f64 {
             terms
                 .iter()
@@ -196,29 +173,16 @@ mod tests {
                 .sum()
         };
         let step = std::f64::consts::TAU;
-        let mut samples: Vec<f64> = (0..42)
-            .map(|i| value([step * f64::from(i / 6) / 7.0, step * f64::from(i % 6) / 6.0]))
-            .collect();
+        let mut samples: Vec<f64> =
+            (0..42).map(|i| value([step * f64::from(i / 6) / 7.0, step * f64::from(i % 6) / 6.0])).collect();
         let original = samples.clone();
         grid.analyse(&samples, &mut spectrum);
         for (k, a, b) in terms {
             let slot = grid.slot(&k);
-            let c = if slot < 0 {
-                spectrum[!slot as usize].conj()
-            } else {
-                spectrum[slot as usize]
-            };
-            assert!(
-                (c - c64::new(a / 2.0, -b / 2.0)).norm() < 1e-14,
-                "{k:?} {c}"
-            );
+            let c = if slot < 0 { spectrum[!slot as usize].conj() } else { spectrum[slot as usize] };
+            assert!((c - c64::new(a / 2.0, -b / 2.0)).norm() < 1e-14, "{k:?} {c}");
         }
         grid.synthesise(&mut spectrum, &mut samples);
-        assert!(
-            samples
-                .iter()
-                .zip(&original)
-                .all(|(a, b)| (a - b).abs() < 1e-14)
-        );
+        assert!(samples.iter().zip(&original).all(|(a, b)| (a - b).abs() < 1e-14));
     }
 }

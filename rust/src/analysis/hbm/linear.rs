@@ -21,12 +21,7 @@ pub struct Block {
 impl Block {
     pub fn new(n: usize) -> Block {
         let zero = c64::new(0.0, 0.0);
-        Block {
-            s: vec![zero; n * n],
-            s_slope: vec![zero; n * n],
-            force: vec![zero; n],
-            force_slope: vec![zero; n],
-        }
+        Block { s: vec![zero; n * n], s_slope: vec![zero; n * n], force: vec![zero; n], force_slope: vec![zero; n] }
     }
 
     /// How much S changes over a step of the frequency, to first order and relative to its largest entry.
@@ -44,15 +39,9 @@ impl Block {
 
     /// S and the force a small step of the frequency further, by their slopes.
     pub fn extrapolate(&mut self, step: f64) {
-        let pairs = [
-            (&mut self.s, &self.s_slope),
-            (&mut self.force, &self.force_slope),
-        ];
+        let pairs = [(&mut self.s, &self.s_slope), (&mut self.force, &self.force_slope)];
         for (value, slope) in pairs {
-            value
-                .iter_mut()
-                .zip(slope)
-                .for_each(|(v, d)| *v += d * step);
+            value.iter_mut().zip(slope).for_each(|(v, d)| *v += d * step);
         }
     }
 }

@@ -36,22 +36,12 @@ pub struct Modal(pub Arc<Modes>);
 impl Modes {
     pub fn project_forces(&mut self) {
         let project = |f: &Vec<c64>| -> Vec<c64> {
-            let column = |k: usize| {
-                self.local
-                    .iter()
-                    .enumerate()
-                    .map(|(l, old)| f[*old] * self.shape[(l, k)])
-                    .sum()
-            };
+            let column = |k: usize| self.local.iter().enumerate().map(|(l, old)| f[*old] * self.shape[(l, k)]).sum();
             (0..self.local.len()).map(column).collect()
         };
         // a force on retained coordinates alone does not move the modes
         let moves = |f: &&Vec<c64>| self.local.iter().any(|old| f[*old] != c64::new(0.0, 0.0));
-        self.modal_forces = self
-            .forces
-            .iter()
-            .map(|f| f.as_ref().filter(moves).map(project))
-            .collect();
+        self.modal_forces = self.forces.iter().map(|f| f.as_ref().filter(moves).map(project)).collect();
     }
 
     fn pole(&self, k: usize, w: f64) -> c64 {
@@ -111,9 +101,7 @@ fn finite(block: &Block, w: f64) -> Result<()> {
     if block.s.iter().all(|x| x.re.is_finite() && x.im.is_finite()) {
         Ok(())
     } else {
-        Err(Error::singular(format!(
-            "the condensed coordinates are in undamped resonance at {w} rad/s"
-        )))
+        Err(Error::singular(format!("the condensed coordinates are in undamped resonance at {w} rad/s")))
     }
 }
 
@@ -166,10 +154,7 @@ impl DynamicStiffness for Modal {
                 *c = (q, -(z_slope(&modes.lr, at, w) + q * pole_slope) * inverse);
             }
             for i in 0..n_r {
-                let (z_i, dz_i) = (
-                    z(&modes.lr, k * n_r + i, w),
-                    z_slope(&modes.lr, k * n_r + i, w),
-                );
+                let (z_i, dz_i) = (z(&modes.lr, k * n_r + i, w), z_slope(&modes.lr, k * n_r + i, w));
                 for (j, (q, dq)) in coupling.iter().enumerate() {
                     block.s[i * n_r + j] += z_i * q;
                     block.s_slope[i * n_r + j] += dz_i * q + z_i * dq;
@@ -213,11 +198,7 @@ impl DynamicStiffness for Modal {
     fn matrices(&self) -> Option<Matrices> {
         let order = [self.0.retained.as_slice(), &self.0.local].concat();
         let (m, c, k) = self.0.matrices.as_ref()?;
-        Some((
-            reordered(m, &order),
-            reordered(c, &order),
-            reordered(k, &order),
-        ))
+        Some((reordered(m, &order), reordered(c, &order), reordered(k, &order)))
     }
 
     fn restrict(&self, x: &[f64], y: &mut [f64]) {
@@ -233,9 +214,7 @@ impl DynamicStiffness for Modal {
     fn retain(&self, direction: &[(usize, f64)]) -> Result<Vec<(usize, f64)>> {
         let one = |&(i, w): &(usize, f64)| match self.0.retained.binary_search(&i) {
             Ok(at) => Ok((at, w)),
-            Err(_) => Err(Error::model(format!(
-                "an element acts on coordinate {i}, which is condensed"
-            ))),
+            Err(_) => Err(Error::model(format!("an element acts on coordinate {i}, which is condensed"))),
         };
         direction.iter().map(one).collect()
     }

@@ -19,26 +19,15 @@ pub fn find(
 ) -> Result<Point> {
     problem.parameter = Parameter::Omega(0);
     let (n, p) = (problem.n(), problem.omega[0]);
-    let harmonics: Vec<f64> = problem
-        .basis
-        .indices
-        .iter()
-        .map(|k| f64::from(k[0]))
-        .collect();
+    let harmonics: Vec<f64> = problem.basis.indices.iter().map(|k| f64::from(k[0])).collect();
     let slope = |point: &Point| -> f64 {
         let part = |c: usize| point.z[c * n + coordinate] * point.tangent[c * n + coordinate];
         match term {
             Some(0) => part(0),
             Some(term) => part(2 * term - 1) + part(2 * term),
             None => {
-                let series = |z: &[f64]| -> Vec<f64> {
-                    z.iter().skip(coordinate).step_by(n).copied().collect()
-                };
-                extremum_slope(
-                    &series(point.y()),
-                    &series(&point.tangent[..point.y().len()]),
-                    &harmonics,
-                )
+                let series = |z: &[f64]| -> Vec<f64> { z.iter().skip(coordinate).step_by(n).copied().collect() };
+                extremum_slope(&series(point.y()), &series(&point.tangent[..point.y().len()]), &harmonics)
             }
         }
     };
@@ -48,14 +37,8 @@ pub fn find(
         residual: f64::NAN,
     };
     let start = |problem: &mut Problem, direction: f64| -> Result<Branch> {
-        Branch::start(
-            problem,
-            y,
-            p,
-            &Branch::along_parameter(y.len(), direction),
-            options,
-        )?
-        .ok_or_else(|| lost("no branch passes the start"))
+        Branch::start(problem, y, p, &Branch::along_parameter(y.len(), direction), options)?
+            .ok_or_else(|| lost("no branch passes the start"))
     };
     let mut branch = start(problem, 1.0)?;
     if slope(branch.point()) < 0.0 {
@@ -68,13 +51,7 @@ pub fn find(
         }
         let after = slope(branch.point());
         if let Some(segment) = branch.segment().filter(|_| before > 0.0 && after <= 0.0) {
-            let found = segment.zero(
-                problem,
-                &mut branch.work,
-                cancel,
-                (before, after),
-                |_, p, _| Ok(slope(p)),
-            )?;
+            let found = segment.zero(problem, &mut branch.work, cancel, (before, after), |_, p, _| Ok(slope(p)))?;
             return found.ok_or_else(|| lost("the corrector failed"));
         }
     }
@@ -94,9 +71,7 @@ fn extremum_slope(x: &[f64], dx: &[f64], harmonics: &[f64]) -> f64 {
     };
     let n_t = 16.0 * harmonics.iter().fold(1.0, |a, b| f64::max(a, *b));
     let instants = (0..n_t as usize).map(|i| std::f64::consts::TAU * i as f64 / n_t);
-    let mut tau = instants
-        .max_by(|a, b| value(x, *a, 0).abs().total_cmp(&value(x, *b, 0).abs()))
-        .unwrap_or(0.0);
+    let mut tau = instants.max_by(|a, b| value(x, *a, 0).abs().total_cmp(&value(x, *b, 0).abs())).unwrap_or(0.0);
     for _ in 0..6 {
         let step = value(x, tau, 1) / value(x, tau, 2);
         if step.is_finite() && step.abs() < std::f64::consts::TAU / n_t {

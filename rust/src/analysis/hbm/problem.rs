@@ -73,10 +73,7 @@ impl Problem {
         let n = linear.size();
         let with_memory = elements.iter().any(|e| e.force.has_memory());
         let aft = Aft::new(&basis, dims, with_memory);
-        let retained = elements
-            .iter()
-            .map(|e| linear.retain(&e.direction))
-            .collect::<Result<_>>()?;
+        let retained = elements.iter().map(|e| linear.retain(&e.direction)).collect::<Result<_>>()?;
         Ok(Problem {
             retained,
             blocks: Blocks::new(basis.n_harmonics() + 1, n),
@@ -152,10 +149,7 @@ impl Problem {
                 "the family changes the number of coordinates or elements with its parameter; keep them",
             ));
         }
-        self.retained = elements
-            .iter()
-            .map(|e| linear.retain(&e.direction))
-            .collect::<Result<_>>()?;
+        self.retained = elements.iter().map(|e| linear.retain(&e.direction)).collect::<Result<_>>()?;
         (self.linear, self.elements) = (linear, elements);
         self.blocks.forget();
         Ok(())
@@ -163,12 +157,7 @@ impl Problem {
 
     /// dR/dp by a central difference between two other members of the family; folds do not depend on its accuracy.
     fn family_slope(&mut self, y: &[f64], out: &mut Linearisation) -> Result<()> {
-        let Some(Placed {
-            family,
-            value,
-            step,
-        }) = self.family.clone()
-        else {
+        let Some(Placed { family, value, step }) = self.family.clone() else {
             return Ok(());
         };
         let (linear, elements) = (self.linear.copied()?, self.elements.clone());
@@ -258,8 +247,7 @@ impl Problem {
             let (factor, factor_slope) = self.force_factor(j);
             for i in 0..n {
                 let mut sum = -block.force[i] * factor;
-                let mut sum_slope =
-                    -block.force_slope[i] * (rate * factor) - block.force[i] * factor_slope;
+                let mut sum_slope = -block.force_slope[i] * (rate * factor) - block.force[i] * factor_slope;
                 for l in 0..n {
                     let x = c64::new(y[cos + l], if j == 0 { 0.0 } else { -y[sin + l] });
                     let s = block.s[i * n + l];
@@ -297,8 +285,7 @@ impl Problem {
         let (frequency, slope) = (self.basis.frequencies(&self.omega), self.frequency_slope());
         self.collect_coefficients(e, y);
         let element = &self.elements[e];
-        self.aft
-            .element(&element.force, &self.coefficients, &frequency, &slope, want)
+        self.aft.element(&element.force, &self.coefficients, &frequency, &slope, want)
     }
 
     fn add_element(
@@ -314,8 +301,7 @@ impl Problem {
         self.collect_coefficients(e, y);
         let direction = &self.retained[e];
         let element = &self.elements[e];
-        self.aft
-            .element(&element.force, &self.coefficients, frequency, slope, want)?;
+        self.aft.element(&element.force, &self.coefficients, frequency, slope, want)?;
         if self.broken.is_none() && !self.aft.force.iter().all(|f| f.is_finite()) {
             self.broken = Some(e);
             self.ever_broken = Some(e);
@@ -334,8 +320,7 @@ impl Problem {
                 let w = wi * wl;
                 for c in 0..n_c {
                     for row in 0..n_c {
-                        out.jacobian[(row * n + i, c * n + l)] +=
-                            w * self.aft.jacobian[row * n_c + c];
+                        out.jacobian[(row * n + i, c * n + l)] += w * self.aft.jacobian[row * n_c + c];
                     }
                 }
             }
@@ -382,8 +367,7 @@ impl Problem {
                 for &(l, wl) in &self.retained[e] {
                     for c in 0..n_c {
                         for row in 0..n_c {
-                            out[(row * n + i, c * n + l)] +=
-                                wi * wl * self.aft.damping[row * n_c + c];
+                            out[(row * n + i, c * n + l)] += wi * wl * self.aft.damping[row * n_c + c];
                         }
                     }
                 }
@@ -414,8 +398,7 @@ impl Problem {
         let mut x = vec![c64::new(0.0, 0.0); n_full];
         for (j, w) in frequencies.iter().enumerate() {
             let (cos, sin) = ((2 * j).saturating_sub(1), 2 * j);
-            let part =
-                |i: usize| c64::new(y[cos * n + i], if j == 0 { 0.0 } else { -y[sin * n + i] });
+            let part = |i: usize| c64::new(y[cos * n + i], if j == 0 { 0.0 } else { -y[sin * n + i] });
             let retained: Vec<c64> = (0..n).map(part).collect();
             let factor = self.force_factor(j).0;
             self.linear.expand(*w, j, factor, &retained, &mut x)?;
@@ -458,16 +441,9 @@ impl Curve for Problem {
         let n = self.n;
         let overall = y.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         for i in 0..n {
-            let own = y
-                .iter()
-                .skip(i)
-                .step_by(n)
-                .fold(0.0_f64, |a, b| a.max(b.abs()));
+            let own = y.iter().skip(i).step_by(n).fold(0.0_f64, |a, b| a.max(b.abs()));
             let size = own.max(1e-6 * overall);
-            out.iter_mut()
-                .skip(i)
-                .step_by(n)
-                .for_each(|d| *d = if size > 0.0 { size } else { 1.0 });
+            out.iter_mut().skip(i).step_by(n).for_each(|d| *d = if size > 0.0 { size } else { 1.0 });
         }
     }
 }
@@ -494,21 +470,13 @@ mod tests {
                 k: vec![2.0 * value, -1.0, -0.8, 3.0],
                 forces: Arc::new(Vec::new()),
             };
-            Ok(Member {
-                linear: Box::new(linear),
-                elements,
-            })
+            Ok(Member { linear: Box::new(linear), elements })
         }
     }
 
     fn two_masses(parameter: Parameter) -> Problem {
         let force = |a: f64, b: f64| Some(vec![c64::new(a, b), c64::new(b, 0.0)]);
-        let forces = vec![
-            Some(vec![c64::new(0.2, 0.0), c64::new(0.0, 0.0)]),
-            force(1.0, 0.4),
-            None,
-            force(0.1, 0.0),
-        ];
+        let forces = vec![Some(vec![c64::new(0.2, 0.0), c64::new(0.0, 0.0)]), force(1.0, 0.4), None, force(0.1, 0.0)];
         let linear = Full {
             n: 2,
             m: vec![1.0, 0.1, 0.1, 2.0],
@@ -526,27 +494,16 @@ mod tests {
             element(Law::Jenkins, &[0.7, 0.2], &[(0, 1.0)]),
         ];
         let basis = Basis::periodic(&[1, 2, 3], 1);
-        let mut problem =
-            Problem::new(basis, Box::new(linear), elements, vec![1.1], &[64]).unwrap();
+        let mut problem = Problem::new(basis, Box::new(linear), elements, vec![1.1], &[64]).unwrap();
         problem.parameter = parameter;
         problem
     }
 
     #[test]
     fn jacobian_is_the_slope_of_the_residual() {
-        for parameter in [
-            Parameter::Omega(0),
-            Parameter::Scale,
-            Parameter::Level,
-            Parameter::Ramp,
-            Parameter::Family,
-        ] {
+        for parameter in [Parameter::Omega(0), Parameter::Scale, Parameter::Level, Parameter::Ramp, Parameter::Family] {
             let mut problem = two_masses(parameter);
-            problem.family = Some(Placed {
-                family: Arc::new(Springs),
-                value: 0.0,
-                step: 1e-5,
-            });
+            problem.family = Some(Placed { family: Arc::new(Springs), value: 0.0, step: 1e-5 });
             let n = problem.size();
             let y: Vec<f64> = (0..n).map(|i| ((2 * i + 1) as f64).sin()).collect();
             let mut out = Linearisation::new(n);
@@ -565,15 +522,8 @@ mod tests {
                 problem.residual(&down, 1.1 - p, &mut low).unwrap();
                 for r in 0..n {
                     let difference = (high.residual[r] - low.residual[r]) / (2.0 * h);
-                    let exact = if c < n {
-                        out.jacobian[(r, c)]
-                    } else {
-                        out.slope[r]
-                    };
-                    assert!(
-                        (difference - exact).abs() < 1e-7,
-                        "{parameter:?} {r} {c} {difference} {exact}"
-                    );
+                    let exact = if c < n { out.jacobian[(r, c)] } else { out.slope[r] };
+                    assert!((difference - exact).abs() < 1e-7, "{parameter:?} {r} {c} {difference} {exact}");
                 }
             }
         }

@@ -77,14 +77,7 @@ impl Solution {
     }
 
     /// b - Z_lr y - Z_ll (x + rest), column by column.
-    pub fn residual(
-        &self,
-        ll: &[Entry],
-        lr: &[Entry],
-        y: &Mat<c64>,
-        b: Option<&Mat<c64>>,
-        w: f64,
-    ) -> Mat<c64> {
+    pub fn residual(&self, ll: &[Entry], lr: &[Entry], y: &Mat<c64>, b: Option<&Mat<c64>>, w: f64) -> Mat<c64> {
         let mut out = Mat::zeros(self.x.nrows(), self.x.ncols());
         let mut sums = vec![Pair::default(); self.x.nrows()];
         let zero = c64::new(0.0, 0.0);
@@ -104,10 +97,7 @@ impl Solution {
                 sums[e.row].add_entry(e, w, -1.0, x[e.column], rest[e.column]);
             }
             let column = out.col_as_slice_mut(j);
-            column
-                .iter_mut()
-                .zip(&sums)
-                .for_each(|(o, s)| *o = s.value());
+            column.iter_mut().zip(&sums).for_each(|(o, s)| *o = s.value());
         }
         out
     }

@@ -94,20 +94,14 @@ impl Follower {
     ) -> Result<Follower> {
         let default = Branch::along_parameter(y.len(), (settings.to - settings.from).signum());
         let p = problem.parameter_value();
-        let towards = towards
-            .filter(|t| t.iter().any(|x| *x != 0.0))
-            .unwrap_or(&default);
+        let towards = towards.filter(|t| t.iter().any(|x| *x != 0.0)).unwrap_or(&default);
         let Some(branch) = Branch::start(&mut problem, y, p, towards, settings.options)? else {
             return Err(Error::singular(
                 "the branch cannot be started: the first solution is singular; begin elsewhere",
             ));
         };
         let estimator = Estimator::new(&problem, finer)?;
-        let stability = if settings.stability {
-            Stability::new(&mut problem, model)?
-        } else {
-            None
-        };
+        let stability = if settings.stability { Stability::new(&mut problem, model)? } else { None };
         let mut follower = Follower {
             problem,
             settings,
@@ -173,8 +167,7 @@ impl Follower {
             if self.branch.advance(&mut self.problem, cancel)? == Advance::Stalled {
                 return Ok(None);
             }
-            let Some((a, segment)) = self.branch.previous().cloned().zip(self.branch.segment())
-            else {
+            let Some((a, segment)) = self.branch.previous().cloned().zip(self.branch.segment()) else {
                 return Ok(Some(None));
             };
             let point = self.branch.point().clone();
@@ -218,14 +211,8 @@ impl Follower {
         Ok(())
     }
 
-    fn find_events(
-        &mut self,
-        before: Option<&Floquet>,
-        crossed: Option<Point>,
-        cancel: &Cancel,
-    ) -> Result<()> {
-        let (Some(a), Some(segment)) = (self.branch.previous().cloned(), self.branch.segment())
-        else {
+    fn find_events(&mut self, before: Option<&Floquet>, crossed: Option<Point>, cancel: &Cancel) -> Result<()> {
+        let (Some(a), Some(segment)) = (self.branch.previous().cloned(), self.branch.segment()) else {
             return Ok(());
         };
         let b = self.branch.point().clone();
@@ -233,9 +220,7 @@ impl Follower {
         if a.p_slope() * b.p_slope() < 0.0 {
             let ends = (a.p_slope(), b.p_slope());
             let work = &mut self.branch.work;
-            let found = segment.zero(&mut self.problem, work, cancel, ends, |_, p, _| {
-                Ok(p.p_slope())
-            })?;
+            let found = segment.zero(&mut self.problem, work, cancel, ends, |_, p, _| Ok(p.p_slope()))?;
             between.extend(found.clone());
             self.push_event(Kind::Fold, found, None);
         }
@@ -280,10 +265,7 @@ impl Follower {
         let growth = |problem: &mut Problem, point: &Point, out: &Linearisation| -> Result<f64> {
             problem.set_parameter(point.p())?;
             let floquet = stability.exponents(problem, out.jacobian.as_ref(), point.y())?;
-            exponent = by_growth(floquet.exponents)
-                .get(rank)
-                .copied()
-                .unwrap_or(c64::new(f64::NAN, 0.0));
+            exponent = by_growth(floquet.exponents).get(rank).copied().unwrap_or(c64::new(f64::NAN, 0.0));
             Ok(exponent.re)
         };
         let work = &mut self.branch.work;
@@ -304,13 +286,7 @@ impl Follower {
     fn push_event(&mut self, kind: Kind, point: Option<Point>, exponent: Option<c64>) {
         if let Some(point) = point {
             let before = self.count - 1;
-            self.events.push(Event {
-                kind,
-                y: point.y().to_vec(),
-                p: point.p(),
-                exponent,
-                before,
-            });
+            self.events.push(Event { kind, y: point.y().to_vec(), p: point.p(), exponent, before });
         }
     }
 }
@@ -328,8 +304,7 @@ type Place = (Point, Vec<c64>, bool);
 fn crossing_rank(a: &Place, b: &Place, w0: f64) -> Option<usize> {
     let others = |place: &Place| {
         let mut exponents = place.1.clone();
-        let least = (0..exponents.len())
-            .min_by(|i, j| exponents[*i].norm().total_cmp(&exponents[*j].norm()));
+        let least = (0..exponents.len()).min_by(|i, j| exponents[*i].norm().total_cmp(&exponents[*j].norm()));
         if let Some(least) = least.filter(|_| place.2) {
             exponents.swap_remove(least);
         }
@@ -355,7 +330,5 @@ fn by_growth(mut exponents: Vec<c64>) -> Vec<c64> {
 }
 
 fn nth_growth(exponents: &[c64], n: usize) -> f64 {
-    by_growth(exponents.to_vec())
-        .get(n)
-        .map_or(f64::NAN, |s| s.re)
+    by_growth(exponents.to_vec()).get(n).map_or(f64::NAN, |s| s.re)
 }

@@ -10,12 +10,7 @@ use crate::solve::{Curve, Linearisation};
 const RAMP_STEPS: usize = 2000;
 
 /// Solves at the present frequencies and level; y is guess and answer.
-pub fn solve(
-    problem: &mut Problem,
-    y: &mut [f64],
-    options: Options,
-    cancel: &Cancel,
-) -> Result<Outcome> {
+pub fn solve(problem: &mut Problem, y: &mut [f64], options: Options, cancel: &Cancel) -> Result<Outcome> {
     let parameter = problem.parameter;
     problem.parameter = Parameter::Ramp;
     let mut out = Linearisation::new(problem.size());
@@ -53,25 +48,12 @@ pub fn solve(
 fn stirring(out: &Linearisation) -> f64 {
     let force = out.residual.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
     let stiffness = out.jacobian.norm_max();
-    if stiffness > 0.0 && force.is_finite() {
-        force / stiffness
-    } else {
-        0.0
-    }
+    if stiffness > 0.0 && force.is_finite() { force / stiffness } else { 0.0 }
 }
 
-fn ramp(
-    problem: &mut Problem,
-    y: &mut [f64],
-    options: Options,
-    cancel: &Cancel,
-) -> Result<Outcome> {
-    let stopped = |reason| Outcome {
-        converged: false,
-        iterations: options.max_iterations,
-        step: f64::INFINITY,
-        reason,
-    };
+fn ramp(problem: &mut Problem, y: &mut [f64], options: Options, cancel: &Cancel) -> Result<Outcome> {
+    let stopped =
+        |reason| Outcome { converged: false, iterations: options.max_iterations, step: f64::INFINITY, reason };
     let steps = corrector::Options {
         predictor: Predictor::Tangent,
         corrector: Corrector::PseudoArclength,
@@ -89,14 +71,7 @@ fn ramp(
     if !rest.converged {
         return Ok(stopped("no solution without forces was found"));
     }
-    let Some(mut branch) = Branch::start(
-        problem,
-        y,
-        0.0,
-        &Branch::along_parameter(y.len(), 1.0),
-        steps,
-    )?
-    else {
+    let Some(mut branch) = Branch::start(problem, y, 0.0, &Branch::along_parameter(y.len(), 1.0), steps)? else {
         return Ok(stopped("no branch starts at zero force"));
     };
     for _ in 0..RAMP_STEPS {

@@ -4,9 +4,7 @@ use faer::{Mat, MatRef};
 
 use super::quality::{Correction, NEAR_DEFECTIVE, Quality, Terms, evaluate};
 use super::refine::refine;
-use super::subspace::{
-    aligned, bilinear_gram_schmidt, hermitian_gram_schmidt, largest_component, mass_times, rescale,
-};
+use super::subspace::{aligned, bilinear_gram_schmidt, hermitian_gram_schmidt, largest_component, mass_times, rescale};
 use super::{Kind, Modal, Raw, RawMode};
 use crate::error::Result;
 use crate::linalg::dense::{C, EPS, real_times};
@@ -38,10 +36,7 @@ pub fn finish(system: &SecondOrder, d: &[f64], raw: Raw, mut counts: Counts) -> 
     if !groups.is_empty() {
         for (mode, j) in modes.iter_mut().zip(0..) {
             mode.x = (0..work.x.nrows()).map(|i| work.x[(i, j)]).collect();
-            mode.y = work
-                .y
-                .as_ref()
-                .map(|y| (0..y.nrows()).map(|i| y[(i, j)]).collect());
+            mode.y = work.y.as_ref().map(|y| (0..y.nrows()).map(|i| y[(i, j)]).collect());
         }
         let known = qualities(&terms, &mut modes, Correction::None);
         for (q, new) in quality.iter_mut().zip(known) {
@@ -51,23 +46,10 @@ pub fn finish(system: &SecondOrder, d: &[f64], raw: Raw, mut counts: Counts) -> 
     }
     work.mx = real_times(system.m.as_ref(), work.x.as_ref());
     for j in 0..modes.len() {
-        let grouped = groups
-            .iter()
-            .any(|&(first, count)| (first..first + count).contains(&j));
-        work.normalise(
-            j,
-            &modes[j],
-            quality[j].denominator,
-            near_defective[j],
-            grouped,
-        );
+        let grouped = groups.iter().any(|&(first, count)| (first..first + count).contains(&j));
+        work.normalise(j, &modes[j], quality[j].denominator, near_defective[j], grouped);
     }
-    let settled = Settled {
-        modes,
-        quality,
-        groups,
-        near_defective,
-    };
+    let settled = Settled { modes, quality, groups, near_defective };
     Ok(settled.assembled(d, work, raw.route, counts))
 }
 
@@ -79,18 +61,12 @@ fn qualities(terms: &Terms, modes: &mut [RawMode], correction: Correction) -> Ve
     for ((quality, mode), s) in quality.iter_mut().zip(modes).zip(s) {
         if s != mode.s && !mode.rigid {
             mode.s = s;
-            mode.partner = if mode.partner.im == 0.0 {
-                mode.partner
-            } else {
-                s.conj()
-            };
+            mode.partner = if mode.partner.im == 0.0 { mode.partner } else { s.conj() };
         }
         if let Some((error, condition)) = mode.known {
             quality.error = error;
             quality.condition = condition;
-            quality.tolerance = quality
-                .tolerance
-                .min(mode.s.norm() * (error + 16.0 * EPS * condition));
+            quality.tolerance = quality.tolerance.min(mode.s.norm() * (error + 16.0 * EPS * condition));
             // the assembled matrices no longer hold what the factor knows, so their residual says nothing
             quality.backward = error;
         }
@@ -103,9 +79,7 @@ fn qualities(terms: &Terms, modes: &mut [RawMode], correction: Correction) -> Ve
 
 /// Real partners with a shape of their own deserve the same care.
 fn refine_partners(terms: &Terms, modes: &mut [RawMode], counts: &mut Counts) {
-    let own: Vec<usize> = (0..modes.len())
-        .filter(|&j| modes[j].partner_x.is_some())
-        .collect();
+    let own: Vec<usize> = (0..modes.len()).filter(|&j| modes[j].partner_x.is_some()).collect();
     if own.is_empty() {
         return;
     }
@@ -139,9 +113,7 @@ fn columns<'a>(modes: &'a [RawMode], of: impl Fn(&'a RawMode) -> &'a Vec<C>) -> 
 fn left_columns(modes: &[RawMode]) -> Option<Mat<C>> {
     modes.iter().all(|m| m.y.is_some()).then(|| {
         let n = modes.first().map_or(0, |m| m.x.len());
-        Mat::from_fn(n, modes.len(), |i, j| {
-            modes[j].y.as_ref().map_or(C::ZERO, |y| y[i])
-        })
+        Mat::from_fn(n, modes.len(), |i, j| modes[j].y.as_ref().map_or(C::ZERO, |y| y[i]))
     })
 }
 
@@ -233,14 +205,7 @@ impl<'a> Shapes<'a> {
     }
 
     /// A basis of a repeated root's shapes that depends on their span only.
-    fn align(
-        &mut self,
-        terms: &Terms,
-        first: usize,
-        count: usize,
-        modes: &[RawMode],
-        defective: bool,
-    ) {
+    fn align(&mut self, terms: &Terms, first: usize, count: usize, modes: &[RawMode], defective: bool) {
         let members = &modes[first..first + count];
         // rigid modes with a real partner have been aligned and matched with their partners already
         if defective || members.iter().any(|m| m.rigid && m.partner != C::ZERO) {
@@ -249,9 +214,8 @@ impl<'a> Shapes<'a> {
         let s = members.iter().map(|m| m.s).sum::<C>() / count as f64;
         let turned = aligned(self.x.subcols(first, count));
         let mut x = turned.clone();
-        let is_real = (0..count).all(|j| {
-            (0..x.nrows()).all(|i| x[(i, j)].im.abs() <= 1e-12 * x[(i, j)].norm().max(1e-3))
-        });
+        let is_real =
+            (0..count).all(|j| (0..x.nrows()).all(|i| x[(i, j)].im.abs() <= 1e-12 * x[(i, j)].norm().max(1e-3)));
         let bilinear = self.y.is_none() && s.im > 0.0 && !is_real;
         if bilinear {
             let form = |v: faer::ColRef<'_, C>| slope_times(terms, s, v);
@@ -269,14 +233,7 @@ impl<'a> Shapes<'a> {
         }
     }
 
-    fn normalise(
-        &mut self,
-        j: usize,
-        mode: &RawMode,
-        denominator: C,
-        defective: bool,
-        grouped: bool,
-    ) {
+    fn normalise(&mut self, j: usize, mode: &RawMode, denominator: C, defective: bool, grouped: bool) {
         let target = C::new(0.0, 2.0 * mode.s.im);
         let modal = mode.s.im > 0.0 && !defective && denominator != C::ZERO;
         let is_real = (0..self.x.nrows()).all(|i| self.x[(i, j)].im == 0.0);
@@ -308,11 +265,7 @@ impl<'a> Shapes<'a> {
     fn sign(&self, j: usize) -> f64 {
         let x = self.x.col(j);
         let value = x[largest_component(x, self.scale)];
-        let decisive = if value.re.abs() > 1e-9 * value.norm() {
-            value.re
-        } else {
-            value.im
-        };
+        let decisive = if value.re.abs() > 1e-9 * value.norm() { value.re } else { value.im };
         decisive.signum()
     }
 }
@@ -323,11 +276,7 @@ fn unit_mass(x: &mut Mat<C>, j: usize, mx: &[C], scale: &[f64]) -> C {
     if square <= 0.0 || largest == C::ZERO {
         return C::new(1.0, 0.0);
     }
-    let phase = if largest.im == 0.0 {
-        C::new(largest.re.signum(), 0.0)
-    } else {
-        largest.conj() / largest.norm()
-    };
+    let phase = if largest.im == 0.0 { C::new(largest.re.signum(), 0.0) } else { largest.conj() / largest.norm() };
     let factor = phase / square.sqrt();
     rescale(x, j, factor);
     factor
@@ -348,9 +297,7 @@ fn slope_times(terms: &Terms, s: C, x: faer::ColRef<'_, C>) -> Vec<C> {
 fn dual_basis(terms: &Terms, s: C, x: &Mat<C>, y: &Mat<C>) -> Mat<C> {
     let g = x.ncols();
     let slopes: Vec<Vec<C>> = (0..g).map(|j| slope_times(terms, s, x.col(j))).collect();
-    let w = Mat::from_fn(g, g, |i, j| {
-        (0..x.nrows()).map(|r| y[(r, i)] * slopes[j][r]).sum::<C>()
-    });
+    let w = Mat::from_fn(g, g, |i, j| (0..x.nrows()).map(|r| y[(r, i)] * slopes[j][r]).sum::<C>());
     let lu = w.transpose().to_owned().partial_piv_lu();
     let inverse = lu.inverse();
     let dual = y * inverse;
@@ -364,11 +311,7 @@ fn kind(mode: &RawMode, quality: &Quality) -> Kind {
     if mode.rigid {
         Kind::Rigid
     } else if mode.s.im > 0.0 {
-        if unstable {
-            Kind::Flutter
-        } else {
-            Kind::Vibration
-        }
+        if unstable { Kind::Flutter } else { Kind::Vibration }
     } else if unstable {
         Kind::Divergence
     } else {
@@ -388,13 +331,9 @@ impl Settled {
     fn assembled(self, d: &[f64], work: Shapes<'_>, route: &'static str, counts: Counts) -> Modal {
         let (modes, quality) = (&self.modes, &self.quality);
         let unscaled = |x: &Mat<C>| Mat::from_fn(x.nrows(), x.ncols(), |i, j| x[(i, j)] * d[i]);
-        let own: Vec<usize> = (0..modes.len())
-            .filter(|&j| modes[j].partner_x.is_some())
-            .collect();
+        let own: Vec<usize> = (0..modes.len()).filter(|&j| modes[j].partner_x.is_some()).collect();
         let partner = |of: &dyn Fn(&RawMode) -> Option<&Vec<C>>| {
-            Mat::from_fn(d.len(), own.len(), |i, k| {
-                of(&modes[own[k]]).map_or(C::ZERO, |v| v[i] * d[i])
-            })
+            Mat::from_fn(d.len(), own.len(), |i, k| of(&modes[own[k]]).map_or(C::ZERO, |v| v[i] * d[i]))
         };
         let partner_shape = partner(&|m| m.partner_x.as_ref());
         let partner_left = work.y.as_ref().map(|_| partner(&|m| m.partner_y.as_ref()));

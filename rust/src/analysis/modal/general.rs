@@ -75,9 +75,7 @@ fn hat(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<Hat> {
         None => symmetrised(reduced(l.as_ref(), system.k.as_ref())),
         Some(_) => reduced(l.as_ref(), system.position().as_ref()),
     };
-    let d = system
-        .velocity()
-        .map_or_else(|| Mat::zeros(n, n), |d| reduced(l.as_ref(), d.as_ref()));
+    let d = system.velocity().map_or_else(|| Mat::zeros(n, n), |d| reduced(l.as_ref(), d.as_ref()));
     let (right, left) = if system.n.is_some() {
         general_null(system.position().as_ref(), counts)?
     } else {
@@ -118,13 +116,7 @@ fn deflated(whole: Hat) -> Result<(Hat, Option<Mat<f64>>, Mat<f64>)> {
     let (free, basis) = completed(free.as_ref());
     let inside = |a: &Mat<f64>| basis.transpose() * a * &basis;
     let held = completed((basis.transpose() * &kept).as_ref()).0;
-    let inner = Hat {
-        d: inside(&whole.d),
-        s: symmetrised(inside(&whole.s)),
-        right: held.clone(),
-        left: held,
-        ..whole
-    };
+    let inner = Hat { d: inside(&whole.d), s: symmetrised(inside(&whole.s)), right: held.clone(), left: held, ..whole };
     Ok((inner, Some(basis), free))
 }
 
@@ -132,21 +124,12 @@ fn deflated(whole: Hat) -> Result<(Hat, Option<Mat<f64>>, Mat<f64>)> {
 fn split_null(a: &Mat<f64>, z: &Mat<f64>, floor: f64) -> Result<(Mat<f64>, Mat<f64>)> {
     let r = z.ncols();
     let image = a * z;
-    let tall = Mat::from_fn(image.nrows().max(r), r, |i, j| {
-        if i < image.nrows() {
-            image[(i, j)]
-        } else {
-            0.0
-        }
-    });
+    let tall = Mat::from_fn(image.nrows().max(r), r, |i, j| if i < image.nrows() { image[(i, j)] } else { 0.0 });
     let svd = tall.thin_svd().map_err(|_| no_svd(r))?;
     let sigma = svd.S().column_vector();
     let rank = (0..r).filter(|&i| sigma[i] > floor).count();
     let turned = z * svd.V();
-    Ok((
-        turned.subcols(0, rank).to_owned(),
-        turned.subcols(rank, r - rank).to_owned(),
-    ))
+    Ok((turned.subcols(0, rank).to_owned(), turned.subcols(rank, r - rank).to_owned()))
 }
 
 /// C = N = 0 and K > 0: A is skew, so i A is Hermitian and the roots are exactly imaginary.
@@ -154,9 +137,7 @@ fn conservative_modes(hat: &Hat, factor: &Factor, counts: &mut Counts) -> Result
     counts.add("hermitian eigensolutions", 1);
     let a = state_matrix(hat, factor);
     let n = hat.s.nrows();
-    let ia = Mat::from_fn(2 * n, 2 * n, |i, j| {
-        C::new(0.0, 0.5 * (a[(i, j)] - a[(j, i)]))
-    });
+    let ia = Mat::from_fn(2 * n, 2 * n, |i, j| C::new(0.0, 0.5 * (a[(i, j)] - a[(j, i)])));
     let (w, vectors) = eigen::hermitian(ia.as_ref())?;
     Ok((0..n)
         .map(|j| {
@@ -219,16 +200,9 @@ fn zero_directions(hat: &Hat) -> Result<(Sides, Sides)> {
     let right = &hat.right * svd.V();
     let left = &hat.left * svd.U();
     let part = |a: &Mat<f64>, from: usize, count: usize| {
-        if count == 0 {
-            Mat::zeros(a.nrows(), 0)
-        } else {
-            real_aligned(a.subcols(from, count))
-        }
+        if count == 0 { Mat::zeros(a.nrows(), 0) } else { real_aligned(a.subcols(from, count)) }
     };
-    Ok((
-        (part(&right, 0, rank), part(&left, 0, rank)),
-        (part(&right, rank, r - rank), part(&left, rank, r - rank)),
-    ))
+    Ok(((part(&right, 0, rank), part(&left, 0, rank)), (part(&right, rank, r - rank), part(&left, rank, r - rank))))
 }
 
 fn real_aligned(a: MatRef<'_, f64>) -> Mat<f64> {
@@ -243,19 +217,13 @@ fn zero_vectors(hat: &Hat, sides: &Sides, j: usize) -> (Vec<C>, Option<Vec<C>>) 
 
 fn zero_mode(hat: &Hat, sides: &Sides, j: usize) -> RawMode {
     let (x, y) = zero_vectors(hat, sides, j);
-    RawMode {
-        rigid: true,
-        ..oscillation(C::ZERO, x, y)
-    }
+    RawMode { rigid: true, ..oscillation(C::ZERO, x, y) }
 }
 
 fn double_zero(free: &Mat<f64>, j: usize, has_left: bool) -> RawMode {
     let x: Vec<C> = (0..free.nrows()).map(|i| real(free[(i, j)])).collect();
     let y = has_left.then(|| x.clone());
-    RawMode {
-        rigid: true,
-        ..oscillation(C::ZERO, x, y)
-    }
+    RawMode { rigid: true, ..oscillation(C::ZERO, x, y) }
 }
 
 /// All roots but the `q` smallest, which are zero roots blurred by rounding. A complex pair counts twice.
@@ -274,30 +242,15 @@ fn without_smallest(mut roots: Vec<Candidate>, q: usize) -> Vec<Candidate> {
 fn real_root(hat: &Hat, s: f64, x: Vec<C>, y: Option<Vec<C>>, zero: bool) -> RealRoot {
     let n = x.len();
     let square: f64 = x.iter().map(|v| v.norm_sqr()).sum();
-    let damping: f64 = (0..n)
-        .map(|i| x[i].re * (0..n).map(|j| hat.d[(i, j)] * x[j].re).sum::<f64>())
-        .sum();
+    let damping: f64 = (0..n).map(|i| x[i].re * (0..n).map(|j| hat.d[(i, j)] * x[j].re).sum::<f64>()).sum();
     let scale = 2.0 * s.abs() * square + damping.abs();
-    let sign = if scale > 0.0 {
-        (2.0 * s * square + damping) / scale
-    } else {
-        0.0
-    };
-    RealRoot {
-        s,
-        sign,
-        x,
-        y,
-        zero,
-    }
+    let sign = if scale > 0.0 { (2.0 * s * square + damping) / scale } else { 0.0 };
+    RealRoot { s, sign, x, y, zero }
 }
 
 fn each_vector(mode: &mut RawMode, change: impl Fn(&mut Vec<C>)) {
     change(&mut mode.x);
-    for v in [&mut mode.y, &mut mode.partner_x, &mut mode.partner_y]
-        .into_iter()
-        .flatten()
-    {
+    for v in [&mut mode.y, &mut mode.partner_x, &mut mode.partner_y].into_iter().flatten() {
         change(v);
     }
 }

@@ -111,13 +111,8 @@ pub fn modes(system: &SecondOrder) -> Result<Modal> {
         Some(mf) => triangular(mf).map_err(massless)?,
     };
     let raw = solve(&system, &l, &mut counts)?;
-    let mass_pivot = (0..l.nrows())
-        .map(|i| l[(i, i)].powi(2) / system.m[(i, i)])
-        .fold(1.0, f64::min);
-    Ok(Modal {
-        mass_pivot,
-        ..finish::finish(&system, &d, raw, counts)?
-    })
+    let mass_pivot = (0..l.nrows()).map(|i| l[(i, i)].powi(2) / system.m[(i, i)]).fold(1.0, f64::min);
+    Ok(Modal { mass_pivot, ..finish::finish(&system, &d, raw, counts)? })
 }
 
 /// L of M = L L^T from a factor of M, heavy rows first: Householder's reflections then keep what the light rows hold.
@@ -132,13 +127,7 @@ fn triangular(mf: &Mat<f64>) -> std::result::Result<Mat<f64>, usize> {
     let massless = |i: &usize| r[(*i, *i)] == 0.0 || !r[(*i, *i)].is_finite();
     match (0..n).find(massless) {
         Some(i) => Err(i),
-        None => Ok(Mat::from_fn(n, n, |i, j| {
-            if i >= j {
-                r[(j, i)] * r[(j, j)].signum()
-            } else {
-                0.0
-            }
-        })),
+        None => Ok(Mat::from_fn(n, n, |i, j| if i >= j { r[(j, i)] * r[(j, j)].signum() } else { 0.0 })),
     }
 }
 

@@ -19,21 +19,13 @@ pub struct RealRoot {
 pub fn pair(mut roots: Vec<RealRoot>, symmetric: bool) -> Vec<RawMode> {
     roots.sort_by(|a, b| {
         let by_size = b.s.total_cmp(&a.s);
-        if symmetric {
-            sign(b).cmp(&sign(a)).then(by_size)
-        } else {
-            by_size
-        }
+        if symmetric { sign(b).cmp(&sign(a)).then(by_size) } else { by_size }
     });
     let half = roots.len() / 2;
     let lower = roots.split_off(half);
     let matches = best_matches(&roots, &lower);
     let mut lower: Vec<Option<RealRoot>> = lower.into_iter().map(Some).collect();
-    roots
-        .into_iter()
-        .zip(matches)
-        .filter_map(|(a, k)| lower[k].take().map(|b| mode(a, b)))
-        .collect()
+    roots.into_iter().zip(matches).filter_map(|(a, k)| lower[k].take().map(|b| mode(a, b))).collect()
 }
 
 fn sign(root: &RealRoot) -> i8 {

@@ -20,11 +20,7 @@ pub struct Terms {
 impl Terms {
     pub fn new(system: &SecondOrder) -> Self {
         let (m, d, k) = (system.m.clone(), system.velocity(), system.position());
-        let norms = [
-            frobenius(m.as_ref()),
-            d.as_ref().map_or(0.0, |d| frobenius(d.as_ref())),
-            frobenius(k.as_ref()),
-        ];
+        let norms = [frobenius(m.as_ref()), d.as_ref().map_or(0.0, |d| frobenius(d.as_ref())), frobenius(k.as_ref())];
         Terms { m, d, k, norms }
     }
 
@@ -46,17 +42,9 @@ impl Terms {
     /// The products of m, d and k (transposed where asked) with the columns of x.
     fn products(&self, x: MatRef<'_, C>, transposed: bool) -> Products {
         let turn = |a: &Mat<f64>| {
-            if transposed {
-                real_times(a.transpose(), x)
-            } else {
-                real_times(a.as_ref(), x)
-            }
+            if transposed { real_times(a.transpose(), x) } else { real_times(a.as_ref(), x) }
         };
-        Products {
-            m: turn(&self.m),
-            d: self.d.as_ref().map(turn),
-            k: turn(&self.k),
-        }
+        Products { m: turn(&self.m), d: self.d.as_ref().map(turn), k: turn(&self.k) }
     }
 }
 
@@ -118,10 +106,7 @@ pub fn evaluate(
     let size = modulus(x);
     let moduli = [
         absolute(terms.m.as_ref()) * &size,
-        terms
-            .d
-            .as_ref()
-            .map_or_else(|| Mat::zeros(0, 0), |d| absolute(d.as_ref()) * &size),
+        terms.d.as_ref().map_or_else(|| Mat::zeros(0, 0), |d| absolute(d.as_ref()) * &size),
         absolute(terms.k.as_ref()) * &size,
     ];
     let mut all = Vec::with_capacity(s.len());
@@ -162,11 +147,7 @@ fn backward_error(terms: &Terms, s: C, j: usize, products: &Products, x: ColRef<
     let n = x.nrows();
     let residual: f64 = (0..n).map(|i| products.residual(s, i, j).norm_sqr()).sum();
     let scale = terms.norm(s.norm()) * x.norm_l2();
-    if scale > 0.0 {
-        residual.sqrt() / scale
-    } else {
-        0.0
-    }
+    if scale > 0.0 { residual.sqrt() / scale } else { 0.0 }
 }
 
 fn judge(
@@ -186,11 +167,7 @@ fn judge(
     let (mut defect, mut spread, mut slope) = (C::ZERO, 0.0, 0.0);
     for i in 0..x.nrows() {
         let (left, m, k) = (y[i].norm(), moduli[0][(i, j)], moduli[2][(i, j)]);
-        let d = if products.d.is_some() {
-            moduli[1][(i, j)]
-        } else {
-            0.0
-        };
+        let d = if products.d.is_some() { moduli[1][(i, j)] } else { 0.0 };
         defect += y[i] * products.residual(s, i, j);
         spread += left * (r * r * m + r * d + k);
         slope += left * (2.0 * r * m + d);
@@ -210,10 +187,6 @@ fn judge(
         defect,
         denominator,
         tolerance: r * (error + BLUR * normwise).min(CLOSEST),
-        separation: if slope > 0.0 {
-            denominator.norm() / slope
-        } else {
-            0.0
-        },
+        separation: if slope > 0.0 { denominator.norm() / slope } else { 0.0 },
     }
 }

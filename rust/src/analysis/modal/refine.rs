@@ -78,11 +78,7 @@ fn step(terms: &Terms, mode: &RawMode, denominator: C) -> Option<Triple> {
 }
 
 fn keep_real(mode: &RawMode, s: C) -> C {
-    if mode.s.im == 0.0 {
-        C::new(s.re, 0.0)
-    } else {
-        s
-    }
+    if mode.s.im == 0.0 { C::new(s.re, 0.0) } else { s }
 }
 
 fn left_vector(lu: &PartialPivLu<C>, n: usize, denominator: C) -> Vec<C> {

@@ -29,12 +29,8 @@ pub fn symmetric_null(k: MatRef<'_, f64>, counts: &mut Counts) -> Result<Mat<f64
     counts.add("rank tests", 1);
     let (values, vectors) = eigen::symmetric(a.as_ref())?;
     let largest = values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-    let zero: Vec<usize> = (0..n)
-        .filter(|&i| values[i].abs() <= rank_tolerance(n) * largest)
-        .collect();
-    Ok(Mat::from_fn(n, zero.len(), |i, j| {
-        d[i] * vectors[(i, zero[j])]
-    }))
+    let zero: Vec<usize> = (0..n).filter(|&i| values[i].abs() <= rank_tolerance(n) * largest).collect();
+    Ok(Mat::from_fn(n, zero.len(), |i, j| d[i] * vectors[(i, zero[j])]))
 }
 
 /// Right and left null space of a square matrix.
@@ -59,17 +55,13 @@ pub fn general_null(s: MatRef<'_, f64>, counts: &mut Counts) -> Result<(Mat<f64>
 pub fn factor_null(f: MatRef<'_, f64>, counts: &mut Counts) -> Result<Mat<f64>> {
     counts.add("rank tests", 1);
     let n = f.ncols();
-    let tall = Mat::from_fn(f.nrows().max(n), n, |i, j| {
-        if i < f.nrows() { f[(i, j)] } else { 0.0 }
-    });
+    let tall = Mat::from_fn(f.nrows().max(n), n, |i, j| if i < f.nrows() { f[(i, j)] } else { 0.0 });
     let (a, _, columns) = equilibrated_sides(tall.as_ref());
     let svd = a.thin_svd().map_err(|_| no_svd(n))?;
     let sigma = svd.S().column_vector();
     let floor = rank_tolerance(n) * sigma[0];
     let rank = (0..n).filter(|&i| sigma[i] > floor).count();
-    Ok(Mat::from_fn(n, n - rank, |i, j| {
-        columns[i] * svd.V()[(i, rank + j)]
-    }))
+    Ok(Mat::from_fn(n, n - rank, |i, j| columns[i] * svd.V()[(i, rank + j)]))
 }
 
 /// One Newton step on orthonormal right and left null vectors of `s`: orthonormalising vectors whose entries differ by orders
@@ -85,16 +77,9 @@ pub fn polished(s: MatRef<'_, f64>, right: &Mat<f64>, left: &Mat<f64>) -> (Mat<f
         }
         let finite = is_finite(w.as_ref()) && frobenius(w.as_ref()) < 1e-6;
         let better = z - &w + z * (z.transpose() * &w);
-        if finite {
-            completed(better.as_ref()).0
-        } else {
-            z.clone()
-        }
+        if finite { completed(better.as_ref()).0 } else { z.clone() }
     };
-    (
-        step(right, s * right, false),
-        step(left, s.transpose() * left, true),
-    )
+    (step(right, s * right, false), step(left, s.transpose() * left, true))
 }
 
 pub fn no_svd(n: usize) -> Error {
@@ -108,11 +93,7 @@ pub fn no_svd(n: usize) -> Error {
 const SWEEPS: usize = 4;
 
 fn power_of_two(x: f64) -> f64 {
-    if x > 0.0 {
-        (-0.5 * x.log2()).round().exp2()
-    } else {
-        1.0
-    }
+    if x > 0.0 { (-0.5 * x.log2()).round().exp2() } else { 1.0 }
 }
 
 /// d a d with largest entries about 1 in every row, and d (powers of two: no rounding).
@@ -120,9 +101,8 @@ fn equilibrated(a: MatRef<'_, f64>) -> (Mat<f64>, Vec<f64>) {
     let n = a.nrows();
     let mut d = vec![1.0; n];
     for _ in 0..SWEEPS {
-        let largest: Vec<f64> = (0..n)
-            .map(|i| (0..n).fold(0.0f64, |m, j| m.max((a[(i, j)] * d[i] * d[j]).abs())))
-            .collect();
+        let largest: Vec<f64> =
+            (0..n).map(|i| (0..n).fold(0.0f64, |m, j| m.max((a[(i, j)] * d[i] * d[j]).abs()))).collect();
         for i in 0..n {
             d[i] *= power_of_two(largest[i]);
         }

@@ -73,48 +73,25 @@ fn reversed(hat: &Hat, lower: &Mat<f64>, counts: &mut Counts) -> Result<(Vec<Can
         let mu = roots.s[j];
         let z = roots.right.col(j);
         let (top, bottom) = halves(z, n);
-        let x = if norm(&top) > norm(&bottom) {
-            back_substituted(lower, &top)
-        } else {
-            bottom
-        };
+        let x = if norm(&top) > norm(&bottom) { back_substituted(lower, &top) } else { bottom };
         let y = roots.left.as_ref().map(|left| {
             let (top, bottom) = halves(left.col(j), n);
-            if norm(&top) > mu.norm() * norm(&bottom) {
-                back_substituted(lower, &top)
-            } else {
-                bottom
-            }
+            if norm(&top) > mu.norm() * norm(&bottom) { back_substituted(lower, &top) } else { bottom }
         });
         upper(mu.inv(), unit(x), y.map(unit))
     };
-    Ok((
-        (0..roots.s.len()).map(candidate).collect(),
-        frobenius(a.as_ref()),
-    ))
+    Ok(((0..roots.s.len()).map(candidate).collect(), frobenius(a.as_ref())))
 }
 
 /// The member of a complex pair with Im s > 0.
 fn upper(s: C, x: Vec<C>, y: Option<Vec<C>>) -> Candidate {
     let conjugate = |v: Vec<C>| v.into_iter().map(|v| v.conj()).collect();
-    if s.im < 0.0 {
-        Candidate {
-            s: s.conj(),
-            x: conjugate(x),
-            y: y.map(conjugate),
-        }
-    } else {
-        Candidate { s, x, y }
-    }
+    if s.im < 0.0 { Candidate { s: s.conj(), x: conjugate(x), y: y.map(conjugate) } } else { Candidate { s, x, y } }
 }
 
 /// The small roots of the reversed and the large ones of the forward problem. Both lists stand for the same roots in ascending
 /// |s|; they are joined after a number of roots at which neither splits a complex pair, as near to `meeting` as possible.
-fn merged(
-    mut forward: Vec<Candidate>,
-    mut backward: Vec<Candidate>,
-    meeting: f64,
-) -> Vec<Candidate> {
+fn merged(mut forward: Vec<Candidate>, mut backward: Vec<Candidate>, meeting: f64) -> Vec<Candidate> {
     let ascending = |a: &Candidate, b: &Candidate| a.s.norm().total_cmp(&b.s.norm());
     forward.sort_by(ascending);
     backward.sort_by(ascending);
@@ -145,10 +122,7 @@ fn merged(
 }
 
 fn halves(z: ColRef<'_, C>, n: usize) -> (Vec<C>, Vec<C>) {
-    (
-        (0..n).map(|i| z[i]).collect(),
-        (n..z.nrows()).map(|i| z[i]).collect(),
-    )
+    ((0..n).map(|i| z[i]).collect(), (n..z.nrows()).map(|i| z[i]).collect())
 }
 
 /// K + N = F B with F of full column and B of full row rank.
@@ -193,11 +167,7 @@ impl Factor {
                 })
             };
             let sigma = order.iter().map(|&k| values[k].abs()).collect();
-            return Ok(Factor::Split {
-                u: pick(true),
-                sigma,
-                v: pick(false),
-            });
+            return Ok(Factor::Split { u: pick(true), sigma, v: pick(false) });
         }
         if r == 0 {
             let gamma = frobenius(hat.s.as_ref()).sqrt();
@@ -249,12 +219,8 @@ impl Factor {
 pub fn back_substituted(lower: &Mat<f64>, w: &[C]) -> Vec<C> {
     let n = w.len();
     let mut parts = Mat::from_fn(n, 2, |i, j| if j == 0 { w[i].re } else { w[i].im });
-    lower
-        .transpose()
-        .solve_upper_triangular_in_place(parts.as_mut());
-    (0..n)
-        .map(|i| C::new(parts[(i, 0)], parts[(i, 1)]))
-        .collect()
+    lower.transpose().solve_upper_triangular_in_place(parts.as_mut());
+    (0..n).map(|i| C::new(parts[(i, 0)], parts[(i, 1)])).collect()
 }
 
 fn combined(v: &Mat<f64>, sigma: &[f64], w: &[C], other: &[C], null: &Mat<f64>) -> Vec<C> {

@@ -11,9 +11,7 @@ const TIE: f64 = 1e-6;
 pub fn largest_component(x: ColRef<'_, C>, scale: &[f64]) -> usize {
     let size = |i: usize| x[i].norm() * scale[i];
     let largest = (0..x.nrows()).fold(0.0f64, |m, i| m.max(size(i)));
-    (0..x.nrows())
-        .find(|&i| size(i) >= (1.0 - TIE) * largest)
-        .unwrap_or(0)
+    (0..x.nrows()).find(|&i| size(i) >= (1.0 - TIE) * largest).unwrap_or(0)
 }
 
 /// The basis of span(x) that is the unit matrix in its most significant rows. Which rows these are depends on the span only.
@@ -37,20 +35,14 @@ fn significant_rows(basis: &Mat<C>) -> Vec<usize> {
     let mut rest = basis.clone();
     let mut rows = Vec::with_capacity(g);
     for _ in 0..g {
-        let norms: Vec<f64> = (0..n)
-            .map(|i| (0..g).map(|j| rest[(i, j)].norm_sqr()).sum::<f64>())
-            .collect();
+        let norms: Vec<f64> = (0..n).map(|i| (0..g).map(|j| rest[(i, j)].norm_sqr()).sum::<f64>()).collect();
         let largest = norms.iter().fold(0.0f64, |m, v| m.max(*v));
-        let row = (0..n)
-            .find(|&i| norms[i] >= (1.0 - TIE) * largest)
-            .unwrap_or(0);
+        let row = (0..n).find(|&i| norms[i] >= (1.0 - TIE) * largest).unwrap_or(0);
         rows.push(row);
         if largest == 0.0 {
             continue;
         }
-        let direction: Vec<C> = (0..g)
-            .map(|j| rest[(row, j)].conj() / norms[row].sqrt())
-            .collect();
+        let direction: Vec<C> = (0..g).map(|j| rest[(row, j)].conj() / norms[row].sqrt()).collect();
         for i in 0..n {
             let along: C = (0..g).map(|j| rest[(i, j)] * direction[j]).sum();
             for (j, d) in direction.iter().enumerate() {
@@ -80,11 +72,7 @@ pub fn hermitian_gram_schmidt(x: &mut Mat<C>, m: MatRef<'_, f64>) {
 
 /// Gram-Schmidt in the bilinear form x^T a y (a complex symmetric, not conjugated) to x^T a x = target. Vectors that the form
 /// makes isotropic are mixed with a later one first. False where the form is singular on the span.
-pub fn bilinear_gram_schmidt(
-    x: &mut Mat<C>,
-    form: impl Fn(ColRef<'_, C>) -> Vec<C>,
-    target: C,
-) -> bool {
+pub fn bilinear_gram_schmidt(x: &mut Mat<C>, form: impl Fn(ColRef<'_, C>) -> Vec<C>, target: C) -> bool {
     const ISOTROPIC: f64 = 1e-4;
     let g = x.ncols();
     for j in 0..g {
@@ -96,12 +84,9 @@ pub fn bilinear_gram_schmidt(
             }
         }
         let ax = form(x.col(j));
-        let products: Vec<C> = (j..g)
-            .map(|k| (0..x.nrows()).map(|r| x[(r, k)] * ax[r]).sum())
-            .collect();
-        let (best, size) = products.iter().enumerate().fold((0, 0.0), |b, (k, p)| {
-            if p.norm() > b.1 { (k, p.norm()) } else { b }
-        });
+        let products: Vec<C> = (j..g).map(|k| (0..x.nrows()).map(|r| x[(r, k)] * ax[r]).sum()).collect();
+        let (best, size) =
+            products.iter().enumerate().fold((0, 0.0), |b, (k, p)| if p.norm() > b.1 { (k, p.norm()) } else { b });
         if best > 0 && products[0].norm() < ISOTROPIC * size {
             for r in 0..x.nrows() {
                 let other = x[(r, j + best)];

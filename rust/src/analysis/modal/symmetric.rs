@@ -6,9 +6,7 @@ use super::quality::Correction;
 use super::rigid::{factor_null, no_svd, polished, symmetric_null};
 use super::{Raw, RawMode};
 use crate::error::Result;
-use crate::linalg::dense::{
-    C, EPS, absolute, beside, completed, frobenius, real, reduced, symmetrised,
-};
+use crate::linalg::dense::{C, EPS, absolute, beside, completed, frobenius, real, reduced, symmetrised};
 use crate::linalg::eigen;
 use crate::run::Counts;
 use crate::second_order::SecondOrder;
@@ -24,10 +22,7 @@ struct Spectrum {
 /// None where the damping couples the undamped modes.
 pub fn solve(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<Option<Raw>> {
     let k = symmetrised(reduced(l.as_ref(), system.k.as_ref()));
-    let c = system
-        .c
-        .as_ref()
-        .map(|c| symmetrised(reduced(l.as_ref(), c.as_ref())));
+    let c = system.c.as_ref().map(|c| symmetrised(reduced(l.as_ref(), c.as_ref())));
     if let Some(c) = &c {
         let product = &k * c;
         let skew = frobenius((&product - product.transpose()).as_ref());
@@ -51,16 +46,10 @@ pub fn solve(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<
     if spectrum.known.is_none() {
         sharpen(system, &x, &mut spectrum);
     }
-    let modes = (0..system.size())
-        .map(|j| mode(&spectrum, &damping, &x, j))
-        .collect();
+    let modes = (0..system.size()).map(|j| mode(&spectrum, &damping, &x, j)).collect();
     Ok(Some(Raw {
         modes,
-        route: if c.is_none() {
-            "undamped"
-        } else {
-            "proportional"
-        },
+        route: if c.is_none() { "undamped" } else { "proportional" },
         may_be_defective: c.is_some(),
         correction: Correction::None,
     }))
@@ -69,29 +58,16 @@ pub fn solve(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<
 /// Larger commutators of stiffness and damping rule out proportional damping before any eigenproblem is solved.
 const COMMUTING: f64 = 1e-8;
 
-fn from_stiffness(
-    system: &SecondOrder,
-    l: &Mat<f64>,
-    k: &Mat<f64>,
-    counts: &mut Counts,
-) -> Result<Spectrum> {
+fn from_stiffness(system: &SecondOrder, l: &Mat<f64>, k: &Mat<f64>, counts: &mut Counts) -> Result<Spectrum> {
     counts.add("symmetric eigensolutions", 1);
     let (lambda, vectors) = eigen::symmetric(k.as_ref())?;
     let largest = lambda.iter().fold(0.0f64, |m, v| m.max(v.abs()));
     let smallest = lambda.iter().fold(f64::INFINITY, |m, v| m.min(v.abs()));
     // far from zero no rank test is needed; the margin is wide because masses, unlike the test, scale lambda
-    let free = if smallest > 1e-7 * largest {
-        Mat::zeros(k.nrows(), 0)
-    } else {
-        symmetric_null(system.k.as_ref(), counts)?
-    };
+    let free =
+        if smallest > 1e-7 * largest { Mat::zeros(k.nrows(), 0) } else { symmetric_null(system.k.as_ref(), counts)? };
     if free.ncols() == 0 {
-        return Ok(Spectrum {
-            lambda,
-            vectors,
-            rigid: 0,
-            known: None,
-        });
+        return Ok(Spectrum { lambda, vectors, rigid: 0, known: None });
     }
     let still = completed((l.transpose() * &free).as_ref()).0;
     let (still, _) = polished(k.as_ref(), &still, &still);
@@ -115,16 +91,10 @@ fn from_factor(l: &Mat<f64>, kf: &Mat<f64>, counts: &mut Counts) -> Result<Spect
     let rigid = free.ncols();
     let (still, moving) = completed((l.transpose() * &free).as_ref());
     let mut basis = moving.clone();
-    l.transpose()
-        .solve_upper_triangular_in_place(basis.as_mut());
+    l.transpose().solve_upper_triangular_in_place(basis.as_mut());
     let product = kf * &basis;
-    let b = Mat::from_fn(product.nrows().max(n), n - rigid, |i, j| {
-        if i < product.nrows() {
-            product[(i, j)]
-        } else {
-            0.0
-        }
-    });
+    let b =
+        Mat::from_fn(product.nrows().max(n), n - rigid, |i, j| if i < product.nrows() { product[(i, j)] } else { 0.0 });
     counts.add("singular value decompositions", 1);
     let svd = b.thin_svd().map_err(|_| no_svd(n))?;
     let m = n - rigid;
@@ -133,11 +103,7 @@ fn from_factor(l: &Mat<f64>, kf: &Mat<f64>, counts: &mut Counts) -> Result<Spect
     let u = Mat::from_fn(b.nrows(), m, |i, j| svd.U()[(i, m - 1 - j)]);
     let judged = (0..m).map(|j| judge_singular(&b, sigma[j], u.col(j), v.col(j)));
     Ok(Spectrum {
-        known: Some(
-            std::iter::repeat_n((0.0, f64::NAN), rigid)
-                .chain(judged)
-                .collect(),
-        ),
+        known: Some(std::iter::repeat_n((0.0, f64::NAN), rigid).chain(judged).collect()),
         lambda: [vec![0.0; rigid], sigma.iter().map(|s| s * s).collect()].concat(),
         vectors: beside(still.as_ref(), (&moving * &v).as_ref()),
         rigid,
@@ -218,9 +184,7 @@ fn sharpen(system: &SecondOrder, x: &Mat<f64>, spectrum: &mut Spectrum) {
         }
         Some(mf) => {
             let moved = mf * x;
-            (0..x.ncols())
-                .map(|j| moved.col(j).squared_norm_l2())
-                .collect()
+            (0..x.ncols()).map(|j| moved.col(j).squared_norm_l2()).collect()
         }
     };
     for (j, mass) in masses.iter().enumerate().skip(spectrum.rigid) {

@@ -115,13 +115,7 @@ impl Trend {
 }
 
 /// What the trapezoidal rule makes of an increment: motion with v*, and a*.
-pub fn stars<T: Real>(
-    eq: &Equations<'_, T>,
-    from: &Motion<T>,
-    a0: &[T],
-    dq: &[T],
-    h: f64,
-) -> (Motion<T>, Vec<T>) {
+pub fn stars<T: Real>(eq: &Equations<'_, T>, from: &Motion<T>, a0: &[T], dq: &[T], h: f64) -> (Motion<T>, Vec<T>) {
     let mut m = from.moved(eq.topology(), dq);
     m.t = from.t + h;
     let f = 2.0 / h;
@@ -208,16 +202,8 @@ pub fn metric_times<T: Real>(
     let (Weight::Tangent, Some(lifted)) = (weight, lifted) else {
         return eq.mass(m) * DVector::from_column_slice(delta);
     };
-    let along = |v: &[T], f: f64| -> Vec<Dual<T>> {
-        v.iter()
-            .zip(delta)
-            .map(|(v, d)| Dual::new(*v, *d * f))
-            .collect()
-    };
-    let pose = |p: &Pose<T>| Pose {
-        p: p.p.map(Dual::from_re),
-        r: p.r.map(Dual::from_re),
-    };
+    let along = |v: &[T], f: f64| -> Vec<Dual<T>> { v.iter().zip(delta).map(|(v, d)| Dual::new(*v, *d * f)).collect() };
+    let pose = |p: &Pose<T>| Pose { p: p.p.map(Dual::from_re), r: p.r.map(Dual::from_re) };
     let start = Motion {
         t: m.t,
         relative: m.relative.iter().map(pose).collect(),
@@ -234,9 +220,7 @@ pub fn metric_times<T: Real>(
 
 /// J^T y, y one number per row.
 pub fn pulled<T: Real>(jacobian: &DMatrix<T>, y: &[f64]) -> DVector<T> {
-    DVector::from_fn(jacobian.ncols(), |j, _| {
-        (0..jacobian.nrows()).fold(T::zero(), |s, i| s + jacobian[(i, j)] * y[i])
-    })
+    DVector::from_fn(jacobian.ncols(), |j, _| (0..jacobian.nrows()).fold(T::zero(), |s, i| s + jacobian[(i, j)] * y[i]))
 }
 
 impl Equations<'_, f64> {
@@ -247,14 +231,7 @@ impl Equations<'_, f64> {
     }
 
     /// The matrix of a step: derivative of balance and closure by (dq, c lam).
-    fn step_matrix(
-        &self,
-        from: &Instant,
-        dq: &[f64],
-        linear: &Linear,
-        h: f64,
-        counts: &mut Counts,
-    ) -> Result<Penalty> {
+    fn step_matrix(&self, from: &Instant, dq: &[f64], linear: &Linear, h: f64, counts: &mut Counts) -> Result<Penalty> {
         let t = &linear.tangent;
         let (c, maps) = (0.25 * h * h, self.rotation_maps(dq));
         let mut matrix = &t.stiffness * c;
@@ -278,12 +255,7 @@ impl Equations<'_, f64> {
         let lift = |v: &[f64]| v.iter().map(|x| Dual64::from(*x)).collect::<Vec<_>>();
         let start = Motion {
             t: from.motion.t,
-            relative: from
-                .motion
-                .relative
-                .iter()
-                .map(Pose::<f64>::lifted)
-                .collect(),
+            relative: from.motion.relative.iter().map(Pose::<f64>::lifted).collect(),
             rate: lift(&from.motion.rate),
             memory: lift(&from.motion.memory),
         };
@@ -313,11 +285,8 @@ impl Equations<'_, f64> {
     ) -> Result<Penalty> {
         let matrix = match weight {
             Weight::Mass => self.mass(m),
-            Weight::Tangent => Linear {
-                tangent: self.tangent(m, a, &[], counts),
-                jacobian: DMatrix::zeros(0, 0),
-            }
-            .combined(0.5 * h, 0.25 * h * h),
+            Weight::Tangent => Linear { tangent: self.tangent(m, a, &[], counts), jacobian: DMatrix::zeros(0, 0) }
+                .combined(0.5 * h, 0.25 * h * h),
         };
         counts.add("factorisations", 1);
         Penalty::new(&matrix, &jacobian.transpose(), jacobian)
@@ -340,49 +309,17 @@ impl Equations<'_, f64> {
         let mut lam = from.lam.clone();
         let (step, linear, exact) = self.newton(from, h, &mut dq, &mut lam, counts)?;
         let (m, a) = stars(self, &from.motion, a0, &dq, h);
-        let mut record = Record {
-            h,
-            dq,
-            lam,
-            dv: Vec::new(),
-            kappa: Vec::new(),
-            da: Vec::new(),
-            nu: Vec::new(),
-        };
-        let mut end = Instant {
-            motion: m,
-            acceleration: a,
-            lam: record.lam.clone(),
-        };
-        let projection = (self.n_rows() > 0)
-            .then(|| self.project(&mut end, &mut record, weight, counts))
-            .transpose()?;
-        let factors = Factors {
-            step,
-            projection,
-            weight,
-            linear: Some(linear),
-            exact,
-        };
+        let mut record = Record { h, dq, lam, dv: Vec::new(), kappa: Vec::new(), da: Vec::new(), nu: Vec::new() };
+        let mut end = Instant { motion: m, acceleration: a, lam: record.lam.clone() };
+        let projection =
+            (self.n_rows() > 0).then(|| self.project(&mut end, &mut record, weight, counts)).transpose()?;
+        let factors = Factors { step, projection, weight, linear: Some(linear), exact };
         Ok((end, record, factors))
     }
 
-    fn project(
-        &self,
-        end: &mut Instant,
-        record: &mut Record,
-        weight: Weight,
-        counts: &mut Counts,
-    ) -> Result<Penalty> {
+    fn project(&self, end: &mut Instant, record: &mut Record, weight: Weight, counts: &mut Counts) -> Result<Penalty> {
         let jacobian = self.rows(&end.motion).1;
-        let by = self.projection_matrix(
-            &end.motion,
-            &end.acceleration,
-            &jacobian,
-            record.h,
-            weight,
-            counts,
-        )?;
+        let by = self.projection_matrix(&end.motion, &end.acceleration, &jacobian, record.h, weight, counts)?;
         counts.add("velocity projections", 1);
         counts.add("acceleration projections", 1);
         let none = DVector::zeros(self.n());
@@ -390,8 +327,7 @@ impl Equations<'_, f64> {
         for (v, d) in end.motion.rate.iter_mut().zip(dv.iter()) {
             *v += d;
         }
-        let miss =
-            self.row_bias(&end.motion) + &jacobian * DVector::from_column_slice(&end.acceleration);
+        let miss = self.row_bias(&end.motion) + &jacobian * DVector::from_column_slice(&end.acceleration);
         let (da, nu) = by.solve_one(&none, &-miss)?;
         for (a, d) in end.acceleration.iter_mut().zip(da.iter()) {
             *a += d;
@@ -488,10 +424,7 @@ pub struct Ali3p {
 
 impl Ali3p {
     pub fn new(weight: Weight) -> Self {
-        Ali3p {
-            weight,
-            trend: Trend::default(),
-        }
+        Ali3p { weight, trend: Trend::default() }
     }
 
     /// Leading terms of the trapezoidal rule: h^3/12 of the third and of the fourth derivative.
@@ -534,8 +467,7 @@ impl Scheme for Ali3p {
     }
 
     fn accept(&mut self, _eq: &Equations<'_, f64>, from: &Instant, step: &Step, h: f64) {
-        self.trend
-            .pass(&from.acceleration, &step.end.acceleration, h);
+        self.trend.pass(&from.acceleration, &step.end.acceleration, h);
     }
 
     fn per_unit_step(&self) -> bool {

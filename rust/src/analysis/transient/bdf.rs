@@ -85,20 +85,13 @@ impl Bdf {
     }
 
     /// Vibrations or decays far faster than the motion?
-    fn look_for_stiffness(
-        &mut self,
-        eq: &Equations<'_, f64>,
-        at: &Instant,
-        counts: &mut Counts,
-    ) -> Result<()> {
+    fn look_for_stiffness(&mut self, eq: &Equations<'_, f64>, at: &Instant, counts: &mut Counts) -> Result<()> {
         if eq.topology().connectors.is_empty() {
             return Ok(());
         }
         let scales = eq.scales();
         let size = |v: &[f64]| scaled_size(v, &scales);
-        let motion = size(&at.motion.rate)
-            .max(size(&at.acceleration).sqrt())
-            .max(1.0 / self.time);
+        let motion = size(&at.motion.rate).max(size(&at.acceleration).sqrt()).max(1.0 / self.time);
         self.stiff = eq.fastest(at, counts)? > STIFF * motion;
         Ok(())
     }
@@ -108,50 +101,23 @@ impl Bdf {
         let scaled = |v: &[f64]| v.iter().map(|x| x * h).collect();
         let mut d = vec![Pair::zero(n); MOST + 3];
         d[0].v.clone_from(&from.motion.rate);
-        d[1] = Pair {
-            y: scaled(&from.motion.rate),
-            v: scaled(&from.acceleration),
-        };
+        d[1] = Pair { y: scaled(&from.motion.rate), v: scaled(&from.acceleration) };
         self.order = 1;
-        self.history = Some(History {
-            t: from.motion.t,
-            h,
-            chart: from.motion.clone(),
-            d,
-            equal: 0,
-        });
+        self.history = Some(History { t: from.motion.t, h, chart: from.motion.clone(), d, equal: 0 });
     }
 
     /// The first points of fixed steps, from a run with steps of its own.
-    fn prepare(
-        &mut self,
-        eq: &Equations<'_, f64>,
-        from: &Instant,
-        h: f64,
-        counts: &mut Counts,
-    ) -> Result<()> {
+    fn prepare(&mut self, eq: &Equations<'_, f64>, from: &Instant, h: f64, counts: &mut Counts) -> Result<()> {
         let times: Vec<f64> = (1..=FIXED).map(|k| from.motion.t + k as f64 * h).collect();
         let plan = Plan {
             end: times[FIXED - 1],
-            steps: Steps::Controlled {
-                rtol: START,
-                first: None,
-                longest: h,
-            },
+            steps: Steps::Controlled { rtol: START, first: None, longest: h },
             outputs: Some(times),
             breaks: Vec::new(),
             max_steps: 100_000,
         };
         let mut scheme = Bdf::new(Some(START));
-        let run = drive(
-            eq,
-            &mut scheme,
-            from.clone(),
-            &plan,
-            &Cancel::default(),
-            &Progress::default(),
-            counts,
-        )?;
+        let run = drive(eq, &mut scheme, from.clone(), &plan, &Cancel::default(), &Progress::default(), counts)?;
         if run.outputs.len() < FIXED {
             return Err(Error::Convergence {
                 message: "the first steps could not be made".into(),
@@ -172,10 +138,7 @@ impl Bdf {
         let mut row: Vec<Pair> = points
             .iter()
             .rev()
-            .map(|p| Pair {
-                y: eq.difference(&last.motion, &p.motion),
-                v: p.motion.rate.clone(),
-            })
+            .map(|p| Pair { y: eq.difference(&last.motion, &p.motion), v: p.motion.rate.clone() })
             .collect();
         let mut d = Vec::with_capacity(MOST + 3);
         while let Some(first) = row.first() {
@@ -191,13 +154,7 @@ impl Bdf {
         }
         d.resize(MOST + 3, Pair::zero(n));
         self.order = FIXED;
-        self.history = Some(History {
-            t: last.motion.t,
-            h,
-            chart: last.motion.clone(),
-            d,
-            equal: 0,
-        });
+        self.history = Some(History { t: last.motion.t, h, chart: last.motion.clone(), d, equal: 0 });
     }
 
     #[allow(clippy::too_many_arguments)]
@@ -217,16 +174,9 @@ impl Bdf {
         let scales = eq.scales();
         let size = |v: &[f64]| scaled_size(v, &scales);
         let n = eq.n();
-        let speed = size(&guess.v)
-            .max(size(&from.motion.rate))
-            .max(c * size(&from.acceleration))
-            .max(RESOLVED / c);
+        let speed = size(&guess.v).max(size(&from.motion.rate)).max(c * size(&from.acceleration)).max(RESOLVED / c);
         let (mut v, mut y, mut lam) = (guess.v.clone(), guess.y.clone(), from.lam.clone());
-        if self
-            .kept
-            .as_ref()
-            .is_some_and(|(kept, _)| (kept / c - 1.0).abs() > NEAR)
-        {
+        if self.kept.as_ref().is_some_and(|(kept, _)| (kept / c - 1.0).abs() > NEAR) {
             self.kept = None;
         }
         let mut last = f64::INFINITY;
@@ -234,9 +184,7 @@ impl Bdf {
         for _ in 0..MAX_ITERATIONS {
             counts.add("iterations", 1);
             let slope = eq.increment_rates(&y, &v);
-            let wanted: Vec<f64> = (0..n)
-                .map(|i| guess.y[i] + c * slope[i] - psi.y[i])
-                .collect();
+            let wanted: Vec<f64> = (0..n).map(|i| guess.y[i] + c * slope[i] - psi.y[i]).collect();
             y = wanted;
             let mut m = chart.moved(eq.topology(), &y);
             m.t = t;
@@ -246,19 +194,14 @@ impl Bdf {
             let r = eq.residual(&m, &a, &lam, counts) * (c * c);
             let rates = eq.row_rates_sparse(&m) * c;
             if r.iter().chain(rates.iter()).any(|v| !v.is_finite()) {
-                return Err(eq
-                    .topology()
-                    .tables
-                    .failure()
-                    .unwrap_or(Error::Convergence {
-                        message: format!("a force is no number at t = {t:.9} s"),
-                        best: Vec::new(),
-                        residual: f64::NAN,
-                    }));
+                return Err(eq.topology().tables.failure().unwrap_or(Error::Convergence {
+                    message: format!("a force is no number at t = {t:.9} s"),
+                    best: Vec::new(),
+                    residual: f64::NAN,
+                }));
             }
             if self.kept.is_none() {
-                let (matrix, jacobian) =
-                    eq.iteration_matrices(&m, &a, &lam, (c, c * c), &y, counts);
+                let (matrix, jacobian) = eq.iteration_matrices(&m, &a, &lam, (c, c * c), &y, counts);
                 self.kept = Some((c, Saddle::of(&matrix, &jacobian, None)?));
                 fresh = true;
             }
@@ -276,9 +219,7 @@ impl Bdf {
                 || last.is_finite() && rate < 1.0 && step * rate / (1.0 - rate) <= self.solved;
             if near || last.is_finite() && rate > 0.3 && step < ROUNDING {
                 let slope = eq.increment_rates(&y, &v);
-                y = (0..n)
-                    .map(|i| guess.y[i] + c * slope[i] - psi.y[i])
-                    .collect();
+                y = (0..n).map(|i| guess.y[i] + c * slope[i] - psi.y[i]).collect();
                 let mut m = chart.moved(eq.topology(), &y);
                 m.t = t;
                 m.rate = v;
@@ -328,11 +269,7 @@ impl Scheme for Bdf {
                 if self.start.is_empty() && self.points.is_empty() {
                     self.prepare(eq, from, h, counts)?;
                 }
-                if let Some(end) = self
-                    .start
-                    .pop_front()
-                    .filter(|p| p.motion.t <= from.motion.t + h * (1.0 + 1e-9))
-                {
+                if let Some(end) = self.start.pop_front().filter(|p| p.motion.t <= from.motion.t + h * (1.0 + 1e-9)) {
                     self.points.push(end.clone());
                     return Ok(Step { end, error: None });
                 }
@@ -369,10 +306,7 @@ impl Scheme for Bdf {
             eq.same_branch(&trial.motion.rate, &end, h)?;
         }
         let projected = eq.increment_rates(&trial.y, &eq.difference(&trial.motion, &end.motion));
-        let mut d = Pair {
-            y: trial.y,
-            v: end.motion.rate.clone(),
-        };
+        let mut d = Pair { y: trial.y, v: end.motion.rate.clone() };
         for (y, p) in d.y.iter_mut().zip(projected) {
             *y += p;
         }
@@ -456,8 +390,7 @@ impl Scheme for Bdf {
         if history.equal <= k {
             return Some(1.0);
         }
-        let norm =
-            |order: usize, m: usize| size(&history.d[m].error(error_constant(order))).max(1e-12);
+        let norm = |order: usize, m: usize| size(&history.d[m].error(error_constant(order))).max(1e-12);
         let factor = |order: usize| norm(order, order + 1).powf(-1.0 / (order as f64 + 1.0));
         let same = factor(k);
         let lower = if k > 1 { factor(k - 1) } else { 0.0 };
@@ -501,18 +434,9 @@ fn recharted(eq: &Equations<'_, f64>, history: &mut History, order: usize) {
         sum
     };
     let points: Vec<Pair> = (0..=order).map(point).collect();
-    let motions: Vec<Motion<f64>> = points
-        .iter()
-        .map(|p| history.chart.moved(eq.topology(), &p.y))
-        .collect();
-    let mut row: Vec<Pair> = points
-        .iter()
-        .zip(&motions)
-        .map(|(p, m)| Pair {
-            y: eq.difference(&motions[0], m),
-            v: p.v.clone(),
-        })
-        .collect();
+    let motions: Vec<Motion<f64>> = points.iter().map(|p| history.chart.moved(eq.topology(), &p.y)).collect();
+    let mut row: Vec<Pair> =
+        points.iter().zip(&motions).map(|(p, m)| Pair { y: eq.difference(&motions[0], m), v: p.v.clone() }).collect();
     let mut k = 0;
     while let Some(first) = row.first() {
         history.d[k] = first.clone();

@@ -66,12 +66,7 @@ impl BdfBfgs {
     }
 
     /// Multipliers of the kept rows at an instant.
-    fn multipliers(
-        &self,
-        eq: &Equations<'_, f64>,
-        from: &Instant,
-        sizes: &Sizes,
-    ) -> Result<Vec<f64>> {
+    fn multipliers(&self, eq: &Equations<'_, f64>, from: &Instant, sizes: &Sizes) -> Result<Vec<f64>> {
         if let Some((t, lam)) = &self.lam
             && *t == from.motion.t
         {
@@ -81,9 +76,7 @@ impl BdfBfgs {
             return Ok(Vec::new());
         }
         let jacobian = eq.rows(&from.motion).1;
-        let kept = DMatrix::from_fn(sizes.kept.len(), eq.n(), |r, i| {
-            jacobian[(sizes.kept[r], i)]
-        });
+        let kept = DMatrix::from_fn(sizes.kept.len(), eq.n(), |r, i| jacobian[(sizes.kept[r], i)]);
         let load = jacobian.transpose() * DVector::from_column_slice(&from.lam);
         // M x + J_k^T lam_k = J^T lam with J_k x = 0: x vanishes, the kept rows carry what all carried
         let saddle = Saddle::new(&eq.mass(&from.motion), &kept)?;
@@ -91,13 +84,7 @@ impl BdfBfgs {
         Ok(lam.as_slice().to_vec())
     }
 
-    fn corrected(
-        &mut self,
-        eq: &Equations<'_, f64>,
-        from: &Instant,
-        h: f64,
-        counts: &mut Counts,
-    ) -> Result<Step> {
+    fn corrected(&mut self, eq: &Equations<'_, f64>, from: &Instant, h: f64, counts: &mut Counts) -> Result<Step> {
         let sizes = self.sizes(eq, &from.motion);
         let history = self.history.seen_from(eq, from);
         let t = from.motion.t + h;
@@ -138,18 +125,13 @@ impl BdfBfgs {
             let miss = |now: &[f64], of: &dyn Fn(usize) -> Vec<f64>, unit: f64| -> Vec<f64> {
                 let expected = combined(&ahead, of, eq.n());
                 let both = now.iter().zip(expected).zip(&sizes.sigma);
-                both.map(|((y, e), s)| LEADING * beyond(y - e, unit * s))
-                    .collect()
+                both.map(|((y, e), s)| LEADING * beyond(y - e, unit * s)).collect()
             };
             // what the equations leave unsolved says nothing about the length of the step
             let unsolved = UNSOLVED * self.solver.reached;
             LocalError {
                 position: miss(&at.theta, &|j| history[j].theta.clone(), unsolved),
-                rate: miss(
-                    &motion.rate,
-                    &|j| history[j].rate.clone(),
-                    unsolved * weights[0],
-                ),
+                rate: miss(&motion.rate, &|j| history[j].rate.clone(), unsolved * weights[0]),
             }
         });
         if let Some(e) = &error
@@ -199,14 +181,8 @@ impl Scheme for BdfBfgs {
         self.tried = None;
         let (end, parts) = self.history.start(eq, from, h, counts)?;
         self.started = Some((h, parts));
-        let none = || LocalError {
-            position: vec![0.0; eq.n()],
-            rate: vec![0.0; eq.n()],
-        };
-        Ok(Step {
-            end,
-            error: estimate.then(none),
-        })
+        let none = || LocalError { position: vec![0.0; eq.n()], rate: vec![0.0; eq.n()] };
+        Ok(Step { end, error: estimate.then(none) })
     }
 
     fn accept(&mut self, _: &Equations<'_, f64>, from: &Instant, step: &Step, h: f64) {
@@ -243,10 +219,6 @@ impl Scheme for BdfBfgs {
     }
 
     fn largest_growth(&self) -> f64 {
-        if self.history.past.len() < STEPS {
-            1.0
-        } else {
-            GROWTH
-        }
+        if self.history.past.len() < STEPS { 1.0 } else { GROWTH }
     }
 }

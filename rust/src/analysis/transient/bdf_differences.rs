@@ -25,10 +25,7 @@ pub struct Pair {
 
 impl Pair {
     pub fn zero(n: usize) -> Self {
-        Pair {
-            y: vec![0.0; n],
-            v: vec![0.0; n],
-        }
+        Pair { y: vec![0.0; n], v: vec![0.0; n] }
     }
 
     pub fn add(&mut self, o: &Pair, factor: f64) {

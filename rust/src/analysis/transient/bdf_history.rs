@@ -32,10 +32,7 @@ pub struct Past {
 
 impl History {
     pub fn new(rtol: Option<f64>) -> Self {
-        History {
-            past: Vec::new(),
-            start_error: rtol.map_or(START_ERROR, |r| (OF_TOLERANCE * r).max(LEAST_ERROR)),
-        }
+        History { past: Vec::new(), start_error: rtol.map_or(START_ERROR, |r| (OF_TOLERANCE * r).max(LEAST_ERROR)) }
     }
 
     pub fn clear(&mut self) {
@@ -77,8 +74,7 @@ impl History {
         let speed = rate.max(acceleration.sqrt());
         // an error of the rates counts for the time of the motion
         let time = if speed > 0.0 { h.max(1.0 / speed) } else { h };
-        let size =
-            |e: &LocalError| scaled(&e.position).max(time * scaled(&e.rate)) / self.start_error;
+        let size = |e: &LocalError| scaled(&e.position).max(time * scaled(&e.rate)) / self.start_error;
         let (mut scheme, mut here) = (Explicit8::default(), from.clone());
         let (mut parts, mut part, mut done) = (0, h, 0.0);
         while done < h {

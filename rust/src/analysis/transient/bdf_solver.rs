@@ -68,10 +68,8 @@ impl StepSolver {
 
     /// What became of the update, where that was left open.
     pub fn remark(&self) -> Option<String> {
-        (self.settles && self.family == Family::Broyden).then(|| {
-            "inverse BFGS failed twice, Broyden's update took over (the Jacobian is not symmetric)"
-                .into()
-        })
+        (self.settles && self.family == Family::Broyden)
+            .then(|| "inverse BFGS failed twice, Broyden's update took over (the Jacobian is not symmetric)".into())
     }
 
     /// H and factors of the equations from a difference Jacobian at x.
@@ -84,43 +82,25 @@ impl StepSolver {
         step.counts.add("inverse formations", 1);
         for (r, factor) in step.row_factor.iter_mut().enumerate() {
             let largest = (0..x.len()).fold(0.0_f64, |a, c| a.max(j[(r, c)].abs()));
-            *factor = if largest > 0.0 && largest.is_finite() {
-                1.0 / largest
-            } else {
-                1.0
-            };
+            *factor = if largest > 0.0 && largest.is_finite() { 1.0 / largest } else { 1.0 };
             (0..x.len()).for_each(|c| j[(r, c)] *= *factor);
         }
-        let inverse = Inverse::of(&j)
-            .or_else(|| Inverse::regularised(&j))
-            .ok_or_else(|| lost(step.t))?;
-        self.kept = Some(Kept {
-            inverse,
-            row_factor: step.row_factor.clone(),
-            g: step.g,
-        });
+        let inverse = Inverse::of(&j).or_else(|| Inverse::regularised(&j)).ok_or_else(|| lost(step.t))?;
+        self.kept = Some(Kept { inverse, row_factor: step.row_factor.clone(), g: step.g });
         Ok(())
     }
 
     fn tolerance(&self, step: &BdfStep<'_, '_>) -> f64 {
         let moved = step.guess.theta.iter().zip(&step.sizes.sigma);
         let size = moved.fold(0.0_f64, |a, (v, s)| a.max((v / s).abs()));
-        let floor = if step.sizes.kept.is_empty() {
-            ROUNDING
-        } else {
-            ROUNDING_OF_ROWS
-        };
+        let floor = if step.sizes.kept.is_empty() { ROUNDING } else { ROUNDING_OF_ROWS };
         (self.solved * size).clamp(floor, LOOSEST)
     }
 
     /// The equations of a step: with the H there is, with a new one, with a new one and Broyden's update.
     pub fn solve(&mut self, step: &mut BdfStep<'_, '_>, n: usize) -> Result<Vec<f64>> {
         // far from the length it was made for an inverse is worth less than a new one
-        if self
-            .kept
-            .as_ref()
-            .is_some_and(|k| !(0.5..=2.0).contains(&(step.g / k.g)))
-        {
+        if self.kept.as_ref().is_some_and(|k| !(0.5..=2.0).contains(&(step.g / k.g))) {
             self.kept = None;
         }
         let goal = (n as f64).sqrt();
@@ -156,10 +136,7 @@ impl StepSolver {
         }
         self.kept = None;
         Err(Error::Convergence {
-            message: format!(
-                "the equations of the step to t = {:.9} s did not converge without a Jacobian",
-                step.t
-            ),
+            message: format!("the equations of the step to t = {:.9} s did not converge without a Jacobian", step.t),
             best: Vec::new(),
             residual: last,
         })
@@ -180,13 +157,7 @@ impl StepSolver {
         }
     }
 
-    fn attempt(
-        &mut self,
-        step: &mut BdfStep<'_, '_>,
-        x: &[f64],
-        family: Family,
-        tolerance: f64,
-    ) -> Result<Outcome> {
+    fn attempt(&mut self, step: &mut BdfStep<'_, '_>, x: &[f64], family: Family, tolerance: f64) -> Result<Outcome> {
         let kept = self.kept.take();
         let (mut inverse, g) = match kept {
             Some(kept) => {
@@ -199,14 +170,8 @@ impl StepSolver {
             family,
             tolerance,
             max_iterations: MAX_ITERATIONS,
-            rule: Rule {
-                max_backtracks: 12,
-                ..Rule::default()
-            },
-            guard: Guard {
-                curvature: CURVATURE,
-                ..Options::default().guard
-            },
+            rule: Rule { max_backtracks: 12, ..Rule::default() },
+            guard: Guard { curvature: CURVATURE, ..Options::default().guard },
             start: Start::Identity,
             patience: PATIENCE,
             restarts: 0,
@@ -221,11 +186,7 @@ impl StepSolver {
         if out.status != Status::Broken
             && let Some(inverse) = inverse
         {
-            self.kept = Some(Kept {
-                inverse,
-                row_factor: step.row_factor.clone(),
-                g,
-            });
+            self.kept = Some(Kept { inverse, row_factor: step.row_factor.clone(), g });
         }
         Ok(out)
     }

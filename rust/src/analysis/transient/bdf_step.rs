@@ -84,14 +84,7 @@ pub fn derivative_weights(times: &[f64]) -> Vec<f64> {
 pub fn value_weights(times: &[f64], t: f64) -> Vec<f64> {
     let factor = |j: usize, k: usize| (t - times[k]) / (times[j] - times[k]);
     let all = 0..times.len();
-    all.clone()
-        .map(|j| {
-            all.clone()
-                .filter(|k| *k != j)
-                .map(|k| factor(j, k))
-                .product()
-        })
-        .collect()
+    all.clone().map(|j| all.clone().filter(|k| *k != j).map(|k| factor(j, k)).product()).collect()
 }
 
 /// Values about which a step is solved.
@@ -132,9 +125,7 @@ pub struct Meaning {
 impl BdfStep<'_, '_> {
     pub fn meaning(&self, x: &[f64]) -> Meaning {
         let (s, n, m) = (self.sizes, self.eq.n(), self.sizes.kept.len());
-        let theta: Vec<f64> = (0..n)
-            .map(|i| self.guess.theta[i] + s.sigma[i] * x[i])
-            .collect();
+        let theta: Vec<f64> = (0..n).map(|i| self.guess.theta[i] + s.sigma[i] * x[i]).collect();
         let mut motion = self.base.moved(self.eq.topology(), &theta);
         motion.t = self.t;
         let (rate, first) = match self.form {
@@ -149,9 +140,7 @@ impl BdfStep<'_, '_> {
         };
         motion.rate = rate;
         let unit = s.inertia / (self.g * self.g);
-        let lam = (0..m)
-            .map(|r| self.guess.lam[r] + x[first + r] * s.rho[r] * unit)
-            .collect();
+        let lam = (0..m).map(|r| self.guess.lam[r] + x[first + r] * s.rho[r] * unit).collect();
         Meaning {
             acceleration: self.slopes(&motion.rate, &self.rate_past),
             mu: x[first + m..].to_vec(),
@@ -183,9 +172,7 @@ impl BdfStep<'_, '_> {
         (
             DVector::from_fn(count, |r, _| phi[s.kept[r]] * s.rho[r]),
             DVector::from_fn(count, |r, _| rates[s.kept[r]] * s.rho[r] * self.g),
-            DMatrix::from_fn(count, self.eq.n(), |r, i| {
-                jacobian[(s.kept[r], i)] * s.rho[r]
-            }),
+            DMatrix::from_fn(count, self.eq.n(), |r, i| jacobian[(s.kept[r], i)] * s.rho[r]),
         )
     }
 
@@ -208,9 +195,7 @@ impl Residual for BdfStep<'_, '_> {
         let (m, p) = (s.kept.len(), s.n_position);
         let at = self.meaning(x);
         let lam = self.all_rows(&at.lam);
-        let force = self
-            .eq
-            .residual(&at.motion, &at.acceleration, &lam, self.counts);
+        let force = self.eq.residual(&at.motion, &at.acceleration, &lam, self.counts);
         let unit = self.g * self.g / s.inertia;
         let first = if self.form == Form::Ggl { n } else { 0 };
         for i in 0..n {
@@ -224,9 +209,7 @@ impl Residual for BdfStep<'_, '_> {
                     (0..p).for_each(|r| out[2 * n + r] = phi[r]);
                     (0..m).for_each(|r| out[2 * n + p + r] = rates[r]);
                 }
-                Form::Symmetric => {
-                    (0..m).for_each(|r| out[n + r] = if r < p { phi[r] } else { rates[r] })
-                }
+                Form::Symmetric => (0..m).for_each(|r| out[n + r] = if r < p { phi[r] } else { rates[r] }),
             }
         } else if self.form == Form::Ggl {
             self.kinematic(&at, &DMatrix::zeros(0, n), &mut out[..n]);
@@ -257,17 +240,9 @@ mod tests {
         let times = [1.0, 0.9, 0.7, 0.65, 0.4];
         let f = |t: f64| 3.0 * t.powi(4) - t.powi(3) + 2.0 * t;
         let slope = 12.0 - 3.0 + 2.0;
-        let found: f64 = derivative_weights(&times)
-            .iter()
-            .zip(times)
-            .map(|(w, t)| w * f(t))
-            .sum();
+        let found: f64 = derivative_weights(&times).iter().zip(times).map(|(w, t)| w * f(t)).sum();
         assert!((found - slope).abs() < 1e-12, "{found}");
-        let value: f64 = value_weights(&times, 1.2)
-            .iter()
-            .zip(times)
-            .map(|(w, t)| w * f(t))
-            .sum();
+        let value: f64 = value_weights(&times, 1.2).iter().zip(times).map(|(w, t)| w * f(t)).sum();
         assert!((value - f(1.2)).abs() < 1e-12);
     }
 }

@@ -39,9 +39,7 @@ impl Equations<'_, f64> {
     pub fn row_matrix(&self, m: &Motion<f64>) -> (DVector<f64>, Matrix) {
         let placement = self.place(m);
         let mut jacobian = self.matrix(self.n_rows());
-        let phi = self
-            .scene(m, &placement, None)
-            .constraints_into(&mut jacobian);
+        let phi = self.scene(m, &placement, None).constraints_into(&mut jacobian);
         (phi, jacobian)
     }
 
@@ -51,12 +49,7 @@ impl Equations<'_, f64> {
         mass
     }
 
-    pub(super) fn saddle(
-        &self,
-        mass: &Matrix,
-        jacobian: &Matrix,
-        counts: &mut Counts,
-    ) -> Result<Saddle> {
+    pub(super) fn saddle(&self, mass: &Matrix, jacobian: &Matrix, counts: &mut Counts) -> Result<Saddle> {
         counts.add("mass factorisations", 1);
         let bare = |d: &f64| *d == 0.0 || !d.is_finite();
         if let Some(i) = mass.diagonal().iter().position(bare) {
@@ -82,36 +75,18 @@ impl Equations<'_, f64> {
             scene.constraints_into(&mut jacobian);
             gamma = scene.row_bias(&scene.carried_accelerations()) + self.explicit_rates(m).1;
         }
-        Ok(Evaluation {
-            mass: self.mass_of(&scene),
-            h,
-            jacobian,
-            gamma,
-        })
+        Ok(Evaluation { mass: self.mass_of(&scene), h, jacobian, gamma })
     }
 
     /// Which rows say where things are.
     pub(super) fn position_rows(&self) -> Vec<bool> {
-        self.topology()
-            .rows
-            .iter()
-            .map(|r| r.level == Level::Position)
-            .collect()
+        self.topology().rows.iter().map(|r| r.level == Level::Position).collect()
     }
 
     /// The largest of scaled rows, and which.
     pub fn worst_row(&self, rows: &DVector<f64>) -> (f64, usize) {
-        let scaled = rows
-            .iter()
-            .zip(self.row_scales())
-            .map(|(v, s)| (v * s).abs());
-        scaled.enumerate().fold((0.0, 0), |worst, (i, v)| {
-            if v > worst.0 || v.is_nan() {
-                (v, i)
-            } else {
-                worst
-            }
-        })
+        let scaled = rows.iter().zip(self.row_scales()).map(|(v, s)| (v * s).abs());
+        scaled.enumerate().fold((0.0, 0), |worst, (i, v)| if v > worst.0 || v.is_nan() { (v, i) } else { worst })
     }
 
     /// Close the position rows.
@@ -208,11 +183,7 @@ impl Equations<'_, f64> {
     fn joined(&self, motion: Motion<f64>, a: &DVector<f64>, lam: &DVector<f64>) -> Instant {
         let mut lam = lam.as_slice().to_vec();
         lam.resize(self.n_rows(), 0.0);
-        Instant {
-            motion,
-            acceleration: a.as_slice().to_vec(),
-            lam,
-        }
+        Instant { motion, acceleration: a.as_slice().to_vec(), lam }
     }
 
     /// Closed, aligned, with accelerations: one factorisation for rates and accelerations.
@@ -242,10 +213,7 @@ impl Equations<'_, f64> {
             return Ok(());
         }
         Err(Error::Convergence {
-            message: format!(
-                "the loops turn all rates at once at t = {:.9} s",
-                end.motion.t
-            ),
+            message: format!("the loops turn all rates at once at t = {:.9} s", end.motion.t),
             best: Vec::new(),
             residual: turned,
         })
@@ -265,18 +233,11 @@ impl Equations<'_, f64> {
     pub(super) fn check_forces(&self, h: &DVector<f64>) -> Result<()> {
         match h.iter().position(|v| !v.is_finite()) {
             None => Ok(()),
-            Some(i) => Err(self
-                .topology()
-                .tables
-                .failure()
-                .unwrap_or(Error::Convergence {
-                    message: format!(
-                        "the force along '{}' is no number",
-                        self.topology().names[i]
-                    ),
-                    best: Vec::new(),
-                    residual: f64::NAN,
-                })),
+            Some(i) => Err(self.topology().tables.failure().unwrap_or(Error::Convergence {
+                message: format!("the force along '{}' is no number", self.topology().names[i]),
+                best: Vec::new(),
+                residual: f64::NAN,
+            })),
         }
     }
 }

@@ -39,12 +39,7 @@ impl Detour {
             .min_by(|a, b| off(*a, natural).total_cmp(&off(*b, natural)))
             .unwrap_or(natural);
         counts.add("detours", 1);
-        Some(Detour {
-            scheme,
-            until: here.motion.t + length,
-            length,
-            before,
-        })
+        Some(Detour { scheme, until: here.motion.t + length, length, before })
     }
 
     /// The time at which it ends, where a step of this length would go beyond it.
@@ -53,12 +48,7 @@ impl Detour {
     }
 
     /// Whether the way around is behind; it goes on where it would end near the pose.
-    pub fn is_behind(
-        &mut self,
-        eq: &Equations<'_, f64>,
-        here: &Instant,
-        counts: &mut Counts,
-    ) -> bool {
+    pub fn is_behind(&mut self, eq: &Equations<'_, f64>, here: &Instant, counts: &mut Counts) -> bool {
         if here.motion.t < self.until {
             return false;
         }

@@ -108,10 +108,7 @@ impl Driver<'_, '_, '_> {
 
     /// A length from the motion itself: a small turn, or a small change of the rates.
     fn first_step(&self, start: &Instant, rtol: f64, order: u32) -> f64 {
-        let (v, a) = (
-            self.scaled(&start.motion.rate),
-            self.scaled(&start.acceleration),
-        );
+        let (v, a) = (self.scaled(&start.motion.rate), self.scaled(&start.acceleration));
         let time = (1.0 / (v + 1e-12)).min((1.0 / (a + 1e-12)).sqrt());
         time * rtol.powf(1.0 / f64::from(order + 1)) * 0.5
     }
@@ -156,12 +153,8 @@ impl Driver<'_, '_, '_> {
             let tried = active.step(self.eq, &way.here, aim.length, estimate, counts);
             let allowed = self.tolerance(active, aim.length).max(finest);
             let going_on = match self.judged(tried, &way.here, aim.length, active, allowed) {
-                Verdict::Accepted(step, size) => {
-                    self.accepted(&mut way, scheme, *step, size, &aim, counts)?
-                }
-                Verdict::Rejected(factor, why) => {
-                    self.rejected(&mut way, scheme, aim.length * factor, why, counts)
-                }
+                Verdict::Accepted(step, size) => self.accepted(&mut way, scheme, *step, size, &aim, counts)?,
+                Verdict::Rejected(factor, why) => self.rejected(&mut way, scheme, aim.length * factor, why, counts),
                 Verdict::Turned(part) => self.turned(&mut way, aim.length * part, counts),
                 Verdict::Fatal(error) => {
                     self.stop(way.here.motion.t, error.to_string());
@@ -184,22 +177,11 @@ impl Driver<'_, '_, '_> {
     fn departure(&self, scheme: &dyn Scheme, here: Instant) -> Way {
         let h = match self.plan.steps {
             Steps::Fixed(h) => h,
-            Steps::Controlled {
-                rtol,
-                first,
-                longest,
-            } => first
-                .unwrap_or_else(|| self.first_step(&here, rtol, scheme.order()))
-                .min(longest),
+            Steps::Controlled { rtol, first, longest } => {
+                first.unwrap_or_else(|| self.first_step(&here, rtol, scheme.order())).min(longest)
+            }
         };
-        Way {
-            here,
-            h,
-            failures: 0,
-            after_rejection: false,
-            detour: None,
-            recent: 0.0,
-        }
+        Way { here, h, failures: 0, after_rejection: false, detour: None, recent: 0.0 }
     }
 
     /// The length of the next step, and what it ends at.
@@ -219,11 +201,7 @@ impl Driver<'_, '_, '_> {
             length -= (BEFORE * end.abs().max(end - self.start)).min(0.5 * length);
             target = None;
         }
-        Aim {
-            length,
-            target,
-            broken,
-        }
+        Aim { length, target, broken }
     }
 
     /// Goes on from the end of a step; false where that is impossible.
@@ -279,14 +257,7 @@ impl Driver<'_, '_, '_> {
     }
 
     /// A shorter step, or a way around; false where neither helps.
-    fn rejected(
-        &mut self,
-        way: &mut Way,
-        scheme: &dyn Scheme,
-        shorter: f64,
-        why: String,
-        counts: &mut Counts,
-    ) -> bool {
+    fn rejected(&mut self, way: &mut Way, scheme: &dyn Scheme, shorter: f64, why: String, counts: &mut Counts) -> bool {
         let t = way.here.motion.t;
         if let Some(error) = self.eq.topology().tables.failure() {
             self.stop(t, error.to_string());
@@ -304,17 +275,11 @@ impl Driver<'_, '_, '_> {
             return true;
         }
         // a fixed step is divided where its equations have no solution, as in singular poses
-        let most = if self.controlled() {
-            MAX_FAILURES
-        } else {
-            DIVISIONS
-        };
+        let most = if self.controlled() { MAX_FAILURES } else { DIVISIONS };
         if self.vanishes(shorter, t) || way.failures > most {
             // steps that were accepted are as short beside the whole as this one
             let why = if t > self.start && self.vanishes(way.recent, t) {
-                format!(
-                    "1e14 steps of {shorter:.1e} s would not reach the end; take a shorter time"
-                )
+                format!("1e14 steps of {shorter:.1e} s would not reach the end; take a shorter time")
             } else {
                 why
             };
@@ -325,13 +290,7 @@ impl Driver<'_, '_, '_> {
     }
 
     /// A way around the pose that made a step of the scheme fail.
-    fn detour(
-        &self,
-        way: &Way,
-        scheme: &dyn Scheme,
-        shorter: f64,
-        counts: &mut Counts,
-    ) -> Option<Detour> {
+    fn detour(&self, way: &Way, scheme: &dyn Scheme, shorter: f64, counts: &mut Counts) -> Option<Detour> {
         let Steps::Controlled { rtol, longest, .. } = self.plan.steps else {
             return None;
         };
@@ -370,12 +329,7 @@ impl Driver<'_, '_, '_> {
     /// The step that does not pass the end or a break, and the time it must hit exactly.
     fn fitted(&self, here: &Instant, h: f64) -> (f64, Option<f64>) {
         let t = here.motion.t;
-        let ahead = self
-            .plan
-            .breaks
-            .iter()
-            .copied()
-            .find(|b| *b > t + 1e-14 * self.plan.end.abs().max(1e-300));
+        let ahead = self.plan.breaks.iter().copied().find(|b| *b > t + 1e-14 * self.plan.end.abs().max(1e-300));
         // what changes at a break must not change within the step that ends there
         let (target, left) = match ahead.filter(|b| *b <= self.plan.end) {
             Some(b) => (b, b - t - 4.0 * f64::EPSILON * b.abs()),
@@ -413,14 +367,7 @@ impl Driver<'_, '_, '_> {
     }
 
     /// `allowed`: local error of the step
-    fn judged(
-        &self,
-        tried: Result<Step>,
-        here: &Instant,
-        h: f64,
-        scheme: &dyn Scheme,
-        allowed: f64,
-    ) -> Verdict {
+    fn judged(&self, tried: Result<Step>, here: &Instant, h: f64, scheme: &dyn Scheme, allowed: f64) -> Verdict {
         let step = match tried {
             Ok(step) => step,
             Err(error @ (Error::Convergence { .. } | Error::Singular(_))) => {
@@ -437,9 +384,7 @@ impl Driver<'_, '_, '_> {
         let size = self.size(error, self.speed.max(reached), patience) / allowed;
         if size <= 1.0 {
             let turn = match self.plan.steps {
-                Steps::Controlled { rtol, .. } => {
-                    self.eq.reversal(&here.motion, &step.end.motion, rtol)
-                }
+                Steps::Controlled { rtol, .. } => self.eq.reversal(&here.motion, &step.end.motion, rtol),
                 Steps::Fixed(_) => None,
             };
             return match turn {
@@ -447,15 +392,8 @@ impl Driver<'_, '_, '_> {
                 None => Verdict::Accepted(Box::new(step), size),
             };
         }
-        let why = format!(
-            "the step underflows: the error is set by '{}'",
-            self.culprit(error)
-        );
-        let factor = if size.is_finite() {
-            (SAFETY * size.powf(-1.0 / scheme.power())).clamp(0.1, 0.9)
-        } else {
-            0.1
-        };
+        let why = format!("the step underflows: the error is set by '{}'", self.culprit(error));
+        let factor = if size.is_finite() { (SAFETY * size.powf(-1.0 / scheme.power())).clamp(0.1, 0.9) } else { 0.1 };
         Verdict::Rejected(factor, why)
     }
 
@@ -463,9 +401,7 @@ impl Driver<'_, '_, '_> {
     fn tolerance(&self, scheme: &dyn Scheme, h: f64) -> f64 {
         match self.plan.steps {
             Steps::Fixed(_) => f64::INFINITY,
-            Steps::Controlled { rtol, .. } if scheme.per_unit_step() => {
-                rtol * h / (self.plan.end - self.start)
-            }
+            Steps::Controlled { rtol, .. } if scheme.per_unit_step() => rtol * h / (self.plan.end - self.start),
             Steps::Controlled { rtol, .. } => rtol,
         }
     }
@@ -474,21 +410,13 @@ impl Driver<'_, '_, '_> {
     fn size(&self, error: &LocalError, speed: f64, patience: f64) -> f64 {
         let rate = self.scaled(&error.rate) * (1.0 / speed.max(1e-300)).min(patience);
         let position = self.scaled(&error.position);
-        if rate.is_nan() || position.is_nan() {
-            f64::NAN
-        } else {
-            rate.max(position)
-        }
+        if rate.is_nan() || position.is_nan() { f64::NAN } else { rate.max(position) }
     }
 
     /// The coordinate whose error is the largest.
     fn culprit(&self, error: &LocalError) -> &str {
-        let size = |i: usize| {
-            (error.position[i]
-                .abs()
-                .max(error.rate[i].abs() / self.speed.max(1e-300)))
-                / self.scales[i]
-        };
+        let size =
+            |i: usize| (error.position[i].abs().max(error.rate[i].abs() / self.speed.max(1e-300))) / self.scales[i];
         let worst = (0..self.scales.len()).max_by(|i, j| size(*i).total_cmp(&size(*j)));
         worst.map_or("", |i| &self.eq.topology().names[i])
     }
@@ -499,12 +427,7 @@ impl Driver<'_, '_, '_> {
             return self.plan.steps.longest();
         };
         let next = length * factor;
-        (if length < 0.5 * wanted {
-            next.max(wanted * factor.min(1.0))
-        } else {
-            next
-        })
-        .min(longest)
+        (if length < 0.5 * wanted { next.max(wanted * factor.min(1.0)) } else { next }).min(longest)
     }
 
     fn next(&self, wanted: f64, length: f64, size: f64, power: f64, growth: f64) -> f64 {
@@ -514,12 +437,7 @@ impl Driver<'_, '_, '_> {
         let factor = (SAFETY * size.max(1e-30).powf(-1.0 / power)).clamp(SHRINK, GROW.min(growth));
         let next = length * factor;
         // a step that was cut short says little about longer ones
-        (if length < wanted {
-            next.max(wanted * factor.min(1.0))
-        } else {
-            next
-        })
-        .min(longest)
+        (if length < wanted { next.max(wanted * factor.min(1.0)) } else { next }).min(longest)
     }
 
     /// Outputs up to the end of the step, then the memory of the laws.
@@ -547,8 +465,7 @@ impl Driver<'_, '_, '_> {
         }
         if !inside.is_empty() {
             let fractions: Vec<f64> = inside.iter().map(|t| (t - here.motion.t) / h).collect();
-            let motions: Vec<Motion<f64>> =
-                scheme.between(eq, here, step, h, &fractions, counts)?;
+            let motions: Vec<Motion<f64>> = scheme.between(eq, here, step, h, &fractions, counts)?;
             for (mut m, t) in motions.into_iter().zip(inside) {
                 counts.add("interpolations", 1);
                 m.t = t;

@@ -3,9 +3,7 @@ use crate::laws::Law;
 use crate::model::flexible::FlexibleGeometry;
 use crate::model::joint::{Coordinate, JointKind};
 use crate::spatial::{Six, V3, log_so3};
-use crate::system::connector::{
-    Numbers, Wanted, continued_motion_of, load_interaction, modal_load, relative_of,
-};
+use crate::system::connector::{Numbers, Wanted, continued_motion_of, load_interaction, modal_load, relative_of};
 use crate::system::placement::Placement;
 use crate::system::topology::{Connector, Modal, Node};
 
@@ -50,10 +48,7 @@ fn potential(law: Law, p: &[f64], e: f64) -> Option<f64> {
     ends.push(e);
     let force = |u: f64| law.force(u, 0.0, p, &[], &mut []);
     let piece = |from: f64, to: f64| {
-        let sum: f64 = GAUSS
-            .iter()
-            .map(|(s, w)| w * force(from + s * (to - from)))
-            .sum();
+        let sum: f64 = GAUSS.iter().map(|(s, w)| w * force(from + s * (to - from))).sum();
         sum * (to - from)
     };
     Some(ends.windows(2).map(|w| piece(w[0], w[1])).sum())
@@ -105,15 +100,8 @@ impl Equations<'_, f64> {
         let connectors = topology.connectors.iter();
         let elements = connectors.map(|c| self.element_energy(&placement, m, c));
         let elements = elements.chain(self.modal_energies(&placement, m)).collect();
-        let loads = (0..topology.tables.loads.len())
-            .map(|i| -self.load_power(i, &placement, m))
-            .collect();
-        Energies {
-            kinetic,
-            gravity,
-            elements,
-            loads,
-        }
+        let loads = (0..topology.tables.loads.len()).map(|i| -self.load_power(i, &placement, m)).collect();
+        Energies { kinetic, gravity, elements, loads }
     }
 
     fn load_power(&self, load: usize, placement: &Placement<f64>, m: &Motion<f64>) -> f64 {
@@ -151,26 +139,15 @@ impl Equations<'_, f64> {
                     }
                 }
             }
-            ElementEnergy {
-                stored: Some(stored),
-                power,
-            }
+            ElementEnergy { stored: Some(stored), power }
         };
         let all = topology.modal.iter().zip(&self.geometry.flexible);
         all.map(of).collect()
     }
 
-    fn element_energy(
-        &self,
-        placement: &Placement<f64>,
-        m: &Motion<f64>,
-        c: &Connector,
-    ) -> ElementEnergy {
+    fn element_energy(&self, placement: &Placement<f64>, m: &Motion<f64>, c: &Connector) -> ElementEnergy {
         let x = &self.x;
-        let numbers = Numbers {
-            x,
-            memory: &m.memory,
-        };
+        let numbers = Numbers { x, memory: &m.memory };
         let moved = continued_motion_of(self.topology(), &self.geometry, placement, numbers, c);
         let n = moved.len();
         let (mut stored, mut power, mut skew) = (0.0, 0.0, false);
@@ -200,10 +177,7 @@ impl Equations<'_, f64> {
                 None => known &= matches!(law.law, Law::CoulombTanh),
             }
         }
-        ElementEnergy {
-            stored: known.then_some(stored),
-            power,
-        }
+        ElementEnergy { stored: known.then_some(stored), power }
     }
 
     /// Free coordinates of every joint of the model, in their order; angles within half a turn.
@@ -215,21 +189,12 @@ impl Equations<'_, f64> {
             if coordinates.is_empty() {
                 continue;
             }
-            let here = relative_of(
-                topology,
-                placement,
-                joint.a,
-                joint.b,
-                &self.geometry.joints[i],
-            );
+            let here = relative_of(topology, placement, joint.a, joint.b, &self.geometry.joints[i]);
             out.extend(coordinates.iter().map(|c| here.row(*c).e));
         }
         // bodies that no joint carries move on a free joint of their own
-        let loose = topology
-            .nodes
-            .iter()
-            .zip(&m.relative)
-            .filter(|(n, _)| n.joint.is_none() && n.kind != JointKind::Node);
+        let loose =
+            topology.nodes.iter().zip(&m.relative).filter(|(n, _)| n.joint.is_none() && n.kind != JointKind::Node);
         for (_, pose) in loose {
             let turned = log_so3(&pose.r);
             out.extend(pose.p.iter().chain(turned.iter()));
@@ -240,14 +205,8 @@ impl Equations<'_, f64> {
     /// Which of `joint_coordinates` count turns.
     pub fn angles(&self) -> Vec<bool> {
         let topology = self.topology();
-        let joints = topology
-            .tables
-            .joints
-            .iter()
-            .flat_map(|j| j.kind.free_coordinates());
-        let mut out: Vec<bool> = joints
-            .map(|c| matches!(c, Coordinate::Angle { .. }))
-            .collect();
+        let joints = topology.tables.joints.iter().flat_map(|j| j.kind.free_coordinates());
+        let mut out: Vec<bool> = joints.map(|c| matches!(c, Coordinate::Angle { .. })).collect();
         let free = |n: &&Node| n.joint.is_none() && n.kind != JointKind::Node;
         let loose = topology.nodes.iter().filter(free).count();
         out.extend(std::iter::repeat_n(false, 6 * loose));
@@ -261,10 +220,7 @@ impl Equations<'_, f64> {
         for (i, node) in topology.nodes.iter().enumerate() {
             let pose = &placement.pose[i];
             let arm = -(pose.r * self.geometry.bodies[node.body].com);
-            let v = placement
-                .velocity
-                .as_ref()
-                .map_or_else(Six::zero, |v| v.body[i].motion_at(&arm));
+            let v = placement.velocity.as_ref().map_or_else(Six::zero, |v| v.body[i].motion_at(&arm));
             out[node.body] = (pose.p + arm, v);
         }
         out
@@ -302,10 +258,7 @@ mod tests {
             for (law, p, exact) in cases {
                 let found = potential(law, &p, e).unwrap();
                 let size = 1e-9 * exact.abs() + 1e-16 * k * gap * gap;
-                assert!(
-                    (found - exact).abs() <= size,
-                    "{law:?} {e}: {found} {exact}"
-                );
+                assert!((found - exact).abs() <= size, "{law:?} {e}: {found} {exact}");
             }
         }
     }

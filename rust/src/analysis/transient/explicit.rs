@@ -45,21 +45,10 @@ impl<'a, T: Real> Run<'a, T> {
         let geometry = Geometry::derive(&system.topology.tables, &x);
         let relative: Vec<_> = start.relative.iter().map(Pose::real).collect();
         let placement = place(&system.topology, &system.geometry, &relative, None);
-        let jacobian = crate::analysis::assembly::scene(system, &placement)
-            .constraints()
-            .1;
+        let jacobian = crate::analysis::assembly::scene(system, &placement).constraints().1;
         let rows = independent_rows(system, &jacobian);
-        let n_position = rows
-            .iter()
-            .take_while(|i| system.topology.rows[**i].level == Level::Position)
-            .count();
-        Run {
-            system,
-            geometry,
-            x,
-            rows,
-            n_position,
-        }
+        let n_position = rows.iter().take_while(|i| system.topology.rows[**i].level == Level::Position).count();
+        Run { system, geometry, x, rows, n_position }
     }
 
     fn scene<'s>(&'s self, motion: &'s Motion<T>, placement: &'s Placement<T>) -> Scene<'s, T> {
@@ -77,18 +66,11 @@ impl<'a, T: Real> Run<'a, T> {
     }
 
     fn place(&self, motion: &Motion<T>) -> Placement<T> {
-        place(
-            &self.system.topology,
-            &self.geometry,
-            &motion.relative,
-            Some(&motion.rate),
-        )
+        place(&self.system.topology, &self.geometry, &motion.relative, Some(&motion.rate))
     }
 
     fn kept(&self, jacobian: &DMatrix<T>) -> DMatrix<T> {
-        DMatrix::from_fn(self.rows.len(), jacobian.ncols(), |i, j| {
-            jacobian[(self.rows[i], j)]
-        })
+        DMatrix::from_fn(self.rows.len(), jacobian.ncols(), |i, j| jacobian[(self.rows[i], j)])
     }
 
     /// J' y' + Phi_tt of the kept rows: the Jacobian carried along the motion by a dual number in time.
@@ -96,16 +78,9 @@ impl<'a, T: Real> Run<'a, T> {
         let still = |v: &T| Dual::from_re(*v);
         let x: Vec<Dual<T>> = self.x.iter().map(still).collect();
         let geometry = Geometry::derive(&self.system.topology.tables, &x);
-        let lifted = |p: &Pose<T>| Pose {
-            p: p.p.map(Dual::from_re),
-            r: p.r.map(Dual::from_re),
-        };
+        let lifted = |p: &Pose<T>| Pose { p: p.p.map(Dual::from_re), r: p.r.map(Dual::from_re) };
         let mut relative: Vec<Pose<Dual<T>>> = motion.relative.iter().map(lifted).collect();
-        let dy: Vec<_> = motion
-            .rate
-            .iter()
-            .map(|r| Dual::new(T::zero(), *r))
-            .collect();
+        let dy: Vec<_> = motion.rate.iter().map(|r| Dual::new(T::zero(), *r)).collect();
         advance(&self.system.topology, &mut relative, &dy);
         let placement = place(&self.system.topology, &geometry, &relative, None);
         let scene = Scene {
@@ -133,9 +108,7 @@ impl<'a, T: Real> Run<'a, T> {
     }
 
     fn kept_dual(&self, jacobian: &DMatrix<Dual<T>>) -> DMatrix<T> {
-        DMatrix::from_fn(self.rows.len(), jacobian.ncols(), |i, j| {
-            jacobian[(self.rows[i], j)].eps
-        })
+        DMatrix::from_fn(self.rows.len(), jacobian.ncols(), |i, j| jacobian[(self.rows[i], j)].eps)
     }
 
     fn accelerations(&self, motion: &Motion<T>, counts: &mut Counts) -> Result<Vec<T>> {
@@ -189,36 +162,16 @@ impl<'a, T: Real> Run<'a, T> {
         }
         counts.add("memory updates", 1);
         let placement = self.place(motion);
-        for connector in self
-            .system
-            .topology
-            .connectors
-            .iter()
-            .filter(|c| !c.laws.is_empty())
-        {
-            let moved = motion_of(
-                &self.system.topology,
-                &self.geometry,
-                &placement,
-                &self.x,
-                connector,
-            );
+        for connector in self.system.topology.connectors.iter().filter(|c| !c.laws.is_empty()) {
+            let moved = motion_of(&self.system.topology, &self.geometry, &placement, &self.x, connector);
             for law in &connector.laws {
                 let (e, v) = moved[law.component];
                 let p = &self.x[law.x..law.x + law.law.n_params()];
-                law.law.eval(
-                    e,
-                    v,
-                    p,
-                    &mut motion.memory[law.memory..law.memory + law.law.n_memory()],
-                );
+                law.law.eval(e, v, p, &mut motion.memory[law.memory..law.memory + law.law.n_memory()]);
             }
         }
         let before = motion.memory.clone();
-        let scene = Scene {
-            memory: &before,
-            ..self.scene(motion, &placement)
-        };
+        let scene = Scene { memory: &before, ..self.scene(motion, &placement) };
         let mut memory = before.clone();
         scene.remember_turns(&mut memory);
         motion.memory = memory;
@@ -273,8 +226,7 @@ impl<'a, T: Real> Run<'a, T> {
             let theta = V3::from_fn(|i, _| increment[first + i] * sign);
             let omega = V3::from_fn(|i, _| rate[first + i] * sign);
             let (b, _) = left_jacobian_coefficient(theta.dot(&theta));
-            let turned =
-                omega - theta.cross(&omega) * T::from(0.5) + theta.cross(&theta.cross(&omega)) * b;
+            let turned = omega - theta.cross(&omega) * T::from(0.5) + theta.cross(&theta.cross(&omega)) * b;
             for i in 0..3 {
                 out[first + i] = turned[i] * sign;
             }
@@ -317,11 +269,7 @@ pub(super) fn independent_rows(system: &System, jacobian: &DMatrix<f64>) -> Vec<
     let scale = row_scales(topology, system.length);
     let columns = column_scales(topology, system.length);
     let mut rest: Vec<DVector<f64>> = (0..jacobian.nrows())
-        .map(|i| {
-            DVector::from_fn(jacobian.ncols(), |j, _| {
-                jacobian[(i, j)] * scale[i] * columns[j]
-            })
-        })
+        .map(|i| DVector::from_fn(jacobian.ncols(), |j, _| jacobian[(i, j)] * scale[i] * columns[j]))
         .collect();
     let largest = rest.iter().map(|r| r.norm()).fold(0.0, f64::max);
     let mut kept: Vec<usize> = Vec::new();
@@ -349,11 +297,7 @@ pub(super) fn independent_rows(system: &System, jacobian: &DMatrix<f64>) -> Vec<
 }
 
 /// The smallest change of the increments, in the norm of M, that makes rows take the values `miss`.
-fn correction<T: Real>(
-    scene: &Scene<'_, T>,
-    jacobian: &DMatrix<T>,
-    miss: &DVector<T>,
-) -> Result<Vec<T>> {
+fn correction<T: Real>(scene: &Scene<'_, T>, jacobian: &DMatrix<T>, miss: &DVector<T>) -> Result<Vec<T>> {
     let mass = scene.mass();
     let n = mass.nrows();
     let both = solve(&saddle(&mass, jacobian), &stacked(&DVector::zeros(n), miss))?;

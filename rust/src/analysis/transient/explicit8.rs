@@ -86,10 +86,7 @@ impl Explicit8 {
 
     /// One long step from one side of a singular pose to the other, for schemes whose own steps collapse there.
     pub fn across_singular_poses() -> Box<dyn Scheme> {
-        Box::new(Explicit8 {
-            careful: true,
-            ..Explicit8::default()
-        })
+        Box::new(Explicit8 { careful: true, ..Explicit8::default() })
     }
 
     fn stage(
@@ -113,18 +110,12 @@ impl Explicit8 {
         if self.careful {
             let at = eq.consistent(m, counts)?;
             let y = eq.difference(from, &at.motion);
-            self.slopes.push(Slope {
-                y: eq.increment_rates(&y, &at.motion.rate),
-                v: at.acceleration,
-            });
+            self.slopes.push(Slope { y: eq.increment_rates(&y, &at.motion.rate), v: at.acceleration });
             return Ok(());
         }
         let slope_y = eq.increment_rates(&y, &m.rate);
         let at = eq.instant(m, counts)?;
-        self.slopes.push(Slope {
-            y: slope_y,
-            v: at.acceleration,
-        });
+        self.slopes.push(Slope { y: slope_y, v: at.acceleration });
         Ok(())
     }
 
@@ -141,14 +132,7 @@ impl Explicit8 {
         let Some(minimal) = &mut self.minimal else {
             return Ok((eq.consistent(reached, counts)?, y.to_vec()));
         };
-        let at = minimal.settle(
-            eq,
-            from,
-            reached.t,
-            (y.to_vec(), reached.rate),
-            true,
-            counts,
-        )?;
+        let at = minimal.settle(eq, from, reached.t, (y.to_vec(), reached.rate), true, counts)?;
         Ok((eq.instant(at.motion, counts)?, at.increment))
     }
 }
@@ -156,19 +140,9 @@ impl Explicit8 {
 /// e5 |e5|/(0.1 |e3|): of the order of the method, from two estimates of low order (II.10 of the book takes less where e5 is the
 /// larger one; there the estimate would fall with the sixth power of the step only).
 fn combined(e5: Vec<f64>, e3: &[f64], scales: &[f64]) -> Vec<f64> {
-    let size = |e: &[f64]| {
-        e.iter()
-            .zip(scales)
-            .map(|(v, c)| (v / c).powi(2))
-            .sum::<f64>()
-            .sqrt()
-    };
+    let size = |e: &[f64]| e.iter().zip(scales).map(|(v, c)| (v / c).powi(2)).sum::<f64>().sqrt();
     let (five, three) = (size(&e5), size(e3));
-    let factor = if five > 0.0 {
-        (five / (0.1 * three)).min(MOST)
-    } else {
-        0.0
-    };
+    let factor = if five > 0.0 { (five / (0.1 * three)).min(MOST) } else { 0.0 };
     e5.iter().map(|e| e * factor).collect()
 }
 
@@ -188,10 +162,7 @@ impl Scheme for Explicit8 {
         let n = eq.n();
         self.slopes.clear();
         self.end = None;
-        self.slopes.push(Slope {
-            y: from.motion.rate.clone(),
-            v: from.acceleration.clone(),
-        });
+        self.slopes.push(Slope { y: from.motion.rate.clone(), v: from.acceleration.clone() });
         match &mut self.minimal {
             Some(minimal) if eq.constrained() => minimal.choose(eq, &from.motion, counts)?,
             _ => self.minimal = None,
@@ -207,13 +178,7 @@ impl Scheme for Explicit8 {
             eq.same_branch(&before, &end, h)?;
         }
         if self.minimal.is_some() {
-            dv = end
-                .motion
-                .rate
-                .iter()
-                .zip(start)
-                .map(|(e, s)| e - s)
-                .collect();
+            dv = end.motion.rate.iter().zip(start).map(|(e, s)| e - s).collect();
         }
         let error = estimate.then(|| {
             let [five, three] = [E5, E3].map(|row| {
@@ -224,15 +189,9 @@ impl Scheme for Explicit8 {
                 (y, v)
             });
             let scales = eq.scales();
-            LocalError {
-                position: combined(five.0, &three.0, &scales),
-                rate: combined(five.1, &three.1, &scales),
-            }
+            LocalError { position: combined(five.0, &three.0, &scales), rate: combined(five.1, &three.1, &scales) }
         });
-        self.slopes.push(Slope {
-            y: eq.increment_rates(&dy, &end.motion.rate),
-            v: end.acceleration.clone(),
-        });
+        self.slopes.push(Slope { y: eq.increment_rates(&dy, &end.motion.rate), v: end.acceleration.clone() });
         self.end = Some(Ends { dy, dv });
         Ok(Step { end, error })
     }
@@ -261,17 +220,9 @@ impl Scheme for Explicit8 {
             self.stage(eq, &from.motion, stage, h, counts)?;
         }
         let n = eq.n();
-        let terms: Vec<(Vec<f64>, Vec<f64>)> = D
-            .iter()
-            .map(|row| weighted(&self.slopes, row, h, n))
-            .collect();
+        let terms: Vec<(Vec<f64>, Vec<f64>)> = D.iter().map(|row| weighted(&self.slopes, row, h, n)).collect();
         let (first, last) = (&self.slopes[0], &self.slopes[STAGES]);
-        let at = |x: f64,
-                  total: &[f64],
-                  f0: &[f64],
-                  f1: &[f64],
-                  high: &dyn Fn(usize, usize) -> f64|
-         -> Vec<f64> {
+        let at = |x: f64, total: &[f64], f0: &[f64], f1: &[f64], high: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
             (0..n)
                 .map(|i| {
                     let f = [
@@ -283,9 +234,7 @@ impl Scheme for Explicit8 {
                         high(2, i),
                         high(3, i),
                     ];
-                    f.iter().rev().enumerate().fold(0.0, |y, (k, f)| {
-                        (y + f) * if k % 2 == 0 { x } else { 1.0 - x }
-                    })
+                    f.iter().rev().enumerate().fold(0.0, |y, (k, f)| (y + f) * if k % 2 == 0 { x } else { 1.0 - x })
                 })
                 .collect()
         };

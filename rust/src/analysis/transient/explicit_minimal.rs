@@ -72,12 +72,7 @@ impl Minimal {
     }
 
     /// Before a step: a choice that serves.
-    pub fn choose(
-        &mut self,
-        eq: &Equations<'_, f64>,
-        from: &Motion<f64>,
-        counts: &mut Counts,
-    ) -> Result<()> {
+    pub fn choose(&mut self, eq: &Equations<'_, f64>, from: &Motion<f64>, counts: &mut Counts) -> Result<()> {
         if self.plan.is_some() && !self.worn {
             return Ok(());
         }
@@ -129,8 +124,7 @@ impl Minimal {
             false => (self.tolerance * least * least).clamp(TIGHT, COARSE),
         };
         let scales = eq.scales();
-        let (mut m, mut last, mut left) =
-            (from.moved(eq.topology(), &y), f64::INFINITY, NEWTON_STEPS);
+        let (mut m, mut last, mut left) = (from.moved(eq.topology(), &y), f64::INFINITY, NEWTON_STEPS);
         m.t = t;
         let jacobian = loop {
             left -= 1;
@@ -170,18 +164,9 @@ impl Minimal {
             last = size;
         };
         let explicit = -eq.explicit_rates(&m).0;
-        plan.depend(
-            &self.rates,
-            Some(explicit.as_slice()),
-            &mut rate,
-            plan.pivots.len(),
-        );
+        plan.depend(&self.rates, Some(explicit.as_slice()), &mut rate, plan.pivots.len());
         m.rate = rate;
-        Ok(Settled {
-            increment: y,
-            motion: m,
-            jacobian,
-        })
+        Ok(Settled { increment: y, motion: m, jacobian })
     }
 
     /// What follows from changes of independent increments and rates at the last pose.
@@ -209,12 +194,7 @@ impl Minimal {
     }
 
     /// Accelerations of all coordinates at the pose that was settled last.
-    pub fn accelerations(
-        &self,
-        eq: &Equations<'_, f64>,
-        at: &Settled,
-        counts: &mut Counts,
-    ) -> Result<Vec<f64>> {
+    pub fn accelerations(&self, eq: &Equations<'_, f64>, at: &Settled, counts: &mut Counts) -> Result<Vec<f64>> {
         let plan = self.plan.as_ref().ok_or_else(no_choice)?;
         counts.add("force evaluations", 1);
         counts.add("multiplier solutions", 1);
@@ -222,8 +202,7 @@ impl Minimal {
         let scene = eq.scene(&at.motion, &placement, None);
         let h = scene.residual(None);
         eq.check_forces(&h)?;
-        let gamma =
-            scene.row_bias(&scene.carried_accelerations()) + eq.explicit_rates(&at.motion).1;
+        let gamma = scene.row_bias(&scene.carried_accelerations()) + eq.explicit_rates(&at.motion).1;
         let mass = eq.mass_of(&scene);
         let (n, f, r) = (eq.n(), plan.independent.len(), plan.pivots.len());
         if !self.narrow(eq) {
@@ -255,20 +234,13 @@ impl Minimal {
             n => format!("{n} switches"),
         };
         self.plan.as_ref()?;
-        Some(format!(
-            "independent coordinates: {}, {counted}",
-            self.names
-        ))
+        Some(format!("independent coordinates: {}, {counted}", self.names))
     }
 }
 
 /// Coordinates by name, unless they are many.
 fn shown(plan: &Plan, names: &[String]) -> String {
-    let of: Vec<&str> = plan
-        .independent
-        .iter()
-        .map(|i| names[*i].as_str())
-        .collect();
+    let of: Vec<&str> = plan.independent.iter().map(|i| names[*i].as_str()).collect();
     match of.len() {
         0 => "none".into(),
         1..=SHOWN => format!("'{}'", of.join("', '")),
@@ -288,9 +260,7 @@ fn weightless() -> Error {
 fn rows_at(eq: &Equations<'_, f64>, m: &Motion<f64>) -> (DVector<f64>, Matrix) {
     let placement = place(eq.topology(), &eq.geometry, &m.relative, None);
     let mut jacobian = eq.matrix(eq.n_rows());
-    let phi = eq
-        .scene(m, &placement, None)
-        .constraints_into(&mut jacobian);
+    let phi = eq.scene(m, &placement, None).constraints_into(&mut jacobian);
     (phi, jacobian)
 }
 

@@ -84,11 +84,7 @@ fn scaled_rows(j: &Matrix, row: &[f64], column: &[f64]) -> Vec<Row> {
 
 /// Takes away from a row what earlier pivots eliminate, in their order.
 fn reduce(row: &mut Row, pivot_of: &[usize], upper: &[(usize, Row)]) {
-    let mut open: BTreeSet<usize> = row
-        .keys()
-        .map(|c| pivot_of[*c])
-        .filter(|k| *k != usize::MAX)
-        .collect();
+    let mut open: BTreeSet<usize> = row.keys().map(|c| pivot_of[*c]).filter(|k| *k != usize::MAX).collect();
     while let Some(k) = open.pop_first() {
         let (column, other) = &upper[k];
         let Some(entry) = row.remove(column) else {
@@ -110,23 +106,16 @@ impl Plan {
         let rows = &eq.topology().rows;
         let (row_scale, column_scale) = (eq.row_scales(), eq.scales());
         let mut values = scaled_rows(jacobian, &row_scale, &column_scale);
-        let largest = values
-            .iter()
-            .flat_map(|r| r.values())
-            .fold(0.0_f64, |s, v| s.max(v.abs()));
+        let largest = values.iter().flat_map(|r| r.values()).fold(0.0_f64, |s, v| s.max(v.abs()));
         let mut pivot_of = vec![usize::MAX; eq.n()];
         let mut upper: Vec<(usize, Row)> = Vec::new();
         let mut pivots = Vec::new();
         let mut redundant = Vec::new();
         let mut n_position = 0;
         for level in [Level::Position, Level::Velocity] {
-            let of_level: Vec<usize> = (0..rows.len())
-                .filter(|i| rows[*i].level == level)
-                .collect();
+            let of_level: Vec<usize> = (0..rows.len()).filter(|i| rows[*i].level == level).collect();
             let windows: Vec<&[usize]> = if eq.sparse {
-                of_level
-                    .chunk_by(|a, b| rows[*a].joint == rows[*b].joint)
-                    .collect()
+                of_level.chunk_by(|a, b| rows[*a].joint == rows[*b].joint).collect()
             } else {
                 vec![&of_level]
             };
@@ -175,45 +164,27 @@ impl Plan {
         });
         for (first, _) in eq.rotation_triples() {
             let triple = first..first + 3;
-            for row in places
-                .iter_mut()
-                .filter(|r| triple.clone().any(|c| r.contains(&c)))
-            {
+            for row in places.iter_mut().filter(|r| triple.clone().any(|c| r.contains(&c))) {
                 row.extend(triple.clone());
             }
         }
         let mut filled: Vec<BTreeSet<usize>> = Vec::new();
-        let order = self
-            .pivots
-            .iter()
-            .map(|p| p.0)
-            .chain(self.redundant.iter().copied());
+        let order = self.pivots.iter().map(|p| p.0).chain(self.redundant.iter().copied());
         let order: Vec<usize> = order.collect();
         for (k, i) in order.into_iter().enumerate() {
             let mut row = std::mem::take(&mut places[i]);
             let earlier = |c: &usize| pivot_of[*c] < k.min(self.pivots.len());
-            let mut open: BTreeSet<usize> = row
-                .iter()
-                .filter(|c| earlier(c))
-                .map(|c| pivot_of[*c])
-                .collect();
+            let mut open: BTreeSet<usize> = row.iter().filter(|c| earlier(c)).map(|c| pivot_of[*c]).collect();
             let mut acting = Vec::new();
             while let Some(j) = open.pop_first() {
                 acting.push(j);
                 row.extend(filled[j].iter().copied());
-                open.extend(
-                    filled[j]
-                        .iter()
-                        .filter(|c| earlier(c))
-                        .map(|c| pivot_of[*c])
-                        .filter(|p| *p > j),
-                );
+                open.extend(filled[j].iter().filter(|c| earlier(c)).map(|c| pivot_of[*c]).filter(|p| *p > j));
             }
             self.lower.push(acting.into_iter());
             let pivot = self.pivots.get(k).map(|p| p.1);
             row.retain(|c| !earlier(c) && Some(*c) != pivot);
-            self.upper
-                .push(pivot.into_iter().chain(row.iter().copied()));
+            self.upper.push(pivot.into_iter().chain(row.iter().copied()));
             row.extend(pivot);
             filled.push(row);
         }
@@ -230,15 +201,9 @@ impl Plan {
         (into.worn, into.remainder, into.least) = (0.0, 0.0, f64::INFINITY);
         let mut work = vec![0.0; n];
         let redundant: &[usize] = if all { &self.redundant } else { &[] };
-        let order = self
-            .pivots
-            .iter()
-            .map(|p| p.0)
-            .chain(redundant.iter().copied());
+        let order = self.pivots.iter().map(|p| p.0).chain(redundant.iter().copied());
         for (k, i) in order.enumerate() {
-            by_row.each(i, |c, v| {
-                work[c] += v * self.row_scale[i] * self.column_scale[c]
-            });
+            by_row.each(i, |c, v| work[c] += v * self.row_scale[i] * self.column_scale[c]);
             for at in self.lower.range(k) {
                 let pivot = self.upper.range(self.lower.item[at]);
                 let column = self.upper.item[pivot.start];
@@ -258,9 +223,7 @@ impl Plan {
             }
             let pivot = work[self.upper.item[row.start]];
             if pivot == 0.0 || !pivot.is_finite() {
-                return Err(Error::singular(
-                    "the chosen coordinates determine no others here",
-                ));
+                return Err(Error::singular("the chosen coordinates determine no others here"));
             }
             into.least = into.least.min(pivot.abs());
             for u in row {
@@ -299,12 +262,7 @@ impl Plan {
 
     /// The same coordinates depend on the same others.
     pub fn agrees(&self, other: &Self) -> bool {
-        let places = |p: &Self| {
-            p.pivots[..p.n_position]
-                .iter()
-                .map(|p| p.1)
-                .collect::<BTreeSet<_>>()
-        };
+        let places = |p: &Self| p.pivots[..p.n_position].iter().map(|p| p.1).collect::<BTreeSet<_>>();
         self.independent == other.independent && places(self) == places(other)
     }
 }
@@ -314,10 +272,7 @@ fn largest_entry(rows: &[usize], values: &[Row], least: f64) -> Option<(usize, u
     let of = |(at, i): (usize, &usize)| values[*i].iter().map(move |(c, v)| (at, *c, v.abs()));
     let all: Vec<_> = rows.iter().enumerate().flat_map(of).collect();
     let most = all.iter().fold(0.0_f64, |s, e| s.max(e.2));
-    (most > least)
-        .then(|| all.iter().find(|e| e.2 >= (1.0 - TIE) * most))
-        .flatten()
-        .map(|e| (e.0, e.1))
+    (most > least).then(|| all.iter().find(|e| e.2 >= (1.0 - TIE) * most)).flatten().map(|e| (e.0, e.1))
 }
 
 fn eliminate(row: &mut Row, pivot: &Row, column: usize) {
@@ -333,10 +288,7 @@ fn eliminate(row: &mut Row, pivot: &Row, column: usize) {
 /// Entries of a matrix row by row.
 enum RowsOf<'a> {
     Dense(&'a nalgebra::DMatrix<f64>),
-    List {
-        start: Vec<u32>,
-        entry: Vec<(u32, f64)>,
-    },
+    List { start: Vec<u32>, entry: Vec<(u32, f64)> },
 }
 
 impl<'a> RowsOf<'a> {

@@ -42,12 +42,7 @@ impl Parameters {
     pub fn of(rho: f64) -> Self {
         let (am, af) = ((2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0));
         let gamma = 0.5 + af - am;
-        Parameters {
-            am,
-            af,
-            beta: 0.25 * (gamma + 0.5) * (gamma + 0.5),
-            gamma,
-        }
+        Parameters { am, af, beta: 0.25 * (gamma + 0.5) * (gamma + 0.5), gamma }
     }
 
     /// d(dq)/dv' over h^2 and dv/dv' over h.
@@ -80,12 +75,8 @@ pub fn reached<T: Real>(
     h: f64,
 ) -> (Vec<T>, Motion<T>, Vec<T>) {
     let n = eq.n();
-    let a1: Vec<T> = (0..n)
-        .map(|i| (s1[i] * (1.0 - p.af) + s0[i] * p.af - a0[i] * p.am) / (1.0 - p.am))
-        .collect();
-    let dq: Vec<T> = (0..n)
-        .map(|i| from.rate[i] * h + (a0[i] * (0.5 - p.beta) + a1[i] * p.beta) * (h * h))
-        .collect();
+    let a1: Vec<T> = (0..n).map(|i| (s1[i] * (1.0 - p.af) + s0[i] * p.af - a0[i] * p.am) / (1.0 - p.am)).collect();
+    let dq: Vec<T> = (0..n).map(|i| from.rate[i] * h + (a0[i] * (0.5 - p.beta) + a1[i] * p.beta) * (h * h)).collect();
     let mut m = from.moved(eq.topology(), &dq);
     m.t = from.t + h;
     for ((rate, a0), a1) in m.rate.iter_mut().zip(a0).zip(&a1) {
@@ -113,22 +104,12 @@ struct Unknown {
 impl GeneralizedAlpha {
     /// `rho`: part of an infinitely fast oscillation that is left after a step, 0 to 1.
     pub fn new(rho: f64) -> Self {
-        GeneralizedAlpha {
-            p: Parameters::of(rho),
-            solved: SOLVED,
-            carried: None,
-            tried: None,
-            kept: None,
-            error: None,
-        }
+        GeneralizedAlpha { p: Parameters::of(rho), solved: SOLVED, carried: None, tried: None, kept: None, error: None }
     }
 
     /// Corrections go on to rounding: derivatives are those of a step that is solved.
     pub fn to_rounding(rho: f64) -> Self {
-        GeneralizedAlpha {
-            solved: 0.0,
-            ..Self::new(rho)
-        }
+        GeneralizedAlpha { solved: 0.0, ..Self::new(rho) }
     }
 
     /// What it carries from the last accepted step.
@@ -159,11 +140,7 @@ impl GeneralizedAlpha {
                 a: from.acceleration.clone(),
                 rate_slope: from.acceleration.clone(),
                 lam: from.lam.clone(),
-                slope: if estimate {
-                    Some(self.jerk(eq, from, h, counts)?)
-                } else {
-                    None
-                },
+                slope: if estimate { Some(self.jerk(eq, from, h, counts)?) } else { None },
                 h: 0.0,
             },
         };
@@ -176,27 +153,18 @@ impl GeneralizedAlpha {
     }
 
     /// The rate of the acceleration, from the instant a small part of a step later.
-    fn jerk(
-        &self,
-        eq: &Equations<'_, f64>,
-        from: &Instant,
-        h: f64,
-        counts: &mut Counts,
-    ) -> Result<Vec<f64>> {
+    fn jerk(&self, eq: &Equations<'_, f64>, from: &Instant, h: f64, counts: &mut Counts) -> Result<Vec<f64>> {
         let d = AHEAD * h;
         let mut m = from.motion.clone();
-        let increment: Vec<f64> = (from.motion.rate.iter().zip(&from.acceleration))
-            .map(|(v, a)| d * (v + 0.5 * d * a))
-            .collect();
+        let increment: Vec<f64> =
+            (from.motion.rate.iter().zip(&from.acceleration)).map(|(v, a)| d * (v + 0.5 * d * a)).collect();
         m = m.moved(eq.topology(), &increment);
         m.t += d;
         for (v, a) in m.rate.iter_mut().zip(&from.acceleration) {
             *v += d * a;
         }
         let ahead = eq.consistent(m, counts)?;
-        Ok((ahead.acceleration.iter().zip(&from.acceleration))
-            .map(|(a, b)| (a - b) / d)
-            .collect())
+        Ok((ahead.acceleration.iter().zip(&from.acceleration)).map(|(a, b)| (a - b) / d).collect())
     }
 
     /// Increment, motion and algorithmic acceleration that belong to a guess of v'.
@@ -223,8 +191,7 @@ impl GeneralizedAlpha {
     ) -> Result<()> {
         let (b, g) = self.p.slopes();
         let factors = (h * g, h * h * b);
-        let (matrix, jacobian) =
-            eq.iteration_matrices(m, &u.rate_slope, &u.lam, factors, dq, counts);
+        let (matrix, jacobian) = eq.iteration_matrices(m, &u.rate_slope, &u.lam, factors, dq, counts);
         self.kept = Some((h, Saddle::of(&matrix, &jacobian, None)?));
         Ok(())
     }
@@ -258,11 +225,7 @@ impl GeneralizedAlpha {
         let size = |v: &[f64]| scaled_size(v, &scales);
         let mut last = f64::INFINITY;
         // a factorisation of another step length is of no use
-        if self
-            .kept
-            .as_ref()
-            .is_some_and(|(kept, _)| (kept / h - 1.0).abs() > 0.2)
-        {
+        if self.kept.as_ref().is_some_and(|(kept, _)| (kept / h - 1.0).abs() > 0.2) {
             self.kept = None;
         }
         for _ in 0..MAX_ITERATIONS {
@@ -289,8 +252,7 @@ impl GeneralizedAlpha {
             let goal = self.solved / SOLVED * usual + 4.0 * f64::EPSILON;
             let rate = step / last;
             // the first correction says nothing about how fast they shrink
-            if step <= goal || last.is_finite() && rate < 1.0 && step * rate / (1.0 - rate) <= goal
-            {
+            if step <= goal || last.is_finite() && rate < 1.0 && step * rate / (1.0 - rate) <= goal {
                 return Ok(());
             }
             // rounding is reached
@@ -315,14 +277,7 @@ impl GeneralizedAlpha {
 
     /// Leading terms of the local error, C h^3 q''' in the increment and C' h^3 q'''' in the rate. The accelerations of the instants
     /// are taken for it: those of the scheme carry the noise of index 3 along the constraints.
-    fn estimate(
-        &self,
-        eq: &Equations<'_, f64>,
-        c: &Carried,
-        a1: &[f64],
-        slope: &[f64],
-        h: f64,
-    ) -> LocalError {
+    fn estimate(&self, eq: &Equations<'_, f64>, c: &Carried, a1: &[f64], slope: &[f64], h: f64) -> LocalError {
         let own: Vec<f64> = a1.iter().zip(&c.a).map(|(a, b)| (a - b) / h).collect();
         let scales = eq.scales();
         let size = |v: &[f64]| scaled_size(v, &scales);
@@ -332,15 +287,9 @@ impl GeneralizedAlpha {
         let p = self.p;
         let shift = p.am - p.af;
         let position = shift / 2.0 + p.beta - 1.0 / 6.0;
-        let rate = 0.5
-            * ((1.0 - p.gamma) * shift * shift + p.gamma * (1.0 + shift) * (1.0 + shift))
-            - 1.0 / 6.0;
-        let second = |i: usize| {
-            c.slope
-                .as_ref()
-                .filter(|_| !singular)
-                .map_or(0.0, |s| 2.0 * (slope[i] - s[i]) / (h + c.h))
-        };
+        let rate = 0.5 * ((1.0 - p.gamma) * shift * shift + p.gamma * (1.0 + shift) * (1.0 + shift)) - 1.0 / 6.0;
+        let second =
+            |i: usize| c.slope.as_ref().filter(|_| !singular).map_or(0.0, |s| 2.0 * (slope[i] - s[i]) / (h + c.h));
         let third = h.powi(3);
         LocalError {
             position: slope.iter().map(|s| position * third * s).collect(),
@@ -371,10 +320,7 @@ impl Scheme for GeneralizedAlpha {
         counts: &mut Counts,
     ) -> Result<Step> {
         let c = self.start(eq, from, h, estimate, counts)?;
-        let mut u = Unknown {
-            rate_slope: c.rate_slope.clone(),
-            lam: c.lam.clone(),
-        };
+        let mut u = Unknown { rate_slope: c.rate_slope.clone(), lam: c.lam.clone() };
         self.solve(eq, &from.motion, &c, &mut u, h, counts)?;
         let (_, m, a1) = self.end(eq, &from.motion, &c, &u, h);
         let rate = m.rate.clone();
@@ -382,39 +328,24 @@ impl Scheme for GeneralizedAlpha {
         if estimate {
             eq.same_branch(&rate, &end, h)?;
         }
-        let slope: Vec<f64> = (end.acceleration.iter().zip(&from.acceleration))
-            .map(|(a, b)| (a - b) / h)
-            .collect();
+        let slope: Vec<f64> = (end.acceleration.iter().zip(&from.acceleration)).map(|(a, b)| (a - b) / h).collect();
         let error = estimate.then(|| self.estimate(eq, &c, &a1, &slope, h));
         self.error.clone_from(&error);
-        self.tried = Some(Carried {
-            t: end.motion.t,
-            a: a1,
-            rate_slope: u.rate_slope,
-            lam: u.lam,
-            slope: Some(slope),
-            h,
-        });
+        self.tried =
+            Some(Carried { t: end.motion.t, a: a1, rate_slope: u.rate_slope, lam: u.lam, slope: Some(slope), h });
         Ok(Step { end, error })
     }
 
     fn accept(&mut self, _: &Equations<'_, f64>, _: &Instant, step: &Step, _: f64) {
         // the driver may have rounded the time to an output or the end
-        self.carried = self.tried.take().map(|c| Carried {
-            t: step.end.motion.t,
-            ..c
-        });
+        self.carried = self.tried.take().map(|c| Carried { t: step.end.motion.t, ..c });
     }
 
     /// A new step costs a factorisation: only for a gain.
     fn proposal(&mut self, size: &dyn Fn(&LocalError) -> f64) -> Option<f64> {
         let error = self.error.take()?;
         let factor = (0.85 / size(&error).max(1e-12).sqrt()).clamp(0.2, 2.0);
-        Some(if (0.95..1.2).contains(&factor) {
-            1.0
-        } else {
-            factor
-        })
+        Some(if (0.95..1.2).contains(&factor) { 1.0 } else { factor })
     }
 
     fn per_unit_step(&self) -> bool {

@@ -50,10 +50,7 @@ impl Listed<f64> for Matrix {
 }
 
 /// Entries of columns first..first + 3 times a 3 x 3 matrix, for all such triples.
-fn columns_times<T: Real>(
-    matrix: &impl Listed<T>,
-    triples: &[(usize, M3<T>)],
-) -> Vec<(usize, usize, T)> {
+fn columns_times<T: Real>(matrix: &impl Listed<T>, triples: &[(usize, M3<T>)]) -> Vec<(usize, usize, T)> {
     if triples.is_empty() {
         return Vec::new();
     }
@@ -77,9 +74,8 @@ impl<T: Real> Equations<'_, T> {
         let Some(gyroscopic) = t.gyroscopic.as_mut() else {
             return;
         };
-        let turning = |v: &[T], first: usize, sign: f64| {
-            skew(&(V3::new(v[first], v[first + 1], v[first + 2]) * T::from(sign)))
-        };
+        let turning =
+            |v: &[T], first: usize, sign: f64| skew(&(V3::new(v[first], v[first + 1], v[first + 2]) * T::from(sign)));
         let (mut rates, mut accelerations) = (Vec::new(), Vec::new());
         for (first, sign) in self.rotation_triples() {
             let omega = turning(&m.rate, first, sign);

@@ -4,13 +4,7 @@
 //! map, which a difference along the motion gives to more than the accuracy of the polynomial.
 use super::{Equations, Instant, Motion};
 
-pub fn quintic(
-    eq: &Equations<'_, f64>,
-    from: &Instant,
-    to: &Instant,
-    h: f64,
-    fractions: &[f64],
-) -> Vec<Motion<f64>> {
+pub fn quintic(eq: &Equations<'_, f64>, from: &Instant, to: &Instant, h: f64, fractions: &[f64]) -> Vec<Motion<f64>> {
     let n = eq.n();
     let theta = eq.difference(&from.motion, &to.motion);
     let (v0, a0) = (&from.motion.rate, &from.acceleration);
@@ -35,23 +29,12 @@ pub fn quintic(
 }
 
 /// theta" at the end: d/dt of J_l^-1(theta) v along the motion.
-fn end_acceleration(
-    eq: &Equations<'_, f64>,
-    theta: &[f64],
-    speed: &[f64],
-    to: &Instant,
-) -> Vec<f64> {
+fn end_acceleration(eq: &Equations<'_, f64>, theta: &[f64], speed: &[f64], to: &Instant) -> Vec<f64> {
     let size = speed.iter().fold(1e-300_f64, |s, v| s.max(v.abs()));
     let d = 1e-5 / size;
     let at = |s: f64| {
         let moved: Vec<f64> = theta.iter().zip(speed).map(|(y, v)| y + s * v).collect();
-        let rate: Vec<f64> = to
-            .motion
-            .rate
-            .iter()
-            .zip(&to.acceleration)
-            .map(|(v, a)| v + s * a)
-            .collect();
+        let rate: Vec<f64> = to.motion.rate.iter().zip(&to.acceleration).map(|(v, a)| v + s * a).collect();
         eq.increment_rates(&moved, &rate)
     };
     let plain = eq.increment_rates(theta, &to.acceleration);
@@ -59,11 +42,7 @@ fn end_acceleration(
         return plain;
     }
     let (ahead, behind) = (at(d), at(-d));
-    ahead
-        .iter()
-        .zip(&behind)
-        .map(|(p, q)| (p - q) / (2.0 * d))
-        .collect()
+    ahead.iter().zip(&behind).map(|(p, q)| (p - q) / (2.0 * d)).collect()
 }
 
 /// [y1, y0', y1', y0", y1"] on the unit interval, y0 = 0.
@@ -84,8 +63,7 @@ mod tests {
 
     #[test]
     fn a_polynomial_of_degree_five_is_met() {
-        let y =
-            |x: f64| 0.3 * x + 0.7 * x * x - 1.1 * x.powi(3) + 0.4 * x.powi(4) + 2.0 * x.powi(5);
+        let y = |x: f64| 0.3 * x + 0.7 * x * x - 1.1 * x.powi(3) + 0.4 * x.powi(4) + 2.0 * x.powi(5);
         let d = |x: f64| 0.3 + 1.4 * x - 3.3 * x * x + 1.6 * x.powi(3) + 10.0 * x.powi(4);
         let s = |x: f64| 1.4 - 6.6 * x + 4.8 * x * x + 40.0 * x.powi(3);
         for x in [0.0, 0.2, 0.77, 1.0] {

@@ -32,11 +32,7 @@ impl Entries<f64> for Matrix {
 
 impl Matrix {
     pub fn zeros(rows: usize, cols: usize, sparse: bool) -> Self {
-        if sparse {
-            Matrix::Sparse(Triplets::new(rows, cols))
-        } else {
-            Matrix::Dense(DMatrix::zeros(rows, cols))
-        }
+        if sparse { Matrix::Sparse(Triplets::new(rows, cols)) } else { Matrix::Dense(DMatrix::zeros(rows, cols)) }
     }
 
     pub fn shape(&self) -> (usize, usize) {

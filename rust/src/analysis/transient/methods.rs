@@ -42,11 +42,7 @@ impl Method {
             "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
             "ali3p" => Ok(Method::Ali3p(Weight::Tangent)),
             name if name.starts_with("bdf-bfgs") => {
-                let form = if name.contains("/symmetric") {
-                    Form::Symmetric
-                } else {
-                    Form::Ggl
-                };
+                let form = if name.contains("/symmetric") { Form::Symmetric } else { Form::Ggl };
                 let family = match name.rsplit('/').next() {
                     Some("bfgs") => Some(Family::Bfgs),
                     Some("broyden") => Some(Family::Broyden),
@@ -109,13 +105,7 @@ pub fn simulate(
     let scales = eq.scales();
     let size = |v: &[f64]| scaled_size(v, &scales);
     let position_correction = size(&eq.difference(&given, &first.motion));
-    let changed: Vec<f64> = first
-        .motion
-        .rate
-        .iter()
-        .zip(&given.rate)
-        .map(|(a, b)| a - b)
-        .collect();
+    let changed: Vec<f64> = first.motion.rate.iter().zip(&given.rate).map(|(a, b)| a - b).collect();
     let velocity_correction = size(&changed);
     let (mut method, mut why) = chosen(eq, method, &first, &plan, counts)?;
     if matches!(method, Method::Explicit(None)) && Minimal::pays(eq, &first.motion) {
@@ -127,20 +117,12 @@ pub fn simulate(
     if let Some(remark) = scheme.remark() {
         why = format!("{why}; {remark}");
     }
-    Ok(Simulated {
-        run,
-        method: method.name(),
-        why,
-        position_correction,
-        velocity_correction,
-    })
+    Ok(Simulated { run, method: method.name(), why, position_correction, velocity_correction })
 }
 
 fn at_start(error: Error) -> Error {
     match error {
-        Error::Convergence { message, .. } => {
-            Error::Assembly(format!("the motion cannot start: {message}"))
-        }
+        Error::Convergence { message, .. } => Error::Assembly(format!("the motion cannot start: {message}")),
         other => other,
     }
 }
@@ -166,9 +148,7 @@ fn chosen(
     let scales = eq.scales();
     let size = |v: &[f64]| scaled_size(v, &scales);
     let time = plan.end - first.motion.t;
-    let motion = size(&first.motion.rate)
-        .max(size(&first.acceleration).sqrt())
-        .max(1.0 / time);
+    let motion = size(&first.motion.rate).max(size(&first.acceleration).sqrt()).max(1.0 / time);
     let mut fastest = eq.fastest(first, counts)?;
     if let Some(still) = held_by_friction(eq, first, counts)? {
         fastest = fastest.max(eq.fastest(&still, counts)?);
@@ -185,11 +165,7 @@ fn chosen(
 }
 
 /// The start without its rates, where friction is steepest: what slides now may stick later. None without friction.
-fn held_by_friction(
-    eq: &Equations<'_, f64>,
-    first: &Instant,
-    counts: &mut Counts,
-) -> Result<Option<Instant>> {
+fn held_by_friction(eq: &Equations<'_, f64>, first: &Instant, counts: &mut Counts) -> Result<Option<Instant>> {
     let rubs = |l: &BoundLaw| matches!(l.law, Law::CoulombTanh);
     let mut connectors = eq.topology().connectors.iter();
     if !eq.effects.friction || !connectors.any(|c| c.laws.iter().any(rubs)) {

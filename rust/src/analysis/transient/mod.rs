@@ -181,9 +181,7 @@ pub trait Scheme {
 
 /// The largest entry over its scale; entries that are no numbers do not count.
 pub fn scaled_size(v: &[f64], scales: &[f64]) -> f64 {
-    v.iter()
-        .zip(scales)
-        .fold(0.0, |s, (v, c)| s.max((v / c).abs()))
+    v.iter().zip(scales).fold(0.0, |s, (v, c)| s.max((v / c).abs()))
 }
 
 /// The equations of motion of a system: values lifted to T once, evaluated at motions.
@@ -207,12 +205,7 @@ impl<'a, T: Real> Equations<'a, T> {
     }
 
     /// With a geometry that was derived before.
-    pub fn with_geometry(
-        system: &'a System,
-        x: Vec<T>,
-        geometry: Geometry<T>,
-        effects: Effects,
-    ) -> Self {
+    pub fn with_geometry(system: &'a System, x: Vec<T>, geometry: Geometry<T>, effects: Effects) -> Self {
         Equations {
             system,
             geometry,
@@ -252,12 +245,7 @@ impl<'a, T: Real> Equations<'a, T> {
     }
 
     pub fn place(&self, m: &Motion<T>) -> Placement<T> {
-        place(
-            self.topology(),
-            &self.geometry,
-            &m.relative,
-            Some(m.rate.as_slice()),
-        )
+        place(self.topology(), &self.geometry, &m.relative, Some(m.rate.as_slice()))
     }
 
     /// The one place where the time of a motion meets the system.
@@ -324,12 +312,7 @@ impl<'a, T: Real> Equations<'a, T> {
     }
 
     /// J a + gamma, without ever forming J.
-    pub fn row_accelerations(
-        &self,
-        m: &Motion<T>,
-        placement: &Placement<T>,
-        a: &[T],
-    ) -> DVector<T> {
+    pub fn row_accelerations(&self, m: &Motion<T>, placement: &Placement<T>, a: &[T]) -> DVector<T> {
         let scene = self.scene(m, placement, Some(a));
         scene.row_bias(&scene.free_accelerations()) + self.explicit_rates(m).1
     }
@@ -384,10 +367,7 @@ impl<'a, T: Real> Equations<'a, T> {
         let rate = laws.then_some(m.rate.as_slice());
         let placement = place(topology, &self.geometry, &m.relative, rate);
         for c in topology.connectors.iter().filter(|c| !c.laws.is_empty()) {
-            let numbers = Numbers {
-                x: &self.x,
-                memory: &m.memory,
-            };
+            let numbers = Numbers { x: &self.x, memory: &m.memory };
             let moved = continued_motion_of(topology, &self.geometry, &placement, numbers, c);
             for law in &c.laws {
                 let (e, v) = moved[law.component];
@@ -398,10 +378,7 @@ impl<'a, T: Real> Equations<'a, T> {
         }
         let mut memory = std::mem::take(&mut m.memory);
         let before = memory.clone();
-        let scene = Scene {
-            memory: &before,
-            ..self.scene(m, &placement, None)
-        };
+        let scene = Scene { memory: &before, ..self.scene(m, &placement, None) };
         scene.remember_turns(&mut memory);
         m.memory = memory;
     }
@@ -435,8 +412,7 @@ impl<'a, T: Real> Equations<'a, T> {
             if node.kind == JointKind::Node {
                 continue;
             }
-            let universal = (node.kind == JointKind::Universal)
-                .then(|| universal_angles(node.reversed, &p.r, &q.r));
+            let universal = (node.kind == JointKind::Universal).then(|| universal_angles(node.reversed, &p.r, &q.r));
             for (k, f) in node.kind.freedoms(node.reversed).iter().enumerate() {
                 let d = match (f.rotation, &universal) {
                     (false, _) => q.p[f.axis] - p.p[f.axis],
@@ -455,12 +431,7 @@ impl<'a, T: Real> Equations<'a, T> {
         out
     }
 
-    fn on_rotations(
-        &self,
-        increment: &[T],
-        rate: &[T],
-        map: impl Fn(V3<T>, V3<T>) -> V3<T>,
-    ) -> Vec<T> {
+    fn on_rotations(&self, increment: &[T], rate: &[T], map: impl Fn(V3<T>, V3<T>) -> V3<T>) -> Vec<T> {
         let mut out = rate.to_vec();
         for node in &self.topology().nodes {
             if !matches!(node.kind, JointKind::Spherical | JointKind::Free) {
@@ -484,20 +455,8 @@ impl<'a, T: Real> Equations<'a, T> {
 fn left_jacobian_parts<T: Real>(s: T) -> (T, T) {
     if s.re() < 0.05 {
         let term = |c: [f64; 5]| c.iter().rev().fold(T::zero(), |sum, c| sum * s + *c);
-        let a = [
-            1.0 / 2.0,
-            -1.0 / 24.0,
-            1.0 / 720.0,
-            -1.0 / 40_320.0,
-            1.0 / 3_628_800.0,
-        ];
-        let b = [
-            1.0 / 6.0,
-            -1.0 / 120.0,
-            1.0 / 5040.0,
-            -1.0 / 362_880.0,
-            1.0 / 39_916_800.0,
-        ];
+        let a = [1.0 / 2.0, -1.0 / 24.0, 1.0 / 720.0, -1.0 / 40_320.0, 1.0 / 3_628_800.0];
+        let b = [1.0 / 6.0, -1.0 / 120.0, 1.0 / 5040.0, -1.0 / 362_880.0, 1.0 / 39_916_800.0];
         return (term(a), term(b));
     }
     let t = s.sqrt();

@@ -45,14 +45,8 @@ impl Penalty {
                 if d > 0.0 { 1.0 / d.sqrt() } else { 1.0 }
             })
             .collect();
-        let sizes: Vec<f64> = (0..m)
-            .map(|i| {
-                (0..n)
-                    .map(|j| (right[(i, j)] * column[j]).powi(2))
-                    .sum::<f64>()
-                    .sqrt()
-            })
-            .collect();
+        let sizes: Vec<f64> =
+            (0..m).map(|i| (0..n).map(|j| (right[(i, j)] * column[j]).powi(2)).sum::<f64>().sqrt()).collect();
         let largest = sizes.iter().copied().fold(0.0, f64::max);
         // a row that is rounding only, as those across the plane of a flat loop, must not be blown up to a constraint
         let row: Vec<f64> = sizes
@@ -75,47 +69,26 @@ impl Penalty {
         } else {
             Lu::Large(MatRef::from_column_major_slice(p.as_slice(), n, n).partial_piv_lu())
         };
-        Ok(Penalty {
-            a,
-            left,
-            right,
-            column,
-            row,
-            lu,
-        })
+        Ok(Penalty { a, left, right, column, row, lu })
     }
 
     /// A, without its scales.
     pub fn matrix(&self) -> DMatrix<f64> {
         let n = self.column.len();
-        DMatrix::from_fn(n, n, |i, j| {
-            self.a[(i, j)] / (self.column[i] * self.column[j])
-        })
+        DMatrix::from_fn(n, n, |i, j| self.a[(i, j)] / (self.column[i] * self.column[j]))
     }
 
     /// x (n, k) and y (m, k) with A x + L y = f, R x = g.
-    pub fn solve(
-        &self,
-        f: &DMatrix<f64>,
-        g: &DMatrix<f64>,
-    ) -> Result<(DMatrix<f64>, DMatrix<f64>)> {
+    pub fn solve(&self, f: &DMatrix<f64>, g: &DMatrix<f64>) -> Result<(DMatrix<f64>, DMatrix<f64>)> {
         self.passes(f, g, false)
     }
 
     /// x and y with A^T x + R^T y = f, L^T x = g.
-    pub fn solve_transposed(
-        &self,
-        f: &DMatrix<f64>,
-        g: &DMatrix<f64>,
-    ) -> Result<(DMatrix<f64>, DMatrix<f64>)> {
+    pub fn solve_transposed(&self, f: &DMatrix<f64>, g: &DMatrix<f64>) -> Result<(DMatrix<f64>, DMatrix<f64>)> {
         self.passes(f, g, true)
     }
 
-    pub fn solve_one(
-        &self,
-        f: &DVector<f64>,
-        g: &DVector<f64>,
-    ) -> Result<(DVector<f64>, DVector<f64>)> {
+    pub fn solve_one(&self, f: &DVector<f64>, g: &DVector<f64>) -> Result<(DVector<f64>, DVector<f64>)> {
         let (x, y) = self.solve(
             &DMatrix::from_column_slice(f.len(), 1, f.as_slice()),
             &DMatrix::from_column_slice(g.len(), 1, g.as_slice()),
@@ -123,12 +96,7 @@ impl Penalty {
         Ok((x.column(0).into_owned(), y.column(0).into_owned()))
     }
 
-    fn passes(
-        &self,
-        f: &DMatrix<f64>,
-        g: &DMatrix<f64>,
-        transposed: bool,
-    ) -> Result<(DMatrix<f64>, DMatrix<f64>)> {
+    fn passes(&self, f: &DMatrix<f64>, g: &DMatrix<f64>, transposed: bool) -> Result<(DMatrix<f64>, DMatrix<f64>)> {
         let (n, m, k) = (self.column.len(), self.row.len(), f.ncols());
         let f = DMatrix::from_fn(n, k, |i, j| f[(i, j)] * self.column[i]);
         let g = DMatrix::from_fn(m, k, |i, j| g[(i, j)] * self.row[i]);
@@ -138,10 +106,7 @@ impl Penalty {
             let (r1, r2) = if pass == 0 {
                 (f.clone(), g.clone())
             } else if transposed {
-                (
-                    &f - self.a.tr_mul(&x) - self.right.tr_mul(&y),
-                    &g - self.left.tr_mul(&x),
-                )
+                (&f - self.a.tr_mul(&x) - self.right.tr_mul(&y), &g - self.left.tr_mul(&x))
             } else {
                 (&f - &self.a * &x - &self.left * &y, &g - &self.right * &x)
             };
@@ -151,15 +116,9 @@ impl Penalty {
                 self.back(r1 + &self.left * &r2 * ALPHA, false)
             };
             if dx.iter().any(|v| !v.is_finite()) {
-                return Err(Error::singular(
-                    "the equations of a step are singular: a motion without inertia",
-                ));
+                return Err(Error::singular("the equations of a step are singular: a motion without inertia"));
             }
-            let reached = if transposed {
-                self.left.tr_mul(&dx)
-            } else {
-                &self.right * &dx
-            };
+            let reached = if transposed { self.left.tr_mul(&dx) } else { &self.right * &dx };
             // R dx - r2, not R x - g: the rounding of x would come back alpha-fold
             let dy = (reached - r2) * ALPHA;
             x += &dx;
@@ -212,27 +171,11 @@ mod tests {
 
     #[test]
     fn solves_with_redundant_rows_and_transposed() -> Result<()> {
-        let a = DMatrix::from_fn(4, 4, |i, j| {
-            if i == j {
-                3.0 + i as f64
-            } else {
-                0.2 * i as f64 - 0.1 * j as f64
-            }
-        });
-        let r = DMatrix::from_row_slice(
-            3,
-            4,
-            &[1.0, -1.0, 0.5, 0.0, 2.0, -2.0, 1.0, 0.0, 0.0, 1.0, 1.0, 2.0],
-        );
+        let a = DMatrix::from_fn(4, 4, |i, j| if i == j { 3.0 + i as f64 } else { 0.2 * i as f64 - 0.1 * j as f64 });
+        let r = DMatrix::from_row_slice(3, 4, &[1.0, -1.0, 0.5, 0.0, 2.0, -2.0, 1.0, 0.0, 0.0, 1.0, 1.0, 2.0]);
         let p = Penalty::new(&a, &r.transpose(), &r)?;
         let f = DMatrix::from_fn(4, 2, |i, j| (i + 2 * j) as f64 - 1.5);
-        let g = DMatrix::from_fn(3, 2, |i, j| {
-            if i == 1 {
-                2.0 * (0.3 + j as f64)
-            } else {
-                0.3 + j as f64
-            }
-        });
+        let g = DMatrix::from_fn(3, 2, |i, j| if i == 1 { 2.0 * (0.3 + j as f64) } else { 0.3 + j as f64 });
         let (x, y) = p.solve(&f, &g)?;
         assert!((&a * &x + r.transpose() * &y - &f).amax() < 1e-14);
         assert!((&r * &x - &g).amax() < 1e-14);

@@ -20,17 +20,12 @@ impl Equations<'_, f64> {
         let topology = self.topology();
         let slides = |law: &Law| law.n_memory() > 0;
         let connectors = topology.connectors.iter();
-        let sliding: Vec<_> = connectors
-            .filter(|c| c.laws.iter().any(|l| slides(&l.law)))
-            .collect();
+        let sliding: Vec<_> = connectors.filter(|c| c.laws.iter().any(|l| slides(&l.law))).collect();
         if sliding.is_empty() {
             return None;
         }
         let (before, after) = (self.place(from), self.place(to));
-        let numbers = Numbers {
-            x: &self.x,
-            memory: &from.memory,
-        };
+        let numbers = Numbers { x: &self.x, memory: &from.memory };
         let mut first: Option<f64> = None;
         for c in sliding {
             let moved = |place| continued_motion_of(topology, &self.geometry, place, numbers, c);
@@ -60,11 +55,7 @@ struct Way {
 
 impl Way {
     fn new(start: (f64, f64), end: (f64, f64), h: f64) -> Self {
-        Way {
-            e: [start.0, end.0],
-            d: [h * start.1, h * end.1],
-            rate: end.1,
-        }
+        Way { e: [start.0, end.0], d: [h * start.1, h * end.1], rate: end.1 }
     }
 
     fn at(&self, s: f64) -> f64 {
@@ -84,10 +75,8 @@ impl Way {
             return Vec::new();
         }
         let q = -(b + inside.sqrt().copysign(b));
-        let mut roots: Vec<f64> = [q / a, d0 / q]
-            .into_iter()
-            .filter(|s| s.is_finite() && *s > 0.0 && *s < 1.0)
-            .collect();
+        let mut roots: Vec<f64> =
+            [q / a, d0 / q].into_iter().filter(|s| s.is_finite() && *s > 0.0 && *s < 1.0).collect();
         roots.sort_by(f64::total_cmp);
         roots
     }

@@ -76,11 +76,7 @@ impl Saddle {
         let largest = row.iter().copied().fold(0.0, f64::max);
         for r in &mut row {
             // rows of rounding alone, as those across the plane of a flat loop, must not be blown up to constraints
-            let size = if *r > ROUNDING * ROUNDING * largest {
-                *r
-            } else {
-                largest
-            };
+            let size = if *r > ROUNDING * ROUNDING * largest { *r } else { largest };
             *r = if size > 0.0 { 1.0 / size.sqrt() } else { 1.0 };
         }
         if a.is_sparse() {
@@ -104,13 +100,7 @@ impl Saddle {
             Factor::Large(Box::new(view.partial_piv_lu()))
         };
         let matrix = Scaled::Dense(matrix);
-        Ok(Saddle {
-            n,
-            matrix,
-            column,
-            row,
-            factor,
-        })
+        Ok(Saddle { n, matrix, column, row, factor })
     }
 
     fn sparse(
@@ -128,11 +118,7 @@ impl Saddle {
             list.push(((n + i) as u32, j as u32, v));
             list.push((j as u32, (n + i) as u32, v));
         });
-        let eps = if ordering.is_some() {
-            PROXIMAL_LDL
-        } else {
-            PROXIMAL
-        };
+        let eps = if ordering.is_some() { PROXIMAL_LDL } else { PROXIMAL };
         let regular = (n..n + m).map(|i| (i as u32, i as u32, -eps));
         let all = || list.iter().copied().chain(regular.clone());
         let factor = match ordering {
@@ -155,32 +141,17 @@ impl Saddle {
                 Factor::Sparse(Box::new(lu))
             }
         };
-        Ok(Saddle {
-            n,
-            matrix: Scaled::List(list),
-            column,
-            row,
-            factor,
-        })
+        Ok(Saddle { n, matrix: Scaled::List(list), column, row, factor })
     }
 
     /// x and lam with A x + J^T lam = r, J x = s.
-    pub fn solve(
-        &self,
-        r: &DVector<f64>,
-        s: &DVector<f64>,
-    ) -> Result<(DVector<f64>, DVector<f64>)> {
+    pub fn solve(&self, r: &DVector<f64>, s: &DVector<f64>) -> Result<(DVector<f64>, DVector<f64>)> {
         let (n, m) = (self.n, self.row.len());
         if n + m == 0 {
             return Ok((DVector::zeros(0), DVector::zeros(0)));
         }
-        let right = DVector::from_fn(n + m, |i, _| {
-            if i < n {
-                r[i] * self.column[i]
-            } else {
-                s[i - n] * self.row[i - n]
-            }
-        });
+        let right =
+            DVector::from_fn(n + m, |i, _| if i < n { r[i] * self.column[i] } else { s[i - n] * self.row[i - n] });
         let mut z = self.once(&right)?;
         let mut left = f64::INFINITY;
         for _ in 0..REFINEMENTS {
@@ -193,10 +164,7 @@ impl Saddle {
             left = size;
             z += self.once(&miss)?;
         }
-        Ok((
-            DVector::from_fn(n, |i, _| z[i] * self.column[i]),
-            DVector::from_fn(m, |i, _| z[n + i] * self.row[i]),
-        ))
+        Ok((DVector::from_fn(n, |i, _| z[i] * self.column[i]), DVector::from_fn(m, |i, _| z[n + i] * self.row[i])))
     }
 
     fn times(&self, z: &DVector<f64>) -> DVector<f64> {
@@ -227,11 +195,7 @@ impl Saddle {
         };
         solution
             .filter(|x| x.iter().all(|v| v.is_finite()))
-            .ok_or_else(|| {
-                Error::singular(
-                    "the equations of motion are singular here: a motion without inertia",
-                )
-            })
+            .ok_or_else(|| Error::singular("the equations of motion are singular here: a motion without inertia"))
     }
 }
 
@@ -257,26 +221,18 @@ mod tests {
         let twice = DMatrix::from_row_slice(2, 3, &[1.0, -1.0, 0.5, 2.0, -2.0, 1.0]);
         let r = DVector::from_row_slice(&[1.0, 0.2, -0.4]);
         let s = 0.3;
-        let (x, lam) = Saddle::new(&a, &once)
-            .unwrap()
-            .solve(&r, &DVector::from_row_slice(&[s]))
-            .unwrap();
+        let (x, lam) = Saddle::new(&a, &once).unwrap().solve(&r, &DVector::from_row_slice(&[s])).unwrap();
         let ordering = Ordering::default();
         for saddle in [
             Saddle::new(&a, &twice).unwrap(),
             Saddle::of(&listed(&a), &listed(&twice), Some(&ordering)).unwrap(),
             Saddle::of(&listed(&a), &listed(&twice), None).unwrap(),
         ] {
-            let (y, mu) = saddle
-                .solve(&r, &DVector::from_row_slice(&[s, 2.0 * s]))
-                .unwrap();
+            let (y, mu) = saddle.solve(&r, &DVector::from_row_slice(&[s, 2.0 * s])).unwrap();
             assert!((&x - &y).amax() < 1e-14);
             assert!((&a * &x + once.transpose() * &lam - &r).amax() < 1e-14);
             assert!((lam[0] - mu[0] - 2.0 * mu[1]).abs() < 1e-13);
-            assert!(
-                (mu[0] - 2.0 * mu[1]).abs() < 1e-7,
-                "rows of one direction carry alike when scaled"
-            );
+            assert!((mu[0] - 2.0 * mu[1]).abs() < 1e-7, "rows of one direction carry alike when scaled");
         }
     }
 }

@@ -36,11 +36,7 @@ impl Equations<'_, f64> {
             return Ok(None);
         }
         // corrections grow as 1/d
-        let part = if between >= most {
-            0.5
-        } else {
-            1.0 / (1.0 - here / there)
-        };
+        let part = if between >= most { 0.5 } else { 1.0 / (1.0 - here / there) };
         Ok(Some(part * AHEAD / speed))
     }
 

@@ -19,9 +19,7 @@ impl Equations<'_, f64> {
         let mut fastest = 0.0_f64;
         for displaced in [true, false] {
             // no direction is special, and none is left out
-            let mut x: Vec<f64> = (0..n)
-                .map(|i| scales[i] * (1.0 + 0.37 * ((i * 7) % 5) as f64))
-                .collect();
+            let mut x: Vec<f64> = (0..n).map(|i| scales[i] * (1.0 + 0.37 * ((i * 7) % 5) as f64)).collect();
             let mut growth = 0.0;
             for _ in 0..ITERATIONS {
                 let unit = NUDGE / size(&x).max(1e-300);
@@ -33,12 +31,7 @@ impl Equations<'_, f64> {
                     m.rate.iter_mut().zip(&nudge).for_each(|(r, d)| *r += d);
                 }
                 let there = self.instant(m, counts)?;
-                x = there
-                    .acceleration
-                    .iter()
-                    .zip(&at.acceleration)
-                    .map(|(a, b)| a - b)
-                    .collect();
+                x = there.acceleration.iter().zip(&at.acceleration).map(|(a, b)| a - b).collect();
                 growth = size(&x) / NUDGE;
                 if growth == 0.0 {
                     break;
@@ -70,8 +63,7 @@ impl Equations<'_, f64> {
         let scene = self.scene(m, &placement, Some(a));
         let lam = (!lam.is_empty()).then_some(lam);
         let n = self.n();
-        let mut tangent: Tangent<f64, Matrix> =
-            scene.tangent_into(lam, counts, || Matrix::zeros(n, n, self.sparse));
+        let mut tangent: Tangent<f64, Matrix> = scene.tangent_into(lam, counts, || Matrix::zeros(n, n, self.sparse));
         self.hold_rates(m, a, &mut tangent);
         let mut jacobian = Matrix::zeros(self.n_rows(), n, self.sparse);
         scene.constraints_into(&mut jacobian);
@@ -81,10 +73,7 @@ impl Equations<'_, f64> {
         jacobian.turn_columns(&triples);
         let mut matrix = tangent.mass;
         matrix.add_scaled(&stiffness, ck);
-        for d in [&tangent.damping, &tangent.gyroscopic]
-            .into_iter()
-            .flatten()
-        {
+        for d in [&tangent.damping, &tangent.gyroscopic].into_iter().flatten() {
             matrix.add_scaled(d, cd);
         }
         (matrix, jacobian)
@@ -112,10 +101,7 @@ impl Equations<'_, f64> {
     /// The largest angle of three rotations together.
     pub fn widest_rotation(&self, theta: &[f64]) -> f64 {
         self.rotation_triples()
-            .map(|(i, _)| {
-                (theta[i] * theta[i] + theta[i + 1] * theta[i + 1] + theta[i + 2] * theta[i + 2])
-                    .sqrt()
-            })
+            .map(|(i, _)| (theta[i] * theta[i] + theta[i + 1] * theta[i + 1] + theta[i + 2] * theta[i + 2]).sqrt())
             .fold(0.0, f64::max)
     }
 }

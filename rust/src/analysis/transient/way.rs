@@ -21,12 +21,7 @@ impl Equations<'_, f64> {
     pub(super) fn half_turn(&self, here: &Instant) -> f64 {
         const TURN: f64 = 2.0;
         let nodes = self.topology().nodes.iter();
-        let counted = nodes.filter(|n| {
-            !matches!(
-                n.kind,
-                JointKind::Spherical | JointKind::Free | JointKind::Node
-            )
-        });
+        let counted = nodes.filter(|n| !matches!(n.kind, JointKind::Spherical | JointKind::Free | JointKind::Node));
         let dofs = counted.flat_map(|n| n.first..n.first + n.n);
         let turning = dofs.filter(|d| self.topology().dofs[*d].freedom.rotation);
         turning.fold(f64::INFINITY, |h, d| {
@@ -49,10 +44,7 @@ pub(super) fn finest(way: &Way) -> f64 {
 }
 
 /// What makes the next step: the detour's scheme while there is one.
-pub(super) fn active<'s>(
-    detour: &'s mut Option<Detour>,
-    scheme: &'s mut dyn Scheme,
-) -> &'s mut dyn Scheme {
+pub(super) fn active<'s>(detour: &'s mut Option<Detour>, scheme: &'s mut dyn Scheme) -> &'s mut dyn Scheme {
     match detour {
         Some(d) => d.scheme.as_mut(),
         None => scheme,

@@ -40,15 +40,7 @@ pub fn step_back(
     }
     let hand = &mut recorder.hand;
     let (from, end) = (&from.instant, &end.instant);
-    let mut star = projections_back(
-        hand,
-        eq,
-        (from, end),
-        (record, factors),
-        weight,
-        &at,
-        &mut before,
-    )?;
+    let mut star = projections_back(hand, eq, (from, end), (record, factors), weight, &at, &mut before)?;
     let f = 2.0 / h;
     let mut increment = eq.turned_columns(DMatrix::from_row_slice(1, eq.n(), &star.q), &record.dq);
     for i in 0..eq.n() {
@@ -56,18 +48,9 @@ pub fn step_back(
     }
     let c = 0.25 * h * h;
     let multipliers: Vec<f64> = at.lam.iter().map(|l| l / c).collect();
-    let (u, w) = factors
-        .step
-        .solve_transposed(&column(increment.as_slice()), &column(&multipliers))?;
+    let (u, w) = factors.step.solve_transposed(&column(increment.as_slice()), &column(&multipliers))?;
     let (m, a) = stars(eq, &from.motion, &from.acceleration, &record.dq, h);
-    let found = hand.balance(
-        &m,
-        &a,
-        &record.lam,
-        (u.as_slice(), w.as_slice()),
-        c,
-        0.5 * h,
-    );
+    let found = hand.balance(&m, &a, &record.lam, (u.as_slice(), w.as_slice()), c, 0.5 * h);
     add(&mut star.q, &found.q);
     add(&mut star.rate, &found.rate);
     add(&mut star.acceleration, &found.acceleration);
@@ -110,10 +93,7 @@ fn projections_back(
     star.rate = transposed_times(&matrix, &u2.column(0).into_owned());
     star.acceleration = transposed_times(&matrix, &u3.column(0).into_owned());
     let (m, a) = stars(eq, &from.motion, &from.acceleration, &record.dq, record.h);
-    for (u, change) in [
-        (&u2, (&record.dv[..], &record.kappa[..])),
-        (&u3, (&record.da[..], &record.nu[..])),
-    ] {
+    for (u, change) in [(&u2, (&record.dv[..], &record.kappa[..])), (&u3, (&record.da[..], &record.nu[..]))] {
         let found = hand.metric(&m, &a, change, u.as_slice(), record.h, weight);
         add(&mut star.q, &found.q);
         add(&mut star.rate, &found.rate);

@@ -42,18 +42,8 @@ pub fn step_back(
         at.acceleration[i] += d / h;
         before.acceleration[i] -= d / h;
     }
-    let there = Motion {
-        memory: from.instant.motion.memory.clone(),
-        ..end.instant.motion.clone()
-    };
-    accelerations_back(
-        recorder,
-        &there,
-        &end.instant,
-        &by.end,
-        &mut at,
-        &mut before,
-    )?;
+    let there = Motion { memory: from.instant.motion.memory.clone(), ..end.instant.motion.clone() };
+    accelerations_back(recorder, &there, &end.instant, &by.end, &mut at, &mut before)?;
     let star = rates_back(recorder, &there, &by, &mut at)?;
     let start = Load::of(carried);
     let of = (&from.instant.motion, &there);
@@ -64,12 +54,7 @@ pub fn step_back(
         true => vec![0.0; own.0.len()],
         false => own.0.iter().map(|d| shift * d).collect(),
     };
-    before.load = Some(Load {
-        a: own.0,
-        rate_slope: own.1,
-        slope,
-        h: 0.0,
-    });
+    before.load = Some(Load { a: own.0, rate_slope: own.1, slope, h: 0.0 });
     Ok(before)
 }
 
@@ -97,12 +82,7 @@ pub fn accelerations_back(
 }
 
 /// A scheme that starts anew: from the adjoints after that to those before it.
-pub fn anew_back(
-    recorder: &mut Recorder<'_>,
-    end: &Here,
-    anew: &Here,
-    mut at: Adjoint,
-) -> Result<Adjoint> {
+pub fn anew_back(recorder: &mut Recorder<'_>, end: &Here, anew: &Here, mut at: Adjoint) -> Result<Adjoint> {
     at.first();
     let mut before = Adjoint::none(end);
     let m = &anew.instant.motion;
@@ -115,27 +95,17 @@ pub fn anew_back(
 }
 
 /// Rates of the end by its poses (added to `at`) and by v* (returned).
-fn rates_back(
-    recorder: &mut Recorder<'_>,
-    there: &Motion<f64>,
-    by: &Solved,
-    at: &mut Adjoint,
-) -> Result<Vec<f64>> {
+fn rates_back(recorder: &mut Recorder<'_>, there: &Motion<f64>, by: &Solved, at: &mut Adjoint) -> Result<Vec<f64>> {
     let rows = recorder.eq.n_rows();
     if rows == 0 {
         return Ok(at.rate.clone());
     }
-    let (u, w) = by
-        .end
-        .solve_transposed(&column(&at.rate), &DMatrix::zeros(rows, 1))?;
+    let (u, w) = by.end.solve_transposed(&column(&at.rate), &DMatrix::zeros(rows, 1))?;
     let (hand, u1) = (&mut recorder.hand, u.as_slice());
     let mut q = hand.mass(there, (&by.dv, &by.kappa), u1).q;
     add(&mut q, &hand.row_rates(there, w.as_slice()));
     add_numbers(recorder.eq, there, &q, &mut at.pose);
-    Ok(transposed_times(
-        &by.end.matrix(),
-        &u.column(0).into_owned(),
-    ))
+    Ok(transposed_times(&by.end.matrix(), &u.column(0).into_owned()))
 }
 
 /// Adjoints of what `reached` takes: increments and rates of the start, a0, s0, s1.
@@ -157,20 +127,13 @@ fn reached_back(
     a1: &[f64],
 ) -> Taken {
     let by_dq = eq.turned_columns(DMatrix::from_row_slice(1, q.len(), q), dq);
-    let mut out = Taken {
-        q: q.to_vec(),
-        rate: Vec::new(),
-        a0: Vec::new(),
-        s0: Vec::new(),
-        s1: Vec::new(),
-    };
+    let mut out = Taken { q: q.to_vec(), rate: Vec::new(), a0: Vec::new(), s0: Vec::new(), s1: Vec::new() };
     before_move(eq, dq, &mut out.q);
     for (i, v) in star.iter().enumerate() {
         let (d, unit) = (by_dq[i], 1.0 / (1.0 - p.am));
         let a = a1[i] + h * h * p.beta * d + h * p.gamma * v;
         out.rate.push(h * d + v);
-        out.a0
-            .push(h * h * (0.5 - p.beta) * d + h * (1.0 - p.gamma) * v - p.am * unit * a);
+        out.a0.push(h * h * (0.5 - p.beta) * d + h * (1.0 - p.gamma) * v - p.am * unit * a);
         out.s0.push(p.af * unit * a);
         out.s1.push((1.0 - p.af) * unit * a);
     }
@@ -194,9 +157,7 @@ fn stage_back(
     let mut taken = reached_back(eq, (p, h), &dq, &q, star, &load.a);
     let (b, g) = p.slopes();
     let unit = 1.0 / (h * h * b);
-    let wanted: Vec<f64> = (taken.s1.iter().zip(&load.rate_slope))
-        .map(|(a, b)| (a + b) * unit)
-        .collect();
+    let wanted: Vec<f64> = (taken.s1.iter().zip(&load.rate_slope)).map(|(a, b)| (a + b) * unit).collect();
     let none = DMatrix::zeros(eq.n_rows(), 1);
     let (u, w) = by.step.solve_transposed(&column(&wanted), &none)?;
     let uw = (u.as_slice(), w.as_slice());

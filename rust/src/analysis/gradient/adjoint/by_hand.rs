@@ -37,12 +37,7 @@ pub struct ByHand<'a> {
 
 impl<'a> ByHand<'a> {
     pub fn new(eq: &'a Equations<'a, f64>) -> Self {
-        ByHand {
-            eq,
-            dual: lifted(eq),
-            plain: Slopes::none(eq),
-            along: Slopes::none(eq),
-        }
+        ByHand { eq, dual: lifted(eq), plain: Slopes::none(eq), along: Slopes::none(eq) }
     }
 
     /// -u.r - w.(rows), r with multipliers, times f; rows on velocity level times `speed`.
@@ -59,11 +54,7 @@ impl<'a> ByHand<'a> {
         let rows = &self.eq.topology().rows;
         let of = |level: Level, factor: f64| -> Vec<f64> {
             let one = |(i, w): (usize, &f64)| {
-                if rows[i].level == level {
-                    -factor * w
-                } else {
-                    0.0
-                }
+                if rows[i].level == level { -factor * w } else { 0.0 }
             };
             w.iter().enumerate().map(one).collect()
         };
@@ -103,11 +94,7 @@ impl<'a> ByHand<'a> {
 
     /// -w.(J a + gamma) by configuration and rates: J v + Phi_t in the direction of the motion.
     pub fn row_bias(&mut self, m: &Motion<f64>, a: &[f64], w: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let along = Along {
-            increment: &m.rate,
-            rate: a,
-            factors: [1.0, 1.0],
-        };
+        let along = Along { increment: &m.rate, rate: a, factors: [1.0, 1.0] };
         let beta: Vec<_> = w.iter().map(|w| Dual64::from(-w)).collect();
         let moved = self.moved(m, &along);
         let power = Power {
@@ -144,11 +131,7 @@ impl<'a> ByHand<'a> {
         if weight == Weight::Mass {
             return self.mass(m, (d, y), u);
         }
-        let along = Along {
-            increment: d,
-            rate: d,
-            factors: [0.25 * h * h, 0.5 * h],
-        };
+        let along = Along { increment: d, rate: d, factors: [0.25 * h * h, 0.5 * h] };
         let moved = self.moved(m, &along);
         let a: Vec<_> = a.iter().zip(d).map(|(a, d)| Dual64::new(*a, *d)).collect();
         let kappa: Vec<_> = y.iter().map(|y| Dual64::new(0.0, -y)).collect();
@@ -194,29 +177,15 @@ impl<'a> ByHand<'a> {
         let start = Motion {
             t: m.t,
             relative: m.relative.iter().map(Pose::<f64>::lifted).collect(),
-            rate: m
-                .rate
-                .iter()
-                .zip(along.rate)
-                .map(|(v, d)| pair(v, d))
-                .collect(),
+            rate: m.rate.iter().zip(along.rate).map(|(v, d)| pair(v, d)).collect(),
             memory: m.memory.iter().map(|v| Dual64::from(*v)).collect(),
         };
-        let dy: Vec<_> = along
-            .increment
-            .iter()
-            .map(|d| Dual64::new(0.0, f * d))
-            .collect();
+        let dy: Vec<_> = along.increment.iter().map(|d| Dual64::new(0.0, f * d)).collect();
         start.moved(self.eq.topology(), &dy)
     }
 
     fn plain_found(&mut self, t: f64) -> Found {
-        let by: Vec<_> = self
-            .plain
-            .motions
-            .iter()
-            .map(|[v, d]| [*v, *d, 0.0])
-            .collect();
+        let by: Vec<_> = self.plain.motions.iter().map(|[v, d]| [*v, *d, 0.0]).collect();
         motions_back(self.eq, t, &by, &mut self.plain.geometry);
         Found {
             q: self.plain.q.clone(),
@@ -232,21 +201,13 @@ impl<'a> ByHand<'a> {
         let found = &self.along;
         let mut q = of(&found.q);
         let values: Vec<f64> = found.q.iter().map(|d| d.re).collect();
-        let theta: Vec<f64> = along
-            .increment
-            .iter()
-            .map(|d| along.factors[0] * d)
-            .collect();
+        let theta: Vec<f64> = along.increment.iter().map(|d| along.factors[0] * d).collect();
         add_small_move(self.eq, &theta, &values, &mut q);
         let run = if timed { 1.0 } else { 0.0 };
         let by = |[v, d]: &[Dual64; 2]| [v.eps, run * v.re + d.eps, run * d.re];
         let by: Vec<_> = found.motions.iter().map(by).collect();
-        let found = Found {
-            q,
-            rate: of(&found.rate),
-            acceleration: of(&found.acceleration),
-            memory: of(&found.memory),
-        };
+        let found =
+            Found { q, rate: of(&found.rate), acceleration: of(&found.acceleration), memory: of(&found.memory) };
         motions_back(self.eq, t, &by, &mut self.plain.geometry);
         found
     }
@@ -270,9 +231,7 @@ impl<'a> ByHand<'a> {
             0.0
         });
         let mut rest = by_geometry.iter();
-        let _ = along
-            .geometry
-            .map(|v: Dual64| put(rest.next().unwrap_or(&0.0) + v.eps));
+        let _ = along.geometry.map(|v: Dual64| put(rest.next().unwrap_or(&0.0) + v.eps));
     }
 }
 

@@ -77,9 +77,7 @@ pub fn add_numbers(eq: &Equations<'_, f64>, m: &Motion<f64>, by: &[f64], onto: &
 /// First coordinate and sign of three rotations that act together.
 fn triples<'a>(eq: &Equations<'a, f64>) -> impl Iterator<Item = (usize, f64)> + use<'a> {
     let nodes = eq.topology().nodes.iter();
-    nodes
-        .filter(|n| matches!(n.kind, JointKind::Spherical | JointKind::Free))
-        .map(|n| (n.first + n.n - 3, sign(n)))
+    nodes.filter(|n| matches!(n.kind, JointKind::Spherical | JointKind::Free)).map(|n| (n.first + n.n - 3, sign(n)))
 }
 
 fn three(v: &[f64], first: usize) -> V3<f64> {

@@ -59,10 +59,7 @@ struct Stretch {
 
 impl Stretch {
     fn at(first: &Here) -> Self {
-        Stretch {
-            places: vec![first.clone()],
-            steps: Vec::new(),
-        }
+        Stretch { places: vec![first.clone()], steps: Vec::new() }
     }
 }
 
@@ -115,11 +112,8 @@ pub fn forward(
             out.checkpoints.push(here.clone());
             march.forget();
         }
-        let at = Point {
-            motion: &here.instant.motion,
-            acceleration: &here.instant.acceleration,
-            lam: &here.instant.lam,
-        };
+        let at =
+            Point { motion: &here.instant.motion, acceleration: &here.instant.acceleration, lam: &here.instant.lam };
         out.values.extend(evaluate(eq, &at, wanted)?);
     }
     out.kinks = watch.found;
@@ -130,13 +124,7 @@ pub fn forward(
 }
 
 /// The next place, and how it came about.
-fn stepped(
-    march: &mut March<'_>,
-    i: usize,
-    from: &Here,
-    cancel: &Cancel,
-    counts: &mut Counts,
-) -> Result<(Here, Gone)> {
+fn stepped(march: &mut March<'_>, i: usize, from: &Here, cancel: &Cancel, counts: &mut Counts) -> Result<(Here, Gone)> {
     let (end, made) = march.step(i, from, cancel, counts)?;
     Ok(match march.anew(i, &end, counts)? {
         None => (end, (made, None)),
@@ -209,9 +197,7 @@ pub fn backward(
                     let parts = (record, by.as_ref());
                     ali3p::step_back(&mut recorder, (from, end), parts, weight, at)?
                 }
-                (Made::Alpha(p, h), _) => {
-                    alpha::step_back(&mut recorder, from, end, *p, *h, at, counts)?
-                }
+                (Made::Alpha(p, h), _) => alpha::step_back(&mut recorder, from, end, *p, *h, at, counts)?,
                 _ => at,
             };
         }

@@ -35,12 +35,7 @@ impl Adjoint {
             acceleration: vec![0.0; at.acceleration.len()],
             memory: vec![0.0; at.motion.memory.len()],
             lam: vec![0.0; at.lam.len()],
-            load: here.carried.as_ref().map(|_| Load {
-                a: nothing(),
-                rate_slope: nothing(),
-                slope: nothing(),
-                h: 0.0,
-            }),
+            load: here.carried.as_ref().map(|_| Load { a: nothing(), rate_slope: nothing(), slope: nothing(), h: 0.0 }),
         }
     }
 
@@ -86,13 +81,7 @@ impl<'a> Recorder<'a> {
             v
         });
         let n_x = eq.x.len();
-        Recorder {
-            eq,
-            n_x,
-            n_geometry,
-            numbers: vec![0.0; n_x + n_geometry],
-            hand: ByHand::new(eq),
-        }
+        Recorder { eq, n_x, n_geometry, numbers: vec![0.0; n_x + n_geometry], hand: ByHand::new(eq) }
     }
 
     fn begin(&self) -> Equations<'a, Taped> {
@@ -110,30 +99,16 @@ impl<'a> Recorder<'a> {
             .iter()
             .map(|p| {
                 let numbers = all(&twelve(p));
-                Pose {
-                    p: Vector3::from_fn(|i, _| numbers[i]),
-                    r: Matrix3::from_fn(|i, j| numbers[3 + 3 * i + j]),
-                }
+                Pose { p: Vector3::from_fn(|i, _| numbers[i]), r: Matrix3::from_fn(|i, j| numbers[3 + 3 * i + j]) }
             })
             .collect();
-        let sizes = [
-            12 * relative.len(),
-            m.rate.len(),
-            m.memory.len(),
-            a.len(),
-            lam.len(),
-        ];
+        let sizes = [12 * relative.len(), m.rate.len(), m.memory.len(), a.len(), lam.len()];
         let mut places = [self.n_x + self.n_geometry; 6];
         for (i, n) in sizes.iter().enumerate() {
             places[i + 1] = places[i] + n;
         }
         Leaves {
-            motion: Motion {
-                t: m.t,
-                relative,
-                rate: all(&m.rate),
-                memory: all(&m.memory),
-            },
+            motion: Motion { t: m.t, relative, rate: all(&m.rate), memory: all(&m.memory) },
             acceleration: all(a),
             lam: all(lam),
             places,
@@ -146,14 +121,7 @@ impl<'a> Recorder<'a> {
         let own = self.n_x + self.n_geometry;
         add(&mut self.numbers, &d[..own]);
         let part = |i: usize| d[of.places[i]..of.places[i + 1]].to_vec();
-        Adjoint {
-            pose: part(0),
-            rate: part(1),
-            memory: part(2),
-            acceleration: part(3),
-            lam: part(4),
-            load: None,
-        }
+        Adjoint { pose: part(0), rate: part(1), memory: part(2), acceleration: part(3), lam: part(4), load: None }
     }
 
     /// Adjoints of the numbers x, those of the geometry carried to them.
@@ -181,9 +149,7 @@ fn twelve(p: &Pose<f64>) -> [f64; 12] {
 }
 
 fn weighed(v: &[Taped], by: &[f64]) -> Taped {
-    v.iter()
-        .zip(by)
-        .fold(Taped::from(0.0), |s, (v, w)| s + *v * *w)
+    v.iter().zip(by).fold(Taped::from(0.0), |s, (v, w)| s + *v * *w)
 }
 
 pub fn column(v: &[f64]) -> DMatrix<f64> {
@@ -203,11 +169,7 @@ pub fn seed(
     }
     let eq = recorder.begin();
     let leaves = recorder.leaves(&at.motion, &at.acceleration, &at.lam);
-    let point = Point {
-        motion: &leaves.motion,
-        acceleration: &leaves.acceleration,
-        lam: &leaves.lam,
-    };
+    let point = Point { motion: &leaves.motion, acceleration: &leaves.acceleration, lam: &leaves.lam };
     let sum = weighed(&evaluate(&eq, &point, wanted)?, seeds);
     let found = recorder.finish(sum, &leaves);
     add_all(onto, &found);
@@ -225,10 +187,7 @@ pub fn add_all(to: &mut Adjoint, d: &Adjoint) {
 /// What laws remember after the step, by what they remembered before and by where the step ended.
 pub fn remembered_back(recorder: &mut Recorder<'_>, from: &Here, end: &Here, at: &mut Adjoint) {
     let eq = recorder.begin();
-    let start = Motion {
-        memory: from.instant.motion.memory.clone(),
-        ..end.instant.motion.clone()
-    };
+    let start = Motion { memory: from.instant.motion.memory.clone(), ..end.instant.motion.clone() };
     let leaves = recorder.leaves(&start, &[], &[]);
     let mut m = leaves.motion.clone();
     eq.remember(&mut m, &mut Counts::default());

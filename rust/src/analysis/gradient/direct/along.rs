@@ -47,11 +47,8 @@ impl<'a> Along<'a> {
         counts: &mut Counts,
     ) -> Result<Self> {
         let (system, effects) = (eq.system, eq.effects);
-        let kind: Vec<(bool, bool)> = directions
-            .iter()
-            .map(|d| touched(system, effects, d))
-            .map(|t| (!t.whole, !t.rows))
-            .collect();
+        let kind: Vec<(bool, bool)> =
+            directions.iter().map(|d| touched(system, effects, d)).map(|t| (!t.whole, !t.rows)).collect();
         let mut order: Vec<usize> = (0..directions.len()).collect();
         order.sort_by_key(|p| kind[*p]);
         let projected = eq.n_rows() > 0;
@@ -127,12 +124,7 @@ impl<'a> Along<'a> {
             }
             // the change carries the increments x along
             let theta: Vec<f64> = changes[k].0.iter().map(|d| d * cx).collect();
-            out.gemm(
-                1.0,
-                &t.stiffness.map(|j| j.re),
-                &crossed(topology, &theta, x),
-                1.0,
-            );
+            out.gemm(1.0, &t.stiffness.map(|j| j.re), &crossed(topology, &theta, x), 1.0);
         }
         let held = Held::new(eq, &motion, &a, &lam);
         for chunk in &self.chunks {
@@ -166,13 +158,7 @@ impl<'a> Along<'a> {
     }
 
     /// Accelerations and multipliers of an instant, its motion known with derivatives.
-    pub fn accelerate(
-        &mut self,
-        m: &Motion<f64>,
-        there: &Instant,
-        by: &Penalty,
-        counts: &mut Counts,
-    ) -> Result<()> {
+    pub fn accelerate(&mut self, m: &Motion<f64>, there: &Instant, by: &Penalty, counts: &mut Counts) -> Result<()> {
         let eq = self.eq;
         let (a, lam) = (&there.acceleration, &there.lam);
         let linear = eq.linearised(m, a, lam, 0.0, counts).2;
@@ -193,17 +179,9 @@ impl<'a> Along<'a> {
         if self.eq.topology().turns == 0 {
             return;
         }
-        let motion = Motion {
-            memory: from.memory.clone(),
-            ..end.clone()
-        };
+        let motion = Motion { memory: from.memory.clone(), ..end.clone() };
         let (x, v, z) = (&self.now.x, &self.now.v, &self.now.z);
-        let at = Moving {
-            motion: &motion,
-            x,
-            v,
-            z,
-        };
+        let at = Moving { motion: &motion, x, v, z };
         let mut out = self.zeros(from.memory.len());
         for chunk in &self.chunks {
             chunk.remember(at, &mut out, counts);
@@ -238,28 +216,11 @@ fn bent(
     (cv, cx): (f64, f64),
 ) -> (Motion<Jet>, Vec<Jet>, Vec<Jet>) {
     let along = |re: &[f64], f: f64| -> Vec<Jet> {
-        (re.iter().enumerate())
-            .map(|(i, re)| Jet {
-                re: *re,
-                eps: changes.map(|(d, _)| d[i] * f),
-            })
-            .collect()
+        (re.iter().enumerate()).map(|(i, re)| Jet { re: *re, eps: changes.map(|(d, _)| d[i] * f) }).collect()
     };
     let mut relative: Vec<Pose<Jet>> = m.relative.iter().map(constant_pose).collect();
-    advance(
-        eq.topology(),
-        &mut relative,
-        &along(&vec![0.0; a.len()], cx),
-    );
-    let lam = (0..changes[0].1.len()).map(|i| Jet {
-        re: 0.0,
-        eps: changes.map(|(_, y)| y[i]),
-    });
-    let motion = Motion {
-        t: m.t,
-        relative,
-        rate: along(&m.rate, cv),
-        memory: constants(&m.memory),
-    };
+    advance(eq.topology(), &mut relative, &along(&vec![0.0; a.len()], cx));
+    let lam = (0..changes[0].1.len()).map(|i| Jet { re: 0.0, eps: changes.map(|(_, y)| y[i]) });
+    let motion = Motion { t: m.t, relative, rate: along(&m.rate, cv), memory: constants(&m.memory) };
     (motion, along(a, 1.0), lam.collect())
 }

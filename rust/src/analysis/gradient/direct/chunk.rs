@@ -29,20 +29,8 @@ pub struct Moving<'a> {
 /// Directions in neighbouring columns. What is found is added to these columns of a matrix.
 pub trait Chunk {
     /// By the numbers alone: the residual of a state that is held, and its derivatives along two changes of that state.
-    fn explicit(
-        &self,
-        at: &Held<'_, f64>,
-        z: &DMatrix<f64>,
-        out: &mut DMatrix<f64>,
-        c: &mut Counts,
-    );
-    fn explicit_jets(
-        &self,
-        at: &Held<'_, Jet>,
-        z: &DMatrix<f64>,
-        out: &mut [DMatrix<f64>; 2],
-        c: &mut Counts,
-    );
+    fn explicit(&self, at: &Held<'_, f64>, z: &DMatrix<f64>, out: &mut DMatrix<f64>, c: &mut Counts);
+    fn explicit_jets(&self, at: &Held<'_, Jet>, z: &DMatrix<f64>, out: &mut [DMatrix<f64>; 2], c: &mut Counts);
     /// Do numbers change the values of the rows?
     fn touches_rows(&self) -> bool;
     /// Phi of position rows, J v + Phi_t times a factor of velocity rows, in place of what is there.
@@ -50,13 +38,7 @@ pub trait Chunk {
     /// J v + Phi_t.
     fn row_rates(&self, at: Moving<'_>, out: &mut DMatrix<f64>);
     /// J a + gamma; `placed`: configuration and increments are those of the last `row_rates`.
-    fn row_accelerations(
-        &self,
-        at: Moving<'_>,
-        a: (&[f64], &DMatrix<f64>),
-        placed: bool,
-        out: &mut DMatrix<f64>,
-    );
+    fn row_accelerations(&self, at: Moving<'_>, a: (&[f64], &DMatrix<f64>), placed: bool, out: &mut DMatrix<f64>);
     fn remember(&self, at: Moving<'_>, out: &mut DMatrix<f64>, counts: &mut Counts);
     /// Derivatives of quantities, to `out` with (number, column).
     fn read(
@@ -93,15 +75,9 @@ pub fn chunk<'a>(
     projected: bool,
 ) -> Box<dyn Chunk + 'a> {
     match directions.len() {
-        1 => Box::new(Lanes::<1>::new(
-            system, effects, directions, first, projected,
-        )),
-        2..=4 => Box::new(Lanes::<4>::new(
-            system, effects, directions, first, projected,
-        )),
-        _ => Box::new(Lanes::<WIDEST>::new(
-            system, effects, directions, first, projected,
-        )),
+        1 => Box::new(Lanes::<1>::new(system, effects, directions, first, projected)),
+        2..=4 => Box::new(Lanes::<4>::new(system, effects, directions, first, projected)),
+        _ => Box::new(Lanes::<WIDEST>::new(system, effects, directions, first, projected)),
     }
 }
 
@@ -111,13 +87,7 @@ pub fn touched(system: &System, effects: Effects, direction: &Direction) -> Touc
 }
 
 impl<'a, const N: usize> Lanes<'a, N> {
-    fn new(
-        system: &'a System,
-        effects: Effects,
-        directions: &[&Direction],
-        first: usize,
-        projected: bool,
-    ) -> Self {
+    fn new(system: &'a System, effects: Effects, directions: &[&Direction], first: usize, projected: bool) -> Self {
         let mut x: Vec<Wide<f64, N>> = system.x.iter().map(|v| Wide::constant(*v)).collect();
         for (k, direction) in directions.iter().enumerate() {
             for (i, d) in direction.iter() {
@@ -129,14 +99,7 @@ impl<'a, const N: usize> Lanes<'a, N> {
             let x = eq.x.iter().map(|v| Wide::<f64, N>::over(*v)).collect();
             Equations::with_geometry(system, x, geometry_over(&eq.geometry), effects)
         });
-        Lanes {
-            touched: Touched::of(&eq),
-            eq,
-            jets,
-            first,
-            used: directions.len(),
-            placed: RefCell::default(),
-        }
+        Lanes { touched: Touched::of(&eq), eq, jets, first, used: directions.len(), placed: RefCell::default() }
     }
 
     /// Numbers with the derivatives in the rows of a matrix.
@@ -145,12 +108,7 @@ impl<'a, const N: usize> Lanes<'a, N> {
             true => d[(i, self.first + k)],
             false => 0.0,
         };
-        (re.iter().enumerate())
-            .map(|(i, re)| Wide {
-                re: *re,
-                eps: std::array::from_fn(|k| slope(i, k)),
-            })
-            .collect()
+        (re.iter().enumerate()).map(|(i, re)| Wide { re: *re, eps: std::array::from_fn(|k| slope(i, k)) }).collect()
     }
 
     fn moving(&self, at: Moving<'_>) -> Motion<Wide<f64, N>> {
@@ -175,13 +133,7 @@ impl<'a, const N: usize> Lanes<'a, N> {
 }
 
 impl<const N: usize> Chunk for Lanes<'_, N> {
-    fn explicit(
-        &self,
-        at: &Held<'_, f64>,
-        z: &DMatrix<f64>,
-        out: &mut DMatrix<f64>,
-        c: &mut Counts,
-    ) {
+    fn explicit(&self, at: &Held<'_, f64>, z: &DMatrix<f64>, out: &mut DMatrix<f64>, c: &mut Counts) {
         let memory = self.with(&at.motion.memory, z);
         explicit(&self.eq, &self.touched, at, memory, c, |i, k, d| {
             if k < self.used {
@@ -190,13 +142,7 @@ impl<const N: usize> Chunk for Lanes<'_, N> {
         });
     }
 
-    fn explicit_jets(
-        &self,
-        at: &Held<'_, Jet>,
-        z: &DMatrix<f64>,
-        out: &mut [DMatrix<f64>; 2],
-        c: &mut Counts,
-    ) {
+    fn explicit_jets(&self, at: &Held<'_, Jet>, z: &DMatrix<f64>, out: &mut [DMatrix<f64>; 2], c: &mut Counts) {
         let Some(eq) = &self.jets else { return };
         let memory: Vec<f64> = at.motion.memory.iter().map(|m| m.re).collect();
         let memory = self.with(&memory, z).into_iter().map(Wide::<f64, N>::over);

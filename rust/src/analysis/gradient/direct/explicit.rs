@@ -61,10 +61,10 @@ impl Touched {
         let tables = &eq.topology().tables;
         for (l, (point, value)) in eq.geometry.loads.iter().enumerate() {
             let spec = &tables.loads[l];
-            let varies = tables.load_motions.iter().any(|m| {
-                m.load == l
-                    && (motion_changes(eq, m.motion) || moves(&eq.geometry.bodies[spec.body].drawn))
-            });
+            let varies = tables
+                .load_motions
+                .iter()
+                .any(|m| m.load == l && (motion_changes(eq, m.motion) || moves(&eq.geometry.bodies[spec.body].drawn)));
             if varies || !point.iter().chain(value.iter()).all(Wide::is_constant) {
                 self.whole |= spec.mode.is_some();
                 self.parts.loads.push(l);
@@ -83,8 +83,7 @@ impl Touched {
                     self.parts.joints.push(j);
                 }
             }
-            self.rows |=
-                !geometry.joint_length[j].is_constant() || changes(eq, spec.x + 34..spec.x + 35);
+            self.rows |= !geometry.joint_length[j].is_constant() || changes(eq, spec.x + 34..spec.x + 35);
             match row.purpose {
                 Purpose::Joint => {}
                 Purpose::Drive(d) => self.rows |= motion_changes(eq, tables.drives[d].motion),
@@ -154,9 +153,7 @@ fn connector_changes<const N: usize>(eq: &Equations<'_, Wide<f64, N>>, c: &Conne
             drawn || changes(eq, x..x + 1)
         }
     };
-    let laws = |l: &crate::system::topology::BoundLaw| {
-        l.law.n_memory() > 0 || changes(eq, l.x..l.x + l.law.n_params())
-    };
+    let laws = |l: &crate::system::topology::BoundLaw| l.law.n_memory() > 0 || changes(eq, l.x..l.x + l.law.n_params());
     natural
         || moves(&pair.a)
         || moves(&pair.b)
@@ -177,12 +174,7 @@ pub struct Held<'a, T: Real> {
 }
 
 impl<'a, T: Real> Held<'a, T> {
-    pub fn new(
-        eq: &'a Equations<'a, T>,
-        motion: &'a Motion<T>,
-        acceleration: &'a [T],
-        lam: &'a [T],
-    ) -> Self {
+    pub fn new(eq: &'a Equations<'a, T>, motion: &'a Motion<T>, acceleration: &'a [T], lam: &'a [T]) -> Self {
         Held {
             eq,
             motion,
@@ -199,9 +191,7 @@ impl<'a, T: Real> Held<'a, T> {
 
     fn acceleration_of(&self, node: usize) -> Six<T> {
         let all = self.accelerations.get_or_init(|| {
-            let scene = self
-                .eq
-                .scene(self.motion, self.placement(), Some(self.acceleration));
+            let scene = self.eq.scene(self.motion, self.placement(), Some(self.acceleration));
             scene.loaded_accelerations()
         });
         all[node]
@@ -223,14 +213,7 @@ pub fn explicit<T: Real, const N: usize>(
 ) {
     let lam = held.lam.map(constants::<T, N>);
     if !touched.whole {
-        return of_parts(
-            eq,
-            &touched.parts,
-            held,
-            (memory, lam.as_deref()),
-            counts,
-            to,
-        );
+        return of_parts(eq, &touched.parts, held, (memory, lam.as_deref()), counts, to);
     }
     let m = Motion {
         t: held.motion.t,
@@ -259,17 +242,10 @@ fn of_parts<T: Real, const N: usize>(
         return;
     }
     counts.add("parts differentiated", parts.len() as u64);
-    let own = held
-        .eq
-        .scene(held.motion, held.placement(), Some(held.acceleration));
+    let own = held.eq.scene(held.motion, held.placement(), Some(held.acceleration));
     let nodes = parts.nodes(&own);
     let placement = lifted(held.placement(), &nodes);
-    let m = Motion {
-        t: held.motion.t,
-        relative: Vec::new(),
-        rate: Vec::new(),
-        memory,
-    };
+    let m = Motion { t: held.motion.t, relative: Vec::new(), rate: Vec::new(), memory };
     let scene = eq.scene(&m, &placement, None);
     let sums = scene.part_wrenches(parts, |n| constant(&held.acceleration_of(n)), lam);
     let columns = held.eq.topology().dofs.len();
@@ -305,11 +281,7 @@ fn lifted<T: Real, const N: usize>(p: &Placement<T>, nodes: &[usize]) -> Placeme
     Placement {
         pose,
         column: Vec::new(),
-        velocity: p.velocity.is_some().then(|| Velocity {
-            body,
-            before: Vec::new(),
-            nodes: Vec::new(),
-        }),
+        velocity: p.velocity.is_some().then(|| Velocity { body, before: Vec::new(), nodes: Vec::new() }),
         modal: Vec::new(),
     }
 }

@@ -1,9 +1,7 @@
 //! Numbers with derivatives along N directions, over any number type: plain arrays, which the compiler turns into vectors.
 use std::fmt;
 use std::iter::{Product, Sum};
-use std::ops::{
-    Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign,
-};
+use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign};
 
 use num_dual::{DualNum, DualStruct, Mappable};
 use realfft::num_traits::{FromPrimitive, Inv, Num, One, Signed, Zero};
@@ -23,18 +21,12 @@ pub type Jet = Wide<f64, 2>;
 
 impl<T: Real, const N: usize> Wide<T, N> {
     pub fn constant(re: T) -> Self {
-        Wide {
-            re,
-            eps: [T::zero(); N],
-        }
+        Wide { re, eps: [T::zero(); N] }
     }
 
     /// The same derivatives over numbers that are constant otherwise.
     pub fn over<U: Real>(x: Wide<f64, N>) -> Wide<U, N> {
-        Wide {
-            re: U::from(x.re),
-            eps: x.eps.map(U::from),
-        }
+        Wide { re: U::from(x.re), eps: x.eps.map(U::from) }
     }
 
     pub fn is_constant(&self) -> bool {
@@ -43,18 +35,12 @@ impl<T: Real, const N: usize> Wide<T, N> {
 
     #[inline]
     fn chain(self, re: T, slope: T) -> Self {
-        Wide {
-            re,
-            eps: self.eps.map(|d| d * slope),
-        }
+        Wide { re, eps: self.eps.map(|d| d * slope) }
     }
 
     #[inline]
     fn chain_two(self, other: Self, re: T, [a, b]: [T; 2]) -> Self {
-        Wide {
-            re,
-            eps: std::array::from_fn(|k| self.eps[k] * a + other.eps[k] * b),
-        }
+        Wide { re, eps: std::array::from_fn(|k| self.eps[k] * a + other.eps[k] * b) }
     }
 }
 
@@ -64,10 +50,7 @@ pub fn constants<T: Real, const N: usize>(v: &[T]) -> Vec<Wide<T, N>> {
 }
 
 pub fn constant_pose<T: Real, const N: usize>(p: &Pose<T>) -> Pose<Wide<T, N>> {
-    Pose {
-        p: p.p.map(Wide::constant),
-        r: p.r.map(Wide::constant),
-    }
+    Pose { p: p.p.map(Wide::constant), r: p.r.map(Wide::constant) }
 }
 
 /// Does anything in a pose change?
@@ -147,10 +130,7 @@ impl<T: Real, const N: usize> Neg for Wide<T, N> {
     type Output = Self;
     #[inline]
     fn neg(self) -> Self {
-        Wide {
-            re: -self.re,
-            eps: self.eps.map(|d| -d),
-        }
+        Wide { re: -self.re, eps: self.eps.map(|d| -d) }
     }
 }
 
@@ -174,20 +154,14 @@ impl<T: Real, const N: usize> Mul<f64> for Wide<T, N> {
     type Output = Self;
     #[inline]
     fn mul(self, o: f64) -> Self {
-        Wide {
-            re: self.re * o,
-            eps: self.eps.map(|d| d * o),
-        }
+        Wide { re: self.re * o, eps: self.eps.map(|d| d * o) }
     }
 }
 
 impl<T: Real, const N: usize> Div<f64> for Wide<T, N> {
     type Output = Self;
     fn div(self, o: f64) -> Self {
-        Wide {
-            re: self.re / o,
-            eps: self.eps.map(|d| d / o),
-        }
+        Wide { re: self.re / o, eps: self.eps.map(|d| d / o) }
     }
 }
 
@@ -292,11 +266,7 @@ impl<T: Real, const N: usize> Signed for Wide<T, N> {
     }
 
     fn abs_sub(&self, o: &Self) -> Self {
-        if self.re > o.re {
-            *self - *o
-        } else {
-            Wide::zero()
-        }
+        if self.re > o.re { *self - *o } else { Wide::zero() }
     }
 
     fn signum(&self) -> Self {
@@ -467,34 +437,17 @@ mod tests {
     #[test]
     fn agrees_with_duals_and_nests() {
         let (x, y) = (0.7, -1.2);
-        let both = f(
-            Wide::<f64, 2> {
-                re: x,
-                eps: [1.0, 0.0],
-            },
-            Wide {
-                re: y,
-                eps: [0.0, 1.0],
-            },
-        );
+        let both = f(Wide::<f64, 2> { re: x, eps: [1.0, 0.0] }, Wide { re: y, eps: [0.0, 1.0] });
         let by_x = f(Dual::new(x, 1.0), Dual::from(y)).eps;
         let by_y = f(Dual::from(x), Dual::new(y, 1.0)).eps;
         assert!((both.eps[0] - by_x).abs() < 1e-15 && (both.eps[1] - by_y).abs() < 1e-15);
         let jet = |re: f64, a: f64, b: f64| Jet { re, eps: [a, b] };
-        let second = f(
-            Wide::<Jet, 1> {
-                re: jet(x, 1.0, 0.0),
-                eps: [jet(1.0, 0.0, 0.0)],
-            },
-            Wide::constant(jet(y, 0.0, 1.0)),
-        );
+        let second =
+            f(Wide::<Jet, 1> { re: jet(x, 1.0, 0.0), eps: [jet(1.0, 0.0, 0.0)] }, Wide::constant(jet(y, 0.0, 1.0)));
         let exact = |dx: f64, dy: f64| {
-            f(
-                Dual::new(Dual::new(x, dx), Dual::new(1.0, 0.0)),
-                Dual::new(Dual::new(y, dy), Dual::new(0.0, 0.0)),
-            )
-            .eps
-            .eps
+            f(Dual::new(Dual::new(x, dx), Dual::new(1.0, 0.0)), Dual::new(Dual::new(y, dy), Dual::new(0.0, 0.0)))
+                .eps
+                .eps
         };
         assert!((second.eps[0].eps[0] - exact(1.0, 0.0)).abs() < 1e-14);
         assert!((second.eps[0].eps[1] - exact(0.0, 1.0)).abs() < 1e-14);
@@ -531,15 +484,8 @@ mod tests {
                 T::sph_j2,
             ]
         }
-        for (i, (wide, dual)) in all::<Wide<f64, 1>>()
-            .iter()
-            .zip(all::<Dual<f64>>())
-            .enumerate()
-        {
-            let a = wide(&Wide {
-                re: 0.4,
-                eps: [1.0],
-            });
+        for (i, (wide, dual)) in all::<Wide<f64, 1>>().iter().zip(all::<Dual<f64>>()).enumerate() {
+            let a = wide(&Wide { re: 0.4, eps: [1.0] });
             let b = dual(&Dual::new(0.4, 1.0));
             assert!((a.re - b.re).abs() < 1e-14, "{i}");
             assert!((a.eps[0] - b.eps).abs() < 1e-9 * (1.0 + b.eps.abs()), "{i}");

@@ -37,23 +37,12 @@ struct Carry {
 impl Carry {
     /// Before the first step.
     fn first(now: &Slopes) -> Self {
-        Carry {
-            a: now.a.clone(),
-            rate_slope: now.a.clone(),
-            slope: &now.a * 0.0,
-        }
+        Carry { a: now.a.clone(), rate_slope: now.a.clone(), slope: &now.a * 0.0 }
     }
 }
 
 impl Along<'_> {
-    fn ali3p(
-        &mut self,
-        from: &Here,
-        end: &Here,
-        record: &Record,
-        by: &Factors,
-        counts: &mut Counts,
-    ) -> Result<()> {
+    fn ali3p(&mut self, from: &Here, end: &Here, record: &Record, by: &Factors, counts: &mut Counts) -> Result<()> {
         let Some(linear) = &by.linear else {
             return Ok(());
         };
@@ -68,22 +57,15 @@ impl Along<'_> {
         let mut da = &v * (2.0 * f) - &self.now.a;
         let r = self.residual(linear, (&m, &a, &record.lam), [&x, &v, &da], counts) * -c;
         let z = &self.now.z;
-        let at = Moving {
-            motion: &m,
-            x: &x,
-            v: &v,
-            z,
-        };
+        let at = Moving { motion: &m, x: &x, v: &v, z };
         let g = -self.closure(&linear.jacobian, at, 0.5 * h);
         let (dq, lam) = by.step.solve(&r, &g)?;
         add_increments(eq, &record.dq, &dq, &mut x);
         da += &dq * (f * f);
         v += dq * f;
         if let Some(projection) = &by.projection {
-            let changes = [
-                (record.dv.as_slice(), record.kappa.as_slice()),
-                (record.da.as_slice(), record.nu.as_slice()),
-            ];
+            let changes =
+                [(record.dv.as_slice(), record.kappa.as_slice()), (record.da.as_slice(), record.nu.as_slice())];
             let factors = match by.weight {
                 Weight::Mass => (0.0, 0.0),
                 Weight::Tangent => (0.5 * h, c),
@@ -93,13 +75,7 @@ impl Along<'_> {
             let last = (&m, end.instant.acceleration.as_slice());
             self.projected(projection, last, &metrics, &x, (&mut v, Some(&mut da)))?;
         }
-        self.now = Slopes {
-            x,
-            v,
-            a: da,
-            lam: lam / c,
-            z: self.now.z.clone(),
-        };
+        self.now = Slopes { x, v, a: da, lam: lam / c, z: self.now.z.clone() };
         Ok(())
     }
 
@@ -117,13 +93,7 @@ impl Along<'_> {
         let eq = self.eq;
         let load = Load::of(own);
         let values = (load.shifted(p, h), load.rate_slope.clone(), by.s1.clone());
-        let (theta, m, _) = reached(
-            eq,
-            p,
-            &from.instant.motion,
-            (&values.0, &values.1, &values.2),
-            h,
-        );
+        let (theta, m, _) = reached(eq, p, &from.instant.motion, (&values.0, &values.1, &values.2), h);
         let a0 = &carry.a + &carry.slope * load.shift(p, h);
         let mut a1 = (&carry.rate_slope * p.af - &a0 * p.am) / (1.0 - p.am);
         let dq = &self.now.v * h + (&a0 * (0.5 - p.beta) + &a1 * p.beta) * (h * h);
@@ -134,44 +104,26 @@ impl Along<'_> {
         let none = self.zeros(eq.n());
         let r = self.residual(&by.linear, (&m, &by.s1, &by.lam), [&x, &v, &none], counts);
         let z = &self.now.z;
-        let at = Moving {
-            motion: &m,
-            x: &x,
-            v: &v,
-            z,
-        };
+        let at = Moving { motion: &m, x: &x, v: &v, z };
         let miss = -self.closure(&by.linear.jacobian, at, h * b / g);
         let (w, _) = by.step.solve(&(r * (-h * h * b)), &miss)?;
         let s1 = &w / (h * h * b);
         a1 += &s1 * ((1.0 - p.af) / (1.0 - p.am));
         add_increments(eq, &theta, &w, &mut x);
         v += &w * (g / (h * b));
-        let there = Motion {
-            memory: from.instant.motion.memory.clone(),
-            ..end.instant.motion.clone()
-        };
+        let there = Motion { memory: from.instant.motion.memory.clone(), ..end.instant.motion.clone() };
         if eq.n_rows() > 0 {
             let rest = vec![0.0; eq.n()];
             let idle = vec![0.0; eq.n_rows()];
             let changes = [(by.dv.as_slice(), by.kappa.as_slice()), (&rest, &idle)];
-            let metrics = self.metrics(
-                (&there, &rest),
-                changes,
-                (0.0, 0.0),
-                [&x, &v, &none],
-                counts,
-            );
+            let metrics = self.metrics((&there, &rest), changes, (0.0, 0.0), [&x, &v, &none], counts);
             let last = (&there, rest.as_slice());
             self.projected(&by.end, last, &metrics, &x, (&mut v, None))?;
         }
         let before = std::mem::replace(&mut self.now.a, none);
         (self.now.x, self.now.v) = (x, v);
         self.accelerate(&there, &end.instant, &by.end, counts)?;
-        Ok(Some(Carry {
-            a: a1,
-            rate_slope: s1,
-            slope: (&self.now.a - before) / h,
-        }))
+        Ok(Some(Carry { a: a1, rate_slope: s1, slope: (&self.now.a - before) / h }))
     }
 }
 
@@ -252,11 +204,7 @@ pub fn direct(
             };
         }
         let now = &here.instant;
-        let at = Point {
-            motion: &now.motion,
-            acceleration: &now.acceleration,
-            lam: &now.lam,
-        };
+        let at = Point { motion: &now.motion, acceleration: &now.acceleration, lam: &now.lam };
         if plan.reads(i) {
             out.values[i * width..(i + 1) * width].copy_from_slice(&evaluate(eq, &at, wanted)?);
             let place = &mut out.derivatives[i * width * n_p..(i + 1) * width * n_p];

@@ -57,12 +57,7 @@ pub fn crossed(topology: &Topology, theta: &[f64], x: &DMatrix<f64>) -> DMatrix<
 }
 
 /// X + J_l(theta) times changes of theta.
-pub fn add_increments(
-    eq: &Equations<'_, f64>,
-    theta: &[f64],
-    by: &DMatrix<f64>,
-    x: &mut DMatrix<f64>,
-) {
+pub fn add_increments(eq: &Equations<'_, f64>, theta: &[f64], by: &DMatrix<f64>, x: &mut DMatrix<f64>) {
     let mut by = by.clone();
     for (first, map) in eq.rotation_maps(theta) {
         for mut column in by.column_iter_mut() {

@@ -46,9 +46,7 @@ impl OnTape for Dual64 {
     /// The derivative of what moves along: its slope by the motion is the value's, that by the value is the slope's.
     fn slopes(sum: Dual<Taped>, n: usize) -> Vec<Dual64> {
         let d = backwards(sum.eps, 2 * n);
-        (0..n)
-            .map(|i| Dual64::new(d[2 * i + 1], d[2 * i]))
-            .collect()
+        (0..n).map(|i| Dual64::new(d[2 * i + 1], d[2 * i])).collect()
     }
 }
 
@@ -71,18 +69,10 @@ impl<N: Real> Body<'_, N> {
         let [u, v, a] = &self.twists;
         let rate = turning.then_some(self.rate.as_slice());
         let v = turning.then_some(v);
-        let shapes = Shapes::new(
-            self.modal,
-            &self.geometry,
-            M3::identity(),
-            &self.q,
-            rate,
-            Some(&self.acceleration),
-        );
+        let shapes = Shapes::new(self.modal, &self.geometry, M3::identity(), &self.q, rate, Some(&self.acceleration));
         let (h, j) = shapes.composite();
         let j = self.inertia + j;
-        let momentum =
-            |x: &Six<N>| Six::new(x.l * self.mass + x.a.cross(&h), h.cross(&x.l) + j * x.a);
+        let momentum = |x: &Six<N>| Six::new(x.l * self.mass + x.a.cross(&h), h.cross(&x.l) + j * x.a);
         let mut force = momentum(a) + shapes.force(v);
         if let Some(v) = v {
             force += v.cross_force(&momentum(v));
@@ -136,10 +126,7 @@ impl<T: OnTape> Power<'_, '_, T> {
         for (i, modal) in topology.modal.iter().enumerate() {
             let (node, own) = (modal.node, modal.first..modal.first + modal.m);
             let first = modal.first - topology.modal[0].first;
-            let velocity = at
-                .velocity
-                .as_ref()
-                .map_or_else(Six::zero, |v| v.body[node]);
+            let velocity = at.velocity.as_ref().map_or_else(Six::zero, |v| v.body[node]);
             let world = [twists.virtual_[node], velocity, twists.acceleration[node]];
             let r = &at.pose[node].r;
             let body = &self.eq.geometry.bodies[topology.nodes[node].body];
@@ -149,34 +136,22 @@ impl<T: OnTape> Power<'_, '_, T> {
                 n += 1;
                 v.leaf()
             };
-            let six = |v: &Six<T>, put: &mut dyn FnMut(T) -> T::Number| Six {
-                l: v.l.map(&mut *put),
-                a: v.a.map(&mut *put),
-            };
+            let six =
+                |v: &Six<T>, put: &mut dyn FnMut(T) -> T::Number| Six { l: v.l.map(&mut *put), a: v.a.map(&mut *put) };
             let t = r.transpose();
             let held = Body {
                 modal,
                 twists: world.map(|v| six(&v.rotated(&t), &mut put)),
                 mass: put(body.mass),
                 inertia: body.inertia.map(&mut put),
-                q: at.modal[first..first + modal.m]
-                    .iter()
-                    .map(|v| put(*v))
-                    .collect(),
+                q: at.modal[first..first + modal.m].iter().map(|v| put(*v)).collect(),
                 rate: columns.rate[own.clone()].iter().map(|v| put(*v)).collect(),
-                acceleration: columns.acceleration[own.clone()]
-                    .iter()
-                    .map(|v| put(*v))
-                    .collect(),
-                virtual_: columns.virtual_[own.clone()]
-                    .iter()
-                    .map(|v| put(*v))
-                    .collect(),
+                acceleration: columns.acceleration[own.clone()].iter().map(|v| put(*v)).collect(),
+                virtual_: columns.virtual_[own.clone()].iter().map(|v| put(*v)).collect(),
                 geometry: self.eq.geometry.flexible[i].map(&mut put),
             };
             let (all, damping) = (self.forces == Forces::All, self.eq.effects.damping);
-            let sum =
-                held.power(self.turning(), all, all && damping) * T::Number::from(self.factor);
+            let sum = held.power(self.turning(), all, all && damping) * T::Number::from(self.factor);
             let d = T::slopes(sum, n);
             let mut slopes = d.iter();
             let mut next = move || slopes.next().copied().unwrap_or_else(T::zero);

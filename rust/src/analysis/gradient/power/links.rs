@@ -50,11 +50,7 @@ impl<T: Real> Link<T> {
             virtual_ += e.g.scaled(e.by[2]);
             let felt = self.xi.scaled(e.by[1]) + self.eta.scaled(e.by[2]);
             if !matches!(e.coordinate, Coordinate::Translation(_)) {
-                moved += self
-                    .here
-                    .relative
-                    .curvature(e.coordinate)
-                    .apply_transposed(&felt);
+                moved += self.here.relative.curvature(e.coordinate).apply_transposed(&felt);
             }
             moved.l += e.g.l.cross(&felt.a);
         }
@@ -70,10 +66,7 @@ impl<T: Real> Link<T> {
             radius: Dual::new(r.radius, T::one()),
         };
         let mut sum = T::zero();
-        for e in entries
-            .iter()
-            .filter(|e| matches!(e.coordinate, Coordinate::Disc(_)))
-        {
+        for e in entries.iter().filter(|e| matches!(e.coordinate, Coordinate::Disc(_))) {
             let row = moved.row(e.coordinate);
             let g = Six::new(row.g.l.map(|v| v.eps), row.g.a.map(|v| v.eps));
             sum += row.e.eps * e.by[0] + g.dot(&self.xi) * e.by[1] + g.dot(&self.eta) * e.by[2];
@@ -83,31 +76,15 @@ impl<T: Real> Link<T> {
 }
 
 impl<T: OnTape> Power<'_, '_, T> {
-    fn link(
-        &self,
-        at: &Placement<T>,
-        twists: &Twists<T>,
-        a: BodyRef,
-        b: BodyRef,
-        owner: Owner,
-    ) -> Link<T> {
+    fn link(&self, at: &Placement<T>, twists: &Twists<T>, a: BodyRef, b: BodyRef, owner: Owner) -> Link<T> {
         let topology = self.eq.topology();
         let here = local(topology, at, a, b, pair_of(&self.eq.geometry, owner));
         let of = |body: BodyRef| {
-            topology.node(body).map_or_else(Six::zero, |n| {
-                twists.virtual_[n].motion_at(&(here.b.p - at.pose[n].p))
-            })
+            topology.node(body).map_or_else(Six::zero, |n| twists.virtual_[n].motion_at(&(here.b.p - at.pose[n].p)))
         };
         let eta = (of(b) - of(a)).rotated(&here.a.r.transpose());
         let xi = here.twist.unwrap_or_else(Six::zero);
-        Link {
-            a,
-            b,
-            owner,
-            here,
-            xi,
-            eta,
-        }
+        Link { a, b, owner, here, xi, eta }
     }
 
     fn link_back(
@@ -138,52 +115,29 @@ impl<T: OnTape> Power<'_, '_, T> {
             Owner::Element(i) => &mut out.geometry.elements[i],
             Owner::Joint(i) => &mut out.geometry.joints[i],
         };
-        let (ra, rb) = (
-            body_rotation(topology, at, link.a),
-            body_rotation(topology, at, link.b),
-        );
+        let (ra, rb) = (body_rotation(topology, at, link.a), body_rotation(topology, at, link.b));
         marker_back(&mut onto.b, &of.b, &rb, &moved);
         marker_back(&mut onto.a, &of.a, &ra, &together.wrench_at(&(pa.p - pb.p)));
         onto.radius += link.by_radius(entries);
     }
 
     /// f(e, e') e'(U) of all springs, dampers and laws.
-    pub fn springs_back(
-        &self,
-        at: &Placement<T>,
-        twists: &Twists<T>,
-        bodies: &mut Bodies<T>,
-        out: &mut Slopes<T>,
-    ) {
+    pub fn springs_back(&self, at: &Placement<T>, twists: &Twists<T>, bodies: &mut Bodies<T>, out: &mut Slopes<T>) {
         for c in &self.eq.topology().connectors {
             let link = self.link(at, twists, c.a, c.b, c.owner);
-            let rows: Vec<_> = c
-                .coordinates
-                .iter()
-                .map(|x| link.here.relative.row(*x))
-                .collect();
-            let numbers = Numbers {
-                x: &self.eq.x,
-                memory: &self.motion.memory,
-            };
+            let rows: Vec<_> = c.coordinates.iter().map(|x| link.here.relative.row(*x)).collect();
+            let numbers = Numbers { x: &self.eq.x, memory: &self.motion.memory };
             let e = strains(c, &self.eq.geometry, numbers, &link.here, &rows);
             let rates: Vec<T> = rows.iter().map(|r| r.g.dot(&link.xi)).collect();
             let f = T::from(self.factor);
             let virtual_: Vec<T> = rows.iter().map(|r| r.g.dot(&link.eta) * f).collect();
-            let wanted = Wanted {
-                tangent: true,
-                laws: true,
-                ..self.eq.effects.wanted()
-            };
+            let wanted = Wanted { tangent: true, laws: true, ..self.eq.effects.wanted() };
             let mut made = response(c, &self.eq.x, &self.motion.memory, &e, Some(&rates), wanted);
             if !wanted.damping {
                 self.add_slopes_by_rate(c, &e, &rates, wanted, &mut made.c);
             }
             let of = |slopes: &[[T; 6]; 6], j: usize| {
-                virtual_
-                    .iter()
-                    .enumerate()
-                    .fold(T::zero(), |s, (i, v)| s + *v * slopes[i][j])
+                virtual_.iter().enumerate().fold(T::zero(), |s, (i, v)| s + *v * slopes[i][j])
             };
             let entries: Vec<_> = (0..e.len())
                 .map(|j| Entry {
@@ -199,14 +153,7 @@ impl<T: OnTape> Power<'_, '_, T> {
     }
 
     /// Without damping slopes by rates are not made, but a law still feels them.
-    fn add_slopes_by_rate(
-        &self,
-        c: &Connector,
-        e: &[T],
-        v: &[T],
-        wanted: Wanted,
-        onto: &mut [[T; 6]; 6],
-    ) {
+    fn add_slopes_by_rate(&self, c: &Connector, e: &[T], v: &[T], wanted: Wanted, onto: &mut [[T; 6]; 6]) {
         let feels = |l: &&BoundLaw| wanted.law(l.law) && l.law.uses_velocity();
         for bound in c.laws.iter().filter(feels) {
             let (law, i) = (bound.law, bound.component);
@@ -232,15 +179,7 @@ impl<T: OnTape> Power<'_, '_, T> {
     }
 
     /// By stiffnesses, dampings, preloads and the parameters of laws.
-    fn numbers_back(
-        &self,
-        c: &Connector,
-        e: &[T],
-        v: &[T],
-        virtual_: &[T],
-        wanted: Wanted,
-        out: &mut Slopes<T>,
-    ) {
+    fn numbers_back(&self, c: &Connector, e: &[T], v: &[T], virtual_: &[T], wanted: Wanted, out: &mut Slopes<T>) {
         let n = e.len();
         let mut linear = |start: Option<usize>, of: &[T]| {
             let Some(start) = start else { return };
@@ -293,20 +232,11 @@ impl<T: OnTape> Power<'_, '_, T> {
     }
 
     /// All constraint rows with their weights.
-    pub fn rows_back(
-        &self,
-        at: &Placement<T>,
-        twists: &Twists<T>,
-        bodies: &mut Bodies<T>,
-        out: &mut Slopes<T>,
-    ) {
+    pub fn rows_back(&self, at: &Placement<T>, twists: &Twists<T>, bodies: &mut Bodies<T>, out: &mut Slopes<T>) {
         let rows = &self.eq.topology().rows;
         let mut start = 0;
         while start < rows.len() {
-            let same = rows[start..]
-                .iter()
-                .take_while(|r| r.belongs_with(&rows[start]))
-                .count();
+            let same = rows[start..].iter().take_while(|r| r.belongs_with(&rows[start])).count();
             let all: Vec<_> = (start..start + same)
                 .filter(|i| self.eq.effects.row(&rows[*i]))
                 .map(|i| (i, rows[i].coordinate))
@@ -347,11 +277,7 @@ impl<T: OnTape> Power<'_, '_, T> {
         for (i, coordinate) in coordinates {
             let row = link.here.relative.row(*coordinate);
             first.get_or_insert_with(|| [row.e, row.g.dot(&link.xi), row.g.dot(&link.eta)]);
-            entries.push(Entry {
-                coordinate: *coordinate,
-                g: row.g,
-                by: self.weights(*i).map(|w| w * factor),
-            });
+            entries.push(Entry { coordinate: *coordinate, g: row.g, by: self.weights(*i).map(|w| w * factor) });
         }
         self.link_back(at, &link, &entries, bodies, out);
         first

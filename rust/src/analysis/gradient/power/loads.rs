@@ -33,33 +33,17 @@ impl<T: OnTape> Power<'_, '_, T> {
             let u = twists.virtual_[n].motion_at(&arm);
             let zero = V3::zeros();
             let (virtual_, moved, felt) = if spec.torque {
-                let moved = if spec.follower {
-                    world.cross(&u.a)
-                } else {
-                    zero
-                };
+                let moved = if spec.follower { world.cross(&u.a) } else { zero };
                 (Six::new(zero, world), Six::new(zero, moved), u.a)
             } else {
-                let moved = if spec.follower {
-                    world.cross(&u.l)
-                } else {
-                    zero
-                };
-                (
-                    Six::new(world, zero),
-                    Six::new(world.cross(&u.a), moved),
-                    u.l,
-                )
+                let moved = if spec.follower { world.cross(&u.l) } else { zero };
+                (Six::new(world, zero), Six::new(world.cross(&u.a), moved), u.l)
             };
             let to_com = -arm;
             bodies.virtual_[n] += virtual_.wrench_at(&to_com);
             bodies.displaced[n] += moved.wrench_at(&to_com);
             out.geometry.loads[load].0 += r.transpose() * moved.l;
-            let by_value = if spec.follower {
-                r.transpose() * felt
-            } else {
-                felt
-            } * f;
+            let by_value = if spec.follower { r.transpose() * felt } else { felt } * f;
             out.geometry.loads[load].1 += by_value;
             self.load_motions_back(load, &by_value, out);
         }
@@ -69,9 +53,7 @@ impl<T: OnTape> Power<'_, '_, T> {
     fn modal_load_back(&self, load: usize, columns: &Columns<T>, out: &mut Slopes<T>) {
         let topology = self.eq.topology();
         let spec = &topology.tables.loads[load];
-        let coordinate = spec
-            .mode
-            .and_then(|k| topology.modal_coordinate(spec.body, k));
+        let coordinate = spec.mode.and_then(|k| topology.modal_coordinate(spec.body, k));
         let Some(i) = coordinate else { return };
         let by = V3::new(columns.virtual_[i] * -self.factor, T::zero(), T::zero());
         out.geometry.loads[load].1 += by;

@@ -128,10 +128,7 @@ impl<T: OnTape> Power<'_, '_, T> {
             self.springs_back(&at, &twists, &mut bodies, out);
             self.loads_back(&at, &twists, &columns, &mut bodies, out);
         }
-        if ![self.alpha, self.beta, self.kappa]
-            .iter()
-            .all(|w| w.is_empty())
-        {
+        if ![self.alpha, self.beta, self.kappa].iter().all(|w| w.is_empty()) {
             self.rows_back(&at, &twists, &mut bodies, out);
         }
         self.tree_back(&at, &columns, bodies, out);
@@ -142,13 +139,7 @@ impl<T: OnTape> Power<'_, '_, T> {
     }
 
     /// U.(I A) + Y.(I V), Y = U x V. An inertia carried along changes by d x* I - I d x.
-    fn inertia_back(
-        &self,
-        at: &Placement<T>,
-        twists: &Twists<T>,
-        bodies: &mut Bodies<T>,
-        out: &mut Slopes<T>,
-    ) {
+    fn inertia_back(&self, at: &Placement<T>, twists: &Twists<T>, bodies: &mut Bodies<T>, out: &mut Slopes<T>) {
         let f = T::from(self.factor);
         let topology = self.eq.topology();
         for (i, node) in topology.nodes.iter().enumerate() {

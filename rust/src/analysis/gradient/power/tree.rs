@@ -33,12 +33,7 @@ pub struct Bodies<T: Real> {
 impl<T: Real> Bodies<T> {
     pub fn none(n: usize) -> Self {
         let nothing = || vec![Six::zero(); n];
-        Bodies {
-            displaced: nothing(),
-            velocity: nothing(),
-            virtual_: nothing(),
-            acceleration: nothing(),
-        }
+        Bodies { displaced: nothing(), velocity: nothing(), virtual_: nothing(), acceleration: nothing() }
     }
 }
 
@@ -56,9 +51,7 @@ pub fn turned<T: Real>(m: &V3<T>, r: &M3<T>) -> M3<T> {
 }
 
 pub fn body_rotation<T: Real>(topology: &Topology, at: &Placement<T>, body: BodyRef) -> M3<T> {
-    topology
-        .node(body)
-        .map_or_else(M3::identity, |n| at.pose[n].r)
+    topology.node(body).map_or_else(M3::identity, |n| at.pose[n].r)
 }
 
 impl<T: OnTape> Power<'_, '_, T> {
@@ -91,20 +84,11 @@ impl<T: OnTape> Power<'_, '_, T> {
             virtual_.push(u);
             acceleration.push(a);
         }
-        Twists {
-            virtual_,
-            acceleration,
-        }
+        Twists { virtual_, acceleration }
     }
 
     /// Bodies back to coordinates, joint frames and gravity.
-    pub fn tree_back(
-        &self,
-        at: &Placement<T>,
-        columns: &Columns<T>,
-        mut bodies: Bodies<T>,
-        out: &mut Slopes<T>,
-    ) {
+    pub fn tree_back(&self, at: &Placement<T>, columns: &Columns<T>, mut bodies: Bodies<T>, out: &mut Slopes<T>) {
         let topology = self.eq.topology();
         for i in (0..topology.nodes.len()).rev() {
             let (inner, by_velocity) = self.joint_back(at, columns, i, &bodies, out);
@@ -166,14 +150,7 @@ impl<T: OnTape> Power<'_, '_, T> {
     }
 
     /// The frames of a tree joint: the inner one moves all that follows it, the outer one moves its body the other way.
-    fn frames_back(
-        &self,
-        at: &Placement<T>,
-        i: usize,
-        inner: &Six<T>,
-        body: &Six<T>,
-        out: &mut Slopes<T>,
-    ) {
+    fn frames_back(&self, at: &Placement<T>, i: usize, inner: &Six<T>, body: &Six<T>, out: &mut Slopes<T>) {
         let topology = self.eq.topology();
         let (node, pose) = (&topology.nodes[i], &at.pose[i]);
         let own = (-*body).rotated(&pose.r.transpose());
@@ -183,11 +160,7 @@ impl<T: OnTape> Power<'_, '_, T> {
                 // the node's undeformed place is the inner frame, or of a reversed one the outer
                 let carrier = node.parent.map_or_else(M3::identity, |p| at.pose[p].r);
                 let tip = &mut out.geometry.tips[topology.tip(node)].offset;
-                *tip += if node.reversed {
-                    own.l
-                } else {
-                    carrier.transpose() * inner.l
-                };
+                *tip += if node.reversed { own.l } else { carrier.transpose() * inner.l };
             } else {
                 // world axes at the drawn centre of mass, the drawn axes in the body
                 let drawn = &geometry.bodies[node.body].drawn;
