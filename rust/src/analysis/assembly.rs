@@ -1,25 +1,26 @@
 //! From the drawn configuration to a consistent state: loops closed, velocities made to agree with all constraints.
-use faer::prelude::*;
 use nalgebra::{DMatrix, DVector};
 use num_dual::Dual64;
 
-use super::transient::matrix::Matrix;
-use super::transient::saddle::{Ordering, Saddle};
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::linalg::dense::minimum_norm;
 use crate::linalg::entries::Entries;
+use crate::linalg::kkt::{Kkt, Ordering};
+use crate::linalg::matrix::Matrix;
 use crate::model::geometry::Geometry;
-use crate::model::joint::{Coordinate, JointKind};
+use crate::model::joint::JointKind;
 use crate::run::Counts;
-use crate::spatial::{Pose, Real, Six, V3, rotation_of_quaternion};
+use crate::spatial::{Real, Six, V3};
 use crate::system::System;
-use crate::system::assemble::{Effects, Scene};
-use crate::system::loops::{column_scales, gap, row_scales};
-use crate::system::placement::{Placement, State, advance, drawn_relative, place, relative_from_poses};
+use crate::system::assemble::Effects;
+use crate::system::closure::{drawn_start, scene_at_rest};
+use crate::system::loops::column_scales;
+use crate::system::placement::{Placement, State, place};
 use crate::system::rows::explicit_rates;
-use crate::system::topology::{Level, Node, Purpose, Topology};
+use crate::system::topology::{Node, Topology};
 
-const CLOSED: f64 = 1e-13;
-const MAX_ITERATIONS: usize = 60;
+/// Above this number of rows and coordinates sparse factors are faster.
+const DENSE: usize = 300;
 
 pub struct Assembled {
     pub state: State,
@@ -32,195 +33,15 @@ pub struct Assembled {
 ///
 /// `hold`: drives stand still at their values of t = 0, as linear analyses take them; else they give their rates.
 pub fn assemble(system: &System, hold: bool, effects: Effects, counts: &mut Counts) -> Result<Assembled> {
-    let mut state = State { relative: start(system), rate: Vec::new() };
-    let iterations = close(system, &mut state, effects, counts)?;
+    let (mut state, iterations) = if system.topology.rows.is_empty() {
+        (State { relative: drawn_start(system), rate: Vec::new() }, 0)
+    } else {
+        let decision = system.decision(effects)?;
+        counts.add("assembly iterations", decision.iterations as u64);
+        (State { relative: decision.closed.clone(), rate: Vec::new() }, decision.iterations)
+    };
     let velocity_correction = set_velocities(system, &mut state, hold, effects)?;
     Ok(Assembled { state, velocity_correction, iterations })
-}
-
-/// The drawn relative poses, or those of the user's first guess.
-pub fn start(system: &System) -> Vec<Pose<f64>> {
-    let topology = &*system.topology;
-    let mut relative = drawn_relative(topology, &system.geometry);
-    if topology.tables.poses.is_empty() {
-        return relative;
-    }
-    let mut poses: Vec<Pose<f64>> = system.geometry.bodies.iter().map(|b| b.drawn).collect();
-    for &(body, x) in &topology.tables.poses {
-        let r = rotation_of_quaternion(&system.x[x + 3..x + 7]);
-        let origin = V3::new(system.x[x], system.x[x + 1], system.x[x + 2]);
-        poses[body] = Pose { p: origin + r * system.geometry.bodies[body].com, r };
-    }
-    let guessed = relative_from_poses(topology, &system.geometry, &poses);
-    let touched = |node: &Node| {
-        let given = |b: usize| topology.tables.poses.iter().any(|(body, _)| *body == b);
-        given(node.body) || node.parent.is_some_and(|p| given(topology.nodes[p].body))
-    };
-    for (i, node) in topology.nodes.iter().enumerate() {
-        if touched(node) {
-            relative[i] = guessed[i];
-        }
-    }
-    relative
-}
-
-pub fn scene<'a>(system: &'a System, placement: &'a Placement<f64>) -> Scene<'a, f64> {
-    Scene {
-        topology: &system.topology,
-        geometry: &system.geometry,
-        x: &system.x,
-        memory: &[],
-        placement,
-        rate: None,
-        acceleration: None,
-        t: 0.0,
-        effects: Effects::ALL,
-    }
-}
-
-fn with<'a>(system: &'a System, placement: &'a Placement<f64>, effects: Effects) -> Scene<'a, f64> {
-    Scene { effects, ..scene(system, placement) }
-}
-
-/// Newton on the position rows with the minimum-norm step; returns the number of steps.
-pub fn close(system: &System, state: &mut State, effects: Effects, counts: &mut Counts) -> Result<usize> {
-    if system.topology.rows.is_empty() {
-        return Ok(0);
-    }
-    let rows = row_scales(&system.topology, system.length);
-    let columns = column_scales(&system.topology, system.length);
-    let mut best = f64::INFINITY;
-    for iteration in 0..MAX_ITERATIONS {
-        let placement = place(&system.topology, &system.geometry, &state.relative, None);
-        let mut jacobian = rows_of(system);
-        let phi = with(system, &placement, effects).constraints_into(&mut jacobian);
-        if phi.iter().any(|v| !v.is_finite()) {
-            return Err(system
-                .topology
-                .tables
-                .failure()
-                .unwrap_or_else(|| Error::Assembly("the constraints cannot be evaluated in this state".into())));
-        }
-        let (size, worst) = gap(&system.topology, &phi, &rows);
-        if size <= CLOSED {
-            check_orientation(system, &placement)?;
-            return Ok(iteration);
-        }
-        // rounding level reached: no further progress is possible
-        if iteration > 3 && size >= best && best < 1e-11 {
-            return Ok(iteration);
-        }
-        if iteration > 12 && size > 0.9 * best && size > 1e-9 {
-            return Err(cannot_close(system, &phi, worst, size));
-        }
-        best = best.min(size);
-        // velocity rows do not say where anything is: they neither close a loop nor hinder it
-        let closes = |i: usize| system.topology.rows[i].level == Level::Position;
-        let scaled = jacobian.scaled(|i| if closes(i) { rows[i] } else { 0.0 }, |j| columns[j]);
-        let right = DVector::from_fn(phi.len(), |i, _| -phi[i] * rows[i]);
-        let mut step = smallest(&scaled, &right)?;
-        let longest = step.amax();
-        if longest > 0.5 {
-            step *= 0.5 / longest;
-        }
-        let dy: Vec<f64> = step.iter().zip(&columns).map(|(s, c)| s * c).collect();
-        advance(&system.topology, &mut state.relative, &dy);
-        counts.add("assembly iterations", 1);
-    }
-    let placement = place(&system.topology, &system.geometry, &state.relative, None);
-    let (phi, _) = with(system, &placement, effects).constraints();
-    let (size, worst) = gap(&system.topology, &phi, &rows);
-    if size < 1e-9 { Ok(MAX_ITERATIONS) } else { Err(cannot_close(system, &phi, worst, size)) }
-}
-
-fn cannot_close(system: &System, phi: &DVector<f64>, worst: Option<usize>, size: f64) -> Error {
-    let Some(row) = worst else {
-        return Error::Assembly("the loops cannot close".into());
-    };
-    let spec = &system.topology.rows[row];
-    let joint = &system.topology.tables.joints[spec.joint];
-    let (what, unit) = match spec.coordinate {
-        c if spec.purpose != Purpose::Joint => {
-            let kind = if matches!(spec.purpose, Purpose::Drive(_)) { "drive" } else { "coupler" };
-            let unit = if c.is_length() { "m" } else { "rad" };
-            return Error::Assembly(format!(
-                "{kind} '{}' asks for a value of joint '{}' that the model cannot take: it is off by {:.6} {unit} at the closest approach; \
-                 check its value at t = 0 and whether another drive or a closed loop already fixes this coordinate",
-                system.topology.row_name(row),
-                joint.name,
-                phi[row].abs()
-            ));
-        }
-        c if c.is_length() => ("points are apart by", "m"),
-        _ => ("axes are off by", "rad"),
-    };
-    let bodies =
-        format!("'{}' and '{}'", system.topology.tables.body_name(joint.a), system.topology.tables.body_name(joint.b));
-    Error::Assembly(format!(
-        "the loop cannot close at joint '{}' between {bodies}: its {what} {:.6} {unit} at the closest approach (relative gap {size:.1e}); \
-         check the points and lengths of the joints in this loop",
-        joint.name,
-        phi[row].abs()
-    ))
-}
-
-/// Dot rows also vanish for axes that point opposite ways; a joint assembled so would work backwards.
-fn check_orientation(system: &System, placement: &Placement<f64>) -> Result<()> {
-    for &j in &system.topology.cut {
-        let spec = &system.topology.tables.joints[j];
-        let aligned = spec.kind.constraints().contains(&Coordinate::Dot(0, 2));
-        let pair = &system.geometry.joints[j];
-        let world = |body, local: &Pose<f64>| {
-            crate::system::placement::marker_pose(&system.topology, &placement.pose, body, local)
-        };
-        let (a, b) = (world(spec.a, &pair.a), world(spec.b, &pair.b));
-        if aligned && a.r.column(2).dot(&b.r.column(2)) < 0.0 {
-            return Err(Error::Assembly(format!(
-                "joint '{}' closes only with its axis reversed; draw its bodies closer to the assembled pose",
-                spec.name
-            )));
-        }
-    }
-    Ok(())
-}
-
-/// Above this number of coordinates and rows singular values take too long.
-const DENSE: usize = 300;
-
-fn rows_of(system: &System) -> Matrix {
-    let (rows, columns) = (system.topology.rows.len(), system.n_tree());
-    Matrix::zeros(rows, columns, rows + columns > DENSE)
-}
-
-/// The smallest x with m x = right, as well as that can be.
-fn smallest(m: &Matrix, right: &DVector<f64>) -> Result<DVector<f64>> {
-    if let Matrix::Dense(m) = m {
-        return minimum_norm(m, right);
-    }
-    let n = m.shape().1;
-    let mut identity = Matrix::zeros(n, n, true);
-    (0..n).for_each(|i| identity.add(i, i, 1.0));
-    let saddle = Saddle::of(&identity, m, Some(&Ordering::default()))?;
-    Ok(saddle.solve(&DVector::zeros(n), right)?.0)
-}
-
-/// Least-squares solution of smallest norm; directions below the rank tolerance are left alone.
-pub fn minimum_norm(m: &DMatrix<f64>, right: &DVector<f64>) -> Result<DVector<f64>> {
-    let a = Mat::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)]);
-    let svd =
-        a.thin_svd().map_err(|_| Error::singular("the singular values of the constraint rows could not be found"))?;
-    let (u, s, v) = (svd.U(), svd.S().column_vector(), svd.V());
-    let mut x = DVector::zeros(m.ncols());
-    let largest = if s.nrows() > 0 { s[0] } else { 0.0 };
-    for k in 0..s.nrows() {
-        if s[k] > 1e-10 * largest {
-            let weight = (0..m.nrows()).map(|i| u[(i, k)] * right[i]).sum::<f64>() / s[k];
-            for i in 0..m.ncols() {
-                x[i] += weight * v[(i, k)];
-            }
-        }
-    }
-    Ok(x)
 }
 
 /// Rates of the tree coordinates from the bodies' given velocities, made to satisfy the cut joints.
@@ -361,23 +182,26 @@ fn project_rates(
     hold: bool,
     effects: Effects,
 ) -> Result<()> {
-    if system.topology.rows.is_empty() {
+    let topology = &*system.topology;
+    if topology.rows.is_empty() {
         return Ok(());
     }
-    let rows = row_scales(&system.topology, system.length);
-    let columns = column_scales(&system.topology, system.length);
-    let mut jacobian = rows_of(system);
-    with(system, placement, effects).constraints_into(&mut jacobian);
-    let mut given = explicit_rates(&system.topology, &system.geometry, effects, 0.0).0;
+    let n = topology.n_tree;
+    let sparse = topology.rows.len() + n > DENSE;
+    let mut jacobian = Matrix::zeros(topology.rows.len(), n, sparse);
+    scene_at_rest(system, placement, effects).constraints_into(&mut jacobian);
+    let mut given = explicit_rates(topology, &system.geometry, effects, 0.0).0;
     if hold {
         given.fill(0.0);
     }
-    let scaled = jacobian.scaled(|i| rows[i], |j| columns[j]);
-    let y: Vec<f64> = rate.iter().zip(&columns).map(|(r, c)| r / c).collect();
-    let given = DVector::from_fn(given.len(), |i, _| given[i] * rows[i]);
-    let step = smallest(&scaled, &-(scaled.times(&y) + given))?;
-    for i in 0..rate.len() {
-        rate[i] += step[i] * columns[i];
+    let miss = -(jacobian.times(rate) + given);
+    let mut metric = Matrix::zeros(n, n, sparse);
+    for (i, c) in column_scales(topology, system.length).into_iter().enumerate() {
+        metric.add(i, i, c.powi(-2));
     }
+    let decision = system.decision(effects)?;
+    let kkt = Kkt::new(&metric, &jacobian, &decision.rows, sparse.then_some(&Ordering::default()))?;
+    let step = kkt.solve_one(&DVector::zeros(n), &miss)?.0;
+    rate.iter_mut().zip(step.iter()).for_each(|(r, s)| *r += s);
     Ok(())
 }

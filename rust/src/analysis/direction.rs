@@ -5,12 +5,14 @@
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual64, DualNum};
 
-use crate::analysis::assembly::{given_rates, minimum_norm};
+use crate::analysis::assembly::given_rates;
 use crate::analysis::linearize::{
     Linearization, Path, Setting, Turning, body_map, reduce, reduce_rows, turning, unreduced,
 };
 use crate::analysis::local_direction::local_direction;
 use crate::error::{Error, Result};
+use crate::linalg::dense::minimum_norm;
+use crate::linalg::rows::Level as Asked;
 use crate::model::geometry::Geometry;
 use crate::model::tables::Tables;
 use crate::run::Counts;
@@ -19,10 +21,7 @@ use crate::system::System;
 use crate::system::assemble::Scene;
 use crate::system::loops::{Loops, column_scales};
 use crate::system::placement::{Placement, advance, lifted_relative, place};
-use crate::system::topology::Level;
-
-/// A parameter that moves redundant rows apart by more than this (relative) breaks the loop open.
-const BREAKS_LOOP: f64 = 1e-7;
+use crate::tolerances::REDUNDANT_OPEN;
 
 /// The derivative of a linearisation along one direction of the numbers (and of the state).
 pub struct Directional {
@@ -253,7 +252,7 @@ pub fn directional(
             Some(l) => {
                 let jacobian = scene.constraints().1;
                 let b = l.dependent_map(&jacobian);
-                check_agreement(base, &jacobian, &b)?;
+                check_agreement(setting.system, base, &jacobian, &b)?;
                 l.reduce_vector(&tau, &b).map(|v| v.eps)
             }
         };
@@ -291,18 +290,15 @@ fn closing(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)]) -> 
         return Ok(vec![0.0; n]);
     }
     let left = loops.redundant.transpose() * &scaled;
-    if left.amax() > BREAKS_LOOP * scaled.amax() {
+    if left.amax() > REDUNDANT_OPEN * system.tolerance * scaled.amax() {
         return Err(breaks_loop(left.amax()));
     }
     let columns = column_scales(&system.topology, system.length);
-    let rows = DMatrix::from_fn(phi.len(), n, |i, j| {
-        // velocity rows do not say where anything is
-        match system.topology.rows[i].level {
-            Level::Position => jacobian[(i, j)].re * loops.row_scale[i] * columns[j],
-            Level::Velocity => 0.0,
-        }
-    });
-    let step = minimum_norm(&rows, &-scaled)?;
+    // velocity rows do not say where anything is
+    let real = jacobian.map(|v| v.re);
+    let kept = system.decision(setting.effects)?.rows.select_dense(&real, Asked::Position);
+    let rows = DMatrix::from_fn(kept.len(), n, |k, j| real[(kept[k], j)] * loops.row_scale[kept[k]] * columns[j]);
+    let step = minimum_norm(&rows, &DVector::from_fn(kept.len(), |k, _| -scaled[kept[k]]))?;
     Ok((0..n).map(|i| step[i] * columns[i]).collect())
 }
 
@@ -313,7 +309,12 @@ fn breaks_loop(size: f64) -> Error {
     ))
 }
 
-fn check_agreement(base: &Linearization, jacobian: &DMatrix<Dual64>, b: &DMatrix<Dual64>) -> Result<()> {
+fn check_agreement(
+    system: &System,
+    base: &Linearization,
+    jacobian: &DMatrix<Dual64>,
+    b: &DMatrix<Dual64>,
+) -> Result<()> {
     let Some(loops) = &base.loops else {
         return Ok(());
     };
@@ -323,7 +324,7 @@ fn check_agreement(base: &Linearization, jacobian: &DMatrix<Dual64>, b: &DMatrix
     let parts = loops.disagreement(jacobian, b).map(|v| v.eps).amax();
     let change = jacobian.map(|v| v.eps);
     let size = (0..change.nrows()).map(|i| change.row(i).amax() * loops.row_scale[i]).fold(0.0, f64::max);
-    if parts > BREAKS_LOOP * size && size > 0.0 { Err(breaks_loop(parts)) } else { Ok(()) }
+    if parts > REDUNDANT_OPEN * system.tolerance * size && size > 0.0 { Err(breaks_loop(parts)) } else { Ok(()) }
 }
 
 fn derivative_at(
@@ -342,7 +343,7 @@ fn derivative_at(
         Some(l) => {
             let jacobian = scene.constraints().1;
             let b = l.dependent_map(&jacobian);
-            check_agreement(base, &jacobian, &b)?;
+            check_agreement(setting.system, base, &jacobian, &b)?;
             let lam = l.multipliers(&jacobian, &tau);
             let tangent = scene.tangent(Some(lam.as_slice()), &mut Counts::default());
             (

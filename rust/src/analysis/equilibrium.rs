@@ -8,13 +8,13 @@ use faer::Side;
 use faer::prelude::*;
 use nalgebra::{DMatrix, DVector};
 
-use crate::analysis::assembly::close;
 use crate::analysis::equilibrium_descent::{Descent, same_coordinates};
 use crate::analysis::linearize::{Linearization, Setting, linearize};
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 use crate::system::System;
 use crate::system::assemble::Effects;
+use crate::system::closure::close;
 use crate::system::loops::column_scales;
 use crate::system::placement::{State, advance};
 

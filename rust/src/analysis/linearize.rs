@@ -14,10 +14,12 @@ use crate::run::Counts;
 use crate::spatial::{Pose, Real, Six};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene, Tangent};
+use crate::system::closure::shown;
 use crate::system::connector::collapsed;
 use crate::system::flexible::Fold;
 use crate::system::loops::{Loops, column_scales};
 use crate::system::placement::{Placement, State, advance, place};
+use crate::system::rank::{Decision, block_names};
 use crate::system::topology::{ConstraintRow, Level, Topology};
 
 /// A redundant combination whose second derivative is larger than this (rows and columns scaled) marks a singular pose.
@@ -153,7 +155,11 @@ fn closed(setting: &Setting<'_>, scene: &Scene<'_, f64>) -> Result<Closed> {
         )));
     }
     let (_, jacobian) = scene.constraints();
-    let loops = Loops::analyse(system, &jacobian)?;
+    let decision = system.decision(setting.effects)?;
+    let loops = Loops::analyse(system, &jacobian, &decision)?;
+    if let Some((_, block)) = loops.as_ref().and_then(|l| l.weakest).filter(|w| w.0 <= decision.tolerance) {
+        return Err(singular_pose(system, &decision, block));
+    }
     let b = loops.as_ref().map(|l| l.dependent_map(&jacobian));
     if let (Some(l), Some(b)) = (&loops, &b) {
         check_pose(system, scene, l, b)?;
@@ -378,6 +384,15 @@ fn check_pose(system: &System, scene: &Scene<'_, f64>, loops: &Loops, b: &DMatri
         }
     }
     Ok(())
+}
+
+/// A pose where the rank of a block is lower than beside it.
+fn singular_pose(system: &System, decision: &Decision, block: usize) -> Error {
+    Error::singular(format!(
+        "the mechanism is in a singular pose: around the loop through {} the constraints lose rank here, where its mobility changes; \
+         draw it slightly off this pose, or add what decides its branch",
+        shown(&block_names(system, &decision.rows.blocks[block]))
+    ))
 }
 
 /// Twist of each body's origin per minimal coordinate, world axes.

@@ -4,9 +4,9 @@
 //! of minimum norm over all joints, moments divided by the characteristic length.
 use nalgebra::{DMatrix, DVector};
 
-use crate::analysis::assembly::minimum_norm;
 use crate::analysis::linearize::{Linearization, Setting};
 use crate::error::Result;
+use crate::linalg::dense::minimum_norm;
 use crate::model::geometry::Geometry;
 use crate::spatial::{Real, Six};
 use crate::system::System;

@@ -1,6 +1,10 @@
 //! Small services on dense matrices that faer leaves to its users.
 use faer::prelude::*;
 use faer::{Mat, MatRef, Side};
+use nalgebra::{DMatrix, DVector};
+
+use crate::error::{Error, Result};
+use crate::tolerances::FELT;
 
 pub type C = faer::c64;
 
@@ -74,7 +78,7 @@ pub fn to_complex(a: MatRef<'_, f64>) -> Mat<C> {
 
 /// Lower Cholesky factor of a matrix of unit scale (diagonal about 1), or the row whose pivot is not positive within
 /// rounding.
-pub fn cholesky(a: MatRef<'_, f64>) -> Result<Mat<f64>, usize> {
+pub fn cholesky(a: MatRef<'_, f64>) -> std::result::Result<Mat<f64>, usize> {
     let n = a.nrows();
     let floor = 4.0 * n as f64 * EPS;
     match a.llt(Side::Lower) {
@@ -120,4 +124,24 @@ pub fn beside<T: Copy>(a: MatRef<'_, T>, b: MatRef<'_, T>) -> Mat<T> {
 /// sum_i a_i b_i without conjugation.
 pub fn dot(a: ColRef<'_, C>, b: ColRef<'_, C>) -> C {
     (0..a.nrows()).map(|i| a[i] * b[i]).sum()
+}
+
+/// Least-squares solution of smallest norm; directions that no row feels are left alone.
+pub fn minimum_norm(m: &DMatrix<f64>, right: &DVector<f64>) -> Result<DVector<f64>> {
+    let (rows, columns) = m.shape();
+    let mut x = DVector::zeros(columns);
+    if rows == 0 || columns == 0 {
+        return Ok(x);
+    }
+    let svd = MatRef::from_column_major_slice(m.as_slice(), rows, columns)
+        .thin_svd()
+        .map_err(|_| Error::singular("the singular values of the constraint rows could not be found"))?;
+    let (u, s, v) = (svd.U(), svd.S().column_vector(), svd.V());
+    for k in (0..s.nrows()).filter(|k| s[*k] > FELT * s[0]) {
+        let weight = (0..rows).map(|i| u[(i, k)] * right[i]).sum::<f64>() / s[k];
+        for i in 0..columns {
+            x[i] += weight * v[(i, k)];
+        }
+    }
+    Ok(x)
 }

@@ -33,6 +33,13 @@ impl SmallLu {
         SmallLu { factors: a, pivots }
     }
 
+    /// The smallest entry on the diagonal of the upper factor.
+    pub fn smallest_pivot(&self) -> f64 {
+        (0..self.pivots.len())
+            .map(|k| self.factors[(k, k)].abs())
+            .fold(f64::INFINITY, |a, b| if b < a || b.is_nan() { b } else { a })
+    }
+
     /// A x = b, x in the place of b.
     pub fn solve(&self, b: &mut DMatrix<f64>) {
         let (a, n) = (&self.factors, self.pivots.len());

@@ -1,6 +1,6 @@
 //! Sparse matrices in compressed columns, and factorisations that are checked: faer's pivots silently turn into infinities.
 use std::cell::RefCell;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::sparse::linalg::SupernodalThreshold;
@@ -226,12 +226,12 @@ impl LuPlan {
 pub struct Factor {
     n: usize,
     kind: Kind,
-    memory: RefCell<MemBuffer>,
+    memory: Mutex<MemBuffer>,
 }
 
 impl Factor {
     fn with(n: usize, kind: Kind) -> Self {
-        Factor { n, kind, memory: RefCell::new(MemBuffer::new(StackReq::EMPTY)) }
+        Factor { n, kind, memory: Mutex::new(MemBuffer::new(StackReq::EMPTY)) }
     }
 }
 
@@ -298,7 +298,7 @@ impl Factor {
             Kind::Llt { symbolic, .. } => symbolic.solve_in_place_scratch::<f64>(rhs.ncols(), Par::Seq),
             Kind::Lu { symbolic, .. } => symbolic.solve_in_place_scratch::<f64>(rhs.ncols(), Par::Seq),
         };
-        let mut memory = self.memory.borrow_mut();
+        let mut memory = self.memory.lock().unwrap_or_else(PoisonError::into_inner);
         if memory.len() < need.unaligned_bytes_required() {
             *memory = MemBuffer::new(need);
         }

@@ -42,6 +42,11 @@ impl Pattern {
         Ok(Pattern { n, start, row, place, symbolic })
     }
 
+    /// Does it belong to a matrix of this size, with so many entries given?
+    pub fn fits(&self, n: usize, entries: usize) -> bool {
+        self.n == n && self.place.len() == entries
+    }
+
     /// The factors for the values of all entries; those of the same place add up.
     pub fn factor(self: &std::sync::Arc<Self>, values: impl Iterator<Item = f64>) -> Result<Ldl> {
         let mut upper = vec![0.0; self.row.len()];

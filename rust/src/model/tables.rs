@@ -116,6 +116,8 @@ pub struct Tables {
     pub tips: Vec<TipSpec>,
     /// first guesses of body poses: body, start of origin and quaternion
     pub poses: Vec<(usize, usize)>,
+    /// relative accuracy of the drawing; None where the model does not say
+    pub tolerance: Option<f64>,
 }
 
 impl Tables {

@@ -327,7 +327,8 @@ fn motion_reactions<'py>(
             let placement = eq.place(m);
             let acceleration = a.row(i).to_vec();
             let scene = eq.scene(m, &placement, Some(&acceleration));
-            let loops = Loops::analyse(system, &scene.constraints().1)?;
+            let decision = system.decision(scene.effects)?;
+            let loops = Loops::analyse(system, &scene.constraints().1, &decision)?;
             shared(system, &scene, &placement, &lam.row(i).to_vec(), loops.as_ref())
         };
         all.iter().enumerate().map(one).collect::<Result<Vec<_>>>()

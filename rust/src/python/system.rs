@@ -7,7 +7,7 @@ use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::analysis::assembly::{assemble, close, scene};
+use crate::analysis::assembly::assemble;
 use crate::analysis::equilibrium::{Equilibrium, equilibrium};
 use crate::analysis::linearize::{Linearization, Setting, linearize, mobility};
 use crate::analysis::reactions::reactions;
@@ -16,7 +16,8 @@ use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 use crate::spatial::{M3, Pose, V3};
 use crate::system::System;
-use crate::system::assemble::{Effects, Scene};
+use crate::system::assemble::Effects;
+use crate::system::closure::{close, scene_at_rest};
 use crate::system::connector::{Numbers, Wanted, coordinate_tangent};
 use crate::system::loops::{redundant_names, row_scales};
 use crate::system::placement::{State, advance, place};
@@ -383,8 +384,7 @@ impl PySystem {
         guarded(py, || {
             let (topology, geometry) = (&self.0.topology, &self.0.geometry);
             let placement = place(topology, geometry, &state.relative, None);
-            let acting = Scene { effects, ..scene(&self.0, &placement) };
-            let jacobian = acting.constraints().1;
+            let jacobian = scene_at_rest(&self.0, &placement, effects).constraints().1;
             let prescribed = explicit_rates(topology, geometry, effects, 0.0).0;
             let scales = row_scales(&self.0.topology, self.0.length);
             let miss = jacobian * nalgebra::DVector::from_vec(state.rate.clone()) + prescribed;

@@ -77,6 +77,7 @@ pub fn tables(dict: &Bound<'_, PyDict>) -> PyResult<Tables> {
         load_motions: load_motions(&reader)?,
         gravity,
         poses: poses(&reader)?,
+        tolerance: dict.get_item("tolerance")?.map(|t| t.extract()).transpose()?,
     };
     tables.check()?;
     Ok(tables)

@@ -1,19 +1,17 @@
-//! Closed loops: rank of the cut rows, dependent coordinates, and the transformation B'' from minimal to tree coordinates.
+//! Closed loops: dependent coordinates, and the transformation B'' from minimal to tree coordinates.
 //!
-//! Rows and columns are scaled by the characteristic length, so that neither the rank nor a minimum-norm choice depends on
-//! units. B'' = [-J_d^-1 J_i; 1]; for redundant rows the inverse is a left inverse, valid while the rows agree.
+//! Rows and columns are scaled by the lengths of their loops, so that no choice depends on units; the ranks are those of `rank`. B'' = [-J_d^-1 J_i; 1]; for redundant rows the inverse is a left inverse, valid while the rows agree.
 use faer::prelude::*;
 use nalgebra::{DMatrix, DVector};
 
 use crate::error::{Error, Result};
+use crate::linalg::matrix::Matrix;
+use crate::linalg::rows::{Level as Asked, gather};
 use crate::spatial::Real;
 use crate::system::System;
-use crate::system::topology::{ConstraintRow, Level, Topology};
-
-/// Singular values below this part of the largest count as zero, and those between it and its square root are suspicious.
-const RANK_TOLERANCE: f64 = 1e-9;
-/// Columns whose lengths differ by less are equally good pivots.
-const TIE: f64 = 1e-6;
+use crate::system::rank::Decision;
+use crate::system::topology::{ConstraintRow, Topology};
+use crate::tolerances::TIE;
 
 #[derive(Debug, Clone)]
 pub struct Loops {
@@ -26,6 +24,8 @@ pub struct Loops {
     /// indices of rows that could be dropped
     pub dropped: Vec<usize>,
     pub row_scale: Vec<f64>,
+    /// the shortest pivot, free of units, and its block: where it is below the tolerance the pose has lost rank
+    pub weakest: Option<(f64, usize)>,
 }
 
 pub fn row_scales(topology: &Topology, length: f64) -> Vec<f64> {
@@ -43,18 +43,18 @@ fn to_faer(m: &DMatrix<f64>) -> Mat<f64> {
     Mat::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)])
 }
 
-/// Column-pivoted QR: the pivot order and the rank. Of columns as long as each other the first is taken, so that neither rounding
-/// nor units choose.
-fn pivots(m: &DMatrix<f64>) -> (Vec<usize>, usize) {
+/// Column-pivoted QR of a matrix whose rank is known: the pivots, and how long the last of them is. Of columns as long as each other
+/// the first is taken, so that neither rounding nor units choose.
+fn pivots(m: &DMatrix<f64>, rank: usize) -> (Vec<usize>, f64) {
     let (mut a, n) = (m.clone(), m.ncols());
     let mut order: Vec<usize> = (0..n).collect();
-    let mut first = 0.0;
-    for k in 0..n {
+    let mut last = f64::INFINITY;
+    for k in 0..rank.min(n) {
         let lengths: Vec<f64> = (k..n).map(|j| a.column(j).norm()).collect();
         let longest = lengths.iter().copied().fold(0.0, f64::max);
-        first = f64::max(first, longest);
-        if k == m.nrows() || longest <= RANK_TOLERANCE * first.max(f64::MIN_POSITIVE) {
-            return (order, k);
+        last = last.min(longest);
+        if longest == 0.0 {
+            break;
         }
         let tied = lengths.iter().position(|l| *l >= (1.0 - TIE) * longest);
         let chosen = k + tied.unwrap_or(0);
@@ -71,31 +71,62 @@ fn pivots(m: &DMatrix<f64>) -> (Vec<usize>, usize) {
             }
         }
     }
-    (order, n)
+    order.truncate(rank);
+    (order, last)
 }
 
 impl Loops {
-    /// Analyse the Jacobian of the cut rows; None where there are no rows.
-    pub fn analyse(system: &System, jacobian: &DMatrix<f64>) -> Result<Option<Loops>> {
-        let topology = &system.topology;
-        if topology.rows.is_empty() {
+    /// Dependent coordinates of rows whose ranks are decided; None where no row acts.
+    pub fn analyse(system: &System, jacobian: &DMatrix<f64>, decision: &Decision) -> Result<Option<Loops>> {
+        let rows = &decision.rows;
+        if system.topology.rows.is_empty() {
             return Ok(None);
         }
-        let rows = row_scales(topology, system.length);
-        let columns = column_scales(topology, system.length);
-        let scaled =
-            DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| jacobian[(i, j)] * rows[i] * columns[j]);
-        let (order, rank) = pivots(&scaled);
-        let mut dependent = order[..rank].to_vec();
+        let jacobian = Matrix::Dense(jacobian.clone());
+        let n_rows = system.topology.rows.len();
+        let mut parts = Vec::with_capacity(rows.blocks.len());
+        let mut weakest: Option<(f64, usize)> = None;
+        for (k, block) in rows.blocks.iter().enumerate() {
+            let m = gather(&jacobian, &block.rows, &block.columns, rows);
+            let (order, last) = pivots(&m, block.rank);
+            if block.rank > 0 && weakest.is_none_or(|(w, _)| last < w) {
+                weakest = Some((last, k));
+            }
+            let jd = DMatrix::from_fn(m.nrows(), order.len(), |i, k| m[(i, order[k])]);
+            let (inverse, null) = left_inverse(&jd)?;
+            parts.push((block, order, inverse, null));
+        }
+        let mut dependent: Vec<usize> =
+            parts.iter().flat_map(|(b, order, ..)| order.iter().map(|c| b.columns[*c])).collect();
         dependent.sort_unstable();
-        let independent = (0..jacobian.ncols()).filter(|j| dependent.binary_search(j).is_err()).collect();
-        let jd = DMatrix::from_fn(scaled.nrows(), rank, |i, k| scaled[(i, dependent[k])]);
-        let (inverse, redundant) = left_inverse(&jd)?;
-        let left_inverse = DMatrix::from_fn(rank, rows.len(), |k, i| columns[dependent[k]] * inverse[(k, i)] * rows[i]);
-        let (row_order, _) = pivots(&scaled.transpose());
-        let mut dropped = row_order[rank.min(row_order.len())..].to_vec();
-        dropped.sort_unstable();
-        Ok(Some(Loops { dependent, independent, left_inverse, redundant, dropped, row_scale: rows }))
+        let independent = (0..system.n_tree()).filter(|j| dependent.binary_search(j).is_err()).collect();
+        let mut left = DMatrix::zeros(dependent.len(), n_rows);
+        let redundant_rows = parts.iter().map(|p| p.3.ncols()).sum();
+        let (mut redundant, mut at) = (DMatrix::zeros(n_rows, redundant_rows), 0);
+        for (block, order, inverse, null) in &parts {
+            for (k, c) in order.iter().enumerate() {
+                let column = block.columns[*c];
+                let Ok(place) = dependent.binary_search(&column) else { continue };
+                for (i, row) in block.rows.iter().enumerate() {
+                    left[(place, *row)] = rows.column_scale[column] * inverse[(k, i)] * rows.row_scale[*row];
+                }
+            }
+            for k in 0..null.ncols() {
+                block.rows.iter().enumerate().for_each(|(i, row)| redundant[(*row, at + k)] = null[(i, k)]);
+            }
+            at += null.ncols();
+        }
+        let kept = rows.select(&jacobian, Asked::All);
+        let dropped = (0..n_rows).filter(|i| kept.binary_search(i).is_err()).collect();
+        Ok(Some(Loops {
+            dependent,
+            independent,
+            left_inverse: left,
+            redundant,
+            dropped,
+            row_scale: rows.row_scale.clone(),
+            weakest,
+        }))
     }
 
     /// B'' restricted to the dependent coordinates, -J_d^-1 J_i.
@@ -199,16 +230,4 @@ pub fn redundant_names(
         }
     }
     found
-}
-
-/// Position rows only: a velocity row has no value to close.
-pub fn gap(topology: &Topology, phi: &DVector<f64>, scales: &[f64]) -> (f64, Option<usize>) {
-    let mut worst = (0.0, None);
-    for (i, row) in topology.rows.iter().enumerate() {
-        let value = (phi[i] * scales[i]).abs();
-        if row.level == Level::Position && value > worst.0 {
-            worst = (value, Some(i));
-        }
-    }
-    worst
 }

@@ -9,9 +9,12 @@
 //! path        the same in tree coordinates, along the way between two bodies
 //! sparse      everything once more in absolute coordinates, for thousands of bodies
 //! rows        values and Jacobian of all constraint rows
-//! loops       rank, dependent coordinates, the transformation B''
+//! rank        which of them are redundant, decided once
+//! closure     from the drawing to closed loops
+//! loops       dependent coordinates, the transformation B''
 //! ```
 pub mod assemble;
+pub mod closure;
 pub mod connector;
 pub mod connector_force;
 pub mod flexible;
@@ -22,18 +25,21 @@ pub mod loops;
 pub mod parts;
 pub mod path;
 pub mod placement;
+pub mod rank;
 pub mod rows;
 pub mod sparse;
 pub mod topology;
 mod tree;
 pub mod wanted;
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::error::Result;
 use crate::model::geometry::Geometry;
 use crate::model::tables::Tables;
+use crate::system::rank::Decision;
 use crate::system::topology::Topology;
+use crate::tolerances::DRAWING;
 
 /// Topology plus values: immutable and cheap to clone; new values keep the topology.
 #[derive(Debug, Clone)]
@@ -43,6 +49,10 @@ pub struct System {
     pub geometry: Arc<Geometry<f64>>,
     /// characteristic length: makes ranks and minimum-norm reactions independent of units
     pub length: f64,
+    /// relative accuracy of the drawing
+    pub tolerance: f64,
+    /// ranks of the constraints, for every choice of effects that leave rows out
+    decisions: Arc<[OnceLock<Arc<Decision>>; 4]>,
 }
 
 impl System {
@@ -70,7 +80,9 @@ impl System {
     fn from_parts(topology: Arc<Topology>, x: Vec<f64>) -> Self {
         let geometry = Geometry::derive(&topology.tables, &x);
         let length = topology.characteristic_length(&geometry, &x);
-        System { topology, x: Arc::new(x), geometry: Arc::new(geometry), length }
+        let tolerance = topology.tables.tolerance.unwrap_or(DRAWING);
+        let decisions = Arc::default();
+        System { topology, x: Arc::new(x), geometry: Arc::new(geometry), length, tolerance, decisions }
     }
 
     /// Times after `start` at which a motion is not smooth, ascending.

@@ -381,7 +381,8 @@ impl Builder<'_> {
         }
         counts.add("loop factorisations", 1);
         let (_, jacobian) = self.scene.constraints();
-        let loops = Loops::analyse(self.system, &jacobian)?;
+        let decision = self.system.decision(self.scene.effects)?;
+        let loops = Loops::analyse(self.system, &jacobian, &decision)?;
         let lam = match (&loops, loaded) {
             (Some(l), true) => l.multipliers(&jacobian, &self.scene.residual(None)),
             _ => nalgebra::DVector::zeros(self.scene.topology.rows.len()),

@@ -208,6 +208,20 @@ impl Topology {
         body.map(|b| self.node_of_body[b])
     }
 
+    /// The nodes on the way between two bodies, their common carrier left out.
+    pub fn nodes_between(&self, a: BodyRef, b: BodyRef) -> Vec<usize> {
+        let depth = |n: Option<usize>| n.map_or(-1, |n| self.nodes[n].depth as i64);
+        let (mut i, mut j) = (self.node(a), self.node(b));
+        let mut between = Vec::new();
+        while i != j {
+            let side = if depth(j) >= depth(i) { &mut j } else { &mut i };
+            let Some(node) = *side else { break };
+            between.push(node);
+            *side = self.nodes[node].parent;
+        }
+        between
+    }
+
     /// Poses of a state: one of each body, then modal coordinates, three in each.
     pub fn n_poses(&self) -> usize {
         let last = self.modal.last();

@@ -11,10 +11,10 @@ use num_dual::Dual64;
 
 use crate::analysis::transient::ali3p::{Linear, closure_by, lifted};
 use crate::analysis::transient::generalized_alpha::{Carried, Parameters, reached};
-use crate::analysis::transient::matrix::turn_columns;
-use crate::analysis::transient::penalty::Penalty;
 use crate::analysis::transient::{Equations, Motion};
 use crate::error::{Error, Result};
+use crate::linalg::kkt::Kkt;
+use crate::linalg::matrix::turn_columns;
 use crate::run::Counts;
 use crate::spatial::{Pose, Real};
 use crate::system::topology::Level;
@@ -62,9 +62,9 @@ pub fn closure<T: Real>(eq: &Equations<'_, T>, p: Parameters, m: &Motion<T>, h: 
 
 /// The step at its solution: matrices factorised, and what aligned its rates.
 pub struct Solved {
-    pub step: Penalty,
+    pub step: Kkt,
     /// [M J^T; J 0] at the end
-    pub end: Penalty,
+    pub end: Kkt,
     pub s1: Vec<f64>,
     pub lam: Vec<f64>,
     /// v1 - v*, and the multipliers that made it
@@ -74,9 +74,9 @@ pub struct Solved {
 }
 
 /// [M J^T; J 0] of an instant.
-pub fn accelerating(eq: &Equations<'_, f64>, m: &Motion<f64>) -> Result<(Penalty, DMatrix<f64>)> {
+pub fn accelerating(eq: &Equations<'_, f64>, m: &Motion<f64>) -> Result<(Kkt, DMatrix<f64>)> {
     let jacobian = eq.rows(m).1;
-    let by = Penalty::new(&eq.mass(m), &jacobian.transpose(), &jacobian)?;
+    let by = eq.kkt_of(&eq.mass(m), &jacobian, &jacobian)?;
     Ok((by, jacobian))
 }
 
@@ -112,7 +112,7 @@ impl Solved {
             velocity_row_slopes(eq, p, start, (&a0, &before.rate_slope, &s1), h, &mut right);
         }
         counts.add("factorisations", 2);
-        let step = Penalty::new(&matrix, &jacobian.transpose(), &right)?;
+        let step = eq.kkt_of(&matrix, jacobian, &right)?;
         let there = Motion { memory: start.memory.clone(), ..end.instant.motion.clone() };
         let (by, jacobian) = accelerating(eq, &there)?;
         let dv: Vec<f64> = (there.rate.iter().zip(&m.rate)).map(|(v, star)| v - star).collect();

@@ -30,7 +30,8 @@ pub fn joint_reactions<T: Real>(
     let mut all = wrenches(scene.body_wrenches(lam), at.lam);
     let jacobian = scene.constraints().1;
     let real = jacobian.map(|v| v.re());
-    let Some(loops) = Loops::analyse(eq.system, &real)?.filter(|l| l.redundant.ncols() > 0) else {
+    let decision = eq.system.decision(eq.effects)?;
+    let Some(loops) = Loops::analyse(eq.system, &real, &decision)?.filter(|l| l.redundant.ncols() > 0) else {
         return Ok(all);
     };
     let length = eq.topology().characteristic_length(&eq.geometry, &eq.x);

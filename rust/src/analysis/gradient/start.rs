@@ -8,21 +8,21 @@
 use nalgebra::{DMatrix, DVector};
 use num_dual::Dual64;
 
-use crate::analysis::assembly::{given_rates, start};
+use crate::analysis::assembly::given_rates;
 use crate::analysis::transient::ali3p::pulled;
-use crate::analysis::transient::penalty::Penalty;
 use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::{Error, Result};
+use crate::linalg::kkt::Kkt;
+use crate::linalg::rows::Level as Asked;
 use crate::run::Counts;
 use crate::spatial::Pose;
+use crate::system::closure::drawn_start;
 use crate::system::placement::{State, advance, lifted_relative, place};
 use crate::system::topology::Level;
+use crate::tolerances::REDUNDANT_OPEN;
 
 use super::direct::slopes::Slopes;
 use super::{Direction, Follow, Plan};
-
-/// A direction that moves redundant rows apart by more than this (relative) breaks a loop open.
-const BREAKS_LOOP: f64 = 1e-7;
 
 /// The first instant with its derivative along one direction.
 pub struct Start {
@@ -37,9 +37,9 @@ pub struct Starting<'a> {
     first: &'a Instant,
     follow: &'a Follow,
     /// [S^-2 J^T; J 0] of the position rows and of all rows; [M J^T; J 0]
-    closing: Option<Penalty>,
-    aligning: Option<Penalty>,
-    accelerating: Penalty,
+    closing: Option<Kkt>,
+    aligning: Option<Kkt>,
+    accelerating: Kkt,
     position: Vec<usize>,
     jacobian: DMatrix<f64>,
     /// how the drawn loops were closed, if they were drawn open
@@ -48,7 +48,7 @@ pub struct Starting<'a> {
 
 /// A Newton step of the assembly from a configuration: dy = -J^+ Phi in the metric S^-2, and its multipliers.
 struct Closing {
-    by: Penalty,
+    by: Kkt,
     dy: Vec<f64>,
     mu: Vec<f64>,
 }
@@ -60,10 +60,8 @@ impl<'a> Starting<'a> {
         let position: Vec<usize> = (0..rows.len()).filter(|i| rows[*i].level == Level::Position).collect();
         let scales = eq.scales();
         let weight = DMatrix::from_fn(eq.n(), eq.n(), |i, j| if i == j { scales[i].powi(-2) } else { 0.0 });
-        let with = |rows: &DMatrix<f64>| -> Result<Option<Penalty>> {
-            (rows.nrows() > 0).then(|| Penalty::new(&weight, &rows.transpose(), rows)).transpose()
-        };
-        let closing = with(&DMatrix::from_fn(position.len(), eq.n(), |i, j| jacobian[(position[i], j)]))?;
+        let closing = (!position.is_empty()).then(|| closing_by(eq, &weight, &jacobian, &position).map(|c| c.0));
+        let closing = closing.transpose()?;
         let path = if follow.drawn && follow.shift.is_empty() && closing.is_some() {
             assembled(eq, first, &position, &weight)?
         } else {
@@ -72,8 +70,8 @@ impl<'a> Starting<'a> {
         Ok(Starting {
             path,
             closing,
-            aligning: with(&jacobian)?,
-            accelerating: Penalty::new(&eq.mass(&first.motion), &jacobian.transpose(), &jacobian)?,
+            aligning: (jacobian.nrows() > 0).then(|| eq.kkt_of(&weight, &jacobian, &jacobian)).transpose()?,
+            accelerating: eq.kkt_of(&eq.mass(&first.motion), &jacobian, &jacobian)?,
             eq,
             first,
             follow,
@@ -83,7 +81,7 @@ impl<'a> Starting<'a> {
     }
 
     /// [M J^T; J 0] at the start.
-    pub fn accelerating(&self) -> &Penalty {
+    pub fn accelerating(&self) -> &Kkt {
         &self.accelerating
     }
 
@@ -130,7 +128,7 @@ impl<'a> Starting<'a> {
     /// The configuration after all steps of the assembly, with its derivative at the values of the first instant.
     fn assembled(&self, dual: &Equations<'_, Dual64>, m: &Motion<Dual64>) -> Result<Vec<Pose<Dual64>>> {
         let topology = self.eq.topology();
-        let state = State { relative: start(self.eq.system), rate: Vec::new() };
+        let state = State { relative: drawn_start(self.eq.system), rate: Vec::new() };
         let mut here = Motion { relative: lifted_relative(topology, &dual.geometry, &state), ..m.clone() };
         let slope = self.weight_slopes(dual);
         for step in &self.path {
@@ -166,7 +164,7 @@ impl<'a> Starting<'a> {
             .collect()
     }
 
-    fn close(&self, phi: &DVector<Dual64>, closing: &Penalty) -> Result<Vec<Dual64>> {
+    fn close(&self, phi: &DVector<Dual64>, closing: &Kkt) -> Result<Vec<Dual64>> {
         let scale = self.eq.row_scales();
         let miss = DVector::from_fn(self.position.len(), |i, _| -phi[self.position[i]].eps);
         let (dy, _) = closing.solve_one(&DVector::zeros(self.eq.n()), &miss)?;
@@ -179,7 +177,7 @@ impl<'a> Starting<'a> {
             })
             .fold(0.0, f64::max);
         // below the second bound both are rounding
-        if left > BREAKS_LOOP * size && left > 1e-10 {
+        if left > REDUNDANT_OPEN * self.eq.system.tolerance * size && left > 1e-10 {
             return Err(Error::NotDifferentiable(format!(
                 "this parameter breaks a redundant loop open: its constraints agree only at the present value (they part at the rate \
                  {left:.1e}), so the derivative does not exist; vary parameters that keep the loop closed together, or release the \
@@ -302,6 +300,19 @@ pub fn started(
     Ok(out)
 }
 
+/// [S^-2 R^T; R 0] of the position rows R that carry their rank, and R.
+fn closing_by(
+    eq: &Equations<'_, f64>,
+    weight: &DMatrix<f64>,
+    jacobian: &DMatrix<f64>,
+    position: &[usize],
+) -> Result<(Kkt, DMatrix<f64>)> {
+    let rows = DMatrix::from_fn(position.len(), eq.n(), |i, j| jacobian[(position[i], j)]);
+    let kept = eq.rows.select_dense(jacobian, Asked::Position);
+    let kept = kept.iter().filter_map(|i| position.binary_search(i).ok()).collect();
+    Ok((Kkt::with_columns(weight, &rows.transpose(), &rows, kept)?, rows))
+}
+
 /// Loops that are drawn open by more than this (relative) are closed along a path that matters.
 const DRAWN_OPEN: f64 = 1e-10;
 const CLOSING_STEPS: usize = 100;
@@ -314,18 +325,17 @@ fn assembled(
     weight: &DMatrix<f64>,
 ) -> Result<Vec<Closing>> {
     let scale = eq.row_scales();
-    let mut m = Motion { relative: start(eq.system), ..first.motion.clone() };
+    let mut m = Motion { relative: drawn_start(eq.system), ..first.motion.clone() };
     let mut path = Vec::new();
     for _ in 0..CLOSING_STEPS {
         let (phi, all) = eq.rows(&m);
-        let rows = DMatrix::from_fn(position.len(), eq.n(), |i, j| all[(position[i], j)]);
         let phi = DVector::from_fn(position.len(), |i, _| phi[position[i]]);
         let size = (0..phi.len()).map(|i| (phi[i] * scale[position[i]]).abs()).fold(0.0, f64::max);
         // what is left is closed by the last step that all starts have in common
         if size <= DRAWN_OPEN {
             return Ok(path);
         }
-        let by = Penalty::new(weight, &rows.transpose(), &rows)?;
+        let by = closing_by(eq, weight, &all, position)?.0;
         let (dy, mu) = by.solve_one(&DVector::zeros(eq.n()), &-phi)?;
         let unit = eq.scales();
         let longest = dy.iter().zip(&unit).fold(0.0_f64, |s, (d, u)| s.max((d / u).abs()));

@@ -17,9 +17,9 @@ use crate::spatial::{Pose, Real};
 use crate::system::assemble::Tangent;
 use crate::system::topology::Level;
 
-use super::matrix::turn_columns;
-use super::penalty::Penalty;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
+use crate::linalg::kkt::Kkt;
+use crate::linalg::matrix::turn_columns;
 
 const MAX_ITERATIONS: usize = 25;
 /// Newton's error is squared by its last step: a correction below this part of the increment leaves rounding only.
@@ -51,8 +51,8 @@ pub struct Record {
 
 /// The matrices of a step, factorised; that of the step at the last iterate but one, from which the solution differs by rounding.
 pub struct Factors {
-    pub step: Penalty,
-    pub projection: Option<Penalty>,
+    pub step: Kkt,
+    pub projection: Option<Kkt>,
     pub weight: Weight,
     /// what the first one was made of, for those who differentiate
     pub linear: Option<Linear>,
@@ -231,7 +231,7 @@ impl Equations<'_, f64> {
     }
 
     /// The matrix of a step: derivative of balance and closure by (dq, c lam).
-    fn step_matrix(&self, from: &Instant, dq: &[f64], linear: &Linear, h: f64, counts: &mut Counts) -> Result<Penalty> {
+    fn step_matrix(&self, from: &Instant, dq: &[f64], linear: &Linear, h: f64, counts: &mut Counts) -> Result<Kkt> {
         let t = &linear.tangent;
         let (c, maps) = (0.25 * h * h, self.rotation_maps(dq));
         let mut matrix = &t.stiffness * c;
@@ -246,7 +246,7 @@ impl Equations<'_, f64> {
             self.velocity_row_slopes(from, dq, h, &mut right);
         }
         counts.add("factorisations", 1);
-        Penalty::new(&matrix, &linear.jacobian.transpose(), &right)
+        self.kkt_of(&matrix, &linear.jacobian, &right)
     }
 
     /// Rows of velocity level: h/2 d(J v*)/d(dq), column by column with a dual number.
@@ -282,14 +282,14 @@ impl Equations<'_, f64> {
         h: f64,
         weight: Weight,
         counts: &mut Counts,
-    ) -> Result<Penalty> {
+    ) -> Result<Kkt> {
         let matrix = match weight {
             Weight::Mass => self.mass(m),
             Weight::Tangent => Linear { tangent: self.tangent(m, a, &[], counts), jacobian: DMatrix::zeros(0, 0) }
                 .combined(0.5 * h, 0.25 * h * h),
         };
         counts.add("factorisations", 1);
-        Penalty::new(&matrix, &jacobian.transpose(), jacobian)
+        self.kkt_of(&matrix, jacobian, jacobian)
     }
 
     /// One step, with what is needed to repeat it; the accelerations at its end are foreseen by those before.
@@ -317,7 +317,7 @@ impl Equations<'_, f64> {
         Ok((end, record, factors))
     }
 
-    fn project(&self, end: &mut Instant, record: &mut Record, weight: Weight, counts: &mut Counts) -> Result<Penalty> {
+    fn project(&self, end: &mut Instant, record: &mut Record, weight: Weight, counts: &mut Counts) -> Result<Kkt> {
         let jacobian = self.rows(&end.motion).1;
         let by = self.projection_matrix(&end.motion, &end.acceleration, &jacobian, record.h, weight, counts)?;
         counts.add("velocity projections", 1);
@@ -368,7 +368,7 @@ impl Equations<'_, f64> {
         dq: &mut [f64],
         lam: &mut [f64],
         counts: &mut Counts,
-    ) -> Result<(Penalty, Linear, bool)> {
+    ) -> Result<(Kkt, Linear, bool)> {
         let scales = self.scales();
         let size = |v: &[f64]| scaled_size(v, &scales);
         let c = 0.25 * h * h;

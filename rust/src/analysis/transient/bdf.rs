@@ -17,8 +17,8 @@ use super::bdf_differences::{Pair, alpha, error_constant, gamma, stretched};
 use super::driver::{Plan, Progress, Steps, drive};
 use super::interpolate::quintic;
 use super::methods::STIFF;
-use super::saddle::Saddle;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
+use crate::linalg::kkt::Kkt;
 
 const MOST: usize = 5;
 const FIXED: usize = 4;
@@ -58,7 +58,7 @@ pub struct Bdf {
     /// points of the start of fixed steps
     start: VecDeque<Instant>,
     points: Vec<Instant>,
-    kept: Option<(f64, Saddle)>,
+    kept: Option<(f64, Kkt)>,
     tried: Option<Pair>,
 }
 
@@ -202,11 +202,11 @@ impl Bdf {
             }
             if self.kept.is_none() {
                 let (matrix, jacobian) = eq.iteration_matrices(&m, &a, &lam, (c, c * c), &y, counts);
-                self.kept = Some((c, Saddle::of(&matrix, &jacobian, None)?));
+                self.kept = Some((c, Kkt::new(&matrix, &jacobian, &eq.rows, None)?));
                 fresh = true;
             }
             let Some((_, saddle)) = &self.kept else { break };
-            let (w, mu) = saddle.solve(&-r, &-rates)?;
+            let (w, mu) = saddle.solve_one(&-r, &-rates)?;
             for (v, w) in v.iter_mut().zip(w.iter()) {
                 *v += w / c;
             }

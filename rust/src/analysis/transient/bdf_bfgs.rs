@@ -4,7 +4,7 @@
 //! Taylor predictor of second order, corrector of order four with constraints on position and velocity level (`bdf_step`), solved
 //! by inverse quasi-Newton updates (`bdf_solver`). Four steps of order eight start it, divided where the scene is too stiff for
 //! them (`bdf_history`). Unequal steps use the weights of the polynomial through the actual times.
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use crate::error::Result;
 use crate::run::Counts;
@@ -13,9 +13,9 @@ use crate::solve::inverse::Family;
 use super::bdf_history::{GROWTH, History};
 use super::bdf_solver::StepSolver;
 use super::bdf_step::{BdfStep, Form, Guess, Sizes, derivative_weights, value_weights};
-use super::explicit::independent_rows;
-use super::saddle::Saddle;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
+use crate::linalg::kkt::Kkt;
+use crate::linalg::rows::Level as Asked;
 
 const STEPS: usize = 4;
 /// Growth of start steps.
@@ -59,7 +59,7 @@ impl BdfBfgs {
     fn sizes(&mut self, eq: &Equations<'_, f64>, m: &Motion<f64>) -> Sizes {
         let make = || {
             let jacobian = eq.rows(m).1;
-            let kept = independent_rows(eq.system, &jacobian);
+            let kept = eq.rows.select_dense(&jacobian, Asked::All);
             Sizes::new(eq, &eq.mass(m), kept)
         };
         self.sizes.get_or_insert_with(make).clone()
@@ -76,12 +76,12 @@ impl BdfBfgs {
             return Ok(Vec::new());
         }
         let jacobian = eq.rows(&from.motion).1;
-        let kept = DMatrix::from_fn(sizes.kept.len(), eq.n(), |r, i| jacobian[(sizes.kept[r], i)]);
         let load = jacobian.transpose() * DVector::from_column_slice(&from.lam);
         // M x + J_k^T lam_k = J^T lam with J_k x = 0: x vanishes, the kept rows carry what all carried
-        let saddle = Saddle::new(&eq.mass(&from.motion), &kept)?;
-        let (_, lam) = saddle.solve(&load, &DVector::zeros(kept.nrows()))?;
-        Ok(lam.as_slice().to_vec())
+        let mass = eq.mass(&from.motion);
+        let saddle = Kkt::with_columns(&mass, &jacobian.transpose(), &jacobian, sizes.kept.clone())?;
+        let (_, lam) = saddle.solve_one(&load, &DVector::zeros(eq.n_rows()))?;
+        Ok(sizes.kept.iter().map(|i| lam[*i]).collect())
     }
 
     fn corrected(&mut self, eq: &Equations<'_, f64>, from: &Instant, h: f64, counts: &mut Counts) -> Result<Step> {

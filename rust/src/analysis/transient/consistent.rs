@@ -1,16 +1,18 @@
 //! Positions on the constraints, rates along them, accelerations and multipliers that belong to both: what makes an instant.
 //!
 //! Corrections are the smallest in kinetic energy, min dy^T M dy, so that they leave the free motion alone.
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use crate::error::{Error, Result};
+use crate::linalg::kkt::Kkt;
+use crate::linalg::matrix::Matrix;
+use crate::linalg::rows::Level as Asked;
 use crate::run::Counts;
 use crate::system::assemble::Scene;
 use crate::system::placement::advance;
 use crate::system::topology::Level;
+use crate::tolerances::REDUNDANT_OPEN;
 
-use super::matrix::Matrix;
-use super::saddle::Saddle;
 use super::{Equations, Instant, Motion, scaled_size};
 
 /// Rows are closed when smaller than this (scaled), or when they get no smaller.
@@ -49,8 +51,13 @@ impl Equations<'_, f64> {
         mass
     }
 
-    pub(super) fn saddle(&self, mass: &Matrix, jacobian: &Matrix, counts: &mut Counts) -> Result<Saddle> {
+    pub(super) fn saddle(&self, mass: &Matrix, jacobian: &Matrix, counts: &mut Counts) -> Result<Kkt> {
         counts.add("mass factorisations", 1);
+        self.check_mass(mass)?;
+        self.kkt(mass, jacobian, self.rows.select(jacobian, Asked::All))
+    }
+
+    fn check_mass(&self, mass: &Matrix) -> Result<()> {
         let bare = |d: &f64| *d == 0.0 || !d.is_finite();
         if let Some(i) = mass.diagonal().iter().position(bare) {
             return Err(Error::singular(format!(
@@ -59,7 +66,18 @@ impl Equations<'_, f64> {
                 self.topology().names[i]
             )));
         }
-        Saddle::of(mass, jacobian, Some(&self.ordering))
+        Ok(())
+    }
+
+    /// [M R^T; R 0] with some rows.
+    fn kkt(&self, mass: &Matrix, jacobian: &Matrix, kept: Vec<usize>) -> Result<Kkt> {
+        Kkt::with_rows(mass, jacobian, kept, Some(&self.ordering))
+    }
+
+    /// [A J^T; R 0] with the rows that carry J; both dense, R may differ in its columns.
+    pub fn kkt_of(&self, a: &DMatrix<f64>, jacobian: &DMatrix<f64>, right: &DMatrix<f64>) -> Result<Kkt> {
+        let kept = self.rows.select_dense(jacobian, Asked::All);
+        Kkt::with_columns(a, &jacobian.transpose(), right, kept)
     }
 
     fn evaluated(&self, m: &Motion<f64>, counts: &mut Counts) -> Result<Evaluation> {
@@ -89,40 +107,49 @@ impl Equations<'_, f64> {
         scaled.enumerate().fold((0.0, 0), |worst, (i, v)| if v > worst.0 || v.is_nan() { (v, i) } else { worst })
     }
 
-    /// Close the position rows.
+    /// Close the position rows that carry their rank; those that are redundant must follow.
     pub fn close(&self, m: &mut Motion<f64>, counts: &mut Counts) -> Result<()> {
-        let kept = self.position_rows();
-        if !kept.contains(&true) {
+        if !self.position_rows().contains(&true) {
             return Ok(());
         }
         let mut last = f64::INFINITY;
-        for _ in 0..CLOSING_STEPS {
+        for step in 0..=CLOSING_STEPS {
             let placement = self.place(m);
             let scene = self.scene(m, &placement, None);
             let mut jacobian = self.matrix(self.n_rows());
             let phi = scene.constraints_into(&mut jacobian);
-            let phi = DVector::from_fn(phi.len(), |i, _| if kept[i] { phi[i] } else { 0.0 });
-            let (size, worst) = self.worst_row(&phi);
-            if size <= CLOSED || size <= ACCEPTABLE * 0.1 && size > 0.5 * last {
-                return Ok(());
+            let kept = self.rows.select(&jacobian, Asked::Position);
+            let mut open = DVector::zeros(phi.len());
+            kept.iter().for_each(|i| open[*i] = phi[*i]);
+            let (size, worst) = self.worst_row(&open);
+            let closed = size <= CLOSED || size <= ACCEPTABLE * 0.1 && size > 0.5 * last;
+            if closed || step == CLOSING_STEPS && size <= ACCEPTABLE {
+                return self.check_redundant(&phi);
             }
-            if !size.is_finite() || size > 1e3 {
+            if !size.is_finite() || size > 1e3 || step == CLOSING_STEPS {
                 return Err(self.open(worst, size));
             }
             last = size;
             counts.add("position projections", 1);
-            jacobian.keep_rows(&kept);
-            let saddle = self.saddle(&self.mass_of(&scene), &jacobian, counts)?;
-            let step = saddle.solve(&DVector::zeros(self.n()), &-phi)?.0;
-            advance(self.topology(), &mut m.relative, step.as_slice());
+            counts.add("mass factorisations", 1);
+            let mass = self.mass_of(&scene);
+            self.check_mass(&mass)?;
+            let change = self.kkt(&mass, &jacobian, kept)?.solve_one(&DVector::zeros(self.n()), &-open)?.0;
+            advance(self.topology(), &mut m.relative, change.as_slice());
         }
-        let (phi, _) = self.row_matrix(m);
-        let phi = DVector::from_fn(phi.len(), |i, _| if kept[i] { phi[i] } else { 0.0 });
-        let (size, worst) = self.worst_row(&phi);
-        if size <= ACCEPTABLE {
-            return Ok(());
+        Ok(())
+    }
+
+    /// Redundant rows that part from the others: the mechanism has left the motion for which they are redundant.
+    fn check_redundant(&self, phi: &DVector<f64>) -> Result<()> {
+        let limit = REDUNDANT_OPEN * self.system.tolerance;
+        for block in self.rows.blocks.iter().filter(|b| b.is_redundant()) {
+            let parted = |i: &&usize| (phi[**i] * self.rows.row_scale[**i]).abs() > limit;
+            if let Some(row) = block.rows[..block.n_position].iter().find(parted) {
+                return Err(self.open(*row, (phi[*row] * self.rows.row_scale[*row]).abs()));
+            }
         }
-        Err(self.open(worst, size))
+        Ok(())
     }
 
     pub(super) fn open(&self, row: usize, size: f64) -> Error {
@@ -147,7 +174,7 @@ impl Equations<'_, f64> {
     }
 
     /// [M J^T; J 0] at a motion.
-    pub(super) fn saddle_at(&self, m: &Motion<f64>, counts: &mut Counts) -> Result<Saddle> {
+    pub(super) fn saddle_at(&self, m: &Motion<f64>, counts: &mut Counts) -> Result<Kkt> {
         let placement = self.place(m);
         let scene = self.scene(m, &placement, None);
         let mut jacobian = self.matrix(self.n_rows());
@@ -156,7 +183,7 @@ impl Equations<'_, f64> {
     }
 
     /// The same, with the factors that the accelerations need as well.
-    fn aligned(&self, m: &mut Motion<f64>, counts: &mut Counts) -> Result<Saddle> {
+    fn aligned(&self, m: &mut Motion<f64>, counts: &mut Counts) -> Result<Kkt> {
         counts.add("velocity projections", 1);
         let placement = self.place(m);
         let scene = self.scene(m, &placement, None);
@@ -164,7 +191,7 @@ impl Equations<'_, f64> {
         scene.constraints_into(&mut jacobian);
         let saddle = self.saddle(&self.mass_of(&scene), &jacobian, counts)?;
         let miss = -(jacobian.times(&m.rate) + self.explicit_rates(m).0);
-        let step = saddle.solve(&DVector::zeros(self.n()), &miss)?.0;
+        let step = saddle.solve_one(&DVector::zeros(self.n()), &miss)?.0;
         for (rate, step) in m.rate.iter_mut().zip(step.iter()) {
             *rate += step;
         }
@@ -175,7 +202,7 @@ impl Equations<'_, f64> {
     pub fn instant(&self, motion: Motion<f64>, counts: &mut Counts) -> Result<Instant> {
         let now = self.evaluated(&motion, counts)?;
         let saddle = self.saddle(&now.mass, &now.jacobian, counts)?;
-        let (a, lam) = saddle.solve(&-now.h, &-now.gamma)?;
+        let (a, lam) = saddle.solve_one(&-now.h, &-now.gamma)?;
         Ok(self.joined(motion, &a, &lam))
     }
 
@@ -194,7 +221,7 @@ impl Equations<'_, f64> {
         self.close(&mut m, counts)?;
         let saddle = self.aligned(&mut m, counts)?;
         let now = self.evaluated(&m, counts)?;
-        let (a, lam) = saddle.solve(&-now.h, &-now.gamma)?;
+        let (a, lam) = saddle.solve_one(&-now.h, &-now.gamma)?;
         Ok(self.joined(m, &a, &lam))
     }
 

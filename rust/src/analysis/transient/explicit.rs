@@ -12,20 +12,18 @@ use nalgebra::{DMatrix, DVector};
 use num_dual::Dual;
 
 use crate::error::{Error, Result};
+use crate::linalg::rows::Level as Asked;
 use crate::model::geometry::Geometry;
 use crate::model::joint::JointKind;
 use crate::run::{Cancel, Counts};
 use crate::spatial::{Pose, Real, V3, left_jacobian_coefficient};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene};
+use crate::system::closure::scene_at_rest;
 use crate::system::connector::motion_of;
-use crate::system::loops::{column_scales, row_scales};
 use crate::system::placement::{Placement, advance, place};
 use crate::system::rows::explicit_rates;
 use crate::system::topology::Level;
-
-/// A row whose part that the others do not have is smaller than this (rows and columns scaled) is redundant.
-const REDUNDANT: f64 = 1e-9;
 
 pub use super::Motion;
 
@@ -45,8 +43,11 @@ impl<'a, T: Real> Run<'a, T> {
         let geometry = Geometry::derive(&system.topology.tables, &x);
         let relative: Vec<_> = start.relative.iter().map(Pose::real).collect();
         let placement = place(&system.topology, &system.geometry, &relative, None);
-        let jacobian = crate::analysis::assembly::scene(system, &placement).constraints().1;
-        let rows = independent_rows(system, &jacobian);
+        let jacobian = scene_at_rest(system, &placement, Effects::ALL).constraints().1;
+        let level = |i: &usize| system.topology.rows[*i].level == Level::Velocity;
+        let decided = system.decision(Effects::ALL);
+        let mut rows = decided.map_or_else(|_| Vec::new(), |d| d.rows.select_dense(&jacobian, Asked::All));
+        rows.sort_by_key(level);
         let n_position = rows.iter().take_while(|i| system.topology.rows[**i].level == Level::Position).count();
         Run { system, geometry, x, rows, n_position }
     }
@@ -261,39 +262,6 @@ impl<'a, T: Real> Run<'a, T> {
         }
         Ok(history)
     }
-}
-
-/// Rows that carry something of their own, position rows before velocity rows and large remainders before small ones.
-pub(super) fn independent_rows(system: &System, jacobian: &DMatrix<f64>) -> Vec<usize> {
-    let topology = &system.topology;
-    let scale = row_scales(topology, system.length);
-    let columns = column_scales(topology, system.length);
-    let mut rest: Vec<DVector<f64>> = (0..jacobian.nrows())
-        .map(|i| DVector::from_fn(jacobian.ncols(), |j, _| jacobian[(i, j)] * scale[i] * columns[j]))
-        .collect();
-    let largest = rest.iter().map(|r| r.norm()).fold(0.0, f64::max);
-    let mut kept: Vec<usize> = Vec::new();
-    for level in [Level::Position, Level::Velocity] {
-        loop {
-            let open = (0..rest.len()).filter(|i| topology.rows[*i].level == level);
-            let Some(best) = open.max_by(|i, j| rest[*i].norm().total_cmp(&rest[*j].norm())) else {
-                break;
-            };
-            if rest[best].norm() <= REDUNDANT * largest {
-                break;
-            }
-            let unit = rest[best].normalize();
-            for r in &mut rest {
-                // twice: once leaves rounding of the size of the first projection
-                for _ in 0..2 {
-                    *r -= &unit * unit.dot(r);
-                }
-            }
-            rest[best].fill(0.0);
-            kept.push(best);
-        }
-    }
-    kept
 }
 
 /// The smallest change of the increments, in the norm of M, that makes rows take the values `miss`.

@@ -16,8 +16,8 @@ use crate::system::placement::{advance, place};
 
 use super::consistent::ACCEPTABLE;
 use super::explicit_pivots::{Factors, Plan};
-use super::matrix::Matrix;
 use super::{Equations, Motion, scaled_size};
+use crate::linalg::matrix::Matrix;
 
 /// Another choice is taken where it has a pivot that is larger by this factor.
 const WORN: f64 = 4.0;
@@ -207,7 +207,7 @@ impl Minimal {
         let (n, f, r) = (eq.n(), plan.independent.len(), plan.pivots.len());
         if !self.narrow(eq) {
             let saddle = eq.saddle(&mass, &at.jacobian, counts)?;
-            return Ok(saddle.solve(&-h, &-gamma)?.0.as_slice().to_vec());
+            return Ok(saddle.solve_one(&-h, &-gamma)?.0.as_slice().to_vec());
         }
         let mut g = DVector::zeros(n);
         plan.depend(&self.rates, Some((-gamma).as_slice()), g.as_mut_slice(), r);

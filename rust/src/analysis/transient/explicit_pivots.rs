@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::system::topology::Level;
 
 use super::Equations;
-use super::matrix::Matrix;
+use crate::linalg::matrix::Matrix;
 
 /// A remainder below this part of the largest entry carries nothing.
 const REDUNDANT: f64 = 1e-9;

@@ -16,8 +16,8 @@ use crate::run::Counts;
 use crate::spatial::Real;
 use crate::system::topology::Level;
 
-use super::saddle::Saddle;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
+use crate::linalg::kkt::Kkt;
 
 /// In a singular pose Newton's method gains one bit at a time.
 const MAX_ITERATIONS: usize = 50;
@@ -91,7 +91,7 @@ pub struct GeneralizedAlpha {
     solved: f64,
     carried: Option<Carried>,
     tried: Option<Carried>,
-    kept: Option<(f64, Saddle)>,
+    kept: Option<(f64, Kkt)>,
     error: Option<LocalError>,
 }
 
@@ -192,7 +192,7 @@ impl GeneralizedAlpha {
         let (b, g) = self.p.slopes();
         let factors = (h * g, h * h * b);
         let (matrix, jacobian) = eq.iteration_matrices(m, &u.rate_slope, &u.lam, factors, dq, counts);
-        self.kept = Some((h, Saddle::of(&matrix, &jacobian, None)?));
+        self.kept = Some((h, Kkt::new(&matrix, &jacobian, &eq.rows, None)?));
         Ok(())
     }
 
@@ -240,7 +240,7 @@ impl GeneralizedAlpha {
                 self.factor(eq, &m, u, &dq, h, counts)?;
             }
             let Some((_, saddle)) = &self.kept else { break };
-            let (w, mu) = saddle.solve(&-r, &-phi)?;
+            let (w, mu) = saddle.solve_one(&-r, &-phi)?;
             for (s, w) in u.rate_slope.iter_mut().zip(w.iter()) {
                 *s += w / (h * h * b);
             }

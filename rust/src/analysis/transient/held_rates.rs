@@ -12,8 +12,8 @@ use crate::model::joint::JointKind;
 use crate::spatial::{M3, Real, V3, skew};
 use crate::system::assemble::Tangent;
 
-use super::matrix::Matrix;
 use super::{Equations, Motion};
+use crate::linalg::matrix::Matrix;
 
 /// A matrix that can be read entry by entry; those of the same place add up.
 pub(super) trait Listed<T>: Entries<T> {

@@ -6,11 +6,10 @@
 //! ```
 //! q are the relative poses of the tree joints; v and a their rates in tree coordinates. Poses move along the Lie group by
 //! `advance(q, dy)`; every increment dy, rate and acceleration is in the tree coordinates of docs/tables.md. All rows of cut
-//! joints stand in the order of `topology.rows`, redundant ones too: `saddle` solves with them, whatever their rank.
+//! joints stand in the order of `topology.rows`, redundant ones too: `linalg::kkt` solves with those that carry their rank.
 //!
 //! | file | |
 //! |---|---|
-//! | `saddle` | [A J^T; J 0] with redundant rows |
 //! | `consistent` | closing, projection of rates, accelerations and multipliers: all that makes an `Instant` |
 //! | `singular` | poses where rows lose rank |
 //! | `detour` | around them |
@@ -37,20 +36,21 @@ mod explicit_pivots;
 pub mod generalized_alpha;
 mod held_rates;
 pub mod interpolate;
-pub mod matrix;
 pub mod methods;
-pub mod penalty;
 pub mod plan;
 mod reversal;
-pub mod saddle;
 mod singular;
 pub mod stiffness;
 mod way;
+
+use std::sync::Arc;
 
 use explicit8::Explicit8;
 use nalgebra::{DMatrix, DVector};
 
 use crate::error::Result;
+use crate::linalg::kkt::Ordering;
+use crate::linalg::rows::RowBlocks;
 use crate::model::geometry::Geometry;
 use crate::model::joint::JointKind;
 use crate::run::Counts;
@@ -192,11 +192,22 @@ pub struct Equations<'a, T: Real> {
     pub effects: Effects,
     /// large models: lists of entries instead of dense matrices
     pub sparse: bool,
-    ordering: saddle::Ordering,
+    /// ranks of the rows
+    pub rows: Arc<RowBlocks>,
+    ordering: Ordering,
 }
 
 /// Above this number of coordinates and rows sparse factorisations are faster.
 const DENSE: usize = 60;
+
+/// The decided ranks; where the loops cannot be closed, which other analyses refuse, every row by itself.
+fn row_blocks(system: &System, effects: Effects) -> Arc<RowBlocks> {
+    let unknown = || Arc::new(RowBlocks::independent(system.topology.rows.len(), system.n_tree()));
+    if system.topology.rows.is_empty() {
+        return unknown();
+    }
+    system.decision(effects).map_or_else(|_| unknown(), |d| d.rows.clone())
+}
 
 impl<'a, T: Real> Equations<'a, T> {
     pub fn new(system: &'a System, x: Vec<T>, effects: Effects) -> Self {
@@ -212,7 +223,8 @@ impl<'a, T: Real> Equations<'a, T> {
             x,
             effects,
             sparse: system.n_tree() + system.topology.rows.len() > DENSE,
-            ordering: saddle::Ordering::default(),
+            rows: row_blocks(system, effects),
+            ordering: Ordering::default(),
         }
     }
 

@@ -48,7 +48,7 @@ impl Equations<'_, f64> {
             let sign = if (i * 5) % 3 == 0 { -1.0 } else { 1.0 };
             sign * (1.0 + 0.37 * ((i * 7) % 5) as f64) / scales[i]
         });
-        let (x, _) = saddle.solve(&DVector::zeros(self.n()), &open)?;
+        let (x, _) = saddle.solve_one(&DVector::zeros(self.n()), &open)?;
         Ok(scaled_size(x.as_slice(), &self.scales()))
     }
 }

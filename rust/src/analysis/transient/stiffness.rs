@@ -3,8 +3,8 @@ use crate::error::Result;
 use crate::run::Counts;
 use crate::system::assemble::Tangent;
 
-use super::matrix::Matrix;
 use super::{Equations, Instant, Motion, scaled_size};
+use crate::linalg::matrix::Matrix;
 use nalgebra::DVector;
 
 const ITERATIONS: usize = 12;

@@ -8,9 +8,9 @@
 use nalgebra::DMatrix;
 
 use crate::analysis::transient::generalized_alpha::{Parameters, reached};
-use crate::analysis::transient::penalty::Penalty;
 use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::Result;
+use crate::linalg::kkt::Kkt;
 use crate::run::Counts;
 
 use super::super::alpha::{Load, Solved, accelerating};
@@ -63,7 +63,7 @@ pub fn accelerations_back(
     recorder: &mut Recorder<'_>,
     there: &Motion<f64>,
     end: &Instant,
-    by: &Penalty,
+    by: &Kkt,
     at: &mut Adjoint,
     before: &mut Adjoint,
 ) -> Result<()> {

@@ -9,9 +9,9 @@
 use nalgebra::DMatrix;
 
 use crate::analysis::transient::ali3p::Linear;
-use crate::analysis::transient::penalty::Penalty;
 use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::Result;
+use crate::linalg::kkt::Kkt;
 use crate::run::Counts;
 use crate::spatial::Pose;
 use crate::system::placement::advance;
@@ -136,7 +136,7 @@ impl<'a> Along<'a> {
     /// Changes of v and a that projections make of those of v* and a*, at the end of a step; `m`: with v1.
     pub fn projected(
         &self,
-        by: &Penalty,
+        by: &Kkt,
         (m, a): (&Motion<f64>, &[f64]),
         metrics: &[DMatrix<f64>; 2],
         x: &DMatrix<f64>,
@@ -158,7 +158,7 @@ impl<'a> Along<'a> {
     }
 
     /// Accelerations and multipliers of an instant, its motion known with derivatives.
-    pub fn accelerate(&mut self, m: &Motion<f64>, there: &Instant, by: &Penalty, counts: &mut Counts) -> Result<()> {
+    pub fn accelerate(&mut self, m: &Motion<f64>, there: &Instant, by: &Kkt, counts: &mut Counts) -> Result<()> {
         let eq = self.eq;
         let (a, lam) = (&there.acceleration, &there.lam);
         let linear = eq.linearised(m, a, lam, 0.0, counts).2;

@@ -1,0 +1,368 @@
+//! Which constraints are redundant: decided once for a system, and kept by every analysis.
+//!
+//! ```text
+//! block          rows that share columns: the loops of one biconnected part of the graph of bodies and joints
+//! units          rotations as they are; displacements over the length l of their loop, sliding columns times l
+//! rounding       |error of an entry| <= 4 eps (rotation), 4 eps (|P| + |p|)/l (displacement; world points P, p)
+//!                f = |E|_F + eps max(m, n) s_1
+//! rank           number of singular values s > t = max(tolerance of the drawing, f)
+//! ```
+//! s <= f is redundant beyond doubt, s > 1e3 t independent; what lies between is *doubtful* and named. Moving by one radian along
+//! the freed direction opens the joint by s l. A pose may have a lower rank than its neighbours (a parallelogram drawn flat): the
+//! rank is the largest over the drawn pose and two poses closed beside it.
+use std::sync::Arc;
+
+use faer::prelude::*;
+use nalgebra::{DMatrix, DVector};
+
+use crate::error::{Error, Result};
+use crate::linalg::matrix::Matrix;
+use crate::linalg::rows::{Block, Level as Asked, RowBlocks, gather};
+use crate::model::geometry::BodyGeometry;
+use crate::spatial::{Pose, V3};
+use crate::system::System;
+use crate::system::assemble::Effects;
+use crate::system::closure::{check_redundant, close_drawn, close_with, drawn_start, rows_at, rows_into};
+use crate::system::placement::{advance, place};
+use crate::system::topology::{ConstraintRow, Level, Purpose};
+use crate::tolerances::{DOUBTFUL, ENTRY_ROUNDING, PROBE};
+
+/// Blocks with more entries are decided by elimination, not by singular values.
+const DENSE_BLOCK: usize = 250_000;
+
+/// A constraint whose independence the drawing decides only just.
+#[derive(Debug, Clone)]
+pub struct Doubt {
+    /// the joints, drives and couplers of its loops
+    pub joints: Vec<String>,
+    /// opening per radian of the freed direction, over the length of the loop
+    pub singular_value: f64,
+    /// was it taken for redundant?
+    pub redundant: bool,
+}
+
+/// The ranks of a system's constraints, and the closed drawn pose at which they were found.
+#[derive(Debug, Clone)]
+pub struct Decision {
+    pub rows: Arc<RowBlocks>,
+    pub doubts: Vec<Doubt>,
+    /// blocks whose drawn pose has a lower rank than its neighbours
+    pub singular: Vec<usize>,
+    pub closed: Vec<Pose<f64>>,
+    pub iterations: usize,
+    pub tolerance: f64,
+}
+
+/// Singular values of a block's rows and what they mean.
+pub(super) struct Spectrum {
+    pub values: Vec<f64>,
+    pub left: DMatrix<f64>,
+    pub right: DMatrix<f64>,
+    /// rounding
+    pub floor: f64,
+    pub rank: usize,
+}
+
+impl System {
+    /// Ranks and redundancy with these effects.
+    pub fn decision(&self, effects: Effects) -> Result<Arc<Decision>> {
+        let slot = &self.decisions[usize::from(effects.drives) + 2 * usize::from(effects.nonholonomic)];
+        if let Some(known) = slot.get() {
+            return Ok(known.clone());
+        }
+        let made = Arc::new(decide(self, effects)?);
+        Ok(slot.get_or_init(|| made).clone())
+    }
+}
+
+fn decide(system: &System, effects: Effects) -> Result<Decision> {
+    let mut rows = structure(system, effects);
+    let mut relative = drawn_start(system);
+    let iterations = close_drawn(system, &mut relative, effects, &rows)?;
+    let mut doubts = Vec::new();
+    let jacobian = rows_at(system, &relative, effects).1;
+    let bounds = bounds(system, &relative, effects, &rows);
+    for k in 0..rows.blocks.len() {
+        let found = rank_of_block(system, &jacobian, &rows, k, &bounds)?;
+        doubts.extend(doubts_of(system, &rows.blocks[k], &found));
+        rows.blocks[k] = Block { position_rank: found.position_rank, rank: found.rank, ..rows.blocks[k].clone() };
+    }
+    close_with(system, &mut relative, effects, &rows)?;
+    let mut singular = Vec::new();
+    if rows.is_redundant() {
+        singular = raise_ranks(system, &relative, effects, &mut rows, &bounds)?;
+    }
+    let rows = Arc::new(rows);
+    let decision = Decision { rows, doubts, singular, closed: relative, iterations, tolerance: system.tolerance };
+    check_redundant(system, &decision.closed, effects, &decision)?;
+    Ok(decision)
+}
+
+/// Blocks of rows that share columns, each with its own length. Rows of effects that are left out belong to none.
+fn structure(system: &System, effects: Effects) -> RowBlocks {
+    let topology = &*system.topology;
+    let mut jacobian = Matrix::zeros(topology.rows.len(), topology.n_tree, true);
+    rows_into(system, &drawn_start(system), effects, &mut jacobian);
+    let mut root: Vec<usize> = (0..topology.rows.len()).collect();
+    let mut owner = vec![usize::MAX; topology.n_tree];
+    jacobian.each(|i, j, _| match owner[j] {
+        usize::MAX => owner[j] = i,
+        other => {
+            let (a, b) = (find(&mut root, i), find(&mut root, other));
+            root[a.max(b)] = a.min(b);
+        }
+    });
+    let lengths = loop_lengths(system);
+    let mut column_length = vec![0.0_f64; topology.n_tree];
+    jacobian.each(|i, j, _| column_length[j] = column_length[j].max(lengths[i]));
+    let length = |c: usize| if column_length[c] > 0.0 { column_length[c] } else { system.length };
+    let column_scale = (0..topology.n_tree).map(|c| topology.scale(c, length(c))).collect();
+    let row_scale = (topology.rows.iter().zip(&lengths))
+        .map(|(r, l)| if r.coordinate.is_length() { 1.0 / l } else { 1.0 })
+        .collect();
+    let mut number = std::collections::BTreeMap::new();
+    let mut blocks: Vec<Block> = Vec::new();
+    for (i, row) in topology.rows.iter().enumerate().filter(|(_, r)| effects.row(r)) {
+        let r = find(&mut root, i);
+        let k = *number.entry(r).or_insert_with(|| {
+            blocks.push(Block::default());
+            blocks.len() - 1
+        });
+        if row.level == Level::Position {
+            let at = blocks[k].n_position;
+            blocks[k].rows.insert(at, i);
+            blocks[k].n_position += 1;
+        } else {
+            blocks[k].rows.push(i);
+        }
+    }
+    for (c, row) in owner.iter().enumerate().filter(|(_, r)| **r != usize::MAX) {
+        let r = find(&mut root, *row);
+        if let Some(k) = number.get(&r) {
+            blocks[*k].columns.push(c);
+        }
+    }
+    for b in &mut blocks {
+        (b.position_rank, b.rank) = (b.n_position, b.rows.len());
+    }
+    RowBlocks { blocks, row_scale, column_scale }
+}
+
+fn find(root: &mut [usize], mut i: usize) -> usize {
+    while root[i] != i {
+        root[i] = root[root[i]];
+        i = root[i];
+    }
+    i
+}
+
+/// The length of the loop that each row closes: twice the largest distance of its joints from their mean, and never below the
+/// size of the bodies that it joins.
+fn loop_lengths(system: &System) -> Vec<f64> {
+    let topology = &*system.topology;
+    let tables = &topology.tables;
+    let sizes = body_sizes(system);
+    let at = |i: usize| V3::new(system.x[i], system.x[i + 1], system.x[i + 2]);
+    let mut of_joint: std::collections::HashMap<usize, f64> = std::collections::HashMap::new();
+    let lengths = topology.rows.iter().map(|row| {
+        *of_joint.entry(row.joint).or_insert_with(|| {
+            let joint = &tables.joints[row.joint];
+            let mut points = vec![at(joint.x), at(joint.x + 3)];
+            let between = topology.nodes_between(joint.a, joint.b);
+            for n in between {
+                match topology.nodes[n].joint {
+                    Some(j) => points.extend([at(tables.joints[j].x), at(tables.joints[j].x + 3)]),
+                    None => points.push(system.geometry.bodies[topology.nodes[n].body].drawn.p),
+                }
+            }
+            let mean = points.iter().sum::<V3<f64>>() / points.len() as f64;
+            let spread = points.iter().map(|p| (p - mean).norm()).fold(0.0, f64::max);
+            let own = [joint.a, joint.b].into_iter().flatten().map(|b| sizes[b]).fold(0.0, f64::max);
+            let length = (2.0 * spread).max(own);
+            if length > 0.0 { length } else { system.length }
+        })
+    });
+    lengths.collect()
+}
+
+/// Distance of the farthest joint from the centre of mass, or the radius of gyration where that is larger.
+fn body_sizes(system: &System) -> Vec<f64> {
+    let tables = &system.topology.tables;
+    let at = |i: usize| V3::new(system.x[i], system.x[i + 1], system.x[i + 2]);
+    let gyration = |b: &BodyGeometry<f64>| match b.mass > 0.0 {
+        true => (0.5 * b.inertia.trace().max(0.0) / b.mass).sqrt(),
+        false => 0.0,
+    };
+    let mut size: Vec<f64> = system.geometry.bodies.iter().map(gyration).collect();
+    for joint in &tables.joints {
+        for (body, point) in [(joint.a, at(joint.x)), (joint.b, at(joint.x + 3))] {
+            if let Some(b) = body {
+                size[b] = size[b].max((point - system.geometry.bodies[b].drawn.p).norm());
+            }
+        }
+    }
+    size
+}
+
+/// Rounding of the entries of each row, columns free of units.
+pub(super) fn bounds(system: &System, relative: &[Pose<f64>], effects: Effects, rows: &RowBlocks) -> Vec<f64> {
+    let topology = &*system.topology;
+    let poses = place(topology, &system.geometry, relative, None).pose;
+    let far = |b: Option<usize>| topology.node(b).map_or(0.0, |n| poses[n].p.norm());
+    let unit = ENTRY_ROUNDING * f64::EPSILON;
+    let bound = |(i, row): (usize, &ConstraintRow)| {
+        if !effects.row(row) {
+            return 0.0;
+        }
+        let joint = &topology.tables.joints[row.joint];
+        let along = topology.nodes_between(joint.a, joint.b).into_iter().map(|n| poses[n].p.norm());
+        let reach = along.fold(far(joint.a).max(far(joint.b)), f64::max);
+        if row.coordinate.is_length() { unit * (1.0 + 2.0 * reach * rows.row_scale[i]) } else { unit }
+    };
+    topology.rows.iter().enumerate().map(bound).collect()
+}
+
+struct Ranks {
+    position_rank: usize,
+    rank: usize,
+    all: Option<Spectrum>,
+    tolerance: f64,
+}
+
+fn rank_of_block(system: &System, j: &Matrix, rows: &RowBlocks, k: usize, bounds: &[f64]) -> Result<Ranks> {
+    let block = &rows.blocks[k];
+    if block.rows.len() * block.columns.len() > DENSE_BLOCK {
+        return Err(Error::route(format!(
+            "{} constraint rows over {} coordinates are coupled in one block, more than the rank of dense rows can be decided for",
+            block.rows.len(),
+            block.columns.len()
+        )));
+    }
+    let all = spectrum(j, rows, block, Asked::All, bounds, system.tolerance)?;
+    let rank = all.rank;
+    let position_rank = match block.n_position == block.rows.len() {
+        true => rank,
+        false => spectrum(j, rows, block, Asked::Position, bounds, system.tolerance)?.rank,
+    };
+    let tolerance = system.tolerance.max(all.floor);
+    Ok(Ranks { position_rank, rank, all: Some(all), tolerance })
+}
+
+/// Singular values of a block's rows at a level against their rounding and the tolerance of the drawing.
+pub(super) fn spectrum(
+    j: &Matrix,
+    rows: &RowBlocks,
+    block: &Block,
+    level: Asked,
+    bounds: &[f64],
+    tolerance: f64,
+) -> Result<Spectrum> {
+    let own = block.rows_at(level).0;
+    let m = gather(j, own, &block.columns, rows);
+    let (values, left, right) = singular_values(&m)?;
+    let first = values.first().copied().unwrap_or(0.0);
+    let size = own.len().max(block.columns.len()) as f64;
+    // rounding of an entry, where the row has one
+    let noise: f64 = own
+        .iter()
+        .enumerate()
+        .map(|(r, i)| bounds[*i].powi(2) * m.row(r).iter().filter(|v| **v != 0.0).count() as f64)
+        .sum();
+    let floor = noise.sqrt() + f64::EPSILON * size * first;
+    let rank = values.iter().filter(|s| **s > tolerance.max(floor)).count();
+    Ok(Spectrum { values, left, right, floor, rank })
+}
+
+/// Singular values, descending, with both sides complete.
+fn singular_values(m: &DMatrix<f64>) -> Result<(Vec<f64>, DMatrix<f64>, DMatrix<f64>)> {
+    let (rows, columns) = m.shape();
+    if rows == 0 || columns == 0 {
+        return Ok((Vec::new(), DMatrix::identity(rows, rows), DMatrix::identity(columns, columns)));
+    }
+    let svd = MatRef::from_column_major_slice(m.as_slice(), rows, columns)
+        .svd()
+        .map_err(|_| Error::singular("the singular values of the constraint rows could not be found"))?;
+    let values = (0..rows.min(columns)).map(|k| svd.S().column_vector()[k]).collect();
+    let left = DMatrix::from_fn(rows, rows, |i, j| svd.U()[(i, j)]);
+    let right = DMatrix::from_fn(columns, columns, |i, j| svd.V()[(i, j)]);
+    Ok((values, left, right))
+}
+
+/// What a drawing decides only just, with the names of the joints in the loops.
+fn doubts_of(system: &System, block: &Block, found: &Ranks) -> Vec<Doubt> {
+    let Some(all) = &found.all else { return Vec::new() };
+    let doubtful = |s: &&f64| **s > all.floor && **s <= DOUBTFUL * found.tolerance;
+    all.values
+        .iter()
+        .filter(doubtful)
+        .map(|s| Doubt { joints: block_names(system, block), singular_value: *s, redundant: *s <= found.tolerance })
+        .collect()
+}
+
+/// The joints, drives and couplers of a block, in the order of the model.
+pub fn block_names(system: &System, block: &Block) -> Vec<String> {
+    let topology = &*system.topology;
+    let tables = &topology.tables;
+    let mut joints: Vec<usize> = block.rows.iter().map(|i| topology.rows[*i].joint).collect();
+    joints.extend(block.columns.iter().filter_map(|c| topology.nodes[topology.dofs[*c].node].joint));
+    joints.sort_unstable();
+    joints.dedup();
+    let imposed = block.rows.iter().filter(|i| topology.rows[**i].purpose != Purpose::Joint);
+    let imposed = imposed.map(|i| topology.row_name(*i).to_owned());
+    joints.into_iter().map(|j| tables.joints[j].name.clone()).chain(imposed).collect()
+}
+
+/// Ranks at two poses beside a closed one, each a small way along a direction that the rows leave free; the blocks whose rank is
+/// larger there.
+fn raise_ranks(
+    system: &System,
+    relative: &[Pose<f64>],
+    effects: Effects,
+    rows: &mut RowBlocks,
+    bounds: &[f64],
+) -> Result<Vec<usize>> {
+    let jacobian = rows_at(system, relative, effects).1;
+    let mut raised = rows.clone();
+    for seed in [1_u64, 2] {
+        let mut dy = vec![0.0; system.n_tree()];
+        for block in rows.blocks.iter().filter(|b| b.is_redundant()) {
+            let found = spectrum(&jacobian, rows, block, Asked::All, bounds, system.tolerance)?;
+            let free = found.right.ncols().saturating_sub(found.rank);
+            let mut direction = DVector::zeros(block.columns.len());
+            for k in 0..free {
+                direction += found.right.column(found.rank + k) * weight(seed, k);
+            }
+            if free > 0 {
+                direction *= PROBE / direction.norm();
+            }
+            for (c, d) in block.columns.iter().zip(direction.iter()) {
+                dy[*c] = d * rows.column_scale[*c];
+            }
+        }
+        let mut beside = relative.to_vec();
+        advance(&system.topology, &mut beside, &dy);
+        // a pose that cannot be closed beside this one tells nothing of its rank
+        if close_with(system, &mut beside, effects, rows).is_err() {
+            continue;
+        }
+        let there = rows_at(system, &beside, effects).1;
+        for (b, known) in raised.blocks.iter_mut().zip(&rows.blocks).filter(|(_, k)| k.is_redundant()) {
+            // what is doubtful there was decided at the closed pose
+            let rank =
+                |asked| spectrum(&there, rows, known, asked, bounds, DOUBTFUL * system.tolerance).map(|s| s.rank);
+            b.rank = b.rank.max(rank(Asked::All)?);
+            b.position_rank = b.position_rank.max(rank(Asked::Position)?);
+        }
+    }
+    let grown = |k: &usize| raised.blocks[*k].rank > rows.blocks[*k].rank;
+    let singular = (0..rows.blocks.len()).filter(grown).collect();
+    *rows = raised;
+    Ok(singular)
+}
+
+/// Fixed weights in [-1, 1], none of them small.
+fn weight(seed: u64, k: usize) -> f64 {
+    let angle = (seed as f64) * 1.7 + (k as f64) * 2.399_963;
+    let w = angle.sin();
+    if w < 0.0 { w - 0.2 } else { w + 0.2 }
+}
