@@ -15,6 +15,7 @@ __version__ = "0.1.0"
 _HOME = {
     "AssemblyError": "errors",
     "ConvergenceError": "errors",
+    "DoubtfulWarning": "errors",
     "DuplicateNameError": "errors",
     "InertiaError": "errors",
     "KinkWarning": "errors",

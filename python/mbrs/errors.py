@@ -53,5 +53,9 @@ class MbrsWarning(UserWarning):
     """Base of all warnings of mbrs."""
 
 
+class DoubtfulWarning(MbrsWarning):
+    """Whether a loop moves depends on the accuracy of the drawing; the message names its joints and says what was decided."""
+
+
 class KinkWarning(MbrsWarning):
     """A motion that was differentiated passed a place where it is not differentiable; the message says when and where."""

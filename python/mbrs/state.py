@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .errors import MbrsWarning, ModelError
+from .errors import DoubtfulWarning, MbrsWarning, ModelError
 
 AT_REST = np.zeros(0)
 
@@ -68,8 +68,35 @@ def drawn(model: Any, system: Any, hold: bool = True, without: Sequence[str] = (
     return State(made["relative"], made["rate"], "drawn")
 
 
+def doubt(joints: Sequence[str], value: float, redundant: bool, tolerance: float) -> str:
+    """A sentence on constraints that the drawing decides only just."""
+    named = ", ".join(repr(j) for j in joints[:6]) + (f" and {len(joints) - 6} more" if len(joints) > 6 else "")
+    if redundant:
+        return (
+            f"the loop of {named} is taken to move: as drawn its joints lock each other, but only by {value:.1e} (radians, or parts "
+            f"of its length), less than the tolerance {tolerance:.1e} of the drawing"
+        )
+    return (
+        f"the loop of {named} is locked by no more than {value:.1e} (radians, or parts of its length): it would move if its axes and "
+        f"points agreed better; free one rotation, or use Model(tolerance={4 * value:.1e}) if the drawing is no more accurate"
+    )
+
+
+def warn_of_doubts(model: Any, system: Any, without: Sequence[str] = ()) -> None:
+    """Name the loops of a model whose rank the tolerance of the drawing decides."""
+    import warnings
+
+    from ._border import core_errors
+
+    with core_errors():
+        found = system.doubts(list(without))
+    for sentence in dict.fromkeys(doubt(*d) for d in found):
+        warnings.warn(f"{model.name!r}: {sentence}", DoubtfulWarning, stacklevel=4)
+
+
 def state_of(model: Any, system: Any, at: Any, hold: bool = True, without: Sequence[str] = ()) -> State:
     """The state that ``at=`` means: None (drawn), a `State`, or a result that carries one."""
+    warn_of_doubts(model, system, without)
     if at is None:
         return drawn(model, system, hold, without)
     state = getattr(at, "state", at)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ._border import core_errors
 from .linearize import Snapshot
-from .state import state_of
+from .state import doubt, state_of
 
 if TYPE_CHECKING:
     from .model import Model
@@ -45,6 +45,9 @@ class System:
         Number of superfluous constraint equations by joint; others in the loop enforce them already. Which of a set of
         equivalent equations is called superfluous is a matter of choice.
 
+    doubts
+        A sentence for each constraint whose independence the drawing decides only just, with its joints.
+
     Raises
     ------
     AssemblyError
@@ -64,6 +67,7 @@ class System:
         state = state_of(model, snapshot.system, None)
         with core_errors():
             found = snapshot.system.mobility(state.relative)
+            self.doubts = tuple(doubt(*d) for d in snapshot.system.doubts())
         topology = snapshot.system.topology()
         self.name = model.name
         self.n_bodies = len(model.bodies)
@@ -119,6 +123,7 @@ class System:
             )
         elif self.loops:
             lines.append("redundant constraints: none")
+        lines.extend(f"doubtful: {sentence}" for sentence in dict.fromkeys(self.doubts))
         lines.append("minimal coordinates: " + ", ".join(self.coordinates[:12]) + (", ..." if self.dof > 12 else ""))
         return "\n".join(lines)
 

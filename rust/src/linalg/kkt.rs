@@ -350,3 +350,86 @@ fn pseudo_inverse(m: &DMatrix<f64>) -> Result<DMatrix<f64>> {
     let kept: Vec<usize> = (0..size).filter(|k| s[*k] > 4.0 * size as f64 * f64::EPSILON * s[0]).collect();
     Ok(DMatrix::from_fn(size, size, |i, j| kept.iter().map(|k| v[(i, *k)] / s[*k] * u[(j, *k)]).sum()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linalg::entries::Entries;
+    use crate::linalg::rows::Block;
+
+    fn listed(m: &DMatrix<f64>) -> Matrix {
+        let mut t = Matrix::zeros(m.nrows(), m.ncols(), true);
+        for i in 0..m.nrows() {
+            for j in 0..m.ncols() {
+                t.add(i, j, m[(i, j)]);
+            }
+        }
+        t
+    }
+
+    fn ranked(rows: usize, columns: usize, rank: usize) -> RowBlocks {
+        let mut blocks = RowBlocks::independent(rows, columns);
+        blocks.blocks[0] = Block { rank, position_rank: rank, ..blocks.blocks[0].clone() };
+        blocks
+    }
+
+    fn column(v: &[f64]) -> DVector<f64> {
+        DVector::from_row_slice(v)
+    }
+
+    #[test]
+    fn redundant_rows_change_nothing_by_any_route_and_transposed() -> Result<()> {
+        let a = DMatrix::from_fn(4, 4, |i, j| if i == j { 3.0 + i as f64 } else { 0.2 });
+        let r = DMatrix::from_row_slice(3, 4, &[1.0, -1.0, 0.5, 0.0, 2.0, -2.0, 1.0, 0.0, 0.0, 1.0, 1.0, 2.0]);
+        let (f, g) = (column(&[1.0, 0.2, -0.4, 0.7]), column(&[0.3, 0.6, -0.2]));
+        let blocks = ranked(3, 4, 2);
+        let dense = Matrix::Dense(a.clone());
+        let systems = [
+            Kkt::new(&dense, &Matrix::Dense(r.clone()), &blocks, None)?,
+            Kkt::new(&listed(&a), &listed(&r), &blocks, Some(&Ordering::default()))?,
+            Kkt::new(&listed(&a), &listed(&r), &blocks, None)?,
+            Kkt::with_columns(&a, &r.transpose(), &r, vec![1, 2])?,
+        ];
+        for system in systems {
+            assert_eq!(system.kept(), [1, 2]);
+            let (x, y) = system.solve_one(&f, &g)?;
+            assert!((&a * &x + r.transpose() * &y - &f).amax() < 1e-14);
+            assert!((&r * &x - &g).amax() < 1e-14);
+            let (x, y) =
+                system.solve_transposed(&DMatrix::from_columns(&[f.clone()]), &DMatrix::from_columns(&[g.clone()]))?;
+            assert!((a.transpose() * &x + r.transpose() * &y - &f).amax() < 1e-14);
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn a_row_that_is_independent_only_just_is_enforced() -> Result<()> {
+        let a = DMatrix::from_fn(3, 3, |i, j| if i == j { 2.0 + i as f64 } else { 0.3 });
+        for s in [1e-2, 1e-4, 1e-6, 2e-7] {
+            let r = DMatrix::from_row_slice(2, 3, &[1.0, -1.0, 0.5, 2.0, -2.0, 1.0 + s]);
+            let g = column(&[0.3, 0.6 + 0.1 * s]);
+            let blocks = RowBlocks::independent(2, 3);
+            let ordering = Ordering::default();
+            for system in [
+                Kkt::new(&Matrix::Dense(a.clone()), &Matrix::Dense(r.clone()), &blocks, None)?,
+                Kkt::new(&listed(&a), &listed(&r), &blocks, Some(&ordering))?,
+            ] {
+                // x3 = 0.1 follows from both rows whatever s
+                let (x, _) = system.solve_one(&column(&[1.0, 0.2, -0.4]), &g)?;
+                assert!((x[2] - 0.1).abs() < 1e-13 / s, "s = {s:e}: {:e}", x[2] - 0.1);
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn rows_that_depend_on_each_other_give_the_least_answer_or_none() -> Result<()> {
+        let a = DMatrix::identity(3, 3);
+        let r = DMatrix::from_row_slice(2, 3, &[1.0, -1.0, 0.5, 2.0, -2.0, 1.0]);
+        let system = Kkt::new(&Matrix::Dense(a), &Matrix::Dense(r.clone()), &RowBlocks::independent(2, 3), None)?;
+        let (x, _) = system.solve_one(&column(&[1.0, 0.2, -0.4]), &column(&[0.3, 0.6]))?;
+        assert!((&r * x - column(&[0.3, 0.6])).amax() < 1e-13);
+        assert!(system.solve_one(&column(&[1.0, 0.2, -0.4]), &column(&[0.3, 0.7])).is_err());
+        Ok(())
+    }
+}

@@ -3,6 +3,7 @@ pub mod balance;
 pub mod dense;
 pub mod double_double;
 pub mod eigen;
+pub mod elimination;
 pub mod entries;
 pub mod expm;
 pub mod hessenberg;

@@ -161,7 +161,7 @@ impl RowBlocks {
 }
 
 /// As many rows as the ranks say, those with the largest remainders first, position rows before others.
-fn largest_rows(m: DMatrix<f64>, n_position: usize, ranks: [usize; 2]) -> Vec<usize> {
+pub fn largest_rows(m: DMatrix<f64>, n_position: usize, ranks: [usize; 2]) -> Vec<usize> {
     let mut left: Vec<Option<RowDVector<f64>>> = m.row_iter().map(|r| Some(r.into_owned())).collect();
     let mut kept = Vec::with_capacity(ranks[1]);
     while kept.len() < ranks[1] {

@@ -21,6 +21,7 @@ use crate::system::closure::{close, scene_at_rest};
 use crate::system::connector::{Numbers, Wanted, coordinate_tangent};
 use crate::system::loops::{redundant_names, row_scales};
 use crate::system::placement::{State, advance, place};
+use crate::system::rank::Doubt;
 use crate::system::rows::explicit_rates;
 use crate::system::topology::Owner;
 
@@ -316,6 +317,18 @@ impl PySystem {
             out.set_item("redundant", redundant_names(topology, l, |_| true))?;
         }
         Ok(out)
+    }
+
+    /// What the drawing decides only just: (joints, singular value, taken for redundant?, tolerance) each.
+    #[pyo3(signature = (without=Vec::new()))]
+    fn doubts(&self, py: Python<'_>, without: Vec<String>) -> PyResult<Vec<(Vec<String>, f64, bool, f64)>> {
+        let effects = effects(&without)?;
+        if self.0.topology.rows.is_empty() {
+            return Ok(Vec::new());
+        }
+        let decision = run(py, &self.0, move |system, _| system.decision(effects))?;
+        let one = |d: &Doubt| (d.joints.clone(), d.singular_value, d.redundant, decision.tolerance);
+        Ok(decision.doubts.iter().map(one).collect())
     }
 
     /// A state advanced by increments of the minimal coordinates, loops closed.

@@ -16,8 +16,9 @@ use faer::prelude::*;
 use nalgebra::{DMatrix, DVector};
 
 use crate::error::{Error, Result};
+use crate::linalg::elimination::{Candidate, eliminate};
 use crate::linalg::matrix::Matrix;
-use crate::linalg::rows::{Block, Level as Asked, RowBlocks, gather};
+use crate::linalg::rows::{Block, Level as Asked, RowBlocks, gather, largest_rows};
 use crate::model::geometry::BodyGeometry;
 use crate::spatial::{Pose, V3};
 use crate::system::System;
@@ -28,7 +29,7 @@ use crate::system::topology::{ConstraintRow, Level, Purpose};
 use crate::tolerances::{DOUBTFUL, ENTRY_ROUNDING, PROBE};
 
 /// Blocks with more entries are decided by elimination, not by singular values.
-const DENSE_BLOCK: usize = 250_000;
+const DENSE_BLOCK: usize = 40_000;
 
 /// A constraint whose independence the drawing decides only just.
 #[derive(Debug, Clone)]
@@ -83,9 +84,10 @@ fn decide(system: &System, effects: Effects) -> Result<Decision> {
     let jacobian = rows_at(system, &relative, effects).1;
     let bounds = bounds(system, &relative, effects, &rows);
     for k in 0..rows.blocks.len() {
-        let found = rank_of_block(system, &jacobian, &rows, k, &bounds)?;
+        let found = rank_of_block(&jacobian, &rows, &rows.blocks[k], &bounds, system.tolerance)?;
         doubts.extend(doubts_of(system, &rows.blocks[k], &found));
-        rows.blocks[k] = Block { position_rank: found.position_rank, rank: found.rank, ..rows.blocks[k].clone() };
+        let block = &mut rows.blocks[k];
+        (block.position_rank, block.rank, block.fixed) = (found.position_rank, found.rank, found.fixed);
     }
     close_with(system, &mut relative, effects, &rows)?;
     let mut singular = Vec::new();
@@ -222,30 +224,68 @@ pub(super) fn bounds(system: &System, relative: &[Pose<f64>], effects: Effects, 
     topology.rows.iter().enumerate().map(bound).collect()
 }
 
+/// The ranks of one block, what was decided only just, and the rows that carry a large one.
 struct Ranks {
     position_rank: usize,
     rank: usize,
-    all: Option<Spectrum>,
+    /// singular values that are no rounding and not far above the tolerance
+    doubtful: Vec<f64>,
     tolerance: f64,
+    fixed: Option<Vec<usize>>,
 }
 
-fn rank_of_block(system: &System, j: &Matrix, rows: &RowBlocks, k: usize, bounds: &[f64]) -> Result<Ranks> {
-    let block = &rows.blocks[k];
+fn rank_of_block(j: &Matrix, rows: &RowBlocks, block: &Block, bounds: &[f64], tolerance: f64) -> Result<Ranks> {
     if block.rows.len() * block.columns.len() > DENSE_BLOCK {
-        return Err(Error::route(format!(
-            "{} constraint rows over {} coordinates are coupled in one block, more than the rank of dense rows can be decided for",
-            block.rows.len(),
-            block.columns.len()
-        )));
+        return eliminated(j, rows, block, bounds, tolerance);
     }
-    let all = spectrum(j, rows, block, Asked::All, bounds, system.tolerance)?;
-    let rank = all.rank;
+    let all = spectrum(j, rows, block, Asked::All, bounds, tolerance)?;
     let position_rank = match block.n_position == block.rows.len() {
-        true => rank,
-        false => spectrum(j, rows, block, Asked::Position, bounds, system.tolerance)?.rank,
+        true => all.rank,
+        false => spectrum(j, rows, block, Asked::Position, bounds, tolerance)?.rank,
     };
-    let tolerance = system.tolerance.max(all.floor);
-    Ok(Ranks { position_rank, rank, all: Some(all), tolerance })
+    let limit = tolerance.max(all.floor);
+    let doubtful = all.values.iter().copied().filter(|s| *s > all.floor && *s <= DOUBTFUL * limit).collect();
+    Ok(Ranks { position_rank, rank: all.rank, doubtful, tolerance: limit, fixed: None })
+}
+
+/// A large block: what elimination leaves below the limit is decided by its singular values.
+fn eliminated(j: &Matrix, rows: &RowBlocks, block: &Block, bounds: &[f64], tolerance: f64) -> Result<Ranks> {
+    let mut place = vec![usize::MAX; rows.row_scale.len()];
+    block.rows.iter().enumerate().for_each(|(k, i)| place[*i] = k);
+    let mut entries: Vec<Vec<(u32, f64)>> = vec![Vec::new(); block.rows.len()];
+    j.each(|i, c, v| {
+        if let (Some(row), Ok(k)) = (entries.get_mut(place[i]), block.columns.binary_search(&c))
+            && v != 0.0
+        {
+            row.push((k as u32, v * rows.row_scale[i] * rows.column_scale[c]));
+        }
+    });
+    let candidate = |(k, mut row): (usize, Vec<(u32, f64)>)| {
+        row.sort_by_key(|e| e.0);
+        row.dedup_by(|b, a| {
+            a.0 == b.0 && {
+                a.1 += b.1;
+                true
+            }
+        });
+        Candidate { entries: row, rounding: bounds[block.rows[k]], group: usize::from(k >= block.n_position) }
+    };
+    let found =
+        eliminate(entries.into_iter().enumerate().map(candidate).collect(), block.columns.len(), DOUBTFUL * tolerance);
+    let (values, _, _) = singular_values(&found.remainder)?;
+    let floor = found.rounding * (found.weak.len() as f64).sqrt();
+    let limit = tolerance.max(floor);
+    let more = values.iter().filter(|s| **s > limit).count();
+    let position = |k: &&usize| **k < block.n_position;
+    let weak_positions = found.weak.iter().filter(position).count();
+    let weak = largest_rows(found.remainder.clone(), weak_positions, [more.min(weak_positions), more]);
+    let carrying: Vec<usize> =
+        found.independent.iter().copied().chain(weak.into_iter().map(|k| found.weak[k])).collect();
+    let position_rank = carrying.iter().filter(position).count();
+    let mut fixed: Vec<usize> = carrying.iter().map(|k| block.rows[*k]).collect();
+    fixed.sort_unstable();
+    let doubtful = values.into_iter().filter(|s| *s > floor && *s <= DOUBTFUL * limit).collect();
+    Ok(Ranks { position_rank, rank: fixed.len(), doubtful, tolerance: limit, fixed: Some(fixed) })
 }
 
 /// Singular values of a block's rows at a level against their rounding and the tolerance of the drawing.
@@ -290,13 +330,9 @@ fn singular_values(m: &DMatrix<f64>) -> Result<(Vec<f64>, DMatrix<f64>, DMatrix<
 
 /// What a drawing decides only just, with the names of the joints in the loops.
 fn doubts_of(system: &System, block: &Block, found: &Ranks) -> Vec<Doubt> {
-    let Some(all) = &found.all else { return Vec::new() };
-    let doubtful = |s: &&f64| **s > all.floor && **s <= DOUBTFUL * found.tolerance;
-    all.values
-        .iter()
-        .filter(doubtful)
-        .map(|s| Doubt { joints: block_names(system, block), singular_value: *s, redundant: *s <= found.tolerance })
-        .collect()
+    let joints = if found.doubtful.is_empty() { Vec::new() } else { block_names(system, block) };
+    let doubt = |s: &f64| Doubt { joints: joints.clone(), singular_value: *s, redundant: *s <= found.tolerance };
+    found.doubtful.iter().map(doubt).collect()
 }
 
 /// The joints, drives and couplers of a block, in the order of the model.
@@ -325,7 +361,7 @@ fn raise_ranks(
     let mut raised = rows.clone();
     for seed in [1_u64, 2] {
         let mut dy = vec![0.0; system.n_tree()];
-        for block in rows.blocks.iter().filter(|b| b.is_redundant()) {
+        for block in rows.blocks.iter().filter(|b| b.is_redundant() && b.fixed.is_none()) {
             let found = spectrum(&jacobian, rows, block, Asked::All, bounds, system.tolerance)?;
             let free = found.right.ncols().saturating_sub(found.rank);
             let mut direction = DVector::zeros(block.columns.len());
@@ -346,7 +382,9 @@ fn raise_ranks(
             continue;
         }
         let there = rows_at(system, &beside, effects).1;
-        for (b, known) in raised.blocks.iter_mut().zip(&rows.blocks).filter(|(_, k)| k.is_redundant()) {
+        for (b, known) in
+            raised.blocks.iter_mut().zip(&rows.blocks).filter(|(_, k)| k.is_redundant() && k.fixed.is_none())
+        {
             // what is doubtful there was decided at the closed pose
             let rank =
                 |asked| spectrum(&there, rows, known, asked, bounds, DOUBTFUL * system.tolerance).map(|s| s.rank);

@@ -21,8 +21,6 @@ use crate::linalg::matrix::Matrix;
 
 /// Another choice is taken where it has a pivot that is larger by this factor.
 const WORN: f64 = 4.0;
-/// A redundant row of which this much is left has become one of its own.
-const RANK: f64 = 1e-7;
 const NEWTON_STEPS: usize = 12;
 /// Part of the tolerance to which positions of stages are closed; accelerations miss by that over the square of the smallest pivot.
 const CLOSER: f64 = 1e-2;
@@ -83,7 +81,7 @@ impl Minimal {
             counts.add("coordinate switches", 1);
             self.switches += 1;
         }
-        plan.factor(&jacobian, false, &mut self.rates)?;
+        plan.factor(&jacobian, &mut self.rates)?;
         self.names = shown(&plan, &eq.topology().names);
         self.plan = Some(plan);
         self.worn = false;
@@ -104,7 +102,7 @@ impl Minimal {
     ) -> Result<Settled> {
         let found = self.settled(eq, from, t, (y, rate), end, counts);
         if end {
-            self.worn |= found.is_err() || self.rates.worn > WORN || self.rates.remainder > RANK;
+            self.worn |= found.is_err() || self.rates.worn > WORN;
         }
         found
     }
@@ -130,7 +128,7 @@ impl Minimal {
             left -= 1;
             let (phi, jacobian) = rows_at(eq, &m);
             counts.add("row evaluations", 1);
-            plan.factor(&jacobian, end, &mut self.rates)?;
+            plan.factor(&jacobian, &mut self.rates)?;
             if plan.n_position == 0 {
                 break jacobian;
             }
@@ -139,13 +137,13 @@ impl Minimal {
             if !maps.is_empty() {
                 let mut turned = jacobian.clone();
                 turned.turn_columns(&maps);
-                plan.factor(&turned, false, &mut self.places)?;
+                plan.factor(&turned, &mut self.places)?;
                 places = &self.places;
             }
             let mut d = vec![0.0; eq.n()];
             plan.depend(places, Some((-&phi).as_slice()), &mut d, plan.n_position);
             let size = scaled_size(&d, &scales);
-            let (open, worst) = eq.worst_row(&phi);
+            let (open, worst) = eq.worst_row(&plan.carried(&phi));
             // what rounding leaves of a row is larger by the pivot in the coordinate
             let rounding = size <= ROUNDING || open <= TIGHT;
             let lost = left == 0 || size > last && !rounding;

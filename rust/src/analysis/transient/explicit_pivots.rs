@@ -5,20 +5,19 @@
 //! ```
 //! R and C make rows and columns dimensionless by the characteristic length. The choice takes the largest entries for pivots
 //! (generalised coordinate partitioning: Wehage and Haug, J. Mech. Des. 104 (1982) 247-255), position rows before rows of velocities
-//! alone, so that the first pivots are those of positions. Rows without a remainder are redundant and left out. Later values are
+//! alone, so that the first pivots are those of positions. The rows are those that carry the decided rank. Later values are
 //! eliminated in the same order; an entry that has outgrown its pivot tells that another choice would be better.
 use std::collections::{BTreeMap, BTreeSet};
 
+use nalgebra::DVector;
+
 use crate::error::{Error, Result};
 use crate::system::topology::Level;
+use crate::tolerances::TIE;
 
 use super::Equations;
 use crate::linalg::matrix::Matrix;
-
-/// A remainder below this part of the largest entry carries nothing.
-const REDUNDANT: f64 = 1e-9;
-/// Entries that differ by less are equally good pivots: the first is taken, so that rounding does not choose.
-const TIE: f64 = 1e-6;
+use crate::linalg::rows::Level as Asked;
 
 type Row = BTreeMap<usize, f64>;
 
@@ -31,11 +30,9 @@ pub struct Plan {
     pub n_position: usize,
     /// coordinates whose rates depend on no others
     pub independent: Vec<usize>,
-    /// rows that follow from the others
-    redundant: Vec<usize>,
     row_scale: Vec<f64>,
     column_scale: Vec<f64>,
-    /// earlier pivots that act on each row (those of `pivots`, then the redundant ones)
+    /// earlier pivots that act on each row
     lower: Lists,
     /// columns that are left of each row, its pivot's first
     upper: Lists,
@@ -69,8 +66,6 @@ pub struct Factors {
     upper: Vec<f64>,
     /// the largest entry of a row of U over its pivot: one where the choice is the best
     pub worn: f64,
-    /// the largest remainder of a redundant row
-    pub remainder: f64,
     /// the smallest size of a pivot
     pub least: f64,
 }
@@ -106,14 +101,13 @@ impl Plan {
         let rows = &eq.topology().rows;
         let (row_scale, column_scale) = (eq.row_scales(), eq.scales());
         let mut values = scaled_rows(jacobian, &row_scale, &column_scale);
-        let largest = values.iter().flat_map(|r| r.values()).fold(0.0_f64, |s, v| s.max(v.abs()));
         let mut pivot_of = vec![usize::MAX; eq.n()];
         let mut upper: Vec<(usize, Row)> = Vec::new();
         let mut pivots = Vec::new();
-        let mut redundant = Vec::new();
+        let kept = eq.rows.select(jacobian, Asked::All);
         let mut n_position = 0;
         for level in [Level::Position, Level::Velocity] {
-            let of_level: Vec<usize> = (0..rows.len()).filter(|i| rows[*i].level == level).collect();
+            let of_level: Vec<usize> = kept.iter().copied().filter(|i| rows[*i].level == level).collect();
             let windows: Vec<&[usize]> = if eq.sparse {
                 of_level.chunk_by(|a, b| rows[*a].joint == rows[*b].joint).collect()
             } else {
@@ -124,7 +118,7 @@ impl Plan {
                 for i in window {
                     reduce(&mut values[*i], &pivot_of, &upper);
                 }
-                while let Some((at, column)) = largest_entry(&left, &values, REDUNDANT * largest) {
+                while let Some((at, column)) = largest_entry(&left, &values) {
                     let i = left.remove(at);
                     let row = std::mem::take(&mut values[i]);
                     for other in &left {
@@ -134,7 +128,6 @@ impl Plan {
                     pivots.push((i, column));
                     upper.push((column, row));
                 }
-                redundant.extend(left);
             }
             if level == Level::Position {
                 n_position = pivots.len();
@@ -146,7 +139,6 @@ impl Plan {
             pivots,
             n_position,
             independent,
-            redundant,
             row_scale,
             column_scale,
             lower: Lists::default(),
@@ -169,11 +161,10 @@ impl Plan {
             }
         }
         let mut filled: Vec<BTreeSet<usize>> = Vec::new();
-        let order = self.pivots.iter().map(|p| p.0).chain(self.redundant.iter().copied());
-        let order: Vec<usize> = order.collect();
+        let order: Vec<usize> = self.pivots.iter().map(|p| p.0).collect();
         for (k, i) in order.into_iter().enumerate() {
             let mut row = std::mem::take(&mut places[i]);
-            let earlier = |c: &usize| pivot_of[*c] < k.min(self.pivots.len());
+            let earlier = |c: &usize| pivot_of[*c] < k;
             let mut open: BTreeSet<usize> = row.iter().filter(|c| earlier(c)).map(|c| pivot_of[*c]).collect();
             let mut acting = Vec::new();
             while let Some(j) = open.pop_first() {
@@ -191,18 +182,14 @@ impl Plan {
     }
 
     /// Eliminates the rows of J at another pose.
-    ///
-    /// `all`: redundant rows too, whose remainder tells that the rank has grown.
-    pub fn factor(&self, jacobian: &Matrix, all: bool, into: &mut Factors) -> Result<()> {
+    pub fn factor(&self, jacobian: &Matrix, into: &mut Factors) -> Result<()> {
         let by_row = RowsOf::new(jacobian, self.row_scale.len());
-        let (n, r) = (self.n, self.pivots.len());
+        let n = self.n;
         into.lower.resize(self.lower.item.len(), 0.0);
         into.upper.resize(self.upper.item.len(), 0.0);
-        (into.worn, into.remainder, into.least) = (0.0, 0.0, f64::INFINITY);
+        (into.worn, into.least) = (0.0, f64::INFINITY);
         let mut work = vec![0.0; n];
-        let redundant: &[usize] = if all { &self.redundant } else { &[] };
-        let order = self.pivots.iter().map(|p| p.0).chain(redundant.iter().copied());
-        for (k, i) in order.enumerate() {
+        for (k, i) in self.pivots.iter().map(|p| p.0).enumerate() {
             by_row.each(i, |c, v| work[c] += v * self.row_scale[i] * self.column_scale[c]);
             for at in self.lower.range(k) {
                 let pivot = self.upper.range(self.lower.item[at]);
@@ -215,12 +202,6 @@ impl Plan {
                 }
             }
             let row = self.upper.range(k);
-            if k >= r {
-                for c in &self.upper.item[row] {
-                    into.remainder = into.remainder.max(std::mem::take(&mut work[*c]).abs());
-                }
-                continue;
-            }
             let pivot = work[self.upper.item[row.start]];
             if pivot == 0.0 || !pivot.is_finite() {
                 return Err(Error::singular("the chosen coordinates determine no others here"));
@@ -260,6 +241,13 @@ impl Plan {
         }
     }
 
+    /// What the rows of its position pivots have of these values; zero elsewhere.
+    pub fn carried(&self, phi: &DVector<f64>) -> DVector<f64> {
+        let mut out = DVector::zeros(phi.len());
+        self.pivots[..self.n_position].iter().for_each(|(i, _)| out[*i] = phi[*i]);
+        out
+    }
+
     /// The same coordinates depend on the same others.
     pub fn agrees(&self, other: &Self) -> bool {
         let places = |p: &Self| p.pivots[..p.n_position].iter().map(|p| p.1).collect::<BTreeSet<_>>();
@@ -267,12 +255,12 @@ impl Plan {
     }
 }
 
-/// The largest entry of some rows, where it is larger than `least`: place in `rows`, and column.
-fn largest_entry(rows: &[usize], values: &[Row], least: f64) -> Option<(usize, usize)> {
+/// The largest entry of some rows, where there is one: place in `rows`, and column.
+fn largest_entry(rows: &[usize], values: &[Row]) -> Option<(usize, usize)> {
     let of = |(at, i): (usize, &usize)| values[*i].iter().map(move |(c, v)| (at, *c, v.abs()));
     let all: Vec<_> = rows.iter().enumerate().flat_map(of).collect();
     let most = all.iter().fold(0.0_f64, |s, e| s.max(e.2));
-    (most > least).then(|| all.iter().find(|e| e.2 >= (1.0 - TIE) * most)).flatten().map(|e| (e.0, e.1))
+    (most > 0.0).then(|| all.iter().find(|e| e.2 >= (1.0 - TIE) * most)).flatten().map(|e| (e.0, e.1))
 }
 
 fn eliminate(row: &mut Row, pivot: &Row, column: usize) {
