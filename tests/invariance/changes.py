@@ -212,7 +212,7 @@ def turned(rng, distance=0.0) -> Change:
             if "at" in item:
                 item["at"] = point(item["at"])
         for j in d["joint"]:
-            if j["type"] == "planar" and "orientation" not in j:
+            if j["type"] in ("planar", "spherical", "free") and "axis" in j:
                 j["orientation"] = _frame_by_axis(np.array(j.pop("axis"), float))
             if "orientation" in j:
                 j["orientation"] = _turn(q, j["orientation"])
@@ -504,14 +504,20 @@ def tilted(rng, angle) -> Change:
 
 
 def with_part(stiffness, mass, name) -> Change:
-    """Another body on a rail of its own, not connected to the rest; it vibrates at sqrt(stiffness/mass)."""
+    """Another body on a rail of its own, not connected to the rest; it vibrates at sqrt(stiffness/mass).
+
+    A soft one has its rail across gravity, or it would sag for miles.
+    """
 
     def apply(d):
         d = d.copy()
         inertia = [mass, mass, mass]
         d.put("body", name="extra part", mass=mass, inertia=inertia, at=[0.7, -0.4, 0.3])
-        axis = [0.48, -0.6, 0.64]
-        d.put("joint", type="prismatic", name="extra rail", a="ground", b="extra part", at=[0.7, -0.4, 0.3], axis=axis)
+        axis = np.array([0.48, -0.6, 0.64])
+        down = np.array(d.data["model"].get("gravity", [0.0, 0.0, 0.0]))
+        if stiffness < 10 * mass * np.linalg.norm(down):
+            axis = np.cross(axis, down) / np.linalg.norm(np.cross(axis, down))
+        d.put("joint", type="prismatic", name="extra rail", a="ground", b="extra part", at=[0.7, -0.4, 0.3], axis=axis.tolist())
         d["joint"][-1]["k"] = stiffness
         return d
 

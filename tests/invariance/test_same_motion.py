@@ -1,0 +1,53 @@
+"""Motion in time, by every integrator, from the pose that was drawn."""
+
+import warnings
+from functools import lru_cache
+
+import mbrs as mb
+import numpy as np
+import pytest
+import zoo
+from zoo import changed, close, drawn
+
+TIMES = np.array([0.0, 0.13, 0.29, 0.4])
+METHODS = {
+    "explicit": {"rtol": 1e-10},
+    "generalized-alpha": {"step": 4e-3},
+    "bdf": {"rtol": 1e-8},
+    "bdf-bfgs": {"step": 4e-3},
+    "ali3p": {"step": 4e-3},
+}
+FAILING: dict = {}
+
+
+def places(model, method, bodies, time=1.0):
+    """(n_bodies, n_t, 3)."""
+    given = {k: v * time if k == "step" else v for k, v in METHODS[method].items()}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mb.MbrsWarning)
+        traj = mb.simulate(model, t=TIMES * time, method=method, **given)
+    assert traj.status == "finished"
+    return np.array([traj.position(body) for body in bodies])
+
+
+@lru_cache
+def expected(name, method):
+    return places(drawn(name), method, zoo.bodies(drawn(name)))
+
+
+def cases():
+    for method in METHODS:
+        for case in zoo.cases():
+            name, change = case.values
+            reason = FAILING.get((method, name, change))
+            marks = [] if reason is None else [pytest.mark.xfail(strict=True, reason=reason)]
+            yield pytest.param(method, name, change, id=f"{method}-{name}-{change}", marks=marks)
+
+
+@pytest.mark.parametrize(("method", "name", "change"), cases())
+def test_places(method, name, change):
+    change, model = changed(name, change)
+    bodies = [change.rename(b) for b in zoo.bodies(drawn(name))]
+    back = change.points_back(places(model, method, bodies, change.time))
+    moved = expected(name, method)
+    close(back.reshape(-1), moved.reshape(-1), zoo.allowed(change, 1e-7, 100.0))
