@@ -517,7 +517,15 @@ def with_part(stiffness, mass, name) -> Change:
         down = np.array(d.data["model"].get("gravity", [0.0, 0.0, 0.0]))
         if stiffness < 10 * mass * np.linalg.norm(down):
             axis = np.cross(axis, down) / np.linalg.norm(np.cross(axis, down))
-        d.put("joint", type="prismatic", name="extra rail", a="ground", b="extra part", at=[0.7, -0.4, 0.3], axis=axis.tolist())
+        d.put(
+            "joint",
+            type="prismatic",
+            name="extra rail",
+            a="ground",
+            b="extra part",
+            at=[0.7, -0.4, 0.3],
+            axis=axis.tolist(),
+        )
         d["joint"][-1]["k"] = stiffness
         return d
 

@@ -27,7 +27,9 @@ def tensors(model, at, names):
 POWERS = {"M": 0, "C": 1, "G": 1, "K": 2, "N": 2}
 
 
-@pytest.mark.parametrize(("name", "change"), zoo.cases(failing=FAILING))
+@pytest.mark.parametrize(
+    ("name", "change"), zoo.cases(failing={k: v for k, v in FAILING.items() if k != ("loop", "heavy part")})
+)
 def test_tensors_of_the_bodies(name, change):
     names = zoo.bodies(drawn(name))
     expected = tensors(drawn(name), rest(name), names)
@@ -35,14 +37,13 @@ def test_tensors_of_the_bodies(name, change):
     found = tensors(model, zoo.at_rest(model), [change.rename(n) for n in names])
     n = len(names)
     turn = np.kron(np.eye(2 * n), change.R)
+    fastest = np.abs(mb.modes(drawn(name), at=rest(name)).eigenvalue).max()
     unit = np.tile([change.length] * 3 + [1.0] * 3, n)
     for key, power in POWERS.items():
         made = turn @ expected[key] @ turn.T * np.outer(unit, unit)
         made /= change.mass * change.length**2 * change.time**power
-        # each entry against what its row and column are: these may have different units
-        size = np.sqrt(np.abs(np.diag(turn @ expected["M"] @ turn.T))) * unit / np.sqrt(change.mass) / change.length
-        rate = np.max(np.abs(expected["K"] / np.outer(*[np.sqrt(np.diag(expected["M"]) + 1e-300)] * 2)))
-        bound = np.outer(size, size) * (np.sqrt(rate) / change.time) ** power
-        floor = bound.max() * 1e-6 * np.outer(unit, unit) / np.outer(unit, unit).max()
-        error = np.abs(found[key] - made) / (bound + floor)
+        # entries of one unit against the largest of them
+        spread = np.sqrt(np.diag(expected["M"]).reshape(-1, 3).max(axis=1).reshape(-1, 2).max(axis=0))
+        size = np.tile(np.repeat(spread, 3), n) * unit / np.sqrt(change.mass) / change.length
+        error = np.abs(found[key] - made) / np.outer(size, size) * (change.time / fastest) ** power
         assert error.max() <= zoo.allowed(change, 1e-7, 1e3), key

@@ -23,7 +23,9 @@ def displacement(model, at, body, change):
     return y.T if y.shape[0] == 3 else y
 
 
-@pytest.mark.parametrize(("name", "change"), zoo.cases(failing=FAILING))
+@pytest.mark.parametrize(
+    ("name", "change"), zoo.cases(failing={k: v for k, v in FAILING.items() if k != ("loop", "heavy part")})
+)
 def test_displacement(name, change):
     body = zoo.bodies(drawn(name))[-1]
     expected = displacement(drawn(name), rest(name), body, zoo.changes.nothing())

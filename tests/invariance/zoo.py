@@ -35,18 +35,23 @@ def loop():
 
 
 def hanging_four_bar():
-    return problems.hanging_four_bar().model
+    """Gravity pulls it aside, so that it swings from the pose that is drawn."""
+    m = problems.hanging_four_bar().model
+    m.gravity = (4.0, -9.0, 1.0)
+    return m
 
 
 def damped_four_bar():
     """A planar four-bar with a spring, a damper and a point mass."""
-    m = problems.hanging_four_bar().model
+    m = hanging_four_bar()
     m.spring_damper("strut", m.ground, "coupler", at=((-0.3, 0.2, 0.1), (0.3, -1.0, 0.0)), k=30.0, c=0.7)
     return m
 
 
 def isolator():
-    return mb.examples.cubic_hexapod()
+    m = mb.examples.cubic_hexapod()
+    m.gravity = (1.0, 2.0, -9.0)
+    return m
 
 
 def chain():
@@ -79,7 +84,12 @@ CHANGES = {
     "heavy part": lambda rng: changes.with_part(2.3e9, 1e9, "heavy part"),
     "light part": lambda rng: changes.with_part(3.1e-6, 1e-8, "light part"),
 }
-PARTS = {"stiff part": np.sqrt(2.3e9), "soft part": np.sqrt(0.7e-7), "heavy part": np.sqrt(2.3), "light part": np.sqrt(310.0)}
+PARTS = {
+    "stiff part": np.sqrt(2.3e9),
+    "soft part": np.sqrt(0.7e-7),
+    "heavy part": np.sqrt(2.3),
+    "light part": np.sqrt(310.0),
+}
 
 
 @lru_cache
