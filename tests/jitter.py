@@ -37,6 +37,11 @@ def seed() -> int | None:
     return int(given) if given else None
 
 
+def level() -> float:
+    """What an assertion allows more: this times the condition of the answer. 0 where there is no jitter."""
+    return 0.0 if seed() is None else CLIP * SIZE
+
+
 def jittered(model) -> np.ndarray:
     """What `mbrs.tables.x` returns, with noise."""
     x = exact_numbers(model)
