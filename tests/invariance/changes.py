@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import jitter
 import mbrs as mb
 import numpy as np
 
@@ -234,7 +235,9 @@ def turned(rng, distance=0.0) -> Change:
             marker["orientation"] = _turn(q, marker.get("orientation"))
         return d
 
-    return Change("turned" if not distance else f"turned and moved by {distance:g}", apply, R, shift)
+    # noise on the numbers of the model is relative to them, and they are as large as the distance
+    error = distance * jitter.level()
+    return Change("turned" if not distance else f"turned and moved by {distance:g}", apply, R, shift, error=error)
 
 
 def _turn(q, orientation):

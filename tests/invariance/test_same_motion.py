@@ -3,6 +3,7 @@
 import warnings
 from functools import lru_cache
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -27,6 +28,9 @@ HEAVY = "the iterations of a step end by a residual compared with forces of a pa
 FAILING |= {("bdf-bfgs", name, "heavy part"): HEAVY for name in ("hanging_four_bar", "damped_four_bar")}
 # they fail, and take 10 s to; others of the kind are kept
 SLOW = {("bdf-bfgs", "tree", "repeated"), ("bdf-bfgs", "damped_four_bar", "large")}
+if jitter.seed() is not None:
+    OPEN = "a loop that stays open by less than the accuracy of a drawing is refused"
+    FAILING |= {(method, name, "moved"): OPEN for method in METHODS for name in ("hanging_four_bar", "damped_four_bar")}
 # a method that chooses its steps chooses others: the answer is as good as the method
 EXACT = {"explicit": 1e-7, "generalized-alpha": 1e-7, "bdf": 1e-5, "bdf-bfgs": 1e-6, "ali3p": 1e-7}
 

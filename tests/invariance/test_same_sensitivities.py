@@ -3,6 +3,7 @@
 import warnings
 from functools import lru_cache
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -55,7 +56,11 @@ UNITS = "a planar loop that moves in one unit of length is locked, or refused, i
 STUCK |= {(scheme, "damped_four_bar", "tilted"): TILTED for scheme in SCHEMES}
 FAR = "the steps of a model far from the origin are refused where the rounding of its places shows"
 STUCK |= {("ali3p", "loop", "moved"): FAR, ("generalized-alpha", "loop", "moved"): FAR}
-STUCK |= {("generalized-alpha", "isolator", "moved"): FAR}
+if jitter.seed() is None:
+    STUCK |= {("generalized-alpha", "isolator", "moved"): FAR}
+else:
+    OPEN = "a loop that stays open by less than the accuracy of a drawing is refused"
+    STUCK |= {(scheme, "damped_four_bar", "moved"): OPEN for scheme in SCHEMES}
 STUCK |= {(scheme, "damped_four_bar", "large"): UNITS for scheme in SCHEMES}
 
 
