@@ -7,6 +7,7 @@ from __future__ import annotations
 import warnings
 from functools import cache
 
+import jitter
 import mbrs as mb
 import motion_problems as zoo
 import numpy as np
@@ -163,8 +164,10 @@ def test_a_tolerance_is_that_of_the_whole_motion(name):
             f"{name}, rtol {rtol:.0e}: error {error:.1e}, estimate {traj.error:.1e}, {counts['steps']} steps, "
             f"{counts['residual evaluations']} evaluations, {counts.get('rejected steps', 0)} rejected"
         )
-        assert 1e-3 * rtol < error < 2 * rtol
-        assert 0.1 < traj.error / error < 10
+        # the truth is that of the numbers without jitter; passing its singular poses, a crank keeps 4 digits less
+        noise = 1e4 * jitter.level()
+        assert 1e-3 * rtol < error < 2 * rtol + noise
+        assert 0.1 < traj.error / error < 10 or error < noise
 
 
 @pytest.mark.filterwarnings("ignore:rtol=1e-08 was not reached")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import jitter
 import mbrs as mb
 import numpy as np
 import problems
 import pytest
 from agreement import difference, reference_state, show
+from jitter_marks import defect
 from mbrs import reference as ref
 from mbrs.geometry import rotation
 from mbrs.tables import tables
@@ -126,7 +128,7 @@ def test_a_taut_string_vibrates_by_its_tension():
     eq = mb.equilibrium(p.model)
     error = np.abs(mb.modes(p.model, at=eq).frequency / p.answer["frequency"] - 1).max()
     print(f"taut string: error {error:.1e}")
-    assert np.abs(eq.position("bead")).max() < 1e-15 and error < 1e-12
+    assert np.abs(eq.position("bead")).max() < 1e-15 + jitter.level() and error < 1e-12
 
 
 @pytest.mark.parametrize("load", [0.5, 0.95, 1.05, 2.0])
@@ -186,6 +188,7 @@ def test_a_follower_force_bends_until_the_moments_balance():
     assert abs(phi - 2.2) < 1e-12
 
 
+@defect("loads that balance to rounding are refused as loads in a free direction")
 def test_a_free_body_under_balanced_loads_stays():
     m = mb.Model("free")
     b = m.body("b", mass=2.0, inertia=(1, 2, 2.5), at=(0.3, -0.2, 0.9))
@@ -248,7 +251,7 @@ def test_the_error_estimate_bounds_the_distance():
     p = problems.buckled_link(15.0, angle=0.02)
     eq = mb.equilibrium(p.model)
     phi = np.arctan2(*eq.rotation("link")[[1, 0], 0])
-    assert abs(phi - p.answer["phi"]) < 1e-14 + 100 * eq.error
+    assert abs(phi - p.answer["phi"]) < 1e-14 + 100 * eq.error + 10 * jitter.level()
 
 
 def test_effects_can_be_left_out():

@@ -103,6 +103,7 @@ def test_an_absent_effect_changes_nothing():
     assert np.array_equal(matrices(full), matrices(less))
 
 
+@pytest.mark.exact
 def test_an_undamped_tree_in_vacuum_takes_the_symmetric_route():
     """No loop, damping, gravity, velocity or geometric work: the counts say so."""
     m = mb.examples.chain(4, "revolute", c=None)
@@ -156,6 +157,7 @@ def test_constraint_forces_of_a_tree_count_as_work():
     assert np.abs(full.K - less.K).max() > 1.0
 
 
+@pytest.mark.exact
 def test_rounding_is_no_preload():
     """Springs at their drawn length in skew trees, also far from the origin: no preload work, and no state off balance."""
     for seed in range(60):

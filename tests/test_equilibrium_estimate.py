@@ -5,6 +5,7 @@ from __future__ import annotations
 import mbrs as mb
 import mpmath as mp
 import numpy as np
+import pytest
 
 
 def sagging_chain(rng):
@@ -48,6 +49,7 @@ def angle_error(m, n, moments):
     return true, eq.error
 
 
+@pytest.mark.exact
 def test_estimated_error_is_the_true_one_over_random_cases():
     """true/estimated in [.01, 10] in 95 % of 200 random chains."""
     rng = np.random.default_rng(1)

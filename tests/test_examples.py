@@ -17,7 +17,7 @@ import mbrs as mb
 import numpy as np
 import pytest
 from mbrs.tables import tables
-from scenes import same_tables
+from scenes import within_ulps
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 MAKER = runpy.run_path(str(EXAMPLES / "reference_numbers.py"))
@@ -98,7 +98,8 @@ def test_every_model_has_its_numbers():
 
 @pytest.mark.parametrize("name", CASES)
 def test_toml_file_is_the_model(name):
-    assert same_tables(tables(mb.Model.load(EXAMPLES / f"{name}.toml")), tables(CASES[name].model())) == []
+    """The files were written on one machine; sines and cosines of another may differ in their last bits."""
+    assert within_ulps(tables(mb.Model.load(EXAMPLES / f"{name}.toml")), tables(CASES[name].model())) == []
 
 
 @pytest.fixture(scope="module")

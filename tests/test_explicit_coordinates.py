@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import functools
 
+import jitter
 import mbrs as mb
 import motion_problems as zoo
 import numpy as np
@@ -78,7 +79,8 @@ def test_every_step_is_that_of_the_reference(name):
     gap = np.abs(position - history.positions(s)).max() / s.length
     rate = np.abs(traj.rate - history.rates).max() / max(1.0, np.abs(history.rates).max())
     print(f"{name}: positions {gap:.1e}, rates {rate:.1e}; {traj.stats.route}")
-    assert gap < 1e-12 and rate < 1e-11
+    # over six steps from other places rounding grows as jitter does
+    assert gap < 1e-12 + 10 * jitter.level() and rate < 1e-11 + 100 * jitter.level()
 
 
 @pytest.mark.parametrize("name", [*SCENES, "elastic"])

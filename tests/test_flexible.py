@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -78,12 +79,14 @@ def test_a_closed_loop_agrees_with_particles():
 
 def test_frequencies_are_those_of_the_body():
     body = rod((2, 3, 4))
-    assert mb.modes(cantilever(powers=(2, 3, 4))).frequency == pytest.approx(body.frequencies(), rel=1e-10)
+    # powers of x are almost dependent: the condition of their matrices is 1e5
+    noise = 1e5 * jitter.level()
+    assert mb.modes(cantilever(powers=(2, 3, 4))).frequency == pytest.approx(body.frequencies(), rel=1e-10 + noise)
     free = mb.Model("free")
     free.flexible_body("rod", body, orientation=mb.rotation((1, 2, 3), 1.0))
     found = mb.modes(free)
     assert np.count_nonzero(found.frequency == 0.0) == 6
-    assert found.frequency[6:] == pytest.approx(body.frequencies(fixed=False)[6:], rel=1e-9)
+    assert found.frequency[6:] == pytest.approx(body.frequencies(fixed=False)[6:], rel=1e-9 + noise)
 
 
 def cranked(**options):
@@ -229,6 +232,6 @@ def test_motion_of_ground_shakes_the_modes():
     model = cantilever()
     body, lin = model["rod"].modal, mb.linearize(cantilever())
     turning = np.array([[p[1, 2] - p[2, 1], p[2, 0] - p[0, 2], p[0, 1] - p[1, 0]] for p in body.P1])
-    assert lin.ground_coupling == pytest.approx(np.hstack([body.S.T, turning]), abs=1e-14)
+    assert lin.ground_coupling == pytest.approx(np.hstack([body.S.T, turning]), abs=1e-14 + 10 * jitter.level())
     h = mb.frf(model, mb.base_motion("z"), "rod.tip.motion.z", frequency=[1e-3, 0.3], kind="transmissibility")
     assert h.value[0, 0, 0] == pytest.approx(1.0, abs=1e-4)

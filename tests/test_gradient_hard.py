@@ -1,5 +1,6 @@
 """Hard cases of gradients of motions, each with its measured error, and bad input."""
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -39,7 +40,8 @@ def test_near_the_singular_pose(angle):
     error = worst(direct.gradient, differences(m, psi, ["spring.k", "bar0.mass"], **options))
     print(f"angle {angle}: adjoint - direct {agreement:.1e}, differences {error:.1e}")
     assert agreement < 1e-9
-    assert error < 1e-6
+    # the objective is divided by angle^3
+    assert error < 1e-6 + jitter.level() / angle**3
 
 
 @pytest.mark.parametrize("h", [1e-2, 1e-3, 1e-5, 1e-7])

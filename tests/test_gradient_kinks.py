@@ -2,6 +2,7 @@
 
 import warnings
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -114,7 +115,7 @@ def test_loads_with_kinks_end_a_step_there():
         for method in ("direct", "adjoint"):
             found = mb.gradient(m, PSI, ["p.mass"], t=0.1, step=0.01, scheme=scheme, method=method)
             # x = r (t - s)^3 / (6 m); the rule of the scheme leaves an error of second order
-            assert 0.0513 in found.t
+            assert np.abs(found.t - 0.0513).min() <= 0.0513 * jitter.level()
             assert found.gradient[0] == pytest.approx(-found.value / 2.0, rel=1e-9)
             traj = mb.simulate(m, t=0.1, step=0.01, method=scheme)
             assert found.value == pytest.approx(traj.position("p")[-1, 0], rel=1e-3)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import jitter
 import mbrs as mb
 import numpy as np
 import problems
 import pytest
 from agreement import difference, show
+from jitter_marks import defect
 from mbrs.state import State
 from random_models import random_tree
 
@@ -116,7 +118,7 @@ def test_critical_damping():
     modes = mb.modes(p.model)
     assert modes.near_defective[0] and np.all(np.isfinite(modes.roots)) and np.all(np.isfinite(modes.shape))
     assert "near-defective" in str(modes)
-    report("critical damping", float(np.abs(modes.roots / p.answer["root"] - 1).max()), 1e-7)
+    report("critical damping", float(np.abs(modes.roots / p.answer["root"] - 1).max()), 1e-7 + np.sqrt(jitter.level()))
 
 
 def test_free_floating():
@@ -193,6 +195,7 @@ def test_fast_gyroscopic_rotor(speed):
     assert modes.kind[0] == "rigid" and np.max(error) < 1e-9
 
 
+@defect("a loop that stays open by less than the accuracy of a drawing is refused")
 def test_a_body_far_from_the_origin():
     """The hanging four-bar and a chain on bushings, moved 1e5 m away: only the drawn points lose digits."""
     for make in (
@@ -225,7 +228,7 @@ def test_angles_through_full_turns():
                 now = m.compiled().advance(now, np.array([step]))
             K = m.compiled().linearize(now, np.zeros(0), [])["S"][0, 0]
             worst = max(worst, abs(K - 4.905 * np.cos(turns)))
-    report("full turns of a hinge", worst, 1e-12)
+    report("full turns of a hinge", worst, 1e-12 + 4.905 * 5 * jitter.level())
 
 
 def test_spherical_and_universal_joints_through_full_turns():

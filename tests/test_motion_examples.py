@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -69,7 +70,7 @@ def test_starts_agree_with_the_joints(name):
 def test_quarter_car_rests_as_drawn():
     """Springs carry the weight: until the road rises, wheel and body have no acceleration."""
     traj = mb.simulate(mb.examples.quarter_car(), t=[0.0, 1e-3], rtol=1e-8)
-    assert np.abs(traj.acceleration[0, 1:]).max() < 1e-12 * 9.81
+    assert np.abs(traj.acceleration[0, 1:]).max() < (1e-12 + 20 * jitter.level()) * 9.81
     assert abs(traj.acceleration[0, 0]) > 1.0
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import warnings
 
+import jitter
 import mbrs as mb
 import motion_problems as zoo
 import numpy as np
@@ -24,6 +25,8 @@ def measured(problem, traj):
     return problem.error(traj.t, places) / traj.snapshot.system.characteristic_length
 
 
+# four-bars pass poses where two branches meet; lengths that differ by any noise make another linkage there
+@pytest.mark.exact
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("make", [zoo.four_bars, zoo.bricard], ids=lambda f: f.__name__)
 def test_redundant_constraints(make, method):
@@ -43,6 +46,8 @@ PASSED = {
 }
 
 
+# lengths that differ by any noise make another linkage at a pose where two branches meet
+@pytest.mark.exact
 @pytest.mark.parametrize("method", PASSED)
 @pytest.mark.parametrize(("n", "speed"), [(1, 1.0), (1, 2.0), (1, 5.0), (3, 1.0), (3, 2.0)])
 def test_passing_the_singular_pose_of_the_parallelogram(n, speed, method):
@@ -385,7 +390,7 @@ def test_a_scene_that_cannot_move(method, how):
     m.fixed("weld", m.ground, b, at=(0, 0, 0))
     traj = mb.simulate(m, 1.0, method=method, **how)
     assert traj.status == "finished" and traj.t[-1] == 1.0 and traj.error == 0.0
-    assert np.array_equal(traj.position("block")[-1], [1, 0, 0])
+    assert np.abs(traj.position("block")[-1] - [1, 0, 0]).max() <= jitter.level()
     assert traj.reaction("weld")[-1] == pytest.approx([0, 0, 19.62, 0, -19.62, 0])
 
 

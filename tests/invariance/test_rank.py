@@ -1,0 +1,161 @@
+"""Degrees of freedom of linkages are facts: frames, units, places, order and digits of a drawing do not change them."""
+
+import re
+import warnings
+
+import changes
+import jitter
+import linkages
+import mbrs as mb
+import numpy as np
+import pytest
+
+MODELS = 16
+ROUNDING = "rows of a loop that are wholly redundant are compared with their own rounding, and lock what moves"
+DIGITS = "a drawing with 8 to 15 digits locks what moves: half a unit of its last digit is taken for exact"
+NO_TOLERANCE = "a model does not yet take the accuracy of its drawing as tolerance"
+NO_WORD = "a shaky linkage is not told from one that bifurcates: it is said to change its mobility"
+
+CHANGES = {
+    "drawn": lambda rng, seed: changes.nothing(),
+    "turned": lambda rng, seed: changes.general(rng),
+    "far": lambda rng, seed: changes.general(rng, distance=1e4),
+    "millimetres": lambda rng, seed: changes.general(rng, length=1e3),
+    "small": lambda rng, seed: changes.general(rng, length=1.7e6),
+    "large": lambda rng, seed: changes.general(rng, length=0.61e-5),
+    "digits": lambda rng, seed: changes.general(rng, digits=8 + seed % 8),
+    "tilted": lambda rng, seed: changes.chain(changes.general(rng), changes.tilted(rng, 1e-8)),
+    "split": lambda rng, seed: changes.chain(changes.general(rng), changes.split(0.37)),
+    "repeated": lambda rng, seed: changes.chain(changes.general(rng), changes.repeated(rng)),
+    "renamed": lambda rng, seed: changes.chain(changes.general(rng), changes.renamed(rng)),
+}
+# loops of which every row is redundant
+WHOLLY = ["door", "door_at_one_point", "shaft_rcc", "shaft_ccc", "shaft_rrr", "drawer", "plate_on_two_planes"]
+WHOLLY += ["hinge_and_ball_on_the_axis"]
+FAILING = {(family, change): ROUNDING for family in WHOLLY for change in CHANGES if change != "drawn"}
+FAILING["hinge_and_ball_at_one_point", "repeated"] = ROUNDING
+INEXACT = ["ball_and_loose_bearing", "bennett", "bricard", "three_cranks"]
+FAILING |= {(family, change): DIGITS for family in INEXACT for change in ("digits", "tilted")}
+FAILING |= {(family, "tilted"): DIGITS for family in ("four_bar", "four_bar_with_ball", "sarrus")}
+FAILING["three_balls_in_line", "digits"] = DIGITS
+
+APART = "points of joints that are apart by noise are taken for different points"
+OPEN = "a loop that stays open by less than the accuracy of a drawing is refused"
+if jitter.seed() is not None:
+    FAILING |= {("hinge_and_ball_at_one_point", change): APART for change in CHANGES if change != "drawn"}
+    FAILING |= {("two_balls_at_one_point", change): APART for change in CHANGES}
+    LOOPS = [
+        "hinge_and_ball_off_the_axis",
+        "three_balls_in_line",
+        "three_balls_in_a_triangle",
+        "ball_and_loose_bearing",
+    ]
+    LOOPS += ["four_bar", "four_bar_with_ball", "triangle", "bennett", "bricard", "three_cranks", "braced_four_bar"]
+    FAILING |= {(family, "far"): OPEN for family in LOOPS}
+
+
+def cases():
+    for family in linkages.FAMILIES:
+        for change in CHANGES:
+            reason = FAILING.get((family.name, change))
+            marks = [] if reason is None else [pytest.mark.xfail(strict=True, reason=reason)]
+            yield pytest.param(family, change, id=f"{family.name}-{change}", marks=marks)
+
+
+def redrawn(family, change, seed):
+    rng = np.random.default_rng([seed, len(family.name)])
+    model = family.build(rng)
+    return CHANGES[change](rng, seed)(model)
+
+
+@pytest.mark.parametrize(("family", "change"), cases())
+def test_degrees_of_freedom(family, change):
+    found = [mb.System(redrawn(family, change, seed)).dof for seed in range(MODELS)]
+    assert found == [family.dof] * MODELS
+
+
+def with_tolerance(description, tolerance):
+    """The model drawn with this relative accuracy."""
+    made = description.model()
+    model = mb.Model(made.name, tolerance=tolerance)
+    for b in description["body"]:
+        model.body(**b)
+    for j in description["joint"]:
+        getattr(model, j["type"])(**{k: v for k, v in j.items() if k != "type"})
+    return model
+
+
+@pytest.mark.xfail(strict=True, raises=TypeError, reason=NO_TOLERANCE)
+@pytest.mark.parametrize("family", [f for f in linkages.FAMILIES if f.dof], ids=lambda f: f.name)
+def test_a_coarse_drawing_moves_with_its_tolerance(family):
+    """Six digits and axes tilted by 1e-6: with a tolerance of 1e-4 every linkage has its degrees of freedom."""
+    found = []
+    for seed in range(4):
+        rng = np.random.default_rng([seed, 11])
+        change = changes.chain(changes.general(rng, digits=6), changes.tilted(rng, 1e-6))
+        found.append(mb.System(with_tolerance(change.apply(changes.Description.of(family.build(rng))), 1e-4)).dof)
+    assert found == [family.dof] * 4
+
+
+@pytest.mark.xfail(strict=True, raises=TypeError, reason=NO_TOLERANCE)
+@pytest.mark.parametrize("family", [f for f in linkages.FAMILIES if not f.dof], ids=lambda f: f.name)
+def test_a_frame_stays_locked_with_a_coarse_tolerance(family):
+    found = []
+    for seed in range(4):
+        rng = np.random.default_rng([seed, 12])
+        change = changes.general(rng, digits=8)
+        found.append(mb.System(with_tolerance(change.apply(changes.Description.of(family.build(rng))), 1e-5)).dof)
+    assert found == [0] * 4
+
+
+@pytest.mark.xfail(strict=True, raises=TypeError, reason=NO_TOLERANCE)
+def test_a_fine_tolerance_locks_a_tilted_four_bar():
+    rng = np.random.default_rng(5)
+    change = changes.chain(changes.general(rng), changes.tilted(rng, 1e-8))
+    drawn = change.apply(changes.Description.of(linkages.four_bar(rng)))
+    assert [mb.System(with_tolerance(drawn, t)).dof for t in (1e-11, 1e-6)] == [0, 1]
+
+
+def what_is_said(analysis, model):
+    """All that a user reads: warnings, the error or the printed result."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            result = str(analysis(model))
+        except mb.MbrsError as reason:
+            result = str(reason)
+    return "\n".join([result, *(str(w.message) for w in caught)])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_flat_parallelogram_is_named_as_a_bifurcation(seed):
+    rng = np.random.default_rng([seed, 13])
+    model = changes.general(rng)(linkages.flat_parallelogram(rng))
+    said = what_is_said(mb.System, model)
+    assert re.search("bifurcation|branch|singular", said) and re.search(r"joint\d", said)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_modes_of_a_flat_parallelogram_are_refused(seed):
+    rng = np.random.default_rng([seed, 13])
+    model = changes.general(rng)(linkages.flat_parallelogram(rng))
+    with pytest.raises(mb.MbrsError, match=r"bifurcation|branch|singular"):
+        mb.modes(model)
+
+
+@pytest.mark.xfail(strict=True, reason=NO_WORD)
+@pytest.mark.parametrize("seed", range(3))
+def test_two_collinear_bars_are_named_as_shaky(seed):
+    rng = np.random.default_rng([seed, 14])
+    model = changes.general(rng)(linkages.two_collinear_bars(rng))
+    said = what_is_said(mb.System, model)
+    assert re.search("shaky|second order|infinitesimal", said) and re.search(r"joint\d", said)
+
+
+@pytest.mark.xfail(strict=True, reason=NO_WORD)
+@pytest.mark.parametrize("seed", range(3))
+def test_modes_of_two_collinear_bars_are_refused(seed):
+    rng = np.random.default_rng([seed, 14])
+    model = changes.general(rng)(linkages.two_collinear_bars(rng))
+    with pytest.raises(mb.MbrsError, match=r"shaky|second order|infinitesimal"):
+        mb.modes(model)

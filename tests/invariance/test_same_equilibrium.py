@@ -1,0 +1,56 @@
+"""Equilibrium: bodies rest at the same places, joints carry the same forces."""
+
+import numpy as np
+import pytest
+import zoo
+from zoo import changed, close, drawn, rest
+
+REPEATED = "a joint that repeats another locks what moves"
+TILTED = "axes tilted by less than a drawing's accuracy lock a planar loop"
+FAR = "an unbalance that the rounding of far positions explains is refused"
+HEAVY = "the unbalance is compared with forces of a part that is not connected"
+
+FAILING = {
+    ("tree", "repeated"): REPEATED,
+    ("chain", "repeated"): REPEATED,
+    ("hanging_four_bar", "tilted"): TILTED,
+    ("damped_four_bar", "tilted"): TILTED,
+    ("isolator", "moved"): FAR,
+    ("damped_four_bar", "heavy part"): HEAVY,
+    ("tree", "heavy part"): HEAVY,
+    ("loop", "heavy part"): HEAVY,
+}
+
+
+@pytest.mark.parametrize(("name", "change"), zoo.cases(failing=FAILING))
+def test_places(name, change):
+    change, model = changed(name, change)
+    found, expected = zoo.at_rest(model), rest(name)
+    assert found.status == expected.status == "converged"
+    for body in zoo.bodies(drawn(name)):
+        back = change.points_back(found.position(change.rename(body)))
+        assert np.linalg.norm(back - expected.position(body)) <= zoo.allowed(change, 1e-11, 100.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    zoo.cases(
+        ("tree", "chain", "loop"),
+        [c for c in zoo.CHANGES if c not in ("split", "repeated")],
+        {("tree", "heavy part"): HEAVY, ("loop", "heavy part"): HEAVY},
+    ),
+)
+def test_reactions(name, change):
+    change, model = changed(name, change)
+    found, expected = zoo.at_rest(model).reactions, rest(name).reactions
+    size = max(np.linalg.norm(wrench[:3]) for wrench in expected.values())
+    for joint, wrench in expected.items():
+        back = change.vectors_back(found[change.rename(joint)][:3], 1, 1, -2)
+        assert np.linalg.norm(back - wrench[:3]) <= zoo.allowed(change, 1e-10, 1e3) * size
+        back = change.vectors_back(found[change.rename(joint)][3:], 2, 1, -2)
+        assert np.linalg.norm(back - wrench[3:]) <= zoo.allowed(change, 1e-10, 1e3) * size
+
+
+def test_close_can_fail():
+    with pytest.raises(AssertionError):
+        close([1.0, 2.0], [1.0, 2.0 + 1e-8], 1e-9)
