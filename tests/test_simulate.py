@@ -251,18 +251,20 @@ def test_leaving_out_an_effect_shows():
     assert np.ptp(without.energy.total) < 1e-6 < np.ptp(with_.energy.total)
 
 
-def test_an_interrupt_returns_what_there_is():
+def test_an_interrupt_brings_what_there_is():
     def stop(*_):
         raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGALRM, stop)
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.3)
-        with pytest.warns(MbrsWarning, match="interrupted"):
-            traj = mb.simulate(zoo.chain(40).model, 1e5, rtol=1e-10)
+        with pytest.raises(mb.Interrupted, match="interrupted at t = ") as caught:
+            mb.simulate(zoo.chain(40).model, 1e5, rtol=1e-10)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
+    traj = caught.value.result
+    assert isinstance(caught.value, KeyboardInterrupt)
     assert (
         traj.status == "interrupted"
         and len(traj.t) > 1
@@ -462,3 +464,10 @@ def test_a_joint_that_moves_no_inertia_is_named(method):
     m.spherical("socket", m.ground, m.body("ball", mass=1.0, inertia=(0, 0, 0)), at=(0, 0, 0))
     with pytest.raises(mb.SingularError, match=r"'socket\.rx' moves no inertia; give"):
         mb.simulate(m, t=1.0, method=method)
+
+
+def test_energies_print_as_a_table():
+    energy = mb.simulate(zoo.bushings().model, 0.1).energy
+    text = str(energy)
+    assert repr(energy) == text and "kinetic" in text and all(name in text for name in energy.stored)
+    assert f"{energy.total[-1]:.4g}"[:4] in text

@@ -17,6 +17,7 @@ _HOME = {
     "ConvergenceError": "errors",
     "DuplicateNameError": "errors",
     "InertiaError": "errors",
+    "Interrupted": "errors",
     "KinkWarning": "errors",
     "MbrsError": "errors",
     "MbrsWarning": "errors",

@@ -95,11 +95,7 @@ pub fn close(system: &System, state: &mut State, effects: Effects, counts: &mut 
         let mut jacobian = rows_of(system);
         let phi = with(system, &placement, effects).constraints_into(&mut jacobian);
         if phi.iter().any(|v| !v.is_finite()) {
-            return Err(system
-                .topology
-                .tables
-                .failure()
-                .unwrap_or_else(|| Error::Assembly("the constraints cannot be evaluated in this state".into())));
+            return Err(Error::Assembly("the constraints cannot be evaluated in this state".into()));
         }
         let (size, worst) = gap(&system.topology, &phi, &rows);
         if size <= CLOSED {
