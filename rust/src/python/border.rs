@@ -151,7 +151,10 @@ impl<T: Send + 'static> Worker<T> {
                 OWN_CANCEL.set(Some(own.clone()));
                 let _ = sender.send(catch_unwind(AssertUnwindSafe(|| work(&own))));
             })
-            .map_err(|e| CoreError::new_err(format!("no thread could be started: {e}")))?;
+            .map_err(|e| {
+                let text = "long work runs on a thread with a stack of 64 MB, which could not be started";
+                CoreRouteError::new_err(format!("{text} ({e}); raise the limits of this process on memory and threads"))
+            })?;
         Ok(Worker { cancel, receiver })
     }
 
