@@ -424,6 +424,7 @@ BAD = {
         ZeroDivisionError,
         "division by zero",
     ),
+    "a function of nothing": (lambda m: m.drive("d", "hinge", lambda: 1.0), ModelError, "d has a .*the time alone"),
     "a function of text": (lambda m: m.drive("d", "hinge", lambda t: "no"), ModelError, "returned 'no'"),
     "a vector function for a number": (
         lambda m: m.force("f", "rod", value=(wind, 0, 0)),

@@ -189,6 +189,12 @@ class TimeFunction:
         try:
             made = self.function(t)
         except BaseException as raised:
+            if (
+                isinstance(raised, TypeError) and raised.__traceback__.tb_next is None
+            ):  # the call itself, not the function
+                raise problem(
+                    self.where, f"has a function that cannot be called with the time alone: {raised}"
+                ) from None
             raised.add_note(f"raised at t = {t:.9g} s by the function of {self.where}")
             raise
         try:
