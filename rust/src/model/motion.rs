@@ -296,7 +296,7 @@ mod tests {
         }));
         itself.set(f.clone()).unwrap();
         let law: MotionLaw<f64> = MotionLaw::Function(Some(f), 0);
-        assert_eq!(law.at(0.7)[1], 4.0);
+        assert_eq!(law.at(0.7)[1], 3.0);
         assert_eq!(calls.load(std::sync::atomic::Ordering::Relaxed), 3);
         assert_eq!(law.at(0.7)[0], 0.7);
     }
