@@ -144,6 +144,35 @@ def test_ctrl_c_gives_130(calls: list[Any], monkeypatch: pytest.MonkeyPatch) -> 
     assert result.exit_code == 130 and "Traceback" not in result.stderr
 
 
+def test_an_interrupted_result_is_printed_and_saved_and_gives_130(tmp_path: Path) -> None:
+    """The motion so far, from the file of a real model; the time of the interrupt is that of a function of the model."""
+    mb = importlib.import_module("mbrs")
+    mb.examples.four_bar().save(tmp_path / "m.toml")
+    whole, simulate = [], mb.simulate
+
+    def cut(m: Any, **options: Any) -> Any:
+        whole.append(simulate(m, **options))
+        raise mb.Interrupted("the motion was interrupted at t = 0.02 s", whole[0])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mb, "simulate", cut)
+        out = tmp_path / "cut.json"
+        result = _run("simulate", str(tmp_path / "m.toml"), "--t", "0.02", "--out", str(out))
+    assert result.exit_code == 130 and "interrupted at t = 0.02 s; this is the result so far" in result.stderr
+    assert str(whole[0]) in result.stdout and json.loads(out.read_text())["t"] == whole[0].t.tolist()
+
+
+def test_fewer_modes_than_asked_for_are_told(calls: list[Any]) -> None:
+    found = len(importlib.import_module("mbrs").modes("m").eigenvalue)
+    assert f"asked for {found + 1} modes; there are {found}" in _run("modal", "m.toml", "--n", str(found + 1)).stderr
+    assert _run("modal", "m.toml", "--n", str(found)).stderr == ""
+
+
+def test_the_state_of_a_motion_is_its_start() -> None:
+    assert "State from which the motion starts." in _run("simulate", "--help").stdout
+    assert "State about which the model is linearised." in _run("modal", "--help").stdout
+
+
 def test_a_bug_is_not_dressed_up_as_a_user_error(calls: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
     def bug(*_: Any, **__: Any) -> None:
         raise ZeroDivisionError("inside")
@@ -157,9 +186,9 @@ def test_warnings_are_one_line_each(calls: list[Any], monkeypatch: pytest.Monkey
         warnings.warn("the grid misses 2 resonances", MbrsWarning, stacklevel=2)
         return "table"
 
-    monkeypatch.setattr("mbrs.modes", warn)
+    monkeypatch.setattr("mbrs.frf", warn)
     with warnings.catch_warnings():
-        result = _run("modal", "m.toml")
+        result = _run("frf", "m.toml", "--input", "base.z", "--output", "p.motion.z", "--frequency", "5")
     assert result.stderr == "warning: the grid misses 2 resonances\n" and result.stdout == "table\n"
 
 

@@ -369,7 +369,7 @@ def test_bad_modal_bodies(words):
 def test_bad_files(tmp_path):
     bad = tmp_path / "no.npz"
     bad.write_text("nothing")
-    with pytest.raises(mb.ModelError, match="no file of a modal body"):
+    with pytest.raises(mb.ModelError, match="not a file of a modal body"):
         ModalBody.load(bad)
     np.savez(tmp_path / "part.npz", mass=1.0)
     with pytest.raises(mb.ModelError, match="it lacks"):

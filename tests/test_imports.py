@@ -171,6 +171,7 @@ CRATE = {
     "error": set(),
     "tolerances": set(),
     "run": {"error"},
+    "memory": {"error"},
     "spatial": set(),
     "linalg": {"error", "tolerances", "run"},
     "laws": {"error", "tolerances"},

@@ -253,18 +253,20 @@ def test_leaving_out_an_effect_shows():
     assert np.ptp(without.energy.total) < 1e-6 < np.ptp(with_.energy.total)
 
 
-def test_an_interrupt_returns_what_there_is():
+def test_an_interrupt_brings_what_there_is():
     def stop(*_):
         raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGALRM, stop)
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.3)
-        with pytest.warns(MbrsWarning, match="interrupted"):
-            traj = mb.simulate(zoo.chain(40).model, 1e5, rtol=1e-10)
+        with pytest.raises(mb.Interrupted, match="interrupted at t = ") as caught:
+            mb.simulate(zoo.chain(40).model, 1e5, rtol=1e-10)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
+    traj = caught.value.result
+    assert isinstance(caught.value, KeyboardInterrupt)
     assert (
         traj.status == "interrupted"
         and len(traj.t) > 1
@@ -493,3 +495,10 @@ def test_no_output_is_lost_beside_a_kink(method, off):
     m.force("f", b, value=(table, 0, 0))
     traj = mb.simulate(m, t=np.linspace(0, 0.4, 21), method=method, rtol=1e-6)
     assert len(traj.t) == 21 and traj.t[-1] == 0.4
+
+
+def test_energies_print_as_a_table():
+    energy = mb.simulate(zoo.bushings().model, 0.1).energy
+    text = str(energy)
+    assert repr(energy) == text and "kinetic" in text and all(name in text for name in energy.stored)
+    assert f"{energy.total[-1]:.4g}"[:4] in text

@@ -313,3 +313,17 @@ def test_results_of_large_models_print_and_save(tmp_path):
     assert "sparse" in str(found) and "b2" in str(found.energy())
     assert found.to_xarray().sizes["mode"] == 4
     found.save(tmp_path / "modes.pickle")
+
+
+def test_sensitivities_of_sparse_modes_name_the_route_and_the_remedy():
+    """The message spoke of matrices of a user, although the modes came from a model."""
+    m = mb.Model("rail")
+    last = m.ground
+    for i in range(500):
+        b = m.body(f"b{i}", mass=1.0 + 0.001 * i, inertia=(0.1, 0.1, 0.1), at=(i + 1.0, 0, 0))
+        m.prismatic(f"j{i}", m.ground, b, at=(i + 1.0, 0, 0), axis=(1.0, 0.3, 0.2))
+        m.bushing(f"k{i}", last, b, at=(i + 0.5, 0, 0), k=(1e4,) * 6)
+        last = b
+    with pytest.raises(mb.errors.RouteError, match=r"sparse matrices.*leave n= out"):
+        mb.sensitivity(mb.modes(m, n=3), ["b7.mass"])
+    assert np.isfinite(mb.sensitivity(mb.modes(m), ["b7.mass"]).eigenvalue).all()

@@ -18,6 +18,7 @@ _HOME = {
     "DoubtfulWarning": "errors",
     "DuplicateNameError": "errors",
     "InertiaError": "errors",
+    "Interrupted": "errors",
     "KinkWarning": "errors",
     "MbrsError": "errors",
     "MbrsWarning": "errors",

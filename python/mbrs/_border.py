@@ -26,6 +26,12 @@ _CLASSES: dict[type[Exception], type[MbrsError]] = {
 }
 
 
+def require_memory(size: float, what: str, remedy: str) -> None:
+    """RouteError with both sizes and the remedy where ``what``, which needs ``size`` bytes, does not fit into memory."""
+    with core_errors():
+        _core.require_memory(float(size), what, remedy)
+
+
 @contextmanager
 def core_errors() -> Iterator[None]:
     """Within it, what the core raises arrives as the class of `mbrs.errors` that users catch."""

@@ -13,6 +13,10 @@ _Csc = tuple[NDArray[np.int64], NDArray[np.int64], _F1]
 _Ints = Sequence[int] | NDArray[np.int64]
 
 __version__: str
+
+def available_memory() -> float: ...
+def require_memory(bytes: float, what: str, remedy: str) -> None: ...
+
 __all__ = [
     "CoreAssemblyError",
     "CoreConvergenceError",
@@ -30,6 +34,7 @@ __all__ = [
     "RootInverse",
     "System",
     "__version__",
+    "available_memory",
     "check_sparse_model",
     "dense_modes",
     "directions",
@@ -40,6 +45,7 @@ __all__ = [
     "motion_directions",
     "motion_quantities",
     "motion_reactions",
+    "require_memory",
     "root_solve",
     "shape_sensitivities",
     "simulate_motion",

@@ -10,7 +10,7 @@ from typing import Any
 
 from ._timing import name_of, short, timed
 from .effects import LINEAR_ONLY
-from .errors import MbrsError, ModelError
+from .errors import Interrupted, MbrsError, ModelError
 from .measures import eigenvalue_difference, frequency_difference, measure_for
 from .progress import Progress
 from .report import html_table, si, table
@@ -108,6 +108,8 @@ def effect_study(
     ------
     ModelError
         The analysis fails with all effects on.
+    Interrupted
+        Ctrl-C; ``.result`` is the study of the effects that were finished, None before the first comparison.
 
     Notes
     -----
@@ -116,24 +118,35 @@ def effect_study(
     off = tuple(settings.pop("without", ()))
     names = tuple(effects) if effects is not None else _effects_on(model, fun)
     keywords = {**settings, **({"without": off} if off else {})}
-    # a first run that is not timed: it alone pays for compiling, which every effect would seem to cost
-    _, _, warm_up, _ = timed(fun, (model, *args), keywords, 1)
-    whole, full, spent, status = timed(fun, (model, *args), keywords, repeat)
+    try:
+        # a first run that is not timed: it alone pays for compiling, which every effect would seem to cost
+        _, _, warm_up, _ = timed(fun, (model, *args), keywords, 1)
+        whole, full, spent, status = timed(fun, (model, *args), keywords, repeat)
+    except KeyboardInterrupt:
+        raise Interrupted("the effect study was interrupted before there was anything to compare") from None
     spent += warm_up
     if whole is None:
         raise ModelError(f"the analysis fails with all effects on, so there is nothing to compare with: {status}")
     measure = measure or _measure(whole)
-    rows = []
-    with Progress("effect study", len(names)) as progress:
-        for name in names:
-            if name not in off:
-                row, cost = _effect_row(fun, (model, *args), settings, (*off, name), repeat, measure, (whole, full))
-                rows.append(row)
-                spent += cost
-            progress.advance(note=name)
-    rows.sort(key=lambda row: -row.change if math.isfinite(row.change) else math.inf)
-    stats = Stats(wall_time=spent, counts={"runs": repeat * (len(rows) + 1) + 1})
-    return EffectStudy(tuple(rows), name_of(measure), full, stats=stats, error=None, status="converged")
+    rows: list[EffectRow] = []
+
+    def study(status: str) -> EffectStudy:
+        rows.sort(key=lambda row: -row.change if math.isfinite(row.change) else math.inf)
+        stats = Stats(wall_time=spent, counts={"runs": repeat * (len(rows) + 1) + 1})
+        return EffectStudy(tuple(rows), name_of(measure), full, stats=stats, error=None, status=status)
+
+    try:
+        with Progress("effect study", len(names)) as progress:
+            for name in names:
+                if name not in off:
+                    row, cost = _effect_row(fun, (model, *args), settings, (*off, name), repeat, measure, (whole, full))
+                    rows.append(row)
+                    spent += cost
+                progress.advance(note=name)
+    except KeyboardInterrupt:
+        text = f"the effect study was interrupted after {len(rows)} of {len(names)} effects"
+        raise Interrupted(text, study("interrupted")) from None
+    return study("converged")
 
 
 def _measure(whole: Any) -> Callable[[Any, Any], float]:

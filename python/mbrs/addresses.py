@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .bodies import INERTIA_PLACE
-from .errors import ModelError
-from .names import not_found, shown
+from .errors import ModelError, NameNotFoundError
+from .names import nearest, not_found, shown
 from .parameters import labels
 from .store import Field, Item
 
@@ -78,8 +78,10 @@ def _no_field(item: Item, field: str, known: list[str]) -> ModelError:
         hint = ". It was defined by orientation=: vary .orientation"
     elif field == "at" and "at_a" in known:
         hint = ". It has two points: .at_a and .at_b"
-    error = not_found(f"no number of {item.kind} {item.name!r}", field, known)
-    return type(error)(f"{error}{hint}; known: {', '.join(known)}")
+    guess = nearest(field, known)
+    near = "" if guess is None else f"; did you mean {guess!r}?"
+    there = f"known: {', '.join(known)}" if known else "there are none"
+    return NameNotFoundError(f"no number of {item.kind} {item.name!r} is called {shown(field)}{near}{hint}; {there}")
 
 
 def _parameter(model: Model, address: str, name: str, index: str | None) -> Target:

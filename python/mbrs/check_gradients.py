@@ -82,7 +82,9 @@ def check_gradients(
 
     Notes
     -----
-    Ridders-like extrapolation of central differences with two steps; 4 runs of the analysis per parameter.
+    Ridders-like extrapolation of central differences with two steps; 4 runs of the analysis per parameter. Eigenvalues at both
+    ends of a step are paired with those that the derivatives expect there, each once: a double root splits along a parameter,
+    and its halves change places in the order by size from one end to the other.
 
     Examples
     --------
@@ -98,8 +100,10 @@ def check_gradients(
         )
     along = directions(m, parameters)
     numbers = _default if value is None else value
-    exact = np.asarray(numbers(sensitivity(analysis(m), list(along.labels))))
-    rows = [_one(analysis, m, label, exact[..., p], numbers) for p, label in enumerate(along.labels)]
+    result = analysis(m)
+    exact = np.asarray(numbers(sensitivity(result, list(along.labels))))
+    roots = np.asarray(result.eigenvalue) if value is None and hasattr(result, "eigenvalue") else None
+    rows = [_one(analysis, m, label, exact[..., p], numbers, roots) for p, label in enumerate(along.labels)]
     columns = [np.array(c) for c in zip(*rows, strict=True)]
     return GradientCheck(
         labels=along.labels,
@@ -124,7 +128,19 @@ def _default(result: Any) -> np.ndarray:
     )
 
 
-def _one(analysis: Any, m: Any, label: str, exact: np.ndarray, numbers: Any) -> tuple[Any, Any, float, float]:
+def _paired(roots: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """Roots in the order of those expected, each used once. Where roots cross or split, their order by size is not that of modes."""
+    from scipy.optimize import linear_sum_assignment
+
+    if len(roots) != len(expected):
+        raise ModelError(f"the number of modes changes near this design, from {len(expected)} to {len(roots)}")
+    return roots[linear_sum_assignment(np.abs(expected[:, None] - roots[None, :]))[1]]
+
+
+def _one(
+    analysis: Any, m: Any, label: str, exact: np.ndarray, numbers: Any, roots: np.ndarray | None
+) -> tuple[Any, Any, float, float]:
+    """``roots``: the eigenvalues of modes, whose neighbours are paired with them; None for what has an order of its own."""
     now = m.value(label)
     if np.ndim(now) != 0:
         raise ModelError(f"{label!r} is not a single number; check one of its entries")
@@ -134,7 +150,8 @@ def _one(analysis: Any, m: Any, label: str, exact: np.ndarray, numbers: Any) -> 
         ends = []
         for side in (1.0, -1.0):
             m.set({label: now + side * step})
-            ends.append(np.asarray(numbers(analysis(m))))
+            found = np.asarray(numbers(analysis(m)))
+            ends.append(found if roots is None else _paired(found, roots + side * step * exact))
         return (ends[0] - ends[1]) / (2.0 * step)
 
     try:

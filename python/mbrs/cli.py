@@ -31,8 +31,22 @@ class _Group(click.Group):
             _say("error", "red", str(problem))
             ctx.exit(1)
         except KeyboardInterrupt:
-            _say("stopped", "yellow", "interrupted by Ctrl-C")
+            _say("stopped", "yellow", "interrupted by Ctrl-C, before there was a result")
             ctx.exit(_INTERRUPTED)
+
+
+def _so_far(analysis: Callable[..., Any], *args: Any, **options: Any) -> Any:
+    """What an analysis returns, or what it has when Ctrl-C cuts it; `_deliver` then ends with the exit code of an interrupt."""
+    from .errors import Interrupted
+
+    try:
+        return analysis(*args, **options)
+    except Interrupted as cut:
+        if cut.result is None:
+            raise
+        _say("stopped", "yellow", f"{cut}; this is the result so far")
+        click.get_current_context().meta["interrupted"] = True
+        return cut.result
 
 
 def _say(word: str, colour: str, text: str) -> None:
@@ -53,7 +67,7 @@ def main() -> None:
     """Vibration and motion of spatial multibody systems from the shell.
 
     Models are TOML files as written by Model.save. Exit code 0: done; 1: an error of the model or the analysis;
-    2: wrong usage; 130: interrupted.
+    2: wrong usage; 130: interrupted by Ctrl-C, after what there is so far was printed and saved.
     """
     import warnings
 
@@ -70,9 +84,13 @@ def _model_argument(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def _analysis_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options that every analysis has."""
+    at = (
+        "State from which the motion starts."
+        if command.__name__ == "simulate"
+        else "State about which the model is linearised."
+    )
     for option in (
-        click.option("--at", type=click.Choice(["drawn", "equilibrium"]), default="drawn", show_default=True,
-                     help="State about which the model is linearised."),
+        click.option("--at", type=click.Choice(["drawn", "equilibrium"]), default="drawn", show_default=True, help=at),
         click.option("--without", multiple=True, metavar="EFFECT", help="Leave an effect out; repeat for more."),
         click.option("--json", "as_json", is_flag=True, help="Print the result as JSON."),
         click.option("--out", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
@@ -120,6 +138,7 @@ def modal(
     mb = _api()
     m = _load(model)
     result = mb.modes(m, **_state(m, at), **_without(without), **({} if n is None else {"n": n}))
+    _say_fewer(n, result)
     names = (
         "frequency",
         "frequency_damped",
@@ -176,6 +195,7 @@ def sens(
     mb = _api()
     m = _load(model)
     modes = mb.modes(m, **_state(m, at), **_without(without), **({} if n is None else {"n": n}))
+    _say_fewer(n, modes)
     result = mb.sensitivity(modes, list(parameters))
     _deliver(
         "sens",
@@ -217,7 +237,8 @@ def nlfr(
     if down and isinstance(points, tuple):
         points = points[::-1]
     m = _load(model)
-    curve = mb.frequency_response(
+    curve = _so_far(
+        mb.frequency_response,
         m,
         inputs=list(inputs),
         amplitude=None if not amplitudes else amplitudes[0] if len(amplitudes) == 1 else list(amplitudes),
@@ -263,7 +284,7 @@ def simulate(
     mb = _api()
     t = parse_times(times)
     m = _load(model)
-    traj = mb.simulate(m, t=t, method=method, rtol=rtol, step=step, **_state(m, at), **_without(without))
+    traj = _so_far(mb.simulate, m, t=t, method=method, rtol=rtol, step=step, **_state(m, at), **_without(without))
     curves = {name: _curve(traj, name) for name in outputs or traj.bodies}
     extra = {"outputs": {name: curve.tolist() for name, curve in curves.items()}, "energy": traj.energy.total.tolist()}
     text = f"{traj}\n{_extremes(traj, curves)}"
@@ -381,6 +402,12 @@ def _without(names: tuple[str, ...]) -> dict[str, Any]:
     return {"without": names} if names else {}
 
 
+def _say_fewer(n: int | None, modes: Any) -> None:
+    found = len(modes.eigenvalue)
+    if n is not None and found < n:
+        _say("note", "yellow", f"--n asked for {n} modes; there are {found}")
+
+
 def _deliver(
     analysis: str,
     model: Path,
@@ -391,7 +418,26 @@ def _deliver(
     extra: dict[str, Any] | None = None,
     text: str | None = None,
 ) -> None:
-    """Print the result, as text or JSON, and save it if asked to; ``extra`` data belong into the JSON as well."""
+    """Print the result, as text or JSON, and save it if asked to; ``extra`` data belong into the JSON as well.
+
+    Ends with the exit code of an interrupt where the result was cut by one.
+    """
+    _print_and_save(analysis, model, result, names, as_json, out, extra, text)
+    context = click.get_current_context()
+    if context.meta.get("interrupted"):
+        context.exit(_INTERRUPTED)
+
+
+def _print_and_save(
+    analysis: str,
+    model: Path,
+    result: Any,
+    names: tuple[str, ...],
+    as_json: bool,
+    out: Path | None,
+    extra: dict[str, Any] | None,
+    text: str | None,
+) -> None:
     from .jsonable import dumps, result_data
 
     data = {"analysis": analysis, "file": str(model), **result_data(result, names)} if as_json or _is_json(out) else {}

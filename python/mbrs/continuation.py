@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
 from inspect import Parameter, signature
 from typing import Any, TypedDict, TypeVar
@@ -16,10 +17,11 @@ from .errors import ConvergenceError, MbrsError, ModelError, SingularError
 from .harmonic_balance import MOST_HARMONICS, first_solution
 from .nonlinear_system import as_system
 
-STATUS = {"end": "converged", "start": "left-at-start", "stalled": "stopped"}
+STATUS = {"end": "converged", "start": "left-at-start", "stalled": "stopped", "interrupted": "interrupted"}
 MEANING = {
     "converged": "the end of the range was reached",
     "left-at-start": "the branch came back and left the range where it began",
+    "interrupted": "cut by Ctrl-C; .resume() goes on",
     "max-points": "cut at max_points; .resume() goes on",
     "stopped": "the step became smaller than min_step; the points so far are kept",
     "unresolved": "the end was reached, but an estimated error exceeds the tolerance: take more harmonics",
@@ -221,6 +223,10 @@ class Branch(Iterator[BranchPoint]):
                     self._sample_finer()
             except MbrsError as problem:
                 self._break_off(str(problem))
+            except BaseException:  # Ctrl-C, or what a law of the user raised: the points until then are kept
+                with suppress(MbrsError):
+                    self._take(_balance.translated(self._core.run, 0, 0.0))
+                raise
             seconds -= CHUNK_SECONDS
         return len(self.chunks) - known
 

@@ -288,7 +288,7 @@ class Problem:
         Returns
         -------
         Optimum
-            ``status``: "converged", "infeasible" (constraints violated), "stopped" (the optimiser gave up), "interrupted".
+            ``status``: "converged", "infeasible" (constraints violated), "stopped" (the optimiser gave up).
 
         Raises
         ------
@@ -296,6 +296,8 @@ class Problem:
             A method that does not know bounds or constraints.
         ConvergenceError
             A design that the optimiser tried has no motion; ``.result`` is the best `Optimum` until then.
+        Interrupted
+            Ctrl-C; ``.result`` is the best `Optimum` until then, with the status "interrupted".
         """
         from .design_solver import solve
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 import time
-import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import ConvergenceError, MbrsError, MbrsWarning, ModelError
+from .errors import ConvergenceError, Interrupted, MbrsError, ModelError
 from .names import shown
 from .progress import Progress
 from .results import Stats
@@ -35,8 +34,8 @@ def solve(p: Problem, method: Any, options: dict[str, Any]) -> Optimum:
         with Progress("optimisation") as progress:
             r = run.minimize(progress, options)
     except KeyboardInterrupt:
-        warnings.warn("interrupted; the best design so far is returned", MbrsWarning, stacklevel=3)
-        return run.best("interrupted", "interrupted", begin)
+        best = run.best("interrupted", "interrupted", begin) if run.tried else None
+        raise Interrupted("the optimisation was interrupted; its result is the best design so far", best) from None
     except MbrsError as reason:
         if not run.tried:
             raise

@@ -26,7 +26,8 @@ class InertiaError(ModelError):
 
 
 class RouteError(ModelError):
-    """The sparse route of large models does not know something in this one, and the model is too large for the dense route."""
+    """No route serves: the sparse one of large models does not know something in this one and the model is too large for the dense
+    route, or the arrays of an analysis do not fit into memory; the message tells sizes and what to do instead."""
 
 
 class AssemblyError(MbrsError):
@@ -47,6 +48,30 @@ class ConvergenceError(MbrsError):
 
 class NotDifferentiableError(MbrsError):
     """A derivative that does not exist, such as that of a redundant loop which the parameter breaks open."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C in a motion, a study or a sweep. ``result`` carries what there is so far, its ``status`` is "interrupted"; None where
+    there is nothing yet.
+
+    It is a KeyboardInterrupt, so that loops around an analysis stop and ``except Exception`` does not catch it.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> try:
+    ...     raise mb.Interrupted("a motion was interrupted at t = 3 s", result=[0.0, 1.5, 3.0])
+    ... except KeyboardInterrupt as cut:
+    ...     cut.result
+    [0.0, 1.5, 3.0]
+    """
+
+    def __init__(self, message: str = "interrupted", result: Any = None) -> None:
+        super().__init__(message, result)
+        self.result = result
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 class MbrsWarning(UserWarning):

@@ -9,10 +9,10 @@ import numpy as np
 
 from . import _balance, _checks
 from .continuation import BRANCH_DEFAULTS, Branch, BranchOptions, takes_branch_options
-from .errors import ConvergenceError, ModelError
+from .errors import ConvergenceError, Interrupted, ModelError
 from .harmonic_balance import effects_of, harmonic_balance
 from .nonlinear_system import as_system
-from .response_curve import FrequencyResponse, Part, collect, follow, known_stability
+from .response_curve import FrequencyResponse, Part, collect, follow, interrupted, known_stability
 from .results import Stats
 
 
@@ -67,6 +67,8 @@ def frequency_response(
         Wrong input.
     ConvergenceError
         No first point was found.
+    Interrupted
+        Ctrl-C; ``.result`` is the curve so far.
 
     Notes
     -----
@@ -90,7 +92,10 @@ def frequency_response(
     if not isinstance(w, tuple) and np.ndim(w) == 1:
         return _points(system, options)
     branch = Branch(system, **options)
-    follow(branch, most, progress)
+    try:
+        follow(branch, most, progress)
+    except KeyboardInterrupt:
+        raise interrupted(branch, lambda: collect(branch, perf_counter() - started)) from None
     return collect(branch, perf_counter() - started)
 
 
@@ -111,29 +116,35 @@ def _points(system: Any, options: BranchOptions) -> FrequencyResponse:
     stable: list[float] = []
     exponents: list[Any] = []
     status, guess, corrections = "converged", given["x0"], 0
-    for one_omega in w:
-        try:
-            one = harmonic_balance(system, force=scaled, omega=float(one_omega), x0=guess, **balance)
-        except ConvergenceError as problem:
-            if not parts:
-                raise
-            status = f"stopped: {problem}"
-            break
-        setup = _balance.prepare(
-            system, scaled, one.harmonics, subharmonic, one.n_samples, float(one_omega), given["condense"]
-        )
-        y = setup.start(one)
-        s = setup.exponents(y, float(one_omega)) if stability else None
-        # the forces of this set are scaled already
-        parts.append(Part(setup, np.array([one_omega]), np.ones(1), y[None, :]))
-        errors.append(one.error)
-        exponents.append(s)
-        stable.append(np.nan if s is None else float(np.all(s.real <= 1e-9 * one_omega / subharmonic)))
-        corrections += one.stats.counts["evaluations"]
-        status = one.status if status == "converged" else status
-        guess = one
+    try:
+        for one_omega in w:
+            try:
+                one = harmonic_balance(system, force=scaled, omega=float(one_omega), x0=guess, **balance)
+            except ConvergenceError as problem:
+                if not parts:
+                    raise
+                status = f"stopped: {problem}"
+                break
+            setup = _balance.prepare(
+                system, scaled, one.harmonics, subharmonic, one.n_samples, float(one_omega), given["condense"]
+            )
+            y = setup.start(one)
+            s = setup.exponents(y, float(one_omega)) if stability else None
+            # the forces of this set are scaled already
+            parts.append(Part(setup, np.array([one_omega]), np.ones(1), y[None, :]))
+            errors.append(one.error)
+            exponents.append(s)
+            stable.append(np.nan if s is None else float(np.all(s.real <= 1e-9 * one_omega / subharmonic)))
+            corrections += one.stats.counts["evaluations"]
+            status = one.status if status == "converged" else status
+            guess = one
+    except KeyboardInterrupt:
+        if not stable:
+            raise Interrupted("a set of frequencies was interrupted before its first solution") from None
+        status = "interrupted"
+        del parts[len(stable) :], errors[len(stable) :], exponents[len(stable) :]
     n = len(parts)
-    return FrequencyResponse(
+    found = FrequencyResponse(
         np.asarray(w[:n]),
         np.full(n, float(level)),
         known_stability(np.array(stable), stability),
@@ -151,3 +162,6 @@ def _points(system: Any, options: BranchOptions) -> FrequencyResponse:
         error=np.array(errors),
         status=status,
     )
+    if status == "interrupted":
+        raise Interrupted(f"a set of {len(w)} frequencies was interrupted after {n} of them", found)
+    return found

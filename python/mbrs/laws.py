@@ -276,13 +276,21 @@ class FunctionLaw(Law):
     def force(self, u: Any, v: Any = 0.0) -> np.ndarray:
         """Force for displacements ``u`` and rates ``v``, arrays that broadcast."""
         u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
-        return self._shaped("function", self.function(u, v), u.shape)
+        return self._shaped("function", self._called("function", u, v), u.shape)
+
+    def _called(self, name: str, u: np.ndarray, v: np.ndarray) -> Any:
+        """What the function or its derivative returns; what it raises comes out as it is, with a note."""
+        try:
+            return getattr(self, name)(u, v)
+        except BaseException as raised:
+            raised.add_note(f"raised by the {name} of {self!r}")
+            raise
 
     def sampled(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Force, df/du and df/dv at samples."""
         force = self.force(u, v)
         if self.derivative is not None:
-            slopes = self.derivative(u, v)
+            slopes = self._called("derivative", u, v)
             if not isinstance(slopes, tuple | list) or len(slopes) != 2:
                 raise ModelError("FunctionLaw: derivative must return (df_du, df_dv)")
             f_u, f_v = (self._shaped("derivative", slope, u.shape) for slope in slopes)

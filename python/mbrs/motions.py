@@ -188,10 +188,15 @@ class TimeFunction:
     def _numbers(self, t: float) -> list[float]:
         try:
             made = self.function(t)
-        except Exception as reason:
-            raise problem(
-                self.where, f"has a function that raised {type(reason).__name__} at t = {t:.9g} s: {reason}"
-            ) from None
+        except BaseException as raised:
+            if (
+                isinstance(raised, TypeError) and raised.__traceback__.tb_next is None
+            ):  # the call itself, not the function
+                raise problem(
+                    self.where, f"has a function that cannot be called with the time alone: {raised}"
+                ) from None
+            raised.add_note(f"raised at t = {t:.9g} s by the function of {self.where}")
+            raise
         try:
             flat = np.asarray(made, dtype=float).ravel()
         except (TypeError, ValueError):

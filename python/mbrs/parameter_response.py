@@ -15,7 +15,7 @@ from .continuation import BRANCH_DEFAULTS, Branch, BranchOptions, Event, takes_b
 from .errors import ModelError
 from .harmonic_balance import PeriodicSolution
 from .nonlinear_system import as_system
-from .response_curve import FrequencyResponse, collected, follow
+from .response_curve import FrequencyResponse, collected, follow, interrupted
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +73,8 @@ class ParameterResponse(FrequencyResponse):
             raise ModelError(
                 "this branch cannot go on: its systems came from a function that cannot be imported; define it in a module"
             )
-        started = perf_counter()
-        follow(self.branch, len(self.branch.chunks) + _balance.integer("max_points", max_points), None)
-        return _collect(self.branch, self.name, perf_counter() - started + self.stats.wall_time)
+        most = len(self.branch.chunks) + _balance.integer("max_points", max_points)
+        return _followed(self.branch, most, self.name, self.stats.wall_time)
 
     def to_xarray(self) -> Any:
         """As of `FrequencyResponse`, with the value as a coordinate."""
@@ -145,8 +144,16 @@ def parameter_response(
     most = _checks.count("max_points", max_points, 10_000_000)
     made = _family(system, parameter, options)
     branch = Branch(None, family=made, value=value, **options)
-    follow(branch, most, None, "parameter response")
-    return _collect(branch, parameter or "value", perf_counter() - started)
+    return _followed(branch, most, parameter or "value", perf_counter() - started)
+
+
+def _followed(branch: Branch, most: int, name: str, wall_time: float) -> ParameterResponse:
+    started = perf_counter()
+    try:
+        follow(branch, most, None, "parameter response")
+    except KeyboardInterrupt:
+        raise interrupted(branch, lambda: _collect(branch, name, wall_time + perf_counter() - started)) from None
+    return _collect(branch, name, wall_time + perf_counter() - started)
 
 
 def _collect(branch: Branch, name: str, wall_time: float) -> ParameterResponse:

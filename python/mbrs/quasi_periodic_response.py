@@ -13,7 +13,7 @@ import numpy as np
 from . import _balance, _checks, _core
 from ._picked import label
 from .continuation import MEANING, STATUS
-from .errors import ModelError
+from .errors import Interrupted, ModelError
 from .harmonic_balance import UNRESOLVED, effects_of
 from .quasi_periodic import MOST_AUTOMATIC, QuasiPeriodicSolution, Torus
 from .report import html_table, table
@@ -218,6 +218,8 @@ def quasi_periodic_response(
         parts = _followed(problem, way, x0, options, most)
         curve = _collect(problem, way, parts, limit, perf_counter() - started)
         enough = not automatic or np.all(curve.error <= limit) or problem.estimated_unknowns > MOST_AUTOMATIC
+        if parts[-1]["status"] == "interrupted":
+            raise Interrupted(f"a branch was interrupted after {len(curve.scale)} points", curve)
         if enough:
             return curve
         top, x0 = top + 2, curve.point(0)
@@ -306,8 +308,14 @@ def _followed(problem: Torus, way: _Way, x0: Any, options: dict[str, Any], most:
     parts: list[dict[str, Any]] = []
     n = 0
     while n < most and (not parts or parts[-1]["status"] == "going"):
-        parts.append(_balance.translated(branch.run, most - n, 0.2))
-        n += len(parts[-1]["p"])
+        try:
+            parts.append(_balance.translated(branch.run, most - n, 0.2))
+        except KeyboardInterrupt:
+            if n == 0:
+                raise
+            parts[-1]["status"] = "interrupted"
+        else:
+            n += len(parts[-1]["p"])
     return parts
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from . import _balance
 from ._picked import label, picked, taken, weights
 from .continuation import MEANING, Branch, Event
-from .errors import ModelError
+from .errors import Interrupted, ModelError
 from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of
 from .progress import Progress
 from .report import html_table, table
@@ -392,6 +392,13 @@ def _note(branch: Branch) -> str:
 def collect(branch: Branch, wall_time: float) -> FrequencyResponse:
     """What a branch has so far, as a result."""
     return FrequencyResponse(**collected(branch, wall_time))
+
+
+def interrupted(branch: Branch, collect: Callable[[], FrequencyResponse]) -> Interrupted:
+    """What is raised when Ctrl-C cuts a branch: with its points so far, if there are any."""
+    n = len(branch.chunks)
+    made = replace(collect(), status="interrupted") if n else None
+    return Interrupted(f"a branch was interrupted after {n} points", made)
 
 
 def collected(branch: Branch, wall_time: float) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ._border import require_memory
 from .errors import ModelError
 
 
@@ -80,6 +81,10 @@ def _checked(name: str, a: Any, n: int | None) -> Any:
         a = a.tocsc().astype(float)
         values = a.data
     else:
+        if isinstance(a, np.ndarray):
+            # three of its size: the copy, its checks, and what the first analysis makes of it
+            what = f"a dense {name} of {a.shape[0] if a.ndim else 1} coordinates"
+            require_memory(3.0 * 8.0 * a.size, what, "give it as a scipy.sparse matrix, or reduce the system")
         try:
             a = np.array(a, dtype=float)
         except (TypeError, ValueError) as problem:

@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from ._border import core_errors
-from .errors import ModelError
+from .errors import ModelError, RouteError
 from .linearize import Linearization, _rotation, _skew, split
 from .ports import Port, as_port
 from .results import Result, Stats
@@ -270,6 +270,11 @@ def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: st
 
 
 def _source(system: Any, what: str) -> Linearization:
+    if type(system).__name__ == "SparseModel":
+        raise RouteError(
+            f"sensitivities of a {what} by sparse matrices, the lowest modes of a large model, are not available; leave n= out: "
+            "all modes come from dense matrices and have them"
+        )
     if not isinstance(system, Linearization):
         raise ModelError(
             f"sensitivities need a {what} computed from a mb.Model; a MechanicalSystem has no parameters "

@@ -16,7 +16,7 @@ from . import _core
 from ._amplified import warn_amplified
 from ._border import core_errors
 from .effects import LINEAR_ONLY, check_without, effects
-from .errors import ConvergenceError, MbrsWarning, ModelError
+from .errors import ConvergenceError, Interrupted, MbrsWarning, ModelError
 from .linearize import Snapshot
 from .names import shown
 from .progress import Progress
@@ -117,12 +117,14 @@ def simulate(
         A start from which the loops cannot close.
     ConvergenceError
         A step that cannot be made; ``.result`` holds the trajectory until then.
+    Interrupted
+        Ctrl-C; ``.result`` holds the trajectory until then.
 
     Warns
     -----
     MbrsWarning
         Initial positions or velocities that had to be changed to agree with the joints; flexible bodies that deflect by more
-        than a fifth of their length; Ctrl-C, after which the motion so far is returned.
+        than a fifth of their length.
 
     Notes
     -----
@@ -170,6 +172,8 @@ def simulate(
     traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
     if parameters is not None:
         traj = replace(traj, parameters=parameters, start=state, rho=rho)
+    if traj.status == "interrupted":
+        raise Interrupted(f"the motion of {m.name!r} was interrupted at t = {made['end']:.6g} s", traj)
     _report_start(m, made)
     if method == "bdf-bfgs" or (method == "bdf" and step is not None):
         warn_amplified(m, at, traj.steps)
@@ -187,10 +191,6 @@ def simulate(
             f"the motion of {m.name!r} stopped at t = {made['end']:.9g} s: {made['message']}; the trajectory until then is "
             "the result of this error",
             traj,
-        )
-    if traj.status == "interrupted":
-        warnings.warn(
-            f"interrupted at t = {made['end']:.6g} s; the motion so far is returned", MbrsWarning, stacklevel=2
         )
     return traj
 
@@ -269,7 +269,7 @@ def _options(t: Any, rtol: Any, step: Any, method: Any, state: State) -> dict[st
         options["outputs"] = times.tolist()
     options["end"] = float(times.max())
     if times.min() < state.t:
-        raise ModelError(f"t= = {times.min():.9g} s lies before the start at {state.t:.9g} s")
+        raise ModelError(f"t={times.min():.9g} s lies before the start at {state.t:.9g} s")
     if times.ndim == 0 and options["end"] == state.t:
         raise ModelError(f"t= must lie after the start at {state.t:.9g} s")
     if step is not None:
@@ -360,6 +360,8 @@ def _estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) ->
     changed, factor = _compared_with(traj, options)
     second = {**options, **changed, "method": method, "outputs": traj.t[compared].tolist()}
     made = _run(traj.snapshot, state, traj.without, second)
+    if made["status"] == "interrupted":
+        raise Interrupted("the estimate of the error of a motion was interrupted", traj)
     if made["status"] != "finished":
         return math.inf
     with core_errors():

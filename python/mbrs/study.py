@@ -12,7 +12,7 @@ import numpy as np
 
 from ._effect_study import EffectStudy, effect_study
 from ._timing import name_of, short, timed
-from .errors import MbrsError, ModelError
+from .errors import Interrupted, MbrsError, ModelError
 from .measures import measure_for
 from .progress import Progress
 from .report import html_table, number, si, table
@@ -195,6 +195,8 @@ def accuracy_study(
     ------
     ModelError
         Nothing spans the grid; an empty list; no run succeeded; a reference of another kind than the results.
+    Interrupted
+        Ctrl-C; ``.result`` is the study of the settings that were finished.
 
     Notes
     -----
@@ -215,7 +217,28 @@ def accuracy_study(
     axes, fixed = _split(settings, vary)
     if not axes:
         raise ModelError("no setting spans the grid; give a list of several values, as in rtol=[1e-4, 1e-6, 1e-8]")
-    runs = _run_all(fun, args, fixed, axes, int(repeat))
+    try:
+        runs: list[_Run] = []
+        _run_all(runs, fun, args, fixed, axes, int(repeat))
+    except KeyboardInterrupt:
+        text = (
+            f"the accuracy study was interrupted after {len(runs)} of {math.prod(len(a.labels) for a in axes)} settings"
+        )
+        worked = any(run.result is not None for run in runs)
+        raise Interrupted(
+            text, _study(runs, axes, reference, measure, repeat, "interrupted") if worked else None
+        ) from None
+    return _study(runs, axes, reference, measure, repeat)
+
+
+def _study(
+    runs: list[_Run],
+    axes: list[_Axis],
+    reference: Any,
+    measure: Callable[[Any, Any], float] | None,
+    repeat: int,
+    status: str | None = None,
+) -> AccuracyStudy:
     done = [run for run in runs if run.result is not None]
     if not done:
         raise ModelError(f"no setting of the study worked; the first failed with: {runs[0].status}")
@@ -234,7 +257,7 @@ def accuracy_study(
     stats = Stats(wall_time=sum(run.spent for run in runs), counts={"runs": int(repeat) * len(runs)})
     errors = np.array([p.error for p in points])
     names = tuple(axis.name for axis in axes)
-    status = "converged" if len(done) == len(runs) else "stopped"
+    status = status or ("converged" if len(done) == len(runs) else "stopped")
     return AccuracyStudy(points, names, name_of(measure), why, stats=stats, error=errors, status=status)
 
 
@@ -294,9 +317,9 @@ def _text(value: Any) -> str:
 
 
 def _run_all(
-    fun: Callable[..., Any], args: Any, fixed: Mapping[str, Any], axes: list[_Axis], repeat: int
-) -> list[_Run]:
-    runs = []
+    runs: list[_Run], fun: Callable[..., Any], args: Any, fixed: Mapping[str, Any], axes: list[_Axis], repeat: int
+) -> None:
+    """Appends a run for every setting, so that those before an interrupt are kept."""
     places = list(itertools.product(*(range(len(axis.labels)) for axis in axes)))
     with Progress("accuracy study", len(places)) as progress:
         for place in places:
@@ -306,7 +329,6 @@ def _run_all(
             result, best, spent, status = timed(fun, args, {**fixed, **own}, repeat)
             runs.append(_Run(place, own, result, best, spent, status))
             progress.advance(note=", ".join(axis.labels[i] for axis, i in zip(axes, place, strict=True)))
-    return runs
 
 
 def _self_made(done: list[_Run], axes: list[_Axis], measure: Callable[[Any, Any], float]) -> tuple[_Run, str]:

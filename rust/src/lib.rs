@@ -11,6 +11,7 @@ pub mod error;
 pub mod kinematics;
 pub mod laws;
 pub mod linalg;
+pub mod memory;
 pub mod model;
 pub mod run;
 pub mod second_order;

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 from .._checks import names, shown, sized_array
 from ..errors import InertiaError, ModelError
 from ..report import number, table
+from ._archive import read_arrays
 
 __all__ = ["ModalBody"]
 
@@ -111,7 +111,7 @@ class ModalBody:
             object.__setattr__(self, "line_shape", self.node_shape)
         elif self.line_position is None or self.line_shape is None:
             raise ModelError("modal body: give both of line_position= and line_shape=, or neither")
-        self._take_points("line", len(np.asarray(self.line_position)), m)
+        self._take_points("line", (np.shape(self.line_position) or (0,))[0], m)
         for made in (getattr(self, f.name) for f in fields(self)):
             if isinstance(made, np.ndarray):
                 made.setflags(write=False)
@@ -226,17 +226,27 @@ class ModalBody:
 
     @classmethod
     def load(cls, path: str | Path) -> ModalBody:
-        """A body that `save` has written. Nothing in the file is executed."""
-        known = {f.name for f in fields(cls)}
+        """A body that `save` has written. Nothing in the file is executed.
+
+        Raises
+        ------
+        ModelError
+            The file is not one of a modal body, is damaged, or holds a body that cannot be (InertiaError).
+        OSError
+            There is no such file, or it cannot be read.
+        """
+        known = [f.name for f in fields(cls)]
+        held = read_arrays(path, known, "a modal body")
+        if missing := [name for name in known if name not in held]:
+            raise ModelError(f"{path} is not a file of a modal body: it lacks {', '.join(missing)}")
+        if held["nodes"].dtype.kind != "U" or held["nodes"].ndim != 1 or held["note"].dtype.kind != "U":
+            raise ModelError(f"{path} is not a file of a modal body: its names and its note are not text")
+        texts = {"nodes": tuple(held["nodes"].tolist()), "note": str(held["note"])}
+        numbers = {name: held[name] for name in known if name not in _TEXTS}
         try:
-            with np.load(Path(path), allow_pickle=False) as archive:
-                held: Mapping[str, Any] = {name: archive[name] for name in archive.files if name in known}
-        except (ValueError, OSError, KeyError) as reason:
-            raise ModelError(f"{path} is no file of a modal body: {reason}") from None
-        if missing := [f.name for f in fields(cls) if f.name not in held]:
-            raise ModelError(f"{path} is no file of a modal body: it lacks {', '.join(missing)}")
-        texts = {"nodes": tuple(str(n) for n in held["nodes"]), "note": str(held["note"])}
-        return cls(**{name: held[name] for name in known - set(_TEXTS)}, **texts)  # type: ignore[arg-type]
+            return cls(**numbers, **texts)  # type: ignore[arg-type]
+        except ModelError as reason:
+            raise type(reason)(f"{path}: {reason}") from None
 
     def plot(self, modes: Any = None) -> Any:
         """The shapes: displacement of the points of the line along the body for each mode, over the distance along the

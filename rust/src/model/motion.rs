@@ -7,21 +7,16 @@
 //! table       straight lines, or the natural cubic spline, through (t_i, v_i); the end values outside
 //! function    a Python function
 //! ```
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
 use crate::spatial::Real;
 
-/// What a call of a function gave, or why it gave nothing.
-pub type Called = std::result::Result<Vec<f64>, String>;
-
-/// A function from outside. It cannot fail where it is used, deep in the equations: a failure makes NaN and is kept here, where
-/// whoever meets the NaN finds the reason.
+/// A function from outside: all its outputs at a time.
 pub struct Function {
-    call: Box<dyn Fn(f64) -> Called + Send + Sync>,
+    call: Box<dyn Fn(f64) -> Vec<f64> + Send + Sync>,
     /// several rows and iterations ask for the same time
-    last: Mutex<Option<(f64, Vec<f64>)>>,
-    failure: Mutex<Option<String>>,
+    last: Mutex<Option<(f64, Arc<[f64]>)>>,
 }
 
 impl std::fmt::Debug for Function {
@@ -31,35 +26,24 @@ impl std::fmt::Debug for Function {
 }
 
 impl Function {
-    pub fn new(call: impl Fn(f64) -> Called + Send + Sync + 'static) -> Self {
-        Function { call: Box::new(call), last: Mutex::new(None), failure: Mutex::new(None) }
+    /// `call` cannot return an error, since it is used deep in the equations, which have no use for one: it unwinds.
+    pub fn new(call: impl Fn(f64) -> Vec<f64> + Send + Sync + 'static) -> Self {
+        Function { call: Box::new(call), last: Mutex::new(None) }
     }
 
     fn output(&self, t: f64, k: usize) -> f64 {
-        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        if last.as_ref().is_none_or(|(at, _)| *at != t) {
-            match (self.call)(t) {
-                Ok(values) => {
-                    self.failed(None);
-                    *last = Some((t, values));
-                }
-                Err(reason) => {
-                    self.failed(Some(reason));
-                    *last = None;
-                    return f64::NAN;
-                }
-            }
-        }
-        last.as_ref().and_then(|(_, values)| values.get(k).copied()).unwrap_or(f64::NAN)
+        let known = self.last().as_ref().filter(|(at, _)| *at == t).map(|(_, values)| values.clone());
+        let values = known.unwrap_or_else(|| {
+            // the lock is free meanwhile: the function may evaluate this model itself
+            let values: Arc<[f64]> = (self.call)(t).into();
+            *self.last() = Some((t, values.clone()));
+            values
+        });
+        values.get(k).copied().unwrap_or(f64::NAN)
     }
 
-    fn failed(&self, reason: Option<String>) {
-        *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = reason;
-    }
-
-    /// Why the last call gave nothing.
-    pub fn failure(&self) -> Option<String> {
-        self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    fn last(&self) -> MutexGuard<'_, Option<(f64, Arc<[f64]>)>> {
+        self.last.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -299,17 +283,30 @@ mod tests {
         assert_eq!(MotionLaw::Polynomial(linear).at(2.0)[0].re, 5.0);
     }
 
+    /// A function that evaluates the law it belongs to must not wait for itself; each time is computed once.
     #[test]
-    fn a_failure_is_kept_with_its_reason() {
-        let f = Function::new(|t| if t > 1.0 { Err("too late".into()) } else { Ok(vec![t, 1.0, 0.0]) });
-        let law: MotionLaw<f64> = MotionLaw::Function(Some(Arc::new(f)), 0);
-        assert_eq!(law.at(0.5), [0.5, 1.0, 0.0]);
-        assert!(law.at(2.0)[0].is_nan());
-        let MotionLaw::Function(Some(f), _) = law else {
-            return;
-        };
-        assert_eq!(f.failure().as_deref(), Some("too late"));
-        assert_eq!(MotionLaw::<f64>::Function(Some(f.clone()), 0).at(0.1)[0], 0.1);
-        assert_eq!(f.failure(), None);
+    fn a_function_may_use_its_own_law_and_is_called_once_a_time() {
+        let itself: Arc<std::sync::OnceLock<Arc<Function>>> = Arc::default();
+        let calls = Arc::new(std::sync::atomic::AtomicUsize::new(0));
+        let (own, counted) = (itself.clone(), calls.clone());
+        let f = Arc::new(Function::new(move |t| {
+            counted.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            let before = if t > 0.3 { own.get().map_or(0.0, |f| f.output(t - 0.31, 1)) } else { 0.0 };
+            vec![t, 1.0 + before, 0.0]
+        }));
+        itself.set(f.clone()).unwrap();
+        let law: MotionLaw<f64> = MotionLaw::Function(Some(f), 0);
+        assert_eq!(law.at(0.7)[1], 3.0);
+        assert_eq!(calls.load(std::sync::atomic::Ordering::Relaxed), 3);
+        assert_eq!(law.at(0.7)[0], 0.7);
+    }
+
+    /// What unwinds out of a function is not kept: the next call is a call.
+    #[test]
+    fn a_function_that_unwinds_can_be_called_again() {
+        let f = Function::new(|t| if t > 1.0 { std::panic::resume_unwind(Box::new("late")) } else { vec![t] });
+        let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| f.output(1.7, 0)));
+        assert_eq!(outcome.unwrap_err().downcast_ref::<&str>(), Some(&"late"));
+        assert_eq!(f.output(0.6, 0), 0.6);
     }
 }

@@ -209,13 +209,6 @@ impl Tables {
         all.next()
     }
 
-    /// Why a function of the model could not be evaluated, where one could not.
-    pub fn failure(&self) -> Option<Error> {
-        let mut functions = self.motions.iter().filter_map(|m| m.function.as_ref());
-        let message = functions.find_map(|f| f.failure())?;
-        Some(Error::Convergence { message, best: Vec::new(), residual: f64::NAN })
-    }
-
     fn connects(&self, name: &str, a: BodyRef, b: BodyRef) -> Result<()> {
         if a.into_iter().chain(b).any(|body| body >= self.bodies.len()) {
             return Err(Error::model(format!("'{name}' refers to a body that does not exist")));

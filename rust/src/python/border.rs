@@ -1,7 +1,8 @@
-//! Arrays, errors, panics and the interrupt: how everything crosses between Python and the core.
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+//! Arrays, errors, panics, callbacks and the interrupt: how everything crosses between Python and the core.
+use std::cell::RefCell;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
 use faer::MatRef;
@@ -12,6 +13,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::run::{Cancel, Counts};
 
 create_exception!(_core, CoreError, PyException, "Base of the errors that the core raises; mbrs.errors maps them.");
@@ -31,7 +33,8 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("CoreSingularError", py.get_type::<CoreSingularError>())?;
     module.add("CoreConvergenceError", py.get_type::<CoreConvergenceError>())?;
     module.add("CoreNotDifferentiableError", py.get_type::<CoreNotDifferentiableError>())?;
-    Ok(())
+    module.add_function(wrap_pyfunction!(available_memory, module)?)?;
+    module.add_function(wrap_pyfunction!(require_memory, module)?)
 }
 
 impl From<Error> for PyErr {
@@ -44,9 +47,46 @@ impl From<Error> for PyErr {
             Error::Singular(_) => CoreSingularError::new_err(text),
             Error::Convergence { best, residual, .. } => CoreConvergenceError::new_err((text, best, residual)),
             Error::NotDifferentiable(_) => CoreNotDifferentiableError::new_err(text),
-            Error::Interrupted => PyKeyboardInterrupt::new_err("interrupted"),
+            Error::Interrupted => interrupt(),
         }
     }
+}
+
+/// What a function of the user raised, on its way out of the core.
+struct Raised(PyErr);
+
+/// Leaves the core with what a Python function raised. The calls in between have no use for it: they unwind, and the border raises
+/// it again as it is, with type and traceback. (Unwinding without a panic: no message is printed.)
+pub fn leave(raised: PyErr) -> ! {
+    resume_unwind(Box::new(Raised(raised)))
+}
+
+#[cfg(panic = "abort")]
+compile_error!("errors of Python functions and panics reach the border by unwinding; build with panic = \"unwind\"");
+
+thread_local! {
+    /// Tells the thread of a call whether the call has been cut.
+    static OWN_CANCEL: RefCell<Option<Arc<Cancel>>> = const { RefCell::new(None) };
+}
+
+fn own_cancel() -> Option<Arc<Cancel>> {
+    OWN_CANCEL.with_borrow(Option::clone)
+}
+
+/// Calls Python from within the core; what it raises leaves the core. No lock may be held here, since the function may call the
+/// core again. The thread of a call that has been cut does not begin another call.
+pub fn called<T>(call: impl FnOnce(Python<'_>) -> PyResult<T>) -> T {
+    if own_cancel().is_some_and(|cancel| cancel.check().is_err()) {
+        leave(interrupt());
+    }
+    match Python::attach(call) {
+        Ok(value) => value,
+        Err(raised) => leave(raised),
+    }
+}
+
+fn interrupt() -> PyErr {
+    PyKeyboardInterrupt::new_err("interrupted")
 }
 
 /// Short work: runs here without the GIL, a panic becomes an error.
@@ -55,56 +95,133 @@ pub fn guarded<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T> + Send)
     flatten(outcome)
 }
 
-/// Work that may be long: runs on a thread of its own while this one looks for Ctrl-C every 50 ms. A faer call cannot be
-/// interrupted; the thread then finishes by itself and its result is dropped, so all that it uses must be owned.
+/// How often a call that waits looks for Ctrl-C, and for how long work that was cut may hand over what it has: together less than
+/// the fifth of a second within which Ctrl-C has to stop any call.
+const LOOK: Duration = Duration::from_millis(40);
+const HAND_OVER: Duration = Duration::from_millis(110);
+
+/// Work that may be long: runs on a thread of its own while this one looks for Ctrl-C. A faer call cannot be interrupted; the
+/// thread then finishes by itself and its result is dropped, so all that it uses must be owned.
 pub fn interruptible<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(&Cancel) -> Result<T> + Send + 'static,
 ) -> PyResult<T> {
-    let cancel = std::sync::Arc::new(Cancel::default());
-    let (sender, receiver) = channel();
-    let receiver = Mutex::new(receiver); // a receiver alone may not be shared with a section that has released the GIL
-    let flag = cancel.clone();
-    std::thread::Builder::new()
-        .stack_size(64 << 20)
-        .spawn(move || {
-            let _ = sender.send(catch_unwind(AssertUnwindSafe(|| work(&flag))));
+    Worker::start(work)?.wait(py, || Ok(())).map_err(|cut| cut.raised)
+}
+
+/// The same for work that has something to give when it is cut: with its value comes whether Ctrl-C cut it. `look` is called beside
+/// each look for Ctrl-C, to show progress.
+pub fn interruptible_so_far<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce(&Cancel) -> Result<T> + Send + 'static,
+    look: impl FnMut() -> PyResult<()>,
+) -> PyResult<(T, bool)> {
+    match Worker::start(work)?.wait(py, look) {
+        Ok(value) => Ok((value, false)),
+        Err(cut) if cut.raised.is_instance_of::<PyKeyboardInterrupt>(py) => match cut.worker {
+            Some(worker) => worker.handed_over(py).map(|value| (value, true)).ok_or(cut.raised),
+            None => Err(cut.raised),
+        },
+        Err(cut) => Err(cut.raised),
+    }
+}
+
+/// Why a call ended without a value: what was raised, and the worker where it still runs.
+struct Cut<T> {
+    raised: PyErr,
+    worker: Option<Worker<T>>,
+}
+
+type Ended<T> = std::thread::Result<Result<T>>;
+
+/// Work on a thread of its own, seen from the thread that waits for it.
+struct Worker<T> {
+    cancel: Arc<Cancel>,
+    receiver: Receiver<Ended<T>>,
+}
+
+impl<T: Send + 'static> Worker<T> {
+    fn start(work: impl FnOnce(&Cancel) -> Result<T> + Send + 'static) -> PyResult<Self> {
+        let cancel = Arc::new(Cancel::default());
+        let (sender, receiver) = channel();
+        let own = cancel.clone();
+        std::thread::Builder::new()
+            .stack_size(64 << 20)
+            .spawn(move || {
+                OWN_CANCEL.set(Some(own.clone()));
+                let _ = sender.send(catch_unwind(AssertUnwindSafe(|| work(&own))));
+            })
+            .map_err(|e| {
+                let text = "long work runs on a thread with a stack of 64 MB, which could not be started";
+                CoreRouteError::new_err(format!("{text} ({e}); raise the limits of this process on memory and threads"))
+            })?;
+        Ok(Worker { cancel, receiver })
+    }
+
+    /// Waits without the GIL.
+    fn receive(self, py: Python<'_>, time: Duration) -> (Self, std::result::Result<Ended<T>, RecvTimeoutError>) {
+        py.detach(move || {
+            let outcome = self.receiver.recv_timeout(time);
+            (self, outcome)
         })
-        .map_err(|e| CoreError::new_err(format!("no thread could be started: {e}")))?;
-    loop {
-        let outcome = py.detach(|| lock(&receiver).recv_timeout(Duration::from_millis(50)));
-        match outcome {
-            Ok(outcome) => return flatten(outcome),
-            Err(RecvTimeoutError::Timeout) => {
-                if let Err(interrupt) = py.check_signals() {
-                    cancel.stop();
-                    return Err(interrupt);
+    }
+
+    fn wait(mut self, py: Python<'_>, mut look: impl FnMut() -> PyResult<()>) -> std::result::Result<T, Cut<T>> {
+        // a call within a callback is cut together with the call that it belongs to
+        let outer = own_cancel();
+        loop {
+            let outcome;
+            (self, outcome) = self.receive(py, LOOK);
+            let raised = match outcome {
+                Ok(ended) => return flatten(ended).map_err(|raised| Cut { raised, worker: None }),
+                Err(RecvTimeoutError::Disconnected) => CoreError::new_err("the worker thread ended without a result"),
+                Err(RecvTimeoutError::Timeout) => {
+                    let asked = outer.as_ref().map_or(Ok(()), |outer| outer.check().map_err(PyErr::from));
+                    match py.check_signals().and(asked).and_then(|()| look()) {
+                        Ok(()) => continue,
+                        Err(raised) => raised,
+                    }
                 }
-            }
-            Err(RecvTimeoutError::Disconnected) => {
-                return Err(CoreError::new_err("the worker thread ended without a result"));
-            }
+            };
+            self.cancel.stop();
+            return Err(Cut { raised, worker: Some(self) });
+        }
+    }
+
+    /// What work that was cut gives within a moment.
+    fn handed_over(self, py: Python<'_>) -> Option<T> {
+        match self.receive(py, HAND_OVER).1 {
+            Ok(ended) => flatten(ended).ok(),
+            Err(_) => None,
         }
     }
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn flatten<T>(outcome: std::thread::Result<Result<T>>) -> PyResult<T> {
+fn flatten<T>(outcome: Ended<T>) -> PyResult<T> {
     match outcome {
         Ok(Ok(value)) => Ok(value),
         Ok(Err(error)) => Err(error.into()),
-        Err(panic) => {
-            let text = panic
-                .downcast_ref::<String>()
-                .cloned()
-                .or_else(|| panic.downcast_ref::<&str>().map(|s| (*s).to_string()))
-                .unwrap_or_default();
-            Err(CoreError::new_err(format!("internal error, please report it: {text}")))
-        }
+        Err(unwound) => Err(match unwound.downcast::<Raised>() {
+            Ok(raised) => raised.0,
+            Err(panic) => {
+                let text = panic.downcast_ref::<String>().map(String::as_str);
+                let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or_default();
+                CoreError::new_err(format!("internal error, please report it: {text}"))
+            }
+        }),
     }
+}
+
+/// Bytes that can still be allocated.
+#[pyfunction]
+fn available_memory() -> f64 {
+    memory::available()
+}
+
+/// Refuses `what`, which needs so many bytes, where it does not fit into memory.
+#[pyfunction]
+fn require_memory(bytes: f64, what: &str, remedy: &str) -> PyResult<()> {
+    Ok(memory::require(bytes, what, remedy)?)
 }
 
 /// A NumPy matrix of any strides as a faer matrix, copied so that it outlives the GIL.

@@ -10,7 +10,7 @@ use crate::analysis::linearize::{Setting, linearize};
 use crate::error::{Error, Result};
 use crate::run::Counts;
 
-use super::system::{PySystem, effects, run, state_of};
+use super::system::{LINEARIZATION, PySystem, effects, fits, run, state_of};
 use crate::system::System;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -90,6 +90,7 @@ fn directions<'py>(
     if directions.iter().any(|(i, v)| i.len() != v.len() || i.iter().any(|i| *i >= n_x)) {
         return Err(Error::model("a direction does not fit the value vector").into());
     }
+    fits(&system.0, "derivatives of a linearisation", 2.0 * LINEARIZATION)?;
     let (all, dof) = run(py, &system.0, move |system, cancel| {
         let setting = Setting { system, state: &state, memory: &memory, effects };
         let base = linearize(&setting, &mut Counts::default())?;

@@ -2,7 +2,10 @@
 use std::sync::Arc;
 
 use faer::{Mat, c64};
-use numpy::{Complex64, IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use numpy::{
+    Complex64, IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -15,6 +18,7 @@ use crate::analysis::response::{self, Linear};
 use crate::analysis::response_sensitivity;
 use crate::error::{Error, Result};
 use crate::linalg::quadratic::Quadratic;
+use crate::memory;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<FrfReduction>()
@@ -34,6 +38,12 @@ impl FrfReduction {
     #[new]
     #[pyo3(signature = (m, d, s))]
     fn new(py: Python<'_>, m: M2<'_>, d: Option<M2<'_>>, s: M2<'_>) -> PyResult<Self> {
+        let n = m.shape()[0] as f64;
+        memory::require(
+            8.0 * REDUCTION * n * n,
+            &format!("a reduction of {n} coordinates"),
+            "reduce the system to its lowest modes",
+        )?;
         let (m, d, s) = (matrix(&m), d.map(|d| matrix(&d)), matrix(&s));
         let inner = interruptible(py, move |_| Reduction::new(Quadratic::new(m, d, s)?))?;
         Ok(FrfReduction { inner: Arc::new(inner) })
@@ -67,6 +77,7 @@ impl FrfReduction {
         let ports = ports(&l, &f, order_in, d0.as_ref(), order_out);
         let omega: Vec<f64> = omega.as_array().to_vec();
         let shape = [ports.l.nrows(), ports.f.ncols(), omega.len()];
+        values_fit("transfer functions", &shape)?;
         let inner = self.inner.clone();
         let values = interruptible(py, move |cancel| inner.evaluate(&ports, &omega, modes, checked, cancel))?;
         let out = PyDict::new(py);
@@ -114,6 +125,7 @@ impl FrfReduction {
             })
             .collect::<Result<Vec<_>>>()?;
         let shape = [ports.l.nrows(), ports.f.ncols(), omega.len(), n_p];
+        values_fit("derivatives of transfer functions", &shape)?;
         let inner = self.inner.clone();
         let values = interruptible(py, move |cancel| {
             frf_sensitivity::sensitivity(&inner.q, &ports, &variations, &omega, cancel)
@@ -205,6 +217,19 @@ impl FrfReduction {
         })?;
         motions.iter().map(|m| motion_dict(py, m)).collect()
     }
+}
+
+/// Square matrices of a reduction, 48 measured at n = 400 with the linearisation, and bytes of one value of a transfer function: it
+/// exists three times while it crosses to Python, and its size once.
+const REDUCTION: f64 = 56.0;
+const VALUE: f64 = 64.0;
+
+/// Refuses results that do not fit; outputs, inputs, frequencies, parameters.
+pub(super) fn values_fit(what: &str, shape: &[usize]) -> Result<()> {
+    let count: f64 = shape.iter().map(|n| *n as f64).product();
+    let sizes: Vec<String> = shape.iter().map(usize::to_string).collect();
+    let what = format!("{what} of {} values (outputs x inputs x frequencies)", sizes.join(" x "));
+    memory::require(VALUE * count, &what, "ask for fewer ports or frequencies at a time")
 }
 
 fn motion_dict<'py>(py: Python<'py>, motion: &response::Motion) -> PyResult<Bound<'py, PyDict>> {

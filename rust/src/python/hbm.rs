@@ -6,7 +6,7 @@ use numpy::{Complex64, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::border::{guarded, interruptible, matrix, to_numpy};
+use super::border::{called, guarded, interruptible, matrix, to_numpy};
 use super::hbm_branch::find_peak;
 use super::hbm_linear::HbmLinear;
 use crate::analysis::hbm::aft::{Force, Sampled};
@@ -104,22 +104,22 @@ struct PythonLaw {
 
 impl Sampled for PythonLaw {
     fn evaluate(&self, u: &[f64], v: &[f64], f: &mut [f64], f_u: &mut [f64], f_v: &mut [f64]) -> Result<()> {
-        let call = |py: Python<'_>| -> PyResult<()> {
+        called(|py| {
             let arguments = (PyArray1::from_slice(py, u), PyArray1::from_slice(py, v));
             let answer = self.function.call1(py, arguments)?;
             let parts: [PyReadonlyArray1<'_, f64>; 3] = answer.extract(py)?;
             for (part, out) in parts.iter().zip([f, f_u, f_v]) {
                 let part = part.as_array();
                 if part.len() != out.len() {
-                    return Err(
-                        Error::model(format!("it returned {} values for {} samples", part.len(), out.len())).into()
-                    );
+                    let (k, got, wanted) = (self.element, part.len(), out.len());
+                    let text = format!("elements[{k}], a function, returned {got} values for {wanted} samples");
+                    return Err(Error::model(text).into());
                 }
                 out.iter_mut().zip(part.iter()).for_each(|(o, p)| *o = *p);
             }
             Ok(())
-        };
-        Python::attach(call).map_err(|e| Error::model(format!("elements[{}], a function, failed: {e}", self.element)))
+        });
+        Ok(())
     }
 }
 
@@ -128,13 +128,12 @@ struct PythonFamily(Py<PyAny>);
 
 impl Family for PythonFamily {
     fn member(&self, value: f64) -> Result<Member> {
-        Python::attach(|py| -> PyResult<Member> {
+        Ok(called(|py| {
             let answer = self.0.call1(py, (value,))?;
             let (linear, elements): (Bound<'_, HbmLinear>, Bound<'_, HbmElements>) = answer.extract(py)?;
             let linear = lock(&linear.get().0).copied()?;
             Ok(Member { linear, elements: elements.get().0.clone() })
-        })
-        .map_err(|e| Error::model(format!("the system could not be made for the parameter {value}: {e}")))
+        }))
     }
 }
 
@@ -235,10 +234,9 @@ impl HbmProblem {
     ) -> PyResult<Bound<'py, PyDict>> {
         let mut y = y.as_slice()?.to_vec();
         drop(self.at(&omega, y.len(), level)?);
-        let (inner, finer) = (self.inner.clone(), self.finer.clone());
+        let (mut problem, finer) = (self.separate()?, self.finer.clone());
         let options = Options { tolerance, max_iterations };
         let solved = interruptible(py, move |cancel| {
-            let mut problem = lock(&inner);
             problem.omega = omega;
             problem.level = level;
             problem.evaluations = 0;

@@ -1,6 +1,6 @@
 //! Branches of harmonic balance for Python: stepped in chunks, so that the caller sees points, progress and Ctrl-C.
 use std::sync::{Arc, Mutex};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use numpy::{Complex64, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -24,7 +24,35 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// A branch with its problem; every call of `run` appends points.
 #[pyclass(frozen)]
 pub struct HbmBranch {
-    inner: Arc<Mutex<Follower>>,
+    inner: Shared,
+}
+
+type Shared = Arc<Mutex<Option<Follower>>>;
+
+/// The follower while it runs: out of its lock, since laws may be Python functions, and back there however the run ends.
+struct Running {
+    place: Shared,
+    follower: Option<Follower>,
+}
+
+impl Running {
+    /// A call that Ctrl-C has cut puts the follower back within a moment.
+    fn new(place: Shared) -> Result<Self> {
+        for _ in 0..20 {
+            let follower = lock(&place).take();
+            if follower.is_some() {
+                return Ok(Running { place, follower });
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        Err(Error::model("this branch is running already, within a function that it calls or after Ctrl-C"))
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        *lock(&self.place) = self.follower.take();
+    }
 }
 
 struct Chunk {
@@ -99,7 +127,7 @@ impl HbmBranch {
             }
             Follower::start(copy, &finer, &y, towards.as_deref(), settings, model.as_ref())
         })?;
-        Ok(Self { inner: Arc::new(Mutex::new(follower)) })
+        Ok(Self { inner: Arc::new(Mutex::new(Some(follower))) })
     }
 
     /// Goes on for at most so many points and seconds; returns what is new.
@@ -107,7 +135,10 @@ impl HbmBranch {
         let inner = self.inner.clone();
         let chunk = interruptible(py, move |cancel| {
             let begin = Instant::now();
-            let mut follower = lock(&inner);
+            let mut running = Running::new(inner)?;
+            let Some(follower) = running.follower.as_mut() else {
+                return Err(Error::Interrupted);
+            };
             while follower.status == Status::Going
                 && follower.records.len() < points
                 && begin.elapsed().as_secs_f64() < seconds

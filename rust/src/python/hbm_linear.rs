@@ -5,7 +5,7 @@ use faer::Mat;
 use numpy::{Complex64, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
-use super::border::{guarded, matrix};
+use super::border::{interruptible, matrix};
 use super::hbm::lock;
 use crate::analysis::hbm::condensed::{Condensed, Entry, Split};
 use crate::analysis::hbm::linear::{DynamicStiffness, Forces, Full};
@@ -77,7 +77,8 @@ impl HbmLinear {
         let entry = |i: usize| Entry { row: row[i], column: column[i], m: m[i], c: c[i], k: k[i] };
         let entries: Vec<Entry> = (0..row.len()).map(entry).collect();
         let forces = terms(&forces);
-        let condensed = guarded(py, || Condensed::new(Arc::new(Split::new(n, &entries, retained, forces)?)))?;
+        let condensed =
+            interruptible(py, move |_| Condensed::new(Arc::new(Split::new(n, &entries, retained, forces)?)))?;
         Ok(Self(Mutex::new(Box::new(condensed))))
     }
 
@@ -117,7 +118,7 @@ impl HbmLinear {
         let matrices = matrices.map(|parts| parts.map(|p| matrix(&p)).into());
         let n = n_r + n_l;
         let mut modes = Modes { n, retained, local, rr, lr, stiffness, damping, shape, forces, matrices, modal_forces };
-        let modes = guarded(py, move || {
+        let modes = interruptible(py, move |_| {
             modes.project_forces();
             Ok(modes)
         })?;

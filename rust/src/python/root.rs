@@ -5,7 +5,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2,
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::border::guarded;
+use super::border::{called, guarded};
 use crate::error::{Error, Result};
 use crate::linalg::sparse::Csc;
 use crate::solve::Residual;
@@ -66,25 +66,15 @@ impl RootInverse {
     }
 }
 
-/// A Python function; what it raises is kept and raised again once the core has unwound.
+/// A Python function, and who watches its iterates.
 struct Function {
     call: Py<PyAny>,
     observer: Option<Py<PyAny>>,
-    raised: Option<PyErr>,
-}
-
-impl Function {
-    fn kept<T>(&mut self, outcome: PyResult<T>) -> Result<T> {
-        outcome.map_err(|error| {
-            self.raised = Some(error);
-            Error::Interrupted
-        })
-    }
 }
 
 impl Residual for Function {
     fn residual(&mut self, x: &[f64], out: &mut [f64]) -> Result<()> {
-        let outcome = Python::attach(|py| {
+        called(|py| {
             py.check_signals()?;
             let value = self.call.call1(py, (PyArray1::from_slice(py, x),))?;
             let value: PyReadonlyArray1<'_, f64> = value.extract(py)?;
@@ -93,18 +83,17 @@ impl Residual for Function {
             }
             Ok(())
         });
-        self.kept(outcome)
+        Ok(())
     }
 
     fn accepted(&mut self, x: &[f64], f: &[f64]) -> Result<bool> {
         let Some(observer) = &self.observer else {
             return Ok(false);
         };
-        let outcome = Python::attach(|py| {
+        Ok(called(|py| {
             let arrays = (PyArray1::from_slice(py, x), PyArray1::from_slice(py, f));
             observer.call1(py, arrays)?.extract(py)
-        });
-        self.kept(outcome)
+        }))
     }
 }
 
@@ -163,12 +152,9 @@ fn root_solve<'py>(
         let h = &h.get().h;
         h.lock().unwrap_or_else(PoisonError::into_inner).clone()
     });
-    let mut problem = Function { call: function, observer, raised: None };
-    let outcome = guarded(py, || Ok(solve(&mut problem, &x0, &options, &mut h)));
-    if let Some(raised) = problem.raised.take() {
-        return Err(raised);
-    }
-    let out = report(py, outcome??)?;
+    let mut problem = Function { call: function, observer };
+    let outcome = guarded(py, || solve(&mut problem, &x0, &options, &mut h))?;
+    let out = report(py, outcome)?;
     let n = x0.len();
     let kept = |h| Py::new(py, RootInverse { h: Mutex::new(h), n });
     let h = h.map(kept);

@@ -1,7 +1,5 @@
 //! Motion in time for Python: a run with its options, and quantities of the instants it gave.
 use std::sync::Arc;
-use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::time::Duration;
 
 use numpy::ndarray::{Array1, Array2, Array3};
 use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
@@ -13,13 +11,14 @@ use crate::analysis::transient::driver::{End, Output, Plan, Progress, Run, Steps
 use crate::analysis::transient::methods::{Method, simulate};
 use crate::analysis::transient::{Equations, Motion};
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::run::{Cancel, Counts};
 use crate::spatial::{M3, Pose, V3, quaternion_of_rotation};
 use crate::system::System;
 use crate::system::loops::Loops;
 use crate::system::topology::Owner;
 
-use super::border::{CoreError, counts_dict, guarded};
+use super::border::{counts_dict, interruptible, interruptible_so_far};
 use super::system::{PySystem, effects, state_of};
 use super::tables::values;
 
@@ -59,48 +58,8 @@ fn plan(options: &Bound<'_, PyDict>) -> PyResult<Plan> {
     })
 }
 
-/// `run` of the border for work that gives back what it has when Ctrl-C arrives, and that reports its progress.
-fn watched<T: Send + 'static>(
-    py: Python<'_>,
-    report: Option<&Bound<'_, PyAny>>,
-    work: impl FnOnce(&Cancel, &Progress) -> Result<T> + Send + 'static,
-) -> PyResult<T> {
-    let shared = Arc::new((Cancel::default(), Progress::default()));
-    let (sender, receiver) = channel();
-    let receiver = std::sync::Mutex::new(receiver);
-    let inner = shared.clone();
-    let caught = std::panic::AssertUnwindSafe(move || work(&inner.0, &inner.1));
-    std::thread::Builder::new()
-        .stack_size(64 << 20)
-        .spawn(move || {
-            let _ = sender.send(std::panic::catch_unwind(caught));
-        })
-        .map_err(|e| CoreError::new_err(format!("no thread could be started: {e}")))?;
-    loop {
-        let outcome = py.detach(|| {
-            let receiver = receiver.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            receiver.recv_timeout(Duration::from_millis(50))
-        });
-        match outcome {
-            Ok(Ok(value)) => return value.map_err(PyErr::from),
-            Ok(Err(_)) => {
-                return Err(CoreError::new_err("internal error in the motion, please report it"));
-            }
-            Err(RecvTimeoutError::Disconnected) => {
-                return Err(CoreError::new_err("the worker thread ended without a result"));
-            }
-            Err(RecvTimeoutError::Timeout) => {
-                // the partial motion is the answer to an interrupt
-                if py.check_signals().is_err() {
-                    shared.0.stop();
-                }
-                if let Some(report) = report {
-                    report.call1((shared.1.get(),)).inspect_err(|_| shared.0.stop())?;
-                }
-            }
-        }
-    }
-}
+/// Square matrices of the tree coordinates that a motion holds at most: mass, iteration matrix, its factors and their products.
+const MATRICES: f64 = 10.0;
 
 /// A run from a state. `options`: method, end, step or rtol, outputs, breaks, t, memory, ...; see mbrs/simulate.py.
 #[pyfunction]
@@ -144,13 +103,21 @@ fn simulate_motion<'py>(
     }
     plan.breaks.sort_by(f64::total_cmp);
     plan.breaks.dedup();
-    let shared = system.clone();
-    let (out, counts) = watched(py, report.as_ref(), move |cancel, progress| {
+    let n = system.n_tree() as f64;
+    memory::require(MATRICES * 8.0 * n * n, &format!("a motion of {n} tree coordinates"), "divide the model")?;
+    let progress = Arc::new(Progress::default());
+    let (shared, own) = (system.clone(), progress.clone());
+    let work = move |cancel: &Cancel| {
         let mut counts = Counts::default();
         let eq = Equations::new(&shared, shared.x.to_vec(), effects);
-        simulate(&eq, method, motion, plan, cancel, progress, &mut counts).map(|out| (out, counts))
-    })?;
+        simulate(&eq, method, motion, plan, cancel, &own, &mut counts).map(|out| (out, counts))
+    };
+    let show = || report.as_ref().map_or(Ok(()), |report| report.call1((progress.get(),)).map(|_| ()));
+    let ((out, counts), cut) = interruptible_so_far(py, work, show)?;
     let dict = put_run(py, &out.run)?;
+    if cut {
+        dict.set_item("status", "interrupted")?;
+    }
     dict.set_item("method", out.method)?;
     dict.set_item("why", out.why)?;
     dict.set_item("position_correction", out.position_correction)?;
@@ -233,28 +200,30 @@ fn motion_quantities<'py>(
     acceleration: PyReadonlyArray2<'py, f64>,
     without: Vec<String>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let system = &system.0;
-    let all = motions(system, &t, &relative, &rate, &memory)?;
+    let system = system.0.clone();
+    let all = motions(&system, &t, &relative, &rate, &memory)?;
     let effects = effects(&without)?;
     let a = acceleration.as_array().to_owned();
     if a.shape() != [all.len(), system.n_tree()] {
         return Err(Error::model("the accelerations do not fit the model").into());
     }
-    let found = guarded(py, || {
+    let shared = system.clone();
+    let found = interruptible(py, move |cancel| {
+        let system = &shared;
         let eq = Equations::new(system, system.x.to_vec(), effects);
-        Ok(all
-            .iter()
+        all.iter()
             .enumerate()
             .map(|(i, m)| {
+                cancel.check()?;
                 let placement = eq.place(m);
                 let mut rotations = vec![[0.0; 4]; system.n_bodies()];
                 for (node, pose) in system.topology.nodes.iter().zip(&placement.pose) {
                     rotations[node.body] = quaternion_of_rotation(&pose.r);
                 }
                 let acceleration: Vec<f64> = a.row(i).to_vec();
-                (eq.origins(&placement), rotations, eq.energies(m), eq.residuals(m, &acceleration))
+                Ok((eq.origins(&placement), rotations, eq.energies(m), eq.residuals(m, &acceleration)))
             })
-            .collect::<Vec<_>>())
+            .collect::<Result<Vec<_>>>()
     })?;
     let (n, bodies) = (found.len(), system.n_bodies());
     let out = PyDict::new(py);
@@ -313,17 +282,20 @@ fn motion_reactions<'py>(
     multipliers: PyReadonlyArray2<'py, f64>,
     without: Vec<String>,
 ) -> PyResult<Bound<'py, numpy::PyArray3<f64>>> {
-    let system = &system.0;
-    let all = motions(system, &t, &relative, &rate, &memory)?;
+    let system = system.0.clone();
+    let all = motions(&system, &t, &relative, &rate, &memory)?;
     let effects = effects(&without)?;
     let (a, lam) = (acceleration.as_array().to_owned(), multipliers.as_array().to_owned());
     let rows = system.topology.rows.len();
     if a.shape() != [all.len(), system.n_tree()] || lam.shape() != [all.len(), rows] {
         return Err(Error::model("the accelerations and multipliers do not fit the model").into());
     }
-    let found = guarded(py, || {
+    let shared_system = system.clone();
+    let found = interruptible(py, move |cancel| {
+        let system = &shared_system;
         let eq = Equations::new(system, system.x.to_vec(), effects);
         let one = |(i, m): (usize, &Motion<f64>)| {
+            cancel.check()?;
             let placement = eq.place(m);
             let acceleration = a.row(i).to_vec();
             let scene = eq.scene(m, &placement, Some(&acceleration));

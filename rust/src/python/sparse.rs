@@ -4,6 +4,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::border::{counts_dict, interruptible, matrix, to_numpy, to_numpy_complex};
+use super::frf::values_fit;
 use crate::analysis::frf_sparse::SparseSystem;
 use crate::analysis::ports::Ports;
 use crate::analysis::sparse_damped::{self, Damped};
@@ -95,6 +96,7 @@ fn sparse_frf<'py>(
     let ports = Ports { l: matrix(&l), f: matrix(&f), order_in, order_out, d0: d0.as_ref().map(matrix) };
     let omega: Vec<f64> = omega.as_array().to_vec();
     let shape = [ports.n_out(), ports.n_in(), omega.len()];
+    values_fit("transfer functions", &shape)?;
     let values =
         interruptible(py, move |cancel| SparseSystem::new(&m, d.as_ref(), &s)?.evaluate(&ports, &omega, cancel))?;
     let out = PyDict::new(py);

@@ -9,6 +9,7 @@ use super::border::{interruptible, to_numpy_complex};
 use super::modal::as_dict;
 use super::system::{PySystem, effects, state_of};
 use crate::analysis::sparse_bodies::{BodyModes, modes};
+use crate::memory;
 use crate::run::Counts;
 use crate::system::System;
 use crate::system::sparse::{Entries, SparseForm, check_loops};
@@ -42,6 +43,10 @@ fn sparse_model_modes<'py>(
     let state = state_of(&system.0, &relative, &rate)?;
     let effects = effects(&without)?;
     let owned = system.0.clone();
+    // vectors over tree coordinates and bodies, complex: the basis of the search holds twice as many as are wanted
+    let (size, count) = ((system.0.n_tree() + 6 * system.0.n_bodies()) as f64, n as f64);
+    let what = format!("{n} modes of {} coordinates", system.0.n_tree());
+    memory::require(16.0 * 4.0 * size * count, &what, "ask for fewer modes")?;
     let (mut found, shape) = interruptible(py, move |cancel| {
         let found = modes(&owned, &state, effects, n, sigma, cancel)?;
         let shape = minimal(&owned, &found);

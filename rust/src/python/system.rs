@@ -13,6 +13,7 @@ use crate::analysis::linearize::{Linearization, Setting, linearize, mobility};
 use crate::analysis::reactions::reactions;
 use crate::analysis::transient::{Equations, Motion};
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::run::{Cancel, Counts};
 use crate::spatial::{M3, Pose, V3};
 use crate::system::System;
@@ -29,7 +30,7 @@ use super::border::{counts_dict, guarded, interruptible};
 use super::motion;
 use super::tables::{tables, values};
 
-/// Below this number of tree coordinates a thread of its own costs more than it protects.
+/// Below this number of tree coordinates, rows and elements a thread of its own costs more than it protects.
 const SHORT: usize = 60;
 
 #[pyclass(frozen, name = "System", module = "mbrs._core")]
@@ -45,13 +46,32 @@ pub fn run<T: Send + 'static>(
     system: &System,
     work: impl FnOnce(&System, &Cancel) -> Result<T> + Send + 'static,
 ) -> PyResult<T> {
-    let system = system.clone();
-    if system.n_tree() < SHORT {
+    let (system, topology) = (system.clone(), &system.topology);
+    if system.n_tree() + topology.rows.len() + topology.connectors.len() + topology.tables.loads.len() < SHORT {
         guarded(py, move || work(&system, &Cancel::default()))
     } else {
         interruptible(py, move |cancel| work(&system, cancel))
     }
 }
+
+/// Refuses what is made of dense matrices where they do not fit: `squares` of the tree coordinates at a time, beside the maps of
+/// bodies and loops.
+pub fn fits(system: &System, what: &str, squares: f64) -> Result<()> {
+    let topology = &system.topology;
+    let [n, rows, bodies] = [system.n_tree(), topology.rows.len(), system.n_bodies()].map(|n| n as f64);
+    memory::require(
+        8.0 * n * (squares * n + LOOP_MAPS * rows + BODY_MAPS * bodies),
+        &format!("{what} of {n} coordinates of the tree by dense matrices"),
+        "for the lowest modes give n=, which takes sparse matrices; otherwise divide the model into parts",
+    )
+}
+
+// Measured as the largest resident memory over that of the model, n = 400 and 800, one coordinate a body, with a third to spare:
+// a linearisation has 6 squares beside its body map (12 n n_bodies with its copy), an equilibrium 15.
+pub const LINEARIZATION: f64 = 10.0;
+const EQUILIBRIUM: f64 = 20.0;
+const BODY_MAPS: f64 = 14.0;
+const LOOP_MAPS: f64 = 6.0;
 
 pub fn effects(without: &[String]) -> Result<Effects> {
     let mut effects = Effects::ALL;
@@ -143,12 +163,16 @@ impl PySystem {
     #[new]
     fn new(py: Python<'_>, tables_dict: &Bound<'_, PyDict>) -> PyResult<Self> {
         let read = tables(tables_dict)?;
-        guarded(py, move || System::new(read)).map(PySystem)
+        if read.bodies.len() + read.elements.len() < SHORT {
+            guarded(py, move || System::new(read)).map(PySystem)
+        } else {
+            interruptible(py, move |_| System::new(read)).map(PySystem)
+        }
     }
 
     fn with_values(&self, py: Python<'_>, x: PyReadonlyArray1<'_, f64>) -> PyResult<Self> {
         let x = values(&x);
-        guarded(py, || self.0.with_values(x)).map(PySystem)
+        run(py, &self.0, move |system, _| system.with_values(x)).map(PySystem)
     }
 
     #[getter]
@@ -254,6 +278,7 @@ impl PySystem {
     ) -> PyResult<Bound<'py, PyDict>> {
         let start = state_of(&self.0, &relative, &empty(py)?)?;
         let effects = effects(&without)?;
+        fits(&self.0, "an equilibrium", EQUILIBRIUM)?;
         let (eq, counts): (Equilibrium, Counts) = run(py, &self.0, move |system, cancel| {
             let mut counts = Counts::default();
             equilibrium(system, &start, effects, cancel, &mut counts).map(|e| (e, counts))
@@ -282,6 +307,7 @@ impl PySystem {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
         super::direction::remembered(&self.0, &memory)?;
+        fits(&self.0, "a linearisation", LINEARIZATION)?;
         let (lin, counts) = run(py, &self.0, move |system, _| {
             let mut counts = Counts::default();
             linearize(&Setting { system, state: &state, memory: &memory, effects }, &mut counts).map(|l| (l, counts))
@@ -301,6 +327,9 @@ impl PySystem {
     /// Minimal coordinates at rest, with the rank of the loops and what is redundant in them.
     fn mobility<'py>(&self, py: Python<'py>, relative: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &relative, &empty(py)?)?;
+        if !self.0.topology.rows.is_empty() {
+            fits(&self.0, "the mobility of the loops", LINEARIZATION)?;
+        }
         let loops = run(py, &self.0, move |system, _| {
             mobility(&Setting { system, state: &state, memory: &[], effects: Effects::ALL })
         })?;
@@ -343,6 +372,7 @@ impl PySystem {
         let mut state = state_of(&self.0, &relative, &empty(py)?)?;
         let effects = effects(&without)?;
         let z = nalgebra::DVector::from_vec(values(&increments));
+        fits(&self.0, "a linearisation", LINEARIZATION)?;
         let moved = run(py, &self.0, move |system, _| {
             let setting = Setting { system, state: &state, memory: &[], effects };
             let base = linearize(&setting, &mut Counts::default())?;
@@ -370,8 +400,8 @@ impl PySystem {
         state.rate.resize(self.0.n_tree(), 0.0);
         let effects = effects(&without)?;
         let motion = Motion { t, relative: state.relative, rate: state.rate, memory: Vec::new() };
-        let (phi, jacobian, rates, bias) = guarded(py, || {
-            let eq = Equations::new(&self.0, self.0.x.to_vec(), effects);
+        let (phi, jacobian, rates, bias) = run(py, &self.0, move |system, _| {
+            let eq = Equations::new(system, system.x.to_vec(), effects);
             let (phi, jacobian) = eq.rows(&motion);
             Ok((phi, jacobian, eq.row_rates(&motion), eq.row_bias(&motion)))
         })?;
@@ -394,12 +424,12 @@ impl PySystem {
     ) -> PyResult<f64> {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
-        guarded(py, || {
-            let (topology, geometry) = (&self.0.topology, &self.0.geometry);
+        run(py, &self.0, move |system, _| {
+            let (topology, geometry) = (&system.topology, &system.geometry);
             let placement = place(topology, geometry, &state.relative, None);
-            let jacobian = scene_at_rest(&self.0, &placement, effects).constraints().1;
+            let jacobian = scene_at_rest(system, &placement, effects).constraints().1;
             let prescribed = explicit_rates(topology, geometry, effects, 0.0).0;
-            let scales = row_scales(&self.0.topology, self.0.length);
+            let scales = row_scales(topology, system.length);
             let miss = jacobian * nalgebra::DVector::from_vec(state.rate.clone()) + prescribed;
             Ok(miss.iter().zip(&scales).map(|(m, s)| (m * s).abs()).fold(0.0, f64::max))
         })
@@ -473,6 +503,7 @@ impl PySystem {
     ) -> PyResult<Bound<'py, numpy::PyArray2<f64>>> {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
+        fits(&self.0, "reactions", LINEARIZATION)?;
         let all = run(py, &self.0, move |system, _| {
             let setting = Setting { system, state: &state, memory: &[], effects };
             let base = linearize(&setting, &mut Counts::default())?;

@@ -8,11 +8,13 @@ use pyo3::types::PyDict;
 use crate::error::{Error, Result};
 use crate::model::flexible::{FlexibleSpec, TipSpec};
 use crate::model::joint::JointKind;
-use crate::model::motion::{Called, Function, MotionKind, MotionSpec};
+use crate::model::motion::{Function, MotionKind, MotionSpec};
 use crate::model::tables::{
     BodyRef, BodySpec, CouplerSpec, DriveSpec, ElementKind, ElementSpec, JointSpec, LawSpec, LoadMotionSpec, LoadSpec,
     Tables,
 };
+
+use super::border::called;
 
 struct Reader<'a, 'py>(&'a Bound<'py, PyDict>);
 
@@ -241,14 +243,9 @@ fn motions(reader: &Reader<'_, '_>) -> PyResult<Vec<MotionSpec>> {
     (0..code.len()).map(one).collect()
 }
 
-/// mbrs.motions makes callables that return a list of floats, checked, or raise an error that names their owner.
+/// mbrs.motions makes callables that return a list of floats, checked.
 fn python_function(f: Py<PyAny>) -> Function {
-    Function::new(move |t| -> Called {
-        Python::attach(|py| {
-            let made = f.call1(py, (t,)).and_then(|v| v.extract::<Vec<f64>>(py));
-            made.map_err(|e| e.value(py).to_string())
-        })
-    })
+    Function::new(move |t| called(|py| f.call1(py, (t,))?.extract(py)))
 }
 
 fn drives(reader: &Reader<'_, '_>) -> PyResult<Vec<DriveSpec>> {

@@ -316,8 +316,7 @@ fn check_finite(system: &System, phi: &DVector<f64>) -> Result<()> {
     if phi.iter().all(|v| v.is_finite()) {
         return Ok(());
     }
-    let unknown = || Error::Assembly("the constraints cannot be evaluated in this state".into());
-    Err(system.topology.tables.failure().unwrap_or_else(unknown))
+    Err(Error::Assembly("the constraints cannot be evaluated in this state".into()))
 }
 
 fn cannot_close(system: &System, phi: &DVector<f64>, worst: Option<usize>, size: f64) -> Error {

@@ -194,11 +194,11 @@ impl Bdf {
             let r = eq.residual(&m, &a, &lam, counts) * (c * c);
             let rates = eq.row_rates_sparse(&m) * c;
             if r.iter().chain(rates.iter()).any(|v| !v.is_finite()) {
-                return Err(eq.topology().tables.failure().unwrap_or(Error::Convergence {
-                    message: format!("a force is no number at t = {t:.9} s"),
+                return Err(Error::Convergence {
+                    message: format!("a force is not a number at t = {t:.9} s"),
                     best: Vec::new(),
                     residual: f64::NAN,
-                }));
+                });
             }
             if self.kept.is_none() {
                 let (matrix, jacobian) = eq.iteration_matrices(&m, &a, &lam, (c, c * c), &y, counts);

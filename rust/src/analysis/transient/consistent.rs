@@ -154,9 +154,6 @@ impl Equations<'_, f64> {
 
     pub(super) fn open(&self, row: usize, size: f64) -> Error {
         let topology = self.topology();
-        if let Some(error) = topology.tables.failure() {
-            return error;
-        }
         let name = topology.row_name(row);
         Error::Convergence {
             message: format!("'{name}' stays open by {size:.2e} characteristic lengths or radians"),
@@ -260,11 +257,11 @@ impl Equations<'_, f64> {
     pub(super) fn check_forces(&self, h: &DVector<f64>) -> Result<()> {
         match h.iter().position(|v| !v.is_finite()) {
             None => Ok(()),
-            Some(i) => Err(self.topology().tables.failure().unwrap_or(Error::Convergence {
-                message: format!("the force along '{}' is no number", self.topology().names[i]),
+            Some(i) => Err(Error::Convergence {
+                message: format!("the force along '{}' is not a number", self.topology().names[i]),
                 best: Vec::new(),
                 residual: f64::NAN,
-            })),
+            }),
         }
     }
 }

@@ -259,10 +259,6 @@ impl Driver<'_, '_, '_> {
     /// A shorter step, or a way around; false where neither helps.
     fn rejected(&mut self, way: &mut Way, scheme: &dyn Scheme, shorter: f64, why: String, counts: &mut Counts) -> bool {
         let t = way.here.motion.t;
-        if let Some(error) = self.eq.topology().tables.failure() {
-            self.stop(t, error.to_string());
-            return false;
-        }
         self.run.rejected += 1;
         counts.add("rejected steps", 1);
         way.failures += 1;

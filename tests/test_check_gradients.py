@@ -1,0 +1,62 @@
+"""`mb.check_gradients` at double roots: right derivatives are confirmed, wrong ones are not."""
+
+from __future__ import annotations
+
+import importlib
+from types import SimpleNamespace
+
+import mbrs as mb
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+
+def symmetric_top(rng):
+    """A body of revolution on equal springs around its axis: every root but those of its own axis is double."""
+    m = mb.Model("top")
+    R, r, k = (
+        Rotation.random(random_state=int(rng.integers(10**6))).as_matrix(),
+        rng.uniform(0.3, 0.7),
+        rng.uniform(50.0, 90.0),
+    )
+    inertia = R @ np.diag([1.0, 1.0, 1.7]) @ R.T
+    b = m.body("b", mass=float(rng.uniform(1.0, 3.0)), inertia=inertia, at=(0, 0, 0))
+    for i in range(3):
+        angle = 2.0 * np.pi * i / 3.0 + 0.3
+        arm = R @ np.array([r * np.cos(angle), r * np.sin(angle), 0.4 * r])
+        foot = R @ np.array([2.3 * r * np.cos(angle), 2.3 * r * np.sin(angle), -1.3 * r])
+        out = R @ np.array([-1.1 * r * np.sin(angle), 1.1 * r * np.cos(angle), 0.9 * r])
+        m.spring_damper(f"s{i}", m.ground, b, at=(foot, arm), k=k, c=0.01 * k)
+        m.spring_damper(f"t{i}", m.ground, b, at=(arm + out, arm), k=0.7 * k, c=0.01 * k)
+    return m
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("seed", range(4))
+def test_double_roots_that_a_parameter_splits_are_confirmed(seed):
+    rng = np.random.default_rng(seed)
+    m = symmetric_top(rng)
+    found = mb.modes(m)
+    assert any(len(group) > 1 for group in found.clusters), "the model has no double roots"
+    names = ["s0.k", "t1.c", f"s{seed % 3}.at_b[{seed % 3}]", f"t{seed % 3}.at_a[{(seed + 1) % 3}]", "b.mass"]
+    check = mb.check_gradients(mb.modes, m, names)
+    print(check)
+    assert check
+    # and the halves do go apart along one of them
+    rates = mb.sensitivity(mb.modes(m), names).eigenvalue
+    assert max(np.ptp(rates[list(g)].imag, axis=0).max() for g in found.clusters if len(g) > 1) > 1e-3
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("wrong", [lambda d: 1.001 * d, lambda d: -d, lambda d: d[::-1], lambda d: d + 1e-3j])
+def test_wrong_derivatives_are_still_found(wrong, monkeypatch):
+    module = importlib.import_module("mbrs.check_gradients")
+
+    m = symmetric_top(np.random.default_rng(7))
+    right = module.sensitivity
+
+    def changed(result, parameters):
+        return SimpleNamespace(eigenvalue=wrong(np.asarray(right(result, parameters).eigenvalue)))
+
+    monkeypatch.setattr(module, "sensitivity", changed)
+    assert not mb.check_gradients(mb.modes, m, ["s0.k", "t1.at_a[0]"])
