@@ -168,6 +168,8 @@ def test_nlfr_writes_a_page_and_refuses_nonsense(clearance: Path) -> None:
     assert "did you mean" in wrong and "mass" in wrong
 
 
+# the other process has no noise
+@pytest.mark.exact
 def test_simulate_is_the_motion_of_the_package(tmp_path: Path) -> None:
     m = mb.examples.four_bar()
     m.save(tmp_path / "four_bar.toml")

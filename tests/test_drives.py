@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -108,7 +109,8 @@ def test_a_spline_through_points_of_a_sine():
     spline = CubicSpline(t, v, bc_type="natural")
     traj = mb.simulate(pendulum(mb.Table(t, v)), t=[0.333, 1.21, 1.9], rtol=1e-8)
     assert np.abs(traj.joint("hinge") - spline(traj.t)).max() < 1e-12
-    assert np.abs(traj.rate[:, 0] - spline(traj.t, 1)).max() < 1e-11
+    # the noise of the points over their distance in time
+    assert np.abs(traj.rate[:, 0] - spline(traj.t, 1)).max() < 1e-11 + 100 * jitter.level()
     turns = mb.simulate(pendulum(mb.Ramp(30.0)), t=[1.0, 10.0], rtol=1e-6)
     assert np.abs(turns.joint("hinge") - 30.0 * turns.t).max() < 1e-9
 
