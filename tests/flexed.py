@@ -7,8 +7,8 @@ import tomllib
 import mbrs as mb
 import numpy as np
 from mbrs.flexible import ModalBody
-from mbrs.geometry import quaternion_matrix
-from mbrs.io import toml
+from mbrs.model import toml
+from mbrs.model.rotations import quaternion_matrix
 
 
 def points_of(model, body):

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from mbrs import examples
 from mbrs.errors import DuplicateNameError, InertiaError, MbrsError, MbrsWarning, ModelError, NameNotFoundError
-from mbrs.geometry import rotation
-from mbrs.io.toml import dumps, loads
-from mbrs.model import Model
+from mbrs.model.model import Model
+from mbrs.model.rotations import rotation
+from mbrs.model.toml import dumps, loads
 from mbrs.tables import directions, tables
 from scenes import FakeLaw, everything, same_tables
 

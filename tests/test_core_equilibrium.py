@@ -8,7 +8,7 @@ import problems
 import pytest
 from agreement import difference, reference_state, show
 from mbrs import reference as ref
-from mbrs.geometry import rotation
+from mbrs.model.rotations import rotation
 from mbrs.tables import tables
 from random_models import random_loop, random_tree
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from absolute import Absolute
 from mbrs import examples
-from mbrs.geometry import quaternion_to_matrix
+from mbrs.model.rotations import quaternion_to_matrix
 from mbrs.tables import tables
 
 

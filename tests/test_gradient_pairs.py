@@ -93,7 +93,7 @@ def test_every_number(name, scheme):
 
 def test_nothing_is_left_out():
     """Every kind of joint, element, law, load motion and drive is in a scene."""
-    from mbrs.joints import KINDS
+    from mbrs.model.joints import KINDS
 
     made = [silent(make) for make in SCENES.values()]
     assert {j.type for m in made for j in m.joints} == set(KINDS)

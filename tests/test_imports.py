@@ -17,13 +17,9 @@ RUST = PACKAGE.parents[1] / "rust" / "src"
 # From the bottom: a module may import its own layer and those below. What is not named belongs to "analyses".
 LAYERS = {
     "words": {
-        "errors", "names", "values", "geometry", "expressions", "operations", "parameters", "store", "laws", "shifted_laws",
-        "attached_laws", "elements", "joints", "element_methods", "joint_methods", "bodies", "ports", "addresses", "varying",
-        "jsonable", "motions", "drives", "progress", "results", "mac", "measures", "_timing", "effects",
-        "_checks", "flexible", "section_loads", "parameter_units",
-        "flexible_bodies",
+        "errors", "jsonable", "progress", "results", "mac", "measures", "_timing", "_checks", "flexible",
     },
-    "model": {"model", "examples", "io"},
+    "model": {"model", "examples", "effects", "shifted_laws", "parameter_units"},
     "tables": {"tables"},
     "border": {"_border", "_core", "state", "second_order"},
     "analyses": set(),
@@ -35,7 +31,7 @@ SHOWS = {"plot", "animate", "page", "report"}
 # What `import mbrs` must not pay for.
 OPTIONAL = {"scipy", "matplotlib", "xarray", "h5netcdf", "control", "mpmath", "click", "rich"}
 # A model saves, compiles and lists itself through these, imported when asked for; results draw themselves through SHOWS.
-LAZY = {("model", "io"), ("model", "tables"), ("model", "_core"), ("laws", "_core"), ("examples", "second_order")}
+LAZY = {("model", "tables"), ("model", "_core"), ("examples", "second_order")}
 
 
 def modules():

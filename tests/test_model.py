@@ -10,9 +10,9 @@ import pytest
 from mbrs.effects import EFFECTS, check_without, effects
 from mbrs.errors import ModelError, NameNotFoundError
 from mbrs.examples import cubic_hexapod, four_bar
-from mbrs.geometry import matrix_to_quaternion, quaternion_to_matrix, rotation
-from mbrs.model import Model
-from mbrs.ports import as_port, base_motion
+from mbrs.model.model import Model
+from mbrs.model.ports import as_port, base_motion
+from mbrs.model.rotations import matrix_to_quaternion, quaternion_to_matrix, rotation
 from mbrs.tables import directions, dx_dV, tables, x
 from scenes import everything, same_tables
 

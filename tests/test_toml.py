@@ -6,11 +6,12 @@ import re
 
 import numpy as np
 import pytest
-from mbrs import examples, laws
+from mbrs import examples
 from mbrs.effects import effects
 from mbrs.errors import DuplicateNameError, InertiaError, ModelError, NameNotFoundError
-from mbrs.io.toml import dumps, loads
-from mbrs.model import Model
+from mbrs.model import laws
+from mbrs.model.model import Model
+from mbrs.model.toml import dumps, loads
 from mbrs.tables import tables
 from scenes import everything, same_tables
 

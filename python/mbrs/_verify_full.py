@@ -14,8 +14,8 @@ from . import _midpoint
 from ._border import core_errors
 from .errors import ConvergenceError, MbrsError, MbrsWarning, ModelError
 from .linearize import Linearization
-from .motions import Sine
-from .ports import Port, as_port
+from .model.motions import Sine
+from .model.ports import Port, as_port
 from .state import State
 from .tables import tables
 

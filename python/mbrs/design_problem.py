@@ -13,13 +13,13 @@ import numpy as np
 from .design_solver import FEASIBLE
 from .errors import ModelError
 from .gradient import finite, gradient, value_at
-from .names import nearest, shown
+from .model.names import nearest, shown
 from .objectives import AtTimes, Final, Integral, Objective
 from .results import Result
 from .tables import directions, tables
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 
 # Designs whose values and gradients are kept.

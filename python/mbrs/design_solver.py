@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ._checks import shown
 from .errors import ConvergenceError, MbrsError, MbrsWarning, ModelError
-from .names import shown
 from .progress import Progress
 from .results import Stats
 

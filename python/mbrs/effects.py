@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from .errors import ModelError
-from .joints import NONHOLONOMIC
-from .names import nearest, shown
+from .model.joints import NONHOLONOMIC
+from .model.names import nearest, shown
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 EFFECTS = (
     "gravity",

@@ -21,7 +21,7 @@ from .results import Result, Stats
 from .state import AT_REST, State, state_of
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 
 @dataclass(frozen=True, eq=False, repr=False)

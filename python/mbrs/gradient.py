@@ -14,13 +14,13 @@ import numpy as np
 
 from . import _core
 from ._border import core_errors
+from ._checks import shown
 from .effects import check_without, effects, with_rate_laws
 from .errors import KinkWarning, MbrsWarning, ModelError, NameNotFoundError
 from .guessed_start import require_followed_guess
 from .linearize import Snapshot
 from .matrix_calculus import Derivative
 from .motion_gradient import MotionGradient, MotionSensitivity, effects_of
-from .names import shown
 from .objectives import AtTimes, Evaluation, Final, Integral, NewReading, Objective, Reader, evaluate, number
 from .progress import Elapsed
 from .readings import Asked, Names
@@ -29,7 +29,7 @@ from .state import State, state_of
 from .tables import Directions, directions
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
     from .trajectory import Trajectory
 
 # relative changes that a motion amplifies by more than this are warned of

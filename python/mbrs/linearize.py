@@ -15,13 +15,13 @@ from ._border import core_errors
 from .effects import check_without, effects
 from .errors import MbrsWarning, ModelError
 from .modal_frames import modal_masses, modal_strains, node_twist
-from .ports import Port, as_port
+from .model.ports import Port, as_port
 from .results import Result, Stats
 from .state import State, state_of
 from .tables import framed, tables
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 # An unbalanced force above this part of all forces makes a linearisation at rest questionable.
 # Rounding of a few dozen terms that cancel, relative to their size.

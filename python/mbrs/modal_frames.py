@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .flexible_bodies import mass_matrix_at, modal_places
-from .geometry import quaternion_matrix
+from .model.flexible import mass_matrix_at, modal_places
+from .model.rotations import quaternion_matrix
 
 if TYPE_CHECKING:
     from .linearize import Linearization

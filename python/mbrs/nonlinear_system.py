@@ -13,7 +13,7 @@ from ._border import core_errors
 from .effects import check_without
 from .errors import ModelError
 from .linearize import Linearization, Snapshot, _linearization, twist_at
-from .ports import Port
+from .model.ports import Port
 from .second_order import MechanicalSystem
 from .shifted_laws import shifted
 from .state import state_of

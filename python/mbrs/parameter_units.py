@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from .expressions import Program
+from .model.expressions import Program
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 # operations that keep the unit of every argument
 _KEEPS = frozenset({"add", "subtract", "negative", "abs", "maximum", "minimum", "hypot"})

@@ -15,7 +15,7 @@ from . import _balance, _checks, _condensation, _core
 from ._picked import label, picked
 from .errors import ConvergenceError, MbrsWarning, ModelError
 from .harmonic_balance import UNRESOLVED, effects_of
-from .laws import Law
+from .model.laws import Law
 from .nonlinear_system import as_system, force_of_ports, nonlinear_system
 from .report import html_table, table
 from .results import Result, Stats

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from .errors import ModelError, NameNotFoundError
-from .joints import KINDS
-from .names import nearest, shown
+from .model.joints import KINDS
+from .model.names import nearest, shown
 
 # What the core is asked for: kind, index of body or joint, order, start of a drawn point in x, a drawn point.
 Asked = tuple[str, int, int, int | None, tuple[float, float, float] | None]

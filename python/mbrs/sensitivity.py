@@ -13,7 +13,7 @@ import numpy as np
 from ._border import core_errors
 from .errors import ModelError
 from .linearize import Linearization, _rotation, _skew, split
-from .ports import Port, as_port
+from .model.ports import Port, as_port
 from .results import Result, Stats
 from .tables import Directions, directions, tables
 

@@ -13,14 +13,14 @@ import numpy as np
 from ._border import core_errors
 from .effects import check_without
 from .errors import ConvergenceError, MbrsWarning, ModelError, SingularError
-from .joints import KINDS
 from .linearize import Linearization, Snapshot, _linearization
-from .names import not_found
+from .model.joints import KINDS
+from .model.names import not_found
 from .results import Result, Stats
 from .state import State, state_of
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 _MAX_ITERATIONS = 60
 _VARIES = 1e-8

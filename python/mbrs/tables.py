@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .addresses import Target
-from .elements import LOAD_FRAMES, LOAD_TYPES, TYPES
 from .errors import ModelError
-from .flexible_bodies import node_tables
-from .geometry import cross, quaternion_matrix, quaternion_rate
-from .joints import KINDS
-from .model import STORES
-from .names import shown
+from .model.addresses import Target
+from .model.flexible import node_tables
+from .model.forces import LOAD_FRAMES, LOAD_TYPES, TYPES
+from .model.joints import KINDS
+from .model.model import STORES
+from .model.names import shown
+from .model.rotations import cross, quaternion_matrix, quaternion_rate
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 # Above this many entries the derivative of x is better sparse.
 _DENSE_LIMIT = 1_000_000

@@ -12,9 +12,9 @@ import numpy as np
 from . import _core
 from ._border import core_errors
 from .errors import ModelError, NameNotFoundError
-from .flexible_bodies import modal_places
 from .linearize import Snapshot
-from .names import nearest
+from .model.flexible import modal_places
+from .model.names import nearest
 from .results import Result
 from .state import State
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..model import Model
+from ..model.model import Model
 
 # Everything here is invented, of the size of a middle-class car: m, kg, N, s; x forwards, y left, z up from the road.
 SPEED = 12.0

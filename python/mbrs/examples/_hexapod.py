@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import ModelError
-from ..model import Model
+from ..model.model import Model
 
 Pair = tuple[tuple[float, float, float], tuple[float, float, float]]
 

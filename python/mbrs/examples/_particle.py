@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..model import Model
+from ..model.model import Model
 
 START, SPEED = (1.0, 0.0, 0.5), 1.0
 # The point on ground (m) beside which z is shown, out of the way of x and y.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..model import Model
+from ..model.model import Model
 
 # Invented. kg, (kg m2), m; a leg bends backwards at the knee, so that the foot is not under the hip's axis.
 _TORSO = (30.0, (0.9, 0.5, 1.2))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..laws import Jenkins
-from ..model import Model
+from ..model.laws import Jenkins
+from ..model.model import Model
 
 # Invented: kg, kg m2; flexures N m/rad, N m s/rad; struts N/m, N s/m.
 _BASE, _PLATFORM = (50.0, (2.0, 2.0, 4.0)), (15.0, (0.12, 0.12, 0.22))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..errors import ModelError
-from ..model import Model
+from ..model.model import Model
 
 # Invented: kg, kg m2; N/m, N m/rad, N s/m, N m s/rad.
 _BASE, _LONG_STROKE, _CHUCK = (1200.0, (90.0, 110.0, 180.0)), (60.0, (1.4, 1.2, 2.2)), (12.0, (0.12, 0.12, 0.22))

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..errors import ModelError
 from .bodies import INERTIA_PLACE
-from .errors import ModelError
+from .book import Field, Item
 from .names import not_found, shown
 from .parameters import labels
-from .store import Field, Item
 
 if TYPE_CHECKING:
     from .model import Model

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from .attached_laws import NewLaws, add_laws
-from .elements import HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, LOAD_FRAMES, SIX, Element, Load
-from .geometry import quaternion
+from .forces import HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, LOAD_FRAMES, SIX, Element, Load
 from .motions import FUNCTION, Motion, MotionItem, TimeFunction
 from .names import problem, shown
-from .values import Number, array, is_pair, point_pair, scalar, shape_of, vector
-from .values import axis as direction
+from .numbers import Number, array, is_pair, point_pair, scalar, shape_of, vector
+from .numbers import axis as direction
+from .rotations import quaternion
 
 if TYPE_CHECKING:
     from .model import Model

@@ -1,6 +1,6 @@
 """Expressions as text: "2*k_leg + 1", "V[0,1]*sin(angle)"; names that are no identifiers are quoted: "2*'leg k'".
 
-Numbers, parameters, + - * / **, unary minus, parentheses and the NumPy functions of `mbrs.expressions`; nothing else is
+Numbers, parameters, + - * / **, unary minus, parentheses and the NumPy functions of `mbrs.model.expressions`; nothing else is
 read, and nothing is ever executed.
 """
 
@@ -11,10 +11,10 @@ import math
 from typing import Any
 
 from ..errors import ModelError
-from ..expressions import combine
-from ..names import nearest, not_found
-from ..operations import FUNCTIONS
-from ..parameters import ArrayParameter, ParameterSpace
+from .expressions import combine
+from .names import nearest, not_found
+from .operations import FUNCTIONS
+from .parameters import ArrayParameter, ParameterSpace
 
 _BINARY = {ast.Add: "add", ast.Sub: "subtract", ast.Mult: "multiply", ast.Div: "divide", ast.Pow: "power"}
 _CONSTANTS = {"pi": math.pi}

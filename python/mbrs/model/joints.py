@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .attached_laws import add_laws, law_fields
-from .elements import HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, check_drawn_length
-from .geometry import quaternion
+from .book import Field, Item, plain, single
+from .forces import HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, check_drawn_length
 from .names import problem, shown
-from .store import Field, Item, plain, single
-from .values import Number, array, axis, is_pair, scalar, shape_of, vector
+from .numbers import Number, array, axis, is_pair, scalar, shape_of, vector
+from .rotations import quaternion
 
 if TYPE_CHECKING:
     from .model import Model

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from .book import Field, Item, single
 from .joints import KINDS, Joint
 from .motions import MotionItem
 from .names import not_found, problem, shown
-from .store import Field, Item, single
-from .values import scalar
+from .numbers import scalar
 
 if TYPE_CHECKING:
     from .model import Model

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from .errors import ModelError
+from ..errors import ModelError
 
 
 class Law:
@@ -44,7 +44,7 @@ class Law:
     def force(self, u: Any, v: Any = 0.0) -> np.ndarray:
         """Force for displacements ``u`` and rates ``v`` (arrays that broadcast); a law with memory takes them as a
         history."""
-        from . import _core
+        from .. import _core
 
         u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
         return _core.law_force(self.code, self.numbers(), u.ravel(), v.ravel()).reshape(u.shape)
@@ -67,7 +67,7 @@ class Cubic(Law):
 
     Examples
     --------
-    >>> from mbrs.laws import Cubic
+    >>> from mbrs.model.laws import Cubic
     >>> Cubic(0.1, w=[1.0])
     Cubic(0.1, w=[1.])
     """
@@ -259,7 +259,7 @@ class FunctionLaw(Law):
     Examples
     --------
     >>> import numpy as np
-    >>> from mbrs.laws import FunctionLaw
+    >>> from mbrs.model.laws import FunctionLaw
     >>> float(FunctionLaw(lambda u, v: np.sinh(u)).force(1.0))
     1.1752011936438014
     """

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import ModelError, NotDifferentiableError
+from ..errors import ModelError, NotDifferentiableError
 from .names import shown
 from .operations import FUNCTIONS, OPS, UFUNC_ALIAS, Op
 
@@ -314,7 +314,7 @@ class Program:
             adjoint[a] = adjoint.get(a, 0.0) + seed * slope
 
     def text(self) -> list[str]:
-        """Every node in the grammar of `mbrs.io.grammar`, which reads back to the same graph."""
+        """Every node in the grammar of `mbrs.model.grammar`, which reads back to the same graph."""
         written: list[tuple[str, int]] = []
         for name, arg in self.nodes:
             if name is None:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from .attached_laws import law_fields
+from .book import Field, Item, plain, single
 from .motions import MotionItem
 from .names import problem
-from .store import Field, Item, plain, single
 
 if TYPE_CHECKING:
     pass

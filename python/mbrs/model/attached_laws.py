@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from .book import Field, Item
 from .names import problem, shown
-from .store import Field, Item
-from .values import Number, scalar
+from .numbers import Number, scalar
 
 
 class LawItem(Item):

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import InertiaError, MbrsWarning, ModelError
+from ..errors import InertiaError, MbrsWarning, ModelError
+from .book import Field, Item, plain, single
 from .expressions import Expression
-from .geometry import quaternion
 from .names import GROUND, problem, shown
+from .numbers import Number, array, numbers, scalar, shape_of, vector
 from .ports import Port, make_port
-from .store import Field, Item, plain, single
-from .values import Number, array, numbers, scalar, shape_of, vector
+from .rotations import quaternion
 
 if TYPE_CHECKING:
     from .model import Model

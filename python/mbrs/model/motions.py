@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from .errors import ModelError
+from ..errors import ModelError
+from .book import Field, Item, plain, single
 from .names import problem, shown
-from .store import Field, Item, plain, single
-from .values import Number, array, scalar, shape_of
+from .numbers import Number, array, scalar, shape_of
 
 FUNCTION = 6
 # Differences over seven points this far apart (s) stand for the derivatives of a function that does not give them.

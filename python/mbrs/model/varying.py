@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..errors import ModelError
+from ..parameter_units import parameter_units
 from .addresses import Target
 from .bodies import INERTIA_PLACE, inertia_numbers
-from .elements import LENGTH_GIVEN
-from .errors import ModelError
+from .book import Item
 from .expressions import Expression, Program
+from .forces import LENGTH_GIVEN
 from .names import problem
-from .parameter_units import parameter_units
+from .numbers import numbers, shape_of
 from .parameters import checked
-from .store import Item
-from .values import numbers, shape_of
 
 if TYPE_CHECKING:
     from .model import Model

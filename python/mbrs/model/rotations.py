@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from .errors import ModelError
+from ..errors import ModelError
 from .expressions import Expression
 from .names import problem, shown
-from .values import Number, array, axis, scalar, shape_of
+from .numbers import Number, array, axis, scalar, shape_of
 
 # How far a matrix may be from orthonormal: hand-typed cosines of six digits pass, a typing error does not.
 _ORTHONORMAL = 1e-5

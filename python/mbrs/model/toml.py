@@ -11,17 +11,17 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
-from ..attached_laws import SavedLaw
 from ..errors import DuplicateNameError, InertiaError, MbrsError, ModelError, NameNotFoundError
-from ..expressions import Expression
-from ..joints import KINDS
-from ..model import Model
-from ..motions import TYPES, resolve
-from ..names import nearest, problem, shown
-from ..values import shape_of
+from .attached_laws import SavedLaw
 from .describe import describe
+from .expressions import Expression
 from .grammar import GrammarError, parse
+from .joints import KINDS
 from .locate import Places
+from .model import Model
+from .motions import TYPES, resolve
+from .names import nearest, problem, shown
+from .numbers import shape_of
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _WIDTH = 100

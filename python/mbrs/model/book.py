@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from .errors import ModelError
+from ..errors import ModelError
 from .expressions import Expression
-from .values import Number, numbers
+from .numbers import Number, numbers
 
 if TYPE_CHECKING:
     from .model import Model

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from ..drives import Coupler, Drive
-from ..elements import LENGTH_GIVEN, SIX, Element, Load
-from ..expressions import Expression
-from ..flexible_bodies import FlexibleBody
-from ..joints import FRAME_GIVEN, KINDS, Joint
-from ..model import Model
-from ..section_loads import ModalLoad
-from ..store import Item
-from ..values import Number
+from .book import Item
+from .drives import Coupler, Drive
+from .expressions import Expression
+from .flexible import FlexibleBody
+from .forces import LENGTH_GIVEN, SIX, Element, Load
+from .joints import FRAME_GIVEN, KINDS, Joint
+from .model import Model
+from .numbers import Number
+from .section_loads import ModalLoad
 
 Table = dict[str, Any]
 

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._checks import sized_array
-from .elements import LOAD_FRAMES, Load
+from .._checks import sized_array
+from .book import Field, single
+from .forces import LOAD_FRAMES, Load
 from .motions import MotionItem, Table
 from .names import problem, shown
-from .store import Field, single
 
 if TYPE_CHECKING:
-    from .flexible import ModalBody
-    from .flexible_bodies import FlexibleBody
+    from ..flexible import ModalBody
+    from .flexible import FlexibleBody
     from .model import Model
 
 __all__ = ["ModalLoad", "SectionLoad", "add_modal_force", "add_section_load"]
@@ -72,7 +72,7 @@ def add_modal_force(model: Model, name: Any, body: Any, mode: Any, value: Any) -
 
 
 def _flexible(model: Model, body: Any, where: str) -> FlexibleBody:
-    from .flexible_bodies import FlexibleBody
+    from .flexible import FlexibleBody
 
     owner = model.items.get(body) if isinstance(body, str) else body
     if not isinstance(owner, FlexibleBody) or owner.model is not model:

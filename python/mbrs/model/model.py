@@ -9,26 +9,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..errors import ModelError
 from .addresses import Target, target
 from .attached_laws import LawItem
 from .bodies import Body, Ground, Marker, NodePlace, Pose, add_body, add_marker
+from .book import Field, Item, Store, plain
 from .drives import Coupler, Drive, DriveMethods
 from .element_methods import ElementMethods
-from .elements import Element, Load
-from .errors import ModelError
 from .expressions import Program, rebuild_all
+from .forces import Element, Load
 from .joint_methods import JointMethods
 from .joints import Joint
 from .motions import MotionItem
 from .names import GROUND, check_name, located, not_found, problem, shown
+from .numbers import vector
 from .parameters import ArrayParameter, ParameterSpace
 from .parameters import Symbol as Parameter
-from .store import Field, Item, Store, plain
-from .values import vector
 from .varying import Driver, assign, read
 
 if TYPE_CHECKING:
-    from .flexible_bodies import FlexibleBody
+    from .flexible import FlexibleBody
 
 # The order of their numbers in x.
 STORES = (
@@ -256,7 +256,7 @@ class Model(JointMethods, DriveMethods, ElementMethods):
         >>> m.fixed("clamp", m.ground, rod.node("frame"))
         <joint 'clamp' of 'cantilever'>
         """
-        from .flexible_bodies import add_flexible_body
+        from .flexible import add_flexible_body
 
         return add_flexible_body(
             self,
@@ -382,8 +382,8 @@ class Model(JointMethods, DriveMethods, ElementMethods):
         """The core's System at the present values; the topology is compiled once. ``flexible=False``: flexible bodies are
         rigid there.
         """
-        from . import _core
-        from .tables import tables, x
+        from .. import _core
+        from ..tables import tables, x
 
         now = (self.structure_version, self.values_version)
         kept = self._core.get(flexible)
@@ -439,7 +439,7 @@ class Model(JointMethods, DriveMethods, ElementMethods):
 
     def frame_name(self, body: int, node: int) -> str:
         """Name of the frame that moves with a body or with its node."""
-        from .flexible_bodies import frame_names, frame_of
+        from .flexible import frame_names, frame_of
 
         return self.body_name(body) if node < 0 else frame_names(self)[frame_of(self, body, node)]
 
@@ -447,7 +447,7 @@ class Model(JointMethods, DriveMethods, ElementMethods):
         """Index of a frame of results by name: a body, or ``body.node`` of a flexible one."""
         if name in self.body_index:
             return self.body_index[name]
-        from .flexible_bodies import frame_names
+        from .flexible import frame_names
 
         return frame_names(self).index(name)
 
@@ -463,7 +463,7 @@ class Model(JointMethods, DriveMethods, ElementMethods):
 
     def places(self, where: str, given: Sequence[tuple[str, Any]], at: Any, address: str) -> tuple[list[Any], Any]:
         """What something is attached to (body and node, -1 where there is none), and its point(s)."""
-        from .flexible_bodies import Place, attachments
+        from .flexible import Place, attachments
 
         noded = at is None or any(isinstance(b, NodePlace) or (isinstance(b, str) and "." in b) for _, b in given)
         if not self.is_flexible and not noded:
@@ -480,7 +480,7 @@ class Model(JointMethods, DriveMethods, ElementMethods):
 
     def load_place(self, where: str, body: Any, at: Any, address: str) -> tuple[int, int, Any]:
         """Body, node and point of a load; the point of a rigid body without one is its origin."""
-        from .flexible_bodies import FlexibleBody
+        from .flexible import FlexibleBody
 
         if at is None and not isinstance(body, NodePlace):
             found = self.find_body(body, where) if not (isinstance(body, str) and "." in body) else None
@@ -498,14 +498,14 @@ class Model(JointMethods, DriveMethods, ElementMethods):
         """Save as TOML; `load` brings back a model with identical Tables. Expressions stay expressions. Returns the
         path.
         """
-        from .io.toml import save
+        from .toml import save
 
         return save(self, path)
 
     @staticmethod
     def load(path: str | Path) -> Model:
         """A model from a TOML file. Errors name file, line and column."""
-        from .io.toml import load
+        from .toml import load
 
         return load(path)
 

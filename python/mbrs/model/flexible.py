@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..errors import ModelError
 from .bodies import Body, NodePlace, Pose, body_numbers
-from .errors import ModelError
+from .book import Field, Item, plain
 from .names import GROUND, not_found, problem, shown
+from .numbers import Number, numbers, vector
 from .ports import Port, make_port
-from .store import Field, Item, plain
-from .values import Number, numbers, vector
 
 if TYPE_CHECKING:
-    from .flexible import ModalBody
+    from ..flexible import ModalBody
     from .model import Model
 
 __all__ = ["FlexibleBody", "Node", "Place", "attachments", "frame_names", "frame_of", "node_tables"]
@@ -211,7 +211,7 @@ def _drawn_at(model: Model, places: Sequence[Place], address: str) -> Any:
 
 
 def _point_of(at: Any, side: int, address: str) -> Any:
-    from .values import is_pair
+    from .numbers import is_pair
 
     return at[side] if is_pair(at) else at
 
@@ -234,7 +234,7 @@ def add_flexible_body(
     model: Model, name: Any, modal: Any, modes: Any, nodes: Any, pose: Any, **given: Any
 ) -> FlexibleBody:
     """Check and add a flexible body."""
-    from .flexible import ModalBody
+    from ..flexible import ModalBody
 
     body = FlexibleBody(model, model.new_name("body", name))
     if not isinstance(modal, ModalBody):
@@ -266,7 +266,7 @@ def _known_node(body: FlexibleBody, name: Any) -> int:
 
 
 def _add_guess(model: Model, body: Body, pose: Any) -> None:
-    from .geometry import quaternion
+    from .rotations import quaternion
 
     if not isinstance(pose, (list, tuple)) or len(pose) != 2:
         raise problem(body.name + ".pose", "must be (origin, orientation): a point (3,) and a quaternion or matrix")

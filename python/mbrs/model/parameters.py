@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .errors import ModelError
+from ..errors import ModelError
 from .expressions import Expression, Symbol, apply_ufunc
 from .names import problem, shown
 
