@@ -9,7 +9,7 @@ import pytest
 from absolute import Absolute
 from mbrs import examples
 from mbrs.model.rotations import quaternion_to_matrix
-from mbrs.tables import tables
+from mbrs.tables import compiled, tables
 
 
 def test_cubic_hexapod_has_its_closed_form():
@@ -131,7 +131,7 @@ def unloaded_four_bar():
 def test_the_core_agrees_with_absolute_coordinates(build):
     """Minimal coordinates of the core against a null space in absolute ones, both from the same Tables."""
     m = build()
-    core = m.compiled()
+    core = compiled(m)
     state = core.assemble()
     lin = core.linearize(state["relative"], state["rate"], [])
     L = np.linalg.cholesky(lin["M"])

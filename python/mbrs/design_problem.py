@@ -128,8 +128,7 @@ class Optimum(Result):
     violation: np.ndarray
 
     def __str__(self) -> str:
-        from .parameter_units import unit_note
-        from .report import table
+        from .report import table, unit_note
 
         rows = list(zip(self.labels, self.units, self.x, strict=True))
         title = f"objective {self.value:.6g} after {len(self.history)} evaluations: {self.status} ({self.message})"

@@ -14,7 +14,6 @@ from ._border import core_errors
 from .effects import check_without
 from .errors import ConvergenceError, MbrsWarning, ModelError, SingularError
 from .linearize import Linearization, Snapshot, _linearization
-from .model.joints import KINDS
 from .model.names import not_found
 from .results import Result, Stats
 from .state import State, state_of
@@ -185,7 +184,7 @@ def _drive_forces(
     rows = list(snapshot.system.topology()["row_joint"])
     for drive in model.drives if "drives" not in without else ():
         joint = model.joints[drive.joint]
-        ending = KINDS[joint.type].coordinates[drive.coordinate]
+        ending = joint.table.coordinates[drive.coordinate]
         if joint.type == "universal":
             ending = ("alpha", "beta")[drive.coordinate]
         name = joint.name if joint.name in names else f"{joint.name}.{ending}"

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..errors import InertiaError, MbrsWarning, ModelError
-from .book import Field, Item, plain, single
-from .expressions import Expression
-from .names import GROUND, problem, shown
-from .numbers import Number, array, numbers, scalar, shape_of, vector
+from .aliases import Axis, BodyLike, Matrix, PoseLike, Rotation, Scalar, Vector, Vector3
+from .attach import places
+from .book import Attachable, Book, Item
+from .names import GROUND, problem
+from .numbers import Number
+from .packing import INERTIA_TOLERANCE, pack
 from .ports import Port, make_port
-from .rotations import quaternion
+from .schema import BODY, MARKER, POSE, Kind
 
-if TYPE_CHECKING:
-    from .model import Model
-
-# Triangle inequality and definiteness of the inertia, relative to its largest principal moment.
-_INERTIA_TOLERANCE = 1e-9
-_NO = (0.0, 0.0, 0.0)
 # Order of the six numbers in Tables: xx yy zz xy xz yz.
 INERTIA_PLACE = ((0, 3, 4), (3, 1, 5), (4, 5, 2))
 
@@ -35,52 +30,54 @@ class Ported(Item):
     def _home(self) -> tuple[str, str | None]:
         raise AssertionError("a ported item names its body")
 
-    def _port(self, kind: Any, direction: Any, at: Any) -> Port:
+    def _port(self, kind: Any, direction: Axis, at: Vector3 | None) -> Port:
         body, marker = self._home()
         if body == GROUND:
             raise ModelError(f"{self.name}.{kind} has no effect: ground does not move. Use a body, or mb.base_motion")
         return make_port(kind, self.name, body, marker, direction, at)
 
 
-class NodePlace:
-    """Base of the nodes of flexible bodies, which stand where bodies may."""
-
-    __slots__ = ()
-
-
-class Body(Ported):
+class Body(Ported, Attachable):
     """Handle of a rigid body; see `Model.body`."""
 
     __slots__ = ()
     store = "body"
     kind = "body"
+    nodes: tuple[str, ...] = ()
+    # Is it a flexible body, held at its nodes?
+    modes_and_nodes = False
 
     @property
-    def size(self) -> int:
-        return 23
+    def table(self) -> Kind:
+        return BODY
+
+    def place_now(self) -> tuple[Book, int, int]:
+        return self.model, self.index, -1
+
+    def moving(self) -> list[int]:
+        """Nodes with a frame of their own: none of a rigid body."""
+        return []
 
     def _home(self) -> tuple[str, str | None]:
         return self.name, None
 
-    def force(self, direction: Any, at: Any = None) -> Port:
-        """A unit force along "x", "-y", ... or a vector (3,), world axes, at the body's origin or the world point
-        ``at``.
-        """
+    def force(self, direction: Axis, at: Vector3 | None = None) -> Port:
+        """A unit force along "x", "-y", ... or a vector (3,), world axes, at the body's origin or the world point ``at``."""
         return self._port("force", direction, at)
 
-    def torque(self, direction: Any) -> Port:
+    def torque(self, direction: Axis) -> Port:
         """A unit torque about "x", "-y", ... or a vector (3,), world axes."""
         return self._port("torque", direction, None)
 
-    def motion(self, direction: Any, at: Any = None) -> Port:
+    def motion(self, direction: Axis, at: Vector3 | None = None) -> Port:
         """Displacement along "x", ... or rotation about "rx", ..., world axes, of the origin or of the material point
         ``at``.
         """
         return self._port("motion", direction, at)
 
-    def check(self, values: Sequence[float]) -> None:
-        _check_norm(self.name + ".orientation", values[3:7])
-        mass = values[10]
+    def check_together(self, values: Sequence[float]) -> None:
+        block = self.table.block
+        mass = values[block.place("mass")]
         if not mass > 0.0:
             raise problem(
                 self.name + ".mass",
@@ -88,41 +85,31 @@ class Body(Ported):
                 "attach its springs to the neighbour, or give it its small mass",
                 InertiaError,
             )
-        _check_inertia(self.name + ".inertia", values[11:17])
-
-    def fields(self) -> dict[str, Field]:
-        s = self.start
-        order = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-        return {
-            "at": plain(s, 3, "m"),
-            "orientation": Field(tuple((s + 3 + i,) for i in range(4)), (4,), ("rad",) * 3, "orientation"),
-            "com": plain(s + 7, 3, "m"),
-            "mass": single(s + 10, "kg"),
-            "inertia": plain(s + 11, len(order), "kg m2"),
-            "velocity": plain(s + 17, 3, "m/s"),
-            "angular_velocity": plain(s + 20, 3, "rad/s"),
-        }
+        _check_inertia(self.name + ".inertia", values[block.slice("inertia")])
 
 
-class Ground(Ported):
+class Ground(Ported, Attachable):
     """The fixed world, as a body to attach things to. Its index is -1."""
 
     __slots__ = ()
     store = "body"
     kind = "ground"
 
+    def place_now(self) -> tuple[Book, int, int]:
+        return self.model, -1, -1
+
     def _home(self) -> tuple[str, str | None]:
         return GROUND, None
 
-    def force(self, direction: Any, at: Any = None) -> Port:
+    def force(self, direction: Axis, at: Vector3 | None = None) -> Port:
         """An error: ground does not move."""
         return self._port("force", direction, at)
 
-    def torque(self, direction: Any) -> Port:
+    def torque(self, direction: Axis) -> Port:
         """An error: ground does not move."""
         return self._port("torque", direction, None)
 
-    def motion(self, direction: Any, at: Any = None) -> Port:
+    def motion(self, direction: Axis, at: Vector3 | None = None) -> Port:
         """An error that points to `mbrs.base_motion`."""
         return self._port("motion", direction, at)
 
@@ -140,37 +127,27 @@ class Marker(Ported):
     kind = "marker"
 
     @property
-    def size(self) -> int:
-        return 7
+    def table(self) -> Kind:
+        return MARKER
 
     def _home(self) -> tuple[str, str | None]:
         return self.model.frame_name(self.body, self.node), self.name
 
-    def force(self, direction: Any) -> Port:
+    def force(self, direction: Axis) -> Port:
         """A unit force at the marker along "x", "-y", ... or a vector (3,), world axes."""
         return self._port("force", direction, None)
 
-    def torque(self, direction: Any) -> Port:
+    def torque(self, direction: Axis) -> Port:
         """A unit torque on the marker's body, world axes."""
         return self._port("torque", direction, None)
 
-    def motion(self, direction: Any) -> Port:
+    def motion(self, direction: Axis) -> Port:
         """Displacement of the marker along "x", ... or rotation about "rx", ..., world axes."""
         return self._port("motion", direction, None)
 
-    def check(self, values: Sequence[float]) -> None:
-        _check_norm(self.name + ".orientation", values[3:7])
-
-    def fields(self) -> dict[str, Field]:
-        s = self.start
-        return {
-            "at": plain(s, 3, "m"),
-            "orientation": Field(tuple((s + 3 + i,) for i in range(4)), (4,), ("rad",) * 3, "orientation"),
-        }
-
 
 class Pose(Item):
-    """A first guess of where assembly puts a body: origin (3) and orientation (4)."""
+    """A first guess of where assembly puts a body."""
 
     __slots__ = ("body",)
     body: int
@@ -178,53 +155,8 @@ class Pose(Item):
     kind = "pose"
 
     @property
-    def size(self) -> int:
-        return 7
-
-    def check(self, values: Sequence[float]) -> None:
-        _check_norm(self.name + ".pose", values[3:7])
-
-
-def body_numbers(
-    name: str, mass: Any, inertia: Any, at: Any, com: Any, orientation: Any, velocity: Any, angular_velocity: Any
-) -> list[Number]:
-    """The 23 numbers of a body in the order of Tables."""
-    return [
-        *vector(at, name + ".at"),
-        *quaternion(orientation, name + ".orientation"),
-        *(_NO if com is None else vector(com, name + ".com")),
-        scalar(mass, name + ".mass"),
-        *inertia_numbers(inertia, name + ".inertia"),
-        *(_NO if velocity is None else vector(velocity, name + ".velocity")),
-        *(_NO if angular_velocity is None else vector(angular_velocity, name + ".angular_velocity")),
-    ]
-
-
-def inertia_numbers(value: Any, where: str) -> list[Number]:
-    """xx yy zz xy xz yz from three principal moments or a symmetric matrix."""
-    if type(value) is tuple and len(value) == 3 and type(value[0]) is float:
-        return [*array(value, (3,), where), *_NO]
-    shape = shape_of(value)
-    if shape == (3,):
-        return [*array(value, (3,), where), *_NO]
-    if shape != (3, 3):
-        raise problem(
-            where, f"must be (3,) principal moments or a symmetric (3, 3) tensor, got {shown(value)}", InertiaError
-        )
-    flat = array(value, (3, 3), where)
-    plain_ = np.array(numbers(flat)).reshape(3, 3)
-    if np.abs(plain_ - plain_.T).max() > _INERTIA_TOLERANCE * max(np.abs(plain_).max(), 1e-300):
-        raise problem(where, "must be a symmetric tensor: entries [i,j] and [j,i] differ", InertiaError)
-    out = [flat[0], flat[4], flat[8]]
-    for upper, lower in ((1, 3), (2, 6), (5, 7)):
-        # Of a symmetric pair the entry that is an expression is meant.
-        out.append(flat[lower] if isinstance(flat[lower], Expression) else flat[upper])
-    return out
-
-
-def _check_norm(where: str, q: Sequence[float]) -> None:
-    if not math.hypot(*q) > 0.0:
-        raise problem(where, "must not be a zero quaternion; (1, 0, 0, 0) is no rotation")
+    def table(self) -> Kind:
+        return POSE
 
 
 def _check_inertia(where: str, j: Sequence[float]) -> None:
@@ -233,7 +165,7 @@ def _check_inertia(where: str, j: Sequence[float]) -> None:
     else:
         tensor = np.array([[j[p] for p in row] for row in INERTIA_PLACE])
         low, middle, high = (float(v) for v in np.linalg.eigvalsh(tensor))
-    slack = _INERTIA_TOLERANCE * max(abs(low), abs(high))
+    slack = INERTIA_TOLERANCE * max(abs(low), abs(high))
     if low < -slack:
         raise problem(
             where, f"has a negative principal moment, {low:g} kg m2; moments are never negative", InertiaError
@@ -245,7 +177,7 @@ def _check_inertia(where: str, j: Sequence[float]) -> None:
             f"{where} (0, 0, {j[2]:g}) is planar data: no rigid body has it, and it serves only if the joints "
             "allow no rotation about x and y",
             MbrsWarning,
-            stacklevel=6,
+            stacklevel=7,
         )
         return
     raise problem(
@@ -256,34 +188,132 @@ def _check_inertia(where: str, j: Sequence[float]) -> None:
     )
 
 
-def add_body(model: Model, name: Any, pose: Any, **given: Any) -> Body:
-    """Check and add a body."""
-    body = Body(model, model.new_name("body", name))
-    entries = body_numbers(body.name, **given)
-    guess = None
-    if pose is not None:
-        guess = Pose(model, body.name)
-        if not isinstance(pose, (list, tuple)) or len(pose) != 2:
-            raise problem(
-                name + ".pose", "must be (origin, orientation): a point (3,) and a quaternion (4,) or matrix (3, 3)"
-            )
-        pose_entries = [*vector(pose[0], name + ".pose"), *quaternion(pose[1], name + ".pose")]
-        guess.check(guess.evaluated(pose_entries))
+def first_guess(body: Body, pose: Any) -> tuple[Pose, list[Number]] | None:
+    """A checked guess for a body that is not in the model yet, and its numbers."""
+    if pose is None:
+        return None
+    where = body.name + ".pose"
+    if not isinstance(pose, (list, tuple)) or len(pose) != 2:
+        raise problem(where, "must be (origin, orientation): a point (3,) and a quaternion (4,) or matrix (3, 3)")
+    guess = Pose(body.model, where)
+    entries = pack(where, POSE, {"at": pose[0], "orientation": pose[1]}).entries
+    guess.check(guess.evaluated(entries))
+    return guess, entries
+
+
+def enter(body: Body, entries: list[Number], guess: tuple[Pose, list[Number]] | None) -> None:
+    """Put a body and its first guess into the model."""
+    book = body.model
     body.put(entries)
-    body.index = len(model.bodies)
     if guess is not None:
-        guess.body = body.index
-        guess.put(pose_entries)
-        model.poses.append(guess)
-    model.register(body, model.bodies)
-    return body
+        pose, numbers = guess
+        pose.body = len(book.bodies)
+        pose.put(numbers)
+        book.poses.append(pose)
+    book.register(body, book.bodies, book.body_index)
 
 
-def add_marker(model: Model, name: Any, body: Any, at: Any, orientation: Any) -> Marker:
-    """Check and add a marker."""
-    marker = Marker(model, model.new_name("marker", name))
-    (place,), at = model.places(f"marker {name!r}", (("body", body),), at, name + ".at")
-    marker.body, marker.node = place.body, place.node
-    marker.put([*vector(at, name + ".at"), *quaternion(orientation, name + ".orientation")])
-    model.register(marker, model.markers)
-    return marker
+# --- methods of `Model` -----
+
+
+def body(
+    self: Book,
+    name: str,
+    *,
+    mass: Scalar,
+    inertia: Vector | Matrix,
+    at: Vector3 = (0.0, 0.0, 0.0),
+    com: Vector3 | None = None,
+    orientation: Rotation | None = None,
+    pose: PoseLike | None = None,
+    velocity: Vector3 | None = None,
+    angular_velocity: Vector3 | None = None,
+) -> Body:
+    """A rigid body; free until joints hold it.
+
+    Parameters
+    ----------
+    name
+        Unique in the model, without ``.``, ``[`` and ``]``.
+    mass
+        kg, positive.
+    inertia
+        (3,) or (3, 3), kg m2, about the centre of mass, body axes, products with the sign of the tensor
+        (Ixy = - integral of x y dm). Planar data (0, 0, Izz) pass with a warning.
+    at
+        (3,), m, world: the body's origin as drawn, its centre of mass unless ``com`` is given.
+    com
+        (3,), m: centre of mass from the origin, body axes.
+    orientation
+        Quaternion (4,), scalar first, or matrix (3, 3), body to world, as drawn.
+    pose
+        (origin, orientation): first guess of where assembly brings the body when joints were given two points.
+    velocity, angular_velocity
+        (3,) of the origin, m/s, and (3,), rad/s, world axes.
+
+    Returns
+    -------
+    Body
+
+    Raises
+    ------
+    InertiaError
+        A mass or an inertia that no body can have.
+    ModelError
+        Wrong shapes, types, numbers that are not finite, a name that is taken.
+
+    Notes
+    -----
+    Every number may be an expression of parameters. Cost O(1).
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("one"); p = m.body("payload", mass=20.0, inertia=(0.15, 0.15, 0.15), at=(0, 0, 0.1))
+    >>> p.force("z").name
+    'payload.force.z'
+    """
+    made = Body(self, self.new_name("body", name))
+    given = {
+        "mass": mass,
+        "inertia": inertia,
+        "at": at,
+        "com": com,
+        "orientation": orientation,
+        "velocity": velocity,
+        "angular_velocity": angular_velocity,
+    }
+    entries = pack(name, BODY, given).entries
+    enter(made, entries, first_guess(made, pose))
+    return made
+
+
+def marker(
+    self: Book, name: str, body: BodyLike, *, at: Vector3 | None = None, orientation: Rotation | None = None
+) -> Marker:
+    """A named point of a body, of ground or of a node: for inputs, outputs and trajectories.
+
+    Parameters
+    ----------
+    name
+        Unique in the model.
+    body
+        Its handle or name; "ground" and nodes of flexible bodies as well.
+    at
+        (3,), m, world, as drawn; of a node its own point by default.
+    orientation
+        Of its axes as drawn, quaternion (4,), scalar first, or matrix (3, 3); world axes by default.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("one"); p = m.body("p", mass=1.0, inertia=(1, 1, 1))
+    >>> m.marker("tip", p, at=(0, 0, 1)).motion("z").name
+    'tip.motion.z'
+    """
+    made = Marker(self, self.new_name("marker", name))
+    (place,), point = places(self, f"marker {name!r}", (("body", body),), at, name + ".at")
+    made.body, made.node = place.body, place.node
+    made.put(pack(name, MARKER, {"at": point, "orientation": orientation}).entries)
+    self.register(made, self.markers, self.marker_index)
+    return made

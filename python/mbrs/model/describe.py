@@ -2,193 +2,154 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
-from .book import Item
+from .book import Book, Item
 from .drives import Coupler, Drive
 from .expressions import Expression
 from .flexible import FlexibleBody
-from .forces import LENGTH_GIVEN, SIX, Element, Load
-from .joints import FRAME_GIVEN, KINDS, Joint
-from .model import Model
+from .forces import Load
 from .numbers import Number
+from .schema import FLEXIBLE_BODY, SHAPES, Field
 from .section_loads import ModalLoad
 
 Table = dict[str, Any]
 
 
-def describe(model: Model) -> Iterator[tuple[str, Table]]:
-    """Pairs (heading, table) in the order of a file."""
-    head: Table = {"name": model.name}
-    if model.gravity_item is not None:
-        head["gravity"] = model.gravity_item.entries(0, 3)
+def describe(book: Book, head: Table) -> Iterator[tuple[str, Table]]:
+    """Pairs (heading, table) in the order of a file; ``head`` is that of the model."""
     yield "[model]", head
-    if model.space.names:
-        yield "[parameters]", {name: _value(model, name) for name in model.space.names}
-    poses = {pose.body: pose for pose in model.poses}
-    for body in model.bodies:
+    if book.space.names:
+        yield "[parameters]", {name: _parameter(book, name) for name in book.space.names}
+    poses = {pose.body: pose for pose in book.poses}
+    for body in book.bodies:
         yield "[[body]]", _body(body, poses.get(body.index))
-    for joint in model.joints:
-        yield "[[joint]]", _joint(joint)
-    for drive in model.drives:
+    for joint in book.joints:
+        yield "[[joint]]", _add_laws({**_ends(joint), **_numbers(joint)}, joint)
+    for drive in book.drives:
         yield "[[drive]]", _drive(drive)
-    for coupler in model.couplers:
+    for coupler in book.couplers:
         yield "[[coupler]]", _coupler(coupler)
-    for element in model.elements:
-        yield "[[element]]", _element(element)
-    for load in model.loads:
+    for element in book.elements:
+        yield "[[element]]", _add_laws({**_ends(element), **_numbers(element)}, element)
+    for load in book.loads:
         yield "[[load]]", _load(load)
-    for marker in model.markers:
-        table = {"name": marker.name, "body": _place(model, marker.body, marker.node), "at": marker.entries(0, 3)}
-        yield "[[marker]]", _with_default(table, "orientation", marker.entries(3, 4), (1.0, 0.0, 0.0, 0.0))
+    for marker in book.markers:
+        head = {"name": marker.name, "body": _place(book, marker.body, marker.node)}
+        yield "[[marker]]", {**head, **_numbers(marker)}
 
 
-def _value(model: Model, name: str) -> Any:
-    value = model.value(name)
-    return value if isinstance(value, float) else value.tolist()
+def _parameter(book: Book, name: str) -> Any:
+    start, shape = book.space.names[name]
+    numbers = np.array(book.space.values[start : start + math.prod(shape)])
+    value = numbers.reshape(shape).tolist()
+    unit = book.space.units[name]
+    return {"value": value, "unit": unit} if unit else value
 
 
-def _with_default(table: Table, key: str, entries: Sequence[Number], default: Sequence[float]) -> Table:
-    # By text, since -0.0 == 0.0 but the file must give back the same bits.
-    if any(isinstance(e, Expression) for e in entries) or [repr(e) for e in entries] != [repr(d) for d in default]:
-        table[key] = list(entries)
+def _numbers(item: Item) -> Table:
+    """The fields of an object that a file needs, in the order of the constructor's arguments."""
+    table: Table = {}
+    by_name = {field.name: field for field in item.table.fields}
+    for argument in item.table.arguments:
+        if argument.name == "at" and "at_a" in by_name:
+            table["at"] = _points(item)
+        elif argument.name in by_name and _is_written(item, by_name[argument.name]):
+            table[argument.name] = _shaped(item, by_name[argument.name])
     return table
 
 
+def _is_written(item: Item, field: Field) -> bool:
+    if field.flag or not item.uses(field):
+        return item.has(field.name)
+    if field.role == "point" or field.name in item.table.required or field.name in item.table.axes:
+        return True
+    # By text, since -0.0 == 0.0 but the file must give back the same bits.
+    entries = item.entries(field.name)
+    return _driven(entries) or [repr(e) for e in entries] != [repr(d) for d in field.neutral()]
+
+
+def _driven(entries: Sequence[Number]) -> bool:
+    return any(isinstance(e, Expression) for e in entries)
+
+
+def _shaped(item: Item, field: Field) -> Any:
+    """Numbers in the shape in which they were given."""
+    entries = item.entries(field.name)
+    if field.role == "inertia":
+        xx, yy, zz, *products = entries
+        if not _driven(products) and all(repr(v) == "0.0" for v in products):
+            return [xx, yy, zz]
+        xy, xz, yz = products
+        return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+    shape = item.shapes.get(field.name, () if field.shape == () else (len(entries),))
+    if shape == ():
+        return entries[0]
+    if len(shape) == 2:
+        return [entries[shape[1] * i : shape[1] * (i + 1)] for i in range(shape[0])]
+    step = shape[0] + 1 if len(field.shape) == 2 else 1
+    return entries[::step][: shape[0]]
+
+
 def _body(body: Item, pose: Item | None) -> Table:
-    e = body.entries(0, 23)
-    xx, yy, zz, xy, xz, yz = e[11:17]
     table: Table = {"name": body.name}
-    flexible = isinstance(body, FlexibleBody)
+    made = _numbers(body)
     if isinstance(body, FlexibleBody):
         table["modal_body"] = _modal_body(body)
         if body.used:
             table["nodes"] = [body.nodes[i] for i in sorted(body.used)]
-    else:
-        table["mass"], table["inertia"] = e[10], [xx, yy, zz]
-        if any(isinstance(v, Expression) or repr(v) != "0.0" for v in (xy, xz, yz)):
-            table["inertia"] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
-    table["at"] = e[0:3]
-    zeros = (0.0, 0.0, 0.0)
-    _with_default(table, "orientation", e[3:7], (1.0, *zeros))
-    for key, start in (("com", 7), ("velocity", 17), ("angular_velocity", 20))[flexible:]:
-        _with_default(table, key, e[start : start + 3], zeros)
+        made = {key: value for key, value in made.items() if key in FLEXIBLE_BODY.known}
     if pose is not None:
-        table["pose"] = [pose.entries(0, 3), pose.entries(3, 4)]
-    return table
+        made["pose"] = [pose.entries("at"), pose.entries("orientation")]
+    return {**table, **made}
 
 
 def _ends(item: Any) -> Table:
-    return {
-        "type": item.type,
-        "name": item.name,
-        "a": _place(item.model, item.a, item.a_node),
-        "b": _place(item.model, item.b, item.b_node),
-    }
+    places = {"a": _place(item.model, item.a, item.a_node), "b": _place(item.model, item.b, item.b_node)}
+    return {"type": item.type, "name": item.name, **places}
 
 
-def _place(model: Model, body: int, node: int) -> str:
+def _place(book: Book, body: int, node: int) -> str:
     """A body, or ``body.node``."""
-    name = model.body_name(body)
-    return name if node < 0 else f"{name}.{model.bodies[body].nodes[node]}"  # type: ignore[attr-defined]
+    name = book.body_name(body)
+    return name if node < 0 else f"{name}.{book.bodies[body].nodes[node]}"
 
 
 def _modal_body(body: FlexibleBody) -> Table:
     """The integrals as they are now: stiffness and damping may have been varied."""
     modal, m = body.modal, body.n_modes
     table: Table = {f.name: getattr(modal, f.name) for f in fields(modal)}
-    table["K"] = np.array(body.shapes.values(12 * m + 9 * m * m, m * m)).reshape(m, m)
-    table["C"] = np.array(body.shapes.values(12 * m + 10 * m * m, m * m)).reshape(m, m)
+    for field in SHAPES.block:
+        if field.listed == "always":
+            table[field.name] = np.array(body.integrals.values(field.name)).reshape(m, m)
     return {
         k: v.tolist() if isinstance(v, np.ndarray) else list(v) if isinstance(v, tuple) else v for k, v in table.items()
     }
 
 
-def _points(item: Any) -> list[Any]:
-    a, b = item.entries(0, 3), item.entries(3, 3)
+def _points(item: Item) -> list[Any]:
+    a, b = item.entries("at_a"), item.entries("at_b")
     same = all(p is q or (isinstance(p, float) and repr(p) == repr(q)) for p, q in zip(a, b, strict=True))
-    return a if item.one_point and same else [a, b]
+    return list(a) if item.one_point and same else [a, b]
 
 
-def _joint(joint: Joint) -> Table:
-    kind = KINDS[joint.type]
-    table = {**_ends(joint), "at": _points(joint)}
-    if joint.flags & FRAME_GIVEN:
-        table["orientation"] = joint.entries(12, 4)
-    elif joint.type not in ("fixed", "distance") and (kind.needs_axis or _turned(joint)):
-        table["axis"] = joint.entries(6, 3)
-        if kind.two_axes:
-            table["axis2"] = joint.entries(9, 3)
-    for key, start in (("k", 16), ("c", 22), ("preload", 28)):
-        if key in joint.shapes:
-            entries = joint.entries(start, len(kind.free))
-            table[key] = entries[0] if joint.shapes[key] == () else entries
-    if joint.flags & LENGTH_GIVEN:
-        table["length"] = joint.entries(34, 1)[0]
-    if joint.type == "rolling_disc":
-        table["radius"] = joint.entries(35, 1)[0]
-    return _add_laws(table, joint, kind.coordinates)
-
-
-def _turned(joint: Joint) -> bool:
-    entries = joint.entries(6, 3)
-    return any(isinstance(e, Expression) for e in entries) or [repr(e) for e in entries] != ["0.0", "0.0", "1.0"]
-
-
-def _element(e: Element) -> Table:
-    if e.type == "torsion":
-        table = {**_ends(e), "at": e.entries(0, 3), "axis": e.entries(3, 3)}
-        _numbers(table, e, {"k": 6, "c": 7, "preload": 9})
-        return _add_laws(_with_one(table, "angle", e.entries(8, 1)[0]), e, ("angle",))
-    table = {**_ends(e), "at": _points(e)}
-    if e.type == "spring_damper":
-        _numbers(table, e, {"k": 6, "c": 7, "preload": 9})
-        if e.flags & LENGTH_GIVEN:
-            table["length"] = e.entries(8, 1)[0]
-        return _add_laws(table, e, ("u",))
-    _with_default(table, "orientation", e.entries(6, 4), (1.0, 0.0, 0.0, 0.0))
-    for key, start in (("k", 10), ("c", 46)):
-        if key in e.shapes:
-            entries = e.entries(start, 36)
-            full = e.shapes[key] != (6,)
-            table[key] = [entries[6 * i : 6 * i + 6] for i in range(6)] if full else entries[::7]
-    if "preload" in e.shapes:
-        table["preload"] = e.entries(82, 6)
-    return _add_laws(table, e, SIX)
-
-
-def _numbers(table: Table, item: Item, places: dict[str, int]) -> None:
-    for key, place in places.items():
-        if key in item.shapes:  # type: ignore[attr-defined]
-            table[key] = item.entries(place, 1)[0]
-
-
-def _with_one(table: Table, key: str, entry: Number) -> Table:
-    if isinstance(entry, Expression) or repr(entry) != "0.0":
-        table[key] = entry
-    return table
-
-
-def _add_laws(table: Table, owner: Any, names: Sequence[str]) -> Table:
-    laws = owner.model.laws_of.get((owner.kind, owner.index), ())
+def _add_laws(table: Table, owner: Any) -> Table:
     by_name: dict[str, list[Table]] = {}
-    for law in laws:
-        made = {"type": law.name, "code": law.code, "values": law.entries(0, law.n)}
-        by_name.setdefault(names[law.component], []).append(made)
-    if by_name:
-        table["law"] = by_name
-    return table
+    for law in owner.model.laws_of.get((owner.kind, owner.index), ()):
+        made = {"type": law.name, "code": law.code, "values": law.entries()}
+        by_name.setdefault(owner.table.coordinates[law.component], []).append(made)
+    return {**table, "law": by_name} if by_name else table
 
 
 def _drive(drive: Drive) -> Table:
     joint = drive.model.joints[drive.joint]
     table: Table = {"name": drive.name, "joint": joint.name, "motion": drive.described()}
-    known = KINDS[joint.type].coordinates
-    return {**table, "coordinate": known[drive.coordinate]} if len(known) > 1 else table
+    return {**table, **_coordinate("coordinate", joint, drive.coordinate)}
 
 
 def _coupler(coupler: Coupler) -> Table:
@@ -196,16 +157,18 @@ def _coupler(coupler: Coupler) -> Table:
     for key in ("first", "second"):
         joint = coupler.model.joints[getattr(coupler, key)]
         table[key] = joint.name
-        known = KINDS[joint.type].coordinates
-        if len(known) > 1:
-            table[f"{key}_coordinate"] = known[getattr(coupler, f"{key}_coordinate")]
-    ratio, offset = coupler.entries(0, 2)
-    table["ratio"] = ratio
-    return _with_one(table, "offset", offset)
+        table |= _coordinate(f"{key}_coordinate", joint, getattr(coupler, f"{key}_coordinate"))
+    return {**table, **_numbers(coupler)}
+
+
+def _coordinate(key: str, joint: Item, coordinate: int) -> Table:
+    """Named where the joint has several."""
+    known = joint.table.coordinates
+    return {key: known[coordinate]} if len(known) > 1 else {}
 
 
 def _load_value(load: Load) -> Any:
-    value: list[Any] = load.entries(3, 3)  # type: ignore[assignment]
+    value: list[Any] = list(load.entries("value"))
     for motion in load.motions:
         if motion.function is not None and motion.function.outputs == 3:
             return motion.described()
@@ -214,13 +177,12 @@ def _load_value(load: Load) -> Any:
 
 
 def _load(load: Load) -> Table:
+    table: Table = {"type": load.type, "name": load.name, "body": _place(load.model, load.body, load.node)}
     if isinstance(load, ModalLoad):
-        table: Table = {"type": "modal_force", "name": load.name, "body": load.model.body_name(load.body)}
-        return {**table, "mode": int(load.frame) + 1, "value": _load_value(load)[0]}
-    table = {"type": load.type, "name": load.name, "body": _place(load.model, load.body, load.node)}
+        return {**table, "mode": load.mode + 1, "value": _load_value(load)[0]}
     if load.type == "force":
-        table["at"] = load.entries(0, 3)
-    if load.node < 0 and isinstance(load.model.bodies[load.body], FlexibleBody):
+        table["at"] = load.entries("at")
+    if load.node < 0 and load.model.bodies[load.body].modes_and_nodes:
         table["on"] = "frame"
     table["value"] = _load_value(load)
     if load.frame != "world":

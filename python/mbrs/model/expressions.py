@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -16,8 +16,13 @@ from ..errors import ModelError, NotDifferentiableError
 from .names import shown
 from .operations import FUNCTIONS, OPS, UFUNC_ALIAS, Op
 
-if TYPE_CHECKING:
-    from .parameters import ParameterSpace
+
+class ParameterSpace(Protocol):
+    """What an expression needs of the parameters of a model: the flat V, and a number that rises when a value changes."""
+
+    values: list[float]
+    version: int
+    symbols: list[Symbol]
 
 
 class Expression:

@@ -1,51 +1,68 @@
-"""Models as TOML files: what a user would type, one table for each object, expressions as strings."""
+"""Models as TOML files: what a user would type, one table for each object, expressions as strings. A file is data: reading it
+imports nothing and calls nothing unless `functions` are asked for.
+"""
 
 from __future__ import annotations
 
-import inspect
 import json
+import os
 import re
+import tempfile
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property, lru_cache
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from ..errors import DuplicateNameError, InertiaError, MbrsError, ModelError, NameNotFoundError
-from .attached_laws import SavedLaw
+from .book import Book
 from .describe import describe
 from .expressions import Expression
 from .grammar import GrammarError, parse
-from .joints import KINDS
+from .laws import SavedLaw
 from .locate import Places
-from .model import Model
-from .motions import TYPES, resolve
+from .motions import TYPES, FunctionName, resolve
 from .names import nearest, problem, shown
 from .numbers import shape_of
+from .schema import HEADINGS, Kind
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _WIDTH = 100
-# Keys whose strings are text; in all others a string is an expression.
-_TEXT = frozenset({"name", "type", "a", "b", "body", "frame", "joint", "first", "second", "nodes"})
-_TEXT |= {"coordinate", "first_coordinate", "second_coordinate", "on"}
 _AXIS_WORD = re.compile(r"[+-]?[xyz]")
-_TYPES = {
-    "joint": tuple(KINDS),
-    "element": ("spring_damper", "bushing", "torsion"),
-    "load": ("force", "torque", "modal_force"),
-}
-_TABLES = ("body", "joint", "drive", "coupler", "element", "load", "marker")
+# Headings whose objects have types.
+_TYPED = ("joint", "element", "load")
+# Python reads no integer of more digits, since that takes a time of their square.
+_DIGITS = re.compile(r"[0-9][0-9_]{4300,}")
+_LONGEST = 500  # characters of a message
+_REPEATED = 80  # characters of one text of the file in a message
+TOLERANCE = 1e-7  # of `Model`; a file leaves it out
 
 
-def save(model: Model, path: str | Path) -> Path:
-    """Write the model; returns the path."""
-    path = Path(path)
-    path.write_text(dumps(model), encoding="utf-8")
+def save(book: Book, path: str | Path) -> Path:
+    """Write the model whole or not at all; returns the path."""
+    path, text = Path(path), dumps(book)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(name, 0o666 & ~_umask())
+        os.replace(name, path)
+    except BaseException:
+        os.unlink(name)
+        raise
     return path
 
 
-def load(path: str | Path) -> Model:
-    """Read a model. A `ModelError` (or the subclass that the mistake has) says file, line and column."""
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def load(path: str | Path, new: Callable[[str], Any], functions: bool = False) -> Any:
+    """Read a model, which ``new(name)`` makes. A `ModelError` (or the subclass that the mistake has) gives file, line and column."""
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
@@ -53,13 +70,18 @@ def load(path: str | Path) -> Model:
         raise ModelError(f"cannot read {path}: {reason.strerror or reason}") from None
     except UnicodeDecodeError as reason:
         raise ModelError(f"{path} is not UTF-8 text (byte {reason.start}); a model is saved by m.save(path)") from None
-    return loads(text, str(path))
+    return loads(text, new, str(path), functions)
 
 
-def dumps(model: Model) -> str:
+def dumps(book: Any) -> str:
     """The TOML text of a model."""
+    head: dict[str, Any] = {"name": book.name}
+    if book.gravity_item is not None:
+        head["gravity"] = book.gravity_item.entries()
+    if book.tolerance != TOLERANCE:
+        head["tolerance"] = book.tolerance
     lines: list[str] = []
-    for heading, table in describe(model):
+    for heading, table in describe(book, head):
         lines += ["", heading] if lines else [heading]
         lines += [f"{_key(key)} = {_value(value)}" for key, value in table.items()]
     return "\n".join(lines) + "\n"
@@ -91,15 +113,51 @@ def _value(value: Any) -> str:
     return "[\n    " + ",\n    ".join(parts) + ",\n]"
 
 
-def loads(text: str, source: str = "<text>") -> Model:
+def loads(text: str, new: Callable[[str], Any], source: str = "<text>", functions: bool = False) -> Any:
     """A model from TOML text; ``source`` heads the messages of errors."""
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as reason:
-        raise ModelError(f"{source}: {_lower(str(reason))}") from None
+        raise ModelError(_whole(source, _lower(str(reason)))) from None
     except RecursionError:
-        raise ModelError(f"{source}: arrays or tables are nested too deeply to be read") from None
-    return _Reader(data, text, source).model()
+        raise ModelError(_whole(source, "arrays or tables are nested too deeply to be read")) from None
+    except ValueError as reason:
+        raise ModelError(_whole(source, _too_long(text) or str(reason))) from None
+    return _Reader(data, text, source, functions).model(new)
+
+
+def _too_long(text: str) -> str | None:
+    """Where an integer has too many digits."""
+    found = _DIGITS.search(text)
+    if found is None:
+        return None
+    line, column = text.count("\n", 0, found.start()) + 1, found.start() - text.rfind("\n", 0, found.start())
+    return (
+        f"line {line}, column {column}: an integer of {len(found.group())} digits; write it as a number such as 1e300"
+    )
+
+
+def _whole(source: str, message: str) -> str:
+    """A message of at most `_LONGEST` characters with the file before it."""
+    name = source if len(source) <= 150 else "..." + source[-147:]
+    room = _LONGEST - len(name) - 2
+    if len(message) > room:
+        half = (room - 5) // 2
+        message = f"{message[:half]} ... {message[-half:]}"
+    return f"{name}: {message}"
+
+
+def _texts(data: Any) -> Iterator[str]:
+    """All texts of a file, keys included."""
+    stack = [data]
+    while stack:
+        one = stack.pop()
+        if isinstance(one, str):
+            yield one
+        elif isinstance(one, dict):
+            stack += [*one.keys(), *one.values()]
+        elif isinstance(one, list):
+            stack += one
 
 
 def _lower(message: str) -> str:
@@ -112,31 +170,33 @@ def _lower(message: str) -> str:
 
 
 class _Reader:
-    def __init__(self, data: dict[str, Any], text: str, source: str) -> None:
-        self.data, self.text, self.source = data, text, source
+    def __init__(self, data: dict[str, Any], text: str, source: str, functions: bool) -> None:
+        self.data, self.text, self.source, self.functions = data, text, source, functions
 
     @cached_property
     def places(self) -> Places:
         """Found only when there is a mistake to report."""
         return Places(self.text)
 
-    def model(self) -> Model:
-        self._known("", 0, self.data, ("model", "parameters", *_TABLES))
+    def model(self, new: Callable[[str], Any]) -> Any:
+        self._known("", 0, self.data, ("model", "parameters", *HEADINGS))
         head = self._table("model")
-        self._known("model", 0, head, ("name", "gravity"))
-        model = self._guarded("model", 0, lambda: Model(head.get("name", "model")))
-        parameters = self._table("parameters")
-        for name, value in parameters.items():
-            self._guarded("parameters", 0, lambda n=name, v=value: model.parameter(n, v), name)  # type: ignore[misc]
-        if "gravity" in head:
-            value = self._decoded(model, "model", 0, "gravity", head["gravity"])
-            self._guarded("model", 0, lambda: setattr(model, "gravity", value), "gravity")
-        for kind in _TABLES:
-            entries = self.data.get(kind, [])
+        self._known("model", 0, head, ("name", "gravity", "tolerance"))
+        model = self._guarded("model", 0, lambda: new(head.get("name", "model")), "name")
+        for name, value in self._table("parameters").items():
+            self._guarded("parameters", 0, lambda n=name, v=value: _add_parameter(model, n, v), name)  # type: ignore[misc]
+        for key in ("gravity", "tolerance"):
+            if key in head:
+                value = self._guarded("model", 0, lambda k=key: _numbers(model, head[k]), key)  # type: ignore[misc]
+                self._guarded("model", 0, lambda k=key, v=value: setattr(model, k, v), key)  # type: ignore[misc]
+        for heading in HEADINGS:
+            entries = self.data.get(heading, [])
             if not isinstance(entries, list) or any(not isinstance(e, dict) for e in entries):
-                raise self._at(kind, 0, "", ModelError(f"write [[{kind}]] with two brackets: there may be several"))
+                raise self._at(
+                    heading, 0, "", ModelError(f"write [[{heading}]] with two brackets: there may be several")
+                )
             for number, entry in enumerate(entries):
-                self._add(model, kind, number, entry)
+                self._add(model, heading, number, entry)
         return model
 
     def _table(self, name: str) -> dict[str, Any]:
@@ -145,27 +205,29 @@ class _Reader:
             raise self._at(name, 0, "", ModelError(f"{name} must be a table [{name}]"))
         return table
 
-    def _add(self, model: Model, kind: str, number: int, entry: dict[str, Any]) -> None:
+    def _add(self, model: Any, heading: str, number: int, entry: dict[str, Any]) -> None:
         given = dict(entry)
-        method = kind
-        if kind in _TYPES:
-            method = given.pop("type", None)
-            if method not in _TYPES[kind]:
-                guess = nearest(method, _TYPES[kind]) if isinstance(method, str) else None
-                hint = f"did you mean {guess!r}?" if guess else "known: " + ", ".join(_TYPES[kind])
-                raise self._at(
-                    kind, number, "type", NameNotFoundError(f"no type of {kind} is called {method!r}; {hint}")
-                )
-        if kind == "body" and "modal_body" in given:
-            method = "flexible_body"
-        function = getattr(model, method)
-        known, required = _arguments(method)
-        self._known(kind, number, given, known)
-        missing = [n for n in required if n not in given]
+        kind = self._kind(heading, number, given)
+        self._known(heading, number, given, kind.known)
+        missing = [n for n in kind.required if n not in given]
         if missing:
-            raise self._at(kind, number, "", ModelError(f"{kind} {given.get('name', '')!r} lacks {', '.join(missing)}"))
+            raise self._at(
+                heading, number, "", ModelError(f"{heading} {shown(given.get('name', ''))} lacks {', '.join(missing)}")
+            )
         made = {key: self._decoded(model, kind, number, key, value) for key, value in given.items()}
-        self._guarded(kind, number, lambda: function(**made))
+        self._guarded(heading, number, lambda: getattr(model, kind.type)(**made))
+
+    def _kind(self, heading: str, number: int, given: dict[str, Any]) -> Kind:
+        types = HEADINGS[heading]
+        if heading not in _TYPED:
+            return types["flexible_body" if heading == "body" and "modal_body" in given else heading]
+        type_ = given.pop("type", None)
+        if isinstance(type_, str) and type_ in types:
+            return types[type_]
+        guess = nearest(type_, types) if isinstance(type_, str) else None
+        hint = f"did you mean {guess!r}?" if guess else "known: " + ", ".join(types)
+        reason = NameNotFoundError(f"no type of {heading} is called {shown(type_)}; {hint}")
+        raise self._at(heading, number, "type", reason)
 
     def _known(self, table: str, number: int, given: Mapping[str, Any], known: Sequence[str]) -> None:
         for key in given:
@@ -174,18 +236,26 @@ class _Reader:
                 hint = f"did you mean {guess!r}?" if guess else "known: " + ", ".join(known)
                 where = f"[{table}]" if table else "a model file"
                 key_table = (key, 0, "") if not table else (table, number, key)
-                raise self._at(*key_table, NameNotFoundError(f"{where} has no entry {key!r}; {hint}"))
+                raise self._at(*key_table, NameNotFoundError(f"{where} has no entry {shown(key)}; {hint}"))
 
-    def _decoded(self, model: Model, table: str, number: int, key: str, value: Any) -> Any:
-        if key in _TEXT or (key in ("axis", "axis2") and isinstance(value, str) and _AXIS_WORD.fullmatch(value)):
+    def _decoded(self, model: Any, kind: Kind, number: int, key: str, value: Any) -> Any:
+        form = kind.form(key)
+        if form == "text" or (form == "direction" and isinstance(value, str) and _AXIS_WORD.fullmatch(value)):
             return value
-        if key == "modal_body":
-            return self._guarded(table, number, lambda: _modal_body(value), key)
-        if key == "motion" or (table == "load" and key == "value"):
-            return self._guarded(table, number, lambda: _motions(model, value), key)
-        if key == "law":
-            return self._guarded(table, number, lambda: _laws(model, value), key)
-        return self._guarded(table, number, lambda: _numbers(model, value), key)
+        read: Callable[[Any, Any], Any] = _numbers
+        if form in ("motion", "load"):
+            read = self._motions
+        elif form in ("modal body", "law"):
+            read = _modal_body if form == "modal body" else _laws
+        return self._guarded(kind.heading, number, lambda: read(model, value), key)
+
+    def _motions(self, model: Any, value: Any) -> Any:
+        """Motions {type, numbers}, functions "module:name", numbers and expressions."""
+        if isinstance(value, list):
+            return [self._motions(model, v) for v in value]
+        if isinstance(value, str) and ":" in value:
+            return resolve(value) if self.functions else FunctionName(value)
+        return _motion(model, value) if isinstance(value, dict) else _numbers(model, value)
 
     def _guarded(self, table: str, number: int, action: Callable[[], Any], key: str = "") -> Any:
         try:
@@ -198,15 +268,22 @@ class _Reader:
         line, column = self.places.of(table, number, key)
         kinds = (DuplicateNameError, InertiaError, NameNotFoundError)
         kind = next((k for k in kinds if isinstance(reason, k)), ModelError)
-        return kind(f"{self.source}: line {line}, column {column}: {reason}")
+        return kind(_whole(self.source, f"line {line}, column {column}: {self._clipped(str(reason))}"))
+
+    def _clipped(self, message: str) -> str:
+        """A message in which no text of the file is longer than a name should be."""
+        for text in sorted({t for t in _texts(self.data) if len(t) > _REPEATED}, key=len, reverse=True):
+            message = message.replace(text, text[: _REPEATED - 3] + "...")
+        return re.sub(rf"\S{{{_REPEATED},}}", lambda m: m.group()[: _REPEATED - 3] + "...", message)
 
 
-@lru_cache
-def _arguments(method: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of all arguments of a method of the model, and of those that must be given."""
-    signature = inspect.signature(getattr(Model, method)).parameters
-    known = tuple(name for name in signature if name != "self")
-    return known, tuple(name for name in known if signature[name].default is inspect.Parameter.empty)
+def _add_parameter(model: Any, name: str, value: Any) -> None:
+    if not isinstance(value, dict):
+        model.parameter(name, value)
+        return
+    if "value" not in value or not value.keys() <= {"value", "unit"}:
+        raise problem(name, f"must be a number, an array or {{ value, unit }}, got {shown(value)}")
+    model.parameter(name, **value)
 
 
 def _field_of(reason: MbrsError) -> str:
@@ -215,7 +292,7 @@ def _field_of(reason: MbrsError) -> str:
     return field.removesuffix("_a").removesuffix("_b") if field.startswith("at_") else field
 
 
-def _numbers(model: Model, value: Any) -> Any:
+def _numbers(model: Any, value: Any) -> Any:
     """Strings become expressions, everything else stays."""
     if isinstance(value, str):
         return parse(value, model.space)
@@ -224,27 +301,20 @@ def _numbers(model: Model, value: Any) -> Any:
     return value
 
 
-def _motions(model: Model, value: Any) -> Any:
-    """Motions {type, numbers}, functions "module:name", numbers and expressions."""
-    if isinstance(value, list):
-        return [_motions(model, v) for v in value]
-    if isinstance(value, str) and ":" in value:
-        return resolve(value)
-    if not isinstance(value, dict):
-        return _numbers(model, value)
+def _motion(model: Any, value: dict[str, Any]) -> Any:
     given = dict(value)
     name = given.pop("type", None)
-    if name not in TYPES:
-        raise problem("motion", f"has no type {name!r}; known: {', '.join(TYPES)}", NameNotFoundError)
+    if not isinstance(name, str) or name not in TYPES:
+        raise problem("motion", f"has no type {shown(name)}; known: {', '.join(TYPES)}", NameNotFoundError)
     kind = given.pop("kind", None)
     made = {k: _numbers(model, v) for k, v in given.items()}
     try:
         return TYPES[name](**made, **({} if kind is None else {"kind": kind}))
     except TypeError:
-        raise problem("motion", f"of type {name} cannot have the entries {', '.join(value)}") from None
+        raise problem("motion", f"of type {name} cannot have the entries {shown(list(value))}") from None
 
 
-def _modal_body(value: Any) -> Any:
+def _modal_body(model: Any, value: Any) -> Any:
     """The integrals of a flexible body, a table of numbers and lists."""
     from ..flexible import ModalBody
 
@@ -253,20 +323,20 @@ def _modal_body(value: Any) -> Any:
     try:
         return ModalBody(**value)
     except TypeError:
-        raise problem("modal_body", f"cannot be made of the entries {', '.join(value)}") from None
+        raise problem("modal_body", f"cannot be made of the entries {shown(list(value))}") from None
 
 
-def _laws(model: Model, value: Any) -> Any:
+def _laws(model: Any, value: Any) -> Any:
     if isinstance(value, dict) and "code" in value:
         values = _numbers(model, value.get("values", []))
         if len(shape_of(values)) > 1 or not isinstance(values, list):
-            raise problem("law", f"has values that are no list of numbers: {values!r}")
+            raise problem("law", f"has values that are not a list of numbers: {shown(values)}")
         return SavedLaw(str(value.get("type", "law")), value["code"], values)
     if isinstance(value, dict):
         return {name: _laws(model, law) for name, law in value.items()}
     if isinstance(value, list):
         return [_laws(model, law) for law in value]
-    raise problem("law", f"must be a table {{ type, code, values }}, got {value!r}")
+    raise problem("law", f"must be a table {{ type, code, values }}, got {shown(value)}")
 
 
 __all__ = ["GrammarError", "dumps", "load", "loads", "save"]
