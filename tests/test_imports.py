@@ -101,6 +101,35 @@ def test_nothing_imports_upwards():
     assert not wrong, "\n".join(wrong)
 
 
+def all_imports(path, parts):
+    """Modules of the package that a module imports anywhere: in functions and for types as well."""
+    found = set()
+    home = parts[:-1]
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = (*home[: len(home) - node.level + 1], *(node.module.split(".") if node.module else ()))
+            for alias in node.names:
+                found.add((*base, alias.name) if is_module((*base, alias.name)) else base)
+    return found - {parts}
+
+
+def test_the_model_has_no_circle_and_knows_little_else():
+    """Every import of model/ counts, those inside functions and those for types included."""
+    graph = {
+        parts: all_imports(path, parts)
+        for path, parts, is_package in modules()
+        if parts[:1] == ("model",) and not is_package
+    }
+    outside = {target[0] for found in graph.values() for target in found if target[:1] != ("model",)}
+    assert outside <= {"errors", "_checks", "flexible", "_core"}, outside
+    waiting = {parts: {t for t in found if t in graph} for parts, found in graph.items()}
+    assert len(waiting) > 20
+    while waiting:
+        free = {parts for parts, found in waiting.items() if not found & waiting.keys()}
+        assert free, "a circle among " + ", ".join(sorted(".".join(parts) for parts in waiting))
+        waiting = {parts: found for parts, found in waiting.items() if parts not in free}
+
+
 def test_pictures_and_reports_see_results_only():
     allowed = SHOWS | {"errors", "results", "progress"}
     wrong = [

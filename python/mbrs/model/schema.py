@@ -19,7 +19,7 @@ Form = Literal["text", "numbers", "points", "direction", "pose", "law", "motion"
 Check = Literal["", "positive", "not negative"]
 
 # Units of roles that do not depend on a coordinate. Directions and orientations are varied by a rotation vector.
-_UNITS = {
+UNITS = {
     "point": "m",
     "position": "m",
     "length": "m",
@@ -212,7 +212,7 @@ class Kind:
     def units(self, f: Field, shape: tuple[int, ...]) -> tuple[str, ...]:
         """Unit of each number of a field that was given in some shape."""
         if f.role not in COORDINATE_ROLES:
-            return (_UNITS.get(f.role, ""),) * size_of(f.shape)(0)
+            return (UNITS.get(f.role, ""),) * size_of(f.shape)(0)
         n = len(self.free)
         if shape == (n, n) and len(f.shape) == 2:
             return tuple(coordinate_unit(f.role, a, b) for a in self.free for b in self.free)
