@@ -93,10 +93,10 @@ def test_every_number(name, scheme):
 
 def test_nothing_is_left_out():
     """Every kind of joint, element, law, load motion and drive is in a scene."""
-    from mbrs.model.joints import KINDS
+    from mbrs.model.schema import JOINTS
 
     made = [silent(make) for make in SCENES.values()]
-    assert {j.type for m in made for j in m.joints} == set(KINDS)
+    assert {j.type for m in made for j in m.joints} == set(JOINTS)
     laws = {int(c) for m in made for c in Snapshot.of(m).tables["law_type"]}
     assert laws == set(range(11)), laws
     motions = {int(c) for m in made for c in Snapshot.of(m).tables["motion_type"]}

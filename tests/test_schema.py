@@ -193,3 +193,22 @@ def test_a_rotation_needs_an_angle():
     for wrong in (((0, 0, 90),), ("z",)):
         with pytest.raises(TypeError, match="angle"):
             mb.rotation(*wrong)
+
+
+@pytest.mark.parametrize("path", sorted(p.stem for p in Path(layout.__file__).parent.glob("[a-z]*.py")))
+def test_examples_in_docstrings(path):
+    import doctest
+    import importlib
+
+    module = importlib.import_module(f"mbrs.model.{path}")
+    found = doctest.testmod(module)
+    assert found.failed == 0
+    assert found.attempted > 0 or path not in (
+        "bodies",
+        "joints",
+        "forces",
+        "drives",
+        "flexible",
+        "section_loads",
+        "model",
+    )

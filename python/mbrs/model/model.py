@@ -28,13 +28,11 @@ from .joint import Joint
 from .names import GROUND, check_name, not_found, shown
 from .numbers import vector
 from .parameters import ArrayParameter
-from .schema import GRAVITY, Kind
+from .schema import GRAVITY, LARGEST_TOLERANCE, Kind
 
 # What `dir(model)` leaves out: attributes that the package uses and a user does not.
 _INTERNAL = frozenset(vars(Book("names"))) | {name for name in vars(Book) if not name.startswith("_")}
 _PUBLIC = frozenset({"name", "bodies", "joints", "elements", "loads", "drives", "couplers", "markers"})
-# Above this share of a length no drawing is meant to close.
-LARGEST_TOLERANCE = 0.1
 
 
 class Gravity(Item):

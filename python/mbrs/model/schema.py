@@ -40,6 +40,9 @@ COORDINATE_ROLES = frozenset({"stiffness", "damping", "force"})
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 SIX = ("x", "y", "z", "rx", "ry", "rz")
 
+# A drawing less accurate than this share of its size (or angle, rad) is a mistake: with more, any two points coincide. Pinned by the
+# tests of the tolerance.
+LARGEST_TOLERANCE = 0.1
 # Bits of joint_flags and element_flags.
 FLAGS = {"HAS_K": 1, "HAS_C": 2, "HAS_PRELOAD": 4, "FRAME_FROM_ORIENTATION": 8, "LENGTH_GIVEN": 16}
 

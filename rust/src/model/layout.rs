@@ -2,6 +2,9 @@
 //! the schema of Python; do not edit.
 #![allow(dead_code, reason = "the whole table is here, whoever reads it")]
 
+/// What `tolerance` of a model must stay below.
+pub const LARGEST_TOLERANCE: f64 = 0.1;
+
 /// Bits of `flags` of joints and elements.
 pub mod flag {
     pub const HAS_K: i64 = 1;
