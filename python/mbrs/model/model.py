@@ -6,7 +6,7 @@ import copy
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from . import forces as _forces
 from . import joints as _joints
 from . import section_loads as _section_loads
 from .addresses import assign, read, target
-from .aliases import Vector3
+from .aliases import Matrix, Vector, Vector3
 from .bodies import Body, Ground, Marker
 from .book import STORES, Book, Item, Store
 from .drives import Coupler, Drive
@@ -123,7 +123,11 @@ class Model(Book):
     drive = _drives.drive
     coupler = _drives.coupler
 
-    def parameter(self, name: str, value: Any, unit: str = "") -> Any:
+    @overload
+    def parameter(self, name: str, value: float | np.floating[Any] | np.integer[Any], unit: str = "") -> Symbol: ...
+    @overload
+    def parameter(self, name: str, value: Sequence[Any] | np.ndarray, unit: str = "") -> ArrayParameter: ...
+    def parameter(self, name: str, value: Any, unit: str = "") -> Symbol | ArrayParameter:
         """A design variable, to be used wherever a number is expected.
 
         Parameters
@@ -153,7 +157,7 @@ class Model(Book):
             check_name("parameter", name, self.space.names)
         if not isinstance(unit, str):
             raise ModelError(f"the unit of parameter {name!r} must be text such as 'N/m', got {shown(unit)}")
-        made: Symbol | ArrayParameter = self.space.add(name, value, unit)
+        made = self.space.add(name, value, unit)
         self.structure_version += 1
         return made
 
@@ -219,7 +223,7 @@ class Model(Book):
         """
         return read(self, target(self, address))
 
-    def set(self, changes: Mapping[str, Any]) -> None:
+    def set(self, changes: Mapping[str, float | Vector | Matrix]) -> None:
         """Change numbers by address, keeping what was compiled: ``{"k_leg": 2e5, "payload.mass": 21.0}``.
 
         All changes are made or, where one is impossible, none. Numbers that a parameter drives change through the

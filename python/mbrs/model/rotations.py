@@ -96,18 +96,6 @@ def matrix_to_quaternion(r: np.ndarray) -> np.ndarray:
     return q if q[0] >= 0.0 else -q
 
 
-def quaternion_to_matrix(q: Sequence[float]) -> np.ndarray:
-    """The rotation matrix of a quaternion of any length but zero."""
-    w, x, y, z = np.asarray(q, dtype=float) / math.sqrt(sum(float(v) * float(v) for v in q))
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
 def cross(a: Sequence[float], b: Sequence[float]) -> list[float]:
     """a x b without the overhead of arrays."""
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
@@ -132,8 +120,8 @@ def unit(given: Any, where: str) -> tuple[float, float, float]:
     return (x, y, z)
 
 
-def quaternion_matrix(q: np.ndarray) -> np.ndarray:
+def quaternion_matrix(q: Sequence[float] | np.ndarray) -> np.ndarray:
     """The rotation matrix (3, 3) of a quaternion (4,), scalar first, of any positive length."""
-    w, x, y, z = q
+    w, x, y, z = np.asarray(q, dtype=float) / np.linalg.norm(q)
     s = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + (2.0 / (q @ q)) * (w * s + s @ s)
+    return np.eye(3) + 2.0 * (w * s + s @ s)
