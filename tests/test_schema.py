@@ -87,8 +87,8 @@ def test_what_is_typed_stands_at_its_place_has_an_address_and_comes_back_from_a_
                 expected = np.diag(given[field.name]).ravel()
             assert m.value(f"new.{field.name}") == pytest.approx(given[field.name], rel=0, abs=0)
         else:
-            expected = field.neutral()
-        expected = np.concatenate([np.ravel(expected), field.neutral()])[: len(now)]
+            expected = field.neutral
+        expected = np.concatenate([np.ravel(expected), field.neutral])[: len(now)]
         assert now.tolist() == expected.tolist(), field.name
         assert bool(flags & field.bit) == (bool(field.flag) and field.name in given), field.name
     for address in item.fields():

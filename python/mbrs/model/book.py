@@ -160,24 +160,23 @@ class Item:
 
     def check(self, values: Sequence[float]) -> None:
         """Raise where the numbers describe no possible object."""
-        block = self.table.block
-        for field in self.table.fields:
-            if field.role in _TURNED or field.check:
-                self._check_field(field, values[block.slice(field.name)])
+        for field, place in self.table.checked:
+            self._check_field(field, values[place])
         self.check_together(values)
 
     def _check_field(self, field: Field, values: Sequence[float]) -> None:
-        if not self.uses(field):
+        if field.check == "positive":
+            text = "" if values[0] > 0.0 else f"must be positive, got {values[0]:g}"
+        elif field.check == "not negative":
+            text = f"must not be negative, got {values[0]:g}" if values[0] < 0.0 and self.has(field.name) else ""
+        elif any(values) or not self.uses(field):
             return
-        where = f"{self.name}.{field.name}"
-        if field.role == "orientation" and not math.hypot(*values) > 0.0:
-            raise problem(where, "must not be a zero quaternion; use (1, 0, 0, 0) for the identity")
-        if field.role == "direction" and not math.hypot(*values) > 0.0:
-            raise problem(where, "must not be a zero vector: give a direction")
-        if field.check == "positive" and not values[0] > 0.0:
-            raise problem(where, f"must be positive, got {values[0]:g}")
-        if field.check == "not negative" and self.has(field.name) and values[0] < 0.0:
-            raise problem(where, f"must not be negative, got {values[0]:g}")
+        elif field.role == "orientation":
+            text = "must not be a zero quaternion; use (1, 0, 0, 0) for the identity"
+        else:
+            text = "must not be a zero vector: give a direction"
+        if text:
+            raise problem(f"{self.name}.{field.name}", text)
 
     def check_together(self, values: Sequence[float]) -> None:
         """Rules about several fields at once."""

@@ -71,7 +71,7 @@ def _is_written(item: Item, field: Field) -> bool:
         return True
     # By text, since -0.0 == 0.0 but the file must give back the same bits.
     entries = item.entries(field.name)
-    return _driven(entries) or [repr(e) for e in entries] != [repr(d) for d in field.neutral()]
+    return _driven(entries) or [repr(e) for e in entries] != [repr(d) for d in field.neutral]
 
 
 def _driven(entries: Sequence[Number]) -> bool:

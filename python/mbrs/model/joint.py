@@ -38,8 +38,8 @@ class Joint(Item):
         return JOINTS[self.type]
 
     def check_together(self, values: Sequence[float]) -> None:
-        block, used = self.table.block, {f.name for f in self.table.fields if self.uses(f)}
-        if "axis2" in used:
+        block = self.table.block
+        if "axis2" in self.table.axes and not self.has("orientation"):
             _check_axes(self.name, values[block.slice("axis")], values[block.slice("axis2")], self.type == "universal")
         if self.type == "distance":
             check_apart(self.name, "distance joint", values[block.slice("at_a")], values[block.slice("at_b")])

@@ -88,7 +88,7 @@ def _unit(field: Field) -> str:
 def _default(field: Field) -> str:
     if field.role == "integral":
         return ""
-    numbers = field.neutral()
+    numbers = field.neutral
     same = len(set(numbers)) == 1
     return f"{numbers[0]:g}" if same else "(" + ", ".join(f"{v:g}" for v in numbers) + ")"
 

@@ -40,11 +40,16 @@ def pack(name: str, kind: Kind, given: Mapping[str, Any]) -> Packed:
     flags, shapes = 0, {}
     ends = _ends(name, kind, given.get("at"))
     for field in kind.block:
-        value = ends.get(field.name, given.get(field.name))
-        if value is None and field.name in kind.required:
-            raise problem(f"{name}.{field.name}", "is missing, got None: it must be given")
-        if value is None or field not in kind.fields:
-            entries += field.neutral()
+        value = given.get(field.name)
+        if value is None:
+            value = ends.get(field.name)
+        if value is None:
+            if field.name in kind.required:
+                raise problem(f"{name}.{field.name}", "is missing, got None: it must be given")
+            entries += field.neutral
+            continue
+        if field.types and kind.type not in field.types:
+            entries += field.neutral
             continue
         flags |= field.bit
         read = (
@@ -101,13 +106,13 @@ def _read_coefficients(value: Any, where: str, field: Field, kind: Kind) -> _Rea
     if len(field.shape) == 2:
         return _read_matrix(value, where, n), shape
     if shape == () and n == 1:
-        return [scalar(value, where), *field.neutral()[1:]], ()
+        return [scalar(value, where), *field.neutral[1:]], ()
     if shape != (n,):
         raise problem(
             where,
             f"must be {n} numbers, one for each free coordinate ({', '.join(kind.coordinates)}), got {shown(value)}",
         )
-    return [*array(value, (n,), where), *field.neutral()[n:]], (n,)
+    return [*array(value, (n,), where), *field.neutral[n:]], (n,)
 
 
 def _read_matrix(value: Any, where: str, n: int) -> list[Number]:

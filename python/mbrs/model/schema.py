@@ -7,8 +7,10 @@ a revolute joint. A new element is one `Kind` here, one constructor in `mbrs.mod
 
 from __future__ import annotations
 
+import builtins
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 Role = Literal[
@@ -84,11 +86,12 @@ class Field:
     types: tuple[str, ...] = ()
     note: str = ""
 
-    @property
+    @cached_property
     def bit(self) -> int:
         """The value of its flag, 0 without one."""
         return FLAGS.get(self.flag, 0)
 
+    @cached_property
     def neutral(self) -> tuple[float, ...]:
         """The numbers where nothing is given."""
         n = size_of(self.shape)(0)
@@ -129,6 +132,8 @@ class Block:
         for f in fields:
             self.starts[f.name] = self.total
             self.total += size_of(f.shape)
+        # without modal coordinates, as of most objects
+        self._slices = {f.name: self._slice(f.name, 0) for f in fields}
 
     def __iter__(self) -> Iterator[Field]:
         return iter(self.fields.values())
@@ -139,6 +144,9 @@ class Block:
 
     def slice(self, name: str, m: int = 0) -> slice:
         """Where the numbers of a field are, from the start of the object's numbers."""
+        return self._slice(name, m) if m else self._slices[name]
+
+    def _slice(self, name: str, m: int) -> builtins.slice:
         start = self.place(name, m)
         return slice(start, start + size_of(self.fields[name].shape)(m))
 
@@ -192,18 +200,24 @@ class Kind:
     points: Literal["one", "two", "either"] = "one"
     axes: tuple[str, ...] = ()
     nonholonomic: bool = False
-    fields: tuple[Field, ...] = field(init=False)
 
-    def __post_init__(self) -> None:
-        used = tuple(f for f in self.block if not f.types or self.type in f.types)
-        object.__setattr__(self, "fields", used)
+    @cached_property
+    def fields(self) -> tuple[Field, ...]:
+        """Those of the block that this type uses."""
+        return tuple(f for f in self.block if not f.types or self.type in f.types)
+
+    @cached_property
+    def checked(self) -> tuple[tuple[Field, slice], ...]:
+        """Fields with a rule of their own, and where they are."""
+        ruled = (f for f in self.fields if f.check or f.role in ("direction", "orientation"))
+        return tuple((f, self.block.slice(f.name)) for f in ruled)
 
     @property
     def known(self) -> tuple[str, ...]:
         """Names of all arguments."""
         return tuple(a.name for a in self.arguments)
 
-    @property
+    @cached_property
     def required(self) -> tuple[str, ...]:
         """Names of the arguments that must be given."""
         return tuple(a.name for a in self.arguments if a.required)
