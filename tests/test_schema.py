@@ -212,3 +212,39 @@ def test_examples_in_docstrings(path):
         "section_loads",
         "model",
     )
+
+
+def test_offsets_stand_in_the_schema_only():
+    """No file but the schema (and the reference, which reads Tables by itself) counts places in x."""
+    import re
+
+    offset = re.compile(
+        r"\bstart \+ [0-9]|\bx \+ [1-9]\d\b|flags & [0-9]|\b(?:values|entries)\([0-9]|body_x.*range\([0-9]"
+    )
+    package = Path(mbrs.__file__).parent
+    wrong = [
+        f"{path.relative_to(package)}:{i}: {line.strip()}"
+        for path in package.rglob("*.py")
+        if "reference" not in path.parts
+        for i, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if offset.search(line)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.skipif(not (ROOT / "rust").is_dir(), reason="an installed package has no Rust sources beside it")
+def test_offsets_of_the_core_stand_in_its_table_only():
+    import re
+
+    offset = re.compile(
+        r"\b(?:b|j|e|l|spec|body|joint|element|load|tables|spec)\.x \+ [0-9]|\bn\[[0-9]{2}|flags & [0-9]|\b(?:12|23) \* (?:self\.)?m\b"
+    )
+    source = ROOT / "rust" / "src"
+    wrong = [
+        f"{path.relative_to(source)}:{i}: {line.strip()}"
+        for path in source.rglob("*.rs")
+        if path.name != "layout.rs" and "linalg" not in path.parts
+        for i, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if offset.search(line)
+    ]
+    assert not wrong, "\n".join(wrong)

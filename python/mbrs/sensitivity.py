@@ -447,8 +447,8 @@ def _arm_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
     q = t["x"][start:][BODY.block.slice("orientation")]
     drawn = _rotation(q)
     local = world - _slice(along, start + BODY.block.place("at"), 3)
-    turn = _rotation_rate(q, _slice(along, start + 3, 4))
-    local = drawn.T @ (local - np.cross(turn.T, np.asarray(point) - t["x"][start : start + 3]).T)
+    turn = _rotation_rate(q, _slice(along, start + BODY.block.place("orientation"), 4))
+    local = drawn.T @ (local - np.cross(turn.T, np.asarray(point) - t["x"][start:][BODY.block.slice("at")]).T)
     arm = lin.port_arm(port)
     return np.cross(d.rotation[body].T, arm).T + lin.poses["rotation"][body] @ local
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .aliases import PoseLike, Rotation, Vector3
+from .aliases import Axis, PoseLike, Rotation, Vector3
 from .bodies import Body, enter, first_guess
 from .book import Attachable, Book, Group, Item
 from .names import GROUND, not_found, problem, shown
@@ -159,20 +159,20 @@ class Node(Attachable):
         """World coordinates (3,) as drawn."""
         return np.array(numbers(self.body.node_point(self.index)))
 
-    def _port(self, kind: Any, direction: Any) -> Port:
+    def _port(self, kind: Any, direction: Axis) -> Port:
         frame = self.name if self.body.moves(self.index) else self.body.name
         point = None if self.body.moves(self.index) else tuple(self.at)
         return make_port(kind, self.name, frame, None, direction, point)
 
-    def force(self, direction: Any) -> Port:
+    def force(self, direction: Axis) -> Port:
         """A unit force at the node along "x", "-y", ... or a vector (3,), world axes."""
         return self._port("force", direction)
 
-    def torque(self, direction: Any) -> Port:
+    def torque(self, direction: Axis) -> Port:
         """A unit torque at the node, world axes."""
         return self._port("torque", direction)
 
-    def motion(self, direction: Any) -> Port:
+    def motion(self, direction: Axis) -> Port:
         """Displacement of the node along "x", ... or its rotation about "rx", ..., world axes."""
         return self._port("motion", direction)
 
