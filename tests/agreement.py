@@ -9,18 +9,18 @@ from mbrs.reference.assembly import close_loops, jacobian, partition, twist_map
 from mbrs.reference.kinematics import motion, place_outer, relative_pose
 from mbrs.reference.linearize import split
 from mbrs.state import AT_REST, State, state_of
-from mbrs.tables import tables
+from mbrs.tables import compiled, tables
 
 
 def drawn(m):
     """The core's drawn state."""
-    return state_of(m, m.compiled(), None)
+    return state_of(m, compiled(m), None)
 
 
 def reference_state(m, state, sys=None):
     """The core's state in the reference: poses and velocities of the centres of mass."""
     sys = ref.System(tables(m)) if sys is None else sys
-    b = m.compiled().bodies(state.relative, state.rate)
+    b = compiled(m).bodies(state.relative, state.rate)
     arm = np.einsum("nij,nj->ni", b["rotation"], [body.com for body in sys.bodies])
     r, v = b["position"] + arm, b["velocity"] + np.cross(b["angular_velocity"], arm)
     return ref.State(r, b["rotation"], v, b["angular_velocity"])
@@ -38,8 +38,8 @@ def core_state(sys, state, rate=AT_REST, kind="drawn"):
 def advanced(m, rng, size):
     """A core state away from the drawn one, loops closed."""
     start = drawn(m)
-    n = len(m.compiled().linearize(start.relative, AT_REST, [])["coordinates"])
-    return State(m.compiled().advance(start.relative, size * rng.normal(size=n)), AT_REST)
+    n = len(compiled(m).linearize(start.relative, AT_REST, [])["coordinates"])
+    return State(compiled(m).advance(start.relative, size * rng.normal(size=n)), AT_REST)
 
 
 def spinning(m, state, rng, size):

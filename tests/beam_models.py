@@ -41,7 +41,7 @@ def rotation_of(body):
     """Body to world, as drawn."""
     from mbrs.reference import so3
 
-    return so3.from_quaternion(np.array(body.values(3, 4)))
+    return so3.from_quaternion(np.array(body.values("orientation")))
 
 
 def rotor_blade(speed_joint=True, modes=4, **options):

@@ -7,21 +7,21 @@ import tomllib
 import mbrs as mb
 import numpy as np
 from mbrs.flexible import ModalBody
-from mbrs.geometry import quaternion_matrix
-from mbrs.io import toml
+from mbrs.model import toml
+from mbrs.model.rotations import quaternion_matrix
 
 
 def points_of(model, body):
     """World points at which something is attached to a body."""
     index, found = model[body].index, []
     for item in (*model.joints, *model.elements):
-        both = len(item.values(0, 6)) == 6 and getattr(item, "type", "") != "torsion"
-        for side, start in ((item.a, 0), (item.b, 3 if both else 0)):
+        both = "at_a" in item.table.block.fields
+        for side, name in ((item.a, "at_a" if both else "at"), (item.b, "at_b" if both else "at")):
             if side == index:
-                found.append(item.values(start, 3))
+                found.append(item.values(name))
     for item in (*model.loads, *model.markers):
         if item.body == index and getattr(item, "type", "force") == "force":
-            found.append(item.values(0, 3))
+            found.append(item.values("at"))
     return np.unique(np.round(np.array(found).reshape(-1, 3), 15), axis=0)
 
 
@@ -37,7 +37,7 @@ def flexible_bodies_of(model):
     """Names of bodies that mass can be spread over, with at least one point that something is attached to."""
     out = []
     for body in model.bodies:
-        size, _ = second_moments(body.values(0, 23))
+        size, _ = second_moments(body.values())
         if size[0] > 0 and size[-1] > -1e-9 * size[0] and len(points_of(model, body.name)):
             out.append(body.name)
     return out
@@ -49,7 +49,7 @@ def modal(model, body, omega, damping=0.0):
     At the node that is farthest away the whole mass on the springs of its three modes would have the angular frequency
     ``omega``. Invented.
     """
-    values = np.array(model[body].values(0, 23))
+    values = np.array(model[body].values())
     mass, com, R = values[10], values[7:10], quaternion_matrix(values[3:7])
     size, axes = second_moments(values)
     arms = np.sqrt(np.maximum(3.0 * size / mass, 0.0))
@@ -88,7 +88,7 @@ def flexed(model, body, omega, damping=0.0):
     data = tomllib.loads(toml.dumps(model))
     for entry in data["body"]:
         if entry["name"] == body:
-            values = model[body].values(0, 23)
+            values = model[body].values()
             velocity = {"velocity": values[17:20], "angular_velocity": values[20:23]}
             keep = {"name": body, "at": values[:3], "orientation": values[3:7], **velocity}
             if "pose" in entry:
@@ -106,6 +106,6 @@ def flexed(model, body, omega, damping=0.0):
             for side in ("a", "b"):
                 if element[side] == body:
                     element[side] = f"{body}.n0"
-    new = toml._Reader(data, "", "flexed").model()
+    new = toml._Reader(data, "", "flexed", False).model(mb.Model)
     assert isinstance(new, mb.Model)
     return new

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import mbrs as mb
 import numpy as np
-from mbrs.laws import Polynomial1D, TableLaw
+from mbrs.model.laws import Polynomial1D, TableLaw
 from random_models import N_FREE
 
 SCENES: dict[str, Callable[[], mb.Model]] = {}

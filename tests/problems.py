@@ -10,7 +10,7 @@ from typing import Any
 
 import mbrs as mb
 import numpy as np
-from mbrs.geometry import rotation
+from mbrs.model.rotations import rotation
 from numpy.polynomial import laguerre
 from scipy.optimize import brentq
 

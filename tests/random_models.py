@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from mbrs.model import Model
+from mbrs.model.model import Model
 
 TREE_JOINTS = ("fixed", "revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "free")
 # how many numbers k, c and preload have

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from mbrs.geometry import rotation
-from mbrs.model import Model
+from mbrs.model.model import Model
+from mbrs.model.rotations import rotation
 
 
 class FakeLaw:

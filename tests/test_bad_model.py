@@ -11,14 +11,19 @@ import numpy as np
 import pytest
 from mbrs import examples
 from mbrs.errors import DuplicateNameError, InertiaError, MbrsError, MbrsWarning, ModelError, NameNotFoundError
-from mbrs.geometry import rotation
-from mbrs.io.toml import dumps, loads
-from mbrs.model import Model
+from mbrs.model import toml
+from mbrs.model.model import Model
+from mbrs.model.rotations import rotation
+from mbrs.model.toml import dumps
 from mbrs.tables import directions, tables
 from scenes import FakeLaw, everything, same_tables
 
 BODY = {"mass": 1.0, "inertia": (1.0, 1.0, 1.0)}
 PAIR = ((0, 0, 0), (0, 0, 1))
+
+
+def loads(text, source="<text>", functions=False):
+    return toml.loads(text, Model, source, functions)
 
 
 @pytest.fixture

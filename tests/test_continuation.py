@@ -10,7 +10,7 @@ from mbrs.continuation import Branch
 from mbrs.errors import ConvergenceError, ModelError
 from mbrs.frequency_response import frequency_response
 from mbrs.harmonic_balance import harmonic_balance
-from mbrs.laws import Cubic, Gap, Jenkins, VanDerPol, VaryingStiffness
+from mbrs.model.laws import Cubic, Gap, Jenkins, VanDerPol, VaryingStiffness
 from mbrs.reference import hbm_continuation, hbm_shooting
 from mbrs.second_order import MechanicalSystem
 

@@ -10,7 +10,7 @@ import pytest
 from agreement import difference, reference_state, show
 from jitter_marks import defect
 from mbrs import reference as ref
-from mbrs.geometry import rotation
+from mbrs.model.rotations import rotation
 from mbrs.tables import tables
 from random_models import random_loop, random_tree
 

@@ -9,7 +9,7 @@ import pytest
 from agreement import advanced, difference, drawn, reference_state, show, spinning
 from mbrs import reference as ref
 from mbrs.state import State
-from mbrs.tables import tables
+from mbrs.tables import compiled, tables
 from random_models import random_loop
 
 TOLERANCE = 1e-10
@@ -49,10 +49,10 @@ def test_bricard_moves():
     before = None
     for _ in range(12):
         # which coordinate is the independent one may change on the way: go on in the same sense
-        along = m.compiled().linearize(state.relative, np.zeros(0), [])["T"][:, 0]
+        along = compiled(m).linearize(state.relative, np.zeros(0), [])["T"][:, 0]
         step = 0.15 / np.abs(along).max() * (1.0 if before is None or before @ along > 0.0 else -1.0)
         before = along * np.sign(step)
-        state = State(m.compiled().advance(state.relative, np.array([step])), np.zeros(0))
+        state = State(compiled(m).advance(state.relative, np.array([step])), np.zeros(0))
         sys = ref.System(tables(m))
         pose = reference_state(m, state, sys)
         gaps.append(np.abs(ref.assembly.constraint_values(sys, pose, sys.cut)).max())

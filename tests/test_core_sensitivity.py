@@ -8,7 +8,7 @@ import pytest
 from agreement import advanced, all_addresses, drawn, held, relative_difference, show, spinning, worst_of
 from jitter_marks import defect
 from mbrs import reference as ref
-from mbrs.tables import directions, tables
+from mbrs.tables import compiled, directions, tables
 from random_models import TREE_JOINTS, random_loop, random_tree
 
 pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
@@ -130,7 +130,7 @@ def test_given_velocities_of_a_loop(moving):
             d = mb.sensitivity(lin, address)
             rates = rates_by_differences(m, x)
             with_dampers, without = (
-                m.compiled().linearize(lin.state.relative, r, [])["D"] for r in (rates, np.zeros(0))
+                compiled(m).linearize(lin.state.relative, r, [])["D"] for r in (rates, np.zeros(0))
             )
             change = with_dampers - without  # G is linear in the rates
             assert relative_difference(d.D[..., 0] * weights[0], change) < 1e-7
@@ -238,14 +238,14 @@ def test_moving_trees_at_their_given_velocities(kind):
         d = mb.sensitivity(lin, address)
         rates = rates_by_differences(m, x)
         # without dampers D is linear in the rates
-        other = m.compiled().linearize(lin.state.relative, rates, [])["D"]
+        other = compiled(m).linearize(lin.state.relative, rates, [])["D"]
         assert relative_difference(d.D @ weights, other, np.array([np.abs(other).max(), 1e-3])) < 1e-7
 
 
 def rates_by_differences(m, x, h=1e-6):
     """How the projected rates of the drawn state change along x; they are linear in the velocities."""
     t = tables(m)["x"]
-    system = m.compiled()
+    system = compiled(m)
     ends = [system.with_values(t + s * h * x).assemble()["rate"] for s in (1, -1)]
     return (ends[0] - ends[1]) / (2 * h)
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from flexible_models import MECHANISMS, cantilever, four_bar, pendulum, rod, tumbling
 from mbrs.reference import State, System, linearize
-from mbrs.tables import tables
+from mbrs.tables import compiled, tables
 
 SCHEMES = {"generalized-alpha": {}, "bdf": {}, "explicit": {}}
 
 
 def random_state(model, rng, size=0.1, moving=True):
     """A state of an open tree off its drawn one, with modal coordinates and rates."""
-    core = model.compiled()
+    core = compiled(model)
     relative = core.assemble()["relative"].copy()
     q = relative[core.n_bodies :, :3]
     q[:] = size * rng.standard_normal(q.shape)
@@ -26,7 +26,7 @@ def random_state(model, rng, size=0.1, moving=True):
 
 def reference_state(model, system, relative, rate):
     """The same state in the frames of the reference: bodies, moving nodes, carriers of modal coordinates."""
-    core = model.compiled()
+    core = compiled(model)
     found = core.bodies(relative, rate)
     n = core.n_bodies
     arm = np.einsum("nij,nj->ni", found["rotation"], np.array([b.com for b in system.bodies[:n]]))
@@ -52,10 +52,10 @@ def test_the_linearisation_agrees_with_particles(name, moving):
     model = MECHANISMS[name](damping=1e-3)
     rng = np.random.default_rng([len(name), moving])
     relative, rate = random_state(model, rng, moving=moving)
-    found = model.compiled().linearize(relative, rate, [])
+    found = compiled(model).linearize(relative, rate, [])
     system = System(tables(model))
     state = reference_state(model, system, relative, rate)
-    assert model.compiled().topology()["coordinates"] == system.coordinates
+    assert compiled(model).topology()["coordinates"] == system.coordinates
     expected = linearize(system, state, [system.coordinates.index(c) for c in found["coordinates"]], ())
     for key in ("M", "D", "S"):
         a, e = found[key], getattr(expected, key)
@@ -65,7 +65,7 @@ def test_the_linearisation_agrees_with_particles(name, moving):
 
 def test_a_closed_loop_agrees_with_particles():
     model = four_bar()
-    core = model.compiled()
+    core = compiled(model)
     eq = mb.equilibrium(model)
     found = core.linearize(eq.state.relative, np.zeros(0), [])
     system = System(tables(model))

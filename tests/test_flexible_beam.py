@@ -462,7 +462,6 @@ def test_a_mass_at_the_tip(made):
         "flexible.modal_body",
         "plot.modal_body",
         "multiblade",
-        "element_methods",
     ]
     + ["examples._wind_rotor", "examples._windpact", "examples._slider_crank"],
 )

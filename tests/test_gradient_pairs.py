@@ -18,7 +18,7 @@ from mbrs.gradient import Run
 from mbrs.linearize import Snapshot
 from mbrs.readings import Names
 from mbrs.state import state_of
-from mbrs.tables import directions
+from mbrs.tables import compiled, directions
 from motion_models import silent
 
 TIMES = np.array([0.0, 0.03, 0.045, 0.09, 0.12])
@@ -63,7 +63,7 @@ def test_every_number(name, scheme):
     assert np.all(np.isfinite(exact))
     seeds = np.zeros_like(made["values"])
     seeds[-1] = np.random.default_rng(1).normal(size=len(base))
-    forward = _core.MotionForward(m.compiled(), run.state.relative, run.state.rate, [], run.options(asked, along))
+    forward = _core.MotionForward(compiled(m), run.state.relative, run.state.rate, [], run.options(asked, along))
     back = forward.gradient(seeds)[0]
     agreement = np.abs(back - seeds[-1] @ exact).max() / np.abs(seeds[-1] @ exact).max()
     wrong, worst = [], 0.0
@@ -94,10 +94,10 @@ def test_every_number(name, scheme):
 
 def test_nothing_is_left_out():
     """Every kind of joint, element, law, load motion and drive is in a scene."""
-    from mbrs.joints import KINDS
+    from mbrs.model.schema import JOINTS
 
     made = [silent(make) for make in SCENES.values()]
-    assert {j.type for m in made for j in m.joints} == set(KINDS)
+    assert {j.type for m in made for j in m.joints} == set(JOINTS)
     laws = {int(c) for m in made for c in Snapshot.of(m).tables["law_type"]}
     assert laws == set(range(11)), laws
     motions = {int(c) for m in made for c in Snapshot.of(m).tables["motion_type"]}

@@ -10,6 +10,7 @@ import pytest
 from agreement import difference, show
 from jitter_marks import defect
 from mbrs.state import State
+from mbrs.tables import compiled
 from random_models import random_tree
 
 
@@ -225,8 +226,8 @@ def test_angles_through_full_turns():
         for path in ([turns], [turns / 3] * 3):
             now = relative
             for step in path:
-                now = m.compiled().advance(now, np.array([step]))
-            K = m.compiled().linearize(now, np.zeros(0), [])["S"][0, 0]
+                now = compiled(m).advance(now, np.array([step]))
+            K = compiled(m).linearize(now, np.zeros(0), [])["S"][0, 0]
             worst = max(worst, abs(K - 4.905 * np.cos(turns)))
     report("full turns of a hinge", worst, 1e-12 + 4.905 * 5 * jitter.level())
 
@@ -240,7 +241,7 @@ def test_spherical_and_universal_joints_through_full_turns():
         relative = mb.linearize(m, without=("gravity",)).state.relative
         n = mb.System(m).dof
         for _ in range(30):
-            relative = m.compiled().advance(relative, 4.0 * rng.normal(size=n))
+            relative = compiled(m).advance(relative, 4.0 * rng.normal(size=n))
         R = relative[:, 3:].reshape(-1, 3, 3)
         skew = max(skew, np.abs(np.einsum("nij,nik->njk", R, R) - np.eye(3)).max())
         worst = max(worst, max(difference(m, State(relative, np.zeros(0))).values()))
@@ -257,7 +258,7 @@ def test_bushings_near_half_a_turn():
     found = {}
     for degrees in (90, 170, 179, 179.99):
         relative = mb.linearize(m).state.relative
-        state = State(m.compiled().advance(relative, np.array([np.radians(degrees)])), np.zeros(0))
+        state = State(compiled(m).advance(relative, np.array([np.radians(degrees)])), np.zeros(0))
         found[str(degrees)] = max(difference(m, state).values())
     show("bushing at", found)
     assert max(found.values()) < 1e-10

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, ModelError
 from mbrs.harmonic_balance import harmonic_balance
-from mbrs.laws import (
+from mbrs.model.laws import (
     CoulombTanh,
     Cubic,
     FunctionLaw,

@@ -8,7 +8,7 @@ from mbrs import _balance
 from mbrs.errors import ModelError
 from mbrs.frequency_response import frequency_response
 from mbrs.harmonic_balance import harmonic_balance
-from mbrs.laws import Cubic, Jenkins, VanDerPol
+from mbrs.model.laws import Cubic, Jenkins, VanDerPol
 from mbrs.reference import hbm_condensation
 from mbrs.second_order import MechanicalSystem
 

@@ -6,8 +6,8 @@ import pickle
 import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, ModelError
-from mbrs.laws import Cubic, Gap, Jenkins, VanDerPol
 from mbrs.limit_cycle import limit_cycle
+from mbrs.model.laws import Cubic, Gap, Jenkins, VanDerPol
 from mbrs.reference import hbm_shooting
 from mbrs.second_order import MechanicalSystem
 

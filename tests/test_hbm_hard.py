@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from mbrs.errors import ConvergenceError, MbrsWarning, ModelError
 from mbrs.frequency_response import frequency_response
 from mbrs.harmonic_balance import harmonic_balance
-from mbrs.laws import Cubic, FunctionLaw, Gap, Jenkins
+from mbrs.model.laws import Cubic, FunctionLaw, Gap, Jenkins
 from mbrs.quasi_periodic import quasi_periodic
 from mbrs.reference import hbm_balance, hbm_shooting
 from mbrs.second_order import MechanicalSystem

@@ -10,7 +10,7 @@ from mbrs.continuation import Branch
 from mbrs.errors import ModelError
 from mbrs.frequency_response import frequency_response
 from mbrs.harmonic_balance import harmonic_balance
-from mbrs.laws import Cubic
+from mbrs.model.laws import Cubic
 from mbrs.parameter_response import parameter_response
 from mbrs.reference import hbm_balance
 from mbrs.second_order import MechanicalSystem

@@ -8,7 +8,7 @@ from math import comb
 import numpy as np
 import pytest
 from mbrs.errors import MbrsWarning, ModelError
-from mbrs.laws import CoulombTanh, Cubic, Jenkins, VanDerPol
+from mbrs.model.laws import CoulombTanh, Cubic, Jenkins, VanDerPol
 from mbrs.quasi_periodic import diamond, quasi_periodic
 from mbrs.quasi_periodic_response import quasi_periodic_response
 from mbrs.reference import hbm_quasi_periodic

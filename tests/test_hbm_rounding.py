@@ -7,7 +7,7 @@ from mbrs import _balance, _core
 from mbrs.errors import SingularError
 from mbrs.frequency_response import frequency_response
 from mbrs.harmonic_balance import harmonic_balance
-from mbrs.laws import Cubic
+from mbrs.model.laws import Cubic
 from mbrs.second_order import MechanicalSystem
 
 DAMPING = 0.02

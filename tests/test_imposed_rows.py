@@ -11,7 +11,7 @@ from mbrs import reference as ref
 from mbrs.reference import motion as rm
 from mbrs.reference.assembly import constraint_values, jacobian
 from mbrs.state import State
-from mbrs.tables import tables
+from mbrs.tables import compiled, tables
 
 STEP = 1e-30
 
@@ -58,7 +58,7 @@ def scene(seed=0):
 def anywhere(m, seed):
     """A state that need not satisfy any row, with rates, in core and reference, at a time."""
     rng = np.random.default_rng(seed)
-    core = m.compiled()
+    core = compiled(m)
     sys = ref.System(tables(m))
     start = core.assemble()
     relative = start["relative"]
@@ -134,7 +134,7 @@ def test_an_effect_that_is_left_out_leaves_its_rows_out(effect):
 def test_linearisation_agrees():
     """M, C, K at a held state away from the drawn one; all rows among the constraints."""
     m = scene()
-    start = m.compiled().assemble(True)
+    start = compiled(m).assemble(True)
     state = State(start["relative"], np.zeros(0))
     lin = mb.linearize(m, at=state)
     sys = ref.System(tables(m))
@@ -149,7 +149,7 @@ def test_linearisation_agrees():
 def test_steps_of_both_explicit_schemes_agree():
     """Ten steps of the classical Runge-Kutta method with all rows, loads that vary included."""
     m = scene()
-    core = m.compiled()
+    core = compiled(m)
     start = core.assemble()
     made = core.integrate(start["relative"], start["rate"], 0.01, 10, None)
     sys = ref.System(tables(m))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from agreement import all_addresses
 from mbrs.state import State
-from mbrs.tables import tables
+from mbrs.tables import compiled, tables
 from test_core_sensitivity import check, compare
 from test_imposed_rows import scene
 
@@ -18,7 +18,7 @@ KINDS = ("drive", "coupler", "load")
 def test_every_number_at_a_held_state():
     """Element x parameter over all that imposes a row or varies in time, and over the joints with velocity rows."""
     m = scene(5)
-    state = State(m.compiled().assemble(True)["relative"], np.zeros(0))
+    state = State(compiled(m).assemble(True)["relative"], np.zeros(0))
     names = [n for n, item in m.items.items() if item.kind in KINDS] + ["disc on plate", "edge"]
     addresses = [a for a in all_addresses(m) if a.split(".")[0] in names]
     assert {a.partition(".")[2] for a in addresses} >= {
@@ -75,7 +75,7 @@ def test_frequencies_against_differences(address):
 def test_a_motion_of_the_numbers_of_a_drive():
     """The discrete motion differentiated by the core along each number of a drive, against differences."""
     m = carriage()
-    core, x = m.compiled(), tables(m)["x"]
+    core, x = compiled(m), tables(m)["x"]
     from mbrs.tables import directions
 
     along = directions(m, ["shaker.amplitude", "shaker.omega", "gear.ratio", "wind.z_coefficients[1]"])

@@ -5,8 +5,8 @@ import pickle
 
 import numpy as np
 import pytest
-from mbrs import laws
 from mbrs.errors import ModelError
+from mbrs.model import laws
 from mbrs.reference import hbm_laws
 
 MEMORYLESS = [

@@ -10,7 +10,7 @@ from mbrs.reference.ali3p import Scheme
 from mbrs.reference.ali3p_models import FiveBar
 from mbrs.reference.kinematics import drawn_state
 from mbrs.reference.matrix_sensitivity import FlexibleForm, RigidForm
-from mbrs.tables import directions, tables
+from mbrs.tables import compiled, directions, tables
 
 
 def double_pendulum():
@@ -52,7 +52,7 @@ def test_rigid_form_is_the_production_path():
 
     form = RigidForm(mass, force)
     motion, tangent = form.integrate(V0, lambda V: (np.zeros(2) + 0 * V[0, 0], np.zeros(2) + 0 * V[0, 0]), h, n)
-    core = m.compiled()
+    core = compiled(m)
     drawn = core.assemble()
     worst = 0.0
     for k in range(along.n):

@@ -22,7 +22,7 @@ from mbrs.reference import modes as reference_modes
 from mbrs.reference import motion as rm
 from mbrs.reference.assembly import assemble
 from mbrs.reference.kinematics import drawn_state
-from mbrs.tables import tables
+from mbrs.tables import compiled, tables
 
 K3, K_SLIDER, SLIP = 4e4, 6.0, 0.4
 REAR = 0.2
@@ -54,7 +54,7 @@ def both(m, x=None):
     """The reference system and its motion from the core's start."""
     t = tables(m)
     sys = Reference(t) if x is None else Reference(t, x)
-    core = m.compiled()
+    core = compiled(m)
     return sys, core, core.assemble()
 
 
@@ -65,7 +65,7 @@ def reference_motion(m, h, n, x=None):
 
 
 def core_motion(m, h, n, direction=None):
-    core = m.compiled()
+    core = compiled(m)
     drawn = core.assemble()
     return core.integrate(drawn["relative"], drawn["rate"], h, n, direction)
 
@@ -278,7 +278,7 @@ def test_steps_equal_the_reference():
         assert np.max(np.abs(core["rate"][i] - there.rate)) < 1e-12 * np.max(np.abs(there.rate))
         assert np.max(np.abs(core["memory"][i] - there.memory)) < 1e-12
     assert np.max(np.abs(core["memory"][-1])) > 0.01  # the slider has moved
-    system = m.compiled()
+    system = compiled(m)
     slip = [system.rate_mismatch(r, v) for r, v in zip(core["relative"], core["rate"], strict=True)]
     assert max(slip) < 1e-13  # the knife edge holds after every step
 
@@ -328,7 +328,7 @@ def test_work_counts():
     assert plain == {"force evaluations": 20, "steps": 5}
     with_laws, without = mb.linearize(needle()).stats.counts, mb.linearize(needle(laws=False)).stats.counts
     assert with_laws["law tangents"] == 2 and "law tangents" not in without
-    core = needle().compiled()
+    core = compiled(needle())
     drawn = core.assemble()
     left_out = core.linearize(drawn["relative"], np.zeros(0), ["law-slopes"])["counts"]
     assert "law tangents" not in left_out
@@ -412,7 +412,7 @@ def test_a_free_top_keeps_energy_and_angular_momentum():
 def test_a_four_bar_stays_closed():
     m = mb.examples.four_bar()
     m.set({"crank.angular_velocity": (0.0, 0.0, 30.0)})  # the core projects the velocities of the other bars
-    core = m.compiled()
+    core = compiled(m)
     run = core_motion(m, 2e-3, 200)
     assert np.max(np.ptp(run["position"], axis=0)) > 0.3
     sys = Reference(tables(m))
@@ -444,7 +444,7 @@ def test_derivatives_survive_numbers_that_are_zero():
     body = m.body("b", mass=1.0, inertia=(1, 2, 3))
     k = np.diag([10.0, 20.0, 30.0, 4.0, 5.0, 6.0])
     m.bushing("mount", m.ground, body, at=(0.1, 0.2, 0.0), k=k, preload=(0,) * 6)
-    core, t = m.compiled(), tables(m)
+    core, t = compiled(m), tables(m)
     drawn = core.assemble()
     start = int(t["element_x"][0])
     for at in (start + 10 + 2, start + 82 + 1, start + 82 + 4):  # k[x, z], preload y, preload ry

@@ -10,10 +10,10 @@ import mpmath
 import numpy as np
 import pytest
 from mbrs.errors import ModelError, NotDifferentiableError
-from mbrs.expressions import Expression, Program
-from mbrs.io.grammar import GrammarError, parse
-from mbrs.model import Model
-from mbrs.operations import OPS
+from mbrs.model.expressions import Expression, Program
+from mbrs.model.grammar import GrammarError, parse
+from mbrs.model.model import Model
+from mbrs.model.operations import OPS
 
 # A point inside the domain of each operation, and the same function at 50 digits.
 MP = {

@@ -6,11 +6,12 @@ import re
 
 import numpy as np
 import pytest
-from mbrs import examples, laws
+from mbrs import examples
 from mbrs.effects import effects
 from mbrs.errors import DuplicateNameError, InertiaError, ModelError, NameNotFoundError
-from mbrs.io.toml import dumps, loads
-from mbrs.model import Model
+from mbrs.model import laws, toml
+from mbrs.model.model import Model
+from mbrs.model.toml import dumps
 from mbrs.tables import tables
 from scenes import everything, same_tables
 
@@ -24,6 +25,10 @@ BUILDERS = [
     lambda: examples.rotor(speed=12.5),
     lambda: examples.from_code("LL3CF2"),
 ]
+
+
+def loads(text, source="<text>", functions=False):
+    return toml.loads(text, Model, source, functions)
 
 
 @pytest.mark.parametrize("build", BUILDERS)

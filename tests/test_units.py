@@ -26,7 +26,7 @@ def rescaled(m, u):
             address = f"{item.name}.{name}"
             if field.kind in ("axis", "orientation") or (name == "at" and "at_a" in item.fields()):
                 continue
-            if name == "length" and not item.flags & 16:
+            if name == "length" and not item.has("length"):
                 continue
             units = set(field.units)
             factor = np.array([float(u) ** POWER[unit] for unit in field.units])

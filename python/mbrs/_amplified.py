@@ -12,7 +12,7 @@ from .errors import MbrsError, MbrsWarning
 from .modal import _dominant
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 # Beyond this growth over the run a mode is worth a warning.
 _GROWTH = 1.1

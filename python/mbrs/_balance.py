@@ -10,7 +10,7 @@ import numpy as np
 
 from . import _checks, _condensation, _core
 from .errors import ConvergenceError, MbrsError, ModelError, SingularError
-from .laws import FunctionLaw, Law
+from .model.laws import FunctionLaw, Law
 
 NONSMOOTH_SAMPLES = 512
 HIGHEST = 4096  # harmonics, and their subharmonics; more would not fit into dense equations

@@ -12,7 +12,7 @@ from .errors import ModelError
 LARGEST = 1e150  # its square is still a number
 
 
-def shown(value: Any, most: int = 60) -> str:
+def shown(value: Any, most: int = 80) -> str:
     """A value in a message, cut where it is long."""
     try:
         text = " ".join(repr(value).split())

@@ -11,7 +11,7 @@ import numpy as np
 
 from . import _checks, _core
 from .errors import ModelError
-from .laws import Law
+from .model.laws import Law
 
 FULL_UNKNOWNS = 6000
 MODAL_COORDINATES = 1500

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .errors import ModelError, NameNotFoundError
-from .ports import Port
+from .model.ports import Port
 
 
 def picked(X: np.ndarray, system: Any, which: Any) -> np.ndarray:

@@ -14,8 +14,9 @@ from . import _midpoint
 from ._border import core_errors
 from .errors import ConvergenceError, MbrsError, MbrsWarning, ModelError
 from .linearize import Linearization
-from .motions import Sine
-from .ports import Port, as_port
+from .model.motions import Sine
+from .model.ports import Port, as_port
+from .model.schema import MARKER
 from .state import State
 from .tables import tables
 
@@ -249,7 +250,7 @@ def _point(system: Any, port: Port) -> tuple[float, float, float] | None:
         return port.point
     t = system.linearization.snapshot.tables
     start = t["marker_x"][system.linearization.model.marker_index[port.marker]]
-    x, y, z = (float(v) for v in t["x"][start : start + 3])
+    x, y, z = (float(v) for v in t["x"][start:][MARKER.block.slice("at")])
     return (x, y, z)
 
 

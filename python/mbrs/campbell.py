@@ -16,7 +16,7 @@ from .results import Result, Stats
 from .steady import steady_motion
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 # A mode whirls where the area of its orbit is at least this part of that of a circle.
 _WHIRLS = 0.02

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ._checks import shown
 from .errors import ModelError
-from .names import shown
 from .results import Result, Stats
 from .sensitivity import sensitivity
 from .tables import directions

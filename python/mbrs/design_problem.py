@@ -13,13 +13,13 @@ import numpy as np
 from .design_solver import FEASIBLE
 from .errors import ModelError
 from .gradient import finite, gradient, value_at
-from .names import nearest, shown
+from .model.names import nearest, shown
 from .objectives import AtTimes, Final, Integral, Objective
 from .results import Result
 from .tables import directions, tables
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 
 # Designs whose values and gradients are kept.
@@ -128,8 +128,7 @@ class Optimum(Result):
     violation: np.ndarray
 
     def __str__(self) -> str:
-        from .parameter_units import unit_note
-        from .report import table
+        from .report import table, unit_note
 
         rows = list(zip(self.labels, self.units, self.x, strict=True))
         title = f"objective {self.value:.6g} after {len(self.history)} evaluations: {self.status} ({self.message})"

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ._checks import shown
 from .errors import ConvergenceError, Interrupted, MbrsError, ModelError
-from .names import shown
 from .progress import Progress
 from .results import Stats
 

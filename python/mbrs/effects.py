@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from .errors import ModelError
-from .joints import NONHOLONOMIC
-from .names import nearest, shown
+from .model.flexible import FlexibleBody
+from .model.names import nearest, shown
+from .model.schema import JOINTS, LAWS
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 EFFECTS = (
     "gravity",
@@ -29,10 +30,7 @@ EFFECTS = (
 # parts of a linearisation: a motion has them in its forces or not at all
 LINEAR_ONLY = frozenset({"gyroscopic", "preload-stiffness", "constraint-force-stiffness"})
 _NEVER_OFF = frozenset({"loops", "redundancy"})
-_FRICTION_LAWS = frozenset({"Jenkins", "Iwan", "CoulombTanh"})
-# Codes of laws that depend on the rate: Polynomial1D with a velocity part, CoulombTanh, VanDerPol.
-_RATE_LAWS = frozenset({2, 5, 8})
-_CONTACT_LAWS = frozenset({"Gap", "Hertz"})
+_RATE_LAWS = frozenset(code for law in LAWS.values() for code in law.rate_codes)
 
 
 @dataclass(frozen=True)
@@ -147,10 +145,9 @@ def _gravity(m: Model) -> tuple[bool, str]:
 def _moving(m: Model) -> tuple[list[str], list[str]]:
     turning, sliding = [], []
     for body in m.bodies:
-        v = body.values(17, 6)
-        if any(v[3:]):
+        if any(body.values("angular_velocity")):
             turning.append(body.name)
-        elif any(v[:3]):
+        elif any(body.values("velocity")):
             sliding.append(body.name)
     return turning, sliding
 
@@ -182,16 +179,13 @@ def _loads(m: Model) -> list[str]:
 def _prestress(m: Model) -> list[str]:
     out = []
     owners: list[Any] = [*m.joints, *m.elements]
-    preloaded = [o.name for o in owners if o.flags & 4]
-    lengths = [o.name for o in m.elements if o.flags & 16]
-    angles = [o.name for o in m.elements if o.type == "torsion" and o.values(8, 1)[0] != 0.0]
-    apart = [
-        o.name
-        for o in m.joints
-        if o.type != "distance" and o.type != "rolling_disc" and o.values(0, 3) != o.values(3, 3)
-    ]
-    apart += [o.name for o in m.elements if o.type == "bushing" and o.values(0, 3) != o.values(3, 3)]
-    apart += [o.name for o in m.joints if o.type == "distance" and o.flags & 16]
+    preloaded = [o.name for o in owners if o.has("preload")]
+    springs = [o for o in m.elements if "length" in o.table.block.fields]
+    lengths = [o.name for o in springs if o.has("length")]
+    angles = [o.name for o in m.elements if "angle" in o.table.block.fields and o.values("angle") != [0.0]]
+    either = [o for o in owners if o.table.points == "either"]
+    apart = [o.name for o in either if o.values("at_a") != o.values("at_b")]
+    apart += [o.name for o in m.joints if o.has("length")]
     if preloaded:
         out.append(f"preload of {_listed(preloaded)}")
     if lengths or angles:
@@ -206,8 +200,11 @@ def _count(n: int, what: str) -> str:
 
 
 def _springs(m: Model) -> list[Any]:
-    owners = [*m.elements, *(j for j in m.joints if j.flags & 7)]
-    return owners + [o for o in m.joints if ("joint", o.index) in m.laws_of and not o.flags & 7]
+    return [*m.elements, *(j for j in m.joints if _is_sprung(j) or ("joint", j.index) in m.laws_of)]
+
+
+def _is_sprung(joint: Any) -> bool:
+    return any(joint.has(name) for name in ("k", "c", "preload"))
 
 
 def _preload_stiffness(m: Model) -> tuple[bool, str]:
@@ -235,13 +232,13 @@ def with_rate_laws(m: Model) -> list[Any]:
 
 def _damping(m: Model) -> tuple[bool, str]:
     owners = _springs(m)
-    flexible = [b for b in m.bodies if b.kind == "flexible body" and any(b.shapes.damping())]  # type: ignore[attr-defined]
+    flexible = [b for b in m.bodies if isinstance(b, FlexibleBody) and any(b.integrals.values("C"))]
     if flexible:
         return True, f"modal damping of {_listed([b.name for b in flexible])}"
     if not owners:
         return False, "no spring, bushing or joint stiffness that could have damping"
     rated = {id(owner) for owner in with_rate_laws(m)}
-    damped = [o for o in owners if o.flags & 2 or id(o) in rated]
+    damped = [o for o in owners if o.has("c") or id(o) in rated]
     if not damped:
         return False, "no c= was given, and no law depends on a rate"
     if len(owners) == 1:
@@ -250,7 +247,9 @@ def _damping(m: Model) -> tuple[bool, str]:
     return True, f"{share} springs have damping"
 
 
-def _law_rule(names: frozenset[str], what: str) -> Callable[[Model], tuple[bool, str]]:
+def _law_rule(what: str) -> Callable[[Model], tuple[bool, str]]:
+    names = frozenset(law.name for law in LAWS.values() if law.effect == what)
+
     def rule(m: Model) -> tuple[bool, str]:
         found = [law.owner.name for laws in m.laws.values() for law in laws if law.name in names]
         return (True, f"{what} law on {_listed(found)}") if found else (False, f"no {what} law")
@@ -259,10 +258,10 @@ def _law_rule(names: frozenset[str], what: str) -> Callable[[Model], tuple[bool,
 
 
 def _flexibility(m: Model) -> tuple[bool, str]:
-    flexible = [body for body in m.bodies if body.kind == "flexible body"]
+    flexible = [body for body in m.bodies if isinstance(body, FlexibleBody)]
     if not flexible:
         return False, "all bodies are rigid"
-    modes = sum(body.n_modes for body in flexible)  # type: ignore[attr-defined]
+    modes = sum(body.n_modes for body in flexible)
     return True, f"{_count(modes, 'modal coordinate')} of {_listed([body.name for body in flexible])}"
 
 
@@ -275,7 +274,7 @@ def _drives(m: Model) -> tuple[bool, str]:
 
 
 def _nonholonomic(m: Model) -> tuple[bool, str]:
-    found = [j.name for j in m.joints if j.type in NONHOLONOMIC]
+    found = [j.name for j in m.joints if JOINTS[j.type].nonholonomic]
     return (True, f"{_listed(found)}") if found else (False, "no knife edge or rolling disc")
 
 
@@ -287,8 +286,8 @@ _RULES: dict[str, Callable[[Any], tuple[bool, str]]] = {
     "constraint-force-stiffness": _constraint_stiffness,
     "damping": _damping,
     "flexibility": _flexibility,
-    "friction": _law_rule(_FRICTION_LAWS, "friction"),
-    "contact": _law_rule(_CONTACT_LAWS, "contact"),
+    "friction": _law_rule("friction"),
+    "contact": _law_rule("contact"),
     "drives": _drives,
     "nonholonomic": _nonholonomic,
 }

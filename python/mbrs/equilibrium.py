@@ -16,12 +16,13 @@ from ._border import core_errors
 from .effects import check_without, effects
 from .errors import ConvergenceError, MbrsWarning, NameNotFoundError
 from .linearize import Linearization, Snapshot, _linearization
+from .model.schema import BODY
 from .progress import while_long
 from .results import Result, Stats
 from .state import AT_REST, State, state_of
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -106,7 +107,7 @@ class Equilibrium(Result):
             f"residual {self.residual:.1e}, error {self.error:.1e}"
         ]
         t = self.linearization.snapshot.tables
-        drawn = [t["x"][start : start + 3] for start in t["body_x"]]
+        drawn = [t["x"][start:][BODY.block.slice("at")] for start in t["body_x"]]
         rows = [
             (name, *p, float(np.linalg.norm(p - d)))
             for name, p, d in zip(self.bodies, self.poses["position"], drawn, strict=True)

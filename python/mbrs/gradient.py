@@ -14,13 +14,14 @@ import numpy as np
 
 from . import _core
 from ._border import core_errors
+from ._checks import shown
 from .effects import check_without, effects, with_rate_laws
 from .errors import KinkWarning, MbrsWarning, ModelError, NameNotFoundError
 from .guessed_start import require_followed_guess
 from .linearize import Snapshot
 from .matrix_calculus import Derivative
+from .model.addresses import target
 from .motion_gradient import MotionGradient, MotionSensitivity, effects_of
-from .names import shown
 from .objectives import AtTimes, Evaluation, Final, Integral, NewReading, Objective, Reader, evaluate, number
 from .progress import Elapsed
 from .readings import Asked, Names
@@ -29,7 +30,7 @@ from .state import State, state_of
 from .tables import Directions, directions
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
     from .trajectory import Trajectory
 
 # relative changes that a motion amplifies by more than this are warned of
@@ -507,8 +508,8 @@ def explicit_part(m: Model, explicit: dict[str, np.ndarray], along: Directions) 
 def _number_by_parameters(m: Model, label: str, own: Directions, c: int, along: Directions) -> np.ndarray:
     """d(number)/dp: one where it is the parameter itself, else what its place in x does."""
     out = np.array([1.0 if label == other else 0.0 for other in along.labels])
-    target = m.target(label)
-    if target.field is None:
+    found = target(m, label)
+    if found.group is None:
         return out
     inside = own.columns == c
     for p in range(along.n):

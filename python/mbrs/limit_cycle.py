@@ -11,6 +11,7 @@ import numpy as np
 from . import _balance, _checks, _cycle_start
 from .errors import ConvergenceError, ModelError
 from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of
+from .model.book import Book
 from .nonlinear_system import nonlinear_system
 from .results import Stats
 
@@ -113,7 +114,7 @@ def limit_cycle(
     6.663287
     """
     started = perf_counter()
-    if hasattr(system, "compiled"):
+    if isinstance(system, Book):
         system = nonlinear_system(system, at=at, without=without)
     elif at is not None or _checks.names("without", without):
         raise ModelError("at= and without= are for models; a MechanicalSystem is what its matrices are")

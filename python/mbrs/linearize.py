@@ -15,13 +15,16 @@ from ._border import core_errors
 from .effects import check_without, effects
 from .errors import MbrsWarning, ModelError
 from .modal_frames import modal_masses, modal_strains, node_twist
-from .ports import Port, as_port
+from .model.bodies import INERTIA_PLACE
+from .model.book import Book
+from .model.ports import Port, as_port
+from .model.schema import BODY, MARKER
 from .results import Result, Stats
 from .state import State, state_of
-from .tables import framed, tables
+from .tables import compiled, framed, tables
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 # An unbalanced force above this part of all forces makes a linearisation at rest questionable.
 # Rounding of a few dozen terms that cancel, relative to their size.
@@ -43,11 +46,11 @@ class Snapshot:
     @classmethod
     def of(cls, model: Model, without: Sequence[str] = ()) -> Snapshot:
         """Compile a model as it is now; without the effect "flexibility" its flexible bodies are rigid."""
-        if not hasattr(model, "compiled"):
+        if not isinstance(model, Book):
             raise ModelError(f"expected a mb.Model, got {type(model).__name__}")
         with core_errors():
             flexible = not (model.is_flexible and "flexibility" in without)
-            system = model.compiled(flexible)
+            system = compiled(model, flexible)
         made = framed(tables(model, flexible))
         return cls(model, system, (model.structure_version, model.values_version), made)
 
@@ -86,7 +89,7 @@ class Snapshot:
         model, current = state["model"], state["current"]
         # a model that can be flexible, but was compiled without it
         system = (
-            model.compiled(state["flexible"] or not model.is_flexible) if current else _core.System(state["tables"])
+            compiled(model, state["flexible"] or not model.is_flexible) if current else _core.System(state["tables"])
         )
         versions = (model.structure_version, model.values_version) if current else (-1, -1)
         for name, value in (
@@ -170,8 +173,9 @@ class Linearization(Result):
         out = np.zeros((len(self.bodies), 6, 6))
         for i, start in enumerate(t["body_x"]):
             r = self.poses["rotation"][i]
-            m, arm = x[start + 10], r @ x[start + 7 : start + 10]
-            xx, yy, zz, xy, xz, yz = x[start + 11 : start + 17]
+            numbers = x[start:]
+            m, arm = numbers[BODY.block.place("mass")], r @ numbers[BODY.block.slice("com")]
+            xx, yy, zz, xy, xz, yz = numbers[BODY.block.slice("inertia")]
             inertia = r @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ r.T
             s = _skew(arm)
             out[i] = np.block([[m * np.eye(3), -m * s], [m * s, inertia - m * s @ s]])
@@ -184,14 +188,14 @@ class Linearization(Result):
         places, x, rotation = np.asarray(t["body_x"], dtype=int), np.asarray(t["x"]), np.asarray(self.poses["rotation"])
         if not len(places):
             return np.zeros((0, self.T.shape[1]))
-        numbers = x[places[:, None] + np.arange(7, 17)]
-        principal, axes = np.linalg.eigh(numbers[:, [4, 7, 8, 7, 5, 9, 8, 9, 6]].reshape(-1, 3, 3))
+        com, inertia = (places[:, None] + np.r_[BODY.block.slice(name)] for name in ("com", "inertia"))
+        principal, axes = np.linalg.eigh(x[inertia][:, np.ravel(INERTIA_PLACE)].reshape(-1, 3, 3))
         twist = self.T.reshape(len(places), 6, -1)
-        arm = np.einsum("bij,bj->bi", rotation, numbers[:, :3])
+        arm = np.einsum("bij,bj->bi", rotation, x[com])
         moved = twist[:, :3] - np.cross(arm[:, :, None], twist[:, 3:], axis=1)
         turning = np.swapaxes(rotation @ axes, 1, 2) @ twist[:, 3:]
         weighed = (
-            np.sqrt(numbers[:, 3])[:, None, None] * moved,
+            np.sqrt(x[places + BODY.block.place("mass")])[:, None, None] * moved,
             np.sqrt(np.maximum(principal, 0.0))[:, :, None] * turning,
         )
         made = np.concatenate(weighed, axis=1).reshape(6 * len(places), -1)
@@ -267,15 +271,16 @@ class Linearization(Result):
         point = port.point
         if port.marker is not None and point is None:
             start = t["marker_x"][self.model.marker_index[port.marker]]
-            point = tuple(t["x"][start : start + 3])
+            point = tuple(t["x"][start:][MARKER.block.slice("at")])
         if port.body == "ground":
             return np.zeros(3) if point is None else np.asarray(point, dtype=float)
         if point is None:
             return np.zeros(3)
         body = self.snapshot.frame(port.body)
         start = t["body_x"][body]
-        r_drawn = _rotation(t["x"][start + 3 : start + 7])
-        local = r_drawn.T @ (np.asarray(point) - t["x"][start : start + 3])
+        drawn = t["x"][start:]
+        r_drawn = _rotation(drawn[BODY.block.slice("orientation")])
+        local = r_drawn.T @ (np.asarray(point) - drawn[BODY.block.slice("at")])
         return self.poses["rotation"][body] @ local
 
     def input_map(self, ports: Sequence[Any]) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:

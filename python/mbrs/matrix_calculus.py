@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from ._checks import shown
 from .errors import ModelError, NotDifferentiableError
-from .names import shown
 
 __all__ = [
     "Derivative",

@@ -16,6 +16,7 @@ import numpy as np
 from ._border import core_errors
 from .errors import ModelError, NameNotFoundError, SingularError
 from .mac import mac as _mac
+from .model.book import Book
 from .progress import while_long
 from .results import Result, Stats, added_counts
 from .second_order import MechanicalSystem
@@ -396,7 +397,7 @@ def _second_order(m: Any, at: Any, without: tuple[str, ...]) -> tuple[Any, tuple
 
 
 def _is_large_model(m: Any, n: Any) -> bool:
-    if n is None or not hasattr(m, "compiled"):
+    if n is None or not isinstance(m, Book):
         return False
     from .sparse_modal import is_large
 

@@ -61,8 +61,7 @@ class MotionGradient(Result):
         return iter((self.value, self.gradient))
 
     def __str__(self) -> str:
-        from .parameter_units import unit_note
-        from .report import table
+        from .report import table, unit_note
 
         flat = np.asarray(self.gradient).reshape(-1, len(self.labels))
         named = zip(self.labels, self.units, self.where, strict=True)
@@ -139,8 +138,7 @@ class MotionSensitivity(Result):
     units: tuple[str, ...]
 
     def __str__(self) -> str:
-        from .parameter_units import unit_note
-        from .report import table
+        from .report import table, unit_note
 
         flat = self.value.reshape(-1, len(self.labels))
         rows = [(label, unit, *flat[:, p]) for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))]

@@ -13,7 +13,8 @@ from ._border import core_errors
 from .effects import check_without
 from .errors import ModelError
 from .linearize import Linearization, Snapshot, _linearization, twist_at
-from .ports import Port
+from .model.book import Book
+from .model.ports import Port
 from .second_order import MechanicalSystem
 from .shifted_laws import shifted
 from .state import state_of
@@ -132,10 +133,10 @@ def as_system(
     if (force is None) == (inputs is None):
         raise ModelError("give exactly one of force= (vectors of a system) and inputs= (ports of a model)")
     if inputs is not None:
-        if not hasattr(system, "compiled"):
+        if not isinstance(system, Book):
             raise ModelError("inputs= are ports of a model; a MechanicalSystem takes force=(n,)")
         force = inputs
-    if not hasattr(system, "compiled"):
+    if not isinstance(system, Book):
         if at is not None or _checks.names("without", without):
             raise ModelError("at= and without= are for models; a MechanicalSystem is what its matrices are")
         return system, force if amplitude is None else _scaled(force, amplitude)

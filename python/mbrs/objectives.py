@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ._checks import shown
 from .errors import ModelError, NotDifferentiableError
-from .names import shown
 from .readings import Asked, Instant, Names
 
 _COMPLEX_STEP = 1e-40

@@ -14,6 +14,7 @@ from . import _balance, _checks
 from .continuation import BRANCH_DEFAULTS, Branch, BranchOptions, Event, takes_branch_options
 from .errors import ModelError
 from .harmonic_balance import PeriodicSolution
+from .model.book import Book
 from .nonlinear_system import as_system
 from .response_curve import FrequencyResponse, collected, follow, interrupted
 
@@ -166,7 +167,7 @@ def _family(system: Any, parameter: str | None, options: BranchOptions) -> Calla
     """p -> (system, force)"""
     given: dict[str, Any] = {**BRANCH_DEFAULTS, **options}
     rest = tuple(given[name] for name in ("force", "amplitude", "at", "without", "inputs"))
-    if hasattr(system, "compiled"):
+    if isinstance(system, Book):
         if not isinstance(parameter, str):
             raise ModelError(
                 f'parameter must be the address of a number of the model, such as "k", it is {parameter!r}'

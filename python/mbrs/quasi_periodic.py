@@ -15,7 +15,8 @@ from . import _balance, _checks, _condensation, _core
 from ._picked import label, picked
 from .errors import ConvergenceError, MbrsWarning, ModelError
 from .harmonic_balance import UNRESOLVED, effects_of
-from .laws import Law
+from .model.book import Book
+from .model.laws import Law
 from .nonlinear_system import as_system, force_of_ports, nonlinear_system
 from .report import html_table, table
 from .results import Result, Stats
@@ -303,7 +304,7 @@ def quasi_periodic(
 
 def sources_of(system: Any, forces: Any, at: Any, without: Sequence[str]) -> tuple[Any, Any]:
     """System and forces as vectors, from a model with ports or a system with vectors."""
-    if not hasattr(system, "compiled"):
+    if not isinstance(system, Book):
         return as_system(system, (), None, at, without)[0], forces
     made, plain = nonlinear_system(system, at=at, without=without), []
     for i, source in enumerate(forces if isinstance(forces, Sequence) else []):

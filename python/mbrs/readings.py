@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from .errors import ModelError, NameNotFoundError
-from .joints import KINDS
-from .names import nearest, shown
+from .model.names import nearest, shown
+from .model.schema import JOINTS
 
 # What the core is asked for: kind, index of body or joint, order, start of a drawn point in x, a drawn point.
 Asked = tuple[str, int, int, int | None, tuple[float, float, float] | None]
 
-_KINDS = {k.code: k for k in KINDS.values()}
+_KINDS = {k.code: k for k in JOINTS.values()}
 _FREE = {code: len(k.free) for code, k in _KINDS.items()}
 # Name in an address: what it asks of a body, and of a marker.
 _BODY = {"position": 0, "velocity": 1, "acceleration": 2}

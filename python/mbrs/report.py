@@ -331,3 +331,12 @@ def _block(columns: list[_Column]) -> str:
     rule = "-" * (sum(widths) + _GAP * (len(widths) - 1))
     body = [line(c.cells[i] for c in columns) for i in range(len(columns[0].cells))]
     return "\n".join([line(c.head for c in columns), rule, *body])
+
+
+def unit_note(labels: Sequence[str], units: Sequence[str]) -> str | None:
+    """A line for below a table: which parameters have no unit; None where all have one."""
+    blank = [label for label, unit in zip(labels, units, strict=True) if not unit]
+    if not blank:
+        return None
+    named = ", ".join(blank[:4]) + (f" and {len(blank) - 4} more" if len(blank) > 4 else "")
+    return f"no unit was given for {named}; pass unit= to m.parameter"

@@ -13,7 +13,8 @@ import numpy as np
 from ._border import core_errors
 from .errors import ModelError, RouteError
 from .linearize import Linearization, _rotation, _skew, split
-from .ports import Port, as_port
+from .model.ports import Port, as_port
+from .model.schema import BODY, MARKER
 from .results import Result, Stats
 from .tables import Directions, directions, tables
 
@@ -121,7 +122,10 @@ class LinearizationSensitivity(Result):
         lin, along = self.linearization, self.directions
         if lin.G is not None:
             return np.ones(along.n, dtype=bool)
-        velocities = [int(s) + i for s in tables(lin.model)["body_x"] for i in range(17, 23)]
+        moving = (BODY.block.slice("velocity"), BODY.block.slice("angular_velocity"))
+        velocities = [
+            int(s) + i for s in tables(lin.model)["body_x"] for part in moving for i in range(part.start, part.stop)
+        ]
         return _cross_couples(lin.model, along, "c") | _touches(along, velocities)
 
     @cached_property
@@ -142,8 +146,7 @@ class LinearizationSensitivity(Result):
         return self.K if self.N is None else self.K + self.N
 
     def __str__(self) -> str:
-        from .parameter_units import unit_note
-        from .report import table
+        from .report import table, unit_note
 
         rows = [
             (
@@ -179,8 +182,7 @@ class EquilibriumSensitivity(Result):
     units: tuple[str, ...]
 
     def __str__(self) -> str:
-        from .parameter_units import unit_note
-        from .report import table
+        from .report import table, unit_note
 
         rows = [
             (body, label, unit, *self.position[i, :, p], *self.rotation[i, :, p])
@@ -336,10 +338,11 @@ def _of_linearization(
 def _cross_couples(model: Any, along: Directions, name: str) -> np.ndarray:
     """(n_p,) bool: directions along which the k or c of a full bushing becomes unsymmetric."""
     out = np.zeros(along.n, dtype=bool)
-    start, places = {"k": 10, "c": 46}[name], tables(model)["element_x"]
+    places = tables(model)["element_x"]
     for element in model.elements:
         if element.shapes.get(name) == (6, 6):
-            d = _slice(along, int(places[element.index]) + start, 36).reshape(6, 6, -1)
+            start = int(places[element.index]) + element.table.block.place(name)
+            d = _slice(along, start, 36).reshape(6, 6, -1)
             out |= np.any(d != d.transpose(1, 0, 2), axis=(0, 1))
     return out
 
@@ -354,7 +357,7 @@ def _touches(along: Directions, places: Sequence[int]) -> np.ndarray:
 def _origin_motion(lin: Linearization, along: Directions, motion: np.ndarray) -> np.ndarray:
     """Motion of origins from that of centres of mass: p = c - R com."""
     t = lin.snapshot.tables
-    places = np.asarray(t["body_x"], dtype=int)[:, None] + np.arange(7, 10)
+    places = np.asarray(t["body_x"], dtype=int)[:, None] + np.r_[BODY.block.slice("com")]
     rotation = np.asarray(lin.poses["rotation"])
     com, change = np.asarray(t["x"])[places], np.zeros((places.size, along.n))
     # which number of which centre of mass a row of dx/dp is, if any
@@ -441,15 +444,16 @@ def _arm_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
     point = port.point
     if port.marker is not None and point is None:
         at = t["marker_x"][lin.model.marker_index[port.marker]]
+        at += MARKER.block.place("at")
         point = tuple(t["x"][at : at + 3])
         world = _slice(along, at, 3)
     if point is None:
         return np.zeros((3, along.n))
-    q = t["x"][start + 3 : start + 7]
+    q = t["x"][start:][BODY.block.slice("orientation")]
     drawn = _rotation(q)
-    local = world - _slice(along, start, 3)
-    turn = _rotation_rate(q, _slice(along, start + 3, 4))
-    local = drawn.T @ (local - np.cross(turn.T, np.asarray(point) - t["x"][start : start + 3]).T)
+    local = world - _slice(along, start + BODY.block.place("at"), 3)
+    turn = _rotation_rate(q, _slice(along, start + BODY.block.place("orientation"), 4))
+    local = drawn.T @ (local - np.cross(turn.T, np.asarray(point) - t["x"][start:][BODY.block.slice("at")]).T)
     arm = lin.port_arm(port)
     return np.cross(d.rotation[body].T, arm).T + lin.poses["rotation"][body] @ local
 

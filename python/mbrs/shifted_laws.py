@@ -7,8 +7,8 @@ from math import comb
 
 import numpy as np
 
-from . import laws as L
 from .errors import ModelError
+from .model import laws as L
 
 _CLASSES: dict[int, type[L.Law]] = {
     0: L.Cubic,

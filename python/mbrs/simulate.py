@@ -15,10 +15,10 @@ import numpy as np
 from . import _core
 from ._amplified import warn_amplified
 from ._border import core_errors
+from ._checks import shown
 from .effects import LINEAR_ONLY, check_without, effects
 from .errors import ConvergenceError, Interrupted, MbrsWarning, ModelError
 from .linearize import Snapshot
-from .names import shown
 from .progress import Progress
 from .results import Stats
 from .state import State, state_of
@@ -26,7 +26,7 @@ from .tables import directions
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 METHODS = ("auto", "explicit", "generalized-alpha", "bdf", "bdf-bfgs", "ali3p")
 _ORDER = {"explicit": 8, "generalized-alpha": 2, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}

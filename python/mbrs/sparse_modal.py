@@ -31,8 +31,10 @@ def is_large(model: Any, n: int | None) -> bool:
     """Whether modes of a model take the sparse route: few modes of many coordinates."""
     if n is None or len(model.bodies) == 0:
         return False
+    from .tables import compiled
+
     with core_errors():
-        n_tree = model.compiled().n_tree
+        n_tree = compiled(model).n_tree
     return bool(n_tree > _LARGE and n * _PART < n_tree)
 
 

@@ -13,14 +13,13 @@ import numpy as np
 from ._border import core_errors
 from .effects import check_without
 from .errors import ConvergenceError, MbrsWarning, ModelError, SingularError
-from .joints import KINDS
 from .linearize import Linearization, Snapshot, _linearization
-from .names import not_found
+from .model.names import not_found
 from .results import Result, Stats
 from .state import State, state_of
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 _MAX_ITERATIONS = 60
 _VARIES = 1e-8
@@ -185,7 +184,7 @@ def _drive_forces(
     rows = list(snapshot.system.topology()["row_joint"])
     for drive in model.drives if "drives" not in without else ():
         joint = model.joints[drive.joint]
-        ending = KINDS[joint.type].coordinates[drive.coordinate]
+        ending = joint.table.coordinates[drive.coordinate]
         if joint.type == "universal":
             ending = ("alpha", "beta")[drive.coordinate]
         name = joint.name if joint.name in names else f"{joint.name}.{ending}"

@@ -11,7 +11,7 @@ from .linearize import Snapshot
 from .state import doubt, state_of
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 
 @dataclass(frozen=True)

@@ -4,29 +4,27 @@ vector x.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .addresses import Target
-from .elements import LOAD_FRAMES, LOAD_TYPES, TYPES
 from .errors import ModelError
-from .flexible_bodies import node_tables
-from .geometry import cross, quaternion_matrix, quaternion_rate
-from .joints import KINDS
-from .model import STORES
-from .names import shown
+from .model.addresses import Target, driver, target
+from .model.book import STORES
+from .model.flexible import FlexibleBody
+from .model.names import shown
+from .model.rotations import cross, quaternion_matrix, quaternion_rate
+from .model.schema import BODY, ELEMENTS, JOINTS, LOAD_FRAMES, LOADS, NODE
+from .model.section_loads import ModalLoad
 
 if TYPE_CHECKING:
-    from .model import Model
+    from .model.model import Model
 
 # Above this many entries the derivative of x is better sparse.
 _DENSE_LIMIT = 1_000_000
-
-_MODAL_FORCE = 2  # type of a load on one modal coordinate
 
 
 def tables(model: Model, flexible: bool = True) -> dict[str, Any]:
@@ -52,6 +50,9 @@ def tables(model: Model, flexible: bool = True) -> dict[str, Any]:
     np.float64(20.0)
     """
     _require_bodies(model)
+    for motion in model.motions:
+        if motion.function is not None:
+            motion.function.check_callable()
     made = {"x": x(model), **_structure(model)}
     if not flexible:
         for key in node_tables(model, offsets(model)):
@@ -62,7 +63,7 @@ def tables(model: Model, flexible: bool = True) -> dict[str, Any]:
 
 def _without_modal_loads(made: dict[str, Any]) -> dict[str, Any]:
     """What becomes of loads where no body has modal coordinates."""
-    kept = made["load_type"] != _MODAL_FORCE
+    kept = made["load_type"] != LOADS["modal_force"].code
     moved = kept[made["load_motion_load"]]
     loads = {key: made[key][kept] for key in ("load_type", "load_body", "load_frame", "load_x")}
     motions = {key: made[key][moved] for key in ("load_motion_component", "load_motion_motion")}
@@ -88,11 +89,12 @@ def framed(made: dict[str, Any]) -> dict[str, Any]:
         frame[node] = n + i
         owner, place = int(made["flexible_node_body"][node]), int(made["flexible_node_x"][node])
         start = int(made["body_x"][owner])
-        drawn = np.zeros(23)
-        drawn[3:7] = values[start + 3 : start + 7]
-        drawn[:3] = values[start : start + 3] + quaternion_matrix(drawn[3:7]) @ values[place : place + 3]
+        origin, turn = BODY.block.slice("at"), BODY.block.slice("orientation")
+        drawn, frame_values = np.zeros(BODY.block.size()), values[start:]
+        drawn[turn] = frame_values[turn]
+        drawn[origin] = frame_values[origin] + quaternion_matrix(drawn[turn]) @ values[place:][NODE.slice("position")]
         names.append(f"{names[owner]}.{made['flexible_node_name'][node]}")
-        starts.append(len(values) + 23 * i)
+        starts.append(len(values) + BODY.block.size() * i)
         owners.append(owner)
         numbers.append(drawn)
     out = {
@@ -115,6 +117,21 @@ def framed(made: dict[str, Any]) -> dict[str, Any]:
         out[bodies] = np.where((at >= 0) & (moved >= 0), moved, made[bodies])
     out["raw"] = made
     return out
+
+
+def compiled(model: Model, flexible: bool = True) -> Any:
+    """The core's System at the present values; the topology is compiled once. ``flexible=False``: flexible bodies are rigid there."""
+    from . import _core
+
+    now = (model.structure_version, model.values_version)
+    systems: dict[bool, Any] = model.cache.setdefault("compiled", {})
+    kept = systems.get(flexible)
+    if kept is None or kept[0][0] != now[0]:
+        kept = (now, _core.System(tables(model, flexible)))
+    elif kept[0] != now:
+        kept = (now, kept[1].with_values(x(model)))
+    systems[flexible] = kept
+    return kept[1]
 
 
 def x(model: Model) -> np.ndarray:
@@ -145,13 +162,15 @@ def _structure(model: Model) -> dict[str, Any]:
         **_items("body", model.bodies, base, ()),
         **_items("joint", model.joints, base, ("type", "a", "b", "flags")),
         **_items("element", model.elements, base, ("type", "a", "b", "flags")),
-        **_items("load", model.loads, base, ("type", "body", "frame")),
+        **_items("load", model.loads, base, ("type", "body")),
+        "load_frame": _integers(_load_frame(load) for load in model.loads),
         **_items("marker", model.markers, base, ("body",)),
         **_laws(model, base),
         **_motions(model, base),
         **node_tables(model, base),
         "pose_body": _integers(p.body for p in model.poses),
         "pose_x": _integers(base["pose"] + p.start for p in model.poses),
+        "tolerance": np.float64(model.tolerance),
         "gravity_x": _integers([base["gravity"] if model.gravity_item is not None else -1]),
     }
     model.cache["tables"] = (model.structure_version, made)
@@ -159,9 +178,11 @@ def _structure(model: Model) -> dict[str, Any]:
 
 
 _CODES: dict[tuple[str, str], dict[str, int]] = {
-    ("joint", "type"): {name: kind.code for name, kind in KINDS.items()},
-    ("element", "type"): TYPES,
-    ("load", "type"): LOAD_TYPES,
+    **{
+        (kind.heading, "type"): {k.type: k.code for k in kinds.values()}
+        for kinds in (JOINTS, ELEMENTS, LOADS)
+        for kind in kinds.values()
+    },
     ("load", "frame"): LOAD_FRAMES,
 }
 
@@ -177,6 +198,11 @@ def _items(kind: str, items: Sequence[Any], base: dict[str, int], columns: Itera
     start = base[kind]
     out[f"{kind}_x"] = _integers(start + item.start for item in items)
     return out
+
+
+def _load_frame(load: Any) -> int:
+    """Of a force on a modal coordinate its index."""
+    return load.mode if isinstance(load, ModalLoad) else LOAD_FRAMES[load.frame]
 
 
 def _laws(model: Model, base: dict[str, int]) -> dict[str, Any]:
@@ -221,6 +247,45 @@ def _motions(model: Model, base: dict[str, int]) -> dict[str, Any]:
     }
 
 
+def node_tables(model: Model, base: dict[str, int]) -> dict[str, Any]:
+    """The part of Tables that flexible bodies make; nothing of a model without them."""
+    bodies = [b for b in model.bodies if isinstance(b, FlexibleBody)]
+    if not bodies:
+        return {}
+    start, nodes = base["flexible"], [(b.index, i) for b in bodies for i in range(len(b.nodes))]
+    number = {place: i for i, place in enumerate(nodes)}
+
+    def of(items: Sequence[Any], body: str, node: str) -> np.ndarray:
+        return _integers(number.get((getattr(i, body), getattr(i, node)), -1) for i in items)
+
+    return {
+        "flexible_body": _integers(b.index for b in bodies),
+        "flexible_modes": _integers(b.n_modes for b in bodies),
+        "flexible_x": _integers(start + b.integrals.start for b in bodies),
+        "flexible_node_name": [model.bodies[b].nodes[i] for b, i in nodes],  # type: ignore[attr-defined]
+        "flexible_node_body": _integers(b for b, _ in nodes),
+        "flexible_node_x": _integers(start + model.bodies[b].integrals.node_start(i) for b, i in nodes),  # type: ignore[attr-defined]
+        "moving_node": _integers(number[place] for place in model.moving_nodes()),
+        "joint_a_node": of(model.joints, "a", "a_node"),
+        "joint_b_node": of(model.joints, "b", "b_node"),
+        "element_a_node": of(model.elements, "a", "a_node"),
+        "element_b_node": of(model.elements, "b", "b_node"),
+        "load_node": of(model.loads, "body", "node"),
+        "marker_node": of(model.markers, "body", "node"),
+    }
+
+
+def modal_places(tables: Mapping[str, Any], n_bodies: int) -> list[tuple[int, int, int, int]]:
+    """Of each flexible body: its number, the number of its modes, the row of a state where its coordinates start (three in
+    each row, columns 0..2), and its first place among all modal coordinates.
+    """
+    out, row, first = [], n_bodies, 0
+    for body, m in zip(tables.get("flexible_body", ()), tables.get("flexible_modes", ()), strict=True):
+        out.append((int(body), int(m), row, first))
+        row, first = row + (int(m) + 2) // 3, first + int(m)
+    return out
+
+
 def _integers(values: Iterable[Any]) -> np.ndarray:
     out = np.array(list(values), dtype=np.int64)
     out.setflags(write=False)  # shared between the dicts of all calls
@@ -234,8 +299,8 @@ class Directions:
     Attributes
     ----------
     labels, units
-        Of each column: "leg0.at_b[2]", "m". A parameter has the unit of the numbers that it feeds as it is, or through sums,
-        signs, doubles and halves; "" where these differ or there are none, and of numbers of laws.
+        Of each column: "leg0.at_b[2]", "m". A parameter has the unit that `Model.parameter` was given; "" without one, and of
+        numbers of laws.
     shape
         What the parameter axis of a derivative becomes: (n_p,), or the shape of the one array that was asked for.
     n_x
@@ -324,23 +389,22 @@ def directions(model: Model, addresses: str | Sequence[str]) -> Directions:
     columns: list[tuple[list[int], list[float]]] = []
     labels: list[str] = []
     units: list[str] = []
-    targets = [model.target(address) for address in given]
+    targets = [target(model, address) for address in given]
     jacobian = None
-    for target in targets:
-        labels += target.labels
-        if target.field is None:
-            jacobian = model.driver().jacobian(model) if jacobian is None else jacobian
-            for place in target.components:
+    for one in targets:
+        labels += one.labels
+        if one.group is None:
+            jacobian = driver(model).jacobian(model) if jacobian is None else jacobian
+            for place in one.components:
                 rows, values, stores = jacobian.get(place, ([], [], []))
                 columns.append(([base[kind] + row for row, kind in zip(rows, stores, strict=True)], values))
-            known = model.driver().units(model)
-            units += [known.get(place, "") for place in target.components]
+            units += [model.space.unit_of(place) for place in one.components]
         else:
-            start = base[target.store]
-            for component in target.components:
-                slots, values = _column(model, target, component)
+            start = base[one.store]
+            for component in one.components:
+                slots, values = _column(model, one, component)
                 columns.append(([start + slot for slot in slots], values))
-                units.append(target.field.units[component])
+                units.append(one.group.units[component])
     shape = targets[0].shape if len(targets) == 1 and targets[0].shape else (len(labels),)
     return _assembled(tuple(labels), tuple(units), shape, sum(len(s.x) for s in model.stores.values()), columns)
 
@@ -365,14 +429,15 @@ def _assembled(
 
 
 def _column(model: Model, target: Target, component: int) -> tuple[Sequence[int], list[float]]:
-    field = target.field
-    assert field is not None
-    if field.kind not in ("axis", "orientation"):
-        slots = field.slots[component]
+    group = target.group
+    if group is None:
+        return [], []
+    if group.kind not in ("axis", "orientation"):
+        slots = group.slots[component]
         return slots, [1.0] * len(slots)
-    places = [slots[0] for slots in field.slots]
+    places = [slots[0] for slots in group.slots]
     now = [model.stores[target.store].x[place] for place in places]
-    if field.kind == "orientation":
+    if group.kind == "orientation":
         return places, quaternion_rate(now, component)
     e = [0.0, 0.0, 0.0]
     e[component] = 1.0

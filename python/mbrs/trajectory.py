@@ -12,11 +12,12 @@ import numpy as np
 from . import _core
 from ._border import core_errors
 from .errors import ModelError, NameNotFoundError
-from .flexible_bodies import modal_places
 from .linearize import Snapshot
-from .names import nearest
+from .model.names import nearest
+from .model.schema import BODY, JOINTS, MARKER
 from .results import Result
 from .state import State
+from .tables import modal_places
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -178,7 +179,7 @@ class Trajectory(Result):
                 )
             index = known.index(name)
             body, start = int(t["marker_body"][index]), int(t["marker_x"][index])
-            drawn = x[start : start + 3]
+            drawn = x[start:][MARKER.block.slice("at")]
         else:
             body = self._body(of)
             try:
@@ -190,7 +191,9 @@ class Trajectory(Result):
         if body < 0:
             return np.broadcast_to(drawn, (len(self.t), 3)).copy()
         start = int(t["body_x"][body])
-        local = _matrix(x[start + 3 : start + 7]).T @ (drawn - x[start : start + 3])
+        body_numbers = x[start:]
+        turned = _matrix(body_numbers[BODY.block.slice("orientation")])
+        local = turned.T @ (drawn - body_numbers[BODY.block.slice("at")])
         name = self.bodies[body]
         return self.position(name) + self.rotation(name) @ local
 
@@ -404,8 +407,7 @@ class Trajectory(Result):
 
     def sensitivity_table(self, what: str, t: float | None = None) -> str:
         """`sensitivity` at an output time (the last one without ``t``), and its largest absolute value, as a table."""
-        from .parameter_units import unit_note
-        from .report import table
+        from .report import table, unit_note
 
         at = len(self.t) - 1 if t is None else self._output(t)
         labels = self.parameter_labels
@@ -543,8 +545,7 @@ def _error(self: Trajectory) -> float | None:
 # a property may not stand in the class body, where the dataclass would take it for a default
 Trajectory.error = property(_error, doc="Estimated error of the positions, see the class.")  # type: ignore[assignment]
 
-# free coordinates by type of joint (docs/tables.md)
-_FREE = (0, 1, 1, 2, 2, 3, 3, 6, 0, 0, 0)
+_FREE = {kind.code: len(kind.free) for kind in JOINTS.values()}
 
 
 def _matrix(q: np.ndarray) -> np.ndarray:

@@ -9,23 +9,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
+from ..model.schema import BODY, COUPLER, ELEMENTS, JOINTS, LOADS, MARKER
 
 __all__ = ["BodyGeometry", "JointGeometry", "LinkGeometry", "SceneGeometry", "scene_from_tables"]
 
-_JOINTS = [
-    "fixed",
-    "revolute",
-    "prismatic",
-    "cylindrical",
-    "universal",
-    "spherical",
-    "planar",
-    "free",
-    "distance",
-    "knife_edge",
-    "rolling_disc",
-]
-_ELEMENTS = ("spring_damper", "bushing", "torsion")
+_JOINTS = {kind.code: kind.type for kind in JOINTS.values()}
+_ELEMENTS = {kind.code: kind for kind in ELEMENTS.values()}
+_JOINT = JOINTS["revolute"].block
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,11 +164,13 @@ def scene_from_tables(tables: Mapping[str, Any]) -> SceneGeometry:
     for body, rim in _rims(tables, x):
         attached[body].extend(rim)
     for kind in ("marker", "load"):
+        place = (MARKER if kind == "marker" else LOADS["force"]).block.slice("at")
         for body, start in zip(tables.get(f"{kind}_body", ()), tables.get(f"{kind}_x", ()), strict=True):
-            attach(int(body), x[start : start + 3])
+            attach(int(body), x[start:][place])
+    at, orientation = BODY.block.slice("at"), BODY.block.slice("orientation")
     bodies = tuple(
         BodyGeometry(
-            name, x[start : start + 3], _matrix(x[start + 3 : start + 7]), np.reshape(points, (-1, 3)) if points else ()
+            name, x[start:][at], _matrix(x[start:][orientation]), np.reshape(points, (-1, 3)) if points else ()
         )
         for name, start, points in zip(names, tables["body_x"], attached, strict=True)
     )
@@ -189,14 +181,16 @@ def _rims(tables: Mapping[str, Any], x: np.ndarray) -> Iterator[tuple[int, np.nd
     """Bodies that are round, with points of their rims: rolling discs, and what turns in a hinge that drives a rack."""
     kinds, starts, second = tables["joint_type"], tables["joint_x"], tables["joint_b"]
     for j, start in enumerate(starts):
-        if _JOINTS[kinds[j]] == "rolling_disc" and second[j] >= 0:
-            yield int(second[j]), _circle(x[start + 3 : start + 6], x[start + 9 : start + 12], x[start + 35])
+        if _JOINTS[int(kinds[j])] == "rolling_disc" and second[j] >= 0:
+            n, block = x[start:], JOINTS["rolling_disc"].block
+            yield int(second[j]), _circle(n[block.slice("at_b")], n[block.slice("axis2")], n[block.place("radius")])
     keys = ("first", "second", "x")
     for a, b, place in zip(*(tables.get(f"coupler_{k}", ()) for k in keys), strict=True):
-        if (_JOINTS[kinds[a]], _JOINTS[kinds[b]]) == ("revolute", "prismatic") and second[a] >= 0:
+        if (_JOINTS[int(kinds[a])], _JOINTS[int(kinds[b])]) == ("revolute", "prismatic") and second[a] >= 0:
             start = starts[a]
             axis = _joint_axis(x, start, tables["joint_flags"][a])
-            yield int(second[a]), _circle(x[start : start + 3], axis, abs(x[place]))
+            centre, ratio = x[start:][_JOINT.slice("at_a")], x[place + COUPLER.block.place("ratio")]
+            yield int(second[a]), _circle(centre, axis, abs(ratio))
 
 
 def _circle(centre: np.ndarray, axis: np.ndarray, radius: float) -> np.ndarray:
@@ -210,25 +204,29 @@ def _circle(centre: np.ndarray, axis: np.ndarray, radius: float) -> np.ndarray:
 
 
 def _joint_axis(x: np.ndarray, start: int, flags: int) -> np.ndarray:
-    return _matrix(x[start + 12 : start + 16])[:, 2] if int(flags) & 8 else x[start + 6 : start + 9]
+    n = x[start:]
+    if int(flags) & _JOINT.fields["orientation"].bit:
+        return _matrix(n[_JOINT.slice("orientation")])[:, 2]
+    return n[_JOINT.slice("axis")]
 
 
 def _links(tables: Mapping[str, Any], x: np.ndarray, attach: Any) -> Any:
     keys = ("name", "type", "a", "b", "x")
     for name, kind, a, b, start in zip(*(tables.get(f"element_{k}", ()) for k in keys), strict=True):
-        at_a = x[start : start + 3]
-        at_b = at_a if kind == 2 else x[start + 3 : start + 6]  # a torsion spring acts at one point
-        yield LinkGeometry(str(name), attach(int(a), at_a), attach(int(b), at_b), at_a, at_b, _ELEMENTS[kind])
+        block = _ELEMENTS[int(kind)].block
+        at_a = x[start:][block.slice("at_a" if "at_a" in block.fields else "at")]
+        at_b = x[start:][block.slice("at_b")] if "at_b" in block.fields else at_a  # a torsion spring acts at one point
+        yield LinkGeometry(str(name), attach(int(a), at_a), attach(int(b), at_b), at_a, at_b, _ELEMENTS[int(kind)].type)
 
 
 def _joints(tables: Mapping[str, Any], x: np.ndarray, attach: Any) -> Any:
     keys = ("name", "type", "a", "b", "flags", "x")
     for name, kind, a, b, flags, start in zip(*(tables.get(f"joint_{k}", ()) for k in keys), strict=True):
-        at_a, at_b = x[start : start + 3], x[start + 3 : start + 6]
+        at_a, at_b = x[start:][_JOINT.slice("at_a")], x[start:][_JOINT.slice("at_b")]
         axis = _joint_axis(x, start, flags)
         usable = np.all(np.isfinite(axis)) and np.any(axis != 0.0)
         yield JointGeometry(
-            str(name), _JOINTS[kind], attach(int(a), at_a), attach(int(b), at_b), at_a, axis if usable else None
+            str(name), _JOINTS[int(kind)], attach(int(a), at_a), attach(int(b), at_b), at_a, axis if usable else None
         )
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
+from ..model.schema import MARKER
 from .geometry import SceneGeometry, scene_from_tables
 from .viewer import Viewer, scene_data
 
@@ -295,7 +296,7 @@ def _paths(traj: Any, scene: SceneGeometry, position: np.ndarray, turned: np.nda
     """Name, body and ways (n, 3) of points."""
     t, index = traj.snapshot.tables, scene.index
     markers = {
-        str(n): (int(b), t["x"][x : x + 3])
+        str(n): (int(b), t["x"][x:][MARKER.block.slice("at")])
         for n, b, x in zip(t["marker_name"], t["marker_body"], t["marker_x"], strict=True)
     }
     names = [str(getattr(one, "name", one)) for one in wanted] if wanted is not None else list(markers) or _last(scene)

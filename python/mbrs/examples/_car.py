@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..model import Model
+from ..model.model import Model
 
 # Everything here is invented, of the size of a middle-class car: m, kg, N, s; x forwards, y left, z up from the road.
 SPEED = 12.0
@@ -97,10 +97,13 @@ def car(gravity: float = 9.81) -> Model:
     drive_on = {"velocity": (SPEED, 0.0, 0.0)}
     chassis = m.body("chassis", mass=MASSES["chassis"], inertia=(520.0, 1900.0, 2100.0), at=(0, 0, 0.55), **drive_on)
     m.marker("driver", chassis, at=(0.1, 0.35, 0.6))
-    tyre = m.parameter("tyre_k", TYRE["k"]), m.parameter("tyre_c", TYRE["c"])
+    tyre = m.parameter("tyre_k", TYRE["k"], unit="N/m"), m.parameter("tyre_c", TYRE["c"], unit="N s/m")
     for axle, x in AXLES.items():
-        k, c = (m.parameter(f"{axle}_spring_{n}", v[axle]) for n, v in (("k", STIFFNESS), ("c", DAMPING)))
-        points = {n: m.parameter(f"{axle}_{n}", np.add(p, (x, 0, 0))) for n, p in POINTS.items()}
+        k, c = (
+            m.parameter(f"{axle}_spring_{n}", v[axle], unit=u)
+            for n, v, u in (("k", STIFFNESS, "N/m"), ("c", DAMPING, "N s/m"))
+        )
+        points = {n: m.parameter(f"{axle}_{n}", np.add(p, (x, 0, 0)), unit="m") for n, p in POINTS.items()}
         for side, sign in (("left", 1), ("right", -1)):
             at = {n: (p[0], sign * p[1], p[2]) for n, p in points.items()}
             _corner(m, axle, side, at, (k, c), tyre, np.multiply(PRELOADS[axle], gravity / 9.81))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ..model import Model
+from ..model.model import Model
 from ._links import rod
 
 _POINTS = {"A": (0.0, 0.0), "P1": (-1.0, -1.0), "P2": (0.5, -2.0), "P3": (2.0, -1.0), "B": (1.0, 0.0)}

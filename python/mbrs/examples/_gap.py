@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..laws import Gap
-from ..model import Model
+from ..model.laws import Gap
+from ..model.model import Model
 
 
 def gap_problem(mass: float = 1.0, k: float = 100.0, stop: float = 1e4, gap: float = 0.05, speed: float = 2.0) -> Model:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..model import Model
+from ..model.model import Model
 
 
 def heavy_top(spin: float = 150.0, precession: float = -4.61538, gravity: float = 9.81) -> Model:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import ModelError
-from ..model import Model
+from ..model.model import Model
 
 Pair = tuple[tuple[float, float, float], tuple[float, float, float]]
 
@@ -72,7 +72,7 @@ def cubic_hexapod(
     m = Model("isolator")
     centre = (0.0, 0.0, height)
     p = m.body("payload", mass=mass, inertia=(inertia, inertia, inertia), at=centre)
-    k_leg, c_leg = m.parameter("k_leg", k), m.parameter("c_leg", c)
+    k_leg, c_leg = m.parameter("k_leg", k, unit="N/m"), m.parameter("c_leg", c, unit="N s/m")
     for i, (a, b) in enumerate(cubic_hexapod_points(edge, centre)):
         m.spring_damper(f"leg{i}", m.ground, p, at=(a, b), k=k_leg, c=c_leg)
     return m

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from ..geometry import rotation
-from ..model import Model
+from ..model.model import Model
+from ..model.rotations import rotation
 from ._data import LATTICE_C, LATTICE_INERTIA, LATTICE_K, LATTICE_MASS
 
 _JOINTS = {

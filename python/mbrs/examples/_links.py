@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..geometry import rotation
-from ..model import Model
+from ..model.model import Model
+from ..model.rotations import rotation
 
 # Inertia of a rod about its own axis over that across it: invented, and of no effect in plane motion.
 SLIGHT = 0.012

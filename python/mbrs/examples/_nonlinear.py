@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..laws import Cubic, Gap
-from ..model import Model
+from ..model.laws import Cubic, Gap
+from ..model.model import Model
 from ._data import LATTICE_C
 from ._lattices import ladder
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..laws import Cubic, Gap, Jenkins, VanDerPol
+from ..model.laws import Cubic, Gap, Jenkins, VanDerPol
 
 
 def _system(*matrices: Any, elements: Any, coordinates: Any = None) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..model import Model
+from ..model.model import Model
 
 START, SPEED = (1.0, 0.0, 0.5), 1.0
 # The point on ground (m) beside which z is shown, out of the way of x and y.
@@ -23,7 +23,7 @@ def nonholonomic_particle(mass: float = 1.0, stiffness: float = 10.0, b: float =
     >>> m = mb.examples.nonholonomic_particle()
     """
     m = Model("nonholonomic particle")
-    p, k, r = m.parameter("m", mass), m.parameter("k", stiffness), m.parameter("b", b)
+    p, k, r = m.parameter("m", mass, unit="kg"), m.parameter("k", stiffness, unit="N/m"), m.parameter("b", b)
     x, y, z = START
     little = (light, light, light)
     pin = (_CORNER[0] - z, _CORNER[1], 0.0)

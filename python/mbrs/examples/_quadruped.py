@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..model import Model
+from ..model.model import Model
 
 # Invented. kg, (kg m2), m; a leg bends backwards at the knee, so that the foot is not under the hip's axis.
 _TORSO = (30.0, (0.9, 0.5, 1.2))
@@ -27,7 +27,7 @@ def quadruped(length: float = 0.8, width: float = 0.4, height: float = 0.6, grav
     "k_foot" (3,) is shared by all feet, "k_leg" by all torsion springs.
     """
     m = Model("quadruped", gravity=(0.0, 0.0, -gravity) if gravity else None)
-    k_leg, k_foot = m.parameter("k_leg", _JOINT_K), m.parameter("k_foot", _FOOT_K)
+    k_leg, k_foot = m.parameter("k_leg", _JOINT_K, unit="N m/rad"), m.parameter("k_foot", _FOOT_K, unit="N/m")
     torso = m.body("torso", mass=_TORSO[0], inertia=_TORSO[1], at=(0, 0, height))
     for end, y in (("F", length / 2), ("R", -length / 2)):
         for side, x in (("L", -width / 2), ("R", width / 2)):

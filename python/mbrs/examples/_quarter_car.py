@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ..model import Model
+from ..model.model import Model
 
 BUMP_HEIGHT, BUMP_TIME = 0.05, 0.12  # m, s
 

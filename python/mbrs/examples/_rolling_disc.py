@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry import rotation
-from ..model import Model
+from ..model.model import Model
+from ..model.rotations import rotation
 
 
 def rolling_disc(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..model import Model
+from ..model.model import Model
 
 # Invented: kg, kg m2; N/m, N m/rad, N s/m.
 _HOUSING, _DISC = (4.0, (0.02, 0.02, 0.03)), (6.0, (0.03, 0.03, 0.055))

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..flexible import beam
-from ..geometry import rotation
-from ..model import Model
+from ..model.model import Model
+from ..model.rotations import rotation
 from ._links import rod
 
 _ROD_MASS = 0.76  # kg

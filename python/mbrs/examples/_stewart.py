@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..laws import Jenkins
-from ..model import Model
+from ..model.bodies import Body, Ground
+from ..model.expressions import Expression
+from ..model.laws import Jenkins
+from ..model.model import Model
 
 # Invented: kg, kg m2; flexures N m/rad, N m s/rad; struts N/m, N s/m.
 _BASE, _PLATFORM = (50.0, (2.0, 2.0, 4.0)), (15.0, (0.12, 0.12, 0.22))
@@ -39,7 +41,7 @@ def stewart_platform(
         Bodies "base", "platform", "lower0", "upper0", ...; parameters "k_strut" and "c_strut". All data are invented.
     """
     m = Model("stewart platform")
-    k, c = m.parameter("k_strut", _STRUT_K), m.parameter("c_strut", _STRUT_C)
+    k, c = m.parameter("k_strut", _STRUT_K, unit="N/m"), m.parameter("c_strut", _STRUT_C, unit="N s/m")
     base = m.body("base", mass=_BASE[0], inertia=_BASE[1], at=(0, 0, 0))
     platform = m.body("platform", mass=_PLATFORM[0], inertia=_PLATFORM[1], at=(0, 0, height + 0.02))
     m.fixed("floor", m.ground, base, at=(0, 0, 0))
@@ -60,12 +62,12 @@ def _on_circle(radius: float, angle: float, z: float) -> np.ndarray:
 def _strut(
     m: Model,
     i: int,
-    base: object,
-    platform: object,
+    base: Body | Ground,
+    platform: Body | Ground,
     foot: np.ndarray,
     head: np.ndarray,
-    k: object,
-    c: object,
+    k: Expression,
+    c: Expression,
     law: Jenkins | None,
 ) -> None:
     along = head - foot
@@ -73,10 +75,9 @@ def _strut(
     points = {part: tuple(foot + share * along) for part, share in (("lower", 0.3), ("middle", 0.5), ("upper", 0.7))}
     lower = m.body(f"lower{i}", mass=_ROD, inertia=_ROD_INERTIA, at=points["lower"], orientation=turned)
     upper = m.body(f"upper{i}", mass=_ROD, inertia=_ROD_INERTIA, at=points["upper"], orientation=turned)
-    flexure = {"orientation": turned, "k": _FLEXURE_K, "c": _FLEXURE_C}
-    m.spherical(f"foot{i}", base, lower, at=tuple(foot), **flexure)
+    m.spherical(f"foot{i}", base, lower, at=tuple(foot), orientation=turned, k=_FLEXURE_K, c=_FLEXURE_C)
     m.prismatic(f"strut{i}", lower, upper, at=points["middle"], axis=tuple(along), law=law)
-    m.spherical(f"head{i}", upper, platform, at=tuple(head), **flexure)
+    m.spherical(f"head{i}", upper, platform, at=tuple(head), orientation=turned, k=_FLEXURE_K, c=_FLEXURE_C)
     m.spring_damper(f"spring{i}", lower, upper, at=(points["lower"], points["upper"]), k=k, c=c)
 
 

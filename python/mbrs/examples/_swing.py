@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from ..model import Model
-from ..motions import Ramp
+from ..model.model import Model
+from ..model.motions import Ramp
 from ._links import rod
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..errors import ModelError
-from ..model import Model
+from ..model.model import Model
 
 # Invented: kg, kg m2; N/m, N m/rad, N s/m, N m s/rad.
 _BASE, _LONG_STROKE, _CHUCK = (1200.0, (90.0, 110.0, 180.0)), (60.0, (1.4, 1.2, 2.2)), (12.0, (0.12, 0.12, 0.22))
@@ -31,7 +31,7 @@ def wafer_stage(mounts: int = 4, length: float = 1.6, width: float = 1.2) -> Mod
     if mounts not in (3, 4):
         raise ModelError(f"a wafer stage stands on 3 or 4 mounts, got mounts={mounts!r}")
     m = Model("wafer stage")
-    k = m.parameter("k_mount", _MOUNT_K)
+    k = m.parameter("k_mount", _MOUNT_K, unit="N/m")
     base = m.body("base", mass=_BASE[0], inertia=_BASE[1], at=(0, 0, 0.2))
     x, y = length / 2, width / 2
     corners = [(-x, -y), (x, -y), (x, y), (-x, y)] if mounts == 4 else [(-x, -y), (x, -y), (0.0, y)]

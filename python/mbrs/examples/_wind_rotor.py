@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..flexible import ModalBody, beam
-from ..model import Model
-from ..motions import Ramp
+from ..model.model import Model
+from ..model.motions import Ramp
 from ._windpact import (
     DAMPING,
     HUB_INERTIA,

@@ -243,7 +243,7 @@ fn motions(reader: &Reader<'_, '_>) -> PyResult<Vec<MotionSpec>> {
     (0..code.len()).map(one).collect()
 }
 
-/// mbrs.motions makes callables that return a list of floats, checked.
+/// mbrs.model.motions makes callables that return a list of floats, checked, or raise an error that names their owner.
 fn python_function(f: Py<PyAny>) -> Function {
     Function::new(move |t| called(|py| f.call1(py, (t,))?.extract(py)))
 }

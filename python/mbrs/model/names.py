@@ -5,13 +5,14 @@ from __future__ import annotations
 import difflib
 from collections.abc import Collection, Iterable
 
-from .errors import DuplicateNameError, MbrsError, ModelError, NameNotFoundError
+from .._checks import shown
+from ..errors import DuplicateNameError, MbrsError, ModelError, NameNotFoundError
 
 GROUND = "ground"
 _FORBIDDEN = frozenset(".[]")
 # Comparing with every name of a model of 1e5 bodies would take seconds, so large sets are narrowed first.
 _LARGE = 2000
-_SHOWN = 80
+__all__ = ["GROUND", "check_name", "located", "nearest", "not_found", "problem", "shown"]
 
 
 def problem(address: str, text: str, error: type[MbrsError] = ModelError) -> MbrsError:
@@ -23,15 +24,6 @@ def located(error: MbrsError, address: str) -> MbrsError:
     """The error, with the address it is about kept on it, so that a file reader can point at the line."""
     error.__dict__["address"] = address
     return error
-
-
-def shown(value: object) -> str:
-    """Anything as short text for a message, whatever its repr does."""
-    try:
-        text = " ".join(repr(value).split())
-    except Exception:
-        text = f"<{type(value).__name__}>"
-    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
 
 
 def check_name(kind: str, name: object, taken: Collection[str]) -> str:

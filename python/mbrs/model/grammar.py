@@ -1,6 +1,6 @@
 """Expressions as text: "2*k_leg + 1", "V[0,1]*sin(angle)"; names that are no identifiers are quoted: "2*'leg k'".
 
-Numbers, parameters, + - * / **, unary minus, parentheses and the NumPy functions of `mbrs.expressions`; nothing else is
+Numbers, parameters, + - * / **, unary minus, parentheses and the NumPy functions of `mbrs.model.expressions`; nothing else is
 read, and nothing is ever executed.
 """
 
@@ -11,10 +11,10 @@ import math
 from typing import Any
 
 from ..errors import ModelError
-from ..expressions import combine
-from ..names import nearest, not_found
-from ..operations import FUNCTIONS
-from ..parameters import ArrayParameter, ParameterSpace
+from .expressions import combine
+from .names import nearest, not_found, shown
+from .operations import FUNCTIONS
+from .parameters import ArrayParameter, ParameterSpace
 
 _BINARY = {ast.Add: "add", ast.Sub: "subtract", ast.Mult: "multiply", ast.Div: "divide", ast.Pow: "power"}
 _CONSTANTS = {"pi": math.pi}
@@ -37,14 +37,14 @@ def parse(text: str, space: ParameterSpace) -> Any:
     except SyntaxError as reason:
         # Python reports offset 0 where the text ends too early.
         raise GrammarError(
-            f"cannot read the expression {text!r}: {reason.msg}", reason.offset or len(text) + 1
+            f"cannot read the expression {shown(text)}: {reason.msg}", reason.offset or len(text) + 1
         ) from None
     except (RecursionError, MemoryError):
         raise GrammarError("the expression is nested too deeply to be read; split it with parameters", 1) from None
     except ValueError as reason:
         if isinstance(reason, ModelError):
             raise
-        raise GrammarError(f"cannot read the expression {text!r}: {reason}", 1) from None
+        raise GrammarError(f"cannot read the expression {shown(text)}: {reason}", 1) from None
 
 
 def _read(node: ast.AST, text: str, space: ParameterSpace) -> Any:
@@ -69,7 +69,7 @@ def _constant(node: ast.Constant, text: str, space: ParameterSpace) -> Any:
     if isinstance(node.value, str):
         return _named(node.value, node, text, space)
     if isinstance(node.value, bool) or not isinstance(node.value, (int, float)):
-        raise _error(f"{node.value!r} is not a real number", node, text)
+        raise _error(f"{shown(node.value)} is not a real number", node, text)
     try:
         return float(node.value)
     except OverflowError:
@@ -116,4 +116,4 @@ def _apply(name: str, args: list[Any], node: ast.AST, text: str) -> Any:
 
 def _error(message: str, node: ast.AST, text: str) -> GrammarError:
     column = getattr(node, "col_offset", 0) + 1
-    return GrammarError(f"in the expression {text!r}, column {column}: {message}", column)
+    return GrammarError(f"in the expression {shown(text)}, column {column}: {message}", column)

@@ -8,21 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from .errors import ModelError
+from ..errors import ModelError
 from .expressions import Expression
 from .names import problem, shown
-from .values import Number, array, axis, scalar, shape_of
+from .numbers import Number, array, scalar, shape_of
+from .numbers import axis as direction
 
 # How far a matrix may be from orthonormal: hand-typed cosines of six digits pass, a typing error does not.
 _ORTHONORMAL = 1e-5
 
 
-def rotation(axis_: Any = "z", angle: Any = 0.0) -> np.ndarray:
+def rotation(axis: Any, angle: Any) -> np.ndarray:
     """The quaternion of a rotation, q = (cos(angle/2), sin(angle/2) a) with the unit axis a.
 
     Parameters
     ----------
-    axis_
+    axis
         "x", "y", "z", "-x", ... or a vector (3,), not zero; its length does not matter. May contain expressions.
     angle
         Radians, right-handed; a number or an expression of parameters.
@@ -46,7 +47,7 @@ def rotation(axis_: Any = "z", angle: Any = 0.0) -> np.ndarray:
     >>> mb.rotation("z", np.pi).round(6)
     array([0., 0., 0., 1.])
     """
-    a = axis(axis_, "the axis of a rotation")
+    a = direction(axis, "the axis of a rotation")
     half = scalar(angle, "the angle of a rotation") * 0.5
     plain = not isinstance(half, Expression) and not any(isinstance(v, Expression) for v in a)
     length: Any = math.hypot(*a) if plain else np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])  # type: ignore[arg-type]
@@ -95,18 +96,6 @@ def matrix_to_quaternion(r: np.ndarray) -> np.ndarray:
     return q if q[0] >= 0.0 else -q
 
 
-def quaternion_to_matrix(q: Sequence[float]) -> np.ndarray:
-    """The rotation matrix of a quaternion of any length but zero."""
-    w, x, y, z = np.asarray(q, dtype=float) / math.sqrt(sum(float(v) * float(v) for v in q))
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
 def cross(a: Sequence[float], b: Sequence[float]) -> list[float]:
     """a x b without the overhead of arrays."""
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
@@ -121,9 +110,9 @@ def quaternion_rate(q: Sequence[float], i: int) -> list[float]:
     return [-0.5 * v[i], *(0.5 * (w * e[j] + turned[j]) for j in range(3))]
 
 
-def unit(direction: Any, where: str) -> tuple[float, float, float]:
+def unit(given: Any, where: str) -> tuple[float, float, float]:
     """A plain unit vector from "x", "-y", ... or three numbers."""
-    a = axis(direction, where)
+    a = direction(given, where)
     if any(isinstance(v, Expression) for v in a):
         raise ModelError(f"{where} must be plain numbers, not expressions of parameters")
     length = math.hypot(*a)  # type: ignore[arg-type]
@@ -131,8 +120,8 @@ def unit(direction: Any, where: str) -> tuple[float, float, float]:
     return (x, y, z)
 
 
-def quaternion_matrix(q: np.ndarray) -> np.ndarray:
+def quaternion_matrix(q: Sequence[float] | np.ndarray) -> np.ndarray:
     """The rotation matrix (3, 3) of a quaternion (4,), scalar first, of any positive length."""
-    w, x, y, z = q
+    w, x, y, z = np.asarray(q, dtype=float) / np.linalg.norm(q)
     s = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + (2.0 / (q @ q)) * (w * s + s @ s)
+    return np.eye(3) + 2.0 * (w * s + s @ s)

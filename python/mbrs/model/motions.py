@@ -8,29 +8,51 @@ from __future__ import annotations
 
 import importlib
 import itertools
+import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from .errors import ModelError
+from ..errors import ModelError
+from .aliases import Scalar, TimeFunctionLike
+from .book import Group, Item
 from .names import problem, shown
-from .store import Field, Item, plain, single
-from .values import Number, array, scalar, shape_of
+from .numbers import Number, array, scalar, shape_of
+from .schema import (
+    CUBIC_TABLE,
+    FUNCTION,
+    LINEAR_TABLE,
+    MOTIONS,
+    POLYNOMIAL,
+    RAMP,
+    SINE,
+    SINE_HZ,
+    MotionKind,
+    motion_unit,
+)
 
-FUNCTION = 6
 # Differences over seven points this far apart (s) stand for the derivatives of a function that does not give them.
 _STEP = 1e-3
 
 
 class Motion:
-    """Base of the motions: ``code`` and ``entries`` are what the core reads, ``layout`` names the entries."""
+    """Base of the motions: ``code`` and ``entries`` are what the core reads, ``declared`` is its line of the schema."""
 
-    code = -1
-    layout: tuple[tuple[str, int | None], ...] = ()
+    declared: MotionKind
 
     def __init__(self, *groups: Any) -> None:
         self.groups = groups
+
+    @property
+    def code(self) -> int:
+        """What the core knows it by."""
+        return self.declared.code
+
+    @property
+    def layout(self) -> tuple[tuple[str, int | None], ...]:
+        """Name of each group of numbers and how many it has: 1, or any number."""
+        return tuple((g.rstrip("*"), None if g.endswith("*") else 1) for g in self.declared.groups)
 
     def entries(self, where: str) -> list[list[Number]]:
         """The numbers of each named group, checked; ``where`` heads messages."""
@@ -69,8 +91,7 @@ class Ramp(Motion):
     Ramp(rate=2.0, offset=0.0, start=0.0)
     """
 
-    code = 0
-    layout = (("rate", 1), ("offset", 1), ("start", 1))
+    declared = RAMP
 
     def __init__(self, rate: Any, offset: Any = 0.0, start: Any = 0.0) -> None:
         super().__init__(rate, offset, start)
@@ -97,8 +118,7 @@ class Sine(Motion):
     Sine(amplitude=0.1, frequency=5.0, phase=0.0, offset=0.0)
     """
 
-    code = 1
-    layout = (("amplitude", 1), ("omega", 1), ("phase", 1), ("offset", 1))
+    declared = SINE
 
     def __init__(
         self, amplitude: Any, omega: Any = None, *, frequency: Any = None, phase: Any = 0.0, offset: Any = 0.0
@@ -106,8 +126,7 @@ class Sine(Motion):
         if (omega is None) == (frequency is None):
             raise ModelError("Sine takes exactly one of omega= (rad/s) and frequency= (Hz)")
         if omega is None:
-            self.code = 2
-            self.layout = (("amplitude", 1), ("frequency", 1), ("phase", 1), ("offset", 1))
+            self.declared = SINE_HZ
         super().__init__(amplitude, frequency if omega is None else omega, phase, offset)
 
 
@@ -121,8 +140,7 @@ class Polynomial(Motion):
     Polynomial(coefficients=[0.0, 1.0, -0.5])
     """
 
-    code = 3
-    layout = (("coefficients", None),)
+    declared = POLYNOMIAL
 
     def __init__(self, coefficients: Any) -> None:
         super().__init__(coefficients)
@@ -147,14 +165,13 @@ class Table(Motion):
     Table(t=[0.0, 1.0, 2.0], value=[0.0, 0.5, 0.0])
     """
 
-    code = 4
-    layout = (("t", None), ("value", None))
+    declared = CUBIC_TABLE
 
     def __init__(self, t: Any, value: Any, kind: str = "cubic") -> None:
         if kind not in ("cubic", "linear"):
             raise ModelError(f"Table: kind= is 'cubic' or 'linear', got {shown(kind)}")
         if kind == "linear":
-            self.code = 5
+            self.declared = LINEAR_TABLE
         super().__init__(t, value)
 
     def entries(self, where: str) -> list[list[Number]]:
@@ -165,14 +182,45 @@ class Table(Motion):
         return [t, value]
 
 
+class FunctionName:
+    """The name "module:function" in a file that was read as data: nothing was imported."""
+
+    def __init__(self, name: str) -> None:
+        check_function_name(name)
+        self.name = name
+
+
+_FUNCTION_NAME = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*(\.[^\W\d]\w*)*")
+
+
+def check_function_name(name: str) -> None:
+    """Raise where a text does not read like "module:function"."""
+    if not _FUNCTION_NAME.fullmatch(name):
+        raise ModelError(f"{shown(name)} does not name a function; write 'module:function'")
+
+
 class TimeFunction:
     """A Python function of t with what the core needs: floats, checked, and errors that name their owner.
 
     ``outputs``: 0 for a drive (value, or value, rate and acceleration), 1 for one number, 3 for a vector.
     """
 
-    def __init__(self, function: Callable[[float], Any], where: str, outputs: int) -> None:
+    def __init__(self, function: Callable[[float], Any] | FunctionName, where: str, outputs: int) -> None:
         self.function, self.where, self.outputs = function, where, outputs
+
+    def check_callable(self) -> None:
+        """Raise where only the name of the function is known."""
+        if isinstance(self.function, FunctionName):
+            raise problem(
+                self.where,
+                f"is the Python function {shown(self.function.name)}, which was not imported: a file is read as data. If you trust it, "
+                "load the model with mb.Model.load(path, functions=True)",
+            )
+
+    def try_now(self) -> None:
+        """Call it once, so that a mistake in it is seen early."""
+        if not isinstance(self.function, FunctionName):
+            self(0.0)
 
     def __call__(self, t: float) -> list[float]:
         """Numbers at t: [value, rate, acceleration] of a drive."""
@@ -186,6 +234,7 @@ class TimeFunction:
         return [made[0], rate, acceleration]
 
     def _numbers(self, t: float) -> list[float]:
+        self.check_callable()
         try:
             made = self.function(t)
         except BaseException as raised:
@@ -212,6 +261,8 @@ class TimeFunction:
     @property
     def name(self) -> str:
         """``module:name``, by which the function comes back from a file."""
+        if isinstance(self.function, FunctionName):
+            return self.function.name
         module, name = getattr(self.function, "__module__", None), getattr(self.function, "__qualname__", None)
         try:
             found = module != "__main__" and resolve(f"{module}:{name}") is self.function
@@ -226,6 +277,8 @@ class TimeFunction:
         return f"{module}:{name}"
 
     def __reduce__(self) -> tuple[Any, ...]:
+        if isinstance(self.function, FunctionName):
+            return TimeFunction, (self.function, self.where, self.outputs)
         return _restored, (self.name, self.where, self.outputs)
 
     def __deepcopy__(self, memo: Any) -> TimeFunction:
@@ -238,15 +291,16 @@ def _restored(name: str, where: str, outputs: int) -> TimeFunction:
 
 def resolve(name: str) -> Callable[[float], Any]:
     """The function that ``module:name`` means."""
+    check_function_name(name)
     module, _, path = name.partition(":")
     try:
         found: Any = importlib.import_module(module)
         for part in path.split("."):
             found = getattr(found, part)
-    except (ImportError, AttributeError, ValueError) as reason:
-        raise ModelError(f"the function {name!r} cannot be imported: {reason}") from None
+    except Exception as reason:  # also what the module itself raises
+        raise ModelError(f"the function {shown(name)} cannot be imported: {shown(str(reason))}") from None
     if not callable(found):
-        raise ModelError(f"{name!r} is no function")
+        raise ModelError(f"{shown(name)} is not callable")
     return found  # type: ignore[no-any-return]
 
 
@@ -267,6 +321,9 @@ class MotionItem(Item):
     def size(self) -> int:
         return sum(n for _, n, _ in self.groups)
 
+    def _range(self, name: str) -> tuple[int, int]:
+        return self.start, self.size
+
     def take(self, motion: Any, where: str, outputs: int) -> list[Number]:
         """Read a motion, a function or a number; returns the numbers to be put."""
         self.function = None
@@ -277,25 +334,26 @@ class MotionItem(Item):
                 (name, len(e), size == 1) for (name, size), e in zip(motion.layout, entries, strict=True)
             )
             return [v for group in entries for v in group]
-        if callable(motion):
-            self.code, self.groups = FUNCTION, ()
+        if callable(motion) or isinstance(motion, FunctionName):
+            self.code, self.groups = FUNCTION.code, ()
             self.function = TimeFunction(motion, where, outputs)
-            self.function(0.0)
+            self.function.try_now()
             return []
         return self.take(Polynomial([scalar(motion, where)]), where, outputs)
 
     def check(self, values: Sequence[float]) -> None:
-        if self.code in (4, 5):
+        if self.code in (CUBIC_TABLE.code, LINEAR_TABLE.code):
             t = values[: self.size // 2]
             if any(not b > a for a, b in itertools.pairwise(t)):
                 raise problem(self.name + ".t", f"must increase from point to point, got {shown(list(t))}")
 
-    def motion_fields(self, prefix: str = "", unit: str = "") -> dict[str, Field]:
+    def motion_fields(self, prefix: str = "", unit: str = "") -> dict[str, Group]:
         """Addresses of the numbers."""
         out, start = {}, self.start
         for name, n, one in self.groups:
-            made = single(start, _unit(name, unit)) if one else plain(start, n, _unit(name, unit))
-            out[prefix + name] = Field(made.slots, made.shape, made.units, store="motion")
+            slots = tuple((start + i,) for i in range(n))
+            shape, units = () if one else (n,), (motion_unit(name, unit),) * n
+            out[prefix + name] = Group(slots, shape, units, store="motion", checked=name == "t")
             start += n
         return out
 
@@ -303,21 +361,16 @@ class MotionItem(Item):
         """What a file holds: {type, numbers}, or "module:name"."""
         if self.function is not None:
             return self.function.name
-        table: dict[str, Any] = {"type": _NAMES[self.code]}
-        start = 0
+        table: dict[str, Any] = {"type": MOTIONS[self.code].name}
+        start, entries = 0, self.entries()
         for name, n, one in self.groups:
-            entries = self.entries(start, n)
-            table[name] = entries[0] if one else entries
+            table[name] = entries[start] if one else entries[start : start + n]
             start += n
-        if self.code == 5:
+        if self.code == LINEAR_TABLE.code:
             table["kind"] = "linear"
         return table
 
 
-_NAMES = ("Ramp", "Sine", "Sine", "Polynomial", "Table", "Table")
 TYPES: dict[str, type[Motion]] = {"Ramp": Ramp, "Sine": Sine, "Polynomial": Polynomial, "Table": Table}
 
-
-def _unit(name: str, unit: str) -> str:
-    fixed = {"start": "s", "t": "s", "omega": "rad/s", "frequency": "Hz", "phase": "rad"}
-    return fixed.get(name, f"{unit}/s" if name == "rate" and unit else "" if name == "coefficients" else unit)
+MotionLike = Motion | TimeFunctionLike | Scalar

@@ -8,16 +8,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from .errors import ModelError, NotDifferentiableError
+from ..errors import ModelError, NotDifferentiableError
 from .names import shown
 from .operations import FUNCTIONS, OPS, UFUNC_ALIAS, Op
 
-if TYPE_CHECKING:
-    from .parameters import ParameterSpace
+
+class ParameterSpace(Protocol):
+    """What an expression needs of the parameters of a model: the flat V, and a number that rises when a value changes."""
+
+    values: list[float]
+    version: int
+    symbols: list[Symbol]
 
 
 class Expression:
@@ -314,7 +319,7 @@ class Program:
             adjoint[a] = adjoint.get(a, 0.0) + seed * slope
 
     def text(self) -> list[str]:
-        """Every node in the grammar of `mbrs.io.grammar`, which reads back to the same graph."""
+        """Every node in the grammar of `mbrs.model.grammar`, which reads back to the same graph."""
         written: list[tuple[str, int]] = []
         for name, arg in self.nodes:
             if name is None:

@@ -1,23 +1,24 @@
 """Force laws of one relative coordinate, law(u, u') -> force, for nonlinear elements and joints.
 
-With a direction ``w`` a law is an element of a `MechanicalSystem`: u = w . x, and the force ``w law(u, u')`` stands on
-the left-hand
-side of the equation of motion (a positive law resists a positive u). Without ``w`` it is the ``law=`` of an element of
-a `Model`.
-The numbers of a law may be parameter expressions. The law itself is computed by the core (``rust/src/laws``);
-`Law.force` here
-is for looking at it.
+With a direction ``w`` a law is an element of a `MechanicalSystem`: u = w . x, and the force ``w law(u, u')`` is on the left-hand
+side of the equation of motion (a positive law resists a positive u). Without ``w`` it is the ``law=`` of an element of a `Model`.
+The numbers of a law may be parameter expressions. The core computes the law (``rust/src/laws``); `Law.force` here is for looking
+at it.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from .errors import ModelError
+from ..errors import ModelError
+from .book import Group, Item
+from .names import problem, shown
+from .numbers import Number, scalar
+from .schema import LAWS
 
 
 class Law:
@@ -44,7 +45,7 @@ class Law:
     def force(self, u: Any, v: Any = 0.0) -> np.ndarray:
         """Force for displacements ``u`` and rates ``v`` (arrays that broadcast); a law with memory takes them as a
         history."""
-        from . import _core
+        from .. import _core
 
         u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
         return _core.law_force(self.code, self.numbers(), u.ravel(), v.ravel()).reshape(u.shape)
@@ -67,12 +68,12 @@ class Cubic(Law):
 
     Examples
     --------
-    >>> from mbrs.laws import Cubic
+    >>> from mbrs.model.laws import Cubic
     >>> Cubic(0.1, w=[1.0])
     Cubic(0.1, w=[1.])
     """
 
-    code = 0
+    code = LAWS["Cubic"].codes[0]
 
     def __init__(self, k3: Any, w: Any = None) -> None:
         super().__init__((_scalar("Cubic", "k3", k3),), w)
@@ -94,12 +95,12 @@ class Polynomial1D(Law):
     def __init__(self, coefficients: Any, velocity: Any = None, w: Any = None) -> None:
         c = _list("Polynomial1D", "coefficients", coefficients)
         if velocity is None:
-            self.code = 1
+            self.code = LAWS["Polynomial1D"].codes[0]
             super().__init__(c, w)
             return
         d = _list("Polynomial1D", "velocity", velocity)
         n = max(len(c), len(d))
-        self.code = 2
+        self.code = LAWS["Polynomial1D"].codes[1]
         super().__init__([*c, *[0.0] * (n - len(c)), *d, *[0.0] * (n - len(d))], w)
 
 
@@ -119,7 +120,7 @@ class Gap(Law):
             raise ModelError(
                 f"Gap: a two-sided gap must not be negative, it is {gap}; give a preload to a one-sided one"
             )
-        self.code = 4 if bilateral else 3
+        self.code = LAWS["Gap"].codes[bilateral]
         super().__init__((k, gap, smoothing), w)
 
 
@@ -134,7 +135,7 @@ class CoulombTanh(Law):
         Rate at which 76 % of it is reached; positive.
     """
 
-    code = 5
+    code = LAWS["CoulombTanh"].codes[0]
 
     def __init__(self, force_limit: Any, v_ref: Any, w: Any = None) -> None:
         v_ref = _positive("CoulombTanh", "v_ref", v_ref)
@@ -144,7 +145,7 @@ class CoulombTanh(Law):
 class Hertz(Law):
     """Contact after Hertz: force = k max(u - gap, 0)^exponent; the exponent of spheres is 1.5. It must exceed 1."""
 
-    code = 6
+    code = LAWS["Hertz"].codes[0]
 
     def __init__(self, k: Any, exponent: Any = 1.5, gap: Any = 0.0, w: Any = None) -> None:
         exponent = _positive("Hertz", "exponent", exponent)
@@ -167,7 +168,7 @@ class TableLaw(Law):
     `scipy.interpolate.PchipInterpolator`.
     """
 
-    code = 7
+    code = LAWS["TableLaw"].codes[0]
 
     def __init__(self, u: Any, f: Any, w: Any = None) -> None:
         x, y = _list("TableLaw", "u", u), _list("TableLaw", "f", f)
@@ -182,7 +183,7 @@ class TableLaw(Law):
 class VanDerPol(Law):
     """The nonlinear part of van der Pol's oscillator: force = mu u^2 u'."""
 
-    code = 8
+    code = LAWS["VanDerPol"].codes[0]
 
     def __init__(self, mu: Any, w: Any = None) -> None:
         super().__init__((_scalar("VanDerPol", "mu", mu),), w)
@@ -196,7 +197,7 @@ class Jenkins(Law):
     k.
     """
 
-    code = 9
+    code = LAWS["Jenkins"].codes[0]
     has_memory = True
 
     def __init__(self, k: Any, f_slip: Any, w: Any = None) -> None:
@@ -212,7 +213,7 @@ class Iwan(Law):
         Stiffnesses and slip forces of the sliders, of the same length.
     """
 
-    code = 10
+    code = LAWS["Iwan"].codes[0]
     has_memory = True
 
     def __init__(self, k: Any, f_slip: Any, w: Any = None) -> None:
@@ -229,7 +230,7 @@ class VaryingStiffness(Law):
     Only harmonic balance drives it; elsewhere phi = 0. ``order`` is a positive integer.
     """
 
-    code = 11
+    code = LAWS["VaryingStiffness"].codes[0]
 
     def __init__(self, k: Any, order: int = 1, phase: Any = 0.0, w: Any = None) -> None:
         if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 1:
@@ -259,7 +260,7 @@ class FunctionLaw(Law):
     Examples
     --------
     >>> import numpy as np
-    >>> from mbrs.laws import FunctionLaw
+    >>> from mbrs.model.laws import FunctionLaw
     >>> float(FunctionLaw(lambda u, v: np.sinh(u)).force(1.0))
     1.1752011936438014
     """
@@ -360,3 +361,114 @@ def _direction(law: str, w: Any) -> np.ndarray:
         raise ModelError(f"{law}: w is zero: the element would act on nothing; name the coordinate it works on")
     w.setflags(write=False)
     return w
+
+
+# --- laws of elements and joints of a model -----
+
+
+class LawItem(Item):
+    """One law on one relative coordinate of an element or a joint."""
+
+    __slots__ = ("code", "component", "n", "owner")
+    code: int
+    component: int
+    n: int
+    owner: Any
+    kind = "law"
+
+    @property
+    def size(self) -> int:
+        return self.n
+
+    @property
+    def store(self) -> str:  # type: ignore[override]
+        return "joint_law" if self.owner.kind == "joint" else "element_law"
+
+    def check(self, values: Sequence[float]) -> None:
+        """The constructor of the law has checked its numbers."""
+
+    def _range(self, name: str) -> tuple[int, int]:
+        return self.start, self.n
+
+
+class SavedLaw:
+    """A law read from a file: its type by name, its code and its numbers."""
+
+    def __init__(self, name: str, code: int, values: Sequence[Any]) -> None:
+        self.name, self.code, self.values = name, code, tuple(values)
+
+
+class NewLaws:
+    """Laws that were checked with their owner and enter the model when it does."""
+
+    def __init__(self, owner: Any, made: list[tuple[LawItem, list[Number]]]) -> None:
+        self.owner, self.made = owner, made
+
+    def commit(self, index: int) -> None:
+        """Take them into the model."""
+        items = self.owner.model.laws[self.owner.kind]
+        for law, entries in self.made:
+            law.index = len(items)
+            law.put(entries)
+            items.append(law)
+        if self.made:
+            self.owner.model.laws_of[self.owner.kind, index] = [law for law, _ in self.made]
+
+
+def add_laws(owner: Any, law: Any, n: int, names: Sequence[str]) -> NewLaws:
+    """Check ``law=``: one law (or a list of them) where there is one coordinate, else one for each, or {name: law}."""
+    made: list[tuple[LawItem, list[Number]]] = []
+    for component, one in _by_component(owner.name + ".law", law, n, names):
+        made.append(_new_law(owner, component, one))
+    return NewLaws(owner, made)
+
+
+def _by_component(where: str, law: Any, n: int, names: Sequence[str]) -> list[tuple[int, Any]]:
+    if law is None:
+        return []
+    if n == 0:
+        raise problem(where, "is given, but there is no free coordinate for it to act on")
+    if isinstance(law, Mapping):
+        out = []
+        for key, value in law.items():
+            if key not in names:
+                raise problem(where, f"has no coordinate {shown(key)}; known: {', '.join(names)}")
+            out += [(names.index(key), one) for one in _many(value)]
+        return out
+    if n == 1:
+        return [(0, one) for one in _many(law)]
+    if not isinstance(law, (list, tuple)) or len(law) != n:
+        raise problem(
+            where, f"must be {n} laws or None, one for each of {', '.join(names)}, or {{name: law}}; got {shown(law)}"
+        )
+    return [(i, one) for i, entry in enumerate(law) for one in _many(entry)]
+
+
+def _many(law: Any) -> list[Any]:
+    if law is None:
+        return []
+    return list(law) if isinstance(law, (list, tuple)) else [law]
+
+
+def _new_law(owner: Any, component: int, law: Any) -> tuple[LawItem, list[Number]]:
+    where = owner.name + ".law"
+    code, values = getattr(law, "code", None), getattr(law, "values", None)
+    if isinstance(code, bool) or not isinstance(code, int) or values is None or callable(values):
+        raise problem(where, f"must be a law such as mb.Cubic(1e9), got {shown(law)}")
+    if getattr(law, "w", None) is not None:
+        raise problem(where, "has w=, a direction for mb.MechanicalSystem; here the joint or element is the direction")
+    name = law.name if isinstance(law, SavedLaw) else type(law).__name__
+    item = LawItem(owner.model, name)
+    entries = [scalar(v, where) for v in values]
+    item.owner, item.component, item.code, item.n = owner, component, code, len(entries)
+    item.evaluated(entries)
+    return item, entries
+
+
+def law_fields(owner: Any) -> dict[str, Group]:
+    """``law[i]``: the numbers of all laws of an owner, one after the other. They live in the store of laws."""
+    items = owner.model.laws_of.get((owner.kind, owner.index), ())
+    slots = tuple((law.start + i,) for law in items for i in range(law.n))
+    return (
+        {"law": Group(slots, (len(slots),), ("",) * len(slots), store=items[0].store, checked=False)} if slots else {}
+    )

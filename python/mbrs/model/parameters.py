@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .errors import ModelError
+from ..errors import ModelError
 from .expressions import Expression, Symbol, apply_ufunc
 from .names import problem, shown
 
@@ -18,12 +18,13 @@ class ParameterSpace:
 
     def __init__(self) -> None:
         self.names: dict[str, tuple[int, tuple[int, ...]]] = {}
+        self.units: dict[str, str] = {}
         self.values: list[float] = []
         self.symbols: list[Symbol] = []
         self.version = 0
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"names": self.names, "values": self.values, "version": self.version}
+        return {"names": self.names, "units": self.units, "values": self.values, "version": self.version}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -31,9 +32,10 @@ class ParameterSpace:
         for name, (_, shape) in self.names.items():
             self._add_symbols(name, shape)
 
-    def add(self, name: str, value: Any) -> Symbol | ArrayParameter:
+    def add(self, name: str, value: Any, unit: str = "") -> Symbol | ArrayParameter:
         """A new parameter; the caller has checked the name."""
         array = checked(name, value, None)
+        self.units[name] = unit
         self.names[name] = (len(self.values), array.shape)
         self.values.extend(array.ravel().tolist())
         self._add_symbols(name, array.shape)
@@ -42,6 +44,10 @@ class ParameterSpace:
     def _add_symbols(self, name: str, shape: tuple[int, ...]) -> None:
         for label in labels(name, shape):
             self.symbols.append(Symbol(self, len(self.symbols), label))
+
+    def unit_of(self, place: int) -> str:
+        """The label that a place in V was given."""
+        return self.units[self.symbols[place].label.partition("[")[0]]
 
     def handle(self, name: str) -> Symbol | ArrayParameter:
         """What `Model.parameter` returned."""

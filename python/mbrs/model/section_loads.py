@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from ._checks import sized_array
-from .elements import LOAD_FRAMES, Load
-from .motions import MotionItem, Table
+from .._checks import sized_array
+from .aliases import Matrix, Vector
+from .book import Book, Group
+from .flexible import FlexibleBody
+from .forces import Load, enter_load, split_value
+from .motions import MotionItem, MotionLike, Table
 from .names import problem, shown
-from .store import Field, single
+from .rotations import quaternion_matrix
+from .schema import LOAD_FRAMES, LOADS
 
 if TYPE_CHECKING:
-    from .flexible import ModalBody
-    from .flexible_bodies import FlexibleBody
-    from .model import Model
-
-__all__ = ["ModalLoad", "SectionLoad", "add_modal_force", "add_section_load"]
+    from ..flexible import ModalBody
 
 _POINTS = 4  # a cubic shape times a linear load, and to spare
 # A component below this share of the largest of its kind is rounding, and makes no load.
@@ -27,13 +27,14 @@ _NOTHING = 1e-13
 
 
 class ModalLoad(Load):
-    """A force on one modal coordinate of a flexible body; made by `Model.section_load`."""
+    """Handle of a force on one modal coordinate of a flexible body; see `Model.modal_force`."""
 
-    __slots__ = ()
-    kind = "load"
+    __slots__ = ("mode",)
+    mode: int  # from 0
 
-    def fields(self) -> dict[str, Field]:
-        out = {"value": single(self.start + 3, "")}
+    def fields(self) -> dict[str, Group]:
+        value = self.start + LOADS["modal_force"].block.place("value")
+        out = {"value": Group(((value,),), (), ("",), checked=False)}
         for motion in self.motions:
             out.update(motion.motion_fields("q_", ""))
         return out
@@ -58,45 +59,11 @@ class SectionLoad:
         return f"{self.name}: {len(self.loads)} loads, resultant up to {force:.6g} N"
 
 
-def add_modal_force(model: Model, name: Any, body: Any, mode: Any, value: Any) -> ModalLoad:
-    """Check and add; see `Model.modal_force`."""
-    from .element_methods import entered, parted
-
-    load = ModalLoad(model, model.new_name("load", name))
-    owner = _flexible(model, body, f"modal force {name!r}")
-    if isinstance(mode, bool) or not isinstance(mode, (int, np.integer)) or not 1 <= mode <= owner.n_modes:
-        raise problem(name + ".mode", f"must be 1 to {owner.n_modes}, the modes of {owner.name!r}, got {shown(mode)}")
-    load.type, load.body, load.node, load.frame = "modal", owner.index, -1, int(mode) - 1  # type: ignore[assignment]
-    constant, varying = parted(load, [value, 0.0, 0.0])
-    return entered(load, [0.0, 0.0, 0.0, *constant], varying)
-
-
-def _flexible(model: Model, body: Any, where: str) -> FlexibleBody:
-    from .flexible_bodies import FlexibleBody
-
-    owner = model.items.get(body) if isinstance(body, str) else body
-    if not isinstance(owner, FlexibleBody) or owner.model is not model:
+def _flexible(book: Book, body: Any, where: str) -> FlexibleBody:
+    owner = book.items.get(body) if isinstance(body, str) else body
+    if not isinstance(owner, FlexibleBody) or owner.model is not book:
         raise problem(where, f"needs a flexible body of this model, got {shown(body)}")
     return owner
-
-
-def add_section_load(
-    model: Model, body: Any, stations: Any, table: Any, times: Any, frame: Any, name: Any, kind: Any
-) -> SectionLoad:
-    """Check and add; see `Model.section_load`."""
-    owner = _flexible(model, body, "section load")
-    label = f"{owner.name}-load" if name is None else name
-    if not isinstance(label, str):
-        raise problem("section load", f"needs a name, got {shown(name)}")
-    if not isinstance(frame, str) or frame not in LOAD_FRAMES:
-        raise problem(label + ".frame", f"must be 'body' or 'world', got {shown(frame)}")
-    if not isinstance(kind, str):
-        raise problem(label + ".kind", f"must be 'cubic' or 'linear', got {shown(kind)}")
-    at, values, when = _checked(label, stations, table, times)
-    line = _Line(label, owner.modal, at)
-    if frame == "body":
-        return _follower(model, owner, label, line, values, when, kind)
-    return _on_nodes(model, owner, label, line, values, when, kind)
 
 
 def _checked(label: str, stations: Any, table: Any, times: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
@@ -161,14 +128,14 @@ def _interpolated(along: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.n
 
 
 def _follower(
-    model: Model, owner: FlexibleBody, label: str, line: _Line, values: np.ndarray, when: Any, kind: Any
+    book: Book, owner: FlexibleBody, label: str, line: _Line, values: np.ndarray, when: Any, kind: Any
 ) -> SectionLoad:
     f, moment = line.loads(values)
     force, torque = line.resultants(values)
     modal = np.einsum("tna,nak->tk", np.concatenate([f, moment], axis=2), line.shape)
     drawn = _rotation(owner)
-    origin = owner.entries(0, 3)
-    made = _Maker(model, owner, label, when, kind)
+    origin = owner.entries("at")
+    made = _Maker(book, owner, label, when, kind)
     made.add("force", "force", origin, force @ drawn.T, force)
     made.add("torque", "torque", (0.0, 0.0, 0.0), torque @ drawn.T, torque)
     largest = np.abs(modal).max(initial=0.0)
@@ -181,7 +148,7 @@ def _follower(
 
 
 def _on_nodes(
-    model: Model, owner: FlexibleBody, label: str, line: _Line, values: np.ndarray, when: Any, kind: Any
+    book: Book, owner: FlexibleBody, label: str, line: _Line, values: np.ndarray, when: Any, kind: Any
 ) -> SectionLoad:
     """Straight hats between neighbouring nodes share the loads."""
     nodes = sorted((_foot(line, p), i) for i, p in enumerate(owner.modal.node_position))
@@ -194,7 +161,7 @@ def _on_nodes(
         )
     share = np.array([np.interp(line.at, places, unit) for unit in np.eye(len(places))])
     f, moment = line.loads(values)
-    made = _Maker(model, owner, label, when, kind)
+    made = _Maker(book, owner, label, when, kind)
     arm = line.r[None] - np.einsum("jn,ja->na", share, owner.modal.node_position[[i for _, i in nodes]])[None]
     extra = moment if np.abs(arm).max() < 1e-9 * line.along[-1] else moment + np.cross(arm @ _rotation(owner).T, f)
     for (_, i), hat in zip(nodes, share, strict=True):
@@ -218,28 +185,21 @@ def _foot(line: _Line, point: np.ndarray) -> float:
 
 def _rotation(owner: FlexibleBody) -> np.ndarray:
     """Body to world, as drawn."""
-    w, x, y, z = np.array(owner.values(3, 4)) / np.linalg.norm(owner.values(3, 4))
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return quaternion_matrix(np.array(owner.values("orientation")))
 
 
 class _Maker:
     """Loads of one section load: all of them are made, or none."""
 
-    def __init__(self, model: Model, owner: FlexibleBody, label: str, when: np.ndarray | None, kind: Any) -> None:
-        self.model, self.owner, self.label, self.when, self.kind = model, owner, label, when, kind
+    def __init__(self, book: Book, owner: FlexibleBody, label: str, when: np.ndarray | None, kind: Any) -> None:
+        self.book, self.owner, self.label, self.when, self.kind = book, owner, label, when, kind
         self.ready: list[tuple[Load, Any, np.ndarray]] = []
         self.names: list[str] = []
 
     def add(self, ending: str, type_: str, at: Any, values: np.ndarray, seen: np.ndarray, node: int = -1) -> None:
         """A force or a torque (n_t, 3) that follows the frame, or keeps its direction on a node."""
         if np.any(seen):
-            load = Load(self.model, self.model.new_name("load", f"{self.label}-{ending}"))
+            load = Load(self.book, self.book.new_name("load", f"{self.label}-{ending}"))
             load.type, load.node, load.frame = type_, node, "body" if node < 0 else "world"
             self._take(load, at, values)
 
@@ -250,8 +210,8 @@ class _Maker:
 
     def add_modal(self, ending: str, mode: int, values: np.ndarray) -> None:
         """A modal force (n_t,)."""
-        load = ModalLoad(self.model, self.model.new_name("load", f"{self.label}-{ending}"))
-        load.type, load.node, load.frame = "modal", -1, mode  # type: ignore[assignment]
+        load = ModalLoad(self.book, self.book.new_name("load", f"{self.label}-{ending}"))
+        load.type, load.node, load.frame, load.mode = "modal_force", -1, "world", mode
         self._take(load, (0.0, 0.0, 0.0), np.stack([values, 0 * values, 0 * values], axis=1))
 
     def _take(self, load: Load, at: Any, values: np.ndarray) -> None:
@@ -266,18 +226,134 @@ class _Maker:
             varying: Sequence[int] = [] if self.when is None else [c for c in range(3) if np.any(values[:, c])]
             constant = [0.0 if self.when is not None else float(v) for v in values[0]]
             if load.node >= 0:
-                self.owner._use(load.node)
+                self.owner.use(load.node)
             load.put([*at, *constant])
             for component in varying:
                 self._move(load, component, values[:, component])
-            self.model.register(load, self.model.loads)
+            self.book.register(load, self.book.loads)
             self.names.append(load.name)
 
     def _move(self, load: Load, component: int, values: np.ndarray) -> None:
-        item = MotionItem(self.model, load.name)
+        item = MotionItem(self.book, load.name)
         item.owner, item.component = load, component
         entries = item.take(Table(self.when, values, self.kind), f"{load.name}.{'xyz'[component]}", 1)
-        item.place = len(self.model.motions)
+        item.place = len(self.book.motions)
         item.put(entries)
-        self.model.motions.append(item)
+        self.book.motions.append(item)
         load.motions.append(item)
+
+
+# --- methods of `Model` -----
+
+
+def modal_force(self: Book, name: str, body: FlexibleBody | str, *, mode: int, value: MotionLike) -> ModalLoad:
+    """A force on one modal coordinate of a flexible body.
+
+    Parameters
+    ----------
+    name
+        Unique in the model.
+    body
+        A flexible body, its handle or name.
+    mode
+        The coordinate, from 1.
+    value
+        A number, a motion or a function of t (s). Its power is value times the rate of ``body.q<mode>``: N for coordinates in
+        metres.
+
+    Returns
+    -------
+    ModalLoad
+
+    Raises
+    ------
+    ModelError
+        No flexible body, or a mode that it does not have.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("one"); rod = m.flexible_body("rod", mb.flexible.beam(1.0, mass=1.0, EI_flap=1.0, EI_edge=4.0))
+    >>> m.modal_force("push", rod, mode=1, value=mb.Sine(0.1, frequency=0.5))
+    <load 'push' of 'one'>
+    """
+    load = ModalLoad(self, self.new_name("load", name))
+    owner = _flexible(self, body, f"modal force {name!r}")
+    if isinstance(mode, bool) or not isinstance(mode, (int, np.integer)) or not 1 <= mode <= owner.n_modes:
+        raise problem(name + ".mode", f"must be 1 to {owner.n_modes}, the modes of {owner.name!r}, got {shown(mode)}")
+    load.type, load.body, load.node, load.frame, load.mode = "modal_force", owner.index, -1, "world", int(mode) - 1
+    constant, varying = split_value(load, [value, 0.0, 0.0])
+    return enter_load(load, [0.0, 0.0, 0.0, *constant], varying)
+
+
+def section_load(
+    self: Book,
+    body: FlexibleBody | str,
+    stations: Vector,
+    table: Matrix,
+    *,
+    times: Vector | None = None,
+    frame: Literal["body", "world"] = "body",
+    name: str | None = None,
+    kind: Literal["cubic", "linear"] = "cubic",
+) -> SectionLoad:
+    """A load per length along a flexible body, such as tabulated aerodynamic forces of the sections of a blade.
+
+        F = int f dx,   M = int r x f + m dx,   Q_k = int f . phi_k + m . theta_k dx
+
+    Parameters
+    ----------
+    body
+        A flexible body.
+    stations
+        (n_s,) m, increasing: distance along the body's line (a beam's x). The load is linear between them, zero beyond.
+    table
+        (n_s, 3) force per length, N/m, or (n_s, 6) with moment per length, N m/m; with ``times`` one axis (n_t) more
+        in front.
+    times
+        (n_t,) s, increasing; between them a curve of the given ``kind`` ("cubic" or "linear"), the end values outside.
+    frame
+        "body": components along the axes of the body's frame, in which they turn: a follower force and torque on the
+        frame and one force on each modal coordinate. "world": the load keeps its direction, and is shared between
+        neighbouring nodes.
+    name
+        Heads the names of the loads that are made, ``name-force`` and so on; "body-load" by default.
+
+    Returns
+    -------
+    SectionLoad
+        The names of its loads and their resultants.
+
+    Raises
+    ------
+    ModelError
+        No flexible body, wrong shapes, stations beyond the body, nodes that do not reach over a load in world axes.
+
+    Notes
+    -----
+    Neglected with ``frame="body"``: that the line of action moves with the deflection (f acts at r, not at r + phi q) and
+    that f turns with its section. With ``frame="world"`` nodes carry the load along; forces between nodes bend
+    the body as their shares would, an error O(spacing^2). Cost O((n_s + n_line) m n_t).
+
+    Examples
+    --------
+    >>> import numpy as np, mbrs as mb
+    >>> m = mb.Model("wing"); beam = mb.flexible.beam(2.0, mass=1.0, EI_flap=10.0, EI_edge=40.0, modes=3)
+    >>> wing = m.flexible_body("wing", beam)
+    >>> lift = m.section_load(wing, [0.0, 2.0], [[0, 0, 5.0], [0, 0, 1.0]])
+    >>> lift.force, lift.moment
+    (array([0., 0., 6.]), array([ 0.        , -4.66666667,  0.        ]))
+    """
+    owner = _flexible(self, body, "section load")
+    label = f"{owner.name}-load" if name is None else name
+    if not isinstance(label, str):
+        raise problem("section load", f"needs a name, got {shown(name)}")
+    if not isinstance(frame, str) or frame not in LOAD_FRAMES:
+        raise problem(label + ".frame", f"must be 'body' or 'world', got {shown(frame)}")
+    if not isinstance(kind, str):
+        raise problem(label + ".kind", f"must be 'cubic' or 'linear', got {shown(kind)}")
+    at, values, when = _checked(label, stations, table, times)
+    line = _Line(label, owner.modal, at)
+    if frame == "body":
+        return _follower(self, owner, label, line, values, when, kind)
+    return _on_nodes(self, owner, label, line, values, when, kind)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from .errors import ModelError
+from ..errors import ModelError
 from .expressions import Expression, number_text
-from .geometry import unit
 from .names import GROUND, not_found, shown
-from .values import Number, numbers, vector
+from .numbers import Number, numbers, vector
+from .rotations import unit
 
 Kind = Literal["force", "torque", "motion", "base"]
 KINDS: tuple[Kind, ...] = ("force", "torque", "motion", "base")

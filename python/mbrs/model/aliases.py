@@ -1,0 +1,47 @@
+"""Types of the arguments that users give."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from .book import Attachable
+from .expressions import Expression
+from .parameters import ArrayParameter
+
+# A number, or an expression of parameters.
+Scalar = float | int | np.floating[Any] | np.integer[Any] | Expression
+# Any sequence or array of them; the argument's description says how many.
+Vector = Sequence[Scalar] | np.ndarray | ArrayParameter
+Vector3 = Vector
+Matrix = Sequence[Vector] | np.ndarray | ArrayParameter
+# "x", "-y", ... or three numbers.
+Axis = str | Vector3
+# One point (3,), or (P_a, P_b).
+Points = Vector3 | tuple[Vector3, Vector3] | Sequence[Vector3]
+# A quaternion (4,), scalar first, or a matrix (3, 3), body to world.
+Rotation = Vector | Matrix
+# One number where there is one free coordinate, else one for each; a matrix of a bushing.
+Coefficients = Scalar | Vector | Matrix
+# (origin, orientation); None is no rotation.
+PoseLike = tuple[Vector3, Rotation | None] | Sequence[Any]
+# A handle or its name; "ground", "body.node".
+BodyLike = Attachable | str
+
+
+class LawLike(Protocol):
+    """A law: its code and its numbers, as `mbrs.Cubic` and the others have them."""
+
+    @property
+    def code(self) -> int:
+        """What the core knows it by."""
+
+    @property
+    def values(self) -> Sequence[Any]:
+        """Its numbers."""
+
+
+Laws = LawLike | Sequence[Any] | Mapping[str, Any]
+TimeFunctionLike = Callable[[float], Any]

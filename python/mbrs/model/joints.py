@@ -1,0 +1,579 @@
+"""The joints of `Model`, one constructor each; docs/tables.md has their rows and coordinates."""
+
+from __future__ import annotations
+
+from .aliases import Axis, BodyLike, Coefficients, Laws, Points, Rotation, Scalar
+from .book import Book
+from .joint import Joint, add_joint
+
+
+def fixed(
+    self: Book,
+    name: str,
+    a: BodyLike,
+    b: BodyLike,
+    *,
+    at: Points | None = None,
+    orientation: Rotation | None = None,
+) -> Joint:
+    """All six relative coordinates are zero.
+
+    Parameters
+    ----------
+    name
+        Unique in the model.
+    a, b
+        Bodies (handles or names), ground, or nodes of flexible bodies.
+    at
+        (3,), m, world, as drawn, or two points ``(P_a, P_b)`` that assembly brings together; of a node its own point.
+    orientation
+        Of the joint frame as drawn: quaternion (4,), scalar first, or matrix (3, 3).
+
+    Returns
+    -------
+    Joint
+
+    Raises
+    ------
+    ModelError
+        A body joined to itself, a missing or doubled direction, wrong shapes, numbers that are not finite.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("plate"); p = m.body("plate", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
+    >>> m.fixed("weld", m.ground, p, at=(0, 0, 0))
+    <joint 'weld' of 'plate'>
+    """
+    return add_joint(self, "fixed", name, a, b, at=at, orientation=orientation)
+
+
+def revolute(
+    self: Book,
+    name: str,
+    a: BodyLike,
+    b: BodyLike,
+    *,
+    at: Points | None = None,
+    axis: Axis | None = None,
+    orientation: Rotation | None = None,
+    k: Coefficients | None = None,
+    c: Coefficients | None = None,
+    preload: Coefficients | None = None,
+    law: Laws | None = None,
+) -> Joint:
+    """A hinge: free is the angle about ``axis`` (rad).
+
+    Parameters
+    ----------
+    name
+        Unique in the model.
+    a, b
+        Bodies (handles or names), ground, or nodes of flexible bodies.
+    at
+        (3,), m, world, as drawn, or two points ``(P_a, P_b)`` that assembly brings together; of a node its own point.
+    axis
+        "x", "-y", ... or a vector (3,), world: the hinge's axis.
+    orientation
+        Of the joint frame as drawn, instead of ``axis``: quaternion (4,), scalar first, or matrix (3, 3).
+    k, c, preload
+        Stiffness (N m/rad), damping (N m s/rad) and force (N m) of the free angle: one number each.
+    law
+        Nonlinear law or list of laws of the free angle, added to these.
+
+    Returns
+    -------
+    Joint
+
+    Raises
+    ------
+    ModelError
+        A body joined to itself, a missing or doubled direction, wrong shapes, numbers that are not finite.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("rod"); r = m.body("rod", mass=1.0, inertia=(1e-3, 0.1, 0.1), at=(0.5, 0, 0))
+    >>> m.revolute("hinge", m.ground, r, at=(0, 0, 0), axis="z", k=10.0).name
+    'hinge'
+    """
+    return add_joint(
+        self, "revolute", name, a, b, at=at, axis=axis, orientation=orientation, k=k, c=c, preload=preload, law=law
+    )
+
+
+def prismatic(
+    self: Book,
+    name: str,
+    a: BodyLike,
+    b: BodyLike,
+    *,
+    at: Points | None = None,
+    axis: Axis | None = None,
+    orientation: Rotation | None = None,
+    k: Coefficients | None = None,
+    c: Coefficients | None = None,
+    preload: Coefficients | None = None,
+    law: Laws | None = None,
+) -> Joint:
+    """A slider: free is the displacement along ``axis`` (m).
+
+    Parameters
+    ----------
+    name
+        Unique in the model.
+    a, b
+        Bodies (handles or names), ground, or nodes of flexible bodies.
+    at
+        (3,), m, world, as drawn, or two points ``(P_a, P_b)`` that assembly brings together; of a node its own point.
+    axis
+        "x", "-y", ... or a vector (3,), world: the direction of sliding.
+    orientation
+        Of the joint frame as drawn, instead of ``axis``: quaternion (4,), scalar first, or matrix (3, 3).
+    k, c, preload
+        Stiffness (N/m), damping (N s/m) and force (N) of the free displacement: one number each.
+    law
+        Nonlinear law or list of laws of the free displacement, added to these.
+
+    Returns
+    -------
+    Joint
+
+    Raises
+    ------
+    ModelError
+        A body joined to itself, a missing or doubled direction, wrong shapes, numbers that are not finite.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("table"); t = m.body("table", mass=1.0, inertia=(1, 1, 1))
+    >>> m.prismatic("rail", m.ground, t, at=(0, 0, 0), axis="x", k=1e4, c=20.0)
+    <joint 'rail' of 'table'>
+    """
+    return add_joint(
+        self, "prismatic", name, a, b, at=at, axis=axis, orientation=orientation, k=k, c=c, preload=preload, law=law
+    )
+
+
+def cylindrical(
+    self: Book,
+    name: str,
+    a: BodyLike,
+    b: BodyLike,
+    *,
+    at: Points | None = None,
+    axis: Axis | None = None,
+    orientation: Rotation | None = None,
+    k: Coefficients | None = None,
+    c: Coefficients | None = None,
+    preload: Coefficients | None = None,
+    law: Laws | None = None,
+) -> Joint:
+    """Free are the displacement along (m) and the angle about ``axis`` (rad), in this order.
+
+    Parameters
+    ----------
+    name
+        Unique in the model.
+    a, b
+        Bodies (handles or names), ground, or nodes of flexible bodies.
+    at
+        (3,), m, world, as drawn, or two points ``(P_a, P_b)`` that assembly brings together; of a node its own point.
+    axis
+        "x", "-y", ... or a vector (3,), world: the common axis.
+    orientation
+        Of the joint frame as drawn, instead of ``axis``: quaternion (4,), scalar first, or matrix (3, 3).
+    k, c, preload
+        Stiffness (N/m or N m/rad), damping (N s/m or N m s/rad) and force (N or N m) of the free coordinates: (2,) each, or a law each.
+    law
+        Nonlinear law or None for each, or {name: law}, of the free coordinates, added to these.
+
+    Returns
+    -------
+    Joint
+
+    Raises
+    ------
+    ModelError
+        A body joined to itself, a missing or doubled direction, wrong shapes, numbers that are not finite.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("sleeve"); s = m.body("sleeve", mass=1.0, inertia=(1, 1, 1))
+    >>> m.cylindrical("guide", m.ground, s, at=(0, 0, 0), axis="z", k=(1e4, 5.0))
+    <joint 'guide' of 'sleeve'>
+    """
+    return add_joint(
+        self, "cylindrical", name, a, b, at=at, axis=axis, orientation=orientation, k=k, c=c, preload=preload, law=law
+    )
+
+
+def universal(
+    self: Book,
+    name: str,
+    a: BodyLike,
+    b: BodyLike,
+    *,
+    at: Points | None = None,
+    axis: Axis | None = None,
+    axis2: Axis | None = None,
+    orientation: Rotation | None = None,
+    k: Coefficients | None = None,
+    c: Coefficients | None = None,
+    preload: Coefficients | None = None,
+    law: Laws | None = None,
+) -> Joint:
+    """A cross: free are the angle about ``axis``, fixed in a, and that about ``axis2``, fixed in b and perpendicular to it.
+
+    Parameters
+    ----------
+    name
+        Unique in the model.
+    a, b
+        Bodies (handles or names), ground, or nodes of flexible bodies.
+    at
+        (3,), m, world, as drawn, or two points ``(P_a, P_b)`` that assembly brings together; of a node its own point.
+    axis
+        "x", "-y", ... or a vector (3,), world: the first axis.
+    axis2
+        The second axis, in the same way.
+    orientation
+        Of the joint frame as drawn, instead of the axes: quaternion (4,), scalar first, or matrix (3, 3); its z is the
+        first axis, its x the second.
+    k, c, preload
+        Stiffness (N m/rad), damping (N m s/rad) and force (N m) of the free angles: (2,) each.
+    law
+        Nonlinear law or None for each, or {name: law}, of the free angles, added to these.
+
+    Returns
+    -------
+    Joint
+
+    Raises
+    ------
+    ModelError
+        A body joined to itself, a missing or doubled direction, wrong shapes, numbers that are not finite.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("shaft"); s = m.body("shaft", mass=1.0, inertia=(1, 1, 1))
+    >>> m.universal("cross", m.ground, s, at=(0, 0, 0), axis="z", axis2="x")
+    <joint 'cross' of 'shaft'>
+    """
+    return add_joint(
+        self,
+        "universal",
+        name,
+        a,
+        b,
+        at=at,
+        axis=axis,
+        axis2=axis2,
+        orientation=orientation,
+        k=k,
+        c=c,
+        preload=preload,
+        law=law,
+    )
+
+
+def spherical(
+    self: Book,
+    name: str,
+    a: BodyLike,
+    b: BodyLike,
+    *,
+    at: Points | None = None,
+    axis: Axis | None = None,
+    orientation: Rotation | None = None,
+    k: Coefficients | None = None,
+    c: Coefficients | None = None,
+    preload: Coefficients | None = None,
+    law: Laws | None = None,
+) -> Joint:
+    """A ball: free is the rotation vector (3) in the joint frame (world axes by default).
+
+    Parameters
+    ----------
+    name
+        Unique in the model.
+    a, b
+        Bodies (handles or names), ground, or nodes of flexible bodies.
+    at
+        (3,), m, world, as drawn, or two points ``(P_a, P_b)`` that assembly brings together; of a node its own point.
+    axis
+        "x", "-y", ... or a vector (3,), world: z of the joint frame.
+    orientation
+        Of the joint frame as drawn, instead of ``axis``: quaternion (4,), scalar first, or matrix (3, 3).
+    k, c, preload
+        Stiffness (N m/rad), damping (N m s/rad) and force (N m) of the free rotation vector: (3,) each.
+    law
+        Nonlinear law or None for each component, or {name: law}, of the free rotation vector, added to these.
+
+    Returns
+    -------
+    Joint
+
+    Raises
+    ------
+    ModelError
+        A body joined to itself, a missing or doubled direction, wrong shapes, numbers that are not finite.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("top"); t = m.body("top", mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0.1))
+    >>> m.spherical("ball", m.ground, t, at=(0, 0, 0))
+    <joint 'ball' of 'top'>
+    """
+    return add_joint(
+        self, "spherical", name, a, b, at=at, axis=axis, orientation=orientation, k=k, c=c, preload=preload, law=law
+    )
+
+
+def planar(
+    self: Book,
+    name: str,
+    a: BodyLike,
+    b: BodyLike,
+    *,
+    at: Points | None = None,
+    axis: Axis | None = None,
+    orientation: Rotation | None = None,
+    k: Coefficients | None = None,
+    c: Coefficients | None = None,
+    preload: Coefficients | None = None,
+    law: Laws | None = None,
+) -> Joint:
+    """Motion in the plane normal to ``axis``: free are x, y of the joint frame (m) and the angle about its z (rad).
+
+    Parameters
+    ----------
+    name
+        Unique in the model.
+    a, b
+        Bodies (handles or names), ground, or nodes of flexible bodies.
+    at
+        (3,), m, world, as drawn, or two points ``(P_a, P_b)`` that assembly brings together; of a node its own point.
+    axis
+        "x", "-y", ... or a vector (3,), world: the normal.
+    orientation
+        Of the joint frame as drawn, instead of ``axis``: quaternion (4,), scalar first, or matrix (3, 3).
+    k, c, preload
+        Stiffness (N/m or N m/rad), damping (N s/m or N m s/rad) and force (N or N m) of the free coordinates: (3,) each.
+    law
+        Nonlinear law or None for each, or {name: law}, of the free coordinates, added to these.
+
+    Returns
+    -------
+    Joint
+
+    Raises
+    ------
+    ModelError
+        A body joined to itself, a missing or doubled direction, wrong shapes, numbers that are not finite.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("puck"); p = m.body("puck", mass=1.0, inertia=(1, 1, 1))
+    >>> m.planar("table", m.ground, p, at=(0, 0, 0), axis="z", c=(1.0, 1.0, 0.1))
+    <joint 'table' of 'puck'>
+    """
+    return add_joint(
+        self, "planar", name, a, b, at=at, axis=axis, orientation=orientation, k=k, c=c, preload=preload, law=law
+    )
+
+
+def free(
+    self: Book,
+    name: str,
+    a: BodyLike,
+    b: BodyLike,
+    *,
+    at: Points | None = None,
+    axis: Axis | None = None,
+    orientation: Rotation | None = None,
+    k: Coefficients | None = None,
+    c: Coefficients | None = None,
+    preload: Coefficients | None = None,
+    law: Laws | None = None,
+) -> Joint:
+    """No constraint: names the six coordinates of b relative to a (translation, then rotation vector, joint frame).
+
+    Parameters
+    ----------
+    name
+        Unique in the model.
+    a, b
+        Bodies (handles or names), ground, or nodes of flexible bodies.
+    at
+        (3,), m, world, as drawn, or two points ``(P_a, P_b)`` that assembly brings together; of a node its own point.
+    axis
+        "x", "-y", ... or a vector (3,), world: z of the joint frame.
+    orientation
+        Of the joint frame as drawn, instead of ``axis``: quaternion (4,), scalar first, or matrix (3, 3).
+    k, c, preload
+        Stiffness (N/m or N m/rad), damping (N s/m or N m s/rad) and force (N or N m) of the free coordinates: (6,) each.
+    law
+        Nonlinear law or None for each, or {name: law}, of the free coordinates, added to these.
+
+    Returns
+    -------
+    Joint
+
+    Raises
+    ------
+    ModelError
+        A body joined to itself, a missing or doubled direction, wrong shapes, numbers that are not finite.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("drone"); d = m.body("drone", mass=1.0, inertia=(1, 1, 1))
+    >>> m.free("air", m.ground, d, at=(0, 0, 0))
+    <joint 'air' of 'drone'>
+    """
+    return add_joint(
+        self, "free", name, a, b, at=at, axis=axis, orientation=orientation, k=k, c=c, preload=preload, law=law
+    )
+
+
+def distance(
+    self: Book,
+    name: str,
+    a: BodyLike,
+    b: BodyLike,
+    *,
+    at: Points | None = None,
+    length: Scalar | None = None,
+) -> Joint:
+    """A massless rod: |P_b - P_a| = length.
+
+    Parameters
+    ----------
+    name
+        Unique in the model.
+    a, b
+        Bodies (handles or names), ground, or nodes of flexible bodies.
+    at
+        ``(P_a, P_b)``, m, world, as drawn, the first fixed in a, the second in b.
+    length
+        m, to which assembly goes; the drawn distance by default, also when the points are moved.
+
+    Returns
+    -------
+    Joint
+
+    Raises
+    ------
+    ModelError
+        A body joined to itself, a missing or doubled direction, wrong shapes, numbers that are not finite.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("rod"); b = m.body("bob", mass=1.0, inertia=(1, 1, 1), at=(0, 0, -1))
+    >>> m.distance("string", m.ground, b, at=((0, 0, 0), (0, 0, -1)))
+    <joint 'string' of 'rod'>
+    """
+    return add_joint(self, "distance", name, a, b, at=at, length=length)
+
+
+def knife_edge(
+    self: Book,
+    name: str,
+    a: BodyLike,
+    b: BodyLike,
+    *,
+    at: Points | None = None,
+    axis: Axis | None = None,
+    orientation: Rotation | None = None,
+) -> Joint:
+    """Nonholonomic: the point of b does not move along ``axis``, which is fixed in b, relative to a.
+
+    Parameters
+    ----------
+    name
+        Unique in the model.
+    a, b
+        Bodies (handles or names), ground, or nodes of flexible bodies.
+    at
+        (3,), m, world, as drawn, or two points ``(P_a, P_b)`` that assembly brings together; of a node its own point.
+    axis
+        "x", "-y", ... or a vector (3,), world: the direction without motion.
+    orientation
+        Of the joint frame as drawn, instead of ``axis``: quaternion (4,), scalar first, or matrix (3, 3).
+
+    Returns
+    -------
+    Joint
+
+    Raises
+    ------
+    ModelError
+        A body joined to itself, a missing or doubled direction, wrong shapes, numbers that are not finite.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("skate"); s = m.body("skate", mass=1.0, inertia=(1, 1, 1))
+    >>> m.knife_edge("blade", m.ground, s, at=(0, 0, 0), axis="y")
+    <joint 'blade' of 'skate'>
+    """
+    return add_joint(self, "knife_edge", name, a, b, at=at, axis=axis, orientation=orientation)
+
+
+def rolling_disc(
+    self: Book,
+    name: str,
+    a: BodyLike,
+    b: BodyLike,
+    *,
+    at: Points | None = None,
+    axis: Axis | None = None,
+    axis2: Axis | None = None,
+    orientation: Rotation | None = None,
+    radius: Scalar | None = None,
+) -> Joint:
+    """Nonholonomic: a disc of ``radius`` about ``axis2`` (fixed in b) rolls on a plane of a with the normal ``axis``.
+
+    Parameters
+    ----------
+    name
+        Unique in the model.
+    a, b
+        Bodies (handles or names), ground, or nodes of flexible bodies.
+    at
+        ``(P_a, P_b)``, m, world: any point of the plane and the disc's centre.
+    axis
+        "x", "-y", ... or a vector (3,), world: the normal of the plane.
+    axis2
+        The disc's axis, in the same way.
+    orientation
+        Of the joint frame as drawn, instead of the axes: quaternion (4,), scalar first, or matrix (3, 3).
+    radius
+        m, positive.
+
+    Returns
+    -------
+    Joint
+
+    Raises
+    ------
+    ModelError
+        A body joined to itself, a missing or doubled direction, wrong shapes, numbers that are not finite.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("coin"); c = m.body("coin", mass=1.0, inertia=(1, 1, 2), at=(0, 0, 0.1))
+    >>> m.rolling_disc("rolls", m.ground, c, at=((0, 0, 0), (0, 0, 0.1)), axis="z", axis2="x", radius=0.1)
+    <joint 'rolls' of 'coin'>
+    """
+    return add_joint(
+        self, "rolling_disc", name, a, b, at=at, axis=axis, axis2=axis2, orientation=orientation, radius=radius
+    )

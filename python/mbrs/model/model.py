@@ -1,0 +1,308 @@
+"""The model: names, units and numbers as the user gives them. `mbrs.tables` makes Tables of it."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, overload
+
+import numpy as np
+
+from ..errors import ModelError
+from . import bodies as _bodies
+from . import drives as _drives
+from . import flexible as _flexible
+from . import forces as _forces
+from . import joints as _joints
+from . import section_loads as _section_loads
+from .addresses import assign, read, target
+from .aliases import Matrix, Vector, Vector3
+from .bodies import Body, Ground, Marker
+from .book import STORES, Book, Item, Store
+from .drives import Coupler, Drive
+from .expressions import Program, Symbol, rebuild_all
+from .forces import Element, Load
+from .joint import Joint
+from .names import GROUND, check_name, not_found, shown
+from .numbers import vector
+from .parameters import ArrayParameter
+from .schema import GRAVITY, LARGEST_TOLERANCE, Kind
+
+# What `dir(model)` leaves out: attributes that the package uses and a user does not.
+_INTERNAL = frozenset(vars(Book("names"))) | {name for name in vars(Book) if not name.startswith("_")}
+_PUBLIC = frozenset({"name", "bodies", "joints", "elements", "loads", "drives", "couplers", "markers"})
+
+
+class Gravity(Item):
+    """The three numbers of gravity."""
+
+    __slots__ = ()
+    store = "gravity"
+    kind = "gravity"
+
+    @property
+    def table(self) -> Kind:
+        return GRAVITY
+
+
+class Model(Book):
+    """A spatial multibody system as the user describes it: bodies, joints, springs, loads, parameters.
+
+    Parameters
+    ----------
+    name
+        Any string; it heads the tables and pages made from the model.
+    gravity
+        Acceleration (3,), m/s2, world; None (and nothing is computed for it) by default.
+    tolerance
+        Accuracy of what was drawn: of lengths over the characteristic length, and of angles (rad). 0 < tolerance < 0.1.
+
+    Raises
+    ------
+    ModelError
+        A wrong argument, here and in every method; the message names the object and the remedy.
+
+    Notes
+    -----
+    World coordinates of the drawn configuration locate everything, SI units, radians. Adding an object costs O(1). The constructors of
+    objects are defined beside their handles, in `mbrs.model.bodies`, ``joints``, ``forces``, ``drives``, ``flexible``, ``section_loads``.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> m = mb.Model("pendulum", gravity=(0, 0, -9.81))
+    >>> length = m.parameter("length", 1.0)
+    >>> rod = m.body("rod", mass=2.0, inertia=(0.2, 0.2, 0.01), at=(0, 0, -length / 2))
+    >>> m.revolute("hinge", m.ground, rod, at=(0, 0, 0), axis="x")
+    <joint 'hinge' of 'pendulum'>
+    >>> m.set({"length": 1.5}); m.value("rod.at")
+    array([ 0.  ,  0.  , -0.75])
+    """
+
+    bodies: list[Body]
+    joints: list[Joint]
+    elements: list[Element]
+    loads: list[Load]
+    drives: list[Drive]
+    couplers: list[Coupler]
+    markers: list[Marker]
+
+    def __init__(self, name: str, gravity: Vector3 | None = None, tolerance: float = 1e-7) -> None:
+        super().__init__(name)
+        self.ground = Ground(self, GROUND)
+        self.tolerance = tolerance
+        if gravity is not None:
+            self.gravity = gravity  # type: ignore[assignment]
+
+    body = _bodies.body
+    flexible_body = _flexible.flexible_body
+    marker = _bodies.marker
+
+    fixed = _joints.fixed
+    revolute = _joints.revolute
+    prismatic = _joints.prismatic
+    cylindrical = _joints.cylindrical
+    universal = _joints.universal
+    spherical = _joints.spherical
+    planar = _joints.planar
+    free = _joints.free
+    distance = _joints.distance
+    knife_edge = _joints.knife_edge
+    rolling_disc = _joints.rolling_disc
+
+    spring_damper = _forces.spring_damper
+    bushing = _forces.bushing
+    torsion = _forces.torsion
+    force = _forces.force
+    torque = _forces.torque
+    modal_force = _section_loads.modal_force
+    section_load = _section_loads.section_load
+
+    drive = _drives.drive
+    coupler = _drives.coupler
+
+    @overload
+    def parameter(self, name: str, value: float | np.floating[Any] | np.integer[Any], unit: str = "") -> Symbol: ...
+    @overload
+    def parameter(self, name: str, value: Sequence[Any] | np.ndarray, unit: str = "") -> ArrayParameter: ...
+    def parameter(self, name: str, value: Any, unit: str = "") -> Symbol | ArrayParameter:
+        """A design variable, to be used wherever a number is expected.
+
+        Parameters
+        ----------
+        name
+            Unique in the model, without ``.``, ``[`` and ``]``.
+        value
+            A number, or an array of any shape.
+        unit
+            A label such as "N/m" for tables and plots; nothing is converted.
+
+        Returns
+        -------
+        An expression, or an array of them. Arithmetic, indexing and NumPy functions give expressions with exact derivatives.
+
+        Examples
+        --------
+        >>> import mbrs as mb
+        >>> m = mb.Model("one"); V = m.parameter("V", [[1.0, 2.0], [3.0, 4.0]])
+        >>> (2 * V[0, 1] + 1).value
+        5.0
+        """
+        if isinstance(name, str) and name == "gravity":
+            raise ModelError("a parameter must not be called 'gravity': that is the address of the model's gravity")
+        check_name("parameter", name, self.items)
+        if name in self.space.names:
+            check_name("parameter", name, self.space.names)
+        if not isinstance(unit, str):
+            raise ModelError(f"the unit of parameter {name!r} must be text such as 'N/m', got {shown(unit)}")
+        made = self.space.add(name, value, unit)
+        self.structure_version += 1
+        return made
+
+    @property
+    def tolerance(self) -> float:
+        """Accuracy of what was drawn: of lengths over the characteristic length, and of angles (rad)."""
+        return self._tolerance
+
+    @tolerance.setter
+    def tolerance(self, value: float) -> None:
+        number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+        if not number or not math.isfinite(value) or not 0.0 < value < LARGEST_TOLERANCE:
+            raise ModelError(
+                f"the tolerance of model {self.name!r} must be a number between 0 and {LARGEST_TOLERANCE:g} (a share of its size), "
+                f"got {shown(value)}"
+            )
+        self._tolerance = float(value)
+        self.changed_structure()
+
+    @property
+    def gravity(self) -> np.ndarray | None:
+        """Acceleration of gravity (3,), m/s2, world, or None. Assigning it replaces it."""
+        return None if self.gravity_item is None else np.array(self.gravity_item.values())
+
+    @gravity.setter
+    def gravity(self, value: Vector3) -> None:
+        old, self.stores["gravity"] = self.stores["gravity"], Store()
+        item = Gravity(self, "gravity")
+        try:
+            item.put(vector(value, "gravity"))
+        except Exception:
+            self.stores["gravity"] = old
+            raise
+        self.gravity_item = item
+        self.changed_structure()
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of all parameters, in the order of definition (that of V)."""
+        return tuple(self.space.names)
+
+    def __getitem__(self, name: str) -> Any:
+        """The handle of a name: a body, joint, element, load, marker or parameter."""
+        if not isinstance(name, str):
+            raise ModelError(f"model {self.name!r} is indexed by names, got {shown(name)}")
+        if name == GROUND:
+            return self.ground
+        if name in self.items:
+            return self.items[name]
+        if name in self.space.names:
+            return self.space.handle(name)
+        raise not_found(f"nothing in model {self.name!r}", name, [*self.items, *self.space.names])
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and (name in self.items or name in self.space.names)
+
+    def value(self, address: str) -> Any:
+        """The number(s) at an address now: a float, or an array for an address without an index.
+
+        >>> import mbrs as mb
+        >>> mb.Model("one", gravity=(0, 0, -9.81)).value("gravity[2]")
+        -9.81
+        """
+        return read(self, target(self, address))
+
+    def set(self, changes: Mapping[str, float | Vector | Matrix]) -> None:
+        """Change numbers by address, keeping what was compiled: ``{"k_leg": 2e5, "payload.mass": 21.0}``.
+
+        All changes are made or, where one is impossible, none. Numbers that a parameter drives change through the
+        parameter. Setting the ``length`` of a spring gives it a natural length of its own. A new axis or orientation is
+        set whole. Cost: O(changed numbers), plus one pass over the expressions where parameters change.
+
+        Raises
+        ------
+        NameNotFoundError
+            An unknown address; the message proposes the nearest.
+        ModelError
+            A value that fits the address in shape or sense no better than it would in the constructor.
+        """
+        if not isinstance(changes, Mapping):
+            raise ModelError(f"m.set takes a mapping of addresses to values, got {shown(changes)}")
+        restructured = assign(self, [(target(self, address), value) for address, value in changes.items()])
+        if restructured:
+            self.changed_structure()
+        self.values_version += 1
+
+    def save(self, path: str | Path) -> Path:
+        """Save as TOML; `load` brings back a model with identical Tables. Expressions stay expressions. Returns the path."""
+        from .toml import save
+
+        return save(self, path)
+
+    @staticmethod
+    def load(path: str | Path, functions: bool = False) -> Model:
+        """A model from a TOML file.
+
+        Parameters
+        ----------
+        path
+            Of a file that `save` wrote, or that was written by hand.
+        functions
+            A file may name Python functions of time, "module:name". True: import their modules, which runs their code; do so only with
+            files that you trust. By default a file is data: the names are kept as text; the model prints, changes and saves,
+            and an analysis of it raises a ModelError.
+
+        Raises
+        ------
+        ModelError
+            What is wrong, with file, line and column.
+        """
+        from .toml import load
+
+        return load(path, Model, functions)
+
+    def copy(self) -> Model:
+        """An independent copy."""
+        return copy.deepcopy(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = {k: v for k, v in self.__dict__.items() if k not in ("cache", "stores")}
+        places = [(kind, i) for kind, store in self.stores.items() for i in store.driven]
+        program = Program([self.stores[kind].driven[i] for kind, i in places])
+        state["saved_numbers"] = {kind: store.x.tobytes() for kind, store in self.stores.items()}
+        state["saved_expressions"] = (places, program.nodes, program.roots)
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        saved, (places, nodes, roots) = state.pop("saved_numbers"), state.pop("saved_expressions")
+        self.__dict__.update(state)
+        self.cache = {}
+        self.stores = {kind: Store() for kind in STORES}
+        for kind, data in saved.items():
+            self.stores[kind].x.frombytes(data)
+        for (kind, i), node in zip(places, rebuild_all(self.space, nodes, roots), strict=True):
+            self.stores[kind].driven[i] = node
+
+    def __dir__(self) -> list[str]:
+        return [name for name in object.__dir__(self) if name in _PUBLIC or name not in _INTERNAL]
+
+    def __repr__(self) -> str:
+        counts: Sequence[tuple[int, str]] = (
+            (len(self.bodies), "bodies"),
+            (len(self.joints), "joints"),
+            (len(self.elements), "elements"),
+            (len(self.loads), "loads"),
+            (len(self.space.names), "parameters"),
+        )
+        return f"Model({self.name!r}: " + ", ".join(f"{n} {what}" for n, what in counts) + ")"
