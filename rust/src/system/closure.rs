@@ -134,7 +134,7 @@ pub(super) fn close_with(
     let mut best = f64::INFINITY;
     for iteration in 0..=MAX_ITERATIONS {
         let (phi, jacobian) = rows_at(system, relative, effects);
-        check_finite(system, &phi)?;
+        check_finite(&phi)?;
         let kept = rows.select(&jacobian, Asked::Position);
         let (size, worst, closed) = largest(&phi, &kept, rows, &rounding);
         let stalled = iteration > 3 && size >= best;
@@ -209,7 +209,7 @@ pub(super) fn close_drawn(
     let mut best = f64::INFINITY;
     for iteration in 0..=MAX_ITERATIONS {
         let (phi, jacobian) = rows_at(system, relative, effects);
-        check_finite(system, &phi)?;
+        check_finite(&phi)?;
         let of = |b: &Block| largest(&phi, &b.rows[..b.n_position], rows, &limits);
         let open: Vec<&Block> = rows.blocks.iter().filter(|b| !of(b).2).collect();
         let (size, worst) = open.iter().map(|b| of(b)).fold((0.0, None), |a, b| if b.0 > a.0 { (b.0, b.1) } else { a });
@@ -312,7 +312,7 @@ pub fn shown(names: &[String]) -> String {
     }
 }
 
-fn check_finite(system: &System, phi: &DVector<f64>) -> Result<()> {
+fn check_finite(phi: &DVector<f64>) -> Result<()> {
     if phi.iter().all(|v| v.is_finite()) {
         return Ok(());
     }
