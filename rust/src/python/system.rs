@@ -268,7 +268,8 @@ impl PySystem {
         Ok(out)
     }
 
-    #[pyo3(signature = (relative, rate, without, memory=Vec::new()))]
+    /// `acceleration` (n_tree,) of the tree coordinates where their rates do not stay, or empty.
+    #[pyo3(signature = (relative, rate, without, memory=Vec::new(), acceleration=Vec::new()))]
     fn linearize<'py>(
         &self,
         py: Python<'py>,
@@ -276,13 +277,19 @@ impl PySystem {
         rate: PyReadonlyArray1<'py, f64>,
         without: Vec<String>,
         memory: Vec<f64>,
+        acceleration: Vec<f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
         super::direction::remembered(&self.0, &memory)?;
+        if !acceleration.is_empty() && acceleration.len() != self.0.n_tree() {
+            let n = self.0.n_tree();
+            return Err(Error::model(format!("a state of this model has {n} accelerations, not {}", acceleration.len())).into());
+        }
         let (lin, counts) = run(py, &self.0, move |system, _| {
             let mut counts = Counts::default();
-            linearize(&Setting { system, state: &state, memory: &memory, effects }, &mut counts).map(|l| (l, counts))
+            let setting = Setting { system, state: &state, memory: &memory, acceleration: &acceleration, effects };
+            linearize(&setting, &mut counts).map(|l| (l, counts))
         })?;
         let out = PyDict::new(py);
         put_linearization(py, &out, &self.0, &lin)?;
@@ -300,7 +307,7 @@ impl PySystem {
     fn mobility<'py>(&self, py: Python<'py>, relative: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &relative, &empty(py)?)?;
         let loops = run(py, &self.0, move |system, _| {
-            mobility(&Setting { system, state: &state, memory: &[], effects: Effects::ALL })
+            mobility(&Setting { system, state: &state, memory: &[], acceleration: &[], effects: Effects::ALL })
         })?;
         let out = PyDict::new(py);
         let topology = &self.0.topology;
@@ -330,7 +337,7 @@ impl PySystem {
         let effects = effects(&without)?;
         let z = nalgebra::DVector::from_vec(values(&increments));
         let moved = run(py, &self.0, move |system, _| {
-            let setting = Setting { system, state: &state, memory: &[], effects };
+            let setting = Setting { system, state: &state, memory: &[], acceleration: &[], effects };
             let base = linearize(&setting, &mut Counts::default())?;
             let dy = base.expand(z)?;
             advance(&system.topology, &mut state.relative, dy.as_slice());
@@ -461,7 +468,7 @@ impl PySystem {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
         let all = run(py, &self.0, move |system, _| {
-            let setting = Setting { system, state: &state, memory: &[], effects };
+            let setting = Setting { system, state: &state, memory: &[], acceleration: &[], effects };
             let base = linearize(&setting, &mut Counts::default())?;
             reactions(&setting, &base)
         })?;
