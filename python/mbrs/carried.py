@@ -162,29 +162,28 @@ def spin_of(
         worst = max(elements, key=lambda e: float(np.max(np.abs(e.rows @ made), initial=0.0)))
         if float(np.max(np.abs(worst.rows @ made))) <= GROWS * size:
             return _with_carriers(base, twists, made, free, driven, relative)
-    raise _tied(snapshot, elements, growth, twists, rate)
+    raise _tied(snapshot, elements, twists, made, GROWS * size)
 
 
 def _tied(
-    snapshot: Snapshot, elements: Sequence[ElementRows], growth: Sequence[float], twists: np.ndarray, rate: np.ndarray
+    snapshot: Snapshot, elements: Sequence[ElementRows], twists: np.ndarray, rate: np.ndarray, rounding: float
 ) -> ModelError:
-    """Prefer the element between what is driven and ground: the others could follow."""
+    """Name an element to ground rather than one between bodies that both could follow."""
     names = [*snapshot.tables["body_name"], "ground"]
     moves = np.einsum("bij,j->bi", twists, rate)
-
-    def stands(body: int) -> bool:
-        return body < 0 or not np.any(moves[body])
+    growth = [float(np.max(np.abs(e.rows @ rate), initial=0.0)) for e in elements]
 
     def order(i: int) -> tuple[bool, float]:
         return (min(elements[i].bodies) < 0, growth[i])
 
-    worst = elements[max((i for i, g in enumerate(growth) if g > 0.0), key=order)]
+    worst = elements[max((i for i, g in enumerate(growth) if g > rounding), key=order)]
     a, b = worst.bodies
-    turning, standing = (b, a) if stands(a) else (a, b)
+    slow = a < 0 or (b >= 0 and np.linalg.norm(moves[a, 3:]) < np.linalg.norm(moves[b, 3:]))
+    turning, standing = (names[b], names[a]) if slow else (names[a], names[b])
     return ModelError(
-        f"no steady motion: {worst.name!r} ties {names[turning]!r}, which turns, to {names[standing]!r}, which does not turn with "
-        f"it, and its force would grow with every turn; leave its stiffness about the axis out (k = 0 there), attach it to a body "
-        f"that {names[turning]!r} turns in (a revolute joint), or drive both"
+        f"no steady motion: {worst.name!r} ties {turning!r}, which turns, to {standing!r}, which does not turn with it, and its "
+        f"force would grow with every turn; set its stiffness about the axis to zero, attach it to a body in which {turning!r} turns "
+        "(a revolute joint), or drive both"
     )
 
 

@@ -79,6 +79,11 @@ class Matrices:
     D: np.ndarray
     S: np.ndarray
 
+    def over(self, kept: np.ndarray) -> Matrices:
+        """Those of some coordinates."""
+        place = np.ix_(kept, kept)
+        return Matrices(self.M[place], self.D[place], self.S[place])
+
     def dynamic(self, s: complex) -> np.ndarray:
         """s^2 M + s D + S."""
         return np.asarray(s * s * self.M + s * self.D + self.S)
@@ -171,36 +176,41 @@ class Crossing:
 
 
 def crossing(
-    near: float, order: float, pencil: SpeedPencil, exact: Callable[[float], Matrices] | None
+    near: float, order: float, pencil: SpeedPencil, exact: Callable[[float], Matrices] | None, kept: np.ndarray
 ) -> Crossing | None:
-    """Newton for s = sigma + i n W with det(s^2 M + s D + S) = 0, sigma and W real; None where it does not converge.
+    """Newton for s = sigma + i n W with det(s^2 M + s D + S) = 0, sigma and W real; None where it does not converge. At order 0 the
+    root sought is s = 0.
 
     ``exact`` gives the matrices where the polynomials are not exact: then their slopes alone are the polynomials'.
     """
     speed, sigma = near, 0.0
     here = exact or pencil.at
     for _ in range(_ITERATIONS):
-        m, slope, s = here(speed), pencil.slopes(speed), sigma + 1j * order * speed
+        m, slope, s = here(speed).over(kept), pencil.slopes(speed).over(kept), sigma + 1j * order * speed
         d = natural(m)
-        P = m.dynamic(s) * d * d[:, None]
-        U, values, Vh = np.linalg.svd(P)
+        U, values, Vh = np.linalg.svd(m.dynamic(s) * d * d[:, None])
         u, v = U[:, -1], Vh[-1].conj()
         by_s = u.conj() @ ((2 * s * m.M + m.D) * d * d[:, None]) @ v
         by_speed = u.conj() @ (slope.dynamic(s) * d * d[:, None]) @ v + 1j * order * by_s
-        step, rest = np.array([[by_s.real, by_speed.real], [by_s.imag, by_speed.imag]]), np.array([-values[-1], 0.0])
-        if abs(np.linalg.det(step)) <= 1e-14 * np.abs(by_s) * np.abs(by_speed):
-            return None
-        change = np.linalg.solve(step, rest)
-        sigma, speed = sigma + change[0], speed + change[1]
+        if order == 0.0:
+            change = np.array([0.0, -(values[-1] / by_speed).real if by_speed else np.inf])
+        else:
+            step = np.array([[by_s.real, by_speed.real], [by_s.imag, by_speed.imag]])
+            if abs(np.linalg.det(step)) <= 1e-14 * np.abs(by_s) * np.abs(by_speed):
+                return None
+            change = np.linalg.solve(step, [-values[-1], 0.0])
+        sigma, speed = sigma + float(change[0]), speed + float(change[1])
         if not np.isfinite(speed) or speed <= 0.0:
             return None
         if abs(change[1]) <= LOCATED * speed and abs(change[0]) <= LOCATED * max(abs(sigma), order * speed):
-            return Crossing(float(speed), sigma + 1j * order * speed, v * d, u * d, float(abs(change[1]) / speed))
+            shape, left = np.zeros((2, len(pencil.at(speed).M)), dtype=complex)
+            shape[kept], left[kept] = v * d, u * d
+            return Crossing(speed, sigma + 1j * order * speed, shape, left, float(abs(change[1]) / speed))
     return None
 
 
 def forward_share(rows: np.ndarray, left: np.ndarray, axis: np.ndarray) -> float:
-    """Share of the motion of ``rows`` (n, 3, dof) across the axis that turns forward, of a left vector: what a force that turns with
+    """Share of the motion of ``rows`` (n, 3, dof) that turns forward about the axis, of a left vector: what a force that turns with
     the rotor works on.
     """
     a = axis / np.linalg.norm(axis)
@@ -209,9 +219,8 @@ def forward_share(rows: np.ndarray, left: np.ndarray, axis: np.ndarray) -> float
     e2 = np.cross(a, e1)
     # Re (e1 - i e2) exp(i W t) turns forward; its work on the mode is left^H rows^T (e1 - i e2)
     moved = np.einsum("nij,j->ni", rows, left.conj())
-    forward, backward = moved @ (e1 - 1j * e2), moved @ (e1 + 1j * e2)
-    total = float(np.sum(np.abs(forward) ** 2 + np.abs(backward) ** 2))
-    return float(np.sum(np.abs(forward) ** 2)) / total if total > 0.0 else 0.0
+    total = 2.0 * float(np.sum(np.abs(moved) ** 2))
+    return float(np.sum(np.abs(moved @ (e1 - 1j * e2)) ** 2)) / total if total > 0.0 else 0.0
 
 
 def whirl_of(rows: np.ndarray, shape: np.ndarray, axis: np.ndarray, least: float) -> int:

@@ -262,7 +262,7 @@ def _blade(turn: Turn, topology: Any, members: list[str]) -> _Blade:
     stems = {joint or body for body, _, joint, _ in topology["tree"] if body in members}
     bodies = tuple(names.index(b) for b in members)
     rows = [6 * b + k for b in bodies for k in range(6)]
-    for body, m, _, at in modal_places(turn.snapshot.tables, len(turn.snapshot.model.bodies)):
+    for body, m, _, at in modal_places(turn.snapshot.tables, len(names)):
         if body in bodies:
             rows += [6 * len(names) + at + k for k in range(m)]
             stems.add(names[body])
@@ -307,7 +307,10 @@ def _blade_transformation(turn: Turn, tangent: Tangent, blades: list[_Blade], w:
     inside = np.concatenate([b.places for b in blades])
     outside = np.setdiff1d(np.arange(len(T)), inside)
     rows = np.setdiff1d(np.arange(len(tangent.rows)), np.concatenate([b.rows for b in blades]))
-    B = turn.target("fixed", tangent)[np.ix_(rows, rows)]
+    inner = turn.target("fixed", tangent, outside_of=[b.bodies for b in blades])
+    if inner is None:
+        return None
+    B = inner[np.ix_(rows, rows)]
     hub = fitted(tangent.rows[np.ix_(rows, outside)] * s[outside], B @ first.rows[np.ix_(rows, outside)] * s[outside])
     if hub is None:
         return None

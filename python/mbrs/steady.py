@@ -283,12 +283,12 @@ def _solve(
         if residual.size:
             S = _carried_stiffness(r, spin, rate, place)
             step[still] = _newton(S[np.ix_(still, still)], residual, scale)
-        tiny = float(np.max(np.abs(step), initial=0.0)) <= 1e-14 * max(1.0, snapshot.system.characteristic_length)
+        longest = _natural_size(r, step, snapshot.system.characteristic_length)
+        tiny = longest <= 1e-14
         if size <= 1e-14 * scale or tiny or (size >= previous and size <= 1e-10 * scale):
             moving = acceleration if np.any(acceleration) else np.zeros(0)
             return State(relative, rate, "steady", driven=tuple(driven), acceleration=moving), r, iteration
         previous = size
-        longest = float(np.max(np.abs(step)))
         step *= min(1.0, 0.3 / longest)
         with core_errors():
             relative = snapshot.system.advance(relative, step)
@@ -296,6 +296,13 @@ def _solve(
         f"no steady motion of {snapshot.model.name!r} was found at these speeds within {_MAX_ITERATIONS} iterations; approach them in "
         "steps (at= takes a slower steady motion)"
     )
+
+
+def _natural_size(r: dict[str, Any], step: np.ndarray, length: float) -> float:
+    """The largest motion of a body that a step makes: rad, or characteristic lengths."""
+    moved = np.abs((r["T"] @ step).reshape(-1, 2, 3)) / np.array([length, 1.0])[None, :, None]
+    modal = np.abs(r["modal_map"] @ step) / length if "modal_map" in r else np.zeros(0)
+    return float(max(np.max(moved, initial=0.0), np.max(modal, initial=0.0)))
 
 
 def _carried_stiffness(r: dict[str, Any], spin: Spin, rate: np.ndarray, place: Mapping[str, int]) -> np.ndarray:
