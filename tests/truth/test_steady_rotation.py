@@ -5,7 +5,7 @@ from __future__ import annotations
 import mbrs as mb
 import numpy as np
 import pytest
-from scipy.linalg import eig, eigh
+from scipy.integrate import solve_ivp
 
 # kg, m, s, and tonne, mm, s: factors of mass and length
 UNITS = {"m-kg-s": (1.0, 1.0), "mm-t-s": (1e-3, 1e3)}
@@ -107,7 +107,6 @@ def test_a_bushing_is_no_bearing_that_tilts():
     m = mb.Model("disc in a bushing")
     d = s.body(m, "disc", 10.0, (0.1, 0.05, 0.05))
     s.bushing(m, "support", m.ground, d, (1e9, 1e6, 1e6, 0, 2e3, 2e3))
-    names = ("disc.rx", "disc.ry", "disc.rz")
     with pytest.raises(mb.ModelError, match="several ways"):
         mb.steady_motion(m, {"disc": 200.0})
     m = mb.Model("disc in a bushing along z")
@@ -115,7 +114,7 @@ def test_a_bushing_is_no_bearing_that_tilts():
     m.bushing("support", m.ground, d, at=(0, 0, 0), k=(1e6, 1e6, 1e9, 2e3, 2e3, 0))
     with pytest.raises(mb.ModelError, match="support") as raised:
         mb.steady_motion(m, {"disc.rz": 200.0})
-    assert "symmetric" in str(raised.value) and len(str(raised.value)) <= 700 and names
+    assert "symmetric" in str(raised.value) and len(str(raised.value)) <= 700
 
 
 @cases
@@ -228,7 +227,7 @@ def test_an_unbalanced_rotor_and_weight_across_the_axis_are_refused():
 def windmill(s: Setting, n: int, gravity=None, tower=(1e6, 3e5, 8e5, 4e4, 5e4, 7e4), hinge=30.0) -> mb.Model:
     """Blades on sprung lead-lag hinges around a hub in an elastic tower head."""
     m = mb.Model("windmill", gravity=gravity)
-    head = s.body(m, "head", 8.0, (0.4, 0.5, 0.6))
+    head = s.body(m, "head", 8.0, (0.4, 0.5, 0.5))
     s.bushing(m, "tower", m.ground, head, tower)
     hub = s.body(m, "hub", 2.0, (0.02, 0.03, 0.03) if n == 2 else (0.02, 0.02, 0.02))
     m.revolute("spin", head, hub, at=s.place(0, 0, 0), axis=s.axis)
@@ -243,38 +242,50 @@ def windmill(s: Setting, n: int, gravity=None, tower=(1e6, 3e5, 8e5, 4e4, 5e4, 7
 
 @cases
 def test_three_blades_on_an_unequal_tower_need_multiblade_coordinates(seed, units, backwards):
-    """The eigenvalues against the monodromy of the periodic equations, integrated on their own (see `periodic_roots`)."""
+    """The eigenvalues s against the multipliers exp(2 pi s/W) of the periodic equations of motion in the plane of the blades."""
     s = Setting(seed, units, backwards)
-    m = windmill(s, 3)
-    turning = mb.steady_motion(m, {"spin": 9.0})
+    W = 9.0
+    turning = mb.steady_motion(windmill(s, 3), {"spin": W})
     assert turning.frame == "multiblade"
-    found = mb.modes(m, at=turning)
-    exact = periodic_roots(m, s, 9.0)
-    rho = np.exp(np.concatenate([found.roots]) * 2 * np.pi / 9.0)
-    for one in exact:
-        assert np.min(np.abs(rho - one)) < 1e-5, (one, rho)
+    found = mb.modes(turning.linearization)
+    rho = np.exp(found.roots * 2 * np.pi / W)
+    for one in multipliers(W):
+        if abs(one - 1) > 1e-3:  # the turning itself is a double root, which rounding splits by its root
+            assert np.min(np.abs(rho - one)) < 1e-6, (one, rho)
 
 
-def periodic_roots(m: mb.Model, s: Setting, W: float) -> np.ndarray:
-    """Multipliers over one turn from motions in time: differences of the state after a turn over small initial velocities."""
-    core = m.compiled()
-    begin = mb.steady_motion(m, {"spin": W}).state
-    period, n = 2 * np.pi / W, core.n_tree
-    scale = np.ones(n)
-    names = core.topology()["coordinates"]
-    for i, name in enumerate(names):
-        if name.endswith((".x", ".y", ".z")):
-            scale[i] = s.length
+def multipliers(W: float) -> np.ndarray:
+    """Of the linear equations of hub (x, y), turning f and lags z_i, written down by hand: with n_i, u_i the directions along and
+    across each blade's motion and s_i = e f + l (f + z_i), the blade's mass has r" = X" + (s" - W^2 s) n - 2 W s' u.
+    """
+    mass, e, l, own, hub, hinge, heavy = 0.5, 0.2, 0.4, 0.04, 0.02, 30.0, 10.0
+    K = np.diag([3e5, 8e5, 0.0, hinge, hinge, hinge])
 
-    def after(step: np.ndarray) -> np.ndarray:
-        from dataclasses import replace
+    def rates(t: float, q: np.ndarray) -> np.ndarray:
+        M, D, S = np.diag([heavy, heavy, hub, 0, 0, 0]).astype(float), np.zeros((6, 6)), K.copy()
+        for i in range(3):
+            psi = W * t + 2 * np.pi * i / 3 + 0.4
+            u, n = np.array([np.cos(psi), np.sin(psi)]), np.array([-np.sin(psi), np.cos(psi)])
+            arm = np.zeros(6)
+            arm[2], arm[3 + i] = e + l, l  # s_i
+            turn = np.zeros(6)
+            turn[2] = turn[3 + i] = 1.0  # f + z_i
+            X = np.zeros((2, 6))
+            X[0, 0] = X[1, 1] = 1.0
+            to = X + np.outer(n, arm)  # velocity of the mass over the rates
+            M += mass * to.T @ to + own * np.outer(turn, turn)
+            # X rows: the whole r"; blade rows: n . r" and the centrifugal pull of the arms, which turn with f and f + z
+            D[:2] += -2 * W * mass * np.outer(u, arm)
+            S[:2] += -W * W * mass * np.outer(n, arm)
+            S += W * W * mass * (-np.outer(arm, arm) * 1.0)
+            pull = (e + l) * W * W * mass
+            first = np.zeros(6)
+            first[2] = 1.0
+            S += pull * (e * np.outer(first, first) + l * np.outer(turn, turn))
+        return np.r_[q[6:], -np.linalg.solve(M, D @ q[6:] + S @ q[:6])]
 
-        relative = core.advance(begin.relative, step[:n] * scale) if np.any(step[:n]) else begin.relative
-        state = replace(begin, relative=relative, rate=begin.rate + step[n:] * scale, kind="given", turn=None, frame="")
-        end = mb.simulate(m, t=[period], at=state, rtol=1e-11, atol=1e-13)
-        return np.asarray(np.r_[end.coordinate_values(), end.rate[0] / scale])
-
-    raise NotImplementedError(after)
+    columns = [solve_ivp(rates, (0, 2 * np.pi / W), row, "DOP853", rtol=1e-11, atol=1e-12).y[:, -1] for row in np.eye(12)]
+    return np.linalg.eigvals(np.array(columns).T)
 
 
 @cases
@@ -286,35 +297,81 @@ def test_two_blades_on_an_unequal_tower_and_blades_under_their_weight_are_refuse
     for n in (2, 3):
         with pytest.raises(mb.ModelError, match="weight"):
             mb.steady_motion(windmill(s, n, weight), {"spin": 9.0})
-    equal = mb.steady_motion(windmill(s, 3, tower=(1e6, 3e5, 3e5, 4e4, 5e4, 5e4)), {"spin": 9.0})
-    assert equal.frame in ("rotating", "multiblade")
+    equal = mb.steady_motion(windmill(s, 2, tower=(1e6, 3e5, 3e5, 4e4, 5e4, 5e4)), {"spin": 9.0})
+    assert equal.frame == "rotating"
 
 
 # --- elastic shafts -----
 
-R_SHAFT, LENGTH, E, RHO = 0.1, 1.0, 2.1e11, 7800.0
+R_SHAFT, LENGTH, YOUNG, RHO = 0.1, 1.0, 2.1e11, 7800.0
 AREA, SECOND = np.pi * R_SHAFT**2, np.pi * R_SHAFT**4 / 4
 
 
 def whirl(n: int, W: float) -> np.ndarray:
     """Roots of (rho A + rho I l^2) w^2 - 2 rho I W l^2 w - E I l^4 = 0 with l = n pi / L: forward positive."""
     q = n * np.pi / LENGTH
-    return np.sort(np.roots([RHO * AREA + RHO * SECOND * q**2, -2 * RHO * SECOND * W * q**2, -E * SECOND * q**4]))
+    return np.sort(np.roots([RHO * AREA + RHO * SECOND * q**2, -2 * RHO * SECOND * W * q**2, -YOUNG * SECOND * q**4]))
 
 
-def shaft(s: Setting, modes: int = 12, disc: float = 0.0, internal: float = 0.0, external: float = 0.0) -> mb.Model:
+def shaft(s: Setting, modes: int = 12) -> mb.Model:
     """A pinned round shaft that is a flexible body, in fixed bearings (stiff bushings without moments)."""
-    u = s.mass / s.length**3
-    attach = ["root", "tip"]
+    per_length = s.mass / s.length
+    stiff = YOUNG * SECOND * s.mass * s.length**3
+    section = RHO * SECOND * s.mass * s.length
     body = mb.flexible.beam(
-        LENGTH * s.length, mass=RHO * AREA * s.mass / s.length, EI_flap=E * SECOND * s.mass * s.length,
-        EI_edge=E * SECOND * s.mass * s.length, inertia_flap=RHO * SECOND * s.mass * s.length,
-        inertia_edge=RHO * SECOND * s.mass * s.length, modes=modes, fixed=None, attach=attach,
+        LENGTH * s.length, mass=RHO * AREA * per_length, EI_flap=stiff, EI_edge=stiff, inertia_flap=section,
+        inertia_edge=section, modes=modes, fixed=None, attach=["root", "tip"],
     )  # fmt: skip
-    assert u > 0 and disc == internal == external == 0.0
     m = mb.Model("shaft")
     rotor = m.flexible_body("shaft", body, at=s.place(0, 0, 0), orientation=s.R)
+    # its coordinates in axes along the shaft
+    m.free("spin", m.ground, rotor.node("root"), at=s.place(0, 0, 0), orientation=s.R)
     ends = [("root", 0.0, 1e14), ("tip", LENGTH, 0.0)]
     for node, x, along in reversed(ends) if s.backwards else ends:
         s.bushing(m, f"bearing at {node}", m.ground, rotor.node(node), (along, 1e14, 1e14, 0, 0, 0), (x, 0, 0))
     return m
+
+
+@cases
+def test_a_pinned_spinning_shaft(seed, units, backwards):
+    s = Setting(seed, units, backwards)
+    m = shaft(s)
+    assert whirl(1, 0.0)[-1] / (2 * np.pi) == pytest.approx(402.5866, rel=1e-6)
+    assert np.abs(whirl(1, 3000.0)) / (2 * np.pi) == pytest.approx([391.2535, 414.2481], rel=1e-6)
+    for W in (0.0, 1000.0, 3000.0):
+        turning = mb.steady_motion(m, {"spin.rx": W})
+        assert turning.frame == "fixed"
+        f = hertz(mb.modes(m, at=turning))
+        holds(f, *np.abs(whirl(1, W)) / (2 * np.pi), rel=1e-5)
+        holds(f, *np.abs(whirl(2, W)) / (2 * np.pi), rel=1e-4)
+
+
+@pytest.mark.parametrize("seed, ratio", [(11, 0.5), (12, 3.0)])
+def test_damping_that_turns_is_unstable_above_its_threshold(seed, ratio):
+    """m r" + (c_i + c_e) r' + (k - i W c_i) r = 0: unstable above w_n (1 + c_e/c_i)."""
+    s = Setting(seed)
+    m = mb.Model("internal damping")
+    hub = s.body(m, "hub", 1.0, (0.01,) * 3)
+    disc = s.body(m, "disc", 10.0, (0.1, 0.05, 0.05))
+    ring = s.body(m, "ring", 1e-6, (1e-9,) * 3)
+    m.revolute("spin", m.ground, hub, at=s.place(0, 0, 0), axis=s.axis)
+    s.bushing(m, "shaft", hub, disc, (1e8, 1e5, 1e5, 1e6, 1e6, 1e6), c=(0, 2.0, 2.0, 0, 0, 0))
+    m.revolute("seal", ring, disc, at=s.place(0, 0, 0), axis=s.axis)
+    s.bushing(m, "air", m.ground, ring, (0,) * 5 + (0,), c=(0, 2.0 * ratio, 2.0 * ratio, 0, 0, 0))
+    threshold = np.sqrt(1e5 / 10.0) * (1 + ratio)
+    for W, unstable in ((0.999 * threshold, False), (1.001 * threshold, True)):
+        found = mb.modes(m, at=mb.steady_motion(m, {"spin": W}))
+        whirling = np.abs(found.eigenvalue.imag) > 1.0
+        assert np.any(found.eigenvalue.real[whirling] > 1e-9) == unstable, (W, found.eigenvalue)
+
+
+def test_a_bending_pair_that_is_cut_in_two_is_named():
+    """On equal bearings the turning axes serve then, on unequal ones nothing."""
+    assert mb.steady_motion(shaft(Setting(13), modes=11), {"spin.rx": 500.0}).frame == "rotating"
+    m = shaft(Setting(13), modes=11)
+    m.set({"bearing at tip.k": (0.0, 1e8, 3e8, 0.0, 0.0, 0.0)})
+    with pytest.raises(mb.ModelError, match="'shaft' do not turn into each other"):
+        mb.steady_motion(m, {"spin.rx": 500.0})
+    m = shaft(Setting(13), modes=12)
+    m.set({"bearing at tip.k": (0.0, 1e8, 3e8, 0.0, 0.0, 0.0)})
+    assert mb.steady_motion(m, {"spin.rx": 500.0}).frame == "fixed"
