@@ -425,7 +425,7 @@ def test_inertial_stiffness_of_a_free_beam_balances():
     # sections that turn by r about z move inwards along y by r^2 y/2
     own = -sum(p.weight * p.section.mass_moments()[1, 1] for p in grid.points)
     assert KG[7, 0, 0] == pytest.approx(own, rel=1e-12) and own < 0
-    assert not np.any(KG[[0, 1, 2, 4, 6, 9, 10, 11]])
+    assert np.abs(KG[[0, 1, 2, 4, 6, 9, 10, 11]]).max() < 1e-15 * np.abs(KG).max()
 
 
 def tip_mass_roots(ratio, n):

@@ -223,7 +223,9 @@ class _Run:
             values = np.asarray(value, dtype=float)
             values = np.full(main.shape, float(values)) if values.ndim == 0 else values
             if values.shape != main.shape or not np.all(np.isfinite(values)):
-                raise ModelError(f"campbell: speed= of {key!r} must be {main.size} finite numbers (or one), as of {name!r}")
+                raise ModelError(
+                    f"campbell: speed= of {key!r} must be {main.size} finite numbers (or one), as of {name!r}"
+                )
             others[key] = values
         return cls(m, name, main, others, without)
 
@@ -295,9 +297,7 @@ def _axis(lin: Any) -> np.ndarray | None:
     return np.asarray(omega[int(np.argmax(np.linalg.norm(omega, axis=1)))])
 
 
-def _critical(
-    run: _Run, rows: Sequence[_Row], columns: np.ndarray, order: float, frame: str
-) -> list[CriticalSpeed]:
+def _critical(run: _Run, rows: Sequence[_Row], columns: np.ndarray, order: float, frame: str) -> list[CriticalSpeed]:
     """The crossings of one order in the range of speeds."""
     out: list[tuple[Crossing, CriticalSpeed]] = []
     for pencil, low, high, exact in _pencils(run):
@@ -344,9 +344,7 @@ def _kept(run: _Run, order: float) -> np.ndarray:
     return np.array([i for i, name in enumerate(names) if name not in driven], dtype=int)
 
 
-def _column(
-    run: _Run, rows: Sequence[_Row], columns: np.ndarray, found: Crossing
-) -> tuple[int, int | None]:
+def _column(run: _Run, rows: Sequence[_Row], columns: np.ndarray, found: Crossing) -> tuple[int, int | None]:
     """The nearest speed and the mode of the diagram there that a crossing belongs to, or None where that is not shown."""
     i = int(np.argmin(np.abs(run.speeds - found.speed)))
     row, s = rows[i], found.s

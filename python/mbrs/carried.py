@@ -15,7 +15,16 @@ from .linearize import Snapshot, twist_at
 # Rates of strain that count as rounding, over the terms that they are made of: free of units. Larger: a spring that is wound up
 # slowly passes for a steady motion; smaller: rounding of drawn points refuses one. Pinned by tests/truth/test_steady_rotation.py.
 GROWS = 1e-10
-_COORDINATES = {"fixed": 0, "revolute": 1, "prismatic": 1, "cylindrical": 2, "universal": 2, "spherical": 3, "planar": 3, "free": 6}
+_COORDINATES = {
+    "fixed": 0,
+    "revolute": 1,
+    "prismatic": 1,
+    "cylindrical": 2,
+    "universal": 2,
+    "spherical": 3,
+    "planar": 3,
+    "free": 6,
+}
 
 
 def free_bodies(topology: dict[str, Any]) -> dict[str, int]:
@@ -194,14 +203,21 @@ def _modal_coordinates(snapshot: Snapshot) -> set[int]:
 
 
 def _with_carriers(
-    base: Spin, twists: np.ndarray, rate: np.ndarray, free: dict[str, int], driven: Collection[int], relative: np.ndarray
+    base: Spin,
+    twists: np.ndarray,
+    rate: np.ndarray,
+    free: dict[str, int],
+    driven: Collection[int],
+    relative: np.ndarray,
 ) -> Spin:
     """Which body each carried one follows: the first of the others that moves as one rigid body with it."""
     names = list(base.snapshot.tables["body_name"])
     with core_errors():
         place = base.snapshot.system.bodies(relative, np.zeros(0))["position"]
     moves = np.einsum("bij,j->bi", twists, rate)
-    changed = [n for n, f in free.items() if np.any(rate[f : f + 6] != base.rate[f : f + 6]) and np.any(rate[f + 3 : f + 6])]
+    changed = [
+        n for n, f in free.items() if np.any(rate[f : f + 6] != base.rate[f : f + 6]) and np.any(rate[f + 3 : f + 6])
+    ]
     length = base.snapshot.system.characteristic_length
     carried = []
     for name in changed:
@@ -212,7 +228,9 @@ def _with_carriers(
                 continue
             miss = moves[own] - moves[other]
             miss[:3] -= np.cross(moves[other, 3:], place[own] - place[other])
-            if np.all(np.abs(miss[:3]) <= 1e3 * GROWS * size * length) and np.all(np.abs(miss[3:]) <= 1e3 * GROWS * size):
+            if np.all(np.abs(miss[:3]) <= 1e3 * GROWS * size * length) and np.all(
+                np.abs(miss[3:]) <= 1e3 * GROWS * size
+            ):
                 carried.append((name, free[name], other))
                 break
     return Spin(base.snapshot, rate, base.free, tuple(carried), base.com)

@@ -13,6 +13,9 @@ import numpy as np
 EXCITED = 1e-6
 # Relative accuracy of a critical speed at which Newton stops, and the change of rows at which matrices count as polynomials of the speed.
 LOCATED, POLYNOMIAL = 1e-11, 1e-9
+# Steps below this that do not become smaller are rounding. Larger: a slowly converging root is called found; smaller: stiff models lose
+# critical speeds. Pinned by tests/truth/test_campbell.py (bearings of 1e14 N/m).
+STALLED = 1e-6
 _ITERATIONS = 30
 
 
@@ -183,7 +186,7 @@ def crossing(
 
     ``exact`` gives the matrices where the polynomials are not exact: then their slopes alone are the polynomials'.
     """
-    speed, sigma = near, 0.0
+    speed, sigma, before = near, 0.0, np.inf
     here = exact or pencil.at
     for _ in range(_ITERATIONS):
         m, slope, s = here(speed).over(kept), pencil.slopes(speed).over(kept), sigma + 1j * order * speed
@@ -202,10 +205,14 @@ def crossing(
         sigma, speed = sigma + float(change[0]), speed + float(change[1])
         if not np.isfinite(speed) or speed <= 0.0:
             return None
-        if abs(change[1]) <= LOCATED * speed and abs(change[0]) <= LOCATED * max(abs(sigma), order * speed):
+        moved = max(abs(change[1]) / speed, abs(change[0]) / max(abs(sigma), order * speed, np.finfo(float).tiny))
+        # stiff elements beside soft ones leave rounding that no step removes: it is the error then
+        stalled = moved <= STALLED and moved >= 0.5 * before
+        before = moved
+        if moved <= LOCATED or stalled:
             shape, left = np.zeros((2, len(pencil.at(speed).M)), dtype=complex)
             shape[kept], left[kept] = v * d, u * d
-            return Crossing(speed, sigma + 1j * order * speed, shape, left, float(abs(change[1]) / speed))
+            return Crossing(speed, sigma + 1j * order * speed, shape, left, float(moved))
     return None
 
 
@@ -267,11 +274,11 @@ def turning_rows(lin: Any) -> np.ndarray:
     """(n, 3, dof): the same of those bodies alone that turn about the axis, which unbalance acts on."""
     omega = np.linalg.norm(lin.poses["angular_velocity"], axis=1)
     fast = omega > 1e-9 * np.max(omega, initial=0.0)
-    kept, rows, at = [], orbit_rows(lin), 0
+    rows, at = orbit_rows(lin), 0
+    kept: list[int] = []
     for i, body in enumerate(lin.model.bodies):
         modal = getattr(body, "modal", None)
-        flexible = modal is not None and "flexible_body" in lin.snapshot.tables
-        n = len(modal.line_position) if flexible else 2
+        n = 2 if modal is None or "flexible_body" not in lin.snapshot.tables else len(modal.line_position)
         if fast[i]:
             kept.extend(range(at, at + n))
         at += n

@@ -125,7 +125,8 @@ def steady_motion(
     -----
     Newton on the exact tangent, centrifugal stiffness included. The tangent at five angles of the turn decides about the axes: the
     first of fixed, rotating, joint and multiblade ones in which no row changes by more than 1e-8 of its own size is taken (G. Bir,
-    Multiblade coordinate transformation and its application to wind turbine analysis, AIAA 2008-1300). Cost O(dof^3) per iteration and angle.
+    Multiblade coordinate transformation and its application to wind turbine analysis, AIAA 2008-1300).
+    Cost O(dof^3) per iteration and angle.
 
     Examples
     --------
@@ -249,7 +250,7 @@ def _coordinate(model: Any, system: Any, names: Sequence[str], key: Any) -> int:
 
 def _turns_about_itself(model: Any, name: str) -> bool:
     """Is this coordinate an angle?"""
-    stem, _, ending = name.rpartition(".")
+    _, _, ending = name.rpartition(".")
     if _turns(name):
         return True
     return ending not in ("x", "y", "z") and not any(j.name == name and j.type == "prismatic" for j in model.joints)

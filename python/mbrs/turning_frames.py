@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ._border import core_errors
-from .carried import Spin, element_rows
+from .carried import Spin
 from .errors import ModelError
 from .flexible_bodies import mass_matrix_at, modal_places
 from .linearize import Snapshot, mass_matrices
@@ -134,7 +134,7 @@ class Turn:
             if any(body in blade for blade in outside_of):
                 continue
             w = self.tangents[0].rotation[body].T @ (self.omega[body] - w_frame)
-            A = modal_generator(model.bodies[body].modal, w, length)
+            A = modal_generator(_elastic(model, body), w, length)
             if A is None:
                 return None
             at = 6 * n_frames + first
@@ -235,23 +235,35 @@ class Turn:
     def _refused(self, tried: dict[str, Any]) -> ModelError:
         model = self.snapshot.model
         parts = []
-        for name, words in (("fixed", "axes that stand"), ("rotating", "axes that turn with it"), ("multiblade", "multiblade coordinates")):
+        for name, words in (
+            ("fixed", "axes that stand"),
+            ("rotating", "axes that turn with it"),
+            ("multiblade", "multiblade coordinates"),
+        ):
             if name not in tried:
                 continue
-            T, W, row = tried[name]
+            T, _, row = tried[name]
             if row < 0:
                 who = self.names[-1 - row]
                 parts.append(f"in {words} the force on {who!r} changes over a turn")
                 continue
             culprit, how = self._culprit(T)
-            parts.append(f"in {words} {how} {culprit!r} changes over a turn" if culprit else f"in {words} the row of {self.names[row]!r} changes over a turn")
+            parts.append(
+                f"in {words} {how} {culprit!r} changes over a turn"
+                if culprit
+                else f"in {words} the row of {self.names[row]!r} changes over a turn"
+            )
         cut = self._cut_shapes()
         if cut and "fixed" not in tried:
-            parts.insert(0, f"the shapes of {cut!r} do not turn into each other about the axis (is a bending pair cut in two? take one mode more)")
+            parts.insert(
+                0,
+                f"the shapes of {cut!r} do not turn into each other about the axis (is a bending pair cut in two? take one mode more)",
+            )
         if not parts:
             parts.append(f"the joints of {model.name!r} fit neither axes that stand nor axes that turn with it")
         return ModelError(
-            f"no axes make the linearisation of {model.name!r} constant: {'; '.join(parts)}{self._weight()}. Make the rotor or its supports symmetric "
+            f"no axes make the linearisation of {model.name!r} constant: {'; '.join(parts)}{self._weight()}. "
+            "Make the rotor or its supports symmetric "
             "about the axis and balanced (three or more equal blades count as symmetric), let bearings hold a body that does not turn, "
             "or follow the motion in time (mb.simulate)"
         )
@@ -261,7 +273,7 @@ class Turn:
         length, names = self.snapshot.system.characteristic_length, self.snapshot.tables["body_name"]
         for body, _, _, _ in modal_places(self.snapshot.tables, len(self.omega)):
             w = self.tangents[0].rotation[body].T @ self.omega[body]
-            if modal_generator(self.snapshot.model.bodies[body].modal, w, length) is None:
+            if modal_generator(_elastic(self.snapshot.model, body), w, length) is None:
                 return str(names[body])
         return ""
 
@@ -344,6 +356,11 @@ def _modal_size(snapshot: Snapshot, length: float) -> np.ndarray:
         own = mass_matrix_at(t, which, np.zeros(m))
         out.append(length * np.sqrt(t["x"][int(t["body_x"][body]) + 10] / np.diag(own)[6:]))
     return np.concatenate(out)[:, None] if out else np.ones((0, 1))
+
+
+def _elastic(model: Any, body: int) -> Any:
+    """The `ModalBody` of a flexible body."""
+    return model.bodies[body].modal
 
 
 def modal_generator(modal: Any, w: np.ndarray, length: float) -> np.ndarray | None:

@@ -45,10 +45,10 @@ def test_the_forward_critical_speed_of_a_shaft(seed, units, backwards):
 def test_a_disc_on_unequal_supports_has_both_critical_speeds_excited(seed, units, backwards):
     """(k1 - (I - 0) W^2)(k2 - I W^2) = J^2 W^4: I^2 - J^2 < 0 leaves one critical speed for J > I, two for J < I."""
     s = Setting(seed, units, backwards)
-    I, J, k1, k2 = 0.05, 0.03, 1e4, 2e4
-    m = supported_disc(s, inertia=(J, I, I))
+    across, J, k1, k2 = 0.05, 0.03, 1e4, 2e4
+    m = supported_disc(s, inertia=(J, across, across))
     found = mb.campbell(m, "spin", speed=np.linspace(0.0, 1500.0, 4))
-    W2 = np.roots([I * I - J * J, -I * (k1 + k2), k1 * k2])
+    W2 = np.roots([across**2 - J * J, -across * (k1 + k2), k1 * k2])
     assert [c.speed for c in found.critical] == pytest.approx(np.sqrt(np.sort(W2)), rel=1e-6)
     assert all(c.excited and c.unbalance < 1 for c in found.critical)
 
@@ -57,18 +57,18 @@ def rayleigh(n: int, disc: tuple[float, float, float], k: float, length: float, 
     """M, G/W and K of a fine shaft with a rigid disc at mid-span in springs at both ends, from Hermite elements in NumPy; complex
     displacement y + i z: M q" - i W G q' + K q = 0.
     """
-    A, I, h = np.pi * radius**2, np.pi * radius**4 / 4, length / n
+    A, second, h = np.pi * radius**2, np.pi * radius**4 / 4, length / n
     mass = RHO * A * h / 420 * np.array([[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h],
                                          [54, 13 * h, 156, -22 * h], [-13 * h, -3 * h * h, -22 * h, 4 * h * h]])  # fmt: skip
     slope = np.array([[36, 3 * h, -36, 3 * h], [3 * h, 4 * h * h, -3 * h, -h * h], [-36, -3 * h, 36, -3 * h],
                       [3 * h, -h * h, -3 * h, 4 * h * h]]) / (30 * h)  # fmt: skip
-    bend = YOUNG * I / h**3 * np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h],
+    bend = YOUNG * second / h**3 * np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h],
                                         [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h * h, -6 * h, 4 * h * h]])  # fmt: skip
     M, G, K = (np.zeros((2 * n + 2,) * 2) for _ in range(3))
     for e in range(n):
         p = np.ix_(range(2 * e, 2 * e + 4), range(2 * e, 2 * e + 4))
-        M[p] += mass + RHO * I * slope
-        G[p] += 2 * RHO * I * slope
+        M[p] += mass + RHO * second * slope
+        G[p] += 2 * RHO * second * slope
         K[p] += bend
     m, polar, across = disc
     M[n, n] += m
@@ -85,10 +85,11 @@ def test_an_elastic_shaft_with_a_disc_in_springs():
     """
     s = Setting(41)
     length, radius, k, disc = 1.0, 0.015, 5e6, (20.0, 0.3, 0.16)
-    A, I = np.pi * radius**2, np.pi * radius**4 / 4
+    A, second = np.pi * radius**2, np.pi * radius**4 / 4
     half = 0.5 * length
-    body = mb.flexible.beam(length, mass=RHO * A, EI_flap=YOUNG * I, EI_edge=YOUNG * I, inertia_flap=RHO * I,
-                            inertia_edge=RHO * I, modes=16, fixed=None, nodes={"mid": half}, attach=["root", "mid", "tip"])  # fmt: skip
+    body = mb.flexible.beam(length, mass=RHO * A, EI_flap=YOUNG * second, EI_edge=YOUNG * second, inertia_flap=RHO * second,
+                            inertia_edge=RHO * second, modes=16, fixed=None, nodes={"mid": half}, 
+                            attach=["root", "mid", "tip"])  # fmt: skip
     m = mb.Model("shaft and disc")
     rotor = m.flexible_body("shaft", body, at=s.place(0, 0, 0), orientation=s.R)
     m.free("spin", m.ground, rotor.node("root"), at=s.place(0, 0, 0), orientation=s.R)

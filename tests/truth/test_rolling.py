@@ -87,7 +87,8 @@ def test_a_steady_motion_that_rolls():
 
 @pytest.mark.parametrize("v, seed", [(0.3, 0), (2.0, 1), (7.0, 2)])
 def test_a_disc_that_rolls_straight(v, seed):
-    """A y" = C W f' (heading y, lean f), (A + m r^2) f" = m g r f - (C + m r^2) W y': so s^2 = (m g r - C (C + m r^2) W^2/A)/(A + m r^2).
+    """A y" = C W f' (heading y, lean f), (A + m r^2) f" = m g r f - (C + m r^2) W y':
+    s^2 = (m g r - C (C + m r^2) W^2/A)/(A + m r^2).
     """
     mass, r, A, C = 2.0, 0.3, 0.05, 0.09
     R, W = frame(20 + seed), v / 0.3
@@ -109,8 +110,12 @@ def test_a_curve_and_a_trailer_are_refused():
     with pytest.raises(mb.ModelError, match="'track' moves on a curve"):
         mb.linearize(m)
     m = mb.Model("trailer")
-    front = m.body("tractor", mass=3.0, inertia=(0.1, 0.1, 0.2), at=R @ [0, 0, 0], orientation=R, velocity=tuple(R[:, 0]))
-    back = m.body("trailer", mass=1.0, inertia=(0.1, 0.1, 0.1), at=R @ [-1.0, 0, 0], orientation=R, velocity=tuple(R[:, 0]))
+    front = m.body(
+        "tractor", mass=3.0, inertia=(0.1, 0.1, 0.2), at=R @ [0, 0, 0], orientation=R, velocity=tuple(R[:, 0])
+    )
+    back = m.body(
+        "trailer", mass=1.0, inertia=(0.1, 0.1, 0.1), at=R @ [-1.0, 0, 0], orientation=R, velocity=tuple(R[:, 0])
+    )
     m.planar("ice", m.ground, front, at=R @ [0, 0, 0], axis=R[:, 2])
     m.knife_edge("front blade", m.ground, front, at=R @ [0, 0, 0], axis=R[:, 1])
     m.revolute("hitch", front, back, at=R @ [-0.3, 0, 0], axis=R[:, 2])

@@ -162,8 +162,8 @@ def test_a_round_disc_on_unequal_supports(seed, units, backwards):
     m = supported_disc(s)
     turning = mb.steady_motion(m, {"spin": 400.0})
     assert turning.frame == "fixed"
-    I, J, W, k1, k2 = 0.05, 0.1, 400.0, 1e4, 2e4
-    exact = np.sqrt(np.sort(np.roots([I * I, -(I * (k1 + k2) + (J * W) ** 2), k1 * k2]))) / (2 * np.pi)
+    across, J, W, k1, k2 = 0.05, 0.1, 400.0, 1e4, 2e4
+    exact = np.sqrt(np.sort(np.roots([across**2, -(across * (k1 + k2) + (J * W) ** 2), k1 * k2]))) / (2 * np.pi)
     assert exact == pytest.approx([41.58650, 172.27922], rel=1e-6)
     assert hertz(mb.modes(m, at=turning)) == pytest.approx(exact, rel=1e-6)
 
@@ -258,7 +258,7 @@ def multipliers(W: float) -> np.ndarray:
     """Of the linear equations of hub (x, y), turning f and lags z_i, written down by hand: with n_i, u_i the directions along and
     across each blade's motion and s_i = e f + l (f + z_i), the blade's mass has r" = X" + (s" - W^2 s) n - 2 W s' u.
     """
-    mass, e, l, own, hub, hinge, heavy = 0.5, 0.2, 0.4, 0.04, 0.02, 30.0, 10.0
+    mass, e, arm_length, own, hub, hinge, heavy = 0.5, 0.2, 0.4, 0.04, 0.02, 30.0, 10.0
     K = np.diag([3e5, 8e5, 0.0, hinge, hinge, hinge])
 
     def rates(t: float, q: np.ndarray) -> np.ndarray:
@@ -267,7 +267,7 @@ def multipliers(W: float) -> np.ndarray:
             psi = W * t + 2 * np.pi * i / 3 + 0.4
             u, n = np.array([np.cos(psi), np.sin(psi)]), np.array([-np.sin(psi), np.cos(psi)])
             arm = np.zeros(6)
-            arm[2], arm[3 + i] = e + l, l  # s_i
+            arm[2], arm[3 + i] = e + arm_length, arm_length  # s_i
             turn = np.zeros(6)
             turn[2] = turn[3 + i] = 1.0  # f + z_i
             X = np.zeros((2, 6))
@@ -277,14 +277,16 @@ def multipliers(W: float) -> np.ndarray:
             # X rows: the whole r"; blade rows: n . r" and the centrifugal pull of the arms, which turn with f and f + z
             D[:2] += -2 * W * mass * np.outer(u, arm)
             S[:2] += -W * W * mass * np.outer(n, arm)
-            S += W * W * mass * (-np.outer(arm, arm) * 1.0)
-            pull = (e + l) * W * W * mass
+            S -= W * W * mass * np.outer(arm, arm)
+            pull = (e + arm_length) * W * W * mass
             first = np.zeros(6)
             first[2] = 1.0
-            S += pull * (e * np.outer(first, first) + l * np.outer(turn, turn))
+            S += pull * (e * np.outer(first, first) + arm_length * np.outer(turn, turn))
         return np.r_[q[6:], -np.linalg.solve(M, D @ q[6:] + S @ q[:6])]
 
-    columns = [solve_ivp(rates, (0, 2 * np.pi / W), row, "DOP853", rtol=1e-11, atol=1e-12).y[:, -1] for row in np.eye(12)]
+    columns = [
+        solve_ivp(rates, (0, 2 * np.pi / W), row, "DOP853", rtol=1e-11, atol=1e-12).y[:, -1] for row in np.eye(12)
+    ]
     return np.linalg.eigvals(np.array(columns).T)
 
 

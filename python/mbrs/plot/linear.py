@@ -235,7 +235,9 @@ def campbell(result: Any, *, orders: tuple[float, ...] = (1.0, 2.0), most: int =
             inside = np.flatnonzero(order * hertz <= 0.93 * top)
             if inside.size and order * hertz[inside[-1]] > 0.05 * top:
                 at = (speed[inside[-1]], order * hertz[inside[-1]])
-                axes.annotate(f"{order:g}x", at, (-4, 6), textcoords="offset points", ha="right", fontsize=9, color="#6b7280")
+                axes.annotate(
+                    f"{order:g}x", at, (-4, 6), textcoords="offset points", ha="right", fontsize=9, color="#6b7280"
+                )
         _critical(axes, critical)
         title = "Campbell diagram" if frame == "fixed" else f"Campbell diagram, {frame} axes"
         axes.set(xlabel=f"speed [{unit}]", ylabel="frequency [Hz]", ylim=(0.0, top), title=title)
@@ -271,7 +273,16 @@ def _critical(axes: Any, critical: Sequence[Any]) -> None:
         rows = [c for c in critical if bool(c.excited) == fill]
         if rows:
             face = PALETTE[5] if fill else "white"
-            axes.plot([c.speed for c in rows], [c.frequency for c in rows], "o", color=PALETTE[5], mfc=face, ms=6, label=name, zorder=5)
+            axes.plot(
+                [c.speed for c in rows],
+                [c.frequency for c in rows],
+                "o",
+                color=PALETTE[5],
+                mfc=face,
+                ms=6,
+                label=name,
+                zorder=5,
+            )
 
 
 def _unstable(axes: Any, result: Any, speed: np.ndarray, frequency: np.ndarray, modes: np.ndarray) -> None:
