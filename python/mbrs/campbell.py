@@ -162,7 +162,7 @@ def campbell(
     >>> import mbrs as mb, numpy as np
     >>> found = mb.campbell(mb.examples.rotor(), "shaft", speed=np.linspace(0, 300, 5))
     >>> [(round(c.speed, 1), c.whirl, c.excited) for c in found.critical]
-    [(176.0, -1, False), (202.9, 1, True)]
+    [(194.5, -1, False), (226.8, 1, True)]
     """
     start = time.perf_counter()
     run = _Run.of(m, joint, speed, without)

@@ -88,7 +88,7 @@ def test_an_elastic_shaft_with_a_disc_in_springs():
     A, second = np.pi * radius**2, np.pi * radius**4 / 4
     half = 0.5 * length
     body = mb.flexible.beam(length, mass=RHO * A, EI_flap=YOUNG * second, EI_edge=YOUNG * second, inertia_flap=RHO * second,
-                            inertia_edge=RHO * second, modes=16, fixed=None, nodes={"mid": half}, 
+                            inertia_edge=RHO * second, modes=16, fixed=None, nodes={"mid": half},
                             attach=["root", "mid", "tip"])  # fmt: skip
     m = mb.Model("shaft and disc")
     rotor = m.flexible_body("shaft", body, at=s.place(0, 0, 0), orientation=s.R)

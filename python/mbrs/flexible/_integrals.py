@@ -63,9 +63,9 @@ def inertial_stiffness(grid: Mesh, T: Array, clamped: bool) -> Array:
         KG[i] = T.T @ K @ T
     for p in grid.points:
         turn: Array = (p.N @ T[p.dofs])[3:]
-        moments: Array = p.weight * p.section.mass_moments()
-        crossed = np.einsum("rk,cl->rckl", turn, moments @ turn)
-        KG[3:] += (crossed - np.einsum("rc,jk,jl->rckl", moments, turn, turn)).reshape(9, *KG.shape[1:])
+        section: Array = p.weight * p.section.mass_moments()
+        crossed = np.einsum("rk,cl->rckl", turn, section @ turn)
+        KG[3:] += (crossed - np.einsum("rc,jk,jl->rckl", section, turn, turn)).reshape(9, *KG.shape[1:])
     return 0.5 * (KG + np.swapaxes(KG, 1, 2))
 
 
