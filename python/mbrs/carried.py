@@ -41,8 +41,8 @@ class Spin:
     """Rates of a steady motion as a function of where its bodies are.
 
     ``rate`` (n_tree,) of the coordinates, constant but for those of bodies that are carried around off the axis: ``carried`` names
-    each with its first coordinate and the index of the body it follows. ``free`` holds the first coordinates of bodies
-    without a joint, whose velocity turns with them.
+    each with its first coordinate and the index of the body it follows. ``free`` holds the first coordinates of those whose velocity
+    turns with them (that of a wheel that rolls does not).
     """
 
     snapshot: Snapshot
@@ -144,7 +144,7 @@ def spin_of(
     free = free_bodies(topology)
     t = snapshot.tables
     com = np.array([t["x"][start + 7 : start + 10] for start in t["body_x"]]).reshape(-1, 3)
-    base = Spin(snapshot, rate, tuple(free.values()), com=com)
+    base = Spin(snapshot, rate, (), com=com)
     if not np.any(rate):
         return base
     twists = tree_twists(snapshot, relative)
@@ -233,4 +233,4 @@ def _with_carriers(
             ):
                 carried.append((name, free[name], other))
                 break
-    return Spin(base.snapshot, rate, base.free, tuple(carried), base.com)
+    return Spin(base.snapshot, rate, tuple(free[name] for name in changed), tuple(carried), base.com)

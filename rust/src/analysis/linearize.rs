@@ -130,7 +130,7 @@ impl Setting<'_> {
     }
 }
 
-/// (n_tree, dof) in y' = B'' z' + first z, y" = B'' z" + rate z' + second z; of closed loops first = B''',
+/// Rows of the dependent coordinates in y' = B'' z' + first z, y" = B'' z" + rate z' + second z; of closed loops first = B''',
 /// rate = 2 B''', second = B''''.
 pub(super) struct Turning<T: Real> {
     pub(super) first: DMatrix<T>,
@@ -286,27 +286,10 @@ pub(super) fn reduce<T: Real>(
     Matrices { mass, damping, stiffness }
 }
 
-/// Rows of the dependent coordinates among those of all, zero elsewhere.
-fn embedded<T: Real>(loops: &Loops, rows: &DMatrix<T>) -> DMatrix<T> {
-    let mut out = DMatrix::zeros(loops.independent.len() + loops.dependent.len(), rows.ncols());
-    for (k, i) in loops.dependent.iter().enumerate() {
-        out.row_mut(*i).copy_from(&rows.row(k));
-    }
-    out
-}
-
-/// (n_tree, dof): B'' with the rows of the independent coordinates.
-pub(super) fn full_map(loops: &Loops, b: &DMatrix<f64>) -> DMatrix<f64> {
-    let mut out = embedded(loops, b);
-    for (k, i) in loops.independent.iter().enumerate() {
-        out[(*i, k)] = 1.0;
-    }
-    out
-}
-
-/// B''^T X W for W of `Turning`.
+/// B''^T X W for a change W of B'', which has rows on the dependent coordinates alone.
 fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<T>, b: &DMatrix<T>) -> DMatrix<T> {
-    let full = x * w;
+    let columns = DMatrix::from_fn(x.nrows(), loops.dependent.len(), |i, k| x[(i, loops.dependent[k])]);
+    let full = columns * w;
     let mut out = DMatrix::zeros(loops.independent.len(), full.ncols());
     for j in 0..full.ncols() {
         out.set_column(j, &loops.reduce_vector(&full.column(j).into_owned(), b));
@@ -330,8 +313,8 @@ pub(super) fn turning<T: Real>(setting: &Setting<'_>, loops: &Loops, path: &Path
         acceleration[loops.dependent[k]] = *v;
     }
     let b = loops.dependent_map(&turning_jacobian(setting, path, Some(&acceleration)));
-    let first = embedded(loops, &b.map(|v| v.v1));
-    Turning { rate: &first * T::from(2.0), first, second: embedded(loops, &b.map(|v| v.v2)), acceleration }
+    let first = b.map(|v| v.v1);
+    Turning { rate: &first * T::from(2.0), first, second: b.map(|v| v.v2), acceleration }
 }
 
 /// J along y(t) = rate t + acceleration t^2 / 2, to second order in time.
