@@ -375,5 +375,5 @@ def test_a_bending_pair_that_is_cut_in_two_is_named():
     with pytest.raises(mb.ModelError, match="'shaft' do not turn into each other"):
         mb.steady_motion(m, {"spin.rx": 500.0})
     m = shaft(Setting(13), modes=12)
-    m.set({"bearing at tip.k": (0.0, 1e8, 3e8, 0.0, 0.0, 0.0)})
+    m.set({"bearing at tip.k": (0.0, 1e8, 3e8, 0.0, 0.0, 0.0), "bearing at root.k": (1e8, 1e8, 3e8, 0.0, 0.0, 0.0)})
     assert mb.steady_motion(m, {"spin.rx": 500.0}).frame == "fixed"
