@@ -1,26 +1,39 @@
-"""Campbell diagram: natural frequencies over the speed of rotation, tracked from speed to speed."""
+"""Campbell diagram: natural frequencies over the speed of rotation, and critical speeds."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .critical_speeds import (
+    CriticalSpeed,
+    CriticalSpeeds,
+    Matrices,
+    SpeedPencil,
+    crossing,
+    forward_share,
+    orbit_rows,
+    turning_rows,
+    whirl_of,
+)
 from .errors import ModelError
 from .modal import modes
 from .progress import Progress
 from .results import Result, Stats
-from .steady import steady_motion
+from .steady import SteadyMotion, steady_motion
 
 if TYPE_CHECKING:
+    from .critical_speeds import Crossing
     from .model.model import Model
 
-# A mode whirls where the area of its orbit is at least this part of that of a circle.
+# A mode whirls where the area of its orbits is at least this part of that of circles.
 _WHIRLS = 0.02
-_ACROSS = 1e-8
+# Two roots of the pencil are one where they differ by less, relative to the speed.
+_SAME = 1e-7
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -32,15 +45,18 @@ class CampbellResult(Result):
     speed
         (n_s,) rad/s.
     frequency
-        (n_s, n) damped natural frequency |Im s|/2pi, Hz.
+        (n_s, n) damped natural frequency |Im s|/2pi, Hz, in the axes ``frame``.
     damping
         (n_s, n) -Re s/|s|; negative where unstable.
     eigenvalue
         (n_s, n) complex, rad/s.
     whirl
-        (n_s, n): +1 forward, -1 backward, 0 neither, from the orbit of the body that moves most.
+        (n_s, n): +1 forward, -1 backward, 0 neither, of the orbits of all bodies, weighed by their mass.
     critical
-        Rows (speed in rad/s, mode, order): where order x speed excites mode, located on the modes themselves.
+        `CriticalSpeeds`: where order x speed is the frequency of a mode, with whirl, r/min, Hz, and whether unbalance excites it.
+    frame
+        Axes that the frequencies belong to, see `SteadyMotion.frame`: what is seen at f in turning axes an observer sees at
+        f +- speed/2pi.
     error
         (n_s, n) estimated relative error of each eigenvalue.
     """
@@ -50,8 +66,9 @@ class CampbellResult(Result):
     damping: np.ndarray
     eigenvalue: np.ndarray
     whirl: np.ndarray
-    critical: tuple[tuple[float, int, float], ...]
+    critical: CriticalSpeeds
     joint: str
+    frame: str = "fixed"
     unit: str = "rad/s"
 
     def __str__(self) -> str:
@@ -66,10 +83,7 @@ class CampbellResult(Result):
         text = table(
             ["speed rad/s", *(f"mode {j + 1} Hz" for j in range(n))], rows, title=f"Campbell diagram of {self.joint!r}"
         )
-        text += "\n+ forward whirl, - backward whirl"
-        for speed, mode, order in self.critical:
-            text += f"\ncritical speed {speed:.6g} rad/s: {order:g}x excites mode {mode + 1}"
-        return text
+        return f"{text}\n+ forward whirl, - backward whirl; {self.frame} axes\n{self.critical}"
 
     __repr__ = __str__
 
@@ -86,7 +100,9 @@ class CampbellResult(Result):
         over = ("speed", "mode")
         data = {name: (over, getattr(self, name)) for name in ("frequency", "damping", "eigenvalue", "whirl")}
         return xarray.Dataset(
-            data, coords={"speed": ("speed", self.speed, {"units": self.unit})}, attrs={"joint": self.joint}
+            data,
+            coords={"speed": ("speed", self.speed, {"units": self.unit})},
+            attrs={"joint": self.joint, "frame": self.frame},
         )
 
 
@@ -95,27 +111,32 @@ _ARROW = {1: "+", -1: "-", 0: ""}
 
 def campbell(
     m: Model,
-    joint: Any,
+    joint: Any = None,
     *,
     speed: Any,
     n: int | None = None,
     orders: Sequence[float] = (1.0,),
     without: Sequence[str] = (),
 ) -> CampbellResult:
-    """Natural frequencies, damping and whirl of a rotating model over its speed.
+    """Natural frequencies, damping and whirl of a rotating model over its speed, and its critical speeds.
+
+        det(s^2 M + s (C + G) + K + N) = 0 at every speed W;   critical: s = sigma + i n W
 
     Parameters
     ----------
     m
         The model.
     joint
-        What turns: a joint, body or coordinate, as in `mb.steady_motion`.
+        What turns: a joint, body or coordinate, as in `mb.steady_motion`. Of several in ``speed`` the one that the diagram is
+        drawn over, the first by default.
     speed
-        (n_s,) rad/s, ascending; each steady motion starts from the one before.
+        (n_s,) rad/s, ascending; each steady motion starts from the one before. A dict of several, equally long: the speeds of
+        all of them, point by point; numbers stay the same.
     n
         How many modes, the lowest at the first speed; all by default. Rigid modes (the turning itself) are left out.
     orders
-        Multiples of the speed whose crossings with the modes are located.
+        Multiples of the speed whose crossings with the modes are located. Unbalance acts at order 1 in fixed axes, and at order 0,
+        which is added, in turning ones.
     without
         Effects to leave out, such as "gyroscopic".
 
@@ -126,62 +147,135 @@ def campbell(
     Raises
     ------
     ModelError
-        Speeds that are not finite or do not ascend.
+        Speeds that are not finite or do not ascend; no steady motion (see `mb.steady_motion`).
 
     Notes
     -----
-    Modes are followed by the correlation of their shapes in the state (y, s y), so that curves may cross. Critical
-    speeds are the
-    crossings order x speed = |Im s|, refined by bisection on new steady motions. Cost n_s eigen-solutions.
+    Modes are followed by the correlation of their shapes in the state (y, s y), so that curves may cross. Critical speeds are
+    eigenvalues of the pencil S(W) + i n W D(W) - n^2 W^2 M(W), polynomials of second degree in W through three speeds, refined
+    by Newton's method on s = sigma + i n W; where the motion deflects with the speed the matrices there are computed afresh (F. C.
+    Nelson, Rotor dynamics without equations, Int. J. COMADEM 10 (2007), for the direct method). Cost n_s steady motions and
+    eigen-solutions, O(dof^3) for every order.
 
     Examples
     --------
     >>> import mbrs as mb, numpy as np
-    >>> mb.campbell(mb.examples.rotor(), "shaft", speed=np.linspace(0, 100, 5)).frequency.shape[0]
-    5
+    >>> found = mb.campbell(mb.examples.rotor(), "shaft", speed=np.linspace(0, 300, 5))
+    >>> [(round(c.speed, 1), c.whirl, c.excited) for c in found.critical]
+    [(194.5, -1, False), (226.8, 1, True)]
     """
     start = time.perf_counter()
-    speeds = np.asarray(speed, dtype=float)
-    if speeds.ndim != 1 or speeds.size == 0 or not np.all(np.isfinite(speeds)) or np.any(np.diff(speeds) <= 0.0):
-        raise ModelError("speed= must be ascending finite speeds in rad/s, such as np.linspace(0, 300, 60)")
-    name = str(getattr(joint, "name", joint))
+    run = _Run.of(m, joint, speed, without)
     rows: list[_Row] = []
-    state = None
-    with Progress("Campbell diagram", speeds.size) as progress:
-        for one in speeds:
-            state, row = _at(m, name, float(one), state, without)
+    with Progress("Campbell diagram", run.speeds.size) as progress:
+        for one in run.speeds:
+            row = _Row.of(run.motion(float(one)))
             rows.append(row if not rows else row.following(rows[-1]))
             progress.advance()
-    keep = slice(None, n)
-    critical = [c for order in orders for c in _crossings(m, name, speeds, rows, order, keep, without)]
-    eigenvalue = np.array([row.s for row in rows])[:, keep]
+    # modes that are rigid at one speed (a precession at rest) are kept, those that are so at all speeds are not
+    columns = np.flatnonzero(np.any([row.moves for row in rows], axis=0))
+    first = np.abs(np.array([rows[0].s[j] for j in columns]))
+    columns = columns[np.argsort(first, kind="stable")][:n]
+    frame = run.motions[float(run.speeds[-1])].frame
+    wanted = sorted({float(o) for o in orders} | ({0.0} if frame == "rotating" else set()))
+    critical = [c for order in wanted for c in _critical(run, rows, columns, order, frame)]
+    eigenvalue = np.array([row.s[columns] for row in rows])
     size = np.abs(eigenvalue)
     return CampbellResult(
-        speed=speeds,
+        speed=run.speeds,
         frequency=np.abs(eigenvalue.imag) / (2 * np.pi),
         damping=np.divide(-eigenvalue.real, size, out=np.zeros_like(size), where=size > 0.0),
         eigenvalue=eigenvalue,
-        whirl=np.array([row.whirl for row in rows])[:, keep],
-        critical=tuple(sorted(critical)),
-        joint=name,
+        whirl=np.array([row.whirl[columns] for row in rows]),
+        critical=CriticalSpeeds(sorted(critical, key=lambda c: (c.speed, c.mode))),
+        joint=run.name,
+        frame=frame,
         stats=Stats(
             time.perf_counter() - start,
-            {"eigensolutions": len(speeds), "critical speeds": len(critical)},
+            {"steady motions": len(run.motions), "eigensolutions": len(rows), "critical speeds": len(critical)},
             (),
             "tracked",
         ),
-        error=np.array([row.error for row in rows])[:, keep],
+        error=np.array([row.error[columns] for row in rows]),
     )
+
+
+class _Run:
+    """Steady motions over one speed, kept by that speed."""
+
+    def __init__(self, m: Any, name: str, speeds: np.ndarray, others: Mapping[str, np.ndarray], without: Sequence[str]):
+        self.model, self.name, self.speeds, self.others, self.without = m, name, speeds, others, without
+        self.motions: dict[float, SteadyMotion] = {}
+
+    @classmethod
+    def of(cls, m: Any, joint: Any, speed: Any, without: Sequence[str]) -> _Run:
+        if not isinstance(speed, Mapping):
+            if joint is None:
+                raise ModelError("campbell: name what turns, such as mb.campbell(m, 'shaft', speed=...)")
+            return cls(m, str(getattr(joint, "name", joint)), _speeds(speed), {}, without)
+        given = {str(getattr(key, "name", key)): value for key, value in speed.items()}
+        name = str(getattr(joint, "name", joint)) if joint is not None else next(iter(given), "")
+        if name not in given:
+            raise ModelError(f"campbell: speed= has no speeds of {name!r}; it has {', '.join(map(repr, given))}")
+        main = _speeds(given.pop(name))
+        others = {}
+        for key, value in given.items():
+            values = np.asarray(value, dtype=float)
+            values = np.full(main.shape, float(values)) if values.ndim == 0 else values
+            if values.shape != main.shape or not np.all(np.isfinite(values)):
+                raise ModelError(
+                    f"campbell: speed= of {key!r} must be {main.size} finite numbers (or one), as of {name!r}"
+                )
+            others[key] = values
+        return cls(m, name, main, others, without)
+
+    def motion(self, speed: float) -> SteadyMotion:
+        """The steady motion at a speed, from the nearest one that is known; other joints linear between their points."""
+        if speed not in self.motions:
+            nearest = min(self.motions, key=lambda known: abs(known - speed), default=None)
+            at = None if nearest is None else self.motions[nearest]
+            every = {self.name: speed}
+            every.update({key: float(np.interp(speed, self.speeds, value)) for key, value in self.others.items()})
+            self.motions[speed] = steady_motion(self.model, every, at=at, without=self.without)
+        return self.motions[speed]
+
+    def matrices(self, speed: float) -> Matrices:
+        """M, D and S there."""
+        lin = self.motion(speed).linearization
+        zero = np.zeros_like(lin.M)
+        D = (zero if lin.C is None else lin.C) + (zero if lin.G is None else lin.G)
+        return Matrices(lin.M, D, lin.K + (zero if lin.N is None else lin.N))
+
+
+def _speeds(speed: Any) -> np.ndarray:
+    speeds = np.asarray(speed, dtype=float)
+    if speeds.ndim != 1 or speeds.size == 0 or not np.all(np.isfinite(speeds)) or np.any(np.diff(speeds) <= 0.0):
+        raise ModelError("speed= must be ascending finite speeds in rad/s, such as np.linspace(0, 300, 60)")
+    return speeds
 
 
 @dataclass(frozen=True)
 class _Row:
-    """The vibrating modes at one speed: eigenvalues, state shapes (2 dof, n) of unit length, whirl, errors."""
+    """All modes at one speed: eigenvalues, state shapes (2 dof, n) of unit length, whirl, errors, and which are not rigid."""
 
     s: np.ndarray
     shape: np.ndarray
     whirl: np.ndarray
     error: np.ndarray
+    moves: np.ndarray
+
+    @classmethod
+    def of(cls, motion: SteadyMotion) -> _Row:
+        lin = motion.linearization
+        found = modes(lin)
+        s, shape = found.eigenvalue, np.asarray(found.shape, dtype=complex)
+        state = np.vstack([shape * np.maximum(np.abs(s), 1.0), shape * s])
+        state /= np.linalg.norm(state, axis=0)
+        whirl, axis = np.zeros(len(s), dtype=int), _axis(lin)
+        if axis is not None:
+            rows = orbit_rows(lin)
+            whirl = np.array([whirl_of(rows, column, axis, _WHIRLS) for column in shape.T], dtype=int)
+        return cls(s, state, whirl, np.asarray(found.error), found.kind != "rigid")
 
     def following(self, before: _Row) -> _Row:
         """The same modes in the order of the row before."""
@@ -193,70 +287,94 @@ class _Row:
             np.abs(before.s)[:, None] + np.abs(self.s)[None, :] + 1e-300
         )
         _, order = linear_sum_assignment(-likeness + distance)
-        return _Row(self.s[order], self.shape[:, order], self.whirl[order], self.error[order])
+        return _Row(self.s[order], self.shape[:, order], self.whirl[order], self.error[order], self.moves[order])
 
 
-def _at(m: Any, name: str, speed: float, start: Any, without: Sequence[str]) -> tuple[Any, _Row]:
-    motion = steady_motion(m, {name: speed}, at=start, without=without)
-    found = modes(motion.linearization)
-    use = found.kind != "rigid"
-    s, shape = found.eigenvalue[use], np.asarray(found.shape, dtype=complex)[:, use]
-    state = np.vstack([shape * np.maximum(np.abs(s), 1.0), shape * s])
-    state /= np.linalg.norm(state, axis=0)
-    return motion, _Row(s, state, _whirl(motion, shape, name), np.asarray(found.error)[use])
-
-
-def _whirl(motion: Any, shape: np.ndarray, name: str) -> np.ndarray:
-    """Sense of the orbit about the axis of rotation: sign of the area swept by the origin or the tilt of the body
-    that moves most.
-    """
-    lin = motion.linearization
+def _axis(lin: Any) -> np.ndarray | None:
     omega = lin.poses["angular_velocity"]
     if not np.any(omega):
-        return np.zeros(shape.shape[1], dtype=int)
-    axis = omega[int(np.argmax(np.linalg.norm(omega, axis=1)))]
-    axis = axis / np.linalg.norm(axis)
-    out = np.zeros(shape.shape[1], dtype=int)
-    for j in range(shape.shape[1]):
-        twist = (lin.T @ shape[:, j]).reshape(-1, 2, 3)
-        best = max(twist.reshape(-1, 3), key=lambda v: float(np.linalg.norm(v - axis * (axis @ v))))
-        across = best - axis * (axis @ best)
-        size = float(np.linalg.norm(across)) ** 2
-        # torsion and axial motion leave only rounding across the axis
-        if size < _ACROSS * float(np.linalg.norm(twist)) ** 2:
-            continue
-        area = float(axis @ np.cross(across.real, -across.imag))
-        if size > 0.0 and abs(area) > _WHIRLS * size / 2:
-            out[j] = 1 if area > 0 else -1
-    return out
+        return None
+    return np.asarray(omega[int(np.argmax(np.linalg.norm(omega, axis=1)))])
 
 
-def _crossings(
-    m: Any, name: str, speeds: np.ndarray, rows: Sequence[_Row], order: float, keep: slice, without: Sequence[str]
-) -> list[tuple[float, int, float]]:
-    found = []
-    for mode in range(len(rows[0].s))[keep]:
-        gap = np.array([abs(row.s[mode].imag) - order * speed for row, speed in zip(rows, speeds, strict=True)])
-        for i in np.flatnonzero(gap[:-1] * gap[1:] < 0.0).tolist():
-            found.append(
-                (_locate(_gap_at(m, name, rows[i], mode, order, without), speeds[i], speeds[i + 1]), mode, order)
-            )
-    return found
+def _critical(run: _Run, rows: Sequence[_Row], columns: np.ndarray, order: float, frame: str) -> list[CriticalSpeed]:
+    """The crossings of one order in the range of speeds."""
+    out: list[tuple[Crossing, CriticalSpeed]] = []
+    for pencil, low, high, exact in _pencils(run):
+        kept = _kept(run, order)
+        starts = pencil.roots(order, kept)
+        # damping moves the roots of the pencil off the axis: where they start from is their real part
+        near = starts.real[(np.abs(starts.imag) <= 0.5 * np.abs(starts.real)) & (starts.real > 0.0)]
+        room = 0.05 * (high - low)
+        for begin in np.sort(near[(near >= low - room) & (near <= high + room)]):
+            found = crossing(float(begin), order, pencil, None if exact else lambda w: run.matrices(float(w)), kept)
+            if found is None or not run.speeds[0] <= found.speed <= run.speeds[-1]:
+                continue
+            row, column = _column(run, rows, columns, found)
+            if column is None:
+                continue
+            same = [c for c, made in out if abs(c.speed - found.speed) <= _SAME * found.speed and made.mode == column]
+            if not same:
+                out.append((found, _described(run, found, order, column, frame, row)))
+    return [made for _, made in out]
 
 
-def _gap_at(m: Any, name: str, near: _Row, mode: int, order: float, without: Sequence[str]) -> Callable[[float], float]:
-    def gap(speed: float) -> float:
-        _, row = _at(m, name, speed, None, without)
-        return float(abs(row.following(near).s[mode].imag) - order * speed)
+def _pencils(run: _Run) -> list[tuple[SpeedPencil, float, float, bool]]:
+    """One pencil where the matrices are polynomials of the speed, else one between every two speeds."""
+    speeds = run.speeds
+    if len(speeds) < 2:
+        return []
 
-    return gap
+    def through(low: float, high: float) -> SpeedPencil:
+        at = (low, 0.5 * (low + high), high)
+        return SpeedPencil(at, [run.matrices(w) for w in at])
+
+    whole = through(float(speeds[0]), float(speeds[-1]))
+    tested = float(speeds[0] + 0.2886751 * (speeds[-1] - speeds[0]))
+    if whole.agrees(tested, run.matrices(tested)):
+        return [(whole, float(speeds[0]), float(speeds[-1]), True)]
+    return [(through(a, b), a, b, False) for a, b in zip(speeds[:-1].tolist(), speeds[1:].tolist(), strict=True)]
 
 
-def _locate(gap: Callable[[float], float], low: float, high: float) -> float:
-    from scipy.optimize import brentq
+def _kept(run: _Run, order: float) -> np.ndarray:
+    """Coordinates of the pencil: at order 0 without those that are driven, whose rigid turning would be a root at any speed."""
+    motion = next(iter(run.motions.values()))
+    names = motion.linearization.coordinates
+    driven = set(motion.speed) if order == 0.0 else set()
+    return np.array([i for i, name in enumerate(names) if name not in driven], dtype=int)
 
-    try:
-        return float(brentq(gap, low, high, xtol=1e-12 * max(1.0, high), rtol=1e-12))
-    except ValueError:
-        # the mode found inside the interval is another one: its ends are all that is known
-        return 0.5 * (low + high)
+
+def _column(run: _Run, rows: Sequence[_Row], columns: np.ndarray, found: Crossing) -> tuple[int, int | None]:
+    """The nearest speed and the mode of the diagram there that a crossing belongs to, or None where that is not shown."""
+    i = int(np.argmin(np.abs(run.speeds - found.speed)))
+    row, s = rows[i], found.s
+    state = np.concatenate([found.shape * max(abs(s), 1.0), found.shape * s])
+    state /= np.linalg.norm(state)
+    likeness = np.abs(row.shape.conj().T @ state)
+    distance = np.abs(row.s - s) / (np.abs(row.s) + abs(s) + 1e-300)
+    best = int(np.argmin(np.where(row.moves, distance - likeness, np.inf)))
+    place = np.flatnonzero(columns == best)
+    return i, int(place[0]) if len(place) else None
+
+
+def _described(run: _Run, found: Crossing, order: float, column: int, frame: str, row: int) -> CriticalSpeed:
+    lin = run.motions[float(run.speeds[row])].linearization
+    axis = _axis(run.motions[float(run.speeds[-1])].linearization)
+    whirl, share = 0, None
+    if axis is not None:
+        whirl = whirl_of(orbit_rows(lin), found.shape, axis, _WHIRLS)
+        if frame == "rotating":
+            share = 1.0 if order == 0.0 else None
+        elif order == 1.0:
+            at = run.motions[float(run.speeds[-1])].linearization
+            share = forward_share(turning_rows(at), found.left, axis)
+    size = abs(found.s)
+    return CriticalSpeed(
+        speed=found.speed,
+        mode=column,
+        order=order,
+        whirl=whirl,
+        damping=float(-found.s.real / size) if size > 0.0 else 0.0,
+        unbalance=share,
+        error=found.error,
+    )

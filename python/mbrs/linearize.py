@@ -168,18 +168,7 @@ class Linearization(Result):
     @cached_property
     def body_mass_matrices(self) -> np.ndarray:
         """(n_bodies, 6, 6) mass matrix of each body about its origin, world axes; of flexible ones undeformed."""
-        t = self.snapshot.tables
-        x = t["x"]
-        out = np.zeros((len(self.bodies), 6, 6))
-        for i, start in enumerate(t["body_x"]):
-            r = self.poses["rotation"][i]
-            numbers = x[start:]
-            m, arm = numbers[BODY.block.place("mass")], r @ numbers[BODY.block.slice("com")]
-            xx, yy, zz, xy, xz, yz = numbers[BODY.block.slice("inertia")]
-            inertia = r @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ r.T
-            s = _skew(arm)
-            out[i] = np.block([[m * np.eye(3), -m * s], [m * s, inertia - m * s @ s]])
-        return out
+        return mass_matrices(self.snapshot.tables, self.poses["rotation"])
 
     @property
     def mass_factor(self) -> np.ndarray:
@@ -386,6 +375,21 @@ class Linearization(Result):
         return xarray.Dataset(data, coords=coords, attrs={"model": self.model.name, "error": float(self.error)})
 
 
+def mass_matrices(tables: Any, rotation: np.ndarray) -> np.ndarray:
+    """(n_bodies, 6, 6) mass matrix of each body about its origin, world axes, for rotations (n_bodies, 3, 3)."""
+    x = tables["x"]
+    out = np.zeros((len(tables["body_x"]), 6, 6))
+    for i, start in enumerate(tables["body_x"]):
+        r = rotation[i]
+        numbers = x[start:]
+        m, arm = numbers[BODY.block.place("mass")], r @ numbers[BODY.block.slice("com")]
+        xx, yy, zz, xy, xz, yz = numbers[BODY.block.slice("inertia")]
+        inertia = r @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ r.T
+        s = _skew(arm)
+        out[i] = np.block([[m * np.eye(3), -m * s], [m * s, inertia - m * s @ s]])
+    return out
+
+
 _SENSE = {"M": "mass", "C": "damping", "G": "gyroscopic", "K": "stiffness", "N": "circulatory"}
 _COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -459,7 +463,9 @@ def linearize(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Linea
     snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at)
     with core_errors():
-        r = snapshot.system.linearize(state.relative, state.rate, list(without), state.memory.tolist())
+        r = snapshot.system.linearize(
+            state.relative, state.rate, list(without), state.memory.tolist(), state.acceleration.tolist()
+        )
     return _linearization(snapshot, state, r, without, start, warn=True)
 
 
@@ -467,6 +473,7 @@ def _linearization(
     snapshot: Snapshot, state: State, r: dict[str, Any], without: tuple[str, ...], start: float, warn: bool
 ) -> Linearization:
     model = snapshot.model
+    r = _seen_from(state, r)
     D, S = _without_rounding(snapshot, state, r) if state.moving else (r["D"], r["S"])
     C, G = _split_damping(D, state.moving or _cross_coupled(model, "c"))
     K, N = _split_stiffness(S, conservative=not state.moving and not _has_no_potential(model))
@@ -505,6 +512,20 @@ def _linearization(
         error=error,
         status="converged" if error <= _BALANCED or state.moving else "off-equilibrium",
     )
+
+
+def _seen_from(state: State, r: dict[str, Any]) -> dict[str, Any]:
+    """D and S of increments z in the axes of a steady motion, y = exp(W t) z: D + 2 M W and S + D W + M W^2."""
+    W = state.turn
+    if W is None:
+        return r
+    if W.shape != r["M"].shape:
+        raise ModelError(
+            f"at= is a steady motion with {len(W)} degrees of freedom, which are {len(r['M'])} here; compute it again from this model, "
+            "with the same effects"
+        )
+    D = np.zeros_like(r["M"]) if r["D"] is None else r["D"]
+    return {**r, "D": D + 2.0 * r["M"] @ W, "S": r["S"] + D @ W + r["M"] @ W @ W}
 
 
 def _without_rounding(snapshot: Snapshot, state: State, r: dict[str, Any]) -> tuple[np.ndarray | None, np.ndarray]:

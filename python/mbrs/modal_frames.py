@@ -24,7 +24,7 @@ def modal_masses(lin: Linearization) -> list[tuple[int, np.ndarray, np.ndarray]]
         q = lin.state.relative[row : row + (m + 2) // 3, :3].ravel()[:m]
         turned = np.einsum("ji,kjn->kin", lin.poses["rotation"][body], lin.T[6 * body : 6 * body + 6].reshape(2, 3, -1))
         rows = np.vstack([turned.reshape(6, -1), lin.modal_map[first : first + m]])
-        out.append((body, rows, _mass_matrix(t, i, q)))
+        out.append((body, rows, mass_matrix_at(t, i, q)))
     return out
 
 
@@ -68,7 +68,7 @@ def _at(twist: np.ndarray, arm: np.ndarray) -> np.ndarray:
     return moved
 
 
-def _mass_matrix(tables: Mapping[str, Any], which: int, q: np.ndarray) -> np.ndarray:
+def mass_matrix_at(tables: Mapping[str, Any], which: int, q: np.ndarray) -> np.ndarray:
     """(6 + m, 6 + m) mass matrix of a flexible body at q, about its origin, body axes (docs/tables.md)."""
     x, m, block = tables["x"], int(tables["flexible_modes"][which]), BODY.block
     body = x[int(tables["body_x"][int(tables["flexible_body"][which])]) :]

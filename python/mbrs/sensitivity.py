@@ -292,6 +292,11 @@ def _of_linearization(
 
     start = time.perf_counter()
     lin.snapshot.check_current("linearisation")
+    if lin.state.turn is not None or np.any(lin.state.acceleration):
+        raise ModelError(
+            f"a steady motion of {lin.model.name!r} seen in {lin.state.frame} axes has no derivatives with respect to parameters; "
+            "take differences of steady motions, or draw the model so that its joints' own axes serve (mb.steady_motion(...).frame)"
+        )
     along = directions(lin.model, parameters)
     columns = [along.columns == p for p in range(along.n)]
     sparse = [(along.rows[c].tolist(), along.values[c].tolist()) for c in columns]

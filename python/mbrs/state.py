@@ -32,6 +32,12 @@ class State:
         s; the time it was taken at.
     driven
         Indices of the tree coordinates that a steady motion keeps at their speeds.
+    acceleration
+        (n_tree,) of the tree coordinates whose rates turn in a steady motion, or empty: zero.
+    turn
+        (dof, dof) W in rad/s: increments y = exp(W t) z have constant coefficients in z; None where y itself has.
+    frame
+        Axes of z: "fixed", "rotating", "joint" or "multiblade"; empty but for a steady motion.
     """
 
     relative: np.ndarray
@@ -40,6 +46,9 @@ class State:
     memory: np.ndarray = field(default_factory=lambda: np.zeros(0))
     t: float = 0.0
     driven: tuple[int, ...] = ()
+    acceleration: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    turn: np.ndarray | None = None
+    frame: str = ""
 
     @property
     def moving(self) -> bool:

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ._border import core_errors
+from .carried import Spin, spin_of
 from .effects import check_without
-from .errors import ConvergenceError, MbrsWarning, ModelError, SingularError
+from .errors import ConvergenceError, ModelError, SingularError
 from .linearize import Linearization, Snapshot, _linearization
 from .model.names import not_found
 from .results import Result, Stats
 from .state import State, state_of
+from .turning_frames import Frame, sampled
 
 if TYPE_CHECKING:
     from .model.model import Model
 
 _MAX_ITERATIONS = 60
-_VARIES = 1e-8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,15 +34,19 @@ class SteadyMotion(Result):
     state
         Poses and rates.
     speed
-        rad/s of each driven coordinate.
+        rad/s (m/s of sliding coordinates) of each driven coordinate.
     torque
-        What keeps each driven coordinate at its speed, N m (N for sliding coordinates); zero without losses.
+        Torque (or force) required to hold the prescribed speed, N m (N); zero without losses.
+    frame
+        The axes in which the linearisation is constant, and in which its modes and transfer functions are: "fixed",
+        "rotating" (with the rotor), "joint" (each coordinate in the axes of its own joint), or "multiblade" (the hub fixed,
+        the blades together; see `mb.multiblade`). In the drawn position the coordinates of all of them are the same.
+    carried
+        Names of bodies without a joint that elastic elements carry around with what is driven.
     linearization
-        The exact linearisation there.
+        The exact linearisation there, in these axes.
     error
-        How much M, C + G and K + N change over a turn of the driven coordinates, relative: the linearisation has
-        constant
-        coefficients only where this is rounding.
+        Largest change of a row of M, C + G, K + N over a turn, relative to the row, beyond rounding; at most 1e-8.
     """
 
     state: State
@@ -50,6 +54,8 @@ class SteadyMotion(Result):
     torque: dict[str, float]
     linearization: Linearization
     iterations: int
+    frame: str
+    carried: tuple[str, ...] = ()
 
     @property
     def model(self) -> Any:
@@ -69,8 +75,12 @@ class SteadyMotion(Result):
     def __str__(self) -> str:
         lines = [f"steady motion of {self.model.name!r}: {self.status}, {self.iterations} iterations"]
         for name, value in self.speed.items():
-            lines.append(f"  {name}: {value:.6g} rad/s, held by {self.torque[name]:.4g} N m")
-        lines.append(f"  coefficients vary over a turn by {self.error:.1e}")
+            sliding = not _turns_about_itself(self.model, name)
+            units = ("m/s", "N") if sliding else ("rad/s", "N m")
+            lines.append(f"  {name}: {value:.6g} {units[0]}, held by {self.torque[name]:.4g} {units[1]}")
+        if self.carried:
+            lines.append(f"  carried around: {', '.join(self.carried)}")
+        lines.append(f"  constant in {self.frame} axes")
         return "\n".join(lines)
 
     __repr__ = __str__
@@ -81,19 +91,19 @@ def steady_motion(
 ) -> SteadyMotion:
     """The state in which the named joints turn at constant speed and all forces, inertia included, balance.
 
-    rho(y, y', 0) = 0 on all coordinates but the driven ones, y' = speed on these and zero elsewhere.
+    rho(y, v, v') = 0 on all coordinates but the driven ones, v = speed on these. Bodies without a joint that elastic elements tie
+    to something that turns (bushings, torsion springs, beams) turn with it; everything else stands.
 
     Parameters
     ----------
     m
         The model.
     speed
-        rad/s (m/s for sliding coordinates) by joint, body or coordinate: ``{"shaft": 60.0}``. A joint or body must
-        have one
-        rotation; name the coordinate ("rotor.rx") where it has several. Drives add their rates of t = 0, couplers what
-        follows from them; a model whose drives move needs no ``speed``.
+        rad/s (m/s for sliding coordinates) by joint, body or coordinate: ``{"shaft": 60.0}``. A joint or body must have one
+        rotation; name the coordinate ("rotor.rx") where it has several. Drives add their rates of t = 0, couplers and rolling
+        what follows from them; a model whose drives move needs no ``speed``.
     at
-        Where to start: None (drawn), an equilibrium, another steady motion.
+        Initial guess: None (drawn), an equilibrium, another steady motion.
     without
         Effects to leave out.
 
@@ -104,25 +114,25 @@ def steady_motion(
     Raises
     ------
     ModelError
-        Speeds that closed loops do not allow to be constant.
+        Speeds that closed loops do not allow to be constant. An elastic element whose force would grow with every turn. A
+        linearisation that is constant in no axes: an unsymmetric rotor on unsymmetric supports, unbalance, weight across the axis.
+        The message names the object.
     ConvergenceError
-        No steady state near the start.
-
-    Warns
-    -----
-    MbrsWarning
-        Coefficients that vary over a turn: the linearisation then holds for the drawn angle alone.
+        No steady state near the initial guess.
 
     Notes
     -----
-    Newton on the exact tangent, centrifugal stiffness included. Cost O(dof^3) per iteration.
+    Newton on the exact tangent, centrifugal stiffness included. The tangent at five angles of the turn decides about the axes: the
+    first of fixed, rotating, joint and multiblade ones in which no row changes by more than 1e-8 of its own size is taken (G. Bir,
+    Multiblade coordinate transformation and its application to wind turbine analysis, AIAA 2008-1300).
+    Cost O(dof^3) per iteration and angle.
 
     Examples
     --------
     >>> import mbrs as mb
     >>> turning = mb.steady_motion(mb.examples.rotor(), {"shaft": 60.0})
-    >>> turning.status
-    'converged'
+    >>> turning.status, turning.frame
+    ('converged', 'fixed')
     """
     start = time.perf_counter()
     without = check_without(without)
@@ -134,17 +144,12 @@ def steady_motion(
     rate = _rates(snapshot, begin, driven, without)
     if (m.drives or m.couplers) and np.any(rate):
         driven = {int(i): float(rate[i]) for i in np.flatnonzero(rate)}
-    state, found, iterations = _solve(snapshot, begin, rate, names, driven, without)
+    spin = spin_of(snapshot, begin.relative, rate, tuple(driven), without)
+    state, found, iterations = _solve(snapshot, begin, spin, names, driven, without)
+    frame = _frame(snapshot, spin, state, found, without)
+    turns = np.any(frame.W)
+    state = replace(state, turn=frame.W if turns else None, frame=frame.name)
     linearization = _linearization(snapshot, state, found, without, start, warn=False)
-    varies = _variation(snapshot, state, found, driven, without)
-    if varies > _VARIES:
-        warnings.warn(
-            f"the linearisation of {m.name!r} at this steady motion changes by {varies:.1e} over a turn (an "
-            f"unsymmetric rotor on "
-            "unsymmetric supports): its modes hold for the drawn angle alone",
-            MbrsWarning,
-            stacklevel=2,
-        )
     residual = dict(zip(found["coordinates"], found["residual"], strict=True))
     residual.update(_drive_forces(snapshot, found, names, without))
     return SteadyMotion(
@@ -153,19 +158,35 @@ def steady_motion(
         torque={names[i]: float(residual.get(names[i], np.nan)) for i in driven},
         linearization=linearization,
         iterations=iterations,
+        frame=frame.name,
+        carried=tuple(name for name, _, _ in spin.carried),
         stats=Stats(time.perf_counter() - start, found["counts"], linearization.stats.effects, "Newton"),
-        error=varies,
+        error=frame.varies,
         status="converged",
     )
 
 
+def _frame(snapshot: Snapshot, spin: Spin, state: State, found: dict[str, Any], without: tuple[str, ...]) -> Frame:
+    """The axes in which the linearisation is constant; W over the coordinates of ``found``."""
+    names = list(found["coordinates"])
+    if not state.moving:
+        return Frame("fixed", np.zeros((len(names),) * 2), 0.0)
+    # drives hold the angles that are to be turned
+    held = snapshot.model.drives and "drives" not in without
+    turn = sampled(snapshot, spin, state, (*without, "drives") if held else without)
+    frame = turn.frame()
+    keep = [turn.names.index(name) for name in names]
+    return replace(frame, W=frame.W[np.ix_(keep, keep)])
+
+
 def _rates(snapshot: Snapshot, begin: State, driven: Mapping[int, float], without: tuple[str, ...]) -> np.ndarray:
-    """Rates of the tree coordinates: the given ones, those of drives, and what couplers make of both; zero elsewhere."""
+    """Rates of the tree coordinates: the given ones, those of drives, and what couplers and rolling make of both; zero elsewhere."""
     rate = np.zeros(snapshot.system.n_tree)
     for index, value in driven.items():
         rate[index] = value
     model = snapshot.model
-    if not (model.drives or model.couplers):
+    rolls = "nonholonomic" not in without and any(j.type in ("knife_edge", "rolling_disc") for j in model.joints)
+    if not (model.drives or model.couplers or rolls):
         return rate
     with core_errors():
         rows = snapshot.system.rows(begin.relative, np.zeros_like(rate), 0.0, list(without))
@@ -226,6 +247,14 @@ def _coordinate(model: Any, system: Any, names: Sequence[str], key: Any) -> int:
     return turning[0]
 
 
+def _turns_about_itself(model: Any, name: str) -> bool:
+    """Is this coordinate an angle?"""
+    _, _, ending = name.rpartition(".")
+    if _turns(name):
+        return True
+    return ending not in ("x", "y", "z") and not any(j.name == name and j.type == "prismatic" for j in model.joints)
+
+
 def _turns(name: str) -> bool:
     return name.rsplit(".", 1)[-1] in ("rx", "ry", "rz", "alpha", "beta")
 
@@ -233,38 +262,62 @@ def _turns(name: str) -> bool:
 def _solve(
     snapshot: Snapshot,
     begin: State,
-    rate: np.ndarray,
+    spin: Spin,
     names: Sequence[str],
     driven: Mapping[int, float],
     without: tuple[str, ...],
 ) -> tuple[State, dict[str, Any], int]:
     relative = begin.relative
     previous = np.inf
+    place = {name: i for i, name in enumerate(names)}
     for iteration in range(_MAX_ITERATIONS):
+        rate, acceleration = spin.at(relative)
         with core_errors():
-            r = snapshot.system.linearize(relative, rate, list(without))
+            r = snapshot.system.linearize(relative, rate, list(without), [], acceleration.tolist())
         _check_rates(snapshot, r, relative, rate, without)
-        place = {name: i for i, name in enumerate(names)}
         still = np.array([place[name] not in driven for name in r["coordinates"]], dtype=bool)
         residual = r["residual"][still]
         size = float(np.max(np.abs(residual), initial=0.0))
         scale = max(r["force_scale"], np.finfo(float).tiny)
         step = np.zeros(len(still))
         if residual.size:
-            step[still] = _newton(r["S"][np.ix_(still, still)], residual, scale)
-        tiny = float(np.max(np.abs(step), initial=0.0)) <= 1e-14 * max(1.0, snapshot.system.characteristic_length)
+            S = _carried_stiffness(r, spin, rate, place)
+            step[still] = _newton(S[np.ix_(still, still)], residual, scale)
+        longest = _natural_size(r, step, snapshot.system.characteristic_length)
+        tiny = longest <= 1e-14
         if size <= 1e-14 * scale or tiny or (size >= previous and size <= 1e-10 * scale):
-            return State(relative, rate, "steady", driven=tuple(driven)), r, iteration
+            moving = acceleration if np.any(acceleration) else np.zeros(0)
+            return State(relative, rate, "steady", driven=tuple(driven), acceleration=moving), r, iteration
         previous = size
-        longest = float(np.max(np.abs(step)))
         step *= min(1.0, 0.3 / longest)
         with core_errors():
             relative = snapshot.system.advance(relative, step)
     raise ConvergenceError(
-        f"no steady motion of {snapshot.model.name!r} was found at these speeds within {_MAX_ITERATIONS} iterations; "
-        f"approach them in "
+        f"no steady motion of {snapshot.model.name!r} was found at these speeds within {_MAX_ITERATIONS} iterations; approach them in "
         "steps (at= takes a slower steady motion)"
     )
+
+
+def _natural_size(r: dict[str, Any], step: np.ndarray, length: float) -> float:
+    """The largest motion of a body that a step makes: rad, or characteristic lengths."""
+    moved = np.abs((r["T"] @ step).reshape(-1, 2, 3)) / np.array([length, 1.0])[None, :, None]
+    modal = np.abs(r["modal_map"] @ step) / length if "modal_map" in r else np.zeros(0)
+    return float(max(np.max(moved, initial=0.0), np.max(modal, initial=0.0)))
+
+
+def _carried_stiffness(r: dict[str, Any], spin: Spin, rate: np.ndarray, place: Mapping[str, int]) -> np.ndarray:
+    """S at rates that follow the configuration: a carried body that is displaced moves on with the displacement turned."""
+    if not spin.carried:
+        return np.asarray(r["S"])
+    W = np.zeros((len(place), len(place)))
+    for _, first, _ in spin.carried:
+        x, y, z = rate[first + 3 : first + 6]
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        W[first : first + 3, first : first + 3] = W[first + 3 : first + 6, first + 3 : first + 6] = cross
+    kept = [place[name] for name in r["coordinates"]]
+    W = W[np.ix_(kept, kept)]
+    D = np.zeros_like(r["M"]) if r["D"] is None else r["D"]
+    return np.asarray(r["S"] + D @ W + r["M"] @ W @ W)
 
 
 def _newton(S: np.ndarray, residual: np.ndarray, scale: float) -> np.ndarray:
@@ -284,35 +337,14 @@ def _check_rates(
         return
     with core_errors():
         miss = snapshot.system.rate_mismatch(relative, rate, list(without))
-    if miss > 1e-9 * float(np.max(np.abs(rate), initial=0.0)):
+        moved = snapshot.system.bodies(relative, rate)
+    length = snapshot.system.characteristic_length
+    fastest = max(
+        float(np.max(np.abs(moved["angular_velocity"]), initial=0.0)),
+        float(np.max(np.abs(moved["velocity"]), initial=0.0)) / length,
+    )
+    if miss > 1e-9 * fastest:
         raise ModelError(
             "a closed loop does not let these speeds be constant with everything else at rest; drive a joint outside "
             "the loops"
         )
-
-
-def _variation(
-    snapshot: Snapshot, state: State, found: dict[str, Any], driven: Mapping[int, float], without: tuple[str, ...]
-) -> float:
-    """Largest relative change of the matrices when the driven coordinates have turned on by angles of no symmetry."""
-    names = list(snapshot.system.topology()["coordinates"])
-    if snapshot.model.drives and "drives" not in without:
-        # drives hold the angles that are to be turned
-        without = (*without, "drives")
-        with core_errors():
-            found = snapshot.system.linearize(state.relative, state.rate, list(without))
-    minimal = list(found["coordinates"])
-    worst = 0.0
-    for angle in (0.61, 1.93):
-        step = np.zeros(len(minimal))
-        for index, value in driven.items():
-            if value != 0.0 and names[index] in minimal:
-                step[minimal.index(names[index])] = angle
-        with core_errors():
-            relative = snapshot.system.advance(state.relative, step, list(without))
-            turned = snapshot.system.linearize(relative, state.rate, list(without))
-        for key in ("M", "D", "S"):
-            a, b = found[key], turned[key]
-            if a is not None and b is not None and np.any(a):
-                worst = max(worst, float(np.max(np.abs(a - b)) / np.max(np.abs(a))))
-    return worst

@@ -43,3 +43,14 @@ pub const CLOSED_ROUNDING: f64 = 1e2;
 /// Singular values of a least-squares problem below this part of the largest belong to directions that no row feels.
 /// Larger: weak directions are left out. Smaller: rounding of states of self-stress is divided by. Entries are free of units.
 pub const FELT: f64 = 1e-10;
+
+// --- Rolling ---
+
+/// Straight rolling: B''' and the third power of E, over the speed (lengths over the characteristic length) to the same power, and
+/// forces along the path over their terms. Larger: motion on slow curves is linearised as if straight; smaller: rounding of a drawn
+/// model refuses it. Pinned by `a_curve_and_a_trailer_are_refused` and the bicycle of tests/truth/test_rolling.py.
+pub const ROLLS_STEADILY: f64 = 1e-9;
+
+/// Rounding that forces which cancel leave in their tangent, over the sum of their sizes. Larger: a weak force along the path of
+/// rolling passes unseen; smaller: weight alone refuses. Pinned by the bicycle of tests/truth/test_rolling.py.
+pub const ROUNDING_OF_FORCES: f64 = 1e-12;

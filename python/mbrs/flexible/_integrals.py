@@ -49,8 +49,9 @@ def _skews(a: Array) -> Array:
 
 
 def inertial_stiffness(grid: Mesh, T: Array, clamped: bool) -> Array:
-    """KG (12, m, m): the axial force of the fields b_x = 1 (a0_x) and b_x = x (W_xx) along the beam.
+    """KG (12, m, m): the axial force of the fields b_x = 1 (a0_x) and b_x = x (W_xx) along the beam, and sections that turn in W.
 
+    Particles s of a section that turns by r move by r (r . s)/2 - r^2 s/2 in second order.
     Clamped: N(x) = -int_x^L rho b_x. Free: for W_xx alone, counted from the centre of mass, where it balances.
     """
     KG = np.zeros((12, T.shape[1], T.shape[1]))
@@ -60,6 +61,11 @@ def inertial_stiffness(grid: Mesh, T: Array, clamped: bool) -> Array:
         outer = _outboard(grid, field)
         K = grid.tensioned(np.array([-outer(at) for at in x]))
         KG[i] = T.T @ K @ T
+    for p in grid.points:
+        turn: Array = (p.N @ T[p.dofs])[3:]
+        section: Array = p.weight * p.section.mass_moments()
+        crossed = np.einsum("rk,cl->rckl", turn, section @ turn)
+        KG[3:] += (crossed - np.einsum("rc,jk,jl->rckl", section, turn, turn)).reshape(9, *KG.shape[1:])
     return 0.5 * (KG + np.swapaxes(KG, 1, 2))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -187,7 +188,9 @@ def response(result: Any) -> Any:
 
 
 def campbell(result: Any, *, orders: tuple[float, ...] = (1.0, 2.0), most: int = 16) -> Any:
-    """Natural frequencies over the speed of rotation, with engine orders and forward or backward whirl.
+    """Natural frequencies over the speed of rotation, with engine orders, critical speeds and forward or backward whirl.
+
+    The axis reaches as far as the speed, the critical speeds and the two lowest modes do.
 
     Parameters
     ----------
@@ -209,10 +212,13 @@ def campbell(result: Any, *, orders: tuple[float, ...] = (1.0, 2.0), most: int =
         raise ModelError(
             f"a Campbell diagram needs frequencies of shape (n_s = {speed.size}, n), got {frequency.shape}"
         )
-    frequency = frequency[:, :most]
-    whirl = np.broadcast_to(np.asarray(getattr(result, "whirl", 0)), np.asarray(result.frequency).shape)[:, :most]
+    whirl = np.broadcast_to(np.asarray(getattr(result, "whirl", 0)), frequency.shape)
     unit = str(getattr(result, "unit", "") or "rad/s")
     hertz: Any = {"rad/s": speed / (2 * np.pi), "rpm": speed / 60.0, "1/min": speed / 60.0, "Hz": speed}.get(unit)
+    critical = [c for c in getattr(result, "critical", ()) if c.speed <= speed[-1]]
+    top = _top(frequency, hertz, critical)
+    lowest = np.flatnonzero(np.min(frequency, axis=0) <= top)[:most]
+    frame = str(getattr(result, "frame", "fixed"))
     with style():
         made, axes = figure(size=(8.0, 5.0))
         for value, colour, name in (
@@ -220,29 +226,70 @@ def campbell(result: Any, *, orders: tuple[float, ...] = (1.0, 2.0), most: int =
             (-1, PALETTE[1], "backward"),
             (0, PALETTE[7], "no whirl"),
         ):
-            shown = np.where(whirl == value, frequency, np.nan)
-            used = [j for j in range(shown.shape[1]) if np.isfinite(shown[:, j]).any()]
-            for place, j in enumerate(used):
-                axes.plot(speed, shown[:, j], color=colour, label=name if place == 0 else None)
-        _unstable(axes, result, speed, frequency)
-        top = np.nanmax(frequency) * 1.08
+            curves = [_of_whirl(frequency[:, j], whirl[:, j], value) for j in lowest]
+            for place, curve in enumerate(c for c in curves if np.isfinite(c).any()):
+                axes.plot(speed, curve, color=colour, label=name if place == 0 else None)
+        _unstable(axes, result, speed, frequency, lowest)
         for order in orders if hertz is not None else ():
             axes.plot(speed, order * hertz, color="#6b7280", ls="--", lw=1.0)
-            inside = np.flatnonzero(order * hertz <= 0.97 * top)
-            if inside.size:
-                axes.annotate(f"{order:g}x", (speed[inside[-1]], order * hertz[inside[-1]]), (3, -10),
-                              textcoords="offset points", fontsize=9, color="#6b7280")  # fmt: skip
-        axes.set(xlabel=f"speed [{unit}]", ylabel="frequency [Hz]", ylim=(0.0, top), title="Campbell diagram")
+            inside = np.flatnonzero(order * hertz <= 0.93 * top)
+            if inside.size and order * hertz[inside[-1]] > 0.05 * top:
+                at = (speed[inside[-1]], order * hertz[inside[-1]])
+                axes.annotate(
+                    f"{order:g}x", at, (-4, 6), textcoords="offset points", ha="right", fontsize=9, color="#6b7280"
+                )
+        _critical(axes, critical)
+        title = "Campbell diagram" if frame == "fixed" else f"Campbell diagram, {frame} axes"
+        axes.set(xlabel=f"speed [{unit}]", ylabel="frequency [Hz]", ylim=(0.0, top), title=title)
         axes.margins(x=0.0)
         legend(axes, [text.get_label() for text in axes.get_lines() if not text.get_label().startswith("_")])
     return made
 
 
-def _unstable(axes: Any, result: Any, speed: np.ndarray, frequency: np.ndarray) -> None:
+def _top(frequency: np.ndarray, hertz: Any, critical: Sequence[Any]) -> float:
+    """The range that matters: the speed itself, all critical speeds, and the two lowest modes."""
+    high = np.nanmax(frequency, axis=0)
+    moving = np.sort(high[high > 0.0])
+    bounds = [*moving[:2], *(c.frequency for c in critical)]
+    if hertz is not None:
+        reach = float(np.max(np.abs(hertz)))
+        bounds += [reach, *high[np.nanmin(frequency, axis=0) <= reach].clip(max=1.5 * reach)]
+    return 1.08 * float(max(bounds, default=1.0)) or 1.0
+
+
+def _of_whirl(frequency: np.ndarray, whirl: np.ndarray, value: int) -> np.ndarray:
+    """The part of a curve with this sense of whirl; a point without one (at rest) belongs to what it joins."""
+    if len(whirl) == 1:
+        return np.where(whirl == value, frequency, np.nan)
+    links = np.where(whirl[1:] != 0, whirl[1:], whirl[:-1]) == value
+    shown = np.zeros(len(whirl), dtype=bool)
+    shown[1:] |= links
+    shown[:-1] |= links
+    return np.where(shown, frequency, np.nan)
+
+
+def _critical(axes: Any, critical: Sequence[Any]) -> None:
+    for fill, name in ((True, "critical, unbalance excites"), (False, "critical, unbalance does not")):
+        rows = [c for c in critical if bool(c.excited) == fill]
+        if rows:
+            face = PALETTE[5] if fill else "white"
+            axes.plot(
+                [c.speed for c in rows],
+                [c.frequency for c in rows],
+                "o",
+                color=PALETTE[5],
+                mfc=face,
+                ms=6,
+                label=name,
+                zorder=5,
+            )
+
+
+def _unstable(axes: Any, result: Any, speed: np.ndarray, frequency: np.ndarray, modes: np.ndarray) -> None:
     damping = getattr(result, "damping", None)
     if damping is None:
         return
-    negative = np.asarray(damping, dtype=float)[:, : frequency.shape[1]] < -1e-9
+    negative = np.asarray(damping, dtype=float)[:, modes] < -1e-9
     if negative.any():
-        at = np.broadcast_to(speed[:, None], frequency.shape)
-        axes.plot(at[negative], frequency[negative], "x", color=PALETTE[5], ms=4, label="unstable")
+        at = np.broadcast_to(speed[:, None], negative.shape)
+        axes.plot(at[negative], frequency[:, modes][negative], "x", color=PALETTE[5], ms=4, label="unstable")

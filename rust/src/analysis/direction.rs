@@ -10,6 +10,7 @@ use crate::analysis::linearize::{
     Linearization, Path, Setting, Turning, body_map, reduce, reduce_rows, turning, unreduced,
 };
 use crate::analysis::local_direction::local_direction;
+use crate::analysis::rolling::rolls;
 use crate::error::{Error, Result};
 use crate::linalg::dense::minimum_norm;
 use crate::linalg::rows::Level as Asked;
@@ -237,6 +238,11 @@ pub fn directional(
     dx: &[(usize, f64)],
     request: Request<'_>,
 ) -> Result<Directional> {
+    if rolls(setting) {
+        return Err(Error::NotDifferentiable(
+            "derivatives of a linearisation that rolls in motion do not exist here; take differences of two models".into(),
+        ));
+    }
     if let Some(local) = local_direction(setting, base, dx, request) {
         return Ok(local);
     }

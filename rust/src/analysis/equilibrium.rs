@@ -61,7 +61,7 @@ pub(super) struct Local {
 
 impl Local {
     pub fn at(system: &System, state: &State, effects: Effects, counts: &mut Counts) -> Result<Local> {
-        let linearization = linearize(&Setting { system, state, memory: &[], effects }, counts)?;
+        let linearization = linearize(&Setting { system, state, memory: &[], acceleration: &[], effects }, counts)?;
         let all = column_scales(&system.topology, system.length);
         let scale: Vec<f64> = linearization.coordinates(system.n_tree()).iter().map(|i| all[*i]).collect();
         let n = scale.len();

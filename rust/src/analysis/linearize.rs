@@ -5,9 +5,11 @@
 //! ```
 //! At a moving state of a closed loop B'' changes in time; with y = B'' z,
 //! D'' = B''^T (D B'' + 2 M B''') and S'' = B''^T (S B'' + D B''' + M B''''), dots by second-order dual numbers in time.
+//! Velocity rows about a moving state: see `rolling`.
 use nalgebra::{DMatrix, DVector};
 use num_dual::Dual2;
 
+use crate::analysis::rolling::{check_rolling, rolling, rolls};
 use crate::error::{Error, Result};
 use crate::model::geometry::Geometry;
 use crate::run::Counts;
@@ -20,7 +22,7 @@ use crate::system::flexible::Fold;
 use crate::system::loops::{Loops, column_scales};
 use crate::system::placement::{Placement, State, advance, place};
 use crate::system::rank::{Decision, block_names};
-use crate::system::topology::{ConstraintRow, Level, Topology};
+use crate::system::topology::Topology;
 
 /// A redundant combination whose second derivative is larger than this (rows and columns scaled) marks a singular pose.
 const SINGULAR_POSE: f64 = 1e-6;
@@ -119,6 +121,8 @@ pub struct Setting<'a> {
     pub state: &'a State,
     /// what laws remember; empty means centred
     pub memory: &'a [f64],
+    /// of the tree coordinates at z" = 0, such as those of a body that is carried around off the axis; empty means zero
+    pub acceleration: &'a [f64],
     pub effects: Effects,
 }
 
@@ -128,10 +132,12 @@ impl Setting<'_> {
     }
 }
 
-/// B''' and B'''' along the motion.
+/// Rows of the dependent coordinates in y' = B'' z' + first z, y" = B'' z" + rate z' + second z; of closed loops first = B''',
+/// rate = 2 B''', second = B''''.
 pub(super) struct Turning<T: Real> {
-    first: DMatrix<T>,
-    second: DMatrix<T>,
+    pub(super) first: DMatrix<T>,
+    pub(super) rate: DMatrix<T>,
+    pub(super) second: DMatrix<T>,
     /// of all tree coordinates at z" = 0, drives at constant rate
     pub(super) acceleration: Vec<T>,
 }
@@ -148,7 +154,6 @@ type Closed = (DMatrix<f64>, Option<Loops>, Option<DMatrix<f64>>);
 
 fn closed(setting: &Setting<'_>, scene: &Scene<'_, f64>) -> Result<Closed> {
     let system = setting.system;
-    check_velocity_rows(setting)?;
     if let Some(name) = collapsed(scene.topology, scene.geometry, scene.placement, system.length) {
         return Err(Error::singular(format!(
             "the ends of '{name}' coincide in this state, so that its direction is undefined: start elsewhere, or use a bushing"
@@ -208,11 +213,14 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     let turning = match (&loops, &rate) {
         (Some(l), Some(rate)) => {
             let path = Path { x: &system.x, relative: &setting.state.relative, rate };
-            Some(turning(setting, l, &path))
+            let made = turning(setting, l, &path);
+            let rolling = |b| rolling(setting, l, b, &jacobian, &path, &made);
+            Some(if rolls(setting) { b.as_ref().map(rolling).transpose()?.unwrap_or(made) } else { made })
         }
         _ => None,
     };
-    let acceleration = turning.as_ref().map(|t| t.acceleration.clone());
+    let given = (rate.is_some() && !setting.acceleration.is_empty()).then(|| setting.acceleration.to_vec());
+    let acceleration = turning.as_ref().map(|t| t.acceleration.clone()).or(given);
     let acceleration = acceleration.filter(|_| setting.effects.centrifugal);
     scene.acceleration = acceleration.as_deref();
     let tau = scene.residual(None);
@@ -220,6 +228,9 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     let tangent = scene.tangent(Some(lam.as_slice()), counts);
     let force_scale = force_scale(&scene, &tangent, system.length);
     check_finite(&scene, &tangent)?;
+    if let (Some(l), Some(b), Some(t), true) = (&loops, &b, &turning, rolls(setting)) {
+        check_rolling(setting, (l, b), t, &tangent, force_scale)?;
+    }
     let (matrices, residual) = match (&loops, &b) {
         (Some(l), Some(b)) => (reduce(&tangent, l, b, turning.as_ref(), setting.effects), l.reduce_vector(&tau, b)),
         _ => (unreduced(tangent), tau),
@@ -268,8 +279,7 @@ pub(super) fn reduce<T: Real>(
     if let Some(turning) = turning {
         let along = |x: &DMatrix<T>, w: &DMatrix<T>| turned(loops, x, w, b);
         if effects.gyroscopic {
-            let first = along(&tangent.mass, &turning.first) * T::from(2.0);
-            damping = sum(damping, Some(first));
+            damping = sum(damping, Some(along(&tangent.mass, &turning.rate)));
         }
         let inertial = gyroscopic.filter(|_| effects.centrifugal);
         for d in tangent.damping.as_ref().into_iter().chain(inertial) {
@@ -295,20 +305,26 @@ fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<T>, b: &DMatrix<T>
 
 pub(super) fn turning<T: Real>(setting: &Setting<'_>, loops: &Loops, path: &Path<'_, T>) -> Turning<T> {
     let jacobian = turning_jacobian(setting, path, None);
-    // J y" + J' y' = 0 with y" on the dependent coordinates alone
+    // J y" + J' y' = 0 for y" of the dependent coordinates; the others have the given ones
     let bias = jacobian.map(|v| v.v1) * DVector::from_column_slice(path.rate);
+    let mut acceleration: Vec<T> = setting.acceleration.iter().map(|a| T::from(*a)).collect();
+    acceleration.resize(path.rate.len(), T::zero());
+    for i in &loops.dependent {
+        acceleration[*i] = T::zero();
+    }
+    let bias = bias + jacobian.map(|v| v.re) * DVector::from_column_slice(&acceleration);
     let right = DMatrix::from_column_slice(bias.len(), 1, bias.as_slice());
-    let mut acceleration = vec![T::zero(); path.rate.len()];
     let dependent = loops.balanced(&jacobian.map(|v| v.re), &right);
     for (k, v) in dependent.iter().enumerate() {
         acceleration[loops.dependent[k]] = *v;
     }
     let b = loops.dependent_map(&turning_jacobian(setting, path, Some(&acceleration)));
-    Turning { first: b.map(|v| v.v1), second: b.map(|v| v.v2), acceleration }
+    let first = b.map(|v| v.v1);
+    Turning { rate: &first * T::from(2.0), first, second: b.map(|v| v.v2), acceleration }
 }
 
 /// J along y(t) = rate t + acceleration t^2 / 2, to second order in time.
-fn turning_jacobian<T: Real>(
+pub(super) fn turning_jacobian<T: Real>(
     setting: &Setting<'_>,
     path: &Path<'_, T>,
     acceleration: Option<&[T]>,
@@ -334,22 +350,6 @@ fn turning_jacobian<T: Real>(
         effects: setting.effects,
     };
     scene.constraints().1
-}
-
-/// At rest a velocity row takes one freedom and leaves its displacement as a constant (a root at zero that is not reported).
-/// In motion that displacement turns B'', which minimal coordinates alone do not hold.
-fn check_velocity_rows(setting: &Setting<'_>) -> Result<()> {
-    let topology = &setting.system.topology;
-    let velocity = |r: &&ConstraintRow| r.level == Level::Velocity;
-    match topology.rows.iter().find(velocity) {
-        Some(_) if !setting.effects.nonholonomic => Ok(()),
-        Some(row) if setting.state.moving() => Err(Error::model(format!(
-            "joint '{}' constrains velocities, and a model with such joints is linearised at rest only; linearise an equilibrium, set the \
-             bodies' velocities to zero, or follow the motion in time",
-            topology.tables.joints[row.joint].name
-        ))),
-        _ => Ok(()),
-    }
 }
 
 /// The one way to lose a tangent at finite numbers: an element between coinciding points has no direction.

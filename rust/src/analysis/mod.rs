@@ -22,6 +22,7 @@ mod propagator;
 pub mod reactions;
 pub mod response;
 pub mod response_sensitivity;
+mod rolling;
 pub mod sparse_bodies;
 pub mod sparse_damped;
 pub mod sparse_modal;

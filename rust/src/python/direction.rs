@@ -92,7 +92,7 @@ fn directions<'py>(
     }
     fits(&system.0, "derivatives of a linearisation", 2.0 * LINEARIZATION)?;
     let (all, dof) = run(py, &system.0, move |system, cancel| {
-        let setting = Setting { system, state: &state, memory: &memory, effects };
+        let setting = Setting { system, state: &state, memory: &memory, acceleration: &[], effects };
         let base = linearize(&setting, &mut Counts::default())?;
         let solver = follow.then(|| equilibrium_solver(system, &base, &driven)).transpose()?;
         let request = Request { maps, solve: solver.as_ref().map(|s| s as _), drawn };

@@ -295,7 +295,8 @@ impl PySystem {
         Ok(out)
     }
 
-    #[pyo3(signature = (relative, rate, without, memory=Vec::new()))]
+    /// `acceleration` (n_tree,) of the tree coordinates where their rates do not stay, or empty.
+    #[pyo3(signature = (relative, rate, without, memory=Vec::new(), acceleration=Vec::new()))]
     fn linearize<'py>(
         &self,
         py: Python<'py>,
@@ -303,14 +304,20 @@ impl PySystem {
         rate: PyReadonlyArray1<'py, f64>,
         without: Vec<String>,
         memory: Vec<f64>,
+        acceleration: Vec<f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
         super::direction::remembered(&self.0, &memory)?;
         fits(&self.0, "a linearisation", LINEARIZATION)?;
+        if !acceleration.is_empty() && acceleration.len() != self.0.n_tree() {
+            let n = self.0.n_tree();
+            return Err(Error::model(format!("a state of this model has {n} accelerations, not {}", acceleration.len())).into());
+        }
         let (lin, counts) = run(py, &self.0, move |system, _| {
             let mut counts = Counts::default();
-            linearize(&Setting { system, state: &state, memory: &memory, effects }, &mut counts).map(|l| (l, counts))
+            let setting = Setting { system, state: &state, memory: &memory, acceleration: &acceleration, effects };
+            linearize(&setting, &mut counts).map(|l| (l, counts))
         })?;
         let out = PyDict::new(py);
         put_linearization(py, &out, &self.0, &lin)?;
@@ -331,7 +338,7 @@ impl PySystem {
             fits(&self.0, "the mobility of the loops", LINEARIZATION)?;
         }
         let loops = run(py, &self.0, move |system, _| {
-            mobility(&Setting { system, state: &state, memory: &[], effects: Effects::ALL })
+            mobility(&Setting { system, state: &state, memory: &[], acceleration: &[], effects: Effects::ALL })
         })?;
         let out = PyDict::new(py);
         let topology = &self.0.topology;
@@ -374,7 +381,7 @@ impl PySystem {
         let z = nalgebra::DVector::from_vec(values(&increments));
         fits(&self.0, "a linearisation", LINEARIZATION)?;
         let moved = run(py, &self.0, move |system, _| {
-            let setting = Setting { system, state: &state, memory: &[], effects };
+            let setting = Setting { system, state: &state, memory: &[], acceleration: &[], effects };
             let base = linearize(&setting, &mut Counts::default())?;
             let dy = base.expand(z)?;
             advance(&system.topology, &mut state.relative, dy.as_slice());
@@ -505,7 +512,7 @@ impl PySystem {
         let effects = effects(&without)?;
         fits(&self.0, "reactions", LINEARIZATION)?;
         let all = run(py, &self.0, move |system, _| {
-            let setting = Setting { system, state: &state, memory: &[], effects };
+            let setting = Setting { system, state: &state, memory: &[], acceleration: &[], effects };
             let base = linearize(&setting, &mut Counts::default())?;
             reactions(&setting, &base)
         })?;
