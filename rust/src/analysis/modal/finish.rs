@@ -63,15 +63,17 @@ fn qualities(terms: &Terms, modes: &mut [RawMode], correction: Correction) -> Ve
             mode.s = s;
             mode.partner = if mode.partner.im == 0.0 { mode.partner } else { s.conj() };
         }
-        if let Some((error, condition)) = mode.known {
-            quality.error = error;
-            quality.condition = condition;
-            quality.tolerance = quality.tolerance.min(mode.s.norm() * (error + 16.0 * EPS * condition));
-            // the assembled matrices no longer hold what the factor knows, so their residual says nothing
-            quality.backward = error;
+        if let Some(known) = mode.known.filter(|_| !mode.rigid) {
+            if known.residual_counts {
+                quality.error = quality.error.max(known.error);
+            } else {
+                (quality.error, quality.condition, quality.backward) = (known.error, known.condition, known.error);
+            }
+            quality.tolerance = quality.tolerance.min(mode.s.norm() * (quality.error + 16.0 * EPS * known.condition));
         }
         if mode.rigid {
-            (quality.error, quality.condition, quality.tolerance) = (0.0, f64::NAN, 0.0);
+            let noise = mode.known.map_or(0.0, |known| known.error);
+            (quality.error, quality.condition, quality.tolerance) = (noise, f64::NAN, 0.0);
         }
     }
     quality
