@@ -189,7 +189,9 @@ def test_free_trusses_have_six_rigid_motions(decades, seed):
         e = (nodes[i] - nodes[j]) / np.linalg.norm(nodes[i] - nodes[j])
         row[3 * i : 3 * i + 3], row[3 * j : 3 * j + 3] = e, -e
     k = 10.0 ** rng.uniform(-decades / 2, decades / 2, n_bars)
-    r = mb.modes(mb.MechanicalSystem(np.diag(np.repeat(10.0 ** rng.uniform(-2, 2, 5), 3)), K=rows.T @ (k[:, None] * rows)))
+    r = mb.modes(
+        mb.MechanicalSystem(np.diag(np.repeat(10.0 ** rng.uniform(-2, 2, 5), 3)), K=rows.T @ (k[:, None] * rows))
+    )
     print(r.omega, r.error)
     assert np.count_nonzero(r.kind == "rigid") == 6 and np.all(r.error[:6] > 0.0)
 
