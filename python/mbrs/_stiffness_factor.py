@@ -41,10 +41,13 @@ def stiffness_factor(lin: Linearization) -> np.ndarray | None:
     return np.vstack(rows) if rows else np.zeros((0, lin.n))
 
 
-def is_strained(factor: np.ndarray, shape: np.ndarray) -> bool:
-    """True where any column of ``shape`` strains a row of the factor by more than rounding."""
-    strain, size = np.abs(factor @ shape), np.abs(factor) @ np.abs(shape)
-    return bool(np.any(strain > _STRAINED * size))
+def is_strained(factor: np.ndarray, shape: np.ndarray, mass: np.ndarray) -> bool:
+    """True where a column of ``shape`` (phi^T M phi = 1) strains a row of the factor by more than rounding.
+
+    The measure of a row is its strain when every coordinate moves by 1/sqrt(M_ii).
+    """
+    size = np.abs(factor) @ (1.0 / np.sqrt(np.diag(mass)))
+    return bool(np.any(np.abs(factor @ shape) > _STRAINED * size[:, None]))
 
 
 def strain_rows(lin: Linearization) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:

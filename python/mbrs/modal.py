@@ -389,7 +389,7 @@ def modes(
             raise ModelError("stiffness_factor= belongs to matrices; a model knows its own")
         from .sparse_modal import model_modes
 
-        found = model_modes(m, at, _positive(n), tuple(without), shift, start)
+        found = model_modes(m, at, _positive(n), tuple(without), start, shift)
         if found is not None:
             return found
     system, effects = _second_order(m, at, tuple(without))
@@ -509,7 +509,7 @@ def _factor_for(system: Any, r: dict[str, Any]) -> np.ndarray | None:
     if not blurred and not np.any(rigid):
         return None
     factor = stiffness_factor(system)
-    if factor is None or not (blurred or is_strained(factor, r["shape"][:, rigid].real)):
+    if factor is None or not (blurred or is_strained(factor, r["shape"][:, rigid].real, system.M)):
         return None
     return factor
 

@@ -108,7 +108,7 @@ class SparseModel:
         return kinetic, tuple(self.form["names"]), energy
 
 
-def model_modes(model: Any, at: Any, n: int, without: Any, shift: float | None, start: float) -> Any:
+def model_modes(model: Any, at: Any, n: int, without: Any, start: float, shift: float | None = None) -> Any:
     """The n lowest modes of a model at rest, or those nearest to a frequency; None where the dense route must take over and can."""
     from .modal import _result
 
@@ -144,7 +144,7 @@ def model_modes(model: Any, at: Any, n: int, without: Any, shift: float | None, 
     _truncate(r, count)
     r["route"] = f"sparse, {r['route']} ({r['verified']})"
     found = _result(system, r, count, on, start)
-    unresolved = not np.all(found.error[found.kind != "rigid"] <= _UNRESOLVED)
+    unresolved = r["verified"] == "unverified" or not np.all(found.error[found.kind != "rigid"] <= _UNRESOLVED)
     return replace(found, status="unresolved" if unresolved else "converged")
 
 
@@ -206,7 +206,7 @@ def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], shift: fl
         error = _first_order(system.M, D, S, s, shape)
     else:
         error = residual
-    unresolved = not np.all(error[s != 0.0] <= _UNRESOLVED)
+    unresolved = r.get("verified") == "unverified" or not np.all(error[s != 0.0] <= _UNRESOLVED)
     groups = _groups(s)
     return ModalResult(
         eigenvalue=s,

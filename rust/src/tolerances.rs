@@ -25,3 +25,36 @@ pub const SAME_SHAPE: f64 = 1e-3;
 /// Too large: shapes of coupled damping are real although they are not. Too small: rounding of proportional damping sends a
 /// system to the general route. Pinned by tests/test_modal.py (proportional damping) and tests/truth/test_graded_modes.py.
 pub const UNCOUPLED: f64 = 1e-13;
+
+/// Multiple of the last place of a diagonal entry (in units of the masses) up to which an entry that no semidefinite matrix can have
+/// is rounding. Too small: rigid directions get roots of rounding. Too large: weak negative coupling of unheld directions is lost.
+/// Pinned by tests/truth/test_damped_modes.py (rounding beside damping).
+pub const ENTRY_ROUNDING: f64 = 4.0;
+
+/// Product of backward error and normwise condition above which a root of the general route is checked by Newton's method with
+/// residuals in twice the precision. What stays unchecked is off by about the square of this. Too small: every root costs a
+/// factorisation. Too large: small roots of graded systems are wrong unseen. Pinned by tests/truth/test_damped_modes.py.
+pub const DOUBTFUL: f64 = 1e-6;
+
+/// Share of Q''(s) times the distance to the nearest root that |psi^T Q'(s) phi| must reach for two roots alone to meet there; then
+/// a root moves like the square root of its residual. Too small: errors at defects of order three and more are too small.
+/// Pinned by tests/truth/test_damped_modes.py (defects of orders two to four).
+pub const DOUBLE_ROOT: f64 = 0.1;
+
+/// Krylov cycles after which a zero shift is moved nearer to the lowest eigenvalues. Too small: factorisations are wasted on problems
+/// that would have converged. Too large: crowded spectra waste cycles first. No answer depends on it: inertia counts prove that none
+/// is missing. Pinned by tests/truth/test_crowded_modes.py.
+pub const PATIENCE: usize = 15;
+
+/// Bisections by inertia counts for that shift, at most: the range of 2^-50 of the largest eigenvalue is below rounding.
+pub const BISECTIONS: usize = 50;
+
+/// Part of each diagonal entry of M that is added before its factorisation is asked whether M is semidefinite: rounding of the
+/// inertia of a rod about its own axis stays below. Too small: rods are refused. Too large: negative masses pass. Pinned by
+/// tests/truth/test_crowded_modes.py (point masses and rods).
+pub const SEMIDEFINITE: f64 = 1e-12;
+
+/// Sum of the sizes of the terms of a Rayleigh quotient over its value from which on it is taken in twice the precision. Below, its
+/// rounding is part of the error of the data. Too small: work. Too large: soft modes of matrices lose digits that the entries hold.
+/// Pinned by tests/truth/test_graded_modes.py.
+pub const CANCELLING: f64 = 1e5;

@@ -27,7 +27,7 @@ def test_crowded_lowest_modes(n, ground):
     r = mb.modes(on_foundation(n, ground, order), n=5)
     error = np.abs(r.omega / row(n, ground)[:5] - 1)
     print(f"n {n}, ground {ground}: {error}, {r.error}, {r.stats.counts}, {r.stats.route}")
-    assert error.max() < 1e-12 and np.all(error <= r.error + 1e-15) and r.status == "converged"
+    assert error.max() < 1e-12 and np.all(error <= 10 * r.error) and r.status == "converged"
     assert "inertia" in r.stats.route
 
 

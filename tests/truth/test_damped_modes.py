@@ -67,7 +67,7 @@ def test_a_body_on_a_cylindrical_joint_beside_a_damped_chain(seed):
     here = rng.standard_normal(3)
     b = m.body("b", mass=1.3, inertia=(0.2, 0.3, 0.4), at=here)
     axis -= (axis @ m.gravity) * m.gravity / (m.gravity @ m.gravity)  # it can slide without work
-    m.cylindrical("sleeve", m.ground, b, at=here + 0.3 * m.gravity, axis=axis)
+    m.cylindrical("sleeve", m.ground, b, at=here - 0.3 * m.gravity, axis=axis)
     before = m.ground
     for i in range(2):
         at = here + (i + 1) * rng.standard_normal(3)
@@ -107,15 +107,13 @@ def test_estimates_at_defects(order):
         c = (1 / 18) ** 0.5
         M, C, K = np.eye(2), np.array([[8 / 3, c], [c, 4 / 3]]), np.diag([2.0, 0.5])
     elif order == 3:
-        # det = (s + 1)^3 (s + a): trace, product and the two other coefficients by the diagonal and the coupling
-        a = 3.0
-        k1, k2 = 2.0, a / 2.0
-        # c1 + c2 = 3 + a, c1 k2 + c2 k1 = 3 a + 1
-        c1 = (3 * a + 1 - (3 + a) * k1) / (k2 - k1)
+        # (s^2 + c1 s + k1)(s^2 + c2 s + k2) - d^2 s^2 = (s + 1)^3 (s + a)
+        a, k1 = 0.5, 0.1
+        k2 = a / k1
+        c1 = (1 + 3 * a - (3 + a) * k1) / (k2 - k1)
         c2 = 3 + a - c1
-        d = c1 * c2 + k1 + k2 - (3 + 3 * a)
-        assert d > 0
-        M, C, K = np.eye(2), np.array([[c1, d**0.5], [d**0.5, c2]]), np.diag([k1, k2])
+        d = (c1 * c2 + k1 + k2 - 3 - 3 * a) ** 0.5
+        M, C, K = np.eye(2), np.array([[c1, d], [d, c2]]), np.diag([k1, k2])
     else:
         M, C, K = np.eye(2), np.array([[2.0, 0.0], [0.0, 0.3]]), np.array([[1.0, 0.0], [0.0, 4.0]])
         q = np.array([[0.6, -0.8], [0.8, 0.6]])

@@ -10,6 +10,11 @@ pub fn real(x: f64) -> C {
     C::new(x, 0.0)
 }
 
+/// True where a value is not at most the limit: nan never passes.
+pub fn exceeds(value: f64, limit: f64) -> bool {
+    value > limit || value.is_nan()
+}
+
 pub fn frobenius(a: MatRef<'_, f64>) -> f64 {
     a.norm_l2()
 }

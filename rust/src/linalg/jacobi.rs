@@ -66,7 +66,8 @@ fn rotate(p: &mut [f64], q: &mut [f64], tolerance: f64) -> bool {
         return false;
     }
     let zeta = (beta - alpha) / (2.0 * gamma);
-    let t = if zeta.is_finite() { 1.0f64.copysign(zeta) / (zeta.abs() + zeta.hypot(1.0)) } else { gamma / (beta - alpha) };
+    let t =
+        if zeta.is_finite() { 1.0f64.copysign(zeta) / (zeta.abs() + zeta.hypot(1.0)) } else { gamma / (beta - alpha) };
     let c = 1.0 / t.hypot(1.0);
     let s = c * t;
     for (p, q) in p.iter_mut().zip(q) {

@@ -8,12 +8,12 @@
 //! Linear Algebra Appl. 79 (1986) 73-81; T. Ogita and K. Aishima, Japan J. Indust. Appl. Math. 35 (2018) 1007-1035).
 use faer::{Mat, MatRef};
 
-use crate::linalg::dense::{EPS, absolute, symmetrised};
+use crate::linalg::dense::{EPS, absolute, exceeds, symmetrised};
 use crate::linalg::double_double::{Dd, dot, matrix_times};
 use crate::linalg::eigen;
 use crate::run::Counts;
 use crate::second_order::SecondOrder;
-use crate::tolerances::{CLOSE, DATA_ROUNDING, SAME_SHAPE, SHARP};
+use crate::tolerances::{CANCELLING, CLOSE, DATA_ROUNDING, ENTRY_ROUNDING, SAME_SHAPE, SHARP};
 
 const PASSES: usize = 4;
 /// Half the distance between 1 and the next number.
@@ -26,10 +26,13 @@ pub struct Approximation<'a> {
     low: Option<Mat<f64>>,
     pub lambda: Vec<f64>,
     pub rigid: usize,
-    /// |x|^T |K| |x| and |x|^T |M| |x|: what the terms of a quotient add up to.
+    /// K X and M X in working precision.
+    images: (Mat<f64>, Mat<f64>),
+    /// What the terms of each quotient add up to: of K with the sizes of the terms that were added up in each entry, of its factor
+    /// |F x|^T |F| |x|, of M as |x|^T |M| |x|.
     stiffness: Vec<f64>,
     mass: Vec<f64>,
-    /// The same with the sizes of the terms that were added up in each entry of K.
+    /// | |F| |x| |^2 of a factor, else as `stiffness`.
     size: Vec<f64>,
     /// Relative error of lambda by the algorithm.
     pub bound: Vec<f64>,
@@ -39,42 +42,69 @@ impl<'a> Approximation<'a> {
     /// The first `candidates` columns are those that a rank decision calls free; each is rigid only if its own strain energy is
     /// rounding of what was added up.
     pub fn new(system: &'a SecondOrder, x: Mat<f64>, candidates: usize, counts: &mut Counts) -> Self {
-        let n = x.ncols();
-        let mut made = Approximation {
-            system,
-            x,
-            low: None,
-            lambda: vec![0.0; n],
-            rigid: 0,
-            stiffness: vec![0.0; n],
-            mass: vec![1.0; n],
-            size: vec![0.0; n],
-            bound: vec![0.0; n],
-        };
+        let mut made = Approximation::of(system, x);
         made.rotate(0, candidates, 0.0);
+        made.low = None;
         made.measure();
         made.sort(candidates);
         made.judge(counts);
         made
     }
 
+    /// With a factor of K, whose geometry has decided that the first `rigid` columns are rigid.
+    pub fn with_rigid(system: &'a SecondOrder, x: Mat<f64>, rigid: usize, counts: &mut Counts) -> Self {
+        let mut made = Approximation::of(system, x);
+        made.low = Some(Mat::zeros(made.x.nrows(), made.x.ncols()));
+        made.rigid = rigid;
+        made.measure();
+        made.lambda[..rigid].fill(0.0);
+        made.judge(counts);
+        made
+    }
+
+    fn of(system: &'a SecondOrder, x: Mat<f64>) -> Self {
+        let n = x.ncols();
+        Approximation {
+            system,
+            x,
+            low: None,
+            lambda: vec![0.0; n],
+            rigid: 0,
+            images: (Mat::zeros(0, 0), Mat::zeros(0, 0)),
+            stiffness: vec![0.0; n],
+            mass: vec![1.0; n],
+            size: vec![0.0; n],
+            bound: vec![0.0; n],
+        }
+    }
+
     /// Relative error of s by rounding of the entries of K and M before they were given.
     pub fn data(&self, j: usize) -> f64 {
-        0.5 * DATA_ROUNDING * U * (self.size[j] / self.lambda[j].abs() + self.mass[j])
+        match self.system.kf {
+            Some(_) => DATA_ROUNDING * U * self.condition(j),
+            None => 0.5 * DATA_ROUNDING * U * (self.size[j] / self.lambda[j].abs() + self.mass[j]),
+        }
     }
 
     /// Squared frequency that the same rounding may give to a rigid mode.
     pub fn noise(&self, j: usize) -> f64 {
-        DATA_ROUNDING * U * self.size[j]
+        if self.system.kf.is_some() {
+            return (DATA_ROUNDING * U).powi(2) * self.size[j];
+        }
+        // an entry that was taken for rounding may have been a coupling with the stiffest coordinate
+        let largest = (0..self.x.nrows()).fold(0.0f64, |m, i| m.max(self.system.k[(i, i)].abs()));
+        DATA_ROUNDING * U * self.size[j] + (ENTRY_ROUNDING * EPS).powi(2) * largest
     }
 
+    /// Relative change of s for a relative change of every entry, of M and of K or its factor.
     pub fn condition(&self, j: usize) -> f64 {
-        0.5 * (self.stiffness[j] / self.lambda[j].abs() + self.mass[j])
+        let share = if self.system.kf.is_some() { 1.0 } else { 0.5 };
+        share * self.stiffness[j] / self.lambda[j].abs() + 0.5 * self.mass[j]
     }
 
     /// Where the algorithm adds to the error of the data, or to the last digits.
     fn is_poor(&self, j: usize) -> bool {
-        j >= self.rigid && !(self.bound[j] <= SHARP.max(0.5 * self.data(j)))
+        j >= self.rigid && exceeds(self.bound[j], SHARP.max(0.5 * self.data(j)))
     }
 
     pub fn is_sharp(&self) -> bool {
@@ -107,12 +137,24 @@ impl<'a> Approximation<'a> {
         }
     }
 
-    /// Quotient and residual of one mode in twice the precision.
-    fn quotient(&self, x: &[Dd]) -> (f64, f64, Vec<f64>) {
-        let (kx, mx) = (matrix_times(self.system.k.as_ref(), x, false), self.mass_times(x));
-        let mass = dot(x, &mx).value();
-        let lambda = dot(x, &kx).value() / mass;
-        (lambda, mass, residual(&kx, &mx, lambda))
+    fn stiffness_times(&self, x: &[Dd]) -> Vec<Dd> {
+        match &self.system.kf {
+            None => matrix_times(self.system.k.as_ref(), x, false),
+            Some(kf) => matrix_times(kf.as_ref(), &matrix_times(kf.as_ref(), x, false), true),
+        }
+    }
+
+    /// Rayleigh quotient and mass of one column in twice the precision.
+    fn quotient(&self, x: &[Dd]) -> (f64, f64) {
+        let energy = match &self.system.kf {
+            None => dot(x, &self.stiffness_times(x)),
+            Some(kf) => {
+                let strain = matrix_times(kf.as_ref(), x, false);
+                dot(&strain, &strain)
+            }
+        };
+        let mass = dot(x, &self.mass_times(x)).value();
+        (energy.value() / mass, mass)
     }
 
     /// Rayleigh-Ritz inside a group of columns whose quotients are near `shift`.
@@ -121,10 +163,8 @@ impl<'a> Approximation<'a> {
             return;
         }
         let columns: Vec<Vec<Dd>> = (first..first + count).map(|j| self.column(j)).collect();
-        let images: Vec<Vec<f64>> = columns
-            .iter()
-            .map(|x| residual(&matrix_times(self.system.k.as_ref(), x, false), &self.mass_times(x), shift))
-            .collect();
+        let images: Vec<Vec<f64>> =
+            columns.iter().map(|x| residual(&self.stiffness_times(x), &self.mass_times(x), shift)).collect();
         let product = |i: usize, j: usize| columns[i].iter().zip(&images[j]).map(|(x, r)| x.hi * r).sum::<f64>();
         let inner = symmetrised(Mat::from_fn(count, count, product));
         let Ok((_, turn)) = eigen::symmetric(inner.as_ref()) else { return };
@@ -141,12 +181,19 @@ impl<'a> Approximation<'a> {
 
     /// Quotients, and what their terms add up to. Quotients of many cancelling terms are taken in twice the precision.
     fn measure(&mut self) {
-        const CANCELLING: f64 = 16.0;
         let n = self.x.ncols();
         let moduli = absolute(self.x.as_ref());
-        let (k, m) = (absolute(self.system.k.as_ref()), absolute(self.system.m.as_ref()));
-        self.stiffness = quadratic(&moduli, &(&k * &moduli));
-        self.size = quadratic(&moduli, &(sizes(self.system.k.as_ref()) * &moduli));
+        let m = absolute(self.system.m.as_ref());
+        (self.stiffness, self.size) = match &self.system.kf {
+            None => {
+                let size = quadratic(&moduli, &(sizes(self.system.k.as_ref()) * &moduli));
+                (size.clone(), size)
+            }
+            Some(kf) => {
+                let (strain, terms) = (absolute((kf * &self.x).as_ref()), absolute(kf.as_ref()) * &moduli);
+                (quadratic(&strain, &terms), quadratic(&terms, &terms))
+            }
+        };
         let kx = &self.system.k * &self.x;
         let mx = match &self.system.mf {
             None => {
@@ -156,19 +203,23 @@ impl<'a> Approximation<'a> {
             Some(mf) => mf.transpose() * (mf * &self.x),
         };
         let (strain, kinetic) = (quadratic(&self.x, &kx), quadratic(&self.x, &mx));
+        let mut masses = kinetic.clone();
         for j in 0..n {
             let (mut lambda, mut mass) = (strain[j] / kinetic[j], kinetic[j]);
             let is_two_part = self.low.is_some() || self.system.mf.is_some();
             if is_two_part || self.stiffness[j] > CANCELLING * strain[j].abs() || self.mass[j] > CANCELLING * mass {
-                (lambda, mass, _) = self.quotient(&self.column(j));
+                (lambda, mass) = self.quotient(&self.column(j));
             }
             self.lambda[j] = lambda;
+            masses[j] = mass;
             let share = 1.0 / mass;
             self.stiffness[j] *= share;
             self.size[j] *= share;
             self.mass[j] = if self.system.mf.is_some() { 1.0 } else { self.mass[j] * share };
             self.scale(j, 1.0 / mass.sqrt());
         }
+        let scaled = |a: &Mat<f64>| Mat::from_fn(a.nrows(), n, |i, j| a[(i, j)] / masses[j].sqrt());
+        self.images = (scaled(&kx), scaled(&mx));
     }
 
     fn scale(&mut self, j: usize, factor: f64) {
@@ -190,6 +241,7 @@ impl<'a> Approximation<'a> {
         let columns = |a: &Mat<f64>| Mat::from_fn(a.nrows(), a.ncols(), |i, j| a[(i, order[j])]);
         let values = |v: &[f64]| order.iter().map(|&j| v[j]).collect::<Vec<f64>>();
         (self.x, self.low) = (columns(&self.x), self.low.as_ref().map(columns));
+        self.images = (columns(&self.images.0), columns(&self.images.1));
         self.lambda = values(&self.lambda);
         (self.stiffness, self.size, self.mass) = (values(&self.stiffness), values(&self.size), values(&self.mass));
         self.rigid = count;
@@ -202,11 +254,7 @@ impl<'a> Approximation<'a> {
         let n = self.lambda.len();
         let products = match self.low {
             None => {
-                let mx = match &self.system.mf {
-                    None => &self.system.m * &self.x,
-                    Some(mf) => mf.transpose() * (mf * &self.x),
-                };
-                let kx = &self.system.k * &self.x;
+                let (kx, mx) = &self.images;
                 self.x.transpose() * Mat::from_fn(n, n, |i, j| kx[(i, j)] - self.lambda[j] * mx[(i, j)])
             }
             Some(_) => {
@@ -222,7 +270,7 @@ impl<'a> Approximation<'a> {
         let mut out = Mat::zeros(n, n);
         for j in self.rigid..n {
             let x = self.column(j);
-            let r = residual(&matrix_times(self.system.k.as_ref(), &x, false), &self.mass_times(&x), self.lambda[j]);
+            let r = residual(&self.stiffness_times(&x), &self.mass_times(&x), self.lambda[j]);
             r.iter().enumerate().for_each(|(i, r)| out[(i, j)] = *r);
         }
         out
@@ -265,7 +313,7 @@ impl<'a> Approximation<'a> {
             self.measure();
             self.lambda[..self.rigid].fill(0.0);
             self.judge(counts);
-            if !(self.worst() < worst) {
+            if self.worst() >= worst {
                 (self.x, self.low, self.lambda, self.bound) = before;
                 self.measure();
                 self.lambda[..self.rigid].fill(0.0);
@@ -310,13 +358,9 @@ impl<'a> Approximation<'a> {
 
     /// Two columns that became one shape leave another root out: no bound holds then.
     fn check_distinct(&mut self) {
-        let mx = match &self.system.mf {
-            None => &self.system.m * &self.x,
-            Some(mf) => mf.transpose() * (mf * &self.x),
-        };
-        let cosine = self.x.transpose() * mx;
+        let cosine = self.x.transpose() * &self.images.1;
         for j in self.rigid..self.lambda.len() {
-            if (0..cosine.nrows()).any(|i| i != j && !(cosine[(i, j)].abs() <= SAME_SHAPE)) {
+            if (0..cosine.nrows()).any(|i| i != j && exceeds(cosine[(i, j)].abs(), SAME_SHAPE)) {
                 self.bound[j] = f64::INFINITY;
             }
         }

@@ -17,6 +17,7 @@ pub fn finish(system: &SecondOrder, d: &[f64], raw: Raw, mut counts: Counts) -> 
     let mut quality = qualities(&terms, &mut modes, raw.correction);
     refine(&terms, &mut modes, &mut quality, &mut counts);
     refine_partners(&terms, &mut modes, &mut counts);
+    heed_neighbours(&modes, &mut quality);
     for (mode, quality) in modes.iter_mut().zip(&mut quality) {
         settle(mode, quality);
     }
@@ -104,6 +105,15 @@ fn refine_partners(terms: &Terms, modes: &mut [RawMode], counts: &mut Counts) {
         modes[j].partner = partner.s;
         modes[j].partner_x = Some(partner.x);
         modes[j].partner_y = partner.y;
+    }
+}
+
+fn heed_neighbours(modes: &[RawMode], quality: &mut [Quality]) {
+    let roots: Vec<C> = modes.iter().flat_map(|m| [m.s, m.partner]).collect();
+    for (j, quality) in quality.iter_mut().enumerate().filter(|(j, _)| !modes[*j].rigid && modes[*j].known.is_none()) {
+        let distance = |(k, s): (usize, &C)| if k == 2 * j { f64::INFINITY } else { (s - modes[j].s).norm() };
+        let nearest = roots.iter().enumerate().map(distance).fold(f64::INFINITY, f64::min);
+        quality.heed_neighbour(modes[j].s, nearest);
     }
 }
 

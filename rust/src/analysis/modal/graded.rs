@@ -15,10 +15,6 @@ use crate::second_order::SecondOrder;
 pub struct Start {
     pub x: Mat<f64>,
     pub candidates: usize,
-    /// Singular values of the others, ascending.
-    pub sigma: Vec<f64>,
-    /// F L^-T v and v of the others, for the error of each singular value.
-    pub image: Mat<f64>,
 }
 
 /// From the pivoted Cholesky factor of K; None where K is indefinite or the method failed.
@@ -42,13 +38,12 @@ pub fn from_factor(system: &SecondOrder, factor: &Mat<f64>, rank: usize, counts:
     let mut g = Mat::from_fn(n, factor.nrows(), |i, j| factor[(j, order[i])]);
     l.solve_lower_triangular_in_place(g.as_mut());
     let (sigma, v) = jacobi::right_singular(g.transpose(), rank)?;
-    let image = g.transpose() * &v;
     let still = completed(v.as_ref()).1;
     let mut y = beside(still.as_ref(), v.as_ref());
     l.transpose().solve_upper_triangular_in_place(y.as_mut());
     let mut place = vec![0; n];
     order.iter().enumerate().for_each(|(k, &i)| place[i] = k);
-    Some(Start { x: Mat::from_fn(n, n, |i, j| y[(place[i], j)]), candidates: n - sigma.len(), sigma, image })
+    Some(Start { x: Mat::from_fn(n, n, |i, j| y[(place[i], j)]), candidates: n - sigma.len() })
 }
 
 fn ordered_mass_factor(system: &SecondOrder, order: &[usize]) -> Option<Mat<f64>> {

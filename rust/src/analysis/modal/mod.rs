@@ -115,6 +115,7 @@ pub(crate) struct Raw {
 /// All modes of a dense system. O(n^3).
 pub fn modes(system: &SecondOrder) -> Result<Modal> {
     let (system, d) = system.scaled()?;
+    let system = system.without_rounding();
     let mut counts = Counts::default();
     counts.add("cholesky factorisations", 1);
     let l = match &system.mf {

@@ -7,11 +7,11 @@ use super::quality::Correction;
 use super::rigid::{factor_null, no_svd, polished, symmetric_null};
 use super::{Known, Raw, RawMode, graded};
 use crate::error::Result;
-use crate::linalg::dense::{C, EPS, absolute, beside, completed, frobenius, real, reduced, symmetrised};
+use crate::linalg::dense::{C, EPS, absolute, beside, completed, exceeds, frobenius, real, reduced, symmetrised};
 use crate::linalg::eigen;
 use crate::run::Counts;
 use crate::second_order::SecondOrder;
-use crate::tolerances::{DATA_ROUNDING, UNCOUPLED};
+use crate::tolerances::UNCOUPLED;
 
 /// Squared undamped frequencies and shapes with x^T M x = 1; the first `rigid` are zero.
 struct Spectrum {
@@ -67,15 +67,7 @@ fn from_stiffness(system: &SecondOrder, l: &Mat<f64>, k: &Mat<f64>, counts: &mut
         }
         found.improve(counts);
     }
-    let judged = (0..system.size()).map(|j| match j < found.rigid {
-        true => Known { error: found.noise(j).sqrt(), condition: f64::NAN, residual_counts: true },
-        false => Known {
-            error: 0.5 * found.bound[j] + found.data(j),
-            condition: found.condition(j),
-            residual_counts: system.mf.is_none(),
-        },
-    });
-    Ok(Spectrum { judged: judged.collect(), lambda: found.lambda, x: found.x, rigid: found.rigid })
+    Ok(settled(found, system.mf.is_none()))
 }
 
 /// Shapes by an eigensolver; the first ones, of which the number is returned, may be free of stiffness.
@@ -106,46 +98,19 @@ fn from_factor(system: &SecondOrder, kf: &Mat<f64>, counts: &mut Counts) -> Resu
     let n = system.size();
     let rank = n - factor_null(kf.as_ref(), counts)?.ncols();
     let start = graded::from_factor(system, kf, rank, counts).ok_or_else(|| no_svd(n))?;
-    let rigid = start.candidates;
-    let strains = absolute(kf.as_ref()) * absolute(start.x.as_ref());
-    let moduli = absolute(start.x.as_ref());
-    let weighed = absolute(system.m.as_ref()) * &moduli;
-    let judged = (0..n).map(|j| {
-        let strain = strains.col(j).norm_l2();
-        if j < rigid {
-            return Known { error: DATA_ROUNDING * EPS * strain, condition: f64::NAN, residual_counts: false };
-        }
-        let sigma = start.sigma[j - rigid];
-        let mass = if system.mf.is_some() { 1.0 } else { moduli.col(j).transpose() * weighed.col(j) };
-        let along: f64 = (0..kf.nrows()).map(|i| start.image[(i, j - rigid)].abs() * strains[(i, j)]).sum();
-        let condition = along / (sigma * sigma) + 0.5 * mass;
-        Known {
-            error: 0.5 * DATA_ROUNDING * EPS * condition + skewness(&start.image, j - rigid),
-            condition,
-            residual_counts: false,
-        }
-    });
-    Ok(Spectrum {
-        judged: judged.collect(),
-        lambda: [vec![0.0; rigid], start.sigma.iter().map(|s| s * s).collect()].concat(),
-        x: start.x.clone(),
-        rigid,
-    })
+    let mut found = Approximation::with_rigid(system, start.x, start.candidates, counts);
+    if !found.is_sharp() {
+        found.improve(counts);
+    }
+    Ok(settled(found, false))
 }
 
-/// What is left of the angles between the images of singular vectors: the error that the rotations have left in one of them.
-fn skewness(image: &Mat<f64>, j: usize) -> f64 {
-    let own = image.col(j);
-    let size = own.norm_l2();
-    let mut sum = 0.0;
-    for i in (0..image.ncols()).filter(|&i| i != j) {
-        let other = image.col(i);
-        let (length, product): (f64, f64) = (other.norm_l2(), own.transpose() * other);
-        let e = product.abs() / (size * length);
-        let gap = ((size - length).abs() * (size + length) / (size * length)).min(1.0);
-        sum += e * (e / gap).min(1.0);
-    }
-    0.5 * sum
+fn settled(found: Approximation<'_>, residual_counts: bool) -> Spectrum {
+    let judged = (0..found.lambda.len()).map(|j| match j < found.rigid {
+        true => Known { error: found.noise(j).sqrt(), condition: f64::NAN, residual_counts },
+        false => Known { error: 0.5 * found.bound[j] + found.data(j), condition: found.condition(j), residual_counts },
+    });
+    Spectrum { judged: judged.collect(), lambda: found.lambda, x: found.x, rigid: found.rigid }
 }
 
 /// Damping of each mode, or None where it couples them. Inside repeated frequencies the damping chooses the shapes.
@@ -166,7 +131,7 @@ fn diagonalised(c: &Mat<f64>, spectrum: &mut Spectrum) -> Option<Vec<f64>> {
                 coupling += coupling_effect(d, spectrum.lambda[i], spectrum.lambda[j]);
             }
         }
-        if !(coupling <= UNCOUPLED) {
+        if exceeds(coupling, UNCOUPLED) {
             return None;
         }
         if j >= spectrum.rigid {
