@@ -118,7 +118,9 @@ fn check_semidefinite(m: &Csc) -> Result<()> {
     let added = diagonal.iter().enumerate().map(|(i, v)| (i, i, lifted(*v))).collect();
     let regular = m.combined(1.0, 1.0, &Csc::from_entries(m.rows, m.rows, added));
     if diagonal.iter().all(|v| *v == 0.0) || Factor::cholesky(&regular, 0.0)?.is_none() {
-        return Err(Error::singular("the mass matrix is neither positive definite nor semidefinite: check masses and inertias"));
+        return Err(Error::singular(
+            "the mass matrix is neither positive definite nor semidefinite: check masses and inertias",
+        ));
     }
     Ok(())
 }
