@@ -58,6 +58,8 @@ pub fn refine(terms: &Terms, modes: &mut [RawMode], quality: &mut [Quality], cou
 /// Relative distance of two roots with one shape that Newton's method has led to one place.
 const TWICE: f64 = 1e-9;
 const FOLLOWED: usize = 8;
+/// Relative size of a last step of Newton's method that shows convergence.
+const AT_REST: f64 = 1e-3;
 
 fn set(mode: &mut RawMode, s: C, x: Vec<C>, y: Option<Vec<C>>) {
     (mode.s, mode.x, mode.y) = (s, x, y);
@@ -71,10 +73,12 @@ fn cosine(a: &[C], b: &[C]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.conj() * b).sum::<C>().norm() / (norm(a) * norm(b))
 }
 
-/// Newton's method until the root stands still; its last step is part of the error.
+/// Newton's method until the root stands still; its last step is part of the error. A root that does not come to rest near its start
+/// stays where it was, with the error that its residual allows.
 fn follow(terms: &Terms, mode: &mut RawMode, quality: &mut Quality, counts: &mut Counts) {
+    let start = (mode.s, mode.x.clone(), mode.y.clone());
+    let before = *quality;
     let mut last = f64::INFINITY;
-    let start = mode.s;
     for _ in 0..FOLLOWED {
         counts.add("refinements", 1);
         let Some((s, x, y)) = step(terms, mode, quality.denominator) else {
@@ -86,16 +90,21 @@ fn follow(terms: &Terms, mode: &mut RawMode, quality: &mut Quality, counts: &mut
             break;
         }
         last = moved;
-        let better = judged(terms, s, &x, y.as_deref());
+        *quality = judged(terms, s, &x, y.as_deref());
         set(mode, s, x, y);
-        *quality = better;
         if last <= 4.0 * EPS {
             break;
         }
     }
-    // a root that has moved far may be another mode's
-    let far = if (mode.s - start).norm() > 0.5 * start.norm() { f64::INFINITY } else { 0.0 };
-    quality.error = if quality.error.is_nan() { quality.error } else { quality.error.max(last).max(far) };
+    let is_near = (mode.s - start.0).norm() <= 0.5 * start.0.norm();
+    let is_solved = quality.backward <= before.backward.max(good_enough(mode.x.len()));
+    if is_near && is_solved && last <= AT_REST {
+        quality.error = if quality.error.is_nan() { quality.error } else { quality.error.max(last) };
+    } else {
+        set(mode, start.0, start.1, start.2);
+        *quality = before;
+        quality.error = quality.error.max((quality.backward * quality.normwise).min(1.0));
+    }
 }
 
 fn judged(terms: &Terms, s: C, x: &[C], y: Option<&[C]>) -> Quality {
