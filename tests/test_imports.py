@@ -171,15 +171,18 @@ CRATE = {
     "error": set(),
     "run": {"error"},
     "spatial": set(),
-    "linalg": {"error", "run"},
+    "tolerances": set(),
+    "linalg": {"error", "run", "tolerances"},
     "laws": {"error"},
     "model": {"error", "spatial", "laws"},
     "kinematics": {"error", "spatial", "laws", "model"},
     "system": {"error", "run", "spatial", "linalg", "laws", "model", "kinematics"},
-    "second_order": {"error", "run", "linalg", "laws"},
+    "second_order": {"error", "run", "linalg", "laws", "tolerances"},
     "solve": {"error", "run", "linalg"},
-    "analysis": {"error", "run", "spatial", "linalg", "laws", "model", "kinematics", "system", "second_order", "solve"},
-}
+    "analysis": {
+        "error", "run", "spatial", "linalg", "laws", "model", "kinematics", "system", "second_order", "solve", "tolerances",
+    },
+}  # fmt: skip
 
 
 @pytest.mark.skipif(not RUST.is_dir(), reason="an installed package has no Rust sources beside it")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 
 from ._border import core_errors
+from ._energy_shares import EnergyShares, energy_shares
+from ._modal_table import cell, table
 from ._stiffness_factor import is_strained, stiffness_factor
 from .errors import ModelError, NameNotFoundError, SingularError
 from .mac import mac as _mac
@@ -191,7 +193,7 @@ class ModalResult(Result):
 
     @cached_property
     def _energy(self) -> EnergyShares:
-        return _energy_shares(self)
+        return energy_shares(self)
 
     def energy(self) -> EnergyShares:
         """Shares of kinetic and strain energy of each coordinate, body and element; see `EnergyShares`."""
@@ -234,7 +236,7 @@ class ModalResult(Result):
 
     def __str__(self) -> str:
         columns, rows = self.rows()
-        return "\n".join([self._title(), _table(columns, rows), *self._notes()])
+        return "\n".join([self._title(), table(columns, rows), *self._notes()])
 
     def __repr__(self) -> str:
         return f"ModalResult({self._title()})"
@@ -244,7 +246,7 @@ class ModalResult(Result):
 
         columns, rows = self.rows()
         head = "".join(f"<th>{escape(c)}</th>" for c in columns)
-        body = "".join("<tr>" + "".join(f"<td>{escape(_cell(c))}</td>" for c in row) + "</tr>" for row in rows)
+        body = "".join("<tr>" + "".join(f"<td>{escape(cell(c))}</td>" for c in row) + "</tr>" for row in rows)
         notes = "".join(f"<p>{escape(note)}</p>" for note in self._notes())
         return f"<table><caption>{escape(self._title())}</caption><tr>{head}</tr>{body}</table>{notes}"
 
@@ -286,39 +288,6 @@ class ModalResult(Result):
         data["roots"] = ("root", self.roots)
         coords = {"mode": np.arange(1, self.n + 1), "coordinate": list(self.coordinates)}
         return xr.Dataset(data, coords=coords, attrs={"route": self.stats.route, "status": self.status})
-
-
-@dataclass(frozen=True, eq=False)
-class EnergyShares:
-    """Shares of the cycle mean of kinetic energy, Re(phi^* (M phi))/phi^H M phi, and likewise of strain energy with K.
-
-    Every column sums to 1; single coordinates may have negative shares where M or K couple them. Strain shares of
-    rigid modes are nan. ``kinetic_body`` (n_bodies, n) and ``strain_element`` (n_elements, n) exist for modes of a
-    model.
-    """
-
-    coordinates: tuple[str, ...]
-    kinetic: np.ndarray
-    strain: np.ndarray
-    bodies: tuple[str, ...] = ()
-    kinetic_body: np.ndarray | None = None
-    elements: tuple[str, ...] = ()
-    strain_element: np.ndarray | None = None
-
-    def __str__(self) -> str:
-        kinetic = self.kinetic if self.kinetic_body is None else self.kinetic_body
-        names = self.coordinates if self.kinetic_body is None else self.bodies
-        blocks = [("kinetic energy [%]", names, kinetic)]
-        if self.strain_element is None:
-            blocks.append(("strain energy [%]", self.coordinates, self.strain))
-        else:
-            blocks.append(("strain energy [%]", self.elements, self.strain_element))
-        columns = ["", *(str(i + 1) for i in range(kinetic.shape[1]))]
-        parts = []
-        for title, rows, values in blocks:
-            text = [[name, *(f"{100.0 * v:.1f}" for v in row)] for name, row in zip(rows, values, strict=True)]
-            parts.append(title + "\n" + _table(columns, text))
-        return "\n".join(parts)
 
 
 def modes(
@@ -567,53 +536,6 @@ def _matrix(name: str, a: Any) -> np.ndarray:
     return f
 
 
-def _energy_shares(r: ModalResult) -> EnergyShares:
-    x = r.shape
-
-    if hasattr(r.system, "body_motion"):
-        return _absolute_shares(r)
-
-    def shares(a: Any) -> np.ndarray:
-        parts = (x.conj() * (a @ x)).real
-        total = parts.sum(axis=0)
-        scale = np.abs(parts).sum(axis=0)
-        return np.divide(parts, total, out=np.full_like(parts, np.nan), where=np.abs(total) > 1e-12 * scale)
-
-    kinetic = shares(r.system.M)
-    strain = shares(r.system.K)
-    strain[:, r.kind == "rigid"] = np.nan
-    names, maps = r._bodies()
-    energy_of, masses = getattr(r.system, "body_kinetic_energy", None), getattr(r.system, "body_mass_matrices", None)
-    per_body = None
-    if maps is not None and masses is not None and len(names):
-        if energy_of is None:
-            v = (maps @ x).reshape(len(names), 6, -1)
-            energy = np.einsum("bin,bij,bjn->bn", v.conj(), np.asarray(masses), v).real
-        else:
-            energy = energy_of(x)
-        per_body = energy / energy.sum(axis=0)
-    elements, per_element = (), None
-    strain_of = getattr(r.system, "element_strain_energy", None)
-    if strain_of is not None:
-        elements, energy = strain_of(x)
-        total = energy.sum(axis=0)
-        per_element = np.divide(
-            energy, total, out=np.full(energy.shape, np.nan), where=(total > 0.0) & (r.kind != "rigid")
-        )
-    return EnergyShares(
-        r.coordinates, kinetic, strain, names if per_body is not None else (), per_body, elements, per_element
-    )
-
-
-def _absolute_shares(r: ModalResult) -> EnergyShares:
-    """Shares of a large model: of bodies and elements, not of coordinates, which have no sparse matrices."""
-    kinetic, elements, strain = r.system.energy()
-    total = strain.sum(axis=0)
-    strain = np.divide(strain, total, out=np.full(strain.shape, np.nan), where=(total > 0.0) & (r.kind != "rigid"))
-    none = np.full(r.shape.shape, np.nan)
-    return EnergyShares(r.coordinates, none, none, r.system.bodies, kinetic / kinetic.sum(axis=0), elements, strain)
-
-
 def _dominant(r: ModalResult) -> list[str]:
     """The body, or else the coordinate, with the largest share of the kinetic energy."""
     shares = r.energy()
@@ -622,18 +544,3 @@ def _dominant(r: ModalResult) -> list[str]:
     )
     # the first among equals, whatever rounding says
     return [names[int(np.argmax(v >= v.max() - 1e-9))] for v in values.T]
-
-
-def _cell(value: Any) -> str:
-    if isinstance(value, float):
-        if math.isnan(value):
-            return "-"
-        small = abs(value) < 1e-6
-        return "0" if value == 0.0 else f"{value:.1e}" if small else f"{value:.6g}"
-    return str(value)
-
-
-def _table(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    cells = [list(columns), *([_cell(c) for c in row] for row in rows)]
-    widths = [max(len(row[j]) for row in cells) for j in range(len(columns))]
-    return "\n".join("  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in cells)
