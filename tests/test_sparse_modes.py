@@ -302,7 +302,7 @@ def test_the_error_of_sparse_modes_is_the_solver_s_own():
     K, M = sp.csc_array(springs(200, False).T @ springs(200, False)), sp.eye_array(200, format="csc")
     r = _core.sparse_modes(arrays(M), None, arrays(K), 6)
     found = mb.modes(mb.MechanicalSystem(M, None, K), n=6)
-    assert found.kind[0] == "rigid" and found.error[0] == 0.0
+    assert found.kind[0] == "rigid" and 0.0 < found.error[0] < 1e-3 * found.omega[1]
     np.testing.assert_allclose(found.error[1:], 0.5 * r["error"][1:], rtol=1e-6)
 
 

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from ._border import core_errors
+from ._modal_table import table
 from .errors import ModelError
-from .modal import ModalResult, _array, _table
+from .modal import ModalResult, _array
 from .results import Result, Stats
 
 _EPS = float(np.finfo(float).eps)
@@ -189,7 +190,7 @@ class EigenSensitivity(Result):
         if self.status != "converged":
             notes.append("- where no derivative exists (near-defective, rigid, or a group cut by n=).")
         title = f"sensitivity of {len(rows)} modes to {self.flat.shape[1]} parameters, {self.status}"
-        return "\n".join([title, _table(columns, rows), *notes])
+        return "\n".join([title, table(columns, rows), *notes])
 
     def __repr__(self) -> str:
         return f"EigenSensitivity({len(self.flat)} modes, {self.flat.shape[1]} parameters, {self.status})"

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ._border import core_errors
+from ._rounding import entry_sizes, is_rounding, motion_scale, without_rounding
 from .effects import check_without, effects
 from .errors import MbrsWarning, ModelError
 from .modal_frames import modal_masses, modal_strains, node_twist
@@ -475,24 +476,23 @@ def _linearization(
     model = snapshot.model
     r = _seen_from(state, r)
     D, S = _without_rounding(snapshot, state, r) if state.moving else (r["D"], r["S"])
-    C, G = _split_damping(D, state.moving or _cross_coupled(model, "c"))
-    K, N = _split_stiffness(S, conservative=not state.moving and not _has_no_potential(model))
     scale = r["force_scale"]
+    reach = motion_scale(r["T"], snapshot.system.characteristic_length)
+    forces = scale * np.outer(reach, reach)
+    C, G = _split_damping(D, state.moving or _cross_coupled(model, "c"))
+    K, N = _split_stiffness(S, forces, conservative=not state.moving and not _has_no_potential(model))
     unbalanced = float(np.max(np.abs(r["residual"]), initial=0.0))
     error = unbalanced / scale if scale > 0.0 else 0.0
     if state.kind == "equilibrium" and error > _BALANCED:  # of values that have changed since
         state = replace(state, kind="given")
     if warn and not state.moving and error > _BALANCED:
-        worst = int(np.argmax(np.abs(np.linalg.solve(r["M"], r["residual"]))))
-        acceleration = float(np.linalg.solve(r["M"], r["residual"])[worst])
         warnings.warn(
-            f"the {state.kind} state of {model.name!r} is not in balance: {r['coordinates'][worst]!r} would accelerate at "
-            f"{-acceleration:.3g} (m or rad)/s2; linearise at mb.equilibrium(m) instead",
+            f"the {state.kind} state of {model.name!r} is not in balance: {_unbalance(r)}; linearise at mb.equilibrium(m) instead",
             MbrsWarning,
             stacklevel=3,
         )
     on = tuple(e for e in effects(model).on if e not in without)
-    return Linearization(
+    made = Linearization(
         M=r["M"],
         C=C,
         G=G,
@@ -512,6 +512,18 @@ def _linearization(
         error=error,
         status="converged" if error <= _BALANCED or state.moving else "off-equilibrium",
     )
+    return made if state.moving else replace(made, K=without_rounding(made, forces))
+
+
+def _unbalance(r: dict[str, Any]) -> str:
+    """The coordinate that a state off balance sets in motion most, and how much."""
+    try:
+        acceleration = np.linalg.solve(r["M"], r["residual"])
+    except np.linalg.LinAlgError:  # a coordinate without inertia
+        worst = int(np.argmax(np.abs(r["residual"])))
+        return f"{r['residual'][worst]:.3g} N or N m are left over at {r['coordinates'][worst]!r}"
+    worst = int(np.argmax(np.abs(acceleration)))
+    return f"{r['coordinates'][worst]!r} would accelerate at {-acceleration[worst]:.3g} (m or rad)/s2"
 
 
 def _seen_from(state: State, r: dict[str, Any]) -> dict[str, Any]:
@@ -560,11 +572,6 @@ def split(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return 0.5 * (x + t), 0.5 * (x - t)
 
 
-def _present(x: np.ndarray, of: np.ndarray) -> np.ndarray | None:
-    """None where a part is rounding of the whole."""
-    return x if np.max(np.abs(x), initial=0.0) > 1e-13 * np.max(np.abs(of), initial=0.0) else None
-
-
 def _has_no_potential(model: Any) -> bool:
     return any(load.frame == "body" for load in model.loads) or _cross_coupled(model, "k")
 
@@ -584,15 +591,15 @@ def _split_damping(D: np.ndarray | None, skew: bool) -> tuple[np.ndarray | None,
         return None, None
     if not skew:  # at rest dampers alone act, and theirs is symmetric unless they couple across
         return symmetric(D), None
-    C, G = split(D)
-    return _present(C, D), _present(G, D)
+    (C, G), size = split(D), entry_sizes(D)
+    return None if is_rounding(C, size) else C, None if is_rounding(G, size) else G
 
 
-def _split_stiffness(S: np.ndarray, conservative: bool) -> tuple[np.ndarray, np.ndarray | None]:
+def _split_stiffness(S: np.ndarray, forces: np.ndarray, conservative: bool) -> tuple[np.ndarray, np.ndarray | None]:
     if conservative:  # a skew part is then what unbalanced moments leave in the increments of rotations
         return symmetric(S), None
     K, N = split(S)
-    return K, _present(N, S)
+    return K, None if is_rounding(N, entry_sizes(S) + forces) else N
 
 
 def second_order_of(m: Any, at: Any, without: Sequence[str]) -> Linearization:

@@ -25,6 +25,9 @@ _LARGE = 400
 _DENSE_AT_MOST = 4000
 _PART = 10
 _UNRESOLVED = 1e-8
+# Neighbouring roots this near (relative) are one repeated root. Too small: members of a group split by rounding. Too large: near roots
+# lose their own shapes. Pinned by tests/truth/test_crowded_modes.py.
+_SAME_ROOT = 1e-9
 
 
 def is_large(model: Any, n: int | None) -> bool:
@@ -107,8 +110,8 @@ class SparseModel:
         return kinetic, tuple(self.form["names"]), energy
 
 
-def model_modes(model: Any, at: Any, n: int, without: Any, start: float) -> Any:
-    """The n lowest modes of a model at rest, by the sparse route; None where the dense one must take over and can."""
+def model_modes(model: Any, at: Any, n: int, without: Any, start: float, shift: float | None = None) -> Any:
+    """The n lowest modes of a model at rest, or those nearest to a frequency; None where the dense route must take over and can."""
     from .modal import _result
 
     without = check_without(without)
@@ -118,7 +121,7 @@ def model_modes(model: Any, at: Any, n: int, without: Any, start: float) -> Any:
     state = state_of(model, snapshot.system, at)
     try:
         with core_errors(), Elapsed(f"lowest {n} modes of {model.name!r}"):
-            r = _core.sparse_model_modes(snapshot.system, state.relative, state.rate, list(without), n)
+            r = _core.sparse_model_modes(snapshot.system, state.relative, state.rate, list(without), n, _sigma(shift))
     except RouteError:
         if snapshot.system.n_tree > _DENSE_AT_MOST:
             raise
@@ -143,7 +146,7 @@ def model_modes(model: Any, at: Any, n: int, without: Any, start: float) -> Any:
     _truncate(r, count)
     r["route"] = f"sparse, {r['route']} ({r['verified']})"
     found = _result(system, r, count, on, start)
-    unresolved = bool(np.any(found.error > _UNRESOLVED))
+    unresolved = r["verified"] == "unverified" or not np.all(found.error[found.kind != "rigid"] <= _UNRESOLVED)
     return replace(found, status="unresolved" if unresolved else "converged")
 
 
@@ -165,8 +168,13 @@ def _truncate(r: dict[str, Any], n: int) -> None:
     r["left"] = r["partner_left"] = None
 
 
-def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], start: float) -> Any:
-    """The n lowest modes of sparse matrices."""
+def _sigma(shift: float | None) -> float | None:
+    """(2 pi f)^2: where the spectrum of K x = lambda M x is wanted."""
+    return None if shift is None else (2.0 * np.pi * shift) ** 2
+
+
+def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], shift: float | None, start: float) -> Any:
+    """The n lowest modes of sparse matrices, or those nearest to a frequency."""
     from .modal import ModalResult
 
     if n is None:
@@ -175,7 +183,7 @@ def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], start: fl
         )
     D, S = _sum(system.C, system.G), _sum(system.K, system.N)
     with core_errors(), Elapsed(f"lowest {n} modes of {system.M.shape[0]} coordinates"):
-        r = _lowest(system.M, D, S, n, symmetric=system.G is None and system.N is None)
+        r = _lowest(system.M, D, S, n, _sigma(shift), symmetric=system.G is None and system.N is None)
     damped = "eigenvalue" in r
     residual = r["residual"]
     if damped:
@@ -193,21 +201,22 @@ def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], start: fl
     kind[s == 0.0] = "rigid"
     shape = r["shape"]
     route = f"{r['route']} ({r['verified']})" if "verified" in r else r["route"]
-    # of lambda = -s^2, so half of it for s; a rigid mode has none, its error is the blur around zero
+    # of lambda = -s^2, so half of it for s; of a rigid mode the blur around zero, as a frequency
     if not damped:
-        error = np.where(s == 0.0, 0.0, 0.5 * r["error"])
+        error = np.where(s == 0.0, np.sqrt(r["error"]), 0.5 * r["error"])
     elif system.G is None and system.N is None:
         error = _first_order(system.M, D, S, s, shape)
     else:
         error = residual
-    unresolved = bool(np.any(error > _UNRESOLVED))
+    unresolved = r.get("verified") == "unverified" or not np.all(error[s != 0.0] <= _UNRESOLVED)
+    groups = _groups(s)
     return ModalResult(
         eigenvalue=s,
         roots=np.stack([s, partner], axis=1).ravel(),
         shape=shape,
         left=None,
         kind=kind,
-        groups=_groups(s),
+        groups=groups,
         backward_error=residual,
         condition=np.full(len(s), np.nan),
         near_defective=np.zeros(len(s), dtype=bool),
@@ -219,7 +228,20 @@ def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], start: fl
         stats=Stats(time.perf_counter() - start, r["counts"], effects, route),
         error=error,
         status="unresolved" if unresolved else "converged",
+        cut_group=() if damped or shift is not None else _cut_group(system, r["lambda"], groups),
     )
+
+
+def _cut_group(system: Any, lam: np.ndarray, groups: tuple[tuple[int, ...], ...]) -> tuple[int, ...]:
+    """Indices of the last group where more eigenvalues than those found lie within its blur: one inertia count tells."""
+    n = len(lam)
+    if n == system.M.shape[0] or not lam[-1] > 0.0:
+        return ()
+    with core_errors():
+        below = _core.sparse_count(_arrays(system.M), _arrays(system.K), lam[-1] * (1.0 + 2.0 * _SAME_ROOT))
+    if below is None or below <= n:
+        return ()
+    return groups[-1] if groups and groups[-1][-1] == n - 1 else (n - 1,)
 
 
 # Share of EPS that the rounding of single entries usually leaves in a root; typical of chains (measured).
@@ -240,12 +262,14 @@ def _first_order(M: Any, D: Any, S: Any, s: np.ndarray, x: np.ndarray) -> np.nda
     return np.divide(miss, slope, out=np.zeros_like(r), where=(slope > 0.0) & (s != 0.0))
 
 
-def _lowest(M: Any, D: Any, S: Any, n: int, symmetric: bool) -> dict[str, Any]:
+def _lowest(M: Any, D: Any, S: Any, n: int, sigma: float | None, symmetric: bool) -> dict[str, Any]:
     """The core's answer with n modes; of two real roots that make one overdamped mode the lower is its partner."""
     arrays = _arrays(M), None if D is None else _arrays(D), _arrays(S)
     wanted, dof = n, M.shape[0]
     while True:
-        r = _core.sparse_modes(*arrays, wanted)
+        if sigma is not None and not (symmetric and (D is None or D.count_nonzero() == 0)):
+            raise ModelError("shift= of a sparse system needs symmetric matrices without damping; leave it out")
+        r = _core.sparse_modes(*arrays, wanted, sigma)
         if "eigenvalue" not in r:
             return r
         s = r["eigenvalue"]
@@ -284,10 +308,10 @@ def _paired(r: dict[str, Any], upper: np.ndarray, lower: np.ndarray) -> dict[str
 
 
 def _groups(s: np.ndarray) -> tuple[tuple[int, ...], ...]:
-    """Neighbours that agree to 1e-9: members of one repeated eigenvalue."""
+    """Neighbours that agree: members of one repeated eigenvalue."""
     groups: list[list[int]] = []
     for i, value in enumerate(s):
-        if groups and abs(value - s[groups[-1][-1]]) <= 1e-9 * abs(value):
+        if groups and abs(value - s[groups[-1][-1]]) <= _SAME_ROOT * abs(value):
             groups[-1].append(i)
         else:
             groups.append([i])

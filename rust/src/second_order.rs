@@ -3,6 +3,7 @@ use faer::Mat;
 
 use crate::error::{Error, Result};
 use crate::linalg::dense::{asymmetry, is_finite, is_zero, symmetrised};
+use crate::tolerances::modes::ENTRY_ROUNDING;
 
 /// Dense matrices, n x n. Absent ones are None, so that what is absent costs nothing.
 #[derive(Debug, Clone)]
@@ -68,6 +69,13 @@ impl SecondOrder {
         Ok(SecondOrder { mf: Some(mf), ..self })
     }
 
+    /// The same system (in units of its masses) without entries of K and C that can only be rounding: no semidefinite matrix has
+    /// K_ij^2 > K_ii K_jj, and an entry of a few units in the last place of a neighbour's is what assembly leaves where nothing is.
+    /// Solved as it is, such an entry makes rigid directions diverge.
+    pub fn without_rounding(self) -> SecondOrder {
+        SecondOrder { k: cleaned(self.k), c: self.c.map(cleaned).filter(|c| !is_zero(c.as_ref())), ..self }
+    }
+
     pub fn size(&self) -> usize {
         self.m.nrows()
     }
@@ -119,6 +127,14 @@ impl SecondOrder {
         };
         Ok((scaled, d))
     }
+}
+
+fn cleaned(a: Mat<f64>) -> Mat<f64> {
+    let size: Vec<f64> = (0..a.nrows()).map(|i| a[(i, i)].abs()).collect();
+    let is_rounding = |i: usize, j: usize, v: f64| {
+        v * v > size[i] * size[j] * (1.0 + 1e-12) && v.abs() <= ENTRY_ROUNDING * f64::EPSILON * size[i].max(size[j])
+    };
+    Mat::from_fn(a.nrows(), a.ncols(), |i, j| if i != j && is_rounding(i, j, a[(i, j)]) { 0.0 } else { a[(i, j)] })
 }
 
 /// The error of a mass matrix that is not positive definite. `{coordinate i}` is replaced by its name at the border.

@@ -1,56 +1,118 @@
 //! Every number that decides something: its meaning, its unit, and what goes wrong when it is too large or too small.
 
-// --- Constraints: rank, redundancy, closure ---
+/// Rank, redundancy and closure of constraints.
+pub mod constraints {
+    /// Relative accuracy of a drawing where the model does not say: lengths over those of their loop, angles in radians.
+    /// Larger: loops that are locked by a small angle move. Smaller: linkages drawn with eight digits are locked.
+    /// Pinned by `tests/invariance/test_four_bar.py`.
+    pub const DRAWING: f64 = 1e-7;
 
-/// Relative accuracy of a drawing where the model does not say: lengths over those of their loop, angles in radians.
-/// Larger: loops that are locked by a small angle move. Smaller: linkages drawn with eight digits are locked.
-/// Pinned by `tests/invariance/test_four_bar.py`.
-pub const DRAWING: f64 = 1e-7;
+    /// Rounding of one entry of a constraint row, in units of the sizes of what was subtracted for it, over eps.
+    /// Larger: a model far from the origin has doubtful loops. Smaller: rows of rounding lock a door on two hinges.
+    /// Pinned by `rank::tests::rows_of_rounding_are_redundant`.
+    pub const ENTRY_ROUNDING: f64 = 4.0;
 
-/// Rounding of one entry of a constraint row, in units of the sizes of what was subtracted for it, over eps.
-/// Larger: a model far from the origin has doubtful loops. Smaller: rows of rounding lock a door on two hinges.
-/// Pinned by `rank::tests::rows_of_rounding_are_redundant`.
-pub const ENTRY_ROUNDING: f64 = 4.0;
+    /// Singular values between the tolerance and this many times it make a constraint that is named as doubtful.
+    /// Larger: sound models are called doubtful. Smaller: a lock by an inaccurate drawing is not explained.
+    /// Pinned by `tests/invariance/test_four_bar.py`.
+    pub const DOUBTFUL: f64 = 1e3;
 
-/// Singular values between the tolerance and this many times it make a constraint that is named as doubtful.
-/// Larger: sound models are called doubtful. Smaller: a lock by an inaccurate drawing is not explained.
-/// Pinned by `tests/invariance/test_four_bar.py`.
-pub const DOUBTFUL: f64 = 1e3;
+    /// How far redundant rows may open in motion, over the tolerance of the drawing: rows that part by s per radian of the freed
+    /// direction open by up to some ten s over a large motion. Larger: a lost constraint is seen late. Smaller: doubtful linkages stop.
+    /// Pinned by `tests/invariance/test_four_bar.py`.
+    pub const REDUNDANT_OPEN: f64 = 1e2;
 
-/// How far redundant rows may open in motion, over the tolerance of the drawing: rows that part by s per radian of the freed
-/// direction open by up to some ten s over a large motion. Larger: a lost constraint is seen late. Smaller: doubtful linkages stop.
-/// Pinned by `tests/invariance/test_four_bar.py`.
-pub const REDUNDANT_OPEN: f64 = 1e2;
+    /// Length of the look beside a drawn pose, in lengths of the loop or radians, by which a pose of lower rank is seen.
+    /// Larger: the way back to the constraints is long. Smaller: the second-order part of a change point drowns in the tolerance.
+    /// Pinned by `rank::tests`.
+    pub const PROBE: f64 = 1e-2;
 
-/// Length of the look beside a drawn pose, in lengths of the loop or radians, by which a pose of lower rank is seen.
-/// Larger: the way back to the constraints is long. Smaller: the second-order part of a change point drowns in the tolerance.
-/// Pinned by `rank::tests`.
-pub const PROBE: f64 = 1e-2;
+    /// Rows that are as long as the longest but for this part are equally good pivots: the first is taken, so that neither rounding nor
+    /// units choose. Larger: short pivots. Smaller: rounding chooses. A choice, never an answer, depends on it.
+    pub const TIE: f64 = 1e-6;
 
-/// Rows that are as long as the longest but for this part are equally good pivots: the first is taken, so that neither rounding nor
-/// units choose. Larger: short pivots. Smaller: rounding chooses. A choice, never an answer, depends on it.
-pub const TIE: f64 = 1e-6;
+    /// Rows are closed when smaller than this, over the length of their loop or in radians.
+    /// Larger: states are less accurate than they could be. Smaller: Newton's method circles in rounding.
+    /// Pinned by `closure` through every assembled model of `tests/`.
+    pub const CLOSED: f64 = 1e-13;
 
-/// Rows are closed when smaller than this, over the length of their loop or in radians.
-/// Larger: states are less accurate than they could be. Smaller: Newton's method circles in rounding.
-/// Pinned by `closure` through every assembled model of `tests/`.
-pub const CLOSED: f64 = 1e-13;
+    /// The same in units of the rounding of a row's entries, for models far from the origin; and how much more than `CLOSED` a closing
+    /// that does not go on may leave. Larger: loops stay open by more than rounding. Smaller: models far from the origin do not close.
+    pub const CLOSED_ROUNDING: f64 = 1e2;
 
-/// The same in units of the rounding of a row's entries, for models far from the origin; and how much more than `CLOSED` a closing
-/// that does not go on may leave. Larger: loops stay open by more than rounding. Smaller: models far from the origin do not close.
-pub const CLOSED_ROUNDING: f64 = 1e2;
+    /// Singular values of a least-squares problem below this part of the largest belong to directions that no row feels.
+    /// Larger: weak directions are left out. Smaller: rounding of states of self-stress is divided by. Entries are free of units.
+    pub const FELT: f64 = 1e-10;
+}
 
-/// Singular values of a least-squares problem below this part of the largest belong to directions that no row feels.
-/// Larger: weak directions are left out. Smaller: rounding of states of self-stress is divided by. Entries are free of units.
-pub const FELT: f64 = 1e-10;
+/// Eigenvalues and shapes.
+pub mod modes {
+    /// Multiple of u (2^-53) times the sum of the sizes of the terms of an entry that counts as rounding of the entry made before
+    /// the solver saw it. Too small: roots of assembled matrices differ by more than their error. Too large: errors are pessimistic,
+    /// and soft modes are called rigid. Pinned by tests/truth/test_graded_modes.py (errors against 50 digits, rigid or soft).
+    pub const DATA_ROUNDING: f64 = 4.0;
 
-// --- Rolling ---
+    /// Relative error of a squared frequency (algorithm only) above which the expensive route is taken: factors, Jacobi's singular
+    /// values, residuals in twice the precision. Too large: roots lose digits that the matrices hold. Too small: only time is lost.
+    /// Pinned by tests/truth/test_graded_modes.py.
+    pub const SHARP: f64 = 1e-12;
 
-/// Straight rolling: B''' and the third power of E, over the speed (lengths over the characteristic length) to the same power, and
-/// forces along the path over their terms. Larger: motion on slow curves is linearised as if straight; smaller: rounding of a drawn
-/// model refuses it. Pinned by `a_curve_and_a_trailer_are_refused` and the bicycle of tests/truth/test_rolling.py.
-pub const ROLLS_STEADILY: f64 = 1e-9;
+    /// Two roots whose distance is below this share of their geometric mean are rotated together (Rayleigh-Ritz) instead of divided
+    /// by their distance. Too large: a group's quotients lose accuracy. Too small: corrections of close roots blow up.
+    /// Pinned by tests/truth/test_graded_modes.py (repeated soft modes).
+    pub const CLOSE: f64 = 1e-6;
 
-/// Rounding that forces which cancel leave in their tangent, over the sum of their sizes. Larger: a weak force along the path of
-/// rolling passes unseen; smaller: weight alone refuses. Pinned by the bicycle of tests/truth/test_rolling.py.
-pub const ROUNDING_OF_FORCES: f64 = 1e-12;
+    /// Cosine (in the metric of M) above which two approximate shapes are the same one: a root was then found twice and another is
+    /// missing, and no error estimate holds. Pinned by tests/truth/test_graded_modes.py.
+    pub const SAME_SHAPE: f64 = 1e-3;
+
+    /// Relative effect on a squared frequency up to which damping between two undamped modes is left out; it is added to the error.
+    /// Too large: shapes of coupled damping are real although they are not. Too small: rounding of proportional damping sends a
+    /// system to the general route. Pinned by tests/test_modal.py (proportional damping) and tests/truth/test_graded_modes.py.
+    pub const UNCOUPLED: f64 = 1e-13;
+
+    /// Multiple of the last place of a diagonal entry (in units of the masses) up to which an entry that no semidefinite matrix can have
+    /// is rounding. Too small: rigid directions get roots of rounding. Too large: weak negative coupling of unheld directions is lost.
+    /// Pinned by tests/truth/test_damped_modes.py (rounding beside damping).
+    pub const ENTRY_ROUNDING: f64 = 4.0;
+
+    /// Product of backward error and normwise condition above which a root of the general route is checked by Newton's method with
+    /// residuals in twice the precision. What stays unchecked is off by about the square of this. Too small: every root costs a
+    /// factorisation. Too large: small roots of graded systems are wrong unseen. Pinned by tests/truth/test_damped_modes.py.
+    pub const DOUBTFUL: f64 = 1e-6;
+
+    /// Share of Q''(s) times the distance to the nearest root that |psi^T Q'(s) phi| must reach for two roots alone to meet there; then
+    /// a root moves like the square root of its residual. Too small: errors at defects of order three and more are too small.
+    /// Pinned by tests/truth/test_damped_modes.py (defects of orders two to four).
+    pub const DOUBLE_ROOT: f64 = 0.1;
+
+    /// Krylov cycles after which a zero shift is moved nearer to the lowest eigenvalues. Too small: factorisations are wasted on problems
+    /// that would have converged. Too large: crowded spectra waste cycles first. No answer depends on it: inertia counts prove that none
+    /// is missing. Pinned by tests/truth/test_crowded_modes.py.
+    pub const PATIENCE: usize = 15;
+
+    /// Bisections by inertia counts for that shift, at most: the range of 2^-50 of the largest eigenvalue is below rounding.
+    pub const BISECTIONS: usize = 50;
+
+    /// Part of each diagonal entry of M that is added before its factorisation is asked whether M is semidefinite: rounding of the
+    /// inertia of a rod about its own axis stays below. Too small: rods are refused. Too large: negative masses pass. Pinned by
+    /// tests/truth/test_crowded_modes.py (point masses and rods).
+    pub const SEMIDEFINITE: f64 = 1e-12;
+
+    /// Sum of the sizes of the terms of a Rayleigh quotient over its value from which on it is taken in twice the precision. Below, its
+    /// rounding is part of the error of the data. Too small: work. Too large: soft modes of matrices lose digits that the entries hold.
+    /// Pinned by tests/truth/test_graded_modes.py.
+    pub const CANCELLING: f64 = 1e5;
+}
+
+/// Rolling in motion.
+pub mod rolling {
+    /// Straight rolling: B''' and the third power of E, over the speed (lengths over the characteristic length) to the same power, and
+    /// forces along the path over their terms. Larger: motion on slow curves is linearised as if straight; smaller: rounding of a drawn
+    /// model refuses it. Pinned by `a_curve_and_a_trailer_are_refused` and the bicycle of tests/truth/test_rolling.py.
+    pub const ROLLS_STEADILY: f64 = 1e-9;
+
+    /// Rounding that forces which cancel leave in their tangent, over the sum of their sizes. Larger: a weak force along the path of
+    /// rolling passes unseen; smaller: weight alone refuses. Pinned by the bicycle of tests/truth/test_rolling.py.
+    pub const ROUNDING_OF_FORCES: f64 = 1e-12;
+}

@@ -22,7 +22,7 @@ use crate::system::System;
 use crate::system::assemble::Scene;
 use crate::system::loops::{Loops, column_scales};
 use crate::system::placement::{Placement, advance, lifted_relative, place};
-use crate::tolerances::REDUNDANT_OPEN;
+use crate::tolerances::constraints::REDUNDANT_OPEN;
 
 /// The derivative of a linearisation along one direction of the numbers (and of the state).
 pub struct Directional {
@@ -240,7 +240,8 @@ pub fn directional(
 ) -> Result<Directional> {
     if rolls(setting) {
         return Err(Error::NotDifferentiable(
-            "derivatives of a linearisation that rolls in motion do not exist here; take differences of two models".into(),
+            "derivatives of a linearisation that rolls in motion do not exist here; take differences of two models"
+                .into(),
         ));
     }
     if let Some(local) = local_direction(setting, base, dx, request) {

@@ -23,7 +23,7 @@ use crate::spatial::V3;
 use crate::system::assemble::Tangent;
 use crate::system::loops::{Loops, column_scales};
 use crate::system::topology::Level;
-use crate::tolerances::{ROLLS_STEADILY, ROUNDING_OF_FORCES};
+use crate::tolerances::rolling::{ROLLS_STEADILY, ROUNDING_OF_FORCES};
 
 /// Do velocity rows act on a state that moves?
 pub(super) fn rolls(setting: &Setting<'_>) -> bool {
@@ -86,7 +86,8 @@ pub(super) fn check_rolling(
     let terms = &stiff * absolute(&f1) + absolute(&through) * absolute(&rates) * absolute(&f2);
     for (force, speed) in &forces {
         for i in 0..force.nrows() {
-            let row = |x: &DMatrix<f64>| (0..x.ncols()).map(|j| x[(i, j)].abs() * natural.independent[j]).fold(0.0, f64::max);
+            let row =
+                |x: &DMatrix<f64>| (0..x.ncols()).map(|j| x[(i, j)].abs() * natural.independent[j]).fold(0.0, f64::max);
             let size = row(&terms).max(row(&(&stiff * absolute(&f2))));
             let rounding = ROUNDING_OF_FORCES * force_scale * speed / natural.independent[i];
             if row(force) > ROLLS_STEADILY * size + rounding {
@@ -127,7 +128,10 @@ impl Natural {
 
     fn size(&self, rows: &DMatrix<f64>) -> f64 {
         let entry = |i: usize, j: usize| (rows[(i, j)] * self.independent[j] / self.dependent[i]).abs();
-        (0..rows.nrows()).flat_map(|i| (0..rows.ncols()).map(move |j| (i, j))).map(|(i, j)| entry(i, j)).fold(0.0, f64::max)
+        (0..rows.nrows())
+            .flat_map(|i| (0..rows.ncols()).map(move |j| (i, j)))
+            .map(|(i, j)| entry(i, j))
+            .fold(0.0, f64::max)
     }
 
     fn size_of(&self, tree: &[f64]) -> f64 {

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::linalg::krylov::{Operator, Options, Ritz, Space};
 use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
+use crate::tolerances::modes::{BISECTIONS, PATIENCE};
 
 /// Share of eps |K|/|M| that the rounding of an assembled K moves its eigenvalues by, typical of chains (measured).
 const ENTRY_NOISE: f64 = 0.05;
@@ -43,14 +44,27 @@ pub fn lowest(pencil: &impl Pencil, wanted: usize, sigma: Option<f64>, cancel: &
         )));
     }
     let mut counts = Counts::default();
-    let mut modes = around(pencil, wanted, start(pencil, wanted, sigma, &mut counts, cancel)?, cancel)?;
+    let first = start(pencil, wanted, sigma, &mut counts, cancel)?;
+    let usual = Options::new(wanted, true);
+    let mut modes = if sigma.is_none() && first.1 == 0.0 {
+        // the shift may lie too far below eigenvalues that are close together: then it moves
+        match around(pencil, wanted, first, Options { max_cycles: PATIENCE, ..usual }, cancel) {
+            Err(Error::Convergence { .. }) => {
+                let moved = nearer(pencil, wanted, &mut counts, cancel)?;
+                around(pencil, wanted, moved, usual, cancel)?
+            }
+            found => found?,
+        }
+    } else {
+        around(pencil, wanted, first, usual, cancel)?
+    };
     counts.merge(&modes.counts);
     for _ in 0..4 {
         let Some(softer) = modes.softer.filter(|_| sigma.is_none()) else {
             break;
         };
         counts.add("factorisations", 1);
-        modes = around(pencil, wanted, (pencil.shifted(softer)?, softer), cancel)?;
+        modes = around(pencil, wanted, (pencil.shifted(softer)?, softer), usual, cancel)?;
         counts.merge(&modes.counts);
     }
     modes.counts = counts;
@@ -61,11 +75,11 @@ fn around(
     pencil: &impl Pencil,
     wanted: usize,
     shift: (ShiftInvert<'_>, f64),
+    options: Options,
     cancel: &Cancel,
 ) -> Result<SymmetricModes> {
     let (op, sigma) = shift;
     let mut counts = Counts::default();
-    let options = Options::new(wanted, true);
     if is_small(pencil, &options) {
         counts.add("dense eigensolutions", 1);
         let (theta, x) = every(pencil, &op, wanted)?;
@@ -76,7 +90,8 @@ fn around(
     let mut space = Space::new(&op, options)?;
     let mut ritz = space.converge(cancel)?;
     let mut verified = "unverified";
-    for _ in 0..5 {
+    // each restart brings one block of a repeated eigenvalue to light
+    for _ in 0..5 + wanted.div_ceil(options.block) {
         match missed(pencil, &ritz, wanted, sigma, &mut counts) {
             Some(false) => {
                 verified = "inertia";
@@ -195,6 +210,43 @@ fn start<'a>(
     }
     counts.add("factorisations", 1);
     Ok((pencil.shifted(sigma)?, sigma))
+}
+
+/// A shift below the first eigenvalue, as near to it as the first few are to each other, by bisection with inertia counts.
+fn nearer<'a>(
+    pencil: &'a impl Pencil,
+    wanted: usize,
+    counts: &mut Counts,
+    cancel: &Cancel,
+) -> Result<(ShiftInvert<'a>, f64)> {
+    // not halves: a zero on the diagonal of a shifted matrix leaves its inertia open
+    const PARTS: [f64; 3] = [0.4837, 0.5291, 0.4462];
+    let enough = 2 * wanted + 10;
+    let (mut low, mut high) = (0.0, 4.0 * pencil.scale());
+    for _ in 0..BISECTIONS {
+        cancel.check()?;
+        let mut found = None;
+        for middle in PARTS.map(|part| low + part * (high - low)) {
+            counts.add("inertia counts", 1);
+            if let Some(count) = pencil.count_below(middle) {
+                found = Some((middle, count));
+                break;
+            }
+        }
+        match found {
+            Some((middle, 0)) => low = middle,
+            Some((middle, count)) => {
+                high = middle;
+                if count <= enough {
+                    break;
+                }
+            }
+            None => break,
+        }
+    }
+    counts.add("moved shifts", 1);
+    counts.add("factorisations", 1);
+    Ok((pencil.shifted(low)?, low))
 }
 
 /// Whether eigenvalues nearer to the shift than the wanted ones were overlooked; None where inertia cannot tell.

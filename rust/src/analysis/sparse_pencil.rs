@@ -11,6 +11,7 @@ use faer::{Mat, MatMut, MatRef};
 use crate::error::{Error, Result};
 use crate::linalg::krylov::Operator;
 use crate::linalg::sparse::{Csc, Factor, LuPlan, negative_eigenvalues};
+use crate::tolerances::modes::SEMIDEFINITE;
 
 /// Rows of one element, at most.
 const LARGEST_BLOCK: usize = 64;
@@ -105,6 +106,25 @@ fn check_mass(m: &Csc) -> Result<()> {
     Ok(())
 }
 
+fn check_semidefinite(m: &Csc) -> Result<()> {
+    if m.rows == 0 || m.rows != m.cols {
+        return Err(Error::model(format!("M is {} x {}; it must be square", m.rows, m.cols)));
+    }
+    if !m.is_symmetric() {
+        return Err(Error::model("M is not symmetric"));
+    }
+    let diagonal = m.diagonal();
+    let lifted = |v: f64| if v > 0.0 { SEMIDEFINITE * v } else { 1.0 };
+    let added = diagonal.iter().enumerate().map(|(i, v)| (i, i, lifted(*v))).collect();
+    let regular = m.combined(1.0, 1.0, &Csc::from_entries(m.rows, m.rows, added));
+    if diagonal.iter().all(|v| *v == 0.0) || Factor::cholesky(&regular, 0.0)?.is_none() {
+        return Err(Error::singular(
+            "the mass matrix is neither positive definite nor semidefinite: check masses and inertias",
+        ));
+    }
+    Ok(())
+}
+
 impl Pencil for Assembled {
     fn dim(&self) -> usize {
         self.m.rows
@@ -146,7 +166,7 @@ impl Pencil for Assembled {
 }
 
 fn ratio(k: &[f64], m: &[f64]) -> f64 {
-    let largest = k.iter().zip(m).map(|(k, m)| k.abs() / m.max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
+    let largest = k.iter().zip(m).filter(|(_, m)| **m > 0.0).map(|(k, m)| k.abs() / m).fold(0.0, f64::max);
     if largest > 0.0 && largest.is_finite() { largest } else { 1.0 }
 }
 
@@ -173,8 +193,9 @@ struct Coupled {
 }
 
 impl Mixed {
+    /// M may be semidefinite: point masses have no inertia to turn, rods none about their own axes.
     pub fn new(m: Csc, a: Csc) -> Result<Self> {
-        check_mass(&m)?;
+        check_semidefinite(&m)?;
         let (n, all) = (m.rows, a.rows);
         if a.cols != all || all < n {
             return Err(Error::model(format!(

@@ -4,7 +4,7 @@ use faer::{Mat, MatRef, Side};
 use nalgebra::{DMatrix, DVector};
 
 use crate::error::{Error, Result};
-use crate::tolerances::FELT;
+use crate::tolerances::constraints::FELT;
 
 pub type C = faer::c64;
 
@@ -12,6 +12,11 @@ pub const EPS: f64 = f64::EPSILON;
 
 pub fn real(x: f64) -> C {
     C::new(x, 0.0)
+}
+
+/// True where a value is not at most the limit: nan never passes.
+pub fn exceeds(value: f64, limit: f64) -> bool {
+    value > limit || value.is_nan()
 }
 
 pub fn frobenius(a: MatRef<'_, f64>) -> f64 {

@@ -46,6 +46,19 @@ impl Dd {
         self.lo += e + f;
     }
 
+    #[inline(always)]
+    pub fn add(&mut self, x: f64) {
+        let (s, f) = two_sum(self.hi, x);
+        self.hi = s;
+        self.lo += f;
+    }
+
+    /// The same value with |lo| below half a unit in the last place of hi, as `times` needs it.
+    pub fn normalised(self) -> Self {
+        let (hi, lo) = two_sum(self.hi, self.lo);
+        Dd { hi, lo }
+    }
+
     pub fn product(a: f64, b: f64) -> Self {
         let (hi, lo) = two_prod(a, b);
         Dd { hi, lo }
@@ -83,6 +96,24 @@ pub fn add_product(out: &mut [Dd], a: faer::MatRef<'_, f64>, x: impl Fn(usize) -
             sum.add_product(a[(i, j)], xj);
         }
     }
+}
+
+/// A x, or A^T x where `transposed`, of a double matrix and a vector in double-double; all sums in double-double.
+pub fn matrix_times(a: faer::MatRef<'_, f64>, x: &[Dd], transposed: bool) -> Vec<Dd> {
+    let a = if transposed { a.transpose() } else { a };
+    let mut out = vec![Dd::default(); a.nrows()];
+    add_product(&mut out, a, |j| x[j].hi);
+    for (j, x) in x.iter().enumerate().filter(|(_, x)| x.lo != 0.0) {
+        for (i, sum) in out.iter_mut().enumerate() {
+            sum.lo += a[(i, j)] * x.lo;
+        }
+    }
+    out.into_iter().map(Dd::normalised).collect()
+}
+
+/// sum_i a_i b_i of normalised numbers.
+pub fn dot(a: &[Dd], b: &[Dd]) -> Dd {
+    a.iter().zip(b).fold(Dd::default(), |sum, (a, b)| sum.plus(a.times(*b)))
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 use nalgebra::{DMatrix, RowDVector};
 
 use crate::linalg::matrix::Matrix;
-use crate::tolerances::TIE;
+use crate::tolerances::constraints::TIE;
 
 /// Which rows are asked for: those that say where things are, or all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -312,7 +312,11 @@ impl PySystem {
         fits(&self.0, "a linearisation", LINEARIZATION)?;
         if !acceleration.is_empty() && acceleration.len() != self.0.n_tree() {
             let n = self.0.n_tree();
-            return Err(Error::model(format!("a state of this model has {n} accelerations, not {}", acceleration.len())).into());
+            return Err(Error::model(format!(
+                "a state of this model has {n} accelerations, not {}",
+                acceleration.len()
+            ))
+            .into());
         }
         let (lin, counts) = run(py, &self.0, move |system, _| {
             let mut counts = Counts::default();

@@ -23,7 +23,7 @@ use crate::system::loops::column_scales;
 use crate::system::placement::{Placement, State, advance, drawn_relative, marker_pose, place, relative_from_poses};
 use crate::system::rank::{Decision, block_names, spectrum};
 use crate::system::topology::{Node, Purpose};
-use crate::tolerances::{CLOSED, CLOSED_ROUNDING, DOUBTFUL};
+use crate::tolerances::constraints::{CLOSED, CLOSED_ROUNDING, DOUBTFUL};
 
 const MAX_ITERATIONS: usize = 60;
 /// Blocks of more rows and columns are closed by sparse factors.

@@ -11,7 +11,7 @@ use crate::spatial::Real;
 use crate::system::System;
 use crate::system::rank::Decision;
 use crate::system::topology::{ConstraintRow, Topology};
-use crate::tolerances::TIE;
+use crate::tolerances::constraints::TIE;
 
 #[derive(Debug, Clone)]
 pub struct Loops {

@@ -39,7 +39,7 @@ use crate::model::geometry::Geometry;
 use crate::model::tables::Tables;
 use crate::system::rank::Decision;
 use crate::system::topology::Topology;
-use crate::tolerances::DRAWING;
+use crate::tolerances::constraints::DRAWING;
 
 /// Topology plus values: immutable and cheap to clone; new values keep the topology.
 #[derive(Debug, Clone)]

@@ -26,7 +26,7 @@ use crate::system::assemble::Effects;
 use crate::system::closure::{check_redundant, close_drawn, close_with, drawn_start, rows_at, rows_into};
 use crate::system::placement::{advance, place};
 use crate::system::topology::{ConstraintRow, Level, Purpose};
-use crate::tolerances::{DOUBTFUL, ENTRY_ROUNDING, PROBE};
+use crate::tolerances::constraints::{DOUBTFUL, ENTRY_ROUNDING, PROBE};
 
 /// Blocks with more entries are decided by elimination, not by singular values.
 const DENSE_BLOCK: usize = 40_000;

@@ -19,7 +19,7 @@ use crate::spatial::Pose;
 use crate::system::closure::drawn_start;
 use crate::system::placement::{State, advance, lifted_relative, place};
 use crate::system::topology::Level;
-use crate::tolerances::REDUNDANT_OPEN;
+use crate::tolerances::constraints::REDUNDANT_OPEN;
 
 use super::direct::slopes::Slopes;
 use super::{Direction, Follow, Plan};

@@ -8,45 +8,12 @@ use faer::Mat;
 use num_complex::Complex64 as c64;
 
 use super::condensed::Entry;
-
-/// A sum in two parts.
-#[derive(Debug, Clone, Copy, Default)]
-struct Twice {
-    high: f64,
-    low: f64,
-}
-
-impl Twice {
-    fn add(&mut self, x: f64) {
-        let sum = self.high + x;
-        let part = sum - self.high;
-        self.low += (self.high - (sum - part)) + (x - part);
-        self.high = sum;
-    }
-
-    /// Plus a b, its rounding included (Dekker's product).
-    fn add_product(&mut self, a: f64, b: f64) {
-        let product = a * b;
-        let ((a1, a2), (b1, b2)) = (halves(a), halves(b));
-        self.low += ((a1 * b1 - product) + a1 * b2 + a2 * b1) + a2 * b2;
-        self.add(product);
-    }
-
-    fn value(self) -> f64 {
-        self.high + self.low
-    }
-}
-
-fn halves(x: f64) -> (f64, f64) {
-    let big = 134_217_729.0 * x; // 2^27 + 1
-    let high = big - (big - x);
-    (high, x - high)
-}
+use crate::linalg::double_double::Dd;
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Pair {
-    re: Twice,
-    im: Twice,
+    re: Dd,
+    im: Dd,
 }
 
 impl Pair {
@@ -140,7 +107,7 @@ mod tests {
 
     #[test]
     fn products_and_sums_keep_what_one_number_would_lose() {
-        let mut sum = Twice::default();
+        let mut sum = Dd::default();
         let (a, b) = (1.0 + 2.0_f64.powi(-30), 1.0 - 2.0_f64.powi(-30));
         sum.add_product(a, b); // 1 - 2^-60
         sum.add(-1.0);

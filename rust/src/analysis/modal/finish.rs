@@ -17,6 +17,7 @@ pub fn finish(system: &SecondOrder, d: &[f64], raw: Raw, mut counts: Counts) -> 
     let mut quality = qualities(&terms, &mut modes, raw.correction);
     refine(&terms, &mut modes, &mut quality, &mut counts);
     refine_partners(&terms, &mut modes, &mut counts);
+    heed_neighbours(&modes, &mut quality);
     for (mode, quality) in modes.iter_mut().zip(&mut quality) {
         settle(mode, quality);
     }
@@ -63,15 +64,17 @@ fn qualities(terms: &Terms, modes: &mut [RawMode], correction: Correction) -> Ve
             mode.s = s;
             mode.partner = if mode.partner.im == 0.0 { mode.partner } else { s.conj() };
         }
-        if let Some((error, condition)) = mode.known {
-            quality.error = error;
-            quality.condition = condition;
-            quality.tolerance = quality.tolerance.min(mode.s.norm() * (error + 16.0 * EPS * condition));
-            // the assembled matrices no longer hold what the factor knows, so their residual says nothing
-            quality.backward = error;
+        if let Some(known) = mode.known.filter(|_| !mode.rigid) {
+            if known.residual_counts {
+                quality.error = quality.error.max(known.error);
+            } else {
+                (quality.error, quality.condition, quality.backward) = (known.error, known.condition, known.error);
+            }
+            quality.tolerance = quality.tolerance.min(mode.s.norm() * (quality.error + 16.0 * EPS * known.condition));
         }
         if mode.rigid {
-            (quality.error, quality.condition, quality.tolerance) = (0.0, f64::NAN, 0.0);
+            let noise = mode.known.map_or(0.0, |known| known.error);
+            (quality.error, quality.condition, quality.tolerance) = (noise, f64::NAN, 0.0);
         }
     }
     quality
@@ -102,6 +105,15 @@ fn refine_partners(terms: &Terms, modes: &mut [RawMode], counts: &mut Counts) {
         modes[j].partner = partner.s;
         modes[j].partner_x = Some(partner.x);
         modes[j].partner_y = partner.y;
+    }
+}
+
+fn heed_neighbours(modes: &[RawMode], quality: &mut [Quality]) {
+    let roots: Vec<C> = modes.iter().flat_map(|m| [m.s, m.partner]).collect();
+    for (j, quality) in quality.iter_mut().enumerate().filter(|(j, _)| !modes[*j].rigid && modes[*j].known.is_none()) {
+        let distance = |(k, s): (usize, &C)| if k == 2 * j { f64::INFINITY } else { (s - modes[j].s).norm() };
+        let nearest = roots.iter().enumerate().map(distance).fold(f64::INFINITY, f64::min);
+        quality.heed_neighbour(modes[j].s, nearest);
     }
 }
 

@@ -4,8 +4,10 @@
 //! modes diagonalise, a Hermitian one for conservative gyroscopic systems, else a general one on a state matrix in energy
 //! coordinates. All routes work on the matrices scaled to unit masses and hand over `RawMode`s, which `finish` orders,
 //! groups, normalises and judges.
+mod certificate;
 mod finish;
 mod general;
+mod graded;
 mod pairing;
 mod quality;
 mod refine;
@@ -89,8 +91,17 @@ pub(crate) struct RawMode {
     pub partner_x: Option<Vec<C>>,
     pub partner_y: Option<Vec<C>>,
     pub rigid: bool,
-    /// Relative error of s where the route knows better than the residual of the assembled matrices: (error, condition).
-    pub known: Option<(f64, f64)>,
+    /// What the route knows better than the residual of the assembled matrices.
+    pub known: Option<Known>,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Known {
+    /// Relative error of s; of a rigid mode the root (rad/s) that rounding of the matrices may hide.
+    pub error: f64,
+    pub condition: f64,
+    /// False where assembled matrices no longer hold what the factors know, so that their residual says nothing.
+    pub residual_counts: bool,
 }
 
 pub(crate) struct Raw {
@@ -104,6 +115,7 @@ pub(crate) struct Raw {
 /// All modes of a dense system. O(n^3).
 pub fn modes(system: &SecondOrder) -> Result<Modal> {
     let (system, d) = system.scaled()?;
+    let system = system.without_rounding();
     let mut counts = Counts::default();
     counts.add("cholesky factorisations", 1);
     let l = match &system.mf {

@@ -2,8 +2,9 @@
 use faer::prelude::*;
 use faer::{Mat, MatRef};
 
-use crate::linalg::dense::{C, EPS, absolute, dot, frobenius, modulus, real_times};
+use crate::linalg::dense::{C, EPS, absolute, dot, exceeds, frobenius, modulus, real_times};
 use crate::second_order::SecondOrder;
+use crate::tolerances::modes::{DOUBLE_ROOT, DOUBTFUL};
 
 /// |psi^T Q'(s) phi| relative to its terms, below which a root counts as near-defective: two roots of one mode then agree
 /// to about this, and a damping ratio is within about its square of one.
@@ -61,6 +62,22 @@ impl Products {
     }
 }
 
+impl Quality {
+    /// Whether a root of this kind may have been found from a vector that is wrong.
+    pub fn is_doubtful(&self) -> bool {
+        exceeds(self.backward * self.normwise, DOUBTFUL)
+    }
+
+    /// Where more than two roots almost meet, a root moves like a higher root of its residual: the first-order estimate at the
+    /// computed root, which rounding has moved away from the others, has that size. `nearest` is the distance to the next root.
+    pub fn heed_neighbour(&mut self, s: C, nearest: f64) {
+        let pairwise = DOUBLE_ROOT * self.curvature * nearest / s.norm().max(f64::MIN_POSITIVE);
+        if self.separation < NEAR_DEFECTIVE && self.denominator.norm() < pairwise {
+            self.error = self.error.max(self.single);
+        }
+    }
+}
+
 #[derive(Debug, Clone, Copy)]
 pub struct Quality {
     /// |Q(s) x| / ((|s|^2 |M| + |s| |D| + |S|) |x|), the larger of right and left.
@@ -69,6 +86,12 @@ pub struct Quality {
     pub condition: f64,
     /// First-order relative error of s by this residual, and what rounding may hide in it.
     pub error: f64,
+    /// The same without regard to a second root that may be near, but with the rounding of all entries.
+    pub single: f64,
+    /// |s| |psi^T M phi|: half of psi^T Q''(s) phi, times |s|.
+    pub curvature: f64,
+    /// Relative change of s for relative changes of the matrices as a whole.
+    pub normwise: f64,
     /// psi^T Q(s) phi and psi^T Q'(s) phi.
     pub defect: C,
     pub denominator: C,
@@ -147,7 +170,7 @@ fn backward_error(terms: &Terms, s: C, j: usize, products: &Products, x: ColRef<
     let n = x.nrows();
     let residual: f64 = (0..n).map(|i| products.residual(s, i, j).norm_sqr()).sum();
     let scale = terms.norm(s.norm()) * x.norm_l2();
-    if scale > 0.0 { residual.sqrt() / scale } else { 0.0 }
+    if residual == 0.0 { 0.0 } else { residual.sqrt() / scale }
 }
 
 fn judge(
@@ -173,17 +196,24 @@ fn judge(
         slope += left * (2.0 * r * m + d);
     }
     let scale = r * denominator.norm();
-    let relative = |v: f64| if v > 0.0 { v / scale } else { 0.0 };
+    // nan must never pass for zero
+    let relative = |v: f64| if v == 0.0 { 0.0 } else { v / scale };
     let normwise = relative(terms.norm(r) * x.norm_l2() * y.norm_l2());
     let condition = relative(spread);
     let residual = defect.norm() + ROUNDING * spread;
     // where two roots almost meet, s moves like the square root of the residual, with Q'' = 2 M
     let curvature = r * r * dot(y, products.m.col(j)).norm();
-    let error = relative(residual).min((residual / curvature).sqrt());
+    let single = relative(residual);
+    let double = if residual == 0.0 { 0.0 } else { (residual / curvature).sqrt() };
+    let error = if single.is_nan() || double.is_nan() { f64::NAN } else { single.min(double) };
+    let backward = backward_error(terms, s, j, products, x);
     Quality {
-        backward: backward_error(terms, s, j, products, x),
+        backward,
         condition,
         error,
+        single: single.max(EPS * condition),
+        curvature: curvature / r.max(f64::MIN_POSITIVE),
+        normwise,
         defect,
         denominator,
         tolerance: r * (error + BLUR * normwise).min(CLOSEST),

@@ -6,7 +6,9 @@ use faer::prelude::*;
 use super::RawMode;
 use super::quality::{Correction, Quality, Terms, evaluate};
 use crate::linalg::dense::{C, EPS};
+use crate::linalg::double_double::{Dd, matrix_times};
 use crate::run::Counts;
+use crate::tolerances::modes::SAME_SHAPE;
 
 const STEPS: usize = 2;
 
@@ -15,13 +17,22 @@ pub fn good_enough(n: usize) -> f64 {
     n.max(16) as f64 * EPS
 }
 
-/// Improves each mode whose backward error is too large; a step that does not lower it is dropped.
+/// Improves each mode whose backward error is too large; a step that does not lower it is dropped. Modes whose vectors may be
+/// wrong although their residuals are small beside the matrices are followed by Newton's method until they stand still.
 pub fn refine(terms: &Terms, modes: &mut [RawMode], quality: &mut [Quality], counts: &mut Counts) {
     let goal = good_enough(terms.m.nrows());
-    for (mode, quality) in modes.iter_mut().zip(quality) {
+    let mut followed = Vec::new();
+    for (j, (mode, quality)) in modes.iter_mut().zip(quality.iter_mut()).enumerate() {
+        if mode.rigid || mode.known.is_some() {
+            continue;
+        }
+        if quality.is_doubtful() {
+            follow(terms, mode, quality, counts);
+            followed.push(j);
+            continue;
+        }
         for _ in 0..STEPS {
-            let poor = quality.backward > goal || quality.backward.is_nan();
-            if mode.rigid || mode.known.is_some() || !poor {
+            if quality.backward <= goal {
                 break;
             }
             counts.add("refinements", 1);
@@ -33,11 +44,66 @@ pub fn refine(terms: &Terms, modes: &mut [RawMode], quality: &mut [Quality], cou
                 break;
             }
             *quality = better;
-            (mode.s, mode.x, mode.y) = (s, x, y);
-            if mode.partner.im != 0.0 {
-                mode.partner = s.conj();
-            }
+            set(mode, s, x, y);
         }
+    }
+    for &j in &followed {
+        let found_twice = |k: usize| k != j && (modes[k].s - modes[j].s).norm() <= TWICE * modes[j].s.norm();
+        if (0..modes.len()).any(|k| found_twice(k) && cosine(&modes[k].x, &modes[j].x) > 1.0 - SAME_SHAPE) {
+            quality[j].error = f64::INFINITY;
+        }
+    }
+}
+
+/// Relative distance of two roots with one shape that Newton's method has led to one place.
+const TWICE: f64 = 1e-9;
+const FOLLOWED: usize = 8;
+/// Relative size of a last step of Newton's method that shows convergence.
+const AT_REST: f64 = 1e-3;
+
+fn set(mode: &mut RawMode, s: C, x: Vec<C>, y: Option<Vec<C>>) {
+    (mode.s, mode.x, mode.y) = (s, x, y);
+    if mode.partner.im != 0.0 {
+        mode.partner = s.conj();
+    }
+}
+
+fn cosine(a: &[C], b: &[C]) -> f64 {
+    let norm = |v: &[C]| v.iter().map(|v| v.norm_sqr()).sum::<f64>().sqrt();
+    a.iter().zip(b).map(|(a, b)| a.conj() * b).sum::<C>().norm() / (norm(a) * norm(b))
+}
+
+/// Newton's method until the root stands still; its last step is part of the error. A root that does not come to rest near its start
+/// stays where it was, with the error that its residual allows.
+fn follow(terms: &Terms, mode: &mut RawMode, quality: &mut Quality, counts: &mut Counts) {
+    let start = (mode.s, mode.x.clone(), mode.y.clone());
+    let before = *quality;
+    let mut last = f64::INFINITY;
+    for _ in 0..FOLLOWED {
+        counts.add("refinements", 1);
+        let Some((s, x, y)) = step(terms, mode, quality.denominator) else {
+            last = f64::INFINITY;
+            break;
+        };
+        let moved = (s - mode.s).norm() / s.norm();
+        if moved >= last || moved.is_nan() {
+            break;
+        }
+        last = moved;
+        *quality = judged(terms, s, &x, y.as_deref());
+        set(mode, s, x, y);
+        if last <= 4.0 * EPS {
+            break;
+        }
+    }
+    let is_near = (mode.s - start.0).norm() <= 0.5 * start.0.norm();
+    let is_solved = quality.backward <= before.backward.max(good_enough(mode.x.len()));
+    if is_near && is_solved && last <= AT_REST {
+        quality.error = if quality.error.is_nan() { quality.error } else { quality.error.max(last) };
+    } else {
+        set(mode, start.0, start.1, start.2);
+        *quality = before;
+        quality.error = quality.error.max((quality.backward * quality.normwise).min(1.0));
     }
 }
 
@@ -63,7 +129,7 @@ fn step(terms: &Terms, mode: &RawMode, denominator: C) -> Option<Triple> {
         (false, false) => C::ZERO,
     });
     let lu = bordered.partial_piv_lu();
-    let qx = &q * &x;
+    let qx = residual(terms, mode.s, &mode.x);
     let mut step = Mat::from_fn(n + 1, 1, |i, _| if i < n { -qx[i] } else { C::ZERO });
     lu.solve_in_place(step.as_mut());
     let ds = step[(n, 0)];
@@ -75,6 +141,27 @@ fn step(terms: &Terms, mode: &RawMode, denominator: C) -> Option<Triple> {
     let y = mode.y.as_ref().map(|_| left_vector(&lu, n, denominator));
     let finite = s.is_finite() && refined.iter().all(|v| v.is_finite());
     finite.then_some((s, refined, y))
+}
+
+/// Q(s) x with sums in twice the precision.
+fn residual(terms: &Terms, s: C, x: &[C]) -> Vec<C> {
+    let part = |f: &dyn Fn(&C) -> f64| x.iter().map(|v| Dd::new(f(v))).collect::<Vec<Dd>>();
+    let (re, im) = (part(&|v| v.re), part(&|v| v.im));
+    let both = |a: &Mat<f64>| (matrix_times(a.as_ref(), &re, false), matrix_times(a.as_ref(), &im, false));
+    let (square_re, square_im) =
+        (Dd::product(s.re, s.re).minus(Dd::product(s.im, s.im)), Dd::product(2.0 * s.re, s.im));
+    let mut sum = both(&terms.k);
+    let mut add = |(re, im): (Vec<Dd>, Vec<Dd>), a: Dd, b: Dd| {
+        for i in 0..re.len() {
+            sum.0[i] = sum.0[i].plus(a.times(re[i])).minus(b.times(im[i]));
+            sum.1[i] = sum.1[i].plus(a.times(im[i])).plus(b.times(re[i]));
+        }
+    };
+    add(both(&terms.m), square_re, square_im);
+    if let Some(d) = &terms.d {
+        add(both(d), Dd::new(s.re), Dd::new(s.im));
+    }
+    sum.0.iter().zip(&sum.1).map(|(re, im)| C::new(re.value(), im.value())).collect()
 }
 
 fn keep_real(mode: &RawMode, s: C) -> C {

@@ -260,7 +260,7 @@ pub fn right_vector(hat: &Hat, factor: &Factor, s: C, z: ColRef<'_, C>) -> Vec<C
     if norm(&top) >= norm(&bottom) || bottom.is_empty() {
         return top;
     }
-    let other: Vec<C> = top.iter().map(|v| v / s).collect();
+    let other: Vec<C> = if s == C::ZERO { vec![C::ZERO; n] } else { top.iter().map(|v| v / s).collect() };
     unit(factor.right(&bottom, &other, &hat.right))
 }
 

@@ -2,55 +2,52 @@
 use faer::Mat;
 use faer::prelude::*;
 
+use super::certificate::Approximation;
 use super::quality::Correction;
 use super::rigid::{factor_null, no_svd, polished, symmetric_null};
-use super::{Raw, RawMode};
+use super::{Known, Raw, RawMode, graded};
 use crate::error::Result;
-use crate::linalg::dense::{C, EPS, absolute, beside, completed, frobenius, real, reduced, symmetrised};
+use crate::linalg::dense::{C, EPS, absolute, beside, completed, exceeds, frobenius, real, reduced, symmetrised};
 use crate::linalg::eigen;
 use crate::run::Counts;
 use crate::second_order::SecondOrder;
+use crate::tolerances::modes::UNCOUPLED;
 
-/// Squared undamped frequencies and shapes in mass-orthonormal coordinates; the first `rigid` are zero.
+/// Squared undamped frequencies and shapes with x^T M x = 1; the first `rigid` are zero.
 struct Spectrum {
     lambda: Vec<f64>,
-    vectors: Mat<f64>,
+    x: Mat<f64>,
     rigid: usize,
-    known: Option<Vec<(f64, f64)>>,
+    judged: Vec<Known>,
 }
 
 /// None where the damping couples the undamped modes.
 pub fn solve(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<Option<Raw>> {
     let k = symmetrised(reduced(l.as_ref(), system.k.as_ref()));
-    let c = system.c.as_ref().map(|c| symmetrised(reduced(l.as_ref(), c.as_ref())));
-    if let Some(c) = &c {
-        let product = &k * c;
+    if let Some(c) = &system.c {
+        let c = symmetrised(reduced(l.as_ref(), c.as_ref()));
+        let product = &k * &c;
         let skew = frobenius((&product - product.transpose()).as_ref());
         if skew > COMMUTING * frobenius(k.as_ref()) * frobenius(c.as_ref()) {
             return Ok(None);
         }
     }
     let mut spectrum = match &system.kf {
-        Some(kf) => from_factor(l, kf, counts)?,
+        Some(kf) => from_factor(system, kf, counts)?,
         None => from_stiffness(system, l, &k, counts)?,
     };
-    let damping = match &c {
+    let damping = match &system.c {
         None => vec![0.0; system.size()],
         Some(c) => match diagonalised(c, &mut spectrum) {
             Some(damping) => damping,
             None => return Ok(None),
         },
     };
-    let mut x = spectrum.vectors.clone();
-    l.transpose().solve_upper_triangular_in_place(x.as_mut());
-    if spectrum.known.is_none() {
-        sharpen(system, &x, &mut spectrum);
-    }
-    let modes = (0..system.size()).map(|j| mode(&spectrum, &damping, &x, j)).collect();
+    let modes = (0..system.size()).map(|j| mode(&spectrum, &damping, j)).collect();
     Ok(Some(Raw {
         modes,
-        route: if c.is_none() { "undamped" } else { "proportional" },
-        may_be_defective: c.is_some(),
+        route: if system.c.is_none() { "undamped" } else { "proportional" },
+        may_be_defective: system.c.is_some(),
         correction: Correction::None,
     }))
 }
@@ -59,111 +56,118 @@ pub fn solve(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<
 const COMMUTING: f64 = 1e-8;
 
 fn from_stiffness(system: &SecondOrder, l: &Mat<f64>, k: &Mat<f64>, counts: &mut Counts) -> Result<Spectrum> {
+    let (x, candidates) = eigenvectors(system, l, k, counts)?;
+    let mut found = Approximation::new(system, x, candidates, counts);
+    if !found.is_sharp() {
+        if let Some(start) = graded::from_stiffness(system, counts) {
+            let other = Approximation::new(system, start.x, start.candidates, counts);
+            if other.worst() < found.worst() {
+                found = other;
+            }
+        }
+        found.improve(counts);
+    }
+    Ok(settled(found, system.mf.is_none()))
+}
+
+/// Shapes by an eigensolver; the first ones, of which the number is returned, may be free of stiffness.
+fn eigenvectors(system: &SecondOrder, l: &Mat<f64>, k: &Mat<f64>, counts: &mut Counts) -> Result<(Mat<f64>, usize)> {
     counts.add("symmetric eigensolutions", 1);
-    let (lambda, vectors) = eigen::symmetric(k.as_ref())?;
+    let (lambda, mut vectors) = eigen::symmetric(k.as_ref())?;
     let largest = lambda.iter().fold(0.0f64, |m, v| m.max(v.abs()));
     let smallest = lambda.iter().fold(f64::INFINITY, |m, v| m.min(v.abs()));
     // far from zero no rank test is needed; the margin is wide because masses, unlike the test, scale lambda
     let free =
         if smallest > 1e-7 * largest { Mat::zeros(k.nrows(), 0) } else { symmetric_null(system.k.as_ref(), counts)? };
-    if free.ncols() == 0 {
-        return Ok(Spectrum { lambda, vectors, rigid: 0, known: None });
+    if free.ncols() > 0 {
+        let still = completed((l.transpose() * &free).as_ref()).0;
+        let (still, _) = polished(k.as_ref(), &still, &still);
+        let (still, moving) = completed(still.as_ref());
+        counts.add("symmetric eigensolutions", 1);
+        let inner = symmetrised(moving.transpose() * k * &moving);
+        let moved = eigen::symmetric(inner.as_ref())?.1;
+        vectors = beside(still.as_ref(), (&moving * &moved).as_ref());
     }
-    let still = completed((l.transpose() * &free).as_ref()).0;
-    let (still, _) = polished(k.as_ref(), &still, &still);
-    let (still, moving) = completed(still.as_ref());
-    counts.add("symmetric eigensolutions", 1);
-    let inner = symmetrised(moving.transpose() * k * &moving);
-    let (lambda, vectors) = eigen::symmetric(inner.as_ref())?;
-    let rigid = free.ncols();
-    Ok(Spectrum {
-        lambda: [vec![0.0; rigid], lambda].concat(),
-        vectors: beside(still.as_ref(), (&moving * &vectors).as_ref()),
-        rigid,
-        known: None,
-    })
+    l.transpose().solve_upper_triangular_in_place(vectors.as_mut());
+    Ok((vectors, free.ncols()))
 }
 
-/// Singular values of kf L^-T: relative accuracy of about EPS times the root of the stiffness ratio instead of the ratio.
-fn from_factor(l: &Mat<f64>, kf: &Mat<f64>, counts: &mut Counts) -> Result<Spectrum> {
-    let n = l.nrows();
-    let free = factor_null(kf.as_ref(), counts)?;
-    let rigid = free.ncols();
-    let (still, moving) = completed((l.transpose() * &free).as_ref());
-    let mut basis = moving.clone();
-    l.transpose().solve_upper_triangular_in_place(basis.as_mut());
-    let product = kf * &basis;
-    let b =
-        Mat::from_fn(product.nrows().max(n), n - rigid, |i, j| if i < product.nrows() { product[(i, j)] } else { 0.0 });
-    counts.add("singular value decompositions", 1);
-    let svd = b.thin_svd().map_err(|_| no_svd(n))?;
-    let m = n - rigid;
-    let sigma: Vec<f64> = (0..m).map(|j| svd.S()[m - 1 - j]).collect();
-    let v = Mat::from_fn(m, m, |i, j| svd.V()[(i, m - 1 - j)]);
-    let u = Mat::from_fn(b.nrows(), m, |i, j| svd.U()[(i, m - 1 - j)]);
-    let judged = (0..m).map(|j| judge_singular(&b, sigma[j], u.col(j), v.col(j)));
-    Ok(Spectrum {
-        known: Some(std::iter::repeat_n((0.0, f64::NAN), rigid).chain(judged).collect()),
-        lambda: [vec![0.0; rigid], sigma.iter().map(|s| s * s).collect()].concat(),
-        vectors: beside(still.as_ref(), (&moving * &v).as_ref()),
-        rigid,
-    })
+/// Singular values of a factor of K: their error does not grow with the ratio of stiffnesses. The geometry in its rows decides
+/// what is rigid.
+fn from_factor(system: &SecondOrder, kf: &Mat<f64>, counts: &mut Counts) -> Result<Spectrum> {
+    let n = system.size();
+    let rank = n - factor_null(kf.as_ref(), counts)?.ncols();
+    let start = graded::from_factor(system, kf, rank, counts).ok_or_else(|| no_svd(n))?;
+    let mut found = Approximation::with_rigid(system, start.x, start.candidates, counts);
+    if !found.is_sharp() {
+        found.improve(counts);
+    }
+    Ok(settled(found, false))
 }
 
-/// First-order error of a singular value from its residuals, and its componentwise condition, both relative.
-fn judge_singular(b: &Mat<f64>, sigma: f64, u: ColRef<'_, f64>, v: ColRef<'_, f64>) -> (f64, f64) {
-    let forward = b * v - Scale(sigma) * u;
-    let backward = b.transpose() * u - Scale(sigma) * v;
-    let (mut error, mut condition) = (0.0, 0.0);
-    for i in 0..b.nrows() {
-        error += u[i].abs() * forward[i].abs();
-        let row: f64 = (0..b.ncols()).map(|j| b[(i, j)].abs() * v[j].abs()).sum();
-        condition += u[i].abs() * row;
-    }
-    for j in 0..b.ncols() {
-        error += v[j].abs() * backward[j].abs();
-    }
-    (error / sigma, condition / sigma)
+fn settled(found: Approximation<'_>, residual_counts: bool) -> Spectrum {
+    let judged = (0..found.lambda.len()).map(|j| match j < found.rigid {
+        true => Known { error: found.noise(j).sqrt(), condition: f64::NAN, residual_counts },
+        false => Known { error: 0.5 * found.bound[j] + found.data(j), condition: found.condition(j), residual_counts },
+    });
+    Spectrum { judged: judged.collect(), lambda: found.lambda, x: found.x, rigid: found.rigid }
 }
 
 /// Damping of each mode, or None where it couples them. Inside repeated frequencies the damping chooses the shapes.
 fn diagonalised(c: &Mat<f64>, spectrum: &mut Spectrum) -> Option<Vec<f64>> {
     let n = c.nrows();
-    let tolerance = 16.0 * (n as f64).sqrt() * EPS * frobenius(c.as_ref());
-    let mut modal = spectrum.vectors.transpose() * c * &spectrum.vectors;
-    if rotate_groups(spectrum, &modal, tolerance) {
-        modal = spectrum.vectors.transpose() * c * &spectrum.vectors;
+    let rounding = 16.0 * (n as f64).sqrt() * EPS;
+    let moduli = absolute(spectrum.x.as_ref());
+    let size = moduli.transpose() * absolute(c.as_ref()) * &moduli;
+    let mut modal = spectrum.x.transpose() * c * &spectrum.x;
+    if rotate_groups(spectrum, &modal, &(&size * Scale(0.01 * rounding))) {
+        modal = spectrum.x.transpose() * c * &spectrum.x;
     }
     for j in 0..n {
-        for i in 0..n {
-            if i != j && modal[(i, j)].abs() > tolerance {
-                return None;
+        let mut coupling = 0.0;
+        for i in (0..n).filter(|&i| i != j) {
+            let d = modal[(i, j)].abs();
+            if d > rounding * size[(i, j)] {
+                coupling += coupling_effect(d, spectrum.lambda[i], spectrum.lambda[j]);
             }
         }
+        if exceeds(coupling, UNCOUPLED) {
+            return None;
+        }
+        if j >= spectrum.rigid {
+            spectrum.judged[j].error += 0.5 * coupling;
+        }
     }
-    let clean = |d: f64| if d.abs() <= tolerance { 0.0 } else { d };
-    Some((0..n).map(|i| clean(modal[(i, i)])).collect())
+    Some((0..n).map(|i| if modal[(i, i)].abs() <= rounding * size[(i, i)] { 0.0 } else { modal[(i, i)] }).collect())
 }
 
-fn rotate_groups(spectrum: &mut Spectrum, modal: &Mat<f64>, tolerance: f64) -> bool {
+/// Relative change of lambda_j by damping d between modes i and j: (s d)^2/((lambda_i - lambda_j) lambda_j), at most d/|s|.
+fn coupling_effect(d: f64, other: f64, own: f64) -> f64 {
+    let first = d / own.abs().sqrt();
+    let second = d * d / (other - own).abs();
+    if own == 0.0 { f64::INFINITY } else { first.min(second) }
+}
+
+fn rotate_groups(spectrum: &mut Spectrum, modal: &Mat<f64>, rounding: &Mat<f64>) -> bool {
     let n = spectrum.lambda.len();
-    let largest = spectrum.lambda.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-    let close = 64.0 * (n as f64).sqrt() * EPS * largest;
+    let blur = |j: usize| 2.0 * spectrum.judged[j].error + 32.0 * (n as f64).sqrt() * EPS;
+    let blurs: Vec<f64> = (0..n).map(blur).collect();
     let (mut start, mut rotated) = (0, false);
     while start < n {
         let mut end = start + 1;
         while end < n
             && (end < spectrum.rigid) == (start < spectrum.rigid)
-            && spectrum.lambda[end] - spectrum.lambda[end - 1] <= close
+            && spectrum.lambda[end] - spectrum.lambda[end - 1]
+                <= (blurs[end] + blurs[end - 1]) * spectrum.lambda[end].abs()
         {
             end += 1;
         }
         let size = end - start;
         let block = modal.submatrix(start, start, size, size);
-        let coupled = (0..size).any(|i| (0..i).any(|j| block[(i, j)].abs() > 0.01 * tolerance));
+        let coupled = (0..size).any(|i| (0..i).any(|j| block[(i, j)].abs() > rounding[(start + i, start + j)]));
         if coupled && let Ok((_, rotation)) = eigen::symmetric(block) {
-            let turned = spectrum.vectors.subcols(start, size) * &rotation;
-            spectrum.vectors.subcols_mut(start, size).copy_from(&turned);
+            let turned = spectrum.x.subcols(start, size) * &rotation;
+            spectrum.x.subcols_mut(start, size).copy_from(&turned);
             let mean = spectrum.lambda[start..end].iter().sum::<f64>() / size as f64;
             spectrum.lambda[start..end].fill(mean);
             rotated = true;
@@ -173,51 +177,29 @@ fn rotate_groups(spectrum: &mut Spectrum, modal: &Mat<f64>, tolerance: f64) -> b
     rotated
 }
 
-/// Rayleigh quotients with the unreduced matrices: their error is that of single entries, not of the largest eigenvalue.
-fn sharpen(system: &SecondOrder, x: &Mat<f64>, spectrum: &mut Spectrum) {
-    let kx = &system.k * x;
-    let masses: Vec<f64> = match &system.mf {
-        None => {
-            let mx = &system.m * x;
-            let mass = |j: usize| x.col(j).transpose() * mx.col(j);
-            (0..x.ncols()).map(mass).collect()
-        }
-        Some(mf) => {
-            let moved = mf * x;
-            (0..x.ncols()).map(|j| moved.col(j).squared_norm_l2()).collect()
-        }
-    };
-    for (j, mass) in masses.iter().enumerate().skip(spectrum.rigid) {
-        spectrum.lambda[j] = (x.col(j).transpose() * kx.col(j)) / mass;
-    }
-    if system.mf.is_some() {
-        let size = absolute(system.k.as_ref()) * absolute(x.as_ref());
-        let judged = |j: usize| {
-            let strain: f64 = (0..x.nrows()).map(|i| x[(i, j)].abs() * size[(i, j)]).sum();
-            let condition = strain / (spectrum.lambda[j].abs() * masses[j]);
-            (0.5 * EPS * (condition + 1.0), condition)
-        };
-        let known = (0..x.ncols()).map(|j| match j < spectrum.rigid {
-            true => (0.0, f64::NAN),
-            false => judged(j),
-        });
-        spectrum.known = Some(known.collect());
-    }
-}
-
-fn mode(spectrum: &Spectrum, damping: &[f64], x: &Mat<f64>, j: usize) -> RawMode {
+fn mode(spectrum: &Spectrum, damping: &[f64], j: usize) -> RawMode {
     let (s, partner) = quadratic_roots(damping[j], spectrum.lambda[j]);
+    let is_still = j < spectrum.rigid;
+    let error = match (spectrum.judged[j].error, damping[j] == 0.0 || is_still) {
+        (error, true) => error,
+        (error, false) => moved(s, damping[j], 2.0 * error * spectrum.lambda[j].abs()),
+    };
     RawMode {
         s,
         partner,
-        x: (0..x.nrows()).map(|i| real(x[(i, j)])).collect(),
+        x: (0..spectrum.x.nrows()).map(|i| real(spectrum.x[(i, j)])).collect(),
         y: None,
         partner_x: None,
         partner_y: None,
         // a negative damper on a free body makes it diverge; its zero root is then the partner
-        rigid: j < spectrum.rigid && s == C::ZERO,
-        known: spectrum.known.as_ref().map(|known| known[j]),
+        rigid: is_still && s == C::ZERO,
+        known: (!is_still || s == C::ZERO).then_some(Known { error, ..spectrum.judged[j] }),
     }
+}
+
+/// Relative change of a root of s^2 + c s + lambda by that of lambda; a double root moves like its square root.
+fn moved(s: C, c: f64, change: f64) -> f64 {
+    (change / (2.0 * s + c).norm()).min(change.sqrt()) / s.norm()
 }
 
 /// Roots of s^2 + c s + lambda: of a complex pair first the one with Im > 0, of two real ones first the larger.

@@ -11,7 +11,7 @@ use crate::run::Counts;
 use crate::system::assemble::Scene;
 use crate::system::placement::advance;
 use crate::system::topology::Level;
-use crate::tolerances::REDUNDANT_OPEN;
+use crate::tolerances::constraints::REDUNDANT_OPEN;
 
 use super::{Equations, Instant, Motion, scaled_size};
 

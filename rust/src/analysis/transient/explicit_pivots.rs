@@ -13,7 +13,7 @@ use nalgebra::DVector;
 
 use crate::error::{Error, Result};
 use crate::system::topology::Level;
-use crate::tolerances::TIE;
+use crate::tolerances::constraints::TIE;
 
 use super::Equations;
 use crate::linalg::matrix::Matrix;

@@ -1,0 +1,95 @@
+"""Lowest modes of large systems whose frequencies lie close together, far from zero; massless coordinates; cut groups."""
+
+from __future__ import annotations
+
+import mbrs as mb
+import numpy as np
+import pytest
+import scipy.linalg as sl
+import scipy.sparse as sp
+
+
+def on_foundation(n: int, ground: float, order: np.ndarray | None = None) -> mb.MechanicalSystem:
+    """A row of unit masses and springs, each mass on a spring of its own: lambda_j = ground + 4 sin^2(j pi/(2 n + 2))."""
+    K = sp.diags([(2 + ground) * np.ones(n), -np.ones(n - 1), -np.ones(n - 1)], [0, 1, -1]).tocsr()
+    if order is not None:
+        K = K[order][:, order]
+    return mb.MechanicalSystem(sp.identity(n).tocsr(), K=K)
+
+
+def row(n: int, ground: float) -> np.ndarray:
+    return np.sqrt(ground + 4 * np.sin(np.arange(1, n + 1) * np.pi / (2 * n + 2)) ** 2)
+
+
+@pytest.mark.parametrize(("n", "ground"), [(2000, 0.5), (5000, 0.47), (10000, 0.053), (3000, 0.0051), (3000, 37.0)])
+def test_crowded_lowest_modes(n, ground):
+    order = np.random.default_rng(n).permutation(n)
+    r = mb.modes(on_foundation(n, ground, order), n=5)
+    error = np.abs(r.omega / row(n, ground)[:5] - 1)
+    print(f"n {n}, ground {ground}: {error}, {r.error}, {r.stats.counts}, {r.stats.route}")
+    assert error.max() < 1e-12 and np.all(error <= 10 * r.error) and r.status == "converged"
+    assert "inertia" in r.stats.route
+
+
+def test_ordinary_lowest_modes_move_no_shift():
+    r = mb.modes(on_foundation(2000, 0.0), n=5)
+    assert np.abs(r.omega / row(2000, 0.0)[:5] - 1).max() < 1e-10 and "moved shifts" not in r.stats.counts
+
+
+@pytest.mark.parametrize("where", [0.12, 0.2071, 0.333])
+def test_modes_near_a_frequency(where):
+    """0.333 Hz lies above all: the highest ones."""
+    n = 1500
+    exact = row(n, 0.47) / (2 * np.pi)
+    nearest = np.sort(exact[np.argsort(np.abs(exact**2 - where**2))[:6]])
+    r = mb.modes(on_foundation(n, 0.47), n=6, shift=where)
+    assert np.allclose(r.frequency, nearest, rtol=1e-11) and "inertia" in r.stats.route
+    dense = on_foundation(40, 0.47)
+    small = mb.MechanicalSystem(np.eye(40), K=dense.K.toarray())
+    exact = row(40, 0.47) / (2 * np.pi)
+    r = mb.modes(small, n=3, shift=where)
+    assert np.allclose(r.frequency, np.sort(exact[np.argsort(np.abs(exact**2 - where**2))[:3]]), rtol=1e-12)
+    K = small.K
+    for f, x in zip(r.frequency, r.shape.T, strict=True):
+        assert np.linalg.norm(K @ x - (2 * np.pi * f) ** 2 * x) < 1e-12
+
+
+def test_a_shift_must_make_sense():
+    s = on_foundation(20, 0.5)
+    for options in ({"shift": 1.0}, {"shift": -1.0, "n": 2}, {"shift": float("nan"), "n": 2}, {"shift": "low", "n": 2}):
+        with pytest.raises(mb.ModelError, match="shift"):
+            mb.modes(s, **options)
+    damped = mb.MechanicalSystem(s.M, 0.1 * s.M, s.K)
+    with pytest.raises(mb.ModelError, match="shift"):
+        mb.modes(damped, n=2, shift=0.1)
+
+
+@pytest.mark.parametrize("n", [1, 10, 30])
+def test_a_group_that_n_cuts_is_named(n):
+    """600 oscillators, 400 of them equal: which of their shapes come back is arbitrary."""
+    rng = np.random.default_rng(3)
+    k = np.r_[np.full(400, 1.37), rng.uniform(3, 9, 200)][rng.permutation(600)]
+    r = mb.modes(mb.MechanicalSystem(sp.identity(600).tocsr(), K=sp.diags(k).tocsr()), n=n)
+    assert r.cut_group == tuple(range(n))
+    split = mb.modes(mb.MechanicalSystem(sp.identity(600).tocsr(), K=sp.diags(np.linspace(1, 9, 600)).tocsr()), n=n)
+    assert split.cut_group == ()
+
+
+@pytest.mark.parametrize("kind", ["points", "rods"])
+def test_chains_of_bodies_without_inertia(kind):
+    """A hanging chain of point masses, or of rods without inertia about their own axes: sparse and dense agree."""
+    n = 450
+    m = mb.Model(kind, gravity=(0, 0, -9.81))
+    before, length = m.ground, 0.11
+    for i in range(n):
+        inertia = (0, 0, 0) if kind == "points" else (length**2 / 12, length**2 / 12, 0)
+        mass = 1.0 + 0.3 * np.sin(i)
+        depth = (i + 1) * length if kind == "points" else (i + 0.5) * length
+        b = m.body(f"b{i}", mass=mass, inertia=np.array(inertia) * mass, at=(0, 0, -depth))
+        m.revolute(f"j{i}", before, b, at=(0, 0, -i * length), axis=(0.6, 0.8, 0.0))
+        before = b
+    few = mb.modes(m, n=5)
+    lin = mb.linearize(m)
+    exact = np.sqrt(sl.eigh(lin.K, lin.M, eigvals_only=True, subset_by_index=[0, 4]))
+    print(few.omega / exact - 1, few.error, few.stats.route)
+    assert few.stats.route.startswith("sparse") and np.allclose(few.omega, exact, rtol=1e-8)

@@ -1,0 +1,143 @@
+"""Damped modes that are hard: rounding beside damping, mass ratios, defects, against 50 digits."""
+
+from __future__ import annotations
+
+import mbrs as mb
+import numpy as np
+import pytest
+from mpmath import mp
+
+EPS = np.finfo(float).eps
+
+
+def true_roots(M: np.ndarray, C: np.ndarray, K: np.ndarray, digits: int = 60) -> list[complex]:
+    """All roots of det(s^2 M + s C + K) of the numbers stored."""
+    n = len(M)
+    with mp.workdps(digits):
+        inverse = mp.matrix(M.tolist()) ** -1
+        low, high = -inverse * mp.matrix(K.tolist()), -inverse * mp.matrix(C.tolist())
+        a = mp.zeros(2 * n)
+        for i in range(n):
+            a[i, n + i] = 1
+            for j in range(n):
+                a[n + i, j], a[n + i, n + j] = low[i, j], high[i, j]
+        return list(mp.eig(a, left=False, right=False))
+
+
+def errors(r: mb.ModalResult, exact: list) -> np.ndarray:
+    """Relative distance of every eigenvalue from the true root nearest to it, each used once."""
+    left, out = list(exact), []
+    for s in r.eigenvalue:
+        with mp.workdps(60):
+            z = mp.mpc(complex(s))
+            best = left.pop(min(range(len(left)), key=lambda k: abs(left[k] - z)))
+            out.append(float(abs(best - z) / max(abs(best), mp.mpf(10) ** -40)))
+    return np.array(out)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_rounding_beside_damping_leaves_rigid_modes_rigid(seed):
+    """An unheld direction with an entry of rounding in its row, beside a damped chain, coordinates in any order and units."""
+    rng = np.random.default_rng(seed)
+    free = int(rng.integers(1, 3))
+    n = free + 3
+    K, C = np.zeros((n, n)), np.zeros((n, n))
+    a = rng.standard_normal((3, 3))
+    K[free:, free:] = np.diag(rng.uniform(2, 8, 3)) + 0.1 * (a + a.T)
+    C[free + 1 :, free + 1 :] = 0.1 * np.array([[1.0, -0.5], [-0.5, 0.5]]) * rng.uniform(0.5, 2)
+    for i in range(free):
+        noise = rng.choice([0.0, 1.0], 3) * rng.standard_normal(3) * 10.0 ** rng.uniform(-31, -16, 3)
+        K[i, free:] = K[free:, i] = noise
+    unit, order = 10.0 ** rng.uniform(-3, 3, n), rng.permutation(n)
+    M = np.diag(rng.uniform(0.5, 2.0, n)) * np.outer(unit, unit)
+    K, C = K * np.outer(unit, unit), C * np.outer(unit, unit)
+    M, C, K = (x[np.ix_(order, order)] for x in (M, C, K))
+    r = mb.modes(mb.MechanicalSystem(M, C, K))
+    assert np.all(np.isfinite(r.shape)) and r.status == "converged"
+    assert np.count_nonzero(r.kind == "rigid") == free and "overdamped" not in r.kind and "divergence" not in r.kind
+    held = np.abs(np.array([complex(s) for s in true_roots(M, C, K)]))
+    assert np.allclose(np.sort(r.omega[free:]), np.sort(held)[2 * free :: 2], rtol=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_body_on_a_cylindrical_joint_beside_a_damped_chain(seed):
+    rng = np.random.default_rng(seed)
+    axis = rng.standard_normal(3)
+    m = mb.Model("loose", gravity=tuple(rng.standard_normal(3)))
+    here = rng.standard_normal(3)
+    b = m.body("b", mass=1.3, inertia=(0.2, 0.3, 0.4), at=here)
+    axis -= (axis @ m.gravity) * m.gravity / (m.gravity @ m.gravity)  # it can slide without work
+    m.cylindrical("sleeve", m.ground, b, at=here - 0.3 * m.gravity, axis=axis)
+    before = m.ground
+    for i in range(2):
+        at = here + (i + 1) * rng.standard_normal(3)
+        c = m.body(f"c{i}", mass=1.0 + i, inertia=(0.1, 0.1, 0.1), at=at)
+        m.prismatic(f"p{i}", m.ground, c, at=at, axis=rng.standard_normal(3), k=3.0 + i, c=0.1 * i)
+        m.bushing(f"s{i}", before, c, at=at, k=(2.0,) * 3 + (0.0,) * 3, c=(0.1,) * 3 + (0.0,) * 3)
+        before = c
+    with pytest.warns(mb.MbrsWarning):
+        r = mb.modes(m)
+    assert np.all(np.isfinite(r.shape)) and r.status == "converged"
+    assert np.count_nonzero(r.kind == "rigid") == 1 and "overdamped" not in r.kind
+
+
+@pytest.mark.parametrize("ratio", [1e6, 1e10, 1e15])
+@pytest.mark.parametrize("seed", range(6))
+def test_mass_ratios_are_right_or_honest(ratio, seed):
+    rng = np.random.default_rng([int(np.log10(ratio)), seed])
+    n = int(rng.integers(3, 6))
+    rows = np.eye(n) - np.eye(n, k=-1)
+    k, c = rng.uniform(0.5, 2, n), rng.uniform(0.001, 0.05, n)
+    masses = ratio ** rng.uniform(-0.5, 0.5, n)
+    masses[0], masses[-1] = ratio**0.5, ratio**-0.5
+    order = rng.permutation(n)
+    M, C, K = np.diag(masses), rows.T @ np.diag(c) @ rows, rows.T @ np.diag(k) @ rows
+    M, C, K = (x[np.ix_(order, order)] for x in (M, C, K))
+    r = mb.modes(mb.MechanicalSystem(M, C, K))
+    error = errors(r, true_roots(M, C, K))
+    print(f"{ratio:.0e} {seed}: true {error}, estimated {r.error}, {r.status}, {r.stats.route} {r.stats.counts}")
+    assert np.all(error <= 10 * r.error + 4 * EPS) or r.status == "unresolved"
+    if r.status == "converged":
+        assert error.max() < 1e-3
+
+
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_estimates_at_defects(order):
+    if order == 4:
+        c = (1 / 18) ** 0.5
+        M, C, K = np.eye(2), np.array([[8 / 3, c], [c, 4 / 3]]), np.diag([2.0, 0.5])
+    elif order == 3:
+        # (s^2 + c1 s + k1)(s^2 + c2 s + k2) - d^2 s^2 = (s + 1)^3 (s + a)
+        a, k1 = 0.5, 0.1
+        k2 = a / k1
+        c1 = (1 + 3 * a - (3 + a) * k1) / (k2 - k1)
+        c2 = 3 + a - c1
+        d = (c1 * c2 + k1 + k2 - 3 - 3 * a) ** 0.5
+        M, C, K = np.eye(2), np.array([[c1, d], [d, c2]]), np.diag([k1, k2])
+    else:
+        M, C, K = np.eye(2), np.array([[2.0, 0.0], [0.0, 0.3]]), np.array([[1.0, 0.0], [0.0, 4.0]])
+        q = np.array([[0.6, -0.8], [0.8, 0.6]])
+        C, K = q @ C @ q.T, q @ K @ q.T
+    r = mb.modes(mb.MechanicalSystem(M, C, K))
+    error = errors(r, true_roots(M, C, K, 80))
+    print(f"order {order}: true {error}, estimated {r.error}, condition {r.condition}")
+    assert r.near_defective.any()
+    assert np.all(error <= 10 * r.error + 4 * EPS)
+    assert np.all(r.error <= 1e3 * np.maximum(EPS ** (1 / order), error))
+
+
+def test_nan_never_passes():
+    from mbrs.modal import _status
+
+    good = {
+        "kind": ["rigid", "vibration"],
+        "backward_error": np.array([0.0, 1e-16]),
+        "error": np.array([3.0, 1e-15]),
+        "shape": np.eye(2),
+    }
+    assert _status(good, 2) == "converged"
+    for name, value in (("backward_error", np.nan), ("error", np.nan), ("error", 0.5), ("shape", np.nan)):
+        bad = {**good, name: np.array(good[name], dtype=float)}
+        bad[name].flat[-1] = value
+        assert _status(bad, 2) == "unresolved"
+        assert _status(bad, 1) == "converged" or name == "shape"
