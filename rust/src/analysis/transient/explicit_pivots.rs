@@ -14,6 +14,7 @@ use crate::system::topology::Level;
 
 use super::Equations;
 use super::matrix::Matrix;
+use super::rotations::rotation_triples;
 
 /// A remainder below this part of the largest entry carries nothing.
 const REDUNDANT: f64 = 1e-9;
@@ -162,7 +163,7 @@ impl Plan {
         jacobian.each(|i, j, _| {
             places[i].insert(j);
         });
-        for (first, _) in eq.rotation_triples() {
+        for (first, _) in rotation_triples(eq.topology()) {
             let triple = first..first + 3;
             for row in places.iter_mut().filter(|r| triple.clone().any(|c| r.contains(&c))) {
                 row.extend(triple.clone());
