@@ -28,7 +28,7 @@ const MAX_ITERATIONS: usize = 12;
 /// A kept factorisation serves steps within this part of its own.
 const NEAR: f64 = 0.25;
 const SAFETY: f64 = 0.85;
-/// Corrections that an own factorisation does not shrink are rounding below this, characteristic lengths or radians.
+/// Corrections that an own factorisation does not shrink are rounding below this part of the motion within the step.
 const ROUNDING: f64 = 1e-10;
 /// A kept factorisation with which more iterations than these are to be expected is renewed.
 const PATIENCE: f64 = 4.0;
@@ -237,7 +237,7 @@ impl Bdf {
             let rate = step / last;
             let near = step <= 0.1 * self.solved
                 || last.is_finite() && rate < 1.0 && step * rate / (1.0 - rate) <= self.solved;
-            if near || last.is_finite() && fresh && rate > 0.3 && size(w.as_slice()) < ROUNDING {
+            if near || last.is_finite() && fresh && rate > 0.3 && step < ROUNDING {
                 settle(eq, &known, c, &v, &mut y);
                 return Ok(Trial { motion: at(&y, &v), y });
             }

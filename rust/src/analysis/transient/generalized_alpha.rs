@@ -32,8 +32,8 @@ const AHEAD: f64 = 1e-2;
 const SLOW: f64 = 0.1;
 /// Newton's method stops where what is left of w is this part of h^2 a: far below the error of the step.
 const SOLVED: f64 = 1e-9;
-/// Rounding of the equations of a step, over the rounding of its pose.
-const NOISE: f64 = 64.0;
+/// Rounding of the equations of a step, over the rounding of its pose: near singular poses rows lose digits.
+const NOISE: f64 = 512.0;
 
 #[derive(Debug, Clone, Copy)]
 pub struct Parameters {
