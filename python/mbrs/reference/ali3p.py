@@ -1,6 +1,6 @@
 """ALI3-P: index-3 augmented Lagrangian with projections, and its tangent linear model, in plain NumPy.
 
-Trapezoidal rule v = 2/h dq - v_n, a = 2/h (v - v_n) - a_n. With c = h^2/4, rows B = [Phi_q; D]:
+Trapezoidal rule v = 2/h x - v_n, a = 2/h (v - v_n) - a_n, q = q_n exp(x - h^2/12 v_n x v). With c = h^2/4, rows B = [Phi_q; D]:
 
     c [M a + Phi_q^T (lam + alpha Phi) + D^T (mu + beta Psi) - Q] = 0,  lam += alpha Phi, mu += beta Psi
     W (v - v*) + B^T kappa = 0, B v + b = 0;   W (a - a*) + B^T nu = 0, B a + b' = 0
@@ -49,6 +49,10 @@ class Mechanism:
     def advance(self, q: Any, dq: Array) -> Any:
         """The configuration moved by increments."""
         return q + dq
+
+    def turned(self, x: Array, h: float, v0: Array, v1: Array) -> Array:
+        """The increment over a step whose rates go evenly from v0 to v1, x = h (v0 + v1)/2: more than x where coordinates turn."""
+        return x
 
     def mass(self, q: Any, p: Array) -> Array:
         """M (n, n)."""
@@ -102,10 +106,10 @@ class Tangent:
 
 @dataclass
 class Step:
-    """One step in detail: the increment, what the trapezoidal rule made of it, the projections' multipliers."""
+    """One step in detail: x, what the trapezoidal rule made of it, the projections' multipliers."""
 
     end: Instant
-    dq: Array
+    x: Array
     v_star: Array
     a_star: Array
     kappa: Array
@@ -165,66 +169,66 @@ class Scheme:
         self.mech, self.p, self.h, self.weight = mech, np.asarray(p), h, weight
         self.c = h * h / 4
 
-    def _stars(self, last: Instant, dq: Array) -> tuple[Array, Array]:
-        v = 2 / self.h * dq - last.v
-        return v, 2 / self.h * (v - last.v) - last.a
+    def _stars(self, last: Instant, x: Array) -> tuple[Any, Array, Array]:
+        v = 2 / self.h * x - last.v
+        q = self.mech.advance(last.q, self.mech.turned(x, self.h, last.v, v))
+        return q, v, 2 / self.h * (v - last.v) - last.a
 
-    def _balance(self, last: Instant, dq: Array, lam: Array) -> Array:
+    def _balance(self, last: Instant, x: Array, lam: Array) -> Array:
         """c (M a + B^T lam - Q) at the end of the step."""
         m, p, t = self.mech, self.p, last.t + self.h
-        v, a = self._stars(last, dq)
-        q = m.advance(last.q, dq)
+        q, v, a = self._stars(last, x)
         return self.c * (m.residual(t, q, v, a, p) + m.rows(t, q, p).T @ lam)
 
-    def _closure(self, last: Instant, dq: Array) -> Array:
-        """Phi, then h/2 Psi, so that both have the derivative B by dq but for the turning of D."""
+    def _closure(self, last: Instant, x: Array) -> Array:
+        """Phi, then h/2 Psi, so that both have the derivative B by x but for what turns."""
         m, p, t = self.mech, self.p, last.t + self.h
-        q, n = m.advance(last.q, dq), m.n_position
-        psi = m.rate(t, q, self._stars(last, dq)[0], p)[n:]
+        (q, v, _), n = self._stars(last, x), m.n_position
+        psi = m.rate(t, q, v, p)[n:]
         return np.concatenate([m.phi(t, q, p), 0.5 * self.h * psi])
 
-    def factors(self, last: Instant, dq: Array, lam: Array) -> Factors:
+    def factors(self, last: Instant, x: Array, lam: Array) -> Factors:
         """The tangent of the step at real numbers."""
         own = Scheme(self.mech.real(), self.p.real, self.h, self.weight)
         at = real_instant(last)
-        dq, lam, n = dq.real, lam.real, self.mech.n
-        q = own.mech.advance(at.q, dq)
-        A = columns(lambda x: own._balance(at, dq + x, lam), n)
+        x, lam, n = x.real, lam.real, self.mech.n
+        q = own._stars(at, x)[0]
+        A = columns(lambda d: own._balance(at, x + d, lam), n)
         B = own.mech.rows(at.t + self.h, q, own.p)
-        R = columns(lambda x: own._closure(at, dq + x), n) if len(B) else B
+        R = columns(lambda d: own._closure(at, x + d), n) if len(B) else B
         # multipliers in units of c lam: the penalty is alpha c = 1e7 effective masses
         return Factors(A, B.T, R, PENALTY * effective_mass(own.mech.mass(q, own.p), B))
 
     def step(self, last: Instant) -> Step:
         """To t + h."""
         m, h = self.mech, self.h
-        dq = h * last.v + 0.5 * h * h * last.a
+        x = h * last.v + 0.5 * h * h * last.a
         lam = last.lam
         best, passes = np.inf, 0
         # slopes are kept while they serve: they decide how fast the equations are solved, not what solves them
-        by, stale = self.factors(last, dq, lam), False
+        by, stale = self.factors(last, x, lam), False
         while True:
             passes += 1
             if stale:
-                by = self.factors(last, dq, lam)
-            x, y = by.solve(-self._balance(last, dq, lam), -self._closure(last, dq))
-            dq, lam = dq + x, lam + y / self.c
-            change = _size(x)
-            small = change <= 1e-9 * max(_size(dq), self.h)
+                by = self.factors(last, x, lam)
+            d, y = by.solve(-self._balance(last, x, lam), -self._closure(last, x))
+            x, lam = x + d, lam + y / self.c
+            change = _size(d)
+            small = change <= 1e-9 * max(_size(x), self.h)
             if change == 0 or (change >= 0.5 * best and small):
                 break
             if passes == _PASSES:
                 raise ConvergenceError(f"ALI3-P found no solution in {_PASSES} iterations; take a smaller step")
             stale = change > KEPT * best and not small
             best = min(best, change)
-        v_star, a_star = self._stars(last, dq)
-        t, q = last.t + h, m.advance(last.q, dq)
+        q, v_star, a_star = self._stars(last, x)
+        t = last.t + h
         W, B = self.metric(t, q, v_star, a_star), m.rows(t, q, self.p)
         project = Factors(W, B.T, B, PENALTY * effective_mass(m.mass(q, self.p).real, B.real))
         dv, kappa = project.solve(0 * v_star, -m.rate(t, q, v_star, self.p))
         v = v_star + dv
         da, nu = project.solve(0 * a_star, -(m.bias(t, q, v, self.p) + B @ a_star))
-        return Step(Instant(t, q, v, a_star + da, lam), dq, v_star, a_star, kappa, nu, passes)
+        return Step(Instant(t, q, v, a_star + da, lam), x, v_star, a_star, kappa, nu, passes)
 
     def metric(self, t: float, q: Any, v: Array, a: Array) -> Array:
         """W."""
@@ -265,7 +269,7 @@ class Scheme:
         """S, v', a', lam' of a converged step: three linear systems with the matrices of the step itself."""
         m, h = self.mech, self.h
         n_p, lam, t = len(self.p), done.end.lam, last.t + h
-        by = self.factors(last, done.dq, lam)
+        by = self.factors(last, done.x, lam)
         W, B = self.metric(t, done.end.q, done.v_star, done.a_star), m.rows(t, done.end.q, self.p)
         project = Factors(W, B.T, B, PENALTY * effective_mass(m.mass(done.end.q, self.p), B))
         out = []
@@ -275,13 +279,11 @@ class Scheme:
             ends = ((last.q, before.q), (last.v, before.v), (last.a, before.a))
             q0, v0, a0 = (x + 1j * _STEP * d[:, k] for x, d in ends)
             start = Instant(last.t, q0, v0, a0, lam)
-            f = along._balance(start, done.dq, lam).imag / _STEP
-            g = along._closure(start, done.dq).imag / _STEP
+            f = along._balance(start, done.x, lam).imag / _STEP
+            g = along._closure(start, done.x).imag / _STEP
             s, y = by.solve(-f, -g)
             # what is known so far, each with its derivative
-            dq = done.dq + 1j * _STEP * s
-            v_star, a_star = along._stars(start, dq)
-            q = m.advance(start.q, dq)
+            q, v_star, a_star = along._stars(start, done.x + 1j * _STEP * s)
             W_k, B_k = along.metric(t, q, v_star, a_star), m.rows(t, q, p)
             v, a = done.end.v, done.end.a
             f = (W_k @ (v - v_star) + B_k.T @ done.kappa).imag / _STEP

@@ -16,7 +16,7 @@ from .ali3p import Mechanism
 from .assembly import assemble, constraint_values
 from .kinematics import State, System, advance, first_guess
 from .linearize import split
-from .motion import explicit_rates, mass, tree_map, velocity_rows
+from .motion import explicit_rates, mass, tree_map, turned_increment, velocity_rows
 from .reader import located_points
 from .so3 import Array
 
@@ -71,6 +71,10 @@ class TreeMechanism(Mechanism):
     def advance(self, q: State, dq: Array) -> State:
         """Poses moved along the joints."""
         return advance(self.sys, q, dq)
+
+    def turned(self, x: Array, h: float, v0: Array, v1: Array) -> Array:
+        """With the commutator of three rotations that act together."""
+        return turned_increment(self.sys, x, h, v0, v1)
 
     def _maps(self, q: State, v: Array) -> tuple[State, Any, Any]:
         """The state with the velocities of the rates, and the maps with their rates."""

@@ -1,10 +1,12 @@
 """Generalised-alpha on the Lie group, index 3: Bruls, Cardona and Arnold, Mech. Mach. Theory 48 (2012) 121-137.
 
-    dq = h v0 + h^2 ((1/2 - beta) a0 + beta a1),   q1 = q0 exp(dq),   v1 = v0 + h ((1 - gamma) a0 + gamma a1)
+    dq = h v0 + h^2 ((1/2 - beta) a0 + beta a1) - h^2/12 v0 x v1,   q1 = q0 exp(dq)
+    v1 = v0 + h ((1 - gamma) a0 + gamma a1)
     (1 - alpha_m) a1 + alpha_m a0 = (1 - alpha_f) v1' + alpha_f v0',   M v1' + h(q1, v1) + J^T lam = 0,   Phi(q1) = 0
 
-in tree coordinates; after a step rates are aligned with the rows and accelerations made anew, while a and v' of the
-equations above go on from step to step, as in ``rust/src/analysis/transient/generalized_alpha.rs``.
+in tree coordinates; the product is that of three rotations that act together. After a step rates are aligned with the
+rows and accelerations made anew, while a and v' of the equations above go on from step to step, as in
+``rust/src/analysis/transient/generalized_alpha.rs``.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .kinematics import System
-from .motion import Motion, velocity_rows
+from .motion import Motion, turned_increment, velocity_rows
 from .so3 import Array
 from .transient import (
     History,
@@ -62,7 +64,8 @@ def advanced(sys: System, p: Numbers, now: Motion, c: Carried, slope: Array, h: 
     """The end of a step for a guess of v', and its algorithmic acceleration."""
     a = ((1 - p.alpha_f) * slope + p.alpha_f * c.slope - p.alpha_m * c.a) / (1 - p.alpha_m)
     dq = h * now.rate + h * h * ((0.5 - p.beta) * c.a + p.beta * a)
-    return moved(sys, now, dq, now.rate + h * ((1 - p.gamma) * c.a + p.gamma * a)), a
+    rate = now.rate + h * ((1 - p.gamma) * c.a + p.gamma * a)
+    return moved(sys, now, turned_increment(sys, dq, h, now.rate, rate), rate), a
 
 
 def one_step(sys: System, p: Numbers, now: Motion, c: Carried, h: float) -> tuple[Motion, Carried, int]:

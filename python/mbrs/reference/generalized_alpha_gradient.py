@@ -45,7 +45,8 @@ class AlphaScheme:
         n, h = self.n, self.h
         a = ((1 - n.alpha_f) * slope + n.alpha_f * c.slope - n.alpha_m * c.a) / (1 - n.alpha_m)
         dq = h * last.v + h * h * ((0.5 - n.beta) * c.a + n.beta * a)
-        return self.mech.advance(last.q, dq), last.v + h * ((1 - n.gamma) * c.a + n.gamma * a), a
+        v = last.v + h * ((1 - n.gamma) * c.a + n.gamma * a)
+        return self.mech.advance(last.q, self.mech.turned(dq, h, last.v, v)), v, a
 
     def _equations(self, last: Instant, c: Carried, slope: Array, lam: Array) -> tuple[Array, Array]:
         m, p, t = self.mech, self.p, last.t + self.h

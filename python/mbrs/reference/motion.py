@@ -142,6 +142,20 @@ def increment_rates(sys: System, increment: Array, rate: Array) -> Array:
     return out
 
 
+def turned_increment(sys: System, dy: Array, h: float, v0: Array, v1: Array) -> Array:
+    """dy - h^2/12 v0 x v1 of three rotations that act together: the rotation vector of a step whose rate goes evenly from v0
+    to v1, to fourth order (Magnus' series, in the axes of the joint's first body). Coordinates of a reversed joint count
+    backwards.
+    """
+    parts, place = [], 0
+    for t in sys.tree:
+        if t.link.kind in ("spherical", "free"):
+            last = slice(t.stop - 3, t.stop)
+            parts += [dy[place : t.stop - 3], dy[last] - t.sign * h * h / 12 * np.cross(v0[last], v1[last])]
+            place = t.stop
+    return np.concatenate([*parts, dy[place:]])
+
+
 def remember(sys: System, m: Motion) -> Array:
     """What laws remember after the motion came here."""
     if sys.n_memory == 0:

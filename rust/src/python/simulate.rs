@@ -131,11 +131,12 @@ fn put_run<'py>(py: Python<'py>, run: &Run) -> PyResult<Bound<'py, PyDict>> {
     let all = &run.outputs;
     let n = all.len();
     let rows = |of: &dyn Fn(&Output) -> &[f64]| {
-        let width = all.first().map_or(0, |o| of(o).len());
+        // a run that ended before its first output has none, of the usual width
+        let width = of(&run.last).len();
         Array2::from_shape_fn((n, width), |(i, k)| of(&all[i])[k]).into_pyarray(py)
     };
     out.set_item("t", Array1::from_shape_fn(n, |i| all[i].instant.motion.t).into_pyarray(py))?;
-    let bodies = run.last.motion.relative.len();
+    let bodies = run.last.instant.motion.relative.len();
     let relative = Array3::from_shape_fn((n, bodies, 12), |(i, b, k)| all[i].instant.motion.relative[b].number(k));
     out.set_item("relative", relative.into_pyarray(py))?;
     out.set_item("rate", rows(&|o| &o.instant.motion.rate))?;
@@ -147,8 +148,8 @@ fn put_run<'py>(py: Python<'py>, run: &Run) -> PyResult<Bound<'py, PyDict>> {
     out.set_item("local_error", run.local.clone().into_pyarray(py))?;
     out.set_item("rejected", run.rejected)?;
     let (status, t, message) = match &run.end {
-        End::Finished => ("finished", run.last.motion.t, String::new()),
-        End::Interrupted => ("interrupted", run.last.motion.t, String::new()),
+        End::Finished => ("finished", run.last.instant.motion.t, String::new()),
+        End::Interrupted => ("interrupted", run.last.instant.motion.t, String::new()),
         End::Stopped { t, message } => ("stopped", *t, message.clone()),
     };
     out.set_item("status", status)?;
@@ -186,6 +187,17 @@ fn motions(
         .collect())
 }
 
+/// Of an instant at which a drive has a kink: it ends what was before, or begins what follows.
+fn residuals(eq: &Equations<'_, f64>, kinks: &[f64], m: &Motion<f64>, a: &[f64]) -> [f64; 3] {
+    let after = eq.residuals(m, a);
+    if !kinks.contains(&m.t) {
+        return after;
+    }
+    let earlier = Motion { t: m.t - 4.0 * f64::EPSILON * m.t.abs(), ..m.clone() };
+    let before = eq.residuals(&earlier, a);
+    if before[1].max(before[2]) < after[1].max(after[2]) { before } else { after }
+}
+
 /// Per instant: position (n, b, 3), quaternion (n, b, 4), velocity, angular_velocity (n, b, 3); kinetic, gravity (n,); stored and
 /// power (n, elements) with their names; residual (n, 3) of position, velocity and acceleration rows, scaled.
 #[pyfunction]
@@ -211,6 +223,7 @@ fn motion_quantities<'py>(
     let found = interruptible(py, move |cancel| {
         let system = &shared;
         let eq = Equations::new(system, system.x.to_vec(), effects);
+        let kinks = system.kinks(f64::NEG_INFINITY);
         all.iter()
             .enumerate()
             .map(|(i, m)| {
@@ -221,7 +234,7 @@ fn motion_quantities<'py>(
                     rotations[node.body] = quaternion_of_rotation(&pose.r);
                 }
                 let acceleration: Vec<f64> = a.row(i).to_vec();
-                Ok((eq.origins(&placement), rotations, eq.energies(m), eq.residuals(m, &acceleration)))
+                Ok((eq.origins(&placement), rotations, eq.energies(m), residuals(&eq, &kinks, m, &acceleration)))
             })
             .collect::<Result<Vec<_>>>()
     })?;

@@ -101,13 +101,14 @@ impl Solved {
         let start = &from.instant.motion;
         let (dq, m, _) = reached(eq, p, start, (&a0, &before.rate_slope, &s1), h);
         let linear = eq.linearised(&m, &s1, &lam, h * b / g, counts).2;
-        let maps = eq.rotation_maps(&dq);
+        let maps = eq.step_maps(&dq, &start.rate, h, g / (h * b));
         let mut matrix = linear.combined(h * g, 0.0);
         let mut stiffness = &linear.tangent.stiffness * (h * h * b);
         turn_columns(&mut stiffness, &maps);
         matrix += stiffness;
         let jacobian = &linear.jacobian;
-        let mut right = eq.turned_columns(jacobian.clone(), &dq);
+        let mut right = jacobian.clone();
+        turn_columns(&mut right, &maps);
         if eq.topology().has_velocity_rows() {
             velocity_row_slopes(eq, p, start, (&a0, &before.rate_slope, &s1), h, &mut right);
         }

@@ -1,11 +1,12 @@
 //! ALI3-P: index-3 augmented Lagrangian with the trapezoidal rule and projections, on the Lie group.
 //!
 //! ```text
-//! q1 = q0 exp(dq),  v* = 2/h dq - v0,  a* = 2/h (v* - v0) - a0,  c = h^2/4
+//! v* = 2/h x - v0,  a* = 2/h (v* - v0) - a0,  q1 = q0 exp(x - h^2/12 v0 x v*),  c = h^2/4
 //! c (M a* + h(q1, v*) + J^T lam) = 0,   Phi(q1) = 0   (rows on velocity level: J v* + Phi_t = 0)
 //! W (v1 - v*) + J^T kappa = 0,  J v1 + Phi_t = 0;   W (a1 - a*) + J^T nu = 0,  J a1 + gamma = 0
 //! ```
-//! W = M + h/2 D + c K at (q1, v*, a*), or M. Every linear system is solved by penalties and multiplier updates until nothing
+//! for x, the increment h/2 (v0 + v*) of the trapezoidal rule; the product, of three rotations that act together, is their commutator
+//! (`rotations`). W = M + h/2 D + c K at (q1, v*, a*), or M. Every linear system is solved by penalties and multiplier updates until nothing
 //! changes (`penalty`), so that the penalty leaves no trace and redundant rows are welcome. After METHODS.md (e), a reading of
 //! Dopico and co-workers; the functions below are generic, so that `gradient` differentiates the very same text.
 use nalgebra::{DMatrix, DVector};
@@ -17,6 +18,7 @@ use crate::spatial::{Pose, Real};
 use crate::system::assemble::Tangent;
 use crate::system::topology::Level;
 
+use super::rotations::{Maps, add_turning};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 use crate::linalg::kkt::Kkt;
 use crate::linalg::matrix::turn_columns;
@@ -40,7 +42,8 @@ pub enum Weight {
 #[derive(Debug, Clone)]
 pub struct Record {
     pub h: f64,
-    pub dq: Vec<f64>,
+    /// x
+    pub straight: Vec<f64>,
     pub lam: Vec<f64>,
     /// v1 - v* and a1 - a*, and the multipliers that made them
     pub dv: Vec<f64>,
@@ -114,18 +117,23 @@ impl Trend {
     }
 }
 
-/// What the trapezoidal rule makes of an increment: motion with v*, and a*.
-pub fn stars<T: Real>(eq: &Equations<'_, T>, from: &Motion<T>, a0: &[T], dq: &[T], h: f64) -> (Motion<T>, Vec<T>) {
-    let mut m = from.moved(eq.topology(), dq);
-    m.t = from.t + h;
+/// What the trapezoidal rule makes of x: the increment, the motion with v*, and a*.
+pub fn stars<T: Real>(
+    eq: &Equations<'_, T>,
+    from: &Motion<T>,
+    a0: &[T],
+    x: &[T],
+    h: f64,
+) -> (Vec<T>, Motion<T>, Vec<T>) {
     let f = 2.0 / h;
-    let mut a = Vec::with_capacity(dq.len());
-    for i in 0..dq.len() {
-        let v = dq[i] * f - from.rate[i];
-        a.push((v - from.rate[i]) * f - a0[i]);
-        m.rate[i] = v;
-    }
-    (m, a)
+    let rate: Vec<T> = x.iter().zip(&from.rate).map(|(x, v0)| *x * f - *v0).collect();
+    let a = (0..x.len()).map(|i| (rate[i] - from.rate[i]) * f - a0[i]).collect();
+    let mut dq = x.to_vec();
+    add_turning(eq.topology(), h, (&from.rate, &rate), &mut dq);
+    let mut m = from.moved(eq.topology(), &dq);
+    m.t = from.t + h;
+    m.rate = rate;
+    (dq, m, a)
 }
 
 /// c (M a* + h + J^T lam).
@@ -230,27 +238,33 @@ impl Equations<'_, f64> {
         x
     }
 
-    /// The matrix of a step: derivative of balance and closure by (dq, c lam).
-    fn step_matrix(&self, from: &Instant, dq: &[f64], linear: &Linear, h: f64, counts: &mut Counts) -> Result<Kkt> {
+    /// The matrix of a step: derivative of balance and closure by (x, c lam); `maps`: what x does to the pose.
+    fn step_matrix(
+        &self,
+        from: &Instant,
+        (x, maps): (&[f64], &Maps),
+        linear: &Linear,
+        h: f64,
+        counts: &mut Counts,
+    ) -> Result<Kkt> {
         let t = &linear.tangent;
-        let (c, maps) = (0.25 * h * h, self.rotation_maps(dq));
-        let mut matrix = &t.stiffness * c;
-        turn_columns(&mut matrix, &maps);
+        let mut matrix = &t.stiffness * (0.25 * h * h);
+        turn_columns(&mut matrix, maps);
         matrix += &t.mass;
         for part in [&t.damping, &t.gyroscopic].into_iter().flatten() {
             matrix.zip_apply(part, |a, b| *a += b * (0.5 * h));
         }
         let mut right = linear.jacobian.clone();
-        turn_columns(&mut right, &maps);
+        turn_columns(&mut right, maps);
         if self.topology().has_velocity_rows() {
-            self.velocity_row_slopes(from, dq, h, &mut right);
+            self.velocity_row_slopes(from, x, h, &mut right);
         }
         counts.add("factorisations", 1);
         self.kkt_of(&matrix, &linear.jacobian, &right)
     }
 
-    /// Rows of velocity level: h/2 d(J v*)/d(dq), column by column with a dual number.
-    fn velocity_row_slopes(&self, from: &Instant, dq: &[f64], h: f64, right: &mut DMatrix<f64>) {
+    /// Rows of velocity level: h/2 d(J v*)/dx, column by column with a dual number.
+    fn velocity_row_slopes(&self, from: &Instant, x: &[f64], h: f64, right: &mut DMatrix<f64>) {
         let dual = lifted(self);
         let lift = |v: &[f64]| v.iter().map(|x| Dual64::from(*x)).collect::<Vec<_>>();
         let start = Motion {
@@ -260,10 +274,10 @@ impl Equations<'_, f64> {
             memory: lift(&from.motion.memory),
         };
         let a = lift(&from.acceleration);
-        for j in 0..dq.len() {
-            let mut increment = lift(dq);
+        for j in 0..x.len() {
+            let mut increment = lift(x);
             increment[j].eps = 1.0;
-            let (m, _) = stars(&dual, &start, &a, &increment, h);
+            let (_, m, _) = stars(&dual, &start, &a, &increment, h);
             let rates = closure(&dual, &m, h);
             for (i, row) in self.topology().rows.iter().enumerate() {
                 if row.level == Level::Velocity {
@@ -305,11 +319,12 @@ impl Equations<'_, f64> {
         let (v0, a0) = (&from.motion.rate, &from.acceleration);
         let ahead = trend.ahead(a0, h);
         let c = 0.25 * h * h;
-        let mut dq: Vec<f64> = (0..n).map(|i| h * v0[i] + c * (a0[i] + ahead[i])).collect();
+        let mut x: Vec<f64> = (0..n).map(|i| h * v0[i] + c * (a0[i] + ahead[i])).collect();
         let mut lam = from.lam.clone();
-        let (step, linear, exact) = self.newton(from, h, &mut dq, &mut lam, counts)?;
-        let (m, a) = stars(self, &from.motion, a0, &dq, h);
-        let mut record = Record { h, dq, lam, dv: Vec::new(), kappa: Vec::new(), da: Vec::new(), nu: Vec::new() };
+        let (step, linear, exact) = self.newton(from, h, &mut x, &mut lam, counts)?;
+        let (_, m, a) = stars(self, &from.motion, a0, &x, h);
+        let mut record =
+            Record { h, straight: x, lam, dv: Vec::new(), kappa: Vec::new(), da: Vec::new(), nu: Vec::new() };
         let mut end = Instant { motion: m, acceleration: a, lam: record.lam.clone() };
         let projection =
             (self.n_rows() > 0).then(|| self.project(&mut end, &mut record, weight, counts)).transpose()?;
@@ -365,7 +380,7 @@ impl Equations<'_, f64> {
         &self,
         from: &Instant,
         h: f64,
-        dq: &mut [f64],
+        x: &mut [f64],
         lam: &mut [f64],
         counts: &mut Counts,
     ) -> Result<(Kkt, Linear, bool)> {
@@ -375,22 +390,23 @@ impl Equations<'_, f64> {
         let mut last = f64::INFINITY;
         for _ in 0..MAX_ITERATIONS {
             counts.add("iterations", 1);
-            let (m, a) = stars(self, &from.motion, &from.acceleration, dq, h);
+            let (dq, m, a) = stars(self, &from.motion, &from.acceleration, x, h);
             let (mut r, phi, linear) = self.linearised(&m, &a, lam, 0.5 * h, counts);
             r *= -c;
             if r.iter().chain(phi.iter()).any(|v| !v.is_finite()) {
                 return Err(unsolved(h, f64::NAN));
             }
-            let by = self.step_matrix(from, dq, &linear, h, counts)?;
-            let (x, y) = by.solve_one(&r, &-phi)?;
-            for (d, x) in dq.iter_mut().zip(x.iter()) {
-                *d += x;
+            let maps = self.step_maps(&dq, &from.motion.rate, h, 2.0 / h);
+            let by = self.step_matrix(from, (x, &maps), &linear, h, counts)?;
+            let (dx, y) = by.solve_one(&r, &-phi)?;
+            for (x, d) in x.iter_mut().zip(dx.iter()) {
+                *x += d;
             }
             for (l, y) in lam.iter_mut().zip(y.iter()) {
                 *l += y / c;
             }
-            let step = size(x.as_slice());
-            let whole = size(dq).max(c * size(&from.acceleration));
+            let step = size(dx.as_slice());
+            let whole = size(x).max(c * size(&from.acceleration));
             if step <= SOLVED * whole || step <= 4.0 * f64::EPSILON {
                 return Ok((by, linear, step <= EXACT * whole));
             }

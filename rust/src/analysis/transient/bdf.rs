@@ -5,7 +5,8 @@
 //! ```text
 //! c theta' = psi + d,  theta' = J_l^-1(theta) v;    c a = psi_v + d_v;    M a + h(q, v, t) + J^T lam = 0,  J v + Phi_t = 0
 //! ```
-//! Newton corrects c dv and c^2 lam, so that nothing grows as the step falls. Positions are projected at the end of a step, and the
+//! Newton corrects w = c dv and c^2 lam, so that nothing grows as the step falls. The pose turns by J_l(theta) dtheta =
+//! J_l J_l^-1 c dv = w, whatever the chart: the matrix is [M + c D + c^2 K, J^T; J, 0] without J_l, and theta is solved for v. Positions are projected at the end of a step, and the
 //! correction enters the differences (as in the projection of C. Lubich's and E. Eich's codes), so that histories stay consistent.
 //! With fixed steps the order is four, and a run with small steps of its own gives the first four points.
 use std::collections::VecDeque;
@@ -17,6 +18,7 @@ use super::bdf_differences::{Pair, alpha, error_constant, gamma, stretched};
 use super::driver::{Plan, Progress, Steps, drive};
 use super::interpolate::quintic;
 use super::methods::STIFF;
+use super::rotations::rotation_triples;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 use crate::linalg::kkt::Kkt;
 
@@ -26,8 +28,12 @@ const MAX_ITERATIONS: usize = 12;
 /// A kept factorisation serves steps within this part of its own.
 const NEAR: f64 = 0.25;
 const SAFETY: f64 = 0.85;
-/// Corrections that stop falling below this are rounding.
+/// Corrections that an own factorisation does not shrink are rounding below this part of the motion within the step.
 const ROUNDING: f64 = 1e-10;
+/// A kept factorisation with which more iterations than these are to be expected is renewed.
+const PATIENCE: f64 = 4.0;
+/// Repetitions that find theta of v: each gains the turn within a step.
+const REPETITIONS: usize = 40;
 /// Motions within a step below this, characteristic lengths or radians, are solved as if they were of this size: at rest there
 /// is nothing but rounding to be relative to.
 const RESOLVED: f64 = 1e-6;
@@ -157,6 +163,17 @@ impl Bdf {
         self.history = Some(History { t: last.motion.t, h, chart: last.motion.clone(), d, equal: 0 });
     }
 
+    /// Differences from now on count from the last pose; false if they did.
+    fn recharts(&mut self, eq: &Equations<'_, f64>) -> bool {
+        let order = self.order;
+        let Some(history) = self.history.as_mut().filter(|h| eq.widest_rotation(&h.d[0].y) > 0.0) else {
+            return false;
+        };
+        recharted(eq, history, order);
+        history.equal = 0;
+        true
+    }
+
     #[allow(clippy::too_many_arguments)]
     fn solve(
         &mut self,
@@ -179,17 +196,20 @@ impl Bdf {
         if self.kept.as_ref().is_some_and(|(kept, _)| (kept / c - 1.0).abs() > NEAR) {
             self.kept = None;
         }
+        let known: Vec<f64> = guess.y.iter().zip(&psi.y).map(|(g, p)| g - p).collect();
+        let at = |y: &[f64], v: &[f64]| {
+            let mut m = chart.moved(eq.topology(), y);
+            m.t = t;
+            m.rate = v.to_vec();
+            m.memory.clone_from(&from.motion.memory);
+            m
+        };
         let mut last = f64::INFINITY;
         let mut fresh = false;
-        for _ in 0..MAX_ITERATIONS {
+        for iteration in 1..=MAX_ITERATIONS {
             counts.add("iterations", 1);
-            let slope = eq.increment_rates(&y, &v);
-            let wanted: Vec<f64> = (0..n).map(|i| guess.y[i] + c * slope[i] - psi.y[i]).collect();
-            y = wanted;
-            let mut m = chart.moved(eq.topology(), &y);
-            m.t = t;
-            m.rate.clone_from(&v);
-            m.memory.clone_from(&from.motion.memory);
+            settle(eq, &known, c, &v, &mut y);
+            let m = at(&y, &v);
             let a: Vec<f64> = (0..n).map(|i| (psi.v[i] + v[i] - guess.v[i]) / c).collect();
             let r = eq.residual(&m, &a, &lam, counts) * (c * c);
             let rates = eq.row_rates_sparse(&m) * c;
@@ -201,7 +221,7 @@ impl Bdf {
                 });
             }
             if self.kept.is_none() {
-                let (matrix, jacobian) = eq.iteration_matrices(&m, &a, &lam, (c, c * c), &y, counts);
+                let (matrix, jacobian) = eq.iteration_matrices(&m, &a, &lam, (c, c * c), &Vec::new(), counts);
                 self.kept = Some((c, Kkt::new(&matrix, &jacobian, &eq.rows, None)?));
                 fresh = true;
             }
@@ -217,19 +237,14 @@ impl Bdf {
             let rate = step / last;
             let near = step <= 0.1 * self.solved
                 || last.is_finite() && rate < 1.0 && step * rate / (1.0 - rate) <= self.solved;
-            if near || last.is_finite() && rate > 0.3 && step < ROUNDING {
-                let slope = eq.increment_rates(&y, &v);
-                y = (0..n).map(|i| guess.y[i] + c * slope[i] - psi.y[i]).collect();
-                let mut m = chart.moved(eq.topology(), &y);
-                m.t = t;
-                m.rate = v;
-                m.memory.clone_from(&from.motion.memory);
-                return Ok(Trial { motion: m, y });
+            if near || last.is_finite() && fresh && rate > 0.3 && step < ROUNDING {
+                settle(eq, &known, c, &v, &mut y);
+                return Ok(Trial { motion: at(&y, &v), y });
             }
             if last.is_finite() && rate > 2.0 && fresh {
                 break;
             }
-            if last.is_finite() && rate > 0.1 && !fresh {
+            if last.is_finite() && !fresh && iteration as f64 + expected(step, rate, self.solved) > PATIENCE {
                 self.kept = None;
             }
             last = step;
@@ -282,25 +297,25 @@ impl Scheme for Bdf {
             }
         }
         let k = self.order;
-        let (guess, psi) = {
-            let Some(history) = self.history.as_mut() else {
-                return Err(Error::singular("a multistep method without history"));
-            };
-            if (history.h / h - 1.0).abs() > 1e-12 {
-                stretched(&mut history.d, k, h / history.h);
-                history.h = h;
-                history.equal = 0;
-            }
-            let n = eq.n();
-            let (mut guess, mut psi) = (Pair::zero(n), Pair::zero(n));
-            for (m, d) in history.d.iter().enumerate().take(k + 1) {
-                guess.add(d, 1.0);
-                psi.add(d, gamma(m) / alpha(k));
-            }
-            (guess, psi)
+        let Some(history) = self.history.as_mut() else {
+            return Err(Error::singular("a multistep method without history"));
         };
-        let c = h / alpha(k);
-        let trial = self.solve(eq, &guess, &psi, c, from, from.motion.t + h, counts)?;
+        if (history.h / h - 1.0).abs() > 1e-12 {
+            stretched(&mut history.d, k, h / history.h);
+            history.h = h;
+            history.equal = 0;
+        }
+        let (mut guess, psi) = history.ahead(k);
+        let (c, t) = (h / alpha(k), from.motion.t + h);
+        let trial = match self.solve(eq, &guess, &psi, c, from, t, counts) {
+            // before a shorter step: the same one from the pose that it starts from
+            Err(Error::Convergence { .. }) if self.recharts(eq) => {
+                let (from_here, psi) = self.history.as_ref().map(|h| h.ahead(k)).unwrap_or((guess, psi));
+                guess = from_here;
+                self.solve(eq, &guess, &psi, c, from, t, counts)?
+            }
+            made => made?,
+        };
         let end = eq.consistent(trial.motion.clone(), counts)?;
         if estimate {
             eq.same_branch(&trial.motion.rate, &end, h)?;
@@ -419,6 +434,38 @@ impl Scheme for Bdf {
     }
 }
 
+impl History {
+    /// What the differences foresee for the next point, and what they add to its slope.
+    fn ahead(&self, order: usize) -> (Pair, Pair) {
+        let n = self.chart.rate.len();
+        let (mut guess, mut psi) = (Pair::zero(n), Pair::zero(n));
+        for (m, d) in self.d.iter().enumerate().take(order + 1) {
+            guess.add(d, 1.0);
+            psi.add(d, gamma(m) / alpha(order));
+        }
+        (guess, psi)
+    }
+}
+
+/// theta = known + c J_l^-1(theta) v.
+fn settle(eq: &Equations<'_, f64>, known: &[f64], c: f64, v: &[f64], y: &mut Vec<f64>) {
+    for _ in 0..REPETITIONS {
+        let slope = eq.increment_rates(y, v);
+        let next: Vec<f64> = known.iter().zip(&slope).map(|(k, s)| k + c * s).collect();
+        let turns = |(a, b): (&f64, &f64)| (a - b).abs() > 2.0 * f64::EPSILON * a.abs().max(b.abs());
+        let settled = !next.iter().zip(y.iter()).any(turns);
+        *y = next;
+        if settled {
+            return;
+        }
+    }
+}
+
+/// Iterations until what is left falls below the goal, corrections shrinking as they did.
+fn expected(step: f64, rate: f64, goal: f64) -> f64 {
+    if rate < 1.0 { ((goal * (1.0 - rate) / step).ln() / rate.ln()).ceil().max(1.0) } else { f64::INFINITY }
+}
+
 /// Past points counted from the pose of the last one.
 fn recharted(eq: &Equations<'_, f64>, history: &mut History, order: usize) {
     let order = order.min(MOST + 1);
@@ -435,8 +482,16 @@ fn recharted(eq: &Equations<'_, f64>, history: &mut History, order: usize) {
     };
     let points: Vec<Pair> = (0..=order).map(point).collect();
     let motions: Vec<Motion<f64>> = points.iter().map(|p| history.chart.moved(eq.topology(), &p.y)).collect();
-    let mut row: Vec<Pair> =
-        points.iter().zip(&motions).map(|(p, m)| Pair { y: eq.difference(&motions[0], m), v: p.v.clone() }).collect();
+    let from_here = |(p, m): (&Pair, &Motion<f64>)| {
+        let turned = eq.difference(&motions[0], m);
+        // other coordinates than rotations that act together add up, hinges over turns too
+        let mut y: Vec<f64> = p.y.iter().zip(&points[0].y).map(|(y, last)| y - last).collect();
+        for (first, _) in rotation_triples(eq.topology()) {
+            y[first..first + 3].copy_from_slice(&turned[first..first + 3]);
+        }
+        Pair { y, v: p.v.clone() }
+    };
+    let mut row: Vec<Pair> = points.iter().zip(&motions).map(from_here).collect();
     let mut k = 0;
     while let Some(first) = row.first() {
         history.d[k] = first.clone();

@@ -13,6 +13,7 @@ use crate::solve::inverse::Family;
 use super::bdf_history::{GROWTH, History};
 use super::bdf_solver::StepSolver;
 use super::bdf_step::{BdfStep, Form, Guess, Sizes, derivative_weights, value_weights};
+use super::interpolate::quintic;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 use crate::linalg::kkt::Kkt;
 use crate::linalg::rows::Level as Asked;
@@ -36,7 +37,7 @@ pub struct BdfBfgs {
     /// the step that is tried leaves the history behind
     restarted: bool,
     /// length and parts of the step that is tried, where it is a start step
-    started: Option<(f64, u64)>,
+    started: Option<(f64, usize)>,
     /// length of the last step with the formula
     usual: f64,
 }
@@ -179,15 +180,15 @@ impl Scheme for BdfBfgs {
             return self.corrected(eq, from, h, counts);
         }
         self.tried = None;
-        let (end, parts) = self.history.start(eq, from, h, counts)?;
-        self.started = Some((h, parts));
-        let none = || LocalError { position: vec![0.0; eq.n()], rate: vec![0.0; eq.n()] };
-        Ok(Step { end, error: estimate.then(none) })
+        let start = self.history.start(eq, from, h, counts)?;
+        self.started = Some((h, start.parts));
+        Ok(Step { end: start.end, error: estimate.then_some(start.error) })
     }
 
     fn accept(&mut self, _: &Equations<'_, f64>, from: &Instant, step: &Step, h: f64) {
         if self.started.is_none() {
             self.usual = h;
+            self.history.passed();
         }
         if self.restarted {
             self.history.past.clear();
@@ -205,8 +206,25 @@ impl Scheme for BdfBfgs {
         Some(if parts == 1 { back } else { 1.0 })
     }
 
+    /// Start steps hold a part of the tolerance in each of their parts.
     fn per_unit_step(&self) -> bool {
-        true
+        self.started.is_none()
+    }
+
+    fn between(
+        &mut self,
+        eq: &Equations<'_, f64>,
+        from: &Instant,
+        step: &Step,
+        h: f64,
+        fractions: &[f64],
+        counts: &mut Counts,
+    ) -> Result<Vec<Motion<f64>>> {
+        if self.started.is_none() {
+            return Ok(quintic(eq, from, &step.end, h, fractions));
+        }
+        let at = |x: &f64| self.history.between(eq, from.motion.t + x * h, counts);
+        Ok(fractions.iter().map(at).collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
     }
 
     fn reset(&mut self) {

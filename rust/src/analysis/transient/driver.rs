@@ -20,7 +20,12 @@ const FADING: f64 = 0.3;
 /// Rates count at least as if the motion took this part of the characteristic length: what starts from rest has none.
 const SLOWEST: f64 = 1e-3;
 const MAX_FAILURES: usize = 60;
+/// Local errors of one step below so many times the rounding of a pose are rounding themselves, where only a part of the tolerance
+/// is theirs: estimates divide differences of rates by the step, and no shorter one makes them smaller.
+const NOISE: f64 = 256.0;
 const DIVISIONS: usize = 5;
+/// An angle that lies farther (radians) from what rates foretell might be a turn off.
+const COUNTED: f64 = 2.0;
 
 struct Driver<'e, 's, 'p> {
     eq: &'e Equations<'s, f64>,
@@ -60,7 +65,7 @@ pub fn drive(
             local: Vec::new(),
             rejected: 0,
             end: End::Finished,
-            last: start.clone(),
+            last: Output { instant: start.clone(), joints: Vec::new() },
         },
     };
     driver.at_start(&start);
@@ -95,15 +100,19 @@ impl Driver<'_, '_, '_> {
         self.run.outputs.push(Output { instant, joints });
     }
 
-    /// Coordinates of the joints, angles continued from the last accepted step.
-    fn continued(&self, m: &Motion<f64>) -> Vec<f64> {
+    /// Coordinates of the joints, angles on the turn next to that which the rates foretell from the last accepted step, and the
+    /// largest distance from what they foretell.
+    fn continued(&self, from: &Motion<f64>, m: &Motion<f64>) -> (Vec<f64>, f64) {
         let mut now = self.eq.joint_coordinates(m, &self.eq.place(m));
-        for ((now, before), angle) in now.iter_mut().zip(&self.joints).zip(&self.angles) {
-            if *angle {
-                *now += ((before - *now) / TAU).round() * TAU;
+        let mut off = 0.0_f64;
+        if self.angles.contains(&true) {
+            let foretold = self.eq.foretold(&self.joints, from, m);
+            for ((now, near), _) in now.iter_mut().zip(&foretold).zip(&self.angles).filter(|(_, angle)| **angle) {
+                *now += ((near - *now) / TAU).round() * TAU;
+                off = off.max((near - *now).abs());
             }
         }
-        now
+        (now, off)
     }
 
     /// A length from the motion itself: a small turn, or a small change of the rates.
@@ -146,14 +155,20 @@ impl Driver<'_, '_, '_> {
                 way.h = way.recent;
                 scheme.reset();
             }
-            let aim = self.aim(&mut way);
+            let free = active(&mut way.detour, scheme).counts_turns() && !self.eq.remembers_turns();
+            let aim = self.aim(&mut way, free);
             let estimate = self.controlled();
             let finest = finest(&way);
             let active = active(&mut way.detour, scheme);
             let tried = active.step(self.eq, &way.here, aim.length, estimate, counts);
-            let allowed = self.tolerance(active, aim.length).max(finest);
-            let going_on = match self.judged(tried, &way.here, aim.length, active, allowed) {
-                Verdict::Accepted(step, size) => self.accepted(&mut way, scheme, *step, size, &aim, counts)?,
+            let (per_unit, patience) = (active.per_unit_step(), active.rate_time(aim.length));
+            let (power, tolerance) = (active.power(), self.tolerance(active, aim.length));
+            let noise = if per_unit { NOISE * self.eq.rounding(&way.here.motion) } else { 0.0 };
+            let allowed = tolerance.max(finest).max(noise);
+            let going_on = match self.judged(tried, &way, (allowed, per_unit), (patience, power), aim.length) {
+                Verdict::Accepted(step, size, allowed) => {
+                    self.accepted(&mut way, scheme, *step, (size, allowed), &aim, counts)?
+                }
                 Verdict::Rejected(factor, why) => self.rejected(&mut way, scheme, aim.length * factor, why, counts),
                 Verdict::Turned(part) => self.turned(&mut way, aim.length * part, counts),
                 Verdict::Fatal(error) => {
@@ -166,7 +181,7 @@ impl Driver<'_, '_, '_> {
             }
             progress.set((way.here.motion.t - t0) / total);
         }
-        self.run.last = way.here;
+        self.run.last = Output { instant: way.here, joints: self.joints.clone() };
         Ok(())
     }
 
@@ -181,12 +196,12 @@ impl Driver<'_, '_, '_> {
                 first.unwrap_or_else(|| self.first_step(&here, rtol, scheme.order())).min(longest)
             }
         };
-        Way { here, h, failures: 0, after_rejection: false, detour: None, recent: 0.0 }
+        Way { here, h, failures: 0, after_rejection: false, detour: None, kinked: false, recent: 0.0 }
     }
 
-    /// The length of the next step, and what it ends at.
-    fn aim(&self, way: &mut Way) -> Aim {
-        if self.controlled() {
+    /// The length of the next step, and what it ends at; `free`: hinges may turn as far as they will.
+    fn aim(&self, way: &mut Way, free: bool) -> Aim {
+        if self.controlled() && !free {
             way.h = way.h.min(self.eq.half_turn(&way.here));
         }
         let t = way.here.motion.t;
@@ -210,19 +225,18 @@ impl Driver<'_, '_, '_> {
         way: &mut Way,
         scheme: &mut dyn Scheme,
         mut step: Step,
-        size: f64,
+        (size, allowed): (f64, f64),
         aim: &Aim,
         counts: &mut Counts,
     ) -> Result<bool> {
         if let Some(t) = aim.target {
             step.end.motion.t = t;
         }
-        let finest = finest(way);
         let active = active(&mut way.detour, scheme);
+        way.kinked = active.per_unit_step() && self.eq.passes_kink(&way.here.motion, &step.end.motion);
         self.record(active, &way.here, &mut step, aim.length, counts)?;
         active.accept(self.eq, &way.here, &step, aim.length);
         let patience = active.rate_time(aim.length);
-        let allowed = self.tolerance(active, aim.length).max(finest);
         let tolerance = |e: &LocalError| self.size(e, self.speed, patience) / allowed;
         let next = match active.proposal(&tolerance) {
             Some(factor) => self.proposed(way.h, aim.length, factor),
@@ -362,8 +376,16 @@ impl Driver<'_, '_, '_> {
         }
     }
 
-    /// `allowed`: local error of the step
-    fn judged(&self, tried: Result<Step>, here: &Instant, h: f64, scheme: &dyn Scheme, allowed: f64) -> Verdict {
+    /// `allowed`: local error of the step; `patience`, `power`: of the scheme
+    fn judged(
+        &self,
+        tried: Result<Step>,
+        way: &Way,
+        (allowed, per_unit_step): (f64, bool),
+        (patience, power): (f64, f64),
+        h: f64,
+    ) -> Verdict {
+        let here = &way.here;
         let step = match tried {
             Ok(step) => step,
             Err(error @ (Error::Convergence { .. } | Error::Singular(_))) => {
@@ -372,24 +394,43 @@ impl Driver<'_, '_, '_> {
             Err(error) => return Verdict::Fatal(error),
         };
         let Some(error) = &step.error else {
-            return Verdict::Accepted(Box::new(step), 0.0);
+            return Verdict::Accepted(Box::new(step), 0.0, allowed);
         };
         // what starts from rest without force has no rate of its own yet
         let reached = self.scaled(&step.end.motion.rate);
-        let patience = scheme.rate_time(h);
-        let size = self.size(error, self.speed.max(reached), patience) / allowed;
+        let error_size = self.size(error, self.speed.max(reached), patience);
+        let (mut size, mut allowed) = (error_size / allowed, allowed);
+        let passes = || way.kinked || self.eq.passes_kink(&here.motion, &step.end.motion);
+        // at a kink the error falls with a lower power of the step: a kink may cost what a unit of time may
+        let kinked = size > 1.0 && passes();
+        if let (Steps::Controlled { rtol, .. }, true, true) = (self.plan.steps, kinked, per_unit_step) {
+            allowed = allowed.max(rtol);
+            size = error_size / allowed;
+        }
         if size <= 1.0 {
+            let far = self.controlled() && self.eq.half_turn(here) < h;
+            if far && self.continued(&here.motion, &step.end.motion).1 > COUNTED {
+                return Verdict::Rejected(0.5, "the turns of a hinge could not be counted".into());
+            }
             let turn = match self.plan.steps {
                 Steps::Controlled { rtol, .. } => self.eq.reversal(&here.motion, &step.end.motion, rtol),
                 Steps::Fixed(_) => None,
             };
             return match turn {
                 Some(part) => Verdict::Turned(part),
-                None => Verdict::Accepted(Box::new(step), size),
+                None => Verdict::Accepted(Box::new(step), size, allowed),
             };
         }
-        let why = format!("the step underflows: the error is set by '{}'", self.culprit(error));
-        let factor = if size.is_finite() { (SAFETY * size.powf(-1.0 / scheme.power())).clamp(0.1, 0.9) } else { 0.1 };
+        let reason = match kinked {
+            true => "where a law has a kink or a slider turns",
+            false => "where something jumps or changes faster than any step can follow",
+        };
+        let why = format!(
+            "no step is short enough: the estimated error of '{}' is {size:.1e} times the tolerance, {reason}; take a larger rtol, or \
+             another method",
+            self.culprit(error)
+        );
+        let factor = if size.is_finite() { (SAFETY * size.powf(-1.0 / power)).clamp(0.1, 0.9) } else { 0.1 };
         Verdict::Rejected(factor, why)
     }
 
@@ -466,12 +507,12 @@ impl Driver<'_, '_, '_> {
                 counts.add("interpolations", 1);
                 m.t = t;
                 let instant = eq.consistent(m, counts)?;
-                let joints = self.continued(&instant.motion);
+                let joints = self.continued(&here.motion, &instant.motion).0;
                 self.put(instant, joints);
             }
         }
         eq.remember(&mut step.end.motion, counts);
-        self.joints = self.continued(&step.end.motion);
+        self.joints = self.continued(&here.motion, &step.end.motion).0;
         if self.plan.outputs.is_none() {
             at_end = 1;
         }

@@ -2,8 +2,11 @@
 use crate::laws::Law;
 use crate::model::flexible::FlexibleGeometry;
 use crate::model::joint::{Coordinate, JointKind};
+use crate::model::tables::JointSpec;
 use crate::spatial::{Six, V3, log_so3};
-use crate::system::connector::{Numbers, Wanted, continued_motion_of, load_interaction, modal_load, relative_of};
+use crate::system::connector::{
+    Numbers, Wanted, constraint_rates, continued_motion_of, load_interaction, modal_load, relative_of,
+};
 use crate::system::placement::Placement;
 use crate::system::topology::{Connector, Modal, Node};
 
@@ -199,6 +202,17 @@ impl Equations<'_, f64> {
             let turned = log_so3(&pose.r);
             out.extend(pose.p.iter().chain(turned.iter()));
         }
+        out
+    }
+
+    /// Their rates, zeros for bodies that no joint carries.
+    pub fn joint_rates(&self, m: &Motion<f64>) -> Vec<f64> {
+        let (topology, placement) = (self.topology(), self.place(m));
+        let of = |(i, joint): (usize, &JointSpec)| {
+            constraint_rates(topology, &self.geometry, &placement, i, joint.kind.free_coordinates())
+        };
+        let mut out: Vec<f64> = topology.tables.joints.iter().enumerate().flat_map(of).collect();
+        out.resize(self.angles().len(), 0.0);
         out
     }
 

@@ -16,6 +16,7 @@ use crate::system::topology::Level;
 use crate::tolerances::constraints::TIE;
 
 use super::Equations;
+use super::rotations::rotation_triples;
 use crate::linalg::matrix::Matrix;
 use crate::linalg::rows::Level as Asked;
 
@@ -154,7 +155,7 @@ impl Plan {
         jacobian.each(|i, j, _| {
             places[i].insert(j);
         });
-        for (first, _) in eq.rotation_triples() {
+        for (first, _) in rotation_triples(eq.topology()) {
             let triple = first..first + 3;
             for row in places.iter_mut().filter(|r| triple.clone().any(|c| r.contains(&c))) {
                 row.extend(triple.clone());

@@ -8,10 +8,10 @@
 use nalgebra::DMatrix;
 
 use crate::linalg::entries::Entries;
-use crate::model::joint::JointKind;
 use crate::spatial::{M3, Real, V3, skew};
 use crate::system::assemble::Tangent;
 
+use super::rotations::rotation_triples;
 use super::{Equations, Motion};
 use crate::linalg::matrix::Matrix;
 
@@ -77,10 +77,10 @@ impl<T: Real> Equations<'_, T> {
         let turning =
             |v: &[T], first: usize, sign: f64| skew(&(V3::new(v[first], v[first + 1], v[first + 2]) * T::from(sign)));
         let (mut rates, mut accelerations) = (Vec::new(), Vec::new());
-        for (first, sign) in self.rotation_triples() {
+        for (first, sign) in rotation_triples(self.topology()) {
             let omega = turning(&m.rate, first, sign);
-            rates.push((first, -omega));
-            accelerations.push((first, omega * omega - turning(a, first, sign)));
+            rates.push((first, omega));
+            accelerations.push((first, omega * omega + turning(a, first, sign)));
         }
         let mut stiff = columns_times(gyroscopic, &rates);
         if let Some(damping) = &t.damping {
@@ -93,13 +93,5 @@ impl<T: Real> Equations<'_, T> {
         for (i, j, v) in stiff {
             t.stiffness.add(i, j, v);
         }
-    }
-
-    /// First coordinate and sign of three rotations that act together: coordinates of a reversed joint count backwards.
-    pub(super) fn rotation_triples(&self) -> impl Iterator<Item = (usize, f64)> {
-        let nodes = self.topology().nodes.iter();
-        nodes
-            .filter(|n| matches!(n.kind, JointKind::Spherical | JointKind::Free))
-            .map(|n| (n.first + n.n - 3, if n.reversed { 1.0 } else { -1.0 }))
     }
 }

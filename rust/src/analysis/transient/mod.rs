@@ -14,6 +14,7 @@
 //! | `singular` | poses where rows lose rank |
 //! | `detour` | around them |
 //! | `plan`, `driver`, `way` | fixed or controlled steps, output times, stops, detours |
+//! | `rotations` | three rotations that act together |
 //! | `held_rates` | tangents at constant rates |
 //! | `interpolate` | between two instants |
 //! | one file for each scheme | implements `Scheme` |
@@ -39,6 +40,7 @@ pub mod interpolate;
 pub mod methods;
 pub mod plan;
 mod reversal;
+pub mod rotations;
 mod singular;
 pub mod stiffness;
 mod way;
@@ -54,7 +56,7 @@ use crate::linalg::rows::RowBlocks;
 use crate::model::geometry::Geometry;
 use crate::model::joint::JointKind;
 use crate::run::Counts;
-use crate::spatial::{M3, Pose, Real, V3, left_jacobian_coefficient, log_so3};
+use crate::spatial::{M3, Pose, Real, log_so3};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene, Tangent};
 use crate::system::connector::{Numbers, continued_motion_of};
@@ -152,6 +154,11 @@ pub trait Scheme {
         f64::INFINITY
     }
 
+    /// Hinges may turn by more than half a turn within a step, also between its ends.
+    fn counts_turns(&self) -> bool {
+        false
+    }
+
     /// Something jumped (a restart, a kink): histories are worthless.
     fn reset(&mut self) {}
 
@@ -182,6 +189,14 @@ pub trait Scheme {
 /// The largest entry over its scale; entries that are no numbers do not count.
 pub fn scaled_size(v: &[f64], scales: &[f64]) -> f64 {
     v.iter().zip(scales).fold(0.0, |s, (v, c)| s.max((v / c).abs()))
+}
+
+impl Equations<'_, f64> {
+    /// Rounding of a pose, in characteristic lengths and radians: positions far from their origin have more of it.
+    pub fn rounding(&self, m: &Motion<f64>) -> f64 {
+        let farthest = m.relative.iter().fold(0.0_f64, |far, p| far.max(p.p.amax()));
+        f64::EPSILON * (1.0 + farthest / self.system.length)
+    }
 }
 
 /// The equations of motion of a system: values lifted to T once, evaluated at motions.
@@ -395,23 +410,6 @@ impl<'a, T: Real> Equations<'a, T> {
         m.memory = memory;
     }
 
-    /// Rates of the increments theta from the joint rates: theta' = J_l^-1(theta) omega where three rotations act together.
-    pub fn increment_rates(&self, increment: &[T], rate: &[T]) -> Vec<T> {
-        self.on_rotations(increment, rate, |theta, omega| {
-            let (b, _) = left_jacobian_coefficient(theta.dot(&theta));
-            omega - theta.cross(&omega) * T::from(0.5) + theta.cross(&theta.cross(&omega)) * b
-        })
-    }
-
-    /// The way back: omega = J_l(theta) theta'.
-    pub fn rates_of_increments(&self, increment: &[T], speed: &[T]) -> Vec<T> {
-        self.on_rotations(increment, speed, |theta, d| {
-            let (a, b) = left_jacobian_parts(theta.dot(&theta));
-            let turned = theta.cross(&d);
-            d + turned * a + theta.cross(&turned) * b
-        })
-    }
-
     /// The increments that lead from one motion to another; three rotations together are less than half a turn.
     pub fn difference(&self, from: &Motion<T>, to: &Motion<T>) -> Vec<T> {
         let topology = self.topology();
@@ -442,37 +440,6 @@ impl<'a, T: Real> Equations<'a, T> {
         }
         out
     }
-
-    fn on_rotations(&self, increment: &[T], rate: &[T], map: impl Fn(V3<T>, V3<T>) -> V3<T>) -> Vec<T> {
-        let mut out = rate.to_vec();
-        for node in &self.topology().nodes {
-            if !matches!(node.kind, JointKind::Spherical | JointKind::Free) {
-                continue;
-            }
-            let first = node.first + node.n - 3;
-            // coordinates of a reversed joint count backwards, so that increments act as their negatives
-            let sign = T::from(if node.reversed { -1.0 } else { 1.0 });
-            let theta = V3::from_fn(|i, _| increment[first + i] * sign);
-            let omega = V3::from_fn(|i, _| rate[first + i] * sign);
-            let mapped = map(theta, omega);
-            for i in 0..3 {
-                out[first + i] = mapped[i] * sign;
-            }
-        }
-        out
-    }
-}
-
-/// (1 - cos t)/t^2 and (t - sin t)/t^3 of s = t^2: J_l = 1 + a theta^ + b theta^ theta^.
-fn left_jacobian_parts<T: Real>(s: T) -> (T, T) {
-    if s.re() < 0.05 {
-        let term = |c: [f64; 5]| c.iter().rev().fold(T::zero(), |sum, c| sum * s + *c);
-        let a = [1.0 / 2.0, -1.0 / 24.0, 1.0 / 720.0, -1.0 / 40_320.0, 1.0 / 3_628_800.0];
-        let b = [1.0 / 6.0, -1.0 / 120.0, 1.0 / 5040.0, -1.0 / 362_880.0, 1.0 / 39_916_800.0];
-        return (term(a), term(b));
-    }
-    let t = s.sqrt();
-    ((T::one() - t.cos()) / s, (t - t.sin()) / (s * t))
 }
 
 /// Changes of the two angles of R = Rz(alpha) Rx(beta) from a to b, by axis; a reversed joint holds the transpose.

@@ -59,7 +59,7 @@ pub struct Run {
     pub local: Vec<f64>,
     pub rejected: usize,
     pub end: End,
-    pub last: Instant,
+    pub last: Output,
 }
 
 /// Progress as a part of the whole, readable from another thread.

@@ -46,6 +46,49 @@ impl Equations<'_, f64> {
     }
 }
 
+/// Signed distances of a displacement from the kinks of a law.
+fn from_kinks(law: &Law, p: &[f64], u: f64) -> Vec<f64> {
+    match law {
+        Law::Gap => vec![u - p[1]],
+        Law::GapBilateral => vec![u - p[1], u + p[1]],
+        Law::Hertz => vec![u - p[2]],
+        Law::Table { n } => p[..*n].iter().map(|knot| u - knot).collect(),
+        _ => Vec::new(),
+    }
+}
+
+impl Equations<'_, f64> {
+    /// Does a law pass a kink between two motions, or does a slider begin or cease to slide?
+    pub fn passes_kink(&self, from: &Motion<f64>, to: &Motion<f64>) -> bool {
+        let topology = self.topology();
+        let kinky = |law: &Law| {
+            law.n_memory() > 0 || matches!(law, Law::Gap | Law::GapBilateral | Law::Hertz | Law::Table { .. })
+        };
+        let connectors: Vec<_> = topology.connectors.iter().filter(|c| c.laws.iter().any(|l| kinky(&l.law))).collect();
+        if connectors.is_empty() {
+            return false;
+        }
+        let (before, after) = (self.place(from), self.place(to));
+        let numbers = Numbers { x: &self.x, memory: &from.memory };
+        connectors.into_iter().any(|c| {
+            let moved = |place| continued_motion_of(topology, &self.geometry, place, numbers, c);
+            let (start, end) = (moved(&before), moved(&after));
+            c.laws.iter().filter(|l| kinky(&l.law)).any(|l| {
+                let p = &self.x[l.x..l.x + l.law.n_params()];
+                let (u0, u1) = (start[l.component].0, end[l.component]);
+                let (d0, d1) = (from_kinks(&l.law, p, u0), from_kinks(&l.law, p, u1.0));
+                if d0.iter().zip(&d1).any(|(a, b)| (*a > 0.0) != (*b > 0.0)) {
+                    return true;
+                }
+                let memory = &from.memory[l.memory..l.memory + l.law.n_memory()];
+                let mut slid = memory.to_vec();
+                l.law.eval(u1.0, u1.1, p, &mut slid);
+                slid != memory
+            })
+        })
+    }
+}
+
 /// A coordinate along a step: values and rates times the step at both ends.
 struct Way {
     e: [f64; 2],

@@ -3,6 +3,7 @@ use crate::error::Result;
 use crate::run::Counts;
 use crate::system::assemble::Tangent;
 
+use super::rotations::Maps;
 use super::{Equations, Instant, Motion, scaled_size};
 use crate::linalg::matrix::Matrix;
 use nalgebra::DVector;
@@ -47,14 +48,14 @@ impl Equations<'_, f64> {
         self.row_matrix(m).1.times(&m.rate) + self.explicit_rates(m).0
     }
 
-    /// M + cd D + ck K and J, both for changes of increments theta where positions are concerned.
+    /// M + cd D + ck K and J, for changes of the pose or of what `maps` turns into them.
     pub fn iteration_matrices(
         &self,
         m: &Motion<f64>,
         a: &[f64],
         lam: &[f64],
         (cd, ck): (f64, f64),
-        theta: &[f64],
+        maps: &Maps,
         counts: &mut Counts,
     ) -> (Matrix, Matrix) {
         counts.add("tangents", 1);
@@ -67,41 +68,14 @@ impl Equations<'_, f64> {
         self.hold_rates(m, a, &mut tangent);
         let mut jacobian = Matrix::zeros(self.n_rows(), n, self.sparse);
         scene.constraints_into(&mut jacobian);
-        let triples = self.rotation_maps(theta);
         let mut stiffness = tangent.stiffness;
-        stiffness.turn_columns(&triples);
-        jacobian.turn_columns(&triples);
+        stiffness.turn_columns(maps);
+        jacobian.turn_columns(maps);
         let mut matrix = tangent.mass;
         matrix.add_scaled(&stiffness, ck);
         for d in [&tangent.damping, &tangent.gyroscopic].into_iter().flatten() {
             matrix.add_scaled(d, cd);
         }
         (matrix, jacobian)
-    }
-
-    /// J_l of every three rotations that act together.
-    pub fn rotation_maps(&self, theta: &[f64]) -> Vec<(usize, [[f64; 3]; 3])> {
-        let n = self.n();
-        let mut out = Vec::new();
-        for (first, _) in self.rotation_triples() {
-            let mut map = [[0.0; 3]; 3];
-            for k in 0..3 {
-                let mut unit = vec![0.0; n];
-                unit[first + k] = 1.0;
-                let mapped = self.rates_of_increments(theta, &unit);
-                for (l, row) in map.iter_mut().enumerate() {
-                    row[k] = mapped[first + l];
-                }
-            }
-            out.push((first, map));
-        }
-        out
-    }
-
-    /// The largest angle of three rotations together.
-    pub fn widest_rotation(&self, theta: &[f64]) -> f64 {
-        self.rotation_triples()
-            .map(|(i, _)| (theta[i] * theta[i] + theta[i + 1] * theta[i + 1] + theta[i + 2] * theta[i + 2]).sqrt())
-            .fold(0.0, f64::max)
     }
 }

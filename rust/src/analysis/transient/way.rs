@@ -3,7 +3,7 @@ use crate::error::Error;
 use crate::model::joint::JointKind;
 
 use super::detour::{Detour, FINEST};
-use super::{Equations, Instant, Scheme, Step};
+use super::{Equations, Instant, Motion, Scheme, Step};
 
 /// Where the march stands, and how it goes on.
 pub(super) struct Way {
@@ -12,12 +12,14 @@ pub(super) struct Way {
     pub failures: usize,
     pub after_rejection: bool,
     pub detour: Option<Detour>,
+    /// the last step passed a kink of a law
+    pub kinked: bool,
     /// the longest step of late, fading with time: shrinking steps do not hide what they shrink from
     pub recent: f64,
 }
 
 impl Equations<'_, f64> {
-    /// A step in which no angle of a joint turns by half a turn, beyond which turns cannot be counted: v h + a h^2/2 <= 2.
+    /// A step in which no angle of a joint turns by half a turn, beyond which poses do not tell how far: v h + a h^2/2 <= 2.
     pub(super) fn half_turn(&self, here: &Instant) -> f64 {
         const TURN: f64 = 2.0;
         let nodes = self.topology().nodes.iter();
@@ -28,6 +30,21 @@ impl Equations<'_, f64> {
             let (v, a) = (here.motion.rate[d].abs(), here.acceleration[d].abs());
             h.min(2.0 * TURN / (v + (v * v + 2.0 * a * TURN).sqrt()))
         })
+    }
+}
+
+impl Equations<'_, f64> {
+    /// Are there springs or couplers that continue angles from pose to pose?
+    pub(super) fn remembers_turns(&self) -> bool {
+        let topology = self.topology();
+        !topology.tables.couplers.is_empty() || topology.connectors.iter().any(|c| c.turns.is_some())
+    }
+
+    /// Coordinates of the joints that a motion foretells from those before, by the mean of both rates.
+    pub(super) fn foretold(&self, joints: &[f64], from: &Motion<f64>, to: &Motion<f64>) -> Vec<f64> {
+        let half = 0.5 * (to.t - from.t);
+        let rates = self.joint_rates(from).into_iter().zip(self.joint_rates(to));
+        joints.iter().zip(rates).map(|(e, (v0, v1))| e + half * (v0 + v1)).collect()
     }
 }
 
@@ -52,7 +69,8 @@ pub(super) fn active<'s>(detour: &'s mut Option<Detour>, scheme: &'s mut dyn Sch
 }
 
 pub(super) enum Verdict {
-    Accepted(Box<Step>, f64),
+    /// with its local error over what it may be, and that
+    Accepted(Box<Step>, f64, f64),
     Rejected(f64, String),
     /// a slider turns after this part of the step
     Turned(f64),

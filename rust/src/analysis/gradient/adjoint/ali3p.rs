@@ -13,7 +13,7 @@ use crate::error::Result;
 
 use super::super::march::Here;
 use super::by_hand::ByHand;
-use super::increments::{add_numbers, before_move, by_increments};
+use super::increments::{add_numbers, add_turning_back, before_move, by_increments};
 use super::recorder::{Adjoint, Recorder, add, column, remembered_back, transposed_times};
 
 /// Adjoints at the end of the step: of the configuration by increments, of v* and a*.
@@ -42,24 +42,32 @@ pub fn step_back(
     let (from, end) = (&from.instant, &end.instant);
     let mut star = projections_back(hand, eq, (from, end), (record, factors), weight, &at, &mut before)?;
     let f = 2.0 / h;
-    let mut increment = eq.turned_columns(DMatrix::from_row_slice(1, eq.n(), &star.q), &record.dq);
+    let (theta, m, a) = stars(eq, &from.motion, &from.acceleration, &record.straight, h);
+    let rates = (&from.motion.rate[..], &m.rate[..]);
+    let turned = |q: &[f64], onto: (&mut [f64], &mut [f64])| {
+        let by = eq.turned_columns(DMatrix::from_row_slice(1, q.len(), q), &theta);
+        add_turning_back(eq, h, rates, by.as_slice(), onto);
+        by
+    };
+    let (mut ignored, mut rate) = (vec![0.0; eq.n()], star.rate.clone());
+    let mut increment = turned(&star.q, (&mut ignored, &mut rate));
     for i in 0..eq.n() {
-        increment[i] += f * star.rate[i] + f * f * star.acceleration[i];
+        increment[i] += f * rate[i] + f * f * star.acceleration[i];
     }
     let c = 0.25 * h * h;
     let multipliers: Vec<f64> = at.lam.iter().map(|l| l / c).collect();
     let (u, w) = factors.step.solve_transposed(&column(increment.as_slice()), &column(&multipliers))?;
-    let (m, a) = stars(eq, &from.motion, &from.acceleration, &record.dq, h);
     let found = hand.balance(&m, &a, &record.lam, (u.as_slice(), w.as_slice()), c, 0.5 * h);
     add(&mut star.q, &found.q);
     add(&mut star.rate, &found.rate);
     add(&mut star.acceleration, &found.acceleration);
     add(&mut before.memory, &found.memory);
+    turned(&star.q, (&mut before.rate, &mut star.rate));
     for i in 0..eq.n() {
         before.rate[i] -= star.rate[i] + 2.0 * f * star.acceleration[i];
         before.acceleration[i] -= star.acceleration[i];
     }
-    before_move(eq, &record.dq, &mut star.q);
+    before_move(eq, &theta, &mut star.q);
     add_numbers(eq, &from.motion, &star.q, &mut before.pose);
     Ok(before)
 }
@@ -92,7 +100,7 @@ fn projections_back(
     let matrix = projection.matrix();
     star.rate = transposed_times(&matrix, &u2.column(0).into_owned());
     star.acceleration = transposed_times(&matrix, &u3.column(0).into_owned());
-    let (m, a) = stars(eq, &from.motion, &from.acceleration, &record.dq, record.h);
+    let (_, m, a) = stars(eq, &from.motion, &from.acceleration, &record.straight, record.h);
     for (u, change) in [(&u2, (&record.dv[..], &record.kappa[..])), (&u3, (&record.da[..], &record.nu[..]))] {
         let found = hand.metric(&m, &a, change, u.as_slice(), record.h, weight);
         add(&mut star.q, &found.q);

@@ -15,7 +15,7 @@ use crate::run::Counts;
 
 use super::super::alpha::{Load, Solved, accelerating};
 use super::super::march::Here;
-use super::increments::{add_numbers, before_move, by_increments};
+use super::increments::{add_numbers, add_turning_back, before_move, by_increments};
 use super::recorder::{Adjoint, Recorder, add, column, remembered_back, transposed_times};
 
 /// From the adjoints at the end of a step to those at its start.
@@ -117,22 +117,24 @@ struct Taken {
     s1: Vec<f64>,
 }
 
-/// `reached` backwards, from adjoints of the configuration (by increments), of v* and of a1.
+/// `reached` backwards, from adjoints of the configuration (by increments), of v* and of a1; `rates`: v0 and v*.
 fn reached_back(
     eq: &Equations<'_, f64>,
     (p, h): (Parameters, f64),
-    dq: &[f64],
+    (dq, rates): (&[f64], (&[f64], &[f64])),
     q: &[f64],
     star: &[f64],
     a1: &[f64],
 ) -> Taken {
     let by_dq = eq.turned_columns(DMatrix::from_row_slice(1, q.len(), q), dq);
-    let mut out = Taken { q: q.to_vec(), rate: Vec::new(), a0: Vec::new(), s0: Vec::new(), s1: Vec::new() };
+    let mut out = Taken { q: q.to_vec(), rate: vec![0.0; q.len()], a0: Vec::new(), s0: Vec::new(), s1: Vec::new() };
     before_move(eq, dq, &mut out.q);
+    let mut star = star.to_vec();
+    add_turning_back(eq, h, rates, by_dq.as_slice(), (&mut out.rate, &mut star));
     for (i, v) in star.iter().enumerate() {
         let (d, unit) = (by_dq[i], 1.0 / (1.0 - p.am));
         let a = a1[i] + h * h * p.beta * d + h * p.gamma * v;
-        out.rate.push(h * d + v);
+        out.rate[i] += h * d + v;
         out.a0.push(h * h * (0.5 - p.beta) * d + h * (1.0 - p.gamma) * v - p.am * unit * a);
         out.s0.push(p.af * unit * a);
         out.s1.push((1.0 - p.af) * unit * a);
@@ -154,7 +156,8 @@ fn stage_back(
     let a0 = start.shifted(p, h);
     let (dq, m, _) = reached(eq, p, from, (&a0, &start.rate_slope, &by.s1), h);
     let q = by_increments(eq, there, &at.pose);
-    let mut taken = reached_back(eq, (p, h), &dq, &q, star, &load.a);
+    let turned = (&dq[..], (&from.rate[..], &m.rate[..]));
+    let mut taken = reached_back(eq, (p, h), turned, &q, star, &load.a);
     let (b, g) = p.slopes();
     let unit = 1.0 / (h * h * b);
     let wanted: Vec<f64> = (taken.s1.iter().zip(&load.rate_slope)).map(|(a, b)| (a + b) * unit).collect();
@@ -163,7 +166,7 @@ fn stage_back(
     let uw = (u.as_slice(), w.as_slice());
     let found = hand.balance(&m, &by.s1, &by.lam, uw, h * h * b, h * b / g);
     let nothing = vec![0.0; eq.n()];
-    let more = reached_back(eq, (p, h), &dq, &found.q, &found.rate, &nothing);
+    let more = reached_back(eq, (p, h), turned, &found.q, &found.rate, &nothing);
     add(&mut taken.q, &more.q);
     add(&mut taken.rate, &more.rate);
     add(&mut taken.a0, &more.a0);

@@ -1,4 +1,5 @@
 //! Adjoints of poses: with twelve numbers each, as the tape reads them, or by increments of the tree coordinates.
+use crate::analysis::transient::rotations::{add_commutator, rotation_triples};
 use crate::analysis::transient::{Equations, Motion};
 use crate::model::joint::{Freedom, JointKind};
 use crate::spatial::{V3, exp_so3};
@@ -74,19 +75,13 @@ pub fn add_numbers(eq: &Equations<'_, f64>, m: &Motion<f64>, by: &[f64], onto: &
     }
 }
 
-/// First coordinate and sign of three rotations that act together.
-fn triples<'a>(eq: &Equations<'a, f64>) -> impl Iterator<Item = (usize, f64)> + use<'a> {
-    let nodes = eq.topology().nodes.iter();
-    nodes.filter(|n| matches!(n.kind, JointKind::Spherical | JointKind::Free)).map(|n| (n.first + n.n - 3, sign(n)))
-}
-
 fn three(v: &[f64], first: usize) -> V3<f64> {
     V3::new(v[first], v[first + 1], v[first + 2])
 }
 
 /// From increments after a move by theta to those before it: turned with exp(theta) where three rotations act together.
 pub fn before_move(eq: &Equations<'_, f64>, theta: &[f64], by: &mut [f64]) {
-    for (first, sign) in triples(eq) {
+    for (first, sign) in rotation_triples(eq.topology()) {
         let back = exp_so3(&(three(theta, first) * -sign)) * three(by, first);
         by[first..first + 3].copy_from_slice(back.as_slice());
     }
@@ -94,10 +89,23 @@ pub fn before_move(eq: &Equations<'_, f64>, theta: &[f64], by: &mut [f64]) {
 
 /// The same for a small move by epsilon theta: what is first order in epsilon, added up.
 pub fn add_small_move(eq: &Equations<'_, f64>, theta: &[f64], by: &[f64], onto: &mut [f64]) {
-    for (first, sign) in triples(eq) {
+    for (first, sign) in rotation_triples(eq.topology()) {
         let change = three(by, first).cross(&three(theta, first)) * sign;
         for k in 0..3 {
             onto[first + k] += change[k];
         }
     }
+}
+
+/// -h^2/12 v0 x v1 backwards: from adjoints of an increment to those of both rates, added up.
+pub fn add_turning_back(
+    eq: &Equations<'_, f64>,
+    h: f64,
+    (v0, v1): (&[f64], &[f64]),
+    by: &[f64],
+    (onto0, onto1): (&mut [f64], &mut [f64]),
+) {
+    // by . (d0 x v1) = d0 . (v1 x by)
+    add_commutator(eq.topology(), -h * h / 12.0, (v1, by), onto0);
+    add_commutator(eq.topology(), -h * h / 12.0, (by, v0), onto1);
 }

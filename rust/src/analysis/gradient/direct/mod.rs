@@ -20,7 +20,7 @@ use crate::run::{Cancel, Counts};
 
 use self::along::Along;
 use self::chunk::Moving;
-use self::slopes::{Slopes, add_increments, carried};
+use self::slopes::{Slopes, add_mapped, add_turning_slopes, carried};
 use super::alpha::{self, Load, Solved};
 use super::kinks::{Kink, Watch};
 use super::march::{Here, Made, March};
@@ -49,20 +49,23 @@ impl Along<'_> {
         let (eq, h) = (self.eq, record.h);
         let (c, f) = (0.25 * h * h, 2.0 / h);
         let (start, a0) = (&from.instant.motion, &from.instant.acceleration);
-        let (mut m, a) = stars(eq, start, a0, &record.dq, h);
+        let (theta, mut m, a) = stars(eq, start, a0, &record.straight, h);
         let renewed = (!by.exact).then(|| eq.linearised(&m, &a, &record.lam, 0.0, counts).2);
         let linear = renewed.as_ref().unwrap_or(linear);
-        let mut x = carried(eq.topology(), &record.dq, &self.now.x);
+        let mut x = carried(eq.topology(), &theta, &self.now.x);
         let mut v = -&self.now.v;
+        let mut turning = self.zeros(eq.n());
+        add_turning_slopes(eq.topology(), h, (&start.rate, &m.rate), (&self.now.v, &v), &mut turning);
+        add_mapped(&eq.rotation_maps(&theta), &turning, &mut x);
         let mut da = &v * (2.0 * f) - &self.now.a;
         let r = self.residual(linear, (&m, &a, &record.lam), [&x, &v, &da], counts) * -c;
         let z = &self.now.z;
         let at = Moving { motion: &m, x: &x, v: &v, z };
         let g = -self.closure(&linear.jacobian, at, 0.5 * h);
-        let (dq, lam) = by.step.solve(&r, &g)?;
-        add_increments(eq, &record.dq, &dq, &mut x);
-        da += &dq * (f * f);
-        v += dq * f;
+        let (straight, lam) = by.step.solve(&r, &g)?;
+        add_mapped(&eq.step_maps(&theta, &start.rate, h, f), &straight, &mut x);
+        da += &straight * (f * f);
+        v += straight * f;
         if let Some(projection) = &by.projection {
             let changes =
                 [(record.dv.as_slice(), record.kappa.as_slice()), (record.da.as_slice(), record.nu.as_slice())];
@@ -96,10 +99,12 @@ impl Along<'_> {
         let (theta, m, _) = reached(eq, p, &from.instant.motion, (&values.0, &values.1, &values.2), h);
         let a0 = &carry.a + &carry.slope * load.shift(p, h);
         let mut a1 = (&carry.rate_slope * p.af - &a0 * p.am) / (1.0 - p.am);
-        let dq = &self.now.v * h + (&a0 * (0.5 - p.beta) + &a1 * p.beta) * (h * h);
-        let mut x = carried(eq.topology(), &theta, &self.now.x);
-        add_increments(eq, &theta, &dq, &mut x);
+        let mut dq = &self.now.v * h + (&a0 * (0.5 - p.beta) + &a1 * p.beta) * (h * h);
         let mut v = &self.now.v + (&a0 * (1.0 - p.gamma) + &a1 * p.gamma) * h;
+        let rate = &from.instant.motion.rate;
+        add_turning_slopes(eq.topology(), h, (rate, &m.rate), (&self.now.v, &v), &mut dq);
+        let mut x = carried(eq.topology(), &theta, &self.now.x);
+        add_mapped(&eq.rotation_maps(&theta), &dq, &mut x);
         let (b, g) = p.slopes();
         let none = self.zeros(eq.n());
         let r = self.residual(&by.linear, (&m, &by.s1, &by.lam), [&x, &v, &none], counts);
@@ -109,7 +114,7 @@ impl Along<'_> {
         let (w, _) = by.step.solve(&(r * (-h * h * b)), &miss)?;
         let s1 = &w / (h * h * b);
         a1 += &s1 * ((1.0 - p.af) / (1.0 - p.am));
-        add_increments(eq, &theta, &w, &mut x);
+        add_mapped(&eq.step_maps(&theta, rate, h, g / (h * b)), &w, &mut x);
         v += &w * (g / (h * b));
         let there = Motion { memory: from.instant.motion.memory.clone(), ..end.instant.motion.clone() };
         if eq.n_rows() > 0 {

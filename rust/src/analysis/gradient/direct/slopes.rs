@@ -6,9 +6,8 @@
 //! Only three rotations that act together turn each other; all other increments add up.
 use nalgebra::DMatrix;
 
-use crate::analysis::transient::Equations;
 use crate::analysis::transient::ali3p::Linear;
-use crate::model::joint::JointKind;
+use crate::analysis::transient::rotations::{Maps, add_turning, rotation_triples};
 use crate::spatial::{V3, exp_so3};
 use crate::system::topology::Topology;
 
@@ -22,13 +21,6 @@ pub struct Slopes {
     pub z: DMatrix<f64>,
 }
 
-/// First coordinates of three rotations together, with their sign.
-fn triples(topology: &Topology) -> impl Iterator<Item = (usize, f64)> {
-    (topology.nodes.iter())
-        .filter(|n| matches!(n.kind, JointKind::Spherical | JointKind::Free))
-        .map(|n| (n.first + n.n - 3, if n.reversed { -1.0 } else { 1.0 }))
-}
-
 fn three(v: &[f64], first: usize, sign: f64) -> V3<f64> {
     V3::new(v[first], v[first + 1], v[first + 2]) * sign
 }
@@ -36,7 +28,7 @@ fn three(v: &[f64], first: usize, sign: f64) -> V3<f64> {
 /// Ad(exp theta) X.
 pub fn carried(topology: &Topology, theta: &[f64], x: &DMatrix<f64>) -> DMatrix<f64> {
     let mut out = x.clone();
-    for (first, sign) in triples(topology) {
+    for (first, sign) in rotation_triples(topology) {
         let turned = exp_so3(&three(theta, first, sign)) * x.fixed_rows::<3>(first);
         out.fixed_rows_mut::<3>(first).copy_from(&turned);
     }
@@ -46,7 +38,7 @@ pub fn carried(topology: &Topology, theta: &[f64], x: &DMatrix<f64>) -> DMatrix<
 /// The rate of the same at theta = 0: theta x X.
 pub fn crossed(topology: &Topology, theta: &[f64], x: &DMatrix<f64>) -> DMatrix<f64> {
     let mut out = DMatrix::zeros(x.nrows(), x.ncols());
-    for (first, sign) in triples(topology) {
+    for (first, sign) in rotation_triples(topology) {
         let theta = three(theta, first, sign);
         for (mut to, x) in out.column_iter_mut().zip(x.column_iter()) {
             let turned = theta.cross(&three(x.as_slice(), first, 1.0));
@@ -56,18 +48,33 @@ pub fn crossed(topology: &Topology, theta: &[f64], x: &DMatrix<f64>) -> DMatrix<
     out
 }
 
-/// X + J_l(theta) times changes of theta.
-pub fn add_increments(eq: &Equations<'_, f64>, theta: &[f64], by: &DMatrix<f64>, x: &mut DMatrix<f64>) {
+/// What J_l(theta), or another map of three rotations, makes of changes, added to X.
+pub fn add_mapped(maps: &Maps, by: &DMatrix<f64>, x: &mut DMatrix<f64>) {
     let mut by = by.clone();
-    for (first, map) in eq.rotation_maps(theta) {
+    for (first, map) in maps {
         for mut column in by.column_iter_mut() {
-            let old = three(column.as_slice(), first, 1.0);
+            let old = three(column.as_slice(), *first, 1.0);
             for (k, row) in map.iter().enumerate() {
                 column[first + k] = row[0] * old[0] + row[1] * old[1] + row[2] * old[2];
             }
         }
     }
     *x += by;
+}
+
+/// The derivative of -h^2/12 v0 x v1, added to those of an increment.
+pub fn add_turning_slopes(
+    topology: &Topology,
+    h: f64,
+    (v0, v1): (&[f64], &[f64]),
+    (d0, d1): (&DMatrix<f64>, &DMatrix<f64>),
+    onto: &mut DMatrix<f64>,
+) {
+    for (mut column, (d0, d1)) in onto.column_iter_mut().zip(d0.column_iter().zip(d1.column_iter())) {
+        let column = column.as_mut_slice();
+        add_turning(topology, h, (d0.as_slice(), v1), column);
+        add_turning(topology, h, (v0, d1.as_slice()), column);
+    }
 }
 
 impl Linear {
