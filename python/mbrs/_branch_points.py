@@ -86,9 +86,12 @@ class Chunks:
         known = [part["exponents"] for part in parts if "exponents" in part]
         if not known or len(known) < len(parts):
             return None
-        out = np.full((sum(len(part) for part in known), max(part.shape[1] for part in known)), np.nan, complex)
-        at = 0
-        for part in known:
-            out[at : at + len(part), : part.shape[1]] = part
-            at += len(part)
-        return out
+        return filled_up([row for part in known for row in part])
+
+
+def filled_up(rows: list[np.ndarray]) -> np.ndarray:
+    """Exponents (n, most) of n points, with nan where a point has fewer than another."""
+    out = np.full((len(rows), max(len(row) for row in rows)), np.nan, complex)
+    for i, row in enumerate(rows):
+        out[i, : len(row)] = row
+    return out

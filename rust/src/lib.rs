@@ -17,6 +17,7 @@ pub mod second_order;
 pub mod solve;
 pub mod spatial;
 pub mod system;
+pub mod tolerances;
 
 #[cfg(feature = "python")]
 mod python;

@@ -3,7 +3,7 @@ use faer::Mat;
 use faer::prelude::*;
 
 use super::newton::ROUNDING;
-use super::{Curve, Linearisation};
+use super::{Curve, Linearisation, nan_or_largest};
 use crate::error::Result;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -189,7 +189,7 @@ pub(super) fn correct(
         let mut size = 0.0_f64;
         for (i, x) in x.iter_mut().enumerate() {
             *x += work.rhs[(i, 0)];
-            size = size.max(work.rhs[(i, 0)].abs());
+            size = nan_or_largest([size, work.rhs[(i, 0)].abs()].into_iter());
         }
         let length = (0..=n).map(|i| work.rhs[(i, 1)].powi(2)).sum::<f64>().sqrt();
         if !size.is_finite() || !length.is_finite() || (iterations > 2 && size > 2.0 * last) {
@@ -197,9 +197,14 @@ pub(super) fn correct(
         }
         turning.iter_mut().enumerate().for_each(|(i, t)| *t = work.rhs[(i, 1)] / length);
         // rounding of the equations may keep the step above the tolerance, where it no longer gets smaller
-        let rounding = iterations > 3 && size <= ROUNDING && size > 0.1 * last && curve.rounding() > f64::EPSILON;
-        if size <= options.tolerance || rounding {
-            return Ok(Some(finish(curve, &x, &turning, scale, target.direction, sign, iterations, options)));
+        let stuck = iterations > 3 && size <= ROUNDING && size > 0.1 * last;
+        if size <= options.tolerance || stuck {
+            for i in 0..=n {
+                z[i] = x[i] * scale[i];
+            }
+            if curve.row_excess(&z[..n], z[n], options.tolerance)? <= 1.0 {
+                return Ok(Some(finish(curve, &x, &turning, scale, target.direction, sign, iterations, options)));
+            }
         }
         last = size;
     }

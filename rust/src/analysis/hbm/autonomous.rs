@@ -61,6 +61,11 @@ impl Curve for Cycle<'_> {
         self.linearise(z, p, out)
     }
 
+    fn row_excess(&mut self, z: &[f64], _: f64, tolerance: f64) -> Result<f64> {
+        let n = self.phase.len();
+        self.problem.row_excess(&z[..n], z[n], tolerance)
+    }
+
     fn scale(&self, z: &[f64], out: &mut [f64]) {
         let n = self.phase.len();
         self.problem.scale(&z[..n], &mut out[..n]);

@@ -17,4 +17,5 @@ pub mod peak;
 pub mod problem;
 pub mod refined;
 pub mod response;
+mod rows;
 pub mod start;

@@ -195,7 +195,7 @@ impl Follower {
             }
             None => None,
         };
-        self.problem.update_blocks()?;
+        self.problem.renew_blocks()?;
         let estimate = self.estimator.estimate(&self.problem, point.y())?;
         self.last.clone_from(&floquet);
         self.records.push(Record {
