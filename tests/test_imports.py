@@ -171,6 +171,7 @@ CRATE = {
     "error": set(),
     "run": {"error"},
     "spatial": set(),
+    "tolerances": set(),
     "linalg": {"error", "run"},
     "laws": {"error"},
     "model": {"error", "spatial", "laws"},
@@ -178,7 +179,19 @@ CRATE = {
     "system": {"error", "run", "spatial", "linalg", "laws", "model", "kinematics"},
     "second_order": {"error", "run", "linalg", "laws"},
     "solve": {"error", "run", "linalg"},
-    "analysis": {"error", "run", "spatial", "linalg", "laws", "model", "kinematics", "system", "second_order", "solve"},
+    "analysis": {
+        "error",
+        "run",
+        "spatial",
+        "linalg",
+        "laws",
+        "model",
+        "kinematics",
+        "system",
+        "second_order",
+        "solve",
+        "tolerances",
+    },
 }
 
 

@@ -95,3 +95,19 @@ def filled_up(rows: list[np.ndarray]) -> np.ndarray:
     for i, row in enumerate(rows):
         out[i, : len(row)] = row
     return out
+
+
+def resolved(events: list[Event], parameter: Callable[[Event], float], aliasing: np.ndarray) -> tuple[Event, ...]:
+    """The events without pairs of folds that lie nearer to each other than the error that samples make: where samples come into
+    contact one by one, the sampled equations have corners, at which their branch turns and turns back."""
+    kept: list[Event] = []
+    for event in events:
+        last = kept[-1] if kept else None
+        if event.kind == "fold" and last is not None and last.kind == "fold" and len(aliasing):
+            a, b = parameter(last), parameter(event)
+            near = aliasing[max(min(last.index, len(aliasing)) - 1, 0) : event.index + 1]
+            if abs(a - b) <= float(np.max(near, initial=0.0)) * abs(a):
+                kept.pop()
+                continue
+        kept.append(event)
+    return tuple(kept)

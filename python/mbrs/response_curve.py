@@ -414,7 +414,7 @@ def collected(branch: Branch, wall_time: float) -> dict[str, Any]:
         level=np.concatenate([part.level for part in parts]),
         stable=known_stability(branch.chunks.column("stable"), branch.stability),
         exponents=branch.chunks.exponents(),
-        events=tuple(branch.chunks.events),
+        events=branch.events,
         parts=parts,
         system=branch.system,
         force=branch.force,
