@@ -95,14 +95,22 @@ class Setup:
         """Floquet exponents of a solution, or None where they cannot be told."""
         return translated(self.core.floquet, y, [omega], model=self.model(omega))[0]
 
-    def peak(self, y: np.ndarray, omega: float, level: float, dof: int, harmonic: int | None) -> tuple[float, Any]:
-        """(omega, y) of the largest amplitude near y."""
+    def peak(
+        self,
+        y: np.ndarray,
+        omega: float,
+        level: float,
+        weights: np.ndarray,
+        harmonic: int | None,
+        towards: np.ndarray | None,
+    ) -> tuple[float, Any]:
+        """(omega, y) of the largest amplitude of weights . x near y; ``towards`` is a step along the branch."""
         if self.linear.transform is not None:
-            raise ModelError("a peak is solved for in coordinates that are kept; use condense=False")
+            weights = self.linear.transform.T @ weights
         if harmonic is not None and harmonic not in (0, *self.harmonics):
             raise ModelError(f"harmonic {harmonic} is not among those of the curve")
         term = harmonic and self.harmonics.index(harmonic) + 1
-        return translated(self.core.peak, y, omega, level, dof, term)
+        return translated(self.core.peak, y, omega, level, np.ascontiguousarray(weights), term, towards)
 
     def padded(self, X: np.ndarray) -> np.ndarray:
         """Coefficients of the chosen harmonics (dof, n_c) with zeros for those left out, (dof, 2 H + 1)."""

@@ -14,7 +14,8 @@ from . import _balance
 
 @dataclass(frozen=True, eq=False)
 class Event:
-    """A special point of a branch: ``kind`` "fold", "branch-point", "neimark-sacker" or "period-doubling".
+    """A special point of a branch: ``kind`` "fold", "branch-point", "neimark-sacker", "period-doubling", or "grazing" where the
+    exponents jump across the axis because a contact opens or closes.
 
     ``omega`` (rad/s), ``level`` and, on a branch in a parameter, its ``value`` say where, ``X`` (dof, 2H+1) is the motion
     there (built when asked for), ``exponent`` the Floquet exponent that crosses (None where it does not matter), ``index``

@@ -25,3 +25,31 @@ pub const ABSENT: f64 = 1e-10;
 /// are not rounding pass; too small: points that are as good as the arithmetic allows are refused.
 /// Pinned by tests/truth/test_frequency_blocks.py.
 pub const ROW_ROUNDING: f64 = 16.0;
+
+/// Growth rates of perturbations below this fraction of the base frequency count as zero. Free of units. Too large: weak
+/// instabilities are called stable; too small: rounding of the multipliers of undamped systems is called unstable.
+/// Pinned by tests/truth/test_hbm_events.py.
+pub const NEUTRAL: f64 = 1e-9;
+
+/// Largest |Re s| over the base frequency of an exponent that crosses the imaginary axis at a point that was solved for. Free of
+/// units. Too large: jumps of the exponents where a contact closes are called bifurcations; too small: bifurcations of stiff systems,
+/// whose exponents have rounding, are lost. Pinned by tests/truth/test_hbm_events.py.
+pub const AXIS: f64 = 1e-6;
+
+/// The same on the unstable side of a border that was bracketed, where two exponents that meet on the axis part like the root of the
+/// distance. Free of units; failures as of `AXIS`. Pinned by tests/truth/test_hbm_events.py.
+pub const AXIS_ROOT: f64 = 1e-3;
+
+/// How many times the regularity at a branch point may exceed what a linear decrease to zero leaves at the width of the bracket. Free of
+/// units. Too large: corners, where the determinant jumps through zero, are called branch points; too small: branch points of
+/// strongly curved branches are lost. Pinned by tests/truth/test_hbm_events.py.
+pub const BRANCHING: f64 = 1e3;
+
+/// Steps of the finest integration over which a contact must last to be seen by the stability of a motion. A count. Too large:
+/// the stability of short contacts is not told; too small: it is told wrongly. Pinned by tests/truth/test_hbm_events.py.
+pub const CONTACT_STEPS: usize = 8;
+
+/// Part of the range of an element's stiffness over the period by which it jumps where a contact opens or closes. Free of units.
+/// Too large: partial contacts are missed; too small: smooth laws that bend fast count as contacts.
+/// Pinned by tests/truth/test_hbm_events.py.
+pub const CONTACT_JUMP: f64 = 0.1;

@@ -7,6 +7,7 @@ pub mod autonomous;
 pub mod basis;
 mod blocks;
 pub mod condensed;
+mod contact;
 pub mod estimate;
 pub mod factor;
 pub mod family;

@@ -9,7 +9,7 @@ use super::basis::Basis;
 use super::blocks::Blocks;
 use super::family::{Member, Placed};
 use super::linear::{Block, DynamicStiffness};
-use super::rows;
+use super::{contact, rows};
 use crate::error::{Error, Result};
 use crate::solve::{Curve, Linearisation, largest, nan_or_largest};
 use crate::tolerances::ROW_ROUNDING;
@@ -427,6 +427,20 @@ impl Problem {
         let out = (0..n_e).map(one).collect();
         std::mem::swap(&mut self.aft, sampler);
         out
+    }
+
+    /// Whether the stiffness of an element jumps within `margin` of an extremum of its displacement, or only there: `contact`.
+    pub fn grazes(&mut self, y: &[f64], margin: f64, sampler: &mut Aft) -> Result<bool> {
+        std::mem::swap(&mut self.aft, sampler);
+        let n_e = self.elements.len();
+        let mut one = |e: usize| -> Result<bool> {
+            self.evaluate_element(e, y, Want::Tangents)?;
+            let weight: f64 = self.retained[e].iter().map(|(_, w)| w.abs()).sum();
+            contact::is_unresolved(&self.elements[e].force, &self.aft, margin * weight)
+        };
+        let found = (0..n_e).map(&mut one).collect::<Result<Vec<bool>>>();
+        std::mem::swap(&mut self.aft, sampler);
+        Ok(found?.contains(&true))
     }
 
     /// Coefficients of all coordinates, full_size x n_c by rows.
