@@ -18,7 +18,12 @@ LARGEST_SAMPLE = 1 << 18
 MOST_SAMPLES = 16384
 MOST_HARMONICS = 255
 ALIASED = 0.5  # part of the error from which on more samples pay
-NEGLIGIBLE = 1e-5
+# aliasing, relative to the solution, that does not count where no tolerance was given: too large, friction and contact curves are
+# rough; too small, every point takes all the samples there are (tests/test_hbm_sampling.py)
+NEGLIGIBLE = 1e-4
+# smallest over largest singular value of the scaled equations at rest below which they are singular, free of units: too large,
+# soft coordinates are called loose; too small, loose ones are not named (tests/truth/test_hbm_loose.py)
+SINGULAR = 1e-12
 POLYNOMIAL = (0, 1, 2, 8, 11)  # codes of the laws that are polynomials in u and v
 
 
@@ -56,7 +61,31 @@ class Setup:
             _, _, _, terms, given = self.arguments
             return prepare(system, force, terms, turn=False, **given).expand(y, omega, level)
         X = translated(self.core.expand, y, [omega], level)
-        return self.padded(X if self.linear.transform is None else self.linear.transform @ X)
+        X = X if self.linear.transform is None else self.linear.transform @ X
+        if not np.all(np.isfinite(X)):
+            loose = int(np.flatnonzero(~np.all(np.isfinite(X), axis=1))[0])
+            raise SingularError(f"{coordinate_name(self.system, loose)} is not determined: nothing restrains it")
+        return self.padded(X)
+
+    def loose_coordinate(self, omega: float) -> str:
+        """Name of the coordinate that moves most in the direction in which the equations at rest are singular, or ""."""
+        size = self.core.size
+        at = translated(self.core.residual, np.zeros(size), [omega])["jacobian"]
+        if not np.all(np.isfinite(at)):
+            return ""
+        row = np.max(np.abs(at), axis=1)
+        scaled = at / np.where(row > 0, row, 1.0)[:, None]
+        column = np.max(np.abs(scaled), axis=0)
+        scaled = scaled / np.where(column > 0, column, 1.0)[None, :]
+        _, values, right = np.linalg.svd(scaled)
+        if values[-1] > SINGULAR * values[0]:
+            return ""
+        y = right[-1] / np.where(column > 0, column, 1.0)
+        retained = np.asarray(self.linear.core.retained)
+        moves = np.max(np.abs(y.reshape(self.n_c, len(retained))), axis=0)
+        if self.linear.transform is not None:
+            return ""
+        return coordinate_name(self.system, int(retained[np.argmax(moves)]))
 
     def model(self, omega: float) -> tuple[np.ndarray, ...] | None:
         """The reduced model that tells the stability of a large system up to the frequency ``omega``."""
@@ -66,14 +95,22 @@ class Setup:
         """Floquet exponents of a solution, or None where they cannot be told."""
         return translated(self.core.floquet, y, [omega], model=self.model(omega))[0]
 
-    def peak(self, y: np.ndarray, omega: float, level: float, dof: int, harmonic: int | None) -> tuple[float, Any]:
-        """(omega, y) of the largest amplitude near y."""
+    def peak(
+        self,
+        y: np.ndarray,
+        omega: float,
+        level: float,
+        weights: np.ndarray,
+        harmonic: int | None,
+        towards: np.ndarray | None,
+    ) -> tuple[float, Any]:
+        """(omega, y) of the largest amplitude of weights . x near y; ``towards`` is a step along the branch."""
         if self.linear.transform is not None:
-            raise ModelError("a peak is solved for in coordinates that are kept; use condense=False")
+            weights = self.linear.transform.T @ weights
         if harmonic is not None and harmonic not in (0, *self.harmonics):
             raise ModelError(f"harmonic {harmonic} is not among those of the curve")
         term = harmonic and self.harmonics.index(harmonic) + 1
-        return translated(self.core.peak, y, omega, level, dof, term)
+        return translated(self.core.peak, y, omega, level, np.ascontiguousarray(weights), term, towards)
 
     def padded(self, X: np.ndarray) -> np.ndarray:
         """Coefficients of the chosen harmonics (dof, n_c) with zeros for those left out, (dof, 2 H + 1)."""
@@ -97,6 +134,12 @@ class Setup:
                     X[:, 2 * j + 1 : 2 * j + 3] = given[:, 2 * h - 1 : 2 * h + 1]
         T = self.linear.transform
         return self.core.restrict(X if T is None else T.T @ X)
+
+
+def coordinate_name(system: Any, i: int) -> str:
+    """What a message calls a coordinate."""
+    names = getattr(system, "coordinates", None)
+    return f"coordinate {i}" if names is None else f"coordinate {str(names[i])!r}"
 
 
 def translated(call: Any, *args: Any, **kwargs: Any) -> Any:
@@ -217,13 +260,18 @@ def of_family(
 def more_samples(
     n: int, error: float, aliasing: float, laws: Sequence[Law], given: Any, tol: float | None
 ) -> int | None:
-    """Twice the samples where they, and not the harmonics, limit a solution by more than counts beside ``tol``; None where
-    they do not, or where their number was given."""
-    least = NEGLIGIBLE if tol is None else min(NEGLIGIBLE, tol / 10)
+    """Double the number of samples if aliasing dominates the error and counts beside ``tol``, else None; None where the number
+    was given."""
+    least = negligible(tol)
     known = given is not None or all(law.code in POLYNOMIAL for law in laws)
     if known or 2 * n > MOST_SAMPLES or aliasing <= max(ALIASED * error, least):
         return None
     return 2 * n
+
+
+def negligible(tol: float | None) -> float:
+    """Aliasing that does not count: a tenth of the tolerance, `NEGLIGIBLE` where none was given."""
+    return NEGLIGIBLE if tol is None else tol / 10
 
 
 def checked_system(system: Any) -> tuple[Law, ...]:

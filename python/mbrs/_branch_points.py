@@ -14,7 +14,8 @@ from . import _balance
 
 @dataclass(frozen=True, eq=False)
 class Event:
-    """A special point of a branch: ``kind`` "fold", "branch-point", "neimark-sacker" or "period-doubling".
+    """A special point of a branch: ``kind`` "fold", "branch-point", "neimark-sacker", "period-doubling", or "grazing" where the
+    exponents jump across the axis because a contact opens or closes.
 
     ``omega`` (rad/s), ``level`` and, on a branch in a parameter, its ``value`` say where, ``X`` (dof, 2H+1) is the motion
     there (built when asked for), ``exponent`` the Floquet exponent that crosses (None where it does not matter), ``index``
@@ -86,9 +87,28 @@ class Chunks:
         known = [part["exponents"] for part in parts if "exponents" in part]
         if not known or len(known) < len(parts):
             return None
-        out = np.full((sum(len(part) for part in known), max(part.shape[1] for part in known)), np.nan, complex)
-        at = 0
-        for part in known:
-            out[at : at + len(part), : part.shape[1]] = part
-            at += len(part)
-        return out
+        return filled_up([row for part in known for row in part])
+
+
+def filled_up(rows: list[np.ndarray]) -> np.ndarray:
+    """Exponents (n, most) of n points, with nan where a point has fewer than another."""
+    out = np.full((len(rows), max(len(row) for row in rows)), np.nan, complex)
+    for i, row in enumerate(rows):
+        out[i, : len(row)] = row
+    return out
+
+
+def resolved(events: list[Event], parameter: Callable[[Event], float], aliasing: np.ndarray) -> tuple[Event, ...]:
+    """The events without pairs of folds that lie nearer to each other than the error that samples make: where samples come into
+    contact one by one, the sampled equations have corners, at which their branch turns and turns back."""
+    kept: list[Event] = []
+    for event in events:
+        last = kept[-1] if kept else None
+        if event.kind == "fold" and last is not None and last.kind == "fold" and len(aliasing):
+            a, b = parameter(last), parameter(event)
+            near = aliasing[max(min(last.index, len(aliasing)) - 1, 0) : event.index + 1]
+            if abs(a - b) <= float(np.max(near, initial=0.0)) * abs(a):
+                kept.pop()
+                continue
+        kept.append(event)
+    return tuple(kept)

@@ -3,15 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from . import _balance, _condensation, _verify
+from .errors import ConvergenceError
 
 COLLOCATION_SAMPLES = 1 << 15
 MOST_NODES = 40000
+PIECES = 16  # of the time in which a motion is to repeat itself
+MESH = 2000  # nodes of a first mesh, about
+# how often the equations are evaluated at most in search of a cycle by integration, a count: too large, the search takes minutes;
+# too small, slow cycles are not found (tests/test_hbm_cycle.py)
+MOST_EVALUATIONS = 150_000
+# relative change of the amplitude between two stretches of time below which a motion may repeat itself, free of units: too large,
+# searches for a period begin too early; too small, too late (tests/test_hbm_cycle.py)
+SETTLED = 0.05
 AMPLITUDES = np.geomspace(1e-6, 1e6, 121)
+
+
+@dataclass(frozen=True)
+class Start:
+    """A guess of a cycle: coefficients (n, 2 h + 1), rad/s, and its states ``path`` (2 n, m) at the fractions ``mesh`` (m,) of the
+    period."""
+
+    X: np.ndarray
+    omega: float
+    mesh: np.ndarray
+    path: np.ndarray
+
+
+def from_coefficients(X: np.ndarray, w: float) -> Start:
+    """The guess that coefficients make, on an even mesh."""
+    mesh = np.linspace(0, 1, MESH + 1)
+    h = np.arange((X.shape[1] - 1) // 2 + 1)
+    c = X[:, 0::2].astype(complex)
+    c[:, 1:] = X[:, 1::2] - 1j * X[:, 2::2]
+    turns = np.exp(2j * np.pi * np.outer(h, mesh))
+    return Start(X, w, mesh, np.vstack([(c @ turns).real, ((1j * w * h * c) @ turns).real]))
 
 
 def equilibrium(system: Any, force: Any) -> np.ndarray:
@@ -70,8 +101,8 @@ def _power(setup: Any, rest: np.ndarray, c: np.ndarray, w: float) -> float:
     return float((np.conj(1j * w * c) @ force).real / 2 / np.sum(np.abs(c) ** 2))
 
 
-def by_integration(system: Any, force: Any, cycles: int = 60) -> tuple[np.ndarray, float] | None:
-    """(X, omega) of the motion that a small disturbance of the equilibrium grows into, or None if it does not
+def by_integration(system: Any, force: Any, cycles: int = 12) -> Start | None:
+    """The motion that a small disturbance of the equilibrium grows into, or None if it does not
     repeat."""
     from scipy.integrate import solve_ivp
 
@@ -85,23 +116,44 @@ def by_integration(system: Any, force: Any, cycles: int = 60) -> tuple[np.ndarra
     fastest = int(np.argmax(s.real))
     if s[fastest].real <= 0:
         return None
-    rate = _verify.first_order(system, force, 1.0)
+    rate = _Bounded(_verify.first_order(system, force, 1.0))
     scale = max(float(np.max(np.abs(rest))), 1.0)
     state = np.concatenate([rest, np.zeros(n)]) + 1e-2 * scale * shapes[:, fastest].real
     length = cycles * 2 * np.pi / max(abs(s[fastest]), 1e-12)
-    for _ in range(4):  # a relaxation oscillation is much slower than the growth of its disturbance
-        run = solve_ivp(rate, (0, length), state, method="LSODA", rtol=1e-8, atol=1e-10 * scale)
-        if not run.success or not np.all(np.isfinite(run.y[:, -1])):
-            return None
-        state = run.y[:, -1]
-        found = _repeating(rate, state, length, n)
-        if found is not None:
-            return found
-        length *= 4
-    return None
+    size = np.zeros(2 * n)
+    try:
+        while True:  # a relaxation oscillation is much slower than the growth of its disturbance
+            run = solve_ivp(rate, (0, length), state, method="LSODA", rtol=1e-7, atol=1e-9 * scale)
+            if not run.success or not np.all(np.isfinite(run.y[:, -1])):
+                return None
+            state, before, size = run.y[:, -1], size, np.ptp(run.y, axis=1)
+            if np.all(np.abs(size - before) <= SETTLED * size):
+                found = _repeating(rate, state, length, n)
+                if found is not None:
+                    return found
+            length *= 1.5
+    except _TooLong:
+        return None
 
 
-def _repeating(rate: Any, state: np.ndarray, length: float, n: int) -> tuple[np.ndarray, float] | None:
+class _TooLong(Exception):
+    """The search has used up its evaluations."""
+
+
+class _Bounded:
+    """A right-hand side that counts how often it is evaluated."""
+
+    def __init__(self, rate: Any) -> None:
+        self.rate, self.count = rate, 0
+
+    def __call__(self, t: float, y: np.ndarray) -> np.ndarray:
+        self.count += 1
+        if self.count > MOST_EVALUATIONS:
+            raise _TooLong
+        return np.asarray(self.rate(t, y))
+
+
+def _repeating(rate: Any, state: np.ndarray, length: float, n: int) -> Start | None:
     from scipy.integrate import solve_ivp
 
     speed = rate(0.0, state)
@@ -111,11 +163,22 @@ def _repeating(rate: Any, state: np.ndarray, length: float, n: int) -> tuple[np.
         return float(speed @ (y - origin)) if t > 0 else 1.0
 
     section.direction = 1.0  # type: ignore[attr-defined]
-    run = solve_ivp(rate, (0, length), state, method="LSODA", events=section, rtol=1e-9, atol=1e-11, dense_output=True)
-    for t, y in zip(run.t_events[0], run.y_events[0], strict=True):
-        if t > 1e-9 * length and np.linalg.norm(y - origin) < 1e-3 * np.max(np.abs(run.y)):
-            samples = run.sol(np.linspace(0, t, 4096, endpoint=False))[:n]
-            return coefficients(samples, 255), 2 * np.pi / t
+    given = dict(method="LSODA", rtol=1e-9, atol=1e-11)
+    largest = float(np.max(np.abs(state)))
+    for piece in range(PIECES):
+        span = (piece * length / PIECES, (piece + 1) * length / PIECES)
+        part = solve_ivp(rate, span, state, events=section, **given)
+        state, largest = part.y[:, -1], max(largest, float(np.max(np.abs(part.y))))
+        for t, y in zip(part.t_events[0], part.y_events[0], strict=True):
+            if t > 1e-9 * length and np.linalg.norm(y - origin) < 1e-3 * largest:
+                run = solve_ivp(rate, (0, t), origin, dense_output=True, **given)
+                samples = run.sol(np.linspace(0, t, 4096, endpoint=False))[:n]
+                # the steps of the integration lie where the motion is fast
+                steps = run.t[run.t < t]
+                mesh = np.append(steps[:: max(1, len(steps) // MESH)], t)
+                path = run.sol(mesh)
+                path[:, -1] = path[:, 0]
+                return Start(coefficients(samples, 255), 2 * np.pi / t, mesh / t, path)
     return None
 
 
@@ -128,22 +191,14 @@ def coefficients(samples: np.ndarray, top: int) -> np.ndarray:
     return out
 
 
-def collocate(
-    system: Any, force: Any, start: tuple[Any, float], top: int, limit: float
-) -> tuple[np.ndarray, float, float, int]:
+def collocate(system: Any, force: Any, start: Start, top: int, limit: float) -> tuple[np.ndarray, float, float, int]:
     """X, period, estimated relative error and mesh size of the cycle near ``start``, by fourth-order collocation: at least
     ``top`` harmonics, and as many as leave less than a third of the error ``limit``."""
     from scipy.integrate import solve_bvp
 
-    X, w = start
+    w, mesh, y = start.omega, start.mesh, start.path
     n = system.n
     rate = _verify.first_order(system, force, 1.0)
-    mesh = np.linspace(0, 1, 2001)
-    h = np.arange((X.shape[1] - 1) // 2 + 1)
-    c = X[:, 0::2].astype(complex)
-    c[:, 1:] = X[:, 1::2] - 1j * X[:, 2::2]
-    turns = np.exp(2j * np.pi * np.outer(h, mesh))
-    y = np.vstack([(c @ turns).real, ((1j * w * h * c) @ turns).real])
     anchor, direction = y[:, 0].copy(), rate(0.0, y[:, 0])
     direction = direction / np.linalg.norm(direction)
 
@@ -156,6 +211,11 @@ def collocate(
     phases = np.linspace(0, 1, COLLOCATION_SAMPLES, endpoint=False)
     with np.errstate(all="ignore"):  # trials may be anywhere
         solution = solve_bvp(fun, ends, mesh, y, p=[2 * np.pi / w], tol=1e-4, max_nodes=MOST_NODES)
+    if not (solution.success and np.isfinite(solution.p[0]) and solution.p[0] > 0):
+        raise ConvergenceError(
+            f"collocation found no cycle near the guess: {solution.message}; give a nearer one with omega= and x0=",
+            None,
+        )
     error, samples, period = np.inf, solution.sol(phases)[:n], float(solution.p[0])
     for tolerance in (1e-6, 1e-8):
         with np.errstate(all="ignore"):

@@ -13,12 +13,11 @@ import numpy as np
 from . import _midpoint
 from ._border import core_errors
 from .errors import ConvergenceError, MbrsError, MbrsWarning, ModelError
-from .linearize import Linearization
+from .linearize import Linearization, Snapshot
 from .model.motions import Sine
 from .model.ports import Port, as_port
 from .model.schema import MARKER
 from .state import State
-from .tables import tables
 
 OUTPUTS = 64  # instants of a period at which motions are compared
 _DIFFERENCE = 1e-3  # of the time: the step of the differences that give the rates of the start
@@ -131,7 +130,7 @@ def _copy(system: Any) -> Any:
     values = getattr(system, "values", None)
     if values:
         model.set(values)
-    if not np.array_equal(tables(model)["x"], lin.snapshot.tables["x"]):
+    if not np.array_equal(Snapshot.of(model, lin.without).tables["x"], lin.snapshot.tables["x"]):
         raise ModelError(f"model {lin.model.name!r} was changed after this motion was computed; compute it again")
     return model
 

@@ -12,7 +12,7 @@ from typing import Any, TypedDict, TypeVar
 import numpy as np
 
 from . import _balance, _checks, _core
-from ._branch_points import BranchPoint, Chunks, Event
+from ._branch_points import BranchPoint, Chunks, Event, resolved
 from .errors import ConvergenceError, MbrsError, ModelError, SingularError
 from .harmonic_balance import MOST_HARMONICS, first_solution
 from .nonlinear_system import as_system
@@ -28,6 +28,9 @@ MEANING = {
 }
 F = TypeVar("F", bound=Callable[..., Any])
 CHUNK_SECONDS = 0.2
+FEW_POINTS = 5  # that agree before samples are taken away
+COARSER = 64.0  # how far below what counts aliasing must be before they are, free of units: 16 for four times as few, and a margin
+MOST_COARSENINGS = 4  # of one branch, so that it does not go back and forth
 CORNERED = 1e-6  # steps below are those around corners that samples make
 
 
@@ -138,6 +141,7 @@ class Branch(Iterator[BranchPoint]):
         self._corrections_before = self._factorisations_before = 0
         self._read = self._base = 0
         self._stalled = False
+        self._coarsened = 0
         self._exhausted = False  # more harmonics or samples did not find the branch again
         self._core = self._first(x0)
 
@@ -208,6 +212,21 @@ class Branch(Iterator[BranchPoint]):
             **options,
         )
 
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """Special points so far, without the pairs of folds that corners of the samples make."""
+        return resolved(self.chunks.events, self._parameter_of, self.chunks.column("aliasing"))
+
+    def curve(self) -> Any:
+        """The branch so far as a curve, a `FrequencyResponse`, also of a branch that `switch` began; run it first."""
+        from .response_curve import collect
+
+        if self.family is not None:
+            raise ModelError("a branch in a parameter of the system is collected by parameter_response")
+        if len(self.chunks) == 0:
+            raise ModelError("the branch has no points yet; call run() first")
+        return collect(self, 0.0)
+
     def run(self, max_points: int = 1, seconds: float = np.inf) -> int:
         """Adds up to ``max_points`` points, within about ``seconds``; returns how many. `status` says why none came."""
         known = len(self.chunks)
@@ -221,6 +240,8 @@ class Branch(Iterator[BranchPoint]):
                 self._take(_balance.translated(self._core.run, points, min(seconds, CHUNK_SECONDS)))
                 if self._stalled:
                     self._sample_finer()
+                elif self._coarse_enough():
+                    self._sample_with(self.setup.n_samples // 4)
             except MbrsError as problem:
                 self._break_off(str(problem))
             except BaseException:  # Ctrl-C, or what a law of the user raised: the points until then are kept
@@ -270,8 +291,24 @@ class Branch(Iterator[BranchPoint]):
         """Samples that come into contact one by one make corners in the equations that no step gets around; with more samples
         they are smaller."""
         samples = self._more_samples()
-        if samples is None or len(self.chunks) < 2:
-            return
+        if samples is not None and len(self.chunks) >= 2:
+            self._coarsened = MOST_COARSENINGS  # what needed them may come again
+            self._sample_with(samples)
+
+    def _coarse_enough(self) -> bool:
+        """Whether the last points would do with a quarter of the samples, whose aliasing is some sixteen times as large."""
+        if self.status != "going" or self._prepare["n_samples"] is not None or self._coarsened >= MOST_COARSENINGS:
+            return False
+        setup = self.setup
+        last = self.chunks.parts[-1][1]["aliasing"] if self.chunks.parts else np.zeros(0)
+        needed = _balance.needed_samples(self.system.elements, setup.harmonics, setup.subharmonic)
+        if setup.n_samples // 4 < needed or len(last) < FEW_POINTS or len(self.chunks) < 2:
+            return False
+        return bool(np.max(last[-FEW_POINTS:]) <= _balance.negligible(self.tol) / COARSER)
+
+    def _sample_with(self, samples: int) -> None:
+        """Goes on from the last point with another number of samples; with the present one where that does not find it."""
+        self._coarsened += samples < self.setup.n_samples
         setup, model = self.setup, self._model
         self.setup = self._problem(setup.harmonics, samples)
         last, before = self._place(-1), self._place(-2)
@@ -418,7 +455,7 @@ class Branch(Iterator[BranchPoint]):
         side
             1 or -1: to which side of this branch.
         size
-            First distance from it, where the solution has length one.
+            First distance from it, where the solution has length one; in the units of the coordinates where it is rest.
 
         Notes
         -----
@@ -439,7 +476,8 @@ class Branch(Iterator[BranchPoint]):
         p = self._parameter_of(event)
         y = other.setup.start(_stretched(event.X, other.setup.subharmonic // self.setup.subharmonic))
         at = _balance.translated(other.setup.core.residual, y, [event.omega], event.level, self.parameter, event.value)
-        scale = np.append(np.full(len(y), max(float(np.linalg.norm(y)), 1e-300)), abs(self._span[1] - self._span[0]))
+        length = float(np.linalg.norm(y)) or 1.0
+        scale = np.append(np.full(len(y), length), abs(self._span[1] - self._span[0]))
         matrix = np.column_stack([at["jacobian"], at["slope"]]) * scale
         null = np.linalg.svd(matrix)[2][-2:]
         along = null @ (apart / scale)

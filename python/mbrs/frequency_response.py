@@ -8,6 +8,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from . import _balance, _checks
+from ._branch_points import filled_up
 from .continuation import BRANCH_DEFAULTS, Branch, BranchOptions, takes_branch_options
 from .errors import ConvergenceError, Interrupted, ModelError
 from .harmonic_balance import effects_of, harmonic_balance
@@ -148,7 +149,7 @@ def _points(system: Any, options: BranchOptions) -> FrequencyResponse:
         np.asarray(w[:n]),
         np.full(n, float(level)),
         known_stability(np.array(stable), stability),
-        None if any(s is None for s in exponents) else np.array(exponents),
+        None if any(s is None for s in exponents) else filled_up(exponents),
         (),
         tuple(parts),
         system,

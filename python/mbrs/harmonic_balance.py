@@ -99,13 +99,15 @@ class PeriodicSolution(Result):
         def motion(phase: Any, derivative: int = 0) -> np.ndarray:
             return np.real(np.exp(1j * np.multiply.outer(phase, h)) @ (c * (1j * h) ** derivative))
 
-        phase = np.linspace(0, 2 * np.pi, max(256, 16 * len(h)), endpoint=False)
-        best = float(np.max(np.abs(motion(phase))))
-        at = float(phase[np.argmax(np.abs(motion(phase)))])
+        n_t = max(256, 16 * len(h))
+        spectrum = c * np.where(h == 0, n_t, n_t / 2)
+        series = np.abs(np.fft.irfft(np.pad(spectrum, (0, n_t // 2 + 1 - len(h))), n_t))
+        best, between = float(np.max(series)), 2 * np.pi / n_t
+        at = float(np.argmax(series)) * between
         for _ in range(8):
             bend = float(motion(at, 2))
             step = -float(motion(at, 1)) / bend if bend else 0.0
-            at += float(np.clip(step, -(phase[1]), phase[1]))
+            at += float(np.clip(step, -between, between))
             best = max(best, abs(float(motion(at))))
         return best
 
@@ -118,6 +120,16 @@ class PeriodicSolution(Result):
     def label(self, dof: Any = 0) -> str:
         """Name of a displacement."""
         return label(self.system, dof, len(self.X))
+
+    @property
+    def multipliers(self) -> np.ndarray | None:
+        """(2 dof,) Floquet multipliers exp(s T) over one period of the motion, computed when asked for; None where they cannot be
+        told (laws with memory, large systems without a reduced model)."""
+        setup = _balance.prepare(
+            self.system, self.force, self.harmonics, self.subharmonic, self.n_samples or None, self.omega
+        )
+        s = setup.exponents(setup.start(self), self.omega)
+        return None if s is None else np.exp(s * self.period)
 
     def verify(self, rtol: float = 1e-9, *, full: bool | None = None) -> Distance:
         """Integrates one period from the solution's own state at t = 0 and returns the largest distance between the
@@ -315,6 +327,9 @@ def harmonic_balance(
         )
         return _automatic(system, force, float(w), x0, 1e-6 if tol is None else tol, given)
     setup, answer = _solved(system, force, harmonics, subharmonic, n_samples, float(w), condense, x0, options, tol)
+    loose = "" if answer["converged"] or "singular" not in answer["reason"] else setup.loose_coordinate(float(w))
+    if loose and not np.all(np.isfinite(answer["y"])):
+        raise _failure(system, answer, None, loose)
     result = PeriodicSolution(
         setup.expand(answer["y"], float(w)),
         float(w),
@@ -328,7 +343,7 @@ def harmonic_balance(
         status="converged" if answer["converged"] and answer["error"] <= limit else "unresolved",
     )
     if not answer["converged"]:
-        raise _failure(system, answer, result)
+        raise _failure(system, answer, result, loose)
     return result
 
 
@@ -421,13 +436,17 @@ def effects_of(system: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(linear + names))
 
 
-def _failure(system: Any, answer: dict[str, Any], result: PeriodicSolution) -> ConvergenceError:
+def _failure(system: Any, answer: dict[str, Any], result: PeriodicSolution | None, loose: str) -> ConvergenceError:
     broken = answer["broken"]
     if broken is not None:
         text = f"elements[{broken}], {system.elements[broken]!r}, returned a force that is not finite"
         advice = "check its numbers and the range of displacements"
+    elif "singular" in answer["reason"] and loose:
+        text = f"harmonic balance did not converge: the equations are singular, nothing restrains {loose}"
+        advice = "restrain it, or drive or remove its joint"
     else:
         text = f"harmonic balance did not converge: {answer['reason']} after {answer['iterations']} iterations"
         advice = "start nearer (x0=), raise the force in steps, or follow the branch with frequency_response"
-    object.__setattr__(result, "status", "stopped")
+    if result is not None:
+        object.__setattr__(result, "status", "stopped")
     return ConvergenceError(f"{text}; {advice}", result)

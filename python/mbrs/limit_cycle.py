@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from . import _balance, _checks, _cycle_start
-from .errors import ConvergenceError, ModelError
+from . import _balance, _checks, _condensation, _cycle_start
+from .errors import ConvergenceError, ModelError, SingularError
 from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of
 from .model.book import Book
 from .nonlinear_system import nonlinear_system
 from .results import Stats
+
+POSITION = (0, 1, 3, 4, 6, 7)  # codes of the laws that are functions of the displacement alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +127,12 @@ def limit_cycle(
         raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
     limit = _balance.positive("tol", (1e-6 if automatic else UNRESOLVED / 10) if tol is None else tol)
     static = _static_force(system, force)
+    if conservative(system):
+        raise ConvergenceError(
+            "no limit cycle was found: nothing in this system takes or gives energy, so that its periodic motions come in "
+            "families; give it damping, a follower (unsymmetric) stiffness or a law of the velocity",
+            None,
+        )
     given: dict[str, Any] = dict(n_samples=n_samples, condense=condense)
     options = _balance.newton(tolerance, max_iterations)
     tops = _enrichment(harmonics)
@@ -140,9 +148,10 @@ def limit_cycle(
         if start is None:
             if guess is not None:
                 break
-            start = _cycle_start.by_integration(system, static)
-            if start is None:
+            found = _cycle_start.by_integration(system, static)
+            if found is None:
                 break
+            start = found.X, found.omega
             tops = tops[-1:] if not automatic else tops[-4:]
         last = _refine(system, static, start, tops, limit, given, options, started) or last
         if last is not None and last.status == "converged":
@@ -156,6 +165,13 @@ def limit_cycle(
     if last is None:
         raise ConvergenceError("no limit cycle was found; give a guess with omega= and x0=", None)
     return last
+
+
+def conservative(system: Any) -> bool:
+    """Whether nothing in a system takes or gives energy, by structure: no damping, no circulatory stiffness, laws of position."""
+    M, C, K = _condensation.dense(system)
+    still = all(law.code in POSITION for law in system.elements)
+    return still and bool(np.all(C + C.T == 0) and np.all(K == K.T) and np.all(M == M.T))
 
 
 def _better(last: LimitCycle | None, other: LimitCycle) -> LimitCycle:
@@ -215,7 +231,10 @@ def _refine(
 
 def _result(system: Any, force: Any, setup: Any, answer: Any, limit: float, started: float) -> LimitCycle:
     y, w = answer["z"][:-1], float(answer["z"][-1])
-    exponents = setup.exponents(y, w)
+    try:
+        exponents = setup.exponents(y, w)
+    except SingularError:
+        exponents = None  # the cycle is a result also where its stability is not
     counts = {key: answer[key] for key in ("iterations", "evaluations")}
     return LimitCycle(
         setup.expand(y, w),
@@ -234,8 +253,8 @@ def _result(system: Any, force: Any, setup: Any, answer: Any, limit: float, star
 
 def _collocated(system: Any, force: Any, starts: list[Any], harmonics: Any, limit: float, started: float) -> LimitCycle:
     top = 1 if harmonics is None else _balance.checked_harmonics(harmonics, 1)[-1]
-    start = _cycle_start.by_integration(system, force) if len(starts) != 1 or starts[0][0] is None else starts[0]
-    start = start or _cycle_start.by_integration(system, force)
+    given = len(starts) == 1 and starts[0][0] is not None
+    start = _cycle_start.from_coefficients(*starts[0]) if given else _cycle_start.by_integration(system, force)
     if start is None:
         raise ConvergenceError("no limit cycle was found by integration; give a guess with omega= and x0=", None)
     X, period, error, nodes = _cycle_start.collocate(system, force, start, top, limit)

@@ -256,7 +256,7 @@ def _blade_groups(turn: Turn) -> Iterator[list[_Blade]]:
 
 
 def _blade(turn: Turn, topology: Any, members: list[str]) -> _Blade:
-    from .flexible_bodies import modal_places
+    from .tables import modal_places
 
     names = list(turn.snapshot.tables["body_name"])
     stems = {joint or body for body, _, joint, _ in topology["tree"] if body in members}

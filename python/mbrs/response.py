@@ -192,6 +192,11 @@ def response(
     begin = time.perf_counter()
     if kind not in _KINDS:
         raise ModelError(f"kind={kind!r} is not known; it is one of {', '.join(_KINDS)}")
+    if not hasattr(m, "compiled") and len(getattr(m, "elements", ())) > 0:
+        raise ModelError(
+            "response() is linear and this system has nonlinear elements; leave them out, MechanicalSystem(M, C, K), or use "
+            "mb.harmonic_balance for periodic motions and mb.simulate of a Model for others"
+        )
     times = _times(t)
     ports, functions = _load_pairs(loads)
     linear = _with_inputs(m, ports, outputs, at, without)

@@ -182,27 +182,42 @@ class FrequencyResponse(Result):
         near = min(event.index, len(self) - 1)
         return self._solution(self._part_of(near)[0].setup, event.omega, event.level, event.X, float(self.error[near]))
 
-    def peak(self, dof: int = 0, harmonic: int | None = 1) -> PeriodicSolution:
-        """The solution where the amplitude of one harmonic, or with None the largest displacement, is largest: solved
-        for
-        (d amplitude / d arclength = 0) from the largest point of the curve. Only for curves over frequency."""
+    def peak(self, dof: Any = 0, harmonic: int | None = 1) -> PeriodicSolution:
+        """The solution where the amplitude of one harmonic, or with None the largest displacement, is largest: solved for
+        (d amplitude / d arclength = 0) from the largest point of the curve, along its tangent, so also where that is a fold.
+        ``dof`` as for `amplitude`: a coordinate, condensed or not, or a motion of the model. Only for curves over frequency."""
         i = int(np.argmax(self.amplitude(dof, harmonic)))
         part, k = self._part_of(i)
         setup = part.setup
         if np.ptp(self.omega) == 0:
             raise ModelError("peak() needs a curve over frequency; this one runs over the force level")
         level = float(part.level[k])
-        omega, y = setup.peak(part.y[k], float(self.omega[i]), level, self._kept(dof), harmonic)
+        row = weights(self.system, dof, self.system.n)
+        if isinstance(row, int):
+            row = np.eye(1, self.system.n, row)[0]
+        omega, y = setup.peak(part.y[k], float(self.omega[i]), level, row, harmonic, self._tangent(i))
         X = setup.expand(y, omega, level)
         return self._solution(setup, omega, float(self.level[i]), X, float(self.error[i]))
 
-    def _kept(self, dof: Any) -> int:
-        names = [self.label(i) for i in range(self.system.n)] if isinstance(dof, str) else []
-        if isinstance(dof, str) and dof in names:
-            return names.index(dof)
-        if isinstance(dof, bool) or not isinstance(dof, int | np.integer) or not -self.system.n <= dof < self.system.n:
-            raise ModelError(f"peak() takes the number or name of a coordinate, not {dof!r}")
-        return int(dof) % self.system.n
+    def _tangent(self, i: int) -> np.ndarray | None:
+        """[dy, domega] from the point before to the point behind, in the unknowns of the point i; None where there is no branch."""
+        near = [k for k in (i - 1, i + 1) if 0 <= k < len(self)]
+        if not self.connected or not near:
+            return None
+        size = self._part_of(i)[0].y.shape[1]
+
+        def place(at: int) -> np.ndarray:
+            other, own = self._part_of(at)
+            z = np.zeros(size + 1)
+            n = min(size, other.y.shape[1])  # sets of harmonics only grow, and keep their order
+            z[:n], z[-1] = other.y[own][:n], other.omega[own]
+            return z
+
+        ends = (
+            (place(near[0]), place(near[-1])) if len(near) == 2 else sorted_ends(place(i), place(near[0]), near[0] > i)
+        )
+        step = ends[1] - ends[0]
+        return step if np.any(step) else None
 
     def _solution(self, setup: Any, omega: float, level: float, X: np.ndarray, error: float) -> PeriodicSolution:
         force = _balance.scaled_force(self.force, level)
@@ -354,6 +369,11 @@ class FrequencyResponse(Result):
         return {key: value for key, value in self.__dict__.items() if key != "_built"}
 
 
+def sorted_ends(here: np.ndarray, other: np.ndarray, behind: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Two neighbours in the order of the curve."""
+    return (here, other) if behind else (other, here)
+
+
 def _error_text(error: float) -> str:
     """Below the rounding of numbers an estimate says nothing more."""
     return "<1e-16" if error < 1e-16 else f"{error:.1e}"
@@ -421,7 +441,7 @@ def collected(branch: Branch, wall_time: float) -> dict[str, Any]:
         level=np.concatenate([part.level for part in parts]),
         stable=known_stability(branch.chunks.column("stable"), branch.stability),
         exponents=branch.chunks.exponents(),
-        events=tuple(branch.chunks.events),
+        events=branch.events,
         parts=parts,
         system=branch.system,
         force=branch.force,

@@ -9,10 +9,12 @@ use faer::Mat;
 use faer::prelude::*;
 use num_complex::Complex64 as c64;
 
+use super::hbm::aft::Aft;
 use super::hbm::linear::{Block, Matrices};
 use super::hbm::problem::Problem;
 use super::monodromy::Splitting;
 use crate::error::{Error, Result};
+use crate::solve::largest;
 
 /// Largest difference between the sum of the exponents and the trace, relative to the base frequency, that passes.
 const TRACE_TOLERANCE: f64 = 1e-6;
@@ -33,6 +35,8 @@ const FEW_STEPS: usize = 512;
 pub struct Floquet {
     pub exponents: Vec<c64>,
     pub by_hill: bool,
+    /// a contact opens or closes within the error of the motion, or is shorter than the steps resolve: the exponents may be others
+    pub doubtful: bool,
 }
 
 /// What the stability of the solutions of one problem needs.
@@ -41,6 +45,8 @@ pub struct Stability {
     splitting: Splitting,
     /// whether the two ways have agreed, once that is known
     agreed: Option<bool>,
+    /// as fine as what told the exponents last
+    sampler: Option<Aft>,
     /// parameter of the system that the matrices belong to, where they depend on it
     value: Option<f64>,
 }
@@ -64,7 +70,7 @@ impl Stability {
         let value = problem.family.as_ref().map(|f| f.value);
         let small = 2 * problem.n() * problem.basis.n_coefficients() <= LARGEST_HILL;
         let inertia = if small && splitting.size() == 2 * problem.n() { Inertia::new(problem) } else { None };
-        Ok(Some(Stability { inertia, splitting, agreed: None, value }))
+        Ok(Some(Stability { inertia, splitting, agreed: None, sampler: None, value }))
     }
 
     /// Exponents of the solution y; `jacobian` is dR/dy there.
@@ -86,7 +92,7 @@ impl Stability {
                     let cheap = self.splitting.finest <= FEW_STEPS;
                     self.agreed = Some(cheap && agree(&exponents, period, &eigenvalues(&phi)?));
                 }
-                return Ok(Floquet { exponents, by_hill: true });
+                return Ok(Floquet { exponents, by_hill: true, doubtful: false });
             }
         }
         let (phi, sum) = self.splitting.monodromy(problem, y)?;
@@ -94,7 +100,20 @@ impl Stability {
             self.agreed = Some(false);
         }
         let exponents = from_monodromy(&phi, sum, problem.base_frequency())?;
-        Ok(Floquet { exponents, by_hill: false })
+        Ok(Floquet { exponents, by_hill: false, doubtful: false })
+    }
+
+    /// Whether contacts open or close within the relative error of the motion y, or last too short for the samples that told its
+    /// exponents.
+    pub fn is_doubtful(&mut self, problem: &mut Problem, y: &[f64], error: f64, by_hill: bool) -> Result<bool> {
+        let samples = if by_hill { problem.dims()[0] } else { self.splitting.finest };
+        if self.sampler.as_ref().is_none_or(|s| s.dims()[0] != samples) {
+            self.sampler = Some(Aft::between(&problem.basis, samples));
+        }
+        match self.sampler.as_mut() {
+            Some(sampler) => problem.grazes(y, error * largest(y), sampler),
+            None => Ok(false),
+        }
     }
 
     /// Fundamental matrix of the state [x; x'] over one period.

@@ -15,6 +15,7 @@ use crate::analysis::hbm::basis::{Basis, Finer};
 use crate::analysis::hbm::estimate::{Estimate, Estimator};
 use crate::analysis::hbm::family::{Family, Member, Placed};
 use crate::analysis::hbm::linear::{DynamicStiffness, Matrices};
+use crate::analysis::hbm::peak::Quantity;
 use crate::analysis::hbm::problem::{Element, Parameter, Problem};
 use crate::analysis::hbm::start;
 use crate::analysis::stability::Stability;
@@ -317,25 +318,35 @@ impl HbmProblem {
         Ok((exponents, matrix.map(|m| to_numpy(py, m.as_ref()))))
     }
 
-    /// The maximum of one harmonic, or without a term of the displacement, near the solution y: (omega, y).
+    /// The maximum of one harmonic, or without a term of the displacement, near the solution y: (omega, y). The displacement is
+    /// weights . x; `towards` is a step [dy, domega] along the branch.
+    #[expect(clippy::too_many_arguments)]
     fn peak<'py>(
         &self,
         py: Python<'py>,
         y: PyReadonlyArray1<'_, f64>,
         omega: f64,
         level: f64,
-        coordinate: usize,
+        weights: PyReadonlyArray1<'_, f64>,
         term: Option<usize>,
+        towards: Option<PyReadonlyArray1<'_, f64>>,
     ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
         let y = y.as_slice()?.to_vec();
         let mut problem = self.separate()?;
-        let coordinate = problem.linear.retain(&[(coordinate, 1.0)])?[0].0;
-        if y.len() != problem.size() || term.is_some_and(|t| t > problem.basis.n_harmonics()) {
-            return Err(Error::model("no such coordinate or harmonic").into());
+        let weights = weights.as_slice()?.to_vec();
+        let towards = towards.map(|t| t.as_slice().map(<[f64]>::to_vec)).transpose()?;
+        if y.len() != problem.size()
+            || weights.len() != problem.linear.full_size()
+            || towards.as_ref().is_some_and(|t| t.len() != y.len() + 1)
+            || term.is_some_and(|t| t > problem.basis.n_harmonics())
+        {
+            return Err(Error::model("no such displacement or harmonic").into());
         }
         problem.omega[0] = omega;
         problem.level = level;
-        let (omega, y) = interruptible(py, move |cancel| find_peak(&mut problem, &y, coordinate, term, cancel))?;
+        let quantity = Quantity { weights, term };
+        let (omega, y) =
+            interruptible(py, move |cancel| find_peak(&mut problem, &y, towards.as_deref(), &quantity, cancel))?;
         Ok((omega, PyArray1::from_vec(py, y)))
     }
 

@@ -8,7 +8,7 @@ use pyo3::types::{PyDict, PyList};
 
 use super::border::interruptible;
 use super::hbm::{HbmProblem, lock, matrices, parameter_called};
-use crate::analysis::hbm::peak;
+use crate::analysis::hbm::peak::{self, Quantity};
 use crate::analysis::hbm::problem::{Parameter, Problem};
 use crate::analysis::hbm::response::{Event, Follower, Kind, Record, Settings, Status, unstable};
 use crate::analysis::hbm::start;
@@ -214,7 +214,7 @@ impl Chunk {
         dict.set_item("step", column(&|r| r.step))?;
         dict.set_item("iterations", column(&|r| r.iterations as f64))?;
         let stable = |r: &Record| match &r.floquet {
-            Some(f) if f.exponents.iter().all(|s| s.re.is_finite()) => {
+            Some(f) if !f.doubtful && f.exponents.iter().all(|s| s.re.is_finite()) => {
                 f64::from(u8::from(unstable(&f.exponents, self.base) == 0))
             }
             _ => f64::NAN,
@@ -259,6 +259,7 @@ fn event_dict<'py>(py: Python<'py>, event: &Event) -> PyResult<Bound<'py, PyDict
             Kind::BranchPoint => "branch-point",
             Kind::NeimarkSacker => "neimark-sacker",
             Kind::PeriodDoubling => "period-doubling",
+            Kind::Grazing => "grazing",
         },
     )?;
     dict.set_item("p", event.p)?;
@@ -268,16 +269,16 @@ fn event_dict<'py>(py: Python<'py>, event: &Event) -> PyResult<Bound<'py, PyDict
     Ok(dict)
 }
 
-/// The largest amplitude of a term (or the largest displacement) of one coordinate near the solution y: (omega, y).
+/// The largest amplitude of a term (or the largest displacement) of one displacement near the solution y: (omega, y).
 pub fn find_peak(
     problem: &mut Problem,
     y: &[f64],
-    coordinate: usize,
-    term: Option<usize>,
+    towards: Option<&[f64]>,
+    quantity: &Quantity,
     cancel: &Cancel,
 ) -> Result<(f64, Vec<f64>)> {
     let scale = problem.omega[0];
     let options = options("tangent", "pseudo-arclength", [1e-3, 1e-10, 0.05], 1e-11, scale)?;
-    let point = peak::find(problem, y, coordinate, term, options, cancel)?;
+    let point = peak::find(problem, y, towards, quantity, options, cancel)?;
     Ok((point.p(), point.y().to_vec()))
 }

@@ -244,6 +244,10 @@ mod tests {
         fn scale(&self, _: &[f64], out: &mut [f64]) {
             out[0] = 1.0;
         }
+
+        fn row_excess(&mut self, y: &[f64], p: f64, tolerance: f64) -> Result<f64> {
+            Ok((self.0)(y[0], p)[0].abs() / tolerance)
+        }
     }
 
     fn options(predictor: Predictor, corrector: Corrector) -> Options {

@@ -3,7 +3,7 @@ use faer::Mat;
 use faer::prelude::*;
 
 use super::newton::ROUNDING;
-use super::{Curve, Linearisation};
+use super::{Curve, Linearisation, nan_or_largest};
 use crate::error::Result;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,6 +44,8 @@ pub struct Point {
     pub scale: Vec<f64>,
     /// sign of the determinant of [J; t]: changes at branch points, not at folds
     pub orientation: f64,
+    /// about the smallest singular value of [J; t] with rows and unknowns scaled: vanishes at branch points
+    pub regularity: f64,
     pub iterations: usize,
     pub step: f64,
 }
@@ -70,6 +72,7 @@ pub struct Workspace {
     bordered: Mat<f64>,
     rhs: Mat<f64>,
     pub corrections: u64,
+    regularity: f64,
 }
 
 impl Workspace {
@@ -77,8 +80,9 @@ impl Workspace {
         Workspace {
             out: Linearisation::new(n),
             bordered: Mat::zeros(n + 1, n + 1),
-            rhs: Mat::zeros(n + 1, 2),
+            rhs: Mat::zeros(n + 1, 3),
             corrections: 0,
+            regularity: f64::NAN,
         }
     }
 
@@ -100,14 +104,18 @@ impl Workspace {
             self.bordered[(i, n)] = slope * factor;
             self.rhs[(i, 0)] = -self.out.residual[i] * factor;
             self.rhs[(i, 1)] = 0.0;
+            self.rhs[(i, 2)] = (1.0 + i as f64).cos();
         }
         for (j, b) in border.iter().enumerate() {
             self.bordered[(n, j)] = *b;
         }
         self.rhs[(n, 0)] = -defect;
         self.rhs[(n, 1)] = 1.0;
+        self.rhs[(n, 2)] = (1.0 + n as f64).cos();
         let lu = self.bordered.partial_piv_lu();
+        let before = self.rhs.col(2).norm_l2();
         lu.solve_in_place(&mut self.rhs);
+        self.regularity = before / self.rhs.col(2).norm_l2();
         determinant_sign(&lu)
     }
 }
@@ -189,7 +197,7 @@ pub(super) fn correct(
         let mut size = 0.0_f64;
         for (i, x) in x.iter_mut().enumerate() {
             *x += work.rhs[(i, 0)];
-            size = size.max(work.rhs[(i, 0)].abs());
+            size = nan_or_largest([size, work.rhs[(i, 0)].abs()].into_iter());
         }
         let length = (0..=n).map(|i| work.rhs[(i, 1)].powi(2)).sum::<f64>().sqrt();
         if !size.is_finite() || !length.is_finite() || (iterations > 2 && size > 2.0 * last) {
@@ -197,26 +205,30 @@ pub(super) fn correct(
         }
         turning.iter_mut().enumerate().for_each(|(i, t)| *t = work.rhs[(i, 1)] / length);
         // rounding of the equations may keep the step above the tolerance, where it no longer gets smaller
-        let rounding = iterations > 3 && size <= ROUNDING && size > 0.1 * last && curve.rounding() > f64::EPSILON;
-        if size <= options.tolerance || rounding {
-            return Ok(Some(finish(curve, &x, &turning, scale, target.direction, sign, iterations, options)));
+        let stuck = iterations > 3 && size <= ROUNDING && size > 0.1 * last;
+        if size <= options.tolerance || stuck {
+            for i in 0..=n {
+                z[i] = x[i] * scale[i];
+            }
+            if curve.row_excess(&z[..n], z[n], options.tolerance)? <= 1.0 {
+                return Ok(Some(finish(curve, &x, &turning, target, (sign, work.regularity), iterations, options)));
+            }
         }
         last = size;
     }
     Ok(None)
 }
 
-#[expect(clippy::too_many_arguments)]
 fn finish(
     curve: &dyn Curve,
     x: &[f64],
     turning: &[f64],
-    scale: &[f64],
-    direction: &[f64],
-    sign: f64,
+    target: &Target<'_>,
+    (sign, regularity): (f64, f64),
     iterations: usize,
     options: &Options,
 ) -> Point {
+    let (scale, direction) = (target.scale, target.direction);
     let n = x.len() - 1;
     let z: Vec<f64> = (0..=n).map(|i| x[i] * scale[i]).collect();
     let forward = if dot(turning, direction) < 0.0 { -1.0 } else { 1.0 };
@@ -224,7 +236,7 @@ fn finish(
     renew_scale(curve, &z[..n], options.parameter_scale, &mut new_scale);
     let mut tangent: Vec<f64> = (0..=n).map(|i| forward * turning[i] * scale[i]).collect();
     normalise(&mut tangent, &new_scale);
-    Point { z, tangent, scale: new_scale, orientation: sign * forward, iterations, step: 0.0 }
+    Point { z, tangent, scale: new_scale, orientation: sign * forward, regularity, iterations, step: 0.0 }
 }
 
 /// Scales in which the solution y has at most length one, whatever the number of unknowns.

@@ -45,10 +45,19 @@ pub trait Curve {
     fn residual(&mut self, y: &[f64], parameter: f64, out: &mut Linearisation) -> Result<()>;
     /// Sizes of the unknowns, all positive: what steps are measured against.
     fn scale(&self, y: &[f64], out: &mut [f64]);
-    /// Relative rounding of the equations beyond that of plain sums, where it is known.
-    fn rounding(&self) -> f64 {
-        0.0
-    }
+    /// Largest residual of a row, evaluated afresh at this point, over what the tolerance of a step and rounding allow in that row;
+    /// a solution has at most 1. Nan where the residual is not a number.
+    fn row_excess(&mut self, y: &[f64], parameter: f64, tolerance: f64) -> Result<f64>;
+}
+
+/// The largest value, or nan where there is one: `f64::max` would drop it.
+pub fn nan_or_largest(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(0.0, |a, b| if a.is_nan() || b <= a { a } else { b })
+}
+
+/// The largest |x_i|, or nan where there is one.
+pub fn largest(x: &[f64]) -> f64 {
+    nan_or_largest(x.iter().map(|x| x.abs()))
 }
 
 /// F(x) = 0 of which only values are known.

@@ -3,7 +3,7 @@
 use faer::Mat;
 use faer::prelude::*;
 
-use super::{Curve, Linearisation};
+use super::{Curve, Linearisation, nan_or_largest};
 use crate::error::Result;
 use crate::run::Cancel;
 
@@ -57,7 +57,7 @@ pub fn solve(
         }
         curve.scale(&trial, &mut scale);
         step_size = relative(&step, &scale);
-        if step_size <= options.tolerance {
+        if step_size <= options.tolerance && curve.row_excess(&trial, parameter, options.tolerance)? <= 1.0 {
             y.copy_from_slice(&trial);
             return Ok(Outcome { converged: true, iterations, step: step_size, reason: "converged" });
         }
@@ -75,7 +75,7 @@ pub fn solve(
             }
             damping *= 0.5;
             if damping < LEAST_DAMPING {
-                if step_size <= ROUNDING {
+                if step_size <= ROUNDING && curve.row_excess(y, parameter, options.tolerance)? <= 1.0 {
                     return Ok(Outcome { converged: true, iterations, step: step_size, reason: "rounding" });
                 }
                 return Ok(gave_up(iterations, step_size, "no step reduces the residual"));
@@ -98,7 +98,7 @@ fn negative_solution(lu: &faer::linalg::solvers::PartialPivLu<f64>, r: &[f64]) -
 
 /// Largest |x_i| / scale_i.
 pub fn relative(x: &[f64], scale: &[f64]) -> f64 {
-    x.iter().zip(scale).fold(0.0, |a, (x, s)| f64::max(a, (x / s).abs()))
+    nan_or_largest(x.iter().zip(scale).map(|(x, s)| (x / s).abs()))
 }
 
 #[cfg(test)]
@@ -125,6 +125,10 @@ mod tests {
 
         fn scale(&self, y: &[f64], out: &mut [f64]) {
             out[0] = y[0].abs().max(1e-3);
+        }
+
+        fn row_excess(&mut self, y: &[f64], p: f64, tolerance: f64) -> Result<f64> {
+            Ok((y[0].atan() - p).abs() / (tolerance * (y[0].atan().abs() + p.abs())))
         }
     }
 

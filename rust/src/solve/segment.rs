@@ -12,6 +12,7 @@ pub struct Segment {
     direction: Vec<f64>,
     far: Vec<f64>,
     length: f64,
+    ends: (Point, Point),
     options: Options,
 }
 
@@ -26,7 +27,11 @@ impl Segment {
         let far = scaled(&b.z, &scale);
         let length = far.iter().zip(&centre).zip(&direction).map(|((f, c), d)| (f - c) * d).sum();
         let options = Options { tolerance: options.tolerance.min(1e-11), ..options };
-        Segment { scale, centre, direction, far, length, options }
+        Segment { scale, centre, direction, far, length, ends: (a.clone(), b.clone()), options }
+    }
+
+    pub fn length(&self) -> f64 {
+        self.length.abs()
     }
 
     /// How far along the segment a point lies.
@@ -55,7 +60,25 @@ impl Segment {
         correct(curve, work, &target, start, &self.options)
     }
 
-    /// Zero of `f`, whose values at the ends have opposite signs; `f` also sees the linearisation at the trial.
+    /// The solution at the first of some fractions of the way between two places where the corrector succeeds.
+    fn between(
+        &self,
+        curve: &mut dyn Curve,
+        work: &mut Workspace,
+        fractions: &[f64],
+        low: &Place,
+        high: &Place,
+    ) -> Result<Option<(f64, Point)>> {
+        for t in fractions {
+            let s = low.0 + t * (high.0 - low.0);
+            if let Some(point) = self.at(curve, work, s, low, high)? {
+                return Ok(Some((s, point)));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Zero of `f`, whose values at the ends have opposite signs, or where it jumps through zero; None where it was not closed in; `f` also sees the linearisation at the trial.
     pub fn zero<C: Curve>(
         &self,
         curve: &mut C,
@@ -76,10 +99,14 @@ impl Segment {
             if !(s > low.0.min(high.0) && s < low.0.max(high.0)) {
                 s = 0.5 * (low.0 + high.0);
             }
-            let Some(point) = self.at(curve, work, s, &low, &high)? else {
-                return Ok(best);
+            let fraction = (s - low.0) / (high.0 - low.0);
+            let Some((s, point)) = self.between(curve, work, &[fraction, 0.5, 0.37, 0.71], &low, &high)? else {
+                return Ok(None);
             };
             let value = f(curve, &point, &work.out)?;
+            if !value.is_finite() {
+                return Ok(None);
+            }
             let x = scaled(&point.z, &self.scale);
             best = Some(point);
             if (value < 0.0) == (low.1 < 0.0) {
@@ -103,32 +130,24 @@ impl Segment {
         curve: &mut C,
         work: &mut Workspace,
         cancel: &Cancel,
-        like_first: impl Fn(&Point) -> bool,
+        mut like_first: impl FnMut(&mut C, &Point, &Linearisation) -> Result<bool>,
     ) -> Result<Jump> {
         let mut low = (0.0, 0.0, self.centre.clone());
         let mut high = (self.length, 0.0, self.far.clone());
-        let mut best = None;
-        while (high.0 - low.0).abs() > 1e-9 * self.length.abs() {
+        let (mut before, mut after) = self.ends.clone();
+        while (high.0 - low.0).abs() > NARROW * self.length.abs() {
             cancel.check()?;
             // the corrector may fail at the point itself, where the equations are singular, but not also beside it
-            let mut found = None;
-            for t in [0.5, 0.37, 0.71] {
-                let s = low.0 + t * (high.0 - low.0);
-                if let Some(point) = self.at(curve, work, s, &low, &high)? {
-                    found = Some((s, point));
-                    break;
-                }
-            }
+            let found = self.between(curve, work, &[0.5, 0.37, 0.71], &low, &high)?;
             let Some((s, point)) = found else {
                 break;
             };
             let place = (s, 0.0, scaled(&point.z, &self.scale));
-            if like_first(&point) {
-                low = place;
+            if like_first(curve, &point, &work.out)? {
+                (low, before) = (place, point);
             } else {
-                high = place;
+                (high, after) = (place, point);
             }
-            best = Some(point);
         }
         let gap = low.2.iter().zip(&high.2).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
         // on one branch the two sides approach each other as s does
@@ -136,13 +155,18 @@ impl Segment {
         if !narrowed || gap > 10.0 * (high.0 - low.0).abs() + 1e-6 {
             return Ok(Jump::Torn);
         }
-        Ok(best.map_or(Jump::Torn, Jump::At))
+        let width = (high.0 - low.0).abs() / self.length.abs();
+        Ok(Jump::Between { before, after, width })
     }
 }
 
 /// What lies between two points with different properties.
 pub enum Jump {
-    At(Point),
+    /// the last points on both sides, and how far apart they are relative to the segment
+    Between { before: Point, after: Point, width: f64 },
     /// the points belong to different branches
     Torn,
 }
+
+/// Part of a segment down to which a jump is bracketed.
+const NARROW: f64 = 1e-9;

@@ -277,6 +277,16 @@ impl Aft {
         collect(&self.slots, &self.spectrum, &mut self.force);
     }
 
+    /// Displacements of the last element at the samples.
+    pub fn displacements(&self) -> &[f64] {
+        &self.u
+    }
+
+    /// Phases of the excitation at the samples.
+    pub fn phases(&self) -> &[f64] {
+        &self.phase
+    }
+
     /// df/du and df/dv of the last element at the samples; only for laws without memory.
     pub fn tangents(&self) -> (&[f64], &[f64]) {
         (&self.f_u, &self.f_v)

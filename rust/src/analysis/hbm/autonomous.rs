@@ -7,7 +7,7 @@ use super::problem::{Parameter, Problem};
 use crate::error::Result;
 use crate::run::Cancel;
 use crate::solve::newton::{self, Options, Outcome};
-use crate::solve::{Curve, Linearisation};
+use crate::solve::{Curve, Linearisation, largest};
 
 /// Unknowns [y, omega]; the added equation is phase . y = 0.
 pub struct Cycle<'a> {
@@ -61,6 +61,11 @@ impl Curve for Cycle<'_> {
         self.linearise(z, p, out)
     }
 
+    fn row_excess(&mut self, z: &[f64], _: f64, tolerance: f64) -> Result<f64> {
+        let n = self.phase.len();
+        self.problem.row_excess(&z[..n], z[n], tolerance)
+    }
+
     fn scale(&self, z: &[f64], out: &mut [f64]) {
         let n = self.phase.len();
         self.problem.scale(&z[..n], &mut out[..n]);
@@ -89,7 +94,7 @@ pub fn estimate(problem: &Problem, z: &[f64], finer: &Finer) -> Result<f64> {
     cycle.linearise(&extended, 0.0, &mut out)?;
     let mut step = faer::Mat::from_fn(size + 1, 1, |i, _| out.residual[i]);
     out.jacobian.partial_piv_lu().solve_in_place(&mut step);
-    let largest = z[..n].iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    let largest = largest(&z[..n]);
     let change: f64 = (0..size).map(|i| step[(i, 0)].powi(2)).sum::<f64>().sqrt() / largest;
     Ok(change + (step[(size, 0)] / z[n]).abs())
 }

@@ -1,75 +1,80 @@
-//! The dynamic stiffness of every term at its present frequency: computed where it is not known, kept where it is.
-use super::linear::{Block, DynamicStiffness};
+//! The dynamic stiffness of every term at its present frequency.
+//!
+//! Full and modal forms are evaluated at every frequency. Condensed ones, each a factorisation, are extrapolated to second order as
+//! long as the change of every entry hides in the rounding of that entry. An extrapolated S serves Newton's method; the residual
+//! of a point that is accepted takes `renew`.
+use super::linear::{Block, DynamicStiffness, Expansion};
 use crate::error::Result;
-
-/// Relative change of a block below which a new factorisation, told apart from the old one by its slope, shows its rounding.
-const NEIGHBOURS: f64 = 1e-3;
-/// Rounding of factorisations that no estimate needs to show.
-const QUIET: f64 = 1e-10;
 
 #[derive(Clone)]
 pub struct Blocks {
     pub each: Vec<Block>,
+    /// frequencies to which they belong; nan where nothing is known
     at: Vec<f64>,
-    /// frequencies at which they were computed last; from there on the slope may have done
-    from: Vec<f64>,
-    /// relative rounding, as two neighbours have shown it
-    pub noise: f64,
+    /// where they were factorised last, of forms whose evaluation is not cheap
+    expansions: Vec<Option<Expansion>>,
 }
 
 impl Blocks {
     /// For so many terms of n coordinates.
     pub fn new(terms: usize, n: usize) -> Blocks {
-        Blocks { each: vec![Block::new(n); terms], at: vec![f64::NAN; terms], from: vec![f64::NAN; terms], noise: 0.0 }
+        Blocks { each: vec![Block::new(n); terms], at: vec![f64::NAN; terms], expansions: vec![None; terms] }
     }
 
     /// Nothing is known any more.
     pub fn forget(&mut self) {
         self.at.fill(f64::NAN);
-        self.from.fill(f64::NAN);
+        self.expansions.fill(None);
     }
 
     /// Takes over what another set knows of the same first terms.
     pub fn follow(&mut self, other: &Blocks) {
-        // where rounding is felt, another evaluation shows it in the estimate
-        if other.noise > QUIET {
-            return;
-        }
         for (j, w) in other.at.iter().enumerate() {
             if self.at[j] != *w {
                 self.each[j].clone_from(&other.each[j]);
-                (self.at[j], self.from[j]) = (*w, other.from[j]);
+                self.expansions[j].clone_from(&other.expansions[j]);
+                self.at[j] = *w;
             }
         }
     }
 
-    /// Brings the block of a term to a frequency; true where it had to be computed.
+    /// Brings the block of a term to a frequency; true where it had to be evaluated.
     pub fn update(&mut self, linear: &mut dyn DynamicStiffness, j: usize, w: f64) -> Result<bool> {
         if self.at[j] == w {
             return Ok(false);
         }
-        let block = &mut self.each[j];
-        let moved = block.change(w - self.from[j]);
-        let near = linear.extrapolates().max(self.noise.sqrt()).min(NEIGHBOURS);
-        let close = moved <= NEIGHBOURS;
-        if close {
-            block.extrapolate(w - self.at[j]);
+        if let Some(expansion) = self.expansions[j].as_ref().filter(|e| e.reaches(w)) {
+            expansion.fill(w, &mut self.each[j]);
             self.at[j] = w;
-        }
-        // the next term of the series is about the square of the change: as small as the rounding of a computation
-        if moved <= near {
             return Ok(false);
         }
-        let expected = close.then(|| block.s.clone());
-        self.at[j] = f64::NAN;
-        linear.evaluate(w, j, block)?;
-        (self.at[j], self.from[j]) = (w, w);
-        if let Some(expected) = expected {
-            let off = block.distance(&expected);
-            if off > 100.0 * moved * moved {
-                self.noise = self.noise.max(off);
-            }
-        }
+        self.evaluate(linear, j, w)?;
         Ok(true)
+    }
+
+    /// The block of a term, evaluated at this very frequency; true where it had to be.
+    pub fn renew(&mut self, linear: &mut dyn DynamicStiffness, j: usize, w: f64) -> Result<bool> {
+        if self.at[j] == w && self.expansions[j].as_ref().is_none_or(|e| e.w == w) {
+            return Ok(false);
+        }
+        self.evaluate(linear, j, w)?;
+        Ok(true)
+    }
+
+    /// Sums of absolute terms, the growth of the factorisation included, to which the rounding of the entries of S of a term is in
+    /// proportion; None where S is a plain sum.
+    pub fn growth(&self, j: usize) -> Option<&[f64]> {
+        self.expansions[j].as_ref().map(|e| e.s_growth.as_slice())
+    }
+
+    fn evaluate(&mut self, linear: &mut dyn DynamicStiffness, j: usize, w: f64) -> Result<()> {
+        self.at[j] = f64::NAN;
+        self.expansions[j] = linear.expansion(w, j)?;
+        match &self.expansions[j] {
+            Some(expansion) => self.each[j].clone_from(&expansion.at),
+            None => linear.evaluate(w, j, &mut self.each[j])?,
+        }
+        self.at[j] = w;
+        Ok(())
     }
 }

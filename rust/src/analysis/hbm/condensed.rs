@@ -1,18 +1,15 @@
 //! Exact condensation onto a few retained coordinates r: S = Z_rr - Z_rl Z_ll^-1 Z_lr by one sparse factorisation per harmonic.
 use std::sync::Arc;
 
-use faer::Mat;
+use faer::{Mat, Scale};
 use num_complex::Complex64 as c64;
 
 use super::factor::{Factor, Ldl, Pattern};
-use super::linear::{Block, DynamicStiffness, Forces, Matrices, STABILITY_COORDINATES, reordered};
+use super::linear::{Block, DynamicStiffness, Expansion, Forces, Matrices, STABILITY_COORDINATES, reordered};
 use super::refined::Solution;
 use crate::error::{Error, Result};
+use crate::tolerances::periodic::{ABSENT, FELT, SETTLED};
 
-/// Part of S that rounding of a factorisation may change, by its bound, before it is refined.
-const FELT: f64 = 1e-6;
-/// Correction of S by a residual, relative to it, after which the next one would not count.
-const SETTLED: f64 = 1e-7;
 const REFINEMENTS: usize = 6;
 
 /// One entry of M, C and K at the same place.
@@ -32,6 +29,15 @@ impl Entry {
 
     fn z_slope(&self, w: f64) -> c64 {
         c64::new(-2.0 * w * self.m, self.c)
+    }
+
+    fn z_bend(&self) -> c64 {
+        c64::new(-2.0 * self.m, 0.0)
+    }
+
+    /// Sum of the absolute terms of z.
+    fn size(&self, w: f64) -> f64 {
+        self.k.abs() + w * w * self.m.abs() + (w * self.c).abs()
     }
 }
 
@@ -117,46 +123,90 @@ impl Split {
         }
     }
 
-    /// S and its slope from the influence of the retained coordinates; returns how much of S rounding may have changed.
-    fn fill(&self, w: f64, right: &Mat<c64>, left: &Mat<c64>, block: &mut Block) -> f64 {
+    /// S = L^T Z R with R = [1; -Z_ll^-1 Z_lr] and L the same of Z^T, its slope L^T Z' R, and the sizes of its terms.
+    fn fill(&self, w: f64, right: &Mat<c64>, left: &Mat<c64>, out: &mut Expansion) {
         let n_r = self.retained.len();
-        let zero = c64::new(0.0, 0.0);
-        block.s.fill(zero);
-        block.s_slope.fill(zero);
-        for e in &self.rr {
-            block.s[e.row * n_r + e.column] += e.z(w);
-            block.s_slope[e.row * n_r + e.column] += e.z_slope(w);
-        }
-        let mut felt = 0.0_f64;
+        let pushed = self.pushed(w, right);
         for j in 0..n_r {
-            let right = right.col_as_slice(j);
-            for e in &self.rl {
-                block.s[e.row * n_r + j] += e.z(w) * right[e.column];
-                block.s_slope[e.row * n_r + j] += e.z_slope(w) * right[e.column];
+            let x = right.col_as_slice(j);
+            let mut sizes = vec![0.0; self.local.len()];
+            for e in &self.ll {
+                sizes[e.row] += e.size(w) * x[e.column].l1_norm();
             }
             for i in 0..n_r {
-                let left = left.col_as_slice(i);
-                let (mut sum, mut size) = (zero, 0.0);
-                for e in &self.ll {
-                    sum += left[e.row] * e.z_slope(w) * right[e.column];
-                    size += left[e.row].l1_norm() * e.k.abs() * right[e.column].l1_norm();
-                }
-                block.s_slope[i * n_r + j] += sum;
-                felt = felt.max(f64::EPSILON * size);
+                let (at, l) = (i * n_r + j, left.col_as_slice(i));
+                out.at.s_slope[at] = inner(l, pushed.col_as_slice(j));
+                out.s_growth[at] = l.iter().zip(&sizes).map(|(l, s)| l.l1_norm() * s).sum();
+                (out.at.s[at], out.s_size[at]) = (c64::new(0.0, 0.0), 0.0);
+            }
+            for e in &self.rl {
+                let at = e.row * n_r + j;
+                out.at.s[at] += e.z(w) * x[e.column];
+                out.at.s_slope[at] += e.z_slope(w) * x[e.column];
+                out.s_size[at] += e.size(w) * x[e.column].l1_norm();
             }
         }
-        for i in 0..n_r {
-            for e in &self.lr {
-                block.s_slope[i * n_r + e.column] += left[(e.row, i)] * e.z_slope(w);
+        for e in &self.rr {
+            let at = e.row * n_r + e.column;
+            out.at.s[at] += e.z(w);
+            out.at.s_slope[at] += e.z_slope(w);
+            out.s_size[at] += e.size(w);
+        }
+        out.s_growth.iter_mut().zip(&out.s_size).for_each(|(growth, size)| *growth += size);
+    }
+
+    /// (Z' R)_l
+    fn pushed(&self, w: f64, right: &Mat<c64>) -> Mat<c64> {
+        let mut out = Mat::zeros(right.nrows(), right.ncols());
+        for e in &self.lr {
+            out[(e.row, e.column)] += e.z_slope(w);
+        }
+        self.add_local(|e| e.z_slope(w), right, &mut out);
+        out
+    }
+
+    /// Adds A_ll X, column by column.
+    fn add_local(&self, a: impl Fn(&Entry) -> c64, x: &Mat<c64>, out: &mut Mat<c64>) {
+        for j in 0..x.ncols() {
+            let (x, out) = (x.col_as_slice(j), out.col_as_slice_mut(j));
+            for e in &self.ll {
+                out[e.row] += a(e) * x[e.column];
             }
         }
-        felt
+    }
+
+    /// S'' = L^T Z'' R + 2 L^T Z' [0; R_l'], given R_l'.
+    fn bend(&self, w: f64, right: &Mat<c64>, left: &Mat<c64>, turn: &Mat<c64>, out: &mut Expansion) {
+        let n_r = self.retained.len();
+        let mut pushed = Mat::zeros(right.nrows(), n_r);
+        for e in &self.lr {
+            pushed[(e.row, e.column)] += e.z_bend();
+        }
+        self.add_local(Entry::z_bend, right, &mut pushed);
+        self.add_local(|e| 2.0 * e.z_slope(w), turn, &mut pushed);
+        for j in 0..n_r {
+            for i in 0..n_r {
+                out.s_bend[i * n_r + j] = inner(left.col_as_slice(i), pushed.col_as_slice(j));
+            }
+            let (x, dx) = (right.col_as_slice(j), turn.col_as_slice(j));
+            for e in &self.rl {
+                out.s_bend[e.row * n_r + j] += e.z_bend() * x[e.column] + 2.0 * e.z_slope(w) * dx[e.column];
+            }
+        }
+        for e in &self.rr {
+            out.s_bend[e.row * n_r + e.column] += e.z_bend();
+        }
     }
 
     fn pattern(&self) -> Pattern {
         let entries: Vec<(usize, usize)> = self.ll.iter().map(|e| (e.row, e.column)).collect();
         Pattern::new(self.local.len(), &entries)
     }
+}
+
+/// sum_i a_i b_i, without conjugation
+fn inner(a: &[c64], b: &[c64]) -> c64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 fn is_symmetric(entries: &[Entry]) -> bool {
@@ -210,8 +260,22 @@ impl Condensed {
         (right, Some(left))
     }
 
-    /// -Z_ll^-1 Z_lr and S with what rounding had taken from them.
-    fn refined(&mut self, w: f64, right: Mat<c64>, left: Option<&Mat<c64>>) -> Result<(Mat<c64>, Vec<c64>)> {
+    /// R_l' = -Z_ll^-1 (Z' R)_l
+    fn turn(&mut self, w: f64, right: &Mat<c64>) -> Mat<c64> {
+        let mut turn = self.split.pushed(w, right) * Scale(c64::new(-1.0, 0.0));
+        self.factor.solve(&mut turn, false);
+        turn
+    }
+
+    /// -Z_ll^-1 Z_lr and S with what rounding had taken from them; `scale` are the sizes of the entries of S that matter.
+    fn refined(
+        &mut self,
+        w: f64,
+        right: Mat<c64>,
+        left: Option<&Mat<c64>>,
+        scale: &[f64],
+        size: &[f64],
+    ) -> Result<(Mat<c64>, Vec<c64>)> {
         let split = self.split.clone();
         let n_r = right.ncols();
         let held = Mat::<c64>::identity(n_r, n_r);
@@ -219,8 +283,11 @@ impl Condensed {
         for _ in 0..REFINEMENTS {
             let mut residual = solution.residual(&split.ll, &split.lr, &held, None, w);
             let missing = left.unwrap_or(&solution.x).transpose() * &residual;
-            let s = solution.schur(&split.rr, &split.rl, w) - &missing;
-            if missing.norm_max() <= SETTLED * s.norm_max() {
+            let known = |at: usize| {
+                missing[(at / n_r, at % n_r)].l1_norm() <= SETTLED * scale[at] + ABSENT * f64::EPSILON * size[at]
+            };
+            if (0..n_r * n_r).all(known) {
+                let s = solution.schur(&split.rr, &split.rl, w) - &missing;
                 let s = (0..n_r * n_r).map(|at| s[(at / n_r, at % n_r)]).collect();
                 return Ok((solution.x, s));
             }
@@ -233,6 +300,60 @@ impl Condensed {
         )))
     }
 
+    /// S with its first two derivatives, refined where rounding is felt in one of its entries.
+    fn expand_stiffness(&mut self, w: f64, out: &mut Expansion) -> Result<Mat<c64>> {
+        self.factorise(w)?;
+        let (mut right, left) = self.influence(w);
+        let split = self.split.clone();
+        split.fill(w, &right, left.as_ref().unwrap_or(&right), out);
+        let scale = natural_sizes(w, &out.at);
+        if out.s_growth.iter().zip(&scale).any(|(growth, scale)| f64::EPSILON * growth > FELT * scale) {
+            let (x, s) = self.refined(w, right, left.as_ref(), &scale, &out.s_growth)?;
+            right = x;
+            split.fill(w, &right, left.as_ref().unwrap_or(&right), out);
+            out.at.s = s;
+            // what is refined has no other rounding than that of its value
+            out.s_size.clone_from(&scale);
+            out.s_growth.clone_from(&scale);
+        }
+        let turn = self.turn(w, &right);
+        split.bend(w, &right, left.as_ref().unwrap_or(&right), &turn, out);
+        Ok(left.unwrap_or(right))
+    }
+
+    /// The force on the retained coordinates with its first two derivatives, given L_l.
+    fn expand_force(&mut self, w: f64, force: &[c64], left: &Mat<c64>, out: &mut Expansion) {
+        let split = self.split.clone();
+        for (i, old) in split.retained.iter().enumerate() {
+            out.at.force[i] = force[*old];
+            out.force_size[i] = force[*old].l1_norm();
+        }
+        if split.local.iter().all(|old| force[*old] == c64::new(0.0, 0.0)) {
+            return;
+        }
+        let v = self.particular(force);
+        let mut first = Mat::zeros(v.nrows(), 1);
+        split.add_local(|e| -e.z_slope(w), &v, &mut first);
+        let mut dv = first.clone();
+        self.factor.solve(&mut dv, false);
+        let mut second = Mat::zeros(v.nrows(), 1);
+        split.add_local(|e| -e.z_bend(), &v, &mut second);
+        split.add_local(|e| -2.0 * e.z_slope(w), &dv, &mut second);
+        for i in 0..split.retained.len() {
+            let l = left.col_as_slice(i);
+            for (l, old) in l.iter().zip(&split.local) {
+                out.at.force[i] += l * force[*old];
+                out.force_size[i] += l.l1_norm() * force[*old].l1_norm();
+            }
+            out.at.force_slope[i] += inner(l, first.col_as_slice(0));
+            out.force_bend[i] += inner(l, second.col_as_slice(0));
+        }
+        for e in &split.rl {
+            out.at.force_slope[e.row] -= e.z_slope(w) * v[(e.column, 0)];
+            out.force_bend[e.row] -= e.z_bend() * v[(e.column, 0)] + 2.0 * e.z_slope(w) * dv[(e.column, 0)];
+        }
+    }
+
     /// Z_ll^-1 f_l
     fn particular(&mut self, force: &[c64]) -> Mat<c64> {
         let mut v = Mat::from_fn(self.split.local.len(), 1, |i, _| force[self.split.local[i]]);
@@ -241,8 +362,12 @@ impl Condensed {
     }
 }
 
-fn largest(s: &[c64]) -> f64 {
-    s.iter().map(|z| z.l1_norm()).fold(0.0, f64::max)
+/// sqrt(d_i d_j) with d_i = |S_ii| + w |S_ii'|: sizes of the entries of S in whatever units the coordinates have.
+fn natural_sizes(w: f64, block: &Block) -> Vec<f64> {
+    let n = block.force.len();
+    let own = |i: usize| block.s[i * n + i].norm() + w.abs() * block.s_slope[i * n + i].norm();
+    let root: Vec<f64> = (0..n).map(|i| own(i).sqrt()).collect();
+    (0..n * n).map(|at| root[at / n] * root[at % n]).collect()
 }
 
 fn finite(block: &Block, w: f64) -> Result<()> {
@@ -262,47 +387,23 @@ impl DynamicStiffness for Condensed {
         self.split.n
     }
 
-    fn extrapolates(&self) -> f64 {
-        1e-7
+    fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()> {
+        if let Some(expansion) = self.expansion(w, term)? {
+            block.clone_from(&expansion.at);
+        }
+        Ok(())
     }
 
-    fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()> {
-        self.factorise(w)?;
-        let (mut right, left) = self.influence(w);
-        let split = self.split.clone();
-        let n_r = split.retained.len();
-        let zero = c64::new(0.0, 0.0);
-        block.force.fill(zero);
-        block.force_slope.fill(zero);
-        let felt = split.fill(w, &right, left.as_ref().unwrap_or(&right), block);
-        if felt > FELT * largest(&block.s) {
-            let s;
-            (right, s) = self.refined(w, right, left.as_ref())?;
-            split.fill(w, &right, left.as_ref().unwrap_or(&right), block);
-            block.s = s;
+    fn expansion(&mut self, w: f64, term: usize) -> Result<Option<Expansion>> {
+        let mut out = Expansion::new(self.split.retained.len());
+        out.w = w;
+        let left = self.expand_stiffness(w, &mut out)?;
+        let forces = self.split.forces.clone();
+        if let Some(force) = forces.get(term).and_then(Option::as_ref) {
+            self.expand_force(w, force, &left, &mut out);
         }
-        let left = left.as_ref().unwrap_or(&right);
-        if let Some(force) = split.forces.get(term).and_then(Option::as_ref) {
-            for i in 0..n_r {
-                block.force[i] = force[split.retained[i]];
-            }
-            if split.local.iter().all(|old| force[*old] == zero) {
-                return finite(block, w);
-            }
-            let v = self.particular(force);
-            for i in 0..n_r {
-                for (l, old) in split.local.iter().enumerate() {
-                    block.force[i] += left[(l, i)] * force[*old];
-                }
-                for e in &split.ll {
-                    block.force_slope[i] -= left[(e.row, i)] * e.z_slope(w) * v[(e.column, 0)];
-                }
-            }
-            for e in &split.rl {
-                block.force_slope[e.row] -= e.z_slope(w) * v[(e.column, 0)];
-            }
-        }
-        finite(block, w)
+        finite(&out.at, w)?;
+        Ok(Some(out))
     }
 
     fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()> {

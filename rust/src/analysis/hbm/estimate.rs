@@ -7,7 +7,7 @@ use faer::prelude::*;
 use super::basis::Finer;
 use super::problem::Problem;
 use crate::error::Result;
-use crate::solve::{Curve as _, Linearisation};
+use crate::solve::{Curve as _, Linearisation, nan_or_largest};
 
 pub struct Estimator {
     larger: Problem,
@@ -52,12 +52,12 @@ impl Estimator {
             );
         self.out.jacobian.partial_piv_lu().solve_in_place(&mut steps);
         let step = steps.col_as_slice(0);
-        let largest = amplitudes(y, problem.n()).fold(0.0, f64::max);
+        let largest = nan_or_largest(amplitudes(y, problem.n()));
         if largest == 0.0 && step.iter().all(|x| *x == 0.0) {
             return Ok(Estimate::default());
         }
         let n = problem.n();
-        let sum = |part: &[f64]| coordinate_sums(part, n).into_iter().fold(0.0, f64::max);
+        let sum = |part: &[f64]| nan_or_largest(coordinate_sums(part, n).into_iter());
         Ok(Estimate {
             error: sum(step) / largest,
             // on the grid of the solution the first residuals vanish

@@ -5,6 +5,7 @@ use faer::Mat;
 use num_complex::Complex64 as c64;
 
 use crate::error::Result;
+use crate::tolerances::periodic::HIDDEN;
 
 /// Largest condensed system that carries its own matrices for stability; larger ones need a reduced model.
 pub const STABILITY_COORDINATES: usize = 64;
@@ -23,26 +24,54 @@ impl Block {
         let zero = c64::new(0.0, 0.0);
         Block { s: vec![zero; n * n], s_slope: vec![zero; n * n], force: vec![zero; n], force_slope: vec![zero; n] }
     }
+}
 
-    /// How much S changes over a step of the frequency, to first order and relative to its largest entry.
-    pub fn change(&self, step: f64) -> f64 {
-        let largest = |a: &[c64]| a.iter().map(|z| z.l1_norm()).fold(0.0, f64::max);
-        largest(&self.s_slope) * step.abs() / largest(&self.s)
-    }
+/// S and the force of one term as quadratic functions of the frequency around the one at which they were factorised.
+#[derive(Debug, Clone)]
+pub struct Expansion {
+    pub w: f64,
+    pub at: Block,
+    pub s_bend: Vec<c64>,
+    pub force_bend: Vec<c64>,
+    /// sums of the absolute terms of the entries of S and of the force: a change of an ulp of these is their rounding
+    pub s_size: Vec<f64>,
+    pub force_size: Vec<f64>,
+    /// the same for the entries of S with the growth of the factorisation
+    pub s_growth: Vec<f64>,
+}
 
-    /// Largest difference of S from other values, relative to its largest entry.
-    pub fn distance(&self, other: &[c64]) -> f64 {
-        let pairs = self.s.iter().zip(other);
-        let off = pairs.map(|(a, b)| (a - b).l1_norm()).fold(0.0, f64::max);
-        off / self.s.iter().map(|z| z.l1_norm()).fold(0.0, f64::max)
-    }
-
-    /// S and the force a small step of the frequency further, by their slopes.
-    pub fn extrapolate(&mut self, step: f64) {
-        let pairs = [(&mut self.s, &self.s_slope), (&mut self.force, &self.force_slope)];
-        for (value, slope) in pairs {
-            value.iter_mut().zip(slope).for_each(|(v, d)| *v += d * step);
+impl Expansion {
+    pub fn new(n: usize) -> Expansion {
+        let zero = c64::new(0.0, 0.0);
+        Expansion {
+            w: f64::NAN,
+            at: Block::new(n),
+            s_bend: vec![zero; n * n],
+            force_bend: vec![zero; n],
+            s_size: vec![0.0; n * n],
+            force_size: vec![0.0; n],
+            s_growth: vec![0.0; n * n],
         }
+    }
+
+    /// Whether at the frequency w the term of second order hides in the rounding of every single entry.
+    pub fn reaches(&self, w: f64) -> bool {
+        let half = 0.5 * (w - self.w).powi(2);
+        let hides = |(bend, size): (&c64, &f64)| bend.norm() * half <= HIDDEN * size;
+        self.s_bend.iter().zip(&self.s_size).all(hides) && self.force_bend.iter().zip(&self.force_size).all(hides)
+    }
+
+    /// S, the force and their slopes at the frequency w.
+    pub fn fill(&self, w: f64, block: &mut Block) {
+        let d = w - self.w;
+        let moved = |value: &mut [c64], slope: &mut [c64], at: (&[c64], &[c64], &[c64])| {
+            for i in 0..value.len() {
+                value[i] = at.0[i] + (at.1[i] + at.2[i] * (0.5 * d)) * d;
+                slope[i] = at.1[i] + at.2[i] * d;
+            }
+        };
+        moved(&mut block.s, &mut block.s_slope, (&self.at.s, &self.at.s_slope, &self.s_bend));
+        moved(&mut block.force, &mut block.force_slope, (&self.at.force, &self.at.force_slope, &self.force_bend));
     }
 }
 
@@ -57,9 +86,15 @@ pub trait DynamicStiffness: Send {
     fn full_size(&self) -> usize;
     /// Fills `block` at the circular frequency w, with the force of this term.
     fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()>;
-    /// Relative change of S up to which its slope does in place of another evaluation; 0 where that is cheap.
-    fn extrapolates(&self) -> f64 {
-        0.0
+    /// As `evaluate`, with what extrapolation to neighbouring frequencies needs; None where evaluation costs so little that S is
+    /// always evaluated.
+    fn expansion(&mut self, _w: f64, _term: usize) -> Result<Option<Expansion>> {
+        Ok(None)
+    }
+    /// Sums of the absolute terms of the entries of S at the frequency w, with the growth of a division: an ulp of these is their
+    /// rounding. Of forms that are factorised the `expansion` has them.
+    fn sizes(&self, _w: f64, out: &mut [f64]) {
+        out.fill(0.0);
     }
     /// All coordinates, given the retained ones and the factor on the force.
     fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()>;
@@ -114,6 +149,12 @@ impl DynamicStiffness for Full {
             None => block.force.fill(c64::new(0.0, 0.0)),
         }
         Ok(())
+    }
+
+    fn sizes(&self, w: f64, out: &mut [f64]) {
+        for (i, size) in out.iter_mut().enumerate() {
+            *size = self.k[i].abs() + w * w * self.m[i].abs() + (w * self.c[i]).abs();
+        }
     }
 
     fn expand(&mut self, _: f64, _: usize, _: f64, y: &[c64], x: &mut [c64]) -> Result<()> {

@@ -122,10 +122,6 @@ impl DynamicStiffness for Modal {
         self.0.n
     }
 
-    fn extrapolates(&self) -> f64 {
-        1e-8
-    }
-
     fn evaluate(&mut self, w: f64, term: usize, block: &mut Block) -> Result<()> {
         let modes = &self.0;
         let n_r = modes.retained.len();
@@ -166,6 +162,23 @@ impl DynamicStiffness for Modal {
             }
         }
         finite(block, w)
+    }
+
+    fn sizes(&self, w: f64, out: &mut [f64]) {
+        let modes = &self.0;
+        let n_r = modes.retained.len();
+        let size = |parts: &[Vec<f64>; 3], at: usize| {
+            parts[2][at].abs() + w * w * parts[0][at].abs() + (w * parts[1][at]).abs()
+        };
+        for (at, out) in out.iter_mut().enumerate() {
+            let (i, j) = (at / n_r, at % n_r);
+            let mode = |k: usize| {
+                let pole = modes.pole(k, w).norm();
+                let growth = 1.0 + (modes.stiffness[k].abs() + w * w) / pole;
+                size(&modes.lr, k * n_r + i) * size(&modes.lr, k * n_r + j) / pole * growth
+            };
+            *out = size(&modes.rr, at) + (0..modes.local.len()).map(mode).sum::<f64>();
+        }
     }
 
     fn expand(&mut self, w: f64, term: usize, factor: f64, y: &[c64], x: &mut [c64]) -> Result<()> {

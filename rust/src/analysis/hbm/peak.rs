@@ -2,56 +2,99 @@
 use super::problem::{Parameter, Problem};
 use crate::error::{Error, Result};
 use crate::run::Cancel;
+use crate::solve::Linearisation;
 use crate::solve::continuation::{Advance, Branch};
 use crate::solve::corrector::{Options, Point};
 
 const STEPS: usize = 400;
+/// Step of the differences along the branch by which condensed coordinates move, relative to its length.
+const DIFFERENCE: f64 = 1e-5;
 
-/// From a solution near it, the point where the amplitude of `term` (0 is the constant one) of a retained coordinate is largest;
-/// without a term the largest displacement over the period.
+/// What is largest at the peak: a term (0 is the constant one) of the displacement weights . x, or without a term the largest
+/// displacement over the period.
+pub struct Quantity {
+    pub weights: Vec<f64>,
+    pub term: Option<usize>,
+}
+
+impl Quantity {
+    /// Coefficients of the displacement and how they change along the branch.
+    fn series(&self, problem: &mut Problem, point: &Point) -> Result<(Vec<f64>, Vec<f64>)> {
+        let here = self.coefficients(problem, &point.z)?;
+        let length = point.z.iter().zip(&point.scale).map(|(z, s)| (z / s).powi(2)).sum::<f64>().sqrt();
+        let h = DIFFERENCE * length.max(1.0);
+        let mut slope = vec![0.0; here.len()];
+        // fourth order: what is kept is linear in y and smooth in omega
+        for (steps, weight) in [(1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0)] {
+            for sign in [1.0, -1.0] {
+                let z: Vec<f64> = point.z.iter().zip(&point.tangent).map(|(z, t)| z + sign * steps * h * t).collect();
+                let moved = self.coefficients(problem, &z)?;
+                slope.iter_mut().zip(&moved).for_each(|(s, c)| *s += sign * weight * c / h);
+            }
+        }
+        problem.omega[0] = point.p();
+        Ok((here, slope))
+    }
+
+    fn coefficients(&self, problem: &mut Problem, z: &[f64]) -> Result<Vec<f64>> {
+        let n = z.len() - 1;
+        problem.omega[0] = z[n];
+        let all = problem.expand(&z[..n])?;
+        let seen: Vec<(usize, f64)> = self.weights.iter().copied().enumerate().filter(|(_, w)| *w != 0.0).collect();
+        let sum = |c: usize| -> f64 { seen.iter().map(|&(i, w)| w * all[(i, c)]).sum() };
+        Ok((0..all.ncols()).map(sum).collect())
+    }
+
+    /// Half the slope of the squared amplitude along the branch, or that of the largest displacement.
+    fn slope(&self, problem: &mut Problem, point: &Point) -> Result<f64> {
+        let (x, dx) = self.series(problem, point)?;
+        let part = |c: usize| x[c] * dx[c];
+        Ok(match self.term {
+            Some(0) => part(0),
+            Some(term) => part(2 * term - 1) + part(2 * term),
+            None => {
+                let harmonics: Vec<f64> = problem.basis.indices.iter().map(|k| f64::from(k[0])).collect();
+                extremum_slope(&x, &dx, &harmonics)
+            }
+        })
+    }
+}
+
+/// From a solution near it, the point where the quantity is largest. `towards` is a step along the branch, without which it is
+/// taken along the parameter: at a fold there is no branch in that direction.
 pub fn find(
     problem: &mut Problem,
     y: &[f64],
-    coordinate: usize,
-    term: Option<usize>,
+    towards: Option<&[f64]>,
+    quantity: &Quantity,
     options: Options,
     cancel: &Cancel,
 ) -> Result<Point> {
     problem.parameter = Parameter::Omega(0);
-    let (n, p) = (problem.n(), problem.omega[0]);
-    let harmonics: Vec<f64> = problem.basis.indices.iter().map(|k| f64::from(k[0])).collect();
-    let slope = |point: &Point| -> f64 {
-        let part = |c: usize| point.z[c * n + coordinate] * point.tangent[c * n + coordinate];
-        match term {
-            Some(0) => part(0),
-            Some(term) => part(2 * term - 1) + part(2 * term),
-            None => {
-                let series = |z: &[f64]| -> Vec<f64> { z.iter().skip(coordinate).step_by(n).copied().collect() };
-                extremum_slope(&series(point.y()), &series(&point.tangent[..point.y().len()]), &harmonics)
-            }
-        }
-    };
+    let p = problem.omega[0];
     let lost = |what| Error::Convergence {
         message: format!("the peak was not found: {what}"),
         best: y.to_vec(),
         residual: f64::NAN,
     };
-    let start = |problem: &mut Problem, direction: f64| -> Result<Branch> {
-        Branch::start(problem, y, p, &Branch::along_parameter(y.len(), direction), options)?
-            .ok_or_else(|| lost("no branch passes the start"))
+    let along = towards.map_or_else(|| Branch::along_parameter(y.len(), 1.0), <[f64]>::to_vec);
+    let start = |problem: &mut Problem, sign: f64| -> Result<Branch> {
+        let along: Vec<f64> = along.iter().map(|t| sign * t).collect();
+        Branch::start(problem, y, p, &along, options)?.ok_or_else(|| lost("no branch passes the start"))
     };
     let mut branch = start(problem, 1.0)?;
-    if slope(branch.point()) < 0.0 {
+    if quantity.slope(problem, branch.point())? < 0.0 {
         branch = start(problem, -1.0)?;
     }
     for _ in 0..STEPS {
-        let before = slope(branch.point());
+        let before = quantity.slope(problem, branch.point())?;
         if branch.advance(problem, cancel)? == Advance::Stalled {
             return Err(lost("the branch ends before it"));
         }
-        let after = slope(branch.point());
+        let after = quantity.slope(problem, branch.point())?;
         if let Some(segment) = branch.segment().filter(|_| before > 0.0 && after <= 0.0) {
-            let found = segment.zero(problem, &mut branch.work, cancel, (before, after), |_, p, _| Ok(slope(p)))?;
+            let slope = |problem: &mut Problem, p: &Point, _: &Linearisation| quantity.slope(problem, p);
+            let found = segment.zero(problem, &mut branch.work, cancel, (before, after), slope)?;
             return found.ok_or_else(|| lost("the corrector failed"));
         }
     }

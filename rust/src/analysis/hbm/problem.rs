@@ -8,9 +8,11 @@ use super::aft::{Aft, Force, Want};
 use super::basis::Basis;
 use super::blocks::Blocks;
 use super::family::{Member, Placed};
-use super::linear::DynamicStiffness;
+use super::linear::{Block, DynamicStiffness};
+use super::{contact, rows};
 use crate::error::{Error, Result};
-use crate::solve::{Curve, Linearisation};
+use crate::solve::{Curve, Linearisation, largest, nan_or_largest};
+use crate::tolerances::periodic::ROW_ROUNDING;
 
 /// A law on the relative displacement u = w . x.
 #[derive(Clone)]
@@ -53,6 +55,8 @@ pub struct Problem {
     retained: Vec<Vec<(usize, f64)>>,
     blocks: Blocks,
     coefficients: Vec<f64>,
+    /// per element the largest coefficient of its force at the last evaluation
+    pushes: Vec<f64>,
     /// the first element whose force was not finite at the last evaluation
     pub broken: Option<usize>,
     /// the last element of which that was true at any evaluation since this was cleared
@@ -78,6 +82,7 @@ impl Problem {
             retained,
             blocks: Blocks::new(basis.n_harmonics() + 1, n),
             coefficients: vec![0.0; basis.n_coefficients()],
+            pushes: vec![0.0; elements.len()],
             n,
             aft,
             basis,
@@ -134,6 +139,30 @@ impl Problem {
     /// Retained coordinates.
     pub fn n(&self) -> usize {
         self.n
+    }
+
+    /// Blocks of all terms, as they were evaluated or extrapolated last.
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks.each
+    }
+
+    /// Per term the sums of absolute terms, with the growth of a factorisation, to which the rounding of the entries of S is in
+    /// proportion.
+    pub fn entry_sizes(&self) -> Vec<Vec<f64>> {
+        let size = |(j, w): (usize, f64)| match self.blocks.growth(j) {
+            Some(growth) => growth.to_vec(),
+            None => {
+                let mut out = vec![0.0; self.n * self.n];
+                self.linear.sizes(w, &mut out);
+                out
+            }
+        };
+        self.all_frequencies().into_iter().enumerate().map(size).collect()
+    }
+
+    /// Per element the largest coefficient of its force at the last evaluation.
+    pub fn pushes(&self) -> &[f64] {
+        &self.pushes
     }
 
     /// The elements' directions in retained coordinates.
@@ -214,7 +243,7 @@ impl Problem {
     }
 
     /// Factor on the force of a term and its derivative by the parameter.
-    fn force_factor(&self, term: usize) -> (f64, f64) {
+    pub fn force_factor(&self, term: usize) -> (f64, f64) {
         let level = if term > 0 { self.level } else { 1.0 };
         let slope = match self.parameter {
             Parameter::Level if term > 0 => self.ramp,
@@ -224,8 +253,17 @@ impl Problem {
         (self.ramp * level, slope)
     }
 
+    /// The blocks at the present frequencies, evaluated there and nowhere near.
+    pub fn renew_blocks(&mut self) -> Result<()> {
+        for (j, w) in self.all_frequencies().into_iter().enumerate() {
+            let evaluated = self.blocks.renew(self.linear.as_mut(), j, w)?;
+            self.factorisations += u64::from(evaluated);
+        }
+        Ok(())
+    }
+
     /// The blocks depend on frequencies alone, and those often stay, or move less than rounding lets them be told apart.
-    pub fn update_blocks(&mut self) -> Result<()> {
+    fn update_blocks(&mut self) -> Result<()> {
         for (j, w) in self.all_frequencies().into_iter().enumerate() {
             let computed = self.blocks.update(self.linear.as_mut(), j, w)?;
             self.factorisations += u64::from(computed);
@@ -302,6 +340,7 @@ impl Problem {
         let direction = &self.retained[e];
         let element = &self.elements[e];
         self.aft.element(&element.force, &self.coefficients, frequency, slope, want)?;
+        self.pushes[e] = largest(&self.aft.force);
         if self.broken.is_none() && !self.aft.force.iter().all(|f| f.is_finite()) {
             self.broken = Some(e);
             self.ever_broken = Some(e);
@@ -390,6 +429,20 @@ impl Problem {
         out
     }
 
+    /// Whether the stiffness of an element jumps within `margin` of an extremum of its displacement, or only there: `contact`.
+    pub fn grazes(&mut self, y: &[f64], margin: f64, sampler: &mut Aft) -> Result<bool> {
+        std::mem::swap(&mut self.aft, sampler);
+        let n_e = self.elements.len();
+        let mut one = |e: usize| -> Result<bool> {
+            self.evaluate_element(e, y, Want::Tangents)?;
+            let weight: f64 = self.retained[e].iter().map(|(_, w)| w.abs()).sum();
+            contact::is_unresolved(&self.elements[e].force, &self.aft, margin * weight)
+        };
+        let found = (0..n_e).map(&mut one).collect::<Result<Vec<bool>>>();
+        std::mem::swap(&mut self.aft, sampler);
+        Ok(found?.contains(&true))
+    }
+
     /// Coefficients of all coordinates, full_size x n_c by rows.
     pub fn expand(&mut self, y: &[f64]) -> Result<Mat<f64>> {
         let (n, n_full) = (self.n, self.linear.full_size());
@@ -432,8 +485,17 @@ impl Curve for Problem {
         self.run(y, out, Want::Force)
     }
 
-    fn rounding(&self) -> f64 {
-        self.blocks.noise
+    fn row_excess(&mut self, y: &[f64], parameter: f64, tolerance: f64) -> Result<f64> {
+        self.set_parameter(parameter)?;
+        self.renew_blocks()?;
+        let mut out = Linearisation::without_jacobian(y.len());
+        self.run(y, &mut out, Want::Force)?;
+        let sizes = rows::sizes(self, y);
+        let excess = |(r, size): (&f64, &rows::Size)| {
+            let allowed = tolerance * size.terms + ROW_ROUNDING * f64::EPSILON * size.rounding;
+            if *r == 0.0 { 0.0 } else { r.abs() / allowed }
+        };
+        Ok(nan_or_largest(out.residual.iter().zip(&sizes).map(excess)))
     }
 
     /// Per coordinate the largest of its coefficients, kept from vanishing beside the other coordinates.

@@ -12,9 +12,7 @@ use crate::solve::Linearisation;
 use crate::solve::continuation::{Advance, Branch};
 use crate::solve::corrector::{Options, Point, Workspace};
 use crate::solve::segment::{Jump, Segment};
-
-/// Growth rates below this fraction of the base frequency count as zero.
-const NEUTRAL: f64 = 1e-9;
+use crate::tolerances::periodic::{AXIS, AXIS_ROOT, BRANCHING, NEUTRAL};
 
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
@@ -42,6 +40,8 @@ pub enum Kind {
     BranchPoint,
     NeimarkSacker,
     PeriodDoubling,
+    /// the exponents jump across the axis: a contact opens or closes
+    Grazing,
 }
 
 #[derive(Debug, Clone)]
@@ -175,9 +175,14 @@ impl Follower {
                 return Ok(Some(None));
             }
             let mut work = Workspace::new(a.y().len());
-            let same = |p: &Point| p.orientation == a.orientation;
+            let same = |_: &mut Problem, p: &Point, _: &Linearisation| Ok(p.orientation == a.orientation);
             match segment.jump(&mut self.problem, &mut work, cancel, same)? {
-                Jump::At(crossed) => return Ok(Some(Some(crossed))),
+                Jump::Between { after, width, .. } => {
+                    // at a corner of the equations the determinant jumps through zero, and no branch crosses
+                    let typical = a.regularity.max(point.regularity);
+                    let crosses = after.regularity <= BRANCHING * width * typical;
+                    return Ok(Some(crosses.then_some(after)));
+                }
                 Jump::Torn if self.branch.retreat() => {}
                 Jump::Torn => return Ok(None),
             }
@@ -188,15 +193,18 @@ impl Follower {
     fn record(&mut self) -> Result<()> {
         let point = self.branch.point().clone();
         self.problem.set_parameter(point.p())?;
+        self.problem.renew_blocks()?;
+        let estimate = self.estimator.estimate(&self.problem, point.y())?;
         let floquet = match self.stability.as_mut() {
             Some(stability) => {
                 let jacobian = self.branch.work.out.jacobian.as_ref();
-                Some(stability.exponents(&mut self.problem, jacobian, point.y())?)
+                let mut floquet = stability.exponents(&mut self.problem, jacobian, point.y())?;
+                floquet.doubtful =
+                    stability.is_doubtful(&mut self.problem, point.y(), estimate.error, floquet.by_hill)?;
+                Some(floquet)
             }
             None => None,
         };
-        self.problem.update_blocks()?;
-        let estimate = self.estimator.estimate(&self.problem, point.y())?;
         self.last.clone_from(&floquet);
         self.records.push(Record {
             y: point.y().to_vec(),
@@ -233,10 +241,10 @@ impl Follower {
         let mut here = (a, before.exponents.clone(), false);
         for point in between {
             let there = (point.clone(), self.exponents_at(&point)?, true);
-            self.find_crossing(&here, &there, cancel)?;
+            self.find_crossings(&here, &there, cancel)?;
             here = there;
         }
-        self.find_crossing(&here, &(b, after.exponents, false), cancel)
+        self.find_crossings(&here, &(b, after.exponents, false), cancel)
     }
 
     fn exponents_at(&mut self, point: &Point) -> Result<Vec<c64>> {
@@ -250,37 +258,99 @@ impl Follower {
         Ok(floquet.exponents)
     }
 
-    /// A root that crosses the imaginary axis otherwise than through zero, between two places of the branch.
-    fn find_crossing(&mut self, a: &Place, b: &Place, cancel: &Cancel) -> Result<()> {
+    /// Roots that cross the imaginary axis otherwise than through zero, between two places of the branch.
+    fn find_crossings(&mut self, a: &Place, b: &Place, cancel: &Cancel) -> Result<()> {
         let w0 = self.problem.base_frequency();
-        let Some(rank) = crossing_rank(a, b, w0) else {
+        if !changes(a, b, w0) || self.stability.is_none() {
             return Ok(());
-        };
+        }
         let segment = Segment::new(&a.0, &b.0, self.settings.options);
-        let ends = (nth_growth(&a.1, rank), nth_growth(&b.1, rank));
-        let mut exponent = c64::new(0.0, 0.0);
+        let ranks = crossing_ranks(a, b, w0);
+        if ranks.is_empty() {
+            return self.find_border(a, &segment, cancel);
+        }
+        let mut found: Vec<(f64, c64)> = Vec::new();
+        for rank in ranks {
+            let ends = (nth_growth(&a.1, rank), nth_growth(&b.1, rank));
+            let Some((point, exponent)) = self.axis_crossing(&segment, rank, ends, cancel)? else {
+                continue;
+            };
+            let at = segment.distance(&point);
+            // the two of a conjugate pair grow alike
+            let pair =
+                |(other, s): &(f64, c64)| (at - other).abs() <= 1e-6 * segment.length() && same_pair(*s, exponent);
+            if !found.iter().any(pair) {
+                found.push((at, exponent));
+                self.push_crossing(point, exponent, AXIS);
+            }
+        }
+        if found.is_empty() { self.find_border(a, &segment, cancel) } else { Ok(()) }
+    }
+
+    /// Where the growth of the root with this rank vanishes or jumps through zero, and the root there.
+    fn axis_crossing(
+        &mut self,
+        segment: &Segment,
+        rank: usize,
+        ends: (f64, f64),
+        cancel: &Cancel,
+    ) -> Result<Option<(Point, c64)>> {
         let Some(stability) = self.stability.as_mut() else {
-            return Ok(());
+            return Ok(None);
         };
+        let mut exponent = c64::new(f64::NAN, 0.0);
         let growth = |problem: &mut Problem, point: &Point, out: &Linearisation| -> Result<f64> {
             problem.set_parameter(point.p())?;
             let floquet = stability.exponents(problem, out.jacobian.as_ref(), point.y())?;
             exponent = by_growth(floquet.exponents).get(rank).copied().unwrap_or(c64::new(f64::NAN, 0.0));
             Ok(exponent.re)
         };
-        let work = &mut self.branch.work;
-        let found = segment.zero(&mut self.problem, work, cancel, ends, growth)?;
-        let w0 = self.problem.base_frequency(); // that of the point found
-        let distance = (exponent.im.abs() / w0 - 0.5).abs();
-        let kind = if distance < 1e-4 {
+        let found = segment.zero(&mut self.problem, &mut self.branch.work, cancel, ends, growth)?;
+        Ok(found.map(|point| (point, exponent)))
+    }
+
+    /// The border of stability between two places of which one has roots on the axis, as those of undamped systems are: there the
+    /// growth has no sign that changes, so that the border is bracketed by the number of growing roots.
+    fn find_border(&mut self, a: &Place, segment: &Segment, cancel: &Cancel) -> Result<()> {
+        let Some(stability) = self.stability.as_mut() else {
+            return Ok(());
+        };
+        let first = unstable(&a.1, self.problem.base_frequency());
+        let like_first = |problem: &mut Problem, point: &Point, out: &Linearisation| -> Result<bool> {
+            problem.set_parameter(point.p())?;
+            let found = stability.exponents(problem, out.jacobian.as_ref(), point.y())?;
+            Ok(unstable(&found.exponents, problem.base_frequency()) == first)
+        };
+        let Jump::Between { before, after, .. } =
+            segment.jump(&mut self.problem, &mut self.branch.work, cancel, like_first)?
+        else {
+            return Ok(());
+        };
+        let (here, there) = (self.exponents_at(&before)?, self.exponents_at(&after)?);
+        let w0 = self.problem.base_frequency();
+        let grown = |s: &[c64]| by_growth(s.to_vec()).first().copied().unwrap_or(c64::new(f64::NAN, 0.0));
+        let (calm, growing) = if grown(&here).re <= grown(&there).re { (&here, &there) } else { (&there, &here) };
+        let exponent = grown(growing);
+        let calm_growth = grown(calm).re;
+        // on the axis on one side and near it on the other: otherwise the exponents jump
+        let on_axis = calm_growth.abs() <= AXIS * w0;
+        self.push_crossing(after, exponent, if on_axis { AXIS_ROOT } else { 0.0 });
+        Ok(())
+    }
+
+    /// The kind follows from where the root crosses, if it does so within a fraction of the base frequency.
+    fn push_crossing(&mut self, point: Point, exponent: c64, axis: f64) {
+        let w0 = self.problem.base_frequency();
+        let kind = if exponent.re.is_nan() || exponent.re.abs() > axis * w0 {
+            Kind::Grazing
+        } else if (exponent.im.abs() / w0 - 0.5).abs() < 1e-4 {
             Kind::PeriodDoubling
         } else if exponent.im.abs() < 1e-4 * w0 {
             Kind::BranchPoint
         } else {
             Kind::NeimarkSacker
         };
-        self.push_event(kind, found, Some(exponent));
-        Ok(())
+        self.push_event(kind, Some(point), Some(exponent));
     }
 
     fn push_event(&mut self, kind: Kind, point: Option<Point>, exponent: Option<c64>) {
@@ -299,9 +369,9 @@ pub fn unstable(exponents: &[c64], w0: f64) -> usize {
 /// A point with its exponents; true where one of them is zero because the branch folds or meets another one.
 type Place = (Point, Vec<c64>, bool);
 
-/// Which exponent, in the order of growth, changes its sign between two places; the one that is zero at a fold or branch point
-/// does so too, and does not count.
-fn crossing_rank(a: &Place, b: &Place, w0: f64) -> Option<usize> {
+/// Whether the number of growing exponents changes between two places; the one that is zero at a fold or branch point does so too,
+/// and does not count.
+fn changes(a: &Place, b: &Place, w0: f64) -> bool {
     let others = |place: &Place| {
         let mut exponents = place.1.clone();
         let least = (0..exponents.len()).min_by(|i, j| exponents[*i].norm().total_cmp(&exponents[*j].norm()));
@@ -311,17 +381,26 @@ fn crossing_rank(a: &Place, b: &Place, w0: f64) -> Option<usize> {
         unstable(&exponents, w0) as i64
     };
     let change = others(a) - others(b);
-    let crossed = match (a.2, b.2) {
+    match (a.2, b.2) {
         (false, false) => change != 0,
         (false, true) => !(0..=1).contains(&change),
         (true, false) => !(-1..=0).contains(&change),
         (true, true) => change.abs() >= 2,
-    };
+    }
+}
+
+/// The exponents, in the order of growth, whose growth changes its sign between two places.
+fn crossing_ranks(a: &Place, b: &Place, w0: f64) -> Vec<usize> {
     let signs = |rank: &usize| {
         let (x, y) = (nth_growth(&a.1, *rank), nth_growth(&b.1, *rank));
         x * y < 0.0 && x.abs().min(y.abs()) > NEUTRAL * w0
     };
-    crossed.then(|| (0..a.1.len()).find(signs)).flatten()
+    (0..a.1.len()).filter(signs).collect()
+}
+
+/// Whether two exponents are one, or conjugate.
+fn same_pair(s: c64, other: c64) -> bool {
+    (s.im.abs() - other.im.abs()).abs() <= 1e-3 * (s.im.abs() + other.im.abs())
 }
 
 fn by_growth(mut exponents: Vec<c64>) -> Vec<c64> {

@@ -1,0 +1,62 @@
+//! Contacts that the samples of a motion do not resolve: at an extremum of the displacement the stiffness jumps within the error of the
+//! motion, between two samples, or for fewer samples than the product of small steps needs.
+use num_dual::Dual64;
+
+use super::aft::{Aft, Force};
+use crate::error::Result;
+use crate::solve::nan_or_largest;
+use crate::tolerances::periodic::{CONTACT_JUMP, CONTACT_STEPS};
+
+/// Samples from which on a smooth law does not change over a few of them.
+const MANY: usize = 1024;
+
+/// Whether the samples of the element that `aft` evaluated last leave a contact unresolved; displacements may be off by `margin`.
+pub fn is_unresolved(force: &Force, aft: &Aft, margin: f64) -> Result<bool> {
+    let margin = match force {
+        Force::Known(law, _) if law.n_memory() > 0 || law.degree().is_some() => return Ok(false),
+        Force::Known(..) => margin,
+        // a function may bend fast without a contact
+        Force::Sampled(_) => 0.0,
+    };
+    let (u, (f_u, _)) = (aft.displacements(), aft.tangents());
+    let n = u.len();
+    let mut tips: Vec<(usize, [f64; 3])> = Vec::new();
+    for i in 0..n {
+        let (before, here, after) = (u[(i + n - 1) % n], u[i], u[(i + 1) % n]);
+        if (here - before) * (after - here) > 0.0 || (before == here && here == after) {
+            continue;
+        }
+        // the parabola through three samples has its tip between them
+        let bend = after - 2.0 * here + before;
+        let tip = here - (after - before).powi(2) / (8.0 * bend);
+        let mut values = [0.0; 3];
+        for (value, u) in values.iter_mut().zip([tip, tip + margin, tip - margin]) {
+            *value = stiffness(force, aft.phases()[i], u)?;
+        }
+        tips.push((i, values));
+    }
+    let all = || f_u.iter().copied().chain(tips.iter().flat_map(|t| t.1));
+    let (most, least) = (nan_or_largest(all()), -nan_or_largest(all().map(|x| -x)));
+    let jumps = |a: f64, b: f64| (a - b).abs() > CONTACT_JUMP * (most - least.min(0.0)).abs();
+    let far = CONTACT_STEPS / 2;
+    Ok(tips.iter().any(|(i, values)| {
+        let within = values.iter().any(|v| jumps(*v, f_u[*i]));
+        let short = n >= MANY && jumps(f_u[*i], f_u[(i + far) % n]) && jumps(f_u[*i], f_u[(i + n - far) % n]);
+        within || short
+    }))
+}
+
+/// df/du of a law at rest in u.
+fn stiffness(force: &Force, phase: f64, u: f64) -> Result<f64> {
+    match force {
+        Force::Known(law, p) => {
+            let p: Vec<Dual64> = p.iter().map(|x| Dual64::from(*x)).collect();
+            Ok(law.force_at(phase, Dual64::new(u, 1.0), Dual64::from(0.0), &p, &[], &mut []).eps)
+        }
+        Force::Sampled(law) => {
+            let (mut f, mut f_u, mut f_v) = ([0.0], [0.0], [0.0]);
+            law.evaluate(&[u], &[0.0], &mut f, &mut f_u, &mut f_v)?;
+            Ok(f_u[0])
+        }
+    }
+}

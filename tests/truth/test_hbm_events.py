@@ -1,0 +1,93 @@
+"""Events of response curves against multipliers computed here, and curves that do not depend on how they are run through."""
+
+import numpy as np
+import pytest
+from mbrs.frequency_response import frequency_response
+from mbrs.model.laws import Cubic, Gap, VaryingStiffness
+from mbrs.second_order import MechanicalSystem
+
+
+def monodromy(stiffness, c, period, steps=4000):
+    """Of x" + c x' + k(t) x = 0 by the exact motion of each step with the stiffness at its middle."""
+    h = period / steps
+    out = np.eye(2)
+    for i in range(steps):
+        k = stiffness((i + 0.5) * h)
+        w = np.sqrt(complex(k - c * c / 4))
+        cosine, sine = np.cos(w * h), (np.sin(w * h) / w if w else h)
+        decay = np.exp(-c * h / 2)
+        step = decay * np.array([[cosine + c / 2 * sine, sine], [-k * sine, cosine - c / 2 * sine]])
+        out = step.real @ out
+    return out
+
+
+def border(a, b, growth):
+    """Where the sign of a function changes, by bisection."""
+    first = growth(a) > 0
+    for _ in range(45):
+        middle = 0.5 * (a + b)
+        if (growth(middle) > 0) == first:
+            a = middle
+        else:
+            b = middle
+    return 0.5 * (a + b)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("damped", [False, True])
+def test_both_borders_of_parametric_resonance(seed, damped):
+    rng = np.random.default_rng(90 + seed)
+    k, m = np.exp(rng.uniform(-2, 3)), np.exp(rng.uniform(-2, 2))
+    depth, phase = rng.uniform(0.25, 0.45), rng.uniform(-3, 3)
+    w0 = np.sqrt(k / m)
+    zeta = rng.uniform(0.01, 0.03) if damped else 0.0
+
+    def growth(W):
+        phi = monodromy(lambda t: k / m * (1 + depth * np.cos(W * t + phase)), 2 * zeta * w0, 2 * np.pi / W)
+        return float(np.max(np.abs(np.linalg.eigvals(phi)))) - 1 - 1e-9
+
+    low, high = border(1.3 * w0, 2.0 * w0, growth), border(2.0 * w0, 2.8 * w0, growth)
+    system = MechanicalSystem(
+        [[m]], [[2 * zeta * w0 * m]], [[k]], elements=[VaryingStiffness(depth * k, phase=phase, w=[1.0])]
+    )
+    for omega in ((1.3 * w0, 2.8 * w0), (2.8 * w0, 1.3 * w0)):
+        curve = frequency_response(system, force=[0.0], omega=omega, harmonics=5, max_step=0.07)
+        kinds = [e.kind for e in curve.events]
+        assert kinds == ["period-doubling"] * 2, kinds
+        found = sorted(e.omega for e in curve.events)
+        assert np.allclose(found, [low, high], rtol=3e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_one_freedom_with_damping_has_no_neimark_sacker_points(seed):
+    # the product of its multipliers is exp(-c T / m): none of a pair on the unit circle
+    rng = np.random.default_rng(7 + seed)
+    k, m, gap = np.exp(rng.uniform([-1, -1, -1], 1))
+    w0 = np.sqrt(k / m)
+    stop = Gap(rng.uniform(300, 1200) * k, gap, bilateral=True, w=[1.0])
+    system = MechanicalSystem([[m]], [[rng.uniform(0.05, 0.12) * m * w0]], [[k]], elements=[stop])
+    for omega in ((0.6 * w0, 3.1 * w0), (3.1 * w0, 0.6 * w0)):
+        curve = frequency_response(
+            system, force=[0.5 * k * gap], omega=omega, harmonics=list(range(1, 42, 2)), max_points=150
+        )
+        assert not [e for e in curve.events if e.kind == "neimark-sacker"]
+        for event in curve.events:
+            if event.kind == "period-doubling":
+                assert abs(event.exponent.real) <= 1e-3 * event.omega
+
+
+def test_events_are_those_of_the_other_direction():
+    rng = np.random.default_rng(3)
+    for _ in range(3):
+        n = 2
+        M = np.diag(rng.uniform(0.5, 2, n))
+        K = np.diag(rng.uniform(1, 40, n))
+        K[0, 1] = K[1, 0] = -0.4
+        w = rng.normal(size=n)
+        system = MechanicalSystem(M, 0.04 * M, K, elements=[Cubic(0.3, w=w)])
+        w0 = float(np.sqrt(K[0, 0] / M[0, 0]))
+        ends = (0.5 * w0, 2.0 * w0)
+        up = frequency_response(system, force=[0.2, 0.1], omega=ends, harmonics=3)
+        down = frequency_response(system, force=[0.2, 0.1], omega=ends[::-1], harmonics=3)
+        assert [e.kind for e in up.events] == [e.kind for e in down.events][::-1]
+        assert np.allclose([e.omega for e in up.events], [e.omega for e in down.events][::-1], rtol=1e-8)
