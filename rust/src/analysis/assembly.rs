@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::linalg::entries::Entries;
 use crate::model::geometry::Geometry;
 use crate::model::joint::{Coordinate, JointKind};
+use crate::model::layout;
 use crate::run::Counts;
 use crate::spatial::{Pose, Real, Six, V3, rotation_of_quaternion};
 use crate::system::System;
@@ -47,8 +48,8 @@ pub fn start(system: &System) -> Vec<Pose<f64>> {
     }
     let mut poses: Vec<Pose<f64>> = system.geometry.bodies.iter().map(|b| b.drawn).collect();
     for &(body, x) in &topology.tables.poses {
-        let r = rotation_of_quaternion(&system.x[x + 3..x + 7]);
-        let origin = V3::new(system.x[x], system.x[x + 1], system.x[x + 2]);
+        let r = rotation_of_quaternion(&system.x[x + layout::pose::ORIENTATION..x + layout::pose::ORIENTATION + 4]);
+        let origin = V3::from_fn(|k, _| system.x[x + layout::pose::AT + k]);
         poses[body] = Pose { p: origin + r * system.geometry.bodies[body].com, r };
     }
     let guessed = relative_from_poses(topology, &system.geometry, &poses);
@@ -229,7 +230,7 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
     let given = |node: usize| {
         let x = topology.tables.bodies[topology.nodes[node].body].x;
         let at = |i: usize| V3::new(system.x[x + i], system.x[x + i + 1], system.x[x + i + 2]);
-        (at(17), at(20))
+        (at(layout::body::VELOCITY), at(layout::body::ANGULAR_VELOCITY))
     };
     let resting = |n: usize| given(n).0.amax() == 0.0 && given(n).1.amax() == 0.0;
     let placement = place(topology, &system.geometry, &state.relative, None);
@@ -328,7 +329,8 @@ pub fn given_rates(
         let pose = &placement.pose[n];
         let arm = pose.r * from_origin(topology, geometry, node.body);
         let carried = node.parent.map_or_else(Six::zero, |p| body[p].motion_at(&(pose.p - placement.pose[p].p)));
-        let relative = Six::new(at(17), at(20)).motion_at(&arm) - carried;
+        let relative =
+            Six::new(at(layout::body::VELOCITY), at(layout::body::ANGULAR_VELOCITY)).motion_at(&arm) - carried;
         if node.kind == JointKind::Node {
             body.push(carried);
             continue;

@@ -43,6 +43,8 @@ pub struct System {
     pub geometry: Arc<Geometry<f64>>,
     /// characteristic length: makes ranks and minimum-norm reactions independent of units
     pub length: f64,
+    /// accuracy of what was drawn: of lengths over `length`, and of angles (rad)
+    pub tolerance: f64,
 }
 
 impl System {
@@ -70,7 +72,8 @@ impl System {
     fn from_parts(topology: Arc<Topology>, x: Vec<f64>) -> Self {
         let geometry = Geometry::derive(&topology.tables, &x);
         let length = topology.characteristic_length(&geometry, &x);
-        System { topology, x: Arc::new(x), geometry: Arc::new(geometry), length }
+        let tolerance = topology.tables.tolerance;
+        System { topology, x: Arc::new(x), geometry: Arc::new(geometry), length, tolerance }
     }
 
     /// Times after `start` at which a motion is not smooth, ascending.
