@@ -15,6 +15,7 @@ use crate::linalg::kkt::{Kkt, Ordering};
 use crate::linalg::matrix::Matrix;
 use crate::linalg::rows::{Block, Level as Asked, RowBlocks, gather};
 use crate::model::joint::Coordinate;
+use crate::model::layout;
 use crate::run::Counts;
 use crate::spatial::{Pose, V3, rotation_of_quaternion};
 use crate::system::System;
@@ -40,8 +41,8 @@ pub fn drawn_start(system: &System) -> Vec<Pose<f64>> {
     }
     let mut poses: Vec<Pose<f64>> = system.geometry.bodies.iter().map(|b| b.drawn).collect();
     for &(body, x) in &topology.tables.poses {
-        let r = rotation_of_quaternion(&system.x[x + 3..x + 7]);
-        let origin = V3::new(system.x[x], system.x[x + 1], system.x[x + 2]);
+        let r = rotation_of_quaternion(&system.x[x + layout::pose::ORIENTATION..x + layout::pose::ORIENTATION + 4]);
+        let origin = V3::from_fn(|k, _| system.x[x + layout::pose::AT + k]);
         poses[body] = Pose { p: origin + r * system.geometry.bodies[body].com, r };
     }
     let guessed = relative_from_poses(topology, &system.geometry, &poses);
