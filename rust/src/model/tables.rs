@@ -114,7 +114,7 @@ pub struct LoadMotionSpec {
     pub motion: usize,
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Tables {
     pub x: Vec<f64>,
     pub bodies: Vec<BodySpec>,
