@@ -131,7 +131,7 @@ NLFR = ("nlfr", "clearance.toml", "--input", "mass.force.x", "--amplitude", "3",
 def test_nlfr_is_the_curve_of_the_package(clearance: Path) -> None:
     data = json.loads(_mbrs(*NLFR, "--frequency", "5:25", "--harmonics", "1,3,5,7", "--json", cwd=clearance).stdout)
     curve = mb.frequency_response(
-        mb.examples.clearance_oscillator(),
+        mb.Model.load(clearance / "clearance.toml"),
         inputs="mass.force.x",
         amplitude=3.0,
         frequency=(5, 25),

@@ -6,7 +6,6 @@ import mbrs as mb
 import numpy as np
 import pytest
 from agreement import reference_state
-from jitter_marks import defect
 from mbrs import reference as ref
 from mbrs.reference import motion as rm
 from mbrs.reference.assembly import constraint_values, jacobian
@@ -130,7 +129,9 @@ def test_an_effect_that_is_left_out_leaves_its_rows_out(effect):
     assert mb.effects(m)[effect].on
 
 
-@defect("no equilibrium is found from the drawn pose")
+@pytest.mark.xfail(
+    strict=False, reason="the search for an equilibrium of this scene is decided by rounding: it ends or does not"
+)
 def test_linearisation_agrees():
     """M, C, K at a held state away from the drawn one; all rows among the constraints."""
     m = scene()
