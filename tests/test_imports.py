@@ -19,7 +19,7 @@ LAYERS = {
     "words": {
         "errors", "names", "values", "geometry", "expressions", "operations", "parameters", "store", "laws", "shifted_laws",
         "attached_laws", "elements", "joints", "element_methods", "joint_methods", "bodies", "ports", "addresses", "varying",
-        "jsonable", "motions", "drives", "progress", "results", "mac", "measures", "_timing", "effects",
+        "jsonable", "files", "motions", "drives", "progress", "results", "mac", "measures", "_timing", "effects",
         "_checks", "flexible", "section_loads", "parameter_units",
         "flexible_bodies",
     },
@@ -27,7 +27,7 @@ LAYERS = {
     "tables": {"tables"},
     "border": {"_border", "_core", "state", "second_order"},
     "analyses": set(),
-    "top": {"study", "_effect_study", "cli", "demo", "sweep", "design", "check_gradients"},
+    "top": {"records", "result_files", "study", "_effect_study", "cli", "demo", "sweep", "design", "check_gradients"},
 }  # fmt: skip
 ORDER = list(LAYERS)
 # They turn results into pictures and text, and see nothing but results.
@@ -35,7 +35,14 @@ SHOWS = {"plot", "animate", "page", "report"}
 # What `import mbrs` must not pay for.
 OPTIONAL = {"scipy", "matplotlib", "xarray", "h5netcdf", "control", "mpmath", "click", "rich"}
 # A model saves, compiles and lists itself through these, imported when asked for; results draw themselves through SHOWS.
-LAZY = {("model", "io"), ("model", "tables"), ("model", "_core"), ("laws", "_core"), ("examples", "second_order")}
+LAZY = {
+    ("results", "result_files"),
+    ("model", "io"),
+    ("model", "tables"),
+    ("model", "_core"),
+    ("laws", "_core"),
+    ("examples", "second_order"),
+}
 
 
 def modules():
@@ -106,7 +113,7 @@ def test_nothing_imports_upwards():
 
 
 def test_pictures_and_reports_see_results_only():
-    allowed = SHOWS | {"errors", "results", "geometry", "progress"}
+    allowed = SHOWS | {"errors", "results", "geometry", "progress", "files"}
     wrong = [
         f"{'.'.join(parts)} imports {'.'.join(target)}"
         for parts, found in GRAPH.items()

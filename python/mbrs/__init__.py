@@ -25,6 +25,7 @@ _HOME = {
     "NotDifferentiableError": "errors",
     "RouteError": "errors",
     "SingularError": "errors",
+    "load": "result_files",
     "Model": "model",
     "MechanicalSystem": "second_order",
     "System": "system",

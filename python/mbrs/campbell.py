@@ -5,14 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from .errors import ModelError
 from .modal import modes
 from .progress import Progress
-from .results import Result, Stats
+from .results import Result, Stats, quantity, result
 from .steady import steady_motion
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ _WHIRLS = 0.02
 _ACROSS = 1e-8
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class CampbellResult(Result):
     """Modes over speed; columns follow one mode each.
 
@@ -45,49 +45,44 @@ class CampbellResult(Result):
         (n_s, n) estimated relative error of each eigenvalue.
     """
 
-    speed: np.ndarray
-    frequency: np.ndarray
-    damping: np.ndarray
-    eigenvalue: np.ndarray
-    whirl: np.ndarray
+    speed: np.ndarray = quantity(dims=("speed",), unit="rad/s")
+    frequency: np.ndarray = quantity(dims=("speed", "mode"), unit="Hz", label="damped natural frequency")
+    damping: np.ndarray = quantity(dims=("speed", "mode"), unit="1")
+    eigenvalue: np.ndarray = quantity(dims=("speed", "mode"), unit="rad/s")
+    whirl: np.ndarray = quantity(dims=("speed", "mode"))
     critical: tuple[tuple[float, int, float], ...]
     joint: str
     unit: str = "rad/s"
 
-    def __str__(self) -> str:
-        from .report import table
+    row: ClassVar[str] = "speed"
+    error_dims: ClassVar[tuple[str, ...]] = ("speed", "mode")
 
+    def attributes(self) -> dict[str, Any]:
+        return {**super().attributes(), "joint": self.joint}
+
+    def heading(self) -> str:
+        return f"Campbell diagram of {self.joint!r}"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: up to 12 speeds and 8 modes."""
         n = min(8, self.frequency.shape[1])
         pick = np.unique(np.linspace(0, len(self.speed) - 1, min(12, len(self.speed))).astype(int))
-        rows = [
-            (self.speed[i], *(f"{self.frequency[i, j]:.5g}{_ARROW[int(self.whirl[i, j])]}" for j in range(n)))
+        return ["speed rad/s", *(f"mode {j + 1} Hz" for j in range(n))], [
+            [float(self.speed[i]), *(f"{self.frequency[i, j]:.5g}{_ARROW[int(self.whirl[i, j])]}" for j in range(n))]
             for i in pick
         ]
-        text = table(
-            ["speed rad/s", *(f"mode {j + 1} Hz" for j in range(n))], rows, title=f"Campbell diagram of {self.joint!r}"
-        )
-        text += "\n+ forward whirl, - backward whirl"
-        for speed, mode, order in self.critical:
-            text += f"\ncritical speed {speed:.6g} rad/s: {order:g}x excites mode {mode + 1}"
-        return text
 
-    __repr__ = __str__
+    def notes(self) -> list[str]:
+        found = [
+            f"critical speed {s:.6g} rad/s: {order:g}x excites mode {mode + 1}" for s, mode, order in self.critical
+        ]
+        return ["+ forward whirl, - backward whirl", *found]
 
-    def plot(self, **options: Any) -> Any:
-        """A matplotlib figure; see `mbrs.plot.campbell`."""
+    def plot(self, *, ax: Any = None, **options: Any) -> Any:
+        """Frequencies over the speed; returns the figure, see `mbrs.plot.campbell`."""
         from .plot import campbell as draw
 
-        return draw(self, **options)
-
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` over (speed, mode)."""
-        import xarray
-
-        over = ("speed", "mode")
-        data = {name: (over, getattr(self, name)) for name in ("frequency", "damping", "eigenvalue", "whirl")}
-        return xarray.Dataset(
-            data, coords={"speed": ("speed", self.speed, {"units": self.unit})}, attrs={"joint": self.joint}
-        )
+        return draw(self, ax=ax, **options)
 
 
 _ARROW = {1: "+", -1: "-", 0: ""}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
@@ -12,10 +11,10 @@ from . import _balance, _checks, _cycle_start
 from .errors import ConvergenceError, ModelError
 from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of
 from .nonlinear_system import nonlinear_system
-from .results import Stats
+from .results import Stats, quantity, result
 
 
-@dataclass(frozen=True, eq=False)
+@result
 class LimitCycle(PeriodicSolution):
     """A limit cycle. ``omega`` is found with it, ``period`` = 2 pi / omega.
 
@@ -24,7 +23,7 @@ class LimitCycle(PeriodicSolution):
     then. ``error`` estimates coefficients and frequency together.
     """
 
-    exponents: np.ndarray | None = field(default=None, kw_only=True)
+    exponents: np.ndarray | None = quantity(dims=("exponent",), unit="1/s", default=None, kw_only=True)
 
     @property
     def stable(self) -> bool | None:
@@ -45,9 +44,9 @@ class LimitCycle(PeriodicSolution):
 
         return multipliers(self)
 
-    def _heading(self) -> str:
+    def heading(self) -> str:
         word = {True: "stable", False: "unstable", None: "stability unknown"}[self.stable]
-        return f"{super()._heading()}\nperiod {self.period:.10g} s, {word}"
+        return f"{super().heading()}\nperiod {self.period:.10g} s, {word}"
 
 
 def limit_cycle(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import itertools
 from collections.abc import Callable, Sequence
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from .store import Field, Item, plain, single
 from .values import Number, array, scalar, shape_of
 
 FUNCTION = 6
+# False while a file is read that must not import anything
+IMPORTS: ContextVar[bool] = ContextVar("IMPORTS", default=True)
 # Differences over seven points this far apart (s) stand for the derivatives of a function that does not give them.
 _STEP = 1e-3
 
@@ -233,6 +236,10 @@ def _restored(name: str, where: str, outputs: int) -> TimeFunction:
 
 def resolve(name: str) -> Callable[[float], Any]:
     """The function that ``module:name`` means."""
+    if not IMPORTS.get():
+        raise ModelError(
+            f"the model calls the Python function {name!r}; mb.load(path, functions=True) imports it, which runs its module"
+        )
     module, _, path = name.partition(":")
     try:
         found: Any = importlib.import_module(module)

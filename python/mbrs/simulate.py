@@ -316,7 +316,7 @@ def _trajectory(
         message=made["message"],
         snapshot=snapshot,
         without=without,
-        estimate=functools.partial(_estimated_error, state=state, options=options),
+        error=functools.partial(_estimated_error, state=state, options=options),
         stats=Stats(wall, dict(made["counts"]), acting, f"{made['method']}: {made['why']}"),
         status=made["status"],
     )

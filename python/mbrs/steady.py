@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from .errors import ConvergenceError, MbrsWarning, ModelError, SingularError
 from .joints import KINDS
 from .linearize import Linearization, Snapshot, _linearization
 from .names import not_found
-from .results import Result, Stats
+from .results import Result, Stats, derived, result
 from .state import State, state_of
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ _MAX_ITERATIONS = 60
 _VARIES = 1e-8
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class SteadyMotion(Result):
     """A steadily turning state; give it as ``at=`` to other analyses.
 
@@ -67,14 +66,50 @@ class SteadyMotion(Result):
         """Position, rotation, velocity and angular velocity of the bodies' origins, world."""
         return self.linearization.poses
 
-    def __str__(self) -> str:
-        lines = [f"steady motion of {self.model.name!r}: {self.status}, {self.iterations} iterations"]
-        for name, value in self.speed.items():
-            lines.append(f"  {name}: {value:.6g} rad/s, held by {self.torque[name]:.4g} N m")
-        lines.append(f"  coefficients vary over a turn by {self.error:.1e}")
-        return "\n".join(lines)
+    row: ClassVar[str] = "coordinate"
+    axes: ClassVar[Mapping[str, str]] = {"coordinate": "driven", "body": "bodies"}
 
-    __repr__ = __str__
+    @property
+    def driven(self) -> tuple[str, ...]:
+        """Names of the driven coordinates."""
+        return tuple(self.speed)
+
+    @property
+    @derived(dims=("coordinate",), unit="rad/s", name="speed")
+    def _speeds(self) -> np.ndarray:
+        return np.array(list(self.speed.values()), dtype=float)
+
+    @property
+    @derived(dims=("coordinate",), unit="N m", name="torque")
+    def _torques(self) -> np.ndarray:
+        return np.array(list(self.torque.values()), dtype=float)
+
+    @property
+    @derived(dims=("body", "axis"), unit="m", name="position")
+    def _positions(self) -> np.ndarray:
+        return np.asarray(self.poses["position"])
+
+    @property
+    @derived(dims=("body", "axis"), unit="m/s", name="velocity")
+    def _velocities(self) -> np.ndarray:
+        return np.asarray(self.poses["velocity"])
+
+    def heading(self) -> str:
+        return f"steady motion of {self.model.name!r}: {self.status}, {self.iterations} iterations"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: speed and torque of each driven coordinate."""
+        rows = [[name, float(speed), float(self.torque[name])] for name, speed in self.speed.items()]
+        return ["driven", "speed [rad/s]", "held by [N m]"], rows
+
+    def notes(self) -> list[str]:
+        return [f"coefficients vary over a turn by {self.error:.1e}"]
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """The bodies with their velocities as arrows, in the plane in which the motion is widest; returns the figure."""
+        from .plot.models import steady_motion as draw
+
+        return draw(self, ax=ax)
 
 
 def steady_motion(

@@ -14,6 +14,7 @@ from typing import Any
 from ..attached_laws import SavedLaw
 from ..errors import DuplicateNameError, InertiaError, MbrsError, ModelError, NameNotFoundError
 from ..expressions import Expression
+from ..files import write_atomic
 from ..joints import KINDS
 from ..model import Model
 from ..motions import TYPES, resolve
@@ -39,9 +40,7 @@ _TABLES = ("body", "joint", "drive", "coupler", "element", "load", "marker")
 
 def save(model: Model, path: str | Path) -> Path:
     """Write the model; returns the path."""
-    path = Path(path)
-    path.write_text(dumps(model), encoding="utf-8")
-    return path
+    return write_atomic(path, dumps(model).encode())
 
 
 def load(path: str | Path) -> Model:
