@@ -81,10 +81,17 @@ class Snapshot:
         raw = self.tables.get("raw", self.tables)
         return {"model": self.model, "current": self.current, "tables": raw, "flexible": "flexible_body" in raw}
 
+    def data_state(self) -> dict[str, Any]:
+        """What a file of data keeps: the Tables of a model as it is are made again from it."""
+        state = self.__getstate__()
+        return {**state, "tables": None} if state["current"] else state
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         from . import _core
 
         model, current = state["model"], state["current"]
+        if state["tables"] is None:
+            state = {**state, "tables": tables(model, state["flexible"] or not model.is_flexible)}
         # a model that can be flexible, but was compiled without it
         system = (
             model.compiled(state["flexible"] or not model.is_flexible) if current else _core.System(state["tables"])

@@ -107,8 +107,10 @@ class Encoder:
 
     def _array(self, value: np.ndarray) -> Any:
         if value.dtype.kind not in "biufc":
+            kind = value.dtype.str if value.dtype.kind == "U" else "object"
             return {
                 "~": "texts",
+                "dtype": kind,
                 "shape": list(value.shape),
                 "of": [self.encode(one) for one in value.ravel().tolist()],
             }
@@ -158,6 +160,14 @@ class Encoder:
             f"a file of data cannot hold {what}; save the result with the ending .pkl (where its functions can be imported by "
             "name), or its labelled data alone with result.to_xarray().to_netcdf(path)"
         )
+
+
+def _text_type(name: Any) -> np.dtype[Any]:
+    """Texts of a width that a name can have, or objects."""
+    dtype = np.dtype(str(name))
+    if dtype.kind not in "UO" or dtype.itemsize > 1 << 16:
+        raise ModelError(f"an array of the file has the type {name!r}, which is not one of texts")
+    return dtype
 
 
 def _text_of(model: Any) -> str:
@@ -216,7 +226,9 @@ class Decoder:
         if kind == "array":
             return self.arrays[tree["at"]]
         if kind == "texts":
-            return np.array(self.decode(tree["of"]), dtype=object if not tree["of"] else None).reshape(tree["shape"])
+            made = np.empty(len(tree["of"]), dtype=_text_type(tree["dtype"]))
+            made[:] = self.decode(tree["of"])
+            return made.reshape(tree["shape"])
         if kind == "again":
             return self._made[tree["at"]]
         if kind == "record":
