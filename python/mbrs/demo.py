@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +81,7 @@ def sensitivity_section(result: Any, title: str = "Sensitivities") -> Section:
     content: list[Any] = [_table_of(result)]
     for mode in range(np.atleast_2d(result.frequency).shape[0]):
         if any(bar.value != 0.0 for bar in tornado_bars(result, mode)):
-            content.append(drawn(lambda mode=mode: tornado(result, mode, most=12)))
+            content.append(drawn(partial(tornado, result, mode, most=12)))
             break
     return Section(
         title, content, "Exact derivatives; the bars show their first-order effect on one natural frequency."

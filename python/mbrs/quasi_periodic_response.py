@@ -356,8 +356,8 @@ def _collect(
         w, at_level, _ = _where(problem, way, float(event["p"]))
         near = float(error[min(event["before"], len(error) - 1)])
         folds.append(_solution(curve, expanded(event["y"], float(event["p"])), w, at_level, near))
-    places = tuple(float(e["p"]) for part in parts for e in part["events"] if e["kind"] == "fold")
-    return curve.replaced(folds=tuple(folds), fold_places=places)
+    where = tuple(float(e["p"]) for part in parts for e in part["events"] if e["kind"] == "fold")
+    return curve.replaced(folds=tuple(folds), fold_places=where)
 
 
 def _solution(

@@ -221,7 +221,7 @@ def _read_netcdf(data: bytes) -> tuple[Any, list[np.ndarray]]:
     with h5py.File(io.BytesIO(whole), "r") as file:
         group = file["mbrs"]
         tree = json.loads(bytes(group["document"][()]))
-        arrays = []
+        arrays: list[np.ndarray] = []
         while f"a{len(arrays)}" in group:
             stored = group[f"a{len(arrays)}"]
             name, shape = json.loads(stored.attrs["layout"])

@@ -192,7 +192,7 @@ class Result:
         quantities = self.labelled()
         dims = dict.fromkeys(d for shape, *_ in quantities.values() for d in shape)
         coordinates: dict[str, Any] = {d: (d, labels) for d, labels in self._coordinates(dims).items()}
-        data = {}
+        data: dict[str, Any] = {}
         for name, (shape, value, unit, label) in quantities.items():
             entry = (shape, value, {key: text for key, text in (("units", unit), ("long_name", label)) if text})
             (coordinates if shape == (name,) else data)[name] = entry
@@ -280,8 +280,8 @@ class Result:
         name = type(self).__name__
         return f"{name}({first.removeprefix(name).lstrip(': ')})"
 
-    def plot(self, **options: Any) -> Any:
-        """Draw the result; every class says how."""
+    def plot(self, *, ax: Any = None) -> Any:
+        """Draw the result, into ``ax`` or a figure of its own, and return the figure; every class says how."""
         raise NotImplementedError(type(self).__name__)
 
     def data_state(self) -> dict[str, Any]:

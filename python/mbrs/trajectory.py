@@ -453,7 +453,8 @@ class Trajectory(Result):
         """Poses and velocities of the bodies, joint coordinates, reactions, forces of drives, energies (nan where an element
         has no potential) and powers of the elements, residuals.
         """
-        q, out = self._quantities, {}
+        q = self._quantities
+        out: dict[str, tuple[tuple[str, ...], Any, str, str]] = {}
         units = {"position": "m", "orientation": "1", "velocity": "m/s", "angular_velocity": "rad/s"}
         for name, unit in units.items():
             last = "quaternion" if name == "orientation" else "axis"

@@ -11,7 +11,7 @@ __all__ = ["FADED", "PALETTE", "canvas", "colours", "figure", "from_the_top", "l
 PALETTE = ("#1f5fa8", "#d9662b", "#2e8b57", "#8e4fa8", "#b8860b", "#c2334d", "#3a9bb3", "#6b7280", "#5b7f1e", "#a0522d")
 FADED = "#b8c2cc"
 
-_STYLE = {
+_STYLE: Any = {
     "font.size": 10.0,
     "axes.grid": True,
     "grid.color": "#e4e9ef",

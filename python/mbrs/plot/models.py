@@ -155,8 +155,8 @@ def _scene(
     for a, b in zip(drawn.links, moved.links, strict=True):
         ends = [seen(a.at_a, b.at_a), seen(a.at_b, b.at_b)]
         axes.plot(*zip(*ends, strict=True), color=colour, lw=1.0, ls=":")
-    for a, b in zip(drawn.joints, moved.joints, strict=True):
-        axes.plot(*seen(a.at, b.at), "o", mfc="white", mec=colour, ms=6)
+    for joint, after in zip(drawn.joints, moved.joints, strict=True):
+        axes.plot(*seen(joint.at, after.at), "o", mfc="white", mec=colour, ms=6)
 
 
 def _square(axes: Any, plane: tuple[int, int]) -> None:
