@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from ._border import core_errors
-from ._rounding import entry_sizes, is_rounding, motion_scale, without_rounding
+from ._rounding import entry_sizes, is_rounding, motion_scale, stiffness_without_rounding
 from .effects import check_without, effects
 from .errors import MbrsWarning, ModelError
 from .modal_frames import modal_masses, modal_strains, node_twist
@@ -20,7 +20,8 @@ from .model.bodies import INERTIA_PLACE
 from .model.book import Book
 from .model.ports import Port, as_port
 from .model.schema import BODY, MARKER
-from .results import Result, Stats
+from .report import without_rounding
+from .results import Result, Stats, derived, quantity, result
 from .state import State, state_of
 from .tables import compiled, framed, tables
 
@@ -84,10 +85,17 @@ class Snapshot:
         raw = self.tables.get("raw", self.tables)
         return {"model": self.model, "current": self.current, "tables": raw, "flexible": "flexible_body" in raw}
 
+    def data_state(self) -> dict[str, Any]:
+        """What a file of data keeps: the Tables of a model as it is are made again from it."""
+        state = self.__getstate__()
+        return {**state, "tables": None} if state["current"] else state
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         from . import _core
 
         model, current = state["model"], state["current"]
+        if state["tables"] is None:
+            state = {**state, "tables": tables(model, state["flexible"] or not model.is_flexible)}
         # a model that can be flexible, but was compiled without it
         system = (
             compiled(model, state["flexible"] or not model.is_flexible) if current else _core.System(state["tables"])
@@ -102,7 +110,7 @@ class Snapshot:
             object.__setattr__(self, name, value)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class Linearization(Result):
     """M y" + (C + G) y' + (K + N) y = B^T f in minimal coordinates, exact at a state.
 
@@ -124,21 +132,30 @@ class Linearization(Result):
         The unbalanced part of all forces; what a linearisation off equilibrium leaves out.
     """
 
-    M: np.ndarray
-    C: np.ndarray | None
-    G: np.ndarray | None
-    K: np.ndarray
-    N: np.ndarray | None
+    M: np.ndarray = quantity(dims=("coordinate", "coordinate_"))
+    C: np.ndarray | None = quantity(dims=("coordinate", "coordinate_"))
+    G: np.ndarray | None = quantity(dims=("coordinate", "coordinate_"))
+    K: np.ndarray = quantity(dims=("coordinate", "coordinate_"))
+    N: np.ndarray | None = quantity(dims=("coordinate", "coordinate_"))
     coordinates: tuple[str, ...]
     T: np.ndarray
     bodies: tuple[str, ...]
-    residual: np.ndarray
+    residual: np.ndarray = quantity(dims=("coordinate",))
     multipliers: np.ndarray
     ground_coupling: np.ndarray
     state: State
     without: tuple[str, ...]
     snapshot: Snapshot
     modal_map: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    row: ClassVar[str] = "coordinate"
+    axes: ClassVar[Mapping[str, str]] = {"coordinate": "coordinates", "coordinate_": "coordinates", "body": "bodies"}
+
+    @property
+    @derived(dims=("body", "component", "coordinate"), name="T")
+    def twists(self) -> np.ndarray:
+        """(n_bodies, 6, dof) `T` by bodies."""
+        return self.T.reshape(len(self.bodies), 6, self.n)
 
     @property
     def n(self) -> int:
@@ -347,33 +364,26 @@ class Linearization(Result):
 
         return state_space(self, inputs, outputs)
 
-    def __str__(self) -> str:
+    def heading(self) -> str:
         present = [f"{name} ({_SENSE[name]})" for name in "MCGKN" if getattr(self, name) is not None]
-        lines = [
-            f"linearisation of {self.model.name!r}: {self.n} degrees of freedom, {', '.join(present)}",
-            f"unbalanced force: {self.error:.1e} of all forces",
+        return f"linearisation of {self.model.name!r}: {self.n} degrees of freedom, {', '.join(present)}"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: the diagonals of mass and stiffness."""
+        scale = [float(np.abs(a).max(initial=0.0)) for a in (self.M, self.K)]
+        m, k = (without_rounding(np.diag(a), s) for a, s in zip((self.M, self.K), scale, strict=True))
+        return ["coordinate", "M", "K"], [
+            [n, float(a), float(b)] for n, a, b in zip(self.coordinates, m, k, strict=True)
         ]
-        width = max(len(name) for name in self.coordinates) if self.coordinates else 0
-        for i, name in enumerate(self.coordinates[:20]):
-            lines.append(f"  {name:{width}}  M {self.M[i, i]:12.6g}  K {self.K[i, i]:12.6g}")
-        if self.n > 20:
-            lines.append(f"  ... and {self.n - 20} more coordinates")
-        return "\n".join(lines)
 
-    __repr__ = __str__
+    def notes(self) -> list[str]:
+        return [f"unbalanced force: {self.error:.1e} of all forces"]
 
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` with the matrices over (coordinate, coordinate_) and T over (body, component,
-        coordinate).
-        """
-        import xarray
+    def plot(self, *, ax: Any = None) -> Any:
+        """Size of the entries of the matrices; with ``ax`` those of K. Returns the figure."""
+        from .plot.matrices import matrices
 
-        names = list(self.coordinates)
-        both = ("coordinate", "coordinate_")
-        data: dict[str, Any] = {a: (both, getattr(self, a)) for a in "MCGKN" if getattr(self, a) is not None}
-        data["T"] = (("body", "component", "coordinate"), self.T.reshape(len(self.bodies), 6, self.n))
-        coords = {"coordinate": names, "coordinate_": names, "body": list(self.bodies), "component": list(_COMPONENTS)}
-        return xarray.Dataset(data, coords=coords, attrs={"model": self.model.name, "error": float(self.error)})
+        return matrices(self, ax=ax)
 
 
 def mass_matrices(tables: Any, rotation: np.ndarray) -> np.ndarray:
@@ -512,7 +522,7 @@ def _linearization(
         error=error,
         status="converged" if error <= _BALANCED or state.moving else "off-equilibrium",
     )
-    return made if state.moving else replace(made, K=without_rounding(made, forces))
+    return made if state.moving else made.replaced(K=stiffness_without_rounding(made, forces))
 
 
 def _unbalance(r: dict[str, Any]) -> str:

@@ -236,11 +236,10 @@ class TimeFunction:
     def _numbers(self, t: float) -> list[float]:
         self.check_callable()
         try:
-            made = self.function(t)
+            made = self.function(t)  # type: ignore[operator]
         except BaseException as raised:
-            if (
-                isinstance(raised, TypeError) and raised.__traceback__.tb_next is None
-            ):  # the call itself, not the function
+            trace = raised.__traceback__
+            if isinstance(raised, TypeError) and trace and trace.tb_next is None:  # the call itself, not the function
                 raise problem(
                     self.where, f"has a function that cannot be called with the time alone: {raised}"
                 ) from None
