@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from ._border import core_errors
-from ._rounding import entry_sizes, is_rounding, motion_scale, stiffness_without_rounding
+from ._parts import split_damping, split_stiffness
+from ._rounding import motion_scale, stiffness_without_rounding
 from .effects import check_without, effects
 from .errors import MbrsWarning, ModelError
 from .modal_frames import modal_masses, modal_strains, node_twist
@@ -28,9 +29,9 @@ from .tables import compiled, framed, tables
 if TYPE_CHECKING:
     from .model.model import Model
 
-# An unbalanced force above this part of all forces makes a linearisation at rest questionable.
 # Rounding of a few dozen terms that cancel, relative to their size.
 _CANCELLED = 1e-14
+# An unbalanced force above this part of all forces makes a linearisation at rest questionable.
 _BALANCED = 1e-6
 
 
@@ -489,8 +490,8 @@ def _linearization(
     scale = r["force_scale"]
     reach = motion_scale(r["T"], snapshot.system.characteristic_length)
     forces = scale * np.outer(reach, reach)
-    C, G = _split_damping(D, state.moving or _cross_coupled(model, "c"))
-    K, N = _split_stiffness(S, forces, conservative=not state.moving and not _has_no_potential(model))
+    C, G = split_damping(D, state.moving or _cross_coupled(model, "c"))
+    K, N = split_stiffness(S, forces, conservative=not state.moving and not _has_no_potential(model))
     unbalanced = float(np.max(np.abs(r["residual"]), initial=0.0))
     error = unbalanced / scale if scale > 0.0 else 0.0
     if state.kind == "equilibrium" and error > _BALANCED:  # of values that have changed since
@@ -569,19 +570,6 @@ def _without_rounding(snapshot: Snapshot, state: State, r: dict[str, Any]) -> tu
     return None if D is None else cleaned(D, w), cleaned(r["S"], w * w)
 
 
-def symmetric(x: np.ndarray) -> np.ndarray:
-    """Symmetric part."""
-    out = x + x.T
-    out *= 0.5
-    return out
-
-
-def split(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Symmetric and skew part over the first two axes."""
-    t = np.swapaxes(x, 0, 1)
-    return 0.5 * (x + t), 0.5 * (x - t)
-
-
 def _has_no_potential(model: Any) -> bool:
     return any(load.frame == "body" for load in model.loads) or _cross_coupled(model, "k")
 
@@ -594,22 +582,6 @@ def _cross_coupled(model: Any, name: str) -> bool:
         cached = model.cache["full bushings"] = (model.structure_version, full)
     values = (model.value(f"{element}.{n}") for element, n in cached[1] if n == name)
     return any(not np.array_equal(k, k.T) for k in values)
-
-
-def _split_damping(D: np.ndarray | None, skew: bool) -> tuple[np.ndarray | None, np.ndarray | None]:
-    if D is None or not np.any(D):
-        return None, None
-    if not skew:  # at rest dampers alone act, and theirs is symmetric unless they couple across
-        return symmetric(D), None
-    (C, G), size = split(D), entry_sizes(D)
-    return None if is_rounding(C, size) else C, None if is_rounding(G, size) else G
-
-
-def _split_stiffness(S: np.ndarray, forces: np.ndarray, conservative: bool) -> tuple[np.ndarray, np.ndarray | None]:
-    if conservative:  # a skew part is then what unbalanced moments leave in the increments of rotations
-        return symmetric(S), None
-    K, N = split(S)
-    return K, None if is_rounding(N, entry_sizes(S) + forces) else N
 
 
 def second_order_of(m: Any, at: Any, without: Sequence[str]) -> Linearization:

@@ -11,8 +11,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from ._border import core_errors
+from ._parts import split
 from .errors import ModelError, RouteError
-from .linearize import Linearization, _rotation, _skew, split
+from .linearize import Linearization, _rotation, _skew
 from .model.ports import Port, as_port
 from .model.schema import BODY, MARKER
 from .report import without_rounding

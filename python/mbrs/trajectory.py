@@ -66,16 +66,6 @@ class Energy(Result):
     def __getitem__(self, index: Any) -> Any:
         return self.total[index]
 
-    def __str__(self) -> str:
-        """Table of the energies in J: at the start and the end, least and largest."""
-        from .report import table
-
-        all_ = {"total": self.total, "kinetic": self.kinetic, "gravity": self.gravity, **self.stored}
-        rows = [[name, e[0], e[-1], e.min(), e.max()] for name, e in all_.items() if len(e)]
-        return table(["J", "start", "end", "least", "largest"], rows, title="energy")
-
-    __repr__ = __str__
-
 
 @result
 class Trajectory(Result):
