@@ -166,7 +166,7 @@ def test_an_interrupted_result_is_printed_and_saved_and_gives_130(tmp_path: Path
         out = tmp_path / "cut.json"
         result = _run("simulate", str(tmp_path / "m.toml"), "--t", "0.02", "--out", str(out))
     assert result.exit_code == 130 and "interrupted at t = 0.02 s; this is the result so far" in result.stderr
-    assert str(whole[0]) in result.stdout and json.loads(out.read_text())["t"] == whole[0].t.tolist()
+    assert str(whole[0]) in result.stdout and mb.load(out).t.tolist() == whole[0].t.tolist()
 
 
 def test_fewer_modes_than_asked_for_are_told(calls: list[Any]) -> None:

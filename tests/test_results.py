@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import hashlib
+import importlib
 import json
 import pickle
 import re
@@ -70,6 +71,19 @@ def _blades():
     return SimpleNamespace(shape=shape, eigenvalue=1j * np.array([1.9, 2.3, 2.9]), coordinates=["a.q1", "b.q1", "c.q1"])
 
 
+def _sliding():
+    """A carriage that is pulled along at constant speed, and a rotor whose bushing carries a ring around."""
+    m = mb.Model("carriage")
+    along = np.array([0.31, -0.83, 0.46])
+    a = m.body("a", mass=1.7, inertia=(0.1, 0.2, 0.3), orientation=TURN)
+    b = m.body("b", mass=0.9, inertia=(0.03,) * 3, orientation=TURN)
+    ring = m.body("ring", mass=0.4, inertia=(0.02,) * 3, orientation=TURN)
+    m.prismatic("rail", m.ground, a, at=(0, 0, 0), axis=along, c=0.61)
+    m.revolute("hub", m.ground, b, at=(0, 0, 0), axis=(0.7, 0.2, -0.5), c=0.017)
+    m.bushing("tie", b, ring, at=(0, 0, 0), orientation=TURN, k=(3.1e4,) * 3 + (170.0,) * 3)
+    return mb.steady_motion(m, {"rail": 0.7, "hub": 13.0})
+
+
 MAKE = {
     "ModalResult": lambda: mb.modes(drawn()),
     "ModalResult of matrices": lambda: mb.modes(
@@ -92,6 +106,11 @@ MAKE = {
     "EigenSensitivity": lambda: mb.sensitivity(mb.modes(drawn()), ["k", "a.mass"]),
     "DirectionalDerivative": lambda: mb.sensitivity(mb.modes(drawn()), ["k", "a.mass"]).directional([0.3, -0.7]),
     "SteadyMotion": lambda: mb.steady_motion(mb.examples.rotor(), {"shaft": 130.0}),
+    "SteadyMotion that slides and carries": _sliding,
+    "CampbellResult with critical speeds": lambda: mb.campbell(
+        mb.examples.rotor(), "shaft", speed=np.linspace(10.0, 290.0, 4)
+    ),
+    "ModalResult near a frequency": lambda: mb.modes(drawn(), n=1, shift=1.9),
     "CampbellResult": lambda: mb.campbell(mb.examples.rotor(), "shaft", speed=np.linspace(10.0, 90.0, 4)),
     "System": lambda: mb.System(mb.examples.four_bar()),
     "EffectsTable": lambda: mb.effects(drawn()),
@@ -285,6 +304,35 @@ def test_a_loaded_result_goes_on(results, ending, tmp_path):
     assert np.array_equal(
         on.position("b"), mb.simulate(drawn(), t=[0.4, 0.5], at=results("Trajectory").state(0.4)).position("b")
     )
+
+
+def test_labelled_data_of_rotation_say_what_is_seen_and_in_which_units(results):
+    motion = results("SteadyMotion that slides and carries")
+    data = motion.to_xarray()
+    assert data.speed_unit.values.tolist() == ["m/s", "rad/s"] and data.torque_unit.values.tolist() == ["N", "N m"]
+    assert data.attrs["frame"] == motion.frame and "carried around: ring" in str(motion)
+    assert data.torque.values == pytest.approx([0.61 * 0.7, 0.017 * 13.0], rel=1e-9)
+    diagram = results("CampbellResult with critical speeds")
+    data = diagram.to_xarray()
+    assert data.critical_speed.values.tolist() == [c.speed for c in diagram.critical] and len(diagram.critical) == 2
+    assert "unbalance excites" in str(diagram) and "unbalance excites" in diagram._repr_html_()
+    assert "<table" in diagram.critical._repr_html_()
+
+
+def test_copies_do_not_ask_for_an_estimate():
+    """The estimate of a motion is a second motion: a copy leaves it for later."""
+    asked = []
+    made = mb.simulate(drawn(), t=[0.0, 0.1]).replaced(error=lambda owner: asked.append(owner) or 0.3)
+    copy = made.replaced(parameters=("k",))
+    assert not asked and copy.error == 0.3 and asked == [copy]
+
+
+def test_motions_with_parameters_make_their_estimate_when_asked(monkeypatch):
+    module = importlib.import_module("mbrs.simulate")
+    runs, run = [], module._run
+    monkeypatch.setattr(module, "_run", lambda *given: runs.append(given) or run(*given))
+    motion = mb.simulate(drawn(), t=0.1, parameters=["k"])
+    assert len(runs) == 1 and motion.error > 0.0 and len(runs) == 2
 
 
 def test_a_model_that_changed_since_keeps_the_numbers_of_the_result(tmp_path):

@@ -11,6 +11,7 @@ import csv
 import hashlib
 import io
 import json
+import math
 import pickle
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -150,8 +151,8 @@ def _listed(array: np.ndarray) -> dict[str, Any]:
     if array.dtype.kind == "c":
         flat = flat.view(flat.real.dtype)
     numbers = flat.tolist()
-    if array.dtype.kind in "fc":
-        numbers = [x if np.isfinite(x) else repr(x) for x in numbers]
+    if array.dtype.kind in "fc" and not np.all(np.isfinite(flat)):
+        numbers = [x if math.isfinite(x) else repr(x) for x in numbers]
     return {"dtype": array.dtype.str, "shape": list(array.shape), "of": numbers}
 
 
