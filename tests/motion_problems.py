@@ -38,10 +38,9 @@ class MotionProblem:
 
     def places(self, traj) -> dict[str, np.ndarray]:
         """What a trajectory says about the places of which the truth is known."""
-        bodies = set(self.model.compiled.names("body")) if hasattr(self.model.compiled, "names") else None
         out = {}
         for name in self.truth(np.zeros(1)):
-            body = name in bodies if bodies is not None else name not in markers(self.model)
+            body = name not in markers(self.model)
             out[name] = traj.position(name) if body else traj.point(name)
         return out
 

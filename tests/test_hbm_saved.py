@@ -151,7 +151,7 @@ class Brittle:
 
     def __call__(self, u, v):
         if np.max(np.abs(u)) > 1.0:
-            raise ValueError("the spring is broken")
+            raise mb.ModelError("the spring is broken")
         return 0.1 * u**3
 
 

@@ -12,10 +12,10 @@ import numpy as np
 from ._border import core_errors
 from ._linear import LinearSystem, Origin, linear_system
 from .errors import ModelError
-from .model.book import Book
 from .progress import while_long
 from .report import number, without_rounding
 from .results import Result, Stats, added_counts, quantity, result
+from .second_order import MechanicalSystem
 
 _KINDS = ("displacement", "velocity", "acceleration")
 
@@ -192,7 +192,7 @@ def response(
     begin = time.perf_counter()
     if kind not in _KINDS:
         raise ModelError(f"kind={kind!r} is not known; it is one of {', '.join(_KINDS)}")
-    if not isinstance(m, Book) and len(getattr(m, "elements", ())) > 0:
+    if isinstance(m, MechanicalSystem) and len(m.elements) > 0:
         raise ModelError(
             "response() is linear and this system has nonlinear elements; leave them out, MechanicalSystem(M, C, K), or use "
             "mb.harmonic_balance for periodic motions and mb.simulate of a Model for others"

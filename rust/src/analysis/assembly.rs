@@ -9,6 +9,7 @@ use crate::linalg::kkt::{Kkt, Ordering};
 use crate::linalg::matrix::Matrix;
 use crate::model::geometry::Geometry;
 use crate::model::joint::JointKind;
+use crate::model::layout;
 use crate::run::Counts;
 use crate::spatial::{Real, Six, V3};
 use crate::system::System;
@@ -50,7 +51,7 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
     let given = |node: usize| {
         let x = topology.tables.bodies[topology.nodes[node].body].x;
         let at = |i: usize| V3::new(system.x[x + i], system.x[x + i + 1], system.x[x + i + 2]);
-        (at(17), at(20))
+        (at(layout::body::VELOCITY), at(layout::body::ANGULAR_VELOCITY))
     };
     let resting = |n: usize| given(n).0.amax() == 0.0 && given(n).1.amax() == 0.0;
     let placement = place(topology, &system.geometry, &state.relative, None);
@@ -149,7 +150,8 @@ pub fn given_rates(
         let pose = &placement.pose[n];
         let arm = pose.r * from_origin(topology, geometry, node.body);
         let carried = node.parent.map_or_else(Six::zero, |p| body[p].motion_at(&(pose.p - placement.pose[p].p)));
-        let relative = Six::new(at(17), at(20)).motion_at(&arm) - carried;
+        let relative =
+            Six::new(at(layout::body::VELOCITY), at(layout::body::ANGULAR_VELOCITY)).motion_at(&arm) - carried;
         if node.kind == JointKind::Node {
             body.push(carried);
             continue;

@@ -211,7 +211,8 @@ fn projected(
 }
 
 fn gives_velocity(tables: &Tables, dx: &[(usize, f64)]) -> bool {
-    let of = |i: usize| tables.bodies.iter().any(|b| (b.x + 17..b.x + 23).contains(&i));
+    use crate::model::layout::body::{ANGULAR_VELOCITY, VELOCITY};
+    let of = |i: usize| tables.bodies.iter().any(|b| (b.x + VELOCITY..b.x + ANGULAR_VELOCITY + 3).contains(&i));
     dx.iter().any(|(i, d)| *d != 0.0 && of(*i))
 }
 

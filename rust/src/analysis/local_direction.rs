@@ -7,9 +7,10 @@ use num_dual::Dual64;
 
 use crate::analysis::direction::{Directional, Entries, Request};
 use crate::analysis::linearize::{Linearization, Setting};
-use crate::model::geometry::Geometry;
-use crate::model::tables::{ElementKind, Tables};
-use crate::spatial::{M3, Pose, Six, V3};
+use crate::model::geometry::{Geometry, inertia as inertia_of};
+use crate::model::layout::{body, joint};
+use crate::model::tables::Tables;
+use crate::spatial::{Pose, Six, V3};
 use crate::system::connector::{Interaction, Numbers, Wanted, interaction};
 use crate::system::path::{add_tangent, add_wrench};
 use crate::system::placement::{Placement, place};
@@ -30,9 +31,9 @@ fn owner_range(tables: &Tables, connector: &Connector, index: usize) -> bool {
     let own = match connector.owner {
         Owner::Element(i) => {
             let e = &tables.elements[i];
-            inside(index, e.x, 0, if e.kind == ElementKind::Bushing { 88 } else { 10 })
+            inside(index, e.x, 0, e.kind.size())
         }
-        Owner::Joint(i) => inside(index, tables.joints[i].x, 16, 34),
+        Owner::Joint(i) => inside(index, tables.joints[i].x, joint::K, joint::PRELOAD + 6),
     };
     own || connector.laws.iter().any(|l| inside(index, l.x, 0, l.law.n_params()))
 }
@@ -44,7 +45,7 @@ fn touched(topology: &Topology, dx: &[(usize, f64)]) -> Option<Touched> {
             continue;
         }
         let connector = topology.connectors.iter().position(|c| owner_range(&topology.tables, c, *index));
-        let body = topology.tables.bodies.iter().position(|b| inside(*index, b.x, 10, 17));
+        let body = topology.tables.bodies.iter().position(|b| inside(*index, b.x, body::MASS, body::INERTIA + 6));
         match (connector, body) {
             (Some(c), _) if !found.connectors.contains(&c) => found.connectors.push(c),
             (None, Some(b)) if !found.bodies.contains(&b) => found.bodies.push(b),
@@ -112,16 +113,16 @@ fn add_body(
     mass: &mut Entries,
     coupling: Option<&mut DMatrix<f64>>,
 ) {
-    let start = topology.tables.bodies[body].x + 10;
-    let mut d = [0.0; 7];
-    for (index, weight) in dx.iter().filter(|(i, _)| inside(*i, start, 0, 7)) {
+    let start = topology.tables.bodies[body].x;
+    let mut d = [0.0; body::SIZE];
+    for (index, weight) in dx.iter().filter(|(i, _)| inside(*i, start, 0, body::SIZE)) {
         d[index - start] += weight;
     }
     let node = topology.node_of_body[body];
     let pose = &placed.pose[node];
-    let inertia = pose.r * M3::new(d[1], d[4], d[5], d[4], d[2], d[6], d[5], d[6], d[3]) * pose.r.transpose();
+    let inertia = pose.r * inertia_of(&d[body::INERTIA..]) * pose.r.transpose();
     let chain = chain(topology, placed, node);
-    let momenta: Vec<Six<f64>> = chain.iter().map(|(_, s)| Six::new(s.l * d[0], inertia * s.a)).collect();
+    let momenta: Vec<Six<f64>> = chain.iter().map(|(_, s)| Six::new(s.l * d[body::MASS], inertia * s.a)).collect();
     for ((i, _), p) in chain.iter().zip(&momenta) {
         for (j, s) in &chain {
             mass.push(*i, *j, p.dot(s));

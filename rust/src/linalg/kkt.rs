@@ -44,8 +44,8 @@ enum Factor {
     /// dense and singular to rounding: its pseudo-inverse
     Singular(DMatrix<f64>),
     /// of a quasi-definite neighbour; LU where refinement by it stalls
-    Symmetric(Ldl, OnceLock<SparseFactor>),
-    Sparse(SparseFactor, OnceLock<SparseFactor>),
+    Symmetric(Box<Ldl>, Box<OnceLock<SparseFactor>>),
+    Sparse(Box<SparseFactor>, Box<OnceLock<SparseFactor>>),
 }
 
 pub struct Kkt {
@@ -95,8 +95,8 @@ impl Kkt {
             return Self::dense(n, rows.shape().0, kept, scale, matrix);
         }
         let factor = match ordering {
-            Some(ordering) => Factor::Symmetric(quasi_definite(&list, n, &kept, ordering)?, OnceLock::new()),
-            None => Factor::Sparse(lu(&list, scale.len(), false)?, OnceLock::new()),
+            Some(ordering) => Factor::Symmetric(Box::new(quasi_definite(&list, n, &kept, ordering)?), Box::default()),
+            None => Factor::Sparse(Box::new(lu(&list, scale.len(), false)?), Box::default()),
         };
         Ok(Kkt { n, rows: rows.shape().0, kept, scale, matrix: Scaled::List(list), factor })
     }
@@ -178,13 +178,24 @@ impl Kkt {
         let (n, size) = (self.n, self.scale.len());
         let entry = |i: usize, c: usize| if i < n { f[(i, c)] } else { g[(self.kept[i - n], c)] };
         let right = DMatrix::from_fn(size, f.ncols(), |i, c| entry(i, c) * self.scale[i]);
+        let z = if size > 0 { self.solution(&right, transposed)? } else { right };
+        let mut y = DMatrix::zeros(self.rows, f.ncols());
+        for (k, row) in self.kept.iter().enumerate() {
+            for c in 0..f.ncols() {
+                y[(*row, c)] = z[(n + k, c)] * self.scale[n + k];
+            }
+        }
+        Ok((DMatrix::from_fn(n, f.ncols(), |i, c| z[(i, c)] * self.scale[i]), y))
+    }
+
+    /// Solved once, then refined until the remainder is rounding; by LU where a quasi-definite neighbour does not serve.
+    fn solution(&self, right: &DMatrix<f64>, transposed: bool) -> Result<DMatrix<f64>> {
+        let size = self.scale.len();
         let mut z = self.once(right.clone(), transposed, false)?;
-        let mut left = f64::INFINITY;
-        let mut stronger = false;
-        let mut passes = 0;
-        while size > 0 {
-            let miss = &right - self.times(&z, transposed);
-            let part = remainder(&miss, &right, &z);
+        let (mut left, mut stronger, mut passes) = (f64::INFINITY, false, 0);
+        loop {
+            let miss = right - self.times(&z, transposed);
+            let part = remainder(&miss, right, &z);
             if part <= 4.0 * f64::EPSILON {
                 break;
             }
@@ -204,16 +215,7 @@ impl Kkt {
             (left, passes) = (part, passes + 1);
             z += self.once(miss, transposed, stronger)?;
         }
-        if z.iter().any(|v| !v.is_finite()) {
-            return Err(singular());
-        }
-        let mut y = DMatrix::zeros(self.rows, f.ncols());
-        for (k, row) in self.kept.iter().enumerate() {
-            for c in 0..f.ncols() {
-                y[(*row, c)] = z[(n + k, c)] * self.scale[n + k];
-            }
-        }
-        Ok((DMatrix::from_fn(n, f.ncols(), |i, c| z[(i, c)] * self.scale[i]), y))
+        if z.iter().all(|v| v.is_finite()) { Ok(z) } else { Err(singular()) }
     }
 
     /// A remainder that refinement does not take away: rounding of an ill-conditioned matrix, or no solution.
@@ -395,8 +397,10 @@ mod tests {
             let (x, y) = system.solve_one(&f, &g)?;
             assert!((&a * &x + r.transpose() * &y - &f).amax() < 1e-14);
             assert!((&r * &x - &g).amax() < 1e-14);
-            let (x, y) =
-                system.solve_transposed(&DMatrix::from_columns(&[f.clone()]), &DMatrix::from_columns(&[g.clone()]))?;
+            let (x, y) = system.solve_transposed(
+                &DMatrix::from_column_slice(4, 1, f.as_slice()),
+                &DMatrix::from_column_slice(3, 1, g.as_slice()),
+            )?;
             assert!((a.transpose() * &x + r.transpose() * &y - &f).amax() < 1e-14);
         }
         Ok(())

@@ -5,6 +5,7 @@
 //! S2_kl = int rho psi_kl,   P12_kl = int rho r psi_kl^T: the twelve geometric stiffnesses
 //! ```
 use crate::error::{Error, Result};
+use crate::model::layout::{flexible, node};
 use crate::model::tables::Tables;
 use crate::spatial::{M3, Real, V3, outer};
 
@@ -30,15 +31,15 @@ pub struct TipSpec {
 
 impl FlexibleSpec {
     pub fn stiffness(&self) -> usize {
-        self.x + 12 * self.m + 9 * self.m * self.m
+        self.x + flexible::k(self.m)
     }
 
     pub fn damping(&self) -> usize {
-        self.stiffness() + self.m * self.m
+        self.x + flexible::c(self.m)
     }
 
     pub fn size(&self) -> usize {
-        12 * self.m + 23 * self.m * self.m
+        flexible::size(self.m)
     }
 }
 
@@ -61,13 +62,12 @@ impl<T: Real> FlexibleGeometry<T> {
     pub fn derive(spec: &FlexibleSpec, x: &[T], com: &V3<T>) -> Self {
         let m = spec.m;
         let n = &x[spec.x..spec.x + spec.size()];
-        let s: Vec<V3<T>> = (0..m).map(|k| V3::from_fn(|i, _| n[i * m + k])).collect();
+        let s: Vec<V3<T>> = (0..m).map(|k| V3::from_fn(|i, _| n[flexible::S + i * m + k])).collect();
         let square = |at: usize| M3::from_fn(|i, j| n[at + 3 * i + j]);
-        let p1 = (0..m).map(|k| square(3 * m + 9 * k) - outer(com, &s[k])).collect();
-        let at = 12 * m;
-        let p2 = (0..m * m).map(|i| square(at + 9 * i)).collect();
-        let (k, c) = (at + 9 * m * m, at + 10 * m * m);
-        let kg = &n[at + 11 * m * m..];
+        let p1 = (0..m).map(|k| square(flexible::p1(m) + 9 * k) - outer(com, &s[k])).collect();
+        let p2 = (0..m * m).map(|i| square(flexible::p2(m) + 9 * i)).collect();
+        let (k, c) = (flexible::k(m), flexible::c(m));
+        let kg = &n[flexible::kg(m)..];
         let field = |i: usize, kl: usize| kg[i * m * m + kl];
         let stiffened = kg.iter().any(|v| v.re() != 0.0);
         let pairs = if stiffened { m * m } else { 0 };
@@ -113,8 +113,8 @@ pub struct TipGeometry<T: Real> {
 impl<T: Real> TipGeometry<T> {
     pub fn derive(x: &[T], m: usize, com: &V3<T>) -> Self {
         TipGeometry {
-            offset: V3::new(x[0], x[1], x[2]) - com,
-            shape: (0..m).map(|k| std::array::from_fn(|i| x[3 + i * m + k])).collect(),
+            offset: V3::from_fn(|i, _| x[node::POSITION + i]) - com,
+            shape: (0..m).map(|k| std::array::from_fn(|i| x[node::SHAPE + i * m + k])).collect(),
         }
     }
 
@@ -145,7 +145,7 @@ impl Tables {
         }
         for tip in &self.tips {
             let f = self.flexible.get(tip.flexible).ok_or_else(outside)?;
-            let end = tip.x.checked_add(3 + 6 * f.m).ok_or_else(outside)?;
+            let end = tip.x.checked_add(node::size(f.m)).ok_or_else(outside)?;
             if end > self.x.len() || tip.body >= self.bodies.len() {
                 return Err(outside());
             }

@@ -4,8 +4,9 @@
 //! with respect to a drawn point has one source.
 use crate::model::flexible::{FlexibleGeometry, TipGeometry, TipSpec};
 use crate::model::joint::JointKind;
+use crate::model::layout::{self, bushing, flag, joint, load, spring_damper, torsion};
 use crate::model::motion::MotionLaw;
-use crate::model::tables::{BodyRef, ElementKind, FRAME_FROM_ORIENTATION, Tables};
+use crate::model::tables::{BodyRef, ElementKind, Tables};
 use crate::spatial::{M3, Pose, Real, V3, frame_of_axis, rotation_of_quaternion, skew};
 
 #[derive(Debug, Clone)]
@@ -56,7 +57,7 @@ impl<T: Real> Geometry<T> {
             .bodies
             .iter()
             .map(|b| {
-                let own = body(&x[b.x..b.x + 23]);
+                let own = body(&x[b.x..b.x + layout::body::SIZE]);
                 match b.tip {
                     None => own,
                     Some(i) => massless(&own, &tips[i]),
@@ -75,29 +76,34 @@ impl<T: Real> Geometry<T> {
         let mut joints = Vec::with_capacity(tables.joints.len());
         let mut joint_length = Vec::with_capacity(tables.joints.len());
         for j in &tables.joints {
-            let n = &x[j.x..j.x + 36];
-            let (pa, pb) = (vector(n, 0), vector(n, 3));
+            let n = &x[j.x..j.x + joint::SIZE];
+            let (pa, pb) = (vector(n, joint::AT_A), vector(n, joint::AT_B));
             let frames = joint_frames(j.kind, j.flags, n);
-            joints.push(MarkerPair { radius: n[35], ..pair(j.a, j.b, pa, pb, frames) });
+            joints.push(MarkerPair { radius: n[joint::RADIUS], ..pair(j.a, j.b, pa, pb, frames) });
             joint_length.push(if j.kind == JointKind::Distance { distance(&pa, &pb) } else { T::zero() });
         }
         let mut elements = Vec::with_capacity(tables.elements.len());
         let mut element_length = Vec::with_capacity(tables.elements.len());
         for e in &tables.elements {
             let n = &x[e.x..];
-            let pa = vector(n, 0);
-            let (pb, frame) = match e.kind {
-                ElementKind::SpringDamper => (vector(n, 3), M3::identity()),
-                ElementKind::Bushing => (vector(n, 3), rotation_of_quaternion(&n[6..10])),
-                ElementKind::Torsion => (pa, frame_of_axis(&vector(n, 3))),
+            let (pa, pb, frame) = match e.kind {
+                ElementKind::SpringDamper => {
+                    (vector(n, spring_damper::AT_A), vector(n, spring_damper::AT_B), M3::identity())
+                }
+                ElementKind::Bushing => {
+                    (vector(n, bushing::AT_A), vector(n, bushing::AT_B), turned(n, bushing::ORIENTATION))
+                }
+                ElementKind::Torsion => {
+                    (vector(n, torsion::AT), vector(n, torsion::AT), frame_of_axis(&vector(n, torsion::AXIS)))
+                }
             };
             elements.push(pair(e.a, e.b, pa, pb, (frame, frame)));
             element_length.push(if e.kind == ElementKind::SpringDamper { distance(&pa, &pb) } else { T::zero() });
         }
         let loads = tables.loads.iter().map(|l| {
             let drawn = &bodies[l.body].drawn;
-            let point = drawn.r.transpose() * (vector(x, l.x) - drawn.p);
-            let value = vector(x, l.x + 3);
+            let point = drawn.r.transpose() * (vector(x, l.x + load::AT) - drawn.p);
+            let value = vector(x, l.x + load::VALUE);
             (point, if l.follower { drawn.r.transpose() * value } else { value })
         });
         Geometry {
@@ -147,7 +153,7 @@ impl<T: Real> Geometry<T> {
 
 fn tip_geometry<T: Real>(tables: &Tables, tip: &TipSpec, x: &[T]) -> TipGeometry<T> {
     let f = &tables.flexible[tip.flexible];
-    let com = vector(x, tables.bodies[f.body].x + 7);
+    let com = vector(x, tables.bodies[f.body].x + layout::body::COM);
     TipGeometry::derive(&x[tip.x..], f.m, &com)
 }
 
@@ -161,29 +167,38 @@ fn massless<T: Real>(frame: &BodyGeometry<T>, tip: &TipGeometry<T>) -> BodyGeome
     }
 }
 
+/// The rotation of the quaternion at a place.
+fn turned<T: Real>(n: &[T], at: usize) -> M3<T> {
+    rotation_of_quaternion(&n[at..at + 4])
+}
+
+/// From xx yy zz xy xz yz.
+pub fn inertia<T: Real>(n: &[T]) -> M3<T> {
+    M3::new(n[0], n[3], n[4], n[3], n[1], n[5], n[4], n[5], n[2])
+}
+
 fn body<T: Real>(n: &[T]) -> BodyGeometry<T> {
-    let r = rotation_of_quaternion(&n[3..7]);
-    let com = vector(n, 7);
-    let inertia = M3::new(n[11], n[14], n[15], n[14], n[12], n[16], n[15], n[16], n[13]);
-    BodyGeometry { mass: n[10], inertia, drawn: Pose { p: vector(n, 0) + r * com, r }, com }
+    use layout::body::{AT, COM, INERTIA, MASS, ORIENTATION};
+    let (r, com) = (turned(n, ORIENTATION), vector(n, COM));
+    BodyGeometry { mass: n[MASS], inertia: inertia(&n[INERTIA..]), drawn: Pose { p: vector(n, AT) + r * com, r }, com }
 }
 
 /// The frames on both bodies as drawn: the same but for a rolling disc, whose second frame has the disc's axis for z.
 fn joint_frames<T: Real>(kind: JointKind, flags: i64, n: &[T]) -> (M3<T>, M3<T>) {
     let frame = joint_frame(kind, flags, n);
-    if kind == JointKind::RollingDisc { (frame, frame_of_axis(&vector(n, 9))) } else { (frame, frame) }
+    if kind == JointKind::RollingDisc { (frame, frame_of_axis(&vector(n, joint::AXIS2))) } else { (frame, frame) }
 }
 
 fn joint_frame<T: Real>(kind: JointKind, flags: i64, n: &[T]) -> M3<T> {
-    if flags & FRAME_FROM_ORIENTATION != 0 {
-        return rotation_of_quaternion(&n[12..16]);
+    if flags & flag::FRAME_FROM_ORIENTATION != 0 {
+        return turned(n, joint::ORIENTATION);
     }
-    let axis = vector(n, 6);
+    let axis = vector(n, joint::AXIS);
     if kind != JointKind::Universal {
         return frame_of_axis(&axis);
     }
     let z = axis / axis.dot(&axis).sqrt();
-    let second = vector(n, 9);
+    let second = vector(n, joint::AXIS2);
     let x = second - z * z.dot(&second);
     let x = x / x.dot(&x).sqrt();
     M3::from_columns(&[x, z.cross(&x), z])

@@ -1,5 +1,6 @@
 //! The joints: which relative motions they forbid, and which they leave free in which order.
 use crate::error::{Error, Result};
+use crate::model::layout::joint_type;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JointKind {
@@ -107,23 +108,20 @@ impl JointKind {
 
     pub fn from_code(code: i64) -> Result<Self> {
         use JointKind::*;
-        const ALL: [JointKind; 11] = [
-            Fixed,
-            Revolute,
-            Prismatic,
-            Cylindrical,
-            Universal,
-            Spherical,
-            Planar,
-            Free,
-            Distance,
-            KnifeEdge,
-            RollingDisc,
-        ];
-        usize::try_from(code)
-            .ok()
-            .and_then(|i| ALL.get(i).copied())
-            .ok_or_else(|| Error::model(format!("joint type {code} does not exist")))
+        Ok(match code {
+            joint_type::FIXED => Fixed,
+            joint_type::REVOLUTE => Revolute,
+            joint_type::PRISMATIC => Prismatic,
+            joint_type::CYLINDRICAL => Cylindrical,
+            joint_type::UNIVERSAL => Universal,
+            joint_type::SPHERICAL => Spherical,
+            joint_type::PLANAR => Planar,
+            joint_type::FREE => Free,
+            joint_type::DISTANCE => Distance,
+            joint_type::KNIFE_EDGE => KnifeEdge,
+            joint_type::ROLLING_DISC => RollingDisc,
+            _ => return Err(Error::model(format!("joint type {code} does not exist"))),
+        })
     }
 
     /// Does it have rows that restrict velocities alone?

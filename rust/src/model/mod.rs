@@ -2,5 +2,6 @@
 pub mod flexible;
 pub mod geometry;
 pub mod joint;
+pub mod layout;
 pub mod motion;
 pub mod tables;

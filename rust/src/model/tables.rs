@@ -2,13 +2,8 @@
 use crate::error::{Error, Result};
 use crate::model::flexible::{FlexibleSpec, TipSpec};
 use crate::model::joint::JointKind;
+use crate::model::layout::{self, body, bushing, coupler, joint, load, pose, spring_damper, torsion};
 use crate::model::motion::MotionSpec;
-
-pub const HAS_K: i64 = 1;
-pub const HAS_C: i64 = 2;
-pub const HAS_PRELOAD: i64 = 4;
-pub const FRAME_FROM_ORIENTATION: i64 = 8;
-pub const LENGTH_GIVEN: i64 = 16;
 
 /// None is ground.
 pub type BodyRef = Option<usize>;
@@ -37,6 +32,26 @@ pub enum ElementKind {
     SpringDamper,
     Bushing,
     Torsion,
+}
+
+impl ElementKind {
+    pub fn from_code(code: i64) -> Result<Self> {
+        match code {
+            layout::element_type::SPRING_DAMPER => Ok(ElementKind::SpringDamper),
+            layout::element_type::BUSHING => Ok(ElementKind::Bushing),
+            layout::element_type::TORSION => Ok(ElementKind::Torsion),
+            _ => Err(Error::model(format!("element type {code} does not exist"))),
+        }
+    }
+
+    /// How many numbers it has.
+    pub fn size(self) -> usize {
+        match self {
+            ElementKind::SpringDamper => spring_damper::SIZE,
+            ElementKind::Bushing => bushing::SIZE,
+            ElementKind::Torsion => torsion::SIZE,
+        }
+    }
 }
 
 #[derive(Debug, Clone)]
@@ -116,8 +131,8 @@ pub struct Tables {
     pub tips: Vec<TipSpec>,
     /// first guesses of body poses: body, start of origin and quaternion
     pub poses: Vec<(usize, usize)>,
-    /// relative accuracy of the drawing; None where the model does not say
-    pub tolerance: Option<f64>,
+    /// accuracy of what was drawn: of lengths over the characteristic length, and of angles (rad)
+    pub tolerance: f64,
 }
 
 impl Tables {
@@ -126,20 +141,25 @@ impl Tables {
         if let Some(i) = self.x.iter().position(|v| !v.is_finite()) {
             return Err(Error::model(format!("number {i} of the tables is not finite")));
         }
+        if !(self.tolerance > 0.0 && self.tolerance < layout::LARGEST_TOLERANCE) {
+            return Err(Error::model(format!(
+                "the tolerance {} is not a small share of the model's size",
+                self.tolerance
+            )));
+        }
         for body in &self.bodies {
-            self.inside(&body.name, body.x, 23)?;
+            self.inside(&body.name, body.x, body::SIZE)?;
         }
         for joint in &self.joints {
-            self.inside(&joint.name, joint.x, 36)?;
+            self.inside(&joint.name, joint.x, joint::SIZE)?;
             self.connects(&joint.name, joint.a, joint.b)?;
         }
         for element in &self.elements {
-            let n = if element.kind == ElementKind::Bushing { 88 } else { 10 };
-            self.inside(&element.name, element.x, n)?;
+            self.inside(&element.name, element.x, element.kind.size())?;
             self.connects(&element.name, element.a, element.b)?;
         }
         for load in &self.loads {
-            self.inside(&load.name, load.x, 6)?;
+            self.inside(&load.name, load.x, load::SIZE)?;
             self.connects(&load.name, Some(load.body), None)?;
             let modes = self.flexible.iter().find(|f| f.body == load.body).map(|f| f.m);
             if load.mode.is_some_and(|k| modes.is_none_or(|m| k >= m)) {
@@ -158,7 +178,7 @@ impl Tables {
             self.follows(&drive.name, drive.motion)?;
         }
         for coupler in &self.couplers {
-            self.inside(&coupler.name, coupler.x, 2)?;
+            self.inside(&coupler.name, coupler.x, coupler::SIZE)?;
             for (joint, coordinate) in coupler.joints.iter().zip(coupler.coordinates) {
                 self.drives(&coupler.name, *joint, coordinate)?;
             }
@@ -171,9 +191,9 @@ impl Tables {
         }
         for (body, x) in &self.poses {
             self.connects("a pose", Some(*body), None)?;
-            self.inside("a pose", *x, 7)?;
+            self.inside("a pose", *x, pose::SIZE)?;
         }
-        self.gravity.map_or(Ok(()), |g| self.inside("gravity", g, 3))
+        self.gravity.map_or(Ok(()), |g| self.inside("gravity", g, layout::gravity::SIZE))
     }
 
     fn inside(&self, name: &str, start: usize, n: usize) -> Result<()> {

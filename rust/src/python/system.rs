@@ -33,6 +33,9 @@ use super::tables::{tables, values};
 /// Below this number of tree coordinates, rows and elements a thread of its own costs more than it protects.
 const SHORT: usize = 60;
 
+/// Joints, singular value, taken for redundant?, tolerance.
+type DoubtRow = (Vec<String>, f64, bool, f64);
+
 #[pyclass(frozen, name = "System", module = "mbrs._core")]
 pub struct PySystem(pub System);
 
@@ -361,7 +364,7 @@ impl PySystem {
 
     /// What the drawing decides only just: (joints, singular value, taken for redundant?, tolerance) each.
     #[pyo3(signature = (without=Vec::new()))]
-    fn doubts(&self, py: Python<'_>, without: Vec<String>) -> PyResult<Vec<(Vec<String>, f64, bool, f64)>> {
+    fn doubts(&self, py: Python<'_>, without: Vec<String>) -> PyResult<Vec<DoubtRow>> {
         let effects = effects(&without)?;
         if self.0.topology.rows.is_empty() {
             return Ok(Vec::new());

@@ -8,6 +8,7 @@ use pyo3::types::PyDict;
 use crate::error::{Error, Result};
 use crate::model::flexible::{FlexibleSpec, TipSpec};
 use crate::model::joint::JointKind;
+use crate::model::layout::load_type;
 use crate::model::motion::{Function, MotionKind, MotionSpec};
 use crate::model::tables::{
     BodyRef, BodySpec, CouplerSpec, DriveSpec, ElementKind, ElementSpec, JointSpec, LawSpec, LoadMotionSpec, LoadSpec,
@@ -79,7 +80,7 @@ pub fn tables(dict: &Bound<'_, PyDict>) -> PyResult<Tables> {
         load_motions: load_motions(&reader)?,
         gravity,
         poses: poses(&reader)?,
-        tolerance: dict.get_item("tolerance")?.map(|t| t.extract()).transpose()?,
+        tolerance: reader.item("tolerance")?.extract()?,
     };
     tables.check()?;
     Ok(tables)
@@ -170,14 +171,7 @@ fn elements(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<Vec<Elemen
     let a = flexible.placed(reader, "element_a_node", a)?;
     let b = flexible.placed(reader, "element_b_node", b)?;
     let one = |(i, name): (usize, String)| {
-        let kind = match kind[i] {
-            0 => ElementKind::SpringDamper,
-            1 => ElementKind::Bushing,
-            2 => ElementKind::Torsion,
-            other => {
-                return Err(Error::model(format!("element '{name}': type {other} does not exist")).into());
-            }
-        };
+        let kind = ElementKind::from_code(kind[i])?;
         Ok(ElementSpec { name, kind, a: body(a[i]), b: body(b[i]), flags: flags[i], x: offset(x[i])? })
     };
     names.into_iter().enumerate().map(one).collect()
@@ -188,10 +182,10 @@ fn loads(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<Vec<LoadSpec>
     let [kind, on, frame, x] = columns(reader, "load", ["type", "body", "frame", "x"], names.len())?;
     let on = flexible.placed(reader, "load_node", on)?;
     let one = |(i, name): (usize, String)| {
-        let modal = kind[i] == 2;
+        let modal = kind[i] == load_type::MODAL_FORCE;
         Ok(LoadSpec {
             name,
-            torque: kind[i] == 1,
+            torque: kind[i] == load_type::TORQUE,
             body: offset(on[i])?,
             mode: if modal { Some(offset(frame[i])?) } else { None },
             follower: !modal && frame[i] == 1,

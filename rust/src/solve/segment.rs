@@ -156,14 +156,14 @@ impl Segment {
             return Ok(Jump::Torn);
         }
         let width = (high.0 - low.0).abs() / self.length.abs();
-        Ok(Jump::Between { before, after, width })
+        Ok(Jump::Between { before: Box::new(before), after: Box::new(after), width })
     }
 }
 
 /// What lies between two points with different properties.
 pub enum Jump {
     /// the last points on both sides, and how far apart they are relative to the segment
-    Between { before: Point, after: Point, width: f64 },
+    Between { before: Box<Point>, after: Box<Point>, width: f64 },
     /// the points belong to different branches
     Torn,
 }

@@ -15,6 +15,7 @@ use crate::linalg::kkt::{Kkt, Ordering};
 use crate::linalg::matrix::Matrix;
 use crate::linalg::rows::{Block, Level as Asked, RowBlocks, gather};
 use crate::model::joint::Coordinate;
+use crate::model::layout;
 use crate::run::Counts;
 use crate::spatial::{Pose, V3, rotation_of_quaternion};
 use crate::system::System;
@@ -23,7 +24,7 @@ use crate::system::loops::column_scales;
 use crate::system::placement::{Placement, State, advance, drawn_relative, marker_pose, place, relative_from_poses};
 use crate::system::rank::{Decision, block_names, spectrum};
 use crate::system::topology::{Node, Purpose};
-use crate::tolerances::constraints::{CLOSED, CLOSED_ROUNDING, DOUBTFUL};
+use crate::tolerances::constraints::{CLOSED, CLOSED_ROUNDING, DOUBTFUL, FELT};
 
 const MAX_ITERATIONS: usize = 60;
 /// Blocks of more rows and columns are closed by sparse factors.
@@ -40,8 +41,8 @@ pub fn drawn_start(system: &System) -> Vec<Pose<f64>> {
     }
     let mut poses: Vec<Pose<f64>> = system.geometry.bodies.iter().map(|b| b.drawn).collect();
     for &(body, x) in &topology.tables.poses {
-        let r = rotation_of_quaternion(&system.x[x + 3..x + 7]);
-        let origin = V3::new(system.x[x], system.x[x + 1], system.x[x + 2]);
+        let r = rotation_of_quaternion(&system.x[x + layout::pose::ORIENTATION..x + layout::pose::ORIENTATION + 4]);
+        let origin = V3::from_fn(|k, _| system.x[x + layout::pose::AT + k]);
         poses[body] = Pose { p: origin + r * system.geometry.bodies[body].com, r };
     }
     let guessed = relative_from_poses(topology, &system.geometry, &poses);
@@ -125,7 +126,7 @@ fn largest(phi: &DVector<f64>, own: &[usize], rows: &RowBlocks, rounding: &[f64]
 /// Newton's method on the rows that carry the known ranks.
 pub(super) fn close_with(
     system: &System,
-    relative: &mut Vec<Pose<f64>>,
+    relative: &mut [Pose<f64>],
     effects: Effects,
     rows: &RowBlocks,
 ) -> Result<usize> {
@@ -189,7 +190,7 @@ fn smallest_step(
     Ok(())
 }
 
-fn move_by(system: &System, relative: &mut Vec<Pose<f64>>, mut dy: Vec<f64>, columns: &[f64]) {
+fn move_by(system: &System, relative: &mut [Pose<f64>], mut dy: Vec<f64>, columns: &[f64]) {
     let longest = dy.iter().zip(columns).fold(0.0, |a: f64, (d, c)| a.max((d / c).abs()));
     if longest > LONGEST {
         dy.iter_mut().for_each(|d| *d *= LONGEST / longest);
@@ -200,7 +201,7 @@ fn move_by(system: &System, relative: &mut Vec<Pose<f64>>, mut dy: Vec<f64>, col
 /// From the drawing, before ranks are known.
 pub(super) fn close_drawn(
     system: &System,
-    relative: &mut Vec<Pose<f64>>,
+    relative: &mut [Pose<f64>],
     effects: Effects,
     rows: &RowBlocks,
 ) -> Result<usize> {
@@ -249,8 +250,9 @@ fn drawn_step(
     let found = spectrum(jacobian, rows, &position, Asked::Position, &zero, system.tolerance)?;
     let open = DVector::from_fn(own.len(), |k, _| phi[own[k]] * rows.row_scale[own[k]]);
     let size = open.norm();
-    let weakest = if own.len() <= block.columns.len() { found.values.last().copied() } else { None };
-    if weakest.is_some_and(|s| s > (DOUBTFUL * system.tolerance).max(size)) {
+    // rows that repeat others exactly do no harm; weak ones run away
+    let (least, most) = ((DOUBTFUL * system.tolerance).max(size), found.values.first().copied().unwrap_or(0.0));
+    if found.values.iter().all(|s| *s > least || *s <= found.floor.max(FELT * most)) {
         return smallest_step(jacobian, phi, own, block, (rows, columns), dy);
     }
     for (k, s) in found.values.iter().enumerate().filter(|(_, s)| **s > system.tolerance.max(found.floor)) {

@@ -39,7 +39,6 @@ use crate::model::geometry::Geometry;
 use crate::model::tables::Tables;
 use crate::system::rank::Decision;
 use crate::system::topology::Topology;
-use crate::tolerances::constraints::DRAWING;
 
 /// Topology plus values: immutable and cheap to clone; new values keep the topology.
 #[derive(Debug, Clone)]
@@ -49,7 +48,7 @@ pub struct System {
     pub geometry: Arc<Geometry<f64>>,
     /// characteristic length: makes ranks and minimum-norm reactions independent of units
     pub length: f64,
-    /// relative accuracy of the drawing
+    /// accuracy of what was drawn: of lengths over `length`, and of angles (rad)
     pub tolerance: f64,
     /// ranks of the constraints, for every choice of effects that leave rows out
     decisions: Arc<[OnceLock<Arc<Decision>>; 4]>,
@@ -80,7 +79,7 @@ impl System {
     fn from_parts(topology: Arc<Topology>, x: Vec<f64>) -> Self {
         let geometry = Geometry::derive(&topology.tables, &x);
         let length = topology.characteristic_length(&geometry, &x);
-        let tolerance = topology.tables.tolerance.unwrap_or(DRAWING);
+        let tolerance = topology.tables.tolerance;
         let decisions = Arc::default();
         System { topology, x: Arc::new(x), geometry: Arc::new(geometry), length, tolerance, decisions }
     }

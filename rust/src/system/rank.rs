@@ -20,6 +20,7 @@ use crate::linalg::elimination::{Candidate, eliminate};
 use crate::linalg::matrix::Matrix;
 use crate::linalg::rows::{Block, Level as Asked, RowBlocks, gather, largest_rows};
 use crate::model::geometry::BodyGeometry;
+use crate::model::layout;
 use crate::spatial::{Pose, V3};
 use crate::system::System;
 use crate::system::assemble::Effects;
@@ -158,22 +159,27 @@ fn find(root: &mut [usize], mut i: usize) -> usize {
     i
 }
 
+/// The drawn points of a joint on its two bodies, world.
+fn joint_points(system: &System, joint: usize) -> [V3<f64>; 2] {
+    let start = system.topology.tables.joints[joint].x;
+    [layout::joint::AT_A, layout::joint::AT_B].map(|at| V3::from_fn(|k, _| system.x[start + at + k]))
+}
+
 /// The length of the loop that each row closes: twice the largest distance of its joints from their mean, and never below the
 /// size of the bodies that it joins.
 fn loop_lengths(system: &System) -> Vec<f64> {
     let topology = &*system.topology;
     let tables = &topology.tables;
     let sizes = body_sizes(system);
-    let at = |i: usize| V3::new(system.x[i], system.x[i + 1], system.x[i + 2]);
     let mut of_joint: std::collections::HashMap<usize, f64> = std::collections::HashMap::new();
     let lengths = topology.rows.iter().map(|row| {
         *of_joint.entry(row.joint).or_insert_with(|| {
             let joint = &tables.joints[row.joint];
-            let mut points = vec![at(joint.x), at(joint.x + 3)];
+            let mut points = joint_points(system, row.joint).to_vec();
             let between = topology.nodes_between(joint.a, joint.b);
             for n in between {
                 match topology.nodes[n].joint {
-                    Some(j) => points.extend([at(tables.joints[j].x), at(tables.joints[j].x + 3)]),
+                    Some(j) => points.extend(joint_points(system, j)),
                     None => points.push(system.geometry.bodies[topology.nodes[n].body].drawn.p),
                 }
             }
@@ -190,14 +196,14 @@ fn loop_lengths(system: &System) -> Vec<f64> {
 /// Distance of the farthest joint from the centre of mass, or the radius of gyration where that is larger.
 fn body_sizes(system: &System) -> Vec<f64> {
     let tables = &system.topology.tables;
-    let at = |i: usize| V3::new(system.x[i], system.x[i + 1], system.x[i + 2]);
     let gyration = |b: &BodyGeometry<f64>| match b.mass > 0.0 {
         true => (0.5 * b.inertia.trace().max(0.0) / b.mass).sqrt(),
         false => 0.0,
     };
     let mut size: Vec<f64> = system.geometry.bodies.iter().map(gyration).collect();
-    for joint in &tables.joints {
-        for (body, point) in [(joint.a, at(joint.x)), (joint.b, at(joint.x + 3))] {
+    for (j, joint) in tables.joints.iter().enumerate() {
+        let [a, b] = joint_points(system, j);
+        for (body, point) in [(joint.a, a), (joint.b, b)] {
             if let Some(b) = body {
                 size[b] = size[b].max((point - system.geometry.bodies[b].drawn.p).norm());
             }

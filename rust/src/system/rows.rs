@@ -12,7 +12,8 @@ use nalgebra::{DMatrix, DVector};
 use crate::linalg::entries::{Entries, Nowhere};
 use crate::model::geometry::Geometry;
 use crate::model::joint::{Coordinate, JointKind};
-use crate::model::tables::LENGTH_GIVEN;
+use crate::model::layout::flag::LENGTH_GIVEN;
+use crate::model::layout::{coupler, joint};
 use crate::spatial::{Real, Six};
 use crate::system::assemble::{Effects, Scene};
 use crate::system::connector::{angles_of, constraint_bias, constraint_rates, constraint_rows};
@@ -140,7 +141,7 @@ impl<T: Real> Scene<'_, T> {
             }
             Purpose::Coupler(c) => {
                 let spec = &self.topology.tables.couplers[c];
-                let (ratio, offset) = (self.x[spec.x], self.x[spec.x + 1]);
+                let (ratio, offset) = (self.x[spec.x + coupler::RATIO], self.x[spec.x + coupler::OFFSET]);
                 let first = self.topology.tables.joints[spec.joints[0]].kind.free_coordinates()[spec.coordinates[0]];
                 let mut value = [T::zero()];
                 self.add_rows(spec.joints[0], &[first], -ratio, i, &mut value, jacobian);
@@ -182,7 +183,7 @@ impl<T: Real> Scene<'_, T> {
                     let spec = &tables.couplers[c];
                     let kind = &tables.joints[spec.joints[0]].kind;
                     let first = kind.free_coordinates()[spec.coordinates[0]];
-                    *value -= self.x[spec.x] * of(spec.joints[0], &[first])[0];
+                    *value -= self.x[spec.x + coupler::RATIO] * of(spec.joints[0], &[first])[0];
                 }
                 if !self.acts(row) {
                     *value = T::zero();
@@ -195,7 +196,7 @@ impl<T: Real> Scene<'_, T> {
 
     fn distance(&self, joint: usize) -> T {
         let spec = &self.topology.tables.joints[joint];
-        let x = self.x[spec.x + 34];
+        let x = self.x[spec.x + joint::LENGTH];
         if spec.flags & LENGTH_GIVEN != 0 { x } else { self.geometry.joint_length[joint] + x }
     }
 
@@ -215,7 +216,11 @@ impl<T: Real> Scene<'_, T> {
                 let spec = &tables.couplers[c];
                 let joint = spec.joints[0];
                 let first = tables.joints[joint].kind.free_coordinates()[spec.coordinates[0]];
-                out.push(Carried { purpose: row.purpose, joint, rows: vec![(first, -self.x[spec.x] * *l)] });
+                out.push(Carried {
+                    purpose: row.purpose,
+                    joint,
+                    rows: vec![(first, -self.x[spec.x + coupler::RATIO] * *l)],
+                });
             }
         }
         out

@@ -12,7 +12,9 @@ use faer::Mat;
 
 use crate::error::{Error, Result};
 use crate::model::joint::{Coordinate, JointKind};
-use crate::model::tables::{BodyRef, HAS_PRELOAD, LENGTH_GIVEN, Tables};
+use crate::model::layout::flag::{HAS_PRELOAD, LENGTH_GIVEN};
+use crate::model::layout::{bushing, joint, spring_damper, torsion};
+use crate::model::tables::{BodyRef, Tables};
 use crate::run::Counts;
 use crate::spatial::{Map6, Pose, Six, V3};
 use crate::system::System;
@@ -177,22 +179,30 @@ fn loaded(system: &System, state: &State, effects: Effects) -> bool {
     let topology = &*system.topology;
     let (t, x): (&Tables, _) = (&topology.tables, &system.x);
     let nonzero = |start: usize, n: usize| x[start..start + n].iter().any(|v| *v != 0.0);
-    let apart = |start: usize| {
-        let p = V3::from_fn(|k, _| x[start + k]);
-        let q = V3::from_fn(|k, _| x[start + 3 + k]);
+    let apart = |a: usize, b: usize| {
+        let p = V3::from_fn(|k, _| x[a + k]);
+        let q = V3::from_fn(|k, _| x[b + k]);
         (q - p).norm() > 1e-12 * (system.length + p.norm())
     };
     let gravity = effects.gravity && system.geometry.gravity.is_some_and(|g| g.norm() > 0.0);
     let joint = |j: &crate::model::tables::JointSpec| {
-        j.flags & HAS_PRELOAD != 0 && nonzero(j.x + 28, 6)
-            || j.kind == JointKind::Distance && (j.flags & LENGTH_GIVEN != 0 || x[j.x + 34] != 0.0)
-            || j.kind != JointKind::Distance && apart(j.x)
+        j.flags & HAS_PRELOAD != 0 && nonzero(j.x + joint::PRELOAD, 6)
+            || j.kind == JointKind::Distance && (j.flags & LENGTH_GIVEN != 0 || x[j.x + joint::LENGTH] != 0.0)
+            || j.kind != JointKind::Distance && apart(j.x + joint::AT_A, j.x + joint::AT_B)
     };
     let element = |e: &crate::model::tables::ElementSpec| {
         use crate::model::tables::ElementKind::*;
         match e.kind {
-            Bushing => e.flags & HAS_PRELOAD != 0 && nonzero(e.x + 82, 6) || apart(e.x),
-            _ => x[e.x + 8] != 0.0 || e.flags & LENGTH_GIVEN != 0 || e.flags & HAS_PRELOAD != 0 && x[e.x + 9] != 0.0,
+            Bushing => {
+                e.flags & HAS_PRELOAD != 0 && nonzero(e.x + bushing::PRELOAD, 6)
+                    || apart(e.x + bushing::AT_A, e.x + bushing::AT_B)
+            }
+            SpringDamper => {
+                x[e.x + spring_damper::LENGTH] != 0.0
+                    || e.flags & LENGTH_GIVEN != 0
+                    || e.flags & HAS_PRELOAD != 0 && x[e.x + spring_damper::PRELOAD] != 0.0
+            }
+            Torsion => x[e.x + torsion::ANGLE] != 0.0 || e.flags & HAS_PRELOAD != 0 && x[e.x + torsion::PRELOAD] != 0.0,
         }
     };
     let moved = |(now, drawn): (&Pose<f64>, Pose<f64>)| {

@@ -5,9 +5,9 @@ use crate::error::{Error, Result};
 use crate::laws::Law;
 use crate::model::geometry::Geometry;
 use crate::model::joint::{ANGLE_Z, Coordinate, Freedom, JointKind, MODAL};
-use crate::model::tables::{
-    BodyRef, ElementKind, ElementSpec, HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN, LawSpec, Tables,
-};
+use crate::model::layout::flag::{HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN};
+use crate::model::layout::{self, bushing, joint, spring_damper, torsion};
+use crate::model::tables::{BodyRef, ElementKind, ElementSpec, LawSpec, Tables};
 use crate::spatial::{Real, V3};
 use crate::system::tree::spanning_tree;
 
@@ -265,12 +265,15 @@ impl Topology {
         let rigid = geometry.bodies.iter().zip(&self.tables.bodies).filter(|(_, b)| b.tip.is_none());
         let mut points: Vec<V3<T>> = rigid.map(|(b, _)| b.drawn.p).collect();
         for j in &self.tables.joints {
-            points.extend([at(j.x), at(j.x + 3)]);
+            points.extend([at(j.x + joint::AT_A), at(j.x + joint::AT_B)]);
         }
         for e in &self.tables.elements {
-            points.push(at(e.x));
-            if e.kind != ElementKind::Torsion {
-                points.push(at(e.x + 3));
+            match e.kind {
+                ElementKind::SpringDamper => {
+                    points.extend([at(e.x + spring_damper::AT_A), at(e.x + spring_damper::AT_B)]);
+                }
+                ElementKind::Bushing => points.extend([at(e.x + bushing::AT_A), at(e.x + bushing::AT_B)]),
+                ElementKind::Torsion => points.push(at(e.x + torsion::AT)),
             }
         }
         let sum = points.iter().fold(V3::zeros(), |sum: V3<T>, p| sum + p);
@@ -329,9 +332,9 @@ fn flexible(
     for spec in &tables.flexible {
         let node = node_of_body[spec.body];
         let body = &tables.bodies[spec.body];
-        let (mass, m) = (tables.x[body.x + 10], spec.m);
+        let (mass, m) = (tables.x[body.x + layout::body::MASS], spec.m);
         let size = |k: usize| {
-            let p2 = spec.x + 12 * m + 9 * (k * m + k);
+            let p2 = spec.x + layout::flexible::p2(m) + 9 * (k * m + k);
             let modal = tables.x[p2] + tables.x[p2 + 4] + tables.x[p2 + 8];
             if modal > 0.0 { (modal / mass).sqrt() } else { 1.0 }
         };
@@ -410,9 +413,9 @@ fn connectors(tables: &Tables) -> Result<(Vec<Connector>, usize)> {
             a: j.a,
             b: j.b,
             coordinates,
-            k: present(j.flags, HAS_K, j.x + 16),
-            c: present(j.flags, HAS_C, j.x + 22),
-            preload: present(j.flags, HAS_PRELOAD, j.x + 28),
+            k: present(j.flags, HAS_K, j.x + joint::K),
+            c: present(j.flags, HAS_C, j.x + joint::C),
+            preload: present(j.flags, HAS_PRELOAD, j.x + joint::PRELOAD),
             full: false,
             natural: Natural::Zero,
             laws,
@@ -439,14 +442,18 @@ fn number_turns(connectors: &mut [Connector], mut next: usize) -> usize {
 fn element_connector(i: usize, e: &ElementSpec) -> Connector {
     let (coordinates, k, c, preload, natural) = match e.kind {
         ElementKind::SpringDamper => {
-            let natural = Natural::Length { x: e.x + 8, given: e.flags & LENGTH_GIVEN != 0 };
-            (vec![Coordinate::Length], e.x + 6, e.x + 7, e.x + 9, natural)
+            use spring_damper::{C, K, LENGTH, PRELOAD};
+            let natural = Natural::Length { x: e.x + LENGTH, given: e.flags & LENGTH_GIVEN != 0 };
+            (vec![Coordinate::Length], e.x + K, e.x + C, e.x + PRELOAD, natural)
         }
         ElementKind::Bushing => {
             let free = JointKind::Free.free_coordinates().to_vec();
-            (free, e.x + 10, e.x + 46, e.x + 82, Natural::Zero)
+            (free, e.x + bushing::K, e.x + bushing::C, e.x + bushing::PRELOAD, Natural::Zero)
         }
-        ElementKind::Torsion => (vec![ANGLE_Z], e.x + 6, e.x + 7, e.x + 9, Natural::Value { x: e.x + 8 }),
+        ElementKind::Torsion => {
+            use torsion::{ANGLE, C, K, PRELOAD};
+            (vec![ANGLE_Z], e.x + K, e.x + C, e.x + PRELOAD, Natural::Value { x: e.x + ANGLE })
+        }
     };
     Connector {
         owner: Owner::Element(i),

@@ -181,7 +181,7 @@ impl Follower {
                     // at a corner of the equations the determinant jumps through zero, and no branch crosses
                     let typical = a.regularity.max(point.regularity);
                     let crosses = after.regularity <= BRANCHING * width * typical;
-                    return Ok(Some(crosses.then_some(after)));
+                    return Ok(Some(crosses.then_some(*after)));
                 }
                 Jump::Torn if self.branch.retreat() => {}
                 Jump::Torn => return Ok(None),
@@ -334,7 +334,7 @@ impl Follower {
         let calm_growth = grown(calm).re;
         // on the axis on one side and near it on the other: otherwise the exponents jump
         let on_axis = calm_growth.abs() <= AXIS * w0;
-        self.push_crossing(after, exponent, if on_axis { AXIS_ROOT } else { 0.0 });
+        self.push_crossing(*after, exponent, if on_axis { AXIS_ROOT } else { 0.0 });
         Ok(())
     }
 

@@ -9,6 +9,7 @@ use nalgebra::DVector;
 
 use crate::analysis::transient::{Equations, Motion};
 use crate::model::joint::JointKind;
+use crate::model::layout::{coupler, joint};
 use crate::run::Counts;
 use crate::spatial::{Pose, Real, Six};
 use crate::system::parts::Parts;
@@ -83,14 +84,15 @@ impl Touched {
                     self.parts.joints.push(j);
                 }
             }
-            self.rows |= !geometry.joint_length[j].is_constant() || changes(eq, spec.x + 34..spec.x + 35);
+            self.rows |= !geometry.joint_length[j].is_constant()
+                || changes(eq, spec.x + joint::LENGTH..spec.x + joint::LENGTH + 1);
             match row.purpose {
                 Purpose::Joint => {}
                 Purpose::Drive(d) => self.rows |= motion_changes(eq, tables.drives[d].motion),
                 Purpose::Coupler(c) => {
                     let x = tables.couplers[c].x;
-                    self.whole |= changes(eq, x..x + 1);
-                    self.rows |= changes(eq, x..x + 2);
+                    self.whole |= changes(eq, x + coupler::RATIO..x + coupler::RATIO + 1);
+                    self.rows |= changes(eq, x..x + coupler::SIZE);
                 }
             }
         }

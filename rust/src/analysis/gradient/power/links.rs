@@ -10,7 +10,9 @@ use num_dual::Dual;
 
 use crate::laws::Law;
 use crate::model::joint::{Coordinate, JointKind};
-use crate::model::tables::{BodyRef, LENGTH_GIVEN};
+use crate::model::layout::flag::LENGTH_GIVEN;
+use crate::model::layout::{coupler, joint};
+use crate::model::tables::BodyRef;
 use crate::spatial::{Real, Six, absent};
 use crate::system::connector::{Local, Numbers, Wanted, local, pair_of, strains};
 use crate::system::connector_force::response;
@@ -299,7 +301,7 @@ impl<T: OnTape> Power<'_, '_, T> {
             Purpose::Joint => {
                 let spec = &tables.joints[row.joint];
                 if spec.kind == JointKind::Distance {
-                    out.x[spec.x + 34] -= by[0];
+                    out.x[spec.x + joint::LENGTH] -= by[0];
                     if spec.flags & LENGTH_GIVEN == 0 {
                         out.geometry.joint_length[row.joint] -= by[0];
                     }
@@ -312,14 +314,14 @@ impl<T: OnTape> Power<'_, '_, T> {
             }
             Purpose::Coupler(c) => {
                 let spec = &tables.couplers[c];
-                let (joint, ratio) = (spec.joints[0], self.eq.x[spec.x]);
+                let (joint, ratio) = (spec.joints[0], self.eq.x[spec.x + coupler::RATIO]);
                 let first = tables.joints[joint].kind.free_coordinates()[spec.coordinates[0]];
                 let one = [(i, first)];
                 let found = self.coordinates_back(at, twists, joint, &one, -ratio, bodies, out);
                 if let Some([e, rate, virtual_]) = found {
                     let e = continued(e, first, self.motion.memory.get(topology.turns + 2 * c));
-                    out.x[spec.x] -= e * by[0] + rate * by[1] + virtual_ * by[2];
-                    out.x[spec.x + 1] -= by[0];
+                    out.x[spec.x + coupler::RATIO] -= e * by[0] + rate * by[1] + virtual_ * by[2];
+                    out.x[spec.x + coupler::OFFSET] -= by[0];
                 }
             }
         }
