@@ -71,6 +71,17 @@ def _blades():
     return SimpleNamespace(shape=shape, eigenvalue=1j * np.array([1.9, 2.3, 2.9]), coordinates=["a.q1", "b.q1", "c.q1"])
 
 
+def _rail():
+    m, axis = mb.Model("rail"), (0.31, -0.83, 0.46)
+    last = m.ground
+    for i in range(500):
+        b = m.body(f"b{i}", mass=1.0 + 0.001 * i, inertia=(0.1, 0.2, 0.3), at=(0.7 * i, 0.1, -0.2))
+        m.prismatic(f"j{i}", m.ground, b, at=(0.7 * i, 0.0, 0.0), axis=axis)
+        m.bushing(f"k{i}", last, b, at=(0.7 * i - 0.3, 0.0, 0.0), k=(913.0,) * 6)
+        last = b
+    return m
+
+
 def _sliding():
     """A carriage that is pulled along at constant speed, and a rotor whose bushing carries a ring around."""
     m = mb.Model("carriage")
@@ -89,6 +100,7 @@ MAKE = {
     "ModalResult of matrices": lambda: mb.modes(
         mb.MechanicalSystem(M=np.diag([1.3, 0.7]), K=[[3.1, -1.7], [-1.7, 2.9]])
     ),
+    "ModalResult of a large model": lambda: mb.modes(_rail(), n=2),
     "EnergyShares": lambda: mb.modes(drawn()).energy(),
     "FrfResult": lambda: mb.frf(
         drawn(), inputs=["a.force.x", "b.torque.z"], outputs="b.motion.y", frequency=[0.7, 1.9, 3.1]

@@ -56,6 +56,7 @@ HOMES: Mapping[str, str] = {
     "QuasiPeriodicSolution": "quasi_periodic",
     "QuasiPeriodicResponse": "quasi_periodic_response",
     "LimitCycle": "limit_cycle",
+    "SparseModel": "sparse_modal",
     "MechanicalSystem": "second_order",
     "NonlinearSystem": "nonlinear_system",
     "State": "state",

@@ -330,9 +330,9 @@ class FrequencyResponse(Result):
         return heads, rows
 
     def _size(self) -> np.ndarray:
-        """How much each coordinate moves, (dof,)."""
-        if "X" in self._cache:
-            return np.linalg.norm(self.X[:, :, 1:], axis=(0, 2))
+        """How much each coordinate moves where the motion is largest, (dof,)."""
+        if not self.parts:
+            return np.linalg.norm(self.X[int(np.argmax(np.linalg.norm(self.X, axis=(1, 2)))), :, 1:], axis=1)
         i = int(np.argmax([float(np.linalg.norm(y)) for part in self.parts for y in part.y]))
         part, k = self._part_of(i)
         return np.linalg.norm(part.expanded(k)[:, 1:], axis=1)

@@ -255,6 +255,8 @@ def campbell(
     frame = str(getattr(result, "frame", "fixed"))
     with style():
         made, axes = canvas(ax, (8.0, 5.0))
+        if axes.has_data():
+            top = max(top, axes.get_ylim()[1])
         own = None if label is None else colours(axes, 1)[0]
         for value, colour, name in (
             (1, own or PALETTE[0], label or "forward"),
