@@ -31,7 +31,7 @@ fn linearized(system: &System) -> Result<Linearization> {
     let mut counts = Counts::default();
     let state = assemble(system, true, Effects::ALL, &mut counts)?.state;
     let effects = Effects::ALL;
-    let setting = Setting { system, state: &state, memory: &[], effects };
+    let setting = Setting { system, state: &state, memory: &[], acceleration: &[], effects };
     linearize(&setting, &mut counts)
 }
 

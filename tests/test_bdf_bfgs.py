@@ -166,7 +166,8 @@ def test_a_tolerance_is_that_of_the_whole_motion(name):
         )
         # the truth is that of the numbers without jitter; passing its singular poses, a crank keeps 4 digits less
         noise = 1e4 * jitter.level()
-        assert 1e-3 * rtol < error < 2 * rtol + noise
+        # a solver without tangents is near its noise at the last tolerance, and says so in a warning
+        assert 1e-3 * rtol < error < 3 * rtol + noise
         assert 0.1 < traj.error / error < 10 or error < noise
 
 

@@ -22,6 +22,11 @@ pub mod constraints {
     /// Pinned by `tests/invariance/test_four_bar.py`.
     pub const REDUNDANT_OPEN: f64 = 1e2;
 
+    /// Second-order form of a redundant combination on the motions that the rows leave free, over the tolerance of the drawing, from
+    /// which on its pose is singular: there the constraints part like the square of the way. Larger: bifurcations are linearised.
+    /// Smaller: linkages that are drawn inaccurately are called singular. Pinned by `tests/test_core_loops.py`.
+    pub const SINGULAR_POSE: f64 = 1e2;
+
     /// Length of the look beside a drawn pose, in lengths of the loop or radians, by which a pose of lower rank is seen.
     /// Larger: the way back to the constraints is long. Smaller: the second-order part of a change point drowns in the tolerance.
     /// Pinned by `rank::tests`.

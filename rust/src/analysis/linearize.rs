@@ -23,9 +23,7 @@ use crate::system::loops::{Loops, column_scales};
 use crate::system::placement::{Placement, State, advance, place};
 use crate::system::rank::{Decision, block_names};
 use crate::system::topology::Topology;
-
-/// A redundant combination whose second derivative is larger than this (rows and columns scaled) marks a singular pose.
-const SINGULAR_POSE: f64 = 1e-6;
+use crate::tolerances::constraints::SINGULAR_POSE;
 
 /// Displacements below this, in characteristic lengths or radians, do not count as strains.
 const UNRESOLVED: f64 = 1e-8;
@@ -374,7 +372,7 @@ fn check_pose(system: &System, scene: &Scene<'_, f64>, loops: &Loops, b: &DMatri
             0.5 * (reduced[(i, j)] + reduced[(j, i)]) * scale[loops.independent[i]] * scale[loops.independent[j]]
         });
         let size = sym.amax();
-        if size > SINGULAR_POSE {
+        if size > SINGULAR_POSE * system.tolerance {
             let worst = lam.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map_or(0, |(i, _)| i);
             let joint = &system.topology.tables.joints[system.topology.rows[worst].joint].name;
             return Err(Error::singular(format!(

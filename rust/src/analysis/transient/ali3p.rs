@@ -407,7 +407,9 @@ impl Equations<'_, f64> {
             }
             let step = size(dx.as_slice());
             let whole = size(x).max(c * size(&from.acceleration));
-            if step <= SOLVED * whole || step <= 4.0 * f64::EPSILON {
+            // what the last correction leaves, by how fast they shrink
+            let left = if last.is_finite() { step * step / last } else { 0.0 };
+            if step <= SOLVED * whole && left <= 16.0 * f64::EPSILON * whole || step <= 4.0 * f64::EPSILON {
                 return Ok((by, linear, step <= EXACT * whole));
             }
             if step > 2.0 * last && step > 1.0 {

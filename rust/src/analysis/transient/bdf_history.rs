@@ -15,7 +15,7 @@ const OF_TOLERANCE: f64 = 1e-3;
 const LEAST_ERROR: f64 = 1e-12;
 /// Parts of a start step, of all start steps between two steps of the method (four start it), and the shortest over its step.
 const MOST_PARTS: usize = 4096;
-const MOST_SPENT: usize = 5 * MOST_PARTS;
+const MOST_SPENT: usize = 16 * MOST_PARTS;
 const SHORTEST: f64 = 1e-7;
 
 /// Accepted instants before the present one, latest first.
