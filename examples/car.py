@@ -32,7 +32,7 @@ every = mb.gradient(m, psi, list(m.parameters), t=END, step=STEP)
 print(every)
 points = {name: 0.01 for name in m.parameters if not name.endswith(("_k", "_c"))}
 every.plot(change=points, n=25).savefig(folder / "car-tornado.png")
-every.save(folder / "car-gradient.pickle")
+every.save(folder / "car-gradient.json")
 
 some = ["rear_spring_c", "front_lower_ball[2]"]
 direct = mb.gradient(m, psi, some, t=END, step=STEP, method="direct")

@@ -4,13 +4,23 @@ models have noise where the environment variable ``MBRS_JITTER`` asks for it.
 
 import os
 import signal
+import sys
 
 import jitter
 import pytest
 
 os.environ["COLUMNS"] = "120"
+os.environ.setdefault("MPLBACKEND", "agg")
 # a shell that starts this in the background has it ignore Ctrl-C, and so would the processes that tests start
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True)
+def closed_figures():
+    """Figures of results are pyplot's, which keeps them until they are closed."""
+    yield
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")
 
 
 @pytest.fixture(scope="session", autouse=True)

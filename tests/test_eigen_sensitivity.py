@@ -241,7 +241,7 @@ def test_array_parameters_keep_their_shape():
     system, (dM, dD, dK) = case("C", 3, 6, 2)
     r = modes(system)
     s = eigen_sensitivity(r, dM, dD, dK, parameters=["V"], shapes=[(2, 3)])
-    assert s.frequency.shape == (3, 2, 3) and s.shape.shape == (3, 3, 2, 3) and s.labels()[4] == "V[1,1]"
+    assert s.frequency.shape == (3, 2, 3) and s.shape.shape == (3, 3, 2, 3) and s.labels[4] == "V[1,1]"
     flat = eigen_sensitivity(r, dM, dD, dK)
     assert np.array_equal(s.frequency.reshape(3, 6), flat.frequency)
     mixed = eigen_sensitivity(r, dM, dD, dK, parameters=["a", "V", "b"], shapes=[(), (2, 2), ()])

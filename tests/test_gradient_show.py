@@ -91,7 +91,7 @@ def test_a_gradient_is_labelled_data_and_comes_back(found, tmp_path):
     data = found.to_xarray()
     assert data["gradient"].sel(parameter="spring1.k").values.tolist() == found.gradient[:, 1].tolist()
     assert data["where"].sel(parameter="spring1.k").item() == 100.0
-    back = pickle.loads(found.save(tmp_path / "g.pickle").read_bytes())
+    back = pickle.loads(found.save(tmp_path / "g.pkl").read_bytes())
     assert np.array_equal(back.gradient, found.gradient) and back.labels == found.labels
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import pickle
 import signal
@@ -144,7 +143,7 @@ CUT = {
         try:
             mb.effect_study(motion, chain(2), repeat=1, effects=["gravity", "damping", "centrifugal"])
         except mb.Interrupted as cut:
-            assert len(begun) == 4 and len(cut.result.rows) == 1 and cut.result.status == "interrupted"
+            assert len(begun) == 4 and len(cut.result.runs) == 1 and cut.result.status == "interrupted"
             sys.exit(7)
     """,
     "effect study, before there is anything": """
@@ -280,8 +279,8 @@ def test_the_shell_saves_what_there_is_and_ends_with_130(tmp_path):
     code, text, errors, _ = interrupted([sys.executable, *command], wait=6.0, MBRS_PROGRESS="0")
     assert code == 130, errors
     assert "interrupted at t = " in errors and "this is the result so far" in errors and "b6.x" in text
-    held = json.loads(out.read_text())
-    assert held["status"] == "interrupted" and len(held["t"]) > 1
+    held = mb.load(out)
+    assert held.status == "interrupted" and len(held.t) > 1
 
 
 def test_an_interrupt_pickles_with_its_result():

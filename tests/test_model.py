@@ -373,7 +373,7 @@ def test_effects_of_three_scenes():
     assert set(effects(four_bar()).on) == {"gravity", "preload-stiffness", "constraint-force-stiffness", "damping"}
     assert set(effects(everything()).on) == set(EFFECTS) - {"flexibility", "friction", "contact", "drives"}
     text = str(effects(four_bar()))
-    assert len(text.splitlines()) == 2 + len(EFFECTS) and "1 spring" not in text.splitlines()[0]
+    assert len(text.splitlines()) == 3 + len(EFFECTS) and "1 spring" not in text.splitlines()[0]
 
 
 @pytest.mark.parametrize(

@@ -12,12 +12,16 @@ import pytest
 from mbrs import reference as ref
 from mbrs.results import Result
 
-# Analyses that only run others: what they run has a counterpart.
+# Analyses that only run others, or arrange what these computed: what they run has a counterpart.
 COMPOSED = {
     "accuracy_study": "runs an analysis with several settings",
     "effect_study": "runs an analysis with each effect left out",
     "check_gradients": "runs an analysis at changed values",
     "campbell": "steady_motion and modes at several speeds",
+    "effects": "lists what the model contains",
+    "load": "reads what an analysis computed",
+    "rotor_modes": "sorts modes by their patterns over the blades, see test_multiblade",
+    "state_space": "the matrices of linearize as a system of first order, see test_response",
 }
 # Under another name, or several: (module of mbrs.reference, names)
 OTHERWISE = {

@@ -312,7 +312,7 @@ def test_results_of_large_models_print_and_save(tmp_path):
     found = sparse(joint_chain(("revolute",)), 4)
     assert "sparse" in str(found) and "b2" in str(found.energy())
     assert found.to_xarray().sizes["mode"] == 4
-    found.save(tmp_path / "modes.pickle")
+    found.save(tmp_path / "modes.pkl")
 
 
 def test_sensitivities_of_sparse_modes_name_the_route_and_the_remedy():

@@ -291,8 +291,8 @@ def listed_effects(monkeypatch: pytest.MonkeyPatch, clock: _Clock) -> None:
 @pytest.mark.usefixtures("listed_effects")
 def test_effect_study_measures_change_cost_and_work() -> None:
     study = effect_study(_analysis, "model", scale=2.0)
-    assert [row.effect for row in study.rows] == ["damping", "gyroscopic", "gravity"]
-    damping, gyroscopic, gravity = study.rows
+    assert [row.effect for row in study.runs] == ["damping", "gyroscopic", "gravity"]
+    damping, gyroscopic, gravity = study.runs
     assert (
         damping.change == pytest.approx(0.1)
         and damping.fewer == {"damping matrices": -1}
@@ -308,7 +308,7 @@ def test_effect_study_measures_change_cost_and_work() -> None:
 @pytest.mark.usefixtures("listed_effects")
 def test_effects_that_are_off_stay_off() -> None:
     study = effect_study(_analysis, "model", without=("damping",), effects=["damping", "gyroscopic"])
-    assert [row.effect for row in study.rows] == ["gyroscopic"] and study.rows[0].change == 0.0
+    assert [row.effect for row in study.runs] == ["gyroscopic"] and study.runs[0].change == 0.0
     with pytest.raises(ModelError, match=r"fails with all effects on.*needs gravity"):
         effect_study(_analysis, "model", without=("gravity",))
 

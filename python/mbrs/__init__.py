@@ -28,6 +28,7 @@ _HOME = {
     "RouteError": "errors",
     "SingularError": "errors",
     "Model": "model.model",
+    "load": "result_files",
     "MechanicalSystem": "second_order",
     "System": "system",
     "base_motion": "model.ports",

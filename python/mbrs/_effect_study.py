@@ -6,15 +6,17 @@ import importlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
+
+import numpy as np
 
 from ._timing import name_of, short, timed
 from .effects import LINEAR_ONLY
 from .errors import Interrupted, MbrsError, ModelError
 from .measures import eigenvalue_difference, frequency_difference, measure_for
 from .progress import Progress
-from .report import html_table, si, table
-from .results import Result, Stats
+from .report import Block, si
+from .results import Result, Stats, derived, result
 
 __all__ = ["EffectRow", "EffectStudy", "effect_study"]
 
@@ -31,15 +33,49 @@ class EffectRow:
     status: str
 
 
-@dataclass(frozen=True, eq=False)
+@result
 class EffectStudy(Result):
     """What each effect of a model does to a result and what it costs; see `effect_study`. ``time``: the full run."""
 
-    rows: tuple[EffectRow, ...]
+    runs: tuple[EffectRow, ...]
     measure: str
     time: float
 
-    def _table(self) -> tuple[list[str], list[list[Any]]]:
+    row: ClassVar[str] = "effect"
+    axes: ClassVar[Mapping[str, str]] = {"effect": "names"}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effects that were left out."""
+        return tuple(run.effect for run in self.runs)
+
+    @property
+    @derived(dims=("effect",), unit="1")
+    def change(self) -> np.ndarray:
+        """(n,) relative change of the result without each effect; nan where unknown."""
+        return np.array([run.change for run in self.runs], dtype=float)
+
+    @property
+    @derived(dims=("effect",), unit="1")
+    def saved(self) -> np.ndarray:
+        """(n,) share of the time that leaving each effect out saves."""
+        return np.array([run.saved for run in self.runs], dtype=float)
+
+    @property
+    @derived(dims=("effect",), unit="s", name="time")
+    def _times(self) -> np.ndarray:
+        return np.array([run.time for run in self.runs], dtype=float)
+
+    def attributes(self) -> dict[str, Any]:
+        return {**super().attributes(), "measure": self.measure, "time": self.time}
+
+    def heading(self) -> str:
+        return "effect study" if self.runs else "effect study: no effect of this model can be switched off"
+
+    def blocks(self) -> list[Block]:
+        return [Block(*self.rows(), title=self.heading(), footer="\n".join(self.notes()) or None, digits=4)]
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
         columns = ["without", "change", "time [ms]", "saved [%]", "work", "status"]
         return columns, [
             [
@@ -50,29 +86,23 @@ class EffectStudy(Result):
                 sum(r.fewer.values()),
                 r.status,
             ]
-            for r in self.rows
+            for r in self.runs
         ]
 
-    def _footer(self) -> str:
+    def notes(self) -> list[str]:
+        if not self.runs:
+            return []
         lines = [f"change: {self.measure}; all effects on: {si(self.time, 's')}, best of the repeats"]
-        for r in self.rows:
+        for r in self.runs:
             if r.fewer:
                 lines.append(f"work without {r.effect}: " + ", ".join(f"{n:+d} {name}" for name, n in r.fewer.items()))
-        return "\n".join(lines)
+        return lines
 
-    def __str__(self) -> str:
-        if not self.rows:
-            return "effect study: no effect of this model can be switched off"
-        return table(*self._table(), title="effect study", footer=self._footer(), digits=4)
-
-    def _repr_html_(self) -> str:
-        return html_table(*self._table(), title="effect study", footer=self._footer(), digits=4)
-
-    def plot(self) -> Any:
-        """Change and time saved as bars (a matplotlib Figure)."""
+    def plot(self, *, ax: Any = None) -> Any:
+        """Change and time saved as bars, with ``ax`` the change; returns the figure."""
         from .plot import effects
 
-        return effects(self)
+        return effects(self, ax=ax)
 
 
 def effect_study(

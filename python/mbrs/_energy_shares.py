@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
-from ._modal_table import table
+from .report import Block
+from .results import Result, quantity, result
 
 
-@dataclass(frozen=True, eq=False)
-class EnergyShares:
+@result
+class EnergyShares(Result):
     """Shares of the cycle mean of kinetic energy, Re(phi^* (M phi))/phi^H M phi, and likewise of strain energy with K.
 
     Every column sums to 1; single coordinates may have negative shares where M or K couple them. Strain shares of
@@ -20,27 +22,53 @@ class EnergyShares:
     """
 
     coordinates: tuple[str, ...]
-    kinetic: np.ndarray
-    strain: np.ndarray
+    kinetic: np.ndarray = quantity(dims=("coordinate", "mode"), unit="1", name="kinetic_coordinate")
+    strain: np.ndarray = quantity(dims=("coordinate", "mode"), unit="1", name="strain_coordinate")
     bodies: tuple[str, ...] = ()
-    kinetic_body: np.ndarray | None = None
+    kinetic_body: np.ndarray | None = quantity(dims=("body", "mode"), unit="1", default=None)
     elements: tuple[str, ...] = ()
-    strain_element: np.ndarray | None = None
+    strain_element: np.ndarray | None = quantity(dims=("element", "mode"), unit="1", default=None)
 
-    def __str__(self) -> str:
-        kinetic = self.kinetic if self.kinetic_body is None else self.kinetic_body
-        names = self.coordinates if self.kinetic_body is None else self.bodies
-        blocks = [("kinetic energy [%]", names, kinetic)]
-        if self.strain_element is None:
-            blocks.append(("strain energy [%]", self.coordinates, self.strain))
-        else:
-            blocks.append(("strain energy [%]", self.elements, self.strain_element))
-        columns = ["", *(str(i + 1) for i in range(kinetic.shape[1]))]
-        parts = []
-        for title, rows, values in blocks:
-            text = [[name, *(f"{100.0 * v:.1f}" for v in row)] for name, row in zip(rows, values, strict=True)]
-            parts.append(title + "\n" + table(columns, text))
-        return "\n".join(parts)
+    row: ClassVar[str] = "mode"
+    axes: ClassVar[Mapping[str, str]] = {
+        "mode": "numbers",
+        "coordinate": "coordinates",
+        "body": "bodies",
+        "element": "elements",
+    }
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """(n,) modes counted from 1."""
+        return np.arange(1, self.kinetic.shape[1] + 1)
+
+    def parts(self) -> list[tuple[str, tuple[str, ...], np.ndarray]]:
+        """Kinetic and strain energy: title, names, shares (n_names, n), of bodies and elements where the model has them."""
+        of_bodies = self.kinetic_body is not None
+        kinetic = (self.bodies, self.kinetic_body) if of_bodies else (self.coordinates, self.kinetic)
+        of_elements = self.strain_element is not None
+        strain = (self.elements, self.strain_element) if of_elements else (self.coordinates, self.strain)
+        return [("kinetic energy", *kinetic), ("strain energy", *strain)]  # type: ignore[list-item]
+
+    def heading(self) -> str:
+        return f"energy shares of {self.kinetic.shape[1]} modes"
+
+    def blocks(self) -> list[Block]:
+        columns = ["", *(str(i) for i in self.numbers)]
+        return [
+            Block(
+                columns,
+                [[name, *(_percent(v) for v in row)] for name, row in zip(names, values, strict=True)],
+                f"{title} [%]",
+            )
+            for title, names, values in self.parts()
+        ]
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Shares as coloured cells over the modes; with ``ax`` those of the kinetic energy. Returns the figure."""
+        from .plot.matrices import energy_shares
+
+        return energy_shares(self, ax=ax)
 
 
 def energy_shares(r: Any) -> EnergyShares:
@@ -88,3 +116,7 @@ def _absolute_shares(r: Any) -> EnergyShares:
     strain = np.divide(strain, total, out=np.full(strain.shape, np.nan), where=(total > 0.0) & (r.kind != "rigid"))
     none = np.full(r.shape.shape, np.nan)
     return EnergyShares(r.coordinates, none, none, r.system.bodies, kinetic / kinetic.sum(axis=0), elements, strain)
+
+
+def _percent(share: float) -> str:
+    return "-" if math.isnan(share) else f"{100.0 * share:.1f}"

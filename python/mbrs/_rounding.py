@@ -40,7 +40,7 @@ def entry_sizes(x: np.ndarray) -> np.ndarray:
     return np.asarray(np.maximum(np.maximum(np.abs(x), np.abs(x.T)), np.outer(root, root)))
 
 
-def without_rounding(lin: Linearization, forces: np.ndarray) -> np.ndarray:
+def stiffness_without_rounding(lin: Linearization, forces: np.ndarray) -> np.ndarray:
     """K at rest without entries of rounding; ``forces`` (dof, dof) are sizes of the terms that forces at work add."""
     K = lin.K
     if K.size == 0:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -23,12 +23,13 @@ from .critical_speeds import (
 from .errors import ModelError
 from .modal import modes
 from .progress import Progress
-from .results import Result, Stats
+from .results import Result, Stats, derived, quantity, result
 from .steady import SteadyMotion, steady_motion
 
 if TYPE_CHECKING:
     from .critical_speeds import Crossing
     from .model.model import Model
+    from .report import Block
 
 # A mode whirls where the area of its orbits is at least this part of that of circles.
 _WHIRLS = 0.02
@@ -36,7 +37,7 @@ _WHIRLS = 0.02
 _SAME = 1e-7
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class CampbellResult(Result):
     """Modes over speed; columns follow one mode each.
 
@@ -61,49 +62,82 @@ class CampbellResult(Result):
         (n_s, n) estimated relative error of each eigenvalue.
     """
 
-    speed: np.ndarray
-    frequency: np.ndarray
-    damping: np.ndarray
-    eigenvalue: np.ndarray
-    whirl: np.ndarray
+    speed: np.ndarray = quantity(dims=("speed",), unit="rad/s")
+    frequency: np.ndarray = quantity(dims=("speed", "mode"), unit="Hz", label="damped natural frequency")
+    damping: np.ndarray = quantity(dims=("speed", "mode"), unit="1")
+    eigenvalue: np.ndarray = quantity(dims=("speed", "mode"), unit="rad/s")
+    whirl: np.ndarray = quantity(dims=("speed", "mode"))
     critical: CriticalSpeeds
     joint: str
     frame: str = "fixed"
     unit: str = "rad/s"
 
-    def __str__(self) -> str:
-        from .report import table
+    row: ClassVar[str] = "speed"
+    error_dims: ClassVar[tuple[str, ...]] = ("speed", "mode")
 
+    def attributes(self) -> dict[str, Any]:
+        return {**super().attributes(), "joint": self.joint, "frame": self.frame}
+
+    @property
+    @derived(dims=("critical",), unit="rad/s", label="critical speed")
+    def critical_speed(self) -> np.ndarray:
+        """(n_c,) speeds of ``critical``."""
+        return np.array([c.speed for c in self.critical], dtype=float)
+
+    @property
+    @derived(dims=("critical",), label="mode at the critical speed")
+    def critical_mode(self) -> np.ndarray:
+        """(n_c,) columns, from 0."""
+        return np.array([c.mode for c in self.critical], dtype=int)
+
+    @property
+    @derived(dims=("critical",), unit="1", label="order at the critical speed")
+    def critical_order(self) -> np.ndarray:
+        """(n_c,) multiples of the speed."""
+        return np.array([c.order for c in self.critical], dtype=float)
+
+    @property
+    @derived(dims=("critical",), label="whirl at the critical speed")
+    def critical_whirl(self) -> np.ndarray:
+        """(n_c,) +1 forward, -1 backward, 0 neither."""
+        return np.array([c.whirl for c in self.critical], dtype=int)
+
+    @property
+    @derived(dims=("critical",), unit="1", label="damping at the critical speed")
+    def critical_damping(self) -> np.ndarray:
+        """(n_c,) damping ratios."""
+        return np.array([c.damping for c in self.critical], dtype=float)
+
+    @property
+    @derived(dims=("critical",), unit="1", label="share of unbalance at the critical speed")
+    def critical_unbalance(self) -> np.ndarray:
+        """(n_c,) `CriticalSpeed.unbalance`; nan where unbalance does not act."""
+        return np.array([np.nan if c.unbalance is None else c.unbalance for c in self.critical], dtype=float)
+
+    def heading(self) -> str:
+        return f"Campbell diagram of {self.joint!r}"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: up to 12 speeds and 8 modes."""
         n = min(8, self.frequency.shape[1])
         pick = np.unique(np.linspace(0, len(self.speed) - 1, min(12, len(self.speed))).astype(int))
-        rows = [
-            (self.speed[i], *(f"{self.frequency[i, j]:.5g}{_ARROW[int(self.whirl[i, j])]}" for j in range(n)))
+        return ["speed rad/s", *(f"mode {j + 1} Hz" for j in range(n))], [
+            [float(self.speed[i]), *(f"{self.frequency[i, j]:.5g}{_ARROW[int(self.whirl[i, j])]}" for j in range(n))]
             for i in pick
         ]
-        text = table(
-            ["speed rad/s", *(f"mode {j + 1} Hz" for j in range(n))], rows, title=f"Campbell diagram of {self.joint!r}"
-        )
-        return f"{text}\n+ forward whirl, - backward whirl; {self.frame} axes\n{self.critical}"
 
-    __repr__ = __str__
+    def notes(self) -> list[str]:
+        return [f"+ forward whirl, - backward whirl; {self.frame} axes"]
 
-    def plot(self, **options: Any) -> Any:
-        """A matplotlib figure; see `mbrs.plot.campbell`."""
+    def blocks(self) -> list[Block]:
+        """Frequencies over the speed, then the critical speeds."""
+        return [*super().blocks(), self.critical.block()]
+
+    def plot(self, *, ax: Any = None, **options: Any) -> Any:
+        """Frequencies over the speed; returns the figure, see `mbrs.plot.campbell`."""
         from .plot import campbell as draw
 
-        return draw(self, **options)
-
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` over (speed, mode)."""
-        import xarray
-
-        over = ("speed", "mode")
-        data = {name: (over, getattr(self, name)) for name in ("frequency", "damping", "eigenvalue", "whirl")}
-        return xarray.Dataset(
-            data,
-            coords={"speed": ("speed", self.speed, {"units": self.unit})},
-            attrs={"joint": self.joint, "frame": self.frame},
-        )
+        return draw(self, ax=ax, **options)
 
 
 _ARROW = {1: "+", -1: "-", 0: ""}

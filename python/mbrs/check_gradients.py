@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ._checks import shown
 from .errors import ModelError
-from .results import Result, Stats
+from .report import number
+from .results import Result, Stats, quantity, result
 from .sensitivity import sensitivity
 from .tables import directions
 
@@ -19,7 +19,7 @@ from .tables import directions
 _FACTOR = 10.0
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class GradientCheck(Result):
     """Derivatives against central differences, one row per parameter.
 
@@ -29,22 +29,29 @@ class GradientCheck(Result):
     """
 
     labels: tuple[str, ...]
-    exact: np.ndarray
-    difference: np.ndarray
-    noise: np.ndarray
-    ok: np.ndarray
+    exact: np.ndarray = quantity(dims=("parameter",))
+    difference: np.ndarray = quantity(dims=("parameter",))
+    noise: np.ndarray = quantity(dims=("parameter",))
+    ok: np.ndarray = quantity(dims=("parameter",))
 
-    def __str__(self) -> str:
-        from .report import table
+    row: ClassVar[str] = "parameter"
+    axes: ClassVar[Mapping[str, str]] = {"parameter": "labels"}
+    error_dims: ClassVar[tuple[str, ...]] = ("parameter",)
 
-        rows = list(zip(self.labels, self.exact, self.difference, self.error, self.noise, self.ok, strict=True))
-        return table(
-            ["parameter", "derivative", "difference", "disagreement", "error of difference", "agree"],
-            rows,
-            title="check of gradients",
-        )
+    def heading(self) -> str:
+        return "check of gradients"
 
-    __repr__ = __str__
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table."""
+        short = ([number(float(e), 2) for e in a] for a in (self.error, self.noise))
+        rows = [list(row) for row in zip(self.labels, self.exact, self.difference, *short, self.ok, strict=True)]
+        return ["parameter", "derivative", "difference", "disagreement", "error of difference", "agree"], rows
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Disagreement and the error of the differences by parameter, logarithmic; returns the figure."""
+        from .plot.studies import gradient_check
+
+        return gradient_check(self, ax=ax)
 
     def __bool__(self) -> bool:
         return bool(np.all(self.ok))

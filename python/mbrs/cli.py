@@ -12,6 +12,7 @@ import click
 
 _KINDS = ("receptance", "mobility", "accelerance", "transmissibility")
 _INTERRUPTED = 130
+_PAGES = (".html", ".htm")
 
 
 def _api() -> Any:
@@ -82,6 +83,18 @@ def _model_argument(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.argument("model", type=path, metavar="MODEL.TOML")(command)
 
 
+def _known_ending(context: Any, parameter: Any, out: Path | None) -> Path | None:
+    """Refuse an ending that says nothing before anything is computed."""
+    from .result_files import WRITERS
+
+    known = (*WRITERS, *_PAGES)
+    if out is not None and out.suffix.lower() not in known:
+        raise click.BadParameter(
+            f"the ending {out.suffix!r} of {out.name!r} is not known; known are {', '.join(known)}"
+        )
+    return out
+
+
 def _analysis_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options that every analysis has."""
     at = (
@@ -94,7 +107,8 @@ def _analysis_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--without", multiple=True, metavar="EFFECT", help="Leave an effect out; repeat for more."),
         click.option("--json", "as_json", is_flag=True, help="Print the result as JSON."),
         click.option("--out", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
-                     help="Save: .json, .html (a page), .nc (NetCDF), any other ending a pickle."),
+                     callback=_known_ending,
+                     help="Save: .nc, .json (mbrs.load reads them), .csv, .html (a page), .pkl (a pickle)."),
     ):  # fmt: skip
         command = option(command)
     return _model_argument(command)
@@ -440,19 +454,19 @@ def _print_and_save(
 ) -> None:
     from .jsonable import dumps, result_data
 
-    data = {"analysis": analysis, "file": str(model), **result_data(result, names)} if as_json or _is_json(out) else {}
-    data |= (extra or {}) if data else {}
-    click.echo(dumps(data) if as_json else text or str(result))
+    if as_json:
+        click.echo(dumps({"analysis": analysis, "file": str(model), **result_data(result, names), **(extra or {})}))
+    else:
+        click.echo(text or str(result))
     if out is None:
         return
     try:
-        if _is_json(out):
-            out.write_text(dumps(data) + "\n", encoding="utf-8")
-        elif out.suffix in (".html", ".htm"):
+        if out.suffix.lower() in _PAGES:
             from .demo import result_page
+            from .files import write_atomic
 
             outputs = tuple((extra or {}).get("outputs", ()))
-            out.write_text(result_page(analysis, model.stem, result, outputs), encoding="utf-8")
+            write_atomic(out, result_page(analysis, model.stem, result, outputs).encode())
         else:
             result.save(out)
     except ImportError as problem:
@@ -461,10 +475,6 @@ def _print_and_save(
     except OSError as problem:
         raise click.ClickException(f"cannot write {out}: {problem.strerror or problem}") from None
     click.echo(f"wrote {out}", err=True)
-
-
-def _is_json(out: Path | None) -> bool:
-    return out is not None and out.suffix == ".json"
 
 
 if __name__ == "__main__":

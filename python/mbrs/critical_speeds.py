@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from .report import Block
 
 # A forward force does work on a mode from this share of its motion on. Larger: whirl on slightly unequal supports counts as not
 # excited; smaller: rounding excites backward whirl on round ones. Pinned by tests/truth/test_campbell.py.
@@ -57,11 +60,12 @@ class CriticalSpeeds(tuple[CriticalSpeed, ...]):
 
     __slots__ = ()
 
-    def __str__(self) -> str:
-        from .report import table
+    def block(self) -> Block:
+        """What is printed."""
+        from .report import Block
 
         if not self:
-            return "no critical speeds in this range"
+            return Block(title="no critical speeds in this range")
         sense = {1: "forward", -1: "backward", 0: "-"}
         answer = {True: "yes", False: "no", None: "-"}
         rows = [
@@ -69,7 +73,13 @@ class CriticalSpeeds(tuple[CriticalSpeed, ...]):
             for c in self
         ]
         head = ["speed rad/s", "r/min", "Hz", "order", "mode", "whirl", "damping", "unbalance excites"]
-        return table(head, rows, title="critical speeds")
+        return Block(head, rows, title="critical speeds")
+
+    def __str__(self) -> str:
+        return self.block().text()
+
+    def _repr_html_(self) -> str:
+        return self.block().html()
 
     __repr__ = __str__
 

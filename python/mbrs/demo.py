@@ -1,14 +1,16 @@
-"""What ``mbrs demo`` shows, and pages of single results; needs nothing beyond the base install."""
+"""What ``mbrs demo`` shows, and pages of single results."""
 
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .page import Section, page, write_page
+from .page import Section, fragment, page, write_page
 from .report import html_table
 
 __all__ = ["result_page", "run"]
@@ -21,7 +23,7 @@ _INTRO = (
 
 
 def run(out: str | Path) -> str:
-    """Analyse the isolator of API.md section 1, write the page and return the text for the terminal."""
+    """Analyse an isolator, write the page and return the text for the terminal."""
     mb: Any = importlib.import_module("mbrs")
     m = mb.examples.cubic_hexapod()
     modes = mb.modes(m)
@@ -63,24 +65,23 @@ def _table_of(result: Any) -> Any:
 
 
 def frf_section(title: str, result: Any, modes: Any = None, text: str = "") -> Section:
-    """Bode chart; natural frequencies are marked by dotted lines where the modes are given."""
-    from .page.svg import bode
+    """Bode plot; natural frequencies are marked by dotted lines where the modes are given."""
+    from .plot import frf
 
     marks = () if modes is None else [f for f in np.unique(np.round(modes.frequency, 6)) if f > 0.0]
     note = "Dotted lines: natural frequencies." if len(marks) else ""
-    return Section(title, bode(result, marks=marks), f"{text} {note}".strip())
+    return Section(title, drawn(lambda: frf(result, marks=marks)), f"{text} {note}".strip())
 
 
 def sensitivity_section(result: Any, title: str = "Sensitivities") -> Section:
     """Table of derivatives and a tornado chart of the first mode that any parameter moves."""
-    from .page.svg import tornado
+    from .plot import tornado
     from .plot.data import tornado_bars
 
     content: list[Any] = [_table_of(result)]
     for mode in range(np.atleast_2d(result.frequency).shape[0]):
-        bars = tornado_bars(result, mode)
-        if any(bar.value != 0.0 for bar in bars):
-            content.append(tornado(result, mode))
+        if any(bar.value != 0.0 for bar in tornado_bars(result, mode)):
+            content.append(drawn(partial(tornado, result, mode, most=12)))
             break
     return Section(
         title, content, "Exact derivatives; the bars show their first-order effect on one natural frequency."
@@ -89,23 +90,30 @@ def sensitivity_section(result: Any, title: str = "Sensitivities") -> Section:
 
 def curve_section(curve: Any, outputs: tuple[str, ...]) -> Section:
     """Table and chart of a nonlinear frequency response; unstable parts dashed."""
-    from .page.svg import Line, line_chart
 
-    x, name = curve.axis()
-    lines: list[Any] = []
-    companions: list[Any] = []
-    for i, output in enumerate(outputs):
-        y = curve.amplitude(output)
-        unstable = np.zeros(len(y), bool) if curve.stable is None else np.asarray(curve.stable, float) == 0.0
-        # the pieces share the points between them, so that the curve has no gaps
-        beside = np.append(unstable[1:], False) | np.insert(unstable[:-1], 0, False)
-        lines.append(Line(x, np.where(unstable, np.nan, y), output))
-        if unstable.any():
-            companions.append(Line(x, np.where(unstable | beside, y, np.nan), dashed=True, mate=i))
-    chart = line_chart([*lines, *companions], x_label=name, y_label="amplitude of harmonic 1", y_log=len(outputs) > 1)
-    return Section(
-        "Nonlinear frequency response", [html_table(*curve.rows(outputs), digits=7), chart], "Dashed: unstable."
-    )
+    def draw() -> Any:
+        from .plot.figure import canvas, style
+
+        with style():
+            made, axes = canvas(None, (8.5, 4.6))
+        for output in outputs:
+            curve.plot(output, ax=axes, label=output if len(outputs) > 1 else None)
+        if len(outputs) > 1:
+            axes.set(yscale="log", ylabel="amplitude of harmonic 1")
+        return made
+
+    table = html_table(*curve.rows(outputs), digits=7)
+    return Section("Nonlinear frequency response", [table, drawn(draw)], "Dashed: unstable.")
+
+
+def drawn(draw: Callable[[], Any]) -> str:
+    """A figure as HTML; it is closed again, so that pages leave none behind."""
+    import matplotlib.pyplot as plt
+
+    made = draw()
+    text = fragment(made)
+    plt.close(made)
+    return text
 
 
 def result_page(analysis: str, name: str, result: Any, outputs: tuple[str, ...] = ()) -> str:

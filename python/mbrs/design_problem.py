@@ -6,7 +6,7 @@ import inspect
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from .errors import ModelError
 from .gradient import finite, gradient, value_at
 from .model.names import nearest, shown
 from .objectives import AtTimes, Final, Integral, Objective
-from .results import Result
+from .results import Result, derived, quantity, result
 from .tables import directions, tables
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def _plain(what: str, value: Any) -> float:
     return number
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class Optimum(Result):
     """What an optimiser found.
 
@@ -117,49 +117,56 @@ class Optimum(Result):
         Of the parameters.
     message
         The optimiser's own words.
+    error
+        What is left of the gradient beyond active bounds and constraints, by variables over their scales, relative to the
+        objective or its gradient at the start; None where the optimiser was stopped.
     """
 
-    x: np.ndarray
-    value: float
-    history: np.ndarray
+    x: np.ndarray = quantity(dims=("parameter",))
+    value: float = quantity(name="objective_at_x")
+    history: np.ndarray = quantity(dims=("evaluation",), name="objective")
     labels: tuple[str, ...]
     units: tuple[str, ...]
     message: str
-    violation: np.ndarray
+    violation: np.ndarray = quantity(dims=("evaluation",))
 
-    def __str__(self) -> str:
-        from .report import table, unit_note
+    row: ClassVar[str] = "parameter"
+    axes: ClassVar[Mapping[str, str]] = {"parameter": "labels"}
 
-        rows = list(zip(self.labels, self.units, self.x, strict=True))
-        title = f"objective {self.value:.6g} after {len(self.history)} evaluations: {self.status} ({self.message})"
-        return table(["parameter", "unit", "value"], rows, title=title, footer=unit_note(self.labels, self.units))
+    @property
+    @derived(dims=("parameter",))
+    def unit(self) -> np.ndarray:
+        """(n_p,) units of the parameters."""
+        return np.array(self.units, dtype=str)
 
-    __repr__ = __str__
+    def attributes(self) -> dict[str, Any]:
+        return {**super().attributes(), "value": self.value, "message": self.message}
+
+    def heading(self) -> str:
+        return f"objective {self.value:.6g} after {len(self.history)} evaluations: {self.status} ({self.message})"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: the parameters."""
+        return ["parameter", "unit", "value"], [
+            list(row) for row in zip(self.labels, self.units, self.x.tolist(), strict=True)
+        ]
+
+    def notes(self) -> list[str]:
+        from .report import unit_note
+
+        note = unit_note(self.labels, self.units)
+        return [note] if note else []
 
     @property
     def kept(self) -> np.ndarray:
         """(n,) whether the constraints held at every evaluation, to 1e-4 of their limits."""
         return np.asarray(self.violation <= FEASIBLE)
 
-    def plot(self, **options: Any) -> Any:
+    def plot(self, *, ax: Any = None, **options: Any) -> Any:
         """The objective over the evaluations."""
         from .plot import gradients
 
-        return gradients.convergence(self, **options)
-
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset`: the optimum over the parameters, the objective over the evaluations."""
-        import xarray
-
-        return xarray.Dataset(
-            {
-                "x": (("parameter",), self.x),
-                "objective": (("evaluation",), self.history),
-                "violation": (("evaluation",), self.violation),
-            },
-            coords={"parameter": list(self.labels), "unit": ("parameter", list(self.units))},
-            attrs={"status": self.status, "value": self.value, "message": self.message},
-        )
+        return gradients.convergence(self, ax=ax, **options)
 
 
 @dataclass

@@ -109,14 +109,32 @@ class _Search:
         self.record(z)
         holds = self.violation(z) <= FEASIBLE
         status = "infeasible" if not holds else "converged" if r.success else "stopped"
-        return self.result(z, status, str(r.message), begin)
+        return self.result(z, status, str(r.message), begin, self.stationarity(z))
+
+    def stationarity(self, z: np.ndarray) -> float:
+        """max |g - A^T lam| over the size of the objective at the start, min over lam >= 0: g the gradient, A the normals of the
+        constraints and bounds that are active, all by the scaled variables. Zero at an optimum (Karush-Kuhn-Tucker).
+        """
+        from scipy.optimize import nnls
+
+        p, n = self.problem, len(z)
+        active = [c["jac"](z) / s for c, s in zip(self.limits, self.sizes, strict=True) if c["fun"](z) <= FEASIBLE * s]
+        for i, (low, high) in enumerate(p.bounds or ()):
+            near = FEASIBLE * max(1.0, abs(z[i]))
+            active += [sign * np.eye(n)[i] for sign, gap in ((1.0, z[i] - low), (-1.0, high - z[i])) if gap <= near]
+        g = p.jac(z)
+        if active:
+            normals = np.array(active).T
+            g = g - normals @ nnls(normals, g)[0]
+        size = max(abs(p.fun(p.x0)), float(np.abs(p.jac(p.x0)).max()))
+        return float(np.abs(g).max()) / size if size > 0.0 else 0.0
 
     def best(self, status: str, message: str, begin: float) -> Optimum:
         """The least value among designs that keep to the constraints; where none does, the one that violates them least."""
         z = min(self.tried.values(), key=lambda d: (max(d[2] - FEASIBLE, 0.0), d[1]), default=(self.problem.x0,))[0]
         return self.result(z, status, message, begin)
 
-    def result(self, z: np.ndarray, status: str, message: str, begin: float) -> Optimum:
+    def result(self, z: np.ndarray, status: str, message: str, begin: float, error: float | None = None) -> Optimum:
         from .design_problem import Optimum
 
         p = self.problem
@@ -133,6 +151,7 @@ class _Search:
             violation=np.maximum(violations, 0.0),
             stats=Stats(time.perf_counter() - begin, {"evaluations": len(values)}, (), self.method),
             status=status,
+            error=error,
         )
 
 

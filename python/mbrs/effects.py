@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
 
 from .errors import ModelError
 from .model.flexible import FlexibleBody
 from .model.names import nearest, shown
 from .model.schema import JOINTS, LAWS
+from .results import Result, derived, result
 
 if TYPE_CHECKING:
     from .model.model import Model
@@ -42,33 +45,58 @@ class Effect:
     why: str
 
 
-@dataclass(frozen=True)
-class EffectsTable:
+@result
+class EffectsTable(Result):
     """The effects of a model in the order of `EFFECTS`; prints as a table, indexes by name."""
 
-    model: str
-    rows: tuple[Effect, ...]
+    name: str
+    entries: tuple[Effect, ...]
 
     def __iter__(self) -> Iterator[Effect]:
-        return iter(self.rows)
+        return iter(self.entries)
 
     def __len__(self) -> int:
-        return len(self.rows)
+        return len(self.entries)
 
     def __getitem__(self, name: str) -> Effect:
         check_without((name,))
-        return next(row for row in self.rows if row.name == name)
+        return next(row for row in self.entries if row.name == name)
 
     @property
     def on(self) -> tuple[str, ...]:
         """Names of the effects that are present."""
-        return tuple(row.name for row in self.rows if row.on)
+        return tuple(row.name for row in self.entries if row.on)
 
-    def __str__(self) -> str:
-        width = max(len(row.name) for row in self.rows)
-        lines = [f"effects of {self.model!r}", f"  {'effect':{width}}  state  why"]
-        lines += [f"  {row.name:{width}}  {'on ' if row.on else 'off'}    {row.why}" for row in self.rows]
-        return "\n".join(lines)
+    row: ClassVar[str] = "effect"
+    axes: ClassVar[Mapping[str, str]] = {"effect": "names"}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all effects."""
+        return tuple(entry.name for entry in self.entries)
+
+    @property
+    @derived(dims=("effect",), name="on")
+    def _on(self) -> np.ndarray:
+        return np.array([entry.on for entry in self.entries])
+
+    @property
+    @derived(dims=("effect",), name="why")
+    def _why(self) -> np.ndarray:
+        return np.array([entry.why for entry in self.entries])
+
+    def heading(self) -> str:
+        return f"effects of {self.name!r}"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table."""
+        return ["effect", "state", "why"], [[e.name, "on" if e.on else "off", e.why] for e in self.entries]
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """The effects as filled (on) and empty (off) marks with their reasons; returns the figure."""
+        from .plot.studies import effects_list
+
+        return effects_list(self, ax=ax)
 
 
 def effects(model: Model) -> EffectsTable:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ._border import core_errors
-from ._modal_table import table
 from .errors import ModelError
 from .modal import ModalResult, _array
-from .results import Result, Stats
+from .report import without_rounding
+from .results import Result, Stats, derived, quantity, result
 
 _EPS = float(np.finfo(float).eps)
 
@@ -40,17 +40,34 @@ class GroupSensitivity:
         return _splits(np.tensordot(dp[used], self.matrices[used], axes=1), self.eigenvalue)
 
 
-@dataclass(frozen=True, eq=False)
-class DirectionalDerivative:
+@result
+class DirectionalDerivative(Result):
     """Derivatives along one combined change of all parameters, (n,) each."""
 
-    eigenvalue: np.ndarray
-    omega: np.ndarray
-    frequency: np.ndarray
-    damping: np.ndarray
+    eigenvalue: np.ndarray = quantity(dims=("mode",), unit="rad/s")
+    omega: np.ndarray = quantity(dims=("mode",), unit="rad/s")
+    frequency: np.ndarray = quantity(dims=("mode",), unit="Hz")
+    damping: np.ndarray = quantity(dims=("mode",), unit="1")
+
+    row: ClassVar[str] = "mode"
+    axes: ClassVar[Mapping[str, str]] = {"mode": "numbers"}
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """(n,) modes counted from 1."""
+        return np.arange(1, len(self.frequency) + 1)
+
+    def heading(self) -> str:
+        return f"derivatives of {len(self.frequency)} modes along one change of the parameters"
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Change of each natural frequency as bars; returns the figure."""
+        from .plot.studies import directional
+
+        return directional(self, ax=ax)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class EigenSensitivity(Result):
     """First derivatives of modes; the parameter axis is last. A single array parameter keeps its shape there.
 
@@ -81,6 +98,30 @@ class EigenSensitivity(Result):
     flat: np.ndarray
     groups: tuple[GroupSensitivity, ...]
     changes: Any
+
+    row: ClassVar[str] = "mode"
+    axes: ClassVar[Mapping[str, str]] = {"mode": "numbers", "parameter": "labels"}
+    error_dims: ClassVar[tuple[str, ...]] = ("mode",)
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """(n,) modes counted from 1."""
+        return np.arange(1, len(self.flat) + 1)
+
+    @property
+    @derived(dims=("mode", "parameter"), name="eigenvalue", label="ds/dp")
+    def _eigenvalues(self) -> np.ndarray:
+        return self.flat
+
+    @property
+    @derived(dims=("mode", "parameter"), name="frequency", label="d(|s|/2pi)/dp")
+    def _frequencies(self) -> np.ndarray:
+        return _omega(self.modal.eigenvalue, self.flat) / (2.0 * math.pi)
+
+    @property
+    @derived(dims=("mode", "parameter"), name="damping", label="d(damping ratio)/dp")
+    def _dampings(self) -> np.ndarray:
+        return _damping(self.modal.eigenvalue, self.flat)
 
     @property
     def eigenvalue(self) -> np.ndarray:
@@ -166,54 +207,40 @@ class EigenSensitivity(Result):
         omega = _omega(s, column)[:, 0]
         return DirectionalDerivative(ds, omega, omega / (2.0 * math.pi), _damping(s, column)[:, 0])
 
-    def labels(self) -> list[str]:
+    @property
+    def labels(self) -> tuple[str, ...]:
         """One label for each of the n_p columns: ``V[0,1]`` for entries of array parameters."""
-        return _labels(self.parameters, self.shapes)
+        return tuple(_labels(self.parameters, self.shapes))
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table that `print` shows: d f_n/dp in Hz, of every mode."""
         units = [u for u, s in zip(self.units, self.shapes, strict=True) for _ in range(math.prod(s))]
         heads = [
-            f"d/d {name}" + (f" [Hz/({unit})]" if unit else "") for name, unit in zip(self.labels(), units, strict=True)
+            f"d/d {name}" + (f" [Hz/{_grouped(unit)}]" if unit else "")
+            for name, unit in zip(self.labels, units, strict=True)
         ]
-        frequency = _omega(self.modal.eigenvalue, self.flat) / (2.0 * math.pi)
-        table = [
-            [i + 1, float(self.modal.frequency[i]), *(_text(v) for v in frequency[i])] for i in range(len(self.flat))
-        ]
-        return ["mode", "f_n [Hz]", *heads], table
+        size = np.abs(self.flat) / (2.0 * math.pi)
+        scale = np.max(size, axis=0, initial=0.0, where=np.isfinite(size))
+        frequency = without_rounding(self._frequencies, scale, float(np.max(np.nan_to_num(self.error), initial=0.0)))
+        rows = [[i + 1, float(self.modal.frequency[i]), *line] for i, line in enumerate(frequency.tolist())]
+        return ["mode", "f_n [Hz]", *heads], rows
 
-    def __str__(self) -> str:
-        columns, rows = self.rows()
+    def heading(self) -> str:
+        return f"sensitivity of {len(self.flat)} modes to {self.flat.shape[1]} parameters, {self.status}"
+
+    def notes(self) -> list[str]:
         notes = []
         if self.groups:
             notes.append("repeated groups: each entry is the split along that parameter alone; they do not add up.")
         if self.status != "converged":
             notes.append("- where no derivative exists (near-defective, rigid, or a group cut by n=).")
-        title = f"sensitivity of {len(rows)} modes to {self.flat.shape[1]} parameters, {self.status}"
-        return "\n".join([title, table(columns, rows), *notes])
+        return notes
 
-    def __repr__(self) -> str:
-        return f"EigenSensitivity({len(self.flat)} modes, {self.flat.shape[1]} parameters, {self.status})"
-
-    def plot(self, **options: Any) -> Any:
+    def plot(self, *, ax: Any = None, **options: Any) -> Any:
         """Tornado chart (`mbrs.plot.tornado`); returns the Matplotlib figure."""
-        from .plot import tornado  # type: ignore[import-not-found,unused-ignore]
+        from .plot import tornado
 
-        return tornado(self, **options)
-
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` over ``mode`` (from 1) and ``parameter``; shape derivatives are left to `shape`."""
-        import xarray as xr
-
-        s = self.modal.eigenvalue
-        data = {
-            "eigenvalue": self.flat,
-            "frequency": _omega(s, self.flat) / (2.0 * math.pi),
-            "damping": _damping(s, self.flat),
-        }
-        coords = {"mode": np.arange(1, len(s) + 1), "parameter": self.labels()}
-        dims = ("mode", "parameter")
-        return xr.Dataset({k: (dims, v) for k, v in data.items()}, coords=coords, attrs={"status": self.status})
+        return tornado(self, ax=ax, **options)
 
     def _shaped(self, a: np.ndarray) -> np.ndarray:
         if len(self.shapes) == 1 and self.shapes[0]:
@@ -464,5 +491,6 @@ def _status(flat: np.ndarray) -> str:
     return "partly undefined" if np.any(np.isnan(flat)) else "converged"
 
 
-def _text(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value + 0.0:.5g}"
+def _grouped(unit: str) -> str:
+    """A unit as a denominator."""
+    return f"({unit})" if " " in unit or "/" in unit else unit

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -18,14 +17,15 @@ from .errors import ConvergenceError, MbrsWarning, NameNotFoundError
 from .linearize import Linearization, Snapshot, _linearization
 from .model.schema import BODY
 from .progress import while_long
-from .results import Result, Stats
+from .report import Block, without_rounding
+from .results import Result, Stats, derived, quantity, result
 from .state import AT_REST, State, state_of
 
 if TYPE_CHECKING:
     from .model.model import Model
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class Equilibrium(Result):
     """A state at rest in which all forces balance.
 
@@ -50,8 +50,34 @@ class Equilibrium(Result):
     linearization: Linearization
     stable: bool
     free_directions: tuple[str, ...]
-    residual: float
+    residual: float = quantity(unit="1")
     iterations: int
+
+    row: ClassVar[str] = "body"
+    axes: ClassVar[Mapping[str, str]] = {"body": "bodies", "joint": "joints"}
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of joints and drives, in the order of `reactions`."""
+        return tuple(self.reactions)
+
+    @property
+    @derived(dims=("body", "axis"), unit="m", name="position")
+    def _positions(self) -> np.ndarray:
+        return self.poses["position"]
+
+    @property
+    @derived(dims=("body", "axis", "axis_"), unit="1", name="rotation")
+    def _rotations(self) -> np.ndarray:
+        return self.poses["rotation"]
+
+    @property
+    @derived(dims=("joint", "component"), label="wrench on the second body, N and N m", name="reaction")
+    def _wrenches(self) -> np.ndarray:
+        return np.array(list(self.reactions.values())).reshape(len(self.reactions), 6)
+
+    def attributes(self) -> dict[str, Any]:
+        return {**super().attributes(), "stable": int(self.stable)}
 
     @property
     def model(self) -> Any:
@@ -98,53 +124,37 @@ class Equilibrium(Result):
         names = [*snapshot.tables["joint_name"], *snapshot.tables["drive_name"]]
         return dict(zip(names, all_, strict=True))
 
-    def __str__(self) -> str:
-        from .report import table
-
+    def heading(self) -> str:
         how = "stable" if self.stable else "UNSTABLE"
-        lines = [
+        return (
             f"equilibrium of {self.model.name!r}: {self.status}, {how}, {self.iterations} iterations, "
             f"residual {self.residual:.1e}, error {self.error:.1e}"
-        ]
-        t = self.linearization.snapshot.tables
-        drawn = [t["x"][start:][BODY.block.slice("at")] for start in t["body_x"]]
-        rows = [
-            (name, *p, float(np.linalg.norm(p - d)))
-            for name, p, d in zip(self.bodies, self.poses["position"], drawn, strict=True)
-        ]
-        lines.append(table(["body", "x (m)", "y (m)", "z (m)", "moved (m)"], rows[:30]))
-        if self.reactions:
-            forces = [(name, *w) for name, w in self.reactions.items()]
-            lines.append(
-                table(["reaction", "Fx (N)", "Fy (N)", "Fz (N)", "Mx (N m)", "My (N m)", "Mz (N m)"], forces[:30])
-            )
-        if self.free_directions:
-            lines.append("unrestrained and unloaded: " + "; ".join(self.free_directions))
-        return "\n".join(lines)
-
-    __repr__ = __str__
-
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` with position (body, axis), rotation (body, axis, axis_) and reaction (joint, component)."""
-        import xarray
-
-        joints = list(self.reactions)
-        reaction = np.array([self.reactions[j] for j in joints]).reshape(len(joints), 6)
-        return xarray.Dataset(
-            {
-                "position": (("body", "axis"), self.poses["position"]),
-                "rotation": (("body", "axis", "axis_"), self.poses["rotation"]),
-                "reaction": (("joint", "component"), reaction),
-            },
-            coords={
-                "body": list(self.bodies),
-                "joint": joints,
-                "axis": ["x", "y", "z"],
-                "axis_": ["x", "y", "z"],
-                "component": ["x", "y", "z", "rx", "ry", "rz"],
-            },
-            attrs={"status": self.status, "residual": self.residual, "stable": int(self.stable)},
         )
+
+    def blocks(self) -> list[Block]:
+        """Poses of the bodies, then the reactions."""
+        snapshot = self.linearization.snapshot
+        length, t = snapshot.system.characteristic_length, snapshot.tables
+        drawn = np.array([t["x"][start:][BODY.block.slice("at")] for start in t["body_x"]]).reshape(-1, 3)
+        moved = np.linalg.norm(self.poses["position"] - drawn, axis=1)
+        scale = max(length, float(np.abs(drawn).max(initial=0.0)))
+        numbers = without_rounding(np.column_stack([self.poses["position"], moved]), scale, float(self.error))
+        poses = [[name, *line] for name, line in zip(self.bodies, numbers.tolist(), strict=True)]
+        out = [Block(["body", "x [m]", "y [m]", "z [m]", "moved [m]"], poses, self.heading())]
+        if self.reactions:
+            forces = self._wrenches * [1.0, 1.0, 1.0, 1.0 / length, 1.0 / length, 1.0 / length]
+            shown = np.where(without_rounding(forces, error=float(self.error)) == 0.0, 0.0, self._wrenches)
+            lines = [[name, *line] for name, line in zip(self.joints, shown.tolist(), strict=True)]
+            out.append(Block(["reaction", "Fx [N]", "Fy [N]", "Fz [N]", "Mx [N m]", "My [N m]", "Mz [N m]"], lines))
+        if self.free_directions:
+            out.append(Block(title="unrestrained and unloaded: " + "; ".join(self.free_directions)))
+        return out
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """The drawn model in grey and the equilibrium in colour, seen in the plane in which it is widest; returns the figure."""
+        from .plot.models import equilibrium as draw
+
+        return draw(self, ax=ax)
 
 
 def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equilibrium:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import field
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,13 +15,13 @@ from ._border import core_errors
 from ._linear import LinearSystem, Origin, csc_arrays, linear_system
 from .errors import MbrsWarning, ModelError
 from .progress import while_long
-from .results import Result, Stats, added_counts
+from .results import Result, Stats, added_counts, quantity, result
 
 _ORDER = {"receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 0}
 _COARSE_POINTS = 200
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class FrfResult(Result):
     """Transfer functions H(omega), time dependence exp(+i omega t).
 
@@ -43,15 +43,18 @@ class FrfResult(Result):
         middle, next to the sharpest resonances).
     """
 
-    value: np.ndarray
-    frequency: np.ndarray
-    omega: np.ndarray
+    value: np.ndarray = quantity(dims=("output", "input", "frequency"), name="H")
+    frequency: np.ndarray = quantity(dims=("frequency",), unit="Hz")
+    omega: np.ndarray = quantity(dims=("frequency",), unit="rad/s")
     kind: str
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    poles: np.ndarray | None = None
+    poles: np.ndarray | None = quantity(dims=("pole",), unit="rad/s", default=None)
     linear: LinearSystem | None = field(default=None, kw_only=True)
     origin: Origin | None = field(default=None, kw_only=True)
+
+    row: ClassVar[str] = "frequency"
+    axes: ClassVar[Mapping[str, str]] = {"output": "outputs", "input": "inputs"}
 
     @property
     def magnitude(self) -> np.ndarray:
@@ -63,85 +66,71 @@ class FrfResult(Result):
         """Phase in radians in (-pi, pi], (n_out, n_in, n_freq); nan where H is infinite."""
         return np.where(np.isfinite(self.value), np.angle(self.value), np.nan)
 
-    def __str__(self) -> str:
+    def heading(self) -> str:
         n_out, n_in, n_freq = self.value.shape
-        lines = [
-            f"{self.kind}: {n_out} outputs x {n_in} inputs x {n_freq} frequencies, "
-            f"{self.frequency.min():.6g} to {self.frequency.max():.6g} Hz"
-        ]
-        lines.append(f"{'output / input':<36} {'largest |H|':>14} {'at Hz':>12}")
-        rows = [(i, j) for i in range(n_out) for j in range(n_in)]
-        for i, j in rows[:20]:
+        span = f", {self.frequency.min():.6g} to {self.frequency.max():.6g} Hz" if n_freq else ""
+        return f"{self.kind}: {n_out} outputs x {n_in} inputs x {n_freq} frequencies{span}"
+
+    def attributes(self) -> dict[str, Any]:
+        return {**super().attributes(), "kind": self.kind}
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: the largest magnitude of each transfer function."""
+        rows: list[list[Any]] = []
+        for i, j in np.ndindex(self.value.shape[:2]):
             size = self.magnitude[i, j]
             k = int(np.argmax(np.nan_to_num(size, nan=-1.0, posinf=np.inf)))
-            label = f"{self.outputs[i]} / {self.inputs[j]}"
-            lines.append(f"{label:<36} {size[k]:>14.6g} {self.frequency[k]:>12.6g}")
-        if len(rows) > 20:
-            lines.append(f"... and {len(rows) - 20} more")
-        lines.append(f"route: {self.stats.route}, error {self.error:.1e}, {self.status}")
-        return "\n".join(lines)
+            rows.append([f"{self.outputs[i]} / {self.inputs[j]}", float(size[k]), float(self.frequency[k])])
+        return ["output / input", "largest |H|", "at [Hz]"], rows
 
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` with ``H`` over (output, input, frequency)."""
-        import xarray
+    def notes(self) -> list[str]:
+        return [f"route: {self.stats.route}, error {self.error:.1e}, {self.status}"]
 
-        return xarray.Dataset(
-            {"H": (("output", "input", "frequency"), self.value)},
-            coords={
-                "output": list(self.outputs),
-                "input": list(self.inputs),
-                "frequency": ("frequency", self.frequency, {"units": "Hz"}),
-                "omega": ("frequency", self.omega, {"units": "rad/s"}),
-            },
-            attrs={"kind": self.kind, "route": self.stats.route, "error": float(self.error), "status": self.status},
-        )
-
-    def plot(self, kind: str = "bode") -> Any:
-        """``kind="bode"`` or ``"nyquist"``; returns a matplotlib figure."""
+    def plot(self, kind: str = "bode", *, ax: Any = None, **options: Any) -> Any:
+        """``kind="bode"`` or ``"nyquist"``; ``ax``: axes to draw into, of a Bode plot one (magnitude) or two. Returns the
+        figure; see `mbrs.plot.frf`.
+        """
         from .plot import frf as draw
 
-        return draw(self, kind)
+        return draw(self, kind, ax=ax, **options)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class FrfSensitivity(Result):
     """Derivatives of transfer functions.
 
     ``value`` (n_out, n_in, n_freq, n_p) complex: dH/dp along each parameter alone, nan at singular frequencies;
-    ``parameters`` their names; the rest as in `FrfResult`. ``error`` is the relative error of the linear solutions.
+    ``labels`` their names; the rest as in `FrfResult`. ``error`` is the relative error of the linear solutions.
     """
 
-    value: np.ndarray
-    frequency: np.ndarray
-    omega: np.ndarray
+    value: np.ndarray = quantity(dims=("output", "input", "frequency", "parameter"), name="dH_dp")
+    frequency: np.ndarray = quantity(dims=("frequency",), unit="Hz")
+    omega: np.ndarray = quantity(dims=("frequency",), unit="rad/s")
     kind: str
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    parameters: tuple[str, ...]
+    labels: tuple[str, ...]
 
-    def __str__(self) -> str:
-        lines = [f"d {self.kind} / d p at {self.frequency.size} frequencies"]
-        lines.append(f"{'parameter':<30} {'largest |dH/dp|':>16} {'at Hz':>12}")
-        for p, name in enumerate(self.parameters):
+    row: ClassVar[str] = "frequency"
+    axes: ClassVar[Mapping[str, str]] = {"output": "outputs", "input": "inputs", "parameter": "labels"}
+
+    def heading(self) -> str:
+        return f"d {self.kind} / d p at {self.frequency.size} frequencies"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: the largest derivative by each parameter."""
+        rows: list[list[Any]] = []
+        for p, name in enumerate(self.labels):
             size = np.nan_to_num(np.abs(self.value[..., p]), nan=-1.0).max(axis=(0, 1))
             k = int(np.argmax(size))
-            lines.append(f"{name:<30} {size[k]:>16.6g} {self.frequency[k]:>12.6g}")
-        return "\n".join(lines)
+            rows.append([name, float(size[k]), float(self.frequency[k])])
+        return ["parameter", "largest |dH/dp|", "at [Hz]"], rows
 
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` with ``dH_dp`` over (output, input, frequency, parameter)."""
-        import xarray
+    def plot(self, *, ax: Any = None) -> Any:
+        """|dH/dp| over the frequency, a line for each parameter and pair of ports; returns the figure."""
+        from .plot.derivatives import frf_sensitivity
 
-        return xarray.Dataset(
-            {"dH_dp": (("output", "input", "frequency", "parameter"), self.value)},
-            coords={
-                "output": list(self.outputs),
-                "input": list(self.inputs),
-                "frequency": ("frequency", self.frequency, {"units": "Hz"}),
-                "parameter": list(self.parameters),
-            },
-            attrs={"kind": self.kind},
-        )
+        return frf_sensitivity(self, ax=ax)
 
 
 def frf(
@@ -307,7 +296,7 @@ def frf_sensitivity(
         kind=kind,
         inputs=linear.inputs,
         outputs=linear.outputs,
-        parameters=tuple(parameters),
+        labels=tuple(parameters),
         stats=Stats(time.perf_counter() - start, raw["counts"], linear.effects, "direct"),
         error=raw["error"],
         status="singular" if raw["singular"] else "converged",

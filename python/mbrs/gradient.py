@@ -271,7 +271,7 @@ def gradient(
         method=chosen,
         kinks=kinks,
         status="kinks" if kinks else "converged",
-        estimate=lambda g: _estimated(g, run, objectives, along),
+        error=lambda g: _estimated(g, run, objectives, along),
         stats=Stats(
             time.perf_counter() - begin,
             found.counts,
@@ -291,7 +291,7 @@ def _with_growth(made: MotionGradient, read: np.ndarray) -> MotionGradient:
     largest = np.abs(effects_of(made, made.gradient)).max(axis=1)
     growth = float(np.max(largest[read > 0.0] / read[read > 0.0], initial=0.0))
     _warn_of_growth(growth)
-    return replace(made, growth=growth)
+    return made.replaced(growth=growth)
 
 
 def _warn_of_growth(growth: float) -> None:

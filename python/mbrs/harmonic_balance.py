@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from . import _balance
 from ._picked import label, picked
 from .errors import ConvergenceError, ModelError
-from .report import html_table, table
-from .results import Result, Stats
+from .results import Result, Stats, derived, quantity, result
 
 if TYPE_CHECKING:
     from ._verify_full import Distance
@@ -22,7 +21,7 @@ UNRESOLVED = 0.1
 MOST_HARMONICS = _balance.MOST_HARMONICS
 
 
-@dataclass(frozen=True, eq=False)
+@result
 class PeriodicSolution(Result):
     """One periodic motion x(t) = a0 + sum_h a_h cos(h omega t / nu) + b_h sin(h omega t / nu), nu = ``subharmonic``.
 
@@ -40,19 +39,50 @@ class PeriodicSolution(Result):
     """
 
     X: np.ndarray
-    omega: float
+    omega: float = quantity(unit="rad/s")
     harmonics: tuple[int, ...]
     subharmonic: int = 1
     n_samples: int = 0
     system: Any = field(default=None, repr=False)
     force: Any = field(default=None, repr=False)
 
+    row: ClassVar[str] = "coordinate"
+    axes: ClassVar[Mapping[str, str]] = {"coordinate": "coordinates", "harmonic": "orders"}
+
     @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return tuple(str(n) for n in getattr(self.system, "coordinates", [f"x{i}" for i in range(len(self.X))]))
+
+    @property
+    def orders(self) -> np.ndarray:
+        """Numbers of the harmonics, 0 the mean."""
+        return np.arange((self.X.shape[1] - 1) // 2 + 1)
+
+    @property
+    @derived(dims=("coordinate", "harmonic", "part"), name="X", label="Fourier coefficients")
+    def _coefficients(self) -> np.ndarray:
+        out = np.zeros((len(self.X), len(self.orders), 2))
+        out[:, :, 0] = np.concatenate([self.X[:, :1], self.X[:, 1::2]], axis=1)
+        out[:, 1:, 1] = self.X[:, 2::2]
+        return out
+
+    def attributes(self) -> dict[str, Any]:
+        return {
+            **super().attributes(),
+            "omega": self.omega,
+            "frequency": self.frequency,
+            "subharmonic": self.subharmonic,
+        }
+
+    @property
+    @derived(unit="Hz", label="excitation frequency")
     def frequency(self) -> float:
         """Excitation frequency, Hz."""
         return self.omega / (2 * np.pi)
 
     @property
+    @derived(unit="s")
     def period(self) -> float:
         """Period of the motion, s."""
         return 2 * np.pi * self.subharmonic / self.omega
@@ -163,27 +193,6 @@ class PeriodicSolution(Result):
 
         return spectrum(self, dof, ax=ax)
 
-    def to_xarray(self) -> Any:
-        """Coefficients over coordinate, harmonic and part (cos, sin)."""
-        import xarray as xr
-
-        top = (self.X.shape[1] - 1) // 2
-        data = np.zeros((self.X.shape[0], top + 1, 2))
-        data[:, :, 0] = np.concatenate([self.X[:, :1], self.X[:, 1::2]], axis=1)
-        data[:, 1:, 1] = self.X[:, 2::2]
-        names = getattr(self.system, "coordinates", [f"x{i}" for i in range(len(self.X))])
-        return xr.Dataset(
-            {"X": (("coordinate", "harmonic", "part"), data)},
-            {"coordinate": list(names), "harmonic": np.arange(top + 1), "part": ["cos", "sin"]},
-            {
-                "omega": self.omega,
-                "frequency": self.frequency,
-                "subharmonic": self.subharmonic,
-                "error": self.error,
-                "status": self.status,
-            },
-        )
-
     def rows(self, most: int = 20) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table: the coordinates that move most, in their order."""
         top = min(3, (self.X.shape[1] - 1) // 2)
@@ -200,26 +209,20 @@ class PeriodicSolution(Result):
             for i in chosen
         ]
 
-    def _heading(self) -> str:
+    def heading(self) -> str:
         nu = "" if self.subharmonic == 1 else f", of omega / {self.subharmonic}"
         return (
             f"{type(self).__name__}: {self.status}, omega = {self.omega:.10g} rad/s ({self.frequency:.6g} Hz), "
             f"{len(self.harmonics)} harmonics up to {self.harmonics[-1]}{nu}, estimated error {self.error:.1e}"
         )
 
-    def _footer(self) -> str | None:
+    def notes(self) -> list[str]:
         notes = []
         if len(self.X) > 20:
             notes.append(f"({len(self.X)} coordinates, the 20 that move most are shown)")
         if self.status == "unresolved":
             notes.append("unresolved: the estimated error exceeds the tolerance; take more harmonics")
-        return "\n".join(notes) or None
-
-    def __str__(self) -> str:
-        return table(*self.rows(), title=self._heading(), footer=self._footer())
-
-    def _repr_html_(self) -> str:
-        return html_table(*self.rows(), title=self._heading(), footer=self._footer())
+        return notes
 
 
 def harmonic_balance(
@@ -447,6 +450,4 @@ def _failure(system: Any, answer: dict[str, Any], result: PeriodicSolution | Non
     else:
         text = f"harmonic balance did not converge: {answer['reason']} after {answer['iterations']} iterations"
         advice = "start nearer (x0=), raise the force in steps, or follow the branch with frequency_response"
-    if result is not None:
-        object.__setattr__(result, "status", "stopped")
-    return ConvergenceError(f"{text}; {advice}", result)
+    return ConvergenceError(f"{text}; {advice}", None if result is None else result.replaced(status="stopped"))

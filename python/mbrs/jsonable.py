@@ -35,7 +35,8 @@ def jsonable(value: Any) -> Any:
     if isinstance(value, np.ndarray) and np.iscomplexobj(value):
         return {"re": jsonable(value.real), "im": jsonable(value.imag)}
     if isinstance(value, np.ndarray | np.generic):
-        return jsonable(value.tolist())
+        plain = value.dtype.kind in "biuU" or (value.dtype.kind == "f" and bool(np.isfinite(value).all()))
+        return value.tolist() if plain else jsonable(value.tolist())
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {field.name: jsonable(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, Mapping):

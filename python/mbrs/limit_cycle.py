@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
@@ -13,12 +12,12 @@ from .errors import ConvergenceError, ModelError, SingularError
 from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of
 from .model.book import Book
 from .nonlinear_system import nonlinear_system
-from .results import Stats
+from .results import Stats, quantity, result
 
 POSITION = (0, 1, 3, 4, 6, 7)  # codes of the laws that are functions of the displacement alone
 
 
-@dataclass(frozen=True, eq=False)
+@result
 class LimitCycle(PeriodicSolution):
     """A limit cycle. ``omega`` is found with it, ``period`` = 2 pi / omega.
 
@@ -27,7 +26,7 @@ class LimitCycle(PeriodicSolution):
     then. ``error`` estimates coefficients and frequency together.
     """
 
-    exponents: np.ndarray | None = field(default=None, kw_only=True)
+    exponents: np.ndarray | None = quantity(dims=("exponent",), unit="1/s", default=None, kw_only=True)
 
     @property
     def stable(self) -> bool | None:
@@ -48,9 +47,9 @@ class LimitCycle(PeriodicSolution):
 
         return multipliers(self)
 
-    def _heading(self) -> str:
+    def heading(self) -> str:
         word = {True: "stable", False: "unstable", None: "stability unknown"}[self.stable]
-        return f"{super()._heading()}\nperiod {self.period:.10g} s, {word}"
+        return f"{super().heading()}\nperiod {self.period:.10g} s, {word}"
 
 
 def limit_cycle(

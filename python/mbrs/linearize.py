@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from ._border import core_errors
-from ._rounding import entry_sizes, is_rounding, motion_scale, without_rounding
+from ._parts import split_damping, split_stiffness
+from ._rounding import motion_scale, stiffness_without_rounding
 from .effects import check_without, effects
 from .errors import MbrsWarning, ModelError
 from .modal_frames import modal_masses, modal_strains, node_twist
@@ -20,16 +21,17 @@ from .model.bodies import INERTIA_PLACE
 from .model.book import Book
 from .model.ports import Port, as_port
 from .model.schema import BODY, MARKER
-from .results import Result, Stats
+from .report import without_rounding
+from .results import Result, Stats, derived, quantity, result
 from .state import State, state_of
 from .tables import compiled, framed, tables
 
 if TYPE_CHECKING:
     from .model.model import Model
 
-# An unbalanced force above this part of all forces makes a linearisation at rest questionable.
 # Rounding of a few dozen terms that cancel, relative to their size.
 _CANCELLED = 1e-14
+# An unbalanced force above this part of all forces makes a linearisation at rest questionable.
 _BALANCED = 1e-6
 
 
@@ -84,10 +86,17 @@ class Snapshot:
         raw = self.tables.get("raw", self.tables)
         return {"model": self.model, "current": self.current, "tables": raw, "flexible": "flexible_body" in raw}
 
+    def data_state(self) -> dict[str, Any]:
+        """What a file of data keeps: the Tables of a model as it is are made again from it."""
+        state = self.__getstate__()
+        return {**state, "tables": None} if state["current"] else state
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         from . import _core
 
         model, current = state["model"], state["current"]
+        if state["tables"] is None:
+            state = {**state, "tables": tables(model, state["flexible"] or not model.is_flexible)}
         # a model that can be flexible, but was compiled without it
         system = (
             compiled(model, state["flexible"] or not model.is_flexible) if current else _core.System(state["tables"])
@@ -102,7 +111,7 @@ class Snapshot:
             object.__setattr__(self, name, value)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class Linearization(Result):
     """M y" + (C + G) y' + (K + N) y = B^T f in minimal coordinates, exact at a state.
 
@@ -124,21 +133,30 @@ class Linearization(Result):
         The unbalanced part of all forces; what a linearisation off equilibrium leaves out.
     """
 
-    M: np.ndarray
-    C: np.ndarray | None
-    G: np.ndarray | None
-    K: np.ndarray
-    N: np.ndarray | None
+    M: np.ndarray = quantity(dims=("coordinate", "coordinate_"))
+    C: np.ndarray | None = quantity(dims=("coordinate", "coordinate_"))
+    G: np.ndarray | None = quantity(dims=("coordinate", "coordinate_"))
+    K: np.ndarray = quantity(dims=("coordinate", "coordinate_"))
+    N: np.ndarray | None = quantity(dims=("coordinate", "coordinate_"))
     coordinates: tuple[str, ...]
     T: np.ndarray
     bodies: tuple[str, ...]
-    residual: np.ndarray
+    residual: np.ndarray = quantity(dims=("coordinate",))
     multipliers: np.ndarray
     ground_coupling: np.ndarray
     state: State
     without: tuple[str, ...]
     snapshot: Snapshot
     modal_map: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    row: ClassVar[str] = "coordinate"
+    axes: ClassVar[Mapping[str, str]] = {"coordinate": "coordinates", "coordinate_": "coordinates", "body": "bodies"}
+
+    @property
+    @derived(dims=("body", "component", "coordinate"), name="T")
+    def twists(self) -> np.ndarray:
+        """(n_bodies, 6, dof) `T` by bodies."""
+        return self.T.reshape(len(self.bodies), 6, self.n)
 
     @property
     def n(self) -> int:
@@ -347,33 +365,26 @@ class Linearization(Result):
 
         return state_space(self, inputs, outputs)
 
-    def __str__(self) -> str:
+    def heading(self) -> str:
         present = [f"{name} ({_SENSE[name]})" for name in "MCGKN" if getattr(self, name) is not None]
-        lines = [
-            f"linearisation of {self.model.name!r}: {self.n} degrees of freedom, {', '.join(present)}",
-            f"unbalanced force: {self.error:.1e} of all forces",
+        return f"linearisation of {self.model.name!r}: {self.n} degrees of freedom, {', '.join(present)}"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: the diagonals of mass and stiffness."""
+        scale = [float(np.abs(a).max(initial=0.0)) for a in (self.M, self.K)]
+        m, k = (without_rounding(np.diag(a), s) for a, s in zip((self.M, self.K), scale, strict=True))
+        return ["coordinate", "M", "K"], [
+            [n, float(a), float(b)] for n, a, b in zip(self.coordinates, m, k, strict=True)
         ]
-        width = max(len(name) for name in self.coordinates) if self.coordinates else 0
-        for i, name in enumerate(self.coordinates[:20]):
-            lines.append(f"  {name:{width}}  M {self.M[i, i]:12.6g}  K {self.K[i, i]:12.6g}")
-        if self.n > 20:
-            lines.append(f"  ... and {self.n - 20} more coordinates")
-        return "\n".join(lines)
 
-    __repr__ = __str__
+    def notes(self) -> list[str]:
+        return [f"unbalanced force: {self.error:.1e} of all forces"]
 
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` with the matrices over (coordinate, coordinate_) and T over (body, component,
-        coordinate).
-        """
-        import xarray
+    def plot(self, *, ax: Any = None) -> Any:
+        """Size of the entries of the matrices; with ``ax`` those of K. Returns the figure."""
+        from .plot.matrices import matrices
 
-        names = list(self.coordinates)
-        both = ("coordinate", "coordinate_")
-        data: dict[str, Any] = {a: (both, getattr(self, a)) for a in "MCGKN" if getattr(self, a) is not None}
-        data["T"] = (("body", "component", "coordinate"), self.T.reshape(len(self.bodies), 6, self.n))
-        coords = {"coordinate": names, "coordinate_": names, "body": list(self.bodies), "component": list(_COMPONENTS)}
-        return xarray.Dataset(data, coords=coords, attrs={"model": self.model.name, "error": float(self.error)})
+        return matrices(self, ax=ax)
 
 
 def mass_matrices(tables: Any, rotation: np.ndarray) -> np.ndarray:
@@ -479,8 +490,8 @@ def _linearization(
     scale = r["force_scale"]
     reach = motion_scale(r["T"], snapshot.system.characteristic_length)
     forces = scale * np.outer(reach, reach)
-    C, G = _split_damping(D, state.moving or _cross_coupled(model, "c"))
-    K, N = _split_stiffness(S, forces, conservative=not state.moving and not _has_no_potential(model))
+    C, G = split_damping(D, state.moving or _cross_coupled(model, "c"))
+    K, N = split_stiffness(S, forces, conservative=not state.moving and not _has_no_potential(model))
     unbalanced = float(np.max(np.abs(r["residual"]), initial=0.0))
     error = unbalanced / scale if scale > 0.0 else 0.0
     if state.kind == "equilibrium" and error > _BALANCED:  # of values that have changed since
@@ -512,7 +523,7 @@ def _linearization(
         error=error,
         status="converged" if error <= _BALANCED or state.moving else "off-equilibrium",
     )
-    return made if state.moving else replace(made, K=without_rounding(made, forces))
+    return made if state.moving else made.replaced(K=stiffness_without_rounding(made, forces))
 
 
 def _unbalance(r: dict[str, Any]) -> str:
@@ -559,19 +570,6 @@ def _without_rounding(snapshot: Snapshot, state: State, r: dict[str, Any]) -> tu
     return None if D is None else cleaned(D, w), cleaned(r["S"], w * w)
 
 
-def symmetric(x: np.ndarray) -> np.ndarray:
-    """Symmetric part."""
-    out = x + x.T
-    out *= 0.5
-    return out
-
-
-def split(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Symmetric and skew part over the first two axes."""
-    t = np.swapaxes(x, 0, 1)
-    return 0.5 * (x + t), 0.5 * (x - t)
-
-
 def _has_no_potential(model: Any) -> bool:
     return any(load.frame == "body" for load in model.loads) or _cross_coupled(model, "k")
 
@@ -584,22 +582,6 @@ def _cross_coupled(model: Any, name: str) -> bool:
         cached = model.cache["full bushings"] = (model.structure_version, full)
     values = (model.value(f"{element}.{n}") for element, n in cached[1] if n == name)
     return any(not np.array_equal(k, k.T) for k in values)
-
-
-def _split_damping(D: np.ndarray | None, skew: bool) -> tuple[np.ndarray | None, np.ndarray | None]:
-    if D is None or not np.any(D):
-        return None, None
-    if not skew:  # at rest dampers alone act, and theirs is symmetric unless they couple across
-        return symmetric(D), None
-    (C, G), size = split(D), entry_sizes(D)
-    return None if is_rounding(C, size) else C, None if is_rounding(G, size) else G
-
-
-def _split_stiffness(S: np.ndarray, forces: np.ndarray, conservative: bool) -> tuple[np.ndarray, np.ndarray | None]:
-    if conservative:  # a skew part is then what unbalanced moments leave in the increments of rotations
-        return symmetric(S), None
-    K, N = split(S)
-    return K, None if is_rounding(N, entry_sizes(S) + forces) else N
 
 
 def second_order_of(m: Any, at: Any, without: Sequence[str]) -> Linearization:

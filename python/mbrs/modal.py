@@ -5,23 +5,22 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ._border import core_errors
 from ._energy_shares import EnergyShares, energy_shares
-from ._modal_table import cell, table
 from ._stiffness_factor import is_strained, stiffness_factor
 from .errors import ModelError, NameNotFoundError, SingularError
 from .mac import mac as _mac
 from .model.book import Book
 from .progress import while_long
-from .results import Result, Stats, added_counts
+from .report import number, without_rounding
+from .results import Result, Stats, added_counts, derived, quantity, result
 from .second_order import MechanicalSystem
 
 KINDS = ("rigid", "vibration", "overdamped", "flutter", "divergence")
@@ -39,7 +38,7 @@ _LIGHTEST = 1e-5
 _SAME = 1e-11
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class ModalResult(Result):
     """Modes of (s^2 M + s (C + G) + K + N) phi = 0, in ascending |s|; equal |s| in ascending damping ratio.
 
@@ -86,21 +85,38 @@ class ModalResult(Result):
         Indices of those modes whose repeated group ``n=`` has cut: the shapes of the others are missing.
     """
 
-    eigenvalue: np.ndarray
-    roots: np.ndarray
-    shape: np.ndarray
-    left: np.ndarray | None
-    kind: np.ndarray
+    eigenvalue: np.ndarray = quantity(dims=("mode",), unit="rad/s")
+    roots: np.ndarray = quantity(dims=("root",), unit="rad/s")
+    shape: np.ndarray = quantity(dims=("coordinate", "mode"))
+    left: np.ndarray | None = quantity(dims=("coordinate", "mode"))
+    kind: np.ndarray = quantity(dims=("mode",))
     groups: tuple[tuple[int, ...], ...]
-    backward_error: np.ndarray
-    condition: np.ndarray
-    near_defective: np.ndarray
+    backward_error: np.ndarray = quantity(dims=("mode",), unit="1")
+    condition: np.ndarray = quantity(dims=("mode",), unit="1")
+    near_defective: np.ndarray = quantity(dims=("mode",))
     coordinates: tuple[str, ...]
     system: Any
     partner_mode: np.ndarray
     partner_shape: np.ndarray
     partner_left: np.ndarray | None
     cut_group: tuple[int, ...] = ()
+
+    row: ClassVar[str] = "mode"
+    axes: ClassVar[Mapping[str, str]] = {"mode": "numbers", "coordinate": "coordinates"}
+    error_dims: ClassVar[tuple[str, ...]] = ("mode",)
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """(n,) modes counted from 1, as tables show them."""
+        return np.arange(1, self.n + 1)
+
+    @property
+    @derived(dims=("mode",))
+    def group(self) -> np.ndarray:
+        """(n,) the repeated group of each mode, from 1; 0 for a mode that is alone."""
+        return np.array(
+            [next((k + 1 for k, g in enumerate(self.groups) if i in g), 0) for i in range(self.n)], dtype=int
+        )
 
     @property
     def n(self) -> int:
@@ -113,16 +129,19 @@ class ModalResult(Result):
         return np.abs(self.eigenvalue)
 
     @property
+    @derived(dims=("mode",), unit="Hz", label="natural frequency")
     def frequency(self) -> np.ndarray:
         """(n,) |s|/2pi in Hz: the undamped natural frequency only for underdamped modes of proportional damping."""
         return np.abs(self.eigenvalue) / (2.0 * math.pi)
 
     @property
+    @derived(dims=("mode",), unit="Hz", label="damped frequency")
     def frequency_damped(self) -> np.ndarray:
         """(n,) |Im s|/2pi in Hz: what one sees in a decaying vibration."""
         return np.abs(self.eigenvalue.imag) / (2.0 * math.pi)
 
     @property
+    @derived(dims=("mode",), unit="1", label="damping ratio")
     def damping(self) -> np.ndarray:
         """(n,) damping ratio -Re s/|s|; 1 for overdamped modes, negative for unstable ones, nan for rigid ones."""
         size = np.abs(self.eigenvalue)
@@ -207,27 +226,28 @@ class ModalResult(Result):
         """Columns and rows of the table that `print` shows."""
         columns = ["mode", "f_n [Hz]", "f_d [Hz]", "zeta", "kind", "group", "dominant", "residual"]
         dominant = _dominant(self)
+        damping = [without_rounding(d, 1.0, e) for d, e in zip(self.damping, self.error, strict=True)]
         names = {i: k + 1 for k, g in enumerate(self.groups) for i in g}
         return columns, [
             [
                 i + 1,
                 float(self.frequency[i]),
                 float(self.frequency_damped[i]),
-                float(self.damping[i]),
+                float(damping[i]),
                 str(self.kind[i]) + ("*" if self.near_defective[i] else ""),
                 names.get(i, ""),
                 dominant[i],
-                float(self.backward_error[i]),
+                number(float(self.backward_error[i]), 2),
             ]
             for i in range(self.n)
         ]
 
-    def _title(self) -> str:
+    def heading(self) -> str:
         dof = len(self.coordinates)
         of = "" if self.n == dof else f" of {dof}"
         return f"{self.n}{of} modes, {self.stats.route}, {self.status}"
 
-    def _notes(self) -> list[str]:
+    def notes(self) -> list[str]:
         notes = []
         if self.stats.route not in ("undamped", "proportional") or np.any(self.kind == "overdamped"):
             notes.append("f_n = |s|/2pi is the undamped natural frequency only for underdamped proportional damping.")
@@ -235,60 +255,17 @@ class ModalResult(Result):
             notes.append("* near-defective: two roots almost meet (critical damping).")
         return notes
 
-    def __str__(self) -> str:
-        columns, rows = self.rows()
-        return "\n".join([self._title(), table(columns, rows), *self._notes()])
+    def plot(self, *, ax: Any = None, **options: Any) -> Any:
+        """Poles, and without ``ax`` how much each coordinate moves (`mbrs.plot.modes`); returns the figure."""
+        from .plot import modes as draw
 
-    def __repr__(self) -> str:
-        return f"ModalResult({self._title()})"
-
-    def _repr_html_(self) -> str:
-        from html import escape
-
-        columns, rows = self.rows()
-        head = "".join(f"<th>{escape(c)}</th>" for c in columns)
-        body = "".join("<tr>" + "".join(f"<td>{escape(cell(c))}</td>" for c in row) + "</tr>" for row in rows)
-        notes = "".join(f"<p>{escape(note)}</p>" for note in self._notes())
-        return f"<table><caption>{escape(self._title())}</caption><tr>{head}</tr>{body}</table>{notes}"
-
-    def plot(self, **options: Any) -> Any:
-        """Poles and participation (`mbrs.plot.modes`); returns the Matplotlib figure."""
-        from .plot import modes as draw  # type: ignore[import-not-found,unused-ignore]
-
-        return draw(self, **options)
+        return draw(self, ax=ax, **options)
 
     def animate(self, path: str | Path | None = None, **options: Any) -> Any:
         """Shapes in motion as one self-contained page (`mbrs.animate.modes`); returns the path, or a viewer."""
         from .animate import modes as draw  # type: ignore[import-not-found,unused-ignore]
 
         return draw(self, path, **options)
-
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` over ``mode`` (from 1) and ``coordinate``; needs ``pip install mbrs-dynamics[xarray]``."""
-        import xarray as xr
-
-        per_mode = {
-            "eigenvalue": self.eigenvalue,
-            "frequency": self.frequency,
-            "frequency_damped": self.frequency_damped,
-            "damping": self.damping,
-            "kind": self.kind,
-            "backward_error": self.backward_error,
-            "condition": self.condition,
-            "error": self.error,
-            "near_defective": self.near_defective,
-        }
-        units = {"eigenvalue": "rad/s", "frequency": "Hz", "frequency_damped": "Hz", "damping": "1"}
-        data: dict[str, Any] = {
-            name: ("mode", value, {"units": units[name]} if name in units else {}) for name, value in per_mode.items()
-        }
-        data["group"] = ("mode", [next((k + 1 for k, g in enumerate(self.groups) if i in g), 0) for i in range(self.n)])
-        data["shape"] = (("coordinate", "mode"), self.shape)
-        if self.left is not None:
-            data["left"] = (("coordinate", "mode"), self.left)
-        data["roots"] = ("root", self.roots)
-        coords = {"mode": np.arange(1, self.n + 1), "coordinate": list(self.coordinates)}
-        return xr.Dataset(data, coords=coords, attrs={"route": self.stats.route, "status": self.status})
 
 
 def modes(

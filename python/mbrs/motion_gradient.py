@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 
 from .errors import ModelError
 from .matrix_calculus import Derivative
-from .results import Result
+from .results import Result, derived, quantity, result
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class MotionGradient(Result):
     """Value and gradient of objectives of a motion; unpacks as ``value, gradient``.
 
@@ -49,33 +48,57 @@ class MotionGradient(Result):
     gradient: Derivative
     labels: tuple[str, ...]
     units: tuple[str, ...]
-    where: np.ndarray
-    t: np.ndarray
+    where: np.ndarray = quantity(dims=("parameter",))
+    t: np.ndarray = quantity(dims=("t",), unit="s")
     method: str
     kinks: tuple[tuple[float, str, str], ...] = ()
     growth: float = 0.0
-    estimate: Callable[[MotionGradient], float | None] | None = field(default=None, repr=False)
-    error: Any = field(default=None, init=False)
 
     def __iter__(self) -> Iterator[Any]:
         return iter((self.value, self.gradient))
 
-    def __str__(self) -> str:
-        from .report import table, unit_note
+    row: ClassVar[str] = "parameter"
+    axes: ClassVar[Mapping[str, str]] = {"parameter": "labels"}
 
-        flat = np.asarray(self.gradient).reshape(-1, len(self.labels))
-        named = zip(self.labels, self.units, self.where, strict=True)
-        rows = [(label, unit, where, *flat[:, p]) for p, (label, unit, where) in enumerate(named)]
-        names = ["gradient"] if np.ndim(self.value) == 0 else [f"gradient {i}" for i in range(len(flat))]
+    @property
+    def flat(self) -> np.ndarray:
+        """(n_obj, n_p) the gradients without the shapes of objectives and parameters."""
+        return np.asarray(self.gradient).reshape(-1, len(self.labels))
+
+    @property
+    @derived(dims=("objective", "parameter"), name="gradient")
+    def _gradients(self) -> np.ndarray:
+        return self.flat
+
+    @property
+    @derived(dims=("objective",), name="value")
+    def _values(self) -> np.ndarray:
+        return np.atleast_1d(self.value)
+
+    @property
+    @derived(dims=("parameter",))
+    def unit(self) -> np.ndarray:
+        """(n_p,) units of the parameters."""
+        return np.array(self.units, dtype=str)
+
+    def attributes(self) -> dict[str, Any]:
+        return {**super().attributes(), "method": self.method}
+
+    def heading(self) -> str:
         value = f"{self.value:.9g}" if np.ndim(self.value) == 0 else ", ".join(f"{v:.9g}" for v in self.value)
-        title, footer = f"objective {value} ({self.stats.route})", unit_note(self.labels, self.units)
-        return table(["parameter", "unit", "value", *names], rows, title=title, footer=footer)
+        return f"objective {value} ({self.stats.route})"
 
-    __repr__ = __str__
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: value and gradient by parameter."""
+        names = ["gradient"] if np.ndim(self.value) == 0 else [f"gradient {i}" for i in range(len(self.flat))]
+        each = zip(self.labels, self.units, self.where.tolist(), *self.flat.tolist(), strict=True)
+        return ["parameter", "unit", "value", *names], [list(row) for row in each]
 
-    def __getstate__(self) -> dict[str, Any]:
-        # the second run is a closure of this process: an estimate is kept if it was made
-        return {**self.__dict__, "estimate": None}
+    def notes(self) -> list[str]:
+        from .report import unit_note
+
+        note = unit_note(self.labels, self.units)
+        return [note] if note else []
 
     def sensitivity(self, parameters: str | Sequence[str]) -> MotionSensitivity:
         """The gradient as `mb.sensitivity` returns derivatives: ``value``, parameter axis last."""
@@ -94,42 +117,16 @@ class MotionGradient(Result):
             stats=self.stats,
         )
 
-    def plot(self, kind: str = "tornado", **options: Any) -> Any:
+    def plot(self, kind: str = "tornado", *, ax: Any = None, **options: Any) -> Any:
         """Bars of the change of the objective by one per cent of each parameter, or by ``change=`` ("tornado")."""
         if kind != "tornado":
             raise ModelError(f"there is no plot {kind!r} of a gradient; known is 'tornado'")
         from .plot import gradients
 
-        return gradients.tornado(self, **options)
-
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` over the parameters."""
-        import xarray
-
-        flat = np.asarray(self.gradient).reshape(-1, len(self.labels))
-        return xarray.Dataset(
-            {"gradient": (("objective", "parameter"), flat), "value": (("objective",), np.atleast_1d(self.value))},
-            coords={
-                "parameter": list(self.labels),
-                "unit": ("parameter", list(self.units)),
-                "where": ("parameter", self.where),
-            },
-            attrs={"method": self.method},
-        )
+        return gradients.tornado(self, ax=ax, **options)
 
 
-def _error(self: MotionGradient) -> float | None:
-    if "_error" not in self.__dict__:
-        self.__dict__["_error"] = self.estimate(self) if self.estimate is not None else None
-    found: float | None = self.__dict__["_error"]
-    return found
-
-
-# a property may not stand in the class body, where the dataclass would take it for a default
-MotionGradient.error = property(_error, doc="Estimated error of the gradient, see the class.")  # type: ignore[assignment]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class MotionSensitivity(Result):
     """Derivatives of objectives of a motion: ``value`` (..., n_p), by ``labels``."""
 
@@ -137,24 +134,40 @@ class MotionSensitivity(Result):
     labels: tuple[str, ...]
     units: tuple[str, ...]
 
-    def __str__(self) -> str:
-        from .report import table, unit_note
+    row: ClassVar[str] = "parameter"
+    axes: ClassVar[Mapping[str, str]] = {"parameter": "labels"}
 
-        flat = self.value.reshape(-1, len(self.labels))
-        rows = [(label, unit, *flat[:, p]) for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))]
-        columns = ["parameter", "unit", *("derivative" for _ in flat)]
-        return table(columns, rows, title="objectives of a motion", footer=unit_note(self.labels, self.units))
+    @property
+    @derived(dims=("objective", "parameter"))
+    def derivative(self) -> np.ndarray:
+        """(n_obj, n_p) `value` without the shape of the objectives."""
+        return self.value.reshape(-1, len(self.labels))
 
-    __repr__ = __str__
+    @property
+    @derived(dims=("parameter",))
+    def unit(self) -> np.ndarray:
+        """(n_p,) units of the parameters."""
+        return np.array(self.units, dtype=str)
 
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` over objectives and parameters."""
-        import xarray
+    def heading(self) -> str:
+        return "objectives of a motion"
 
-        return xarray.Dataset(
-            {"derivative": (("objective", "parameter"), self.value.reshape(-1, len(self.labels)))},
-            coords={"parameter": list(self.labels), "unit": ("parameter", list(self.units))},
-        )
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table."""
+        rows = [list(row) for row in zip(self.labels, self.units, *self.derivative.tolist(), strict=True)]
+        return ["parameter", "unit", *("derivative" for _ in self.derivative)], rows
+
+    def notes(self) -> list[str]:
+        from .report import unit_note
+
+        note = unit_note(self.labels, self.units)
+        return [note] if note else []
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Derivatives as bars, each over the largest of its objective; returns the figure."""
+        from .plot.studies import motion_sensitivity
+
+        return motion_sensitivity(self, ax=ax)
 
 
 def effects_of(made: MotionGradient, gradients: Any) -> np.ndarray:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from ._border import core_errors
 from ._checks import complex_array, count, flag, names, real_array, shown
 from .errors import ModelError
+from .results import Result, quantity, result
 
 if TYPE_CHECKING:
     from .turning_frames import Tangent, Turn
@@ -79,8 +80,8 @@ def multiblade(values: Any, azimuth: Any, inverse: bool = False) -> np.ndarray:
     return np.einsum("...ij,...i->...j", back, q) * weight
 
 
-@dataclass(frozen=True, eq=False)
-class RotorModes:
+@result
+class RotorModes(Result):
     """Modes of a rotor sorted by what its blades do together.
 
     ``frequency`` (n,) Hz in the turning frame, ``fixed`` (n,) Hz as a fixed observer sees them; ``family``: "collective",
@@ -89,22 +90,37 @@ class RotorModes:
     blade coordinate that moves most.
     """
 
-    frequency: np.ndarray
-    fixed: np.ndarray
-    family: tuple[str, ...]
-    share: np.ndarray
-    coordinate: tuple[int, ...]
+    frequency: np.ndarray = quantity(dims=("mode",), unit="Hz")
+    fixed: np.ndarray = quantity(dims=("mode",), unit="Hz", label="frequency seen by a fixed observer")
+    family: tuple[str, ...] = quantity(dims=("mode",))
+    share: np.ndarray = quantity(dims=("mode", "pattern"), unit="1")
+    coordinate: tuple[int, ...] = quantity(dims=("mode",))
 
-    def __str__(self) -> str:
-        from .report import table
+    row: ClassVar[str] = "mode"
+    axes: ClassVar[Mapping[str, str]] = {"mode": "numbers"}
 
+    @property
+    def numbers(self) -> np.ndarray:
+        """(n,) modes counted from 1."""
+        return np.arange(1, len(self.frequency) + 1)
+
+    def heading(self) -> str:
+        return f"{len(self.frequency)} modes of a rotor of {self.share.shape[1]} blades"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table."""
+        each = zip(self.frequency, self.fixed, self.family, self.share, self.coordinate, strict=True)
         rows = [
-            [i + 1, f, g, kind, share.max(), f"q{k + 1}"]
-            for i, (f, g, kind, share, k) in enumerate(
-                zip(self.frequency, self.fixed, self.family, self.share, self.coordinate, strict=True)
-            )
+            [i + 1, float(f), float(g), kind, float(share.max()), f"q{k + 1}"]
+            for i, (f, g, kind, share, k) in enumerate(each)
         ]
-        return table(["mode", "f turning [Hz]", "f fixed [Hz]", "family", "share", "blade moves"], rows)
+        return ["mode", "f turning [Hz]", "f fixed [Hz]", "family", "share", "blade moves"], rows
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Frequencies as a fixed observer sees them, coloured by family; returns the figure."""
+        from .plot.matrices import rotor_modes as draw
+
+        return draw(self, ax=ax)
 
 
 def rotor_modes(modes: Any, blades: Any, speed: float) -> RotorModes:

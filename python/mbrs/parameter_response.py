@@ -17,16 +17,17 @@ from .harmonic_balance import PeriodicSolution
 from .model.book import Book
 from .nonlinear_system import as_system
 from .response_curve import FrequencyResponse, collected, follow, interrupted
+from .results import Result, quantity, result
 
 
-@dataclass(frozen=True, eq=False)
+@result
 class ParameterResponse(FrequencyResponse):
     """A branch in a parameter: ``value`` (n,), one for each point; ``omega`` and ``level`` stay what they are.
 
     The rest is as of `FrequencyResponse`; every event has its ``value`` too. ``family`` makes the system for a value.
     """
 
-    value: np.ndarray = field(default_factory=lambda: np.zeros(0), kw_only=True)
+    value: np.ndarray = quantity(dims=("point",), default_factory=lambda: np.zeros(0), kw_only=True)
     name: str = field(default="value", kw_only=True)
     family: Callable[[float], Any] | None = field(default=None, repr=False, kw_only=True)
 
@@ -57,11 +58,10 @@ class ParameterResponse(FrequencyResponse):
         return self._with_system(super().at(event), self.place(event), event.level)
 
     def _with_system(self, one: PeriodicSolution, value: float, level: float) -> PeriodicSolution:
-        if self.family is not None:
-            system, force = self.family(value)
-            object.__setattr__(one, "system", system)
-            object.__setattr__(one, "force", _balance.scaled_force(force, level))
-        return one
+        if self.family is None:
+            return one
+        system, force = self.family(value)
+        return one.replaced(system=system, force=_balance.scaled_force(force, level))
 
     def peak(self, dof: Any = 0, harmonic: int | None = 1) -> PeriodicSolution:
         """The point of the curve with the largest amplitude; not solved for."""
@@ -77,20 +77,19 @@ class ParameterResponse(FrequencyResponse):
         most = len(self.branch.chunks) + _balance.integer("max_points", max_points)
         return _followed(self.branch, most, self.name, self.stats.wall_time)
 
-    def to_xarray(self) -> Any:
-        """As of `FrequencyResponse`, with the value as a coordinate."""
-        return super().to_xarray().assign_coords(value=("point", self.value))
-
     def _span(self) -> str:
         return f"{self.name} {self.value.min():.6g} to {self.value.max():.6g} at {self.frequency[0]:.6g} Hz"
 
-    def __getstate__(self) -> dict[str, Any]:
-        if self.family is None or _travels(self.family):
-            return super().__getstate__()
-        # what makes the systems cannot travel, so that the coefficients must
+    def data_state(self) -> dict[str, Any]:
+        if self.family is None or isinstance(self.family, OfModel):
+            return super().data_state()
+        # what makes the systems cannot travel in data, so that the coefficients must
         order = self.parts[0].setup.subharmonic if self.parts else 1
         cache = {"X": self.X, "subharmonic": order}
-        return {**super().__getstate__(), "family": None, "parts": (), "branch": None, "_built": cache}
+        return {**super().data_state(), "family": None, "parts": (), "branch": None, "_built": cache}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return Result.data_state(self) if self.family is None or _travels(self.family) else self.data_state()
 
 
 @takes_branch_options

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import comb
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -18,8 +18,7 @@ from .harmonic_balance import UNRESOLVED, effects_of
 from .model.book import Book
 from .model.laws import Law
 from .nonlinear_system import as_system, force_of_ports, nonlinear_system
-from .report import html_table, table
-from .results import Result, Stats
+from .results import Result, Stats, derived, quantity, result
 
 if TYPE_CHECKING:
     from ._verify_full import Distance
@@ -34,7 +33,7 @@ MOST_AUTOMATIC = 3000  # unknowns, of the estimate too, up to which "auto" adds 
 MOST_SAMPLES = 1 << 18
 
 
-@dataclass(frozen=True, eq=False)
+@result
 class QuasiPeriodicSolution(Result):
     """x(t) = a_0 + sum_j a_j cos(phi_j) + b_j sin(phi_j) with phi_j = (k_j . omega) t.
 
@@ -55,14 +54,34 @@ class QuasiPeriodicSolution(Result):
     """
 
     X: np.ndarray
-    indices: np.ndarray
-    omega: np.ndarray
+    indices: np.ndarray = quantity(dims=("term", "base"), name="index")
+    omega: np.ndarray = quantity(dims=("base",), unit="rad/s")
     n_samples: tuple[int, ...] = ()
     system: Any = field(default=None, repr=False)
     forces: Any = field(default=None, repr=False)
     static: Any = field(default=None, repr=False)
 
+    row: ClassVar[str] = "term"
+    axes: ClassVar[Mapping[str, str]] = {"coordinate": "coordinates"}
+
     @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return tuple(str(c) for c in getattr(self.system, "coordinates", range(len(self.X))))
+
+    @property
+    @derived(dims=("coordinate",))
+    def mean(self) -> np.ndarray:
+        """(dof,) the constant term."""
+        return self.X[:, 0]
+
+    @property
+    @derived(dims=("coordinate", "term", "part"), name="X")
+    def _coefficients(self) -> np.ndarray:
+        return np.stack([self.X[:, 1::2], self.X[:, 2::2]], axis=2)
+
+    @property
+    @derived(dims=("base",), unit="Hz")
     def frequency(self) -> np.ndarray:
         """Base frequencies, Hz."""
         return self.omega / (2 * np.pi)
@@ -138,23 +157,6 @@ class QuasiPeriodicSolution(Result):
 
         return orbit(self, dof, ax=ax)
 
-    def to_xarray(self) -> Any:
-        """Coefficients over coordinate, term and part, with the index vectors of the terms."""
-        import xarray as xr
-
-        parts = np.stack([self.X[:, 1::2], self.X[:, 2::2]], axis=2)
-        names = [str(c) for c in getattr(self.system, "coordinates", range(len(self.X)))]
-        return xr.Dataset(
-            {
-                "mean": ("coordinate", self.X[:, 0]),
-                "X": (("coordinate", "term", "part"), parts),
-                "index": (("term", "base"), self.indices),
-                "omega": ("base", self.omega),
-            },
-            {"coordinate": names, "part": ["cos", "sin"]},
-            {"error": self.error, "status": self.status},
-        )
-
     def rows(self, most: int = 12) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table: the largest terms."""
         size = np.max(np.hypot(self.X[:, 1::2], self.X[:, 2::2]), axis=0)
@@ -167,22 +169,16 @@ class QuasiPeriodicSolution(Result):
             rows.append([f"k = {k}", float(abs(self.indices[j] @ self.frequency)), *amplitude])
         return heads, rows
 
-    def _heading(self) -> str:
+    def heading(self) -> str:
         return (
             f"QuasiPeriodicSolution: {self.status}, omega = {', '.join(f'{w:.8g}' for w in self.omega)} rad/s, "
             f"{len(self.indices)} terms, estimated error {self.error:.1e}"
         )
 
-    def _footer(self) -> str | None:
+    def notes(self) -> list[str]:
         cut = f"(the largest 12 of {len(self.indices)} terms)" if len(self.indices) > 12 else ""
         poor = "unresolved: the estimated error exceeds the tolerance; take more harmonics"
-        return "\n".join(filter(None, [cut, poor if self.status == "unresolved" else ""])) or None
-
-    def __str__(self) -> str:
-        return table(*self.rows(), title=self._heading(), footer=self._footer())
-
-    def _repr_html_(self) -> str:
-        return html_table(*self.rows(), title=self._heading(), footer=self._footer())
+        return list(filter(None, [cut, poor if self.status == "unresolved" else ""]))
 
 
 def n_terms(p: int, m: int) -> int:
@@ -326,11 +322,10 @@ def _solved(problem: Torus, x0: Any, limit: float, options: dict[str, Any], star
             break
         problem, x0 = finer, result
     if not answer["converged"]:
-        object.__setattr__(result, "status", "stopped")
         raise ConvergenceError(
             f"quasi-periodic balance did not converge: {answer['reason']} after {answer['iterations']} iterations; "
             "start nearer (x0=) or follow a branch with quasi_periodic_response",
-            result,
+            result.replaced(status="stopped"),
         )
     return result
 

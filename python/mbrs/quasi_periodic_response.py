@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,11 +16,10 @@ from .continuation import MEANING, STATUS
 from .errors import Interrupted, ModelError
 from .harmonic_balance import UNRESOLVED, effects_of
 from .quasi_periodic import MOST_AUTOMATIC, QuasiPeriodicSolution, Torus
-from .report import html_table, table
-from .results import Result, Stats
+from .results import Result, Stats, derived, quantity, result
 
 
-@dataclass(frozen=True, eq=False)
+@result
 class QuasiPeriodicResponse(Result):
     """A branch of quasi-periodic solutions.
 
@@ -29,11 +28,11 @@ class QuasiPeriodicResponse(Result):
     ``folds`` are solutions at turning points of the branch, solved for; ``error`` (n,).
     """
 
-    scale: np.ndarray
-    level: np.ndarray
-    omega: np.ndarray
-    X: np.ndarray
-    indices: np.ndarray
+    scale: np.ndarray = quantity(dims=("point",))
+    level: np.ndarray = quantity(dims=("point",))
+    omega: np.ndarray = quantity(dims=("point", "base"), unit="rad/s")
+    X: np.ndarray = quantity(dims=("point", "coordinate", "coefficient"))
+    indices: np.ndarray = quantity(dims=("term", "base"), name="index")
     folds: tuple[QuasiPeriodicSolution, ...]
     system: Any = field(default=None, repr=False)
     forces: Any = field(default=None, repr=False)
@@ -43,8 +42,22 @@ class QuasiPeriodicResponse(Result):
     family: Callable[[float], Any] | None = field(default=None, repr=False)
     fold_places: tuple[float, ...] = ()
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "family": None}
+    row: ClassVar[str] = "point"
+    axes: ClassVar[Mapping[str, str]] = {"coordinate": "coordinates"}
+    error_dims: ClassVar[tuple[str, ...]] = ("point",)
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return tuple(self.label(i) for i in range(self.X.shape[1]))
+
+    @property
+    @derived(dims=("point",), name="parameter")
+    def _parameter(self) -> np.ndarray:
+        return self.along[1]
+
+    def data_state(self) -> dict[str, Any]:
+        return {**super().data_state(), "family": None}
 
     def __len__(self) -> int:
         return len(self.scale)
@@ -83,7 +96,7 @@ class QuasiPeriodicResponse(Result):
         """One solution by itself."""
         one = _solution(self, self.X[i], self.omega[i], float(self.level[i]), float(self.error[i]))
         if self.family is not None and self.value is not None:
-            object.__setattr__(one, "system", self.family(float(self.value[i])))
+            one = one.replaced(system=self.family(float(self.value[i])))
         return one
 
     def plot(self, dof: Any = 0, index: Sequence[int] | None = None, ax: Any = None) -> Any:
@@ -91,26 +104,6 @@ class QuasiPeriodicResponse(Result):
         from .plot.nonlinear import torus_branch
 
         return torus_branch(self, dof, index, ax=ax)
-
-    def to_xarray(self) -> Any:
-        """Coefficients and error over the points, with scale and level as coordinates."""
-        import xarray as xr
-
-        return xr.Dataset(
-            {
-                "X": (("point", "coordinate", "coefficient"), self.X),
-                "error": ("point", self.error),
-                "index": (("term", "base"), self.indices),
-                "omega": (("point", "base"), self.omega),
-            },
-            {
-                "scale": ("point", self.scale),
-                "level": ("point", self.level),
-                "parameter": ("point", self.along[1]),
-                "coordinate": [self.label(i) for i in range(self.X.shape[1])],
-            },
-            {"status": self.status},
-        )
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table: ends and folds."""
@@ -124,7 +117,7 @@ class QuasiPeriodicResponse(Result):
         rows.append(["last", float(x[-1]), *(float(y[-1]) for _, y, _ in terms), f"{self.error[-1]:.1e}"])
         return heads, rows
 
-    def _heading(self) -> str:
+    def heading(self) -> str:
         return (
             f"QuasiPeriodicResponse: {self.status} ({MEANING.get(self.status, '')}), {len(self)} points, "
             f"{len(self.folds)} folds, largest estimated error {np.max(self.error):.1e}"
@@ -138,12 +131,6 @@ class QuasiPeriodicResponse(Result):
         if self.parameter.startswith("omega"):
             return f"omega[{self.parameter[5:]}]", self.omega[:, int(self.parameter[5:])]
         return ("force level", self.level) if self.parameter == "level" else ("factor on the frequencies", self.scale)
-
-    def __str__(self) -> str:
-        return table(*self.rows(), title=self._heading())
-
-    def _repr_html_(self) -> str:
-        return html_table(*self.rows(), title=self._heading())
 
 
 def quasi_periodic_response(
@@ -377,11 +364,8 @@ def _collect(
         w, at_level, _ = _where(problem, way, float(event["p"]))
         near = float(error[min(event["before"], len(error) - 1)])
         folds.append(_solution(curve, expanded(event["y"], float(event["p"])), w, at_level, near))
-    object.__setattr__(curve, "folds", tuple(folds))
-    object.__setattr__(
-        curve, "fold_places", tuple(float(e["p"]) for part in parts for e in part["events"] if e["kind"] == "fold")
-    )
-    return curve
+    where = tuple(float(e["p"]) for part in parts for e in part["events"] if e["kind"] == "fold")
+    return curve.replaced(folds=tuple(folds), fold_places=where)
 
 
 def _solution(

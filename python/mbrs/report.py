@@ -14,7 +14,11 @@ import numpy as np
 
 from .errors import ModelError
 
-__all__ = ["html_table", "number", "si", "table"]
+__all__ = ["Block", "html_table", "number", "si", "table", "without_rounding"]
+
+# Part of the scale of a table below which a number is rounding: some dozen operations. Larger, small answers print as 0;
+# smaller, rounding prints as numbers (tests/test_report.py).
+ROUNDING = 64 * float(np.finfo(float).eps)
 
 _ABSENT = "-"
 _GAP = 2
@@ -106,6 +110,55 @@ def si(value: float, unit: str, digits: int = 4) -> str:
     group = math.floor(math.log10(rounded) / 3.0 + 1e-12)
     group = min(max(group, min(_PREFIXES)), max(_PREFIXES))
     return f"{_real(value / 1000.0**group, digits)} {_PREFIXES[group]}{unit}"
+
+
+def without_rounding(values: Any, scale: Any = None, error: float = 0.0) -> np.ndarray:
+    """Numbers of one unit as tables show them: 0 where they are rounding.
+
+    Parameters
+    ----------
+    values
+        Array of numbers that have one unit.
+    scale
+        Size of what was added up in them, a number or an array that broadcasts; the largest finite entry by default.
+    error
+        Stated relative error, where it is more than rounding.
+
+    Examples
+    --------
+    >>> without_rounding([8e-5, -5.6e-21]).tolist()
+    [8e-05, 0.0]
+    """
+    array = np.asarray(values)
+    size = np.abs(array)
+    if scale is None:
+        scale = np.max(size, where=np.isfinite(size), initial=0.0)
+    limit = max(ROUNDING, error if math.isfinite(error) else 0.0)
+    return np.asarray(np.where(size <= limit * np.asarray(scale), np.zeros_like(array), array))
+
+
+@dataclass(frozen=True)
+class Block:
+    """One table of a result: columns, rows, a line above and lines below, as text and as HTML. Without columns: only text."""
+
+    columns: Sequence[str] = ()
+    rows: Sequence[Sequence[Any]] = ()
+    title: str | None = None
+    footer: str | None = None
+    digits: int = 6
+
+    def text(self) -> str:
+        """For a terminal."""
+        if not self.columns or not self.rows:
+            return "\n".join(filter(None, [self.title, self.footer]))
+        return table(self.columns, self.rows, self.title, self.footer, digits=self.digits)
+
+    def html(self) -> str:
+        """For a notebook or a page."""
+        if not self.columns or not self.rows:
+            lines = filter(None, [self.title, self.footer])
+            return "".join(f"<p>{html.escape(line)}</p>".replace("\n", "<br>") for line in lines)
+        return html_table(self.columns, self.rows, self.title, self.footer, digits=self.digits)
 
 
 @dataclass(frozen=True)

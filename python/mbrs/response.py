@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from ._border import core_errors
 from ._linear import LinearSystem, Origin, linear_system
 from .errors import ModelError
 from .progress import while_long
-from .results import Result, Stats, added_counts
+from .report import number, without_rounding
+from .results import Result, Stats, added_counts, quantity, result
 from .second_order import MechanicalSystem
 
 _KINDS = ("displacement", "velocity", "acceleration")
@@ -29,7 +30,7 @@ class LoadHistory:
     bulge: np.ndarray
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class ResponseResult(Result):
     """Motion of the outputs over time.
 
@@ -51,82 +52,80 @@ class ResponseResult(Result):
         (n_out, n_t) the same, absolute and over time.
     """
 
-    t: np.ndarray
-    displacement: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
+    t: np.ndarray = quantity(dims=("t",), unit="s")
+    displacement: np.ndarray = quantity(dims=("output", "t"))
+    velocity: np.ndarray = quantity(dims=("output", "t"))
+    acceleration: np.ndarray = quantity(dims=("output", "t"))
     kind: str
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    error_history: np.ndarray
+    error_history: np.ndarray = quantity(dims=("output", "t"))
     linear: LinearSystem | None = field(default=None, kw_only=True)
     history: LoadHistory | None = field(default=None, kw_only=True)
     start: tuple[np.ndarray, np.ndarray] | None = field(default=None, kw_only=True)
     origin: Origin | None = field(default=None, kw_only=True)
+
+    row: ClassVar[str] = "t"
+    axes: ClassVar[Mapping[str, str]] = {"output": "outputs"}
+    error_dims: ClassVar[tuple[str, ...]] = ("output",)
 
     @property
     def value(self) -> np.ndarray:
         chosen: np.ndarray = getattr(self, self.kind)
         return chosen
 
-    def __str__(self) -> str:
-        lines = [
-            f"{self.kind} of {len(self.outputs)} outputs, {self.t.size} times, {self.t[0]:.6g} to {self.t[-1]:.6g} s"
-        ]
-        lines.append(f"{'output':<36} {'smallest':>14} {'largest':>14} {'last':>14} {'error':>9}")
-        for name, y, e in list(zip(self.outputs, self.value, np.atleast_1d(self.error), strict=True))[:20]:
-            lines.append(f"{name:<36} {y.min():>14.6g} {y.max():>14.6g} {y[-1]:>14.6g} {e:>9.1e}")
-        if len(self.outputs) > 20:
-            lines.append(f"... and {len(self.outputs) - 20} more")
-        lines.append(f"route: {self.stats.route}, {self.status}")
-        return "\n".join(lines)
+    def heading(self) -> str:
+        span = f", {self.t[0]:.6g} to {self.t[-1]:.6g} s" if self.t.size else ""
+        return f"{self.kind} of {len(self.outputs)} outputs, {self.t.size} times{span}"
 
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` with displacement, velocity and acceleration over (output, t)."""
-        import xarray
+    def attributes(self) -> dict[str, Any]:
+        return {**super().attributes(), "kind": self.kind}
 
-        return xarray.Dataset(
-            {name: (("output", "t"), getattr(self, name)) for name in _KINDS},
-            coords={"output": list(self.outputs), "t": ("t", self.t, {"units": "s"})},
-            attrs={"kind": self.kind, "route": self.stats.route, "status": self.status},
-        )
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: extremes of each output."""
+        rows: list[list[Any]] = []
+        for name, y, e in zip(self.outputs, self.value, np.atleast_1d(self.error), strict=True):
+            least, most, last = without_rounding([y.min(), y.max(), y[-1]], float(np.abs(y).max()), float(e)).tolist()
+            rows.append([name, least, most, last, number(float(e), 2)])
+        return ["output", "smallest", "largest", "last", "error"], rows
 
-    def plot(self) -> Any:
-        """The outputs over time; returns a matplotlib figure."""
+    def notes(self) -> list[str]:
+        return [f"route: {self.stats.route}, {self.status}"]
+
+    def plot(self, *, ax: Any = None, **options: Any) -> Any:
+        """The outputs over time; returns the figure."""
         from .plot import response as draw
 
-        return draw(self)
+        return draw(self, ax=ax, **options)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class ResponseSensitivity(Result):
-    """``value`` (n_out, n_t, n_p): derivative of the motion along each of ``parameters``; ``error`` (n_out, n_p)."""
+    """``value`` (n_out, n_t, n_p): derivative of the motion along each of the parameters ``labels``; ``error`` (n_out, n_p)."""
 
-    t: np.ndarray
-    value: np.ndarray
+    t: np.ndarray = quantity(dims=("t",), unit="s")
+    value: np.ndarray = quantity(dims=("output", "t", "parameter"), name="dy_dp")
     kind: str
     outputs: tuple[str, ...]
-    parameters: tuple[str, ...]
+    labels: tuple[str, ...]
 
-    def __str__(self) -> str:
-        lines = [f"d {self.kind} / d p at {self.t.size} times", f"{'parameter':<30} {'largest |dy/dp|':>16}"]
-        sizes = np.abs(self.value).max(axis=(0, 1))
-        lines += [f"{name:<30} {size:>16.6g}" for name, size in zip(self.parameters, sizes, strict=True)]
-        return "\n".join(lines)
+    row: ClassVar[str] = "t"
+    axes: ClassVar[Mapping[str, str]] = {"output": "outputs", "parameter": "labels"}
+    error_dims: ClassVar[tuple[str, ...]] = ("output", "parameter")
 
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` with ``dy_dp`` over (output, t, parameter)."""
-        import xarray
+    def heading(self) -> str:
+        return f"d {self.kind} / d p at {self.t.size} times"
 
-        return xarray.Dataset(
-            {"dy_dp": (("output", "t", "parameter"), self.value)},
-            coords={
-                "output": list(self.outputs),
-                "t": ("t", self.t, {"units": "s"}),
-                "parameter": list(self.parameters),
-            },
-            attrs={"kind": self.kind},
-        )
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: the largest derivative by each parameter."""
+        sizes = np.abs(self.value).max(axis=(0, 1)).tolist()
+        return ["parameter", "largest |dy/dp|"], [list(row) for row in zip(self.labels, sizes, strict=True)]
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """dy/dp over time, a line for each parameter and output; returns the figure."""
+        from .plot.derivatives import response_sensitivity
+
+        return response_sensitivity(self, ax=ax)
 
 
 def response(
@@ -296,7 +295,7 @@ def response_sensitivity(
         value=value,
         kind=result.kind,
         outputs=linear.outputs,
-        parameters=tuple(parameters),
+        labels=tuple(parameters),
         stats=Stats(time.perf_counter() - begin, counts, linear.effects, "block exponential"),
         error=error,
     )

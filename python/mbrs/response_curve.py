@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,8 +15,8 @@ from .continuation import MEANING, Branch, Event
 from .errors import Interrupted, ModelError
 from .harmonic_balance import UNRESOLVED, PeriodicSolution, effects_of
 from .progress import Progress
-from .report import html_table, table
-from .results import Result, Stats
+from .report import Block, table
+from .results import Result, Stats, derived, quantity, result
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class Part:
         return self.setup.expand(self.y[i], float(self.omega[i]), float(self.level[i]), value)
 
 
-@dataclass(frozen=True, eq=False)
+@result
 class FrequencyResponse(Result):
     """A branch of periodic solutions, point by point along the curve.
 
@@ -59,9 +59,9 @@ class FrequencyResponse(Result):
         step became too small; ``reason`` says why), "unresolved" (the end was reached, but an error exceeds the tolerance).
     """
 
-    omega: np.ndarray
-    level: np.ndarray
-    stable: np.ndarray | None
+    omega: np.ndarray = quantity(dims=("point",), unit="rad/s")
+    level: np.ndarray = quantity(dims=("point",), unit="1")
+    stable: np.ndarray | None = quantity(dims=("point",))
     exponents: np.ndarray | None
     events: tuple[Event, ...]
     parts: tuple[Part, ...] = field(repr=False)
@@ -70,7 +70,37 @@ class FrequencyResponse(Result):
     branch: Branch | None = field(default=None, repr=False)
     reason: str = ""
 
+    row: ClassVar[str] = "point"
+    axes: ClassVar[Mapping[str, str]] = {"coordinate": "coordinates", "coefficient": "coefficient_names"}
+    error_dims: ClassVar[tuple[str, ...]] = ("point",)
+
     @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return tuple(str(name) for name in getattr(self.system, "coordinates", range(self.X.shape[1])))
+
+    @property
+    def coefficient_names(self) -> tuple[str, ...]:
+        """a0, a1, b1, a2, ..."""
+        return ("a0", *(f"{part}{h}" for h in range(1, self.X.shape[2] // 2 + 1) for part in "ab"))
+
+    def labelled(self) -> dict[str, tuple[tuple[str, ...], Any, str, str]]:
+        events = {
+            "event_kind": (np.array([e.kind for e in self.events], dtype=str), ""),
+            "event_omega": (np.array([e.omega for e in self.events], dtype=float), "rad/s"),
+            "event_level": (np.array([e.level for e in self.events], dtype=float), "1"),
+        }
+        named = {name: (("event",), value, unit, name.replace("_", " ")) for name, (value, unit) in events.items()}
+        return {**super().labelled(), **named}
+
+    def attributes(self) -> dict[str, Any]:
+        return {**super().attributes(), "meaning": MEANING.get(self.status.split(":")[0], "")}
+
+    def blocks(self) -> list[Block]:
+        return [Block(*self.rows(), title=self.heading(), footer="amplitudes of the first harmonic", digits=7)]
+
+    @property
+    @derived(dims=("point",), unit="Hz")
     def frequency(self) -> np.ndarray:
         """Excitation frequency, Hz."""
         return self.omega / (2 * np.pi)
@@ -79,6 +109,7 @@ class FrequencyResponse(Result):
         return len(self.omega)
 
     @property
+    @derived(dims=("point", "coordinate", "coefficient"))
     def X(self) -> np.ndarray:
         """(n, dof, 2H+1) coefficients [a0, a1, b1, ...], zero-padded to the largest H; built at the first use."""
         if "X" not in self._cache:
@@ -110,6 +141,7 @@ class FrequencyResponse(Result):
         return self.stats.counts.get("single solutions", 0) == 0
 
     @property
+    @derived(dims=("point", "exponent"), unit="1", name="multiplier")
     def multipliers(self) -> np.ndarray | None:
         """(n, 2 dof) Floquet multipliers exp(s T) over one period of the motion, or None."""
         if self.exponents is None:
@@ -250,14 +282,17 @@ class FrequencyResponse(Result):
         follow(self.branch, len(self.branch.chunks) + _balance.integer("max_points", max_points), None)
         return collect(self.branch, perf_counter() - started + self.stats.wall_time)
 
-    def plot(self, dof: Any = 0, harmonic: int | None = 1, ax: Any = None, label: str | None = None) -> Any:
+    def plot(
+        self, dof: Any = 0, harmonic: int | None = 1, ax: Any = None, label: str | None = None, over: str = ""
+    ) -> Any:
         """Amplitude over frequency (or level), unstable parts dashed, events marked; returns the matplotlib figure.
 
-        ``ax``, ``label``: axes to draw into, for several curves in one picture, and a name of this one.
+        ``ax``, ``label``: axes to draw into, for several curves in one picture, and a name of this one. ``over``: "frequency"
+        (Hz) or "omega" (rad/s).
         """
         from .plot.nonlinear import curve
 
-        return curve(self, dof, harmonic, ax=ax, label=label)
+        return curve(self, dof, harmonic, ax=ax, label=label, over=over)
 
     def plot_multipliers(self) -> Any:
         """Floquet multipliers in the complex plane, and the largest along the curve; returns the figure."""
@@ -265,40 +300,9 @@ class FrequencyResponse(Result):
 
         return multipliers(self)
 
-    def to_xarray(self) -> Any:
-        """Coefficients, error and stability over the points of the curve, with omega and level as coordinates."""
-        import xarray as xr
-
-        n_c = self.X.shape[2]
-        names = [str(name) for name in getattr(self.system, "coordinates", range(self.X.shape[1]))]
-        columns = ["a0", *(f"{part}{h}" for h in range(1, n_c // 2 + 1) for part in "ab")]
-        data: dict[str, Any] = {"X": (("point", "coordinate", "coefficient"), self.X), "error": ("point", self.error)}
-        if self.stable is not None:
-            data["stable"] = ("point", self.stable)
-        if self.multipliers is not None:
-            data["multiplier"] = (
-                ("point", "part", "number"),
-                np.stack([self.multipliers.real, self.multipliers.imag], 1),
-            )
-        data["event_kind"] = ("event", np.array([e.kind for e in self.events], dtype=str))
-        data["event_omega"] = ("event", np.array([e.omega for e in self.events], dtype=float))
-        data["event_level"] = ("event", np.array([e.level for e in self.events], dtype=float))
-        return xr.Dataset(
-            data,
-            {
-                "coordinate": names,
-                "coefficient": columns,
-                "omega": ("point", self.omega),
-                "frequency": ("point", self.frequency),
-                "level": ("point", self.level),
-                **({} if self.multipliers is None else {"part": ["re", "im"]}),
-            },
-            {"status": self.status, "meaning": MEANING.get(self.status.split(":")[0], "")},
-        )
-
     def table(self, *dofs: Any) -> str:
         """The table of ``print(curve)`` for other displacements, such as ``curve.table(body.motion("z"))``."""
-        return table(*self.rows(dofs), title=self._heading(), footer="amplitudes of the first harmonic", digits=7)
+        return table(*self.rows(dofs), title=self.heading(), footer="amplitudes of the first harmonic", digits=7)
 
     def rows(self, dofs: Sequence[Any] = ()) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table: ends, largest amplitudes and events, in the order of the curve.
@@ -326,9 +330,9 @@ class FrequencyResponse(Result):
         return heads, rows
 
     def _size(self) -> np.ndarray:
-        """How much each coordinate moves, (dof,)."""
-        if "X" in self._cache:
-            return np.linalg.norm(self.X[:, :, 1:], axis=(0, 2))
+        """How much each coordinate moves where the motion is largest, (dof,)."""
+        if not self.parts:
+            return np.linalg.norm(self.X[int(np.argmax(np.linalg.norm(self.X, axis=(1, 2)))), :, 1:], axis=1)
         i = int(np.argmax([float(np.linalg.norm(y)) for part in self.parts for y in part.y]))
         part, k = self._part_of(i)
         return np.linalg.norm(part.expanded(k)[:, 1:], axis=1)
@@ -338,7 +342,7 @@ class FrequencyResponse(Result):
             return "-"
         return "yes" if self.stable[i] else "no"
 
-    def _heading(self) -> str:
+    def heading(self) -> str:
         word = self.status.split(":")[0]
         text = (
             f"{type(self).__name__}: {self.status} ({MEANING.get(word, '')}), {len(self)} points, "
@@ -355,18 +359,9 @@ class FrequencyResponse(Result):
             return f"{self.frequency[0]:.6g} Hz, level {self.level.min():.6g} to {self.level.max():.6g}"
         return where
 
-    def __str__(self) -> str:
-        return self.table()
-
-    def _repr_html_(self) -> str:
-        return html_table(*self.rows(), title=self._heading(), footer="amplitudes of the first harmonic", digits=7)
-
     @property
     def _cache(self) -> dict[str, Any]:
         return self.__dict__.setdefault("_built", {})
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "_built"}
 
 
 def sorted_ends(here: np.ndarray, other: np.ndarray, behind: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -417,7 +412,7 @@ def collect(branch: Branch, wall_time: float) -> FrequencyResponse:
 def interrupted(branch: Branch, collect: Callable[[], FrequencyResponse]) -> Interrupted:
     """What is raised when Ctrl-C cuts a branch: with its points so far, if there are any."""
     n = len(branch.chunks)
-    made = replace(collect(), status="interrupted") if n else None
+    made = collect().replaced(status="interrupted") if n else None
     return Interrupted(f"a branch was interrupted after {n} points", made)
 
 

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from ._border import core_errors
+from ._parts import split
 from .errors import ModelError, RouteError
-from .linearize import Linearization, _rotation, _skew, split
+from .linearize import Linearization, _rotation, _skew
 from .model.ports import Port, as_port
 from .model.schema import BODY, MARKER
-from .results import Result, Stats
+from .report import without_rounding
+from .results import Result, Stats, derived, quantity, result
 from .tables import Directions, directions, tables
 
 
@@ -53,7 +55,7 @@ class SparseDerivative:
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class LinearizationSensitivity(Result):
     """Derivatives of a linearisation; the parameter axis is last.
 
@@ -78,8 +80,8 @@ class LinearizationSensitivity(Result):
     damping: SparseDerivative
     stiffness: SparseDerivative
     T: np.ndarray | None
-    position: np.ndarray
-    rotation: np.ndarray
+    position: np.ndarray = quantity(dims=("body", "axis", "parameter"))
+    rotation: np.ndarray = quantity(dims=("body", "axis", "parameter"))
     coordinate: np.ndarray
     ground_coupling: np.ndarray | None
     labels: tuple[str, ...]
@@ -87,27 +89,50 @@ class LinearizationSensitivity(Result):
     directions: Directions
     linearization: Linearization
 
+    row: ClassVar[str] = "parameter"
+    axes: ClassVar[Mapping[str, str]] = {
+        "body": "bodies",
+        "parameter": "labels",
+        "coordinate": "coordinates",
+        "coordinate_": "coordinates",
+    }
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies."""
+        return self.linearization.bodies
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return self.linearization.coordinates
+
     @cached_property
+    @derived(dims=("coordinate", "coordinate_", "parameter"), name="dM")
     def M(self) -> np.ndarray:
         """dM/dp."""
         return self.mass.dense()
 
     @cached_property
+    @derived(dims=("coordinate", "coordinate_", "parameter"), name="dC")
     def C(self) -> np.ndarray | None:
         """dC/dp, the symmetric part of the derivative of the damping."""
         return None if self.linearization.C is None else split(self.damping.dense())[0]
 
     @cached_property
+    @derived(dims=("coordinate", "coordinate_", "parameter"), name="dG")
     def G(self) -> np.ndarray | None:
         """dG/dp, the skew part of the derivative of the damping."""
         return self._skew(self.damping, self.has_G)
 
     @cached_property
+    @derived(dims=("coordinate", "coordinate_", "parameter"), name="dK")
     def K(self) -> np.ndarray:
         """dK/dp, the symmetric part of the derivative of the stiffness."""
         return split(self.stiffness.dense())[0]
 
     @cached_property
+    @derived(dims=("coordinate", "coordinate_", "parameter"), name="dN")
     def N(self) -> np.ndarray | None:
         """dN/dp, the skew part of the derivative of the stiffness."""
         return self._skew(self.stiffness, self.has_N)
@@ -145,68 +170,68 @@ class LinearizationSensitivity(Result):
         """K + N."""
         return self.K if self.N is None else self.K + self.N
 
-    def __str__(self) -> str:
-        from .report import table, unit_note
+    def heading(self) -> str:
+        return f"derivatives of {self.linearization.model.name!r}"
 
-        rows = [
-            (
-                label,
-                unit,
-                float(np.abs(self.M[..., p]).max()),
-                float(np.abs(self.K[..., p]).max()),
-                float(np.abs(self.position[..., p]).max()),
-            )
-            for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: the largest entries by each parameter."""
+        sizes = [
+            np.abs(a).reshape(-1, len(self.labels)).max(axis=0, initial=0.0) for a in (self.M, self.K, self.position)
         ]
-        return table(
-            ["parameter", "unit", "max |dM|", "max |dK|", "max |dx| (m)"],
-            rows,
-            title=f"derivatives of {self.linearization.model.name!r}",
-            footer=unit_note(self.labels, self.units),
-        )
+        rows = [[*line] for line in zip(self.labels, self.units, *(s.tolist() for s in sizes), strict=True)]
+        return ["parameter", "unit", "max |dM|", "max |dK|", "max |dx| [m]"], rows
 
-    __repr__ = __str__
+    def notes(self) -> list[str]:
+        from .report import unit_note
+
+        note = unit_note(self.labels, self.units)
+        return [note] if note else []
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Largest entries of dM and dK by each parameter, each over the largest of its matrix; returns the figure."""
+        from .plot.derivatives import linearization_sensitivity
+
+        return linearization_sensitivity(self, ax=ax)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class EquilibriumSensitivity(Result):
     """How an equilibrium or a steady motion moves: ``position`` and ``rotation`` (n_bodies, 3, n_p), world; ``coordinate`` (n_tree,
     n_p).
     """
 
-    position: np.ndarray
-    rotation: np.ndarray
+    position: np.ndarray = quantity(dims=("body", "axis", "parameter"))
+    rotation: np.ndarray = quantity(dims=("body", "axis", "parameter"))
     coordinate: np.ndarray
     bodies: tuple[str, ...]
     labels: tuple[str, ...]
     units: tuple[str, ...]
 
-    def __str__(self) -> str:
-        from .report import table, unit_note
+    row: ClassVar[str] = "parameter"
+    axes: ClassVar[Mapping[str, str]] = {"body": "bodies", "parameter": "labels"}
 
-        rows = [
-            (body, label, unit, *self.position[i, :, p], *self.rotation[i, :, p])
-            for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))
-            for i, body in enumerate(self.bodies)
-        ]
-        return table(
-            ["body", "parameter", "unit", "dx", "dy", "dz", "drx", "dry", "drz"],
-            rows[:60],
-            title="equilibrium per unit of each parameter",
-            footer=unit_note(self.labels, self.units),
-        )
+    def heading(self) -> str:
+        return "equilibrium per unit of each parameter"
 
-    __repr__ = __str__
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: how each body moves by each parameter."""
+        rows: list[list[Any]] = []
+        for p, (label, unit) in enumerate(zip(self.labels, self.units, strict=True)):
+            numbers = without_rounding(np.hstack([self.position[..., p], self.rotation[..., p]]))
+            rows += [[body, label, unit, *line] for body, line in zip(self.bodies, numbers.tolist(), strict=True)]
+        return ["body", "parameter", "unit", "dx", "dy", "dz", "drx", "dry", "drz"], rows
 
-    def to_xarray(self) -> Any:
-        """`xarray.Dataset` over (body, axis, parameter)."""
-        import xarray
+    def notes(self) -> list[str]:
+        from .report import unit_note
 
-        over = ("body", "axis", "parameter")
-        return xarray.Dataset(
-            {"position": (over, self.position), "rotation": (over, self.rotation)},
-            coords={"body": list(self.bodies), "axis": ["x", "y", "z"], "parameter": list(self.labels)},
-        )
+        note = unit_note(self.labels, self.units)
+        return [note] if note else []
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """How far each body moves by each parameter, as bars; returns the figure."""
+        from .plot.derivatives import equilibrium_sensitivity
+
+        return equilibrium_sensitivity(self, ax=ax)
 
 
 def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: str = "follow") -> Any:

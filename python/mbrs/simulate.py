@@ -7,7 +7,6 @@ import math
 import time
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -171,7 +170,7 @@ def simulate(
     made = _run(snapshot, state, without, options)
     traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
     if parameters is not None:
-        traj = replace(traj, parameters=parameters, start=state, rho=rho)
+        traj = traj.replaced(parameters=parameters, start=state, rho=rho)
     if traj.status == "interrupted":
         raise Interrupted(f"the motion of {m.name!r} was interrupted at t = {made['end']:.6g} s", traj)
     _report_start(m, made)
@@ -315,7 +314,7 @@ def _trajectory(
         message=made["message"],
         snapshot=snapshot,
         without=without,
-        estimate=functools.partial(_estimated_error, state=state, options=options),
+        error=functools.partial(_estimated_error, state=state, options=options),
         stats=Stats(wall, dict(made["counts"]), acting, f"{made['method']}: {made['why']}"),
         status=made["status"],
     )

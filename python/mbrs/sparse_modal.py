@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -147,7 +147,7 @@ def model_modes(model: Any, at: Any, n: int, without: Any, start: float, shift: 
     r["route"] = f"sparse, {r['route']} ({r['verified']})"
     found = _result(system, r, count, on, start)
     unresolved = r["verified"] == "unverified" or not np.all(found.error[found.kind != "rigid"] <= _UNRESOLVED)
-    return replace(found, status="unresolved" if unresolved else "converged")
+    return found.replaced(status="unresolved" if unresolved else "converged")
 
 
 def _sign(r: dict[str, Any]) -> None:

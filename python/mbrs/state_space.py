@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ._linear import LinearSystem, dense, linear_system
 from .errors import ModelError, SingularError
+from .report import Block, without_rounding
+from .results import Result, quantity, result
 
 _ORDER = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class StateSpace:
+@result
+class StateSpace(Result):
     """x' = A x + B u, outputs C x + D u, with x = (y, y') where all inputs are forces.
 
     Unpacks as ``A, B, C, D = ss``. ``states``, ``inputs`` and ``outputs`` are names. An input that is a motion of the
@@ -23,13 +24,16 @@ class StateSpace:
     it is needed, and ``states`` say so by a star.
     """
 
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
+    A: np.ndarray = quantity(dims=("state", "state_"), unit="")
+    B: np.ndarray = quantity(dims=("state", "input"))
+    C: np.ndarray = quantity(dims=("output", "state"))
+    D: np.ndarray = quantity(dims=("output", "input"))
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+
+    row: ClassVar[str] = "state"
+    axes: ClassVar[Mapping[str, str]] = {"state": "states", "state_": "states", "input": "inputs", "output": "outputs"}
 
     def __iter__(self) -> Iterator[np.ndarray]:
         return iter((self.A, self.B, self.C, self.D))
@@ -40,10 +44,29 @@ class StateSpace:
     def __getitem__(self, i: int) -> np.ndarray:
         return (self.A, self.B, self.C, self.D)[i]
 
-    def __repr__(self) -> str:
-        return (
-            f"StateSpace({len(self.states)} states; inputs {', '.join(self.inputs)}; outputs {', '.join(self.outputs)})"
-        )
+    def heading(self) -> str:
+        return f"{len(self.states)} states; inputs {', '.join(self.inputs)}; outputs {', '.join(self.outputs)}"
+
+    def blocks(self) -> list[Block]:
+        """[A B] over [C D], up to 12 states."""
+        most = 12
+        if len(self.states) > most:
+            return [
+                Block(
+                    title=f"StateSpace: {self.heading()}", footer=f"(matrices of more than {most} states are not shown)"
+                )
+            ]
+        whole = np.block([[self.A, self.B], [self.C, self.D]])
+        rows = [
+            [n, *line] for n, line in zip((*self.states, *self.outputs), without_rounding(whole).tolist(), strict=True)
+        ]
+        return [Block(["", *self.states, *self.inputs], rows, f"StateSpace: {self.heading()}")]
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Eigenvalues of A in the complex plane; returns the figure."""
+        from .plot.matrices import eigenvalues
+
+        return eigenvalues(self, ax=ax)
 
     def to_control(self) -> Any:
         """`control.StateSpace` with the names (needs ``pip install mbrs-dynamics[control]``)."""

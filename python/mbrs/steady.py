@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from .effects import check_without
 from .errors import ConvergenceError, ModelError, SingularError
 from .linearize import Linearization, Snapshot, _linearization
 from .model.names import not_found
-from .results import Result, Stats
+from .report import number
+from .results import Result, Stats, derived, result
 from .state import State, state_of
 from .turning_frames import Frame, sampled
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 _MAX_ITERATIONS = 60
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class SteadyMotion(Result):
     """A steadily turning state; give it as ``at=`` to other analyses.
 
@@ -72,18 +73,70 @@ class SteadyMotion(Result):
         """Position, rotation, velocity and angular velocity of the bodies' origins, world."""
         return self.linearization.poses
 
-    def __str__(self) -> str:
-        lines = [f"steady motion of {self.model.name!r}: {self.status}, {self.iterations} iterations"]
-        for name, value in self.speed.items():
-            sliding = not _turns_about_itself(self.model, name)
-            units = ("m/s", "N") if sliding else ("rad/s", "N m")
-            lines.append(f"  {name}: {value:.6g} {units[0]}, held by {self.torque[name]:.4g} {units[1]}")
-        if self.carried:
-            lines.append(f"  carried around: {', '.join(self.carried)}")
-        lines.append(f"  constant in {self.frame} axes")
-        return "\n".join(lines)
+    row: ClassVar[str] = "coordinate"
+    axes: ClassVar[Mapping[str, str]] = {"coordinate": "driven", "body": "bodies"}
 
-    __repr__ = __str__
+    @property
+    def driven(self) -> tuple[str, ...]:
+        """Names of the driven coordinates."""
+        return tuple(self.speed)
+
+    @property
+    @derived(dims=("coordinate",), name="speed")
+    def _speeds(self) -> np.ndarray:
+        return np.array(list(self.speed.values()), dtype=float)
+
+    @property
+    @derived(dims=("coordinate",), label="unit of the speed")
+    def speed_unit(self) -> np.ndarray:
+        """(n,) of the driven coordinates: rad/s, or m/s where they slide."""
+        return np.array(["rad/s" if _turns_about_itself(self.model, name) else "m/s" for name in self.speed], dtype=str)
+
+    @property
+    @derived(dims=("coordinate",), name="torque")
+    def _torques(self) -> np.ndarray:
+        return np.array([self.torque[name] for name in self.speed], dtype=float)
+
+    @property
+    @derived(dims=("coordinate",), label="unit of the torque")
+    def torque_unit(self) -> np.ndarray:
+        """(n,) of the driven coordinates: N m, or N where they slide."""
+        return np.array(["N m" if _turns_about_itself(self.model, name) else "N" for name in self.speed], dtype=str)
+
+    @property
+    @derived(dims=("body", "axis"), unit="m", name="position")
+    def _positions(self) -> np.ndarray:
+        return np.asarray(self.poses["position"])
+
+    @property
+    @derived(dims=("body", "axis"), unit="m/s", name="velocity")
+    def _velocities(self) -> np.ndarray:
+        return np.asarray(self.poses["velocity"])
+
+    def heading(self) -> str:
+        return f"steady motion of {self.model.name!r}: {self.status}, {self.iterations} iterations"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: speed and torque of each driven coordinate."""
+        units = zip(self.speed_unit.tolist(), self.torque_unit.tolist(), strict=True)
+        rows = [
+            [name, number(speed), rate, number(self.torque[name], 4), force]
+            for (name, speed), (rate, force) in zip(self.speed.items(), units, strict=True)
+        ]
+        return ["driven", "speed", "unit", "held by", "unit"], rows
+
+    def notes(self) -> list[str]:
+        carried = [f"carried around: {', '.join(self.carried)}"] if self.carried else []
+        return [*carried, f"constant in {self.frame} axes"]
+
+    def attributes(self) -> dict[str, Any]:
+        return {**super().attributes(), "frame": self.frame}
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """The bodies with their velocities as arrows, in the plane in which the motion is widest; returns the figure."""
+        from .plot.models import steady_motion as draw
+
+        return draw(self, ax=ax)
 
 
 def steady_motion(

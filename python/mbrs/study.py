@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,8 +15,8 @@ from ._timing import name_of, short, timed
 from .errors import Interrupted, MbrsError, ModelError
 from .measures import measure_for
 from .progress import Progress
-from .report import html_table, number, si, table
-from .results import Result, Stats
+from .report import Block, number, si
+from .results import Result, Stats, result
 
 __all__ = ["AccuracyStudy", "EffectStudy", "Recommendation", "accuracy_study", "effect_study"]
 
@@ -76,18 +76,37 @@ class Recommendation:
         return self.reason
 
 
-@dataclass(frozen=True, eq=False)
+@result
 class AccuracyStudy(Result):
     """Measured error against measured time over a grid of settings; see `accuracy_study`.
 
-    ``points`` holds the runs in the order of the grid, ``axes`` the names of the settings, ``measure`` what the error
+    ``points`` holds the runs in the order of the grid, ``settings`` the names of the settings, ``measure`` what the error
     is, ``reference`` which run or object the error is measured against.
     """
 
     points: tuple[StudyPoint, ...]
-    axes: tuple[str, ...]
+    settings: tuple[str, ...]
     measure: str
     reference: str
+
+    row: ClassVar[str] = "run"
+
+    def labelled(self) -> dict[str, tuple[tuple[str, ...], Any, str, str]]:
+        """One entry per run: its settings as texts, ``time`` (s), ``error``, ``estimate``, ``status``."""
+        texts = {name: np.array([p.settings[name] for p in self.points], dtype=str) for name in self.settings}
+        texts["status"] = np.array([p.status for p in self.points], dtype=str)
+        numbers = {n: np.array([getattr(p, n) for p in self.points]) for n in ("time", "error", "estimate")}
+        units = {"time": "s"}
+        return {name: (("run",), value, units.get(name, ""), name) for name, value in {**texts, **numbers}.items()}
+
+    def attributes(self) -> dict[str, Any]:
+        return {**super().attributes(), "measure": self.measure, "reference": self.reference}
+
+    def heading(self) -> str:
+        return "accuracy study"
+
+    def blocks(self) -> list[Block]:
+        return [Block(*self.rows(), title=self.heading(), footer="\n".join(self.notes()), digits=4)]
 
     def lines(self) -> list[tuple[str, list[StudyPoint]]]:
         """The runs that succeeded, one group for each combination of categorical settings, with a label for it."""
@@ -114,41 +133,26 @@ class AccuracyStudy(Result):
         best = min(good, key=lambda p: p.time) if good else min(known, key=lambda p: (p.error, p.time))
         return Recommendation(best.arguments, best.time, best.error, bool(good), _reason(best, good, known, error))
 
-    def _rows(self) -> tuple[list[str], list[list[Any]]]:
-        columns = [*self.axes, "time [ms]", "error", "estimate", "status"]
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        columns = [*self.settings, "time [ms]", "error", "estimate", "status"]
         rows = []
         for p in self.points:
             status = p.status + (" (reference)" if p.is_reference else "")
             error = math.nan if p.is_reference else p.error
-            rows.append([*(p.settings[a] for a in self.axes), 1e3 * p.time, short(error), short(p.estimate), status])
+            rows.append(
+                [*(p.settings[a] for a in self.settings), 1e3 * p.time, short(error), short(p.estimate), status]
+            )
         return columns, rows
 
-    def _footer(self) -> str:
+    def notes(self) -> list[str]:
         estimate = "estimate: the largest .error of the result itself"
-        return f"error: {self.measure}\nreference: {self.reference}\n{estimate}"
+        return [f"error: {self.measure}", f"reference: {self.reference}", estimate]
 
-    def __str__(self) -> str:
-        return table(*self._rows(), title="accuracy study", footer=self._footer(), digits=4)
-
-    def _repr_html_(self) -> str:
-        return html_table(*self._rows(), title="accuracy study", footer=self._footer(), digits=4)
-
-    def plot(self) -> Any:
-        """Error against time, logarithmic, one line for each categorical setting (a matplotlib Figure)."""
+    def plot(self, *, ax: Any = None) -> Any:
+        """Error against time, logarithmic, one line for each categorical setting; returns the figure."""
         from .plot import accuracy
 
-        return accuracy(self)
-
-    def to_xarray(self) -> Any:
-        """One row per run: settings, ``time`` (s), ``error``, ``estimate``, ``status``."""
-        import xarray
-
-        data = {name: ("run", np.array([p.settings[name] for p in self.points])) for name in self.axes}
-        data |= {
-            name: ("run", np.array([getattr(p, name) for p in self.points])) for name in ("time", "error", "estimate")
-        }
-        data["status"] = ("run", np.array([p.status for p in self.points]))
-        return xarray.Dataset(data, attrs={"measure": self.measure, "reference": self.reference})
+        return accuracy(self, ax=ax)
 
 
 def accuracy_study(

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,13 +14,13 @@ from .errors import ModelError, NameNotFoundError
 from .linearize import Snapshot
 from .model.names import nearest
 from .model.schema import BODY, JOINTS, MARKER
-from .results import Result
+from .results import Result, quantity, result
 from .state import State
 from .tables import modal_places
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Energy:
+@result
+class Energy(Result):
     """Energies of a motion; behaves as the array of their sum.
 
     Attributes
@@ -35,11 +34,28 @@ class Energy:
         torque negative where it drives. For drives: `Trajectory.drive_force` times the rate of the joint.
     """
 
-    total: np.ndarray
-    kinetic: np.ndarray
-    gravity: np.ndarray
+    total: np.ndarray = quantity(dims=("time",), unit="J")
+    kinetic: np.ndarray = quantity(dims=("time",), unit="J")
+    gravity: np.ndarray = quantity(dims=("time",), unit="J")
     stored: dict[str, np.ndarray]
     power: dict[str, np.ndarray]
+
+    row: ClassVar[str] = "time"
+
+    def heading(self) -> str:
+        return f"energy at {len(self.total)} outputs"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: start, end and extremes of every part."""
+        parts = {"total": self.total, "kinetic": self.kinetic, "gravity": self.gravity, **self.stored}
+        rows = [[name, *(float(x) for x in (v[0], v[-1], v.min(), v.max()))] for name, v in parts.items() if len(v)]
+        return ["[J]", "start", "end", "least", "largest"], rows
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Total, kinetic, gravity and stored energy over the outputs; returns the figure."""
+        from .plot.motion import energies
+
+        return energies(self, ax=ax)
 
     def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
         return np.asarray(self.total, dtype=dtype)
@@ -50,18 +66,8 @@ class Energy:
     def __getitem__(self, index: Any) -> Any:
         return self.total[index]
 
-    def __str__(self) -> str:
-        """Table of the energies in J: at the start and the end, least and largest."""
-        from .report import table
 
-        all_ = {"total": self.total, "kinetic": self.kinetic, "gravity": self.gravity, **self.stored}
-        rows = [[name, e[0], e[-1], e.min(), e.max()] for name, e in all_.items() if len(e)]
-        return table(["J", "start", "end", "least", "largest"], rows, title="energy")
-
-    __repr__ = __str__
-
-
-@dataclass(frozen=True, eq=False, repr=False)
+@result
 class Trajectory(Result):
     """A motion in time.
 
@@ -95,11 +101,11 @@ class Trajectory(Result):
     message: str
     snapshot: Snapshot
     without: tuple[str, ...]
-    estimate: Callable[[Trajectory], float | None] | None = field(default=None, repr=False)
     parameters: str | Sequence[str] = ()
     start: State | None = None
     rho: float | None = None
-    error: Any = field(default=None, init=False)
+
+    row: ClassVar[str] = "time"
 
     def __len__(self) -> int:
         return len(self.t)
@@ -347,6 +353,12 @@ class Trajectory(Result):
         rows = list(self.snapshot.system.topology()["row_joint"])
         return -self.multipliers[:, rows.index(key)]
 
+    @property
+    def reactions(self) -> dict[str, np.ndarray]:
+        """`reaction` of every joint and drive by name."""
+        names = [*self.snapshot.tables["joint_name"], *self.snapshot.tables["drive_name"]]
+        return {name: self._reactions[:, i] for i, name in enumerate(names)}
+
     @cached_property
     def _reactions(self) -> np.ndarray:
         with core_errors():
@@ -422,15 +434,15 @@ class Trajectory(Result):
         footer = unit_note(labels, self.parameter_units)
         return table(["parameter", "unit", *names, "largest ever"], rows, title=title, footer=footer)
 
-    def plot(self, what: str = "motion", **options: Any) -> Any:
+    def plot(self, what: str = "motion", *, ax: Any = None, **options: Any) -> Any:
         """Curves over time; see `mbrs.plot.motion`, and `mbrs.plot.gradients.over_time` for "sensitivity"."""
         if what == "sensitivity":
             from .plot import gradients
 
-            return gradients.over_time(self, **options)
+            return gradients.over_time(self, ax=ax, **options)
         from .plot import motion
 
-        return motion.plot(self, what, **options)
+        return motion.plot(self, what, ax=ax, **options)
 
     def animate(self, path: Any = None, **options: Any) -> Any:
         """The motion as one self-contained page (`mbrs.animate.motion`); written to ``path`` if that is given."""
@@ -439,54 +451,59 @@ class Trajectory(Result):
         viewer = motion.motion(self, **options)
         return viewer if path is None else viewer.write(path)
 
+    def labelled(self) -> dict[str, tuple[tuple[str, ...], Any, str, str]]:
+        """Poses and velocities of the bodies, joint coordinates, reactions, forces of drives, energies (nan where an element
+        has no potential) and powers of the elements, residuals.
+        """
+        q = self._quantities
+        out: dict[str, tuple[tuple[str, ...], Any, str, str]] = {}
+        units = {"position": "m", "orientation": "1", "velocity": "m/s", "angular_velocity": "rad/s"}
+        for name, unit in units.items():
+            last = "quaternion" if name == "orientation" else "axis"
+            out[name] = (("time", "body", last), q[name], unit, name.replace("_", " "))
+        out |= {
+            n: (("time",), v, "J", f"{n} energy") for n, v in (("kinetic", q["kinetic"]), ("gravity", q["gravity"]))
+        }
+        out["energy"] = (("time",), self.energy.total, "J", "total energy")
+        out["residual"] = (("time", "level"), self.residual, "1", "residual of the constraints")
+        for name in self._joint_places:
+            v = self.joint(name)
+            dims = ("time",) if v.ndim == 1 else ("time", f"{name}_")
+            out[f"joint {name}"] = (dims, v, "", f"coordinate of {name}")
+        for name in self.flexible:
+            out[f"modal {name}"] = (("time", f"mode of {name}"), self.modal(name), "", f"modal coordinates of {name}")
+        for name, (dims, v) in self._labelled_forces().items():
+            out[name] = (dims, v, {"power": "W", "stored": "J"}.get(name, ""), name)
+        return out
+
+    def labels_of(self, dimension: str) -> Any:
+        known: dict[str, Any] = {"time": self.t, "body": self.bodies, **self._labels()}
+        return known.get(dimension, super().labels_of(dimension))
+
+    def attributes(self) -> dict[str, Any]:
+        computed = {} if callable(self.__dict__["error"]) or self.error is None else {"error": self.error}
+        return {
+            "result": "Trajectory",
+            "status": self.status,
+            "method": self.method,
+            "model": self.model.name,
+            **computed,
+        }
+
     def to_xarray(self, sensitivity: Sequence[str] = ()) -> Any:
-        """`xarray.Dataset` over time: poses and velocities of the bodies, joint coordinates, reactions, forces of drives,
-        energies (nan where an element has no potential) and powers of the elements, residuals.
+        """`xarray.Dataset` over time.
 
         ``sensitivity`` names quantities as in `sensitivity`: their derivatives come along as "d crank.position", over
         "parameter".
         """
-        import xarray
-
-        q = self._quantities
-        names = {name: self.joint(name) for name in self._joint_places}
-        joints = {f"joint {name}": (("time",) if v.ndim == 1 else ("time", f"{name}_"), v) for name, v in names.items()}
-        for name in self.flexible:
-            joints[f"modal {name}"] = (("time", f"mode of {name}"), self.modal(name))
-        joints |= self._labelled_forces()
-        derivatives: dict[str, Any] = {}
-        named: dict[str, list[str]] = {}
+        data = super().to_xarray()
         for what in [sensitivity] if isinstance(sensitivity, str) else sensitivity:
+            names = self.component_names(what)
             d = np.asarray(self.sensitivity(what)).reshape(len(self.t), -1, len(self.parameter_labels))
-            own = "axis" if self.component_names(what) == ["x", "y", "z"] else f"{what} component"
-            named[own] = self.component_names(what)
-            derivatives[f"d {what}"] = (("time", own, "parameter"), d)
-        parameters = {"parameter": self.parameter_labels} if derivatives else {}
-        return xarray.Dataset(
-            {
-                "position": (("time", "body", "axis"), q["position"]),
-                "orientation": (("time", "body", "quaternion"), q["orientation"]),
-                "velocity": (("time", "body", "axis"), q["velocity"]),
-                "angular_velocity": (("time", "body", "axis"), q["angular_velocity"]),
-                "energy": (("time",), self.energy.total),
-                "kinetic": (("time",), self.energy.kinetic),
-                "gravity": (("time",), self.energy.gravity),
-                "residual": (("time", "level"), self.residual),
-                **joints,
-                **derivatives,
-            },
-            coords={
-                "time": self.t,
-                "body": list(self.bodies),
-                **named,
-                "axis": ["x", "y", "z"],
-                "quaternion": ["w", "x", "y", "z"],
-                "level": ["position", "velocity", "acceleration"],
-                **self._labels(),
-                **parameters,
-            },
-            attrs={"status": self.status, "method": self.method, "model": self.model.name},
-        )
+            own = "axis" if names == ["x", "y", "z"] else f"{what} component"
+            data = data.assign_coords({own: names, "parameter": self.parameter_labels})
+            data[f"d {what}"] = (("time", own, "parameter"), d)
+        return data
 
     def _labels(self) -> dict[str, list[str]]:
         t = self.snapshot.tables
@@ -515,11 +532,17 @@ class Trajectory(Result):
             out["stored"] = (("time", "element"), np.stack(stored, axis=1))
         return out
 
-    def __str__(self) -> str:
-        n = self.stats.counts
+    def heading(self) -> str:
         span = f"{self.t[0]:.6g} to {self.t[-1]:.6g} s" if len(self.t) else "nothing"
+        return f"motion of {self.model.name!r}: {self.status}, {span}, {len(self.t)} outputs"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """No table: `notes` say what there is."""
+        return [], []
+
+    def notes(self) -> list[str]:
+        n = self.stats.counts
         lines = [
-            f"motion of {self.model.name!r}: {self.status}, {span}, {len(self.t)} outputs",
             f"  {self.stats.route}",
             f"  {len(self.steps) - 1} steps, {n.get('rejected steps', 0)} rejected, "
             f"{n.get('force evaluations', 0)} force evaluations, {n.get('tangents', 0)} tangents, "
@@ -528,22 +551,8 @@ class Trajectory(Result):
         if len(self.t):
             p, v, a = self.residual.max(axis=0)
             lines.append(f"  constraints hold to {p:.1e} (position), {v:.1e} (velocity), {a:.1e} (acceleration)")
-        if self.message:
-            lines.append(f"  {self.message}")
-        return "\n".join(lines)
+        return [*lines, f"  {self.message}"] if self.message else lines
 
-    __repr__ = __str__
-
-
-def _error(self: Trajectory) -> float | None:
-    if "_error" not in self.__dict__:
-        self.__dict__["_error"] = self.estimate(self) if self.estimate is not None else None
-    found: float | None = self.__dict__["_error"]
-    return found
-
-
-# a property may not stand in the class body, where the dataclass would take it for a default
-Trajectory.error = property(_error, doc="Estimated error of the positions, see the class.")  # type: ignore[assignment]
 
 _FREE = {kind.code: len(kind.free) for kind in JOINTS.values()}
 

@@ -58,9 +58,9 @@ class Viewer:
 
     def write(self, path: str | Path) -> Path:
         """Write the page; an ending ``.html`` is usual. Returns the path."""
-        path = Path(path)
-        path.write_text(self.html(), encoding="utf-8")
-        return path
+        from ..files import write_atomic
+
+        return write_atomic(path, self.html().encode())
 
     def _repr_html_(self) -> str:
         import html

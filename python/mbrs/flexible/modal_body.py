@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 
 from .._checks import names, shown, sized_array
 from ..errors import InertiaError, ModelError
+from ..files import write_atomic
 from ..report import number, table
 from ._archive import read_arrays
 
@@ -221,8 +223,9 @@ class ModalBody:
         path = path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
         kept = {f.name: getattr(self, f.name) for f in fields(self)}
         kept["nodes"] = np.array(self.nodes, dtype=np.str_)
-        np.savez(path, allow_pickle=False, **kept)
-        return path
+        data = io.BytesIO()
+        np.savez(data, allow_pickle=False, **kept)
+        return write_atomic(path, data.getvalue())
 
     @classmethod
     def load(cls, path: str | Path) -> ModalBody:

@@ -214,7 +214,7 @@ class TimeFunction:
             raise problem(
                 self.where,
                 f"is the Python function {shown(self.function.name)}, which was not imported: a file is read as data. If you trust it, "
-                "load the model with mb.Model.load(path, functions=True)",
+                "load it with functions=True",
             )
 
     def try_now(self) -> None:
@@ -236,11 +236,10 @@ class TimeFunction:
     def _numbers(self, t: float) -> list[float]:
         self.check_callable()
         try:
-            made = self.function(t)
+            made = self.function(t)  # type: ignore[operator]
         except BaseException as raised:
-            if (
-                isinstance(raised, TypeError) and raised.__traceback__.tb_next is None
-            ):  # the call itself, not the function
+            trace = raised.__traceback__
+            if isinstance(raised, TypeError) and trace and trace.tb_next is None:  # the call itself, not the function
                 raise problem(
                     self.where, f"has a function that cannot be called with the time alone: {raised}"
                 ) from None

@@ -5,9 +5,7 @@ imports nothing and calls nothing unless `functions` are asked for.
 from __future__ import annotations
 
 import json
-import os
 import re
-import tempfile
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
@@ -15,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import DuplicateNameError, InertiaError, MbrsError, ModelError, NameNotFoundError
+from ..files import write_atomic
 from .book import Book
 from .describe import describe
 from .expressions import Expression
@@ -40,25 +39,7 @@ TOLERANCE = 1e-7  # of `Model`; a file leaves it out
 
 def save(book: Book, path: str | Path) -> Path:
     """Write the model whole or not at all; returns the path."""
-    path, text = Path(path), dumps(book)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(name, 0o666 & ~_umask())
-        os.replace(name, path)
-    except BaseException:
-        os.unlink(name)
-        raise
-    return path
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+    return write_atomic(path, dumps(book).encode())
 
 
 def load(path: str | Path, new: Callable[[str], Any], functions: bool = False) -> Any:

@@ -1,9 +1,8 @@
-"""Figures of results. Each function returns a matplotlib ``Figure`` without a display; it is imported when used."""
+"""Figures of results. Each function returns the matplotlib ``Figure``, one of pyplot unless ``ax=`` was given."""
 
 from __future__ import annotations
 
-from .figure import MissingExtraError
 from .linear import campbell, frf, modes, response
 from .studies import accuracy, effects, tornado
 
-__all__ = ["MissingExtraError", "accuracy", "campbell", "effects", "frf", "modes", "response", "tornado"]
+__all__ = ["accuracy", "campbell", "effects", "frf", "modes", "response", "tornado"]

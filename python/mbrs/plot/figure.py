@@ -1,20 +1,17 @@
-"""The one place that touches matplotlib: figures without a display, a common look, legends that do not cover curves."""
+"""The one place that touches matplotlib: figures of pyplot, a common look, colours and legends of several results."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from ..errors import MbrsError
-
-__all__ = ["FADED", "PALETTE", "MissingExtraError", "figure", "legend", "log_frequencies", "style"]
+__all__ = ["FADED", "PALETTE", "canvas", "colours", "figure", "from_the_top", "legend", "log_frequencies", "style"]
 
 PALETTE = ("#1f5fa8", "#d9662b", "#2e8b57", "#8e4fa8", "#b8860b", "#c2334d", "#3a9bb3", "#6b7280", "#5b7f1e", "#a0522d")
 FADED = "#b8c2cc"
 
-_STYLE = {
+_STYLE: Any = {
     "font.size": 10.0,
     "axes.grid": True,
     "grid.color": "#e4e9ef",
@@ -33,45 +30,71 @@ _STYLE = {
 }
 
 
-class MissingExtraError(MbrsError, ImportError):
-    """An optional package is not installed; the message says how to install it."""
-
-
 @contextmanager
 def style() -> Iterator[None]:
     """The look of mbrs, for the block only: nothing of the user's own settings changes."""
-    with _matplotlib().rc_context(_STYLE):
+    import matplotlib
+
+    with matplotlib.rc_context(_STYLE):
         yield
 
 
 def figure(
     rows: int = 1, columns: int = 1, *, size: tuple[float, float] = (8.0, 4.5), **options: Any
 ) -> tuple[Any, Any]:
-    """A figure and its axes (one, or an array as from ``subplots``, which ``options`` go to). ``size`` in inches.
-
-    In an interactive session with pyplot in use the figure is pyplot's, so that it shows; otherwise it has a canvas of
-    its own.
+    """A figure of pyplot, so that ``plt.show()`` shows it, and its axes: one, or an array as from ``subplots``, which
+    ``options`` go to. ``size`` in inches. ``plt.close(figure)`` gives its memory back.
     """
-    matplotlib = _matplotlib()
-    if "matplotlib.pyplot" in sys.modules and matplotlib.is_interactive():
-        made = sys.modules["matplotlib.pyplot"].figure(figsize=size, layout="constrained")
-    else:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
+    import matplotlib.pyplot as plt
 
-        made = Figure(figsize=size, layout="constrained")
-        FigureCanvasAgg(made)
+    made = plt.figure(figsize=size, layout="constrained")
     return made, made.subplots(rows, columns, **options)
 
 
-def legend(axes: Any, labels: Sequence[str], *, inside: int = 4) -> None:
-    """A legend for the labelled curves: inside for a few short ones, beside the axes for more."""
-    if len(labels) == 0:
+def canvas(ax: Any, size: tuple[float, float] = (7.0, 4.4)) -> tuple[Any, Any]:
+    """The figure and axes to draw into: those of ``ax``, or new ones."""
+    return figure(size=size) if ax is None else (ax.figure, ax)
+
+
+def colours(axes: Any, count: int) -> list[str]:
+    """Colours for so many curves, others than those that results already in these axes have."""
+    first = getattr(axes, "_mbrs_curves", 0)
+    axes._mbrs_curves = first + count
+    return [PALETTE[(first + i) % len(PALETTE)] for i in range(count)]
+
+
+def legend(axes: Any, labels: Sequence[str] | None = None, *, inside: int = 4) -> None:
+    """A legend for all labelled curves, each label once: inside for a few short ones, beside the axes for more.
+
+    ``labels``: the curves just drawn; without any, and without others in the axes, there is no legend.
+    """
+    handles = _told_apart(axes)
+    if not handles:
         return
-    if len(labels) > inside or max(len(label) for label in labels) > 28:
-        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
+    if len(handles) > inside or max(len(label) for label in handles) > 28:
+        axes.legend(handles.values(), handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
     else:
-        axes.legend(loc="best")
+        axes.legend(handles.values(), handles, loc="best")
+
+
+def _told_apart(axes: Any) -> dict[str, Any]:
+    """Handles by label, each once; the same label in another colour belongs to the next result and is numbered."""
+    found: dict[str, dict[Any, Any]] = {}
+    for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+        one = handle.patches[0] if hasattr(handle, "patches") else handle
+        colour = one.get_facecolor() if hasattr(one, "get_facecolor") else one.get_color()
+        found.setdefault(label, {}).setdefault(str(colour), handle)
+    return {
+        label if i == 0 else f"{label} ({i + 1})": handle
+        for label, own in found.items()
+        for i, handle in enumerate(own.values())
+    }
+
+
+def from_the_top(axes: Any) -> None:
+    """The first of the named rows of an axes on top, however many results are drawn into it."""
+    if not axes.yaxis_inverted():
+        axes.invert_yaxis()
 
 
 def log_frequencies(axes: Any) -> None:
@@ -84,13 +107,3 @@ def log_frequencies(axes: Any) -> None:
         axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.xaxis.set_minor_formatter(NullFormatter())
-
-
-def _matplotlib() -> Any:
-    try:
-        import matplotlib
-    except ImportError:
-        raise MissingExtraError(
-            "plots need matplotlib, which is not installed; install it with: pip install 'mbrs-dynamics[plot]'"
-        ) from None
-    return matplotlib

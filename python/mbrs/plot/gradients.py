@@ -8,12 +8,19 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from .figure import PALETTE, figure, legend, style
+from .figure import PALETTE, canvas, colours, figure, legend, style
 
 __all__ = ["convergence", "over_time", "tornado"]
 
 
-def tornado(result: Any, *, n: int = 30, change: float | Mapping[str, float] = 0.01, objective: int = 0) -> Any:
+def tornado(
+    result: Any,
+    *,
+    n: int = 30,
+    change: float | Mapping[str, float] = 0.01,
+    objective: int = 0,
+    ax: Any = None,
+) -> Any:
     """Bars of the first-order change of the objective for a change of each parameter, largest first.
 
     Parameters
@@ -45,8 +52,7 @@ def tornado(result: Any, *, n: int = 30, change: float | Mapping[str, float] = 0
     order = [i for i in np.argsort(-np.abs(values), kind="stable") if amounts[i] != 0.0][:n][::-1]
     names = [f"{result.labels[i]}  {texts[i]}" for i in order]
     with style():
-        made, axes = figure(1, 1, size=(7.5, 1.2 + 0.28 * len(order)))
-        ax = np.ravel(axes)[0]
+        made, ax = canvas(ax, (7.5, 1.2 + 0.28 * len(order)))
         ax.barh(names, values[order], color=[PALETTE[0] if v >= 0 else PALETTE[1] for v in values[order]])
         ax.axvline(0.0, color="#9aa7b5", lw=0.8)
         ax.grid(axis="y", visible=False)
@@ -84,19 +90,23 @@ def _finite(name: str, value: Any) -> float:
     return number
 
 
-def over_time(traj: Any, of: str) -> Any:
+def over_time(traj: Any, of: str, *, ax: Any = None) -> Any:
     """The derivatives of a quantity of a trajectory over time: a panel for each parameter, a line for each component.
 
-    ``of`` names the quantity as in `Trajectory.sensitivity`.
+    ``of`` names the quantity as in `Trajectory.sensitivity`; with ``ax`` only the first parameter is drawn, there.
     """
     d = np.asarray(traj.sensitivity(of))
     labels, units = traj.parameter_labels, traj.parameter_units
     flat = d.reshape(len(traj.t), -1, len(labels))
     names, unit = traj.component_names(of), traj.unit_of(of)
+    labels = labels if ax is None else labels[:1]
     across = 1 if len(labels) <= 3 else 2
     down = -(-len(labels) // across)
     with style():
-        made, axes = figure(down, across, size=(8.0 if across == 1 else 10.0, 1.0 + 1.9 * down), sharex=True)
+        if ax is None:
+            made, axes = figure(down, across, size=(8.0 if across == 1 else 10.0, 1.0 + 1.9 * down), sharex=True)
+        else:
+            made, axes = ax.figure, [ax]
         panels = np.ravel(axes)
         for p, label in enumerate(labels):
             for k, name in enumerate(names):
@@ -109,7 +119,8 @@ def over_time(traj: Any, of: str) -> Any:
         for ax in panels[max(0, len(labels) - across) : len(labels)]:
             ax.set(xlabel="t [s]")
             ax.tick_params(labelbottom=True)
-        made.suptitle(f"derivatives of {of}")
+        if ax is None:
+            made.suptitle(f"derivatives of {of}")
     return made
 
 
@@ -122,17 +133,20 @@ def _per(unit: str, by: str) -> str:
     return f"[{unit} / ({by})]" if "/" in by or " " in by else f"[{unit}/{by}]"
 
 
-def convergence(result: Any) -> Any:
-    """The objective over the evaluations of an optimiser, and the least so far among designs that keep to the constraints."""
+def convergence(result: Any, *, ax: Any = None, label: str | None = None) -> Any:
+    """The objective over the evaluations of an optimiser, and the least so far among designs that keep to the constraints.
+
+    ``ax``, ``label``: axes for several runs in one picture, and what to call this one there.
+    """
     with style():
-        made, axes = figure(1, 1, size=(7.0, 4.0))
-        ax = np.ravel(axes)[0]
+        made, ax = canvas(ax, (7.0, 4.0))
         values, kept = np.asarray(result.history), np.asarray(result.kept)
         count = np.arange(1, len(values) + 1)
-        names = ["evaluated", "least so far"]
-        ax.plot(count[kept], values[kept], "o", color=PALETTE[0], ms=5, label=names[0])
+        names = ["evaluated", "least so far"] if label is None else ["_", label]
+        points, line = colours(ax, 2) if label is None else 2 * colours(ax, 1)
+        ax.plot(count[kept], values[kept], "o", color=points, ms=5, label=names[0])
         least = np.minimum.accumulate(np.where(kept, values, np.inf))
-        ax.step(count, np.where(np.isfinite(least), least, np.nan), where="post", color=PALETTE[1], label=names[1])
+        ax.step(count, np.where(np.isfinite(least), least, np.nan), where="post", color=line, label=names[1])
         if not kept.all():
             names.append("constraints violated")
             ax.plot(count[~kept], values[~kept], "o", mfc="none", color="#6b7280", ms=5, label=names[2])
@@ -140,5 +154,5 @@ def convergence(result: Any) -> Any:
             ax.set_yscale("log")
         ax.set(xlabel="evaluation", ylabel="objective", title=f"{result.status}: {result.value:.6g}")
         ax.xaxis.get_major_locator().set_params(integer=True)
-        legend(ax, names)
+        legend(ax)
     return made

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import ModelError
 from .data import Curve, breaks_at_jumps, frf_unit, magnitude_label, peak, ranked_curves, response_unit
-from .figure import FADED, PALETTE, figure, legend, log_frequencies, style
+from .figure import FADED, PALETTE, canvas, colours, figure, legend, log_frequencies, style
 
 __all__ = ["campbell", "frf", "modes", "response"]
 
@@ -17,7 +17,7 @@ _MOST_NAMED = 10
 _MOST_TICKS = 40
 
 
-def modes(result: Any, *, n: int = 40) -> Any:
+def modes(result: Any, *, n: int = 40, ax: Any = None, label: str | None = None) -> Any:
     """Poles in the complex plane, and how much each coordinate moves in each mode.
 
     Parameters
@@ -27,6 +27,8 @@ def modes(result: Any, *, n: int = 40) -> Any:
         names).
     n
         How many modes at most, from the first.
+    ax, label
+        Axes for the eigenvalues alone, and what to call this result there instead of telling its kinds of modes apart.
 
     Returns
     -------
@@ -36,19 +38,23 @@ def modes(result: Any, *, n: int = 40) -> Any:
     if s.size == 0:
         raise ModelError("there is no mode to plot")
     with style():
-        made, (left, right) = figure(1, 2, size=(10.5, 4.6), width_ratios=(1, 1.6))
+        if ax is None:
+            made, (left, right) = figure(1, 2, size=(10.5, 4.6), width_ratios=(1, 1.6))
+        else:
+            made, left = ax.figure, ax
         kinds = np.asarray(getattr(result, "kind", np.array(["mode"] * s.size))).astype(str)[:n]
-        for i, kind in enumerate(dict.fromkeys(kinds)):
+        kinds = kinds if label is None else np.full(s.size, label)
+        names = list(dict.fromkeys(kinds))
+        for kind, colour in zip(names, colours(left, len(names)), strict=True):
             chosen = s[kinds == kind]
-            left.plot(
-                chosen.real, chosen.imag / (2 * np.pi), "o", color=PALETTE[i % len(PALETTE)], ms=6, mew=0, label=kind
-            )
+            left.plot(chosen.real, chosen.imag / (2 * np.pi), "o", color=colour, ms=6, mew=0, label=kind)
         left.axvline(0.0, color="#9aa7b5", lw=0.8)
         left.set(xlabel="Re s [rad/s]", ylabel="Im s / 2 pi [Hz]", title="eigenvalues")
         left.margins(0.12)
         left.locator_params(axis="x", nbins=5)
-        left.legend(loc="best")
-        _participation(made, right, result, s.size)
+        legend(left)
+        if ax is None:
+            _participation(made, right, result, s.size)
     return made
 
 
@@ -78,7 +84,7 @@ def _participation(made: Any, axes: Any, result: Any, n: int) -> None:
     made.colorbar(picture, ax=axes, fraction=0.04, pad=0.02)
 
 
-def frf(result: Any, kind: str = "bode", *, marks: Any = ()) -> Any:
+def frf(result: Any, kind: str = "bode", *, marks: Any = (), ax: Any = None, label: str | None = None) -> Any:
     """A transfer function as Bode or Nyquist plot; with many curves the ten largest are coloured and the others grey.
 
     Parameters
@@ -91,6 +97,8 @@ def frf(result: Any, kind: str = "bode", *, marks: Any = ()) -> Any:
         part.
     marks
         Frequencies in Hz to mark by vertical lines in the Bode plot, such as natural frequencies.
+    ax, label
+        Axes for several results in one picture, of a Bode plot one (the magnitude) or two, and what to call this one there.
 
     Returns
     -------
@@ -101,44 +109,61 @@ def frf(result: Any, kind: str = "bode", *, marks: Any = ()) -> Any:
     ranked, rounding = ranked_curves(result)
     named, rest = ranked[:_MOST_NAMED], ranked[_MOST_NAMED:]
     with style():
-        made = _bode(result, named, rest, marks) if kind == "bode" else _nyquist(result, named, rest)
+        if label is not None:
+            named = [Curve(label if len(named) == 1 else f"{label}: {c.label}", c.value) for c in named]
+        made, top = _bode(result, named, rest, marks, ax) if kind == "bode" else _nyquist(result, named, rest, ax)
         notes = [f"{len(rest)} smaller curves in grey"] * bool(rest) + [f"left out as zero: {rounding}"] * bool(
             rounding
         )
-        made.axes[0].set_title(str(getattr(result, "kind", "")) + (f" ({', '.join(notes)})" if notes else ""))
+        top.set_title(str(getattr(result, "kind", "")) + (f" ({', '.join(notes)})" if notes else ""))
     return made
 
 
-def _bode(result: Any, named: list[Curve], rest: list[Curve], marks: Any) -> Any:
+def _bode(result: Any, named: list[Curve], rest: list[Curve], marks: Any, ax: Any) -> tuple[Any, Any]:
     frequency = np.asarray(result.frequency, dtype=float)
-    unit = frf_unit(result)
-    made, (above, below) = figure(2, 1, size=(8.5, 5.6), sharex=True, height_ratios=(2, 1))
+    if ax is None:
+        made, (above, below) = figure(2, 1, size=(8.5, 5.6), sharex=True, height_ratios=(2, 1))
+    else:
+        given = list(np.ravel(ax))
+        above, below = given[0], given[1] if len(given) > 1 else None
+        made = above.figure
+    lowest = above if below is None else below
     for curve in rest:
         above.plot(frequency, np.abs(curve.value), color=FADED, lw=0.7, zorder=1.5)
-    for i, curve in enumerate(named):
-        colour = PALETTE[i % len(PALETTE)]
+    for curve, colour in zip(named, colours(above, len(named)), strict=True):
         above.plot(frequency, np.abs(curve.value), color=colour, label=curve.label)
-        below.plot(frequency, breaks_at_jumps(np.degrees(np.angle(curve.value)), 270.0), color=colour)
+        if below is not None:
+            below.plot(frequency, breaks_at_jumps(np.degrees(np.angle(curve.value)), 270.0), color=colour)
     for mark in np.ravel(marks):
-        for axes in (above, below):
+        for axes in (above, *(() if below is None else (below,))):
             axes.axvline(mark, color="#9aa7b5", lw=0.8, ls=":")
     above.set_yscale("log")
-    below.set_xlim(frequency.min(), frequency.max() if frequency.size > 1 else None)
-    if frequency.min() > 0.0 and frequency.max() > 20.0 * frequency.min():
-        log_frequencies(below)
-    above.set(ylabel=magnitude_label(unit))
-    below.set(xlabel="frequency [Hz]", ylabel="phase [deg]", ylim=(-190, 190), yticks=(-180, -90, 0, 90, 180))
-    legend(above, [curve.label for curve in named])
-    return made
+    low, high = _widened(lowest, frequency)
+    if high > low:
+        lowest.set_xlim(low, high)
+    if low > 0.0 and high > 20.0 * low:
+        log_frequencies(lowest)
+    above.set(ylabel=magnitude_label(frf_unit(result)))
+    lowest.set(xlabel="frequency [Hz]")
+    if below is not None:
+        below.set(ylabel="phase [deg]", ylim=(-190, 190), yticks=(-180, -90, 0, 90, 180))
+    legend(above)
+    return made, above
 
 
-def _nyquist(result: Any, named: list[Curve], rest: list[Curve]) -> Any:
+def _widened(axes: Any, x: np.ndarray) -> tuple[float, float]:
+    """Limits that hold these values and those of the results drawn before."""
+    before = getattr(axes, "_mbrs_limits", (np.inf, -np.inf))
+    axes._mbrs_limits = (min(before[0], float(np.min(x))), max(before[1], float(np.max(x))))
+    return axes._mbrs_limits  # type: ignore[no-any-return]
+
+
+def _nyquist(result: Any, named: list[Curve], rest: list[Curve], ax: Any) -> tuple[Any, Any]:
     unit = frf_unit(result)
-    made, axes = figure(size=(7.0, 6.0))
+    made, axes = canvas(ax, (7.0, 6.0))
     for curve in rest:
         axes.plot(curve.value.real, curve.value.imag, color=FADED, lw=0.7, zorder=1.5)
-    for i, curve in enumerate(named):
-        colour = PALETTE[i % len(PALETTE)]
+    for i, (curve, colour) in enumerate(zip(named, colours(axes, len(named)), strict=True)):
         axes.plot(curve.value.real, curve.value.imag, color=colour, label=curve.label)
         if i < 4:
             _mark_peak(axes, curve, np.asarray(result.frequency, dtype=float), colour)
@@ -149,8 +174,8 @@ def _nyquist(result: Any, named: list[Curve], rest: list[Curve]) -> Any:
     axes.set(xlabel=f"Re H{suffix}", ylabel=f"Im H{suffix}")
     axes.ticklabel_format(style="sci", scilimits=(-3, 4))
     axes.margins(0.1)
-    legend(axes, [curve.label for curve in named], inside=1)
-    return made
+    legend(axes, inside=1)
+    return made, axes
 
 
 def _mark_peak(axes: Any, curve: Curve, frequency: np.ndarray, colour: str) -> None:
@@ -163,10 +188,11 @@ def _mark_peak(axes: Any, curve: Curve, frequency: np.ndarray, colour: str) -> N
     axes.annotate(f"{frequency[i]:.4g} Hz", place, (6, -12), textcoords="offset points", fontsize=8, color=colour)
 
 
-def response(result: Any) -> Any:
+def response(result: Any, *, ax: Any = None, label: str | None = None) -> Any:
     """Outputs over time: one axes up to ten curves, above that the ten largest coloured and the others grey.
 
-    ``result``: a `ResponseResult` with ``t`` (n_t,) s, ``value`` (n_out, n_t), ``outputs`` (names). Returns a Figure.
+    ``result``: a `ResponseResult` with ``t`` (n_t,) s, ``value`` (n_out, n_t), ``outputs`` (names). ``ax``,
+    ``label``: axes for several results in one picture, and what to call this one there. Returns a Figure.
     """
     t, value = np.asarray(result.t, dtype=float), np.atleast_2d(np.asarray(result.value))
     if value.ndim != 2 or value.shape[1] != t.size or t.size == 0:
@@ -176,18 +202,24 @@ def response(result: Any) -> Any:
     kind = str(getattr(result, "kind", "") or "response")
     order = sorted(range(value.shape[0]), key=lambda i: -peak(value[i]))
     with style():
-        made, axes = figure(size=(8.5, 4.2))
+        made, axes = canvas(ax, (8.5, 4.2))
+        if label is not None:
+            names = [label if len(names) == 1 else f"{label}: {name}" for name in names]
+        shown = order[:_MOST_NAMED]
         for i in order[_MOST_NAMED:]:
             axes.plot(t, value[i], color=FADED, lw=0.7, zorder=1.5)
-        for place, i in enumerate(order[:_MOST_NAMED]):
-            axes.plot(t, value[i], color=PALETTE[place % len(PALETTE)], label=names[i])
-        axes.set(xlabel="t [s]", ylabel=f"{kind} [{response_unit(result)}]", xlim=(t[0], t[-1]) if t.size > 1 else None)
+        for colour, i in zip(colours(axes, len(shown)), shown, strict=True):
+            axes.plot(t, value[i], color=colour, label=names[i])
+        low, high = _widened(axes, t)
+        axes.set(xlabel="t [s]", ylabel=f"{kind} [{response_unit(result)}]", xlim=(low, high) if high > low else None)
         axes.set_title("time response")
-        legend(axes, [names[i] for i in order[:_MOST_NAMED]])
+        legend(axes)
     return made
 
 
-def campbell(result: Any, *, orders: tuple[float, ...] = (1.0, 2.0), most: int = 16) -> Any:
+def campbell(
+    result: Any, *, orders: tuple[float, ...] = (1.0, 2.0), most: int = 16, ax: Any = None, label: str | None = None
+) -> Any:
     """Natural frequencies over the speed of rotation, with engine orders, critical speeds and forward or backward whirl.
 
     The axis reaches as far as the speed, the critical speeds and the two lowest modes do.
@@ -202,6 +234,8 @@ def campbell(result: Any, *, orders: tuple[float, ...] = (1.0, 2.0), most: int =
         Multiples of the speed drawn as dashed lines.
     most
         How many modes at most, from the lowest.
+    ax, label
+        Axes for several results in one picture, and what to call this one there instead of telling whirl apart.
 
     Returns
     -------
@@ -220,11 +254,14 @@ def campbell(result: Any, *, orders: tuple[float, ...] = (1.0, 2.0), most: int =
     lowest = np.flatnonzero(np.min(frequency, axis=0) <= top)[:most]
     frame = str(getattr(result, "frame", "fixed"))
     with style():
-        made, axes = figure(size=(8.0, 5.0))
+        made, axes = canvas(ax, (8.0, 5.0))
+        if axes.has_data():
+            top = max(top, axes.get_ylim()[1])
+        own = None if label is None else colours(axes, 1)[0]
         for value, colour, name in (
-            (1, PALETTE[0], "forward"),
-            (-1, PALETTE[1], "backward"),
-            (0, PALETTE[7], "no whirl"),
+            (1, own or PALETTE[0], label or "forward"),
+            (-1, own or PALETTE[1], label or "backward"),
+            (0, own or PALETTE[7], label or "no whirl"),
         ):
             curves = [_of_whirl(frequency[:, j], whirl[:, j], value) for j in lowest]
             for place, curve in enumerate(c for c in curves if np.isfinite(c).any()):
@@ -242,7 +279,7 @@ def campbell(result: Any, *, orders: tuple[float, ...] = (1.0, 2.0), most: int =
         title = "Campbell diagram" if frame == "fixed" else f"Campbell diagram, {frame} axes"
         axes.set(xlabel=f"speed [{unit}]", ylabel="frequency [Hz]", ylim=(0.0, top), title=title)
         axes.margins(x=0.0)
-        legend(axes, [text.get_label() for text in axes.get_lines() if not text.get_label().startswith("_")])
+        legend(axes)
     return made
 
 

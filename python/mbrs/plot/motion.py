@@ -1,4 +1,4 @@
-"""Figures of a motion: coordinates, energy, what constraints leave over, step sizes and their errors, reactions."""
+"""Figures of a motion: coordinates, energy, residuals of constraints, step sizes and their errors, reactions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from .figure import PALETTE, figure, legend, style
+from .figure import PALETTE, canvas, colours, figure, legend, style
 
 __all__ = ["plot"]
 
@@ -49,7 +49,7 @@ class Panel:
     height: float = 1.0
 
 
-def plot(traj: Any, what: str = "motion", *, of: Any = None) -> Any:
+def plot(traj: Any, what: str = "motion", *, of: Any = None, ax: Any = None, label: str | None = None) -> Any:
     """Curves over time.
 
     Parameters
@@ -59,10 +59,12 @@ def plot(traj: Any, what: str = "motion", *, of: Any = None) -> Any:
     what
         "motion": coordinates, energy, constraints and steps below each other. One of them alone: "coordinates" (of
         joints), "positions" (of bodies and markers, world, m), "velocities" (of bodies, m/s), "energy" (J), "power" (W
-        into each element), "residual" (what constraints leave over, scaled, on three levels), "steps" (their length,
+        into each element), "residual" (residuals of constraints, scaled, on three levels), "steps" (their length,
         s), "error" (local error of each step over its tolerance), "reactions" (forces of joints, N).
     of
         Names or handles of joints, bodies, markers or elements; by default those that move most, at most eight curves.
+    ax, label
+        Axes for several motions in one picture, into which the first of these goes alone, and what to call this motion there.
 
     Returns
     -------
@@ -95,15 +97,44 @@ def plot(traj: Any, what: str = "motion", *, of: Any = None) -> Any:
     panels = makers[what]()
     if not panels:
         raise ModelError(f"there is nothing to plot for {what!r}: no such coordinate; try 'positions'")
+    if ax is not None:
+        panels = panels[:1]
     heights = [p.height for p in panels]
     with style():
+        if ax is not None:
+            _draw(panels[0], ax, label)
+            ax.set_xlabel("time [s]")
+            return ax.figure
         made, axes = figure(
             len(panels), 1, size=(8.6, 0.8 + 2.3 * sum(heights)), sharex=True, squeeze=False, height_ratios=heights
         )
         for panel, ax in zip(panels, axes[:, 0], strict=True):
-            panel.draw(ax)
-            ax.set(title=panel.title, ylabel=panel.ylabel)
+            _draw(panel, ax, label)
         axes[-1, 0].set_xlabel("time [s]")
+    return made
+
+
+def _draw(panel: Panel, ax: Any, label: str | None) -> None:
+    before = len(ax.lines)
+    panel.draw(ax)
+    if label is not None:
+        for line in ax.lines[before:]:
+            if not line.get_label().startswith("_"):
+                line.set_label(f"{label}: {line.get_label()}")
+        legend(ax)
+    ax.set(title=panel.title, ylabel=panel.ylabel)
+
+
+def energies(energy: Any, *, ax: Any = None) -> Any:
+    """Energies of a motion over its outputs, which carry no times of their own."""
+    parts = {"total": energy.total, "kinetic": energy.kinetic, "gravity": energy.gravity, **energy.stored}
+    kept = {name: value for name, value in parts.items() if np.any(value != 0.0)} or {"total": energy.total}
+    with style():
+        made, axes = canvas(ax)
+        for (name, value), colour in zip(kept.items(), colours(axes, len(kept)), strict=True):
+            axes.plot(np.arange(len(value)), value, color=colour, label=name)
+        axes.set(xlabel="output", ylabel="energy [J]", title="energy")
+        legend(axes)
     return made
 
 
@@ -162,8 +193,8 @@ def _lines(traj: Any, title: str, ylabel: str, series: Sequence[Series]) -> Pane
         title += f" ({len(kept)} of {len(series)} that change most)"
 
     def draw(ax: Any) -> None:
-        for i, s in enumerate(kept):
-            ax.plot(traj.t, s.value, _mark(traj), color=PALETTE[i % len(PALETTE)], label=s.label, ms=4)
+        for s, colour in zip(kept, colours(ax, len(kept)), strict=True):
+            ax.plot(traj.t, s.value, _mark(traj), color=colour, label=s.label, ms=4)
         legend(ax, [s.label for s in kept])
 
     return Panel(title, ylabel, draw, 1.3)
@@ -212,7 +243,7 @@ def residual(traj: Any) -> Panel:
         ax.set_ylim(max(_FLOOR, 0.3 * float(value.min())), 10.0 * float(value.max()))
         legend(ax, levels)
 
-    return Panel("what constraints leave over (scaled by the characteristic length)", "residual", draw)
+    return Panel("residuals of the constraints (scaled by the characteristic length)", "residual", draw)
 
 
 def steps(traj: Any) -> Panel:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from .figure import FADED, PALETTE, figure, style
+from .figure import FADED, PALETTE, canvas, colours, figure, legend, style
 
 __all__ = ["curve", "harmonics", "multipliers", "orbit", "spectrum", "torus_branch"]
 
@@ -21,7 +21,9 @@ _MARKERS = {
 _FLOOR = 1e-16
 
 
-def curve(result: Any, dof: Any = 0, harmonic: int | None = 1, *, ax: Any = None, label: str | None = None) -> Any:
+def curve(
+    result: Any, dof: Any = 0, harmonic: int | None = 1, *, ax: Any = None, label: str | None = None, over: str = ""
+) -> Any:
     """Amplitude over frequency (or force level): unstable parts dashed, events marked where they were solved for.
 
     Parameters
@@ -33,21 +35,29 @@ def curve(result: Any, dof: Any = 0, harmonic: int | None = 1, *, ax: Any = None
     ax, label
         Axes to draw into, for several curves in one picture, and what to call this one there instead of telling stable
         from unstable; a figure of its own by default.
+    over
+        "frequency" (Hz) or "omega" (rad/s) for the axis of a curve over frequency; Hz by default.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
+    if over not in ("", "frequency", "omega"):
+        raise ModelError(f"over={over!r} is not known; use 'frequency' or 'omega'")
     x, name_of_x = result.axis()
     y = result.amplitude(dof, harmonic)
-    marks = [(e.index, result.place(e), result.event_amplitude(e, dof, harmonic)) for e in result.events]
+    factor = 2 * np.pi if over == "omega" and name_of_x == "f [Hz]" else 1.0
+    if factor != 1.0:
+        x, name_of_x = factor * x, "omega [rad/s]"
+    marks = [(e.index, factor * result.place(e), result.event_amplitude(e, dof, harmonic)) for e in result.events]
     with style():
-        made, axes = _axes(ax)
+        made, axes = canvas(ax)
         before = len(axes.lines)
         if result.connected:
-            color = _branch(axes, x, y, result.stable, marks, PALETTE[0] if ax is None else None)
+            color = _branch(axes, x, y, result.stable, marks, colours(axes, 1)[0])
         else:
-            color = axes.plot(x, y, "o", ms=4, mew=0, label="solutions")[0].get_color()
+            color = colours(axes, 1)[0]
+            axes.plot(x, y, "o", color=color, ms=4, mew=0, label="solutions")
         for kind, (marker, name) in _MARKERS.items():
             at = [mark[1:] for e, mark in zip(result.events, marks, strict=True) if e.kind == kind]
             if at:
@@ -57,12 +67,11 @@ def curve(result: Any, dof: Any = 0, harmonic: int | None = 1, *, ax: Any = None
             for line in axes.lines[before:]:
                 line.set_label("_")
             axes.lines[before].set_label(label)
-        if axes.get_legend_handles_labels()[0]:
-            axes.legend(loc="best")
+        legend(axes)
         what = "largest displacement" if harmonic is None else "mean" if harmonic == 0 else f"harmonic {harmonic}"
         axes.set(xlabel=name_of_x, ylabel=f"{what} of {result.label(dof)}")
         if ax is None:
-            axes.set_title(f"{result.status}: {len(result)} points")
+            axes.set_title(f"{len(result)} points, {result.status}")
     return made
 
 
@@ -107,8 +116,8 @@ def harmonics(result: Any, dof: Any = 0, *, ax: Any = None) -> Any:
     shown = size > floor
     nu = getattr(result, "subharmonic", 1)
     with style():
-        made, axes = _axes(ax)
-        axes.bar(order[shown], size[shown], width=0.7, color=PALETTE[0], zorder=2)
+        made, axes = canvas(ax)
+        axes.bar(order[shown], size[shown], width=0.7, color=colours(axes, 1)[0], zorder=2)
         axes.set_yscale("log")
         axes.set_ylim(10.0 ** (np.floor(np.log10(size[shown].min())) - 0.3), 2.5 * size.max())
         axes.set_xlim(-0.7, top + 0.7)
@@ -138,10 +147,11 @@ def orbit(result: Any, dof: Any = 0, *, ax: Any = None) -> Any:
             left.set(xlabel="t [s]", ylabel=result.label(dof), title="30 cycles" if is_torus else "one period")
         else:
             made, axes = ax.figure, ax
-        axes.plot(x, v, color=PALETTE[0], lw=0.6 if is_torus else 1.5)
+        color = colours(axes, 1)[0]
+        axes.plot(x, v, color=color, lw=0.6 if is_torus else 1.5)
         if not is_torus:
             axes.plot(x[:1], v[:1], "o", color=PALETTE[1], ms=5, label="t = 0")
-            axes.legend(loc="best")
+            legend(axes)
         axes.set(xlabel=result.label(dof), ylabel=f"d/dt {result.label(dof)}")
     return made
 
@@ -153,10 +163,11 @@ def spectrum(result: Any, dof: Any = 0, *, most: int = 6, ax: Any = None) -> Any
     if not np.any(keep):
         raise ModelError(f"{result.label(dof)} does not move: its spectrum is empty")
     with style():
-        made, axes = _axes(ax)
+        made, axes = canvas(ax)
         bottom = 10.0 ** (np.floor(np.log10(size[keep].min())) - 0.3)
-        axes.vlines(frequency[keep], bottom, size[keep], color=PALETTE[0], lw=1.2)
-        axes.plot(frequency[keep], size[keep], "o", color=PALETTE[0], ms=4, mew=0)
+        color = colours(axes, 1)[0]
+        axes.vlines(frequency[keep], bottom, size[keep], color=color, lw=1.2)
+        axes.plot(frequency[keep], size[keep], "o", color=color, ms=4, mew=0)
         axes.set_yscale("log")
         tilted = len(frequency) > 12
         axes.set_ylim(bottom, (200 if tilted else 12) * size.max())
@@ -204,17 +215,16 @@ def torus_branch(result: Any, dof: Any = 0, index: Any = None, *, ax: Any = None
     """Amplitudes of terms of a quasi-periodic branch, folds marked."""
     x, name, marks = result.abscissa()
     with style():
-        made, axes = _axes(ax)
-        for label, y, at_folds in result.ordinates(dof, index):
-            line = axes.plot(x, y, label=label)[0]
+        made, axes = canvas(ax)
+        terms = result.ordinates(dof, index)
+        for (label, y, at_folds), color in zip(terms, colours(axes, len(terms)), strict=True):
+            line = axes.plot(x, y, color=color, label=label)[0]
             if len(marks):
-                axes.plot(marks, at_folds, "o", mfc="white", color=line.get_color(), ms=6, mew=1.4, ls="none")
-        axes.legend(loc="best", title="o fold" if len(marks) else None)
+                axes.plot(
+                    marks, at_folds, "o", mfc="white", color=line.get_color(), ms=6, mew=1.4, ls="none", label="fold"
+                )
+        legend(axes)
         axes.set(xlabel=name, ylabel=f"amplitude of {result.label(dof)}")
         if ax is None:
-            axes.set_title(f"{result.status}: {len(result)} points")
+            axes.set_title(f"{len(result)} points, {result.status}")
     return made
-
-
-def _axes(ax: Any) -> tuple[Any, Any]:
-    return figure(size=(7.0, 4.4)) if ax is None else (ax.figure, ax)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import numpy as np
 
 from ..errors import ModelError
 from .data import tornado_bars
-from .figure import PALETTE, figure, legend, style
+from .figure import FADED, PALETTE, canvas, colours, figure, from_the_top, legend, style
 
 __all__ = ["accuracy", "effects", "tornado"]
 
 
-def tornado(sensitivity: Any, mode: int = 0, *, most: int = 20) -> Any:
+def tornado(sensitivity: Any, mode: int = 0, *, most: int = 20, ax: Any = None) -> Any:
     """Bars of the change of one natural frequency for a small change of each parameter, the largest on top.
 
     Parameters
@@ -33,12 +34,12 @@ def tornado(sensitivity: Any, mode: int = 0, *, most: int = 20) -> Any:
     if not bars:
         raise ModelError("there is nothing to draw: no parameter has a value other than 0 and a finite derivative")
     with style():
-        made, axes = figure(size=(8.0, 1.4 + 0.42 * len(bars)))
+        made, axes = canvas(ax, (8.0, 1.4 + 0.42 * len(bars)))
         place = np.arange(len(bars))
         values = np.array([bar.value for bar in bars])
         axes.barh(place, values, color=[PALETTE[0] if v >= 0 else PALETTE[1] for v in values], height=0.62)
         axes.set_yticks(place, [f"{bar.label}  ({bar.change})" for bar in bars])
-        axes.invert_yaxis()
+        from_the_top(axes)
         axes.axvline(0.0, color="#33404e", lw=0.9)
         axes.grid(axis="y", visible=False)
         for y, value in zip(place, values, strict=True):
@@ -50,7 +51,7 @@ def tornado(sensitivity: Any, mode: int = 0, *, most: int = 20) -> Any:
     return made
 
 
-def accuracy(study: Any) -> Any:
+def accuracy(study: Any, *, ax: Any = None) -> Any:
     """Measured error against measured time, both logarithmic, one line for each categorical setting of the study.
 
     ``study``: an `AccuracyStudy`; its ``lines()`` gives (label, points), each point with ``time`` (s), ``error`` and
@@ -63,9 +64,8 @@ def accuracy(study: Any) -> Any:
     positive = [p.error for _, points in lines for p in points if p.error > 0.0]
     floor = 0.3 * min(positive) if positive else 1e-17
     with style():
-        made, axes = figure(size=(8.0, 5.0))
-        for i, (label, points) in enumerate(lines):
-            colour = PALETTE[i % len(PALETTE)]
+        made, axes = canvas(ax, (8.0, 5.0))
+        for colour, (label, points) in zip(colours(axes, len(lines)), lines, strict=True):
             time = [p.time for p in points]
             error = [max(p.error, floor) for p in points]
             axes.plot(time, error, "-o", color=colour, ms=5, label=label or None)
@@ -78,25 +78,98 @@ def accuracy(study: Any) -> Any:
         axes.set_title("what accuracy costs", pad=20)
         axes.text(0.0, 1.015, study.measure, transform=axes.transAxes, fontsize=8.5, color="#4b5968")
         axes.margins(0.1)
-        legend(axes, [label for label, _ in lines if label])
+        legend(axes)
     return made
 
 
-def effects(study: Any) -> Any:
+def effects(study: Any, *, ax: Any = None) -> Any:
     """Change of the result and time saved when each effect is left out, as bars side by side. Returns a Figure."""
-    rows = [row for row in study.rows if np.isfinite(row.change)]
+    rows = [row for row in study.runs if np.isfinite(row.change)]
     if not rows:
         raise ModelError("no effect of this study could be switched off; see print(study) for why")
     with style():
-        made, (left, right) = figure(1, 2, size=(9.5, 1.6 + 0.45 * len(rows)), sharey=True)
+        if ax is None:
+            made, (left, right) = figure(1, 2, size=(9.5, 1.6 + 0.45 * len(rows)), sharey=True)
+        else:
+            made, left, right = ax.figure, ax, None
         place = np.arange(len(rows))
         left.barh(place, [row.change for row in rows], color=PALETTE[0], height=0.6)
         if any(row.change > 0.0 for row in rows):
             left.set_xscale("log")
-        right.barh(place, [100.0 * row.saved for row in rows], color=PALETTE[2], height=0.6)
         left.set_yticks(place, [row.effect for row in rows])
-        left.invert_yaxis()
-        right.axvline(0.0, color="#33404e", lw=0.9)
-        left.set(xlabel=f"change: {study.measure}", title="change of the result")
-        right.set(xlabel="time saved [%]", title="time saved")
+        from_the_top(left)
+        left.set(xlabel=textwrap.fill(f"change: {study.measure}", 46), title="change of the result")
+        if right is not None:
+            right.barh(place, [100.0 * row.saved for row in rows], color=PALETTE[2], height=0.6)
+            right.axvline(0.0, color="#33404e", lw=0.9)
+            right.set(xlabel="time saved [%]", title="time saved")
+    return made
+
+
+def effects_list(table: Any, *, ax: Any = None) -> Any:
+    """The effects of a model: filled marks where they are on, empty ones where they are off, each with its reason."""
+    entries = list(table.entries)
+    with style():
+        made, axes = canvas(ax, (8.0, 1.0 + 0.3 * len(entries)))
+        for y, entry in enumerate(entries):
+            axes.plot([0.0], [y], "o", ms=8, color=PALETTE[0] if entry.on else FADED, mfc=None if entry.on else "white")
+            axes.annotate(entry.why, (0.0, y), (14, 0), textcoords="offset points", va="center", fontsize=9)
+        axes.set_yticks(range(len(entries)), [entry.name for entry in entries])
+        axes.set(xticks=(), xlim=(-0.05, 1.0), title=f"effects of {table.name!r}", ylim=(len(entries) - 0.5, -0.5))
+        axes.grid(visible=False)
+    return made
+
+
+def directional(result: Any, *, ax: Any = None) -> Any:
+    """First-order change of every natural frequency along one change of all parameters, as bars."""
+    with style():
+        made, axes = canvas(ax)
+        bars = axes.bar(result.numbers, np.nan_to_num(result.frequency), color=colours(axes, 1)[0], width=0.6)
+        axes.axhline(0.0, color="#33404e", lw=0.9)
+        axes.bar_label(bars, [f"{v:.3g}" for v in result.frequency], fontsize=8.5, padding=2)
+        axes.xaxis.get_major_locator().set_params(integer=True)
+        axes.margins(y=0.12)
+        axes.set(xlabel="mode", ylabel="change of f [Hz]", title="change of the natural frequencies")
+    return made
+
+
+def gradient_check(check: Any, *, ax: Any = None) -> Any:
+    """Relative disagreement of derivatives and differences by parameter, beside the error that the differences have."""
+    labels, floor = list(check.labels), 1e-17
+    with style():
+        made, axes = canvas(ax, (8.0, 1.4 + 0.36 * len(labels)))
+        place = np.arange(len(labels))
+        blue, orange = colours(axes, 2)
+        error, noise = (
+            np.maximum(np.nan_to_num(np.asarray(a, dtype=float)), floor) for a in (check.error, check.noise)
+        )
+        axes.plot(error, place, "o", color=blue, label="disagreement")
+        axes.plot(noise, place, "|", color=orange, ms=14, mew=2, label="error of the difference")
+        wrong = ~np.asarray(check.ok, dtype=bool)
+        if wrong.any():
+            axes.plot(error[wrong], place[wrong], "x", color=PALETTE[5], ms=11, mew=2, label="do not agree")
+        axes.set_xscale("log")
+        axes.set_yticks(place, labels)
+        from_the_top(axes)
+        axes.set(xlabel="relative to the derivative", title="check of gradients")
+        legend(axes)
+    return made
+
+
+def motion_sensitivity(result: Any, *, ax: Any = None) -> Any:
+    """Derivatives of objectives by parameters as bars, each over the largest of its objective."""
+    flat = np.asarray(result.derivative, dtype=float)
+    labels = [f"{name} [per {unit}]" if unit else name for name, unit in zip(result.labels, result.units, strict=True)]
+    with style():
+        made, axes = canvas(ax, (8.0, 1.4 + 0.4 * len(labels)))
+        place, height = np.arange(len(labels)), 0.7 / len(flat)
+        for i, (row, colour) in enumerate(zip(flat, colours(axes, len(flat)), strict=True)):
+            largest = np.max(np.abs(row), initial=0.0) or 1.0
+            name = f"objective {i}" if len(flat) > 1 else None
+            axes.barh(place + (i - 0.5 * (len(flat) - 1)) * height, row / largest, height, color=colour, label=name)
+        axes.axvline(0.0, color="#33404e", lw=0.9)
+        axes.set_yticks(place, labels)
+        from_the_top(axes)
+        axes.set(xlabel="derivative over the largest of its objective", title="objectives of a motion")
+        legend(axes)
     return made
