@@ -1,4 +1,4 @@
-"""Samples of friction and contact: as many as the tolerance needs, and fewer again where fewer do."""
+"""Samples of friction and contact: as many as the tolerance needs."""
 
 import numpy as np
 from mbrs.frequency_response import frequency_response

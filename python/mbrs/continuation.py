@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
@@ -27,10 +28,9 @@ MEANING = {
     "unresolved": "the end was reached, but an estimated error exceeds the tolerance: take more harmonics",
 }
 F = TypeVar("F", bound=Callable[..., Any])
-CHUNK_SECONDS = 0.2
-FEW_POINTS = 5  # that agree before samples are taken away
-COARSER = 64.0  # how far below what counts aliasing must be before they are, free of units: 16 for four times as few, and a margin
-MOST_COARSENINGS = 4  # of one branch, so that it does not go back and forth
+# Points between two looks at samples and progress: a count, so that no clock decides where samples change. Larger: more points with too
+# many or too few samples. Smaller: looks cost more than points. Pinned by tests/test_continuation.py.
+CHUNK_POINTS = 20
 CORNERED = 1e-6  # steps below are those around corners that samples make
 
 
@@ -141,7 +141,6 @@ class Branch(Iterator[BranchPoint]):
         self._corrections_before = self._factorisations_before = 0
         self._read = self._base = 0
         self._stalled = False
-        self._coarsened = 0
         self._exhausted = False  # more harmonics or samples did not find the branch again
         self._core = self._first(x0)
 
@@ -235,20 +234,18 @@ class Branch(Iterator[BranchPoint]):
                 self._go_on()
                 continue
             wanted = known + max_points - len(self.chunks)
-            points = min(wanted, 20) if self._auto else wanted
+            begin = time.perf_counter()
             try:
-                self._take(_balance.translated(self._core.run, points, min(seconds, CHUNK_SECONDS)))
+                self._take(_balance.translated(self._core.run, min(wanted, CHUNK_POINTS), np.inf))
                 if self._stalled:
                     self._sample_finer()
-                elif self._coarse_enough():
-                    self._sample_with(self.setup.n_samples // 4)
             except MbrsError as problem:
                 self._break_off(str(problem))
             except BaseException:  # Ctrl-C, or what a law of the user raised: the points until then are kept
                 with suppress(MbrsError):
                     self._take(_balance.translated(self._core.run, 0, 0.0))
                 raise
-            seconds -= CHUNK_SECONDS
+            seconds -= time.perf_counter() - begin
         return len(self.chunks) - known
 
     def _break_off(self, why: str) -> None:
@@ -292,23 +289,10 @@ class Branch(Iterator[BranchPoint]):
         they are smaller."""
         samples = self._more_samples()
         if samples is not None and len(self.chunks) >= 2:
-            self._coarsened = MOST_COARSENINGS  # what needed them may come again
             self._sample_with(samples)
-
-    def _coarse_enough(self) -> bool:
-        """Whether the last points would do with a quarter of the samples, whose aliasing is some sixteen times as large."""
-        if self.status != "going" or self._prepare["n_samples"] is not None or self._coarsened >= MOST_COARSENINGS:
-            return False
-        setup = self.setup
-        last = self.chunks.parts[-1][1]["aliasing"] if self.chunks.parts else np.zeros(0)
-        needed = _balance.needed_samples(self.system.elements, setup.harmonics, setup.subharmonic)
-        if setup.n_samples // 4 < needed or len(last) < FEW_POINTS or len(self.chunks) < 2:
-            return False
-        return bool(np.max(last[-FEW_POINTS:]) <= _balance.negligible(self.tol) / COARSER)
 
     def _sample_with(self, samples: int) -> None:
         """Goes on from the last point with another number of samples; with the present one where that does not find it."""
-        self._coarsened += samples < self.setup.n_samples
         setup, model = self.setup, self._model
         self.setup = self._problem(setup.harmonics, samples)
         last, before = self._place(-1), self._place(-2)
