@@ -72,7 +72,7 @@ class Description:
     def of(cls, model) -> Description:
         with tempfile.TemporaryDirectory() as folder:
             data = tomllib.loads(model.save(Path(folder) / "model.toml").read_text(encoding="utf-8"))
-        known = {name: np.array(value) for name, value in data.pop("parameters", {}).items()}
+        known = {name: _parameter(given) for name, given in data.pop("parameters", {}).items()}
         return cls(_plain(data, "", known))
 
     def model(self) -> mb.Model:
@@ -90,6 +90,11 @@ class Description:
     def put(self, kind, **entry) -> None:
         """Add an object."""
         self.data.setdefault(kind, []).append(entry)
+
+
+def _parameter(given):
+    """The value of a parameter, a number or an array or a table of it and its unit."""
+    return np.array(given["value"] if isinstance(given, dict) else given)
 
 
 def _plain(value, key, known):

@@ -5,10 +5,7 @@ import numpy as np
 import pytest
 from changes import noisy, scaled_system
 
-NAN = "rounding in the stiffness of a rigid direction makes shapes that are no numbers, with error 0"
-LARGEST = (
-    "the change of a matrix in a sweep is measured by its largest entry, so that soft rows are extrapolated for ever"
-)
+GRAZING = "a cubic spring on coordinates of very different size is reported to graze at nearly every frequency"
 
 
 def system(matrices, elements=()):
@@ -73,16 +70,7 @@ def with_a_rigid_direction(rng, noise):
     return mb.MechanicalSystem(np.eye(4), C, K), K, C
 
 
-@pytest.mark.parametrize(
-    "noise",
-    [
-        0.0,
-        *(
-            pytest.param(noise, marks=pytest.mark.xfail(strict=True, reason=NAN))
-            for noise in (1e-17, 3e-17, 1e-16, 5e-16)
-        ),
-    ],
-)
+@pytest.mark.parametrize("noise", [0.0, 1e-17, 3e-17, 1e-16, 5e-16])
 def test_rounding_beside_a_rigid_direction(noise):
     for seed in range(4):
         s, K, C = with_a_rigid_direction(np.random.default_rng(seed), noise)
@@ -112,7 +100,6 @@ def cylinder_beside_a_chain(seed, gravity):
     return m
 
 
-@pytest.mark.xfail(strict=True, reason=NAN)
 def test_a_free_cylindrical_joint_beside_a_damped_chain():
     for seed in range(25):
         expected = np.sort(mb.modes(cylinder_beside_a_chain(seed, False)).omega)
@@ -160,15 +147,8 @@ def linear(k, n=2):
     return s, lambda omega: 1 / np.abs(stiffness - omega**2 + 0.02j * np.sqrt(stiffness) * omega)
 
 
-def sweeps():
-    for span in ((1.2, 1.5), (0.5, 1.5), (1.5, 0.7)):
-        for k in (10.0, 300.0, 1e5, 1e6, 1e9):
-            good = k == 10.0 or (k == 300.0 and span == (1.2, 1.5))
-            marks = [] if good else [pytest.mark.xfail(strict=True, reason=LARGEST)]
-            yield pytest.param(k, span, id=f"{k:g}-{span[0]}-{span[1]}", marks=marks)
-
-
-@pytest.mark.parametrize(("k", "span"), sweeps())
+@pytest.mark.parametrize("k", [10.0, 300.0, 1e5, 1e6, 1e9])
+@pytest.mark.parametrize("span", [(1.2, 1.5), (0.5, 1.5), (1.5, 0.7)])
 def test_a_sweep_over_a_linear_system_is_its_transfer_function(k, span):
     s, exact = linear(k)
     curve = mb.frequency_response(s, force=[1.0, 1.0], omega=span, harmonics=1, stability=False)
@@ -177,7 +157,6 @@ def test_a_sweep_over_a_linear_system_is_its_transfer_function(k, span):
         assert found == pytest.approx(exact(omega), rel=1e-6)
 
 
-@pytest.mark.xfail(strict=True, reason=LARGEST)
 def test_a_sweep_over_two_decades_of_one_linear_oscillator():
     """From .001 to .1 of its frequency."""
     s, exact = linear(1.0, 1)
@@ -186,10 +165,7 @@ def test_a_sweep_over_two_decades_of_one_linear_oscillator():
     assert found == pytest.approx([exact(w)[0] for w in curve.omega], rel=1e-7)
 
 
-@pytest.mark.parametrize(
-    "part",
-    [0.5, 40.0, *(pytest.param(k, marks=pytest.mark.xfail(strict=True, reason=LARGEST)) for k in (1e6, 1e8))],
-)
+@pytest.mark.parametrize("part", [0.5, 40.0, 1e6, 1e8])
 def test_a_sweep_beside_a_part_that_is_not_coupled(part):
     """Folds and their amplitudes stay; each point is a solution by itself."""
     alone, force = duffing()
@@ -203,7 +179,7 @@ def test_a_sweep_beside_a_part_that_is_not_coupled(part):
     assert found.point(at).amplitude(0) == pytest.approx(again.amplitude(0), rel=1e-6)
 
 
-@pytest.mark.parametrize("decades", [1, 2, pytest.param(4, marks=pytest.mark.xfail(strict=True, reason=LARGEST))])
+@pytest.mark.parametrize("decades", [1, 2, pytest.param(4, marks=pytest.mark.xfail(strict=True, reason=GRAZING))])
 def test_a_sweep_in_scaled_coordinates(decades):
     alone, force = duffing()
     expected = mb.frequency_response(alone, force=force, omega=(0.8, 1.6), harmonics=3)

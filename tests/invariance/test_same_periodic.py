@@ -4,14 +4,10 @@ import mbrs as mb
 import numpy as np
 import pytest
 import zoo
-from test_same_modes import REPEATED
 
 OMEGA = 2.1
 SPAN = (2.0, 2.8)
 FORCE = 0.5 * np.array([0.36, -0.48, 0.8])
-LARGEST = (
-    "the change of a matrix in a sweep is measured by its largest entry, so that soft rows are extrapolated for ever"
-)
 
 
 def model():
@@ -40,22 +36,12 @@ def places(m, change):
     return [names.index(change.rename(f"hinge{i}")) for i in range(3)]
 
 
-FAILING = {"repeated": REPEATED}
-
-
-def cases(failing):
-    for change in zoo.CHANGES:
-        reason = failing.get(change)
-        marks = [] if reason is None else [pytest.mark.xfail(strict=True, reason=reason)]
-        yield pytest.param(change, id=change, marks=marks)
-
-
 def changed(name):
     change = zoo.CHANGES[name](np.random.default_rng([22, len(name)]))
     return change, change(model())
 
 
-@pytest.mark.parametrize("change", cases(FAILING))
+@pytest.mark.parametrize("change", zoo.CHANGES)
 def test_harmonic_balance(change):
     def solve(m, change):
         found = mb.harmonic_balance(m, omega=OMEGA / change.time, harmonics=5, **asked(m, change))
@@ -66,7 +52,7 @@ def test_harmonic_balance(change):
     zoo.close(solve(m, change), expected, zoo.allowed(change, 1e-7, 1e3))
 
 
-@pytest.mark.parametrize("change", cases({**FAILING, "stiff part": LARGEST}))
+@pytest.mark.parametrize("change", zoo.CHANGES)
 def test_frequency_response(change):
     """The largest amplitude of each hinge, to the density of points, and every point by itself."""
 

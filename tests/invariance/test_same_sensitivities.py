@@ -19,7 +19,10 @@ ADDRESSES = {
     "isolator": "leg2.k",
 }
 CHANGES = [c for c in zoo.CHANGES if not c.endswith("part")]
-SINGULAR = "a joint that repeats another stops the motion or the gradient"
+
+
+PARTING = "where a parameter moves redundant constraints, their rounding is taken for a loop that opens"
+NO_DERIVATIVE = FAILING | {(name, "repeated"): PARTING for name in ("tree", "chain")}
 
 
 def renamed(change, address):
@@ -31,7 +34,7 @@ def scaled_value(model, address):
     return float(np.ravel(model.value(address))[0])
 
 
-@pytest.mark.parametrize(("name", "change"), zoo.cases(ADDRESSES, CHANGES, FAILING))
+@pytest.mark.parametrize(("name", "change"), zoo.cases(ADDRESSES, CHANGES, NO_DERIVATIVE))
 def test_relative_sensitivities_of_roots(name, change):
     """p ds/dp, one stiffness at a time; of a group of equal roots their sum."""
 
@@ -50,18 +53,13 @@ def test_relative_sensitivities_of_roots(name, change):
 
 SCHEMES = ("ali3p", "generalized-alpha")
 T, STEP = 0.2, 4e-3
-STUCK = {(scheme, name, "repeated"): SINGULAR for scheme in SCHEMES for name in ("tree", "chain")}
-TILTED = "axes tilted by less than a drawing's accuracy lock a planar loop"
-UNITS = "a planar loop that moves in one unit of length is locked, or refused, in another"
-STUCK |= {(scheme, "damped_four_bar", "tilted"): TILTED for scheme in SCHEMES}
 FAR = "the steps of a model far from the origin are refused where the rounding of its places shows"
-STUCK |= {("ali3p", "loop", "moved"): FAR, ("generalized-alpha", "loop", "moved"): FAR}
+STUCK = {(scheme, "loop", "moved"): FAR for scheme in SCHEMES}
 if jitter.seed() is None:
-    STUCK |= {("generalized-alpha", "isolator", "moved"): FAR}
+    STUCK |= {("generalized-alpha", name, "moved"): FAR for name in ("damped_four_bar", "isolator")}
 else:
     OPEN = "a loop that stays open by less than the accuracy of a drawing is refused"
     STUCK |= {(scheme, "damped_four_bar", "moved"): OPEN for scheme in SCHEMES}
-STUCK |= {(scheme, "damped_four_bar", "large"): UNITS for scheme in SCHEMES}
 
 
 def gradient(model, scheme, change, body, address):

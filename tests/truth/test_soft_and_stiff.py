@@ -9,8 +9,9 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-SOFT = "a soft mode under stiff springs is found by the rank of the assembled stiffness, and called rigid with error 0"
-MASSES = "the error of a soft mode under light and heavy masses is stated as if its vector were exact"
+SOFT = "a model's springs are added up before they are factored, so that rounding of stiff ones hides a soft mode, error 1e-15"
+CONVERGED = "a root whose stated error is 1 is called converged"
+MASSES = "a model of light and heavy masses is refused: its mass matrix loses the light ones by rounding"
 DIGITS = 60
 
 
@@ -74,10 +75,7 @@ def graded(rng, decades, n=5):
     return k, rng.uniform(0.5, 2.0, n)
 
 
-@pytest.mark.parametrize(
-    "decades",
-    [2, 5, *wrong((8, 12, 14, 16), SOFT)],
-)
+@pytest.mark.parametrize("decades", [2, 5, *wrong((8, 12, 14, 16), SOFT)])
 def test_a_model_with_a_soft_spring_under_stiff_ones(decades):
     for seed in range(4):
         k, masses = graded(np.random.default_rng([seed, decades]), decades)
@@ -86,10 +84,7 @@ def test_a_model_with_a_soft_spring_under_stiff_ones(decades):
         assert found == pytest.approx(exact, rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    "decades",
-    [2, 5, 8, 12, *wrong((14, 15), SOFT)],
-)
+@pytest.mark.parametrize("decades", [2, 5, 8, 12, 14, *wrong((15,), CONVERGED)])
 def test_matrices_with_a_soft_spring_under_stiff_ones(decades):
     for seed in range(4):
         k, masses = graded(np.random.default_rng([seed, decades]), decades)
@@ -105,10 +100,7 @@ def alternating(rng, r, n=5):
     return rng.uniform(0.5, 2.0, n), rng.uniform(0.5, 2.0, n) * size
 
 
-@pytest.mark.parametrize(
-    "r",
-    [10.0, 1e3, *wrong((1e6, 1e7, 1e8), MASSES)],
-)
+@pytest.mark.parametrize("r", [10.0, 1e3, 1e6, 1e7, 1e8])
 def test_matrices_of_light_and_heavy_masses(r):
     for seed in range(4):
         k, masses = alternating(np.random.default_rng([seed, int(np.log10(r))]), r)
@@ -116,10 +108,7 @@ def test_matrices_of_light_and_heavy_masses(r):
         honest(mb.modes(mb.MechanicalSystem(np.diag(masses), K=K)), exact_roots(K, masses))
 
 
-@pytest.mark.parametrize(
-    "r",
-    [10.0, 1e3, 1e5, *wrong((1e7, 1e8), MASSES, (AssertionError, mb.SingularError, np.linalg.LinAlgError))],
-)
+@pytest.mark.parametrize("r", [10.0, 1e3, 1e5, *wrong((1e7, 1e8), MASSES, mb.SingularError)])
 def test_a_model_of_light_and_heavy_masses(r):
     for seed in range(4):
         k, masses = alternating(np.random.default_rng([seed, int(np.log10(r))]), r)
@@ -153,11 +142,6 @@ def exact_damped_roots(masses, C, K):
         return np.array([complex(v) for v in values])
 
 
-RATIO = (
-    "roots that are small beside others are said to be right to rounding, with a bound that is relative to the largest"
-)
-
-
 @pytest.mark.parametrize(
     "ratio",
     [1e-3, 1e3, 1e6, 1e12, 1e15],
@@ -173,12 +157,6 @@ def test_a_damped_chain_with_one_mass_of_another_size(ratio):
                 assert stated < 1e-3 and true <= 30 * stated + 1e-13
 
 
-LOOSE = (
-    "a body that nothing holds or loads gives a constant part that is no number, or a singular matrix without a name"
-)
-
-
-@pytest.mark.xfail(strict=True, raises=AssertionError, reason=LOOSE)
 def test_harmonic_balance_beside_a_loose_body():
     """The loose one stays where it is, and the other one moves as the oscillator that it is; or an error names the loose one."""
     m = mb.Model("pair")
