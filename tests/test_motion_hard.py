@@ -10,7 +10,7 @@ import mbrs as mb
 import motion_problems as zoo
 import numpy as np
 import pytest
-from mbrs.errors import AssemblyError, ConvergenceError, MbrsError, MbrsWarning
+from mbrs.errors import AssemblyError, ConvergenceError, MbrsError, MbrsWarning, ModelError
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
@@ -261,8 +261,17 @@ def test_a_gap_that_closes_at_speed(method):
     assert error < {"explicit": 1e-6, "generalized-alpha": 1e-3, "bdf": 1e-4}[method]
 
 
-@pytest.mark.parametrize("late", [float("nan"), ZeroDivisionError("it broke")], ids=["nan", "raises"])
-def test_a_python_force_that_fails_on_the_way(late):
+@pytest.mark.parametrize(
+    ("late", "error", "text"),
+    [
+        (float("nan"), ModelError, "push.*must be finite"),
+        (ZeroDivisionError("it broke"), ZeroDivisionError, "it broke"),
+    ],
+    ids=["nan", "raises"],
+)
+def test_a_python_force_that_fails_on_the_way(late, error, text):
+    """What a function of the user raises comes out as it is; a number that is none names the function."""
+
     def force(t):
         if t > 0.35:
             if isinstance(late, Exception):
@@ -274,12 +283,10 @@ def test_a_python_force_that_fails_on_the_way(late):
     b = m.body("mass", mass=1.0, inertia=(0.1,) * 3, at=(0, 0, 0))
     m.prismatic("guide", m.ground, b, at=(0, 0, 0), axis="x")
     m.force("push", b, at=(0, 0, 0), value=(force, 0, 0))
-    with pytest.raises(MbrsError, match="push") as caught:
+    with pytest.raises(error, match=text) as caught:
         mb.simulate(m, 1.0, max_step=0.05)
-    result = getattr(caught.value, "result", None)
     print(caught.value)
-    assert result is not None and 0.25 <= result.t[-1] <= 0.3501
-    assert np.allclose(result.position("mass")[:, 0], 0.5 * result.t**2, atol=1e-9)
+    assert error is ModelError or "push" in "".join(caught.value.__notes__)
 
 
 def test_outputs_far_denser_and_far_sparser_than_steps():

@@ -128,7 +128,7 @@ def test_the_last_output_at_the_end_of_a_table_is_consistent(lines):
 
 def test_a_motion_that_stops_before_its_first_output_has_empty_results():
     m = spinning(5)
-    m.force("f", "b", value=lambda t: (1.0, 2.0, np.nan) if t > 0.1 else (1.0, 2.0, 0.3))
+    m.force("f", "b", value=lambda t: (1.0, 2.0, 1e308) if t > 0.1 else (1.0, 2.0, 0.3))
     with pytest.raises(ConvergenceError) as caught:
         mb.simulate(m, t=[0.7, 1.0])
     traj = caught.value.result
@@ -153,7 +153,8 @@ def test_absurd_loads_and_speeds_stop_with_a_reason(seed):
         except ConvergenceError as error:
             counts, why = error.result.stats.counts, str(error)
         print(load, speed, counts, why[:120])
-        assert counts["force evaluations"] < 400_000
+        # 16 x 4096 parts of start steps with twelve evaluations each, at most
+        assert counts["force evaluations"] < 900_000
 
 
 def test_a_step_that_cannot_be_made_says_why():
