@@ -66,14 +66,7 @@ def test_tight_runs_are_true(name):
 
 @pytest.mark.parametrize(
     "coordinates",
-    [
-        None,
-        "tree",
-        pytest.param(
-            "independent",
-            marks=pytest.mark.xfail(strict=True, reason="on the other branch behind the pose at rtol 3e-13"),
-        ),
-    ],
+    [None, "tree", "independent"],
 )
 # lengths that differ by any noise make another linkage at a pose where two branches meet
 @pytest.mark.exact
