@@ -106,6 +106,6 @@ def flexed(model, body, omega, damping=0.0):
             for side in ("a", "b"):
                 if element[side] == body:
                     element[side] = f"{body}.n0"
-    new = toml._Reader(data, "", "flexed", False).model(mb.Model)
+    new = toml._Reader(data, "", "flexed", True).model(mb.Model)
     assert isinstance(new, mb.Model)
     return new

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mbrs import flexible
 from mbrs.frequency_response import frequency_response
-from mbrs.model import Model
+from mbrs.model.model import Model
 from mbrs.model.laws import Cubic, Gap
 from mbrs.second_order import MechanicalSystem
 

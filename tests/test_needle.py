@@ -172,7 +172,7 @@ def test_a_loaded_velocity_row_has_geometric_stiffness():
 
 def test_a_moving_state_with_a_velocity_row_is_refused():
     m = needle(0.3, 0.5)
-    with pytest.raises(ModelError, match=r"'knife'.*at rest"):
+    with pytest.raises(ModelError, match="'knife' moves on a curve or speeds up"):
         mb.linearize(m)
     sys = Reference(tables(m))
     with pytest.raises(ModelError, match="at rest"):

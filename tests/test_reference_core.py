@@ -22,7 +22,7 @@ LOOPS = [
 def core_tables(tables):
     t = {k: v if k == "x" or k.endswith("name") else np.asarray(v, dtype=np.int64) for k, v in tables.items()}
     none = np.zeros(0, dtype=np.int64)
-    return {"pose_body": none, "pose_x": none, **t}
+    return {"pose_body": none, "pose_x": none, "tolerance": 1e-7, **t}
 
 
 def both(t, state, rate, without=()):

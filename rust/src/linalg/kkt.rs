@@ -194,8 +194,9 @@ impl Kkt {
         let mut z = self.once(right.clone(), transposed, false)?;
         let (mut left, mut stronger, mut passes) = (f64::INFINITY, false, 0);
         loop {
-            let miss = right - self.times(&z, transposed);
-            let part = remainder(&miss, right, &z);
+            let (product, sizes) = self.times(&z, transposed);
+            let miss = right - product;
+            let part = remainder(&miss, right, &sizes);
             if part <= 4.0 * f64::EPSILON {
                 break;
             }
@@ -228,21 +229,23 @@ impl Kkt {
         if part <= bound { Ok(()) } else { Err(singular()) }
     }
 
-    fn times(&self, z: &DMatrix<f64>, transposed: bool) -> DMatrix<f64> {
-        match &self.matrix {
-            Scaled::Dense(m) if transposed => m.tr_mul(z),
-            Scaled::Dense(m) => m * z,
-            Scaled::List(list) => {
-                let mut out = DMatrix::zeros(z.nrows(), z.ncols());
-                for c in 0..z.ncols() {
-                    for (i, j, v) in list {
-                        let (i, j) = if transposed { (j, i) } else { (i, j) };
-                        out[(*i as usize, c)] += v * z[(*j as usize, c)];
-                    }
-                }
-                out
+    /// The product with the scaled matrix, and the sums of the absolute terms of its rows.
+    fn times(&self, z: &DMatrix<f64>, transposed: bool) -> (DMatrix<f64>, DMatrix<f64>) {
+        let size = z.nrows();
+        let (mut out, mut sizes) = (DMatrix::zeros(size, z.ncols()), DMatrix::zeros(size, z.ncols()));
+        for c in 0..z.ncols() {
+            let mut term = |i: usize, j: usize, v: f64| {
+                let (i, j) = if transposed { (j, i) } else { (i, j) };
+                let t = v * z[(j, c)];
+                out[(i, c)] += t;
+                sizes[(i, c)] += t.abs();
+            };
+            match &self.matrix {
+                Scaled::Dense(m) => (0..size).for_each(|j| (0..size).for_each(|i| term(i, j, m[(i, j)]))),
+                Scaled::List(list) => list.iter().for_each(|(i, j, v)| term(*i as usize, *j as usize, *v)),
             }
         }
+        (out, sizes)
     }
 
     fn once(&self, mut b: DMatrix<f64>, transposed: bool, stronger: bool) -> Result<DMatrix<f64>> {
@@ -308,14 +311,11 @@ fn places(kept: &[usize], rows: usize) -> Vec<Option<usize>> {
     place
 }
 
-/// The largest entry of a remainder over the sizes of right side and solution, column by column.
-fn remainder(miss: &DMatrix<f64>, right: &DMatrix<f64>, z: &DMatrix<f64>) -> f64 {
-    let part = |c: usize| {
-        let size = right.column(c).amax() + z.column(c).amax();
-        let miss = miss.column(c).amax();
-        if miss == 0.0 { 0.0 } else { miss / size }
-    };
-    (0..miss.ncols()).map(part).fold(0.0, |a, b| if a > b { a } else { b })
+/// The largest remainder of a row over the sum of its absolute terms: rows of small numbers count as much as others, and multipliers
+/// of weak rows, which are large, do not hide what is left of those rows.
+fn remainder(miss: &DMatrix<f64>, right: &DMatrix<f64>, sizes: &DMatrix<f64>) -> f64 {
+    let part = |((m, r), s): ((&f64, &f64), &f64)| if *m == 0.0 { 0.0 } else { m.abs() / (s + r.abs()) };
+    miss.iter().zip(right.iter()).zip(sizes.iter()).map(part).fold(0.0, |a, b| if a > b { a } else { b })
 }
 
 fn quasi_definite(list: &List, n: usize, rows: &[usize], ordering: &Ordering) -> Result<Ldl> {

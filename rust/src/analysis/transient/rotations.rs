@@ -125,11 +125,12 @@ mod tests {
     use super::*;
     use crate::spatial::{exp_so3, log_so3};
 
-    /// R' = omega^ R with omega even between v0 and v1, by many small turns.
+    /// R' = omega^ R with omega = v0 + a t, by many small turns.
     #[test]
     fn the_commutator_leaves_an_error_of_fifth_order() {
-        let (v0, v1) = (V3::new(0.7, -1.3, 0.4), V3::new(-0.9, 0.2, 1.6));
+        let (v0, a) = (V3::new(0.7, -1.3, 0.4), V3::new(-4.0, 3.7, 3.0));
         let miss = |h: f64| {
+            let v1 = v0 + a * h;
             let n = 4000;
             let mut r = M3::identity();
             for i in 0..n {
