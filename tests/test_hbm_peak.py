@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from mbrs import flexible
 from mbrs.frequency_response import frequency_response
-from mbrs.model.model import Model
 from mbrs.model.laws import Cubic, Gap
+from mbrs.model.model import Model
 from mbrs.second_order import MechanicalSystem
 
 

@@ -196,7 +196,7 @@ impl Kkt {
         loop {
             let (product, sizes) = self.times(&z, transposed);
             let miss = right - product;
-            let part = remainder(&miss, right, &sizes);
+            let part = remainder(&miss, right, &sizes, self.n);
             if part <= 4.0 * f64::EPSILON {
                 break;
             }
@@ -311,11 +311,17 @@ fn places(kept: &[usize], rows: usize) -> Vec<Option<usize>> {
     place
 }
 
-/// The largest remainder of a row over the sum of its absolute terms: rows of small numbers count as much as others, and multipliers
-/// of weak rows, which are large, do not hide what is left of those rows.
-fn remainder(miss: &DMatrix<f64>, right: &DMatrix<f64>, sizes: &DMatrix<f64>) -> f64 {
-    let part = |((m, r), s): ((&f64, &f64), &f64)| if *m == 0.0 { 0.0 } else { m.abs() / (s + r.abs()) };
-    miss.iter().zip(right.iter()).zip(sizes.iter()).map(part).fold(0.0, |a, b| if a > b { a } else { b })
+/// The largest remainder over the largest sum of absolute terms, of the first n rows and of the constraint rows by themselves:
+/// multipliers of weak rows, which are large, do not hide what is left of those rows.
+fn remainder(miss: &DMatrix<f64>, right: &DMatrix<f64>, sizes: &DMatrix<f64>, n: usize) -> f64 {
+    let worse = |a: f64, b: f64| if a > b { a } else { b };
+    let part = |c: usize, rows: std::ops::Range<usize>| {
+        let size = rows.clone().map(|i| sizes[(i, c)] + right[(i, c)].abs()).fold(0.0, f64::max);
+        let left = rows.map(|i| miss[(i, c)].abs()).fold(0.0, worse);
+        if left == 0.0 { 0.0 } else { left / size }
+    };
+    let both = |c: usize| worse(part(c, 0..n), part(c, n..miss.nrows()));
+    (0..miss.ncols()).map(both).fold(0.0, worse)
 }
 
 fn quasi_definite(list: &List, n: usize, rows: &[usize], ordering: &Ordering) -> Result<Ldl> {
