@@ -39,15 +39,11 @@ pub mod constraints {
     /// Rows are closed when smaller than this, over the length of their loop or in radians.
     /// Larger: states are less accurate than they could be. Smaller: Newton's method circles in rounding.
     /// Pinned by `closure` through every assembled model of `tests/`.
-    pub const CLOSED: f64 = 3e-14;
+    pub const CLOSED: f64 = 1e-13;
 
-    /// The same in units of the rounding of a row's entries, for models far from the origin. Larger: loops stay open by more than
-    /// rounding. Smaller: models far from the origin do not close. Pinned by `tests/invariance` (moved worlds).
-    pub const CLOSED_ROUNDING: f64 = 8.0;
-
-    /// How much more than `CLOSED` a closing that does not go on may leave: long chains sum up rounding. Larger: loops stay open.
-    /// Smaller: long chains do not close. Pinned by `tests/test_core_loops.py`.
-    pub const STALLED: f64 = 300.0;
+    /// The same in units of the rounding of a row's entries, for models far from the origin; and how much more than `CLOSED` a closing
+    /// that does not go on may leave. Larger: loops stay open by more than rounding. Smaller: models far from the origin do not close.
+    pub const CLOSED_ROUNDING: f64 = 1e2;
 
     /// Singular values of a least-squares problem below this part of the largest belong to directions that no row feels.
     /// Larger: weak directions are left out. Smaller: rounding of states of self-stress is divided by. Entries are free of units.

@@ -24,7 +24,7 @@ use crate::system::loops::column_scales;
 use crate::system::placement::{Placement, State, advance, drawn_relative, marker_pose, place, relative_from_poses};
 use crate::system::rank::{Decision, block_names, spectrum};
 use crate::system::topology::{Node, Purpose};
-use crate::tolerances::constraints::{CLOSED, CLOSED_ROUNDING, DOUBTFUL, FELT, STALLED};
+use crate::tolerances::constraints::{CLOSED, CLOSED_ROUNDING, DOUBTFUL, FELT};
 
 const MAX_ITERATIONS: usize = 60;
 /// Blocks of more rows and columns are closed by sparse factors.
@@ -139,7 +139,7 @@ pub(super) fn close_with(
         let kept = rows.select(&jacobian, Asked::Position);
         let (size, worst, closed) = largest(&phi, &kept, rows, &rounding);
         let stalled = iteration > 3 && size >= best;
-        if closed || stalled && best < STALLED * CLOSED {
+        if closed || stalled && best < CLOSED_ROUNDING * CLOSED {
             check_orientation(system, relative)?;
             return Ok(iteration);
         }
@@ -215,7 +215,7 @@ pub(super) fn close_drawn(
         let open: Vec<&Block> = rows.blocks.iter().filter(|b| !of(b).2).collect();
         let (size, worst) = open.iter().map(|b| of(b)).fold((0.0, None), |a, b| if b.0 > a.0 { (b.0, b.1) } else { a });
         let stalled = iteration > 3 && size >= best;
-        if open.is_empty() || stalled && best < STALLED * CLOSED {
+        if open.is_empty() || stalled && best < CLOSED_ROUNDING * CLOSED {
             return Ok(iteration);
         }
         if iteration == MAX_ITERATIONS || iteration > 12 && size > 0.9 * best {

@@ -20,9 +20,6 @@ use super::rotations::rotation_triples;
 use crate::linalg::matrix::Matrix;
 use crate::linalg::rows::Level as Asked;
 
-/// What is left of a row free of units at a pose that loses rank: rounding, which determines no coordinate.
-const ROUNDING: f64 = 256.0 * f64::EPSILON;
-
 type Row = BTreeMap<usize, f64>;
 
 /// A choice of dependent coordinates, and where its elimination has entries.
@@ -32,8 +29,6 @@ pub struct Plan {
     pub pivots: Vec<(usize, usize)>,
     /// how many of them belong to positions
     pub n_position: usize,
-    /// do the pivots carry the whole rank? Not where the choice was made at a singular pose
-    pub complete: bool,
     /// coordinates whose rates depend on no others
     pub independent: Vec<usize>,
     row_scale: Vec<f64>,
@@ -142,7 +137,6 @@ impl Plan {
         let independent = (0..eq.n()).filter(|c| pivot_of[*c] == usize::MAX).collect();
         let mut plan = Plan {
             n: eq.n(),
-            complete: pivots.len() == kept.len(),
             pivots,
             n_position,
             independent,
@@ -267,7 +261,7 @@ fn largest_entry(rows: &[usize], values: &[Row]) -> Option<(usize, usize)> {
     let of = |(at, i): (usize, &usize)| values[*i].iter().map(move |(c, v)| (at, *c, v.abs()));
     let all: Vec<_> = rows.iter().enumerate().flat_map(of).collect();
     let most = all.iter().fold(0.0_f64, |s, e| s.max(e.2));
-    (most > ROUNDING).then(|| all.iter().find(|e| e.2 >= (1.0 - TIE) * most)).flatten().map(|e| (e.0, e.1))
+    (most > 0.0).then(|| all.iter().find(|e| e.2 >= (1.0 - TIE) * most)).flatten().map(|e| (e.0, e.1))
 }
 
 fn eliminate(row: &mut Row, pivot: &Row, column: usize) {
