@@ -4,22 +4,22 @@
 pub mod constraints {
     /// Relative accuracy of a drawing where the model does not say: lengths over those of their loop, angles in radians.
     /// Larger: loops that are locked by a small angle move. Smaller: linkages drawn with eight digits are locked.
-    /// Pinned by `tests/invariance/test_four_bar.py`.
+    /// Seen by `tests/invariance/test_tilted_four_bar.py`; not scanned.
     pub const DRAWING: f64 = 1e-7;
 
     /// Rounding of one entry of a constraint row, in units of the sizes of what was subtracted for it, over eps.
     /// Larger: a model far from the origin has doubtful loops. Smaller: rows of rounding lock a door on two hinges.
-    /// Pinned by `rank::tests::rows_of_rounding_are_redundant`.
+    /// Seen by `tests/invariance/test_rank.py`; not scanned.
     pub const ENTRY_ROUNDING: f64 = 4.0;
 
     /// Singular values between the tolerance and this many times it make a constraint that is named as doubtful.
     /// Larger: sound models are called doubtful. Smaller: a lock by an inaccurate drawing is not explained.
-    /// Pinned by `tests/invariance/test_four_bar.py`.
+    /// Seen by `tests/invariance/test_tilted_four_bar.py`; not scanned.
     pub const DOUBTFUL: f64 = 1e3;
 
     /// How far redundant rows may open in motion, over the tolerance of the drawing: rows that part by s per radian of the freed
     /// direction open by up to some ten s over a large motion. Larger: a lost constraint is seen late. Smaller: doubtful linkages stop.
-    /// Pinned by `tests/invariance/test_four_bar.py`.
+    /// Seen by `tests/invariance/test_tilted_four_bar.py`; not scanned.
     pub const REDUNDANT_OPEN: f64 = 1e2;
 
     /// Second-order form of a redundant combination on the motions that the rows leave free, over the tolerance of the drawing, from
@@ -29,7 +29,7 @@ pub mod constraints {
 
     /// Length of the look beside a drawn pose, in lengths of the loop or radians, by which a pose of lower rank is seen.
     /// Larger: the way back to the constraints is long. Smaller: the second-order part of a change point drowns in the tolerance.
-    /// Pinned by `rank::tests`.
+    /// Seen by `tests/invariance/test_rank.py`; not scanned.
     pub const PROBE: f64 = 1e-2;
 
     /// Rows that are as long as the longest but for this part are equally good pivots: the first is taken, so that neither rounding nor
@@ -38,7 +38,7 @@ pub mod constraints {
 
     /// Rows are closed when smaller than this, over the length of their loop or in radians.
     /// Larger: states are less accurate than they could be. Smaller: Newton's method circles in rounding.
-    /// Pinned by `closure` through every assembled model of `tests/`.
+    /// No test pins it alone.
     pub const CLOSED: f64 = 1e-13;
 
     /// The same in units of the rounding of a row's entries, for models far from the origin; and how much more than `CLOSED` a closing

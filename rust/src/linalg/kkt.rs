@@ -410,15 +410,17 @@ mod tests {
     fn a_row_that_is_independent_only_just_is_enforced() -> Result<()> {
         let a = DMatrix::from_fn(3, 3, |i, j| if i == j { 2.0 + i as f64 } else { 0.3 });
         // without pivots weak rows of large systems are enforced to their remainder only
-        for (s, sparse) in [(1e-2, 1e-8), (1e-4, 1e-6), (1e-6, f64::INFINITY), (2e-7, f64::INFINITY)] {
+        for (s, sparse) in [(1e-2, Some(1e-8)), (1e-4, Some(1e-6)), (1e-6, None), (2e-7, None)] {
             let r = DMatrix::from_row_slice(2, 3, &[1.0, -1.0, 0.5, 2.0, -2.0, 1.0 + s]);
             let g = column(&[0.3, 0.6 + 0.1 * s]);
             let blocks = RowBlocks::independent(2, 3);
             let ordering = Ordering::default();
-            for (system, allowed) in [
-                (Kkt::new(&Matrix::Dense(a.clone()), &Matrix::Dense(r.clone()), &blocks, None)?, 1e-13 / s),
-                (Kkt::new(&listed(&a), &listed(&r), &blocks, Some(&ordering))?, sparse),
-            ] {
+            let dense = Kkt::new(&Matrix::Dense(a.clone()), &Matrix::Dense(r.clone()), &blocks, None)?;
+            let mut systems = vec![(dense, 1e-13 / s)];
+            if let Some(allowed) = sparse {
+                systems.push((Kkt::new(&listed(&a), &listed(&r), &blocks, Some(&ordering))?, allowed));
+            }
+            for (system, allowed) in systems {
                 // x3 = 0.1 follows from both rows whatever s
                 let (x, _) = system.solve_one(&column(&[1.0, 0.2, -0.4]), &g)?;
                 assert!((x[2] - 0.1).abs() < allowed, "s = {s:e}: {:e}", x[2] - 0.1);
