@@ -12,7 +12,7 @@ use std::sync::{Arc, OnceLock};
 
 use faer::linalg::solvers::PartialPivLu;
 use faer::prelude::*;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Dyn, RawStorage};
 
 use crate::error::{Error, Result};
 use crate::linalg::matrix::Matrix;
@@ -31,6 +31,7 @@ const SMALL: usize = 24;
 pub type Ordering = RefCell<Option<(Vec<usize>, Arc<Pattern>)>>;
 
 type List = Vec<(u32, u32, f64)>;
+type Columns<S> = nalgebra::Matrix<f64, Dyn, Dyn, S>;
 
 /// The scaled matrix.
 enum Scaled {
@@ -195,7 +196,7 @@ impl Kkt {
         let (mut left, mut stronger, mut passes) = (f64::INFINITY, false, 0);
         loop {
             let miss = right - self.times(&z, transposed);
-            let part = remainder(&miss, right, &z);
+            let part = self.remainder(&miss, right, &z);
             if part <= 4.0 * f64::EPSILON {
                 break;
             }
@@ -205,7 +206,7 @@ impl Kkt {
                     break;
                 }
                 if stronger || !matches!(self.factor, Factor::Symmetric(..)) {
-                    self.accept(part)?;
+                    self.accept(relative(&miss, right, &z))?;
                     break;
                 }
                 stronger = true;
@@ -216,6 +217,14 @@ impl Kkt {
             z += self.once(miss, transposed, stronger)?;
         }
         if z.iter().all(|v| v.is_finite()) { Ok(z) } else { Err(singular()) }
+    }
+
+    /// The largest remainder of the equations and of the constraints, each beside its own terms: constraints know nothing of y, so
+    /// the large multipliers of weak rows must not hide what x misses.
+    fn remainder(&self, miss: &DMatrix<f64>, right: &DMatrix<f64>, z: &DMatrix<f64>) -> f64 {
+        let (n, rows) = (self.n, self.kept.len());
+        let constraints = relative(&miss.rows(n, rows), &right.rows(n, rows), &z.rows(0, n));
+        worse(relative(miss, right, z), constraints)
     }
 
     /// A remainder that refinement does not take away: rounding of an ill-conditioned matrix, or no solution.
@@ -309,13 +318,23 @@ fn places(kept: &[usize], rows: usize) -> Vec<Option<usize>> {
 }
 
 /// The largest entry of a remainder over the sizes of right side and solution, column by column.
-fn remainder(miss: &DMatrix<f64>, right: &DMatrix<f64>, z: &DMatrix<f64>) -> f64 {
+fn relative<A, B, C>(miss: &Columns<A>, right: &Columns<B>, z: &Columns<C>) -> f64
+where
+    A: RawStorage<f64, Dyn, Dyn>,
+    B: RawStorage<f64, Dyn, Dyn>,
+    C: RawStorage<f64, Dyn, Dyn>,
+{
     let part = |c: usize| {
         let size = right.column(c).amax() + z.column(c).amax();
         let miss = miss.column(c).amax();
         if miss == 0.0 { 0.0 } else { miss / size }
     };
-    (0..miss.ncols()).map(part).fold(0.0, |a, b| if a > b { a } else { b })
+    (0..miss.ncols()).map(part).fold(0.0, worse)
+}
+
+/// The larger of two; what is no number is the worst.
+fn worse(a: f64, b: f64) -> f64 {
+    if a > b || a.is_nan() { a } else { b }
 }
 
 fn quasi_definite(list: &List, n: usize, rows: &[usize], ordering: &Ordering) -> Result<Ldl> {
