@@ -23,7 +23,7 @@ LAYERS = {
     "tables": {"tables"},
     "border": {"_border", "_core", "state", "second_order"},
     "analyses": set(),
-    "top": {"records", "result_files", "study", "_effect_study", "cli", "demo", "sweep", "design", "check_gradients"},
+    "top": {"records", "result_files", "study", "_effect_study", "cli", "demo", "doctor", "sweep", "design", "check_gradients"},
 }  # fmt: skip
 ORDER = list(LAYERS)
 # They turn results into pictures and text, and see nothing but results.

@@ -1,4 +1,4 @@
-"""The command line: ``mbrs demo``, ``check``, ``modal``, ``frf``, ``nlfr``, ``sens``, ``simulate``. Heavy imports wait for the command."""
+"""The command line: ``mbrs demo``, ``doctor``, ``check`` and one command for each analysis. Heavy imports wait for the command."""
 
 from __future__ import annotations
 
@@ -139,6 +139,19 @@ def check(model: Path, as_json: bool) -> None:
         click.echo(dumps({"analysis": "check", "file": str(model), **system_data(system, effects)}))
     else:
         click.echo(f"{system}\n\n{effects}")
+
+
+@main.command()
+@click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+def doctor(as_json: bool) -> None:
+    """Versions, threads, BLAS, optional packages and self-checks of this installation; exit code 1 where one fails."""
+    from .doctor import examine
+    from .jsonable import dumps
+
+    report = examine()
+    click.echo(dumps(report.data()) if as_json else str(report))
+    if not report.passed:
+        click.get_current_context().exit(1)
 
 
 @main.command()
