@@ -306,3 +306,14 @@ class Model(Book):
             (len(self.space.names), "parameters"),
         )
         return f"Model({self.name!r}: " + ", ".join(f"{n} {what}" for n, what in counts) + ")"
+
+    def __str__(self) -> str:
+        """Tables of everything that was given; a large model's are cut."""
+        from .listing import blocks
+
+        return "\n\n".join(block.text() for block in blocks(self))
+
+    def _repr_html_(self) -> str:
+        from .listing import blocks
+
+        return "\n".join(block.html() for block in blocks(self))
