@@ -14,9 +14,9 @@ import pytest
 from agreement import all_addresses
 from gradient_scenes import SCENES
 from mbrs import _core
-from mbrs.gradients.gradient import Run
-from mbrs.linear.linearize import Snapshot
 from mbrs.motion.quantities import Names
+from mbrs.motion.tangent import Run
+from mbrs.system.snapshot import Snapshot
 from mbrs.system.state import state_of
 from mbrs.system.tables import compiled, directions
 from motion_models import silent

@@ -10,7 +10,8 @@ import scipy.linalg as sl
 from mbrs.errors import ModelError, NameNotFoundError, SingularError
 from mbrs.linear.mac import mac
 from mbrs.linear.matrices import MechanicalSystem
-from mbrs.linear.modes import KINDS, ModalResult, modes
+from mbrs.linear.modal_result import KINDS, ModalResult
+from mbrs.linear.modes import modes
 from mpmath import mp
 
 EPS = np.finfo(float).eps

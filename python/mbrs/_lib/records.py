@@ -21,10 +21,11 @@ from ..model.book import Book
 # class -> module of the package: what a file may hold beside numbers, texts, arrays and models
 HOMES: Mapping[str, str] = {
     **dict.fromkeys(("Stats",), "results"),
-    **dict.fromkeys(("ModalResult",), "linear.modes"),
+    "ModalResult": "linear.modal_result",
     **dict.fromkeys(("FrfResult", "FrfSensitivity"), "linear.frf"),
     **dict.fromkeys(("ResponseResult", "ResponseSensitivity", "LoadHistory"), "linear.response"),
-    **dict.fromkeys(("Linearization", "Snapshot"), "linear.linearize"),
+    "Linearization": "linear.linearization",
+    "Snapshot": "system.snapshot",
     **dict.fromkeys(("LinearizationSensitivity", "EquilibriumSensitivity", "SparseDerivative"), "linear.sensitivity"),
     **dict.fromkeys(("EigenSensitivity", "GroupSensitivity", "DirectionalDerivative"), "linear.eigen_sensitivity"),
     **dict.fromkeys(("System", "Loop"), "system.system"),
@@ -46,7 +47,7 @@ HOMES: Mapping[str, str] = {
     "Equilibrium": "linear.equilibrium",
     "EnergyShares": "linear.energy_shares",
     "SteadyMotion": "linear.steady",
-    "StateSpace": "linear.state_space",
+    "StateSpace": "linear.first_order",
     "CampbellResult": "linear.campbell",
     **dict.fromkeys(("CriticalSpeeds", "CriticalSpeed"), "linear.critical_speeds"),
     "RotorModes": "linear.multiblade",

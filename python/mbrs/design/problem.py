@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from ..errors import ModelError
-from ..gradients.gradient import finite, gradient, value_at
+from ..gradients.gradient import finite, gradient
 from ..gradients.objectives import AtTimes, Final, Integral, Objective
 from ..model.names import nearest, shown
+from ..motion.tangent import value_at
 from ..results import Result, derived, quantity, result
 from ..system.tables import directions, tables
 from .solver import FEASIBLE

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import time
-import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,37 +15,38 @@ from .._lib.border import core_errors
 from .._lib.checks import shown
 from .._lib.progress import Elapsed
 from .._lib.vetter import Derivative
-from ..errors import KinkWarning, MbrsWarning, ModelError, NameNotFoundError
-from ..linear.linearize import Snapshot
+from ..errors import ModelError, NameNotFoundError
 from ..model.addresses import target
-from ..motion.quantities import Asked, Names
+from ..motion.quantities import Names
+from ..motion.simulate import simulate
+from ..motion.tangent import (
+    RHO,
+    Kink,
+    Run,
+    grid,
+    least_gap,
+    require_exact_tangents,
+    require_followed_guess,
+    value_at,
+    warn_of,
+    warn_of_growth,
+)
 from ..results import Stats, added_counts
-from ..system.effects import check_without, effects, with_rate_laws
-from ..system.state import State, state_of
+from ..system.effects import check_without, effects
+from ..system.snapshot import Snapshot
+from ..system.state import state_of
 from ..system.tables import Directions, directions
-from .guessed_start import require_followed_guess
 from .motion_gradient import MotionGradient, MotionSensitivity, effects_of
 from .objectives import AtTimes, Evaluation, Final, Integral, NewReading, Objective, Reader, evaluate, number
 
 if TYPE_CHECKING:
     from ..model.model import Model
-    from ..motion.trajectory import Trajectory
 
-# relative changes that a motion amplifies by more than this are warned of
-_AMPLIFIED = 1e4
 # gradients of two step sizes that differ by more than this (relative) have not begun to converge
 _UNRELATED = 0.3
-# times that are closer than this part of the motion's end are one
-_ROUNDED = 1e-12
-# spectral radius at infinity, as in mb.simulate
-RHO = 0.8
 METHODS = ("direct", "adjoint", "auto")
 SCHEMES = ("ali3p", "generalized-alpha")
 _READINGS = 20
-
-
-# (t, element, what) of a kink that was passed.
-Kink = tuple[float, str, str]
 
 
 @dataclass(frozen=True)
@@ -59,95 +58,6 @@ class Found:
     counts: dict[str, int]
     kinks: tuple[Kink, ...]
     read: np.ndarray
-
-
-@dataclass
-class Run:
-    """A motion to be differentiated: model, start, times of the steps."""
-
-    model: Model
-    snapshot: Snapshot
-    state: State
-    without: tuple[str, ...]
-    times: np.ndarray
-    weight: str = "tangent"
-    keep: int = 2**23
-    scheme: str = "ali3p"
-    rho: float = RHO
-    # instants at which quantities are wanted, going forwards; none: at all
-    read: list[bool] = field(default_factory=list)
-
-    def options(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
-        """What the core takes."""
-        pairs: list[tuple[list[int], list[float]]] = []
-        if along is not None:
-            for p in range(along.n):
-                inside = along.columns == p
-                pairs.append((along.rows[inside].tolist(), along.values[inside].tolist()))
-        return {
-            "times": self.times.tolist(),
-            "memory": self.state.memory.tolist(),
-            "scheme": self.scheme,
-            "rho": self.rho,
-            "weight": self.weight,
-            "keep": self.keep,
-            "read": self.read,
-            "drawn": self.state.kind in ("drawn", "equilibrium"),
-            "velocities": self.state.kind == "drawn",
-            "quantities": list(asked),
-            "directions": pairs,
-            "shift": self._shift(pairs),
-        }
-
-    def _shift(self, pairs: list[tuple[list[int], list[float]]]) -> list[list[float]]:
-        if self.state.kind != "equilibrium" or not pairs:
-            return []
-        with core_errors():
-            r = _core.directions(
-                self.snapshot.system,
-                self.state.relative,
-                self.state.rate,
-                list(self.without),
-                pairs,
-                "equilibrium",
-                False,
-            )
-        return np.asarray(r["tree_coordinates"]).T.tolist()
-
-    def direct(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
-        """Values of quantities at all steps, and their derivatives."""
-        with core_errors():
-            return _core.motion_directions(
-                self.snapshot.system,
-                self.state.relative,
-                self.state.rate,
-                list(self.without),
-                self.options(asked, along),
-            )
-
-
-def grid(start: float, end: float, step: float, through: Sequence[float] = ()) -> np.ndarray:
-    """Times of steps of at most ``step`` that end at ``end`` and at the times given, equal between these."""
-    marks = _apart([start, *sorted(float(x) for x in through if start < x < end), end])
-    out = [start]
-    for a, b in itertools.pairwise(marks):
-        n = max(1, math.ceil((b - a) / step * (1 - 1e-12) - 1e-9))
-        out.extend(np.linspace(a, b, n + 1)[1:].tolist())
-    return np.array(out)
-
-
-def _near(start: float, end: float) -> float:
-    """Times that are closer than this are one."""
-    return max(_ROUNDED * (end - start), 4 * np.finfo(float).eps * max(abs(start), abs(end)))
-
-
-def _apart(times: Sequence[float]) -> list[float]:
-    """Increasing times without those that follow another by rounding; first and last are kept."""
-    near, out = _near(times[0], times[-1]), [times[0]]
-    for x in times[1:-1]:
-        if x - out[-1] > near and times[-1] - x > near:
-            out.append(x)
-    return [*out, times[-1]]
 
 
 def gradient(
@@ -290,19 +200,8 @@ def _found(run: Run, objectives: Sequence[Objective], along: Directions, method:
 def _with_growth(made: MotionGradient, read: np.ndarray) -> MotionGradient:
     largest = np.abs(effects_of(made, made.gradient)).max(axis=1)
     growth = float(np.max(largest[read > 0.0] / read[read > 0.0], initial=0.0))
-    _warn_of_growth(growth)
+    warn_of_growth(growth)
     return made.replaced(growth=growth)
-
-
-def _warn_of_growth(growth: float) -> None:
-    if growth > _AMPLIFIED:
-        warnings.warn(
-            f"the motion amplifies relative changes of the parameters {growth:.1e} times: over so long a time it is chaotic, or nearly "
-            "so. The derivative is exact for these steps and may say nothing about the continuous motion; compare other steps (.error "
-            "of mb.gradient does), or end earlier",
-            MbrsWarning,
-            stacklevel=4,
-        )
 
 
 def _estimated(made: MotionGradient, run: Run, objectives: Sequence[Objective], along: Directions) -> float | None:
@@ -352,20 +251,6 @@ def finite(name: str, value: Any, least: float = 0.0) -> float:
     return number
 
 
-def _require_exact_tangents(m: Model, without: tuple[str, ...]) -> None:
-    """Two effects leave tangents of a step that are not the derivatives of its forces."""
-    why = None
-    if "centrifugal" in without:
-        why = "without=('centrifugal',)"
-    rated = with_rate_laws(m) if "damping" in without else []
-    if rated:
-        why = f"without=('damping',) with the law of {rated[0].name!r}, which feels rates,"
-    if why:
-        raise ModelError(
-            f"{why} has no gradients: leave the effect in, or take differences of mb.simulate (relative steps of 1e-5)"
-        )
-
-
 def prepare(
     m: Model,
     objectives: Sequence[Objective],
@@ -377,11 +262,11 @@ def prepare(
     **kind: Any,
 ) -> Run:
     """Start and steps of a motion."""
-    _require_exact_tangents(m, without)
+    require_exact_tangents(m, without)
     snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at, hold=False, without=without)
     end = finite("t", t, state.t)
-    slack = _near(state.t, end)
+    slack = least_gap(state.t, end)
     for o in objectives:
         if np.any(np.diff(o.times) <= slack) and end > state.t:
             raise ModelError(
@@ -402,8 +287,6 @@ def prepare(
         breaks = _core.motion_breaks(snapshot.system, state.t)
         times = grid(state.t, end, h, [*through, *breaks])
     else:
-        from ..motion.simulate import simulate
-
         marks = np.array(sorted({*(x for x in through if x > state.t), end}))
         traj = simulate(m, marks, rtol=1e-7 if rtol is None else rtol, at=state, without=without, **_as_method(kind))
         times = _with_marks(traj.steps, marks)
@@ -422,20 +305,6 @@ def _as_method(kind: dict[str, Any]) -> dict[str, Any]:
     if kind["scheme"] == "ali3p":
         return {"method": "ali3p"}
     return {"method": kind["scheme"], "rho": kind["rho"]}
-
-
-def warn_of(kinks: Sequence[Kink]) -> None:
-    """Say where a differentiated motion has no derivative."""
-    if not kinks:
-        return
-    named = "; ".join(f"{name!r} at t = {t:.6g} s ({what})" for t, name, what in kinks[:3])
-    more = f" and {len(kinks) - 3} more" if len(kinks) > 3 else ""
-    warnings.warn(
-        f"the motion passes {named}{more}: it is not differentiable there; the gradient is that of the steps on both sides, with an "
-        "error of first order in the step. Take smaller steps, or smooth the law (smoothing=, a larger v_ref)",
-        KinkWarning,
-        stacklevel=3,
-    )
 
 
 def _reader(run: Run) -> Reader:
@@ -547,50 +416,6 @@ def _adjoint(run: Run, objectives: Sequence[Objective], along: Directions) -> Fo
         counts.append(work)
     values = np.array([f.value for f in found])
     return Found(values, gradients, added_counts(*counts), tuple(forward.kinks()), _reads(found, forward.values()))
-
-
-def trajectory_sensitivity(traj: Trajectory, what: str) -> Derivative:
-    """The derivative of a named quantity at the outputs of a trajectory; see `Trajectory.sensitivity`."""
-    if traj.start is None or not len(traj.parameters):
-        raise ModelError(
-            "this motion has no sensitivities; run mb.simulate(..., parameters=['...']) with method='ali3p' or "
-            "'generalized-alpha' to get them"
-        )
-    traj.snapshot.check_current("motion")
-    _require_exact_tangents(traj.model, traj.without)
-    run = Run(
-        traj.model,
-        traj.snapshot,
-        traj.start,
-        traj.without,
-        traj.steps,
-        scheme=traj.method,
-        rho=RHO if traj.rho is None else traj.rho,
-    )
-    along = directions(traj.model, traj.parameters)
-    names = Names(run.snapshot.tables)
-    asked = names.address(what)
-    require_followed_guess(run, along)
-    made = run.direct([asked], along)
-    warn_of(made["kinks"])
-    at = np.searchsorted(made["t"], traj.t - 1e-12 * max(1.0, abs(float(traj.t[-1]))))
-    values, d = made["values"][at], made["derivatives"][at]
-    sizes = np.nan_to_num([value_at(traj.model, label) for label in along.labels], nan=1.0)
-    _warn_of_growth(float(np.abs(d * sizes).max(initial=0.0) / (np.abs(values).max(initial=0.0) or math.inf)))
-    if asked[0] == "rotation":
-        # the world rotation vector of dR R^T
-        R = values.reshape(-1, 3, 3)
-        spin = np.einsum("nijp,nkj->nikp", d.reshape(len(d), 3, 3, -1), R)
-        d = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
-    single = d.shape[1] == 1
-    shaped = along.shaped(d[:, 0] if single else d)
-    return Derivative.of(shaped, along.shape, 0 if single else 1)
-
-
-def value_at(m: Model, label: str) -> float:
-    """The number that a column belongs to; those of axes and orientations are turns and have none."""
-    turns = label.rpartition("[")[0].endswith((".axis", ".axis2", ".orientation"))
-    return math.nan if turns else float(m.value(label))
 
 
 __all__ = ["AtTimes", "Final", "Integral", "MotionGradient", "MotionSensitivity", "gradient"]

@@ -257,9 +257,9 @@ def orbit_rows(lin: Any) -> np.ndarray:
     """(n, 3, dof) motions whose orbits tell whirl: centres of mass and rotations of bodies, points along flexible ones, each times the
     root of its mass (or inertia).
     """
+    from .._lib.rotations import twist_at
     from ..model.schema import BODY
     from ..system.tables import modal_places
-    from .linearize import twist_at
 
     t, rows = lin.snapshot.tables, []
     modal = {body: (m, first) for body, m, _, first in modal_places(t, len(lin.bodies))}

@@ -15,7 +15,7 @@ from .._lib.border import core_errors
 from .._lib.text import without_rounding
 from ..errors import ModelError
 from ..results import Result, Stats, derived, quantity, result
-from .modes import ModalResult, _array
+from .modal_result import ModalResult, array_of
 
 _EPS = float(np.finfo(float).eps)
 
@@ -349,7 +349,7 @@ def _solve(
 
 
 def _matrices(modal: ModalResult) -> Any:
-    return tuple(_array(getattr(modal.system, a)) for a in ("M", "C", "G", "K", "N"))
+    return tuple(array_of(getattr(modal.system, a)) for a in ("M", "C", "G", "K", "N"))
 
 
 def _modes(modal: ModalResult) -> Any:

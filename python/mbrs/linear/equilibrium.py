@@ -18,8 +18,10 @@ from ..errors import ConvergenceError, MbrsWarning, NameNotFoundError
 from ..model.schema import BODY
 from ..results import Result, Stats, derived, quantity, result
 from ..system.effects import check_without, effects
+from ..system.snapshot import Snapshot
 from ..system.state import AT_REST, State, state_of
-from .linearize import Linearization, Snapshot, _linearization
+from .linearization import Linearization
+from .linearize import linearization_at
 
 if TYPE_CHECKING:
     from ..model.model import Model
@@ -235,7 +237,7 @@ def _equilibrium(snapshot: Snapshot, r: dict[str, Any], without: tuple[str, ...]
             MbrsWarning,
             stacklevel=3,
         )
-    linearization = _linearization(snapshot, state, r, without, start, warn=False)
+    linearization = linearization_at(snapshot, state, r, without, start, warn=False)
     return Equilibrium(
         state=state,
         linearization=linearization,
@@ -262,7 +264,7 @@ def _partial(
     on = tuple(e for e in effects(snapshot.model).on if e not in without)
     return Equilibrium(
         state=state,
-        linearization=_linearization(snapshot, state, r, without, start, warn=False),
+        linearization=linearization_at(snapshot, state, r, without, start, warn=False),
         stable=False,
         free_directions=(),
         residual=residual,

@@ -15,7 +15,8 @@ from .._lib.border import core_errors
 from .._lib.progress import while_long
 from ..errors import MbrsWarning, ModelError
 from ..results import Result, Stats, added_counts, quantity, result
-from .linear_system import LinearSystem, Origin, csc_arrays, linear_system
+from .linear_system import LinearSystem, Origin, csc_arrays
+from .second_order import linear_system
 
 _ORDER = {"receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 0}
 _COARSE_POINTS = 200

@@ -13,9 +13,8 @@ import numpy as np
 from .. import _core
 from .._lib.border import core_errors
 from ..errors import ModelError, NameNotFoundError
-from .matrices import MechanicalSystem
 
-_EFFECT_OF = {"C": "damping", "G": "gyroscopic", "N": "circulatory"}
+EFFECT_OF = {"C": "damping", "G": "gyroscopic", "N": "circulatory"}
 _DENSE_LIMIT = 3000
 _SPARSE_FROM = 400
 
@@ -78,37 +77,9 @@ class Origin:
     without: tuple[str, ...]
 
 
-def second_order(m: Any, at: Any, without: Sequence[str]) -> tuple[Any, tuple[str, ...]]:
-    """The object that holds M, C, G, K, N, coordinates and maps, and the effects that are on in it."""
-    if isinstance(without, str):
-        raise ModelError(f"without must be a sequence of effect names, such as ({without!r},)")
-    without = tuple(without)
-    if isinstance(m, MechanicalSystem):
-        if at is not None:
-            raise ModelError("at= is for models; a MechanicalSystem has no other state than its matrices")
-        unknown = set(without) - set(_EFFECT_OF.values())
-        if unknown:
-            known = ", ".join(sorted(_EFFECT_OF.values()))
-            raise ModelError(f"without={sorted(unknown)} is not an effect of a MechanicalSystem; it knows {known}")
-        system: Any = m
-    elif hasattr(m, "input_map"):
-        if at is not None or without:
-            raise ModelError("at= and without= belong to the call of mb.linearize that made this linear system")
-        system = m
-    elif hasattr(m, "bodies") or hasattr(m, "ground"):
-        from .linearize import second_order_of
-
-        system, without = second_order_of(m, at, without), ()
-    else:
-        raise ModelError(f"expected a Model or a MechanicalSystem, got {type(m).__name__}")
-    effects = tuple(e for k, e in _EFFECT_OF.items() if getattr(system, k) is not None and e not in without)
-    return system, effects
-
-
-def linear_system(m: Any, inputs: Any, outputs: Any, at: Any, without: Sequence[str]) -> LinearSystem:
-    """The matrices and maps for these inputs and outputs."""
-    system, effects = second_order(m, at, without)
-    used = {k: getattr(system, k) if e in effects else None for k, e in _EFFECT_OF.items()}
+def assembled(system: Any, effects: Sequence[str], inputs: Any, outputs: Any) -> LinearSystem:
+    """The matrices of a linearisation or `MechanicalSystem` with these effects, and the maps of inputs and outputs."""
+    used = {k: getattr(system, k) if e in effects else None for k, e in EFFECT_OF.items()}
     coordinates = tuple(system.coordinates)
     D0, shared = None, ()
     if hasattr(system, "input_map"):
@@ -135,7 +106,7 @@ def linear_system(m: Any, inputs: Any, outputs: Any, at: Any, without: Sequence[
         L=np.ascontiguousarray(L, dtype=float),
         D0=None if D0 is None else np.ascontiguousarray(D0, dtype=float),
         outputs=tuple(names_out),
-        effects=effects,
+        effects=tuple(effects),
         source=system,
         shared=shared,
     )
@@ -190,12 +161,6 @@ def _coordinate(p: Any, coordinates: tuple[str, ...], what: str) -> int:
     return int(p) % len(coordinates)
 
 
-def _sum(a: Any, b: Any) -> Any:
-    if a is None:
-        return b
-    return a if b is None else a + b
-
-
 def dense(a: Any) -> np.ndarray:
     """A matrix as a NumPy array; refuses what would not fit sensibly."""
     if hasattr(a, "toarray"):
@@ -237,3 +202,9 @@ def reduction_of(M: np.ndarray, D: np.ndarray | None, S: np.ndarray) -> tuple[_c
     while len(_reductions) > _KEPT:
         _reductions.popitem(last=False)
     return made, True
+
+
+def _sum(a: Any, b: Any) -> Any:
+    if a is None:
+        return b
+    return a if b is None else a + b

@@ -14,8 +14,9 @@ from .._lib.progress import while_long
 from .._lib.text import number, without_rounding
 from ..errors import ModelError
 from ..results import Result, Stats, added_counts, quantity, result
-from .linear_system import LinearSystem, Origin, linear_system
+from .linear_system import LinearSystem, Origin, directions
 from .matrices import MechanicalSystem
+from .second_order import linear_system
 
 _KINDS = ("displacement", "velocity", "acceleration")
 
@@ -356,8 +357,6 @@ def _with_inputs(m: Any, ports: list[Any], outputs: Any, at: Any, without: Seque
     from .matrices import MechanicalSystem
 
     if isinstance(m, MechanicalSystem):
-        from .linear_system import directions
-
         if ports:
             made = [directions(p, m.coordinates, "loads") for p in ports]
             columns = [W for W, _ in made]

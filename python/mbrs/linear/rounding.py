@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from .linearization import Linearization
 from .stiffness_factor import strain_rows
-
-if TYPE_CHECKING:
-    from .linearize import Linearization
 
 # Multiple of eps times the sum of the sizes of the terms of an entry below which the entry is rounding. Too small: rounding passes for
 # stiffness, circulation or damping. Too large: weak effects beside strong ones in the same entry are lost.

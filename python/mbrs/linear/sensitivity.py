@@ -11,13 +11,14 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from .._lib.border import core_errors
+from .._lib.rotations import rotation_matrix, skew
 from .._lib.text import without_rounding
 from ..errors import ModelError, RouteError
 from ..model.ports import Port, as_port
 from ..model.schema import BODY, MARKER
 from ..results import Result, Stats, derived, quantity, result
 from ..system.tables import Directions, directions, tables
-from .linearize import Linearization, _rotation, _skew
+from .linearization import Linearization
 from .parts import split
 
 
@@ -480,7 +481,7 @@ def _arm_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
     if point is None:
         return np.zeros((3, along.n))
     q = t["x"][start:][BODY.block.slice("orientation")]
-    drawn = _rotation(q)
+    drawn = rotation_matrix(q)
     local = world - _slice(along, start + BODY.block.place("at"), 3)
     turn = _rotation_rate(q, _slice(along, start + BODY.block.place("orientation"), 4))
     local = drawn.T @ (local - np.cross(turn.T, np.asarray(point) - t["x"][start:][BODY.block.slice("at")]).T)
@@ -507,8 +508,8 @@ def _row_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
     if port.is_rotation:
         return np.einsum("i,ijp->jp", direction, turning)
     arm, darm = lin.port_arm(port), _arm_change(d, port)
-    moved = d.T[block][:3] - np.einsum("ik,kjp->ijp", _skew(arm), turning)
-    moved -= np.stack([_skew(darm[:, p]) @ lin.T[block][3:] for p in range(d.directions.n)], axis=2)
+    moved = d.T[block][:3] - np.einsum("ik,kjp->ijp", skew(arm), turning)
+    moved -= np.stack([skew(darm[:, p]) @ lin.T[block][3:] for p in range(d.directions.n)], axis=2)
     return np.einsum("i,ijp->jp", direction, moved)
 
 

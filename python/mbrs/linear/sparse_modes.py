@@ -16,8 +16,10 @@ from .._lib.progress import Elapsed
 from ..errors import MbrsWarning, ModelError, RouteError
 from ..results import Stats
 from ..system.effects import check_without, effects
+from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
-from .linearize import _BALANCED, Snapshot
+from .linearize import BALANCED
+from .modal_result import ModalResult, modal_result
 
 # The dense route costs dof^3, the sparse one some hundred factorisations' worth of dof: from here on it wins.
 _LARGE = 400
@@ -112,8 +114,6 @@ class SparseModel:
 
 def model_modes(model: Any, at: Any, n: int, without: Any, start: float, shift: float | None = None) -> Any:
     """The n lowest modes of a model at rest, or those nearest to a frequency; None where the dense route must take over and can."""
-    from .modes import _result
-
     without = check_without(without)
     snapshot = Snapshot.of(model)
     with core_errors():
@@ -126,7 +126,7 @@ def model_modes(model: Any, at: Any, n: int, without: Any, start: float, shift: 
         if snapshot.system.n_tree > _DENSE_AT_MOST:
             raise
         return None
-    if at is None and r["unbalanced"] > _BALANCED:
+    if at is None and r["unbalanced"] > BALANCED:
         warnings.warn(
             f"the drawn state of {model.name!r} is not in balance: at {r['worst']!r} "
             f"{r['unbalanced']:.1e} of all forces is "
@@ -145,7 +145,7 @@ def model_modes(model: Any, at: Any, n: int, without: Any, start: float, shift: 
     # the small problem behind the modes has more of them, and no shapes of coordinates for partners
     _truncate(r, count)
     r["route"] = f"sparse, {r['route']} ({r['verified']})"
-    found = _result(system, r, count, on, start)
+    found = modal_result(system, r, count, on, start)
     unresolved = r["verified"] == "unverified" or not np.all(found.error[found.kind != "rigid"] <= _UNRESOLVED)
     return found.replaced(status="unresolved" if unresolved else "converged")
 
@@ -175,8 +175,6 @@ def _sigma(shift: float | None) -> float | None:
 
 def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], shift: float | None, start: float) -> Any:
     """The n lowest modes of sparse matrices, or those nearest to a frequency."""
-    from .modes import ModalResult
-
     if n is None:
         raise ModelError(
             "modes of sparse matrices need n=, the number of the lowest modes, such as mb.modes(system, n=20)"

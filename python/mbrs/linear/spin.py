@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from .._lib.border import core_errors
+from .._lib.rotations import twist_at
 from ..errors import ModelError
 from ..model.schema import BODY
-from .linearize import Snapshot, twist_at
+from ..system.snapshot import Snapshot
 
 # Rates of strain that count as rounding, over the terms that they are made of: free of units. Larger: a spring that is wound up
 # slowly passes for a steady motion; smaller: rounding of drawn points refuses one. Pinned by tests/truth/test_steady_rotation.py.

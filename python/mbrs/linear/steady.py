@@ -15,8 +15,11 @@ from ..errors import ConvergenceError, ModelError, SingularError
 from ..model.names import not_found
 from ..results import Result, Stats, derived, result
 from ..system.effects import check_without
+from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
-from .linearize import Linearization, Snapshot, _linearization
+from .blades import constant_frame
+from .linearization import Linearization
+from .linearize import linearization_at
 from .spin import Spin, spin_of
 from .turning_frames import Frame, sampled
 
@@ -202,7 +205,7 @@ def steady_motion(
     frame = _frame(snapshot, spin, state, found, without)
     turns = np.any(frame.W)
     state = replace(state, turn=frame.W if turns else None, frame=frame.name)
-    linearization = _linearization(snapshot, state, found, without, start, warn=False)
+    linearization = linearization_at(snapshot, state, found, without, start, warn=False)
     residual = dict(zip(found["coordinates"], found["residual"], strict=True))
     residual.update(_drive_forces(snapshot, found, names, without))
     return SteadyMotion(
@@ -227,7 +230,7 @@ def _frame(snapshot: Snapshot, spin: Spin, state: State, found: dict[str, Any], 
     # drives hold the angles that are to be turned
     held = snapshot.model.drives and "drives" not in without
     turn = sampled(snapshot, spin, state, (*without, "drives") if held else without)
-    frame = turn.frame()
+    frame = constant_frame(turn)
     keep = [turn.names.index(name) for name in names]
     return replace(frame, W=frame.W[np.ix_(keep, keep)])
 

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from .modal_frames import modal_strains
-
-if TYPE_CHECKING:
-    from .linearize import Linearization
+from .._lib.border import core_errors
+from .linearization import Linearization, modal_strains
 
 # Multiple of eps times the size of its terms below which an entry of a strain row is rounding of poses and axes. Too small: a
 # coordinate that no element strains counts as held. Too large: weak levers are lost. Poses of closed loops carry the tolerance of their
@@ -65,8 +61,6 @@ def strain_rows(lin: Linearization) -> list[tuple[np.ndarray, np.ndarray, np.nda
 
 
 def _places(lin: Linearization) -> list[tuple[int, int, np.ndarray, np.ndarray]]:
-    from .._lib.border import core_errors
-
     with core_errors():
         rows = lin.snapshot.system.strains(lin.state.relative, list(lin.without))
     return [(a, b, point, gradients) for _, a, b, point, gradients, _ in rows]

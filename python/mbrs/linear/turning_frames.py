@@ -18,10 +18,10 @@ import numpy as np
 from .._lib.border import core_errors
 from ..errors import ModelError
 from ..model.schema import BODY
+from ..system.snapshot import Snapshot
 from ..system.state import State
 from ..system.tables import modal_places
-from .linearize import Snapshot, mass_matrices
-from .modal_frames import mass_matrix_at
+from .inertia import mass_matrices, mass_matrix_at
 from .spin import Spin
 
 # Angles (rad) of the turn at which tangents are compared: no two differ by a simple fraction of a turn, and the first one tells
@@ -100,30 +100,6 @@ class Turn:
         if not len(turning) or np.max(np.abs(turning - turning[0])) > self.fits * np.max(size):
             return None
         return np.asarray(turning[0])
-
-    def frame(self) -> Frame:
-        """The first of the fixed, the rotating, the joints' own and the multiblade axes in which everything is constant."""
-        from .multiblade import blade_transformations
-
-        zero = np.zeros((len(self.names),) * 2)
-        tried: dict[str, Any] = {}
-        for name in ("fixed", "rotating", "joint", "multiblade"):
-            if name == "joint":
-                T: list[np.ndarray] | None = [np.eye(len(self.names))] * len(self.tangents)
-            elif name == "multiblade":
-                T = blade_transformations(self)
-            else:
-                T = self.transformations(name)
-            if T is None or any(t.shape != zero.shape for t in T):
-                continue
-            W = self.generator(T)
-            if W is None:
-                continue
-            varies, row = self.variation(T, W)
-            if varies <= max(VARIES, VARIES_AS_DRAWN * self.snapshot.model.tolerance):
-                return Frame(name, W, varies)
-            tried[name] = (T, W, row)
-        raise self._refused(tried)
 
     # --- transformations -----
 
@@ -242,7 +218,7 @@ class Turn:
 
     # --- refusal -----
 
-    def _refused(self, tried: dict[str, Any]) -> ModelError:
+    def refused(self, tried: dict[str, Any]) -> ModelError:
         model = self.snapshot.model
         parts = []
         for name, words in (

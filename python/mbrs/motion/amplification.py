@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import MbrsError, MbrsWarning
-from ..linear.modes import _dominant
+from ..linear.modal_result import dominant_in
+from ..linear.modes import modes
 
 if TYPE_CHECKING:
     from ..model.model import Model
@@ -44,7 +45,7 @@ def warn_amplified(m: Model, at: Any, steps: ArrayLike) -> None:
     s = modes.eigenvalue[worst]
     grown = f"a factor of {np.exp(growth[worst]):.3g}" if growth[worst] < 30 else "more than 1e13"
     warnings.warn(
-        f"'bdf-bfgs' amplifies mode {worst} ({s.imag / (2 * np.pi):.4g} Hz, {_dominant(modes)[worst]}) of {m.name!r} by {grown} "
+        f"'bdf-bfgs' amplifies mode {worst} ({s.imag / (2 * np.pi):.4g} Hz, {dominant_in(modes)[worst]}) of {m.name!r} by {grown} "
         f"over this run, if it is excited: omega h = {abs(s) * h:.3g} lies between 0 and 4.8, where BDF of order 4 is not "
         "stable; take a smaller step, give the mode damping, or use 'generalized-alpha'",
         MbrsWarning,
@@ -58,8 +59,6 @@ def _steady(s: complex) -> bool:
 
 
 def _modes(m: Model, at: Any) -> Any:
-    from ..linear.modes import modes
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:

@@ -11,12 +11,14 @@ import numpy as np
 from .. import _core
 from .._lib.border import core_errors
 from ..errors import ModelError, NameNotFoundError
-from ..linear.linearize import Snapshot
 from ..model.names import nearest
 from ..model.schema import BODY, JOINTS, MARKER
 from ..results import Result, quantity, result
+from ..system.snapshot import Snapshot
 from ..system.state import State
 from ..system.tables import modal_places
+from .quantities import Names
+from .tangent import RHO, Run, quantity_derivative
 
 
 @result
@@ -292,9 +294,15 @@ class Trajectory(Result):
         ModelError
             A motion without ``parameters=``, or a model that was changed since.
         """
-        from ..gradients.gradient import trajectory_sensitivity
-
-        return trajectory_sensitivity(self, what)
+        if self.start is None or not len(self.parameters):
+            raise ModelError(
+                "this motion has no sensitivities; run mb.simulate(..., parameters=['...']) with method='ali3p' or "
+                "'generalized-alpha' to get them"
+            )
+        self.snapshot.check_current("motion")
+        rho = RHO if self.rho is None else self.rho
+        run = Run(self.model, self.snapshot, self.start, self.without, self.steps, scheme=self.method, rho=rho)
+        return quantity_derivative(run, self.parameters, what, self.t)
 
     @property
     def residual(self) -> np.ndarray:
@@ -394,15 +402,11 @@ class Trajectory(Result):
 
     def unit_of(self, what: str) -> str:
         """The unit of a quantity named as in `sensitivity`; empty where its components differ."""
-        from .quantities import Names
-
         names = Names(self.snapshot.tables)
         return names.unit(names.address(what))
 
     def component_names(self, what: str) -> list[str]:
         """What the numbers of a quantity are called: x y z, rx ry rz after them of a wrench, a joint's own coordinates."""
-        from .quantities import Names
-
         names = Names(self.snapshot.tables)
         return names.components(names.address(what))
 

@@ -8,59 +8,27 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
 from inspect import Parameter, signature
-from typing import Any, TypedDict, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from .. import _core
 from .._lib import checks
-from ..errors import ConvergenceError, MbrsError, ModelError, SingularError
+from .._lib.progress import Progress
+from ..errors import ConvergenceError, Interrupted, MbrsError, ModelError, SingularError
+from ..results import Stats
 from . import balance
-from .branch_points import BranchPoint, Chunks, Event, resolved
-from .periodic import MOST_HARMONICS, first_solution
+from .branch_options import BranchOptions, first_set, one_of_each, range_and_level, range_of_values
+from .branch_points import STATUS, BranchPoint, Chunks, Event, resolved
+from .periodic import MOST_HARMONICS, UNRESOLVED, effects_of, first_solution
+from .response_curve import FrequencyResponse, Part, known_stability
 from .system import as_system
 
-STATUS = {"end": "converged", "start": "left-at-start", "stalled": "stopped", "interrupted": "interrupted"}
-MEANING = {
-    "converged": "the end of the range was reached",
-    "left-at-start": "the branch came back and left the range where it began",
-    "interrupted": "cut by Ctrl-C; .resume() goes on",
-    "max-points": "cut at max_points; .resume() goes on",
-    "stopped": "the step became smaller than min_step; the points so far are kept",
-    "unresolved": "the end was reached, but an estimated error exceeds the tolerance: take more harmonics",
-}
 F = TypeVar("F", bound=Callable[..., Any])
 # Points between two looks at samples and progress: a count, so that no clock decides where samples change. Larger: more points with too
 # many or too few samples. Smaller: looks cost more than points. Pinned by tests/test_continuation.py.
 CHUNK_POINTS = 20
 CORNERED = 1e-6  # steps below are those around corners that samples make
-
-
-class BranchOptions(TypedDict, total=False):
-    """What every function that follows a branch takes; `frequency_response` tells their meaning, `Branch` has the defaults."""
-
-    force: Any
-    inputs: Any
-    amplitude: Any
-    omega: Any
-    frequency: Any
-    level: Any
-    harmonics: Any
-    n_samples: int | None
-    subharmonic: int
-    condense: bool | str
-    x0: Any
-    tol: float | None
-    predictor: str
-    corrector: str
-    step: float
-    min_step: float
-    max_step: float
-    tolerance: float
-    stability: bool
-    events: bool
-    at: Any
-    without: Any
 
 
 class Branch(Iterator[BranchPoint]):
@@ -114,10 +82,10 @@ class Branch(Iterator[BranchPoint]):
         if family is None:
             self.system, self.force = as_system(system, force, amplitude, at, without, inputs)
             self.parameter = "omega" if w.shape == (2,) else "level"
-            self.omega, self.level = _range_and_level(w, level)
+            self.omega, self.level = range_and_level(w, level)
         else:
-            self.parameter, self.value = "family", _range_of_values(value)
-            self.omega, self.level = _one_of_each(w, level)
+            self.parameter, self.value = "family", range_of_values(value)
+            self.omega, self.level = one_of_each(w, level)
             self.system, self.force = family(self.value[0])
         self._auto = isinstance(harmonics, str)
         if self._auto and harmonics != "auto":
@@ -125,7 +93,7 @@ class Branch(Iterator[BranchPoint]):
         self.tol = balance.positive("tol", tol) if tol is not None else (1e-6 if self._auto else None)
         self._prepare: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples, condense=condense)
         self.stability = checks.flag("stability", stability)
-        self.setup = self._problem(_first_set(force if inputs is None else inputs) if self._auto else harmonics)
+        self.setup = self._problem(first_set(force if inputs is None else inputs) if self._auto else harmonics)
         limits = balance.steps(step, min_step, max_step)
         self._options: dict[str, Any] = dict(
             predictor=checks.choice("predictor", predictor, ("tangent", "secant", "lagrange")),
@@ -218,15 +186,72 @@ class Branch(Iterator[BranchPoint]):
         """Special points so far, without the pairs of folds that corners of the samples make."""
         return resolved(self.chunks.events, self._parameter_of, self.chunks.column("aliasing"))
 
-    def curve(self) -> Any:
-        """The branch so far as a curve, a `FrequencyResponse`, also of a branch that `switch` began; run it first."""
-        from .response_curve import collect
+    def follow(self, most: int, progress: bool | None, what: str = "frequency response") -> None:
+        """Run up to so many points, with a line on a terminal about where the branch is."""
+        with Progress(f"{what}, points", always=progress) as line:
+            while self.status == "going" and len(self.chunks) < most:
+                before = len(self.chunks)
+                self.run(most - before, 0.2)
+                line.advance(len(self.chunks) - before, note=self._note() if line.due else "")
 
+    def _note(self) -> str:
+        """Where the branch is: frequency, amplitude, harmonics, step, events."""
+        if len(self.chunks) == 0:
+            return self.status
+        last = self.point(len(self.chunks) - 1)
+        where = f"{last.omega / (2 * np.pi):.6g} Hz"
+        if self.parameter == "level":
+            where += f"  level {last.level:.4g}"
+        return (
+            f"{where}  |X| {float(np.max(np.abs(last.X))):.4g}  H {self.setup.harmonics[-1]}  step {last.step:.1e}  "
+            f"events {len(self.chunks.events)}"
+        )
+
+    def curve(self, wall_time: float = 0.0) -> FrequencyResponse:
+        """The branch so far as a curve, also of a branch that `switch` began; run it first."""
         if self.family is not None:
             raise ModelError("a branch in a parameter of the system is collected by parameter_response")
         if len(self.chunks) == 0:
             raise ModelError("the branch has no points yet; call run() first")
-        return collect(self, 0.0)
+        return FrequencyResponse(**self.fields(wall_time))
+
+    def fields(self, wall_time: float) -> dict[str, Any]:
+        """The branch so far as the fields of a `FrequencyResponse`."""
+        error = self.chunks.column("error")
+        limit = UNRESOLVED if self.tol is None else self.tol
+        status = "max-points" if self.status == "going" else self.status
+        if status == "converged" and not np.all(error <= limit):
+            status = "unresolved"
+        chunks = [(setup, part) for setup, part in self.chunks.parts if len(part["p"])]
+        parts = tuple(self._part(setup, part) for setup, part in chunks)
+        counts = {
+            "points": len(error),
+            "corrections": self.corrections,
+            "factorisations": self.factorisations,
+            "monodromies": sum(part["monodromies"] for _, part in chunks),
+        }
+        return dict(
+            omega=np.concatenate([part.omega for part in parts]),
+            level=np.concatenate([part.level for part in parts]),
+            stable=known_stability(self.chunks.column("stable"), self.stability),
+            exponents=self.chunks.exponents(),
+            events=self.events,
+            parts=parts,
+            system=self.system,
+            force=self.force,
+            branch=self,
+            reason=self.reason,
+            stats=Stats(wall_time, counts, effects_of(self.system), self.setup.route),
+            error=error,
+            status=status,
+        )
+
+    def _part(self, setup: balance.Setup, chunk: dict[str, Any]) -> Part:
+        p = chunk["p"]
+        omega, level = np.full(len(p), self.omega[0]), np.full(len(p), self.level[0])
+        if self.parameter == "family":
+            return Part(setup, omega, level, chunk["y"], p)
+        return Part(setup, p, level, chunk["y"]) if self.parameter == "omega" else Part(setup, omega, p, chunk["y"])
 
     def run(self, max_points: int = 1, seconds: float = np.inf) -> int:
         """Adds up to ``max_points`` points, within about ``seconds``; returns how many. `status` says why none came."""
@@ -537,42 +562,17 @@ def _stretched(X: np.ndarray, factor: int) -> np.ndarray:
     return out
 
 
-def _first_set(force: Any) -> int:
-    """Harmonics to begin with: those of the forces at least."""
-    given = [h for h in force if isinstance(h, int)] if isinstance(force, dict) else []
-    return max([3, *given])
-
-
-def _range_of_values(value: Any) -> tuple[float, float]:
-    ends = checks.real_array("value, a range (start, end),", value)
-    if ends.size != 2 or not np.all(np.isfinite(ends)) or ends[0] == ends[1]:
-        raise ModelError(f"value must be a range of two different finite numbers, it is {checks.shown(value)}")
-    return float(ends[0]), float(ends[1])
-
-
-def _one_of_each(w: np.ndarray, level: Any) -> tuple[tuple[float, float], tuple[float, float]]:
-    if w.ndim != 0:
-        raise ModelError("a branch in a parameter of the system works at one frequency")
-    return (float(w), float(w)), (balance.checked_level(level), balance.checked_level(level))
-
-
-def _range_and_level(w: np.ndarray, level: Any) -> tuple[tuple[float, float], tuple[float, float]]:
-    levels = checks.real_array("level", level)
-    if w.shape == (2,) and levels.shape == ():
-        if w[0] == w[1]:
-            raise ModelError(f"the range of frequencies is empty: {w[0]} to {w[1]}")
-        return (float(w[0]), float(w[1])), (float(levels), float(levels))
-    if w.shape == () and levels.shape == (2,):
-        if levels[0] == levels[1]:
-            raise ModelError(f"the range of levels is empty: {levels[0]} to {levels[1]}")
-        return (float(w), float(w)), (float(levels[0]), float(levels[1]))
-    raise ModelError("a branch needs one range: omega=(a, b) with one level, or one omega with level=(a, b)")
-
-
 _OPTIONS = {
     name: p for name, p in signature(Branch.__init__).parameters.items() if name in BranchOptions.__annotations__
 }
 BRANCH_DEFAULTS: dict[str, Any] = {name: p.default for name, p in _OPTIONS.items()}
+
+
+def interrupted(branch: Branch, collect: Callable[[], FrequencyResponse]) -> Interrupted:
+    """What is raised when Ctrl-C cuts a branch: with its points so far, if there are any."""
+    n = len(branch.chunks)
+    made = collect().replaced(status="interrupted") if n else None
+    return Interrupted(f"a branch was interrupted after {n} points", made)
 
 
 def takes_branch_options(function: F) -> F:

@@ -11,6 +11,16 @@ import numpy as np
 
 from . import balance
 
+STATUS = {"end": "converged", "start": "left-at-start", "stalled": "stopped", "interrupted": "interrupted"}
+MEANING = {
+    "converged": "the end of the range was reached",
+    "left-at-start": "the branch came back and left the range where it began",
+    "interrupted": "cut by Ctrl-C; .resume() goes on",
+    "max-points": "cut at max_points; .resume() goes on",
+    "stopped": "the step became smaller than min_step; the points so far are kept",
+    "unresolved": "the end was reached, but an estimated error exceeds the tolerance: take more harmonics",
+}
+
 
 @dataclass(frozen=True, eq=False)
 class Event:

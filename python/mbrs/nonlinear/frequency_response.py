@@ -11,10 +11,11 @@ from .._lib import checks
 from ..errors import ConvergenceError, Interrupted, ModelError
 from ..results import Stats
 from . import balance
-from .branch import BRANCH_DEFAULTS, Branch, BranchOptions, takes_branch_options
+from .branch import BRANCH_DEFAULTS, Branch, interrupted, takes_branch_options
+from .branch_options import BranchOptions
 from .branch_points import filled_up
 from .periodic import effects_of, harmonic_balance
-from .response_curve import FrequencyResponse, Part, collect, follow, interrupted, known_stability
+from .response_curve import FrequencyResponse, Part, known_stability
 from .system import as_system
 
 
@@ -95,10 +96,10 @@ def frequency_response(
         return _points(system, options)
     branch = Branch(system, **options)
     try:
-        follow(branch, most, progress)
+        branch.follow(most, progress)
     except KeyboardInterrupt:
-        raise interrupted(branch, lambda: collect(branch, perf_counter() - started)) from None
-    return collect(branch, perf_counter() - started)
+        raise interrupted(branch, lambda: branch.curve(perf_counter() - started)) from None
+    return branch.curve(perf_counter() - started)
 
 
 def _points(system: Any, options: BranchOptions) -> FrequencyResponse:

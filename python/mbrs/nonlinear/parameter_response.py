@@ -15,9 +15,11 @@ from ..errors import ModelError
 from ..model.book import Book
 from ..results import Result, quantity, result
 from . import balance
-from .branch import BRANCH_DEFAULTS, Branch, BranchOptions, Event, takes_branch_options
+from .branch import BRANCH_DEFAULTS, Branch, interrupted, takes_branch_options
+from .branch_options import BranchOptions
+from .branch_points import Event
 from .periodic import PeriodicSolution
-from .response_curve import FrequencyResponse, collected, follow, interrupted
+from .response_curve import FrequencyResponse
 from .system import as_system
 
 
@@ -151,14 +153,14 @@ def parameter_response(
 def _followed(branch: Branch, most: int, name: str, wall_time: float) -> ParameterResponse:
     started = perf_counter()
     try:
-        follow(branch, most, None, "parameter response")
+        branch.follow(most, None, "parameter response")
     except KeyboardInterrupt:
         raise interrupted(branch, lambda: _collect(branch, name, wall_time + perf_counter() - started)) from None
     return _collect(branch, name, wall_time + perf_counter() - started)
 
 
 def _collect(branch: Branch, name: str, wall_time: float) -> ParameterResponse:
-    fields = collected(branch, wall_time)
+    fields = branch.fields(wall_time)
     value = np.concatenate([part.value for part in fields["parts"]])
     return ParameterResponse(**fields, value=value, name=name, family=branch.family)
 

@@ -15,7 +15,7 @@ from .._lib import checks
 from ..errors import Interrupted, ModelError
 from ..results import Result, Stats, derived, quantity, result
 from . import balance
-from .branch import MEANING, STATUS
+from .branch_points import MEANING, STATUS
 from .displacement import label
 from .periodic import UNRESOLVED, effects_of
 from .quasi_periodic import MOST_AUTOMATIC, QuasiPeriodicSolution, Torus

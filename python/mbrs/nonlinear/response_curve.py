@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any, ClassVar
 
 import numpy as np
 
-from .._lib.progress import Progress
 from .._lib.text import Block, table
-from ..errors import Interrupted, ModelError
-from ..results import Result, Stats, derived, quantity, result
+from ..errors import ModelError
+from ..results import Result, derived, quantity, result
 from . import balance
-from .branch import MEANING, Branch, Event
+from .branch_points import MEANING, Event
 from .displacement import label, picked, taken, weights
-from .periodic import UNRESOLVED, PeriodicSolution, effects_of
+from .periodic import PeriodicSolution
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +66,7 @@ class FrequencyResponse(Result):
     parts: tuple[Part, ...] = field(repr=False)
     system: Any = field(default=None, repr=False)
     force: Any = field(default=None, repr=False)
-    branch: Branch | None = field(default=None, repr=False)
+    branch: Any = field(default=None, repr=False)
     reason: str = ""
 
     row: ClassVar[str] = "point"
@@ -279,8 +278,9 @@ class FrequencyResponse(Result):
         if self.branch is None:
             raise ModelError("this curve has no branch to go on with: a set of frequencies has none; give a range")
         started = perf_counter()
-        follow(self.branch, len(self.branch.chunks) + balance.integer("max_points", max_points), None)
-        return collect(self.branch, perf_counter() - started + self.stats.wall_time)
+        self.branch.follow(len(self.branch.chunks) + balance.integer("max_points", max_points), None)
+        made: FrequencyResponse = self.branch.curve(perf_counter() - started + self.stats.wall_time)
+        return made
 
     def plot(
         self, dof: Any = 0, harmonic: int | None = 1, ax: Any = None, label: str | None = None, over: str = ""
@@ -379,81 +379,6 @@ def _largest(x: np.ndarray, n_t: int) -> np.ndarray:
     top = (x.shape[1] - 1) // 2
     phase = np.outer(np.arange(1, top + 1), np.linspace(0, 2 * np.pi, n_t, endpoint=False))
     return np.max(np.abs(x[:, :1] + x[:, 1::2] @ np.cos(phase) + x[:, 2::2] @ np.sin(phase)), axis=1)
-
-
-def follow(branch: Branch, most: int, progress: bool | None, what: str = "frequency response") -> None:
-    """Runs a branch up to so many points, with a line on a terminal about where it is."""
-    with Progress(f"{what}, points", always=progress) as line:
-        while branch.status == "going" and len(branch.chunks) < most:
-            before = len(branch.chunks)
-            branch.run(most - before, 0.2)
-            line.advance(len(branch.chunks) - before, note=_note(branch) if line.due else "")
-
-
-def _note(branch: Branch) -> str:
-    """Where a branch is: frequency, amplitude, harmonics, step, events."""
-    if len(branch.chunks) == 0:
-        return branch.status
-    last = branch.point(len(branch.chunks) - 1)
-    where = f"{last.omega / (2 * np.pi):.6g} Hz"
-    if branch.parameter == "level":
-        where += f"  level {last.level:.4g}"
-    return (
-        f"{where}  |X| {float(np.max(np.abs(last.X))):.4g}  H {branch.setup.harmonics[-1]}  step {last.step:.1e}  "
-        f"events {len(branch.chunks.events)}"
-    )
-
-
-def collect(branch: Branch, wall_time: float) -> FrequencyResponse:
-    """What a branch has so far, as a result."""
-    return FrequencyResponse(**collected(branch, wall_time))
-
-
-def interrupted(branch: Branch, collect: Callable[[], FrequencyResponse]) -> Interrupted:
-    """What is raised when Ctrl-C cuts a branch: with its points so far, if there are any."""
-    n = len(branch.chunks)
-    made = collect().replaced(status="interrupted") if n else None
-    return Interrupted(f"a branch was interrupted after {n} points", made)
-
-
-def collected(branch: Branch, wall_time: float) -> dict[str, Any]:
-    """The same as fields of a result."""
-    error = branch.chunks.column("error")
-    limit = UNRESOLVED if branch.tol is None else branch.tol
-    status = "max-points" if branch.status == "going" else branch.status
-    if status == "converged" and not np.all(error <= limit):
-        status = "unresolved"
-    chunks = [(setup, part) for setup, part in branch.chunks.parts if len(part["p"])]
-    parts = tuple(_part(branch, setup, part) for setup, part in chunks)
-    counts = {
-        "points": len(error),
-        "corrections": branch.corrections,
-        "factorisations": branch.factorisations,
-        "monodromies": sum(part["monodromies"] for _, part in chunks),
-    }
-    return dict(
-        omega=np.concatenate([part.omega for part in parts]),
-        level=np.concatenate([part.level for part in parts]),
-        stable=known_stability(branch.chunks.column("stable"), branch.stability),
-        exponents=branch.chunks.exponents(),
-        events=branch.events,
-        parts=parts,
-        system=branch.system,
-        force=branch.force,
-        branch=branch,
-        reason=branch.reason,
-        stats=Stats(wall_time, counts, effects_of(branch.system), branch.setup.route),
-        error=error,
-        status=status,
-    )
-
-
-def _part(branch: Branch, setup: balance.Setup, chunk: dict[str, Any]) -> Part:
-    p = chunk["p"]
-    omega, level = np.full(len(p), branch.omega[0]), np.full(len(p), branch.level[0])
-    if branch.parameter == "family":
-        return Part(setup, omega, level, chunk["y"], p)
-    return Part(setup, p, level, chunk["y"]) if branch.parameter == "omega" else Part(setup, omega, p, chunk["y"])
 
 
 def known_stability(column: np.ndarray, asked: bool) -> np.ndarray | None:

@@ -10,12 +10,15 @@ import numpy as np
 
 from .._lib import checks
 from .._lib.border import core_errors
+from .._lib.rotations import twist_at
 from ..errors import ModelError
-from ..linear.linearize import Linearization, Snapshot, _linearization, twist_at
+from ..linear.linearization import Linearization
+from ..linear.linearize import linearization_at
 from ..linear.matrices import MechanicalSystem
 from ..model.book import Book
 from ..model.ports import Port
 from ..system.effects import check_without
+from ..system.snapshot import Snapshot
 from ..system.state import state_of
 from ..system.tables import tables
 from .shifted_laws import shifted
@@ -87,7 +90,7 @@ def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> 
     with core_errors():
         r = snapshot.system.linearize(state.relative, state.rate, [*without, "law-slopes"])
         places = snapshot.system.law_places(state.relative, state.rate)
-    lin = _linearization(snapshot, state, r, without, started, warn=at is None)
+    lin = linearization_at(snapshot, state, r, without, started, warn=at is None)
     elements: list[Any] = []
     for place in places:
         elements += _elements(lin, place)

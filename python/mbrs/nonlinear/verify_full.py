@@ -12,10 +12,11 @@ import numpy as np
 
 from .._lib.border import core_errors
 from ..errors import ConvergenceError, MbrsError, MbrsWarning, ModelError
-from ..linear.linearize import Linearization, Snapshot
+from ..linear.linearization import Linearization
 from ..model.motions import Sine
 from ..model.ports import Port, as_port
 from ..model.schema import MARKER
+from ..system.snapshot import Snapshot
 from ..system.state import State
 from . import midpoint
 

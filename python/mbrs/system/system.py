@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._lib.border import core_errors
-from ..linear.linearize import Snapshot
 from ..results import Result, Stats, derived
+from ..system.snapshot import Snapshot
 from .state import doubt, state_of
 
 if TYPE_CHECKING:
