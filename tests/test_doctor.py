@@ -7,8 +7,8 @@ import mbrs as mb
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from mbrs import doctor
 from mbrs.cli import main
+from mbrs.studies import doctor
 
 
 def test_this_installation_is_sound_and_the_report_names_its_parts():

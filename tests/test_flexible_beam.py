@@ -465,7 +465,7 @@ def test_a_mass_at_the_tip(made):
         "flexible.craig_bampton",
         "flexible.modal_body",
         "plot.modal_body",
-        "multiblade",
+        "linear.multiblade",
     ]
     + ["examples._wind_rotor", "examples._windpact", "examples._slider_crank"],
 )

@@ -14,7 +14,7 @@ import pytest
 import scipy.linalg
 from mbrs import _core
 from mbrs.errors import ModelError
-from mbrs.nonlinear_system import nonlinear_system
+from mbrs.nonlinear.system import nonlinear_system
 from mbrs.reference import System as Reference
 from mbrs.reference import hbm_balance
 from mbrs.reference import linearize as reference_linearize
@@ -22,7 +22,7 @@ from mbrs.reference import modes as reference_modes
 from mbrs.reference import motion as rm
 from mbrs.reference.assembly import assemble
 from mbrs.reference.kinematics import drawn_state
-from mbrs.tables import compiled, tables
+from mbrs.system.tables import compiled, tables
 
 K3, K_SLIDER, SLIP = 4e4, 6.0, 0.4
 REAR = 0.2
@@ -246,7 +246,7 @@ def test_a_displaced_law_is_counted_from_the_state():
     ],
 )
 def test_shifted_laws_are_the_law_less_its_value(law):
-    from mbrs.shifted_laws import shifted
+    from mbrs.nonlinear.shifted_laws import shifted
 
     w, u0 = np.array([1.0]), 0.08
     parts = shifted(law.code, law.numbers(), w, u0, "here")

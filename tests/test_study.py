@@ -11,13 +11,20 @@ from typing import Any
 import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, ModelError
-from mbrs.measures import curve_difference, eigenvalue_difference, frequency_difference, largest_difference, measure_for
 from mbrs.results import Result, Stats
-from mbrs.study import accuracy_study, effect_study
+from mbrs.studies.accuracy import accuracy_study
+from mbrs.studies.effects import effect_study
+from mbrs.studies.measures import (
+    curve_difference,
+    eigenvalue_difference,
+    frequency_difference,
+    largest_difference,
+    measure_for,
+)
 
 
 class _Clock:
-    """Stands in for the module `time` in mbrs._timing, so that no test depends on how fast the machine is."""
+    """Stands in for the module `time` in mbrs.studies.timing, so that no test depends on how fast the machine is."""
 
     now = 0.0
 
@@ -28,7 +35,7 @@ class _Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> _Clock:
     made = _Clock()
-    monkeypatch.setattr("mbrs._timing.time", made)
+    monkeypatch.setattr("mbrs.studies.timing.time", made)
     return made
 
 

@@ -6,8 +6,6 @@ Everything public is listed here and imported when it is first used, so that ``i
 from __future__ import annotations
 
 import importlib
-import sys
-import types
 from typing import Any
 
 __version__ = "0.1.0"
@@ -28,46 +26,46 @@ _HOME = {
     "RouteError": "errors",
     "SingularError": "errors",
     "Model": "model.model",
-    "load": "result_files",
-    "MechanicalSystem": "second_order",
-    "System": "system",
+    "load": "_lib.result_files",
+    "MechanicalSystem": "linear.matrices",
+    "System": "system.system",
     "base_motion": "model.ports",
     "rotation": "model.rotations",
-    "effects": "effects",
-    "equilibrium": "equilibrium",
-    "linearize": "linearize",
-    "modes": "modal",
-    "mac": "mac",
-    "multiblade": "multiblade",
-    "rotor_modes": "multiblade",
-    "root": "root",
-    "frf": "frf",
-    "response": "response",
-    "state_space": "state_space",
-    "sensitivity": "sensitivity",
-    "eigen_sensitivity": "eigen_sensitivity",
-    "steady_motion": "steady",
-    "simulate": "simulate",
-    "campbell": "campbell",
-    "check_gradients": "check_gradients",
-    "gradient": "gradient",
-    "problem": "design_problem",
-    "Bounded": "design_problem",
-    "Frequency": "design_problem",
-    "Damping": "design_problem",
-    "Integral": "objectives",
-    "Final": "objectives",
-    "AtTimes": "objectives",
-    "accuracy_study": "study",
-    "effect_study": "study",
-    "harmonic_balance": "harmonic_balance",
-    "frequency_response": "frequency_response",
-    "limit_cycle": "limit_cycle",
-    "quasi_periodic": "quasi_periodic",
-    "quasi_periodic_response": "quasi_periodic_response",
-    "parameter_response": "parameter_response",
-    "Branch": "continuation",
-    "nonlinear_system": "nonlinear_system",
+    "effects": "system.effects",
+    "equilibrium": "linear.equilibrium",
+    "linearize": "linear.linearize",
+    "modes": "linear.modes",
+    "mac": "linear.mac",
+    "multiblade": "linear.multiblade",
+    "rotor_modes": "linear.multiblade",
+    "root": "solvers.root",
+    "frf": "linear.frf",
+    "response": "linear.response",
+    "state_space": "linear.state_space",
+    "sensitivity": "linear.sensitivity",
+    "eigen_sensitivity": "linear.eigen_sensitivity",
+    "steady_motion": "linear.steady",
+    "simulate": "motion.simulate",
+    "campbell": "linear.campbell",
+    "check_gradients": "studies.gradients",
+    "gradient": "gradients.gradient",
+    "problem": "design.problem",
+    "Bounded": "design.problem",
+    "Frequency": "design.problem",
+    "Damping": "design.problem",
+    "Integral": "gradients.objectives",
+    "Final": "gradients.objectives",
+    "AtTimes": "gradients.objectives",
+    "accuracy_study": "studies.accuracy",
+    "effect_study": "studies.effects",
+    "harmonic_balance": "nonlinear.periodic",
+    "frequency_response": "nonlinear.frequency_response",
+    "limit_cycle": "nonlinear.limit_cycle",
+    "quasi_periodic": "nonlinear.quasi_periodic",
+    "quasi_periodic_response": "nonlinear.quasi_periodic_curves",
+    "parameter_response": "nonlinear.parameter_response",
+    "Branch": "nonlinear.branch",
+    "nonlinear_system": "nonlinear.system",
     "Cubic": "model.laws",
     "Polynomial1D": "model.laws",
     "Gap": "model.laws",
@@ -84,29 +82,19 @@ _HOME = {
     "Polynomial": "model.motions",
     "Table": "model.motions",
 }
-_MODULES = ("examples", "reference", "errors", "report", "plot", "animate", "matrix_calculus", "flexible")
+_MODULES = {
+    **{name: name for name in ("examples", "reference", "errors", "plot", "view", "flexible")},
+    "matrix_calculus": "_lib.vetter",
+    "report": "_lib.text",
+}
 __all__ = sorted([*_HOME, "examples", "flexible", "matrix_calculus"])
-
-
-class _Package(types.ModuleType):
-    """`mb.frf` is the function, although the module that defines it is called `mbrs.frf`: the import system would
-    set the
-    module under that name as soon as anything imports it.
-    """
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if not (name in _HOME and isinstance(value, types.ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
 
 
 def __getattr__(name: str) -> Any:
     if name in _HOME:
         value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
     elif name in _MODULES:
-        value = importlib.import_module(f".{name}", __name__)
+        value = importlib.import_module(f".{_MODULES[name]}", __name__)
     else:
         import difflib
 

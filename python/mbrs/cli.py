@@ -85,7 +85,7 @@ def _model_argument(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def _known_ending(context: Any, parameter: Any, out: Path | None) -> Path | None:
     """Refuse an ending that says nothing before anything is computed."""
-    from .result_files import WRITERS
+    from ._lib.result_files import WRITERS
 
     known = (*WRITERS, *_PAGES)
     if out is not None and out.suffix.lower() not in known:
@@ -120,7 +120,7 @@ metavar="FILE",
               help="The page to write.")  # fmt: skip
 def demo(out: Path) -> None:
     """Modes, transfer functions and sensitivities of a vibration isolator, and a page of them."""
-    from .demo import run
+    from .examples.demo import run
 
     click.echo(run(out))
 
@@ -134,7 +134,7 @@ def check(model: Path, as_json: bool) -> None:
     m = _load(model)
     system, effects = mb.System(m), mb.effects(m)
     if as_json:
-        from .jsonable import dumps, system_data
+        from ._lib.jsonable import dumps, system_data
 
         click.echo(dumps({"analysis": "check", "file": str(model), **system_data(system, effects)}))
     else:
@@ -145,8 +145,8 @@ def check(model: Path, as_json: bool) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 def doctor(as_json: bool) -> None:
     """Versions, threads, BLAS, optional packages and self-checks of this installation; exit code 1 where one fails."""
-    from .doctor import examine
-    from .jsonable import dumps
+    from ._lib.jsonable import dumps
+    from .studies.doctor import examine
 
     report = examine()
     click.echo(dumps(report.data()) if as_json else str(report))
@@ -327,7 +327,7 @@ def _curve(traj: Any, name: str) -> Any:
 
 
 def _extremes(traj: Any, curves: dict[str, Any]) -> str:
-    from .report import table
+    from ._lib.text import table
 
     rows = []
     for name, curve in curves.items():
@@ -465,7 +465,7 @@ def _print_and_save(
     extra: dict[str, Any] | None,
     text: str | None,
 ) -> None:
-    from .jsonable import dumps, result_data
+    from ._lib.jsonable import dumps, result_data
 
     if as_json:
         click.echo(dumps({"analysis": analysis, "file": str(model), **result_data(result, names), **(extra or {})}))
@@ -475,8 +475,8 @@ def _print_and_save(
         return
     try:
         if out.suffix.lower() in _PAGES:
-            from .demo import result_page
-            from .files import write_atomic
+            from ._lib.files import write_atomic
+            from .examples.demo import result_page
 
             outputs = tuple((extra or {}).get("outputs", ()))
             write_atomic(out, result_page(analysis, model.stem, result, outputs).encode())

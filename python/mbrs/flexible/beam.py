@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import choice, count, flag, names, shown, sized_array
+from .._lib.checks import choice, count, flag, names, shown, sized_array
 from ..errors import ModelError
 from ._elements import Mesh, Section, mesh
 from ._integrals import inertial_stiffness, rigid_body, shape_integrals

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import count, shown, sized_array
+from .._lib.checks import count, shown, sized_array
 from ..errors import InertiaError, ModelError
 from ._reduction import reduced_shapes
 from .beam import modal_damping

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..report import Block, number, without_rounding
+from .._lib.text import Block, number, without_rounding
 from .book import Book
 from .describe import describe
 from .expressions import Expression

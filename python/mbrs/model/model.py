@@ -1,4 +1,4 @@
-"""The model: names, units and numbers as the user gives them. `mbrs.tables` makes Tables of it."""
+"""The model: names, units and numbers as the user gives them. `mbrs.system.tables` makes Tables of it."""
 
 from __future__ import annotations
 

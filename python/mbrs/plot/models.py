@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..animate.geometry import SceneGeometry, scene_from_tables
+from ..view.scene import SceneGeometry, scene_from_tables
 from .figure import FADED, PALETTE, canvas, colours, legend, style
 
 __all__ = ["equilibrium", "steady_motion", "system"]
