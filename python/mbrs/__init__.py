@@ -48,6 +48,7 @@ _HOME = {
     "simulate": "motion.simulate",
     "campbell": "linear.campbell",
     "check_gradients": "studies.gradients",
+    "compare": "studies.compare",
     "gradient": "gradients.gradient",
     "problem": "design.problem",
     "Bounded": "design.problem",

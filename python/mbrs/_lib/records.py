@@ -51,6 +51,7 @@ HOMES: Mapping[str, str] = {
     "CampbellResult": "linear.campbell",
     **dict.fromkeys(("CriticalSpeeds", "CriticalSpeed"), "linear.critical_speeds"),
     "RotorModes": "linear.multiblade",
+    "Comparison": "studies.compare",
     "GradientCheck": "studies.gradients",
     "Optimum": "design.problem",
     "PeriodicSolution": "nonlinear.periodic",
