@@ -140,6 +140,7 @@ MAKE = {
         drawn(), mb.Final(lambda s: s.position("b")[0]), ["k", "a.mass"], t=0.2, step=0.01
     ),
     "MotionSensitivity": lambda: MAKE["MotionGradient"]().sensitivity(["k"]),
+    "Comparison": lambda: mb.compare(mb.modes(drawn())),
     "GradientCheck": lambda: mb.check_gradients(mb.modes, drawn(), ["k", "a.mass"]),
     "Optimum": lambda: mb.problem(
         drawn(),
