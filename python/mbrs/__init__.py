@@ -8,9 +8,8 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-__version__ = "0.1.0"
-
 _HOME = {
+    "__version__": "_lib.version",
     "AssemblyError": "errors",
     "ConvergenceError": "errors",
     "DoubtfulWarning": "errors",
@@ -26,7 +25,7 @@ _HOME = {
     "RouteError": "errors",
     "SingularError": "errors",
     "Model": "model.model",
-    "load": "_lib.result_files",
+    "load": "io.result_files",
     "MechanicalSystem": "linear.matrices",
     "System": "system.system",
     "base_motion": "model.ports",
@@ -50,9 +49,9 @@ _HOME = {
     "check_gradients": "studies.gradients",
     "gradient": "gradients.gradient",
     "problem": "design.problem",
-    "Bounded": "design.problem",
-    "Frequency": "design.problem",
-    "Damping": "design.problem",
+    "Bounded": "design.functions",
+    "Frequency": "design.functions",
+    "Damping": "design.functions",
     "Integral": "gradients.objectives",
     "Final": "gradients.objectives",
     "AtTimes": "gradients.objectives",
@@ -87,7 +86,7 @@ _MODULES = {
     "matrix_calculus": "_lib.vetter",
     "report": "_lib.text",
 }
-__all__ = sorted([*_HOME, "examples", "flexible", "matrix_calculus"])
+__all__ = sorted([*(name for name in _HOME if name != "__version__"), "examples", "flexible", "matrix_calculus"])
 
 
 def __getattr__(name: str) -> Any:
