@@ -145,7 +145,7 @@ def modal(
 ) -> None:
     """Natural frequencies, damping ratios and mode shapes."""
     m = _load(model)
-    result = mb.modes(m, **_state(m, at), **_without(without), **({} if n is None else {"n": n}))
+    result = mb.modes(m, **_state(m, at), **_without(without), **_count(n))
     _say_fewer(n, result)
     names = (
         "frequency",
@@ -200,7 +200,7 @@ def sens(
 ) -> None:
     """Derivatives of natural frequencies and damping ratios by parameters."""
     m = _load(model)
-    modes = mb.modes(m, **_state(m, at), **_without(without), **({} if n is None else {"n": n}))
+    modes = mb.modes(m, **_state(m, at), **_without(without), **_count(n))
     _say_fewer(n, modes)
     result = mb.sensitivity(modes, list(parameters))
     _deliver(
@@ -404,6 +404,10 @@ def _state(model: Any, at: str) -> dict[str, Any]:
 
 def _without(names: tuple[str, ...]) -> dict[str, Any]:
     return {"without": names} if names else {}
+
+
+def _count(n: int | None) -> dict[str, Any]:
+    return {} if n is None else {"n": n}
 
 
 def _say_fewer(n: int | None, modes: Any) -> None:
