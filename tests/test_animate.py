@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mbrs.errors import ModelError
+from mbrs.system.scene import scene_from_tables
 from mbrs.view import modes as viewer
-from mbrs.view.scene import BodyGeometry, JointGeometry, LinkGeometry, SceneGeometry, scene_from_tables
+from mbrs.view.scene import BodyGeometry, JointGeometry, LinkGeometry, SceneGeometry
 from mbrs.view.solids import body_solid
 from presentation_standins import Modes, chain_modes, hexapod_modes
 

@@ -461,8 +461,8 @@ def test_a_mass_at_the_tip(made):
 @pytest.mark.parametrize(
     "name",
     [
-        "flexible.beam",
-        "flexible.craig_bampton",
+        "flexible.beams",
+        "flexible.component_modes",
         "flexible.modal_body",
         "plot.modal_body",
         "linear.multiblade",

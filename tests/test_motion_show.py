@@ -13,10 +13,10 @@ import motion_problems as zoo
 import numpy as np
 import pytest
 from mbrs.errors import ModelError
+from mbrs.system.scene import scene_from_tables
 from mbrs.system.tables import tables
 from mbrs.view import modes as viewer
 from mbrs.view.motion import frames, motion
-from mbrs.view.scene import scene_from_tables
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from mbrs.reference import hbm_balance
 from mbrs.reference import linearize as reference_linearize
 from mbrs.reference import modes as reference_modes
 from mbrs.reference import motion as rm
-from mbrs.reference.assembly import assemble
+from mbrs.reference.assembly import assemble, mobility
 from mbrs.reference.kinematics import drawn_state
 from mbrs.system.tables import compiled, tables
 
@@ -81,8 +81,9 @@ def test_tables_and_system():
     assert (system.n_tree, system.dof, system.n_rows) == (4, 3, 1)
     sys = Reference(t)
     # one slider, and the turns of two hinges
-    assert (sys.ny, sys.dof, sys.n_memory) == (4, 3, 3)
-    assert tuple(np.array(sys.coordinates)[sys._drawn_partition.independent]) == system.coordinates
+    found = mobility(sys)
+    assert (sys.ny, found.dof, sys.n_memory) == (4, 3, 3)
+    assert tuple(np.array(sys.coordinates)[found.partition.independent]) == system.coordinates
 
 
 def test_a_moving_model_still_counts_its_freedoms():

@@ -16,7 +16,8 @@ import matplotlib.pyplot as plt
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs._lib.records import HOMES, member
+from mbrs._lib.records import HOMES
+from mbrs.io.result_files import member
 from mbrs.results import Result
 
 pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")

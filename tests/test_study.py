@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 import pickle
 from types import SimpleNamespace
@@ -292,7 +291,7 @@ def listed_effects(monkeypatch: pytest.MonkeyPatch, clock: _Clock) -> None:
         SimpleNamespace(name="damping", on=True, why="c"),
         SimpleNamespace(name="friction", on=False, why="none"),
     ]
-    monkeypatch.setattr(importlib.import_module("mbrs"), "effects", lambda model: listed, raising=False)
+    monkeypatch.setattr("mbrs.studies.effects.effects", lambda model: listed)
 
 
 @pytest.mark.usefixtures("listed_effects")

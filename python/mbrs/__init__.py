@@ -8,9 +8,8 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-__version__ = "0.1.0"
-
 _HOME = {
+    "__version__": "_lib.version",
     "AssemblyError": "errors",
     "ConvergenceError": "errors",
     "DoubtfulWarning": "errors",
@@ -26,7 +25,7 @@ _HOME = {
     "RouteError": "errors",
     "SingularError": "errors",
     "Model": "model.model",
-    "load": "_lib.result_files",
+    "load": "io.result_files",
     "MechanicalSystem": "linear.matrices",
     "System": "system.system",
     "base_motion": "model.ports",
@@ -51,9 +50,9 @@ _HOME = {
     "compare": "studies.compare",
     "gradient": "gradients.gradient",
     "problem": "design.problem",
-    "Bounded": "design.problem",
-    "Frequency": "design.problem",
-    "Damping": "design.problem",
+    "Bounded": "design.functions",
+    "Frequency": "design.functions",
+    "Damping": "design.functions",
     "Integral": "gradients.objectives",
     "Final": "gradients.objectives",
     "AtTimes": "gradients.objectives",
@@ -82,13 +81,62 @@ _HOME = {
     "Sine": "model.motions",
     "Polynomial": "model.motions",
     "Table": "model.motions",
+    # what models are made of and what analyses return, for annotations and isinstance
+    "Result": "results",
+    "Stats": "results",
+    "Body": "model.bodies",
+    "Ground": "model.bodies",
+    "Marker": "model.bodies",
+    "FlexibleBody": "model.flexible",
+    "Joint": "model.joint",
+    "Drive": "model.drives",
+    "Coupler": "model.drives",
+    "Element": "model.forces",
+    "Load": "model.forces",
+    "SectionLoad": "model.section_loads",
+    "Port": "model.ports",
+    "Expression": "model.expressions",
+    "State": "system.state",
+    "EffectsTable": "system.effects",
+    "Equilibrium": "linear.equilibrium",
+    "SteadyMotion": "linear.steady",
+    "Linearization": "linear.linearization",
+    "ModalResult": "linear.modal_result",
+    "EnergyShares": "linear.energy_shares",
+    "FrfResult": "linear.frf",
+    "FrfSensitivity": "linear.frf",
+    "ResponseResult": "linear.response",
+    "ResponseSensitivity": "linear.response",
+    "StateSpace": "linear.first_order",
+    "EigenSensitivity": "linear.eigen_sensitivity",
+    "DirectionalDerivative": "linear.eigen_sensitivity",
+    "LinearizationSensitivity": "linear.sensitivity",
+    "EquilibriumSensitivity": "linear.sensitivity",
+    "CampbellResult": "linear.campbell",
+    "RotorModes": "linear.multiblade",
+    "Trajectory": "motion.trajectory",
+    "Energy": "motion.trajectory",
+    "MotionGradient": "gradients.motion_gradient",
+    "MotionSensitivity": "gradients.motion_gradient",
+    "NonlinearSystem": "nonlinear.system",
+    "PeriodicSolution": "nonlinear.periodic",
+    "FrequencyResponse": "nonlinear.response_curve",
+    "ParameterResponse": "nonlinear.parameter_response",
+    "LimitCycle": "nonlinear.limit_cycle",
+    "QuasiPeriodicSolution": "nonlinear.quasi_periodic",
+    "QuasiPeriodicResponse": "nonlinear.quasi_periodic_curves",
+    "Problem": "design.problem",
+    "Optimum": "design.optimum",
+    "AccuracyStudy": "studies.accuracy",
+    "EffectStudy": "studies.effects",
+    "GradientCheck": "studies.gradients",
 }
 _MODULES = {
     **{name: name for name in ("examples", "reference", "errors", "plot", "view", "flexible")},
     "matrix_calculus": "_lib.vetter",
     "report": "_lib.text",
 }
-__all__ = sorted([*_HOME, "examples", "flexible", "matrix_calculus"])
+__all__ = sorted([*(name for name in _HOME if name != "__version__"), "examples", "flexible", "matrix_calculus"])
 
 
 def __getattr__(name: str) -> Any:

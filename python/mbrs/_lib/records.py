@@ -1,13 +1,8 @@
-"""Results as data: a tree of plain values and a list of arrays, from which the same objects come back.
-
-Only classes of `HOMES` and functions of `FUNCTIONS` are ever made: reading a file imports nothing else and calls nothing that
-the file names.
-"""
+"""Results as data: a tree of plain values and a list of arrays, from which `mbrs.io.result_files` makes the same objects."""
 
 from __future__ import annotations
 
 import functools
-import importlib
 import math
 from collections.abc import Mapping
 from functools import cached_property
@@ -16,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from ..model.book import Book
 
 # class -> module of the package: what a file may hold beside numbers, texts, arrays and models
 HOMES: Mapping[str, str] = {
@@ -53,7 +47,7 @@ HOMES: Mapping[str, str] = {
     "RotorModes": "linear.multiblade",
     "Comparison": "studies.compare",
     "GradientCheck": "studies.gradients",
-    "Optimum": "design.problem",
+    "Optimum": "design.optimum",
     "PeriodicSolution": "nonlinear.periodic",
     "QuasiPeriodicSolution": "nonlinear.quasi_periodic",
     "QuasiPeriodicResponse": "nonlinear.quasi_periodic_curves",
@@ -71,19 +65,10 @@ FUNCTIONS: Mapping[str, str] = {
     "of_family": "nonlinear.balance",
     "_estimated_error": "motion.simulate",
 }
-# how deeply values may be nested before a file counts as damaged
-_DEEPEST = 200
 
 
 class UnsavableError(ModelError):
     """Something in a result that a file of data cannot hold, such as a Python function."""
-
-
-def member(table: Mapping[str, str], name: Any) -> Any:
-    """The class or function of a table."""
-    if name not in table:
-        raise ModelError(f"the file holds a {name!r}, which this version of mbrs does not know")
-    return getattr(importlib.import_module(f"mbrs.{table[name]}"), name)
 
 
 class Encoder:
@@ -152,7 +137,7 @@ class Encoder:
         if name == "Derivative":
             more = [list(value.parameter_shape), value.value_ndim]
             return {"~": "derivative", "of": self._array(np.asarray(value)), "more": more}
-        if isinstance(value, Book):
+        if hasattr(value, "file_text"):
             return {"~": "model", "toml": _text_of(value)}
         if isinstance(value, functools.partial) and value.func.__name__ in FUNCTIONS:
             given = [self.encode(value.args), self.encode(value.keywords)]
@@ -175,19 +160,9 @@ class Encoder:
         )
 
 
-def _text_type(name: Any) -> np.dtype[Any]:
-    """Texts of a width that a name can have, or objects."""
-    dtype = np.dtype(str(name))
-    if dtype.kind not in "UO" or dtype.itemsize > 1 << 16:
-        raise ModelError(f"an array of the file has the type {name!r}, which is not one of texts")
-    return dtype
-
-
 def _text_of(model: Any) -> str:
-    from ..model.toml import dumps
-
     try:
-        return dumps(model)
+        return str(model.file_text())
     except ModelError as reason:
         raise UnsavableError(
             f"the result carries its model, and {reason}; result.to_xarray().to_netcdf(path) writes the labelled data alone"
@@ -203,87 +178,3 @@ def _state(value: Any) -> Any:
         return own(value)
     again = {n for k in type(value).__mro__ for n, m in vars(k).items() if isinstance(m, cached_property)}
     return {k: v for k, v in value.__dict__.items() if k not in again}
-
-
-class Decoder:
-    """The values of a tree; ``functions``: whether models that call Python functions are read, which imports these."""
-
-    def __init__(self, arrays: list[np.ndarray], functions: bool = False) -> None:
-        self.arrays, self.functions = arrays, functions
-        self._made: dict[int, Any] = {}
-        self._depth = 0
-
-    def decode(self, tree: Any) -> Any:
-        """One value."""
-        if isinstance(tree, list):
-            return [self.decode(one) for one in tree]
-        if not isinstance(tree, dict):
-            return tree
-        self._depth += 1
-        if self._depth > _DEEPEST:
-            raise ModelError("the file is nested too deeply")
-        value = self._value(tree)
-        self._depth -= 1
-        return value
-
-    def _value(self, tree: dict[str, Any]) -> Any:
-        kind = tree["~"]
-        if kind == "float":
-            return {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}[tree["is"]]
-        if kind == "complex":
-            return complex(self.decode(tree["re"]), self.decode(tree["im"]))
-        if kind == "tuple":
-            return tuple(self.decode(tree["of"]))
-        if kind == "dict":
-            return {self.decode(k): self.decode(v) for k, v in tree["of"]}
-        if kind == "array":
-            return self.arrays[tree["at"]]
-        if kind == "texts":
-            made = np.empty(len(tree["of"]), dtype=_text_type(tree["dtype"]))
-            made[:] = self.decode(tree["of"])
-            return made.reshape(tree["shape"])
-        if kind == "again":
-            return self._made[tree["at"]]
-        if kind == "record":
-            return self._record(tree)
-        value = self._made[tree["at"]] = self._other(kind, tree)
-        return value
-
-    def _record(self, tree: dict[str, Any]) -> Any:
-        cls = member(HOMES, tree["class"])
-        value = self._made[tree["at"]] = cls.__new__(cls)
-        state = self.decode(tree["state"])
-        if hasattr(value, "__setstate__"):
-            value.__setstate__(state)
-        else:
-            value.__dict__.update(state)
-        return value
-
-    def _other(self, kind: str, tree: dict[str, Any]) -> Any:
-        if kind == "model":
-            return _model_of(tree["toml"], self.functions)
-        if kind == "tuple of":
-            return member(HOMES, tree["class"])(self.decode(tree["of"]))
-        if kind == "partial":
-            args, keywords = self.decode(tree["given"])
-            return functools.partial(member(FUNCTIONS, tree["function"]), *args, **keywords)
-        if kind == "made":
-            return member(FUNCTIONS, tree["function"])(*self.decode(tree["given"]))
-        if kind == "derivative":
-            from .vetter import Derivative
-
-            return Derivative.of(self.decode(tree["of"]), *tree["more"])
-        if kind in ("sparse csc", "sparse csr"):
-            import scipy.sparse
-
-            made = scipy.sparse.csc_array if kind.endswith("csc") else scipy.sparse.csr_array
-            parts = (self.decode(tree["data"]), self.decode(tree["indices"]), self.decode(tree["indptr"]))
-            return made(parts, shape=tuple(tree["shape"]))
-        raise ModelError(f"the file holds a value of the unknown kind {kind!r}")
-
-
-def _model_of(text: str, functions: bool) -> Any:
-    from ..model.model import Model
-    from ..model.toml import loads
-
-    return loads(text, Model, "the model of the result", functions)

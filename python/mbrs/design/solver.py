@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,21 +12,18 @@ from .._lib.checks import shown
 from .._lib.progress import Progress
 from ..errors import ConvergenceError, Interrupted, MbrsError, ModelError
 from ..results import Stats
-
-if TYPE_CHECKING:
-    from .problem import Optimum, Problem
+from .functions import DesignFunctions
+from .optimum import FEASIBLE, Optimum
 
 # What SciPy's methods take into account; others would leave it out silently.
 _CONSTRAINED = ("SLSQP", "trust-constr", "COBYLA", "COBYQA")
 _BOUNDED = (*_CONSTRAINED, "L-BFGS-B", "TNC", "Nelder-Mead", "Powell")
 _ANY = (*_BOUNDED, "BFGS", "CG", "Newton-CG")
-# A constraint that is violated by more than this (relative) does not hold.
-FEASIBLE = 1e-4
 # An objective that is this small against its slope at the start passes through zero there.
 _SMALL = 1e-3
 
 
-def solve(p: Problem, method: Any, options: dict[str, Any]) -> Optimum:
+def solve(p: DesignFunctions, method: Any, options: dict[str, Any]) -> Optimum:
     """See `Problem.solve`."""
     run = _Search(p, _checked(p, method))
     begin = time.perf_counter()
@@ -48,7 +45,7 @@ def solve(p: Problem, method: Any, options: dict[str, Any]) -> Optimum:
     return run.found(r, begin)
 
 
-def _checked(p: Problem, method: Any) -> str:
+def _checked(p: DesignFunctions, method: Any) -> str:
     chosen = method if method is not None else "SLSQP" if p.limits else "L-BFGS-B"
     known = {name.casefold(): name for name in _ANY}
     if not isinstance(chosen, str) or chosen.casefold() not in known:
@@ -63,7 +60,7 @@ def _checked(p: Problem, method: Any) -> str:
 class _Search:
     """A run of an optimiser: scaled functions for it, and the designs that it tried."""
 
-    def __init__(self, p: Problem, method: str) -> None:
+    def __init__(self, p: DesignFunctions, method: str) -> None:
         self.problem, self.method = p, method
         # design, objective, violation, in the order of their first evaluation
         self.tried: dict[bytes, tuple[np.ndarray, float, float]] = {}
@@ -135,8 +132,6 @@ class _Search:
         return self.result(z, status, message, begin)
 
     def result(self, z: np.ndarray, status: str, message: str, begin: float, error: float | None = None) -> Optimum:
-        from .problem import Optimum
-
         p = self.problem
         p.apply(z)
         values = [value for _, value, _ in self.tried.values()]

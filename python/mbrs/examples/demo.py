@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -11,7 +10,14 @@ from typing import Any
 import numpy as np
 
 from .._lib.text import html_table
+from ..linear.frf import frf
+from ..linear.modes import modes
+from ..linear.sensitivity import sensitivity
+from ..system.effects import effects
+from ..system.system import System
+from ..view.modes import modes as animate
 from ..view.page import Section, fragment, page, write_page
+from ._hexapod import cubic_hexapod
 
 __all__ = ["result_page", "run"]
 
@@ -24,36 +30,31 @@ _INTRO = (
 
 def run(out: str | Path) -> str:
     """Analyse an isolator, write the page and return the text for the terminal."""
-    mb: Any = importlib.import_module("mbrs")
-    m = mb.examples.cubic_hexapod()
-    modes = mb.modes(m)
-    frequency = (1.0, 200.0)
-    receptance = mb.frf(m, inputs="payload.force.z", outputs="payload.motion.z", frequency=frequency, kind="receptance")
-    transmissibility = mb.frf(
-        m, inputs="base.z", outputs="payload.motion.z", frequency=frequency, kind="transmissibility"
-    )
-    sensitivity = mb.sensitivity(modes, ["k_leg", "c_leg", "payload.mass", "leg0.at_b[2]"])
+    m = cubic_hexapod()
+    found = modes(m)
+    force, motion, band = "payload.force.z", "payload.motion.z", (1.0, 200.0)
+    receptance = frf(m, inputs=force, outputs=motion, frequency=band, kind="receptance")
+    transmissibility = frf(m, inputs="base.z", outputs=motion, frequency=band, kind="transmissibility")
+    derivatives = sensitivity(found, ["k_leg", "c_leg", "payload.mass", "leg0.at_b[2]"])
     sections = [
-        Section("The model", [str(mb.System(m)), str(mb.effects(m))]),
-        modes_section(modes),
-        frf_section("Receptance", receptance, modes),
+        Section("The model", [str(System(m)), str(effects(m))]),
+        modes_section(found),
+        frf_section("Receptance", receptance, found),
         frf_section(
-            "Transmissibility", transmissibility, modes, "Motion of the payload for a unit motion of the base."
+            "Transmissibility", transmissibility, found, "Motion of the payload for a unit motion of the base."
         ),
-        sensitivity_section(sensitivity),
+        sensitivity_section(derivatives),
     ]
     path = write_page(out, "mbrs demo: an isolator on six legs", sections, intro=_INTRO)
-    return "\n\n".join([str(modes), str(receptance), str(sensitivity), f"wrote {path}"])
+    return "\n\n".join([str(found), str(receptance), str(derivatives), f"wrote {path}"])
 
 
-def modes_section(modes: Any, title: str = "Modes") -> Section:
+def modes_section(result: Any, title: str = "Modes") -> Section:
     """Table of modes, and the shapes in motion where there is geometry."""
-    content: list[Any] = [_table_of(modes)]
+    content: list[Any] = [_table_of(result)]
     text = ""
-    if getattr(modes, "geometry", None) is not None:
-        from ..view.modes import modes as animate
-
-        content.append(animate(modes))
+    if getattr(result, "geometry", None) is not None:
+        content.append(animate(result))
         text = "Drag to turn, scroll to zoom, shift-drag to move. Colour shows how far a point moves."
     return Section(title, content, text)
 
@@ -66,17 +67,17 @@ def _table_of(result: Any) -> Any:
 
 def frf_section(title: str, result: Any, modes: Any = None, text: str = "") -> Section:
     """Bode plot; natural frequencies are marked by dotted lines where the modes are given."""
-    from ..plot import frf
+    from ..plot.linear import frf as draw
 
     marks = () if modes is None else [f for f in np.unique(np.round(modes.frequency, 6)) if f > 0.0]
     note = "Dotted lines: natural frequencies." if len(marks) else ""
-    return Section(title, drawn(lambda: frf(result, marks=marks)), f"{text} {note}".strip())
+    return Section(title, drawn(lambda: draw(result, marks=marks)), f"{text} {note}".strip())
 
 
 def sensitivity_section(result: Any, title: str = "Sensitivities") -> Section:
     """Table of derivatives and a tornado chart of the first mode that any parameter moves."""
-    from ..plot import tornado
     from ..plot.data import tornado_bars
+    from ..plot.studies import tornado
 
     content: list[Any] = [_table_of(result)]
     for mode in range(np.atleast_2d(result.frequency).shape[0]):

@@ -21,6 +21,7 @@ from ..results import Result, derived, quantity, result
 from ..system.snapshot import Snapshot
 from ..system.state import State
 from ..system.tables import modal_places
+from ..view.scene import SceneGeometry
 from .first_order import StateSpace, first_order
 from .inertia import mass_matrices, mass_matrix_at
 from .linear_system import EFFECT_OF, assembled
@@ -142,12 +143,9 @@ class Linearization(Result):
         return energy
 
     @cached_property
-    def geometry(self) -> Any:
+    def geometry(self) -> SceneGeometry:
         """Bodies, springs and joints to draw, at this state."""
-        from ..view.scene import scene_from_tables
-
-        scene = scene_from_tables(self.snapshot.tables)
-        return scene.moved(self.poses["position"], self.poses["rotation"])
+        return self.snapshot.scene.moved(self.poses["position"], self.poses["rotation"])
 
     @cached_property
     def _strains(self) -> list[tuple[str, np.ndarray, np.ndarray]]:

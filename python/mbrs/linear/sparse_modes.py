@@ -79,8 +79,8 @@ class SparseModel:
     @property
     def geometry(self) -> Any:
         """Bodies, springs and joints to draw, at this state."""
+        from ..system.scene import scene_from_tables
         from ..system.tables import tables
-        from ..view.scene import scene_from_tables
 
         return scene_from_tables(tables(self.model)).moved(self.poses["position"], self.poses["rotation"])
 

@@ -244,6 +244,12 @@ class Model(Book):
             self.changed_structure()
         self.values_version += 1
 
+    def file_text(self) -> str:
+        """The text of the file that `save` writes."""
+        from .toml import dumps
+
+        return dumps(self)
+
     def save(self, path: str | Path) -> Path:
         """Save as TOML; `load` brings back a model with identical Tables. Expressions stay expressions. Returns the path."""
         from .toml import save

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from .._lib.progress import Progress
 from .._lib.text import Block, si
 from ..errors import Interrupted, MbrsError, ModelError
 from ..results import Result, Stats, derived, result
-from ..system.effects import LINEAR_ONLY
+from ..system.effects import LINEAR_ONLY, effects
 from .measures import eigenvalue_difference, frequency_difference, measure_for
 from .timing import name_of, short, timed
 
@@ -217,7 +216,7 @@ def _fewer(whole: Any, part: Any) -> dict[str, int]:
 def _effects_on(model: Any, fun: Callable[..., Any]) -> tuple[str, ...]:
     """Those that are on and that the analysis can do without: a motion knows no parts of a linearisation."""
     motion = getattr(fun, "__name__", "") == "simulate"
-    listed = importlib.import_module("mbrs").effects(model)
+    listed = effects(model)
     entries = listed.items() if isinstance(listed, Mapping) else [(getattr(e, "name", None), e) for e in listed]
     return tuple(
         str(name)

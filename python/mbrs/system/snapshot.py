@@ -10,6 +10,8 @@ from .. import _core
 from .._lib.border import core_errors
 from ..errors import ModelError
 from ..model.book import Book
+from ..view.scene import SceneGeometry
+from .scene import scene_from_tables
 from .tables import compiled, framed, tables
 
 if TYPE_CHECKING:
@@ -49,6 +51,11 @@ class Snapshot:
             )
         index: int = names.index(name)
         return index
+
+    @property
+    def scene(self) -> SceneGeometry:
+        """Bodies, springs and joints to draw, as the model was drawn."""
+        return scene_from_tables(self.tables)
 
     @property
     def current(self) -> bool:

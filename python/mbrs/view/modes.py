@@ -12,8 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.files import write_atomic
 from .._lib.text import number
 from ..errors import ModelError
+from .document import document
 from .scene import SceneGeometry
 from .solids import body_solid
 
@@ -52,14 +54,10 @@ class Viewer:
 
     def html(self) -> str:
         """One complete page."""
-        from .page import document
-
         return document(self.title, self.fragment("calc(100vh - 32px)") + self.assets(), wide=True)
 
     def write(self, path: str | Path) -> Path:
         """Write the page; an ending ``.html`` is usual. Returns the path."""
-        from .._lib.files import write_atomic
-
         return write_atomic(path, self.html().encode())
 
     def _repr_html_(self) -> str:

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from ..model.schema import MARKER
 from .modes import Viewer, scene_data
-from .scene import SceneGeometry, scene_from_tables
+from .scene import SceneGeometry
 
 __all__ = ["frames", "motion"]
 
@@ -79,7 +78,7 @@ def motion(
 def _data(
     traj: Any, pace: float | None, at: float | None, paths: Any, title: str, follow: Any = None
 ) -> dict[str, Any]:
-    drawn = scene_from_tables(traj.snapshot.tables)
+    drawn = traj.snapshot.scene
     span = float(traj.t[-1] - traj.t[0])
     pace = _pace(span) if pace is None else pace
     times = np.linspace(traj.t[0], traj.t[-1], _count(len(drawn.bodies), span / pace))
@@ -294,16 +293,12 @@ def _box(scene: SceneGeometry, position: np.ndarray, reach: np.ndarray) -> tuple
 
 def _paths(traj: Any, scene: SceneGeometry, position: np.ndarray, turned: np.ndarray, wanted: Any) -> list[list[Any]]:
     """Name, body and ways (n, 3) of points."""
-    t, index = traj.snapshot.tables, scene.index
-    markers = {
-        str(n): (int(b), t["x"][x:][MARKER.block.slice("at")])
-        for n, b, x in zip(t["marker_name"], t["marker_body"], t["marker_x"], strict=True)
-    }
+    index, markers = scene.index, scene.markers
     names = [str(getattr(one, "name", one)) for one in wanted] if wanted is not None else list(markers) or _last(scene)
     out = []
     for name in names:
-        if name in markers and markers[name][0] >= 0:
-            body, point = markers[name]
+        if name in markers and markers[name][0] is not None:
+            body, point = index[markers[name][0]], markers[name][1]
         elif name in index:
             body, point = index[name], scene.bodies[index[name]].origin
         else:

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .._lib.files import write_atomic
 from ..errors import ModelError
+from .document import document
+from .modes import Viewer
 
-__all__ = ["Section", "document", "page", "write_page"]
-
-_POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
+__all__ = ["Section", "page", "write_page"]
 
 
 @dataclass(frozen=True)
@@ -74,31 +75,13 @@ def page(title: str, sections: Iterable[Section | tuple[str, Any]], *, intro: st
     lead = f'<p class="lead">{html.escape(intro)}</p>' if intro else ""
     assets = ""
     if 'class="mbrs-scene"' in body:
-        from .modes import Viewer
-
         assets = Viewer.assets()
     return document(title, f"<header><h1>{html.escape(title)}</h1>{lead}</header>\n{body}\n{assets}")
 
 
 def write_page(path: str | Path, title: str, sections: Iterable[Section | tuple[str, Any]], *, intro: str = "") -> Path:
     """Write `page` to a file and return its path."""
-    from .._lib.files import write_atomic
-
     return write_atomic(path, page(title, sections, intro=intro).encode())
-
-
-def document(title: str, body: str, *, wide: bool = False) -> str:
-    """The shell of a page: head, style, and a policy that forbids the browser every request."""
-    from importlib.resources import files
-
-    style = files("mbrs.view").joinpath("page.css").read_text(encoding="utf-8")
-    return (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{html.escape(title)}</title><style>\n{style}</style></head>\n"
-        f'<body class="{"wide" if wide else "report"}">\n{body}\n</body></html>\n'
-    )
 
 
 def _image(figure: Any) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from .._lib.checks import count, shown, sized_array
 from ..errors import InertiaError, ModelError
 from ._reduction import reduced_shapes
-from .beam import modal_damping
+from .beams import modal_damping
 from .modal_body import ModalBody
 
 __all__ = ["craig_bampton"]
