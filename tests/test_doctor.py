@@ -27,7 +27,7 @@ def test_a_core_that_computes_wrong_numbers_is_found(monkeypatch):
     def wrong(*args, **given):
         return SimpleNamespace(frequency=np.asarray(exact(*args, **given).frequency) * (1.0 + 2.0 * doctor.ALLOWED))
 
-    monkeypatch.setattr(mb, "modes", wrong)
+    monkeypatch.setattr(doctor, "modes", wrong)
     report = doctor.examine()
     assert [check.passed for check in report.checks] == [False, True, True]
     assert "WRONG" in str(report) and "reinstall" in str(report)
@@ -38,7 +38,7 @@ def test_what_fails_is_reported_and_exit_code_is_1(monkeypatch, problem):
     def fail(*args, **given):
         raise problem
 
-    monkeypatch.setattr(mb, "simulate", fail)
+    monkeypatch.setattr(doctor, "simulate", fail)
     result = CliRunner().invoke(main, ["doctor"])
     assert result.exit_code == 1
     assert str(problem) in result.output and "reinstall" in result.output

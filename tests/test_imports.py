@@ -20,7 +20,7 @@ RUST = PACKAGE.parents[1] / "rust" / "src"
 # function, for types only, by importlib. There is no exception.
 ORDER = (
     "errors", "_core", "_lib", "results", "solvers", "view", "plot", "flexible", "model", "system", "linear", "aero", "motion",
-    "nonlinear", "gradients", "design", "studies", "reference", "examples", "io", "__init__", "cli",
+    "nonlinear", "gradients", "design", "reference", "studies", "examples", "io", "__init__", "cli",
 )  # fmt: skip
 # Folders whose names are public: `mb.plot.frf`. All others export nothing, so that `import mbrs.linear.frf` means one thing.
 NAMESPACES = {"examples", "flexible", "plot", "reference"}

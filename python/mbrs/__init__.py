@@ -129,6 +129,7 @@ _HOME = {
     "Optimum": "design.optimum",
     "AccuracyStudy": "studies.accuracy",
     "EffectStudy": "studies.effects",
+    "Comparison": "studies.compare",
     "GradientCheck": "studies.gradients",
 }
 _MODULES = {

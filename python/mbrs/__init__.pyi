@@ -119,6 +119,8 @@ from .results import Stats as Stats
 from .solvers.root import root as root
 from .studies.accuracy import AccuracyStudy as AccuracyStudy
 from .studies.accuracy import accuracy_study as accuracy_study
+from .studies.compare import Comparison as Comparison
+from .studies.compare import compare as compare
 from .studies.effects import EffectStudy as EffectStudy
 from .studies.effects import effect_study as effect_study
 from .studies.gradients import GradientCheck as GradientCheck

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import platform
 import sys
@@ -10,11 +9,18 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from .. import _core
 from .._lib.text import table
+from ..linear.matrices import MechanicalSystem
+from ..linear.modes import modes
+from ..model.model import Model
+from ..motion.simulate import simulate
+from ..nonlinear.periodic import harmonic_balance
 
 __all__ = ["Check", "Report", "examine"]
 
@@ -104,15 +110,14 @@ def _version(name: str) -> str:
 
 
 def _machine() -> dict[str, str]:
-    core = importlib.import_module("mbrs._core")
     threads = ", ".join(f"{name}={os.environ[name]}" for name in _THREADS if name in os.environ)
-    memory = core.available_memory()
+    memory = _core.available_memory()
     return {
         "system": platform.platform(),
         "processor": platform.machine(),
         "python": f"{platform.python_version()} at {sys.executable}",
-        "mbrs": os.path.dirname(importlib.import_module("mbrs").__file__ or ""),
-        "core": str(core.__version__),
+        "mbrs": str(Path(__file__).parents[1]),
+        "core": _core.__version__,
         "cores": str(os.cpu_count()),
         "threads set": threads or "by nothing: rayon and BLAS take all cores",
         "memory": f"{memory / 2**30:.1f} GiB free" if np.isfinite(memory) else "unknown",
@@ -155,35 +160,29 @@ def _checked(name: str, problem: Callable[[], float]) -> Check:
 
 def _modes() -> float:
     """Two masses between three springs: w^2 = k/m and 3 k/m."""
-    import mbrs as mb
-
     k, m = 731.0, 2.3
-    found = mb.modes(mb.MechanicalSystem(m * np.eye(2), K=k * np.array([[2.0, -1.0], [-1.0, 2.0]]))).frequency
+    found = modes(MechanicalSystem(m * np.eye(2), K=k * np.array([[2.0, -1.0], [-1.0, 2.0]]))).frequency
     exact = np.sqrt(np.array([1.0, 3.0]) * k / m) / (2.0 * np.pi)
     return float(np.max(np.abs(np.asarray(found) / exact - 1.0)))
 
 
 def _motion() -> float:
     """A wheel on a sprung hinge that starts at rest beside its balance: angle = Q/k (1 - cos sqrt(k/I) t)."""
-    import mbrs as mb
-
     k, inertia, load, end = 5.3, 0.7, 0.4, 1.9
-    m = mb.Model("doctor", gravity=(0.0, 0.0, 0.0))
+    m = Model("doctor", gravity=(0.0, 0.0, 0.0))
     wheel = m.body("wheel", mass=1.7, inertia=(inertia, inertia, inertia))
     m.revolute("hinge", m.ground, wheel, at=(0.0, 0.0, 0.0), axis=(0.6, 0.0, 0.8), k=k, preload=load)
-    found = mb.simulate(m, t=end, rtol=1e-11).joint("hinge").ravel()[-1]
+    found = simulate(m, t=end, rtol=1e-11).joint("hinge").ravel()[-1]
     exact = load / k * (1.0 - np.cos(np.sqrt(k / inertia) * end))
     return float(abs(abs(found) / exact - 1.0))
 
 
 def _harmonic_balance() -> float:
     """A linear oscillator by harmonic balance: |X| = F / |k - m w^2 + i c w|."""
-    import mbrs as mb
-
     m, c, k, force, omega = 1.3, 0.21, 4.7, 0.37, 1.6
-    found = mb.harmonic_balance(
-        mb.MechanicalSystem([[m]], [[c]], [[k]]), force=[force], omega=omega, harmonics=3
-    ).amplitude(dof=0, harmonic=1)
+    found = harmonic_balance(MechanicalSystem([[m]], [[c]], [[k]]), force=[force], omega=omega, harmonics=3).amplitude(
+        dof=0, harmonic=1
+    )
     exact = force / abs(k - m * omega**2 + 1j * c * omega)
     return float(abs(np.ravel(found)[0] / exact - 1.0))
 
