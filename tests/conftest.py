@@ -6,8 +6,11 @@ import os
 import signal
 import sys
 
-import jitter
-import pytest
+# the tests share out among the cores, so each has one BLAS thread; read when NumPy is imported, by `jitter`
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import jitter  # noqa: E402
+import pytest  # noqa: E402
 
 os.environ["COLUMNS"] = "120"
 os.environ.setdefault("MPLBACKEND", "agg")

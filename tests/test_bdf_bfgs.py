@@ -44,6 +44,7 @@ def reference_start(make, h):
     return s, start_motions(s, ref.drawn_state(s), np.zeros(s.ny), h)
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize(("form", "update"), VARIANTS)
 @pytest.mark.parametrize("make", [two_links, mb.examples.four_bar], ids=["two links", "four-bar"])
 def test_steps_are_those_of_the_reference(make, form, update):

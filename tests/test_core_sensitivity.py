@@ -62,6 +62,7 @@ def check(title, worst):
     assert worst[name] < TOLERANCE, {k: v for k, v in worst.items() if v >= TOLERANCE}
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("kind", TREE_JOINTS)
 def test_every_number_of_a_tree(kind):
     """Bodies, a joint of each kind on a hinge, and every element with every option, away from the drawn state."""
@@ -75,6 +76,7 @@ def _is_element(m, address):
     return address != "gravity" and m.items[address.split(".")[0]].kind in ("element", "load")
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize(
     "kinds, rod",
     [
@@ -98,6 +100,7 @@ LOOPS = [
 ]
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("kinds", LOOPS)
 def test_every_number_of_a_moving_loop(kinds):
     """B'' turns in time, and how it turns depends on every point and axis of the loop."""
@@ -172,6 +175,7 @@ def suspended(rng, kinds=("spherical", "universal", "cylindrical", "spherical"))
     return m
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("closed", [False, True])
 def test_every_number_at_an_equilibrium_that_follows(closed):
     rng = np.random.default_rng([12, closed])

@@ -77,6 +77,7 @@ def test_every_script_is_listed():
     assert sorted(SAYS) == SCRIPTS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("script", SCRIPTS)
 def test_script_runs(script, tmp_path):
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "MPLBACKEND": "Agg", "COLUMNS": "140"}

@@ -49,6 +49,7 @@ def test_every_script_has_its_expectations():
     assert sorted(EXPECTED) == SCRIPTS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("script", SCRIPTS)
 def test_script_agrees_with_its_references(script, tmp_path):
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "MPLBACKEND": "Agg"}

@@ -68,6 +68,7 @@ SCENES = {
 }
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("name", SCENES)
 def test_every_step_is_that_of_the_reference(name):
     """Choice, closing, rates and accelerations by another program: six steps from the same start."""
@@ -140,6 +141,7 @@ def test_the_scene_chooses(n, way):
     assert ("few freedoms" in chosen.stats.route) == (way == "independent")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "way",
     [

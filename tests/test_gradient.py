@@ -154,6 +154,7 @@ def against_the_reference(make, end_of, n=4, h=0.01, **variant):
     return motion, errors
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("make", list(SOME), ids=lambda f: f.__name__)
 def test_gradients_are_the_complex_step_of_the_reference(make):
     """Positions, velocities and accelerations after 4 steps and their derivatives, through assembly, start and all steps."""
@@ -164,6 +165,7 @@ def test_gradients_are_the_complex_step_of_the_reference(make):
     assert max(errors) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weight", ["tangent", "mass"])
 @pytest.mark.parametrize("make", list(SOME), ids=lambda f: f.__name__)
 def test_adjoint_is_direct_and_both_are_the_differences(make, weight):

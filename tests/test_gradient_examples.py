@@ -45,6 +45,7 @@ def test_road_is_its_own_derivative():
             assert (high[1] - low[1]) / (2 * h) == pytest.approx(here[2], rel=1e-4, abs=1e-3)
 
 
+@pytest.mark.oracle
 def test_car_against_the_complex_step_of_the_reference(monkeypatch):
     """Two steps on to the bump, from a start out of balance, through joints, loops, couplers, drives, springs and tyres: all
     numbers of the design changed at once along a random direction."""

@@ -59,6 +59,7 @@ PAIRS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "scheme"), PAIRS)
 def test_every_number(name, scheme):
     m = silent(SCENES[name])

@@ -41,6 +41,7 @@ def random_case(seed):
     return mb.MechanicalSystem(M, C, K, elements=[law]), f, rng.uniform(0.3, 3.0), int(rng.integers(1, 12))
 
 
+@pytest.mark.slow
 def test_estimate_is_honest_over_200_random_cases():
     ratios, seed = [], 0
     while len(ratios) < 200:

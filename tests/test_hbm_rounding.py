@@ -39,6 +39,7 @@ def test_a_hinged_beam_is_that_of_the_closed_form(elements):
     assert max(off) < 30 / elements**2 + 2e-7  # elements of lumped mass: second order
 
 
+@pytest.mark.slow
 def test_a_fine_beam_is_followed_without_stalling():
     few, force, middle = beam(100, law=0.2)
     many, fine_force, fine_middle = beam(5000, law=0.2)

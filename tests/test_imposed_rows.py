@@ -129,6 +129,7 @@ def test_an_effect_that_is_left_out_leaves_its_rows_out(effect):
     assert mb.effects(m)[effect].on
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(
     strict=False, reason="the search for an equilibrium of this scene is decided by rounding: it ends or does not"
 )

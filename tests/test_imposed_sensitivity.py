@@ -15,6 +15,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
 KINDS = ("drive", "coupler", "load")
 
 
+@pytest.mark.oracle
 def test_every_number_at_a_held_state():
     """Element x parameter over all that imposes a row or varies in time, and over the joints with velocity rows."""
     m = scene(5)
@@ -49,6 +50,7 @@ def carriage():
     return m
 
 
+@pytest.mark.oracle
 def test_every_number_at_an_equilibrium_that_follows():
     m = carriage()
     addresses = [a for a in all_addresses(m) if m.items.get(a.split(".")[0]) is not None]

@@ -24,6 +24,7 @@ def double_pendulum():
     return m
 
 
+@pytest.mark.oracle
 def test_rigid_form_is_the_production_path():
     m = double_pendulum()
     along, t, h, n = directions(m, "V"), tables(m), 0.01, 40

@@ -135,6 +135,7 @@ def long_files():
             yield [*lines[:i], f"{key} = {{ {', '.join(f'k{n} = {n}' for n in range(900))} }}", *lines[i + 1 :]]
 
 
+@pytest.mark.slow
 def test_messages_are_short_and_do_not_repeat_the_file():
     seen = 0
     for lines in itertools.islice(long_files(), 400):

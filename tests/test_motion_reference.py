@@ -14,6 +14,8 @@ from mbrs.reference.motion import velocity_rows
 from mbrs.reference.transient import begin, rows
 from mbrs.system.tables import tables
 
+pytestmark = pytest.mark.oracle
+
 SCHEMES = dict(
     zip(("generalized-alpha", "bdf", "explicit"), (ref.generalized_alpha, ref.bdf4, ref.explicit), strict=True)
 )

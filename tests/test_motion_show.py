@@ -32,6 +32,7 @@ def stone():
 KINDS = ["motion", "coordinates", "positions", "velocities", "energy", "residual", "steps", "error", "reactions"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", KINDS)
 def test_every_plot_draws(four_bars, what, tmp_path):
     figure = four_bars.plot(what)

@@ -114,6 +114,7 @@ def test_achieved_error_follows_the_tolerance():
     assert sum(0.8 <= s <= 1.2 for s in slopes.values()) >= 12
 
 
+@pytest.mark.slow
 def test_error_estimates():
     """Over at least 200 runs with random tolerances and ends: true/estimated within [.01, 10] in 95 % (DESIGN), and how many
     lie within a factor of ten either way.
@@ -144,6 +145,7 @@ def test_error_estimates():
 SCHEMES = {"explicit": ref.explicit, "generalized-alpha": ref.generalized_alpha}
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("name", zoo.SMOOTH)
 @pytest.mark.parametrize("method", SCHEMES)
 def test_every_step_is_that_of_the_reference(name, method):
@@ -207,6 +209,7 @@ def test_energy(name):
     assert drift < 1e-6
 
 
+@pytest.mark.oracle
 def test_bricard_against_the_reference():
     p = zoo.bricard(0.4)
     times = np.linspace(0.0, p.t, 4)

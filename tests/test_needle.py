@@ -270,6 +270,7 @@ def test_laws_that_cannot_be_displaced_are_refused(law):
 # --- motion -----
 
 
+@pytest.mark.oracle
 def test_steps_equal_the_reference():
     m, h, n = needle(*FAST), 2e-3, 60
     core = core_motion(m, h, n)
@@ -313,6 +314,7 @@ def spring_energy(sys, there):
     return 0.25 * K3 * u**4 + 0.5 * K_SLIDER * (a - there.memory[0]) ** 2
 
 
+@pytest.mark.slow
 def test_energy_is_kept_without_slip_and_lost_with_it():
     for slip, bounds in ((1e6, (-1e-7, 1e-7)), (SLIP, (-1.0, -1e-3))):
         sys, history = reference_motion(needle(0.5, 1.2, slip=slip, damping=False), 2e-3, 100)

@@ -83,6 +83,7 @@ def unit(b, name, offset):
     return d
 
 
+@pytest.mark.oracle
 def test_followed_equilibrium_against_differences():
     """Central differences of order four of equilibrium and linearisation, for numbers of every sort."""
     b = loaded_mechanism()
@@ -109,6 +110,7 @@ def test_followed_equilibrium_against_differences():
     print("worst", worst)
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("state_of", [at_equilibrium])
 def test_eigenpairs_against_fifty_digits(state_of):
     b = loaded_mechanism()

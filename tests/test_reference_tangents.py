@@ -96,6 +96,7 @@ def test_tangents_of_trees(kind, speed, flip):
     assert max(worst.values()) < TOLERANCE
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize(
     "kinds, distance",
     [

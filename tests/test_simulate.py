@@ -75,6 +75,7 @@ def test_constraints_hold_at_every_output(name, method):
     assert np.all(traj.residual.max(axis=0) <= 1e-10)
 
 
+@pytest.mark.slow
 def test_achieved_error_follows_the_tolerance():
     """Slope of the error over 1e-3 to 1e-10 between .8 and 1.2, and the estimate within a factor of ten in 95 % of runs."""
     tolerances = 10.0 ** -np.arange(3, 11)
@@ -119,6 +120,7 @@ def test_the_heavy_top_reaches_a_nanometre():
 # --- outputs -----
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_dense_output_is_as_accurate_as_the_steps(method):
     problem = zoo.double_pendulum()

@@ -79,6 +79,7 @@ def balance(system, force, X, omega, n_t=512):
     return np.abs(out), np.max(sizes, axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_a_hard_spring_beside_stiff_coordinates(seed):
     rng = np.random.default_rng(523 + seed)

@@ -33,6 +33,7 @@ def border(a, b, growth):
     return 0.5 * (a + b)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("damped", [False, True])
 def test_both_borders_of_parametric_resonance(seed, damped):
