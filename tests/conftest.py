@@ -9,8 +9,8 @@ import sys
 # the tests share out among the cores, so each has one BLAS thread; read when NumPy is imported, by `jitter`
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import jitter  # noqa: E402
-import pytest  # noqa: E402
+import jitter
+import pytest
 
 os.environ["COLUMNS"] = "120"
 os.environ.setdefault("MPLBACKEND", "agg")

@@ -17,6 +17,14 @@ pub mod constraints {
     /// Seen by `tests/invariance/test_tilted_four_bar.py`; not scanned.
     pub const DOUBTFUL: f64 = 1e3;
 
+    /// The same of constraints that lie far below all others of their block: no mechanism is that slender in one direction alone.
+    /// Larger: genuine constraints are called doubtful. Smaller: axes that are off by a hundredth of a degree lock a linkage without a
+    /// word. Seen by `tests/invariance/test_tilted_four_bar.py`; not scanned.
+    pub const LOCKED: f64 = 1e4;
+
+    /// How far below. Larger and smaller: as of `LOCKED`, the other way round.
+    pub const APART: f64 = 1e2;
+
     /// How far redundant rows may open in motion, over the tolerance of the drawing: rows that part by s per radian of the freed
     /// direction open by up to some ten s over a large motion. Larger: a lost constraint is seen late. Smaller: doubtful linkages stop.
     /// Seen by `tests/invariance/test_tilted_four_bar.py`; not scanned.
@@ -48,6 +56,32 @@ pub mod constraints {
     /// Singular values of a least-squares problem below this part of the largest belong to directions that no row feels.
     /// Larger: weak directions are left out. Smaller: rounding of states of self-stress is divided by. Entries are free of units.
     pub const FELT: f64 = 1e-10;
+}
+
+/// Static equilibrium.
+pub mod equilibrium {
+    /// Stiffness below this part of the largest of its island counts as none. Coordinates that are held softly are stretched before.
+    /// Larger: soft springs do not hold. Smaller: rounding holds what nothing restrains.
+    /// Pinned by tests/truth/test_soft_and_stiff.py (hanging chains) and tests/test_core_equilibrium.py.
+    pub const NO_STIFFNESS: f64 = 1e-12;
+
+    /// A force along a direction without stiffness, over the size of the forces in its island, that moves it. Larger: a weak push along
+    /// a free direction passes. Smaller: rounding of forces in balance is an error. Pinned by tests/test_core_equilibrium.py.
+    pub const PUSHED: f64 = 1e-9;
+
+    /// Diagonal entries of the stiffness (radians, characteristic lengths) below this part of the largest of their island are made as
+    /// large by stretching their coordinates, before eigenvalues are told from zero. Larger: searches go other ways than the
+    /// stiffness does. Smaller: springs of very different stiffness drown each other. Pinned by tests/truth/test_soft_and_stiff.py.
+    pub const GRADED: f64 = 1e-6;
+
+    /// Rounding of a force or of an entry of the stiffness, in units of the sizes of what was added up for it and of the distance from
+    /// the origin, over eps. Larger: the search ends early. Smaller: models far from the origin have no equilibrium.
+    /// Pinned by tests/invariance/test_same_equilibrium.py (moved).
+    pub const ENTRY_ROUNDING: f64 = 4.0;
+
+    /// A full step from a state whose unbalance may be rounding goes on if it leaves less than this part. Larger: steps in rounding.
+    /// Smaller: digits are given away. Pinned by tests/invariance/test_same_equilibrium.py (moved).
+    pub const SETTLED: f64 = 0.5;
 }
 
 /// Eigenvalues and shapes.
@@ -103,6 +137,11 @@ pub mod modes {
     /// inertia of a rod about its own axis stays below. Too small: rods are refused. Too large: negative masses pass. Pinned by
     /// tests/truth/test_crowded_modes.py (point masses and rods).
     pub const SEMIDEFINITE: f64 = 1e-12;
+
+    /// What a factor of M holds of a coordinate beyond the others, over the length of its column, that is rounding of arms: the coordinate
+    /// then has no inertia of its own. A share of 1e-12 of a column is 1e-24 of a mass. Larger: light bodies on heavy ones are refused.
+    /// Smaller: roots of rounding. Pinned by tests/truth/test_soft_and_stiff.py and tests/test_bad_input_core.py.
+    pub const MASSLESS: f64 = 1e-12;
 
     /// Sum of the sizes of the terms of a Rayleigh quotient over its value from which on it is taken in twice the precision. Below, its
     /// rounding is part of the error of the data. Too small: work. Too large: soft modes of matrices lose digits that the entries hold.

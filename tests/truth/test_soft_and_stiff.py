@@ -9,25 +9,18 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-SOFT = "a model's springs are added up before they are factored, so that rounding of stiff ones hides a soft mode, error 1e-15"
-CONVERGED = "a root whose stated error is 1 is called converged"
-MASSES = "a model of light and heavy masses is refused: its mass matrix loses the light ones by rounding"
 DIGITS = 60
 
 
-def wrong(values, reason, raises=AssertionError):
-    """Parameters at which it fails today."""
-    return [pytest.param(v, marks=pytest.mark.xfail(strict=True, raises=raises, reason=reason)) for v in values]
-
-
 def springs_matrix(k, number=float):
-    """Stiffness of ground - k0 - m0 - k1 - m1 ..., entries by ``number``."""
+    """Stiffness of ground - k0 - m0 - k1 - m1 ..., entries by ``number``: of mpmath's numbers the sums keep all digits."""
     n = len(k)
     K = [[number(0)] * n for _ in range(n)]
-    for i in range(n):
-        K[i][i] = number(k[i]) + (number(k[i + 1]) if i + 1 < n else 0)
-        if i + 1 < n:
-            K[i][i + 1] = K[i + 1][i] = -number(k[i + 1])
+    with mp.workdps(DIGITS):
+        for i in range(n):
+            K[i][i] = number(k[i]) + (number(k[i + 1]) if i + 1 < n else 0)
+            if i + 1 < n:
+                K[i][i + 1] = K[i + 1][i] = -number(k[i + 1])
     return K
 
 
@@ -58,12 +51,16 @@ def rails(k, masses):
 
 
 def honest(modes, exact):
-    """The true relative error of every root is covered by the stated one; "converged" is said of small errors only."""
+    """The true error of every root is covered by the stated one; "converged" is said of small errors only.
+
+    Errors are relative; those of a rigid mode are frequencies, which rounding of the matrix may hide, far below the others.
+    """
     order = np.argsort(modes.omega)
     found, stated = modes.omega[order], np.broadcast_to(modes.error, modes.omega.shape)[order]
-    true = np.abs(found - exact) / exact
+    rigid = modes.kind[order] == "rigid"
+    true = np.abs(found - exact) / np.where(rigid, 1.0, exact)
     if modes.status == "converged":
-        assert np.all(stated < 1e-3)
+        assert np.all(stated < np.where(rigid, 1e-6 * exact.max(), 1e-3))
         assert np.all(true <= 30 * stated + 1e-13)
     else:
         assert modes.status == "unresolved"
@@ -75,7 +72,7 @@ def graded(rng, decades, n=5):
     return k, rng.uniform(0.5, 2.0, n)
 
 
-@pytest.mark.parametrize("decades", [2, 5, *wrong((8, 12, 14, 16), SOFT)])
+@pytest.mark.parametrize("decades", [2, 5, 8, 12, 14, 16])
 def test_a_model_with_a_soft_spring_under_stiff_ones(decades):
     for seed in range(4):
         k, masses = graded(np.random.default_rng([seed, decades]), decades)
@@ -84,7 +81,7 @@ def test_a_model_with_a_soft_spring_under_stiff_ones(decades):
         assert found == pytest.approx(exact, rel=1e-9)
 
 
-@pytest.mark.parametrize("decades", [2, 5, 8, 12, 14, *wrong((15,), CONVERGED)])
+@pytest.mark.parametrize("decades", [2, 5, 8, 12, 14, 15])
 def test_matrices_with_a_soft_spring_under_stiff_ones(decades):
     for seed in range(4):
         k, masses = graded(np.random.default_rng([seed, decades]), decades)
@@ -108,7 +105,7 @@ def test_matrices_of_light_and_heavy_masses(r):
         honest(mb.modes(mb.MechanicalSystem(np.diag(masses), K=K)), exact_roots(K, masses))
 
 
-@pytest.mark.parametrize("r", [10.0, 1e3, 1e5, *wrong((1e7, 1e8), MASSES, mb.SingularError)])
+@pytest.mark.parametrize("r", [10.0, 1e3, 1e5, 1e7, 1e8])
 def test_a_model_of_light_and_heavy_masses(r):
     for seed in range(4):
         k, masses = alternating(np.random.default_rng([seed, int(np.log10(r))]), r)

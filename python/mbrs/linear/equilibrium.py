@@ -19,7 +19,7 @@ from ..model.schema import BODY
 from ..results import Result, Stats, derived, quantity, result
 from ..system.effects import check_without, effects
 from ..system.snapshot import Snapshot
-from ..system.state import AT_REST, State, state_of
+from ..system.state import AT_REST, State, doubts_of, state_of, warn_of_doubts
 from .linearization import Linearization
 from .linearize import linearization_at
 
@@ -42,7 +42,9 @@ class Equilibrium(Result):
     free_directions
         Names of coordinates along which nothing restrains the model and nothing pushes it.
     residual
-        Largest unbalanced generalised force over the size of all forces.
+        Largest unbalanced generalised force over the size of the forces on the bodies that it is connected with.
+    doubts
+        A sentence for each loop of which the drawing decides only just whether it moves, with its joints.
     error
         Estimated distance to the exact equilibrium: the Newton step that is left and what rounding of the forces hides,
         radians or characteristic lengths.
@@ -54,6 +56,7 @@ class Equilibrium(Result):
     free_directions: tuple[str, ...]
     residual: float = quantity(unit="1")
     iterations: int
+    doubts: tuple[str, ...] = ()
 
     row: ClassVar[str] = "body"
     axes: ClassVar[Mapping[str, str]] = {"body": "bodies", "joint": "joints"}
@@ -150,6 +153,7 @@ class Equilibrium(Result):
             out.append(Block(["reaction", "Fx [N]", "Fy [N]", "Fz [N]", "Mx [N m]", "My [N m]", "Mz [N m]"], lines))
         if self.free_directions:
             out.append(Block(title="unrestrained and unloaded: " + "; ".join(self.free_directions)))
+        out.extend(Block(title=f"doubtful: {sentence}") for sentence in self.doubts)
         return out
 
     def plot(self, *, ax: Any = None) -> Any:
@@ -207,6 +211,7 @@ def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equ
     without = check_without(without)
     snapshot = Snapshot.of(m, without)
     if at is None:
+        warn_of_doubts(m, snapshot.system, without)
         with core_errors():
             made = snapshot.system.assemble()
         begin = State(made["relative"], AT_REST)
@@ -245,6 +250,7 @@ def _equilibrium(snapshot: Snapshot, r: dict[str, Any], without: tuple[str, ...]
         free_directions=tuple(r["free_directions"]),
         residual=r["relative_residual"],
         iterations=r["iterations"],
+        doubts=doubts_of(snapshot.system, without),
         stats=Stats(time.perf_counter() - start, r["counts"], linearization.stats.effects, "Newton"),
         error=r["error"],
         status="converged",

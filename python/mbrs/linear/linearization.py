@@ -49,7 +49,8 @@ class Linearization(Result):
     residual
         (dof,) generalised force that is not in balance; zero at an equilibrium.
     error
-        The unbalanced part of all forces; what a linearisation off equilibrium leaves out.
+        The unbalanced part of the forces, the largest of all coordinates, each over the forces on the bodies that it is connected with;
+        what a linearisation off equilibrium leaves out.
     """
 
     M: np.ndarray = quantity(dims=("coordinate", "coordinate_"))

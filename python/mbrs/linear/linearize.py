@@ -92,13 +92,14 @@ def linearization_at(
     model = snapshot.model
     r = _seen_from(state, r)
     D, S = _without_rounding(snapshot, state, r) if state.moving else (r["D"], r["S"])
-    scale = r["force_scale"]
+    sizes = np.asarray(r["force_sizes"])
     reach = motion_scale(r["T"], snapshot.system.characteristic_length)
-    forces = scale * np.outer(reach, reach)
+    forces = np.outer(np.sqrt(sizes) * reach, np.sqrt(sizes) * reach)
     C, G = split_damping(D, state.moving or _cross_coupled(model, "c"))
     K, N = split_stiffness(S, forces, conservative=not state.moving and not _has_no_potential(model))
-    unbalanced = float(np.max(np.abs(r["residual"]), initial=0.0))
-    error = unbalanced / scale if scale > 0.0 else 0.0
+    natural = sizes * reach
+    left_over = np.divide(np.abs(r["residual"]), natural, out=np.zeros(len(reach)), where=natural > 0.0)
+    error = float(np.max(left_over, initial=0.0))
     if state.kind == "equilibrium" and error > BALANCED:  # of values that have changed since
         state = replace(state, kind="given")
     if warn and not state.moving and error > BALANCED:
@@ -176,7 +177,11 @@ def _without_rounding(snapshot: Snapshot, state: State, r: dict[str, Any]) -> tu
 
 
 def _has_no_potential(model: Any) -> bool:
-    return any(load.frame == "body" for load in model.loads) or _cross_coupled(model, "k")
+    """True where loads turn with a body, torques are fixed in the world (their work depends on the order of turns), or bushings couple
+    across.
+    """
+    follows = any(load.frame == "body" or load.type == "torque" for load in model.loads)
+    return follows or _cross_coupled(model, "k")
 
 
 def _cross_coupled(model: Any, name: str) -> bool:

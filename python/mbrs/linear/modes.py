@@ -177,11 +177,7 @@ def _dense(
     damping, gyroscopic, circulatory = (array_of(getattr(system, a)) for a in "CGN")
     try:
         with core_errors(), while_long(f"modes of {len(mass)} coordinates", 100.0 * len(mass) ** 3):
-            r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f)
-            mf = None
-            if r["mass_pivot"] < _LIGHTEST and hasattr(system, "mass_factor"):
-                mf = system.mass_factor
-                r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f, mf)
+            r, mf = _with_its_masses(system, mass, damping, gyroscopic, stiffness, circulatory, f)
             f = _factor_for(system, r) if f is None else None
             if f is not None:
                 r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f, mf)
@@ -192,6 +188,21 @@ def _dense(
     if shift is not None and n is not None:
         r = _nearest(r, n, shift)
     return modal_result(system, r, n, effects, start)
+
+
+def _with_its_masses(
+    system: Any, mass: Any, damping: Any, gyroscopic: Any, stiffness: Any, circulatory: Any, f: Any
+) -> tuple[dict[str, Any], np.ndarray | None]:
+    """Modes, and the factor of M that they needed: where light bodies drown in heavy ones, the matrix does not hold them any more."""
+    try:
+        r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f)
+        if r["mass_pivot"] >= _LIGHTEST or not hasattr(system, "mass_factor"):
+            return r, None
+    except _core.CoreSingularError:
+        if not hasattr(system, "mass_factor"):
+            raise
+    mf = system.mass_factor
+    return _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f, mf), mf
 
 
 def _factor_for(system: Any, r: dict[str, Any]) -> np.ndarray | None:

@@ -20,6 +20,7 @@ from ..system.state import State, state_of
 from .blades import constant_frame
 from .linearization import Linearization
 from .linearize import linearization_at
+from .rounding import motion_scale
 from .spin import Spin, spin_of
 from .turning_frames import Frame, sampled
 
@@ -332,16 +333,19 @@ def _solve(
             r = snapshot.system.linearize(relative, rate, list(without), [], acceleration.tolist())
         _check_rates(snapshot, r, relative, rate, without)
         still = np.array([place[name] not in driven for name in r["coordinates"]], dtype=bool)
-        residual = r["residual"][still]
-        size = float(np.max(np.abs(residual), initial=0.0))
-        scale = max(r["force_scale"], np.finfo(float).tiny)
+        # coordinates of the order of a radian, forces over those of the bodies that they act on
+        reach = motion_scale(r["T"], snapshot.system.characteristic_length)[still]
+        unit = 1.0 / np.where(reach > 0.0, reach, 1.0)
+        forces = np.maximum(np.asarray(r["force_sizes"])[still], np.finfo(float).tiny)
+        residual = r["residual"][still] * unit
+        size = float(np.max(np.abs(residual) / forces, initial=0.0))
         step = np.zeros(len(still))
         if residual.size:
-            S = _carried_stiffness(r, spin, rate, place)
-            step[still] = _newton(S[np.ix_(still, still)], residual, scale)
+            S = _carried_stiffness(r, spin, rate, place)[np.ix_(still, still)]
+            step[still] = unit * _newton(S * np.outer(unit, unit), residual, forces)
         longest = _natural_size(r, step, snapshot.system.characteristic_length)
         tiny = longest <= 1e-14
-        if size <= 1e-14 * scale or tiny or (size >= previous and size <= 1e-10 * scale):
+        if size <= 1e-14 or tiny or (size >= previous and size <= 1e-10):
             moving = acceleration if np.any(acceleration) else np.zeros(0)
             return State(relative, rate, "steady", driven=tuple(driven), acceleration=moving), r, iteration
         previous = size
@@ -376,10 +380,10 @@ def _carried_stiffness(r: dict[str, Any], spin: Spin, rate: np.ndarray, place: M
     return np.asarray(r["S"] + D @ W + r["M"] @ W @ W)
 
 
-def _newton(S: np.ndarray, residual: np.ndarray, scale: float) -> np.ndarray:
+def _newton(S: np.ndarray, residual: np.ndarray, forces: np.ndarray) -> np.ndarray:
     """-S^-1 r; directions without stiffness are left alone unless something pushes them."""
     step, _, rank, _ = np.linalg.lstsq(S, -residual, rcond=1e-13)
-    if rank < len(residual) and np.max(np.abs(S @ step + residual)) > 1e-9 * scale:
+    if rank < len(residual) and np.max(np.abs(S @ step + residual) / forces) > 1e-9:
         raise SingularError(
             "a force of the steady motion acts along a direction that nothing restrains; add a spring or a joint"
         )

@@ -91,15 +91,20 @@ def doubt(joints: Sequence[str], value: float, redundant: bool, tolerance: float
     )
 
 
-def warn_of_doubts(model: Any, system: Any, without: Sequence[str] = ()) -> None:
-    """Name the loops of a model whose rank the tolerance of the drawing decides."""
-    import warnings
-
+def doubts_of(system: Any, without: Sequence[str] = ()) -> tuple[str, ...]:
+    """What the drawing decides only just, a sentence each."""
     from .._lib.border import core_errors
 
     with core_errors():
         found = system.doubts(list(without))
-    for sentence in dict.fromkeys(doubt(*d) for d in found):
+    return tuple(dict.fromkeys(doubt(*d) for d in found))
+
+
+def warn_of_doubts(model: Any, system: Any, without: Sequence[str] = ()) -> None:
+    """Name the loops of a model whose rank the tolerance of the drawing decides."""
+    import warnings
+
+    for sentence in doubts_of(system, without):
         warnings.warn(f"{model.name!r}: {sentence}", DoubtfulWarning, stacklevel=4)
 
 

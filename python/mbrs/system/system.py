@@ -11,7 +11,7 @@ import numpy as np
 from .._lib.border import core_errors
 from ..results import Result, Stats, derived
 from ..system.snapshot import Snapshot
-from .state import doubt, state_of
+from .state import doubts_of, state_of
 
 if TYPE_CHECKING:
     from ..model.model import Model
@@ -89,7 +89,7 @@ class System(Result):
         state = state_of(model, snapshot.system, None)
         with core_errors():
             found = snapshot.system.mobility(state.relative)
-            doubts = tuple(doubt(*d) for d in snapshot.system.doubts())
+        doubts = doubts_of(snapshot.system)
         topology = snapshot.system.topology()
         tree = tuple((b, p or "ground", j, kind) for b, p, j, kind in topology["tree"])
         redundant: Mapping[str, int] = dict(found.get("redundant", ()))
@@ -169,7 +169,7 @@ class System(Result):
             )
         elif self.loops:
             lines.append("redundant constraints: none")
-        lines.extend(f"doubtful: {sentence}" for sentence in dict.fromkeys(self.doubts))
+        lines.extend(f"doubtful: {sentence}" for sentence in self.doubts)
         named = ", ".join(self.coordinates[:12]) + (", ..." if self.dof > 12 else "")
         return [*lines, "minimal coordinates: " + named]
 

@@ -176,7 +176,7 @@ fn answer(spectrum: &Spectrum, r: &DVector<f64>, sigma: f64) -> DVector<f64> {
     let mut step = DVector::zeros(r.len());
     for (k, value) in spectrum.values.iter().enumerate() {
         let stiffness = value.abs() + sigma;
-        if stiffness > spectrum.none {
+        if stiffness > spectrum.none[k] {
             let v = spectrum.vectors.column(k);
             step -= v * (v.dot(r) / stiffness);
         }
@@ -196,9 +196,10 @@ fn shortened(spectrum: &Spectrum, r: &DVector<f64>, limits: &[f64]) -> (f64, DVe
     if reach(&full, limits) <= 1.0 {
         return (0.0, full);
     }
-    // |p| <= |r|/sigma bounds sigma from above
-    let shortest = limits.iter().copied().fold(f64::INFINITY, f64::min);
-    let (mut low, mut high) = (0.0, r.norm() / shortest);
+    // |p_i| <= |row i of the vectors| |vectors^T r|/sigma bounds sigma from above
+    let pushed = spectrum.vectors.tr_mul(r).norm();
+    let highest = (0..r.len()).map(|i| spectrum.vectors.row(i).norm() * pushed / limits[i]).fold(0.0, f64::max);
+    let (mut low, mut high) = (0.0, highest);
     let mut p = answer(spectrum, r, high);
     let mut sigma = high;
     for _ in 0..40 {

@@ -158,6 +158,7 @@ fn put_linearization(py: Python<'_>, out: &Bound<'_, PyDict>, system: &System, l
     out.set_item("residual", lin.residual.as_slice().to_vec().into_pyarray(py))?;
     out.set_item("ground_coupling", array(&lin.ground_coupling).into_pyarray(py))?;
     out.set_item("force_scale", lin.force_scale)?;
+    out.set_item("force_sizes", lin.force_sizes.clone().into_pyarray(py))?;
     out.set_item("multipliers", lin.lam.clone().into_pyarray(py))
 }
 

@@ -9,6 +9,7 @@ use crate::model::layout::flag::{HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN};
 use crate::model::layout::{self, bushing, joint, spring_damper, torsion};
 use crate::model::tables::{BodyRef, ElementKind, ElementSpec, LawSpec, Tables};
 use crate::spatial::{Real, V3};
+use crate::system::islands::islands;
 use crate::system::tree::spanning_tree;
 
 /// Points closer than this part of their distance from the world origin are one.
@@ -147,6 +148,8 @@ pub struct Topology {
     pub tables: Tables,
     pub nodes: Vec<Node>,
     pub node_of_body: Vec<usize>,
+    /// which nodes are connected otherwise than through ground, see `islands`
+    pub island: Vec<usize>,
     /// all columns: tree coordinates, then those of moving nodes, which are no coordinates of their own
     pub dofs: Vec<Dof>,
     /// how many of them are tree coordinates
@@ -191,7 +194,22 @@ impl Topology {
         rows.extend(imposed_rows(&tables));
         let (mut connectors, turns) = connectors(&tables)?;
         let n_memory = number_turns(&mut connectors, turns + 2 * tables.couplers.len());
-        Ok(Topology { tables, nodes, node_of_body, dofs, n_tree, modal, names, cut, rows, connectors, n_memory, turns })
+        let island = islands(&tables, &nodes, &node_of_body, &connectors);
+        Ok(Topology {
+            tables,
+            nodes,
+            node_of_body,
+            island,
+            dofs,
+            n_tree,
+            modal,
+            names,
+            cut,
+            rows,
+            connectors,
+            n_memory,
+            turns,
+        })
     }
 
     /// The name of what makes a row.
@@ -259,7 +277,8 @@ impl Topology {
         self.rows.iter().any(|r| r.level == Level::Velocity)
     }
 
-    /// The largest distance of any located point from the mean of them all; 1 for a single point.
+    /// The largest distance of any located point from the mean of them all; where they are one point the largest radius of gyration of a
+    /// body. 1 of point masses in one point, which have no length.
     pub fn characteristic_length<T: Real>(&self, geometry: &Geometry<T>, x: &[T]) -> T {
         let at = |i: usize| V3::new(x[i], x[i + 1], x[i + 2]);
         let rigid = geometry.bodies.iter().zip(&self.tables.bodies).filter(|(_, b)| b.tip.is_none());
@@ -283,8 +302,20 @@ impl Topology {
         let far = points.iter().map(|p| p.map(|v| v.re()).amax());
         let rounding = COINCIDENT * far.fold(0.0, f64::max);
         let farthest = squares.fold(T::zero(), |a, b| if b.re() > a.re() { b } else { a });
-        if farthest.re() > rounding * rounding { farthest.sqrt() } else { T::one() }
+        if farthest.re() > rounding * rounding {
+            farthest.sqrt()
+        } else {
+            largest_gyration(geometry).unwrap_or(T::one())
+        }
     }
+}
+
+/// sqrt(trace(I)/(2 m)) of the body in which it is largest.
+fn largest_gyration<T: Real>(geometry: &Geometry<T>) -> Option<T> {
+    let squares =
+        geometry.bodies.iter().filter(|b| b.mass.re() > 0.0).map(|b| b.inertia.trace() / (b.mass * T::from(2.0)));
+    let largest = squares.reduce(|a, b| if b.re() > a.re() { b } else { a });
+    largest.filter(|s| s.re() > 0.0).map(|s| s.sqrt())
 }
 
 fn cut_rows(tables: &Tables, joint: usize) -> Vec<ConstraintRow> {
