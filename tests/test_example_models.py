@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from absolute import Absolute
 from mbrs import examples
-from mbrs.model.rotations import quaternion_matrix
+from mbrs._lib.rotations import quaternion_matrix
 from mbrs.system.tables import compiled, tables
 
 

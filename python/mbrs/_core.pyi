@@ -304,7 +304,13 @@ class HbmProblem:
         self, y: NDArray[np.float64], omega: list[float], monodromy: bool = False, model: Any = None
     ) -> tuple[NDArray[np.complex128] | None, NDArray[np.float64] | None]: ...
     def peak(
-        self, y: NDArray[np.float64], omega: float, level: float, coordinate: int, term: int | None
+        self,
+        y: NDArray[np.float64],
+        omega: float,
+        level: float,
+        weights: NDArray[np.float64],
+        term: int | None,
+        towards: NDArray[np.float64] | None,
     ) -> tuple[float, NDArray[np.float64]]: ...
     def expand(self, y: NDArray[np.float64], omega: list[float], level: float = 1.0) -> NDArray[np.float64]: ...
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]: ...

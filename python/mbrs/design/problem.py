@@ -12,11 +12,11 @@ import numpy as np
 
 from ..errors import ModelError
 from ..gradients.gradient import finite, gradient
-from ..gradients.objectives import AtTimes, Final, Integral, Objective
+from ..gradients.objectives import Objective
 from ..model.names import nearest, shown
 from ..motion.tangent import value_at
 from ..system.tables import directions
-from .functions import Bounded, Constraint, Damping, DesignFunctions, Frequency, number_or_infinite
+from .functions import Constraint, DesignFunctions, number_or_infinite
 from .optimum import Optimum
 from .solver import solve
 
@@ -187,6 +187,3 @@ def _bounds(bounds: Any, labels: Sequence[str], sizes: np.ndarray) -> list[tuple
             raise ModelError(f"the lower bound of {label!r}, {low:g}, is above its upper bound {high:g}")
         out.append((low / size, high / size))
     return out
-
-
-__all__ = ["AtTimes", "Bounded", "Damping", "Final", "Frequency", "Integral", "Optimum", "Problem", "problem"]

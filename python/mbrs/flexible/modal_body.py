@@ -11,6 +11,7 @@ import numpy as np
 
 from .._lib.checks import names, shown, sized_array
 from .._lib.files import write_atomic
+from .._lib.rotations import skew
 from .._lib.text import number, table
 from ..errors import InertiaError, ModelError
 from ._archive import read_arrays
@@ -186,7 +187,7 @@ class ModalBody:
         """
         n = 6 + self.n_modes
         out = np.zeros((n, n))
-        c = _skew(self.com)
+        c = skew(self.com)
         out[:3, :3] = self.mass * np.eye(3)
         out[:3, 3:6] = -self.mass * c
         out[3:6, 3:6] = self.inertia - self.mass * c @ c
@@ -311,10 +312,6 @@ def _largest(shape: np.ndarray) -> list[str]:
     if len(shape) == 0:
         return ["-"] * shape.shape[-1]
     return ["xyz"[int(np.argmax(np.max(np.abs(shape[:, :3, k]), axis=0)))] for k in range(shape.shape[-1])]
-
-
-def _skew(a: np.ndarray) -> np.ndarray:
-    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
 
 
 def _axial(P: np.ndarray) -> np.ndarray:

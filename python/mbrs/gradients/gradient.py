@@ -36,8 +36,8 @@ from ..system.effects import check_without, effects
 from ..system.snapshot import Snapshot
 from ..system.state import state_of
 from ..system.tables import Directions, directions
-from .motion_gradient import MotionGradient, MotionSensitivity, effects_of
-from .objectives import AtTimes, Evaluation, Final, Integral, NewReading, Objective, Reader, evaluate, number
+from .motion_gradient import MotionGradient, effects_of
+from .objectives import Evaluation, Integral, NewReading, Objective, Reader, evaluate, number
 
 if TYPE_CHECKING:
     from ..model.model import Model
@@ -416,6 +416,3 @@ def _adjoint(run: Run, objectives: Sequence[Objective], along: Directions) -> Fo
         counts.append(work)
     values = np.array([f.value for f in found])
     return Found(values, gradients, added_counts(*counts), tuple(forward.kinks()), _reads(found, forward.values()))
-
-
-__all__ = ["AtTimes", "Final", "Integral", "MotionGradient", "MotionSensitivity", "gradient"]

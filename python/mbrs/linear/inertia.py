@@ -42,7 +42,7 @@ def mass_matrix_at(tables: Mapping[str, Any], which: int, q: np.ndarray) -> np.n
     N = linear + linear.T + np.einsum("klij,k,l->ij", P2, q, q)
     J = J + np.trace(N) * np.eye(3) - N
     Q = P1 + np.einsum("lkij,l->kij", P2, q) + np.einsum("klij,l->kij", P12, q)
-    H = np.array([[0.0, -h[2], h[1]], [h[2], 0.0, -h[0]], [-h[1], h[0], 0.0]])
+    H = skew(h)
     turning = np.array([[p[1, 2] - p[2, 1], p[2, 0] - p[0, 2], p[0, 1] - p[1, 0]] for p in Q])
     moving = (S + np.einsum("ikl,l->ik", S2, q)).T
     out = np.zeros((6 + m, 6 + m))

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._lib.border import core_errors
-from .._lib.rotations import rotation_matrix, twist_at
+from .._lib.rotations import quaternion_matrix, twist_at
 from .._lib.text import without_rounding
 from ..errors import ModelError
 from ..model.bodies import INERTIA_PLACE
 from ..model.ports import Port, as_port
-from ..model.rotations import quaternion_matrix
 from ..model.schema import BODY, MARKER, SHAPES
 from ..results import Result, derived, quantity, result
 from ..system.snapshot import Snapshot
@@ -204,7 +203,7 @@ class Linearization(Result):
         body = self.snapshot.frame(port.body)
         start = t["body_x"][body]
         drawn = t["x"][start:]
-        r_drawn = rotation_matrix(drawn[BODY.block.slice("orientation")])
+        r_drawn = quaternion_matrix(drawn[BODY.block.slice("orientation")])
         local = r_drawn.T @ (np.asarray(point) - drawn[BODY.block.slice("at")])
         return self.poses["rotation"][body] @ local
 

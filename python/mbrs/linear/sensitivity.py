@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from .._lib.border import core_errors
-from .._lib.rotations import rotation_matrix, skew
+from .._lib.rotations import quaternion_matrix, skew
 from .._lib.text import without_rounding
 from ..errors import ModelError, RouteError
 from ..model.ports import Port, as_port
@@ -481,7 +481,7 @@ def _arm_change(d: LinearizationSensitivity, port: Port) -> np.ndarray:
     if point is None:
         return np.zeros((3, along.n))
     q = t["x"][start:][BODY.block.slice("orientation")]
-    drawn = rotation_matrix(q)
+    drawn = quaternion_matrix(q)
     local = world - _slice(along, start + BODY.block.place("at"), 3)
     turn = _rotation_rate(q, _slice(along, start + BODY.block.place("orientation"), 4))
     local = drawn.T @ (local - np.cross(turn.T, np.asarray(point) - t["x"][start:][BODY.block.slice("at")]).T)

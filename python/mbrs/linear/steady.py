@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from .._lib.border import core_errors
+from .._lib.rotations import skew
 from .._lib.text import number
 from ..errors import ConvergenceError, ModelError, SingularError
 from ..model.names import not_found
@@ -371,8 +372,7 @@ def _carried_stiffness(r: dict[str, Any], spin: Spin, rate: np.ndarray, place: M
         return np.asarray(r["S"])
     W = np.zeros((len(place), len(place)))
     for _, first, _ in spin.carried:
-        x, y, z = rate[first + 3 : first + 6]
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        cross = skew(rate[first + 3 : first + 6])
         W[first : first + 3, first : first + 3] = W[first + 3 : first + 6, first + 3 : first + 6] = cross
     kept = [place[name] for name in r["coordinates"]]
     W = W[np.ix_(kept, kept)]

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from .._lib.border import core_errors
+from .._lib.rotations import skew
 from ..errors import ModelError
 from ..model.schema import BODY
 from ..system.snapshot import Snapshot
@@ -369,8 +370,8 @@ def rotation_about(w: np.ndarray, t: float) -> np.ndarray:
     if size == 0.0:
         return np.eye(3)
     a = w / size
-    skew = np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
-    return np.eye(3) + np.sin(size * t) * skew + (1.0 - np.cos(size * t)) * skew @ skew
+    s = skew(a)
+    return np.eye(3) + np.sin(size * t) * s + (1.0 - np.cos(size * t)) * s @ s
 
 
 def expm(x: np.ndarray) -> np.ndarray:

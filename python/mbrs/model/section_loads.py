@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from .._lib.checks import sized_array
+from .._lib.rotations import quaternion_matrix
 from .aliases import Matrix, Vector
 from .book import Book, Group
 from .flexible import FlexibleBody
 from .forces import Load, enter_load, split_value
 from .motions import MotionItem, MotionLike, Table
 from .names import problem, shown
-from .rotations import quaternion_matrix
 from .schema import LOAD_FRAMES, LOADS
 
 if TYPE_CHECKING:

@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
+from .._lib.rotations import quaternion_matrix
 from ..errors import ModelError, NameNotFoundError
 from ..model.names import nearest
 from ..model.schema import BODY, JOINTS, MARKER
@@ -200,7 +201,7 @@ class Trajectory(Result):
             return np.broadcast_to(drawn, (len(self.t), 3)).copy()
         start = int(t["body_x"][body])
         body_numbers = x[start:]
-        turned = _matrix(body_numbers[BODY.block.slice("orientation")])
+        turned = quaternion_matrix(body_numbers[BODY.block.slice("orientation")])
         local = turned.T @ (drawn - body_numbers[BODY.block.slice("at")])
         name = self.bodies[body]
         return self.position(name) + self.rotation(name) @ local
@@ -559,14 +560,3 @@ class Trajectory(Result):
 
 
 _FREE = {kind.code: len(kind.free) for kind in JOINTS.values()}
-
-
-def _matrix(q: np.ndarray) -> np.ndarray:
-    w, x, y, z = np.asarray(q) / np.linalg.norm(q)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )

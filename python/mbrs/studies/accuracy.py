@@ -1,4 +1,4 @@
-"""What accuracy costs: one analysis over a grid of settings. (`effect_study` stands beside it.)"""
+"""What accuracy costs: one analysis over a grid of settings."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ from .._lib.progress import Progress
 from .._lib.text import Block, number, si
 from ..errors import Interrupted, MbrsError, ModelError
 from ..results import Result, Stats, result
-from .effects import EffectStudy, effect_study
 from .measures import measure_for
 from .timing import name_of, short, timed
 
-__all__ = ["AccuracyStudy", "EffectStudy", "Recommendation", "accuracy_study", "effect_study"]
+__all__ = ["AccuracyStudy", "Recommendation", "accuracy_study"]
 
 # Arguments that are vectors or lists by nature: they are passed as they stand unless `vary` names them.
 VECTOR_ARGUMENTS = frozenset(

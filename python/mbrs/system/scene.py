@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._lib.rotations import rotation_matrix
+from .._lib.rotations import quaternion_matrix
 from ..model.schema import BODY, COUPLER, ELEMENTS, JOINTS, LOADS, MARKER
 from ..view.scene import BodyGeometry, JointGeometry, LinkGeometry, SceneGeometry
 
@@ -50,7 +50,10 @@ def scene_from_tables(tables: Mapping[str, Any]) -> SceneGeometry:
     at, orientation = BODY.block.slice("at"), BODY.block.slice("orientation")
     bodies = tuple(
         BodyGeometry(
-            name, x[start:][at], rotation_matrix(x[start:][orientation]), np.reshape(points, (-1, 3)) if points else ()
+            name,
+            x[start:][at],
+            quaternion_matrix(x[start:][orientation]),
+            np.reshape(points, (-1, 3)) if points else (),
         )
         for name, start, points in zip(names, tables["body_x"], attached, strict=True)
     )
@@ -86,7 +89,7 @@ def _circle(centre: np.ndarray, axis: np.ndarray, radius: float) -> np.ndarray:
 def _joint_axis(x: np.ndarray, start: int, flags: int) -> np.ndarray:
     n = x[start:]
     if int(flags) & _JOINT.fields["orientation"].bit:
-        return rotation_matrix(n[_JOINT.slice("orientation")])[:, 2]
+        return quaternion_matrix(n[_JOINT.slice("orientation")])[:, 2]
     return n[_JOINT.slice("axis")]
 
 

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._lib.rotations import cross, quaternion_matrix, quaternion_rate
 from ..errors import ModelError
 from ..model.addresses import Target, driver, target
 from ..model.book import STORES
 from ..model.flexible import FlexibleBody
 from ..model.names import shown
-from ..model.rotations import cross, quaternion_matrix, quaternion_rate
 from ..model.schema import BODY, ELEMENTS, JOINTS, LOAD_FRAMES, LOADS, NODE
 from ..model.section_loads import ModalLoad
 
