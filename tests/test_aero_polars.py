@@ -182,6 +182,15 @@ def test_files_of_aerodyn_and_columns(tmp_path):
     assert np.array_equal(p.angle, [-0.3, 0.5]) and np.array_equal(p.moment, [0.5, 5.0])
 
 
+def test_a_repeated_line_counts_once_and_a_contradiction_is_refused(tmp_path):
+    file = tmp_path / "bad.csv"
+    file.write_text("-8 1 2\n-3 2 1\n-3.0 2.0 1\n5 3 4\n")
+    assert len(mb.aero.read_polar(file).angle) == 3
+    file.write_text("-8 1 2\n-3 2 1\n-3.0 2.1 1\n5 3 4\n")
+    with pytest.raises(ModelError, match="must increase"):
+        mb.aero.read_polar(file)
+
+
 @pytest.mark.parametrize(
     "text, table, message",
     [

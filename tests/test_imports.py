@@ -197,6 +197,7 @@ CRATE = {
     "tolerances": set(),
     "run": {"error"},
     "memory": {"error"},
+    "aero": {"error", "run"},
     "spatial": set(),
     "linalg": {"error", "tolerances", "run"},
     "laws": {"error", "tolerances"},

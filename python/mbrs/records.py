@@ -33,6 +33,7 @@ HOMES: Mapping[str, str] = {
     **dict.fromkeys(("AccuracyStudy", "StudyPoint", "Recommendation"), "study"),
     **dict.fromkeys(("MotionGradient", "MotionSensitivity"), "motion_gradient"),
     **dict.fromkeys(("Trajectory", "Energy"), "trajectory"),
+    **dict.fromkeys(("Performance",), "aero.rotors"),
     **dict.fromkeys(("FrequencyResponse", "Part"), "response_curve"),
     **dict.fromkeys(("ParameterResponse", "OfModel"), "parameter_response"),
     **dict.fromkeys(("Branch",), "continuation"),

@@ -25,7 +25,7 @@ def read_polar(
     name: str | None = None,
     interpolation: str = "pchip",
 ) -> Polar:
-    """Read a polar from a file: angles in degrees become radians.
+    """Read a polar from a file: angles in degrees become radians, a line that repeats the one before it is left out.
 
     Parameters
     ----------
@@ -72,6 +72,7 @@ def read_polar(
         if table != 1:
             raise ModelError(f"{file.name}: a file of columns holds one table, not {table}")
         rows, degrees = _columns(file.name, lines)
+    rows = rows[np.r_[True, np.any(np.diff(rows, axis=0) != 0.0, axis=1)]]  # published tables repeat lines
     angle = np.radians(rows[:, 0]) if degrees else rows[:, 0]
     moment = rows[:, 3] if rows.shape[1] > 3 else None
     known = file.stem if name is None else name
