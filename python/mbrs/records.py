@@ -34,6 +34,7 @@ HOMES: Mapping[str, str] = {
     **dict.fromkeys(("MotionGradient", "MotionSensitivity"), "motion_gradient"),
     **dict.fromkeys(("Trajectory", "Energy"), "trajectory"),
     **dict.fromkeys(("Performance",), "aero.rotors"),
+    **dict.fromkeys(("WingLoads", "WingStart"), "aero.lifting_line"),
     **dict.fromkeys(("FrequencyResponse", "Part"), "response_curve"),
     **dict.fromkeys(("ParameterResponse", "OfModel"), "parameter_response"),
     **dict.fromkeys(("Branch",), "continuation"),

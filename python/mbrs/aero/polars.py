@@ -98,9 +98,9 @@ class Polar:
         return c[0] + x * (c[1] + x * (c[2] + x * c[3]))
 
     def clamped_slopes(self, angle: Any) -> np.ndarray:
-        """Derivatives of `clamped`, but at angles beyond the table those of its nearest end."""
+        """Derivatives of `clamped`: beyond the table zero."""
         x, c = self._piece(angle)
-        return c[1] + x * (2.0 * c[2] + 3.0 * x * c[3])
+        return np.where(self.covers(angle)[..., None], c[1] + x * (2.0 * c[2] + 3.0 * x * c[3]), 0.0)
 
     def extended(self, aspect_ratio: float, drag_max: float | None = None) -> Polar:
         """The polar over all angles, beyond its table by Viterna's equations of a stalled plate.
