@@ -27,7 +27,7 @@ def random_polar():
 def random_annuli(m):
     p = random_polar()
     return Annuli(
-        p.clamped,
+        p.clip_values,
         RNG.uniform(-np.pi, np.pi, m),
         10 ** RNG.uniform(-5, 2.5, m),
         10 ** RNG.uniform(-6, 3, (RNG.integers(0, 3), m)),
@@ -86,8 +86,8 @@ def test_a_mirrored_wind_mirrors_the_flow():
     twist, solidity = RNG.uniform(-1, 1, m), 10 ** RNG.uniform(-3, 0, m)
     loss = 10 ** RNG.uniform(-2, 2, (1, m))
     vx, vy = np.abs(speeds(m)) + 0.01, np.abs(speeds(m)) + 0.01
-    one = inflow(Annuli(p.clamped, twist, solidity, loss), vx, vy)
-    other = inflow(Annuli(mirrored.clamped, -twist, solidity, loss), -vx, vy)
+    one = inflow(Annuli(p.clip_values, twist, solidity, loss), vx, vy)
+    other = inflow(Annuli(mirrored.clip_values, -twist, solidity, loss), -vx, vy)
     size = np.hypot(vx, vy)
     assert np.abs((one.axial + other.axial) / size).max() < 1e-9
     assert np.abs((one.tangential - other.tangential) / size).max() < 1e-9
@@ -202,6 +202,15 @@ def test_the_estimate_holds_and_refinement_converges():
         errors.append(np.max(apart))
         assert np.max(apart) < 2.0 * p.error.max()
     assert errors[-1] < 3e-4 and errors[0] / errors[-1] > 8.0
+
+
+@pytest.mark.parametrize("n", [8, 9, 30])
+def test_elements_integrate_polynomials_exactly(n):
+    r = mb.aero.rotor(common(), hub_radius=0.7, tip_radius=36.1)
+    places, weights = r.elements(n)
+    for k in range(n):
+        truth = (36.1 ** (k + 1) - 0.7 ** (k + 1)) / (k + 1)
+        assert weights @ places**k == pytest.approx(truth, rel=1e-12)
 
 
 def test_units_and_power_are_consistent():

@@ -8,7 +8,7 @@ import importlib
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs.aero.polars import wrapped
+from mbrs.aero.polars import wrap
 from mbrs.errors import ModelError
 from scipy.interpolate import PchipInterpolator
 
@@ -80,12 +80,12 @@ def test_a_whole_circle_closes():
 
 def test_angles_within_a_turn_stay_bit_by_bit():
     a = np.r_[RNG.uniform(-np.pi, np.pi, 200), np.pi, -np.pi, 0.0]
-    assert np.array_equal(wrapped(a), a)
+    assert np.array_equal(wrap(a), a)
 
 
 def test_the_angle_that_a_table_lacks_is_named():
     p = mb.aero.polar([-0.31, 0.0, 0.27], [-1.9, 0, 1.7], [0.02] * 3, name="root")
-    with pytest.raises(ModelError, match=r"'root' covers -17.76 to 15.47 degrees, not 17.19.*extended"):
+    with pytest.raises(ModelError, match=r"'root' covers -17.76 to 15.47 degrees, not 17.19.*extend"):
         p.coefficients([0.1, 0.3])
     b = mb.aero.blade([1.3, 2.9, 7.1], 0.7, 0.1, [p, p, plate(name="tip")])
     with pytest.raises(ModelError, match=r"'root'.*at 4 m \(station 2 of 3\) is 28.65 degrees"):
@@ -98,8 +98,8 @@ def test_the_extension_meets_viternas_equations_and_the_table(low):
     high, aspect = 0.27, 13.7
     a = np.linspace(low, high, 15)
     p = mb.aero.polar(a, 5.9 * a + 0.3, 0.009 + 0.3 * a**2, -0.07 + 0.1 * a, thickness=0.21, name="s")
-    e = p.extended(aspect)
-    assert e.whole_circle and e.thickness == 0.21 and e.name == "s" and e.extended(aspect) is e
+    e = p.extend(aspect)
+    assert e.whole_circle and e.thickness == 0.21 and e.name == "s" and e.extend(aspect) is e
     assert np.array_equal(e.coefficients(a), p.coefficients(a))
     # Viterna and Corrigan's equations, as they print them
     plate_drag = 1.11 + 0.018 * aspect
@@ -123,10 +123,10 @@ def test_the_extension_meets_viternas_equations_and_the_table(low):
 
 def test_the_extension_of_a_plate_presses_in_the_middle_of_its_chord():
     a = np.linspace(-0.2, 0.25, 10)
-    p = mb.aero.polar(a, 2 * np.pi * a, 0.01 + 0 * a, -0.02 + 0 * a).extended(10.0)
+    p = mb.aero.polar(a, 2 * np.pi * a, 0.01 + 0 * a, -0.02 + 0 * a).extend(10.0)
     cl, cd, cm = p.coefficients(np.pi / 2)
     assert cm == pytest.approx(-0.25 * cd, rel=0.02) and abs(cl) < 0.1
-    assert not np.any(mb.aero.polar(a, 2 * np.pi * a, 0.01 + 0 * a).extended(10.0).moment)
+    assert not np.any(mb.aero.polar(a, 2 * np.pi * a, 0.01 + 0 * a).extend(10.0).moment)
 
 
 AERODYN15 = """! --- AirfoilInfo v1.01.x Input File ---
@@ -238,8 +238,8 @@ def test_slopes_of_a_blade_are_derivatives():
     b = mb.aero.blade([1.0, 2.0], 1.0, 0.0, [plate(), plate(drag=0.3)])
     a, h = np.array([0.377]), 1e-6
     w = b.weights([1.3])
-    difference = (b.mixed(w, a + h) - b.mixed(w, a - h)) / (2 * h)
-    assert np.abs(b.mixed(w, a, slope=True) - difference).max() < 1e-7
+    difference = (b.mix(w, a + h) - b.mix(w, a - h)) / (2 * h)
+    assert np.abs(b.mix(w, a, slope=True) - difference).max() < 1e-7
 
 
 @pytest.mark.parametrize(

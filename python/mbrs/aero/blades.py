@@ -74,16 +74,16 @@ class Blade:
             A polar that takes part does not hold an angle; the message names angle, place and station.
         """
         self.require(places, angle)
-        return self.mixed(self.weights(places), angle)
+        return self.mix(self.weights(places), angle)
 
-    def mixed(self, weights: np.ndarray, angle: Any, slope: bool = False) -> np.ndarray:
+    def mix(self, weights: np.ndarray, angle: Any, slope: bool = False) -> np.ndarray:
         """(..., m, 3) coefficients, or their slopes in 1/rad, with the shares (m, k) of `weights`; beyond a table its end."""
         a = np.asarray(angle, dtype=float)
         total = np.zeros((*a.shape, 3))
         for k, p in enumerate(self.polars):
             takes = np.flatnonzero(weights[:, k])
             if takes.size:
-                value = p.clamped_slopes(a[..., takes]) if slope else p.clamped(a[..., takes])
+                value = p.clip_slopes(a[..., takes]) if slope else p.clip_values(a[..., takes])
                 total[..., takes, :] += weights[takes, k, None] * value
         return total
 
@@ -101,7 +101,7 @@ class Blade:
                 raise ModelError(
                     f"polar {p.name!r} covers {low:.4g} to {high:.4g} degrees, but the angle of attack at {place:.4g} m (station "
                     f"{station + 1} of {len(self.stations)}) is {np.degrees(a[where]):.4g} degrees; give a longer table, or ask for "
-                    ".extended(aspect_ratio=...)"
+                    ".extend(aspect_ratio=...)"
                 )
 
 
@@ -155,7 +155,7 @@ def blade(
     Blade(3 stations from 1 to 9 m, 1 polars)
     >>> b.coefficients([2.0], [0.5])
     Traceback (most recent call last):
-    mbrs.errors.ModelError: polar 'thin' covers -20 to 20 degrees, but the angle of attack at 2 m (station 1 of 3) is 28.65 degrees; give a longer table, or ask for .extended(aspect_ratio=...)
+    mbrs.errors.ModelError: polar 'thin' covers -20 to 20 degrees, but the angle of attack at 2 m (station 1 of 3) is 28.65 degrees; give a longer table, or ask for .extend(aspect_ratio=...)
     """  # noqa: E501
     what = "blade" if body is None else f"blade of {shown(body)}"
     x = real_array(f"{what}: stations", stations)
@@ -165,12 +165,10 @@ def blade(
         i = int(np.argmax(np.diff(x) <= 0.0)) + 1
         raise ModelError(f"{what}: the stations must increase, station {i + 1} ({x[i]:g} m) follows {x[i - 1]:g} m")
     c = _each(f"{what}: chord", chord, len(x))
-    if np.any(c < 0.0) or np.any(c[1:-1] == 0.0) or not np.any(c):
-        i = (
-            int(np.argmin(np.r_[np.inf, c[1:-1], np.inf]))
-            if np.all(c[[0, -1]] >= 0.0) and len(x) > 2
-            else int(np.argmin(c))
-        )
+    bad = c < 0.0
+    bad[1:-1] |= c[1:-1] == 0.0
+    if np.any(bad) or not np.any(c):
+        i = int(np.argmax(bad))
         raise ModelError(f"{what}: the chord must be positive, at station {i + 1} ({x[i]:g} m) it is {c[i]:g} m")
     centre = _each(f"{what}: aerodynamic_center", aerodynamic_center, len(x))
     if np.any((centre < 0.0) | (centre > 1.0)):

@@ -13,9 +13,11 @@ from ..errors import ModelError
 
 __all__ = ["AttachedFlow", "Indicial", "attached_flow", "indicial", "theodorsen", "wagner"]
 
-# Logarithms of the smallest and largest rate in Wagner's function: what is beyond them is below 1e-12 of it at any distance.
+# Logarithms of the smallest and largest rate, per half chord, in Wagner's function. A narrower range: phi misses 1/2 at 0 and its
+# tail. A wider one: Bessel functions overflow. Pinned by test_wagners_function.
 SLOWEST, FASTEST = -28.0, 3.2
-# Rates at which its integral is summed: the sum's error falls exponentially with their number; at 260 it is rounding.
+# Rates at which its integral is summed. Fewer: the error, which falls exponentially with their number, is above rounding. More: time.
+# Pinned by test_wagners_function.
 RATES = 260
 
 
@@ -153,11 +155,11 @@ def indicial(states: int = 2) -> Indicial:
     n = count("indicial: states", states, 8, 2)
     if n == 2:
         return Indicial(np.array([0.165, 0.335]), np.array([0.0455, 0.3]))
-    return _fitted(n)
+    return _fit(n)
 
 
 @functools.cache
-def _fitted(n: int) -> Indicial:
+def _fit(n: int) -> Indicial:
     """Exponentials, all positive and together 1/2 at 0, that fit what is missing from phi = 1."""
     from scipy.optimize import least_squares
 

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from .._border import require_memory
 from .._checks import count, real_array, shown
 from ..errors import ConvergenceError, ModelError
 from ..results import Result, Stats, quantity, result
@@ -198,9 +199,12 @@ def impulsive_start(
     n = max(2 * int(np.ceil(0.5 * float(length) / h)), 2)
     if n > 20000:
         raise ModelError(f"impulsive_start: {n} steps; give a longer step= or a shorter distance")
+    require_memory(
+        24.0 * n * strips**2, f"the influence of {n} steps on {strips} strips", "give a longer step= or fewer strips="
+    )
     x = np.linspace(0.0, float(length), n + 1)[1:]
-    circulation, lift, steps = line.started(alpha[0], x)
-    _, rough, more = line.started(alpha[0], x[1::2])
+    circulation, lift, steps = line.start(alpha[0], x)
+    _, rough, more = line.start(alpha[0], x[1::2])
     return WingStart(
         distance=x,
         lift_coefficient=lift,
@@ -246,7 +250,7 @@ class _Strips:
         self.area = float(0.5 * (wing.chord[1:] + wing.chord[:-1]) @ np.diff(wing.stations))
         self.aspect_ratio = float(self.span**2 / self.area)
 
-    def trailing(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+    def trailing_influence(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
         """(n, n): downwash at the line of the two trailing parts, from ``begin`` to ``end`` (n,) m behind it, of each strip."""
         eta = self.edges[None, :] - self.y[:, None]
 
@@ -256,7 +260,7 @@ class _Strips:
 
         return part(slice(1, None)) - part(slice(None, -1))
 
-    def shed(self, distance: np.ndarray) -> np.ndarray:
+    def shed_influence(self, distance: np.ndarray) -> np.ndarray:
         """(n, n): downwash of spanwise vortices of the strips, seen from ``distance`` (n, n) m before them."""
         high = self.edges[None, 1:] - self.y[:, None]
         low = self.edges[None, :-1] - self.y[:, None]
@@ -265,7 +269,7 @@ class _Strips:
     def steady(self, alpha: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], int]:
         """Circulation and downwash (k, n) at each angle."""
         zero = np.zeros(len(self.y))
-        matrix = self.trailing(zero, zero + np.inf)
+        matrix = self.trailing_influence(zero, zero + np.inf)
         rows, steps = [], 0
         gamma = zero
         for a in alpha:
@@ -281,7 +285,7 @@ class _Strips:
         def rest(gamma: np.ndarray) -> np.ndarray:
             w = matrix @ gamma + wash
             attack = alpha + self.twist - np.arctan(w)
-            return gamma - 0.5 * np.hypot(1.0, w) * self.chord * self.wing.mixed(self.weights, attack)[:, 0]
+            return gamma - 0.5 * np.hypot(1.0, w) * self.chord * self.wing.mix(self.weights, attack)[:, 0]
 
         gamma = guess
         r = rest(gamma)
@@ -307,8 +311,8 @@ class _Strips:
         """Derivative of the rest by the circulation."""
         w = matrix @ gamma + wash
         attack, speed = alpha + self.twist - np.arctan(w), np.hypot(1.0, w)
-        cl = self.wing.mixed(self.weights, attack)[:, 0]
-        slope = self.wing.mixed(self.weights, attack, slope=True)[:, 0]
+        cl = self.wing.mix(self.weights, attack)[:, 0]
+        slope = self.wing.mix(self.weights, attack, slope=True)[:, 0]
         by_wash = 0.5 * self.chord * (w / speed * cl - slope / speed)
         return np.eye(len(gamma)) - by_wash[:, None] * matrix
 
@@ -316,13 +320,13 @@ class _Strips:
         """Coefficients (k,) of lift, induced drag and drag; angles of attack (k, n)."""
         tilt, speed = np.arctan(wash), np.hypot(1.0, wash)
         attack = alpha[:, None] + self.twist - tilt
-        drag = 0.5 * speed**2 * self.chord * self.wing.mixed(self.weights, attack)[..., 1]
+        drag = 0.5 * speed**2 * self.chord * self.wing.mix(self.weights, attack)[..., 1]
         scale = 2.0 / self.area * self.width
         lift = (gamma - drag * np.sin(tilt)) @ scale
         induced = (gamma * wash) @ scale
         return lift, induced, induced + (drag * np.cos(tilt)) @ scale, attack
 
-    def started(self, alpha: float, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+    def start(self, alpha: float, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
         """Circulation (k, n) and lift coefficient (k,) after the distances x (k,), evenly spaced."""
         h, n, k = x[0], len(self.y), len(x)
         half = 0.5 * self.chord
@@ -335,9 +339,9 @@ class _Strips:
                 middles, 1.0 + NEWEST * h / half[:, None]
             )  # of strips whose trailing edge is further back
             circulation = half[:, None] / (np.sqrt((middles + 1.0) / (middles - 1.0)) - 1.0)
-            on_gamma[lag] = self.shed(circulation)
-            on_lift[lag] = self.shed(half[:, None] * np.sqrt(middles**2 - 1.0))
-            trail[lag] = self.trailing(last, place)
+            on_gamma[lag] = self.shed_influence(circulation)
+            on_lift[lag] = self.shed_influence(half[:, None] * np.sqrt(middles**2 - 1.0))
+            trail[lag] = self.trailing_influence(last, place)
             last = place
         gammas, lifts, steps = np.zeros((k + 1, n)), np.empty(k), 0
         for i in range(k):
@@ -352,7 +356,7 @@ class _Strips:
             w = trail[0] @ gammas[i + 1] + known + np.einsum("lij,lj->i", on_lift[: i + 1], released)
             attack = alpha + self.twist - np.arctan(w)
             self.wing.require(self.y, attack)
-            force = 0.5 * np.hypot(1.0, w) * self.chord * self.wing.mixed(self.weights, attack)[:, 0]
+            force = 0.5 * np.hypot(1.0, w) * self.chord * self.wing.mix(self.weights, attack)[:, 0]
             lifts[i] = force @ (2.0 / self.area * self.width)
         return gammas[1:], lifts, steps
 

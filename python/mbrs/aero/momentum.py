@@ -15,9 +15,10 @@ __all__ = ["Annuli", "Inflow", "inflow"]
 SMALLEST = 1e-6
 # k = a / (1 - a) at the axial induction a = 0.4 above which Buhl's parabola, which meets momentum theory there, replaces it.
 HIGH_LOAD = 2.0 / 3.0
-# Steps of a search that bisects every third: 2 pi is halved to its last bit in 55 of these.
+# Steps of a search that bisects every third: 2 pi is halved to its last bit in 55 of these. Fewer: roots are cut off. More: nothing.
 MOST_STEPS = 180
-# Relative step of the slope in the residual: between the spacing of tables and the square root of rounding.
+# Relative step of the slope in the residual. Larger: pieces of fine tables are averaged. Smaller: rounding is taken for a slope,
+# which hides a residual. Pinned by test_any_input_has_a_balance.
 NEIGHBOUR = 1e-8
 
 

@@ -67,7 +67,7 @@ class Polar:
 
     def covers(self, angle: Any) -> np.ndarray:
         """Whether the table holds these angles (rad, of any turn)."""
-        a = wrapped(angle)
+        a = wrap(angle)
         return (a >= self.angle[0]) & (a <= self.angle[-1])
 
     def coefficients(self, angle: Any) -> np.ndarray:
@@ -79,7 +79,7 @@ class Polar:
             An angle that the table does not hold.
         """
         self._require(angle)
-        return self.clamped(angle)
+        return self.clip_values(angle)
 
     def slopes(self, angle: Any) -> np.ndarray:
         """(..., 3) derivatives of the coefficients by the angle, 1/rad; exact derivatives of the interpolation.
@@ -90,19 +90,19 @@ class Polar:
             An angle that the table does not hold.
         """
         self._require(angle)
-        return self.clamped_slopes(angle)
+        return self.clip_slopes(angle)
 
-    def clamped(self, angle: Any) -> np.ndarray:
+    def clip_values(self, angle: Any) -> np.ndarray:
         """As `coefficients`; beyond the table its nearest end, for searches whose end is checked with `covers`."""
         x, c = self._piece(angle)
         return c[0] + x * (c[1] + x * (c[2] + x * c[3]))
 
-    def clamped_slopes(self, angle: Any) -> np.ndarray:
-        """Derivatives of `clamped`: beyond the table zero."""
+    def clip_slopes(self, angle: Any) -> np.ndarray:
+        """Derivatives of `clip_values`: beyond the table zero."""
         x, c = self._piece(angle)
         return np.where(self.covers(angle)[..., None], c[1] + x * (2.0 * c[2] + 3.0 * x * c[3]), 0.0)
 
-    def extended(self, aspect_ratio: float, drag_max: float | None = None) -> Polar:
+    def extend(self, aspect_ratio: float, drag_max: float | None = None) -> Polar:
         """The polar over all angles, beyond its table by Viterna's equations of a stalled plate.
 
             cl = A1 sin 2a + A2 cos^2 a / sin a,    cd = B1 sin^2 a + B2 cos a,    B1 = 2 A1 = drag_max
@@ -129,21 +129,21 @@ class Polar:
         L. A. Viterna and R. D. Corrigan, "Fixed pitch rotor performance of large horizontal axis wind turbines", NASA CP-2230
         (1982); mirroring as in C. Hansen's AirfoilPrep.
         """
-        from .stalled import extended
+        from .stall import extend
 
-        return extended(self, aspect_ratio, drag_max)
+        return extend(self, aspect_ratio, drag_max)
 
     def _require(self, angle: Any) -> None:
-        outside = np.atleast_1d(wrapped(angle))[~np.atleast_1d(self.covers(angle))]
+        outside = np.atleast_1d(wrap(angle))[~np.atleast_1d(self.covers(angle))]
         if outside.size:
             low, high = np.degrees(self.angle[[0, -1]])
             raise ModelError(
                 f"polar {self.name!r} covers {low:.4g} to {high:.4g} degrees, not {np.degrees(outside[0]):.4g}; give a longer table, or "
-                "ask for .extended(aspect_ratio=...)"
+                "ask for .extend(aspect_ratio=...)"
             )
 
     def _piece(self, angle: Any) -> tuple[np.ndarray, np.ndarray]:
-        a = np.clip(wrapped(angle), self.angle[0], self.angle[-1])
+        a = np.clip(wrap(angle), self.angle[0], self.angle[-1])
         i = np.clip(np.searchsorted(self.angle, a, side="right") - 1, 0, len(self.angle) - 2)
         return (a - self.angle[i])[..., None], self._pieces[:, i]
 
@@ -193,7 +193,7 @@ def polar(
     array([0.5483, 0.0125, 0.    ])
     >>> p.coefficients(0.5)
     Traceback (most recent call last):
-    mbrs.errors.ModelError: polar 'thin' covers -10 to 10 degrees, not 28.65; give a longer table, or ask for .extended(aspect_ratio=...)
+    mbrs.errors.ModelError: polar 'thin' covers -10 to 10 degrees, not 28.65; give a longer table, or ask for .extend(aspect_ratio=...)
     """
     what = f"polar {shown(name)}"
     a = real_array(f"{what}: angle", angle)
@@ -216,17 +216,17 @@ def polar(
         if thickness <= 0.0:
             raise ModelError(f"{what}: the thickness over the chord must be positive, it is {thickness:g}")
     values = np.stack(arrays, axis=1)
-    a, values = _closed(what, a, values)
+    a, values = _close(what, a, values)
     return Polar(str(name), a, values, thickness, choice("interpolation of polars", interpolation, INTERPOLATIONS))
 
 
-def wrapped(angle: Any) -> np.ndarray:
+def wrap(angle: Any) -> np.ndarray:
     """Angles within -pi to pi; those already there stay as they are, bit by bit."""
     a = np.asarray(angle, dtype=float)
     return np.where(np.abs(a) <= np.pi, a, np.mod(a + np.pi, 2.0 * np.pi) - np.pi)
 
 
-def _closed(what: str, a: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _close(what: str, a: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ends at -pi and pi exactly, and equal there, where the table holds the whole circle."""
     if a[0] > -np.pi + CLOSED or a[-1] < np.pi - CLOSED:
         return np.clip(a, -np.pi, np.pi), values

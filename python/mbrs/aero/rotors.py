@@ -61,7 +61,7 @@ class Rotor:
             loss.append(half * (places - self.hub_radius) / self.hub_radius)
         weights = self.blade.weights(places)
         return Annuli(
-            coefficients=lambda alpha: self.blade.mixed(weights, alpha),
+            coefficients=lambda alpha: self.blade.mix(weights, alpha),
             twist=self.blade.twists(places) + self.pitch,
             solidity=self.count * self.blade.chords(places) / (2.0 * np.pi * r),
             loss=np.array(loss).reshape(len(loss), len(places)),

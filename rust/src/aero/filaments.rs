@@ -59,15 +59,15 @@ pub fn velocities(
 ) -> Result<Vec<[f64; 3]>> {
     let segments = filaments.segments()?;
     match core {
-        Core::RosenheadMoore => shared(RosenheadMoore, &segments, points, threads, cancel),
-        Core::LambOseen => shared(LambOseen, &segments, points, threads, cancel),
-        Core::Vatistas(n) if n >= 1.0 => shared(Vatistas(n), &segments, points, threads, cancel),
+        Core::RosenheadMoore => distribute(RosenheadMoore, &segments, points, threads, cancel),
+        Core::LambOseen => distribute(LambOseen, &segments, points, threads, cancel),
+        Core::Vatistas(n) if n >= 1.0 => distribute(Vatistas(n), &segments, points, threads, cancel),
         Core::Vatistas(n) => Err(Error::model(format!("the exponent of Vatistas' core must be 1 or more, it is {n}"))),
     }
 }
 
 /// The points dealt out to threads in runs of whole lanes.
-fn shared<K: Kernel>(
+fn distribute<K: Kernel>(
     kernel: K,
     segments: &[Segment],
     points: &[[f64; 3]],
@@ -79,19 +79,19 @@ fn shared<K: Kernel>(
     let run = points.len().div_ceil(threads).next_multiple_of(LANES).max(LANES);
     let mut out = vec![[0.0; 3]; points.len()];
     if run >= points.len() {
-        some(kernel, segments, points, &mut out, cancel)?;
+        sum(kernel, segments, points, &mut out, cancel)?;
         return Ok(out);
     }
     let pieces = points.chunks(run).zip(out.chunks_mut(run));
     let ends: Vec<Result<()>> = thread::scope(|scope| {
-        let started: Vec<_> = pieces.map(|(p, v)| scope.spawn(move || some(kernel, segments, p, v, cancel))).collect();
+        let started: Vec<_> = pieces.map(|(p, v)| scope.spawn(move || sum(kernel, segments, p, v, cancel))).collect();
         started.into_iter().map(|one| one.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
     });
     ends.into_iter().collect::<Result<()>>()?;
     Ok(out)
 }
 
-fn some<K: Kernel>(
+fn sum<K: Kernel>(
     kernel: K,
     segments: &[Segment],
     points: &[[f64; 3]],

@@ -18,8 +18,8 @@ REVERSED = 0.7
 SPACING = np.radians(5.0)
 
 
-def extended(base: Polar, aspect_ratio: float, drag_max: float | None) -> Polar:
-    """See `Polar.extended`."""
+def extend(base: Polar, aspect_ratio: float, drag_max: float | None) -> Polar:
+    """See `Polar.extend`."""
     if base.whole_circle:
         return base
     low, high = base.angle[[0, -1]]
@@ -37,7 +37,7 @@ def extended(base: Polar, aspect_ratio: float, drag_max: float | None) -> Polar:
     below, above = _angles(low, high)
     angle = np.concatenate([below, base.angle, above])
     table = np.stack([base.lift, base.drag, base.moment], axis=1)
-    values = np.concatenate([_stalled(base, plate, below), table, _stalled(base, plate, above)])
+    values = np.concatenate([_plate_values(base, plate, below), table, _plate_values(base, plate, above)])
     return polar(angle, *values.T, thickness=base.thickness, name=base.name, interpolation=base.interpolation)
 
 
@@ -63,7 +63,7 @@ def _viterna(angle: float, lift: float, drag: float, plate: float) -> Law:
     return law
 
 
-def _stalled(base: Polar, plate: float, angle: np.ndarray) -> np.ndarray:
+def _plate_values(base: Polar, plate: float, angle: np.ndarray) -> np.ndarray:
     """(n, 3) coefficients at angles beyond the table."""
     low, high = base.angle[[0, -1]]
     positive = _viterna(high, base.lift[-1], base.drag[-1], plate)
