@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from mbrs.aero.lifting_line import _Strips
 from mbrs.errors import ConvergenceError, ModelError, RouteError
+from scipy import special
+from scipy.integrate import quad
 from scipy.optimize import brentq, fsolve
 
 THIN = mb.aero.polar([-1.5, 1.5], [-3 * np.pi, 3 * np.pi], [0.0, 0.0], name="thin")
@@ -123,14 +125,12 @@ def stalling():
 def test_stalled_wings_balance_or_say_so():
     wing = mb.aero.blade([-4.0, 4.0], 1.0, 0.0, stalling())
     line = _Strips(wing, 40)
-    reached = 0
     for angle in np.linspace(-0.6, 0.5, 12):
         try:
             w = mb.aero.lifting_line(wing, angle, strips=40)
         except ConvergenceError as problem:
-            assert "misses the polars" in str(problem)
+            assert "misses the polars" in str(problem) and abs(angle) > 0.25
             continue
-        reached += 1
         gamma = w.circulation[0]
         wash = line.trailing_influence(np.zeros(40), np.full(40, np.inf)) @ gamma
         law = 0.5 * np.hypot(1, wash) * wing.coefficients(line.y, angle - np.arctan(wash))[:, 0]
@@ -139,7 +139,6 @@ def test_stalled_wings_balance_or_say_so():
         drag = 0.5 * np.hypot(1, wash) ** 2 * wing.coefficients(line.y, angle - np.arctan(wash))[:, 1]
         total = np.sum((gamma * wash + drag / np.hypot(1, wash)) * line.width) / 4
         assert w.drag_coefficient[0] == pytest.approx(total, rel=1e-9)
-    assert reached >= 7
 
 
 @pytest.mark.parametrize(
@@ -192,14 +191,16 @@ def test_theodorsens_function(k):
     assert abs(mb.aero.theodorsen(k) - truth) < 1e-13
 
 
-@pytest.mark.parametrize("s", [0.0, 1.7, 300.0])
-def test_wagners_function(s):
+# Garrick's integral by mpmath with 15 digits at 1 and 5
+@pytest.mark.parametrize("s, known", [(0.0, 0.5), (1.0, 0.600605598398805), (5.0, 0.788203166469517), (300.0, None)])
+def test_wagners_function(s, known):
     def part(x):
-        k, i = mpmath.besselk(0, x) - mpmath.besselk(1, x), mpmath.besseli(0, x) + mpmath.besseli(1, x)
-        return mpmath.exp(-x * s) / (x * x * (k * k + mpmath.pi**2 * i * i))
+        k, i = special.k0(x) - special.k1(x), special.i0(x) + special.i1(x)
+        return np.exp(-x * s) / (x * x * (k * k + np.pi**2 * i * i))
 
-    truth = 1 - mpmath.quad(part, [0, 0.01, 1, 30])
-    assert abs(mb.aero.wagner(s) - float(truth)) < 1e-10
+    truth = 1 - sum(quad(part, a, b, epsabs=1e-14)[0] for a, b in itertools.pairwise((1e-300, 1e-3, 0.1, 3.0, 40.0)))
+    assert mb.aero.wagner(s) == pytest.approx(truth, abs=1e-11)
+    assert known is None or mb.aero.wagner(s) == pytest.approx(known, abs=1e-11)
 
 
 def test_wagners_function_is_the_transform_of_theodorsens():

@@ -20,7 +20,7 @@ __all__ = ["WingLoads", "WingStart", "impulsive_start", "lifting_line"]
 # called converged. Smaller: Newton's method circles in rounding. Pinned by test_stalled_wings_balance_or_say_so.
 BALANCED = 1e-10
 # Newton steps, and halvings of one: in the linear range one full step is enough.
-MOST_STEPS, MOST_HALVINGS = 200, 12
+MOST_STEPS, MOST_HALVINGS = 60, 12
 # Place of the newest shed vortex, in steps behind the trailing edge: beside it the effect of a sheet grows as one over the root of
 # the distance, whose mean over a step is that of a vortex at a quarter of it. A choice of the discretisation, first order.
 NEWEST = 0.25
