@@ -20,7 +20,7 @@ fn vectors(name: &str, array: &PyReadonlyArray2<'_, f64>) -> Result<Vec<[f64; 3]
 /// Velocities (n, 3) at points (n, 3) of straight filaments (m, 3) with a core model and its exponent; 0 threads are as many as the
 /// machine has.
 #[pyfunction]
-#[expect(clippy::too_many_arguments)]
+#[allow(clippy::too_many_arguments)]
 fn induced_velocity<'py>(
     py: Python<'py>,
     points: PyReadonlyArray2<'_, f64>,
