@@ -18,6 +18,7 @@ TITLES = {
     "model": "Models",
     "system": "Compiled models",
     "linear": "Linear analyses",
+    "aero": "Blades in the wind",
     "motion": "Motion in time",
     "nonlinear": "Nonlinear vibration",
     "gradients": "Gradients of motions",

@@ -201,6 +201,7 @@ CRATE = {
     "tolerances": set(),
     "run": {"error"},
     "memory": {"error"},
+    "aero": {"error", "run"},
     "spatial": set(),
     "linalg": {"error", "tolerances", "run"},
     "laws": {"error", "tolerances"},

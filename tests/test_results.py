@@ -72,6 +72,17 @@ def _blades():
     return SimpleNamespace(shape=shape, eigenvalue=1j * np.array([1.9, 2.3, 2.9]), coordinates=["a.q1", "b.q1", "c.q1"])
 
 
+def _turbine():
+    a = np.linspace(-np.pi, np.pi, 73)
+    section = mb.aero.polar(a, np.pi * np.sin(2 * a), 0.01 + np.sin(a) ** 4)
+    return mb.aero.rotor(mb.aero.blade([2.1, 10.3, 39.7], [3.1, 3.5, 1.2], [0.35, 0.12, -0.03], section))
+
+
+def _wing():
+    section = mb.aero.polar([-0.7, 0.9], [-4.3, 5.1], [0.02, 0.03])
+    return mb.aero.blade([-2.3, 0.4, 3.1], [0.7, 1.1, 0.6], [0.02, 0.0, -0.03], section)
+
+
 def _rail():
     m, axis = mb.Model("rail"), (0.31, -0.83, 0.46)
     last = m.ground
@@ -153,6 +164,9 @@ MAKE = {
     ).solve(),
     "AccuracyStudy": lambda: mb.accuracy_study(mb.simulate, drawn(), t=0.2, rtol=[1e-4, 1e-6]),
     "EffectStudy": lambda: mb.effect_study(mb.modes, drawn()),
+    "Performance": lambda: mb.aero.performance(_turbine(), [4.1, 7.3, 9.9]),
+    "WingLoads": lambda: mb.aero.lifting_line(_wing(), [0.03, 0.11], strips=8),
+    "WingStart": lambda: mb.aero.impulsive_start(_wing(), 0.07, 2.9, step=0.7, strips=8),
     "RotorModes": lambda: mb.rotor_modes(_blades(), ["a", "b", "c"], 0.7),
 }
 

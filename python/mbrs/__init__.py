@@ -44,6 +44,9 @@ _HOME = {
     "sensitivity": "linear.sensitivity",
     "eigen_sensitivity": "linear.eigen_sensitivity",
     "steady_motion": "linear.steady",
+    "Performance": "aero.rotors",
+    "WingLoads": "aero.lifting_line",
+    "WingStart": "aero.lifting_line",
     "simulate": "motion.simulate",
     "campbell": "linear.campbell",
     "check_gradients": "studies.gradients",
@@ -133,11 +136,13 @@ _HOME = {
     "GradientCheck": "studies.gradients",
 }
 _MODULES = {
-    **{name: name for name in ("examples", "reference", "errors", "plot", "view", "flexible")},
+    **{name: name for name in ("aero", "examples", "reference", "errors", "plot", "view", "flexible")},
     "matrix_calculus": "_lib.vetter",
     "report": "_lib.text",
 }
-__all__ = sorted([*(name for name in _HOME if name != "__version__"), "examples", "flexible", "matrix_calculus"])
+__all__ = sorted(
+    [*(name for name in _HOME if name != "__version__"), "aero", "examples", "flexible", "matrix_calculus"]
+)
 
 
 def __getattr__(name: str) -> Any:

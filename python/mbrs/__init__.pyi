@@ -1,5 +1,6 @@
 """The public names for type checkers; written by tests/public_names.py."""
 
+from . import aero as aero
 from . import errors as errors
 from . import examples as examples
 from . import flexible as flexible
@@ -9,6 +10,9 @@ from . import view as view
 from ._lib import text as report
 from ._lib import vetter as matrix_calculus
 from ._lib.version import __version__ as __version__
+from .aero.lifting_line import WingLoads as WingLoads
+from .aero.lifting_line import WingStart as WingStart
+from .aero.rotors import Performance as Performance
 from .design.functions import Bounded as Bounded
 from .design.functions import Damping as Damping
 from .design.functions import Frequency as Frequency

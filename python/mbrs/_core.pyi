@@ -39,6 +39,7 @@ __all__ = [
     "dense_modes",
     "directions",
     "eigen_sensitivities",
+    "induced_velocity",
     "law_force",
     "mixed_modes",
     "motion_breaks",
@@ -353,6 +354,16 @@ def directions(
     driven: Sequence[int] = ...,
     memory: Sequence[float] = ...,
 ) -> dict[str, Any]: ...
+def induced_velocity(
+    points: _F2,
+    start: _F2,
+    end: _F2,
+    circulation: _F1,
+    core_radius: _F1,
+    core: str,
+    exponent: float,
+    threads: int,
+) -> _F2: ...
 def sparse_count(m: _Csc, k: _Csc, below: float) -> int | None: ...
 def sparse_frf(
     m: _Csc,
