@@ -1,6 +1,4 @@
-"""API.md section 2 as it stands, but for what is not built yet and therefore left out: drives (`m.drive`), couplers, the
-nonholonomic joints, flexible bodies and `m.section_load`.
-"""
+"""A closed loop: the model of a four-bar, its equilibrium, linearisation and modes."""
 
 import numpy as np
 import mbrs as mb

@@ -14,7 +14,7 @@ import mbrs as mb
 import numpy as np
 import pytest
 
-# Isolator of API.md section 1: six legs along the edges of a cube give 2 k in every direction and 2 c likewise.
+# Isolator of docs/theory.md (23.1): six legs along the edges of a cube give 2 k in every direction and 2 c likewise.
 K, C, M = 2e5, 60.0, 20.0
 
 

@@ -119,7 +119,7 @@ def test_car_by_every_number_over_the_bump(monkeypatch, car):
             assert abs(adjoint.gradient[i]) * size[i] < 1e-13 * scale
 
 
-# METHODS.md e.4: value and derivatives by k, m and b
+# docs/theory.md (23.13): value and derivatives by k, m and b
 PARTICLE = np.array([3.89396846, 0.02152155, -0.21521547, 0.29491657])
 
 
