@@ -220,7 +220,9 @@ def five_bar(t=1.0):
         points = true.five_bar(times)
         return {f"P{i + 1}": true.plane(points[:, i, 0], points[:, i, 1]) for i in range(3)}
 
-    return MotionProblem("five-bar", m, t, truth, "natural coordinates, DOP853 1e-13; docs/theory.md (23.12)", length=2.0)
+    return MotionProblem(
+        "five-bar", m, t, truth, "natural coordinates, DOP853 1e-13; docs/theory.md (23.12)", length=2.0
+    )
 
 
 def bushings(stiff=1.0, damping=1.0):

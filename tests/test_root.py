@@ -92,9 +92,7 @@ BROYDEN = {"trigonometric": 19, "Rosenbrock": 10, "Powell singular": 22}
 def test_iteration_counts_of_the_bare_method(name, method, jac0, expected):
     p = root_problems.problem(name)
     found = mb.root(p.fun, p.x0, method=method, jac0=jac0, tol=1e-8, maxiter=200, **BARE)
-    print(
-        f"{name}, {method} from {jac0}: {found.nit if found.success else 'fails'} (expected: {expected or 'fails'})"
-    )
+    print(f"{name}, {method} from {jac0}: {found.nit if found.success else 'fails'} (expected: {expected or 'fails'})")
     if expected is None:
         assert not found.success and found.reason == "max-iterations"
     else:
