@@ -18,7 +18,7 @@ import mbrs as mb
 import numpy as np
 from mbrs import reference
 from mbrs.reference.fixed_frame import Rotor
-from mbrs.tables import tables
+from mbrs.system.tables import tables
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="mbrs-"))
 blades, speed = ("blade1", "blade2", "blade3"), 17.2 * 2 * np.pi / 60

@@ -6,7 +6,7 @@ import itertools
 from types import SimpleNamespace
 
 import numpy as np
-from mbrs.animate import BodyGeometry, JointGeometry, LinkGeometry, SceneGeometry
+from mbrs.view.scene import BodyGeometry, JointGeometry, LinkGeometry, SceneGeometry
 
 
 class Modes(SimpleNamespace):

@@ -14,8 +14,8 @@ import pytest
 from jitter_marks import defect
 from mbrs import _core
 from mbrs.errors import MbrsError
-from mbrs.state import State
-from mbrs.tables import compiled, tables
+from mbrs.system.state import State
+from mbrs.system.tables import compiled, tables
 from random_models import (
     N_FREE,
     TREE_JOINTS,

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mbrs.continuation import Branch
 from mbrs.errors import ConvergenceError, ModelError
-from mbrs.frequency_response import frequency_response
-from mbrs.harmonic_balance import harmonic_balance
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic, Gap, Jenkins, VanDerPol, VaryingStiffness
+from mbrs.nonlinear.branch import Branch
+from mbrs.nonlinear.frequency_response import frequency_response
+from mbrs.nonlinear.periodic import harmonic_balance
 from mbrs.reference import hbm_continuation, hbm_shooting
-from mbrs.second_order import MechanicalSystem
 
 
 def duffing(k3=0.1, c=0.05):
@@ -154,11 +154,11 @@ def test_neimark_sacker_points_are_crossings_of_the_shooting_multipliers():
 
 
 def test_hill_and_monodromy_agree():
-    from mbrs import _balance
+    from mbrs.nonlinear import balance
 
     system = neimark_sacker_system()
     one = harmonic_balance(system, force=[0.11, 0.0], omega=1.0, harmonics=15)
-    setup = _balance.prepare(system, [0.11, 0.0], 15, omega=1.0)
+    setup = balance.prepare(system, [0.11, 0.0], 15, omega=1.0)
     exponents, phi = setup.core.floquet(setup.start(one), [1.0], monodromy=True)
     by_hill = np.sort_complex(np.exp(exponents * one.period))
     assert np.max(np.abs(by_hill - np.sort_complex(np.linalg.eigvals(phi)))) < 1e-7
@@ -167,7 +167,7 @@ def test_hill_and_monodromy_agree():
 @pytest.mark.parametrize("name", ["duffing", "two masses", "van der Pol spring"])
 def test_stability_along_a_branch_is_that_of_hill(name):
     # the monodromy matrix takes over where it agrees with Hill's problem at the first point; here Hill's is solved at others
-    from mbrs import _balance
+    from mbrs.nonlinear import balance
 
     system, force, span = {
         "duffing": (duffing(), [0.18], (0.5, 1.6)),
@@ -183,7 +183,7 @@ def test_stability_along_a_branch_is_that_of_hill(name):
     worst = 0.0
     for i in range(0, len(response), 7):
         one = response.point(i)
-        setup = _balance.prepare(system, force, 11, omega=one.omega)
+        setup = balance.prepare(system, force, 11, omega=one.omega)
         hill, _ = setup.core.floquet(setup.start(one), [one.omega])
         theirs = np.exp(hill * one.period)
         ours = np.exp(response.exponents[i] * one.period)

@@ -11,7 +11,7 @@ from agreement import difference, reference_state, show
 from jitter_marks import defect
 from mbrs import reference as ref
 from mbrs.model.rotations import rotation
-from mbrs.tables import tables
+from mbrs.system.tables import tables
 from random_models import random_loop, random_tree
 
 TOLERANCE = 1e-10

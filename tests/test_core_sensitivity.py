@@ -8,7 +8,7 @@ import pytest
 from agreement import advanced, all_addresses, drawn, held, relative_difference, show, spinning, worst_of
 from jitter_marks import defect
 from mbrs import reference as ref
-from mbrs.tables import compiled, directions, tables
+from mbrs.system.tables import compiled, directions, tables
 from random_models import TREE_JOINTS, random_loop, random_tree
 
 pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")

@@ -8,8 +8,8 @@ from pathlib import Path
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs.simulate import METHODS
-from mbrs.trajectory import Trajectory
+from mbrs.motion.simulate import METHODS
+from mbrs.motion.trajectory import Trajectory
 
 PAGE = (Path(__file__).parents[1] / "docs" / "motion.md").read_text()
 

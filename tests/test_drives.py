@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mbrs.errors import AssemblyError, ConvergenceError, MbrsError, ModelError, NameNotFoundError
 from mbrs.reference.time_functions import read_motions
-from mbrs.tables import compiled, tables
+from mbrs.system.tables import compiled, tables
 
 ROD = (1e-3, 1 / 12, 1 / 12)
 

@@ -9,7 +9,7 @@ import pytest
 from absolute import Absolute
 from mbrs import examples
 from mbrs.model.rotations import quaternion_matrix
-from mbrs.tables import compiled, tables
+from mbrs.system.tables import compiled, tables
 
 
 def test_cubic_hexapod_has_its_closed_form():

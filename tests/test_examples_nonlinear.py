@@ -103,7 +103,7 @@ def test_level_of_the_engine_where_the_linear_model_holds():
 
 def test_the_page_on_nonlinear_vibration_is_true(tmp_path, monkeypatch):
     """Its code runs, and it names every reason for which a branch ends."""
-    from mbrs.continuation import MEANING
+    from mbrs.nonlinear.branch_points import MEANING
 
     page = (EXAMPLES.parent / "docs" / "nonlinear.md").read_text()
     monkeypatch.setenv("MPLBACKEND", "Agg")

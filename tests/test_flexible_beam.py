@@ -461,11 +461,11 @@ def test_a_mass_at_the_tip(made):
 @pytest.mark.parametrize(
     "name",
     [
-        "flexible.beam",
-        "flexible.craig_bampton",
+        "flexible.beams",
+        "flexible.component_modes",
         "flexible.modal_body",
         "plot.modal_body",
-        "multiblade",
+        "linear.multiblade",
     ]
     + ["examples._wind_rotor", "examples._windpact", "examples._slider_crank"],
 )

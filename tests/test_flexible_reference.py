@@ -19,7 +19,7 @@ from mbrs.reference.kinematics import advance
 from mbrs.reference.motion import start, with_rates
 from mbrs.reference.reader import Body
 from mbrs.reference.transient import begin
-from mbrs.tables import tables
+from mbrs.system.tables import tables
 
 
 def somewhere(sys, rng, size=0.3, rate=1.0):

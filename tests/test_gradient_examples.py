@@ -8,7 +8,7 @@ import pytest
 from mbrs.examples import _car
 from mbrs.reference.ali3p import Scheme
 from mbrs.reference.ali3p_tree import TreeMechanism
-from mbrs.tables import directions, tables
+from mbrs.system.tables import directions, tables
 
 
 @pytest.fixture(scope="module")

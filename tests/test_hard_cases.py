@@ -9,8 +9,8 @@ import problems
 import pytest
 from agreement import difference, show
 from jitter_marks import defect
-from mbrs.state import State
-from mbrs.tables import compiled
+from mbrs.system.state import State
+from mbrs.system.tables import compiled
 from random_models import random_tree
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, ModelError
-from mbrs.harmonic_balance import harmonic_balance
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import (
     CoulombTanh,
     Cubic,
@@ -16,8 +16,8 @@ from mbrs.model.laws import (
     VanDerPol,
     VaryingStiffness,
 )
+from mbrs.nonlinear.periodic import harmonic_balance
 from mbrs.reference import hbm_balance
-from mbrs.second_order import MechanicalSystem
 
 
 def duffing(k3=0.1, c=0.05):
@@ -84,9 +84,9 @@ def test_core_equals_reference(name, harmonics, subharmonic):
 
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_jacobian_equals_reference(name):
-    from mbrs import _balance
+    from mbrs.nonlinear import balance
 
-    setup = _balance.prepare(SYSTEMS[name], FORCE, 3, n_samples=512)
+    setup = balance.prepare(SYSTEMS[name], FORCE, 3, n_samples=512)
     y = np.sin(np.arange(14.0))
     core = setup.core.residual(y, [1.3])
     R, J, R_omega = hbm_balance.residual(SYSTEMS[name], y, FORCE, 1.3, (1, 2, 3), 512)

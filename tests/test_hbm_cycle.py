@@ -6,10 +6,10 @@ import pickle
 import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, ModelError
-from mbrs.limit_cycle import limit_cycle
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic, Gap, Jenkins, VanDerPol
+from mbrs.nonlinear.limit_cycle import limit_cycle
 from mbrs.reference import hbm_shooting
-from mbrs.second_order import MechanicalSystem
 
 PERIODS = {1: 6.66328686, 5: 11.61223067, 20: 34.68232331}  # docs/theory.md (23.10)
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from mbrs.errors import ConvergenceError, MbrsWarning, ModelError
-from mbrs.frequency_response import frequency_response
-from mbrs.harmonic_balance import harmonic_balance
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic, FunctionLaw, Gap, Jenkins
-from mbrs.quasi_periodic import quasi_periodic
+from mbrs.nonlinear.frequency_response import frequency_response
+from mbrs.nonlinear.periodic import harmonic_balance
+from mbrs.nonlinear.quasi_periodic import quasi_periodic
 from mbrs.reference import hbm_balance, hbm_shooting
-from mbrs.second_order import MechanicalSystem
 
 
 def oscillator(*elements, m=1.0, c=0.05, k=1.0):

@@ -8,11 +8,11 @@ from math import comb
 import numpy as np
 import pytest
 from mbrs.errors import MbrsWarning, ModelError
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import CoulombTanh, Cubic, Jenkins, VanDerPol
-from mbrs.quasi_periodic import diamond, quasi_periodic
-from mbrs.quasi_periodic_response import quasi_periodic_response
+from mbrs.nonlinear.quasi_periodic import diamond, quasi_periodic
+from mbrs.nonlinear.quasi_periodic_curves import quasi_periodic_response
 from mbrs.reference import hbm_quasi_periodic
-from mbrs.second_order import MechanicalSystem
 
 
 def duffing():

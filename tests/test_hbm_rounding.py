@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 from hinged_beam import matrices
-from mbrs import _balance, _core
+from mbrs import _core
 from mbrs.errors import SingularError
-from mbrs.frequency_response import frequency_response
-from mbrs.harmonic_balance import harmonic_balance
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic
-from mbrs.second_order import MechanicalSystem
+from mbrs.nonlinear import balance
+from mbrs.nonlinear.frequency_response import frequency_response
+from mbrs.nonlinear.periodic import harmonic_balance
 
 DAMPING = 0.02
 
@@ -58,7 +59,7 @@ def test_a_beam_divided_too_finely_is_refused():
 
 def test_the_core_refuses_what_would_not_fit_into_memory():
     linear = _core.HbmLinear.full(np.eye(1), np.eye(1), np.eye(1), np.zeros((2, 1), complex))
-    elements = _balance.core_elements([Cubic(1.0, w=[1.0])], [np.array([1.0])])
+    elements = balance.core_elements([Cubic(1.0, w=[1.0])], [np.array([1.0])])
     for dims, indices, text in (
         ([10**6, 10**6], [[1, 0]], "fewer samples"),
         ([2**40], [[1]], "fewer samples"),

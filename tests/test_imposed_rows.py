@@ -9,8 +9,8 @@ from agreement import reference_state
 from mbrs import reference as ref
 from mbrs.reference import motion as rm
 from mbrs.reference.assembly import constraint_values, jacobian
-from mbrs.state import State
-from mbrs.tables import compiled, tables
+from mbrs.system.state import State
+from mbrs.system.tables import compiled, tables
 
 STEP = 1e-30
 

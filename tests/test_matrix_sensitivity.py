@@ -10,7 +10,7 @@ from mbrs.reference.ali3p import Scheme
 from mbrs.reference.ali3p_models import FiveBar
 from mbrs.reference.kinematics import drawn_state
 from mbrs.reference.matrix_sensitivity import FlexibleForm, RigidForm
-from mbrs.tables import compiled, directions, tables
+from mbrs.system.tables import compiled, directions, tables
 
 
 def double_pendulum():

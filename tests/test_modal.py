@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import scipy.linalg as sl
 from mbrs.errors import ModelError, NameNotFoundError, SingularError
-from mbrs.mac import mac
-from mbrs.modal import KINDS, ModalResult, modes
-from mbrs.second_order import MechanicalSystem
+from mbrs.linear.mac import mac
+from mbrs.linear.matrices import MechanicalSystem
+from mbrs.linear.modal_result import KINDS, ModalResult
+from mbrs.linear.modes import modes
 from mpmath import mp
 
 EPS = np.finfo(float).eps

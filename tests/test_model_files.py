@@ -13,7 +13,7 @@ import pytest
 from mbrs.errors import ModelError
 from mbrs.model import toml
 from mbrs.model.model import Model
-from mbrs.tables import compiled, tables
+from mbrs.system.tables import compiled, tables
 
 HEAD = """[model]
 name = "one"

@@ -12,7 +12,7 @@ from mbrs import reference as ref
 from mbrs.errors import ConvergenceError
 from mbrs.reference.motion import velocity_rows
 from mbrs.reference.transient import begin, rows
-from mbrs.tables import tables
+from mbrs.system.tables import tables
 
 SCHEMES = dict(
     zip(("generalized-alpha", "bdf", "explicit"), (ref.generalized_alpha, ref.bdf4, ref.explicit), strict=True)

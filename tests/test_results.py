@@ -16,7 +16,8 @@ import matplotlib.pyplot as plt
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs.records import HOMES, member
+from mbrs._lib.records import HOMES
+from mbrs.io.result_files import member
 from mbrs.results import Result
 
 pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
@@ -340,7 +341,7 @@ def test_copies_do_not_ask_for_an_estimate():
 
 
 def test_motions_with_parameters_make_their_estimate_when_asked(monkeypatch):
-    module = importlib.import_module("mbrs.simulate")
+    module = importlib.import_module("mbrs.motion.simulate")
     runs, run = [], module._run
     monkeypatch.setattr(module, "_run", lambda *given: runs.append(given) or run(*given))
     motion = mb.simulate(drawn(), t=0.1, parameters=["k"])

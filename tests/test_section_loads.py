@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from jitter_marks import defect
 from mbrs import reference as ref
-from mbrs.tables import tables
+from mbrs.system.tables import tables
 
 L, EI = 2.0, 4000.0
 

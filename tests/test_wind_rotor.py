@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mbrs import reference as ref
 from mbrs.reference.fixed_frame import Rotor, symmetric_and_antisymmetric
-from mbrs.tables import tables
+from mbrs.system.tables import tables
 
 BLADES = ("blade1", "blade2", "blade3")
 SPEED = 17.2 * 2 * np.pi / 60

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -10,14 +9,11 @@ from typing import Any
 
 import click
 
+import mbrs as mb
+
 _KINDS = ("receptance", "mobility", "accelerance", "transmissibility")
 _INTERRUPTED = 130
 _PAGES = (".html", ".htm")
-
-
-def _api() -> Any:
-    """The public package, as a script sees it."""
-    return importlib.import_module("mbrs")
 
 
 class _Group(click.Group):
@@ -85,7 +81,7 @@ def _model_argument(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def _known_ending(context: Any, parameter: Any, out: Path | None) -> Path | None:
     """Refuse an ending that says nothing before anything is computed."""
-    from .result_files import WRITERS
+    from ._lib.result_files import WRITERS
 
     known = (*WRITERS, *_PAGES)
     if out is not None and out.suffix.lower() not in known:
@@ -120,7 +116,7 @@ metavar="FILE",
               help="The page to write.")  # fmt: skip
 def demo(out: Path) -> None:
     """Modes, transfer functions and sensitivities of a vibration isolator, and a page of them."""
-    from .demo import run
+    from .examples.demo import run
 
     click.echo(run(out))
 
@@ -130,11 +126,10 @@ def demo(out: Path) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 def check(model: Path, as_json: bool) -> None:
     """Degrees of freedom, loops, redundant constraints and effects of a model."""
-    mb = _api()
     m = _load(model)
     system, effects = mb.System(m), mb.effects(m)
     if as_json:
-        from .jsonable import dumps, system_data
+        from ._lib.jsonable import dumps, system_data
 
         click.echo(dumps({"analysis": "check", "file": str(model), **system_data(system, effects)}))
     else:
@@ -149,9 +144,8 @@ def modal(
     model: Path, at: str, without: tuple[str, ...], as_json: bool, out: Path | None, n: int | None, shapes: bool
 ) -> None:
     """Natural frequencies, damping ratios and mode shapes."""
-    mb = _api()
     m = _load(model)
-    result = mb.modes(m, **_state(m, at), **_without(without), **({} if n is None else {"n": n}))
+    result = mb.modes(m, **_state(m, at), **_without(without), **_count(n))
     _say_fewer(n, result)
     names = (
         "frequency",
@@ -180,7 +174,6 @@ def frf(
     inputs: tuple[str, ...], outputs: tuple[str, ...], frequency: str, kind: str | None,
 ) -> None:  # fmt: skip
     """Transfer functions between named inputs and outputs."""
-    mb = _api()
     points = parse_frequency(frequency)
     if kind is None:
         kind = "transmissibility" if all(name.startswith("base.") for name in inputs) else "receptance"
@@ -206,9 +199,8 @@ def sens(
     n: int | None,
 ) -> None:
     """Derivatives of natural frequencies and damping ratios by parameters."""
-    mb = _api()
     m = _load(model)
-    modes = mb.modes(m, **_state(m, at), **_without(without), **({} if n is None else {"n": n}))
+    modes = mb.modes(m, **_state(m, at), **_without(without), **_count(n))
     _say_fewer(n, modes)
     result = mb.sensitivity(modes, list(parameters))
     _deliver(
@@ -244,7 +236,6 @@ def nlfr(
     tol: float | None, no_stability: bool,
 ) -> None:  # fmt: skip
     """Periodic response of a nonlinear model over frequency, by harmonic balance."""
-    mb = _api()
     if len(amplitudes) not in (0, 1, len(inputs)):
         raise click.BadParameter(f"{len(amplitudes)} for {len(inputs)} inputs", param_hint="--amplitude")
     points, factor = parse_frequency(frequency), parse_level(level)
@@ -295,7 +286,6 @@ def simulate(
     rtol: float | None, step: float | None, outputs: tuple[str, ...],
 ) -> None:  # fmt: skip
     """Motion in time; --out page.html writes a page that plays it."""
-    mb = _api()
     t = parse_times(times)
     m = _load(model)
     traj = _so_far(mb.simulate, m, t=t, method=method, rtol=rtol, step=step, **_state(m, at), **_without(without))
@@ -314,7 +304,7 @@ def _curve(traj: Any, name: str) -> Any:
 
 
 def _extremes(traj: Any, curves: dict[str, Any]) -> str:
-    from .report import table
+    from ._lib.text import table
 
     rows = []
     for name, curve in curves.items():
@@ -405,15 +395,19 @@ def parse_frequency(text: str) -> Any:
 
 
 def _load(path: Path) -> Any:
-    return _api().Model.load(path)
+    return mb.Model.load(path)
 
 
 def _state(model: Any, at: str) -> dict[str, Any]:
-    return {} if at == "drawn" else {"at": _api().equilibrium(model)}
+    return {} if at == "drawn" else {"at": mb.equilibrium(model)}
 
 
 def _without(names: tuple[str, ...]) -> dict[str, Any]:
     return {"without": names} if names else {}
+
+
+def _count(n: int | None) -> dict[str, Any]:
+    return {} if n is None else {"n": n}
 
 
 def _say_fewer(n: int | None, modes: Any) -> None:
@@ -452,7 +446,7 @@ def _print_and_save(
     extra: dict[str, Any] | None,
     text: str | None,
 ) -> None:
-    from .jsonable import dumps, result_data
+    from ._lib.jsonable import dumps, result_data
 
     if as_json:
         click.echo(dumps({"analysis": analysis, "file": str(model), **result_data(result, names), **(extra or {})}))
@@ -462,8 +456,8 @@ def _print_and_save(
         return
     try:
         if out.suffix.lower() in _PAGES:
-            from .demo import result_page
-            from .files import write_atomic
+            from ._lib.files import write_atomic
+            from .examples.demo import result_page
 
             outputs = tuple((extra or {}).get("outputs", ()))
             write_atomic(out, result_page(analysis, model.stem, result, outputs).encode())

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, dataclass_transf
 import numpy as np
 
 if TYPE_CHECKING:
-    from .report import Block
+    from ._lib.text import Block
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _C = TypeVar("_C", bound=type)
@@ -240,7 +240,7 @@ class Result:
         ModelError
             An unknown ending, or a Python function that a file of data cannot hold.
         """
-        from .result_files import save
+        from ._lib.result_files import save
 
         return save(self, path)
 
@@ -265,7 +265,7 @@ class Result:
 
     def blocks(self) -> list[Block]:
         """The tables that ``print`` shows."""
-        from .report import Block
+        from ._lib.text import Block
 
         return [Block(*self.rows(), title=self.heading(), footer="\n".join(self.notes()) or None)]
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from mbrs.frequency_response import frequency_response
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic, Gap, VaryingStiffness
-from mbrs.second_order import MechanicalSystem
+from mbrs.nonlinear.frequency_response import frequency_response
 
 
 def monodromy(stiffness, c, period, steps=4000):

@@ -10,7 +10,7 @@ from ..model.laws import Cubic, Gap, Jenkins, VanDerPol
 
 
 def _system(*matrices: Any, elements: Any, coordinates: Any = None) -> Any:
-    from ..second_order import MechanicalSystem
+    from ..linear.matrices import MechanicalSystem
 
     return MechanicalSystem(*matrices, elements=elements, coordinates=coordinates)
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import names, shown, sized_array
+from .._lib.checks import names, shown, sized_array
+from .._lib.files import write_atomic
+from .._lib.text import number, table
 from ..errors import InertiaError, ModelError
-from ..files import write_atomic
-from ..report import number, table
 from ._archive import read_arrays
 
 __all__ = ["ModalBody"]

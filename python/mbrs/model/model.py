@@ -1,4 +1,4 @@
-"""The model: names, units and numbers as the user gives them. `mbrs.tables` makes Tables of it."""
+"""The model: names, units and numbers as the user gives them. `mbrs.system.tables` makes Tables of it."""
 
 from __future__ import annotations
 
@@ -243,6 +243,12 @@ class Model(Book):
         if restructured:
             self.changed_structure()
         self.values_version += 1
+
+    def file_text(self) -> str:
+        """The text of the file that `save` writes."""
+        from .toml import dumps
+
+        return dumps(self)
 
     def save(self, path: str | Path) -> Path:
         """Save as TOML; `load` brings back a model with identical Tables. Expressions stay expressions. Returns the path."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from .._checks import sized_array
+from .._lib.checks import sized_array
 from .aliases import Matrix, Vector
 from .book import Book, Group
 from .flexible import FlexibleBody

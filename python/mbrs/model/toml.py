@@ -12,8 +12,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from .._lib.files import write_atomic
 from ..errors import DuplicateNameError, InertiaError, MbrsError, ModelError, NameNotFoundError
-from ..files import write_atomic
 from .book import Book
 from .describe import describe
 from .expressions import Expression

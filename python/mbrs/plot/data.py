@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.text import number, si
 from ..errors import MbrsError, ModelError
-from ..report import number, si
 
 __all__ = [
     "Curve",

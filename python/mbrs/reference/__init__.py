@@ -28,8 +28,9 @@ from .sensitivity import (
     real_part,
     shape_derivative,
 )
+from .simulate import simulate
 from .steady import steady_motion
-from .transient import History, Instant, simulate
+from .transient import History, Instant
 
 __all__ = [
     "Derivative",

@@ -16,6 +16,7 @@ from .kinematics import (
     State,
     System,
     advance,
+    first_guess,
     link_pair,
     motion,
     place_modal,
@@ -196,3 +197,21 @@ def close_loops(sys: System, state: State, tolerance: float = 1e-13, fixed: Sequ
     raise AssemblyError(
         f"the loops do not close: gap {gap:.3g} (in units of {sys.length:.3g} m); check the joints' points"
     )
+
+
+@dataclass
+class Mobility:
+    """Degrees of freedom of a system as drawn, rank of its cut rows, and the rows that others imply, as ``joint[row]``."""
+
+    dof: int
+    rank: int
+    redundant: list[str]
+    partition: Partition
+
+
+def mobility(sys: System) -> Mobility:
+    """The mobility of the assembled drawn state; rows are counted in the order of docs/tables.md."""
+    part = partition(sys, assemble(sys, first_guess(sys)))
+    kept = set(part.rows.tolist())
+    redundant = [name for i, name in enumerate(cut_row_names(sys)) if i not in kept]
+    return Mobility(len(part.independent), len(part.dependent), redundant, part)

@@ -79,7 +79,6 @@ class System:
         if not {"drives", "nonholonomic"} & set(without):
             return self
         out = copy(self)
-        out.__dict__.pop("_drawn_partition", None)
         for name in ("joints", "cut"):
             kept = [link for link in getattr(self, name) if not ("drives" in without and link.kind == "drive")]
             slides = "nonholonomic" in without
@@ -115,30 +114,6 @@ class System:
         """True for the tree coordinates in metres."""
         tree = [c[1] == "t" for t in self.tree for c in t.coordinates]
         return np.array(tree + [False] * (self.ny - self.n_tree), dtype=bool)
-
-    @cached_property
-    def _drawn_partition(self) -> Any:
-        from .assembly import assemble, partition
-
-        return partition(self, assemble(self, first_guess(self)))
-
-    @property
-    def dof(self) -> int:
-        """Degrees of freedom of the assembled drawn state."""
-        return len(self._drawn_partition.independent)
-
-    @property
-    def rank(self) -> int:
-        """Rank of the cut rows there."""
-        return len(self._drawn_partition.dependent)
-
-    @property
-    def redundant(self) -> list[str]:
-        """Cut rows that the others imply, as ``joint[row]``, rows counted in the order of docs/tables.md."""
-        from .assembly import cut_row_names
-
-        names, kept = cut_row_names(self), set(self._drawn_partition.rows.tolist())
-        return [name for i, name in enumerate(names) if i not in kept]
 
 
 def drawn_state(sys: System) -> State:

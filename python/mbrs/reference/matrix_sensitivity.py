@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..matrix_calculus import derivative, inverse_rule, product_rule
+from .._lib.vetter import derivative, inverse_rule, product_rule
 from .so3 import Array
 
 Function = Callable[..., Array]

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import ModelError
 from . import so3
+from .rows import imposed_row
 from .so3 import Array
 from .time_functions import TimeFunction, read_motions
 
@@ -209,8 +210,6 @@ def read_loads(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Load]
 
 def read_imposed(t: Mapping[str, Any], x: Array, joints: list[Link]) -> list[Link]:
     """Drives, then couplers, as links with one row each on the markers of their joint (of a coupler the second one)."""
-    from .joints import imposed_row
-
     motions, out = read_motions(t, x), []
     none = np.zeros((6, 6))
 

@@ -162,7 +162,7 @@ fn put_instants(out: &Bound<'_, PyDict>, all: &[Instant]) -> PyResult<()> {
 }
 
 /// A motion over given step times, quantities at all of them (n_t, n) and their derivatives (n_t, n, n_p) along directions.
-/// `options`: times, memory, scheme, rho, weight, keep, drawn, quantities, directions; see mbrs/gradient.py.
+/// `options`: times, memory, scheme, rho, weight, keep, drawn, quantities, directions; see mbrs/gradients/gradient.py.
 #[pyfunction]
 fn motion_directions<'py>(
     py: Python<'py>,

@@ -1,0 +1,1 @@
+"""Files: of results, and of models in the formats of other programs."""

@@ -1,0 +1,1 @@
+"""What accuracy costs, what effects cost, whether derivatives are right."""
