@@ -26,8 +26,8 @@ class InertiaError(ModelError):
 
 
 class RouteError(ModelError):
-    """No route serves: the sparse one of large models does not know something in this one and the model is too large for the dense
-    route, or the arrays of an analysis do not fit into memory; the message tells sizes and what to do instead."""
+    """The sparse solver does not support a feature of this model, which is too large for the dense one, or the arrays of an
+    analysis do not fit into memory. The message gives sizes and what to do instead."""
 
 
 class AssemblyError(MbrsError):

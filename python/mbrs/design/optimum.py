@@ -33,7 +33,7 @@ class Optimum(Result):
     message
         The optimiser's own words.
     error
-        What is left of the gradient beyond active bounds and constraints, by variables over their scales, relative to the
+        The gradient projected on what active bounds and constraints leave free, by variables over their scales, relative to the
         objective or its gradient at the start; None where the optimiser was stopped.
     """
 

@@ -113,7 +113,7 @@ def problem(
             raise ModelError(f"{label!r} is named twice; name every parameter once")
         if math.isnan(value_at(m, label)):
             raise ModelError(
-                f"{label!r} is a turn, which is no number to be varied; make the axis or orientation depend on a parameter"
+                f"{label!r} is a rotation and cannot be a design variable; make the axis or orientation depend on a parameter"
             )
     _known_options(options)
     now = np.array([float(m.value(label)) for label in along.labels])

@@ -105,7 +105,7 @@ def gradient(
     weight
         ALI3-P: metric of the projections, "tangent" (M + h/2 C + h^2/4 K; default) or "mass".
     rho
-        Generalised-alpha: what is left of infinitely fast oscillations after a step, 0 to 1 (0.8).
+        Generalised-alpha: spectral radius at infinite frequency, 0 <= rho <= 1 (default 0.8).
     keep
         Adjoint: a motion of more numbers than this is not kept but run again between checkpoints, as many as the root of
         its steps.
@@ -130,7 +130,7 @@ def gradient(
     KinkWarning
         A motion that passes kinks of forces, with times and elements (``.kinks``).
     MbrsWarning
-        A motion that is chaotic over so long a time (``.growth``).
+        A motion that is very sensitive to the parameters over this time span (``.growth``).
 
     Notes
     -----

@@ -1,4 +1,4 @@
-"""What of a motion is to be small: integrals over time, final values, values at given times."""
+"""Objective functions of a simulated motion: integrals over time, final values, values at given times."""
 
 from __future__ import annotations
 

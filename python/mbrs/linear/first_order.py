@@ -21,7 +21,7 @@ class StateSpace(Result):
 
     Unpacks as ``A, B, C, D = ss``. ``states``, ``inputs`` and ``outputs`` are names. An input that is a motion of the
     base enters with its second derivative; the state is then shifted by multiples of the input so that no derivative of
-    it is needed, and ``states`` say so by a star.
+    it is needed, and names in ``states`` then end with a star.
     """
 
     A: np.ndarray = quantity(dims=("state", "state_"), unit="")

@@ -29,8 +29,8 @@ class FrfResult(Result):
     Attributes
     ----------
     value
-        (n_out, n_in, n_freq) complex, output unit over input unit. Infinite where an undamped resonance or a rigid
-        motion makes it so.
+        (n_out, n_in, n_freq) complex, output unit over input unit. Infinite at undamped resonances and, for free
+        systems, at 0 Hz.
     frequency, omega
         (n_freq,) Hz and rad/s, ascending where a range was asked for, else in the order given.
     kind
@@ -459,7 +459,7 @@ def _warn_singular(points: np.ndarray, singular: Sequence[int]) -> None:
         f = points[index] / (2 * np.pi)
         why = "the system can move freely" if f == 0.0 else "it lies on an undamped resonance"
         warnings.warn(
-            f"the dynamic stiffness is singular at {f:.6g} Hz ({why}): what reaches that motion is infinite there",
+            f"the dynamic stiffness is singular at {f:.6g} Hz ({why}): the transfer function is infinite at this frequency",
             MbrsWarning,
             stacklevel=3,
         )

@@ -137,7 +137,7 @@ def _unbalance(r: dict[str, Any]) -> str:
         acceleration = np.linalg.solve(r["M"], r["residual"])
     except np.linalg.LinAlgError:  # a coordinate without inertia
         worst = int(np.argmax(np.abs(r["residual"])))
-        return f"{r['residual'][worst]:.3g} N or N m are left over at {r['coordinates'][worst]!r}"
+        return f"{r['residual'][worst]:.3g} N or N m are unbalanced at {r['coordinates'][worst]!r}"
     worst = int(np.argmax(np.abs(acceleration)))
     return f"{r['coordinates'][worst]!r} would accelerate at {-acceleration[worst]:.3g} (m or rad)/s2"
 

@@ -25,7 +25,7 @@ _MATRIX_EFFECTS = {"damping": "C", "gyroscopic": "G", "circulatory": "N"}
 # Relative error of an assembled model's frequency from which on the factor of its stiffness is worth a second solution. Too small:
 # ordinary models are solved twice. Too large: soft modes keep the rounding of stiff springs. Pinned by tests/truth/test_graded_modes.py.
 _GRADED = 1e-9
-# A smaller pivot of M means that light bodies drown in the rounding of heavy ones; then a factor of M is taken.
+# A smaller pivot of M means that M is ill-conditioned: light bodies are lost in the rounding of heavy ones. Then a factor of M is used.
 _LIGHTEST = 1e-5
 
 
@@ -55,7 +55,7 @@ def modes(
         Effects to leave out. Plain matrices know "damping" (C), "gyroscopic" (G) and "circulatory" (N).
     stiffness_factor
         (any, dof) matrix F with K = F^T F, such as sqrt(k) times the rows of relative displacement. It keeps low
-        frequencies accurate where a stiffness ratio beyond 1e8 would drown them in the rounding of an assembled K;
+        frequencies accurate where a stiffness ratio beyond 1e8 would lose them in the rounding of an assembled K;
         used for undamped and proportionally damped systems.
 
     Returns

@@ -25,7 +25,7 @@ def multiblade(values: Any, azimuth: Any, inverse: bool = False) -> np.ndarray:
     values
         (..., N): the coordinate of each blade (real or complex), at least two; with ``inverse`` the multiblade ones.
     azimuth
-        (N,) or (..., N) rad: psi_i of each blade, evenly spaced. Of a rotor that turns psi_i(t) = psi_i(0) + speed t.
+        (N,) or (..., N) rad: psi_i of each blade, evenly spaced. A turning rotor has psi_i(t) = psi_i(0) + speed t.
     inverse
         From multiblade coordinates to the blades': q_i = a_0 + sum_n a_n cos(n psi_i) + b_n sin(n psi_i) (+ (-1)^i a_d).
 

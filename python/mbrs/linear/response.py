@@ -311,7 +311,7 @@ def load_history(t: np.ndarray, loads: Sequence[Any], names: Sequence[str]) -> L
             u[j] = _sample(load, t, name)
             middle = _sample(load, 0.5 * (t[1:] + t[:-1]), name)
             bulge[j] = middle - 0.5 * (u[j, 1:] + u[j, :-1])
-            # what rounding of the load makes is no curvature
+            # rounding of the load is not curvature
             bulge[j, np.abs(bulge[j]) <= 4 * np.finfo(float).eps * np.abs(u[j]).max()] = 0.0
         else:
             u[j] = _array(load, t.size, name)
@@ -353,7 +353,7 @@ def _again(a: np.ndarray, rows: list[int]) -> np.ndarray:
 
 
 def _with_inputs(m: Any, ports: list[Any], outputs: Any, at: Any, without: Sequence[str]) -> LinearSystem:
-    """Free motion has no loads: any coordinate stands in for the input then, with no force."""
+    """Free motion has no loads: any coordinate is then the input, with zero force."""
     from .matrices import MechanicalSystem
 
     if isinstance(m, MechanicalSystem):

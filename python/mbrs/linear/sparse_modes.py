@@ -130,7 +130,7 @@ def model_modes(model: Any, at: Any, n: int, without: Any, start: float, shift: 
         warnings.warn(
             f"the drawn state of {model.name!r} is not in balance: at {r['worst']!r} "
             f"{r['unbalanced']:.1e} of all forces is "
-            "left over; take the modes at an equilibrium instead",
+            "unbalanced; take the modes at an equilibrium instead",
             MbrsWarning,
             stacklevel=4,
         )

@@ -140,7 +140,7 @@ def spin_of(
 ) -> Spin:
     """The rates with which no elastic force grows: bodies without a joint follow first, then all coordinates that are not driven.
 
-    Raises a ModelError that names the element where something that turns is tied to something that stands.
+    Raises a ModelError that names the element where something that turns is tied to something at rest.
     """
     topology = snapshot.system.topology()
     free = free_bodies(topology)

@@ -148,7 +148,7 @@ def steady_motion(
     """The state in which the named joints turn at constant speed and all forces, inertia included, balance.
 
     rho(y, v, v') = 0 on all coordinates but the driven ones, v = speed on these. Bodies without a joint that elastic elements tie
-    to something that turns (bushings, torsion springs, beams) turn with it; everything else stands.
+    to something that turns (bushings, torsion springs, beams) turn with it; everything else is at rest.
 
     Parameters
     ----------

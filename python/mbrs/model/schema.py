@@ -237,7 +237,7 @@ class Kind:
 
 
 def coordinate_unit(role: str, row: str, column: str) -> str:
-    """Of a force on a coordinate "t" or "r", or of its derivative by (the rate of) another."""
+    """Unit of a force on a coordinate "t" or "r", or of its derivative by (the rate of) another."""
     if role == "force":
         return _FORCE[row]
     return f"{_FORCE[row]}{' s' if role == 'damping' else ''}/{_MOTION[column]}"

@@ -1,4 +1,4 @@
-"""What can be read of an instant of a motion, by name: the state objects that objectives see."""
+"""Quantities of a motion at one instant, addressed by name: the state objects that objectives see."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class Names:
         return self._find("body or marker", name, [*self.bodies, *self.markers])
 
     def unit(self, asked: Asked) -> str:
-        """Of its numbers; empty where they differ."""
+        """Unit of its numbers; empty where they differ."""
         kind, index, order = asked[:3]
         if kind == "joint":
             kinds = set(_KINDS[int(self.tables["joint_type"][index])].free)

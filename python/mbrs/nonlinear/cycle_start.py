@@ -102,8 +102,7 @@ def _power(setup: Any, rest: np.ndarray, c: np.ndarray, w: float) -> float:
 
 
 def by_integration(system: Any, force: Any, cycles: int = 12) -> Start | None:
-    """The motion that a small disturbance of the equilibrium grows into, or None if it does not
-    repeat."""
+    """The periodic attractor reached from a perturbed equilibrium, or None."""
     from scipy.integrate import solve_ivp
 
     if any(law.has_memory for law in system.elements) or system.n > 200:

@@ -167,7 +167,7 @@ class PeriodicSolution(Result):
 
         ``.balanced`` is against the equations that were balanced, by DOP853; by the implicit midpoint rule with halved
         steps for more than 60 coordinates and for laws with memory, whose sliders start where two periods of the solution
-        leave them. Of a model ``.full``, which is then the number itself, is against its full equations by `mb.simulate`,
+        leave them. ``.full``, for models and then the number itself, is against its full equations by `mb.simulate`,
         hence with the error of the linearised geometry. ``full``: True demands it, False leaves it out, None takes it where
         it can be had (``.why`` says why not). An unstable motion leaves its orbit, and both distances grow by its
         multiplier."""
@@ -362,7 +362,7 @@ def _solved(
     options: dict[str, Any],
     tol: float | None,
 ) -> tuple[balance.Setup, dict[str, Any]]:
-    """The core's answer, with fewer harmonics first where all at once fail, and more samples where they are what lacks."""
+    """Solve; on failure restart from fewer harmonics; refine the sampling if aliasing dominates."""
     given: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples, omega=omega, condense=condense)
     setup, answer = first_solution(system, force, harmonics, given, x0, options)
     while answer["converged"]:

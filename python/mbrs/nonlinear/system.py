@@ -71,7 +71,7 @@ def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> 
 
     Notes
     -----
-    Where joints constrain velocities, the displacement they leave constant is zero (docs/needle.md). Cost: one
+    Where joints constrain velocities, the displacement they leave constant is zero (docs/theory.md, section 22). Cost: one
     linearisation.
 
     Examples

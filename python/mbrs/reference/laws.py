@@ -26,7 +26,7 @@ Answer = tuple[Any, Any, Any, list[Any]]  # force, slope by displacement, slope 
 
 @dataclass
 class BoundLaw:
-    """A law on one coordinate of a link: its numbers, and where its memory stands among that of all laws."""
+    """A law on one coordinate of a link: its numbers, and the index of its memory among that of all laws."""
 
     component: int
     code: int

@@ -1,4 +1,4 @@
-"""F(x) = 0 by inverse quasi-Newton updates and approximate norm descent, step by step (METHODS.md c.2, c.3)."""
+"""F(x) = 0 by inverse quasi-Newton updates and approximate norm descent, step by step (docs/theory.md (19.1) to (19.4))."""
 
 from __future__ import annotations
 

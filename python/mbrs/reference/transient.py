@@ -150,7 +150,7 @@ def align(sys: System, m: Motion) -> Motion:
 
 
 def acceleration(sys: System, m: Motion) -> tuple[Array, Array]:
-    """v' and lam of [M J^T; J 0] [v'; lam] = [-h; -J' v - Phi_tt] (METHODS.md c.3)."""
+    """v' and lam of [M J^T; J 0] [v'; lam] = [-h; -J' v - Phi_tt] (docs/theory.md (3.9))."""
     M, J = mass_matrix(sys, m), rows(sys, m)[1]
     free = np.linalg.solve(M, -residual(sys, m, np.zeros(sys.ny), np.zeros(len(J))))
     if len(J) == 0:

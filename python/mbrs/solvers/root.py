@@ -157,7 +157,7 @@ def root(
         name), ``nit``, ``nfev``, and ``n_backtracks``, ``norm`` (scaled), ``norms`` (of every iterate), ``inverse``
         (the last H: an array, or an object with ``apply`` for limited memory), ``n_skipped`` updates,
         ``n_restarts``, ``fallback`` (None or the iteration at which Broyden's update took over), ``method`` used.
-        Of a failed solve x is the best point that was met.
+        After a failure x is the best point that was met.
 
     Raises
     ------

@@ -76,8 +76,8 @@ def _without_modal_loads(made: dict[str, Any]) -> dict[str, Any]:
 
 
 def framed(made: dict[str, Any]) -> dict[str, Any]:
-    """The Tables as results read them: moving nodes of flexible bodies as bodies behind the others, and what is attached
-    to one as attached to that body. ``owner``: the body of each. The same dict for a model without moving nodes.
+    """Tables in which every moving node of a flexible body appears as an additional body, behind the others. ``owner``: the
+    body of each. The same dict for a model without moving nodes.
     """
     moving = made.get("moving_node", ())
     if not len(moving):
@@ -201,7 +201,7 @@ def _items(kind: str, items: Sequence[Any], base: dict[str, int], columns: Itera
 
 
 def _load_frame(load: Any) -> int:
-    """Of a force on a modal coordinate its index."""
+    """Index of the modal coordinate, of a force on one."""
     return load.mode if isinstance(load, ModalLoad) else LOAD_FRAMES[load.frame]
 
 
@@ -276,7 +276,7 @@ def node_tables(model: Model, base: dict[str, int]) -> dict[str, Any]:
 
 
 def modal_places(tables: Mapping[str, Any], n_bodies: int) -> list[tuple[int, int, int, int]]:
-    """Of each flexible body: its number, the number of its modes, the row of a state where its coordinates start (three in
+    """Each flexible body: its number, the number of its modes, the row of a state where its coordinates start (three in
     each row, columns 0..2), and its first place among all modal coordinates.
     """
     out, row, first = [], n_bodies, 0

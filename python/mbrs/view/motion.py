@@ -52,7 +52,7 @@ def motion(
     title
         Title of the page.
     follow
-        A body that the view travels with; None stands still and sees the whole way.
+        A body that the view follows; None keeps the view fixed on the whole path.
 
     Returns
     -------
