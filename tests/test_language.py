@@ -128,6 +128,25 @@ def test_no_phrase_that_has_to_be_decoded():
     assert len(found) > 200 and not any(found), "\n" + "\n".join(filter(None, found))
 
 
+# A docstring begins with a noun or a verb.
+BEGINNING = re.compile(r"(?:What|How|Where|Which|Whether|Why|Of|Those|That)\b")
+
+
+def clauses(source):
+    """(line, first line) of docstrings that begin with a clause in the place of a noun."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
+            head = (ast.get_docstring(node) or "").partition("\n")[0]
+            if BEGINNING.match(head):
+                yield getattr(node, "lineno", 1), head
+
+
+def test_docstrings_begin_with_a_noun_or_a_verb():
+    found = [(path, *c) for path in files("python/mbrs") if path.suffix == ".py" for c in clauses(read(path))]
+    assert not found, "\n".join(f"{path.relative_to(ROOT)}:{n}: {head}" for path, n, head in found)
+    assert list(clauses('def f():\n    """What it is."""\n')) == [(1, "What it is.")]
+
+
 def test_no_document_that_is_not_here():
     found = []
     for path in ALL:

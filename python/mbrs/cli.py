@@ -33,7 +33,7 @@ class _Group(click.Group):
 
 
 def _so_far(analysis: Callable[..., Any], *args: Any, **options: Any) -> Any:
-    """What an analysis returns, or what it has when Ctrl-C cuts it; `_deliver` then ends with the exit code of an interrupt."""
+    """Result of an analysis, or its partial result after Ctrl-C; `_deliver` then ends with the exit code of an interrupt."""
     from .errors import Interrupted
 
     try:

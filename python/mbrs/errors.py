@@ -1,4 +1,4 @@
-"""What can go wrong, each with a class of its own. Every message names the object and the remedy."""
+"""Errors and warnings. Every message names the object and the remedy."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class MbrsWarning(UserWarning):
 
 
 class DoubtfulWarning(MbrsWarning):
-    """Whether a loop moves depends on the accuracy of the drawing; the message names its joints and says what was decided."""
+    """The mobility of a loop depends on the accuracy of the drawing; the message names its joints and the decision."""
 
 
 class KinkWarning(MbrsWarning):

@@ -37,7 +37,7 @@ def save(result: Any, path: str | Path) -> Path:
 
 
 def writer(path: str | Path) -> Callable[[Any], bytes]:
-    """What makes the bytes of a file with this ending; `ModelError` lists the known ones."""
+    """Function that makes the bytes of a file with this ending; `ModelError` lists the known ones."""
     ending = Path(path).suffix.lower()
     if ending not in WRITERS:
         raise ModelError(

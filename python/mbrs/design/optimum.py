@@ -1,4 +1,4 @@
-"""What an optimiser found, as a result."""
+"""Results of optimisations."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FEASIBLE = 1e-4
 
 @result
 class Optimum(Result):
-    """What an optimiser found.
+    """Result of an optimisation.
 
     Attributes
     ----------

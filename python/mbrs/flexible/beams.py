@@ -246,7 +246,7 @@ def _mesh(x: Array, properties: dict[str, Array], places: dict[str, float], elem
 
 
 def _taper(breaks: Array, x: Array, properties: dict[str, Array]) -> Array:
-    """How many elements every interval needs so that no stiffness or mass changes by more than a quarter in one."""
+    """Number of elements of every interval with which no stiffness or mass changes by more than a quarter in one."""
     out = np.ones(len(breaks) - 1)
     for name in _NEEDED:
         at = np.interp(breaks, x, properties[name])

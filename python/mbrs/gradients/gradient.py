@@ -222,7 +222,7 @@ def _estimated(made: MotionGradient, run: Run, objectives: Sequence[Objective], 
 
 
 def _variant(scheme: str, weight: str | None, rho: float | None) -> dict[str, Any]:
-    """What distinguishes a scheme, checked."""
+    """Options of a scheme, checked."""
     if weight is not None and (scheme != "ali3p" or weight not in ("tangent", "mass")):
         raise ModelError(
             f"weight= is 'tangent' or 'mass' and belongs to scheme='ali3p', got {shown(weight)} with {scheme!r}"
@@ -312,7 +312,7 @@ def _reader(run: Run) -> Reader:
 
 
 def _read(run: Run, objectives: Sequence[Objective], reader: Reader) -> None:
-    """What the objectives read at the start: values are fetched one by one until they are content."""
+    """Quantities that the objectives read at the start: values are fetched one by one until they are content."""
     short = replace(run, times=run.times[:1])
     for _ in range(10 * _READINGS):
         row = short.direct(list(reader.places), None)["values"][0] if reader.places else np.zeros(0)

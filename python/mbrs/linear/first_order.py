@@ -133,7 +133,7 @@ def _state_matrices(linear: LinearSystem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _direct(linear: LinearSystem, C: np.ndarray, powers: list[np.ndarray], q: int) -> np.ndarray:
-    """What multiplies u itself; refuses outputs that see u' or u"."""
+    """Matrix that multiplies u itself; refuses outputs that see u' or u"."""
     n_out, n_in = C.shape[0], linear.F.shape[1]
     D = np.zeros((n_out, n_in))
     for j in range(n_in):

@@ -342,7 +342,7 @@ class _Sparse:
         self.poles = self._poles(highest)
 
     def _poles(self, highest: float) -> np.ndarray | None:
-        """Those within reach, or None where they cannot be counted or are too many to be worth it."""
+        """Poles within reach, or None where they cannot be counted or are too many to be worth it."""
         M, D, S = self.arrays
         with core_errors():
             try:

@@ -190,7 +190,7 @@ def _cross_coupled(model: Any, name: str) -> bool:
 
 
 def second_order_of(m: Any, at: Any, without: Sequence[str]) -> Linearization:
-    """What modes, transfer functions and responses work on: a linearisation, given or made."""
+    """The linearisation, given or made, on which modes, transfer functions and responses work."""
     if isinstance(m, Linearization):
         if at is not None or tuple(without):
             raise ModelError("at= and without= belong to the call of mb.linearize that made this linearisation")

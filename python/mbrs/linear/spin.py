@@ -1,4 +1,4 @@
-"""Which bodies turn in a steady motion: those that are driven, and those that elastic elements carry around with them."""
+"""Bodies that turn in a steady motion: those that are driven, and those that elastic elements carry around with them."""
 
 from __future__ import annotations
 
@@ -212,7 +212,7 @@ def _with_carriers(
     driven: Collection[int],
     relative: np.ndarray,
 ) -> Spin:
-    """Which body each carried one follows: the first of the others that moves as one rigid body with it."""
+    """Spin in which each carried body follows the first of the others that moves as one rigid body with it."""
     names = list(base.snapshot.tables["body_name"])
     with core_errors():
         place = base.snapshot.system.bodies(relative, np.zeros(0))["position"]

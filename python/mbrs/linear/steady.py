@@ -256,7 +256,7 @@ def _rates(snapshot: Snapshot, begin: State, driven: Mapping[int, float], withou
 def _drive_forces(
     snapshot: Snapshot, found: dict[str, Any], names: Sequence[str], without: tuple[str, ...]
 ) -> dict[str, float]:
-    """What each drive of a tree joint exerts, by the coordinate that it moves."""
+    """Force or torque of each drive of a tree joint, by the coordinate that it moves."""
     model, out = snapshot.model, {}
     rows = list(snapshot.system.topology()["row_joint"])
     for drive in model.drives if "drives" not in without else ():

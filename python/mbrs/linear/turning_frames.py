@@ -89,7 +89,7 @@ class Turn:
 
     @property
     def fits(self) -> float:
-        """How well the motions of bodies have to agree, over their size."""
+        """Tolerance for the agreement of the motions of bodies, over their size."""
         return max(FITS, self.snapshot.model.tolerance)
 
     @property

@@ -36,7 +36,7 @@ class LawLike(Protocol):
 
     @property
     def code(self) -> int:
-        """What the core knows it by."""
+        """Code of the kind in the Tables."""
 
     @property
     def values(self) -> Sequence[Any]:

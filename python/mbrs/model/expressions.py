@@ -18,7 +18,7 @@ from .operations import FUNCTIONS, OPS, UFUNC_ALIAS, Op
 
 
 class ParameterSpace(Protocol):
-    """What an expression needs of the parameters of a model: the flat V, and a number that rises when a value changes."""
+    """The parameters of a model as expressions use them: the flat V, and a number that rises when a value changes."""
 
     values: list[float]
     version: int

@@ -135,7 +135,7 @@ class ShapeNumbers(Item):
         return out
 
     def node_start(self, index: int) -> int:
-        """Where the numbers of a node start in the store."""
+        """Index in the store of the first number of a node."""
         return self.start + SHAPES.block.size(self.m) + index * NODE.size(self.m)
 
 

@@ -340,7 +340,7 @@ class FunctionLaw(Law):
         return self._shaped("function", self._called("function", u, v), u.shape)
 
     def _called(self, name: str, u: np.ndarray, v: np.ndarray) -> Any:
-        """What the function or its derivative returns; what it raises comes out as it is, with a note."""
+        """Value of the function or its derivative; its exceptions come out unchanged, with a note."""
         try:
             return getattr(self, name)(u, v)
         except BaseException as raised:

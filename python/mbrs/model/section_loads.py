@@ -42,7 +42,7 @@ class ModalLoad(Load):
 
 @dataclass(frozen=True)
 class SectionLoad:
-    """What `Model.section_load` made: the names of its loads, and the resultants that they have together.
+    """Handle of a section load: the names of its loads, and the resultants that they have together.
 
     ``force`` and ``moment`` (3,) or (n_t, 3) about the body's origin, N and N m, in the load's axes; ``modal`` (m,) or
     (n_t, m), the generalised forces, None for loads in world axes, which act on the nodes.

@@ -348,7 +348,7 @@ def _compared_with(traj: Trajectory, options: dict[str, Any]) -> tuple[dict[str,
 
 
 def _rounding(traj: Trajectory) -> float:
-    """What rounding makes of a motion: every step leaves that of its pose, and a part of its rate that moves all that follows."""
+    """Error of a motion by rounding: every step leaves that of its pose, and a part of its rate that moves all that follows."""
     if traj.rate.shape[1] == 0:
         return 0.0  # nothing can move
     length = traj.snapshot.system.characteristic_length

@@ -54,7 +54,7 @@ class Run:
     read: list[bool] = field(default_factory=list)
 
     def options(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
-        """What the core takes."""
+        """Arguments of the core."""
         pairs: list[tuple[list[int], list[float]]] = []
         if along is not None:
             for p in range(along.n):

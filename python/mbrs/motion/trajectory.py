@@ -406,7 +406,7 @@ class Trajectory(Result):
         return names.unit(names.address(what))
 
     def component_names(self, what: str) -> list[str]:
-        """What the numbers of a quantity are called: x y z, rx ry rz after them of a wrench, a joint's own coordinates."""
+        """Names of the numbers of a quantity: x y z, rx ry rz after them of a wrench, a joint's own coordinates."""
         names = Names(self.snapshot.tables)
         return names.components(names.address(what))
 

@@ -52,7 +52,7 @@ class Setup:
 
     @property
     def route(self) -> str:
-        """How the linear part was treated."""
+        """Treatment of the linear part, in words."""
         return self.linear.route
 
     def expand(self, y: np.ndarray, omega: float, level: float = 1.0, value: float | None = None) -> np.ndarray:
@@ -139,7 +139,7 @@ class Setup:
 
 
 def coordinate_name(system: Any, i: int) -> str:
-    """What a message calls a coordinate."""
+    """Name of a coordinate in messages."""
     names = getattr(system, "coordinates", None)
     return f"coordinate {i}" if names is None else f"coordinate {str(names[i])!r}"
 

@@ -195,7 +195,7 @@ class Branch(Iterator[BranchPoint]):
                 line.advance(len(self.chunks) - before, note=self._note() if line.due else "")
 
     def _note(self) -> str:
-        """Where the branch is: frequency, amplitude, harmonics, step, events."""
+        """Present point of the branch in words: frequency, amplitude, harmonics, step, events."""
         if len(self.chunks) == 0:
             return self.status
         last = self.point(len(self.chunks) - 1)
@@ -569,7 +569,7 @@ BRANCH_DEFAULTS: dict[str, Any] = {name: p.default for name, p in _OPTIONS.items
 
 
 def interrupted(branch: Branch, collect: Callable[[], FrequencyResponse]) -> Interrupted:
-    """What is raised when Ctrl-C cuts a branch: with its points so far, if there are any."""
+    """The exception for Ctrl-C in a branch: with its points so far, if there are any."""
     n = len(branch.chunks)
     made = collect().replaced(status="interrupted") if n else None
     return Interrupted(f"a branch was interrupted after {n} points", made)

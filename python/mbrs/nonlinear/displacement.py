@@ -1,4 +1,4 @@
-"""Which displacement of a nonlinear result is meant: a coordinate by number or name, or a motion port of the model."""
+"""Selection of a displacement of a nonlinear result: a coordinate by number or name, or a motion port of the model."""
 
 from __future__ import annotations
 

@@ -168,7 +168,7 @@ def limit_cycle(
 
 
 def conservative(system: Any) -> bool:
-    """Whether nothing in a system takes or gives energy, by structure: no damping, no circulatory stiffness, laws of position."""
+    """True if a system conserves energy by structure: no damping, no circulatory stiffness, laws of position."""
     M, C, K = condensation.dense(system)
     still = all(law.code in POSITION for law in system.elements)
     return still and bool(np.all(C + C.T == 0) and np.all(K == K.T) and np.all(M == M.T))

@@ -184,7 +184,7 @@ class QuasiPeriodicSolution(Result):
 
 
 def n_terms(p: int, m: int) -> int:
-    """How many index vectors `diamond` has, (sum_i 2^i C(p, i) C(m, i) - 1) / 2: docs/theory.md (12.2)."""
+    """Number of index vectors of `diamond`, (sum_i 2^i C(p, i) C(m, i) - 1) / 2: docs/theory.md (12.2)."""
     return (sum(2**i * comb(p, i) * comb(m, i) for i in range(min(p, m) + 1)) - 1) // 2
 
 

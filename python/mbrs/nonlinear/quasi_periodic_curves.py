@@ -78,11 +78,11 @@ class QuasiPeriodicResponse(Result):
 
     @property
     def varies(self) -> str:
-        """What changes along the branch: "scale", "level", "omega0" (a base frequency), or "value"."""
+        """Quantity that varies along the branch: "scale", "level", "omega0" (a base frequency), or "value"."""
         return self.parameter
 
     def abscissa(self) -> tuple[np.ndarray, str, np.ndarray]:
-        """What the branch is drawn over, its name, and where the folds are."""
+        """Abscissa of the branch, its name, and that of the folds."""
         name, x = self.along
         return x, name, np.array(self.fold_places, dtype=float)
 
@@ -127,7 +127,7 @@ class QuasiPeriodicResponse(Result):
 
     @property
     def along(self) -> tuple[str, np.ndarray]:
-        """What the branch runs in: its name, and its values (n,)."""
+        """Parameter of the branch: its name, and its values (n,)."""
         if self.value is not None:
             return "value", self.value
         if self.parameter.startswith("omega"):
@@ -216,7 +216,7 @@ def quasi_periodic_response(
 
 @dataclass(frozen=True)
 class _Way:
-    """What a branch runs in: the core's name of it, its range, the system and forces at the beginning."""
+    """Direction of a branch: the core's name of its parameter, its range, the system and forces at the beginning."""
 
     name: str
     ends: tuple[float, float]

@@ -123,20 +123,20 @@ class FrequencyResponse(Result):
 
     @property
     def varies(self) -> str:
-        """What changes along the curve: "frequency" or "level"."""
+        """Quantity that varies along the curve: "frequency" or "level"."""
         return "level" if len(self) > 1 and np.ptp(self.omega) == 0 else "frequency"
 
     def axis(self) -> tuple[np.ndarray, str]:
-        """What the curve is drawn over, (n,), and its name."""
+        """Abscissa of the curve, (n,), and its name."""
         return (self.level, "force level") if self.varies == "level" else (self.frequency, "f [Hz]")
 
     def place(self, event: Event) -> float:
-        """Where an event is on that axis."""
+        """Abscissa of an event."""
         return event.level if self.varies == "level" else event.frequency
 
     @property
     def connected(self) -> bool:
-        """Whether the points follow each other on one branch; a list of frequencies only gives single solutions."""
+        """True if the points follow each other on one branch; a list of frequencies only gives single solutions."""
         return self.stats.counts.get("single solutions", 0) == 0
 
     @property
@@ -330,7 +330,7 @@ class FrequencyResponse(Result):
         return heads, rows
 
     def _size(self) -> np.ndarray:
-        """How much each coordinate moves where the motion is largest, (dof,)."""
+        """Amplitude of each coordinate at the largest motion, (dof,)."""
         if not self.parts:
             return np.linalg.norm(self.X[int(np.argmax(np.linalg.norm(self.X, axis=(1, 2)))), :, 1:], axis=1)
         i = int(np.argmax([float(np.linalg.norm(y)) for part in self.parts for y in part.y]))

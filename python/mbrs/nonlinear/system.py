@@ -127,7 +127,7 @@ def _twist(lin: Linearization, body: int, point: np.ndarray) -> np.ndarray:
 def as_system(
     system: Any, force: Any, amplitude: Any = None, at: Any = None, without: Sequence[str] = (), inputs: Any = None
 ) -> tuple[Any, Any]:
-    """What harmonic balance works on, from a model or a system: the system, and forces as vectors (n,) by harmonic.
+    """Input of harmonic balance from a model or a system: the system, and forces as vectors (n,) by harmonic.
 
     ``force``, or in its place ``inputs``, may name ports of the model ("b.force.x", ``b.force("x")``), alone, in a list, or
     by harmonic in a dict; ``amplitude`` (N or N m, complex a - i b for a cos + b sin) belongs to each of them, one number

@@ -29,7 +29,7 @@ _PASSES = 100
 
 
 class Mechanism:
-    """What a model gives: everything as complex-safe functions of time, configuration, rates and the numbers p.
+    """A mechanism: complex-safe functions of time, configuration, rates and the numbers p.
 
     ``n`` coordinates, ``n_position`` rows of position level, then ``n_velocity`` rows D v + d = 0.
     """
@@ -75,7 +75,7 @@ class Mechanism:
         return self.rows(t, q, p) @ v
 
     def bias(self, t: float, q: Any, v: Array, p: Array) -> Array:
-        """What B a must cancel."""
+        """Terms that B a must cancel."""
         return np.zeros(self.n_position + self.n_velocity)
 
     def tangents(self, t: float, q: Any, v: Array, a: Array, p: Array) -> tuple[Array, Array]:

@@ -70,7 +70,7 @@ class Flexible:
 
 @dataclass
 class Node:
-    """Where a node is in its frame: place (3,), shapes (6, m)."""
+    """A node in its frame: place (3,), shapes (6, m)."""
 
     owner: Flexible
     place: Array

@@ -53,7 +53,7 @@ class Numbers:
 
 @dataclass
 class Carried:
-    """What goes on from step to step: the algorithmic acceleration, v' of the equations, their multipliers."""
+    """Data carried from step to step: the algorithmic acceleration, v' of the equations, their multipliers."""
 
     a: Array
     slope: Array

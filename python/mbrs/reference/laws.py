@@ -48,7 +48,7 @@ class BoundLaw:
 
 
 def memory_size(code: int, n: int) -> int:
-    """How many numbers the law remembers."""
+    """Number of memories of the law."""
     return {JENKINS: 1, IWAN: n // 2}.get(code, 0)
 
 

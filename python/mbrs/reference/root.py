@@ -14,7 +14,7 @@ _Fun = Callable[[_F1], _F1]
 
 @dataclass
 class Found:
-    """What a solve met: every iterate, its norm, the last H and why it ended."""
+    """Record of a solve: every iterate, its norm, the last H and why it ended."""
 
     x: _F1
     H: NDArray[np.float64]

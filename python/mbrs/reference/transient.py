@@ -50,7 +50,7 @@ class Instant:
 
 @dataclass
 class History:
-    """What a scheme went through, step by step, and how many Newton iterations it took."""
+    """Record of a scheme, step by step, with its number of Newton iterations."""
 
     instants: list[Instant] = field(default_factory=list)
     iterations: int = 0

@@ -75,7 +75,7 @@ class Snapshot:
         return {"model": self.model, "current": self.current, "tables": raw, "flexible": "flexible_body" in raw}
 
     def data_state(self) -> dict[str, Any]:
-        """What a file of data keeps: the Tables of a model as it is are made again from it."""
+        """State for a file of data: the Tables of a model are made again from it."""
         state = self.__getstate__()
         return {**state, "tables": None} if state["current"] else state
 

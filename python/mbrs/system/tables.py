@@ -62,7 +62,7 @@ def tables(model: Model, flexible: bool = True) -> dict[str, Any]:
 
 
 def _without_modal_loads(made: dict[str, Any]) -> dict[str, Any]:
-    """What becomes of loads where no body has modal coordinates."""
+    """Tables without modal loads, for models without modal coordinates."""
     kept = made["load_type"] != LOADS["modal_force"].code
     moved = kept[made["load_motion_load"]]
     loads = {key: made[key][kept] for key in ("load_type", "load_body", "load_frame", "load_x")}
@@ -140,7 +140,7 @@ def x(model: Model) -> np.ndarray:
 
 
 def offsets(model: Model) -> dict[str, int]:
-    """Where the numbers of each store start in x."""
+    """Index in x of the first number of each store."""
     out, start = {}, 0
     for kind in STORES:
         out[kind] = start
