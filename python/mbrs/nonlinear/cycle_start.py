@@ -48,7 +48,7 @@ def from_coefficients(X: np.ndarray, w: float) -> Start:
 def equilibrium(system: Any, force: Any) -> np.ndarray:
     """x of rest under the static forces, from the constant terms of harmonic balance."""
     setup = balance.prepare(system, force, 1, condense=False)
-    answer = balance.translated(setup.core.solve, setup.start(None), [1.0])
+    answer = balance.call_core(setup.core.solve, setup.start(None), [1.0])
     return setup.expand(answer["y"], 1.0)[:, 0] if answer["converged"] else np.zeros(system.n)
 
 

@@ -213,7 +213,7 @@ def _refine(
     for top in tops:
         setup = balance.prepare(system, force, top, omega=w, **given)
         z = np.append(setup.start(X), w)
-        answer = balance.translated(setup.core.cycle, z, **options)
+        answer = balance.call_core(setup.core.cycle, z, **options)
         w_new = float(answer["z"][-1])
         if not answer["converged"] or w_new <= 0:
             continue

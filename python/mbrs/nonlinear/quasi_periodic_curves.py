@@ -282,7 +282,7 @@ def _followed(problem: Torus, way: _Way, x0: Any, options: dict[str, Any], most:
     if way.family is not None:
         family = way.family
         problem.core.with_family(lambda p: problem.member(family(p)), a, 1e-5 * abs(b - a))
-    branch = balance.translated(
+    branch = balance.call_core(
         _core.HbmBranch,
         problem.core,
         problem.start(x0),
@@ -298,7 +298,7 @@ def _followed(problem: Torus, way: _Way, x0: Any, options: dict[str, Any], most:
     n = 0
     while n < most and (not parts or parts[-1]["status"] == "going"):
         try:
-            parts.append(balance.translated(branch.run, most - n, 0.2))
+            parts.append(balance.call_core(branch.run, most - n, 0.2))
         except KeyboardInterrupt:
             if n == 0:
                 raise

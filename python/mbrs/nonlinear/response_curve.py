@@ -14,7 +14,7 @@ from ..errors import ModelError
 from ..results import Result, derived, quantity, result
 from . import balance
 from .branch_points import MEANING, Event
-from .displacement import label, picked, taken, weights
+from .displacement import displacement_coefficients, label, weigh, weights
 from .periodic import PeriodicSolution
 
 
@@ -158,14 +158,14 @@ class FrequencyResponse(Result):
         key = f"row {dof!r}"
         if key not in self._cache:
             if "X" in self._cache:
-                self._cache[key] = picked(self.X, self.system, dof)
+                self._cache[key] = displacement_coefficients(self.X, self.system, dof)
             else:
                 top = max(part.setup.harmonics[-1] for part in self.parts)
                 out, at = np.zeros((len(self), 2 * top + 1)), 0
                 row = weights(self.system, dof, self.system.n)
                 for part in self.parts:
                     for i in range(len(part)):
-                        x = taken(part.expanded(i), row)
+                        x = weigh(part.expanded(i), row)
                         out[at, : len(x)] = x
                         at += 1
                 self._cache[key] = out
@@ -192,7 +192,7 @@ class FrequencyResponse(Result):
 
     def event_amplitude(self, event: Event, dof: Any = 0, harmonic: int | None = 1) -> float:
         """The same of the motion at an event."""
-        x = picked(event.X, self.system, dof)
+        x = displacement_coefficients(event.X, self.system, dof)
         if harmonic is None:
             return float(_largest(x[None, :], 256)[0])
         if 2 * harmonic >= len(x):

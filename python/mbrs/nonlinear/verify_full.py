@@ -79,7 +79,7 @@ class Push:
     omega: float
 
 
-def hindrance(system: Any) -> str:
+def obstacle(system: Any) -> str:
     """Reason why the full equations of the model of a system cannot be integrated from a motion of it; "" if they can."""
     lin: Linearization | None = getattr(system, "linearization", None)
     if lin is None:
@@ -273,7 +273,7 @@ def distances(
     """Both distances; ``full``: whether the second must be known (True), may be missing (None), or is not wanted (False)."""
     if full is False or (full is None and not hasattr(solution.system, "linearization")):
         return Distance(balanced)
-    why = hindrance(solution.system)
+    why = obstacle(solution.system)
     if not why:
         try:
             return Distance(balanced, full_distance(solution, terms, length, rtol))

@@ -19,10 +19,10 @@ from .transient import (
     History,
     Instant,
     acceleration,
+    advance_memory,
     column_scales,
     difference,
     force_scales,
-    marched,
     moved,
     multiplier_scales,
     newton,
@@ -74,5 +74,5 @@ def bdf4(sys: System, start: Instant, h: float, n: int, past: list[Instant] | No
     while len(history.instants) <= n:
         end, count = bdf_step(sys, history.instants[:-5:-1], h)
         history.iterations += count
-        history.instants.append(marched(sys, end))
+        history.instants.append(advance_memory(sys, end))
     return history

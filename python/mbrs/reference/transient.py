@@ -181,7 +181,7 @@ def moved(sys: System, m: Motion, dy: Array, rate: Array) -> Motion:
     return Motion(advance(sys, m.state, dy), rate, m.memory)
 
 
-def marched(sys: System, end: Instant) -> Instant:
+def advance_memory(sys: System, end: Instant) -> Instant:
     """An accepted end, its memories brought there."""
     return replace(end, motion=replace(end.motion, memory=remember(sys, end.motion)))
 

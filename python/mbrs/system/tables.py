@@ -75,7 +75,7 @@ def _without_modal_loads(made: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def framed(made: dict[str, Any]) -> dict[str, Any]:
+def tables_with_nodes(made: dict[str, Any]) -> dict[str, Any]:
     """Tables in which every moving node of a flexible body appears as an additional body, behind the others. ``owner``: the
     body of each. The same dict for a model without moving nodes.
     """
