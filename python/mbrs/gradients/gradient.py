@@ -134,6 +134,7 @@ def gradient(
 
     Notes
     -----
+    Equations: docs/theory.md (20.1) to (20.8).
     Direct: O(n_p) tangent steps; adjoint: O(1) in n_p. Sources: ALI3-P after Dopico and co-workers; generalised-alpha after
     O. Bruels, A. Cardona and M. Arnold, Mech. Mach. Theory 48 (2012) 121-137. Its Newton iterations are taken as converged, by
     which the derivative differs from that of every iterate by less than 1e-9 h^2 |a| of a step.

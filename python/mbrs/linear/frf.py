@@ -187,6 +187,7 @@ def frf(
 
     Notes
     -----
+    Equations: docs/theory.md (7.1) to (7.3).
     Cost: O(n^3) once for a set of matrices (kept for later calls), then O(n) per entry and frequency for well
     conditioned modes, O(n^2) per frequency otherwise. Sparse systems of more than 400 coordinates stay sparse: one
     factorisation per frequency; poles are then known as far as the range or the points reach.

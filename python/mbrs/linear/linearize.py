@@ -60,6 +60,7 @@ def linearize(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Linea
 
     Notes
     -----
+    Equations: docs/theory.md (5.1) to (5.6).
     Cost O(n_bodies * depth) for the tree, O(path^2) for each element, O(n^3) where loops are closed. Recursions
     after Singh,
     Russo and Wensing (IEEE Robotics and Automation Letters 7(2), 2022), transformation after Jiang, Chen and Luo

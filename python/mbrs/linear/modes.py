@@ -73,6 +73,7 @@ def modes(
 
     Notes
     -----
+    Equations: docs/theory.md (6.1) to (6.9).
     Without damping, or with damping that the undamped modes diagonalise, one symmetric eigenproblem and scalar
     quadratics; where a bound from all residuals says that digits are lost (very different stiffnesses or masses), singular
     values of a factor of K by Jacobi's method, and residuals in twice the precision. A model hands over the factor of its

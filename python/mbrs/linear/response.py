@@ -178,6 +178,7 @@ def response(
 
     Notes
     -----
+    Equations: docs/theory.md (7.4) to (7.6).
     Source of the exponential: Higham 2005. Cost: O(n^3) once, then O(n) per time for uncoupled modes, O(n^2) for small
     or badly conditioned systems; one set of propagators for each different step. Error estimate: the response to the
     parabola between load and chord, from the middle of each step (functions) or second differences (arrays).

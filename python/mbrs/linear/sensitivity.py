@@ -266,6 +266,7 @@ def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: st
 
     Notes
     -----
+    Equations: docs/theory.md (9.1) to (9.9).
     One pass of dual numbers through the linearisation per parameter; no differences.
 
     Examples

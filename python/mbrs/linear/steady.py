@@ -178,6 +178,7 @@ def steady_motion(
 
     Notes
     -----
+    Equations: docs/theory.md (8.1) to (8.3).
     Newton on the exact tangent, centrifugal stiffness included. The tangent at five angles of the turn decides about the axes: the
     first of fixed, rotating, joint and multiblade ones in which no row changes by more than 1e-8 of its own size is taken (G. Bir,
     Multiblade coordinate transformation and its application to wind turbine analysis, AIAA 2008-1300).

@@ -74,6 +74,7 @@ def frequency_response(
 
     Notes
     -----
+    Equations: docs/theory.md (13.1) to (13.5), (14.1) to (14.3).
     Predictor and corrector in a space whose scaling is renewed at every point (Allgower and Georg, Introduction to
     Numerical
     Continuation Methods, SIAM 2003). Cost per point: that of about three iterations of `harmonic_balance`.

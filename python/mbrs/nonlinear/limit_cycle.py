@@ -106,6 +106,7 @@ def limit_cycle(
 
     Notes
     -----
+    Equations: docs/theory.md (15.1).
     The phase is fixed by <dx_0/dt, x> = 0 with the first guess x_0.
 
     Examples

@@ -132,6 +132,7 @@ def parameter_response(
 
     Notes
     -----
+    Equations: docs/theory.md (13.1) to (13.5).
     The continuation of `frequency_response` with the exact Jacobian; dR/dp is a central difference between two systems, on
     whose accuracy neither solutions nor folds depend. Three systems are made per iteration, which takes most of the time.
     Numbers of a model are as before when the function returns.

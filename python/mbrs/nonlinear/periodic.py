@@ -298,6 +298,7 @@ def harmonic_balance(
 
     Notes
     -----
+    Equations: docs/theory.md (11.1) to (11.9).
     Alternating frequency and time (Cameron and Griffin, J. Appl. Mech. 56 (1989) 149-154) with the exact Jacobian from
     the FFT of the
     force derivatives. Per iteration O(n_t log n_t + H^2) for each element and O((n (2H+1))^3) for the linear equations.

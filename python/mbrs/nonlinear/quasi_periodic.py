@@ -269,6 +269,7 @@ def quasi_periodic(
 
     Notes
     -----
+    Equations: docs/theory.md (12.1), (12.2).
     Index set after Kim and Choi (1997), with the p-dimensional FFT; cost per iteration O(N log N) for N samples and
     O((n (2 n_k + 1))^3) for the linear equations.
 

@@ -71,6 +71,7 @@ def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> 
 
     Notes
     -----
+    Equations: docs/theory.md (11.1).
     Where joints constrain velocities, the displacement they leave constant is zero (docs/theory.md, section 22). Cost: one
     linearisation.
 
