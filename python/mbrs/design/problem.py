@@ -97,6 +97,15 @@ def problem(
     Problem
         ``fun, x0, jac, bounds, constraints``; ``solve()`` runs SciPy with them.
 
+    Raises
+    ------
+    ModelError
+        A parameter that is named twice or is a rotation, bounds or constraints that do not fit, an unknown option.
+
+    Notes
+    -----
+    Gradients of the motion: docs/theory.md (20.1), (20.2); of its modes: (9.5). Cost: one motion with its gradient per evaluation.
+
     Examples
     --------
     >>> import mbrs as mb

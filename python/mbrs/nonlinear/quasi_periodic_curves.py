@@ -170,10 +170,19 @@ def quasi_periodic_response(
     predictor, corrector, step, min_step, max_step, tolerance, max_points
         As for `frequency_response`.
 
+    Returns
+    -------
+    QuasiPeriodicResponse
+        ``omega`` (n, p) rad/s, ``X`` (n, dof, 2 n_k + 1), ``error`` (n,), ``folds``, ``status``.
+
     Raises
     ------
     ModelError, ConvergenceError
         As `quasi_periodic`.
+
+    Notes
+    -----
+    Equations: docs/theory.md (12.1), (12.2), (13.1) to (13.4).
 
     Examples
     --------
