@@ -50,7 +50,8 @@ class SteadyMotion(Result):
     linearization
         The exact linearisation there, in these axes.
     error
-        Largest change of a row of M, C + G, K + N over a turn, relative to the row, beyond rounding; at most 1e-8.
+        Largest change of a row of M, C + G, K + N over a turn, relative to the row, beyond rounding; at most 1e-8, or ten
+        times the model's tolerance.
     """
 
     state: State
@@ -180,8 +181,8 @@ def steady_motion(
     -----
     Equations: docs/theory.md (8.1) to (8.3).
     Newton on the exact tangent, centrifugal stiffness included. The tangent at five angles of the turn decides about the axes: the
-    first of fixed, rotating, joint and multiblade ones in which no row changes by more than 1e-8 of its own size is taken (G. Bir,
-    Multiblade coordinate transformation and its application to wind turbine analysis, AIAA 2008-1300).
+    first of fixed, rotating, joint and multiblade ones in which no row changes by more than (8.3) allows is taken (G. Bir, Multiblade
+    coordinate transformation and its application to wind turbine analysis, AIAA 2008-1300).
     Cost O(dof^3) per iteration and angle.
 
     Examples
