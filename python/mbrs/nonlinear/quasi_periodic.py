@@ -30,7 +30,6 @@ SLOW = 1e-3
 NONSMOOTH_SAMPLES = 96
 MOST_UNKNOWNS = 6000
 MOST_COMBINATIONS = 200_000
-MOST_SAMPLES = 1 << 22
 MOST_AUTOMATIC = 3000  # unknowns, of the estimate too, up to which "auto" adds terms
 MOST_SAMPLES = 1 << 18
 
