@@ -67,7 +67,7 @@ pub(super) fn reduce_rows<T: Real>(x: DMatrix<T>, loops: Option<(&Loops, &DMatri
 }
 
 /// The size of all forces at work, moments over the characteristic length. Forces that the stiffness makes of displacements
-/// below a rounding of 1e-8 count as none: their remainder is not an imbalance.
+/// below a rounding of 1e-8 count as none: what is left of them is no imbalance.
 fn force_scale(scene: &Scene<'_, f64>, tangent: &Tangent<f64>, length: f64) -> f64 {
     let size = |w: &Six<f64>| w.l.norm() * length + w.a.norm();
     let columns = column_scales(scene.topology, length);

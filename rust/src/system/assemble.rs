@@ -220,7 +220,7 @@ impl<T: Real> Scene<'_, T> {
         acting.map(|w| w.wrench.l.map(|v| v.re()).norm() * length + w.wrench.a.map(|v| v.re()).norm()).sum()
     }
 
-    /// The first connector whose force is not finite.
+    /// The first connector whose force is no number.
     pub fn undirected(&self) -> Option<&str> {
         let tables = &self.topology.tables;
         let lost = |c: &&Connector| {

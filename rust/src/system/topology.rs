@@ -147,7 +147,7 @@ pub struct Topology {
     pub tables: Tables,
     pub nodes: Vec<Node>,
     pub node_of_body: Vec<usize>,
-    /// all columns: tree coordinates, then those of moving nodes, which are not coordinates
+    /// all columns: tree coordinates, then those of moving nodes, which are no coordinates of their own
     pub dofs: Vec<Dof>,
     /// how many of them are tree coordinates
     pub n_tree: usize,
