@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.progress import progress_if_long
+from .._lib.progress import while_long
 from .._lib.text import Block, without_rounding
 from ..errors import ConvergenceError, MbrsWarning, NameNotFoundError
 from ..model.schema import BODY
@@ -214,7 +214,7 @@ def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equ
     else:
         begin = state_of(m, snapshot.system, at)
     try:
-        with progress_if_long(f"equilibrium of {m.name!r}", 100.0 * snapshot.system.n_tree**3):
+        with while_long(f"equilibrium of {m.name!r}", 100.0 * snapshot.system.n_tree**3):
             r = snapshot.system.equilibrium(begin.relative, list(without))
     except _core.CoreConvergenceError as problem:
         text, best, residual = problem.args

@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.progress import progress_if_long
+from .._lib.progress import while_long
 from ..errors import MbrsWarning, ModelError
 from ..results import Result, Stats, added_counts, quantity, result
 from .linear_system import LinearSystem, Origin, csc_arrays
@@ -218,7 +218,7 @@ def frf(
         points = _sampled(limits, poles)
     with (
         core_errors(),
-        progress_if_long(f"transfer function at {len(points)} frequencies", len(points) * float(linear.n) ** 2),
+        while_long(f"transfer function at {len(points)} frequencies", len(points) * float(linear.n) ** 2),
     ):
         raw = solver.evaluate(points)
         if limits is None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import _core
 from .._lib.border import core_errors
-from .._lib.progress import progress_if_long
+from .._lib.progress import while_long
 from ..errors import ModelError, SingularError
 from ..model.book import Book
 from .linearize import second_order_of
@@ -177,7 +177,7 @@ def _dense(
     mass, stiffness = np.asarray(array_of(system.M)), np.asarray(array_of(system.K))
     damping, gyroscopic, circulatory = (array_of(getattr(system, a)) for a in "CGN")
     try:
-        with core_errors(), progress_if_long(f"modes of {len(mass)} coordinates", 100.0 * len(mass) ** 3):
+        with core_errors(), while_long(f"modes of {len(mass)} coordinates", 100.0 * len(mass) ** 3):
             r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f)
             mf = None
             if r["mass_pivot"] < _LIGHTEST and hasattr(system, "mass_factor"):

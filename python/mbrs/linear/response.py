@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from .._lib.border import core_errors
-from .._lib.progress import progress_if_long
+from .._lib.progress import while_long
 from .._lib.text import number, without_rounding
 from ..errors import ModelError
 from ..results import Result, Stats, added_counts, quantity, result
@@ -208,7 +208,7 @@ def response(
         history = replace(history, u=_again(history.u, again), bulge=_again(history.bulge, again))
     state = (_state(x0, linear.n, "x0"), _state(v0, linear.n, "v0"))
     reduction, made = linear.reduction()
-    with core_errors(), progress_if_long(f"response at {len(times)} times", len(times) * float(linear.n) ** 2):
+    with core_errors(), while_long(f"response at {len(times)} times", len(times) * float(linear.n) ** 2):
         raw = reduction.response(
             linear.L, linear.F, linear.order_in, linear.D0, history.t, history.u, history.bulge, *state
         )
