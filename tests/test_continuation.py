@@ -20,7 +20,7 @@ def duffing(k3=0.1, c=0.05):
 
 
 def neimark_sacker_system():
-    # METHODS.md b.3: two-degree-of-freedom example of NLvib
+    # docs/theory.md (23.7): two-degree-of-freedom example of NLvib
     k, d, m = [1.0, 0.0453, 0.0], [0.002, 0.013, 0.0], [1.0, 0.05]
 
     def chain(a):
@@ -37,7 +37,7 @@ def curve():
 
 
 def test_folds_of_the_duffing_oscillator(curve):
-    # METHODS.md b.3, printed with 5 and 4 decimals
+    # docs/theory.md (23.5), folds with 5 and 4 decimals
     assert curve.status == "converged"
     assert [event.kind for event in curve.events] == ["fold", "fold"]
     high, low = curve.events
@@ -56,13 +56,13 @@ def test_folds_equal_the_reference(curve):
 
 
 def test_peak_of_the_duffing_oscillator(curve):
-    # METHODS.md b.3, printed with 5 and 4 decimals
+    # docs/theory.md (23.5), folds with 5 and 4 decimals
     peak = curve.peak()
     assert peak.amplitude() == pytest.approx(2.83020, abs=6e-6) and peak.omega == pytest.approx(1.2687, abs=6e-5)
 
 
 def test_folds_and_peak_with_31_harmonics():
-    # METHODS.md b.4: by shooting, rtol 1e-13
+    # docs/theory.md (23.6): by shooting, rtol 1e-13
     system = MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[Cubic(1.0, w=[1.0])])
     fine = frequency_response(system, force=[0.3], omega=(0.5, 3.0), harmonics=31, stability=False)
     assert [event.kind for event in fine.events] == ["fold", "fold"]
@@ -268,7 +268,7 @@ def test_a_set_of_frequencies():
     w = [0.5, 0.8, 0.9, 1.0, 1.5]
     response = frequency_response(duffing(), force=[0.18], omega=w, harmonics=7)
     assert response.omega.tolist() == w
-    expected = [0.23850991, 0.47487205, 0.75793394, 1.30534547, 0.14391972]  # METHODS.md b.3
+    expected = [0.23850991, 0.47487205, 0.75793394, 1.30534547, 0.14391972]  # docs/theory.md (23.5)
     assert response.amplitude()[:4] == pytest.approx(expected[:4], abs=5e-9)
     assert response.stable.all()
 
@@ -354,7 +354,7 @@ def test_imperfect_pitchfork_is_not_jumped_over():
 
 
 def test_unilateral_spring():
-    # METHODS.md b.3, third example of NLvib: stop stiffness 100, gap 1, H = 21, N = 1024
+    # docs/theory.md (23.8), third example of NLvib: stop stiffness 100, gap 1, H = 21, N = 1024
     K = np.array([[1.0, -1.0], [-1.0, 2.0]])
     system = MechanicalSystem(np.eye(2), 0.03 * K, K, elements=[Gap(100.0, 1.0, w=[1.0, 0.0])])
     response = frequency_response(

@@ -149,7 +149,7 @@ def test_motions_of_core_and_reference(t):
 
 
 def test_two_body_swing():
-    """METHODS.md c.3: A turns at 60 deg/s, B swings; theta_B of the planar equation (assumed uniform rods of 2 m)."""
+    """docs/theory.md (23.11): A turns at 60 deg/s, B swings; theta_B of the planar equation (assumed uniform rods of 2 m)."""
     mass, length = 336.14, 2.0
     inertia = mass * length**2 / 12
     m = mb.Model("swing", gravity=(0, -9.81, 0))

@@ -11,7 +11,7 @@ from motion_models import blade, five_bar, open_chain, silent, spatial_loop
 
 R0 = np.array([0.5, -2.0, 0.0])
 LENGTHS = ["spring1.length", "spring2.length"]
-# METHODS.md e.3: converged, Runge-Kutta and DOP853 agree
+# docs/theory.md (23.12): converged, Runge-Kutta and DOP853 agree
 FIVE_BAR = {1.0: (0.1144363742, (-0.62560973, 0.47715465)), 2.0: (0.2384041958, (-1.33084740, 0.99780747))}
 
 SOME = {

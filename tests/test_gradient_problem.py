@@ -309,5 +309,5 @@ def test_parameters_that_cannot_be_varied():
     o = {"t": 0.1, "step": 0.01}
     with pytest.raises(mb.errors.ModelError, match="named twice"):
         mb.problem(oscillator(), X, ["rail.k", "rail.k"], **o)
-    with pytest.raises(mb.errors.ModelError, match="is a turn"):
+    with pytest.raises(mb.errors.ModelError, match="is a rotation and cannot be a design variable"):
         mb.problem(oscillator(), X, ["rail.axis"], **o)

@@ -1,4 +1,4 @@
-"""The hard cases of issue 2; each prints its measured error."""
+"""Hard cases of linear vibration; each prints its measured error."""
 
 from __future__ import annotations
 

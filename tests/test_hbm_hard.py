@@ -119,7 +119,7 @@ def test_255_harmonics():
     many = harmonic_balance(system, force=[0.18], omega=0.9, harmonics=255)
     few = harmonic_balance(system, force=[0.18], omega=0.9, harmonics=31)
     off = np.max(np.abs(many.X[:, :63] - few.X)) + np.max(np.abs(many.X[:, 63:]))
-    # METHODS.md b.3: 0.75793394
+    # docs/theory.md (23.5): 0.75793394
     tell("H = 255", difference_from_31=off, integrated=many.verify(rtol=1e-12))
     assert off < 1e-12 and many.amplitude() == pytest.approx(0.75793394, abs=5e-9)
 

@@ -1,4 +1,4 @@
-"""Sensitivities in block layout (METHODS.md d, equations 12 to 23) against the production path and against ALI3-P."""
+"""Sensitivities in block layout (docs/theory.md (10.7), (10.8)) against the production path and against ALI3-P."""
 
 import mbrs as mb
 import numpy as np

@@ -116,7 +116,7 @@ def test_achieved_error_follows_the_tolerance():
 
 @pytest.mark.slow
 def test_error_estimates():
-    """Over at least 200 runs with random tolerances and ends: true/estimated within [.01, 10] in 95 % (DESIGN), and how many
+    """Over at least 200 runs with random tolerances and ends: true/estimated within [.01, 10] in 95 %, and how many
     lie within a factor of ten either way.
     """
     rng = np.random.default_rng(4)
@@ -272,7 +272,7 @@ def test_tighter_costs_more_and_a_longer_run_in_proportion():
 
 
 def test_accuracy_study_of_a_motion():
-    """API.md section 6: without a reference the tightest run is taken, and errors fall with the tolerance."""
+    """Without a reference the tightest run is taken, and errors fall with the tolerance."""
     m = mb.examples.slider_crank()
     study = mb.accuracy_study(mb.simulate, m, t=1.0, method="explicit", rtol=10.0 ** -np.arange(3, 10), repeat=1)
     errors = [p.error for p in study.points]

@@ -82,7 +82,7 @@ def test_least_norm_reactions_do_not_depend_on_units():
 
 
 def test_cubic_hexapod():
-    """omega^2 = k/m * 6/3 (translations), k a^2/2 ... : 15.9155 x 3, 18.3776 x 2, 36.7553 Hz (issue 2)."""
+    """omega^2 = k/m * 6/3 (translations), k a^2/2 ... : 15.9155 x 3, 18.3776 x 2, 36.7553 Hz, docs/theory.md (23.1)."""
     sys = System(cubic_hexapod().tables())
     lin = linearize(sys, drawn_state(sys))
     m = modes(lin.M, None, None, lin.K, None)
@@ -100,7 +100,7 @@ def test_cubic_hexapod():
     "kind, rows, rank, dof", [("revolute", 15, 6, 3), ("cylindrical", 12, 6, 12), ("spherical", 9, 9, 18)]
 )
 def test_ladder_ranks(kind, rows, rank, dof):
-    """METHODS.md a.2: N = 3 layers."""
+    """docs/theory.md (23.4): N = 3 layers."""
     sys = System(ladder(3, kind).tables())
     found = mobility(sys)
     assert (found.rank, found.dof, len(found.redundant), len(sys.cut)) == (rank, dof, rows - rank, 3)

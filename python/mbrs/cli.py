@@ -33,7 +33,7 @@ class _Group(click.Group):
 
 
 def _so_far(analysis: Callable[..., Any], *args: Any, **options: Any) -> Any:
-    """What an analysis returns, or what it has when Ctrl-C cuts it; `_deliver` then ends with the exit code of an interrupt."""
+    """Result of an analysis, or its partial result after Ctrl-C; `_deliver` then ends with the exit code of an interrupt."""
     from .errors import Interrupted
 
     try:
@@ -231,7 +231,7 @@ def sens(
 @click.option("--input", "inputs", multiple=True, required=True, metavar="PORT",
               help="A force or torque such as payload.force.z; repeat for more.")  # fmt: skip
 @click.option("--amplitude", "amplitudes", multiple=True, type=float, metavar="N",
-              help="Of each input in N or N m, in their order; one for all of them. 1 by default.")  # fmt: skip
+              help="Amplitude of each input in N or N m, in their order; one for all of them. 1 by default.")  # fmt: skip
 @click.option("--output", "outputs", multiple=True, required=True, metavar="MOTION",
               help="Such as payload.motion.z, or the name of a coordinate; repeat for more.")  # fmt: skip
 @click.option("--frequency", required=True, metavar="HZ",
@@ -345,7 +345,7 @@ def parse_times(text: str) -> Any:
         numbers = []
     whole = len(parts) == 1 or (len(numbers) == 3 and numbers[2] == int(numbers[2]) and 2 <= numbers[2] <= 1e8)
     if not numbers or not all(math.isfinite(x) for x in numbers) or not whole:
-        raise click.BadParameter(f"{text!r} is no time; write 10, 0:10:1001 or 0,0.5,2 (in s)", param_hint="--t")
+        raise click.BadParameter(f"{text!r} is not a valid time; use 10, 0:10:1001 or 0,0.5,2 (in s)", param_hint="--t")
     if len(parts) > 1:
         return np.linspace(numbers[0], numbers[1], int(numbers[2]))
     return numbers[0] if len(numbers) == 1 else np.array(numbers)

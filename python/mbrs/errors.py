@@ -1,4 +1,4 @@
-"""What can go wrong, each with a class of its own. Every message names the object and the remedy."""
+"""Errors and warnings. Every message names the object and the remedy."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class InertiaError(ModelError):
 
 
 class RouteError(ModelError):
-    """No route serves: the sparse one of large models does not know something in this one and the model is too large for the dense
-    route, or the arrays of an analysis do not fit into memory; the message tells sizes and what to do instead."""
+    """The sparse solver does not support a feature of this model, which is too large for the dense one, or the arrays of an
+    analysis do not fit into memory. The message gives sizes and what to do instead."""
 
 
 class AssemblyError(MbrsError):
@@ -79,7 +79,7 @@ class MbrsWarning(UserWarning):
 
 
 class DoubtfulWarning(MbrsWarning):
-    """Whether a loop moves depends on the accuracy of the drawing; the message names its joints and says what was decided."""
+    """The mobility of a loop depends on the accuracy of the drawing; the message names its joints and the decision."""
 
 
 class KinkWarning(MbrsWarning):

@@ -34,7 +34,7 @@ def require_memory(size: float, what: str, remedy: str) -> None:
 
 @contextmanager
 def core_errors() -> Iterator[None]:
-    """Within it, what the core raises arrives as the class of `mbrs.errors` that users catch."""
+    """Translate exceptions of the Rust core to `mbrs.errors`."""
     try:
         yield
     except _core.CoreError as problem:

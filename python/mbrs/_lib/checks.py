@@ -64,7 +64,7 @@ def sized_array(name: str, value: Any, largest: float = 1e60) -> np.ndarray:
     """An array of real numbers of sizes whose products can still be computed with."""
     array = real_array(name, value)
     if np.max(np.abs(array), initial=0.0) > largest:
-        raise ModelError(f"{name} holds numbers above {largest:g}, which no quantity in consistent units has")
+        raise ModelError(f"{name} must not exceed {largest:g}; check the units")
     return array
 
 

@@ -60,7 +60,7 @@ def result_data(result: Any, names: tuple[str, ...]) -> dict[str, Any]:
 
 
 def system_data(system: Any, effects: Any) -> dict[str, Any]:
-    """What ``mbrs check`` tells: plain attributes of the system, and the effects."""
+    """Data of ``mbrs check``: plain attributes of the system, and the effects."""
     names = ("name", "n_bodies", "n_joints", "n_elements", "dof", "rank", "loops", "redundant", "coordinates")
     data = {name: getattr(system, name) for name in names if hasattr(system, name)}
     data["effects"] = [{"name": e.name, "on": bool(e.on), "why": e.why} for e in effects]

@@ -69,7 +69,7 @@ class Progress:
 
     @property
     def due(self) -> bool:
-        """Whether the next `advance` would write, for notes that cost something."""
+        """True if the next `advance` would write, for notes that cost something."""
         now = self._clock()
         return self._enabled and now - self._start >= self._quiet and now - self._last >= _EVERY
 

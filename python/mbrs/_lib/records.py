@@ -173,7 +173,7 @@ def _text_of(model: Any) -> str:
 
 
 def _state(value: Any) -> Any:
-    """What an object consists of, without what it computes again when asked."""
+    """Attributes of an object, without those that it computes again when asked."""
     if hasattr(value, "data_state"):
         return value.data_state()
     own = next((vars(k)["__getstate__"] for k in type(value).__mro__[:-1] if "__getstate__" in vars(k)), None)

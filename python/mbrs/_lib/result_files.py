@@ -1,7 +1,7 @@
 """Files of results, written whole or not at all; `mbrs.io.result_files` reads them.
 
 A file of mbrs ends in, or holds, the SHA-256 of its bytes, so that damage is found before anything is made of it. NetCDF files
-hold the labelled data for every program, and in the group "mbrs" what makes the same object again; the checksum stands behind
+hold the labelled data for every program, and in the group "mbrs" what makes the same object again; the checksum follows
 the data, where other programs do not look.
 """
 
@@ -37,7 +37,7 @@ def save(result: Any, path: str | Path) -> Path:
 
 
 def writer(path: str | Path) -> Callable[[Any], bytes]:
-    """What makes the bytes of a file with this ending; `ModelError` lists the known ones."""
+    """Function that makes the bytes of a file with this ending; `ModelError` lists the known ones."""
     ending = Path(path).suffix.lower()
     if ending not in WRITERS:
         raise ModelError(

@@ -312,7 +312,7 @@ def _cells(values: list[Any], digits: int) -> list[str]:
 
 
 def _decimals(sizes: list[float], digits: int) -> int | None:
-    """How many decimals suit all of these, or None where one number of decimals cannot serve them."""
+    """Number of decimals that suits all of these, or None if there is no such number."""
     used = [s for s in sizes if s > 0.0 and math.isfinite(s)]
     if not used:
         return 0

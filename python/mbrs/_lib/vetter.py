@@ -5,7 +5,8 @@ which entry of B, the place within the block which entry of A. `vetter` makes it
 of B, as derivatives come everywhere else in this package; `entries` takes it apart again.
 
 Sources: W. J. Vetter, SIAM Review 15 (1973) 352-369; J. W. Brewer, IEEE Trans. Circuits and Systems 25 (1978)
-772-781; equation numbers are those of Zhang, Chen and Liu (1994), as repaired in METHODS.md (d).
+772-781; equation numbers in brackets are those of Y. Zhang, S. Chen and Q. Liu, Mechanics Research Communications 21 (1994) 223-230;
+docs/theory.md (10.1) to (10.6) has them without misprints.
 """
 
 from __future__ import annotations
@@ -128,7 +129,7 @@ def vetter(d: Any, of: Sequence[int], value_ndim: int | None = None) -> np.ndarr
     of
         Shape of the parameter: (), (s,) or (s, t).
     value_ndim
-        How many axes the value has: 0, 1 (a column) or 2. What is left in front (time) stays in front. By default
+        How many axes the value has: 0, 1 (a column) or 2. Leading axes (time) stay in front. By default
         all axes, at most two.
 
     Returns

@@ -1,9 +1,9 @@
 """Aerodynamics of blades: polars, blades and wind; rotors by blade elements and momentum; vortex filaments and
 lifting lines."""
 
+from .attached import AttachedFlow, Indicial, attached_flow, indicial, theodorsen, wagner
 from .blades import Blade, blade
 from .filaments import induced_velocity
-from .indicial import AttachedFlow, Indicial, attached_flow, indicial, theodorsen, wagner
 from .lifting_line import WingLoads, WingStart, impulsive_start, lifting_line
 from .polar_files import read_polar
 from .polars import Polar, polar

@@ -120,7 +120,7 @@ def blade(
     Parameters
     ----------
     stations
-        (n,) m, increasing, at least two: places along the blade. Of a rotor they are distances from its axis, of a wing of both
+        (n,) m, increasing, at least two: places along the blade. For a rotor they are distances from its axis, of a wing of both
         halves they go from the left to the right tip.
     chord
         (n,) m, or one number; positive (a tip may be pointed: 0 at an end).

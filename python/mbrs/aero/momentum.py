@@ -24,7 +24,7 @@ NEIGHBOUR = 1e-8
 
 @dataclass(frozen=True)
 class Annuli:
-    """What the annuli of a rotor are, beside the wind.
+    """The annuli of a rotor, without the wind.
 
     ``coefficients`` maps angles of attack (..., m) rad to (..., m, 2 or more): lift, drag; ``twist`` (m,) rad of the section to
     the plane of rotation, pitch included; ``solidity`` (m,) blades times chord over 2 pi r; ``loss`` (k, m): exponents e of the
@@ -209,7 +209,7 @@ def _roots(function: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high: 
 
 
 def _share(a: np.ndarray, b: np.ndarray, c: np.ndarray, fa: np.ndarray, fb: np.ndarray, fc: np.ndarray) -> np.ndarray:
-    """Where between a and b to look next: the inverse parabola through all three where it is monotone, else the middle."""
+    """The next point between a and b, as a share of the interval: the inverse parabola through all three where it is monotone, else the middle."""
     with np.errstate(all="ignore"):
         xi, ratio = (a - b) / (c - b), (fa - fb) / (fc - fb)
         safe = (ratio**2 < xi) & ((1.0 - ratio) ** 2 < 1.0 - xi)

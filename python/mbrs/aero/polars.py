@@ -8,6 +8,7 @@ import numpy as np
 
 from .._lib.checks import choice, real_array, shown
 from ..errors import ModelError
+from .stall import extension
 
 __all__ = ["Polar", "polar"]
 
@@ -66,7 +67,7 @@ class Polar:
         return bool(self.angle[0] == -np.pi and self.angle[-1] == np.pi)
 
     def covers(self, angle: Any) -> np.ndarray:
-        """Whether the table holds these angles (rad, of any turn)."""
+        """True where the table holds the angles (rad, of any turn)."""
         a = wrap(angle)
         return (a >= self.angle[0]) & (a <= self.angle[-1])
 
@@ -129,9 +130,10 @@ class Polar:
         L. A. Viterna and R. D. Corrigan, "Fixed pitch rotor performance of large horizontal axis wind turbines", NASA CP-2230
         (1982); mirroring as in C. Hansen's AirfoilPrep.
         """
-        from .stall import extend
-
-        return extend(self, aspect_ratio, drag_max)
+        if self.whole_circle:
+            return self
+        angle, values = extension(self, aspect_ratio, drag_max)
+        return polar(angle, *values.T, thickness=self.thickness, name=self.name, interpolation=self.interpolation)
 
     def _require(self, angle: Any) -> None:
         outside = np.atleast_1d(wrap(angle))[~np.atleast_1d(self.covers(angle))]

@@ -186,7 +186,7 @@ class Performance(Result):
         )
 
     def notes(self) -> list[str]:
-        """What momentum theory does not hold for."""
+        """Sentences on conditions in which momentum theory does not hold."""
         empirical = np.mean(self.axial_induction > 0.4)
         lines = [f"estimated error {np.max(self.error):.1e}: {len(self.place)} elements against half as many"]
         if empirical:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from .._lib.checks import real_array
 from ..errors import ModelError
-from .polars import Polar, polar
 
 Law = Callable[[float], tuple[float, float]]
 
@@ -18,10 +18,8 @@ REVERSED = 0.7
 SPACING = np.radians(5.0)
 
 
-def extend(base: Polar, aspect_ratio: float, drag_max: float | None) -> Polar:
-    """See `Polar.extend`."""
-    if base.whole_circle:
-        return base
+def extension(base: Any, aspect_ratio: float, drag_max: float | None) -> tuple[np.ndarray, np.ndarray]:
+    """Angles (n,) in rad over the whole circle and coefficients (n, 3) of the polar ``base``; see `Polar.extend`."""
     low, high = base.angle[[0, -1]]
     if not (0.0 < high < np.pi / 2 and -np.pi / 2 < low < high):
         raise ModelError(
@@ -38,7 +36,7 @@ def extend(base: Polar, aspect_ratio: float, drag_max: float | None) -> Polar:
     angle = np.concatenate([below, base.angle, above])
     table = np.stack([base.lift, base.drag, base.moment], axis=1)
     values = np.concatenate([_plate_values(base, plate, below), table, _plate_values(base, plate, above)])
-    return polar(angle, *values.T, thickness=base.thickness, name=base.name, interpolation=base.interpolation)
+    return angle, values
 
 
 def _angles(low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
@@ -63,7 +61,7 @@ def _viterna(angle: float, lift: float, drag: float, plate: float) -> Law:
     return law
 
 
-def _plate_values(base: Polar, plate: float, angle: np.ndarray) -> np.ndarray:
+def _plate_values(base: Any, plate: float, angle: np.ndarray) -> np.ndarray:
     """(n, 3) coefficients at angles beyond the table."""
     low, high = base.angle[[0, -1]]
     positive = _viterna(high, base.lift[-1], base.drag[-1], plate)
@@ -96,7 +94,7 @@ def _grid(first: float, last: float) -> np.ndarray:
     return np.linspace(first, last, 2 + int((last - first) / SPACING))
 
 
-def _moments(base: Polar, angle: np.ndarray, force: np.ndarray) -> np.ndarray:
+def _moments(base: Any, angle: np.ndarray, force: np.ndarray) -> np.ndarray:
     """Moment coefficients from the centre of pressure, which moves linearly with the angle."""
     if not np.any(base.moment):
         return np.zeros(len(angle))

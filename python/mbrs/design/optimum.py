@@ -1,4 +1,4 @@
-"""What an optimiser found, as a result."""
+"""Results of optimisations."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FEASIBLE = 1e-4
 
 @result
 class Optimum(Result):
-    """What an optimiser found.
+    """Result of an optimisation.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Optimum(Result):
     message
         The optimiser's own words.
     error
-        What is left of the gradient beyond active bounds and constraints, by variables over their scales, relative to the
+        The gradient projected on what active bounds and constraints leave free, by variables over their scales, relative to the
         objective or its gradient at the start; None where the optimiser was stopped.
     """
 

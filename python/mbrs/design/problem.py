@@ -97,6 +97,15 @@ def problem(
     Problem
         ``fun, x0, jac, bounds, constraints``; ``solve()`` runs SciPy with them.
 
+    Raises
+    ------
+    ModelError
+        A parameter that is named twice or is a rotation, bounds or constraints that do not fit, an unknown option.
+
+    Notes
+    -----
+    Gradients of the motion: docs/theory.md (20.1), (20.2); of its modes: (9.5). Cost: one motion with its gradient per evaluation.
+
     Examples
     --------
     >>> import mbrs as mb
@@ -113,7 +122,7 @@ def problem(
             raise ModelError(f"{label!r} is named twice; name every parameter once")
         if math.isnan(value_at(m, label)):
             raise ModelError(
-                f"{label!r} is a turn, which is no number to be varied; make the axis or orientation depend on a parameter"
+                f"{label!r} is a rotation and cannot be a design variable; make the axis or orientation depend on a parameter"
             )
     _known_options(options)
     now = np.array([float(m.value(label)) for label in along.labels])

@@ -155,5 +155,5 @@ def _sides(c: Any) -> int:
 
 
 def _size(c: Any) -> float:
-    """What a constraint is measured by: its larger finite limit."""
+    """Size by which a constraint is measured: its larger finite limit."""
     return max((abs(limit) for limit in (c.lower, c.upper) if math.isfinite(limit)), default=0.0) or 1.0

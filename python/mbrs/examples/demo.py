@@ -1,4 +1,4 @@
-"""What ``mbrs demo`` shows, and pages of single results."""
+"""The demonstration of ``mbrs demo``, and pages of single results."""
 
 from __future__ import annotations
 

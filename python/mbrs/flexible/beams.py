@@ -110,7 +110,7 @@ def beam(
     -----
     Linear theory in the frame: deflections small against the length; foreshortening enters through ``stiffening`` only,
     and of inertial fields only the axial force counts (the free beam: that of rotation about its centre). Error of the
-    frequencies O(h^4) in the element length. Cost O(n^3) for n freedoms, O(m^2 n) for the integrals.
+    frequencies O(h^4) in the element length. Cost O(n^3) for n degrees of freedom, O(m^2 n) for the integrals.
 
     Examples
     --------
@@ -225,7 +225,7 @@ def _attached(attach: Any, places: dict[str, float], fixed: Any) -> list[str]:
         raise ModelError(f'beam: fixed must be "root" or None (a free beam), got {shown(fixed)}')
     for name in wanted:
         if name not in places:
-            raise ModelError(f"beam: attach names {name!r}, which is no node; nodes are {', '.join(places)}")
+            raise ModelError(f"beam: attach names {name!r}, which is not a node; nodes are {', '.join(places)}")
         if fixed and places[name] == 0.0:
             raise ModelError(f"beam: attach names {name!r} at the root, which is held by the frame; leave it out")
     return list(dict.fromkeys(wanted))
@@ -246,7 +246,7 @@ def _mesh(x: Array, properties: dict[str, Array], places: dict[str, float], elem
 
 
 def _taper(breaks: Array, x: Array, properties: dict[str, Array]) -> Array:
-    """How many elements every interval needs so that no stiffness or mass changes by more than a quarter in one."""
+    """Number of elements of every interval with which no stiffness or mass changes by more than a quarter in one."""
     out = np.ones(len(breaks) - 1)
     for name in _NEEDED:
         at = np.interp(breaks, x, properties[name])
@@ -274,7 +274,7 @@ def _reduced(
     if modes + len(interface) == 0:
         raise ModelError("beam: modes=0 and no attach=: nothing can deform; use m.body for a rigid body")
     rigid = 0 if fixed else 6 - len(absent)
-    # Of a free beam without interface the rigid motions come with its modes; with one the constraint modes hold them.
+    # A free beam without interface has its rigid motions among its modes; with one the constraint modes hold them.
     inside = modes + (rigid if not fixed and len(interface) == 0 else 0)
     M, K = grid.assembled()
     T, square = reduced_shapes(M, K, interface, held, inside, rigid, "beam")

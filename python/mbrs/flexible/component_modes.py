@@ -34,13 +34,13 @@ def craig_bampton(
 ) -> ModalBody:
     """Finite element matrices of a free body, reduced to constraint and fixed-interface modes, as a `ModalBody`.
 
-        x_b: freedoms of the attachment nodes,   x_i = -K_ii^-1 K_ib x_b + Phi_i z,   K_ii Phi_i = M_ii Phi_i diag(w^2)
+        x_b: coordinates of the attachment nodes,   x_i = -K_ii^-1 K_ib x_b + Phi_i z,   K_ii Phi_i = M_ii Phi_i diag(w^2)
 
     Parameters
     ----------
     M, K
-        (6 n, 6 n) dense or `scipy.sparse`, symmetric, of the unsupported body, in body axes: freedoms x y z rx ry rz of
-        node 0, then of node 1, ... A freedom with neither stiffness nor mass coupling in K is left out (zero row of K).
+        (6 n, 6 n) dense or `scipy.sparse`, symmetric, of the unsupported body, in body axes: degrees of freedom x y z rx ry
+        rz of node 0, then of node 1, ... One with neither stiffness nor mass coupling in K is left out (zero row of K).
     nodes
         Name to index of the nodes that joints, springs and loads attach to; each brings six constraint modes.
     positions
@@ -74,7 +74,7 @@ def craig_bampton(
     blocks as scalar mass between nodes (exact for solid elements; for beams and shells an error O(h^2) and of the
     size of the sections' own rotary inertia), P2 with its trace corrected to the modal mass.
     R. R. Craig, M. C. C. Bampton, AIAA Journal 6(7) (1968) 1313-1319. Cost: one sparse factorisation and ``modes``
-    eigenpairs (dense, O(n^3), below 1500 freedoms), O(m^2 n).
+    eigenpairs (dense, O(n^3), below 1500 degrees of freedom), O(m^2 n).
 
     Examples
     --------
@@ -134,7 +134,9 @@ def _matrix(name: str, value: Any, n: int) -> Any:
         dense = sized_array(f"{_ME}: {name}", value)
         made = sp.csr_matrix(dense if dense.ndim == 2 else np.zeros((0, 0)))
     if made.shape != (6 * n, 6 * n):
-        raise ModelError(f"{_ME}: {name} must be ({6 * n}, {6 * n}), six freedoms of {n} nodes; it is {made.shape}")
+        raise ModelError(
+            f"{_ME}: {name} must be ({6 * n}, {6 * n}), six degrees of freedom of {n} nodes; it is {made.shape}"
+        )
     skew = abs(made - made.T)
     if skew.nnz and skew.max() > 1e-8 * abs(made).max():
         raise ModelError(f"{_ME}: {name} must be symmetric; it differs from its transpose by {skew.max():.3g}")
@@ -172,7 +174,7 @@ def _check_free(K: Any, R: Array, absent: Array) -> None:
         words = ["translation along x", "along y", "along z", "rotation about x", "about y", "about z"]
         raise ModelError(
             f"{_ME}: K resists the rigid {', '.join(words[i] for i in stiff)}: give the matrix of the unsupported body, "
-            "its nodes at their positions, freedoms in the order x y z rx ry rz"
+            "its nodes at their positions, degrees of freedom in the order x y z rx ry rz"
         )
 
 

@@ -47,8 +47,8 @@ class ModalBody:
         particles less gravity (body axes) the generalised force is -(sum_i c_i KG_i) q with c = (a0, W row by row).
         Left out: zero (no stiffening by inertial loads).
     nodes, node_position, node_shape
-        n names; (n, 3) m; (n, 6, m): displacement and small rotation of the node for unit modal coordinates. Of a
-        clamped body the frame's own node is among them, with zero shapes.
+        n names; (n, 3) m; (n, 6, m): displacement and small rotation of the node for unit modal coordinates. The
+        frame's own node of a clamped body is among them, with zero shapes.
     line_position, line_shape
         (p, 3) and (p, 6, m) as for nodes, of points along the body that `Model.section_load` and pictures use; the
         nodes where they are left out.
@@ -155,8 +155,8 @@ class ModalBody:
         if not self._moves_beside_the_frame():
             raise InertiaError(
                 "modal body: the mass matrix of its frame and shapes together is impossible: inertia that no body has, a "
-                "shape without mass, two shapes that are the same, or shapes that move the body as a whole (take rigid "
-                "motions out of them: the frame moves already)"
+                "shape without mass, two shapes that are the same, or shapes that move the body as a whole (remove rigid-body "
+                "motion from the shapes; the frame represents it)"
             )
 
     def _moves_beside_the_frame(self) -> bool:

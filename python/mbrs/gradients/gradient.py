@@ -105,7 +105,7 @@ def gradient(
     weight
         ALI3-P: metric of the projections, "tangent" (M + h/2 C + h^2/4 K; default) or "mass".
     rho
-        Generalised-alpha: what is left of infinitely fast oscillations after a step, 0 to 1 (0.8).
+        Generalised-alpha: spectral radius at infinite frequency, 0 <= rho <= 1 (default 0.8).
     keep
         Adjoint: a motion of more numbers than this is not kept but run again between checkpoints, as many as the root of
         its steps.
@@ -130,10 +130,11 @@ def gradient(
     KinkWarning
         A motion that passes kinks of forces, with times and elements (``.kinks``).
     MbrsWarning
-        A motion that is chaotic over so long a time (``.growth``).
+        A motion that is very sensitive to the parameters over this time span (``.growth``).
 
     Notes
     -----
+    Equations: docs/theory.md (20.1) to (20.8).
     Direct: O(n_p) tangent steps; adjoint: O(1) in n_p. Sources: ALI3-P after Dopico and co-workers; generalised-alpha after
     O. Bruels, A. Cardona and M. Arnold, Mech. Mach. Theory 48 (2012) 121-137. Its Newton iterations are taken as converged, by
     which the derivative differs from that of every iterate by less than 1e-9 h^2 |a| of a step.
@@ -222,7 +223,7 @@ def _estimated(made: MotionGradient, run: Run, objectives: Sequence[Objective], 
 
 
 def _variant(scheme: str, weight: str | None, rho: float | None) -> dict[str, Any]:
-    """What distinguishes a scheme, checked."""
+    """Options of a scheme, checked."""
     if weight is not None and (scheme != "ali3p" or weight not in ("tangent", "mass")):
         raise ModelError(
             f"weight= is 'tangent' or 'mass' and belongs to scheme='ali3p', got {shown(weight)} with {scheme!r}"
@@ -312,7 +313,7 @@ def _reader(run: Run) -> Reader:
 
 
 def _read(run: Run, objectives: Sequence[Objective], reader: Reader) -> None:
-    """What the objectives read at the start: values are fetched one by one until they are content."""
+    """Quantities that the objectives read at the start: values are fetched one by one until they are content."""
     short = replace(run, times=run.times[:1])
     for _ in range(10 * _READINGS):
         row = short.direct(list(reader.places), None)["values"][0] if reader.places else np.zeros(0)

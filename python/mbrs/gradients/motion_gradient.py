@@ -34,10 +34,10 @@ class MotionGradient(Result):
     kinks
         ``(t, element, what)`` of places that the motion passed where a force has a kink (a gap that closes or opens, a slider
         that begins or ceases to slide, friction that changes its sign within a step): it is not differentiable there. The
-        gradient is that of the steps on both sides of them; ``status`` is then "kinks" instead of "converged".
+        gradient ignores them and is first-order accurate there; ``status`` is then "kinks" instead of "converged".
     growth
         How many times larger the relative changes of what the objectives read are than those of the parameters, at most. It grows
-        without bound where a motion is chaotic; from 1e4 on a warning says so.
+        without bound where a motion is chaotic; from 1e4 on there is a warning.
     error
         Estimated distance from the gradient of the continuous motion, by a second run with steps twice as long (made when first
         asked for): the largest difference of an effect of a parameter's own size, relative to the largest effect. None for less

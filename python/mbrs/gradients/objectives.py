@@ -1,4 +1,4 @@
-"""What of a motion is to be small: integrals over time, final values, values at given times."""
+"""Objective functions of a simulated motion: integrals over time, final values, values at given times."""
 
 from __future__ import annotations
 
@@ -218,7 +218,7 @@ def evaluate(objective: Objective, reader: Reader, t: np.ndarray, rows: np.ndarr
 
 
 def _probed(values: np.ndarray, slopes: np.ndarray) -> list[int]:
-    """Which instants to probe: some spread over all, and some of those at which a value has no slope, as that of abs has none."""
+    """Indices of the instants to probe: some spread over all, and some at which a value has no slope (as with abs)."""
     silent = np.flatnonzero((values != 0.0) & ~np.any(slopes, axis=1))
     return sorted({*_spread(np.arange(len(values))), *_spread(silent)})
 

@@ -42,7 +42,7 @@ def constant_frame(turn: Turn) -> Frame:
 
 
 def blade_transformations(turn: Turn) -> list[np.ndarray] | None:
-    """T at every angle of a turn with three or more equal blades: the hub in axes that stand, the blades in multiblade coordinates.
+    """T at every angle of a turn with three or more equal blades: the hub in fixed axes, the blades in multiblade coordinates.
 
     Blades are the equal subtrees that one body carries, or equal bodies that it carries around elastically; None without them.
     """

@@ -185,6 +185,7 @@ def campbell(
 
     Notes
     -----
+    Equations: docs/theory.md (8.6).
     Modes are followed by the correlation of their shapes in the state (y, s y), so that curves may cross. Critical speeds are
     eigenvalues of the pencil S(W) + i n W D(W) - n^2 W^2 M(W), polynomials of second degree in W through three speeds, refined
     by Newton's method on s = sigma + i n W; where the motion deflects with the speed the matrices there are computed afresh (F. C.

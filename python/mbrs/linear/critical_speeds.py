@@ -61,7 +61,7 @@ class CriticalSpeeds(tuple[CriticalSpeed, ...]):
     __slots__ = ()
 
     def block(self) -> Block:
-        """What is printed."""
+        """The printed table."""
         from .._lib.text import Block
 
         if not self:
@@ -93,7 +93,7 @@ class Matrices:
     S: np.ndarray
 
     def over(self, kept: np.ndarray) -> Matrices:
-        """Those of some coordinates."""
+        """Matrices over some of the coordinates."""
         place = np.ix_(kept, kept)
         return Matrices(self.M[place], self.D[place], self.S[place])
 

@@ -289,6 +289,7 @@ def eigen_sensitivity(
 
     Notes
     -----
+    Equations: docs/theory.md (9.5) to (9.7).
     Cost O(n x nonzero entries); shapes, if asked for, one bordered factorisation for each mode.
 
     Examples

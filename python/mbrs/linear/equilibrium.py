@@ -195,6 +195,7 @@ def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equ
 
     Notes
     -----
+    Equations: docs/theory.md (4.1) to (4.4).
     Cost O(dof^3) per iteration. ``stats.counts`` tells "equilibrium iterations", and where they were needed "line-search
     steps", "descent steps", "second-order corrections", "relaxation steps" and "saddles left".
 

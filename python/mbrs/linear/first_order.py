@@ -21,7 +21,7 @@ class StateSpace(Result):
 
     Unpacks as ``A, B, C, D = ss``. ``states``, ``inputs`` and ``outputs`` are names. An input that is a motion of the
     base enters with its second derivative; the state is then shifted by multiples of the input so that no derivative of
-    it is needed, and ``states`` say so by a star.
+    it is needed, and names in ``states`` then end with a star.
     """
 
     A: np.ndarray = quantity(dims=("state", "state_"), unit="")
@@ -133,7 +133,7 @@ def _state_matrices(linear: LinearSystem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _direct(linear: LinearSystem, C: np.ndarray, powers: list[np.ndarray], q: int) -> np.ndarray:
-    """What multiplies u itself; refuses outputs that see u' or u"."""
+    """Matrix that multiplies u itself; refuses outputs that see u' or u"."""
     n_out, n_in = C.shape[0], linear.F.shape[1]
     D = np.zeros((n_out, n_in))
     for j in range(n_in):

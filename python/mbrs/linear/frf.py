@@ -29,8 +29,8 @@ class FrfResult(Result):
     Attributes
     ----------
     value
-        (n_out, n_in, n_freq) complex, output unit over input unit. Infinite where an undamped resonance or a rigid
-        motion makes it so.
+        (n_out, n_in, n_freq) complex, output unit over input unit. Infinite at undamped resonances and, for free
+        systems, at 0 Hz.
     frequency, omega
         (n_freq,) Hz and rad/s, ascending where a range was asked for, else in the order given.
     kind
@@ -187,6 +187,7 @@ def frf(
 
     Notes
     -----
+    Equations: docs/theory.md (7.1) to (7.3).
     Cost: O(n^3) once for a set of matrices (kept for later calls), then O(n) per entry and frequency for well
     conditioned modes, O(n^2) per frequency otherwise. Sparse systems of more than 400 coordinates stay sparse: one
     factorisation per frequency; poles are then known as far as the range or the points reach.
@@ -342,7 +343,7 @@ class _Sparse:
         self.poles = self._poles(highest)
 
     def _poles(self, highest: float) -> np.ndarray | None:
-        """Those within reach, or None where they cannot be counted or are too many to be worth it."""
+        """Poles within reach, or None where they cannot be counted or are too many to be worth it."""
         M, D, S = self.arrays
         with core_errors():
             try:
@@ -459,7 +460,7 @@ def _warn_singular(points: np.ndarray, singular: Sequence[int]) -> None:
         f = points[index] / (2 * np.pi)
         why = "the system can move freely" if f == 0.0 else "it lies on an undamped resonance"
         warnings.warn(
-            f"the dynamic stiffness is singular at {f:.6g} Hz ({why}): what reaches that motion is infinite there",
+            f"the dynamic stiffness is singular at {f:.6g} Hz ({why}): the transfer function is infinite at this frequency",
             MbrsWarning,
             stacklevel=3,
         )

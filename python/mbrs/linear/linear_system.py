@@ -1,4 +1,4 @@
-"""What the linear analyses see: matrices of one linear system, and maps from named inputs to named outputs."""
+"""The system of the linear analyses: matrices of one linear system, and maps from named inputs to named outputs."""
 
 from __future__ import annotations
 

@@ -306,7 +306,7 @@ _SENSE = {"M": "mass", "C": "damping", "G": "gyroscopic", "K": "stiffness", "N":
 
 
 def modal_masses(lin: Linearization) -> list[tuple[int, np.ndarray, np.ndarray]]:
-    """Of each flexible body: its number, the rows (6 + m, dof) of its origin's twist (body axes) and of its modal coordinates,
+    """Each flexible body: its number, the rows (6 + m, dof) of its origin's twist (body axes) and of its modal coordinates,
     and its mass matrix (6 + m, 6 + m) over them.
     """
     t, out = lin.snapshot.tables, []
@@ -319,7 +319,7 @@ def modal_masses(lin: Linearization) -> list[tuple[int, np.ndarray, np.ndarray]]
 
 
 def modal_strains(lin: Linearization) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """Of each flexible body: its name, the rows (m, dof) of its modal coordinates and its stiffness (m, m)."""
+    """Each flexible body: its name, the rows (m, dof) of its modal coordinates and its stiffness (m, m)."""
     t, out = lin.snapshot.tables, []
     for i, (body, m, _, first) in enumerate(modal_places(t, len(lin.bodies))):
         stiffness = t["x"][int(t["flexible_x"][i]) :][SHAPES.block.slice("K", m)].reshape(m, m)

@@ -60,6 +60,7 @@ def linearize(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Linea
 
     Notes
     -----
+    Equations: docs/theory.md (5.1) to (5.6).
     Cost O(n_bodies * depth) for the tree, O(path^2) for each element, O(n^3) where loops are closed. Recursions
     after Singh,
     Russo and Wensing (IEEE Robotics and Automation Letters 7(2), 2022), transformation after Jiang, Chen and Luo
@@ -138,7 +139,7 @@ def _unbalance(r: dict[str, Any]) -> str:
         acceleration = np.linalg.solve(r["M"], r["residual"])
     except np.linalg.LinAlgError:  # a coordinate without inertia
         worst = int(np.argmax(np.abs(r["residual"])))
-        return f"{r['residual'][worst]:.3g} N or N m are left over at {r['coordinates'][worst]!r}"
+        return f"{r['residual'][worst]:.3g} N or N m are unbalanced at {r['coordinates'][worst]!r}"
     worst = int(np.argmax(np.abs(acceleration)))
     return f"{r['coordinates'][worst]!r} would accelerate at {-acceleration[worst]:.3g} (m or rad)/s2"
 
@@ -195,7 +196,7 @@ def _cross_coupled(model: Any, name: str) -> bool:
 
 
 def second_order_of(m: Any, at: Any, without: Sequence[str]) -> Linearization:
-    """What modes, transfer functions and responses work on: a linearisation, given or made."""
+    """The linearisation, given or made, on which modes, transfer functions and responses work."""
     if isinstance(m, Linearization):
         if at is not None or tuple(without):
             raise ModelError("at= and without= belong to the call of mb.linearize that made this linearisation")

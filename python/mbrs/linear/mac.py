@@ -32,6 +32,7 @@ def mac(a: Any, b: Any, *, weight: Any = None) -> np.ndarray:
 
     Notes
     -----
+    Equations: docs/theory.md (6.10).
     R. J. Allemang and D. L. Brown, "A correlation coefficient for modal vector analysis",
     Proc. 1st Int. Modal Analysis Conf., 1982, 110-116.
     Cost O(dof n_a n_b).

@@ -25,7 +25,7 @@ _MATRIX_EFFECTS = {"damping": "C", "gyroscopic": "G", "circulatory": "N"}
 # Relative error of an assembled model's frequency from which on the factor of its stiffness is worth a second solution. Too small:
 # ordinary models are solved twice. Too large: soft modes keep the rounding of stiff springs. Pinned by tests/truth/test_graded_modes.py.
 _GRADED = 1e-9
-# A smaller pivot of M means that light bodies drown in the rounding of heavy ones; then a factor of M is taken.
+# A smaller pivot of M means that M is ill-conditioned: light bodies are lost in the rounding of heavy ones. Then a factor of M is used.
 _LIGHTEST = 1e-5
 
 
@@ -55,7 +55,7 @@ def modes(
         Effects to leave out. Plain matrices know "damping" (C), "gyroscopic" (G) and "circulatory" (N).
     stiffness_factor
         (any, dof) matrix F with K = F^T F, such as sqrt(k) times the rows of relative displacement. It keeps low
-        frequencies accurate where a stiffness ratio beyond 1e8 would drown them in the rounding of an assembled K;
+        frequencies accurate where a stiffness ratio beyond 1e8 would lose them in the rounding of an assembled K;
         used for undamped and proportionally damped systems.
 
     Returns
@@ -73,6 +73,7 @@ def modes(
 
     Notes
     -----
+    Equations: docs/theory.md (6.1) to (6.9).
     Without damping, or with damping that the undamped modes diagonalise, one symmetric eigenproblem and scalar
     quadratics; where a bound from all residuals says that digits are lost (very different stiffnesses or masses), singular
     values of a factor of K by Jacobi's method, and residuals in twice the precision. A model hands over the factor of its
@@ -193,7 +194,7 @@ def _dense(
 def _with_its_masses(
     system: Any, mass: Any, damping: Any, gyroscopic: Any, stiffness: Any, circulatory: Any, f: Any
 ) -> tuple[dict[str, Any], np.ndarray | None]:
-    """Modes, and the factor of M that they needed: where light bodies drown in heavy ones, the matrix does not hold them any more."""
+    """Modes, and the factor of M that they needed where light bodies are lost beside heavy ones in M itself."""
     try:
         r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f)
         if r["mass_pivot"] >= _LIGHTEST or not hasattr(system, "mass_factor"):

@@ -25,7 +25,7 @@ def multiblade(values: Any, azimuth: Any, inverse: bool = False) -> np.ndarray:
     values
         (..., N): the coordinate of each blade (real or complex), at least two; with ``inverse`` the multiblade ones.
     azimuth
-        (N,) or (..., N) rad: psi_i of each blade, evenly spaced. Of a rotor that turns psi_i(t) = psi_i(0) + speed t.
+        (N,) or (..., N) rad: psi_i of each blade, evenly spaced. A turning rotor has psi_i(t) = psi_i(0) + speed t.
     inverse
         From multiblade coordinates to the blades': q_i = a_0 + sum_n a_n cos(n psi_i) + b_n sin(n psi_i) (+ (-1)^i a_d).
 
@@ -41,6 +41,7 @@ def multiblade(values: Any, azimuth: Any, inverse: bool = False) -> np.ndarray:
 
     Notes
     -----
+    Equations: docs/theory.md (8.4).
     R. P. Coleman and A. M. Feingold, NACA Report 1351 (1958). Cost O(N^2) per set.
 
     Examples
@@ -146,6 +147,7 @@ def rotor_modes(modes: Any, blades: Any, speed: float) -> RotorModes:
 
     Notes
     -----
+    Equations: docs/theory.md (8.2), (8.4).
     phi exp(i omega t) with phi_i growing in phase from blade to blade by -2 pi/N is a wave that runs with the rotation: blade
     i + 1, 2 pi/N further round, moves later. At standstill forward and backward patterns of one frequency mix freely. Cost
     O(n N m).

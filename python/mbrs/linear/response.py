@@ -178,6 +178,7 @@ def response(
 
     Notes
     -----
+    Equations: docs/theory.md (7.4) to (7.6).
     Source of the exponential: Higham 2005. Cost: O(n^3) once, then O(n) per time for uncoupled modes, O(n^2) for small
     or badly conditioned systems; one set of propagators for each different step. Error estimate: the response to the
     parabola between load and chord, from the middle of each step (functions) or second differences (arrays).
@@ -311,7 +312,7 @@ def load_history(t: np.ndarray, loads: Sequence[Any], names: Sequence[str]) -> L
             u[j] = _sample(load, t, name)
             middle = _sample(load, 0.5 * (t[1:] + t[:-1]), name)
             bulge[j] = middle - 0.5 * (u[j, 1:] + u[j, :-1])
-            # what rounding of the load makes is no curvature
+            # rounding of the load is not curvature
             bulge[j, np.abs(bulge[j]) <= 4 * np.finfo(float).eps * np.abs(u[j]).max()] = 0.0
         else:
             u[j] = _array(load, t.size, name)
@@ -353,7 +354,7 @@ def _again(a: np.ndarray, rows: list[int]) -> np.ndarray:
 
 
 def _with_inputs(m: Any, ports: list[Any], outputs: Any, at: Any, without: Sequence[str]) -> LinearSystem:
-    """Free motion has no loads: any coordinate stands in for the input then, with no force."""
+    """Free motion has no loads: any coordinate is then the input, with zero force."""
     from .matrices import MechanicalSystem
 
     if isinstance(m, MechanicalSystem):

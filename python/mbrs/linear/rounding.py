@@ -1,4 +1,4 @@
-"""What rounding of its terms may have left in the entries of a linearisation: bounds entry by entry, without a choice of units."""
+"""Bounds of the rounding errors in the entries of a linearisation, entry by entry, without a choice of units."""
 
 from __future__ import annotations
 

@@ -197,7 +197,7 @@ class LinearizationSensitivity(Result):
 
 @result
 class EquilibriumSensitivity(Result):
-    """How an equilibrium or a steady motion moves: ``position`` and ``rotation`` (n_bodies, 3, n_p), world; ``coordinate`` (n_tree,
+    """Derivatives of an equilibrium or a steady motion: ``position`` and ``rotation`` (n_bodies, 3, n_p), world; ``coordinate`` (n_tree,
     n_p).
     """
 
@@ -229,7 +229,7 @@ class EquilibriumSensitivity(Result):
         return [note] if note else []
 
     def plot(self, *, ax: Any = None) -> Any:
-        """How far each body moves by each parameter, as bars; returns the figure."""
+        """Displacement of each body by each parameter, as bars; returns the figure."""
         from ..plot.derivatives import equilibrium_sensitivity
 
         return equilibrium_sensitivity(self, ax=ax)
@@ -266,6 +266,7 @@ def sensitivity(result: Any, parameters: str | Sequence[str], *, equilibrium: st
 
     Notes
     -----
+    Equations: docs/theory.md (9.1) to (9.9).
     One pass of dual numbers through the linearisation per parameter; no differences.
 
     Examples

@@ -33,7 +33,7 @@ _SAME_ROOT = 1e-9
 
 
 def is_large(model: Any, n: int | None) -> bool:
-    """Whether modes of a model take the sparse route: few modes of many coordinates."""
+    """True if modes of a model take the sparse route: few modes of many coordinates."""
     if n is None or len(model.bodies) == 0:
         return False
     from ..system.tables import compiled
@@ -45,7 +45,7 @@ def is_large(model: Any, n: int | None) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class SparseModel:
-    """What modes of a large model belong to: names, and the motion of all bodies; its matrices are made when asked for.
+    """Model of sparse modes: names, and the motion of all bodies; its matrices are made when asked for.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ def model_modes(model: Any, at: Any, n: int, without: Any, start: float, shift: 
         warnings.warn(
             f"the drawn state of {model.name!r} is not in balance: at {r['worst']!r} "
             f"{r['unbalanced']:.1e} of all forces is "
-            "left over; take the modes at an equilibrium instead",
+            "unbalanced; take the modes at an equilibrium instead",
             MbrsWarning,
             stacklevel=4,
         )

@@ -1,4 +1,4 @@
-"""Which bodies turn in a steady motion: those that are driven, and those that elastic elements carry around with them."""
+"""Bodies that turn in a steady motion: those that are driven, and those that elastic elements carry around with them."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def spin_of(
 ) -> Spin:
     """The rates with which no elastic force grows: bodies without a joint follow first, then all coordinates that are not driven.
 
-    Raises a ModelError that names the element where something that turns is tied to something that stands.
+    Raises a ModelError that names the element where something that turns is tied to something at rest.
     """
     topology = snapshot.system.topology()
     free = free_bodies(topology)
@@ -212,7 +212,7 @@ def _with_carriers(
     driven: Collection[int],
     relative: np.ndarray,
 ) -> Spin:
-    """Which body each carried one follows: the first of the others that moves as one rigid body with it."""
+    """Spin in which each carried body follows the first of the others that moves as one rigid body with it."""
     names = list(base.snapshot.tables["body_name"])
     with core_errors():
         place = base.snapshot.system.bodies(relative, np.zeros(0))["position"]

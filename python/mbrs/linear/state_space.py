@@ -46,6 +46,7 @@ def state_space(
 
     Notes
     -----
+    Equations: docs/theory.md (7.4).
     Cost O(n^3).
 
     Examples

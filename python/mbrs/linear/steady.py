@@ -52,7 +52,8 @@ class SteadyMotion(Result):
     linearization
         The exact linearisation there, in these axes.
     error
-        Largest change of a row of M, C + G, K + N over a turn, relative to the row, beyond rounding; at most 1e-8.
+        Largest change of a row of M, C + G, K + N over a turn, relative to the row, beyond rounding; at most 1e-8, or ten
+        times the model's tolerance.
     """
 
     state: State
@@ -150,7 +151,7 @@ def steady_motion(
     """The state in which the named joints turn at constant speed and all forces, inertia included, balance.
 
     rho(y, v, v') = 0 on all coordinates but the driven ones, v = speed on these. Bodies without a joint that elastic elements tie
-    to something that turns (bushings, torsion springs, beams) turn with it; everything else stands.
+    to something that turns (bushings, torsion springs, beams) turn with it; everything else is at rest.
 
     Parameters
     ----------
@@ -180,9 +181,10 @@ def steady_motion(
 
     Notes
     -----
+    Equations: docs/theory.md (8.1) to (8.3).
     Newton on the exact tangent, centrifugal stiffness included. The tangent at five angles of the turn decides about the axes: the
-    first of fixed, rotating, joint and multiblade ones in which no row changes by more than 1e-8 of its own size is taken (G. Bir,
-    Multiblade coordinate transformation and its application to wind turbine analysis, AIAA 2008-1300).
+    first of fixed, rotating, joint and multiblade ones in which no row changes by more than (8.3) allows is taken (G. Bir, Multiblade
+    coordinate transformation and its application to wind turbine analysis, AIAA 2008-1300).
     Cost O(dof^3) per iteration and angle.
 
     Examples
@@ -258,7 +260,7 @@ def _rates(snapshot: Snapshot, begin: State, driven: Mapping[int, float], withou
 def _drive_forces(
     snapshot: Snapshot, found: dict[str, Any], names: Sequence[str], without: tuple[str, ...]
 ) -> dict[str, float]:
-    """What each drive of a tree joint exerts, by the coordinate that it moves."""
+    """Force or torque of each drive of a tree joint, by the coordinate that it moves."""
     model, out = snapshot.model, {}
     rows = list(snapshot.system.topology()["row_joint"])
     for drive in model.drives if "drives" not in without else ():

@@ -1,4 +1,4 @@
-"""The factor F of a model's stiffness, K = F^T F: rows sqrt(k) w of its elements, which an assembled K drowns in rounding."""
+"""The factor F of a model's stiffness, K = F^T F: rows sqrt(k) w of its elements, which an assembled K loses in rounding."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ class Turn:
 
     @property
     def fits(self) -> float:
-        """How well the motions of bodies have to agree, over their size."""
+        """Tolerance for the agreement of the motions of bodies, over their size."""
         return max(FITS, self.snapshot.model.tolerance)
 
     @property
@@ -199,7 +199,7 @@ class Turn:
         return [inertia, np.sum(D, axis=1) + 2.0 * M @ turned, stiff + D @ turned + M @ turned**2]
 
     def elements(self, tangent: Tangent) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-        """Of each element: its name, strains (n, dof) over the coordinates, stiffness (n, n), gradients (n, 6) over the relative twist,
+        """Each element: its name, strains (n, dof) over the coordinates, stiffness (n, n), gradients (n, 6) over the relative twist,
         and the natural motion (dof,) of its ends.
         """
         length = self.snapshot.system.characteristic_length
@@ -351,7 +351,7 @@ def _elastic(model: Any, body: int) -> Any:
 
 
 def modal_generator(modal: Any, w: np.ndarray, length: float) -> np.ndarray | None:
-    """A (m, m) with q' = A q for a shape that stands while its body turns with w (body axes): displacements and rotations of the
+    """A (m, m) with q' = A q for a shape that is at rest while its body turns with w (body axes): displacements and rotations of the
     points along it turn back, phi A = -w x phi. None where the shapes do not allow that, or the points are off the axis.
     """
     if not np.any(w):

@@ -107,9 +107,18 @@ class Polynomial1D(Law):
 class Gap(Law):
     """Stop beyond a gap: force = k max(u - gap, 0), with ``bilateral=True`` also k min(u + gap, 0).
 
-    ``smoothing`` s > 0 (a length) replaces max(d, 0) by the hyperbola (d + sqrt(d^2 + s^2)) / 2, which is s/2 too
-    large at d = 0.
-    A negative gap is a preload of a one-sided stop.
+    Parameters
+    ----------
+    k
+        Stiffness of the stop, force / displacement.
+    gap
+        Displacement at which it closes; a negative one is a preload of a one-sided stop.
+    smoothing
+        s > 0, a displacement, replaces max(d, 0) by the hyperbola (d + sqrt(d^2 + s^2)) / 2, which is s/2 too large at d = 0.
+    bilateral
+        Stops on both sides.
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
     """
 
     def __init__(self, k: Any, gap: Any, smoothing: Any = 0.0, bilateral: bool = False, w: Any = None) -> None:
@@ -133,6 +142,8 @@ class CoulombTanh(Law):
         Friction coefficient times normal force.
     v_ref
         Rate at which 76 % of it is reached; positive.
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
     """
 
     code = LAWS["CoulombTanh"].codes[0]
@@ -143,7 +154,23 @@ class CoulombTanh(Law):
 
 
 class Hertz(Law):
-    """Contact after Hertz: force = k max(u - gap, 0)^exponent; the exponent of spheres is 1.5. It must exceed 1."""
+    """Contact after Hertz: force = k max(u - gap, 0)^exponent.
+
+    Parameters
+    ----------
+    k
+        Force / displacement^exponent.
+    exponent
+        Above 1; 1.5 for spheres.
+    gap
+        Displacement at which the bodies touch.
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
+
+    Notes
+    -----
+    K. L. Johnson, Contact Mechanics, Cambridge University Press 1985, section 4.2.
+    """
 
     code = LAWS["Hertz"].codes[0]
 
@@ -161,6 +188,8 @@ class TableLaw(Law):
     ----------
     u, f
         Displacements, strictly ascending, and forces there; at least two points.
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
 
     Notes
     -----
@@ -181,7 +210,15 @@ class TableLaw(Law):
 
 
 class VanDerPol(Law):
-    """The nonlinear part of van der Pol's oscillator: force = mu u^2 u'."""
+    """The nonlinear part of van der Pol's oscillator: force = mu u^2 u'.
+
+    Parameters
+    ----------
+    mu
+        Force / (displacement^2 rate).
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
+    """
 
     code = LAWS["VanDerPol"].codes[0]
 
@@ -190,11 +227,21 @@ class VanDerPol(Law):
 
 
 class Jenkins(Law):
-    """Spring and slider in series: force = k (u - z) within +-f_slip, where z is the slider's place, which follows
-    beyond.
+    """Spring and slider in series: force = k (u - z) within +-f_slip; beyond, the place z of the slider follows.
 
-    The slider starts centred (z = 0): in full stick, where the motion does not determine it, the element is the spring
-    k.
+    Parameters
+    ----------
+    k
+        Stiffness of the spring, force / displacement; positive.
+    f_slip
+        Force at which the slider moves; positive.
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
+
+    Notes
+    -----
+    docs/theory.md (2.8). The slider starts centred (z = 0): in full stick, where the motion does not determine z, the element is the
+    spring k.
     """
 
     code = LAWS["Jenkins"].codes[0]
@@ -210,7 +257,9 @@ class Iwan(Law):
     Parameters
     ----------
     k, f_slip
-        Stiffnesses and slip forces of the sliders, of the same length.
+        Stiffnesses (force / displacement) and slip forces of the sliders, of the same length, all positive.
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
     """
 
     code = LAWS["Iwan"].codes[0]
@@ -227,7 +276,18 @@ class Iwan(Law):
 class VaryingStiffness(Law):
     """Parametric excitation: force = k cos(order phi + phase) u, phi the phase of the excitation (omega t).
 
-    Only harmonic balance drives it; elsewhere phi = 0. ``order`` is a positive integer.
+    Only harmonic balance drives it; elsewhere phi = 0.
+
+    Parameters
+    ----------
+    k
+        Amplitude of the stiffness, force / displacement.
+    order
+        Periods of the stiffness in one of the excitation, a positive integer.
+    phase
+        rad.
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
     """
 
     code = LAWS["VaryingStiffness"].codes[0]
@@ -280,7 +340,7 @@ class FunctionLaw(Law):
         return self._shaped("function", self._called("function", u, v), u.shape)
 
     def _called(self, name: str, u: np.ndarray, v: np.ndarray) -> Any:
-        """What the function or its derivative returns; what it raises comes out as it is, with a note."""
+        """Value of the function or its derivative; its exceptions come out unchanged, with a note."""
         try:
             return getattr(self, name)(u, v)
         except BaseException as raised:

@@ -58,7 +58,7 @@ def rotation(axis: Any, angle: Any) -> np.ndarray:
 
 
 def quaternion(value: Any, where: str) -> list[Number]:
-    """A quaternion as given, or that of a rotation matrix (3, 3) body to world; None is no rotation."""
+    """A quaternion as given, or that of a rotation matrix (3, 3) body to world; None is the identity."""
     if value is None:
         return [1.0, 0.0, 0.0, 0.0]
     if shape_of(value) == (3, 3):

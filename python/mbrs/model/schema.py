@@ -114,7 +114,7 @@ class Size:
 
 
 def size_of(shape: Sequence[int | str]) -> Size:
-    """How many numbers a shape has."""
+    """Number of numbers of a shape."""
     counts, power = 1, 0
     for n in shape:
         counts, power = (counts, power + 1) if isinstance(n, str) else (counts * n, power)
@@ -143,7 +143,7 @@ class Block:
         return self.starts[name](m)
 
     def slice(self, name: str, m: int = 0) -> slice:
-        """Where the numbers of a field are, from the start of the object's numbers."""
+        """Slice of the numbers of a field, from the start of the object's numbers."""
         return self._slice(name, m) if m else self._slices[name]
 
     def _slice(self, name: str, m: int) -> builtins.slice:
@@ -151,7 +151,7 @@ class Block:
         return slice(start, start + size_of(self.fields[name].shape)(m))
 
     def size(self, m: int = 0) -> int:
-        """How many numbers the object has."""
+        """Number of numbers of the object."""
         return self.total(m)
 
 
@@ -203,7 +203,7 @@ class Kind:
 
     @cached_property
     def fields(self) -> tuple[Field, ...]:
-        """Those of the block that this type uses."""
+        """Fields of the block that this type uses."""
         return tuple(f for f in self.block if not f.types or self.type in f.types)
 
     @cached_property
@@ -223,7 +223,7 @@ class Kind:
         return tuple(a.name for a in self.arguments if a.required)
 
     def form(self, name: str) -> Form:
-        """What an argument is."""
+        """Form of an argument."""
         return next(a.form for a in self.arguments if a.name == name)
 
     def units(self, f: Field, shape: tuple[int, ...]) -> tuple[str, ...]:
@@ -237,7 +237,7 @@ class Kind:
 
 
 def coordinate_unit(role: str, row: str, column: str) -> str:
-    """Of a force on a coordinate "t" or "r", or of its derivative by (the rate of) another."""
+    """Unit of a force on a coordinate "t" or "r", or of its derivative by (the rate of) another."""
     if role == "force":
         return _FORCE[row]
     return f"{_FORCE[row]}{' s' if role == 'damping' else ''}/{_MOTION[column]}"

@@ -108,7 +108,7 @@ def loads(text: str, new: Callable[[str], Any], source: str = "<text>", function
 
 
 def _too_long(text: str) -> str | None:
-    """Where an integer has too many digits."""
+    """Message about an integer with too many digits, or None."""
     found = _DIGITS.search(text)
     if found is None:
         return None

@@ -1,4 +1,4 @@
-"""What can be read of an instant of a motion, by name: the state objects that objectives see."""
+"""Quantities of a motion at one instant, addressed by name: the state objects that objectives see."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Names:
         return ("point", self.body(of), order, None, (x, y, z))
 
     def free(self, joint: int) -> int:
-        """How many free coordinates a joint has."""
+        """Number of free coordinates of a joint."""
         return _FREE[int(self.tables["joint_type"][joint])]
 
     def address(self, what: str) -> Asked:
@@ -102,7 +102,7 @@ class Names:
         return self._find("body or marker", name, [*self.bodies, *self.markers])
 
     def unit(self, asked: Asked) -> str:
-        """Of its numbers; empty where they differ."""
+        """Unit of its numbers; empty where they differ."""
         kind, index, order = asked[:3]
         if kind == "joint":
             kinds = set(_KINDS[int(self.tables["joint_type"][index])].free)
@@ -112,13 +112,13 @@ class Names:
         return ("m" if kind == "point" else "rad") + ("", "/s", "/s^2")[order]
 
     def components(self, asked: Asked) -> list[str]:
-        """What its numbers are called: x y z and rx ry rz, those of a joint by its free coordinates."""
+        """Names of its numbers: x y z and rx ry rz, those of a joint by its free coordinates."""
         if asked[0] == "joint":
             return list(_KINDS[int(self.tables["joint_type"][asked[1]])].coordinates)
         return ["x", "y", "z", "rx", "ry", "rz"][: 3 if asked[0] in ("point", "turning", "rotation") else 6]
 
     def width(self, asked: Asked) -> int:
-        """How many numbers the core returns for it."""
+        """Number of numbers that the core returns for it."""
         return {"point": 3, "turning": 3, "rotation": 9, "reaction": 6}.get(asked[0], 0) or self.free(asked[1])
 
 

@@ -60,7 +60,9 @@ def simulate(
     max_steps: int | None = None,
     parameters: str | Sequence[str] | None = None,
 ) -> Trajectory:
-    """M(q) v' + h(q, v, t) + J^T lam = 0 with Phi(q, t) = 0 and J v + Phi_t = 0, from a state over a time.
+    """Integrate the constrained equations of motion from an initial state.
+
+        M(q) v' + h(q, v, t) + J^T lam = 0,   Phi(q, t) = 0,   J v + Phi_t = 0
 
     Parameters
     ----------
@@ -85,7 +87,7 @@ def simulate(
     without
         Effects to leave out: "gravity", "damping", "friction", "contact", "centrifugal".
     rho
-        Generalised-alpha: what is left of infinitely fast oscillations after a step, 0 to 1 (0.8).
+        Generalised-alpha: spectral radius at infinite frequency, 0 <= rho <= 1 (default 0.8).
     form, update
         "bdf-bfgs": the equations of a step, "ggl" (default; positions and velocities, stabilised index 2) or "symmetric"
         (positions and h^2 lam), and the inverse update: "auto" (default; BFGS until it has failed twice, then Broyden's, which
@@ -94,8 +96,7 @@ def simulate(
         "explicit": what its stages integrate where there are loops, drives or rolling. "tree": all tree coordinates, with the
         constraints at acceleration level, projected onto them after each step. "independent": those that determine the others
         (Wehage and Haug 1982), which are switched between steps where others would serve better; ``stats.route`` names them.
-        None: independent where many loops leave few freedoms, else tree
-        (docs/motion.md).
+        None: independent where many loops leave few degrees of freedom, else tree (docs/motion.md).
     max_step, first_step
         s; limits of the controlled steps.
     max_steps
@@ -127,6 +128,7 @@ def simulate(
 
     Notes
     -----
+    Equations: docs/theory.md (2.1), (2.2), and its sections 16 to 18.
     Constraints hold at position, velocity and acceleration level at every output, redundant ones too. Cost per step O(n^3) in the
     number of tree coordinates and loop rows. Sources: see `rust/src/analysis/transient`.
 
@@ -347,7 +349,7 @@ def _compared_with(traj: Trajectory, options: dict[str, Any]) -> tuple[dict[str,
 
 
 def _rounding(traj: Trajectory) -> float:
-    """What rounding makes of a motion: every step leaves that of its pose, and a part of its rate that moves all that follows."""
+    """Error of a motion by rounding: every step leaves that of its pose, and a part of its rate that moves all that follows."""
     if traj.rate.shape[1] == 0:
         return 0.0  # nothing can move
     length = traj.snapshot.system.characteristic_length

@@ -54,7 +54,7 @@ class Run:
     read: list[bool] = field(default_factory=list)
 
     def options(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
-        """What the core takes."""
+        """Arguments of the core."""
         pairs: list[tuple[list[int], list[float]]] = []
         if along is not None:
             for p in range(along.n):
@@ -129,8 +129,8 @@ def _apart(times: Sequence[float]) -> list[float]:
 def warn_of_growth(growth: float) -> None:
     if growth > _AMPLIFIED:
         warnings.warn(
-            f"the motion amplifies relative changes of the parameters {growth:.1e} times: over so long a time it is chaotic, or nearly "
-            "so. The derivative is exact for these steps and may say nothing about the continuous motion; compare other steps (.error "
+            f"the motion amplifies relative changes of the parameters {growth:.1e} times: over this time span it is chaotic, or nearly "
+            "chaotic. The derivative is exact for these steps and may say nothing about the continuous motion; compare other steps (.error "
             "of mb.gradient does), or end earlier",
             MbrsWarning,
             stacklevel=4,
@@ -158,8 +158,8 @@ def warn_of(kinks: Sequence[Kink]) -> None:
     named = "; ".join(f"{name!r} at t = {t:.6g} s ({what})" for t, name, what in kinks[:3])
     more = f" and {len(kinks) - 3} more" if len(kinks) > 3 else ""
     warnings.warn(
-        f"the motion passes {named}{more}: it is not differentiable there; the gradient is that of the steps on both sides, with an "
-        "error of first order in the step. Take smaller steps, or smooth the law (smoothing=, a larger v_ref)",
+        f"the motion passes {named}{more}: it is not differentiable there; the gradient ignores the kink and is "
+        "first-order accurate there. Take smaller steps, or smooth the law (smoothing=, a larger v_ref)",
         KinkWarning,
         stacklevel=3,
     )

@@ -307,7 +307,7 @@ class Trajectory(Result):
 
     @property
     def residual(self) -> np.ndarray:
-        """(n_t, 3): what the constraints leave over at position, velocity and acceleration level.
+        """(n_t, 3): constraint residuals at position, velocity and acceleration level.
 
         Over the characteristic length, and over that times w and w^2, w the largest speed of a body over the characteristic
         length, its largest angular velocity, or one over the time of the whole motion if they are smaller.
@@ -330,7 +330,7 @@ class Trajectory(Result):
         Raises
         ------
         ModelError
-            A time that is no output time.
+            A time that is not an output time.
         """
         i = len(self.t) - 1 if t is None else self._output(t)
         return State(self.relative[i], self.rate[i], "given", self.memory[i], float(self.t[i]))
@@ -407,7 +407,7 @@ class Trajectory(Result):
         return names.unit(names.address(what))
 
     def component_names(self, what: str) -> list[str]:
-        """What the numbers of a quantity are called: x y z, rx ry rz after them of a wrench, a joint's own coordinates."""
+        """Names of the numbers of a quantity: x y z, rx ry rz after them of a wrench, a joint's own coordinates."""
         names = Names(self.snapshot.tables)
         return names.components(names.address(what))
 
@@ -416,10 +416,10 @@ class Trajectory(Result):
         try:
             asked = float(t)
         except (TypeError, ValueError):
-            raise ModelError(f"t = {t!r} is no output time: t= is a time of an output, one of traj.t") from None
+            raise ModelError(f"t = {t!r} is not an output time: t= is a time of an output, one of traj.t") from None
         i = int(np.argmin(np.abs(self.t - asked)))
         if not np.isfinite(asked) or abs(self.t[i] - asked) > 1e-9 * max(1.0, abs(asked)):
-            raise ModelError(f"t = {t} is no output time; the nearest is {self.t[i]:.9g}: name times with t=[...]")
+            raise ModelError(f"t = {t} is not an output time; the nearest is {self.t[i]:.9g}: name times with t=[...]")
         return i
 
     def sensitivity_table(self, what: str, t: float | None = None) -> str:

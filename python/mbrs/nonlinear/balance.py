@@ -1,4 +1,4 @@
-"""Shared by all harmonic-balance analyses: what the user gave, checked, as arrays for the core."""
+"""Shared by all harmonic-balance analyses: checked arguments of users as arrays for the core."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy as np
 
 from .. import _core
 from .._lib import checks
-from ..errors import ConvergenceError, MbrsError, ModelError, SingularError
+from .._lib.border import core_errors
+from ..errors import ModelError, SingularError
 from ..model.laws import FunctionLaw, Law
 from . import condensation
 
@@ -52,7 +53,7 @@ class Setup:
 
     @property
     def route(self) -> str:
-        """How the linear part was treated."""
+        """Treatment of the linear part, in words."""
         return self.linear.route
 
     def expand(self, y: np.ndarray, omega: float, level: float = 1.0, value: float | None = None) -> np.ndarray:
@@ -62,7 +63,7 @@ class Setup:
             system, force = self.member(value)
             _, _, _, terms, given = self.arguments
             return prepare(system, force, terms, turn=False, **given).expand(y, omega, level)
-        X = translated(self.core.expand, y, [omega], level)
+        X = call_core(self.core.expand, y, [omega], level)
         X = X if self.linear.transform is None else self.linear.transform @ X
         if not np.all(np.isfinite(X)):
             loose = int(np.flatnonzero(~np.all(np.isfinite(X), axis=1))[0])
@@ -72,7 +73,7 @@ class Setup:
     def loose_coordinate(self, omega: float) -> str:
         """Name of the coordinate that moves most in the direction in which the equations at rest are singular, or ""."""
         size = self.core.size
-        at = translated(self.core.residual, np.zeros(size), [omega])["jacobian"]
+        at = call_core(self.core.residual, np.zeros(size), [omega])["jacobian"]
         if not np.all(np.isfinite(at)):
             return ""
         row = np.max(np.abs(at), axis=1)
@@ -95,7 +96,7 @@ class Setup:
 
     def exponents(self, y: np.ndarray, omega: float) -> np.ndarray | None:
         """Floquet exponents of a solution, or None where they cannot be told."""
-        return translated(self.core.floquet, y, [omega], model=self.model(omega))[0]
+        return call_core(self.core.floquet, y, [omega], model=self.model(omega))[0]
 
     def peak(
         self,
@@ -112,7 +113,7 @@ class Setup:
         if harmonic is not None and harmonic not in (0, *self.harmonics):
             raise ModelError(f"harmonic {harmonic} is not among those of the curve")
         term = harmonic and self.harmonics.index(harmonic) + 1
-        return translated(self.core.peak, y, omega, level, np.ascontiguousarray(weights), term, towards)
+        return call_core(self.core.peak, y, omega, level, np.ascontiguousarray(weights), term, towards)
 
     def padded(self, X: np.ndarray) -> np.ndarray:
         """Coefficients of the chosen harmonics (dof, n_c) with zeros for those left out, (dof, 2 H + 1)."""
@@ -139,23 +140,15 @@ class Setup:
 
 
 def coordinate_name(system: Any, i: int) -> str:
-    """What a message calls a coordinate."""
+    """Name of a coordinate in messages."""
     names = getattr(system, "coordinates", None)
     return f"coordinate {i}" if names is None else f"coordinate {str(names[i])!r}"
 
 
-def translated(call: Any, *args: Any, **kwargs: Any) -> Any:
-    """Calls the core; its errors come out as those of mbrs."""
-    try:
+def call_core(call: Any, *args: Any, **kwargs: Any) -> Any:
+    """Call a function of the core; its errors come out as those of `mbrs.errors`."""
+    with core_errors():
         return call(*args, **kwargs)
-    except _core.CoreConvergenceError as problem:
-        raise ConvergenceError(str(problem.args[0])) from None
-    except _core.CoreSingularError as problem:
-        raise SingularError(str(problem)) from None
-    except _core.CoreModelError as problem:
-        raise ModelError(str(problem)) from None
-    except _core.CoreError as problem:
-        raise MbrsError(str(problem)) from None
 
 
 def checked_guess(n: int, x0: Any) -> np.ndarray:
@@ -234,7 +227,7 @@ def prepare(
     linear = condensation.linear_part(system, laws, forces, 2 * len(terms) + 1, condense, turn)
     elements = core_elements(laws, linear.directions)
     indices = [[h] for h in terms]
-    core = translated(_core.HbmProblem, linear.core, elements, indices, subharmonic, [omega], [n], extra, [fine])
+    core = call_core(_core.HbmProblem, linear.core, elements, indices, subharmonic, [omega], [n], extra, [fine])
     arguments = (system, force, terms, subharmonic, n, omega, condense, turn)
     return Setup(system, terms, subharmonic, n, core, linear, arguments)
 

@@ -165,7 +165,7 @@ class Branch(Iterator[BranchPoint]):
     ) -> Any:
         a, b = self._span
         options = self._options if step is None else dict(self._options, first_step=step)
-        return balance.translated(
+        return balance.call_core(
             _core.HbmBranch,
             self.setup.core,
             y,
@@ -195,7 +195,7 @@ class Branch(Iterator[BranchPoint]):
                 line.advance(len(self.chunks) - before, note=self._note() if line.due else "")
 
     def _note(self) -> str:
-        """Where the branch is: frequency, amplitude, harmonics, step, events."""
+        """Present point of the branch in words: frequency, amplitude, harmonics, step, events."""
         if len(self.chunks) == 0:
             return self.status
         last = self.point(len(self.chunks) - 1)
@@ -263,21 +263,21 @@ class Branch(Iterator[BranchPoint]):
             wanted = known + max_points - len(self.chunks)
             begin = time.perf_counter()
             try:
-                self._take(balance.translated(self._core.run, min(wanted, CHUNK_POINTS), np.inf))
+                self._take(balance.call_core(self._core.run, min(wanted, CHUNK_POINTS), np.inf))
                 if self._stalled:
                     self._sample_finer()
             except MbrsError as problem:
                 self._break_off(str(problem))
             except BaseException:  # Ctrl-C, or what a law of the user raised: the points until then are kept
                 with suppress(MbrsError):
-                    self._take(balance.translated(self._core.run, 0, 0.0))
+                    self._take(balance.call_core(self._core.run, 0, 0.0))
                 raise
             seconds -= time.perf_counter() - begin
         return len(self.chunks) - known
 
     def _break_off(self, why: str) -> None:
         """Keeps what the core had found when an error ended the branch."""
-        self._take(balance.translated(self._core.run, 0, 0.0))
+        self._take(balance.call_core(self._core.run, 0, 0.0))
         if len(self.chunks) == 0:
             raise ConvergenceError(f"the branch has no first point: {why}")
         self.status, self.reason = "stopped", why
@@ -486,7 +486,7 @@ class Branch(Iterator[BranchPoint]):
             apart = other._double(self, apart)
         p = self._parameter_of(event)
         y = other.setup.start(_stretched(event.X, other.setup.subharmonic // self.setup.subharmonic))
-        at = balance.translated(other.setup.core.residual, y, [event.omega], event.level, self.parameter, event.value)
+        at = balance.call_core(other.setup.core.residual, y, [event.omega], event.level, self.parameter, event.value)
         length = float(np.linalg.norm(y)) or 1.0
         scale = np.append(np.full(len(y), length), abs(self._span[1] - self._span[0]))
         matrix = np.column_stack([at["jacobian"], at["slope"]]) * scale
@@ -569,7 +569,7 @@ BRANCH_DEFAULTS: dict[str, Any] = {name: p.default for name, p in _OPTIONS.items
 
 
 def interrupted(branch: Branch, collect: Callable[[], FrequencyResponse]) -> Interrupted:
-    """What is raised when Ctrl-C cuts a branch: with its points so far, if there are any."""
+    """The exception for Ctrl-C in a branch: with its points so far, if there are any."""
     n = len(branch.chunks)
     made = collect().replaced(status="interrupted") if n else None
     return Interrupted(f"a branch was interrupted after {n} points", made)

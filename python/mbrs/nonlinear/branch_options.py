@@ -1,4 +1,4 @@
-"""What a branch of periodic solutions is asked for: the options, and the range that it runs over."""
+"""Options and range of a branch of periodic solutions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from . import balance
 
 
 class BranchOptions(TypedDict, total=False):
-    """What every function that follows a branch takes; `frequency_response` tells their meaning, `Branch` has the defaults."""
+    """Options of every function that follows a branch; `frequency_response` explains them, `Branch` has the defaults."""
 
     force: Any
     inputs: Any

@@ -1,4 +1,4 @@
-"""What a branch of periodic solutions is made of: points, events, and the chunks in which they come from the core."""
+"""Data of a branch of periodic solutions: points, events, and the chunks in which they come from the core."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class BranchPoint:
 
 
 class Chunks:
-    """What has been computed of a branch so far, as lists of arrays; ``terms`` of a chunk say which harmonics it
+    """Points of a branch that have been computed so far, as lists of arrays; ``terms`` of a chunk say which harmonics it
     holds."""
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""How harmonic balance sees the linear part: all coordinates, or condensed exactly onto those that the elements
+"""The linear part of harmonic balance: all coordinates, or condensed exactly onto those that the elements
 touch."""
 
 from __future__ import annotations

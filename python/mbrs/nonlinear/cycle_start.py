@@ -48,7 +48,7 @@ def from_coefficients(X: np.ndarray, w: float) -> Start:
 def equilibrium(system: Any, force: Any) -> np.ndarray:
     """x of rest under the static forces, from the constant terms of harmonic balance."""
     setup = balance.prepare(system, force, 1, condense=False)
-    answer = balance.translated(setup.core.solve, setup.start(None), [1.0])
+    answer = balance.call_core(setup.core.solve, setup.start(None), [1.0])
     return setup.expand(answer["y"], 1.0)[:, 0] if answer["converged"] else np.zeros(system.n)
 
 
@@ -102,8 +102,7 @@ def _power(setup: Any, rest: np.ndarray, c: np.ndarray, w: float) -> float:
 
 
 def by_integration(system: Any, force: Any, cycles: int = 12) -> Start | None:
-    """The motion that a small disturbance of the equilibrium grows into, or None if it does not
-    repeat."""
+    """The periodic attractor reached from a perturbed equilibrium, or None."""
     from scipy.integrate import solve_ivp
 
     if any(law.has_memory for law in system.elements) or system.n > 200:

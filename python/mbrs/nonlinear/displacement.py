@@ -1,4 +1,4 @@
-"""Which displacement of a nonlinear result is meant: a coordinate by number or name, or a motion port of the model."""
+"""Selection of a displacement of a nonlinear result: a coordinate by number or name, or a motion port of the model."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from ..errors import ModelError, NameNotFoundError
 from ..model.ports import Port
 
 
-def picked(X: np.ndarray, system: Any, which: Any) -> np.ndarray:
+def displacement_coefficients(X: np.ndarray, system: Any, which: Any) -> np.ndarray:
     """The coefficients (..., n_c) of one displacement from those of all coordinates (..., dof, n_c)."""
-    return taken(X, weights(system, which, X.shape[-2]))
+    return weigh(X, weights(system, which, X.shape[-2]))
 
 
-def taken(X: np.ndarray, by: int | np.ndarray) -> np.ndarray:
-    """`picked` where the `weights` are known."""
+def weigh(X: np.ndarray, by: int | np.ndarray) -> np.ndarray:
+    """`displacement_coefficients` where the `weights` are known."""
     return X[..., by, :] if isinstance(by, int) else np.einsum("i,...ij->...j", by, X)
 
 

@@ -29,12 +29,11 @@ def frequency_response(
     ----------
     system, force, inputs, amplitude, harmonics, n_samples, subharmonic, condense, x0, at, without
         As for `harmonic_balance`; ``x0`` is a guess of the first point. ``harmonics="auto"`` adds harmonics, and samples
-        for laws that are no polynomials, wherever the error exceeds ``tol``.
+        for laws that are not polynomials, wherever the error exceeds ``tol``.
     omega, frequency
         Exactly one, in rad/s or Hz: a tuple (start, end), end below start included, is followed by continuation; a
-        list or an array
-        is a set of points, solved one after the other; one number together with ``level=(a, b)`` follows the force
-        level.
+        list or an array is a set of points, solved one after the other; one number together with ``level=(a, b)``
+        follows the force level.
     level
         Factor on the forces, the static one excepted: a number or a range.
     tol
@@ -75,6 +74,7 @@ def frequency_response(
 
     Notes
     -----
+    Equations: docs/theory.md (13.1) to (13.5), (14.1) to (14.3).
     Predictor and corrector in a space whose scaling is renewed at every point (Allgower and Georg, Introduction to
     Numerical
     Continuation Methods, SIAM 2003). Cost per point: that of about three iterations of `harmonic_balance`.

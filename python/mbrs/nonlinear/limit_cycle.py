@@ -106,6 +106,7 @@ def limit_cycle(
 
     Notes
     -----
+    Equations: docs/theory.md (15.1).
     The phase is fixed by <dx_0/dt, x> = 0 with the first guess x_0.
 
     Examples
@@ -168,7 +169,7 @@ def limit_cycle(
 
 
 def conservative(system: Any) -> bool:
-    """Whether nothing in a system takes or gives energy, by structure: no damping, no circulatory stiffness, laws of position."""
+    """True if a system conserves energy by structure: no damping, no circulatory stiffness, laws of position."""
     M, C, K = condensation.dense(system)
     still = all(law.code in POSITION for law in system.elements)
     return still and bool(np.all(C + C.T == 0) and np.all(K == K.T) and np.all(M == M.T))
@@ -213,7 +214,7 @@ def _refine(
     for top in tops:
         setup = balance.prepare(system, force, top, omega=w, **given)
         z = np.append(setup.start(X), w)
-        answer = balance.translated(setup.core.cycle, z, **options)
+        answer = balance.call_core(setup.core.cycle, z, **options)
         w_new = float(answer["z"][-1])
         if not answer["converged"] or w_new <= 0:
             continue

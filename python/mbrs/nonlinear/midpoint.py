@@ -145,6 +145,6 @@ def _elements(
 
 
 def is_smooth(laws: Any) -> bool:
-    """Whether the error of the rule has an expansion that extrapolation may use: no kinks."""
+    """True if the error of the rule has an expansion that extrapolation may use: no kinks."""
     kinked = (3, 4, 6, 7, 9, 10)
     return not any(law.code in kinked and not (law.code in (3, 4) and law.numbers()[2] > 0) for law in laws)

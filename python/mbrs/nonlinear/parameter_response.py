@@ -45,15 +45,15 @@ class ParameterResponse(FrequencyResponse):
 
     @property
     def varies(self) -> str:
-        """What changes along the curve: the name of the parameter."""
+        """Name of the parameter that varies along the curve."""
         return self.name
 
     def axis(self) -> tuple[np.ndarray, str]:
-        """What the curve is drawn over, (n,), and its name."""
+        """Abscissa of the curve, (n,), and its name."""
         return self.value, self.name
 
     def place(self, event: Event) -> float:
-        """Where an event is on that axis."""
+        """Abscissa of an event."""
         return float("nan") if event.value is None else event.value
 
     def at(self, event: Event) -> PeriodicSolution:
@@ -132,6 +132,7 @@ def parameter_response(
 
     Notes
     -----
+    Equations: docs/theory.md (13.1) to (13.5).
     The continuation of `frequency_response` with the exact Jacobian; dR/dp is a central difference between two systems, on
     whose accuracy neither solutions nor folds depend. Three systems are made per iteration, which takes most of the time.
     Numbers of a model are as before when the function returns.

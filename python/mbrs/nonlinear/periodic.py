@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import ConvergenceError, ModelError
 from ..results import Result, Stats, derived, quantity, result
 from . import balance
-from .displacement import label, picked
+from .displacement import displacement_coefficients, label
 
 if TYPE_CHECKING:
     from .verify_full import Distance
@@ -92,7 +92,7 @@ class PeriodicSolution(Result):
 
         ``dof``: number or name of a coordinate, or, of a model, a motion such as ``body.motion("z")``.
         """
-        x = picked(self.X, self.system, dof)
+        x = displacement_coefficients(self.X, self.system, dof)
         if not 0 <= balance.whole("harmonic", harmonic) <= (len(x) - 1) // 2:
             return 0j
         return complex(x[0]) if harmonic == 0 else complex(x[2 * harmonic - 1], -x[2 * harmonic])
@@ -110,7 +110,7 @@ class PeriodicSolution(Result):
         return self._series(t, 1, dof)
 
     def _series(self, t: Any, derivative: int, dof: Any) -> np.ndarray:
-        X = self.X if dof is None else picked(self.X, self.system, dof)[None, :]
+        X = self.X if dof is None else displacement_coefficients(self.X, self.system, dof)[None, :]
         h = np.arange((X.shape[1] - 1) // 2 + 1)
         rate = h * self.omega / self.subharmonic
         c = X[:, 0::2].astype(complex)
@@ -121,7 +121,7 @@ class PeriodicSolution(Result):
 
     def largest(self, dof: Any = 0) -> float:
         """Largest |x| of one displacement over a period: the best of many instants, refined by Newton's method."""
-        x = picked(self.X, self.system, dof)
+        x = displacement_coefficients(self.X, self.system, dof)
         h = np.arange((len(x) - 1) // 2 + 1)
         c = x[0::2].astype(complex)
         c[1:] = x[1::2] - 1j * x[2::2]
@@ -167,7 +167,7 @@ class PeriodicSolution(Result):
 
         ``.balanced`` is against the equations that were balanced, by DOP853; by the implicit midpoint rule with halved
         steps for more than 60 coordinates and for laws with memory, whose sliders start where two periods of the solution
-        leave them. Of a model ``.full``, which is then the number itself, is against its full equations by `mb.simulate`,
+        leave them. ``.full``, for models and then the number itself, is against its full equations by `mb.simulate`,
         hence with the error of the linearised geometry. ``full``: True demands it, False leaves it out, None takes it where
         it can be had (``.why`` says why not). An unstable motion leaves its orbit, and both distances grow by its
         multiplier."""
@@ -298,6 +298,7 @@ def harmonic_balance(
 
     Notes
     -----
+    Equations: docs/theory.md (11.1) to (11.9).
     Alternating frequency and time (Cameron and Griffin, J. Appl. Mech. 56 (1989) 149-154) with the exact Jacobian from
     the FFT of the
     force derivatives. Per iteration O(n_t log n_t + H^2) for each element and O((n (2H+1))^3) for the linear equations.
@@ -362,7 +363,7 @@ def _solved(
     options: dict[str, Any],
     tol: float | None,
 ) -> tuple[balance.Setup, dict[str, Any]]:
-    """The core's answer, with fewer harmonics first where all at once fail, and more samples where they are what lacks."""
+    """Solve; on failure restart from fewer harmonics; refine the sampling if aliasing dominates."""
     given: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples, omega=omega, condense=condense)
     setup, answer = first_solution(system, force, harmonics, given, x0, options)
     while answer["converged"]:
@@ -371,7 +372,7 @@ def _solved(
         if more is None:
             break
         finer = balance.prepare(system, force, harmonics, least_samples=more, **given)
-        again = balance.translated(finer.core.solve, answer["y"], [omega], **options)
+        again = balance.call_core(finer.core.solve, answer["y"], [omega], **options)
         if not again["converged"]:
             break
         for name in ("iterations", "evaluations", "factorisations"):
@@ -389,12 +390,12 @@ def first_solution(
     smooth = given["n_samples"] is not None or all(law.code in balance.POLYNOMIAL for law in laws)
     for least in (0,) if smooth else (0, balance.MOST_SAMPLES // 8, balance.MOST_SAMPLES // 2):
         setup = balance.prepare(system, force, harmonics, least_samples=least, **given)
-        answer = balance.translated(setup.core.solve, setup.start(x0), [given["omega"]], **options)
+        answer = balance.call_core(setup.core.solve, setup.start(x0), [given["omega"]], **options)
         if not answer["converged"] and x0 is None:
             finer = dict(given, least_samples=least)
             guess = _ramped_start(system, force, setup.harmonics, finer, options)
             if guess is not None:
-                answer = balance.translated(setup.core.solve, setup.start(guess), [given["omega"]], **options)
+                answer = balance.call_core(setup.core.solve, setup.start(guess), [given["omega"]], **options)
         if answer["converged"] or answer["broken"] is not None:
             break
     return setup, answer
@@ -411,7 +412,7 @@ def _ramped_start(
         if len(fewer) == len(harmonics):
             break
         setup = balance.prepare(system, force, fewer, **given)
-        answer = balance.translated(setup.core.solve, setup.start(guess), [given["omega"]], **options)
+        answer = balance.call_core(setup.core.solve, setup.start(guess), [given["omega"]], **options)
         if answer["converged"]:
             guess = setup.expand(answer["y"], given["omega"])
     return guess

@@ -18,7 +18,7 @@ from ..model.book import Book
 from ..model.laws import Law
 from ..results import Result, Stats, derived, quantity, result
 from . import balance, condensation
-from .displacement import label, picked
+from .displacement import displacement_coefficients, label
 from .periodic import UNRESOLVED, effects_of
 from .system import as_system, force_of_ports, nonlinear_system
 
@@ -30,7 +30,6 @@ SLOW = 1e-3
 NONSMOOTH_SAMPLES = 96
 MOST_UNKNOWNS = 6000
 MOST_COMBINATIONS = 200_000
-MOST_SAMPLES = 1 << 22
 MOST_AUTOMATIC = 3000  # unknowns, of the estimate too, up to which "auto" adds terms
 MOST_SAMPLES = 1 << 18
 
@@ -93,7 +92,7 @@ class QuasiPeriodicSolution(Result):
 
         ``dof``: number or name of a coordinate, or, of a model, a motion such as ``body.motion("z")``.
         """
-        x = picked(self.X, self.system, dof)
+        x = displacement_coefficients(self.X, self.system, dof)
         k = np.asarray(index)
         if k.shape != (len(self.omega),) or not np.issubdtype(k.dtype, np.integer):
             raise ModelError(f"index must be {len(self.omega)} integers, one for each base frequency; it is {index!r}")
@@ -119,7 +118,7 @@ class QuasiPeriodicSolution(Result):
         return self._series(t, 1, dof)
 
     def _series(self, t: Any, derivative: int, dof: Any) -> np.ndarray:
-        X = self.X if dof is None else picked(self.X, self.system, dof)[None, :]
+        X = self.X if dof is None else displacement_coefficients(self.X, self.system, dof)[None, :]
         rate = self.indices @ self.omega
         c = (X[:, 1::2] - 1j * X[:, 2::2]) * (1j * rate) ** derivative
         x = (c @ np.exp(1j * np.outer(rate, np.atleast_1d(np.asarray(t, float))))).real
@@ -128,7 +127,7 @@ class QuasiPeriodicSolution(Result):
 
     def lines(self, dof: Any = 0) -> tuple[np.ndarray, np.ndarray, list[str]]:
         """Frequencies in Hz, amplitudes and index vectors of the terms, by frequency, the mean first."""
-        x = picked(self.X, self.system, dof)
+        x = displacement_coefficients(self.X, self.system, dof)
         f = np.append(0.0, np.abs(self.indices @ self.frequency))
         size = np.append(abs(x[0]), np.hypot(x[1::2], x[2::2]))
         names = ["", *("(" + ", ".join(str(int(i)) for i in k) + ")" for k in self.indices)]
@@ -184,7 +183,7 @@ class QuasiPeriodicSolution(Result):
 
 
 def n_terms(p: int, m: int) -> int:
-    """How many index vectors `diamond` has, (sum_i 2^i C(p, i) C(m, i) - 1) / 2 (METHODS.md b.2)."""
+    """Number of index vectors of `diamond`, (sum_i 2^i C(p, i) C(m, i) - 1) / 2: docs/theory.md (12.2)."""
     return (sum(2**i * comb(p, i) * comb(m, i) for i in range(min(p, m) + 1)) - 1) // 2
 
 
@@ -269,6 +268,7 @@ def quasi_periodic(
 
     Notes
     -----
+    Equations: docs/theory.md (12.1), (12.2).
     Index set after Kim and Choi (1997), with the p-dimensional FFT; cost per iteration O(N log N) for N samples and
     O((n (2 n_k + 1))^3) for the linear equations.
 
@@ -295,7 +295,7 @@ def quasi_periodic(
     if x0 is None and indices is None and top > 2:
         # a small set finds the branch, the large one only refines it
         smaller = Torus(system, forces, max(1, top // 2), None, static, None, condense)
-        answer = balance.translated(smaller.core.solve, smaller.start(None), list(smaller.omega), **options)
+        answer = balance.call_core(smaller.core.solve, smaller.start(None), list(smaller.omega), **options)
         x0 = smaller.solution(answer, limit, started) if answer["converged"] else None
     return _solved(problem, x0, limit, options, started)
 
@@ -317,7 +317,7 @@ def sources_of(system: Any, forces: Any, at: Any, without: Sequence[str]) -> tup
 def _solved(problem: Torus, x0: Any, limit: float, options: dict[str, Any], started: float) -> QuasiPeriodicSolution:
     """A solution of one set of terms, with more samples while they are what lacks."""
     while True:
-        answer = balance.translated(problem.core.solve, problem.start(x0), list(problem.omega), **options)
+        answer = balance.call_core(problem.core.solve, problem.start(x0), list(problem.omega), **options)
         result = problem.solution(answer, limit, started)
         finer = problem.finer(answer, limit) if answer["converged"] else None
         if finer is None:
@@ -413,7 +413,7 @@ class Torus:
             )
         self.estimated_unknowns = self.linear.core.size * (n_c + 2 * len(extra))
         elements = balance.core_elements(laws, self.linear.directions)
-        self.core = balance.translated(
+        self.core = balance.call_core(
             _core.HbmProblem,
             self.linear.core,
             elements,
@@ -478,7 +478,7 @@ class Torus:
 
     def expand(self, y: np.ndarray, omega: np.ndarray, level: float = 1.0) -> np.ndarray:
         """(dof, 2 n_k + 1) of all coordinates."""
-        X = balance.translated(self.core.expand, y, omega.tolist(), level)
+        X = balance.call_core(self.core.expand, y, omega.tolist(), level)
         return X if self.linear.transform is None else self.linear.transform @ X
 
     def solution(self, answer: Mapping[str, Any], limit: float, started: float) -> QuasiPeriodicSolution:

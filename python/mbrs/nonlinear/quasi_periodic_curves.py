@@ -78,11 +78,11 @@ class QuasiPeriodicResponse(Result):
 
     @property
     def varies(self) -> str:
-        """What changes along the branch: "scale", "level", "omega0" (a base frequency), or "value"."""
+        """Quantity that varies along the branch: "scale", "level", "omega0" (a base frequency), or "value"."""
         return self.parameter
 
     def abscissa(self) -> tuple[np.ndarray, str, np.ndarray]:
-        """What the branch is drawn over, its name, and where the folds are."""
+        """Abscissa of the branch, its name, and that of the folds."""
         name, x = self.along
         return x, name, np.array(self.fold_places, dtype=float)
 
@@ -127,7 +127,7 @@ class QuasiPeriodicResponse(Result):
 
     @property
     def along(self) -> tuple[str, np.ndarray]:
-        """What the branch runs in: its name, and its values (n,)."""
+        """Parameter of the branch: its name, and its values (n,)."""
         if self.value is not None:
             return "value", self.value
         if self.parameter.startswith("omega"):
@@ -170,10 +170,19 @@ def quasi_periodic_response(
     predictor, corrector, step, min_step, max_step, tolerance, max_points
         As for `frequency_response`.
 
+    Returns
+    -------
+    QuasiPeriodicResponse
+        ``omega`` (n, p) rad/s, ``X`` (n, dof, 2 n_k + 1), ``error`` (n,), ``folds``, ``status``.
+
     Raises
     ------
     ModelError, ConvergenceError
         As `quasi_periodic`.
+
+    Notes
+    -----
+    Equations: docs/theory.md (12.1), (12.2), (13.1) to (13.4).
 
     Examples
     --------
@@ -216,7 +225,7 @@ def quasi_periodic_response(
 
 @dataclass(frozen=True)
 class _Way:
-    """What a branch runs in: the core's name of it, its range, the system and forces at the beginning."""
+    """Direction of a branch: the core's name of its parameter, its range, the system and forces at the beginning."""
 
     name: str
     ends: tuple[float, float]
@@ -282,7 +291,7 @@ def _followed(problem: Torus, way: _Way, x0: Any, options: dict[str, Any], most:
     if way.family is not None:
         family = way.family
         problem.core.with_family(lambda p: problem.member(family(p)), a, 1e-5 * abs(b - a))
-    branch = balance.translated(
+    branch = balance.call_core(
         _core.HbmBranch,
         problem.core,
         problem.start(x0),
@@ -298,7 +307,7 @@ def _followed(problem: Torus, way: _Way, x0: Any, options: dict[str, Any], most:
     n = 0
     while n < most and (not parts or parts[-1]["status"] == "going"):
         try:
-            parts.append(balance.translated(branch.run, most - n, 0.2))
+            parts.append(balance.call_core(branch.run, most - n, 0.2))
         except KeyboardInterrupt:
             if n == 0:
                 raise

@@ -14,7 +14,7 @@ from ..errors import ModelError
 from ..results import Result, derived, quantity, result
 from . import balance
 from .branch_points import MEANING, Event
-from .displacement import label, picked, taken, weights
+from .displacement import displacement_coefficients, label, weigh, weights
 from .periodic import PeriodicSolution
 
 
@@ -123,20 +123,20 @@ class FrequencyResponse(Result):
 
     @property
     def varies(self) -> str:
-        """What changes along the curve: "frequency" or "level"."""
+        """Quantity that varies along the curve: "frequency" or "level"."""
         return "level" if len(self) > 1 and np.ptp(self.omega) == 0 else "frequency"
 
     def axis(self) -> tuple[np.ndarray, str]:
-        """What the curve is drawn over, (n,), and its name."""
+        """Abscissa of the curve, (n,), and its name."""
         return (self.level, "force level") if self.varies == "level" else (self.frequency, "f [Hz]")
 
     def place(self, event: Event) -> float:
-        """Where an event is on that axis."""
+        """Abscissa of an event."""
         return event.level if self.varies == "level" else event.frequency
 
     @property
     def connected(self) -> bool:
-        """Whether the points follow each other on one branch; a list of frequencies only gives single solutions."""
+        """True if the points follow each other on one branch; a list of frequencies only gives single solutions."""
         return self.stats.counts.get("single solutions", 0) == 0
 
     @property
@@ -158,14 +158,14 @@ class FrequencyResponse(Result):
         key = f"row {dof!r}"
         if key not in self._cache:
             if "X" in self._cache:
-                self._cache[key] = picked(self.X, self.system, dof)
+                self._cache[key] = displacement_coefficients(self.X, self.system, dof)
             else:
                 top = max(part.setup.harmonics[-1] for part in self.parts)
                 out, at = np.zeros((len(self), 2 * top + 1)), 0
                 row = weights(self.system, dof, self.system.n)
                 for part in self.parts:
                     for i in range(len(part)):
-                        x = taken(part.expanded(i), row)
+                        x = weigh(part.expanded(i), row)
                         out[at, : len(x)] = x
                         at += 1
                 self._cache[key] = out
@@ -192,7 +192,7 @@ class FrequencyResponse(Result):
 
     def event_amplitude(self, event: Event, dof: Any = 0, harmonic: int | None = 1) -> float:
         """The same of the motion at an event."""
-        x = picked(event.X, self.system, dof)
+        x = displacement_coefficients(event.X, self.system, dof)
         if harmonic is None:
             return float(_largest(x[None, :], 256)[0])
         if 2 * harmonic >= len(x):
@@ -330,7 +330,7 @@ class FrequencyResponse(Result):
         return heads, rows
 
     def _size(self) -> np.ndarray:
-        """How much each coordinate moves where the motion is largest, (dof,)."""
+        """Amplitude of each coordinate at the largest motion, (dof,)."""
         if not self.parts:
             return np.linalg.norm(self.X[int(np.argmax(np.linalg.norm(self.X, axis=(1, 2)))), :, 1:], axis=1)
         i = int(np.argmax([float(np.linalg.norm(y)) for part in self.parts for y in part.y]))

@@ -64,7 +64,7 @@ def shifted(code: int, values: Sequence[float], w: np.ndarray, u0: float, where:
     else:
         raise ModelError(
             f"{where} is displaced by {u0:.3g} at this state, and {_CLASSES[code].__name__} cannot be counted from "
-            "there; draw the model so that it is at rest undeformed, or give a natural length (angle) that makes it so"
+            "there; draw the model so that it is at rest undeformed, or give a natural length (angle) with which it is"
         )
     held = _at_rest(moved, w)
     return moved if held == 0.0 else [*moved, law_of(1, [-held], w)]

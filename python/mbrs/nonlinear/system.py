@@ -71,7 +71,8 @@ def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> 
 
     Notes
     -----
-    Where joints constrain velocities, the displacement they leave constant is zero (docs/needle.md). Cost: one
+    Equations: docs/theory.md (11.1).
+    Where joints constrain velocities, the displacement they leave constant is zero (docs/theory.md, section 22). Cost: one
     linearisation.
 
     Examples
@@ -127,7 +128,7 @@ def _twist(lin: Linearization, body: int, point: np.ndarray) -> np.ndarray:
 def as_system(
     system: Any, force: Any, amplitude: Any = None, at: Any = None, without: Sequence[str] = (), inputs: Any = None
 ) -> tuple[Any, Any]:
-    """What harmonic balance works on, from a model or a system: the system, and forces as vectors (n,) by harmonic.
+    """Input of harmonic balance from a model or a system: the system, and forces as vectors (n,) by harmonic.
 
     ``force``, or in its place ``inputs``, may name ports of the model ("b.force.x", ``b.force("x")``), alone, in a list, or
     by harmonic in a dict; ``amplitude`` (N or N m, complex a - i b for a cos + b sin) belongs to each of them, one number

@@ -28,7 +28,7 @@ _IN_TIME = frozenset({"gravity", "damping", "friction", "contact", "centrifugal"
 
 
 class Distance(float):
-    """How far a motion is from one integrated in time, relative to its largest displacement; a number with its parts.
+    """Distance of a motion from one integrated in time, relative to its largest displacement; a number with its parts.
 
     The number is ``full`` where that is known, else ``balanced``.
 
@@ -79,8 +79,8 @@ class Push:
     omega: float
 
 
-def hindrance(system: Any) -> str:
-    """Why the full equations of what a system came from cannot be integrated from a motion of it; "" where they can."""
+def obstacle(system: Any) -> str:
+    """Reason why the full equations of the model of a system cannot be integrated from a motion of it; "" if they can."""
     lin: Linearization | None = getattr(system, "linearization", None)
     if lin is None:
         return "there is no model behind these matrices"
@@ -194,7 +194,7 @@ def _rates(own: Any, relative: np.ndarray, twists: np.ndarray) -> np.ndarray:
 
 
 def _sliders(solution: Any, length: float) -> list[float]:
-    """Where the sliders are at t = 0, in the order of the core, that of elements before joints."""
+    """Places of the sliders at t = 0, in the order of the core, that of elements before joints."""
     x = solution.displacement(np.linspace(-length, 0.0, 4097))
     moved: list[float] = []
     for law in solution.system.elements:
@@ -273,7 +273,7 @@ def distances(
     """Both distances; ``full``: whether the second must be known (True), may be missing (None), or is not wanted (False)."""
     if full is False or (full is None and not hasattr(solution.system, "linearization")):
         return Distance(balanced)
-    why = hindrance(solution.system)
+    why = obstacle(solution.system)
     if not why:
         try:
             return Distance(balanced, full_distance(solution, terms, length, rtol))

@@ -1,4 +1,4 @@
-"""What is drawn, as plain arrays and labels: shared by matplotlib figures and by the charts of pages."""
+"""Data of figures as plain arrays and labels: shared by matplotlib figures and by the charts of pages."""
 
 from __future__ import annotations
 

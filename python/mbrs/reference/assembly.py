@@ -96,7 +96,7 @@ def jacobian(sys: System, state: State, velocity: bool = True) -> Array:
 
 
 def partition(sys: System, state: State, independent: Sequence[int] | None = None) -> Partition:
-    """Which coordinates depend on which, by column-pivoted QR of the scaled cut rows, or as told by ``independent``.
+    """Dependent and independent coordinates, by column-pivoted QR of the scaled cut rows, or as told by ``independent``.
 
     Rows that restrict velocities alone take a freedom like the others: about a state at rest what they leave is a
     constant.

@@ -178,7 +178,7 @@ def coordinate_rows(kind: str, p: Pair) -> Jet:
 
 
 def angle_places(kind: str) -> list[int]:
-    """Which free coordinates are angles that turn on and on."""
+    """Indices of the free coordinates that are angles without limit."""
     return [i for i, (c, _) in enumerate(FREE[kind]) if c in ("angle", "beta")]
 
 

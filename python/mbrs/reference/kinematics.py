@@ -195,7 +195,7 @@ def _axis(t: TreeJoint, bodies: Motion, frame: str, k: int) -> Jet:
 def tree_twists(sys: System, bodies: Motion) -> list[tuple[Jet, Jet]]:
     """Jets of B' body by body, ground last: (translations of the centre of mass, rotations), each (ny, 3), world axes.
 
-    q_j = T(c_j - c_i) q_i + T(-(P - c_j)) diag(R, R) D delta (METHODS.md a.2), joints from ground outwards.
+    q_j = T(c_j - c_i) q_i + T(-(P - c_j)) diag(R, R) D delta (docs/theory.md (5.8)), joints from ground outwards.
     """
     one = np.eye(sys.ny)
     zero = jet(np.zeros((sys.ny, 3)))

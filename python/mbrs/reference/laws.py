@@ -26,7 +26,7 @@ Answer = tuple[Any, Any, Any, list[Any]]  # force, slope by displacement, slope 
 
 @dataclass
 class BoundLaw:
-    """A law on one coordinate of a link: its numbers, and where its memory stands among that of all laws."""
+    """A law on one coordinate of a link: its numbers, and the index of its memory among that of all laws."""
 
     component: int
     code: int
@@ -48,7 +48,7 @@ class BoundLaw:
 
 
 def memory_size(code: int, n: int) -> int:
-    """How many numbers the law remembers."""
+    """Number of memories of the law."""
     return {JENKINS: 1, IWAN: n // 2}.get(code, 0)
 
 

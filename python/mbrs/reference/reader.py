@@ -72,8 +72,8 @@ class Link:
 
 @dataclass
 class Load:
-    """A force at a point or a torque; value in world axes as drawn; a follower turns with its body. Of a modal force
-    ``component`` is the modal coordinate it acts on.
+    """A force at a point or a torque; value in world axes as drawn; a follower turns with its body. ``component``
+    of a modal force is the modal coordinate it acts on.
     """
 
     name: str

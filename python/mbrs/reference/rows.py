@@ -42,7 +42,7 @@ def imposed_row(kind: str, coordinate: int) -> Row:
     raise IndexError(f"a {kind} joint has no such coordinate")
 
 
-# free coordinates for forces: ("u", i), ("angle", Z), ("beta", X), ("log", 0); the last stands for three
+# free coordinates for forces: ("u", i), ("angle", Z), ("beta", X), ("log", 0); the last means three
 FREE: dict[str, list[tuple[str, int]]] = {
     "fixed": [],
     "revolute": [("angle", Z)],

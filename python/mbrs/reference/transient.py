@@ -50,7 +50,7 @@ class Instant:
 
 @dataclass
 class History:
-    """What a scheme went through, step by step, and how many Newton iterations it took."""
+    """Record of a scheme, step by step, with its number of Newton iterations."""
 
     instants: list[Instant] = field(default_factory=list)
     iterations: int = 0
@@ -150,7 +150,7 @@ def align(sys: System, m: Motion) -> Motion:
 
 
 def acceleration(sys: System, m: Motion) -> tuple[Array, Array]:
-    """v' and lam of [M J^T; J 0] [v'; lam] = [-h; -J' v - Phi_tt] (METHODS.md c.3)."""
+    """v' and lam of [M J^T; J 0] [v'; lam] = [-h; -J' v - Phi_tt] (docs/theory.md (3.9))."""
     M, J = mass_matrix(sys, m), rows(sys, m)[1]
     free = np.linalg.solve(M, -residual(sys, m, np.zeros(sys.ny), np.zeros(len(J))))
     if len(J) == 0:
@@ -181,7 +181,7 @@ def moved(sys: System, m: Motion, dy: Array, rate: Array) -> Motion:
     return Motion(advance(sys, m.state, dy), rate, m.memory)
 
 
-def marched(sys: System, end: Instant) -> Instant:
+def advance_memory(sys: System, end: Instant) -> Instant:
     """An accepted end, its memories brought there."""
     return replace(end, motion=replace(end.motion, memory=remember(sys, end.motion)))
 

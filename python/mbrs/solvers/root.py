@@ -157,7 +157,7 @@ def root(
         name), ``nit``, ``nfev``, and ``n_backtracks``, ``norm`` (scaled), ``norms`` (of every iterate), ``inverse``
         (the last H: an array, or an object with ``apply`` for limited memory), ``n_skipped`` updates,
         ``n_restarts``, ``fallback`` (None or the iteration at which Broyden's update took over), ``method`` used.
-        Of a failed solve x is the best point that was met.
+        After a failure x is the best point that was met.
 
     Raises
     ------
@@ -166,6 +166,7 @@ def root(
 
     Notes
     -----
+    Equations: docs/theory.md (19.1) to (19.4).
     J. Algorithms & Comput. Technol. (2017), doi 10.1177/1748301817729990; line search of D.-H. Li and M. Fukushima,
     Optim. Methods Softw. 13 (2000) 181-201. Deviations are listed in `docs/root.md`.
     Cost: n evaluations at the start, then 1 + backtracking steps per iteration, and O(n^2) or O(memory n) arithmetic.

@@ -1,1 +1,1 @@
-"""What accuracy costs, what effects cost, whether derivatives are right."""
+"""Studies of accuracy, of effects and of derivatives."""

@@ -1,4 +1,4 @@
-"""What accuracy costs: one analysis over a grid of settings."""
+"""Accuracy and cost of one analysis over a grid of settings (see also `effect_study`)."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ def accuracy_study(
     """Run ``fun(*args, **one)`` for every combination of settings and measure its error and its time.
 
     A keyword given as a list or array of several values, or as a dict of label and value, spans the grid; everything
-    else, a tuple (a range) and a list of one value included, is passed as it stands. A dict whose values are dicts
+    else, a tuple (a range) and a list of one value included, is passed unchanged. A dict whose values are dicts
     sets several keywords at once: ``setup={"coarse": {"rtol": 1e-3}, "fine": {"rtol": 1e-9}}``. Arguments that are
     vectors by nature (``force``, ``frequency``, ``t``, ``inputs``, ...) never span the grid unless ``vary`` names them.
 

@@ -109,8 +109,8 @@ def compare(found: Any) -> Comparison:
     """Compute a result once more by the NumPy reference, which shares no code with the core.
 
     The reference writes the equations in absolute coordinates of the centres of mass with all joints as constraints, and takes
-    minimal coordinates by congruence (docs/theory.md). It starts from the numbers of the model and, where a result belongs to a
-    state, from the poses of that state.
+    minimal coordinates by congruence (docs/theory.md (5.7) to (5.10)). It starts from the numbers of the model and, where a result
+    belongs to a state, from the poses of that state.
 
     Parameters
     ----------
@@ -335,9 +335,9 @@ def _motion(traj: Trajectory) -> list[_Row]:
     arms = np.array([b.com for b in sys.bodies]).reshape(-1, 3)
     place = np.array([s.r - np.einsum("nij,nj->ni", s.R, arms) for s in ends])
     core = np.array([traj.position(name)[chosen] for name in traj.bodies]).swapaxes(0, 1)
-    turned = np.array([[quaternion_matrix(q) for q in traj.orientation(name)[chosen]] for name in traj.bodies]).swapaxes(
-        0, 1
-    )
+    turned = np.array(
+        [[quaternion_matrix(q) for q in traj.orientation(name)[chosen]] for name in traj.bodies]
+    ).swapaxes(0, 1)
     rotation = np.array([s.R for s in ends])
     return [_row("position", "m", core, place, sys.length), _row("rotation matrix", "1", turned, rotation)]
 

@@ -1,4 +1,4 @@
-"""Which effects of a model matter: an analysis with each of them off in turn."""
+"""Influence of the effects of a model: an analysis with each of them off in turn."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class EffectRow:
 
 @result
 class EffectStudy(Result):
-    """What each effect of a model does to a result and what it costs; see `effect_study`. ``time``: the full run."""
+    """Influence and cost of each effect of a model; see `effect_study`. ``time``: the full run."""
 
     runs: tuple[EffectRow, ...]
     measure: str
@@ -214,7 +214,7 @@ def _fewer(whole: Any, part: Any) -> dict[str, int]:
 
 
 def _effects_on(model: Any, fun: Callable[..., Any]) -> tuple[str, ...]:
-    """Those that are on and that the analysis can do without: a motion knows no parts of a linearisation."""
+    """Effects that are on and that the analysis can leave out: a motion knows no parts of a linearisation."""
     motion = getattr(fun, "__name__", "") == "simulate"
     listed = effects(model)
     entries = listed.items() if isinstance(listed, Mapping) else [(getattr(e, "name", None), e) for e in listed]

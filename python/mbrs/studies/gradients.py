@@ -23,9 +23,8 @@ _FACTOR = 10.0
 class GradientCheck(Result):
     """Derivatives against central differences, one row per parameter.
 
-    ``exact`` and ``difference`` are the entries that disagree most, ``error`` their relative difference, ``noise``
-    the error that
-    the differences themselves have (from two step sizes), ``ok`` whether they agree within it.
+    ``exact`` and ``difference`` are the entries that disagree most, ``error`` their relative difference, ``noise`` the error of
+    the differences themselves (from two step sizes), ``ok`` whether they agree within it.
     """
 
     labels: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""How far two results of one kind are apart: the errors that studies measure. All are relative, 0 for equal results."""
+"""Distances between two results of one kind: the errors that studies measure. All are relative, 0 for equal results."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ def timed(
         start = time.perf_counter()
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # one warning per repeat and setting would drown the table
+                warnings.simplefilter("ignore")  # one warning per repeat and setting would hide the table
                 result = fun(*args, **keywords)
         except MbrsError as problem:
             return None, time.perf_counter() - start, spent + time.perf_counter() - start, f"failed: {problem}"

@@ -1,4 +1,4 @@
-"""Which effects a scene contains, and why: a closed list, decided from the model before anything is computed."""
+"""Effects of a scene, with reasons: a closed list, decided from the model before anything is computed."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class EffectsTable(Result):
 
 
 def effects(model: Model) -> EffectsTable:
-    """What the scene contains: each effect of the closed list, on or off, and why.
+    """Effects of a model: each effect of the closed list, on or off, and why.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def _inertial(m: Model) -> tuple[bool, str]:
 
 
 def _loads(m: Model) -> list[str]:
-    """What loads the springs and joints of the scene."""
+    """Kinds of load on the springs and joints of the scene."""
     out = []
     if _gravity(m)[0]:
         out.append("gravity")

@@ -1,4 +1,4 @@
-"""What there is to draw of the Tables of a model."""
+"""Geometry of a model for drawing, from its Tables."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _JOINT = JOINTS["revolute"].block
 
 
 def scene_from_tables(tables: Mapping[str, Any]) -> SceneGeometry:
-    """What there is to draw of the Tables of a model (docs/tables.md), in its drawn state.
+    """Geometry for drawing, from the Tables of a model (docs/tables.md), in its drawn state.
 
     Every joint, element, marker and load counts as an attachment point of the bodies it acts on. O(number of objects).
 

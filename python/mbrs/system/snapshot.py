@@ -12,7 +12,7 @@ from ..errors import ModelError
 from ..model.book import Book
 from ..view.scene import SceneGeometry
 from .scene import scene_from_tables
-from .tables import compiled, framed, tables
+from .tables import compiled, tables, tables_with_nodes
 
 if TYPE_CHECKING:
     from ..model.model import Model
@@ -37,7 +37,7 @@ class Snapshot:
         with core_errors():
             flexible = not (model.is_flexible and "flexibility" in without)
             system = compiled(model, flexible)
-        made = framed(tables(model, flexible))
+        made = tables_with_nodes(tables(model, flexible))
         return cls(model, system, (model.structure_version, model.values_version), made)
 
     def frame(self, name: str) -> int:
@@ -75,7 +75,7 @@ class Snapshot:
         return {"model": self.model, "current": self.current, "tables": raw, "flexible": "flexible_body" in raw}
 
     def data_state(self) -> dict[str, Any]:
-        """What a file of data keeps: the Tables of a model as it is are made again from it."""
+        """State for a file of data: the Tables of a model are made again from it."""
         state = self.__getstate__()
         return {**state, "tables": None} if state["current"] else state
 
@@ -92,6 +92,6 @@ class Snapshot:
             ("model", model),
             ("system", system),
             ("versions", versions),
-            ("tables", framed(state["tables"])),
+            ("tables", tables_with_nodes(state["tables"])),
         ):
             object.__setattr__(self, name, value)

@@ -92,7 +92,7 @@ def doubt(joints: Sequence[str], value: float, redundant: bool, tolerance: float
 
 
 def doubts_of(system: Any, without: Sequence[str] = ()) -> tuple[str, ...]:
-    """What the drawing decides only just, a sentence each."""
+    """Sentences about constraints that the drawing decides only just."""
     from .._lib.border import core_errors
 
     with core_errors():

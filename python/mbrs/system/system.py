@@ -28,7 +28,7 @@ class Loop:
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class System(Result):
-    """Compile a model and say what it is made of; ``print(mb.System(m))``.
+    """Compile a model; ``print(mb.System(m))`` shows bodies, joints, loops and degrees of freedom.
 
     Parameters
     ----------
@@ -46,8 +46,8 @@ class System(Result):
     loops
         One `Loop` per cut joint.
     redundant
-        Number of superfluous constraint equations by joint; others in the loop enforce them already. Which of a set of
-        equivalent equations is called superfluous is a matter of choice.
+        Number of redundant constraint equations by joint; others in the loop enforce them already. The choice among
+        equivalent redundant equations is arbitrary.
 
     doubts
         A sentence for each constraint whose independence the drawing decides only just, with its joints.

@@ -62,7 +62,7 @@ def tables(model: Model, flexible: bool = True) -> dict[str, Any]:
 
 
 def _without_modal_loads(made: dict[str, Any]) -> dict[str, Any]:
-    """What becomes of loads where no body has modal coordinates."""
+    """Tables without modal loads, for models without modal coordinates."""
     kept = made["load_type"] != LOADS["modal_force"].code
     moved = kept[made["load_motion_load"]]
     loads = {key: made[key][kept] for key in ("load_type", "load_body", "load_frame", "load_x")}
@@ -75,9 +75,9 @@ def _without_modal_loads(made: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def framed(made: dict[str, Any]) -> dict[str, Any]:
-    """The Tables as results read them: moving nodes of flexible bodies as bodies behind the others, and what is attached
-    to one as attached to that body. ``owner``: the body of each. The same dict for a model without moving nodes.
+def tables_with_nodes(made: dict[str, Any]) -> dict[str, Any]:
+    """Tables in which every moving node of a flexible body appears as an additional body, behind the others. ``owner``: the
+    body of each. The same dict for a model without moving nodes.
     """
     moving = made.get("moving_node", ())
     if not len(moving):
@@ -140,7 +140,7 @@ def x(model: Model) -> np.ndarray:
 
 
 def offsets(model: Model) -> dict[str, int]:
-    """Where the numbers of each store start in x."""
+    """Index in x of the first number of each store."""
     out, start = {}, 0
     for kind in STORES:
         out[kind] = start
@@ -201,7 +201,7 @@ def _items(kind: str, items: Sequence[Any], base: dict[str, int], columns: Itera
 
 
 def _load_frame(load: Any) -> int:
-    """Of a force on a modal coordinate its index."""
+    """Index of the modal coordinate, of a force on one."""
     return load.mode if isinstance(load, ModalLoad) else LOAD_FRAMES[load.frame]
 
 
@@ -276,7 +276,7 @@ def node_tables(model: Model, base: dict[str, int]) -> dict[str, Any]:
 
 
 def modal_places(tables: Mapping[str, Any], n_bodies: int) -> list[tuple[int, int, int, int]]:
-    """Of each flexible body: its number, the number of its modes, the row of a state where its coordinates start (three in
+    """Each flexible body: its number, the number of its modes, the row of a state where its coordinates start (three in
     each row, columns 0..2), and its first place among all modal coordinates.
     """
     out, row, first = [], n_bodies, 0

@@ -133,7 +133,7 @@ def _data(result: Any, scene: SceneGeometry, count: int, select: int, phase: flo
 
 
 def scene_data(scene: SceneGeometry, low: np.ndarray, high: np.ndarray) -> dict[str, Any]:
-    """What every viewer needs of a scene that stays within the box from ``low`` to ``high`` (3,), m."""
+    """Data for every viewer of a scene that stays within the box from ``low`` to ``high`` (3,), m."""
     bodies, faces, _ = _bodies(scene)
     index = {**scene.index, None: -1}
     size = float(np.linalg.norm(high - low)) or scene.size

@@ -52,7 +52,7 @@ def motion(
     title
         Title of the page.
     follow
-        A body that the view travels with; None stands still and sees the whole way.
+        A body that the view follows; None keeps the view fixed on the whole path.
 
     Returns
     -------
@@ -144,7 +144,7 @@ def _modal_frames(traj: Any, name: str, times: np.ndarray) -> np.ndarray:
 
 
 def _leader(scene: SceneGeometry, follow: Any) -> int | None:
-    """Which body the view follows."""
+    """Index of the body that the view follows."""
     if follow is None:
         return None
     name = str(getattr(follow, "name", follow))

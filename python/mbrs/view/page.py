@@ -20,7 +20,7 @@ __all__ = ["Section", "page", "write_page"]
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and what stands under it: HTML, matplotlib figures, viewers, results with a table, or plain text.
+    """A heading and its content: HTML, matplotlib figures, viewers, results with a table, or plain text.
 
     ``text`` is a paragraph of plain text under the heading (escaped); ``content`` one object or a sequence of them.
     """

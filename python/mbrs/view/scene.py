@@ -1,4 +1,4 @@
-"""What there is to draw of a model: bodies, springs, joints. World coordinates of the drawn state, metres."""
+"""Geometry of a model for drawing: bodies, springs, joints. World coordinates of the drawn state, metres."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class JointGeometry:
 
 @dataclass(frozen=True, eq=False)
 class SceneGeometry:
-    """What a viewer draws. Names of bodies are unique; links and joints name bodies of the scene or None for ground.
+    """Geometry that a viewer draws. Names of bodies are unique; links and joints name bodies of the scene or None for ground.
 
     ``markers``: by name the body (None: ground) and the point (3,) of each, of which a viewer may draw the way.
     """

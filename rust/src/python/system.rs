@@ -136,7 +136,7 @@ fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult
     out.set_item("rate", state.rate.clone().into_pyarray(py))
 }
 
-/// Column by column, as it stands: a copy of the memory.
+/// Column by column: a copy of the memory.
 pub fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
     use numpy::ndarray::ShapeBuilder;
     let shape = m.shape();

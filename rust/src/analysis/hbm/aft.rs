@@ -1,10 +1,10 @@
 //! Alternating frequency and time: coefficients of u -> samples -> law -> coefficients of the force, and the exact Jacobian.
 //!
-//! With c_k the Fourier coefficients of g = df/du at the samples, the Jacobian of the force coefficients is (METHODS b.4)
+//! With c_k the Fourier coefficients of g = df/du at the samples, the Jacobian of the force coefficients is
 //! dFc_j/da_h = Re(c_{j-h} + c_{j+h}), dFc_j/db_h = Im(c_{j-h} - c_{j+h}), dFs_j/da_h = -Im(c_{j-h} + c_{j+h}),
 //! dFs_j/db_h = Re(c_{j-h} - c_{j+h}), the row j = 0 halved: exact on the grid, aliasing included.
 //! Laws with memory are marched over two periods, the derivative of each sample carried along; the second period counts.
-//! Source of the scheme: T. M. Cameron, J. H. Griffin, J. Appl. Mech. 56 (1989) 149-154.
+//! Source: docs/theory.md (11.4), (11.5); T. M. Cameron, J. H. Griffin, J. Appl. Mech. 56 (1989) 149-154.
 use std::sync::Arc;
 
 use num_complex::Complex64 as c64;

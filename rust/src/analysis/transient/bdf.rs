@@ -461,7 +461,7 @@ fn settle(eq: &Equations<'_, f64>, known: &[f64], c: f64, v: &[f64], y: &mut Vec
     }
 }
 
-/// Iterations until what is left falls below the goal, corrections shrinking as they did.
+/// Iterations until the remainder falls below the goal, corrections shrinking as they did.
 fn expected(step: f64, rate: f64, goal: f64) -> f64 {
     if rate < 1.0 { ((goal * (1.0 - rate) / step).ln() / rate.ln()).ceil().max(1.0) } else { f64::INFINITY }
 }

@@ -4,7 +4,7 @@
 //! ggl:        theta' - T(theta) v + S J^T mu = 0    M v' + h + J^T lam = 0    Phi = 0    J v + Phi_t = 0
 //! symmetric:  v = T^-1(theta) theta'                M v' + h + J^T lam = 0    Phi = 0
 //! ```
-//! theta are increments from the last pose, T = J_l^-1 where three rotations act together, and y' stands for the derivative of
+//! theta are increments from the last pose, T = J_l^-1 where three rotations act together, and y' is the derivative of
 //! the polynomial through the new and the past values, y' = y/g + (past). With sigma_i = (m/M_ii)^1/2 and rho the scales of the rows the unknowns are theta/sigma, g v/sigma, g^2
 //! lam/(m rho) and mu, the equations those above times g/sigma, g^2 sigma/m, rho and g rho: no entry of the Jacobian grows as h
 //! falls, and that of the symmetric form is [M + g C + g^2 K, J^T; J, 0] scaled from both sides alike.

@@ -7,7 +7,7 @@
 //! | `Independent` | independent coordinates, the others from the constraints (`explicit_minimal`) | the same |
 //!
 //! Both give the same errors in as many steps. Measured: independent coordinates take a fifth less time for ten and forty
-//! four-bars, where few freedoms spare the multipliers of many loops, and about as much to 1.7 times as much for single loops, whose
+//! four-bars, where few degrees of freedom spare many multipliers, and about as much to 1.7 times as much for single loops, whose
 //! positions are closed by one to two more evaluations of the rows in each stage.
 //!
 //! Steps are controlled by the combined estimate of orders 5 and 3 of Hairer, Norsett, Wanner.

@@ -30,7 +30,7 @@ const SINGULAR: f64 = 30.0;
 const AHEAD: f64 = 1e-2;
 /// A kept factorisation is renewed when the corrections shrink more slowly.
 const SLOW: f64 = 0.1;
-/// Newton's method stops where what is left of w is this part of h^2 a: far below the error of the step.
+/// Newton's method stops when the remainder of w is this part of h^2 a: far below the error of the step.
 const SOLVED: f64 = 1e-9;
 /// Rounding of the equations of a step, over the rounding of its pose: near singular poses rows lose digits.
 const NOISE: f64 = 512.0;

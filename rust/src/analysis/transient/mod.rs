@@ -186,7 +186,7 @@ pub trait Scheme {
     }
 }
 
-/// The largest entry over its scale; entries that are no numbers do not count.
+/// The largest entry over its scale; entries that are nan do not count.
 pub fn scaled_size(v: &[f64], scales: &[f64]) -> f64 {
     v.iter().zip(scales).fold(0.0, |s, (v, c)| s.max((v / c).abs()))
 }

@@ -1,6 +1,6 @@
 //! Sliders that turn within a step.
 //!
-//! Within a step the memory z of a law stands still, so that its force f(u, z) is followed exactly while u goes one way. Where u
+//! Within a step the memory z of a law is constant, so that its force f(u, z) is followed exactly while u goes one way. Where u
 //! turns at u* the slider has moved there, which a step that ends behind the turn would miss: an error that no difference of
 //! orders sees. Steps end at such turns. u between the ends of a step is taken as the cubic with the values and rates there.
 use crate::laws::Law;
