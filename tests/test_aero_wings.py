@@ -11,7 +11,7 @@ import mbrs as mb
 import mpmath
 import numpy as np
 import pytest
-from mbrs.aero.lifting_line import _Strips
+from mbrs.aero.wings import _Strips
 from mbrs.errors import ConvergenceError, ModelError, RouteError
 from scipy import special
 from scipy.integrate import quad

@@ -10,9 +10,9 @@ from . import view as view
 from ._lib import text as report
 from ._lib import vetter as matrix_calculus
 from ._lib.version import __version__ as __version__
-from .aero.lifting_line import WingLoads as WingLoads
-from .aero.lifting_line import WingStart as WingStart
 from .aero.rotors import Performance as Performance
+from .aero.wings import WingLoads as WingLoads
+from .aero.wings import WingStart as WingStart
 from .design.functions import Bounded as Bounded
 from .design.functions import Damping as Damping
 from .design.functions import Frequency as Frequency

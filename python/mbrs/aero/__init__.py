@@ -4,11 +4,11 @@ lifting lines."""
 from .attached import AttachedFlow, Indicial, attached_flow, indicial, theodorsen, wagner
 from .blades import Blade, blade
 from .filaments import induced_velocity
-from .lifting_line import WingLoads, WingStart, impulsive_start, lifting_line
 from .polar_files import read_polar
 from .polars import Polar, polar
 from .rotors import Performance, Rotor, performance, rotor
 from .winds import Wind, wind
+from .wings import WingLoads, WingStart, impulsive_start, lifting_line
 
 __all__ = [
     "AttachedFlow",
