@@ -209,7 +209,7 @@ def _roots(function: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high: 
 
 
 def _share(a: np.ndarray, b: np.ndarray, c: np.ndarray, fa: np.ndarray, fb: np.ndarray, fc: np.ndarray) -> np.ndarray:
-    """The next point between a and b, as a share of the interval: the inverse parabola through all three where it is monotone, else the middle."""
+    """The next point between a and b as a share: the inverse parabola through all three where it is monotone, else the middle."""
     with np.errstate(all="ignore"):
         xi, ratio = (a - b) / (c - b), (fa - fb) / (fc - fb)
         safe = (ratio**2 < xi) & ((1.0 - ratio) ** 2 < 1.0 - xi)
