@@ -152,6 +152,7 @@ MAKE = {
     "AccuracyStudy": lambda: mb.accuracy_study(mb.simulate, drawn(), t=0.2, rtol=[1e-4, 1e-6]),
     "EffectStudy": lambda: mb.effect_study(mb.modes, drawn()),
     "RotorModes": lambda: mb.rotor_modes(_blades(), ["a", "b", "c"], 0.7),
+    "Designs": lambda: mb.design.latin_hypercube({"k": (31.0, 43.0), "a.mass": (1.1, 1.7)}, 7, units={"k": "N/m"}),
 }
 
 

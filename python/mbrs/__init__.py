@@ -84,8 +84,8 @@ _HOME = {
     "Polynomial": "model.motions",
     "Table": "model.motions",
 }
-_MODULES = ("examples", "reference", "errors", "report", "plot", "animate", "matrix_calculus", "flexible")
-__all__ = sorted([*_HOME, "examples", "flexible", "matrix_calculus"])
+_MODULES = ("examples", "reference", "errors", "report", "plot", "animate", "matrix_calculus", "flexible", "design")
+__all__ = sorted([*_HOME, "design", "examples", "flexible", "matrix_calculus"])
 
 
 class _Package(types.ModuleType):

@@ -52,6 +52,7 @@ HOMES: Mapping[str, str] = {
     "RotorModes": "multiblade",
     "GradientCheck": "check_gradients",
     "Optimum": "design_problem",
+    "Designs": "design.table",
     "PeriodicSolution": "harmonic_balance",
     "QuasiPeriodicSolution": "quasi_periodic",
     "QuasiPeriodicResponse": "quasi_periodic_response",
