@@ -53,6 +53,8 @@ HOMES: Mapping[str, str] = {
     "GradientCheck": "check_gradients",
     "Optimum": "design_problem",
     "Designs": "design.table",
+    "Failure": "design.chunk",
+    **dict.fromkeys(("Failures", "Runs"), "design.runs"),
     "PeriodicSolution": "harmonic_balance",
     "QuasiPeriodicSolution": "quasi_periodic",
     "QuasiPeriodicResponse": "quasi_periodic_response",

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from . import outputs
 from .normal import normal
 from .sampling import from_table, full_factorial, halton, latin_hypercube, sobol
 from .table import Designs
@@ -16,5 +17,6 @@ __all__ = [
     "halton",
     "latin_hypercube",
     "normal",
+    "outputs",
     "sobol",
 ]
