@@ -7,7 +7,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -76,13 +76,24 @@ def _work(task: Task, answer: Connection, parent: int) -> None:
     answer.close()
 
 
-def leave_with(parent: int, alive: Callable[[], int] = os.getppid) -> None:
-    """End this process once the one that started it is gone: nobody would take its results."""
+def leave_with(client: int) -> None:
+    """End this process once the client of the sweep is gone: nobody would take its results."""
+    first = os.getppid()
 
     def watch() -> None:
-        while alive() == parent:
+        while os.getppid() == first and _exists(client):
             time.sleep(0.5)
         os._exit(1)
 
-    if hasattr(os, "getppid") and sys.platform != "win32":
+    if sys.platform != "win32":
         threading.Thread(target=watch, daemon=True).start()
+
+
+def _exists(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True

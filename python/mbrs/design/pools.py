@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import multiprocessing
 import os
 import pickle
 import threading
@@ -13,14 +14,17 @@ from concurrent.futures import (
     CancelledError,
     Executor,
     Future,
+    ProcessPoolExecutor,
     ThreadPoolExecutor,
     wait,
 )
+from functools import lru_cache
 from typing import Any
 
 from .._checks import count, shown
 from ..errors import ModelError
 from .chunk import Chunk, LocalScene, PackedScene, Scene, Task, run
+from .isolation import leave_with
 
 _MOST_THREADS = 1024
 
@@ -120,8 +124,9 @@ class Futures(Pool):
         self.context = getattr(executor, "_mp_context", None)
 
     def submit(self, task: Task) -> Future[Chunk]:
+        work = work_for if isinstance(self._executor, ProcessPoolExecutor) else run
         try:
-            return self._executor.submit(run, task)
+            return self._executor.submit(work, task)
         except BrokenExecutor as reason:
             raise WorkerLost(str(reason)) from None
 
@@ -133,14 +138,25 @@ class Futures(Pool):
 
     def revive(self) -> None:
         if getattr(self._executor, "_broken", False):
-            from concurrent.futures import ProcessPoolExecutor
-
             self.close()
             self._executor, self._own = ProcessPoolExecutor(self.workers, mp_context=self.context), True
 
     def close(self) -> None:
         if self._own:
             self._executor.shutdown(wait=True, cancel_futures=True)
+
+
+def work_for(task: Task) -> Chunk:
+    """`run` in a process of a pool, which ends with the process that made it."""
+    _leave_with_parent()
+    return run(task)
+
+
+@lru_cache(maxsize=1)
+def _leave_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None and parent.pid is not None:
+        leave_with(parent.pid)
 
 
 class Cluster(Pool):

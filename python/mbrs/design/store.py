@@ -101,6 +101,9 @@ class Store:
                 f"{path} has the format {shown(found[0])}, this version of mbrs writes {FORMAT}; take another folder"
             )
         changed = [name for name in _IDENTITY if kept[name] != json.loads(json.dumps(self._wanted[name]))]
+        if "names" in changed or "designs" in changed:
+            # the text of the model has the numbers of the first design
+            changed = [name for name in changed if name != "model"]
         if changed:
             lines = [line for name in changed for line in _difference(name, kept[name], self._wanted[name])]
             raise StoreError(
