@@ -55,6 +55,18 @@ def slow(m):
     return numbers(m)
 
 
+def slower(m):
+    time.sleep(0.05)
+    return numbers(m)
+
+
+def spins(m):
+    end = time.monotonic() + 60.0
+    while int(m.value("mark")) == 2 and time.monotonic() < end:
+        time.sleep(0.001)
+    return numbers(m)
+
+
 def aborts(m):
     if int(m.value("mark")) in (5, 17):
         faulthandler.disable()
