@@ -55,6 +55,7 @@ HOMES: Mapping[str, str] = {
     "Designs": "design.table",
     "Failure": "design.chunk",
     **dict.fromkeys(("Failures", "Runs"), "design.runs"),
+    **dict.fromkeys(("SobolIndices", "DerivativeMeasures", "Statistics"), "design.uncertainty"),
     "PeriodicSolution": "harmonic_balance",
     "QuasiPeriodicSolution": "quasi_periodic",
     "QuasiPeriodicResponse": "quasi_periodic_response",

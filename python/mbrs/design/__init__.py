@@ -9,6 +9,7 @@ from . import outputs
 from .normal import normal
 from .sampling import from_table, full_factorial, halton, latin_hypercube, sobol
 from .table import Designs
+from .uncertainty import saltelli
 
 __all__ = [
     "Designs",
@@ -18,5 +19,6 @@ __all__ = [
     "latin_hypercube",
     "normal",
     "outputs",
+    "saltelli",
     "sobol",
 ]

@@ -83,6 +83,8 @@ def normal(
         scores = _hypercube(len(names), n, rng, inside) @ factor.T
     values = np.clip(centre + width * scores, low, high)
     about = {} if bounds else {"mean": centre, "covariance": matrix * np.outer(width, width)}
+    if about and not np.any(matrix != np.eye(len(names))):
+        about["poincare"] = width**2
     return table(names, values, labels, f"normal, seed {seed}" + (", truncated" if bounds else ""), about)
 
 

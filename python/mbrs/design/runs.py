@@ -258,6 +258,44 @@ class Runs(Result):
             raise ModelError(f"{name!r} is not one real number for each design; name an entry such as '{name}[0]'")
         return values.astype(float)
 
+    def statistics(self, quantiles: Sequence[float] = (0.05, 0.5, 0.95)) -> Any:
+        """Mean, variance and quantiles of every real output, beside the moments to first order from exact derivatives where the
+        designs know their distribution and the outputs are one of ``mb.outputs``; see `mbrs.design.uncertainty.Statistics`.
+        """
+        from .uncertainty import statistics
+
+        return statistics(self, quantiles)
+
+    def sobol_indices(self, name: str) -> Any:
+        """First-order and total Sobol indices of one real output, for the designs of ``mb.design.saltelli``.
+
+        Examples
+        --------
+        >>> import mbrs as mb
+        >>> designs = mb.design.saltelli({"k_leg": (9e4, 1.1e5), "payload.mass": (19.0, 21.0)}, n=64)
+        >>> runs = mb.sweep(mb.examples.cubic_hexapod(), designs, mb.outputs.modes(n=1))
+        >>> indices = runs.sobol_indices("frequency[0]")
+        >>> bool(abs(indices.total.sum() - 1.0) < 0.2)
+        True
+        """
+        from .uncertainty import sobol_indices
+
+        return sobol_indices(self.designs, self._real(name), name)
+
+    def derivative_measures(self, name: str, derivative: str = "") -> Any:
+        """E((dy/dx_i)^2) of one real output and its bound on the total Sobol index, from exact derivatives.
+
+        ``derivative``: the output that holds them, by the numbers of the designs in their order; ``"f_derivative[0]"`` for
+        ``"f[0]"`` by default.
+        """
+        from .uncertainty import derivative_measures
+
+        head, _, place = name.partition("[")
+        array = self[derivative.partition("[")[0] or f"{head}_derivative"]
+        place = derivative.partition("[")[2] if derivative else place
+        index: Any = tuple(int(part) for part in place.rstrip("]").split(",") if part)
+        return derivative_measures(self.designs, self._real(name), array[(slice(None), *index)], name)
+
     # --- ask, tell, evaluate -----
 
     def ask(self, n: int) -> Designs:

@@ -28,8 +28,8 @@ class Designs(Result):
     source
         How the table came about.
     about
-        What a statistic needs to know of the table: ``"mean"`` and ``"covariance"`` of a normal distribution, ``"blocks"`` of
-        a table for Sobol indices.
+        What statistics need to know of the table, as far as it is known: ``"mean"`` (p,) and ``"covariance"`` (p, p) of the
+        distribution, ``"poincare"`` (p,) constants of independent numbers, ``"saltelli"``: blocks of a table for Sobol indices.
 
     Examples
     --------

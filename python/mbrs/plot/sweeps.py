@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from .figure import PALETTE, canvas, from_the_top, style
+from .figure import PALETTE, canvas, colours, from_the_top, legend, style
 
-__all__ = ["correlation", "failures", "parallel", "scatter"]
+__all__ = ["correlation", "failures", "indices", "parallel", "scatter"]
 
 # More lines or points than these are drawn as an even selection: a figure shows no more, and takes seconds.
 _MOST_LINES = 2000
@@ -113,4 +113,22 @@ def failures(result: Any, *, ax: Any = None) -> Any:
         if not labels:
             axes.set(xticks=())
         axes.set(xlabel="designs", title=result.heading())
+    return made
+
+
+def indices(names: tuple[str, ...], sides: Mapping[str, Any], title: str, *, ax: Any = None) -> Any:
+    """Bars of several values for each name; ``sides``: values and standard errors by label."""
+    with style():
+        made, axes = canvas(ax, (7.0, 1.4 + 0.42 * len(names)))
+        place, height = np.arange(len(names)), 0.75 / max(1, len(sides))
+        for i, ((label, (values, errors)), colour) in enumerate(
+            zip(sides.items(), colours(axes, len(sides)), strict=True)
+        ):
+            shift = height * (i - 0.5 * (len(sides) - 1))
+            axes.barh(place + shift, np.nan_to_num(values), height, xerr=errors, color=colour, label=label)
+        axes.set_yticks(place, names)
+        from_the_top(axes)
+        axes.set(title=title)
+        if len(sides) > 1:
+            legend(axes)
     return made
