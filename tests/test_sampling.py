@@ -5,7 +5,7 @@ from __future__ import annotations
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs.design.normal import cholesky
+from mbrs.design.gaussian import cholesky
 from scipy import stats
 
 SAMPLERS = {

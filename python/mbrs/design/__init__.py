@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from . import outputs
-from .normal import normal
+from .gaussian import normal
 from .sampling import from_table, full_factorial, halton, latin_hypercube, sobol
 from .table import Designs
 from .uncertainty import saltelli
