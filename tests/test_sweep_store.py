@@ -289,6 +289,14 @@ def test_a_design_that_does_not_answer_is_ended_with_its_process(monkeypatch):
     assert sorted((c.first, c.status.tolist()) for c in chunks) == [(0, [0, 0]), (2, [2]), (3, [0])]
 
 
+def test_a_worker_that_does_not_answer_is_ended_by_its_pool(monkeypatch):
+    monkeypatch.setattr(isolation, "GRACE", 0.3)
+    with ProcessPoolExecutor(2) as pool:
+        runs = mb.sweep(scenes.model(), scenes.designs(8), scenes.hangs_deaf, executor=pool, time_limit=0.05, chunk=2)
+    assert runs.states.tolist() == ["done"] * 2 + ["timeout"] + ["done"] * 5
+    assert "did not answer" in runs.failures.message[0]
+
+
 def test_a_mark_alone_condemns_no_design(tmp_path):
     """A client that somebody killed leaves marks; its designs are computed as ever."""
     m, designs = scenes.model(), scenes.designs(N)

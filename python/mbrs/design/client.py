@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import DesignError, ModelError
+from . import isolation
 from .chunk import DONE, Chunk, Scene, Task
-from .isolation import examine
 from .pools import Pool, Restarted, WorkerLost
 
 # Seconds that a chunk should take: longer, and a client that is killed loses more; shorter, and files and messages cost more than
@@ -25,6 +25,8 @@ PILOT = 4
 LARGEST_CHUNK = 100_000
 # Seconds that chunks of other processes have to come back after Ctrl-C.
 _HAND_OVER = 1.0
+# Seconds between two looks at processes with a limit.
+_LOOK = 0.2
 
 Range = tuple[int, int]
 
@@ -75,6 +77,7 @@ class Client:
         self._waiting: deque[Range] = deque()
         self._suspects: list[Range] = []
         self._flight: dict[Any, Range] = {}
+        self._since: dict[Any, float] = {}
 
     def compute(self, ranges: Iterable[Range], suspects: Iterable[Range]) -> None:
         """All designs of some ``(first, end)``; those of ``suspects`` in a child process, since they may have ended one."""
@@ -86,7 +89,7 @@ class Client:
                     self._examine()
                 self._hand_out()
                 if self._flight:
-                    for future in self._pool.finished(self._flight):
+                    for future in self._finished():
                         self._take(future)
         except BaseException:
             self._pool.stop()
@@ -97,7 +100,7 @@ class Client:
         self._pool.revive()
         while self._suspects:
             first, end = self._suspects[0]
-            for chunk in examine(self._task(first, end), self._pool.context):
+            for chunk in isolation.examine(self._task(first, end), self._pool.context):
                 self._kept(chunk)
                 if chunk.stopped:
                     raise KeyboardInterrupt
@@ -120,11 +123,27 @@ class Client:
                 self._waiting.appendleft((first, stop))
                 return
 
+    def _finished(self) -> list[Any]:
+        """Tasks that are done. Processes that a design keeps beyond its limit, deaf to the timer that should cut it, are ended."""
+        limit = self._options.time_limit
+        if limit is None or not self._pool.ends_workers:
+            return self._pool.finished(self._flight)
+        done = self._pool.finished(self._flight, _LOOK)
+        now = time.monotonic()
+        for future, (first, end) in self._flight.items():
+            # a pool takes one task more than it computes, which may wait for as long as another one
+            last = self._since.setdefault(future, now) + isolation.GRACE + 2.0 * limit * (end - first)
+            if future.running() and now > last:
+                self._pool.end_workers()
+                break
+        return done
+
     def _task(self, first: int, end: int) -> Task:
         return Task(self._scene, self._names, first, self._rows[first:end], self._options.time_limit)
 
     def _take(self, future: Any) -> None:
         first, end = self._flight.pop(future)
+        self._since.pop(future, None)
         try:
             chunk = self._pool.chunk(future)
         except WorkerLost:

@@ -60,9 +60,17 @@ class Pool:
     def submit(self, task: Task) -> Any:
         raise NotImplementedError
 
-    def finished(self, futures: Iterable[Any]) -> list[Any]:
-        """Those that are done; waits until one is."""
-        return list(wait(list(futures), return_when=FIRST_COMPLETED)[0])
+    def finished(self, futures: Iterable[Any], timeout: float | None = None) -> list[Any]:
+        """Those that are done; waits until one is, or so many seconds."""
+        return list(wait(list(futures), timeout, FIRST_COMPLETED)[0])
+
+    @property
+    def ends_workers(self) -> bool:
+        """Whether `end_workers` does it."""
+        return False
+
+    def end_workers(self) -> None:
+        """Kill the workers; their tasks are lost."""
 
     def chunk(self, future: Any) -> Chunk:
         """What came of a task; `WorkerLost` where its worker died."""
@@ -136,6 +144,14 @@ class Futures(Pool):
         except (BrokenExecutor, CancelledError) as reason:
             raise WorkerLost(str(reason)) from None
 
+    @property
+    def ends_workers(self) -> bool:
+        return isinstance(self._executor, ProcessPoolExecutor)
+
+    def end_workers(self) -> None:
+        for process in list((getattr(self._executor, "_processes", None) or {}).values()):
+            process.kill()
+
     def revive(self) -> None:
         if getattr(self._executor, "_broken", False):
             self.close()
@@ -175,7 +191,7 @@ class Cluster(Pool):
     def submit(self, task: Task) -> Any:
         return self._client.submit(run, task, pure=False)
 
-    def finished(self, futures: Iterable[Any]) -> list[Any]:
+    def finished(self, futures: Iterable[Any], timeout: float | None = None) -> list[Any]:
         from distributed import wait as wait_for
 
         listed = list(futures)
