@@ -65,6 +65,16 @@ def test_what_was_evaluated_is_looked_up(tmp_path, executor):
     assert bits(runs.evaluate(designs)) == bits(mb.sweep(m, designs, scenes.numbers))
 
 
+def test_the_bits_of_some_designs_do_not_depend_on_the_others():
+    designs = scenes.designs(40)
+    runs = mb.sweep(scenes.model(), designs, scenes.awkward, chunk=6, n=30)
+    for chosen in ([0, 2, 1], [3, 4], [39, 12, 38], [5, 16], [10, 10]):
+        part = designs.part(chosen)
+        alone = mb.sweep(scenes.model(), part, scenes.awkward)
+        assert bits(runs.evaluate(part))[:2] == bits(alone)[:2]
+        assert [f.message for f in alone.failed] == [f.message for f in runs.evaluate(part).failed]
+
+
 def test_outputs_may_be_computed_elsewhere_altogether():
     runs = mb.sweep(scenes.model(), scenes.designs(3), n=0)
     asked = runs.ask(3)

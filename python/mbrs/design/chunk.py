@@ -102,7 +102,9 @@ class Failure:
 
 @dataclass
 class Column:
-    """One output of a chunk: its rows in the chunk, their shapes, and all entries one behind the other."""
+    """One output of a chunk, of one kind of number ("f:name"): its rows in the chunk, their shapes, and all entries one behind the
+    other.
+    """
 
     rows: np.ndarray
     shapes: np.ndarray
@@ -221,7 +223,7 @@ def columns_of(rows: list[tuple[int, dict[str, np.ndarray]]]) -> dict[str, Colum
     by_name: dict[str, list[tuple[int, np.ndarray]]] = {}
     for i, outputs in rows:
         for name, value in outputs.items():
-            by_name.setdefault(name, []).append((i, value))
+            by_name.setdefault(f"{value.dtype.kind}:{name}", []).append((i, value))
     return {name: _column(found) for name, found in by_name.items()}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,18 +20,23 @@ def collected(
     n = len(designs)
     codes, seconds = np.full(n, WAITING, np.int8), np.full(n, np.nan)
     failures: dict[int, Failure] = {}
+    wanted = None if rows is None else np.unique(rows)
     ordered = sorted(chunks, key=lambda chunk: chunk.first)
+    if wanted is not None:
+        ordered = [part for chunk in ordered for part in _part(chunk, wanted)]
     for chunk in ordered:
         codes[chunk.first : chunk.end], seconds[chunk.first : chunk.end] = chunk.status, chunk.seconds
         failures |= {failure.design: failure for failure in chunk.failures}
-    names = list(dict.fromkeys(sorted(name for chunk in ordered for name in chunk.columns)))
+    found: dict[str, list[tuple[int, Column]]] = {}
+    for chunk in ordered:
+        for key, column in chunk.columns.items():
+            found.setdefault(key.partition(":")[2], []).append((chunk.first, column))
     arrays = {}
-    for name in names:
-        arrays[name], wrong = _array(name, n, [(c.first, c.columns[name]) for c in ordered if name in c.columns])
+    for name in sorted(found):
+        count = n if wanted is None else len(wanted)
+        arrays[name], wrong = _array(name, n, count, found[name])
         for failure in wrong:
             failures[failure.design], codes[failure.design] = failure, FAILED
-    for name, array in arrays.items():
-        arrays[name] = _without(array, codes)
     if rows is not None:
         take = np.asarray(rows, dtype=int)
         designs = table(designs.names, designs.values[take], designs.units, designs.source)
@@ -39,6 +45,7 @@ def collected(
         failures = {
             j: Failure(j, f.error, f.object, f.message) for j, i in enumerate(take.tolist()) if (f := failures.get(i))
         }
+    arrays = {name: _without(array, codes) for name, array in arrays.items()}
     return _runs(designs, arrays, codes, seconds, failures, outputs, status, session)
 
 
@@ -72,11 +79,26 @@ def _runs(
     )  # fmt: skip
 
 
-def _array(name: str, n: int, columns: Sequence[tuple[int, Column]]) -> tuple[np.ndarray, list[Failure]]:
+def _part(chunk: Chunk, wanted: np.ndarray) -> list[Chunk]:
+    """The chunk with outputs of some designs only; nothing where it has none of them."""
+    inside = wanted[(wanted >= chunk.first) & (wanted < chunk.end)] - chunk.first
+    if not len(inside):
+        return []
+    columns = {}
+    for name, column in chunk.columns.items():
+        keep = np.isin(column.rows, inside)
+        if keep.any():
+            sizes = np.prod(np.where(column.shapes < 0, 1, column.shapes), axis=1)
+            columns[name] = Column(column.rows[keep], column.shapes[keep], column.flat[np.repeat(keep, sizes)])
+    return [replace(chunk, columns=columns)]
+
+
+def _array(name: str, n: int, count: int, columns: Sequence[tuple[int, Column]]) -> tuple[np.ndarray, list[Failure]]:
     """One output of all designs (n, ...), smaller arrays filled with nan, and the designs whose array has other dimensions than
-    that of the first.
+    that of the first. Whole numbers stay so where all ``count`` designs have them.
     """
-    ndim = _dimensions(columns[0][1].shapes[:1])[0]
+    earliest = min(columns, key=lambda one: one[0] + one[1].rows[0])[1]
+    ndim = _dimensions(earliest.shapes[:1])[0]
     most = np.zeros(ndim, dtype=np.int64)
     wrong: list[Failure] = []
     filled = 0
@@ -92,7 +114,7 @@ def _array(name: str, n: int, columns: Sequence[tuple[int, Column]]) -> tuple[np
             for i in np.flatnonzero(~good)
         ]
     kind = np.result_type(*(column.flat.dtype for _, column in columns))
-    same = filled == n and all(np.all(column.shapes == most) for _, column in columns if ndim)
+    same = filled == count and all(np.all(column.shapes == most) for _, column in columns if ndim)
     if not same and kind.kind in "bi":
         kind = np.dtype(float)
     full = np.full((n, *most), np.nan if kind.kind in "fc" else 0, dtype=kind)
@@ -108,7 +130,7 @@ def _dimensions(shapes: np.ndarray) -> np.ndarray:
 
 def _fill(full: np.ndarray, first: int, column: Column, ndim: int) -> None:
     if np.all(column.shapes == full.shape[1:]) and column.shapes.shape[1] == ndim:
-        full[first + column.rows] = column.flat.reshape(-1, *full.shape[1:])
+        full[first + column.rows] = column.flat.reshape(len(column.rows), *full.shape[1:])
         return
     sizes = np.prod(np.where(column.shapes < 0, 1, column.shapes), axis=1)
     ends = np.cumsum(sizes)

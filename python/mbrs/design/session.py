@@ -47,6 +47,8 @@ class Session:
         self.rows = designs.values
         self.chunks: list[Chunk] = []
         self.asked: set[int] = set()
+        self._places: dict[bytes, int] = {}
+        self._indexed = 0
         self._lock = threading.RLock()
         self._store = None if folder is None else Store(folder, self._identity(), designs.values)
 
@@ -153,8 +155,10 @@ class Session:
 
     def find(self, values: np.ndarray) -> list[int]:
         """Index of each row among the designs, -1 where it is new; rows are equal when all their bits are."""
-        known = {row.tobytes(): i for i, row in reversed(list(enumerate(self.rows)))}
-        return [known.get(row.tobytes(), -1) for row in values]
+        for i in range(self._indexed, len(self.rows)):
+            self._places.setdefault(self.rows[i].tobytes(), i)
+        self._indexed = len(self.rows)
+        return [self._places.get(row.tobytes(), -1) for row in values]
 
     def append(self, values: np.ndarray) -> None:
         """More designs behind those that are there."""
