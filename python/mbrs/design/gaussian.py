@@ -9,7 +9,7 @@ import numpy as np
 
 from .._checks import count, real_array
 from ..errors import ModelError
-from .sampling import MOST, _room, interval, random
+from .sampling import MOST, interval, random, require_room
 from .table import Designs, checked_names, checked_units, table
 
 # What rounding may have made of an entry of a Cholesky factor of a correlation matrix, per row and in units of 1: larger, matrices
@@ -71,7 +71,7 @@ def normal(
         raise ModelError(f"the standard deviation of {names[int(np.argmin(width))]!r} must be above 0")
     low, high = _limits(names, bounds)
     n = count("n", n, MOST, least=0)
-    _room(n, len(names))
+    require_room(n, len(names))
     labels = checked_units(names, units)
     matrix = _correlation(names, correlation)
     factor = cholesky(matrix)

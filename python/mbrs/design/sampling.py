@@ -121,7 +121,7 @@ def full_factorial(
     total = 1
     for column in columns:
         total *= len(column)
-    _room(total, len(names))
+    require_room(total, len(names))
     grids = np.meshgrid(*columns, indexing="ij")
     kind = "full factorial " + " x ".join(str(len(column)) for column in columns)
     return table(names, np.stack([grid.ravel() for grid in grids], axis=1), checked_units(names, units), kind)
@@ -167,11 +167,11 @@ def _sampled(
     names = checked_names(ranges)
     quantiles = [quantile(name, ranges[name]) for name in names]
     n = count("n", n, MOST, least=0)
-    _room(n, len(names))
+    require_room(n, len(names))
     labels = checked_units(names, units)
     cube = engine(len(names), random(seed)).random(n) if n else np.empty((0, len(names)))
     values = np.stack([q(cube[:, j]) for j, q in enumerate(quantiles)], axis=1)
-    _finite(names, values)
+    require_finite(names, values)
     return table(names, values, labels, kind, known_moments(names, ranges))
 
 
@@ -234,7 +234,7 @@ def _values(name: str, given: Any, levels: int | Mapping[str, int]) -> np.ndarra
     return np.clip(low * (1.0 - share) + high * share, low, high)
 
 
-def _finite(names: Sequence[str], values: np.ndarray) -> None:
+def require_finite(names: Sequence[str], values: np.ndarray) -> None:
     wrong = ~np.isfinite(values)
     if wrong.any():
         name = names[int(np.argmax(wrong.any(axis=0)))]
@@ -243,7 +243,7 @@ def _finite(names: Sequence[str], values: np.ndarray) -> None:
         )
 
 
-def _room(n: int, columns: int) -> None:
+def require_room(n: int, columns: int) -> None:
     require_memory(24.0 * n * columns, f"a table of {n} designs", "take fewer designs or levels")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from .._checks import count, real_array
 from ..errors import ModelError
 from ..results import Result, quantity, result
-from .sampling import MOST, _finite, _room, known_moments, quantile, random
+from .sampling import MOST, known_moments, quantile, random, require_finite, require_room
 from .table import Designs, checked_names, checked_units, table
 
 # Resamplings that the standard errors of indices come from: fewer, and these scatter by more than a tenth of themselves.
@@ -31,7 +31,7 @@ def saltelli(ranges: Mapping[str, Any], n: int, seed: int = 0, *, units: Mapping
     if n & (n - 1):
         below = 1 << (n.bit_length() - 1)
         raise ModelError(f"n={n} blocks are not balanced; take {below} or {2 * below}")
-    _room(n * (p + 2), p)
+    require_room(n * (p + 2), p)
     cube = qmc.Sobol(2 * p, seed=random(seed)).random(n)
     quantiles = [quantile(name, ranges[name]) for name in names]
     a, b = (np.stack([q(side[:, j]) for j, q in enumerate(quantiles)], axis=1) for side in (cube[:, :p], cube[:, p:]))
@@ -40,7 +40,7 @@ def saltelli(ranges: Mapping[str, Any], n: int, seed: int = 0, *, units: Mapping
         blocks[:, j + 1, j] = b[:, j]
     blocks[:, -1] = b
     values = blocks.reshape(-1, p)
-    _finite(names, values)
+    require_finite(names, values)
     about = {**known_moments(names, ranges), "saltelli": n}
     return table(names, values, checked_units(names, units), f"{n} blocks for Sobol indices, seed {seed}", about)
 
