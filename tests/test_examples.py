@@ -33,6 +33,7 @@ SAYS = {
     "api_3_nonlinear.py": (["fold        1.115700", "k = (2, -1)", "period 6.66328", "largest rail"], []),
     "api_4_motion.py": (["finished", "success: true"], ["run.html"]),
     "api_5_gradients.py": (["psi = 0.72", "shape of the gradient: (2, 3)", "(11, 6, 3)"], []),
+    "api_7_designs.py": (["200 designs: 200 done", "agree: True"], ["designs-scatter.png", "designs-correlation.png"]),
     "car.py": (
         ["14 degrees of freedom", "adjoint against direct", "rear_spring_c", "converged"],
         ["car-tornado.png", "car-sensitivity.png", "car-convergence.png", "car-ride.png", "car.html"],
@@ -63,6 +64,8 @@ SAYS = {
         ["slider-crank.png", "slider-crank.html", "slider-crank-elastic.png"],
     ),
     "stewart_platform.py": (["12 modes", "k_strut"], ["stewart-response.png", "stewart-transmissibility.png"]),
+    "sweep_optuna.py": (["best distance", "best design: True"], []),
+    "sweep_scipy.py": (["c_leg", "of 12 Hz: True"], []),
     "swing.py": (["-0.835430375 rad, check value -0.835430375", "motor"], ["swing.png", "swing.html"]),
     "tree.py": (["12 of 381 modes", "B6,32.motion.y / B6,1.force.x"], ["tree-transfer-function.png"]),
     "wind_rotor.py": (

@@ -107,6 +107,10 @@ def _sliding():
     return mb.steady_motion(m, {"rail": 0.7, "hub": 13.0})
 
 
+def _blocks():
+    return mb.design.saltelli({"k": (31.0, 43.0), "a.mass": (1.1, 1.7)}, 4)
+
+
 MAKE = {
     "ModalResult": lambda: mb.modes(drawn()),
     "ModalResult of matrices": lambda: mb.modes(
@@ -168,6 +172,12 @@ MAKE = {
     "WingLoads": lambda: mb.aero.lifting_line(_wing(), [0.03, 0.11], strips=8),
     "WingStart": lambda: mb.aero.impulsive_start(_wing(), 0.07, 2.9, step=0.7, strips=8),
     "RotorModes": lambda: mb.rotor_modes(_blades(), ["a", "b", "c"], 0.7),
+    "Runs": lambda: mb.sweep(drawn(), _blocks(), mb.outputs.modes(2, ["k", "a.mass"])),
+    "Failures": lambda: mb.sweep(drawn(), mb.design.from_table({"a.mass": [1.0, -1.0]}), mb.outputs.modes()).failures,
+    "SobolIndices": lambda: MAKE["Runs"]().sobol_indices("frequency[0]"),
+    "DerivativeMeasures": lambda: MAKE["Runs"]().derivative_measures("frequency[0]"),
+    "Statistics": lambda: MAKE["Runs"]().statistics(),
+    "Designs": lambda: mb.design.latin_hypercube({"k": (31.0, 43.0), "a.mass": (1.1, 1.7)}, 7, units={"k": "N/m"}),
 }
 
 

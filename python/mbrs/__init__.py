@@ -12,6 +12,7 @@ _HOME = {
     "__version__": "_lib.version",
     "AssemblyError": "errors",
     "ConvergenceError": "errors",
+    "DesignError": "errors",
     "DoubtfulWarning": "errors",
     "DuplicateNameError": "errors",
     "InertiaError": "errors",
@@ -24,6 +25,7 @@ _HOME = {
     "NotDifferentiableError": "errors",
     "RouteError": "errors",
     "SingularError": "errors",
+    "StoreError": "errors",
     "Model": "model.model",
     "load": "io.result_files",
     "MechanicalSystem": "linear.matrices",
@@ -59,6 +61,14 @@ _HOME = {
     "Integral": "gradients.objectives",
     "Final": "gradients.objectives",
     "AtTimes": "gradients.objectives",
+    "outputs": "design",
+    "sweep": "design.sweep",
+    "Designs": "design.table",
+    "Runs": "design.runs",
+    "Failures": "design.runs",
+    "SobolIndices": "design.uncertainty",
+    "DerivativeMeasures": "design.uncertainty",
+    "Statistics": "design.uncertainty",
     "accuracy_study": "studies.accuracy",
     "effect_study": "studies.effects",
     "harmonic_balance": "nonlinear.periodic",
@@ -136,12 +146,12 @@ _HOME = {
     "GradientCheck": "studies.gradients",
 }
 _MODULES = {
-    **{name: name for name in ("aero", "examples", "reference", "errors", "plot", "view", "flexible")},
+    **{name: name for name in ("aero", "design", "examples", "reference", "errors", "plot", "view", "flexible")},
     "matrix_calculus": "_lib.vetter",
     "report": "_lib.text",
 }
 __all__ = sorted(
-    [*(name for name in _HOME if name != "__version__"), "aero", "examples", "flexible", "matrix_calculus"]
+    [*(name for name in _HOME if name != "__version__"), "aero", "design", "examples", "flexible", "matrix_calculus"]
 )
 
 

@@ -1,6 +1,7 @@
 """The public names for type checkers; written by tests/public_names.py."""
 
 from . import aero as aero
+from . import design as design
 from . import errors as errors
 from . import examples as examples
 from . import flexible as flexible
@@ -13,14 +14,23 @@ from ._lib.version import __version__ as __version__
 from .aero.rotors import Performance as Performance
 from .aero.wings import WingLoads as WingLoads
 from .aero.wings import WingStart as WingStart
+from .design import outputs as outputs
 from .design.functions import Bounded as Bounded
 from .design.functions import Damping as Damping
 from .design.functions import Frequency as Frequency
 from .design.optimum import Optimum as Optimum
 from .design.problem import Problem as Problem
 from .design.problem import problem as problem
+from .design.runs import Failures as Failures
+from .design.runs import Runs as Runs
+from .design.sweep import sweep as sweep
+from .design.table import Designs as Designs
+from .design.uncertainty import DerivativeMeasures as DerivativeMeasures
+from .design.uncertainty import SobolIndices as SobolIndices
+from .design.uncertainty import Statistics as Statistics
 from .errors import AssemblyError as AssemblyError
 from .errors import ConvergenceError as ConvergenceError
+from .errors import DesignError as DesignError
 from .errors import DoubtfulWarning as DoubtfulWarning
 from .errors import DuplicateNameError as DuplicateNameError
 from .errors import InertiaError as InertiaError
@@ -33,6 +43,7 @@ from .errors import NameNotFoundError as NameNotFoundError
 from .errors import NotDifferentiableError as NotDifferentiableError
 from .errors import RouteError as RouteError
 from .errors import SingularError as SingularError
+from .errors import StoreError as StoreError
 from .gradients.gradient import gradient as gradient
 from .gradients.motion_gradient import MotionGradient as MotionGradient
 from .gradients.motion_gradient import MotionSensitivity as MotionSensitivity

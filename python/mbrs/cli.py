@@ -308,6 +308,40 @@ def simulate(
     _deliver("simulate", model, traj, ("t", "method", "residual"), as_json, out, extra, text)
 
 
+def _known_data(context: Any, parameter: Any, out: Path | None) -> Path | None:
+    """Endings of files of data."""
+    from .result_files import writer
+
+    if out is not None:
+        writer(out)
+    return out
+
+
+@main.command()
+@click.argument("study", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="STUDY.TOML")
+@click.option("--threads", type=click.IntRange(min=1), help="Threads; as the file says by default, else one.")
+@click.option(
+    "--functions", is_flag=True, help="Let the file and its model name Python functions, which runs their code."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print designs and outputs as JSON.")
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", callback=_known_data,
+              help="Save: .nc, .json (mbrs.load reads them), .csv, .pkl (a pickle).")  # fmt: skip
+def sweep(study: Path, threads: int | None, functions: bool, as_json: bool, out: Path | None) -> None:
+    """Outputs of a model for many designs; Ctrl-C stops, and the same command goes on."""
+    from .design.study import read
+
+    found = read(study, functions)
+    runs = _so_far(found.run, **({} if threads is None else {"executor": threads}))
+    columns = {name: runs.designs[name] for name in runs.designs.names}
+    extra = {
+        "designs": columns,
+        "outputs": dict(runs.outputs),
+        "states": runs.states.tolist(),
+        "store": str(found.store),
+    }
+    _deliver("sweep", study, runs, ("seconds",), as_json, out, extra)
+
+
 def _curve(traj: Any, name: str) -> Any:
     """Over time: where a body or marker is, or the coordinate of a joint."""
     tables = traj.snapshot.tables

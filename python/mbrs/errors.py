@@ -46,6 +46,24 @@ class ConvergenceError(MbrsError):
         self.result = result
 
 
+class StoreError(MbrsError):
+    """The folder of a sweep cannot be used: another sweep has it, it belongs to another model, the disk is full. ``result`` carries
+    what was computed before, or None.
+    """
+
+    def __init__(self, message: str, result: Any = None) -> None:
+        super().__init__(message)
+        self.result = result
+
+
+class DesignError(MbrsError):
+    """A design of a sweep with ``on_error="raise"`` failed; ``design`` is its index, ``result`` carries the runs so far."""
+
+    def __init__(self, message: str, design: int = -1, result: Any = None) -> None:
+        super().__init__(message)
+        self.design, self.result = design, result
+
+
 class NotDifferentiableError(MbrsError):
     """A derivative that does not exist, such as that of a redundant loop which the parameter breaks open."""
 

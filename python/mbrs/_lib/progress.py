@@ -73,6 +73,11 @@ class Progress:
         now = self._clock()
         return self._enabled and now - self._start >= self._quiet and now - self._last >= _EVERY
 
+    @property
+    def rate(self) -> float:
+        """Steps per second so far."""
+        return self.done / max(self._clock() - self._start, 1e-9)
+
     def advance(self, steps: int = 1, note: str = "") -> None:
         """Count ``steps`` as done; ``note`` is shown behind the line (a frequency, a residual)."""
         self.done += steps
