@@ -8,6 +8,7 @@
 //! `python` is the only door to Python.
 pub mod analysis;
 pub mod error;
+pub mod joint;
 pub mod kinematics;
 pub mod laws;
 pub mod linalg;
