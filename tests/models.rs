@@ -1,5 +1,5 @@
 //! Models written as Tables (docs/tables.md), for the integration tests and the benchmarks of the Rust API.
-use mbrs::model::joint::JointKind;
+use mbrs::joint::JointKind;
 use mbrs::model::layout::flag::{HAS_C, HAS_K};
 use mbrs::model::tables::{BodyRef, BodySpec, ElementKind, ElementSpec, JointSpec, Tables};
 use mbrs::tolerances::constraints::DRAWING;

@@ -205,13 +205,14 @@ CRATE = {
     "spatial": set(),
     "linalg": {"error", "tolerances", "run"},
     "laws": {"error", "tolerances"},
-    "model": {"error", "tolerances", "spatial", "laws"},
-    "kinematics": {"error", "tolerances", "spatial", "laws", "model"},
-    "system": {"error", "tolerances", "run", "spatial", "linalg", "laws", "model", "kinematics"},
+    "joint": {"error", "tolerances", "spatial"},
+    "model": {"error", "tolerances", "spatial", "laws", "joint"},
+    "kinematics": {"error", "tolerances", "spatial", "laws", "joint", "model"},
+    "system": {"error", "tolerances", "run", "spatial", "linalg", "laws", "joint", "model", "kinematics"},
     "second_order": {"error", "tolerances", "run", "linalg", "laws"},
     "solve": {"error", "tolerances", "run", "linalg"},
     "analysis": {
-        "error", "tolerances", "run", "spatial", "linalg", "laws", "model", "kinematics", "system", "second_order", "solve",
+        "error", "tolerances", "run", "spatial", "linalg", "laws", "joint", "model", "kinematics", "system", "second_order", "solve",
     },
 }  # fmt: skip
 

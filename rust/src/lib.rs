@@ -9,6 +9,7 @@
 pub mod aero;
 pub mod analysis;
 pub mod error;
+pub mod joint;
 pub mod kinematics;
 pub mod laws;
 pub mod linalg;

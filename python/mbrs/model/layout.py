@@ -135,8 +135,13 @@ def rust() -> str:
     ]
     for kinds in (JOINTS, ELEMENTS, LOADS):
         heading = next(iter(kinds.values())).heading
-        out += ["", f"/// Codes of `{heading}_type`.", f"pub mod {heading}_type {{"]
-        out += [f"    pub const {k.type.upper()}: i64 = {k.code};" for k in kinds.values()]
+        what = "Names of the joints by their code in" if kinds is JOINTS else "Codes of"
+        out += ["", f"/// {what} `{heading}_type`.", f"pub mod {heading}_type {{"]
+        if kinds is JOINTS:
+            types = [k.type for k in sorted(kinds.values(), key=lambda k: k.code)]
+            out += [f"    pub const NAMES: [&str; {len(types)}] = [", *(f'        "{t}",' for t in types), "    ];"]
+        else:
+            out += [f"    pub const {k.type.upper()}: i64 = {k.code};" for k in kinds.values()]
         out += ["}"]
     for block in BLOCKS:
         out += ["", f"/// The numbers of a {block.name.replace('_', ' ')}.", f"pub mod {block.name} {{"]

@@ -8,7 +8,6 @@ use crate::linalg::entries::Entries;
 use crate::linalg::kkt::{Kkt, Ordering};
 use crate::linalg::matrix::Matrix;
 use crate::model::geometry::Geometry;
-use crate::model::joint::JointKind;
 use crate::model::layout;
 use crate::run::Counts;
 use crate::spatial::{Real, Six, V3};
@@ -69,7 +68,7 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
         let wanted = Six::new(velocity, omega).motion_at(&arm);
         let carried = node.parent.map_or_else(Six::zero, |p| body[p].motion_at(&(pose.p - placement.pose[p].p)));
         let relative = wanted - carried;
-        if node.kind == JointKind::Node {
+        if node.kind.is_modal() {
             body.push(carried);
             continue;
         }
@@ -152,7 +151,7 @@ pub fn given_rates(
         let carried = node.parent.map_or_else(Six::zero, |p| body[p].motion_at(&(pose.p - placement.pose[p].p)));
         let relative =
             Six::new(at(layout::body::VELOCITY), at(layout::body::ANGULAR_VELOCITY)).motion_at(&arm) - carried;
-        if node.kind == JointKind::Node {
+        if node.kind.is_modal() {
             body.push(carried);
             continue;
         }

@@ -17,9 +17,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::analysis::linearize::{Path, Setting, Turning, turning_jacobian};
+use crate::analysis::transient::rotations::add_commutator;
 use crate::error::{Error, Result};
-use crate::model::joint::JointKind;
-use crate::spatial::V3;
 use crate::system::assemble::Tangent;
 use crate::system::loops::{Loops, column_scales};
 use crate::system::topology::Level;
@@ -182,14 +181,7 @@ impl Follow<'_> {
     /// W y.
     fn carried(&self, y: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; y.len()];
-        let nodes = self.setting.system.topology.nodes.iter();
-        for node in nodes.filter(|n| matches!(n.kind, JointKind::Spherical | JointKind::Free)) {
-            let at = node.first + node.n - 3;
-            let triple = |v: &[f64]| V3::new(v[at], v[at + 1], v[at + 2]);
-            let sign = if node.reversed { -1.0 } else { 1.0 };
-            let turned = triple(self.path.rate).cross(&triple(y)) * sign;
-            out[at..at + 3].copy_from_slice(turned.as_slice());
-        }
+        add_commutator(&self.setting.system.topology, 1.0, (self.path.rate, y), &mut out);
         out
     }
 }

@@ -8,7 +8,7 @@
 //! the wrench w = -sum g f on b at p_B, and its tangent  dw = -(sum g k g^T + sum h f) xi - (u_t x force).
 use num_dual::Dual;
 
-use crate::model::joint::Coordinate;
+use crate::joint::Coordinate;
 use crate::spatial::{M3, Map6, Real, Six, V3, left_jacobian_coefficient, log_so3, outer, product, skew};
 
 /// Relative pose of a marker pair in the axes of A.
@@ -151,7 +151,7 @@ fn rotation_vector_curvature<T: Real>(phi: &V3<T>, f: &V3<T>) -> M3<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::joint::{ANGLE_BETA, ANGLE_Z};
+    use crate::joint::{ANGLE_BETA, ANGLE_Z};
     use crate::spatial::{exp_so3, lift3, lift33};
     use num_dual::Dual64;
 

@@ -2,8 +2,8 @@
 //!
 //! Tables hold world points of the drawn configuration; everything local is derived here and nowhere else, so that a derivative
 //! with respect to a drawn point has one source.
+use crate::joint::Axes;
 use crate::model::flexible::{FlexibleGeometry, TipGeometry, TipSpec};
-use crate::model::joint::JointKind;
 use crate::model::layout::{self, bushing, flag, joint, load, spring_damper, torsion};
 use crate::model::motion::MotionLaw;
 use crate::model::tables::{BodyRef, ElementKind, Tables};
@@ -68,9 +68,9 @@ impl<T: Real> Geometry<T> {
             None => *world,
             Some(b) => bodies[b].drawn.inverse().then(world),
         };
-        let pair = |a: BodyRef, b: BodyRef, pa: V3<T>, pb: V3<T>, frame: (M3<T>, M3<T>)| MarkerPair {
-            a: local(a, &Pose { p: pa, r: frame.0 }),
-            b: local(b, &Pose { p: pb, r: frame.1 }),
+        let pair = |a: BodyRef, b: BodyRef, pa: V3<T>, pb: V3<T>, frame: [M3<T>; 2]| MarkerPair {
+            a: local(a, &Pose { p: pa, r: frame[0] }),
+            b: local(b, &Pose { p: pb, r: frame[1] }),
             radius: T::zero(),
         };
         let mut joints = Vec::with_capacity(tables.joints.len());
@@ -78,9 +78,9 @@ impl<T: Real> Geometry<T> {
         for j in &tables.joints {
             let n = &x[j.x..j.x + joint::SIZE];
             let (pa, pb) = (vector(n, joint::AT_A), vector(n, joint::AT_B));
-            let frames = joint_frames(j.kind, j.flags, n);
+            let frames = j.kind.frames(&joint_axes(j.flags, n));
             joints.push(MarkerPair { radius: n[joint::RADIUS], ..pair(j.a, j.b, pa, pb, frames) });
-            joint_length.push(if j.kind == JointKind::Distance { distance(&pa, &pb) } else { T::zero() });
+            joint_length.push(if j.kind.has_length() { distance(&pa, &pb) } else { T::zero() });
         }
         let mut elements = Vec::with_capacity(tables.elements.len());
         let mut element_length = Vec::with_capacity(tables.elements.len());
@@ -97,7 +97,7 @@ impl<T: Real> Geometry<T> {
                     (vector(n, torsion::AT), vector(n, torsion::AT), frame_of_axis(&vector(n, torsion::AXIS)))
                 }
             };
-            elements.push(pair(e.a, e.b, pa, pb, (frame, frame)));
+            elements.push(pair(e.a, e.b, pa, pb, [frame, frame]));
             element_length.push(if e.kind == ElementKind::SpringDamper { distance(&pa, &pb) } else { T::zero() });
         }
         let loads = tables.loads.iter().map(|l| {
@@ -183,25 +183,13 @@ fn body<T: Real>(n: &[T]) -> BodyGeometry<T> {
     BodyGeometry { mass: n[MASS], inertia: inertia(&n[INERTIA..]), drawn: Pose { p: vector(n, AT) + r * com, r }, com }
 }
 
-/// The frames on both bodies as drawn: the same but for a rolling disc, whose second frame has the disc's axis for z.
-fn joint_frames<T: Real>(kind: JointKind, flags: i64, n: &[T]) -> (M3<T>, M3<T>) {
-    let frame = joint_frame(kind, flags, n);
-    if kind == JointKind::RollingDisc { (frame, frame_of_axis(&vector(n, joint::AXIS2))) } else { (frame, frame) }
-}
-
-fn joint_frame<T: Real>(kind: JointKind, flags: i64, n: &[T]) -> M3<T> {
-    if flags & flag::FRAME_FROM_ORIENTATION != 0 {
-        return turned(n, joint::ORIENTATION);
+/// The axes that a joint is drawn with.
+fn joint_axes<T: Real>(flags: i64, n: &[T]) -> Axes<T> {
+    Axes {
+        given: (flags & flag::FRAME_FROM_ORIENTATION != 0).then(|| turned(n, joint::ORIENTATION)),
+        first: vector(n, joint::AXIS),
+        second: vector(n, joint::AXIS2),
     }
-    let axis = vector(n, joint::AXIS);
-    if kind != JointKind::Universal {
-        return frame_of_axis(&axis);
-    }
-    let z = axis / axis.dot(&axis).sqrt();
-    let second = vector(n, joint::AXIS2);
-    let x = second - z * z.dot(&second);
-    let x = x / x.dot(&x).sqrt();
-    M3::from_columns(&[x, z.cross(&x), z])
 }
 
 fn distance<T: Real>(a: &V3<T>, b: &V3<T>) -> T {

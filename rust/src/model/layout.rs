@@ -14,19 +14,21 @@ pub mod flag {
     pub const LENGTH_GIVEN: i64 = 16;
 }
 
-/// Codes of `joint_type`.
+/// Names of the joints by their code in `joint_type`.
 pub mod joint_type {
-    pub const FIXED: i64 = 0;
-    pub const REVOLUTE: i64 = 1;
-    pub const PRISMATIC: i64 = 2;
-    pub const CYLINDRICAL: i64 = 3;
-    pub const UNIVERSAL: i64 = 4;
-    pub const SPHERICAL: i64 = 5;
-    pub const PLANAR: i64 = 6;
-    pub const FREE: i64 = 7;
-    pub const DISTANCE: i64 = 8;
-    pub const KNIFE_EDGE: i64 = 9;
-    pub const ROLLING_DISC: i64 = 10;
+    pub const NAMES: [&str; 11] = [
+        "fixed",
+        "revolute",
+        "prismatic",
+        "cylindrical",
+        "universal",
+        "spherical",
+        "planar",
+        "free",
+        "distance",
+        "knife_edge",
+        "rolling_disc",
+    ];
 }
 
 /// Codes of `element_type`.

@@ -1,7 +1,6 @@
 //! What the user described, as read from the Tables: bodies, joints, elements and loads, and what geometry follows from the numbers.
 pub mod flexible;
 pub mod geometry;
-pub mod joint;
 pub mod layout;
 pub mod motion;
 pub mod tables;

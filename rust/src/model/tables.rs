@@ -1,7 +1,7 @@
 //! The Tables (docs/tables.md): what Python hands over, parsed and checked once.
 use crate::error::{Error, Result};
+use crate::joint::JointKind;
 use crate::model::flexible::{FlexibleSpec, TipSpec};
-use crate::model::joint::JointKind;
 use crate::model::layout::{self, body, bushing, coupler, joint, load, pose, spring_damper, torsion};
 use crate::model::motion::MotionSpec;
 

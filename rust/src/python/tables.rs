@@ -6,9 +6,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::error::{Error, Result};
+use crate::joint::JointKind;
 use crate::model::flexible::{FlexibleSpec, TipSpec};
-use crate::model::joint::JointKind;
-use crate::model::layout::load_type;
+use crate::model::layout::{joint_type, load_type};
 use crate::model::motion::{Function, MotionKind, MotionSpec};
 use crate::model::tables::{
     BodyRef, BodySpec, CouplerSpec, DriveSpec, ElementKind, ElementSpec, JointSpec, LawSpec, LoadMotionSpec, LoadSpec,
@@ -155,7 +155,7 @@ fn joints(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<Vec<JointSpe
     let one = |(i, name): (usize, String)| {
         Ok(JointSpec {
             name,
-            kind: JointKind::from_code(kind[i])?,
+            kind: joint_kind(kind[i])?,
             a: body(a[i]),
             b: body(b[i]),
             flags: flags[i],
@@ -163,6 +163,13 @@ fn joints(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<Vec<JointSpe
         })
     };
     names.into_iter().enumerate().map(one).collect()
+}
+
+/// The joint of a code in the Tables.
+fn joint_kind(code: i64) -> Result<JointKind> {
+    let name = usize::try_from(code).ok().and_then(|code| joint_type::NAMES.get(code));
+    let name = name.ok_or_else(|| Error::model(format!("joint type {code} does not exist")))?;
+    JointKind::named(name)
 }
 
 fn elements(reader: &Reader<'_, '_>, flexible: &Flexible) -> PyResult<Vec<ElementSpec>> {

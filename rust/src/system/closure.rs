@@ -9,12 +9,12 @@
 use nalgebra::DVector;
 
 use crate::error::{Error, Result};
+use crate::joint::Coordinate;
 use crate::linalg::dense::minimum_norm;
 use crate::linalg::entries::Entries;
 use crate::linalg::kkt::{Kkt, Ordering};
 use crate::linalg::matrix::Matrix;
 use crate::linalg::rows::{Block, Level as Asked, RowBlocks, gather};
-use crate::model::joint::Coordinate;
 use crate::model::layout;
 use crate::run::Counts;
 use crate::spatial::{Pose, V3, rotation_of_quaternion};

@@ -5,9 +5,9 @@
 //! for rounding of single products) and terms proportional to the force. Constraint rows are connectors whose force is the
 //! multiplier. `path` spreads both over the tree coordinates.
 
+use crate::joint::Coordinate;
 use crate::kinematics::relative::{Relative, Row};
 use crate::model::geometry::{Geometry, MarkerPair};
-use crate::model::joint::{Coordinate, JointKind};
 use crate::model::tables::{BodyRef, ElementKind};
 use crate::spatial::{Map6, Pose, Real, Six, V3, absent, product_of_transpose, skew, turned, turned_back};
 use crate::system::connector_force::response;
@@ -269,7 +269,7 @@ pub fn collapsed<'t>(
         .find(|(e, pair)| apart(e.a, e.b, pair) <= COLLAPSED * length)
         .map(|(e, _)| e.name.as_str());
     spring.or_else(|| {
-        rods.filter(|(j, _)| j.kind == JointKind::Distance)
+        rods.filter(|(j, _)| j.kind.has_length())
             .find(|(j, pair)| apart(j.a, j.b, pair) <= COLLAPSED * length)
             .map(|(j, _)| j.name.as_str())
     })

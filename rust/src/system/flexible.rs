@@ -8,7 +8,6 @@ use nalgebra::DVector;
 use crate::linalg::entries::Entries;
 use crate::model::flexible::TipGeometry;
 use crate::model::geometry::Geometry;
-use crate::model::joint::JointKind;
 use crate::spatial::{M3, Pose, Real, Six, V3, absent, exp_so3};
 use crate::system::topology::{Node, Topology};
 
@@ -41,7 +40,7 @@ pub fn node_rates<T: Real>(topology: &Topology, geometry: &Geometry<T>, rate: &[
         return Vec::new();
     };
     let values = &rate[modal.first..];
-    let nodes = topology.nodes.iter().filter(|n| n.kind == JointKind::Node);
+    let nodes = topology.nodes.iter().filter(|n| n.kind.is_modal());
     nodes.flat_map(|n| node_values(topology, geometry, n, values)).collect()
 }
 
@@ -90,7 +89,7 @@ impl<'g, T: Real> Fold<'g, T> {
     /// None without flexible bodies.
     pub fn of(topology: &Topology, geometry: &'g Geometry<T>) -> Option<Self> {
         let first = topology.modal.first()?.first;
-        let nodes = topology.nodes.iter().filter(|n| n.kind == JointKind::Node);
+        let nodes = topology.nodes.iter().filter(|n| n.kind.is_modal());
         let of = |node: &Node| {
             let (tip, own) = movers(topology, node);
             (first + own.start, &geometry.tips[tip])

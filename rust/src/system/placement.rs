@@ -1,6 +1,6 @@
 //! Where everything is in a state: poses of the centres of mass, the motion column of every tree coordinate, velocities.
+use crate::joint::JointKind;
 use crate::model::geometry::{Geometry, MarkerPair};
-use crate::model::joint::JointKind;
 use crate::model::tables::BodyRef;
 use crate::spatial::{M3, Pose, Real, Six, V3, exp_so3, lift, product};
 use crate::system::flexible::{deformed, modal_coordinates, node_columns, node_rates, node_values};
@@ -55,7 +55,7 @@ fn inner_outer<T: Real>(pair: &MarkerPair<T>, reversed: bool) -> (&Pose<T>, &Pos
 }
 
 fn markers<T: Real>(topology: &Topology, geometry: &Geometry<T>, node: &Node) -> (Pose<T>, Pose<T>) {
-    if node.kind == JointKind::Node {
+    if node.kind.is_modal() {
         let rest = Pose { p: geometry.tips[topology.tip(node)].offset, r: M3::identity() };
         let own = Pose::identity();
         return if node.reversed { (own, rest) } else { (rest, own) };
@@ -149,7 +149,7 @@ pub fn lifted_relative<T: Real>(topology: &Topology, geometry: &Geometry<T>, sta
 /// Advance relative poses by increments of the tree coordinates.
 pub fn advance<T: Real>(topology: &Topology, relative: &mut [Pose<T>], dy: &[T]) {
     for (node, pose) in topology.nodes.iter().zip(relative.iter_mut()) {
-        if node.kind != JointKind::Node {
+        if !node.kind.is_modal() {
             advance_joint(node, pose, &dy[node.first..node.first + node.n]);
         }
     }
@@ -193,7 +193,7 @@ pub fn place<T: Real>(
         let (inner_marker, outer_marker) = markers(topology, geometry, node);
         let carrier = node.parent.map_or_else(Pose::identity, |p| pose[p]);
         let inner = carrier.then(&inner_marker);
-        if node.kind == JointKind::Node {
+        if node.kind.is_modal() {
             let w = node_values(topology, geometry, node, &modal);
             let moved = inner.then(&deformed(&w, node.reversed)).then(&outer_marker.inverse());
             let frame = if node.reversed { &moved } else { &carrier };

@@ -9,9 +9,9 @@
 //! nearest to what it remembers. Rows of an effect that is left out are zero, which the rank-revealing factorisations take for redundant.
 use nalgebra::{DMatrix, DVector};
 
+use crate::joint::Coordinate;
 use crate::linalg::entries::{Entries, Nowhere};
 use crate::model::geometry::Geometry;
-use crate::model::joint::{Coordinate, JointKind};
 use crate::model::layout::flag::LENGTH_GIVEN;
 use crate::model::layout::{coupler, joint};
 use crate::spatial::{Real, Six};
@@ -130,9 +130,7 @@ impl<T: Real> Scene<'_, T> {
     /// Phi of a row whose coordinate is e.
     fn value(&self, row: &ConstraintRow, e: T, i: usize, jacobian: &mut impl Entries<T>) -> T {
         match row.purpose {
-            Purpose::Joint if self.topology.tables.joints[row.joint].kind == JointKind::Distance => {
-                e - self.distance(row.joint)
-            }
+            Purpose::Joint if self.topology.tables.joints[row.joint].kind.has_length() => e - self.distance(row.joint),
             Purpose::Joint => e,
             Purpose::Drive(d) => {
                 let motion = self.topology.tables.drives[d].motion;

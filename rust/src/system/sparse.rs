@@ -11,7 +11,7 @@
 use faer::Mat;
 
 use crate::error::{Error, Result};
-use crate::model::joint::{Coordinate, JointKind};
+use crate::joint::Coordinate;
 use crate::model::layout::flag::{HAS_PRELOAD, LENGTH_GIVEN};
 use crate::model::layout::{bushing, joint, spring_damper, torsion};
 use crate::model::tables::{BodyRef, Tables};
@@ -187,8 +187,8 @@ fn loaded(system: &System, state: &State, effects: Effects) -> bool {
     let gravity = effects.gravity && system.geometry.gravity.is_some_and(|g| g.norm() > 0.0);
     let joint = |j: &crate::model::tables::JointSpec| {
         j.flags & HAS_PRELOAD != 0 && nonzero(j.x + joint::PRELOAD, 6)
-            || j.kind == JointKind::Distance && (j.flags & LENGTH_GIVEN != 0 || x[j.x + joint::LENGTH] != 0.0)
-            || j.kind != JointKind::Distance && apart(j.x + joint::AT_A, j.x + joint::AT_B)
+            || j.kind.has_length() && (j.flags & LENGTH_GIVEN != 0 || x[j.x + joint::LENGTH] != 0.0)
+            || !j.kind.has_length() && apart(j.x + joint::AT_A, j.x + joint::AT_B)
     };
     let element = |e: &crate::model::tables::ElementSpec| {
         use crate::model::tables::ElementKind::*;

@@ -2,9 +2,9 @@
 use std::collections::HashMap;
 
 use crate::error::{Error, Result};
+use crate::joint::{ANGLE_Z, Coordinate, Freedom, JointKind, MODAL};
 use crate::laws::Law;
 use crate::model::geometry::Geometry;
-use crate::model::joint::{ANGLE_Z, Coordinate, Freedom, JointKind, MODAL};
 use crate::model::layout::flag::{HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN};
 use crate::model::layout::{self, bushing, joint, spring_damper, torsion};
 use crate::model::tables::{BodyRef, ElementKind, ElementSpec, LawSpec, Tables};
@@ -30,6 +30,18 @@ pub struct Node {
     pub first: usize,
     pub n: usize,
     pub depth: usize,
+}
+
+impl Node {
+    /// Does an implicit free joint carry it, which no joint of the model is?
+    pub fn is_loose(&self) -> bool {
+        self.joint.is_none() && !self.kind.is_modal()
+    }
+
+    /// -1 where coordinates count backwards.
+    pub fn sign(&self) -> f64 {
+        if self.reversed { -1.0 } else { 1.0 }
+    }
 }
 
 /// A tree coordinate.
@@ -177,14 +189,14 @@ impl Topology {
         let mut names = Vec::new();
         for (i, node) in nodes.iter().enumerate() {
             node_of_body[node.body] = i;
-            if node.kind == JointKind::Node {
+            if node.kind.is_modal() {
                 continue;
             }
             let freedoms = node.kind.freedoms(node.reversed);
             let stem = node.joint.map_or(&tables.bodies[node.body].name, |j| &tables.joints[j].name);
             for freedom in freedoms {
                 names.push(if freedoms.len() == 1 { stem.clone() } else { format!("{stem}.{}", freedom.suffix) });
-                dofs.push(Dof { node: i, freedom: *freedom, sign: if node.reversed { -1.0 } else { 1.0 } });
+                dofs.push(Dof { node: i, freedom: *freedom, sign: node.sign() });
             }
         }
         let mut nodes = nodes;
@@ -320,18 +332,9 @@ fn largest_gyration<T: Real>(geometry: &Geometry<T>) -> Option<T> {
 
 fn cut_rows(tables: &Tables, joint: usize) -> Vec<ConstraintRow> {
     let row = |coordinate, level| ConstraintRow { joint, coordinate, level, purpose: Purpose::Joint };
-    match tables.joints[joint].kind {
-        JointKind::KnifeEdge => vec![row(Coordinate::Edge, Level::Velocity)],
-        JointKind::RollingDisc => vec![
-            row(Coordinate::Disc(0), Level::Position),
-            row(Coordinate::Disc(1), Level::Velocity),
-            row(Coordinate::Disc(2), Level::Velocity),
-        ],
-        kind => {
-            let constraints = kind.constraints().iter();
-            constraints.map(|c| row(*c, Level::Position)).collect()
-        }
-    }
+    let kind = tables.joints[joint].kind;
+    let position = kind.constraints().iter().map(|c| row(*c, Level::Position));
+    position.chain(kind.velocity_constraints().iter().map(|c| row(*c, Level::Velocity))).collect()
 }
 
 /// Rows of drives, then of couplers: on coordinates of tree joints and of cut joints alike.
@@ -376,12 +379,12 @@ fn flexible(
             dofs.push(Dof { node, freedom: MODAL, sign: 1.0 });
         }
     }
-    for (i, node) in nodes.iter_mut().enumerate().filter(|(_, n)| n.kind == JointKind::Node) {
+    for (i, node) in nodes.iter_mut().enumerate().filter(|(_, n)| n.kind.is_modal()) {
         node.first = dofs.len();
         dofs.extend(node.kind.freedoms(node.reversed).iter().map(|freedom| Dof {
             node: i,
             freedom: *freedom,
-            sign: if node.reversed { -1.0 } else { 1.0 },
+            sign: node.sign(),
         }));
     }
     all

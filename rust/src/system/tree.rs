@@ -1,7 +1,7 @@
 //! The spanning tree: breadth first from ground along the joints, each flexible body reached as a whole.
 use std::collections::VecDeque;
 
-use crate::model::joint::JointKind;
+use crate::joint::{JointKind, Role};
 use crate::model::tables::{BodyRef, Tables};
 use crate::system::topology::Node;
 
@@ -11,7 +11,7 @@ pub(super) fn spanning_tree(tables: &Tables) -> (Vec<Node>, Vec<usize>) {
     // joints at each body, ground last
     let mut at: Vec<Vec<usize>> = vec![Vec::new(); n + 1];
     for (j, joint) in tables.joints.iter().enumerate() {
-        if joint.kind.in_tree() {
+        if joint.kind.role() == Role::Carries {
             at[joint.a.unwrap_or(n)].push(j);
             at[joint.b.unwrap_or(n)].push(j);
         }
@@ -22,7 +22,7 @@ pub(super) fn spanning_tree(tables: &Tables) -> (Vec<Node>, Vec<usize>) {
         place: vec![None; n],
         used: vec![false; tables.joints.len()],
         first: 0,
-        free: (0..tables.joints.len()).filter(|j| tables.joints[*j].kind == JointKind::Free).collect(),
+        free: (0..tables.joints.len()).filter(|j| tables.joints[*j].kind.role() == Role::Frees).collect(),
         next_body: 0,
     };
     let mut queue = VecDeque::from([None]);
@@ -41,7 +41,8 @@ pub(super) fn spanning_tree(tables: &Tables) -> (Vec<Node>, Vec<usize>) {
             None => break,
         }
     }
-    let cut = (0..tables.joints.len()).filter(|&j| !tree.used[j] && tables.joints[j].kind != JointKind::Free).collect();
+    let cut =
+        (0..tables.joints.len()).filter(|&j| !tree.used[j] && tables.joints[j].kind.role() != Role::Frees).collect();
     (tree.nodes, cut)
 }
 
@@ -95,7 +96,7 @@ impl Tree<'_> {
         self.place[body] = Some(self.nodes.len());
         self.nodes.push(Node { body, parent, joint, reversed, kind, first: self.first, n, depth });
         // columns of moving nodes are counted behind all coordinates
-        if kind != JointKind::Node {
+        if !kind.is_modal() {
             self.first += n;
         }
     }

@@ -1,14 +1,14 @@
 //! Energies and powers along a motion, and the coordinates of all joints.
+use crate::joint::Coordinate;
 use crate::laws::Law;
 use crate::model::flexible::FlexibleGeometry;
-use crate::model::joint::{Coordinate, JointKind};
 use crate::model::tables::JointSpec;
 use crate::spatial::{Six, V3, log_so3};
 use crate::system::connector::{
     Numbers, Wanted, constraint_rates, continued_motion_of, load_interaction, modal_load, relative_of,
 };
 use crate::system::placement::Placement;
-use crate::system::topology::{Connector, Modal, Node};
+use crate::system::topology::{Connector, Modal};
 
 use super::{Equations, Motion};
 
@@ -196,8 +196,7 @@ impl Equations<'_, f64> {
             out.extend(coordinates.iter().map(|c| here.row(*c).e));
         }
         // bodies that no joint carries move on a free joint of their own
-        let loose =
-            topology.nodes.iter().zip(&m.relative).filter(|(n, _)| n.joint.is_none() && n.kind != JointKind::Node);
+        let loose = topology.nodes.iter().zip(&m.relative).filter(|(n, _)| n.is_loose());
         for (_, pose) in loose {
             let turned = log_so3(&pose.r);
             out.extend(pose.p.iter().chain(turned.iter()));
@@ -221,8 +220,7 @@ impl Equations<'_, f64> {
         let topology = self.topology();
         let joints = topology.tables.joints.iter().flat_map(|j| j.kind.free_coordinates());
         let mut out: Vec<bool> = joints.map(|c| matches!(c, Coordinate::Angle { .. })).collect();
-        let free = |n: &&Node| n.joint.is_none() && n.kind != JointKind::Node;
-        let loose = topology.nodes.iter().filter(free).count();
+        let loose = topology.nodes.iter().filter(|n| n.is_loose()).count();
         out.extend(std::iter::repeat_n(false, 6 * loose));
         out
     }

@@ -14,9 +14,8 @@ use num_dual::Dual;
 use crate::error::{Error, Result};
 use crate::linalg::rows::Level as Asked;
 use crate::model::geometry::Geometry;
-use crate::model::joint::JointKind;
 use crate::run::{Cancel, Counts};
-use crate::spatial::{Pose, Real, V3, left_jacobian_coefficient};
+use crate::spatial::{Pose, Real, V3};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene};
 use crate::system::closure::scene_at_rest;
@@ -26,6 +25,7 @@ use crate::system::rows::explicit_rates;
 use crate::system::topology::Level;
 
 pub use super::Motion;
+use super::rotations::increment_rates;
 
 /// The fixed numbers of a run.
 pub struct Run<'a, T: Real> {
@@ -196,7 +196,7 @@ impl<'a, T: Real> Run<'a, T> {
                 advance(&self.system.topology, &mut trial.relative, &increment);
             }
             let acceleration = self.accelerations(&trial, counts)?;
-            slopes.push((self.increment_rates(&increment, &trial.rate), acceleration));
+            slopes.push((increment_rates(&self.system.topology, &increment, &trial.rate), acceleration));
         }
         let weights = [h / 6.0, h / 3.0, h / 3.0, h / 6.0];
         let mut increment = vec![T::zero(); n];
@@ -212,27 +212,6 @@ impl<'a, T: Real> Run<'a, T> {
         self.remember(motion, counts);
         counts.add("steps", 1);
         Ok(())
-    }
-
-    /// Rates of the increments from the joint rates: they differ where three rotations act together.
-    fn increment_rates(&self, increment: &[T], rate: &[T]) -> Vec<T> {
-        let mut out = rate.to_vec();
-        for node in &self.system.topology.nodes {
-            if !matches!(node.kind, JointKind::Spherical | JointKind::Free) {
-                continue;
-            }
-            let first = node.first + node.n - 3;
-            // coordinates of a reversed joint count backwards, so that increments act as their negatives
-            let sign = T::from(if node.reversed { -1.0 } else { 1.0 });
-            let theta = V3::from_fn(|i, _| increment[first + i] * sign);
-            let omega = V3::from_fn(|i, _| rate[first + i] * sign);
-            let (b, _) = left_jacobian_coefficient(theta.dot(&theta));
-            let turned = omega - theta.cross(&omega) * T::from(0.5) + theta.cross(&theta.cross(&omega)) * b;
-            for i in 0..3 {
-                out[first + i] = turned[i] * sign;
-            }
-        }
-        out
     }
 
     /// Positions of all bodies' origins, in the order of the model.

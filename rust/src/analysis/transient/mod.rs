@@ -51,10 +51,10 @@ use explicit8::Explicit8;
 use nalgebra::{DMatrix, DVector};
 
 use crate::error::Result;
+use crate::joint::JointKind;
 use crate::linalg::kkt::Ordering;
 use crate::linalg::rows::RowBlocks;
 use crate::model::geometry::Geometry;
-use crate::model::joint::JointKind;
 use crate::run::Counts;
 use crate::spatial::{M3, Pose, Real, log_so3};
 use crate::system::System;
@@ -419,7 +419,7 @@ impl<'a, T: Real> Equations<'a, T> {
             let sign = T::from(if node.reversed { -1.0 } else { 1.0 });
             let turned = q.r * p.r.transpose();
             let inner = log_so3(&turned);
-            if node.kind == JointKind::Node {
+            if node.kind.is_modal() {
                 continue;
             }
             let universal = (node.kind == JointKind::Universal).then(|| universal_angles(node.reversed, &p.r, &q.r));

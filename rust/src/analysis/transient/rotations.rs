@@ -8,7 +8,6 @@
 //! The second line is Magnus' series (A. Iserles, H. Z. Munthe-Kaas, S. P. Norsett, A. Zanna, Acta Numerica 9 (2000) 215-365); its
 //! commutator has the other sign in body axes. Coordinates of a reversed joint count backwards: rotation vectors and angular
 //! velocities are their negatives.
-use crate::model::joint::JointKind;
 use crate::spatial::{M3, Real, V3, left_jacobian_coefficient, skew};
 use crate::system::topology::Topology;
 
@@ -19,10 +18,7 @@ pub type Maps = Vec<(usize, [[f64; 3]; 3])>;
 
 /// First coordinate and sign of every three rotations that act together.
 pub fn rotation_triples(topology: &Topology) -> impl Iterator<Item = (usize, f64)> + use<'_> {
-    let nodes = topology.nodes.iter();
-    nodes
-        .filter(|n| matches!(n.kind, JointKind::Spherical | JointKind::Free))
-        .map(|n| (n.first + n.n - 3, if n.reversed { -1.0 } else { 1.0 }))
+    topology.nodes.iter().filter_map(|n| Some((n.first + n.kind.quaternion()?, n.sign())))
 }
 
 fn three<T: Real>(v: &[T], first: usize) -> V3<T> {
@@ -44,34 +40,44 @@ pub fn add_turning<T: Real>(topology: &Topology, h: f64, rates: (&[T], &[T]), on
     add_commutator(topology, -h * h / 12.0, rates, onto);
 }
 
+/// Rates of the increments theta from the joint rates: theta' = J_l^-1(theta) omega where three rotations act together.
+pub fn increment_rates<T: Real>(topology: &Topology, increment: &[T], rate: &[T]) -> Vec<T> {
+    on_rotations(topology, increment, rate, |theta, omega| {
+        let (b, _) = left_jacobian_coefficient(theta.dot(&theta));
+        omega - theta.cross(&omega) * T::from(0.5) + theta.cross(&theta.cross(&omega)) * b
+    })
+}
+
+fn on_rotations<T: Real>(
+    topology: &Topology,
+    increment: &[T],
+    rate: &[T],
+    map: impl Fn(V3<T>, V3<T>) -> V3<T>,
+) -> Vec<T> {
+    let mut out = rate.to_vec();
+    for (first, sign) in rotation_triples(topology) {
+        let sign = T::from(sign);
+        let mapped = map(three(increment, first) * sign, three(rate, first) * sign);
+        for i in 0..3 {
+            out[first + i] = mapped[i] * sign;
+        }
+    }
+    out
+}
+
 impl<T: Real> Equations<'_, T> {
-    /// Rates of the increments theta from the joint rates: theta' = J_l^-1(theta) omega where three rotations act together.
+    /// Rates of the increments from the joint rates.
     pub fn increment_rates(&self, increment: &[T], rate: &[T]) -> Vec<T> {
-        self.on_rotations(increment, rate, |theta, omega| {
-            let (b, _) = left_jacobian_coefficient(theta.dot(&theta));
-            omega - theta.cross(&omega) * T::from(0.5) + theta.cross(&theta.cross(&omega)) * b
-        })
+        increment_rates(self.topology(), increment, rate)
     }
 
     /// The way back: omega = J_l(theta) theta'.
     pub fn rates_of_increments(&self, increment: &[T], speed: &[T]) -> Vec<T> {
-        self.on_rotations(increment, speed, |theta, d| {
+        on_rotations(self.topology(), increment, speed, |theta, d| {
             let (a, b) = left_jacobian_parts(theta.dot(&theta));
             let turned = theta.cross(&d);
             d + turned * a + theta.cross(&turned) * b
         })
-    }
-
-    fn on_rotations(&self, increment: &[T], rate: &[T], map: impl Fn(V3<T>, V3<T>) -> V3<T>) -> Vec<T> {
-        let mut out = rate.to_vec();
-        for (first, sign) in rotation_triples(self.topology()) {
-            let sign = T::from(sign);
-            let mapped = map(three(increment, first) * sign, three(rate, first) * sign);
-            for i in 0..3 {
-                out[first + i] = mapped[i] * sign;
-            }
-        }
-        out
     }
 }
 

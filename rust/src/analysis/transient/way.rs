@@ -1,6 +1,5 @@
 //! Where the driver stands between two steps, and what it decides about one.
 use crate::error::Error;
-use crate::model::joint::JointKind;
 
 use super::detour::{Detour, FINEST};
 use super::{Equations, Instant, Motion, Scheme, Step};
@@ -23,7 +22,7 @@ impl Equations<'_, f64> {
     pub(super) fn half_turn(&self, here: &Instant) -> f64 {
         const TURN: f64 = 2.0;
         let nodes = self.topology().nodes.iter();
-        let counted = nodes.filter(|n| !matches!(n.kind, JointKind::Spherical | JointKind::Free | JointKind::Node));
+        let counted = nodes.filter(|n| !n.kind.is_modal() && n.kind.quaternion().is_none());
         let dofs = counted.flat_map(|n| n.first..n.first + n.n);
         let turning = dofs.filter(|d| self.topology().dofs[*d].freedom.rotation);
         turning.fold(f64::INFINITY, |h, d| {

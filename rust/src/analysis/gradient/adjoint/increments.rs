@@ -1,20 +1,16 @@
 //! Adjoints of poses: with twelve numbers each, as the tape reads them, or by increments of the tree coordinates.
 use crate::analysis::transient::rotations::{add_commutator, rotation_triples};
 use crate::analysis::transient::{Equations, Motion};
-use crate::model::joint::{Freedom, JointKind};
+use crate::joint::Freedom;
 use crate::spatial::{V3, exp_so3};
 use crate::system::topology::Node;
 
 use super::super::power::tree::turned;
 
-fn sign(node: &Node) -> f64 {
-    if node.reversed { -1.0 } else { 1.0 }
-}
-
 /// Nodes with coordinates of their own: not those that modal coordinates move.
 fn joints<'a>(eq: &Equations<'a, f64>) -> impl Iterator<Item = (usize, &'a Node)> + use<'a> {
     let nodes = eq.topology().nodes.iter().enumerate();
-    nodes.filter(|(_, n)| n.kind != JointKind::Node)
+    nodes.filter(|(_, n)| !n.kind.is_modal())
 }
 
 /// The axis about which a rotation turns the relative rotation from the left.
@@ -43,7 +39,7 @@ pub fn by_increments(eq: &Equations<'_, f64>, m: &Motion<f64>, twelve: &[f64]) -
             } else {
                 own[f.axis]
             };
-            out[node.first + k] = sign(node) * d;
+            out[node.first + k] = node.sign() * d;
         }
     }
     out
@@ -60,7 +56,7 @@ pub fn add_numbers(eq: &Equations<'_, f64>, m: &Motion<f64>, by: &[f64], onto: &
         let own = &mut onto[12 * i..12 * i + 12];
         let mut moment = V3::zeros();
         for (k, f) in node.kind.freedoms(node.reversed).iter().enumerate() {
-            let d = sign(node) * by[node.first + k];
+            let d = node.sign() * by[node.first + k];
             // the axes of a joint are perpendicular to each other
             if f.rotation {
                 moment += axis(m, i, f) * d;

@@ -8,7 +8,6 @@ use std::ops::Range;
 use nalgebra::DVector;
 
 use crate::analysis::transient::{Equations, Motion};
-use crate::model::joint::JointKind;
 use crate::model::layout::{coupler, joint};
 use crate::run::Counts;
 use crate::spatial::{Pose, Real, Six};
@@ -132,7 +131,7 @@ fn bodies_move<const N: usize>(eq: &Equations<'_, Wide<f64, N>>) -> bool {
     }
     any || eq.topology().nodes.iter().any(|node| match node.joint {
         Some(j) => moves(&geometry.joints[j].a) || moves(&geometry.joints[j].b),
-        None => node.kind != JointKind::Node && moves(&geometry.bodies[node.body].drawn),
+        None => node.is_loose() && moves(&geometry.bodies[node.body].drawn),
     })
 }
 

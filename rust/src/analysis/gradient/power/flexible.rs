@@ -5,7 +5,6 @@
 use num_dual::{Dual, Dual64};
 
 use crate::model::flexible::FlexibleGeometry;
-use crate::model::joint::JointKind;
 use crate::spatial::{M3, Real, Six, V3};
 use crate::system::flexible::{movers, node_rates};
 use crate::system::flexible_inertia::Shapes;
@@ -188,7 +187,7 @@ impl<T: OnTape> Power<'_, '_, T> {
     /// Columns of moving nodes to the modal coordinates and to the nodes' shapes.
     pub fn fold_back(&self, at: &Placement<T>, columns: &Columns<T>, out: &mut Slopes<T>) {
         let topology = self.eq.topology();
-        let nodes = topology.nodes.iter().filter(|n| n.kind == JointKind::Node);
+        let nodes = topology.nodes.iter().filter(|n| n.kind.is_modal());
         for node in nodes {
             let (tip, own) = movers(topology, node);
             let first = topology.modal[0].first;

@@ -8,8 +8,8 @@
 //! and a displacement of both together is one of all twists the other way.
 use num_dual::Dual;
 
+use crate::joint::Coordinate;
 use crate::laws::Law;
-use crate::model::joint::{Coordinate, JointKind};
 use crate::model::layout::flag::LENGTH_GIVEN;
 use crate::model::layout::{coupler, joint};
 use crate::model::tables::BodyRef;
@@ -300,7 +300,7 @@ impl<T: OnTape> Power<'_, '_, T> {
         match row.purpose {
             Purpose::Joint => {
                 let spec = &tables.joints[row.joint];
-                if spec.kind == JointKind::Distance {
+                if spec.kind.has_length() {
                     out.x[spec.x + joint::LENGTH] -= by[0];
                     if spec.flags & LENGTH_GIVEN == 0 {
                         out.geometry.joint_length[row.joint] -= by[0];

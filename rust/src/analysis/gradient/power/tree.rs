@@ -7,7 +7,6 @@
 //! q^_k = S.D,   v^_k = S.V + (B x S).A,   a^_k = S.A
 //! S^ = v V + u U + a A - v B x* A,   carried on by   D += S x* S^,   V += v S x* A
 //! ```
-use crate::model::joint::JointKind;
 use crate::model::tables::BodyRef;
 use crate::spatial::{M3, Pose, Real, Six, V3, skew};
 use crate::system::placement::Placement;
@@ -156,7 +155,7 @@ impl<T: OnTape> Power<'_, '_, T> {
         let own = (-*body).rotated(&pose.r.transpose());
         let geometry = &self.eq.geometry;
         let Some(j) = node.joint else {
-            if node.kind == JointKind::Node {
+            if node.kind.is_modal() {
                 // the node's undeformed place is the inner frame, or of a reversed one the outer
                 let carrier = node.parent.map_or_else(M3::identity, |p| at.pose[p].r);
                 let tip = &mut out.geometry.tips[topology.tip(node)].offset;
