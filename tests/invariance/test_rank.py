@@ -4,7 +4,6 @@ import re
 import warnings
 
 import changes
-import jitter
 import linkages
 import mbrs as mb
 import numpy as np
@@ -25,29 +24,12 @@ CHANGES = {
     "repeated": lambda rng, seed: changes.chain(changes.general(rng), changes.repeated(rng)),
     "renamed": lambda rng, seed: changes.chain(changes.general(rng), changes.renamed(rng)),
 }
-FAILING = {}
-
-APART = "points of joints that are apart by noise are taken for different points"
-OPEN = "a loop that stays open by less than the accuracy of a drawing is refused"
-if jitter.seed() is not None:
-    FAILING |= {("hinge_and_ball_at_one_point", change): APART for change in CHANGES if change != "drawn"}
-    FAILING |= {("two_balls_at_one_point", change): APART for change in CHANGES}
-    LOOPS = [
-        "hinge_and_ball_off_the_axis",
-        "three_balls_in_line",
-        "three_balls_in_a_triangle",
-        "ball_and_loose_bearing",
-    ]
-    LOOPS += ["four_bar", "four_bar_with_ball", "triangle", "bennett", "bricard", "three_cranks", "braced_four_bar"]
-    FAILING |= {(family, "far"): OPEN for family in LOOPS}
 
 
 def cases():
     for family in linkages.FAMILIES:
         for change in CHANGES:
-            reason = FAILING.get((family.name, change))
-            marks = [] if reason is None else [pytest.mark.xfail(strict=True, reason=reason)]
-            yield pytest.param(family, change, id=f"{family.name}-{change}", marks=marks)
+            yield pytest.param(family, change, id=f"{family.name}-{change}")
 
 
 def redrawn(family, change, seed):

@@ -5,6 +5,7 @@ import pytest
 import zoo
 from zoo import changed, close, drawn, rest
 
+
 @pytest.mark.parametrize(("name", "change"), zoo.cases())
 def test_places(name, change):
     change, model = changed(name, change)
