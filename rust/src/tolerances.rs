@@ -79,6 +79,11 @@ pub mod equilibrium {
     /// Pinned by tests/invariance/test_same_equilibrium.py (moved).
     pub const ENTRY_ROUNDING: f64 = 4.0;
 
+    /// Force that velocity rows which steer carry, over the size of the forces in its island, from which on a place is one of a family.
+    /// Larger: the place of a family is followed. Smaller: the accuracy of an equilibrium refuses its derivatives.
+    /// Pinned by tests/invariance/test_knife_edge.py.
+    pub const FAMILY: f64 = 1e-7;
+
     /// A full step from a state whose unbalance may be rounding goes on if it leaves less than this part. Larger: steps in rounding.
     /// Smaller: digits are given away. Pinned by tests/invariance/test_same_equilibrium.py (moved).
     pub const SETTLED: f64 = 0.5;

@@ -24,15 +24,12 @@ CHANGES = {
     "repeated": lambda rng, seed: changes.chain(changes.general(rng), changes.repeated(rng)),
     "renamed": lambda rng, seed: changes.chain(changes.general(rng), changes.renamed(rng)),
 }
-FAILING = {}
 
 
 def cases():
     for family in linkages.FAMILIES:
         for change in CHANGES:
-            reason = FAILING.get((family.name, change))
-            marks = [] if reason is None else [pytest.mark.xfail(strict=True, reason=reason)]
-            yield pytest.param(family, change, id=f"{family.name}-{change}", marks=marks)
+            yield pytest.param(family, change, id=f"{family.name}-{change}")
 
 
 def redrawn(family, change, seed):

@@ -44,7 +44,8 @@ class Equilibrium(Result):
     residual
         Largest unbalanced generalised force over the size of the forces on the bodies that it is connected with.
     doubts
-        A sentence for each loop of which the drawing decides only just whether it moves, with its joints.
+        A sentence for each loop of which the drawing decides only just whether it moves, with its joints; and one where knife edges or
+        rolling discs hold a place that is one of a family.
     error
         Estimated distance to the exact equilibrium: the Newton step that is left and what rounding of the forces hides,
         radians or characteristic lengths.
@@ -168,8 +169,9 @@ def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equ
 
     Newton with steps along |K|^-1, each shortened until the force along it, or the next step (P. Deuflhard's natural test),
     has become smaller; after many shortened steps descent in energy by trust regions with second-order
-    corrections; dynamic relaxation where that stalls. It ends at a stable equilibrium unless the start is in balance already
-    or forces have no potential (those that follow a body), where a warning says if it is not.
+    corrections; dynamic relaxation where that stalls. Knife edges and rolling discs that steer keep no place, since every place can
+    be reached by going to and fro: rest is where they carry no force. It ends at a stable equilibrium unless the start is in
+    balance already or forces have no potential (those that follow a body), where a warning says if it is not.
 
     Parameters
     ----------
@@ -251,10 +253,20 @@ def _equilibrium(snapshot: Snapshot, r: dict[str, Any], without: tuple[str, ...]
         free_directions=tuple(r["free_directions"]),
         residual=r["relative_residual"],
         iterations=r["iterations"],
-        doubts=doubts_of(snapshot.system, without),
+        doubts=(*doubts_of(snapshot.system, without), *_families(r["family"])),
         stats=Stats(time.perf_counter() - start, r["counts"], linearization.stats.effects, "Newton"),
         error=r["error"],
         status="converged",
+    )
+
+
+def _families(edges: Sequence[str]) -> tuple[str, ...]:
+    if not edges:
+        return ()
+    named = ", ".join(repr(name) for name in edges)
+    return (
+        f"nothing but {named} restrains a direction, by a force that could hold the model elsewhere as well: the place is one "
+        "of a family of equilibria, that to which the search came",
     )
 
 

@@ -46,6 +46,8 @@ pub struct Directional {
 pub struct Request<'a> {
     pub maps: bool,
     pub solve: Option<&'a Solve>,
+    /// the equilibrium is that of this setting instead: without velocity rows that steer
+    pub free: Option<(&'a Setting<'a>, &'a Linearization)>,
     pub drawn: bool,
 }
 
@@ -259,22 +261,23 @@ pub fn directional(
     }
     let n = setting.system.n_tree();
     let rates = if request.drawn { Rates::Drawn } else { Rates::Held };
-    let mut dy = closing(setting, base, dx)?;
+    let (at, balanced) = request.free.unwrap_or((setting, base));
+    let mut dy = closing(at, balanced, dx)?;
     if let Some(solve) = request.solve {
-        let held = dual_scene(setting, base, dx, &dy, rates)?;
-        let scene = held.scene(setting);
+        let held = dual_scene(at, balanced, dx, &dy, rates)?;
+        let scene = held.scene(at);
         let tau = scene.residual(None);
-        let r = match &base.loops {
+        let r = match &balanced.loops {
             None => tau.map(|v| v.eps),
             Some(l) => {
                 let jacobian = scene.constraints().1;
                 let b = l.dependent_map(&jacobian);
-                check_agreement(setting.system, base, &held, &jacobian, &b)?;
+                check_agreement(at.system, balanced, &held, &jacobian, &b)?;
                 l.reduce_vector(&tau, &b).map(|v| v.eps)
             }
         };
         let dz = -solve(&r)?;
-        let step = match (&base.loops, &base.dependent_map) {
+        let step = match (&balanced.loops, &balanced.dependent_map) {
             (Some(l), Some(b)) => l.expand(b, &dz),
             _ => dz,
         };

@@ -10,6 +10,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::analysis::equilibrium_descent::{Descent, same_coordinates};
 use crate::analysis::linearize::{Linearization, Setting, linearize, stiffness_terms};
+use crate::analysis::steering::steering_joints;
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 use crate::system::System;
@@ -47,6 +48,8 @@ pub struct Equilibrium {
     pub stable: bool,
     /// names of the coordinates that dominate each unrestrained direction
     pub free_directions: Vec<String>,
+    /// joints that hold the place by a force, though it could be any other of a family
+    pub family: Vec<String>,
 }
 
 /// The scaled problem at one iterate: K and r over coordinates of the order of a radian.
@@ -132,23 +135,27 @@ impl Local {
     }
 
     /// The skew part of the stiffness is small in every island.
-    fn skew_below(&self, bound: impl Fn(usize) -> f64) -> bool {
+    fn skew_below(&self, stiffness: f64, force: f64) -> bool {
         let n = self.r.len();
-        (0..n).all(|i| (0..i).all(|j| (self.k[(i, j)] - self.k[(j, i)]).abs() <= bound(i)))
-    }
-
-    fn largest_stiffness(&self, i: usize) -> f64 {
-        self.together(i).map(|j| self.k.row(j).amax()).fold(0.0, f64::max)
+        let mut bounds = vec![(0.0_f64, 0.0_f64); self.islands.iter().max().map_or(0, |i| i + 1)];
+        for (i, island) in self.islands.iter().enumerate() {
+            let own = &mut bounds[*island];
+            *own = (own.0.max(self.k.row(i).amax()), own.1.max(self.r[i].abs()));
+        }
+        let bound = |i: usize| stiffness * bounds[self.islands[i]].0 + force * bounds[self.islands[i]].1;
+        (0..n).all(|i| {
+            let most = bound(i);
+            (0..i).all(|j| (self.k[(i, j)] - self.k[(j, i)]).abs() <= most)
+        })
     }
 
     fn conservative(&self) -> bool {
-        self.skew_below(|i| 1e-7 * self.largest_stiffness(i))
+        self.skew_below(1e-7, 0.0)
     }
 
     /// Off balance rotations about three axes make K skew by the moments that are left: no sign of missing potential.
     fn may_be_conservative(&self) -> bool {
-        let left = |i: usize| self.together(i).map(|j| self.r[j].abs()).fold(0.0, f64::max);
-        self.skew_below(|i| 1e-7 * self.largest_stiffness(i) + 2.0 * left(i))
+        self.skew_below(1e-7, 2.0)
     }
 }
 
@@ -231,7 +238,40 @@ fn shortened(counts: &Counts) -> u64 {
     counts.0.get("line-search steps").copied().unwrap_or(0)
 }
 
+/// Where velocity rows steer, every place can be reached, and rest is where they carry no force; where nothing but them restrains a
+/// direction, they hold what the search finds, one of a family.
 pub fn equilibrium(
+    system: &System,
+    start: &State,
+    effects: Effects,
+    cancel: &Cancel,
+    counts: &mut Counts,
+) -> Result<Equilibrium> {
+    if !effects.nonholonomic || !system.topology.has_velocity_rows() {
+        return search(system, start, effects, cancel, counts);
+    }
+    let still = State { relative: start.relative.clone(), rate: Vec::new() };
+    let setting = Setting { system, state: &still, memory: &[], acceleration: &[], effects };
+    let edges = linearize(&setting, counts).map_or_else(|_| Vec::new(), |made| steering_joints(&setting, &made));
+    let free = Effects { nonholonomic: false, ..effects };
+    if edges.is_empty() {
+        return search(system, start, effects, cancel, counts);
+    }
+    match search(system, start, free, cancel, counts) {
+        Ok(found) => {
+            let held = search(system, &found.state, effects, cancel, counts)?;
+            Ok(Equilibrium { stable: found.stable, iterations: found.iterations + held.iterations, ..held })
+        }
+        Err(Error::Singular(_) | Error::Convergence { .. } | Error::Assembly(_)) => {
+            let held = search(system, start, effects, cancel, counts)?;
+            let carries = Local::at(system, &held.state, free, counts).map_or(true, |l| l.unbalance() > PUSHED);
+            Ok(Equilibrium { family: if carries { edges } else { Vec::new() }, ..held })
+        }
+        Err(other) => Err(other),
+    }
+}
+
+fn search(
     system: &System,
     start: &State,
     effects: Effects,
@@ -514,50 +554,11 @@ fn finish(system: &System, state: State, local: Local, iterations: usize) -> Res
     let error = step + spectrum.answer_to(ROUNDING) + ROUNDING * (1.0 + local.far);
     let stable = spectrum.stable();
     let residual = local.unbalance();
-    Ok(Equilibrium { state, residual, error, iterations, stable, free_directions, linearization: local.linearization })
+    let (family, linearization) = (Vec::new(), local.linearization);
+    Ok(Equilibrium { state, residual, error, iterations, stable, free_directions, family, linearization })
 }
 
-/// Solve K'' z = r at an equilibrium; free directions stay where they are unless the right side acts along them.
-pub fn equilibrium_solver(
-    system: &System,
-    linearization: &Linearization,
-    driven: &[usize],
-) -> Result<impl Fn(&DVector<f64>) -> Result<DVector<f64>> + use<>> {
-    let all = column_scales(&system.topology, system.length);
-    let coordinates = linearization.coordinates(system.n_tree());
-    let dof = coordinates.len();
-    let mut islands: std::collections::BTreeMap<usize, Vec<usize>> = std::collections::BTreeMap::new();
-    for k in (0..dof).filter(|k| !driven.contains(&coordinates[*k])) {
-        islands.entry(system.topology.island_of(coordinates[k])).or_default().push(k);
-    }
-    let scale: Vec<f64> = coordinates.iter().map(|i| all[*i]).collect();
-    let k = &linearization.matrices.stiffness;
-    let mut parts = Vec::with_capacity(islands.len());
-    for own in islands.into_values() {
-        let n = own.len();
-        let scaled = Mat::from_fn(n, n, |i, j| k[(own[i], own[j])] * scale[own[i]] * scale[own[j]]);
-        let svd = scaled.svd().map_err(|_| Error::singular("the stiffness is not finite"))?;
-        parts.push((own, svd));
-    }
-    Ok(move |r: &DVector<f64>| {
-        let mut step = DVector::zeros(dof);
-        for (own, svd) in &parts {
-            let (u, s, v) = (svd.U(), svd.S().column_vector(), svd.V());
-            let n = own.len();
-            let right = DVector::from_fn(n, |i, _| r[own[i]] * scale[own[i]]);
-            for k in 0..n {
-                let along: f64 = (0..n).map(|i| u[(i, k)] * right[i]).sum();
-                if s[k] > NO_STIFFNESS * s[0] {
-                    for i in 0..n {
-                        step[own[i]] += v[(i, k)] * along / s[k] * scale[own[i]];
-                    }
-                } else if along.abs() > PUSHED * right.amax() {
-                    return Err(Error::singular(
-                        "the equilibrium does not follow this parameter: it pushes along a direction that nothing restrains; use equilibrium=\"hold\"",
-                    ));
-                }
-            }
-        }
-        Ok(step)
-    })
+/// The largest force that is left over at a state at rest, over the size of the forces of its island.
+pub fn unbalance(system: &System, state: &State, effects: Effects) -> Result<f64> {
+    Ok(Local::at(system, state, effects, &mut Counts::default())?.unbalance())
 }

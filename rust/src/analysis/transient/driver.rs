@@ -133,7 +133,7 @@ impl Driver<'_, '_, '_> {
         let (t0, end) = (self.start, self.plan.end);
         let total = end - t0;
         let mut way = self.departure(scheme, start);
-        while end - way.here.motion.t > 1e-14 * end.abs().max(total) {
+        while !self.vanishes(end - way.here.motion.t, end) {
             if cancel.check().is_err() {
                 self.run.end = End::Interrupted;
                 break;
@@ -342,6 +342,8 @@ impl Driver<'_, '_, '_> {
         let ahead = self.plan.breaks.iter().copied().find(|b| *b > t + 1e-14 * self.plan.end.abs().max(1e-300));
         // what changes at a break must not change within the step that ends there
         let (target, left) = match ahead.filter(|b| *b <= self.plan.end) {
+            // no step follows on a break that is the end but for rounding
+            Some(b) if self.vanishes(self.plan.end - b, b) => (self.plan.end, b - t - 4.0 * f64::EPSILON * b.abs()),
             Some(b) => (b, b - t - 4.0 * f64::EPSILON * b.abs()),
             None => (self.plan.end, self.plan.end - t),
         };
