@@ -38,6 +38,8 @@ pub struct Explicit8 {
     end: Option<Ends>,
     /// None: tree coordinates
     minimal: Option<Minimal>,
+    /// where the last step began in a pose without rank, in tree coordinates
+    aside: Option<Minimal>,
     /// tree coordinates, but stages are closed and aligned too
     careful: bool,
 }
@@ -163,9 +165,13 @@ impl Scheme for Explicit8 {
         self.slopes.clear();
         self.end = None;
         self.slopes.push(Slope { y: from.motion.rate.clone(), v: from.acceleration.clone() });
-        match &mut self.minimal {
-            Some(minimal) if eq.constrained() => minimal.choose(eq, &from.motion, counts)?,
-            _ => self.minimal = None,
+        self.minimal = self.aside.take().or(self.minimal.take()).filter(|_| eq.constrained());
+        if let Some(minimal) = &mut self.minimal {
+            minimal.choose(eq, &from.motion, counts)?;
+            if !minimal.decides(eq) {
+                counts.add("steps from singular poses", 1);
+                self.aside = self.minimal.take();
+            }
         }
         for stage in 1..STAGES {
             self.stage(eq, &from.motion, stage, h, counts)?;
@@ -206,7 +212,7 @@ impl Scheme for Explicit8 {
     }
 
     fn remark(&self) -> Option<String> {
-        self.minimal.as_ref()?.remark()
+        self.minimal.as_ref().or(self.aside.as_ref())?.remark()
     }
 
     fn between(

@@ -13,6 +13,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::error::{Error, Result};
 use crate::run::Counts;
 use crate::system::placement::{advance, place};
+use crate::tolerances::constraints::DOUBTFUL;
 
 use super::consistent::ACCEPTABLE;
 use super::explicit_pivots::{Factors, Plan};
@@ -86,6 +87,14 @@ impl Minimal {
         self.plan = Some(plan);
         self.worn = false;
         Ok(())
+    }
+
+    /// Do the rows decide the dependent coordinates here by more than a drawing may be off? If not another choice has to be made later.
+    pub fn decides(&mut self, eq: &Equations<'_, f64>) -> bool {
+        let lost = self.plan.as_ref().is_some_and(|plan| plan.pivots.len() < plan.n_rows);
+        let singular = lost || self.rates.least <= DOUBTFUL * eq.system.tolerance;
+        self.worn |= singular;
+        !singular
     }
 
     /// Dependent positions and rates, from all coordinates as the stages before foretell them: increments from the start of the step,
