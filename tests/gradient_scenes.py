@@ -197,6 +197,9 @@ _lawful("van_der_pol", lambda: mb.VanDerPol(1.3))
 _lawful("jenkins", lambda: mb.Jenkins(40.0, 90.0))
 _lawful("jenkins_sliding", lambda: mb.Jenkins(100.0, 0.5))
 _lawful("iwan", lambda: mb.Iwan([100.0, 50.0], [0.5, 90.0]))
+_lawful("maxwell", lambda: mb.Maxwell([30.0, 11.0], [0.03, 0.4]))
+_lawful("bouc_wen", lambda: mb.BoucWen(60.0, 0.2, 30.0, 11.0, 1.3))
+_lawful("lugre", lambda: mb.LuGre(0.5, 0.8, 0.3, 60.0, 0.4, 0.1))
 
 
 @scene

@@ -41,6 +41,8 @@ class LinearSystem:
     effects: tuple[str, ...]
     source: Any = None
     shared: tuple[int, ...] = ()
+    # states of laws that relax, beside M, D and S
+    relaxation: Any = None
 
     @property
     def n(self) -> int:
@@ -105,9 +107,16 @@ def second_order(m: Any, at: Any, without: Sequence[str]) -> tuple[Any, tuple[st
     return system, effects
 
 
-def linear_system(m: Any, inputs: Any, outputs: Any, at: Any, without: Sequence[str]) -> LinearSystem:
-    """The matrices and maps for these inputs and outputs."""
+def linear_system(
+    m: Any, inputs: Any, outputs: Any, at: Any, without: Sequence[str], relaxing: bool = False
+) -> LinearSystem:
+    """The matrices and maps for these inputs and outputs; ``relaxing``: the caller knows states of laws that relax."""
+    from .relaxation import relaxation_of
+
     system, effects = second_order(m, at, without)
+    relaxation = relaxation_of(system)
+    if relaxation is not None and not relaxing:
+        raise relaxes(relaxation.names[0])
     used = {k: getattr(system, k) if e in effects else None for k, e in _EFFECT_OF.items()}
     coordinates = tuple(system.coordinates)
     D0, shared = None, ()
@@ -138,6 +147,7 @@ def linear_system(m: Any, inputs: Any, outputs: Any, at: Any, without: Sequence[
         effects=effects,
         source=system,
         shared=shared,
+        relaxation=relaxation,
     )
 
 
@@ -188,6 +198,14 @@ def _coordinate(p: Any, coordinates: tuple[str, ...], what: str) -> int:
     if not -len(coordinates) <= p < len(coordinates):
         raise ModelError(f"{what}: coordinate {p} does not exist, there are {len(coordinates)}")
     return int(p) % len(coordinates)
+
+
+def relaxes(name: str) -> ModelError:
+    """The refusal of an analysis that has no place for states of laws."""
+    return ModelError(
+        f"the law on {name} has a state that relaxes, which this analysis does not know; mb.modes, mb.frf, mb.response and "
+        "mb.simulate do, or give the element k= and c= in place of the law"
+    )
 
 
 def _sum(a: Any, b: Any) -> Any:

@@ -386,7 +386,7 @@ def first_solution(
     """The core's answer from a guess or from rest; where it fails, with harmonics that grow and with more samples: too few
     make the equations of a stiff contact rough."""
     laws = _balance.checked_system(system)
-    smooth = given["n_samples"] is not None or all(law.code in _balance.POLYNOMIAL for law in laws)
+    smooth = given["n_samples"] is not None or all(law.kind.polynomial for law in laws)
     for least in (0,) if smooth else (0, _balance.MOST_SAMPLES // 8, _balance.MOST_SAMPLES // 2):
         setup = _balance.prepare(system, force, harmonics, least_samples=least, **given)
         answer = _balance.translated(setup.core.solve, setup.start(x0), [given["omega"]], **options)

@@ -18,7 +18,9 @@ from ._stiffness_factor import is_strained, stiffness_factor
 from .errors import ModelError, NameNotFoundError, SingularError
 from .mac import mac as _mac
 from .model.book import Book
+from .model.schema import LAW_OF_CODE
 from .progress import while_long
+from .relaxation import relaxation_of, relaxing_modes
 from .report import number, without_rounding
 from .results import Result, Stats, added_counts, derived, quantity, result
 from .second_order import MechanicalSystem
@@ -66,7 +68,7 @@ class ModalResult(Result):
         real, rigid and near-defective roots psi^H M psi = 1); None where they equal the shapes.
     kind
         (n,) of str: "rigid" (s = 0), "vibration" (complex, Re s <= 0), "overdamped" (real), "flutter" (complex,
-        Re s > 0), "divergence" (real, s > 0).
+        Re s > 0), "divergence" (real, s > 0), "relaxation" (real and without a partner: of the state of a law).
     groups
         Tuples of the indices of repeated eigenvalues, only those with more than one member. Their shapes are a basis
         that depends on the subspace alone.
@@ -331,7 +333,7 @@ def modes(
     if isinstance(without, str):
         without = (without,)
     shift = _shift(shift, n)
-    if _is_large_model(m, n):
+    if _is_large_model(m, n) and not _has_state_rates(m):
         if stiffness_factor is not None:
             raise ModelError("stiffness_factor= belongs to matrices; a model knows its own")
         from .sparse_modal import model_modes
@@ -363,6 +365,11 @@ def _second_order(m: Any, at: Any, without: tuple[str, ...]) -> tuple[Any, tuple
         parts = {a: None if a in drop else getattr(m, a) for a in ("M", "C", "K", "G", "N")}
         m = MechanicalSystem(**parts, elements=m.elements, coordinates=m.coordinates)
     return m, tuple(name for name, a in _MATRIX_EFFECTS.items() if getattr(m, a) is not None)
+
+
+def _has_state_rates(m: Any) -> bool:
+    """Has a model laws whose states have rates? Only the dense route knows those that relax."""
+    return any(LAW_OF_CODE[law.code].state == "rate" for laws in m.laws.values() for law in laws)
 
 
 def _is_large_model(m: Any, n: Any) -> bool:
@@ -428,6 +435,11 @@ def _dense(
     f = None if factor is None else _matrix("stiffness_factor", factor)
     mass, stiffness = np.asarray(_array(system.M)), np.asarray(_array(system.K))
     damping, gyroscopic, circulatory = (_array(getattr(system, a)) for a in "CGN")
+    relaxation = relaxation_of(system)
+    if relaxation is not None:
+        with core_errors():
+            r = relaxing_modes(system, relaxation, (damping, gyroscopic), (stiffness, circulatory))
+        return _result(system, r if shift is None or n is None else _nearest(r, n, shift), n, effects, start)
     try:
         with core_errors(), while_long(f"modes of {len(mass)} coordinates", 100.0 * len(mass) ** 3):
             r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f)
@@ -475,10 +487,11 @@ def _result(system: Any, r: dict[str, Any], n: int | None, effects: tuple[str, .
         shape = np.ascontiguousarray(shape.real)
     groups = [tuple(i for i in range(first, first + count) if i < n) for first, count in r["groups"]]
     own = r["partner_mode"] < n
+    roots = np.stack([r["eigenvalue"], r["partner"]], axis=1).ravel()
     left, partner_left = r["left"], r["partner_left"]
     return ModalResult(
         eigenvalue=r["eigenvalue"][:n],
-        roots=np.stack([r["eigenvalue"], r["partner"]], axis=1).ravel(),
+        roots=roots[~np.isnan(roots)],
         shape=shape,
         left=None if left is None else left[:, :n],
         kind=np.array(r["kind"][:n], dtype="U10"),

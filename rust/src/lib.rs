@@ -8,8 +8,8 @@
 //! `python` is the only door to Python.
 pub mod analysis;
 pub mod error;
+pub mod force;
 pub mod kinematics;
-pub mod laws;
 pub mod linalg;
 pub mod memory;
 pub mod model;
