@@ -298,7 +298,7 @@ def eigen_sensitivity(
     >>> eigen_sensitivity(modal, dK=[[[1.0]]]).omega
     array([[0.25]])
     """
-    if "relaxation" in modal.kind:
+    if "relaxation" in getattr(modal, "kind", ()):
         raise ModelError(
             "derivatives of modes do not know states of laws that relax; give the elements k= and c= in place of the law, or use "
             "mb.gradient of a motion"
