@@ -204,14 +204,14 @@ CRATE = {
     "aero": {"error", "run"},
     "spatial": set(),
     "linalg": {"error", "tolerances", "run"},
-    "laws": {"error", "tolerances"},
-    "model": {"error", "tolerances", "spatial", "laws"},
-    "kinematics": {"error", "tolerances", "spatial", "laws", "model"},
-    "system": {"error", "tolerances", "run", "spatial", "linalg", "laws", "model", "kinematics"},
-    "second_order": {"error", "tolerances", "run", "linalg", "laws"},
+    "force": {"error", "tolerances"},
+    "model": {"error", "tolerances", "spatial", "force"},
+    "kinematics": {"error", "tolerances", "spatial", "force", "model"},
+    "system": {"error", "tolerances", "run", "spatial", "linalg", "force", "model", "kinematics"},
+    "second_order": {"error", "tolerances", "run", "linalg", "force"},
     "solve": {"error", "tolerances", "run", "linalg"},
     "analysis": {
-        "error", "tolerances", "run", "spatial", "linalg", "laws", "model", "kinematics", "system", "second_order", "solve",
+        "error", "tolerances", "run", "spatial", "linalg", "force", "model", "kinematics", "system", "second_order", "solve",
     },
 }  # fmt: skip
 

@@ -9,8 +9,8 @@
 pub mod aero;
 pub mod analysis;
 pub mod error;
+pub mod force;
 pub mod kinematics;
-pub mod laws;
 pub mod linalg;
 pub mod memory;
 pub mod model;
