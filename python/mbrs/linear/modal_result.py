@@ -42,8 +42,8 @@ class ModalResult(Result):
         (n,) complex, rad/s: of a complex pair the root with Im > 0, of two real roots the larger one; 0 for rigid
         modes.
     roots
-        (2 dof,) complex, one less for each relaxation: for every mode, also those that ``n=`` cut off, the root above and its partner. Real roots of
-        symmetric systems are matched so that each mode has one root with phi^T Q'(s) phi > 0 and one with < 0, whose
+        (2 dof,) complex: for every mode, also those that ``n=`` cut off, the root above and its partner; a relaxation has none. Real
+        roots of symmetric systems are matched so that each mode has one root with phi^T Q'(s) phi > 0 and one with < 0, whose
         shapes are the most alike; without symmetry the larger half of the real roots is matched with the smaller half.
     shape
         (dof, n), rows are `coordinates`; real where all shapes are. Symmetric systems: phi^T (2 s M + C) phi = 2i Im s,
