@@ -101,7 +101,7 @@ def _twist(lin: Any, body: int, point: np.ndarray) -> np.ndarray:
 
 
 def relaxing_modes(system: Any, relaxation: Relaxation, damping: Any, stiffness: Any) -> dict[str, Any]:
-    """What `_core.dense_modes` tells of the extended system, without the roots that belong to no motion.
+    """The answer of `_core.dense_modes` for the extended system, without the roots that belong to no motion.
 
     ``damping`` and ``stiffness``: (symmetric, skew) parts of the system, each or None.
     """

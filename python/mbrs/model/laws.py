@@ -35,12 +35,12 @@ class Law:
 
     @property
     def has_memory(self) -> bool:
-        """Whether the force depends on what happened before."""
+        """True if the force depends on what happened before."""
         return self.kind.state != ""
 
     @property
     def uses_rate(self) -> bool:
-        """Whether the force depends on the rate u'."""
+        """True if the force depends on the rate u'."""
         return self.code in self.kind.rate_codes
 
     def __init__(self, values: Sequence[Any], w: Any = None) -> None:
