@@ -107,7 +107,8 @@ def test_nothing_is_left_out():
     made = [silent(make) for make in SCENES.values()]
     assert {j.type for m in made for j in m.joints} == set(JOINTS)
     laws = {int(c) for m in made for c in Snapshot.of(m).tables["law_type"]}
-    assert laws == set(range(11)), laws
+    # a varying stiffness follows the phase of harmonic balance
+    assert laws == set(range(15)) - {11}, laws
     motions = {int(c) for m in made for c in Snapshot.of(m).tables["motion_type"]}
     assert motions >= {0, 1, 2, 3, 4}
     assert {e.type for m in made for e in m.elements} == {"spring_damper", "bushing", "torsion"}

@@ -204,15 +204,15 @@ CRATE = {
     "aero": {"error", "run"},
     "spatial": set(),
     "linalg": {"error", "tolerances", "run"},
-    "laws": {"error", "tolerances"},
+    "force": {"error", "tolerances"},
     "joint": {"error", "tolerances", "spatial"},
-    "model": {"error", "tolerances", "spatial", "laws", "joint"},
-    "kinematics": {"error", "tolerances", "spatial", "laws", "joint", "model"},
-    "system": {"error", "tolerances", "run", "spatial", "linalg", "laws", "joint", "model", "kinematics"},
-    "second_order": {"error", "tolerances", "run", "linalg", "laws"},
+    "model": {"error", "tolerances", "spatial", "force", "joint"},
+    "kinematics": {"error", "tolerances", "spatial", "force", "joint", "model"},
+    "system": {"error", "tolerances", "run", "spatial", "linalg", "force", "joint", "model", "kinematics"},
+    "second_order": {"error", "tolerances", "run", "linalg", "force"},
     "solve": {"error", "tolerances", "run", "linalg"},
     "analysis": {
-        "error", "tolerances", "run", "spatial", "linalg", "laws", "joint", "model", "kinematics", "system", "second_order", "solve",
+        "error", "tolerances", "run", "spatial", "linalg", "force", "joint", "model", "kinematics", "system", "second_order", "solve",
     },
 }  # fmt: skip
 

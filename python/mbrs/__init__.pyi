@@ -91,6 +91,7 @@ from .model.flexible import FlexibleBody as FlexibleBody
 from .model.forces import Element as Element
 from .model.forces import Load as Load
 from .model.joint import Joint as Joint
+from .model.laws import BoucWen as BoucWen
 from .model.laws import CoulombTanh as CoulombTanh
 from .model.laws import Cubic as Cubic
 from .model.laws import FunctionLaw as FunctionLaw
@@ -98,6 +99,8 @@ from .model.laws import Gap as Gap
 from .model.laws import Hertz as Hertz
 from .model.laws import Iwan as Iwan
 from .model.laws import Jenkins as Jenkins
+from .model.laws import LuGre as LuGre
+from .model.laws import Maxwell as Maxwell
 from .model.laws import Polynomial1D as Polynomial1D
 from .model.laws import TableLaw as TableLaw
 from .model.laws import VanDerPol as VanDerPol

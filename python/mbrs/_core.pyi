@@ -41,6 +41,7 @@ __all__ = [
     "eigen_sensitivities",
     "induced_velocity",
     "law_force",
+    "law_relaxations",
     "mixed_modes",
     "motion_breaks",
     "motion_directions",
@@ -227,6 +228,7 @@ def motion_reactions(
 def law_force(
     code: int, values: list[float], u: NDArray[np.float64], v: NDArray[np.float64]
 ) -> NDArray[np.float64]: ...
+def law_relaxations(code: int, values: list[float], u: float) -> list[tuple[float, float]]: ...
 
 @final
 class HbmElements:

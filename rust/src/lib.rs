@@ -9,9 +9,9 @@
 pub mod aero;
 pub mod analysis;
 pub mod error;
+pub mod force;
 pub mod joint;
 pub mod kinematics;
-pub mod laws;
 pub mod linalg;
 pub mod memory;
 pub mod model;

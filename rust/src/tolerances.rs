@@ -199,6 +199,15 @@ pub mod periodic {
     /// Pinned by tests/truth/test_hbm_events.py.
     pub const NEUTRAL: f64 = 1e-9;
 
+    /// A period that takes less than this part out of a change of a law's state leaves the state free. Free of units. Too large: weakly
+    /// dissipating cycles keep the state of their start; too small: rounding of a thousand steps decides.
+    /// Pinned by tests/test_state_laws.py.
+    pub const STATE_FREE: f64 = 1e-11;
+
+    /// Rounding of a law's state after a period, over its largest value. Free of units. Too large: states that are not periodic pass; too
+    /// small: periods are repeated for nothing. Pinned by tests/test_state_laws.py.
+    pub const STATE_CLOSED: f64 = 1e-13;
+
     /// Largest |Re s| over the base frequency of an exponent that crosses the imaginary axis at a point that was solved for. Free of
     /// units. Too large: jumps of the exponents where a contact closes are called bifurcations; too small: bifurcations of stiff systems,
     /// whose exponents have rounding, are lost. Pinned by tests/truth/test_hbm_events.py.

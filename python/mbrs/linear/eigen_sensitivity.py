@@ -299,6 +299,11 @@ def eigen_sensitivity(
     >>> eigen_sensitivity(modal, dK=[[[1.0]]]).omega
     array([[0.25]])
     """
+    if "relaxation" in getattr(modal, "kind", ()):
+        raise ModelError(
+            "derivatives of modes do not know states of laws that relax; give the elements k= and c= in place of the law, or use "
+            "mb.gradient of a motion"
+        )
     start = time.perf_counter()
     if not isinstance(modal, ModalResult):
         raise ModelError(f"eigen_sensitivity needs the result of mbrs.modes, got {type(modal).__name__}")

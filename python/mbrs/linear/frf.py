@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,7 +15,8 @@ from .._lib.border import core_errors
 from .._lib.progress import while_long
 from ..errors import MbrsWarning, ModelError
 from ..results import Result, Stats, added_counts, quantity, result
-from .linear_system import LinearSystem, Origin, csc_arrays
+from .linear_system import LinearSystem, Origin, csc_arrays, dense, reduction_of, relaxes
+from .relaxation import Relaxation
 from .second_order import linear_system
 
 _ORDER = {"receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 0}
@@ -204,12 +205,18 @@ def frf(
     if kind not in _ORDER:
         raise ModelError(f"kind={kind!r} is not known; it is one of {', '.join(_ORDER)}")
     points, limits = _grid(frequency, omega)
-    linear = linear_system(m, inputs, outputs, at, without)
+    linear = linear_system(m, inputs, outputs, at, without, relaxing=True)
     if kind == "transmissibility" and np.any(linear.order_in[: len(linear.inputs)] != 2):
         raise ModelError("a transmissibility needs motions of the base as inputs, such as mb.base_motion('z')")
     if modes is not None and (not isinstance(modes, int | np.integer) or modes < 1):
         raise ModelError(f"modes={modes!r} must be a number of modes, at least 1")
-    solver = _Sparse(linear, _ORDER[kind], points, limits) if linear.is_large else _Dense(linear, _ORDER[kind], modes)
+    solver: _Dense | _Sparse | _Relaxing
+    if linear.relaxation is not None:
+        solver = _Relaxing(linear, linear.relaxation, _ORDER[kind], modes)
+    elif linear.is_large:
+        solver = _Sparse(linear, _ORDER[kind], points, limits)
+    else:
+        solver = _Dense(linear, _ORDER[kind], modes)
     if linear.is_large and modes is not None:
         raise ModelError("modes= is for dense systems; a large sparse one is solved directly at each frequency")
     poles = solver.poles
@@ -278,6 +285,8 @@ def frf_sensitivity(
     Cost: one factorisation O(n^3) per frequency, then O(non-zeros (n_in + n_out)) per parameter.
     """
     start = time.perf_counter()
+    if linear.relaxation is not None:
+        raise relaxes(linear.relaxation.names[0])
     omega = np.ascontiguousarray(omega, dtype=float)
     reduction, _ = linear.reduction()
     with core_errors():
@@ -318,6 +327,41 @@ class _Dense:
         p = self.linear
         raw = self.reduction.evaluate(p.L, p.F, p.order_in, p.D0, self.order_out, omega, self.modes, checked)
         return {**raw, "value": p.joined(raw["value"], 1)}
+
+
+class _Relaxing:
+    """A system with laws that relax, as stiffnesses that depend on the frequency: H - H_w kappa (1 + H_ww kappa)^-1 H_w'."""
+
+    def __init__(self, linear: LinearSystem, own: Relaxation, order_out: int, modes: int | None) -> None:
+        if modes is not None:
+            raise ModelError("modes= does not know laws that relax; leave it out")
+        self.linear, self.order_out, self.own = linear, order_out, own
+        m = len(self.own.k)
+        F, L = np.hstack([linear.F, self.own.W]), np.vstack([linear.L, self.own.W.T])
+        D0 = None if linear.D0 is None else np.pad(linear.D0, ((0, m), (0, m)))
+        names = tuple(f"u{j}" for j in range(F.shape[1]))
+        order_in = np.concatenate([linear.order_in, np.zeros(m, dtype=np.int64)])
+        self.bare = _Dense(replace(linear, F=F, L=L, D0=D0, order_in=order_in, inputs=names, shared=()), 0, None)
+        poles = reduction_of(*self.own.extended(dense(linear.M), _dense(linear.D), dense(linear.S)))[0].poles
+        # the zero roots belong to no motion
+        assert poles is not None
+        self.poles: np.ndarray | None = poles[np.argsort(np.abs(poles), kind="stable")][m:]
+        self.counts = self.bare.counts
+
+    def evaluate(self, omega: np.ndarray, checked: bool = True) -> dict[str, Any]:
+        m = len(self.own.k)
+        raw = self.bare.evaluate(omega, checked)
+        H = np.moveaxis(raw["value"], 2, 0)
+        kappa = self.own.stiffness(omega).T[:, None, :]
+        across = H[:, :-m, -m:] * kappa
+        inner = np.eye(m) + H[:, -m:, -m:] * kappa
+        value = H[:, :-m, :-m] - across @ np.linalg.solve(inner, H[:, -m:, :-m])
+        value = np.moveaxis(value, 0, 2) * (1j * omega) ** self.order_out
+        return {**raw, "value": self.linear.joined(value, 1), "route": f"{raw['route']}, condensed states"}
+
+
+def _dense(a: Any) -> np.ndarray | None:
+    return None if a is None else dense(a)
 
 
 class _Sparse:
@@ -422,7 +466,9 @@ def _resonances(poles: np.ndarray | None, low: float, high: float) -> list[compl
     return kept
 
 
-def _warn_missed(solver: _Dense | _Sparse, points: np.ndarray, poles: np.ndarray | None, value: np.ndarray) -> None:
+def _warn_missed(
+    solver: _Dense | _Sparse | _Relaxing, points: np.ndarray, poles: np.ndarray | None, value: np.ndarray
+) -> None:
     """A resonance is missed when its half-power band lies between two neighbouring points and its peak shows in H."""
     grid = np.unique(np.abs(points))
     if grid.size < 2 or poles is None:

@@ -13,6 +13,7 @@ import numpy as np
 from .. import _core
 from .._lib.border import core_errors
 from ..errors import ModelError, NameNotFoundError
+from .relaxation import Relaxation, relaxation_of
 
 EFFECT_OF = {"C": "damping", "G": "gyroscopic", "N": "circulatory"}
 _DENSE_LIMIT = 3000
@@ -40,6 +41,8 @@ class LinearSystem:
     effects: tuple[str, ...]
     source: Any = None
     shared: tuple[int, ...] = ()
+    # states of laws that relax, beside M, D and S
+    relaxation: Relaxation | None = None
 
     @property
     def n(self) -> int:
@@ -77,8 +80,14 @@ class Origin:
     without: tuple[str, ...]
 
 
-def assembled(system: Any, effects: Sequence[str], inputs: Any, outputs: Any) -> LinearSystem:
-    """The matrices of a linearisation or `MechanicalSystem` with these effects, and the maps of inputs and outputs."""
+def assembled(system: Any, effects: Sequence[str], inputs: Any, outputs: Any, relaxing: bool = False) -> LinearSystem:
+    """The matrices of a linearisation or `MechanicalSystem` with these effects, and the maps of inputs and outputs.
+
+    ``relaxing``: the caller knows states of laws that relax.
+    """
+    relaxation = relaxation_of(system)
+    if relaxation is not None and not relaxing:
+        raise relaxes(relaxation.names[0])
     used = {k: getattr(system, k) if e in effects else None for k, e in EFFECT_OF.items()}
     coordinates = tuple(system.coordinates)
     D0, shared = None, ()
@@ -109,6 +118,7 @@ def assembled(system: Any, effects: Sequence[str], inputs: Any, outputs: Any) ->
         effects=tuple(effects),
         source=system,
         shared=shared,
+        relaxation=relaxation,
     )
 
 
@@ -159,6 +169,14 @@ def _coordinate(p: Any, coordinates: tuple[str, ...], what: str) -> int:
     if not -len(coordinates) <= p < len(coordinates):
         raise ModelError(f"{what}: coordinate {p} does not exist, there are {len(coordinates)}")
     return int(p) % len(coordinates)
+
+
+def relaxes(name: str) -> ModelError:
+    """The refusal of an analysis that has no place for states of laws."""
+    return ModelError(
+        f"the law on {name} has a state that relaxes, which this analysis does not know; mb.modes, mb.frf, mb.response and "
+        "mb.simulate do, or give the element k= and c= in place of the law"
+    )
 
 
 def dense(a: Any) -> np.ndarray:

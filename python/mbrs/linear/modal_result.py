@@ -42,8 +42,8 @@ class ModalResult(Result):
         (n,) complex, rad/s: of a complex pair the root with Im > 0, of two real roots the larger one; 0 for rigid
         modes.
     roots
-        (2 dof,) complex: for every mode, also those that ``n=`` cut off, the root above and its partner. Real roots of
-        symmetric systems are matched so that each mode has one root with phi^T Q'(s) phi > 0 and one with < 0, whose
+        (2 dof,) complex: for every mode, also those that ``n=`` cut off, the root above and its partner; a relaxation has none. Real
+        roots of symmetric systems are matched so that each mode has one root with phi^T Q'(s) phi > 0 and one with < 0, whose
         shapes are the most alike; without symmetry the larger half of the real roots is matched with the smaller half.
     shape
         (dof, n), rows are `coordinates`; real where all shapes are. Symmetric systems: phi^T (2 s M + C) phi = 2i Im s,
@@ -55,7 +55,7 @@ class ModalResult(Result):
         real, rigid and near-defective roots psi^H M psi = 1); None where they equal the shapes.
     kind
         (n,) of str: "rigid" (s = 0), "vibration" (complex, Re s <= 0), "overdamped" (real), "flutter" (complex,
-        Re s > 0), "divergence" (real, s > 0).
+        Re s > 0), "divergence" (real, s > 0), "relaxation" (real and without a partner: of the state of a law).
     groups
         Tuples of the indices of repeated eigenvalues, only those with more than one member. Their shapes are a basis
         that depends on the subspace alone.
@@ -272,10 +272,11 @@ def modal_result(system: Any, r: dict[str, Any], n: int | None, effects: tuple[s
         shape = np.ascontiguousarray(shape.real)
     groups = [tuple(i for i in range(first, first + count) if i < n) for first, count in r["groups"]]
     own = r["partner_mode"] < n
+    roots = np.stack([r["eigenvalue"], r["partner"]], axis=1).ravel()
     left, partner_left = r["left"], r["partner_left"]
     return ModalResult(
         eigenvalue=r["eigenvalue"][:n],
-        roots=np.stack([r["eigenvalue"], r["partner"]], axis=1).ravel(),
+        roots=roots[~np.isnan(roots)],
         shape=shape,
         left=None if left is None else left[:, :n],
         kind=np.array(r["kind"][:n], dtype="U10"),

@@ -15,9 +15,11 @@ from .._lib.border import core_errors
 from .._lib.progress import while_long
 from ..errors import ModelError, SingularError
 from ..model.book import Book
+from ..model.schema import LAW_OF_CODE
 from .linearize import second_order_of
 from .matrices import MechanicalSystem
 from .modal_result import ModalResult, array_of, modal_result
+from .relaxation import relaxation_of, relaxing_modes
 from .sparse_modes import is_large, model_modes, sparse_modes
 from .stiffness_factor import is_strained, stiffness_factor
 
@@ -93,7 +95,7 @@ def modes(
     if isinstance(without, str):
         without = (without,)
     shift = _shift(shift, n)
-    if _is_large_model(m, n):
+    if _is_large_model(m, n) and not _has_state_rates(m):
         if stiffness_factor is not None:
             raise ModelError("stiffness_factor= belongs to matrices; a model knows its own")
         found = model_modes(m, at, _positive(n), tuple(without), start, shift)
@@ -121,6 +123,11 @@ def _second_order(m: Any, at: Any, without: tuple[str, ...]) -> tuple[Any, tuple
         parts = {a: None if a in drop else getattr(m, a) for a in ("M", "C", "K", "G", "N")}
         m = MechanicalSystem(**parts, elements=m.elements, coordinates=m.coordinates)
     return m, tuple(name for name, a in _MATRIX_EFFECTS.items() if getattr(m, a) is not None)
+
+
+def _has_state_rates(m: Any) -> bool:
+    """True if a model has laws whose states have rates: only the dense route knows those that relax."""
+    return any(LAW_OF_CODE[law.code].state == "rate" for laws in m.laws.values() for law in laws)
 
 
 def _is_large_model(m: Any, n: Any) -> bool:
@@ -176,6 +183,11 @@ def _dense(
     f = None if factor is None else _matrix("stiffness_factor", factor)
     mass, stiffness = np.asarray(array_of(system.M)), np.asarray(array_of(system.K))
     damping, gyroscopic, circulatory = (array_of(getattr(system, a)) for a in "CGN")
+    relaxation = relaxation_of(system)
+    if relaxation is not None:
+        with core_errors():
+            r = relaxing_modes(system, relaxation, (damping, gyroscopic), (stiffness, circulatory))
+        return modal_result(system, r if shift is None or n is None else _nearest(r, n, shift), n, effects, start)
     try:
         with core_errors(), while_long(f"modes of {len(mass)} coordinates", 100.0 * len(mass) ** 3):
             r, mf = _with_its_masses(system, mass, damping, gyroscopic, stiffness, circulatory, f)

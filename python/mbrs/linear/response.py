@@ -14,8 +14,9 @@ from .._lib.progress import while_long
 from .._lib.text import number, without_rounding
 from ..errors import ModelError
 from ..results import Result, Stats, added_counts, quantity, result
-from .linear_system import LinearSystem, Origin, directions
+from .linear_system import LinearSystem, Origin, dense, directions, relaxes
 from .matrices import MechanicalSystem
+from .relaxation import Relaxation
 from .second_order import linear_system
 
 _KINDS = ("displacement", "velocity", "acceleration")
@@ -207,6 +208,8 @@ def response(
         again = list(linear.shared)
         history = replace(history, u=_again(history.u, again), bulge=_again(history.bulge, again))
     state = (_state(x0, linear.n, "x0"), _state(v0, linear.n, "v0"))
+    if linear.relaxation is not None:
+        linear, state = _extended(linear, linear.relaxation, state)
     reduction, made = linear.reduction()
     with core_errors(), while_long(f"response at {len(times)} times", len(times) * float(linear.n) ** 2):
         raw = reduction.response(
@@ -269,6 +272,8 @@ def response_sensitivity(
         raise ModelError(
             "this response was made without its linear system; only results of mb.response have derivatives"
         )
+    if linear.relaxation is not None:
+        raise relaxes(linear.relaxation.names[0])
     reduction, _ = linear.reduction()
     changes = (None if a is None else np.asarray(a, dtype=float) for a in (dM, dD, dS, dF, dL, dD0))
     with core_errors():
@@ -364,12 +369,22 @@ def _with_inputs(m: Any, ports: list[Any], outputs: Any, at: Any, without: Seque
             wide = [p for p, W in zip(ports, columns, strict=True) if W.shape[1] != 1]
             if wide:
                 raise ModelError(f"each load needs one direction, got {wide[0]!r}")
-            linear = linear_system(m, np.hstack(columns), outputs, at, without)
+            linear = linear_system(m, np.hstack(columns), outputs, at, without, relaxing=True)
             return _renamed(linear, tuple(names[0] for _, names in made))
         return _renamed(linear_system(m, np.zeros(m.n), outputs, at, without), ())
     if not ports:
         raise ModelError("loads is empty; give at least one load (0.0 as a function of time for free motion)")
-    return linear_system(m, ports, outputs, at, without)
+    return linear_system(m, ports, outputs, at, without, relaxing=True)
+
+
+def _extended(linear: LinearSystem, own: Relaxation, state: tuple[Any, Any]) -> tuple[LinearSystem, tuple[Any, Any]]:
+    """States of laws that relax as further coordinates, at rest at the start."""
+    m = len(own.k)
+    M, D, S = own.extended(dense(linear.M), None if linear.D is None else dense(linear.D), dense(linear.S))
+    coordinates = (*linear.coordinates, *(f"state of {name} ({j + 1})" for j, name in enumerate(own.names)))
+    F, L = np.pad(linear.F, ((0, m), (0, 0))), np.pad(linear.L, ((0, 0), (0, m)))
+    made = replace(linear, M=M, D=D, S=S, F=F, L=L, coordinates=coordinates)
+    return made, tuple(np.pad(x, (0, m)) for x in state)  # type: ignore[return-value]
 
 
 def _renamed(linear: LinearSystem, names: tuple[str, ...]) -> LinearSystem:

@@ -36,7 +36,9 @@ def second_order(m: Any, at: Any, without: Sequence[str]) -> tuple[Any, tuple[st
     return system, effects
 
 
-def linear_system(m: Any, inputs: Any, outputs: Any, at: Any, without: Sequence[str]) -> LinearSystem:
-    """The matrices and maps for these inputs and outputs."""
+def linear_system(
+    m: Any, inputs: Any, outputs: Any, at: Any, without: Sequence[str], relaxing: bool = False
+) -> LinearSystem:
+    """The matrices and maps for these inputs and outputs; ``relaxing``: the caller knows states of laws that relax."""
     system, effects = second_order(m, at, without)
-    return assembled(system, effects, inputs, outputs)
+    return assembled(system, effects, inputs, outputs, relaxing)

@@ -484,31 +484,43 @@ HEADINGS = {
 
 @dataclass(frozen=True)
 class LawKind:
-    """A force law of one coordinate: its codes in Tables, and what its force depends on."""
+    """A force law of one coordinate: its codes in Tables, and what its force depends on.
+
+    ``rate_codes``: those of its codes whose force depends on the rate. ``state``: "map" where the state follows the displacement
+    whatever the time between (sliders), "rate" where z' = g(u, u', z). ``polynomial`` in u and u'. ``smooth``: without kinks.
+    ``phase``: the force follows the phase of the excitation.
+    """
 
     name: str
     codes: tuple[int, ...]
     numbers: str
     effect: Literal["", "friction", "contact"] = ""
     rate_codes: tuple[int, ...] = ()
-    memory: bool = False
+    state: Literal["", "map", "rate"] = ""
+    polynomial: bool = False
+    smooth: bool = True
+    phase: bool = False
 
 
 LAWS = {
     law.name: law
     for law in (
-        LawKind("Cubic", (0,), "k3"),
-        LawKind("Polynomial1D", (1, 2), "c_0, c_1, ... of u; code 2: as many of u'", rate_codes=(2,)),
-        LawKind("Gap", (3, 4), "k, gap, smoothing; code 4: on both sides", "contact"),
+        LawKind("Cubic", (0,), "k3", polynomial=True),
+        LawKind("Polynomial1D", (1, 2), "c_0, c_1, ... of u; code 2: as many of u'", rate_codes=(2,), polynomial=True),
+        LawKind("Gap", (3, 4), "k, gap, smoothing; code 4: on both sides", "contact", smooth=False),
         LawKind("CoulombTanh", (5,), "force_limit, v_ref", "friction", (5,)),
-        LawKind("Hertz", (6,), "k, exponent, gap", "contact"),
-        LawKind("TableLaw", (7,), "u_i, then f_i"),
-        LawKind("VanDerPol", (8,), "mu", rate_codes=(8,)),
-        LawKind("Jenkins", (9,), "k, f_slip", "friction", memory=True),
-        LawKind("Iwan", (10,), "k_i, f_i in turn", "friction", memory=True),
-        LawKind("VaryingStiffness", (11,), "k, order, phase"),
+        LawKind("Hertz", (6,), "k, exponent, gap", "contact", smooth=False),
+        LawKind("TableLaw", (7,), "u_i, then f_i", smooth=False),
+        LawKind("VanDerPol", (8,), "mu", rate_codes=(8,), polynomial=True),
+        LawKind("Jenkins", (9,), "k, f_slip", "friction", state="map", smooth=False),
+        LawKind("Iwan", (10,), "k_i, f_i in turn", "friction", state="map", smooth=False),
+        LawKind("VaryingStiffness", (11,), "k, order, phase", polynomial=True, phase=True),
+        LawKind("Maxwell", (12,), "k_i, tau_i in turn", rate_codes=(12,), state="rate"),
+        LawKind("BoucWen", (13,), "k, alpha, beta, gamma, n", rate_codes=(13,), state="rate", smooth=False),
+        LawKind("LuGre", (14,), "f_c, f_s, v_s, s0, s1, s2", "friction", rate_codes=(14,), state="rate", smooth=False),
     )
 }
+LAW_OF_CODE = {code: law for law in LAWS.values() for code in law.codes}
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from .book import Book
 from .describe import describe
 from .expressions import Expression
 from .grammar import GrammarError, parse
-from .laws import SavedLaw
+from .law_items import SavedLaw
 from .locate import Places
 from .motions import TYPES, FunctionName, resolve
 from .names import nearest, problem, shown

@@ -16,6 +16,8 @@ from ..model.laws import FunctionLaw, Law
 from . import condensation
 
 NONSMOOTH_SAMPLES = 512
+# of laws whose state has a rate: it is integrated from sample to sample with order four
+STATE_SAMPLES = 2048
 HIGHEST = 4096  # harmonics, and their subharmonics; more would not fit into dense equations
 LARGEST_SAMPLE = 1 << 18
 MOST_SAMPLES = 16384
@@ -27,7 +29,6 @@ NEGLIGIBLE = 1e-4
 # smallest over largest singular value of the scaled equations at rest below which they are singular, free of units: too large,
 # soft coordinates are called loose; too small, loose ones are not named (tests/truth/test_hbm_loose.py)
 SINGULAR = 1e-12
-POLYNOMIAL = (0, 1, 2, 8, 11)  # codes of the laws that are polynomials in u and v
 
 
 @dataclass(frozen=True)
@@ -258,7 +259,7 @@ def more_samples(
     """Double the number of samples if aliasing dominates the error and counts beside ``tol``, else None; None where the number
     was given."""
     least = negligible(tol)
-    known = given is not None or all(law.code in POLYNOMIAL for law in laws)
+    known = given is not None or all(law.kind.polynomial for law in laws)
     if known or 2 * n > MOST_SAMPLES or aliasing <= max(ALIASED * error, least):
         return None
     return 2 * n
@@ -340,14 +341,14 @@ def needed_samples(laws: Sequence[Law], terms: Sequence[int], subharmonic: int) 
 
 def alias_free(law: Law, top: int, subharmonic: int) -> int:
     """Least number of samples for one law."""
-    match law.code:
-        case 0 | 8:
+    match law.kind.name:
+        case "Cubic" | "VanDerPol":
             return 4 * top + 1
-        case 1:
-            return len(law.values) * top + 1
-        case 2:
-            return len(law.values) // 2 * top + 1
-        case 11:
+        case "Polynomial1D":
+            return len(law.values) // (2 if law.uses_rate else 1) * top + 1
+        case _ if law.kind.state == "rate":
+            return max(STATE_SAMPLES, 32 * top)
+        case "VaryingStiffness":
             return 2 * top + int(law.values[1]) * subharmonic + 1
         case _:
             return max(NONSMOOTH_SAMPLES, 16 * top)
@@ -358,7 +359,7 @@ def checked_samples(n_samples: int | None, laws: Sequence[Law], terms: Sequence[
     if n_samples is None:
         return needed_samples(laws, terms, subharmonic)
     n = checks.count("n_samples", n_samples, LARGEST_SAMPLE)
-    polynomial = [law for law in laws if law.code in POLYNOMIAL]
+    polynomial = [law for law in laws if law.kind.polynomial]
     least = max([2 * terms[-1] + 1, *(alias_free(law, terms[-1], subharmonic) for law in polynomial)])
     if n < least:
         raise ModelError(f"n_samples = {n} aliases harmonics up to {terms[-1]}; use at least {least}, or leave it out")

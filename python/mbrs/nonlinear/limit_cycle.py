@@ -15,8 +15,6 @@ from . import balance, condensation, cycle_start
 from .periodic import UNRESOLVED, PeriodicSolution, effects_of
 from .system import nonlinear_system
 
-POSITION = (0, 1, 3, 4, 6, 7)  # codes of the laws that are functions of the displacement alone
-
 
 @result
 class LimitCycle(PeriodicSolution):
@@ -171,7 +169,7 @@ def limit_cycle(
 def conservative(system: Any) -> bool:
     """True if a system conserves energy by structure: no damping, no circulatory stiffness, laws of position."""
     M, C, K = condensation.dense(system)
-    still = all(law.code in POSITION for law in system.elements)
+    still = all(law.kind.name and not (law.uses_rate or law.has_memory or law.kind.phase) for law in system.elements)
     return still and bool(np.all(C + C.T == 0) and np.all(K == K.T) and np.all(M == M.T))
 
 

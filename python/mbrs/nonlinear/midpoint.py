@@ -54,7 +54,7 @@ class Element:
         if self.sliders:
             parts = [slider.force(u) for slider in self.sliders]
             return sum(p[0] for p in parts), sum(p[1] for p in parts), 0.0
-        if self.law.code == 11:
+        if self.law.kind.phase:
             k, order, start = self.law.numbers()
             slope = k * np.cos(order * phase + start)
             return slope * u, slope, 0.0
@@ -146,5 +146,4 @@ def _elements(
 
 def is_smooth(laws: Any) -> bool:
     """True if the error of the rule has an expansion that extrapolation may use: no kinks."""
-    kinked = (3, 4, 6, 7, 9, 10)
-    return not any(law.code in kinked and not (law.code in (3, 4) and law.numbers()[2] > 0) for law in laws)
+    return all(law.kind.smooth or (law.kind.name == "Gap" and law.numbers()[2] > 0) for law in laws)

@@ -387,7 +387,7 @@ def first_solution(
     """The core's answer from a guess or from rest; where it fails, with harmonics that grow and with more samples: too few
     make the equations of a stiff contact rough."""
     laws = balance.checked_system(system)
-    smooth = given["n_samples"] is not None or all(law.code in balance.POLYNOMIAL for law in laws)
+    smooth = given["n_samples"] is not None or all(law.kind.polynomial for law in laws)
     for least in (0,) if smooth else (0, balance.MOST_SAMPLES // 8, balance.MOST_SAMPLES // 2):
         setup = balance.prepare(system, force, harmonics, least_samples=least, **given)
         answer = balance.call_core(setup.core.solve, setup.start(x0), [given["omega"]], **options)

@@ -390,7 +390,7 @@ class Torus:
         fine = [
             max(a, b) for a, b in zip(self.dims, _samples(None, laws, np.vstack([self.indices, extra])), strict=True)
         ]
-        if any(law.code not in balance.POLYNOMIAL for law in laws):
+        if any(not law.kind.polynomial for law in laws):
             fine = [max(n, 3 * own // 2) for n, own in zip(fine, self.dims, strict=True)]  # to see the aliasing
         if np.prod([float(n) for n in fine]) > MOST_SAMPLES:
             raise ModelError(
@@ -541,7 +541,7 @@ def _samples(n_samples: Any, laws: Sequence[Law], indices: np.ndarray) -> list[i
     if len(given) != len(reach):
         raise ModelError(f"n_samples must be one number or {len(reach)}, it is {checks.shown(n_samples)}")
     given = [checks.count("n_samples", n, balance.LARGEST_SAMPLE) for n in given]
-    polynomial = [law for law in laws if law.code in balance.POLYNOMIAL]
+    polynomial = [law for law in laws if law.kind.polynomial]
     for i, (n, k) in enumerate(zip(given, reach.tolist(), strict=True)):
         least = max([2 * k + 1, *(_least(law, k) for law in polynomial)])
         if n < least:
@@ -550,4 +550,4 @@ def _samples(n_samples: Any, laws: Sequence[Law], indices: np.ndarray) -> list[i
 
 
 def _least(law: Law, k: int) -> int:
-    return balance.alias_free(law, k, 1) if law.code in balance.POLYNOMIAL else max(NONSMOOTH_SAMPLES, 6 * k)
+    return balance.alias_free(law, k, 1) if law.kind.polynomial else max(NONSMOOTH_SAMPLES, 6 * k)

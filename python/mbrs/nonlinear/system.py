@@ -10,20 +10,18 @@ import numpy as np
 
 from .._lib import checks
 from .._lib.border import core_errors
-from .._lib.rotations import twist_at
 from ..errors import ModelError
 from ..linear.linearization import Linearization
 from ..linear.linearize import linearization_at
 from ..linear.matrices import MechanicalSystem
+from ..linear.relaxation import LawPlace, law_places
 from ..model.book import Book
 from ..model.ports import Port
 from ..system.effects import check_without
 from ..system.snapshot import Snapshot
 from ..system.state import state_of
-from ..system.tables import tables
 from .shifted_laws import shifted
 
-_FRICTION, _CONTACT = frozenset({5, 9, 10}), frozenset({3, 4, 6})
 # a displacement below this part of the characteristic length (or this angle) is rounding of an equilibrium
 _UNDEFORMED = 1e-12
 
@@ -90,39 +88,24 @@ def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> 
     state = state_of(m, snapshot.system, at)
     with core_errors():
         r = snapshot.system.linearize(state.relative, state.rate, [*without, "law-slopes"])
-        places = snapshot.system.law_places(state.relative, state.rate)
     lin = linearization_at(snapshot, state, r, without, started, warn=at is None)
     elements: list[Any] = []
-    for place in places:
+    for place in law_places(lin):
         elements += _elements(lin, place)
     system = NonlinearSystem(lin.M, lin.C, lin.K, G=lin.G, N=lin.N, elements=elements, coordinates=lin.coordinates)
     system.linearization = lin
     return system
 
 
-def _elements(lin: Linearization, place: Any) -> list[Any]:
-    start, a, b, point, gradient, u0, v0 = place
-    t = tables(lin.model)
-    i = int(np.flatnonzero(t["law_x"] == start)[0])
-    code, n = int(t["law_type"][i]), int(t["law_n"][i])
-    if ("friction" in lin.without and code in _FRICTION) or ("contact" in lin.without and code in _CONTACT):
-        return []
-    kind = "joint" if t["law_owner_kind"][i] else "element"
-    name = t[f"{kind}_name"][int(t["law_owner"][i])]
-    where = f"the law on {kind} {name!r}"
+def _elements(lin: Linearization, place: LawPlace) -> list[Any]:
     length = lin.snapshot.system.characteristic_length
-    if abs(v0) > _UNDEFORMED * length:
-        raise ModelError(f"{where} moves at {v0:.3g} in this state; its element would have to depend on time")
-    w = gradient @ (_twist(lin, b, point) - _twist(lin, a, point))
-    if np.max(np.abs(w), initial=0.0) <= _UNDEFORMED:
+    where = f"the law on {place.name}"
+    if abs(place.v) > _UNDEFORMED * length:
+        raise ModelError(f"{where} moves at {place.v:.3g} in this state; its element would have to depend on time")
+    if np.max(np.abs(place.direction), initial=0.0) <= _UNDEFORMED:
         return []  # what does not move from here, to first order, does no work
-    return shifted(code, t["x"][start : start + n], w, u0 if abs(u0) > _UNDEFORMED * max(length, 1.0) else 0.0, where)
-
-
-def _twist(lin: Linearization, body: int, point: np.ndarray) -> np.ndarray:
-    if body < 0:
-        return np.zeros((6, lin.n))
-    return twist_at(lin.T[6 * body : 6 * body + 6], point - lin.poses["position"][body])
+    u0 = place.u if abs(place.u) > _UNDEFORMED * max(length, 1.0) else 0.0
+    return shifted(place.code, place.numbers.tolist(), place.direction, u0, where)
 
 
 def as_system(

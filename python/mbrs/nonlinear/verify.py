@@ -112,6 +112,12 @@ def _histories(solution: Any, period: float) -> list[np.ndarray]:
     laws = solution.system.elements
     if not any(law.has_memory for law in laws):
         return [np.zeros(0)] * len(laws)
+    for i, law in enumerate(laws):
+        if law.kind.state == "rate":
+            raise ModelError(
+                f"elements[{i}], {law!r}: verify() has no state of this law at the start; compare with mb.simulate of the model over "
+                "so many periods that its start is forgotten"
+            )
     x = solution.displacement(np.linspace(-period, 0, 4097))
     return [law.w @ x if law.has_memory else np.zeros(0) for law in laws]
 
@@ -167,7 +173,7 @@ def first_order(system: Any, force: Any, omega: float) -> Any:
 
 
 def _law_force(law: Any, u: Any, v: Any, phase: float) -> Any:
-    if law.code == 11:
+    if law.kind.phase:
         k, order, start = law.numbers()
         return k * np.cos(order * phase + start) * u
     return law.force(u, v)

@@ -15,7 +15,7 @@ from ..errors import ConvergenceError, MbrsError, MbrsWarning, ModelError
 from ..linear.linearization import Linearization
 from ..model.motions import Sine
 from ..model.ports import Port, as_port
-from ..model.schema import MARKER
+from ..model.schema import LAW_OF_CODE, MARKER
 from ..system.snapshot import Snapshot
 from ..system.state import State
 from . import midpoint
@@ -23,7 +23,6 @@ from . import midpoint
 OUTPUTS = 64  # instants of a period at which motions are compared
 _DIFFERENCE = 1e-3  # of the time: the step of the differences that give the rates of the start
 _STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # eighth order, central
-_VARYING, _JENKINS, _MEMORY = 11, 9, (9, 10)
 _IN_TIME = frozenset({"gravity", "damping", "friction", "contact", "centrifugal"})
 
 
@@ -89,7 +88,7 @@ def obstacle(system: Any) -> str:
     left = [name for name in lin.without if name not in _IN_TIME]
     if left:
         return f"a motion in time cannot be without {left[0]!r}"
-    if any(law.code == _VARYING for law in system.elements):
+    if any(law.kind.phase for law in system.elements):
         return "a varying stiffness follows the phase of the excitation, not time"
     if len(lin.snapshot.tables["drive_name"]):
         return "drives, which a linearisation holds still, move in time"
@@ -201,9 +200,9 @@ def _sliders(solution: Any, length: float) -> list[float]:
         if law.has_memory:
             moved += [slider.z for slider in midpoint.sliders_of(law, law.w @ x)]
     t = solution.system.linearization.snapshot.tables
-    known = sum(
-        1 if code == _JENKINS else n // 2 for code, n in zip(t["law_type"], t["law_n"], strict=True) if code in _MEMORY
-    )
+    # two numbers for each slider
+    sliding = [LAW_OF_CODE[int(code)].state == "map" for code in t["law_type"]]
+    known = sum(int(n) // 2 for n, slides in zip(t["law_n"], sliding, strict=True) if slides)
     if len(moved) != known:
         raise ModelError("a slider of the model does not move, to first order, and its place is not known")
     return moved

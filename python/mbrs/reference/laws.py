@@ -1,6 +1,6 @@
 """Force laws of one relative coordinate in plain NumPy: force, slopes by displacement and rate, memory after.
 
-The same laws as ``rust/src/laws``, written a second time. Complex-safe in displacement, rate, numbers and memory: which
+The same laws as ``rust/src/force``, written a second time. Complex-safe in displacement, rate, numbers and memory: which
 branch acts is decided by real parts.
 """
 
@@ -130,6 +130,8 @@ def attach(t: Mapping[str, Any], x: Array, elements: list[Any], joints: list[Any
                     raise ModelError(
                         f"mbrs.reference has no table laws, as on {link.name!r}; give a polynomial instead"
                     )
+                if code > VARYING:
+                    raise ModelError(f"mbrs.reference has no laws whose state has a rate, as on {link.name!r}")
                 law = BoundLaw(int(component), int(code), x[start : start + n], n_memory)
                 link.laws.append(law)
                 link.has_force = True

@@ -71,7 +71,7 @@ impl<'s> Descent<'s> {
             t: 0.0,
             relative: state.relative.clone(),
             rate: vec![0.0; self.eq.n()],
-            memory: vec![0.0; topology.n_memory],
+            memory: topology.at_rest(&[]),
         };
         let placement = self.eq.place(&motion);
         let energies = self.eq.energies(&motion);

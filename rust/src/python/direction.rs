@@ -87,7 +87,7 @@ fn directions<'py>(
     memory: Vec<f64>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let state = state_of(&system.0, &relative, &rate)?;
-    remembered(&system.0, &memory)?;
+    let memory = remembered(&system.0, &memory)?;
     let effects = effects(&without)?;
     let (follow, drawn) = (matches!(follow, "equilibrium" | "steady"), follow == "drawn");
     let n_x = system.0.x.len();
@@ -139,8 +139,8 @@ fn directions<'py>(
     Ok(out)
 }
 
-/// What laws remember has to fit the model; empty means centred.
-pub fn remembered(system: &System, memory: &[f64]) -> Result<()> {
+/// What laws remember has to fit the model, empty means centred; states with rates are taken at rest, whatever they were.
+pub fn remembered(system: &System, memory: &[f64]) -> Result<Vec<f64>> {
     let n = system.topology.n_memory;
     if !(memory.is_empty() || memory.len() == n) || memory.iter().any(|z| !z.is_finite()) {
         return Err(Error::model(format!(
@@ -148,5 +148,5 @@ pub fn remembered(system: &System, memory: &[f64]) -> Result<()> {
             memory.len()
         )));
     }
-    Ok(())
+    Ok(if memory.is_empty() { Vec::new() } else { system.topology.at_rest(memory) })
 }

@@ -107,7 +107,7 @@ fn task<'py>(
             t: times.first().copied().unwrap_or(0.0),
             relative: state.relative,
             rate: state.rate,
-            memory: if memory.len() == n_memory { memory } else { vec![0.0; n_memory] },
+            memory: if memory.len() == n_memory { memory } else { system.topology.at_rest(&[]) },
         },
         plan: Plan {
             breaks: system.kinks(times.first().copied().unwrap_or(0.0)),

@@ -89,7 +89,7 @@ fn simulate_motion<'py>(
         t: number(options, "t")?.unwrap_or(0.0),
         relative: state.relative,
         rate: state.rate,
-        memory: if memory.is_empty() { vec![0.0; n_memory] } else { memory },
+        memory: if memory.is_empty() { system.topology.at_rest(&[]) } else { memory },
     };
     let method: String = match options.get_item("method")? {
         Some(name) => name.extract()?,

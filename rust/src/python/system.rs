@@ -313,7 +313,7 @@ impl PySystem {
     ) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &relative, &rate)?;
         let effects = effects(&without)?;
-        super::direction::remembered(&self.0, &memory)?;
+        let memory = super::direction::remembered(&self.0, &memory)?;
         fits(&self.0, "a linearisation", LINEARIZATION)?;
         if !acceleration.is_empty() && acceleration.len() != self.0.n_tree() {
             let n = self.0.n_tree();

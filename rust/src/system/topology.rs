@@ -2,8 +2,8 @@
 use std::collections::HashMap;
 
 use crate::error::{Error, Result};
+use crate::force::AnyLaw;
 use crate::joint::{ANGLE_Z, Coordinate, Freedom, JointKind, MODAL};
-use crate::laws::Law;
 use crate::model::geometry::Geometry;
 use crate::model::layout::flag::{HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN};
 use crate::model::layout::{self, bushing, joint, spring_damper, torsion};
@@ -136,7 +136,7 @@ impl Connector {
 #[derive(Debug, Clone)]
 pub struct BoundLaw {
     pub component: usize,
-    pub law: Law,
+    pub law: AnyLaw,
     pub x: usize,
     pub memory: usize,
 }
@@ -179,6 +179,26 @@ pub struct Topology {
 }
 
 impl Topology {
+    /// The element or joint that a connector belongs to.
+    pub fn owner_name(&self, owner: Owner) -> &str {
+        match owner {
+            Owner::Element(i) => &self.tables.elements[i].name,
+            Owner::Joint(i) => &self.tables.joints[i].name,
+        }
+    }
+
+    /// A memory with the states of all such laws at rest, whatever they were.
+    pub fn at_rest(&self, memory: &[f64]) -> Vec<f64> {
+        let mut out = if memory.is_empty() { vec![0.0; self.n_memory] } else { memory.to_vec() };
+        for law in self.connectors.iter().flat_map(|c| &c.laws) {
+            let rest: Vec<f64> = law.law.rest_memory();
+            if law.law.has_rates() {
+                out[law.memory..law.memory + rest.len()].copy_from_slice(&rest);
+            }
+        }
+        out
+    }
+
     pub fn new(tables: Tables) -> Result<Self> {
         if tables.bodies.is_empty() {
             return Err(Error::model("the model has no body: add one with m.body(...)"));
@@ -414,7 +434,7 @@ impl<'a> LawBinder<'a> {
                     l.component
                 )));
             }
-            let law = Law::from_code(l.code, l.n)?;
+            let law = AnyLaw::from_code(l.code, l.n)?;
             let memory = self.memory;
             self.memory += law.n_memory();
             Ok(BoundLaw { component: l.component, law, x: l.x, memory })

@@ -457,6 +457,7 @@ impl Ali3p {
         LocalError {
             position: (0..n).map(|i| factor * slope(i)).collect(),
             rate: (0..n).map(|i| factor * second(i)).collect(),
+            state: Vec::new(),
         }
     }
 }
@@ -474,13 +475,14 @@ impl Scheme for Ali3p {
         estimate: bool,
         counts: &mut Counts,
     ) -> Result<Step> {
-        let (end, record, _) = eq.ali3p_step(from, h, &self.trend, self.weight, counts)?;
+        let (end, record, _) = eq.ali3p_step(&eq.opened(from, h), h, &self.trend, self.weight, counts)?;
         if estimate {
             let projected = end.motion.rate.iter().zip(&record.dv);
             let before: Vec<f64> = projected.map(|(v, d)| v - d).collect();
             eq.same_branch(&before, &end, h)?;
         }
-        let error = estimate.then(|| self.estimate(from, &end, h));
+        let state = || eq.state_error(&from.motion, &end.motion, h);
+        let error = estimate.then(|| LocalError { state: state(), ..self.estimate(from, &end, h) });
         Ok(Step { end, error })
     }
 

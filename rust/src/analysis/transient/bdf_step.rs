@@ -121,6 +121,8 @@ pub struct BdfStep<'a, 's> {
     /// what past values add to theta' and v'
     pub theta_past: Vec<f64>,
     pub rate_past: Vec<f64>,
+    /// z0 of the states of laws: z = z0 + g z'
+    pub state_base: Vec<f64>,
     pub guess: Guess,
     /// factors of the equations, of order one
     pub row_factor: Vec<f64>,
@@ -142,6 +144,7 @@ impl BdfStep<'_, '_> {
         let theta: Vec<f64> = (0..n).map(|i| self.guess.theta[i] + s.sigma[i] * x[i]).collect();
         let mut motion = self.base.moved(self.eq.topology(), &theta);
         motion.t = self.t;
+        self.eq.set_states(&mut motion, &self.state_base, self.g);
         let (rate, first) = match self.form {
             Form::Ggl => {
                 let rate = |i| self.guess.rate[i] + s.sigma[i] * x[n + i] / self.g;

@@ -31,6 +31,8 @@ struct Driver<'e, 's, 'p> {
     eq: &'e Equations<'s, f64>,
     plan: &'p Plan,
     scales: Vec<f64>,
+    /// sizes of the states of laws
+    states: Vec<f64>,
     start: f64,
     /// largest rate so far, in characteristic lengths or radians per second
     speed: f64,
@@ -54,6 +56,7 @@ pub fn drive(
         eq,
         plan,
         scales: eq.scales(),
+        states: eq.state_scales(),
         start: start.motion.t,
         speed: 0.0,
         next_output: 0,
@@ -74,13 +77,17 @@ pub fn drive(
     Ok(driver.run)
 }
 
+fn scaled(v: &[f64], scales: &[f64]) -> f64 {
+    v.iter().zip(scales).fold(0.0_f64, |s, (v, c)| {
+        let v = (v / c).abs();
+        if v > s || v.is_nan() { v } else { s }
+    })
+}
+
 impl Driver<'_, '_, '_> {
     /// As `scaled_size`, but no number where an entry is none: such a step must not pass.
     fn scaled(&self, v: &[f64]) -> f64 {
-        v.iter().zip(&self.scales).fold(0.0_f64, |s, (v, c)| {
-            let v = (v / c).abs();
-            if v > s || v.is_nan() { v } else { s }
-        })
+        scaled(v, &self.scales)
     }
 
     fn at_start(&mut self, start: &Instant) {
@@ -449,7 +456,8 @@ impl Driver<'_, '_, '_> {
     fn size(&self, error: &LocalError, speed: f64, patience: f64) -> f64 {
         let rate = self.scaled(&error.rate) * (1.0 / speed.max(1e-300)).min(patience);
         let position = self.scaled(&error.position);
-        if rate.is_nan() || position.is_nan() { f64::NAN } else { rate.max(position) }
+        let state = scaled(&error.state, &self.states);
+        if rate.is_nan() || position.is_nan() || state.is_nan() { f64::NAN } else { rate.max(position).max(state) }
     }
 
     /// The coordinate whose error is the largest.

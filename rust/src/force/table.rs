@@ -1,6 +1,31 @@
 //! A table of points, joined by a monotone cubic spline (PCHIP: F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5
 //! (1984) 300-304), straight beyond its ends.
-use super::Scalar;
+use super::law::{At, Law, Scalar, Surface};
+
+/// Parameters u_0 ... u_m f_0 ... f_m.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Table {
+    /// points
+    n: usize,
+}
+
+impl Law for Table {
+    fn with(n: usize) -> Option<Self> {
+        (n >= 4 && n % 2 == 0).then_some(Table { n: n / 2 })
+    }
+
+    fn n_params(&self) -> usize {
+        2 * self.n
+    }
+
+    fn force<D: Scalar>(&self, at: At<D>, p: &[D], _z: &[D], _after: &mut [D]) -> D {
+        pchip(at.u, &p[..self.n], &p[self.n..])
+    }
+
+    fn surfaces(&self, p: &[f64]) -> Vec<Surface> {
+        p[..self.n].iter().map(|u| Surface::knot(*u)).collect()
+    }
+}
 
 /// The spline through (x_i, y_i), x ascending, at u.
 pub fn pchip<D: Scalar>(u: D, x: &[D], y: &[D]) -> D {
