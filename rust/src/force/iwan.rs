@@ -10,7 +10,7 @@ pub struct Iwan {
 
 impl Law for Iwan {
     fn with(n: usize) -> Option<Self> {
-        (n > 0 && n % 2 == 0).then_some(Iwan { n: n / 2 })
+        (n > 0 && n.is_multiple_of(2)).then_some(Iwan { n: n / 2 })
     }
 
     fn n_params(&self) -> usize {

@@ -14,7 +14,7 @@ pub struct Maxwell {
 
 impl Law for Maxwell {
     fn with(n: usize) -> Option<Self> {
-        (n > 0 && n % 2 == 0).then_some(Maxwell { n: n / 2 })
+        (n > 0 && n.is_multiple_of(2)).then_some(Maxwell { n: n / 2 })
     }
 
     fn n_params(&self) -> usize {

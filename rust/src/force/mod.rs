@@ -264,11 +264,8 @@ impl AnyLaw {
             self.law_rate(at, &p, &z, &mut rate);
             (self.law_force(at, &p, &z, &mut []), rate[0])
         };
-        let all = [along(0), along(1), along(2)];
-        let slopes = |of: fn(&(Dual<f64>, Dual<f64>)) -> Dual<f64>| {
-            [of(&all[0]).re, of(&all[0]).eps, of(&all[1]).eps, of(&all[2]).eps]
-        };
-        StateSlopes { z, force: slopes(|a| a.0), rate: slopes(|a| a.1) }
+        let [(f_u, g_u), (f_v, g_v), (f_z, g_z)] = [along(0), along(1), along(2)];
+        StateSlopes { z, force: [f_u.re, f_u.eps, f_v.eps, f_z.eps], rate: [g_u.re, g_u.eps, g_v.eps, g_z.eps] }
     }
 
     /// How its states answer small motions about rest at u, one for each state that relaxes.

@@ -11,7 +11,7 @@ pub struct PolynomialVelocity {
 
 impl Law for PolynomialVelocity {
     fn with(n: usize) -> Option<Self> {
-        (n > 0 && n % 2 == 0).then_some(PolynomialVelocity { n: n / 2 })
+        (n > 0 && n.is_multiple_of(2)).then_some(PolynomialVelocity { n: n / 2 })
     }
 
     fn n_params(&self) -> usize {

@@ -11,7 +11,7 @@ pub struct Table {
 
 impl Law for Table {
     fn with(n: usize) -> Option<Self> {
-        (n >= 4 && n % 2 == 0).then_some(Table { n: n / 2 })
+        (n >= 4 && n.is_multiple_of(2)).then_some(Table { n: n / 2 })
     }
 
     fn n_params(&self) -> usize {

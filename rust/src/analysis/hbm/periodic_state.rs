@@ -90,7 +90,7 @@ impl PeriodicState {
                 }
             }
             // corrections of the last digit may alternate, larger ones are no solution
-            if !solved && !(middle.z.is_finite() && end.z.is_finite()) {
+            if !(solved || middle.z.is_finite() && end.z.is_finite()) {
                 return Err(Error::Convergence {
                     message: "the state of a law has no solution between two samples; take more with n_samples=".into(),
                     best: Vec::new(),
