@@ -1,4 +1,4 @@
-"""The specification's seventh section, as far as it is built: many designs of the isolator."""
+"""Many designs of the isolator: samples, sweeps and their results."""
 
 import sys
 import tempfile

@@ -300,7 +300,7 @@ def test_sections_that_cannot_be(call, message):
         call()
 
 
-@pytest.mark.parametrize("module", ["lifting_line", "indicial"])
+@pytest.mark.parametrize("module", ["wings", "attached"])
 def test_examples_of_docstrings(module):
     found = doctest.testmod(importlib.import_module(f"mbrs.aero.{module}"))
     assert found.attempted > 0 and found.failed == 0

@@ -17,6 +17,8 @@ COMPOSED = {
     "accuracy_study": "runs an analysis with several settings",
     "effect_study": "runs an analysis with each effect left out",
     "check_gradients": "runs an analysis at changed values",
+    "compare": "runs an analysis in the core and in the reference, and subtracts",
+    "sweep": "runs analyses at many designs",
     "campbell": "steady_motion and modes at several speeds",
     "effects": "lists what the model contains",
     "load": "reads what an analysis computed",

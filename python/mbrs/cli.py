@@ -310,7 +310,7 @@ def simulate(
 
 def _known_data(context: Any, parameter: Any, out: Path | None) -> Path | None:
     """Endings of files of data."""
-    from .result_files import writer
+    from ._lib.result_files import writer
 
     if out is not None:
         writer(out)

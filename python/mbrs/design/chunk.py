@@ -26,8 +26,8 @@ _QUOTED = re.compile(r"'([^']{1,200})'")
 
 
 class Scene(Protocol):
-    """What a worker needs beside the rows: a fresh model for each design, and the function of it. A worker that cannot have them
-    fails in ``prepare``, before any design.
+    """Data that a worker needs beside the rows: a fresh model for each design, and the function of it. A worker that cannot have
+    them fails in ``prepare``, before any design.
     """
 
     def prepare(self) -> None: ...
@@ -92,7 +92,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a design has no outputs."""
+    """Reason for a design without outputs: the error, the object that it names, and its message."""
 
     design: int
     error: str
@@ -113,7 +113,7 @@ class Column:
 
 @dataclass
 class Chunk:
-    """What came of the designs ``first`` to ``first + len - 1``; fewer than asked for where it was stopped."""
+    """Outputs and failures of the designs ``first`` to ``first + len - 1``; fewer than asked for where it was stopped."""
 
     first: int
     values: np.ndarray

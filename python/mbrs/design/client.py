@@ -32,7 +32,7 @@ Range = tuple[int, int]
 
 
 class Sizes:
-    """How many designs a chunk has: ``fixed``, or as many as take `CHUNK_SECONDS`, told by those that are done."""
+    """Number of designs in a chunk: ``fixed``, or as many as take `CHUNK_SECONDS`, judged by those that are done."""
 
     def __init__(self, workers: int, fixed: int | None = None) -> None:
         self._workers, self._fixed = workers, fixed
@@ -56,8 +56,8 @@ class Sizes:
 
 @dataclass
 class Keeper:
-    """What happens to chunks: they are kept in memory and, with a store, in its folder. ``begin`` and ``end`` mark designs that
-    this process computes itself.
+    """Actions for chunks: ``keep`` holds them in memory and, with a store, in its folder; ``begin`` and ``end`` mark designs
+    that this process computes itself.
     """
 
     keep: Callable[[Chunk], None]

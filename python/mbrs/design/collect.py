@@ -124,7 +124,7 @@ def _array(name: str, n: int, count: int, columns: Sequence[tuple[int, Column]])
 
 
 def _dimensions(shapes: np.ndarray) -> np.ndarray:
-    """How many dimensions each row of shapes has: those behind are -1."""
+    """Number of dimensions in each row of shapes, whose unused entries are -1."""
     return np.sum(shapes >= 0, axis=1)
 
 

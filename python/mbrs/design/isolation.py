@@ -42,7 +42,7 @@ def examine(task: Task, context: Any = None) -> Iterator[Chunk]:
 
 
 def in_child(task: Task, limit: float | None, context: Any = None) -> tuple[Chunk | None, str]:
-    """What a child makes of a task, or None and how the child ended."""
+    """Chunk that a child process makes of a task, or None, and how the child ended."""
     context = context or multiprocessing.get_context("fork" if sys.platform == "linux" else None)
     ours, theirs = context.Pipe(duplex=False)
     child = context.Process(target=_work, args=(task, theirs, os.getpid()), daemon=True)

@@ -28,7 +28,7 @@ class Analysis:
 
     @property
     def values(self) -> Layout:
-        """What the analysis itself gives."""
+        """Dimensions and unit of every array that the analysis itself gives, without derivatives."""
         raise NotImplementedError
 
     def compute(self, model: Any, at: Any) -> Any:
@@ -68,7 +68,7 @@ class Analysis:
         return {"parameter": tuple(label for name in self.parameters for label in target(model, name).labels)}
 
     def describe(self) -> dict[str, Any]:
-        """What it computes, as data."""
+        """Describe the analysis and its arguments as data."""
         fields = {f.name: _plain(getattr(self, f.name)) for f in dataclasses.fields(self)}
         return {"analysis": type(self).__name__.strip("_").lower(), **fields}
 
@@ -200,7 +200,7 @@ def _listed(ports: Any) -> tuple[Any, ...]:
 
 
 def equilibrium(sensitivities: Sequence[str] = ()) -> Analysis:
-    """Where bodies rest: ``position`` (n_bodies, 3) m, and ``rotation`` (n_bodies, 3, 3), from body to world axes.
+    """Rest positions of bodies: ``position`` (n_bodies, 3) m, and ``rotation`` (n_bodies, 3, 3), from body to world axes.
 
     With ``sensitivities`` also ``position_derivative`` (n_bodies, 3, p), and ``rotation_derivative`` (n_bodies, 3, p) by a world
     rotation vector.

@@ -1,4 +1,4 @@
-"""Where chunks are computed: here, in threads, in any executor of `concurrent.futures`, on the workers of a Dask client."""
+"""Places where chunks are computed: here, in threads, in any executor of `concurrent.futures`, on the workers of a Dask client."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Pool:
         """Called after each design that is computed in this process; a sweep puts its progress here."""
 
     def scene(self, model: Any, outputs: Callable[..., Any]) -> Scene:
-        """What the workers need."""
+        """Data that the workers need: the model and the function of outputs."""
         return PackedScene(pickle.dumps(model), self.dumps(outputs))
 
     def dumps(self, function: Any) -> bytes:
@@ -61,19 +61,19 @@ class Pool:
         raise NotImplementedError
 
     def finished(self, futures: Iterable[Any], timeout: float | None = None) -> list[Any]:
-        """Those that are done; waits until one is, or so many seconds."""
+        """Futures that are done; waits until one is, for at most ``timeout`` seconds."""
         return list(wait(list(futures), timeout, FIRST_COMPLETED)[0])
 
     @property
     def ends_workers(self) -> bool:
-        """Whether `end_workers` does it."""
+        """True where `end_workers` can kill the workers."""
         return False
 
     def end_workers(self) -> None:
         """Kill the workers; their tasks are lost."""
 
     def chunk(self, future: Any) -> Chunk:
-        """What came of a task; `WorkerLost` where its worker died."""
+        """Chunk computed by a task; raises `WorkerLost` where its worker died."""
         return future.result()
 
     def revive(self) -> None:

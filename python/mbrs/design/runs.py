@@ -1,4 +1,4 @@
-"""What a sweep found: outputs of every design, and why some have none."""
+"""Results of a sweep: outputs of every design, and reasons for designs without them."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Failures(Result):
         return ["designs", "reason", "error", "object", "first", "its message"], rows
 
     def plot(self, *, ax: Any = None) -> Any:
-        """How many designs failed of each kind; returns the figure."""
+        """Draw the number of failed designs of each kind; returns the figure."""
         from ..plot.sweeps import failures as draw
 
         return draw(self, ax=ax)

@@ -1,4 +1,4 @@
-"""What one sweep is made of, and its state: rows, chunks, the folder. `mb.sweep` and the methods of `Runs` go through it."""
+"""State of one sweep: rows, chunks, the folder. `mb.sweep` and the methods of `Runs` go through it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .table import Designs, fingerprint, table
 
 @dataclass(frozen=True)
 class Options:
-    """How a sweep is computed; none of it changes its numbers."""
+    """Settings for the computation of a sweep; none of them changes its numbers."""
 
     executor: Any = None
     chunk: int | None = None

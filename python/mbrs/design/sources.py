@@ -1,4 +1,4 @@
-"""What a function of outputs does, as text: a sweep goes on only with the function that began it."""
+"""Text of a function of outputs and of what it uses of its module: a sweep goes on only with the function that began it."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ _holding = threading.Lock()
 
 
 def identity(model_text: str, outputs: Mapping[str, Any], designs: Designs) -> dict[str, Any]:
-    """What a sweep computes, as its folder keeps it."""
+    """Description of what a sweep computes, as its folder keeps it."""
     from .._lib.version import __version__
 
     return {

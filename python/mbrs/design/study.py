@@ -5,7 +5,6 @@ A file is data: its paths stay in its folder, and it names a Python function onl
 
 from __future__ import annotations
 
-import importlib
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from typing import Any
 
 from .._lib.checks import choice, shown
 from ..errors import ModelError
+from ..model.motions import resolve
 from . import outputs as _outputs
 from . import sampling, uncertainty
 from .gaussian import normal
@@ -41,7 +41,7 @@ _ANALYSES: Mapping[str, frozenset[str]] = {
 
 @dataclass(frozen=True)
 class Study:
-    """What a file describes; ``model`` and ``store`` are paths."""
+    """Contents of a study file; ``model`` and ``store`` are paths."""
 
     model: Path
     store: Path
@@ -181,8 +181,4 @@ def _function(given: Any, functions: bool) -> Any:
         raise ModelError(
             f"the study names the Python function {given!r}; allow that with --functions if you trust the file"
         )
-    module, _, name = given.partition(":")
-    try:
-        return getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError, ValueError) as reason:
-        raise ModelError(f"cannot import {given!r}: {reason}") from None
+    return resolve(given)

@@ -1,4 +1,4 @@
-"""What uncertain numbers do to outputs: moments and quantiles, Sobol indices, derivative-based bounds of these."""
+"""Effects of uncertain numbers on outputs: moments and quantiles, Sobol indices, derivative-based bounds of these."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ def _rank_correlation(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def failures(result: Any, *, ax: Any = None) -> Any:
-    """How many designs failed of each kind, as bars; ``result`` with ``kinds()``: designs by reason, error class and object."""
+    """Bars of the number of failed designs of each kind; ``result`` with ``kinds()``: designs by reason, error class and object."""
     kinds = result.kinds()
     labels = [" ".join(part for part in key if part) for key in kinds]
     with style():
