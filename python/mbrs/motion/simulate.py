@@ -287,7 +287,8 @@ def _run(snapshot: Snapshot, state: State, without: Sequence[str], options: dict
     with Progress("motion", 1000) as progress, core_errors():
 
         def report(part: float) -> None:
-            progress.advance(int(1000 * part) - progress.done)
+            # a motion of no length is done when it begins
+            progress.advance((int(1000 * part) if math.isfinite(part) else 1000) - progress.done)
 
         return _core.simulate_motion(snapshot.system, state.relative, state.rate, list(without), options, report)
 
