@@ -25,6 +25,7 @@ _HOME = {
     "ModelError": "errors",
     "NameNotFoundError": "errors",
     "NotDifferentiableError": "errors",
+    "OmissionWarning": "errors",
     "RouteError": "errors",
     "SingularError": "errors",
     "Model": "model.model",

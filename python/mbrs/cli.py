@@ -1,4 +1,6 @@
-"""The command line: ``mbrs demo``, ``check``, ``modal``, ``frf``, ``nlfr``, ``sens``, ``simulate``. Heavy imports wait for the command."""
+"""The command line: ``mbrs demo``, ``check``, ``convert``, ``modal``, ``frf``, ``nlfr``, ``sens``, ``simulate``. Heavy imports wait
+for the command.
+"""
 
 from __future__ import annotations
 
@@ -67,7 +69,8 @@ def _show_warning(message: Any, category: Any, *rest: Any) -> None:
 def main() -> None:
     """Vibration and motion of spatial multibody systems from the shell.
 
-    Models are TOML files as written by Model.save. Exit code 0: done; 1: an error of the model or the analysis;
+    Models are TOML files as written by Model.save, or files of other programs (URDF, MJCF). Exit code 0: done; 1: an error of the
+    model or the analysis;
     2: wrong usage; 130: interrupted by Ctrl-C, after what there is so far was printed and saved.
     """
     import warnings
@@ -80,7 +83,7 @@ def main() -> None:
 
 def _model_argument(command: Callable[..., Any]) -> Callable[..., Any]:
     path = click.Path(exists=True, dir_okay=False, path_type=Path)
-    return click.argument("model", type=path, metavar="MODEL.TOML")(command)
+    return click.argument("model", type=path, metavar="MODEL")(command)
 
 
 def _known_ending(context: Any, parameter: Any, out: Path | None) -> Path | None:
@@ -139,6 +142,21 @@ def check(model: Path, as_json: bool) -> None:
         click.echo(dumps({"analysis": "check", "file": str(model), **system_data(system, effects)}))
     else:
         click.echo(f"{system}\n\n{effects}")
+
+
+@main.command()
+@_model_argument
+@click.argument("out", type=click.Path(dir_okay=False, path_type=Path), metavar="OUT")
+def convert(model: Path, out: Path) -> None:
+    """Write a model in the format that the ending of OUT says; what that format cannot hold is named."""
+    from .formats import find
+
+    find(out, "model", "write")
+    try:
+        _load(model).save(out)
+    except OSError as problem:
+        raise click.ClickException(f"cannot write {out}: {problem.strerror or problem}") from None
+    click.echo(f"wrote {out}", err=True)
 
 
 @main.command()
