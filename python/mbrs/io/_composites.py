@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,13 +12,26 @@ from ..errors import ModelError
 from ..model.schema import JOINTS
 from ._poses import Array
 
-if TYPE_CHECKING:
-    from ._tree import Hinge
-
 # Sine of the angle by which axes of one composite may miss a right angle or being parallel, and the distance of axes over the size of
 # the link by which they may miss each other. Too small: hand-typed axes of seven digits are refused. Too large: a leaning axis is
 # straightened. Pinned by tests/test_io_mjcf.py.
 ALIGNED = 1e-6
+
+
+@dataclass
+class Hinge:
+    """One joint as a file has it: between a link and what carries it, drawn in world axes."""
+
+    name: str
+    kind: str  # of `Model`: revolute, prismatic, spherical, planar, free
+    at: Array
+    axis: Array
+    k: float = 0.0
+    c: float = 0.0
+    preload: float = 0.0
+    friction: float = 0.0
+    armature: float = 0.0
+    where: str = ""
 
 
 @dataclass
@@ -106,7 +119,11 @@ def compose(hinges: Sequence[Hinge], size: float, where: str) -> Composite:
 def _single(hinge: Hinge) -> Composite:
     names = JOINTS[hinge.kind].coordinates
     frame: dict[str, Any] = {} if hinge.kind in ("spherical", "free") else {"axis": hinge.axis}
-    return Composite(hinge.name, hinge.kind, hinge.at, frame, [(hinge, names[0], 1.0)])
+    notes = []
+    if hinge.kind in ("spherical", "free") and (hinge.c or hinge.friction):
+        # dampers of a model act on the rates of its coordinates, here of the rotation vector
+        notes = ["damping of an angular velocity, now of the rate of the rotation vector: equal for small angles"]
+    return Composite(hinge.name, hinge.kind, hinge.at, frame, [(hinge, names[0], 1.0)], notes)
 
 
 def _cardan(name: str, kind: str, at: Array, slides: Sequence[Hinge], turns: Sequence[Hinge]) -> Composite:

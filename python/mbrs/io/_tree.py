@@ -15,29 +15,13 @@ import numpy as np
 from ..errors import InertiaError, MbrsError, ModelError
 from ..model.laws import CoulombTanh
 from ..model.model import Model
-from ._composites import Composite, compose
+from ._composites import Composite, Hinge, compose
 from ._poses import Array, Frame, Inertia
 from ._xml import Source, clipped
 
 # rad/s or m/s; the rate at which 76 % of a dry friction acts, tanh(rate / this). Too small: steps of integrators become tiny. Too
 # large: joints that should stick creep. Pinned by tests/test_io_urdf.py.
 FRICTION_RATE = 1e-3
-
-
-@dataclass
-class Hinge:
-    """One joint as a file has it: between a link and what carries it, drawn in world axes."""
-
-    name: str
-    kind: str  # of `Model`: revolute, prismatic, spherical, planar, free
-    at: Array
-    axis: Array
-    k: float = 0.0
-    c: float = 0.0
-    preload: float = 0.0
-    friction: float = 0.0
-    armature: float = 0.0
-    where: str = ""
 
 
 @dataclass
@@ -133,18 +117,18 @@ class Builder:
             self._check_moving(i)
         for i, link in enumerate(links):
             if self.home[i] == i:
-                self._guarded(link.where, lambda i=i: self._add_body(i))  # type: ignore[misc]
+                self.guarded(link.where, lambda i=i: self._add_body(i))  # type: ignore[misc]
         for i, link in enumerate(links):
             if self.home[i] == i:
-                self._guarded(link.where, lambda i=i: self._add_joint(i))  # type: ignore[misc]
+                self.guarded(link.where, lambda i=i: self._add_joint(i))  # type: ignore[misc]
             else:
                 self._add_marker(link.name, i, link.frame)
         for site in self.tree.sites:
             self._add_marker(site.name, site.link, site.frame)
         for coupling in self.tree.couplings:
-            self._guarded(coupling.where, lambda c=coupling: self._add_coupler(c))  # type: ignore[misc]
+            self.guarded(coupling.where, lambda c=coupling: self._add_coupler(c))  # type: ignore[misc]
 
-    def _guarded(self, where: str, action: Callable[[], Any]) -> Any:
+    def guarded(self, where: str, action: Callable[[], Any]) -> Any:
         """An error of the model says where in the file its cause is."""
         try:
             return action()

@@ -9,8 +9,9 @@ import numpy as np
 from ..errors import DuplicateNameError, NameNotFoundError
 from ..formats import Format, register, warn_of_omissions
 from ..model.model import Model
+from ._composites import Hinge
 from ._poses import Frame, Inertia, roll_pitch_yaw
-from ._tree import Builder, Coupling, Hinge, Link, Tree, omit_friction
+from ._tree import Builder, Coupling, Link, Tree, omit_friction
 from ._urdf_writer import NO_LIMIT, write
 from ._xml import LARGEST_XML, Node, clipped, parse
 
