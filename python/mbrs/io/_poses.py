@@ -58,7 +58,7 @@ class Frame:
         return Frame(outer.R.T @ self.R, outer.R.T @ (self.p - outer.p))
 
 
-def from_quaternion(q: Sequence[float]) -> Array:
+def from_quaternion(q: Sequence[float] | Array) -> Array:
     """The rotation of a quaternion, scalar first, of any length but zero."""
     return quaternion_matrix(np.asarray(q, dtype=float))
 

@@ -83,7 +83,7 @@ class Names:
             made = f"{base} {kind}" if n == 1 else f"{base} {kind} {n}"
             n += 1
         if made != wanted:
-            self.source.omit(f"{kind} {wanted!r}", f"name, now {made!r}")
+            self.source.omit(f"{kind} {wanted!r}", f"name, now {clipped(made)!r}")
         return made
 
 

@@ -36,7 +36,7 @@ class Source:
 
     def omit(self, what: str, feature: str) -> None:
         """Note that something of the file is left out or changed."""
-        self.omissions.append(Omission(clipped(what), clipped(feature)))
+        self.omissions.append(Omission(clipped(what), feature))
 
     def ledger(self, root: Any) -> None:
         """Note the elements and attributes that were not read."""
@@ -52,7 +52,7 @@ class Source:
             here = f"{tag} {element.get('name')!r}" if element.get("name") and element is not root else owner
             for key in element.attrib:
                 if (element, key) not in self.read:
-                    self.omit(here, f"{key}=" if here != owner else f"<{tag} {key}=>")
+                    self.omit(here, f"{clipped(key)}=" if here != owner else f"<{tag} {clipped(key)}=>")
             waiting.extend((child, here) for child in reversed(element))
 
 
