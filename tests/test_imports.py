@@ -17,7 +17,8 @@ RUST = PACKAGE.parents[1] / "rust" / "src"
 # From the bottom: a module may import its own layer and those below. What is not named belongs to "analyses".
 LAYERS = {
     "words": {
-        "errors", "jsonable", "files", "progress", "results", "mac", "measures", "_timing", "_checks", "flexible", "formats",
+        "errors", "jsonable", "files", "progress", "results", "mac", "measures", "_timing", "_checks", "flexible",
+        "formats", "matrix_files",
     },
     "model": {"model", "examples", "effects", "shifted_laws"},
     "tables": {"tables"},
