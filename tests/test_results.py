@@ -16,6 +16,7 @@ import matplotlib.pyplot as plt
 import mbrs as mb
 import numpy as np
 import pytest
+from mbrs.measurement import MeasuredFunction, Measurement
 from mbrs.records import HOMES, member
 from mbrs.results import Result
 
@@ -95,6 +96,24 @@ def _sliding():
     return mb.steady_motion(m, {"rail": 0.7, "hub": 13.0})
 
 
+def _measured():
+    x = np.linspace(1.0, 3.0, 5)
+    function = MeasuredFunction("frequency response", "2:+z", "1:-x", "velocity/force", "m/s", x, x * (0.3 - 0.7j))
+    shape = np.arange(24.0).reshape(6, 2, 2) * (1 + 0.1j)
+    at = np.array([[0.1, 0.2, 0.3], [0.7, -0.1, 0.4]])
+    return Measurement(
+        np.array([1, 2]),
+        at,
+        ("1", "tip"),
+        ((1, 2),),
+        (function,),
+        np.array([-0.1 + 3j, 7j]),
+        shape,
+        "test",
+        status="measured",
+    )
+
+
 MAKE = {
     "ModalResult": lambda: mb.modes(drawn()),
     "ModalResult of matrices": lambda: mb.modes(
@@ -151,6 +170,7 @@ MAKE = {
     ).solve(),
     "AccuracyStudy": lambda: mb.accuracy_study(mb.simulate, drawn(), t=0.2, rtol=[1e-4, 1e-6]),
     "EffectStudy": lambda: mb.effect_study(mb.modes, drawn()),
+    "Measurement": lambda: _measured(),
     "RotorModes": lambda: mb.rotor_modes(_blades(), ["a", "b", "c"], 0.7),
 }
 
@@ -279,13 +299,13 @@ def test_tables_of_numbers_are_complete(results, name, tmp_path):
             assert np.array_equal(np.array([float(x) for x in texts]), column, equal_nan=True)
         else:
             assert texts == [str(x) for x in column.tolist()]
-    with pytest.raises(mb.errors.ModelError, match="are loaded from"):
+    with pytest.raises(mb.errors.ModelError, match=r"is only written; known are \.json, \.nc"):
         mb.load(tmp_path / "result.csv")
 
 
 @pytest.mark.parametrize("name", ["a.png", "a", "a.txt", "a.toml", "a.nc4", "a.pickle", ".nc"])
 def test_unknown_endings_are_refused_and_the_known_ones_listed(results, name, tmp_path):
-    with pytest.raises(mb.errors.ModelError, match=r"\.nc, \.json, \.csv, \.pkl"):
+    with pytest.raises(mb.errors.ModelError, match=r"known are \.csv, \.json, \.nc, \.pkl"):
         results("ModalResult").save(tmp_path / name)
     assert not any(tmp_path.iterdir())
 

@@ -88,9 +88,9 @@ def _model_argument(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def _known_ending(context: Any, parameter: Any, out: Path | None) -> Path | None:
     """Refuse an ending that says nothing before anything is computed."""
-    from .result_files import WRITERS
+    from .formats import known as writable
 
-    known = (*WRITERS, *_PAGES)
+    known = (*writable("result", "write"), *_PAGES)
     if out is not None and out.suffix.lower() not in known:
         raise click.BadParameter(
             f"the ending {out.suffix!r} of {out.name!r} is not known; known are {', '.join(known)}"
@@ -111,7 +111,7 @@ def _analysis_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--json", "as_json", is_flag=True, help="Print the result as JSON."),
         click.option("--out", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
                      callback=_known_ending,
-                     help="Save: .nc, .json (mbrs.load reads them), .csv, .html (a page), .pkl (a pickle)."),
+                     help="Save: .nc, .json (mbrs.load reads them), .csv, .html (a page), .pkl (a pickle), .uff."),
     ):  # fmt: skip
         command = option(command)
     return _model_argument(command)

@@ -23,6 +23,7 @@ HOMES: Mapping[str, str] = {
     **dict.fromkeys(("Stats",), "results"),
     **dict.fromkeys(("ModalResult",), "modal"),
     **dict.fromkeys(("FrfResult", "FrfSensitivity"), "frf"),
+    **dict.fromkeys(("Measurement", "MeasuredFunction"), "measurement"),
     **dict.fromkeys(("ResponseResult", "ResponseSensitivity", "LoadHistory"), "response"),
     **dict.fromkeys(("Linearization", "Snapshot"), "linearize"),
     **dict.fromkeys(("LinearizationSensitivity", "EquilibriumSensitivity", "SparseDerivative"), "sensitivity"),

@@ -21,6 +21,7 @@ import numpy as np
 
 from .errors import MbrsError, ModelError
 from .files import write_atomic
+from .formats import find
 from .records import Decoder, Encoder
 from .results import Result
 
@@ -34,27 +35,22 @@ _DAMAGE = (ArithmeticError, AttributeError, LookupError, MemoryError, OSError, R
 
 def save(result: Result, path: str | Path) -> Path:
     """Write a result as its ending says, see `Result.save`."""
-    path = Path(path)
-    return write_atomic(path, writer(path)(result))
+    write = find(path, "result", "write").write
+    return write(result, Path(path))  # type: ignore[misc]
 
 
-def writer(path: str | Path) -> Callable[[Any], bytes]:
-    """What makes the bytes of a file with this ending; `ModelError` lists the known ones."""
-    ending = Path(path).suffix.lower()
-    if ending not in WRITERS:
-        raise ModelError(
-            f"cannot save {Path(path).name!r}: the ending {ending!r} is not known; known are {', '.join(WRITERS)}"
-        )
-    return WRITERS[ending]
+def write_file(result: Result, path: Path) -> Path:
+    """Write a file of one of the formats below, whole or not at all."""
+    return write_atomic(path, WRITERS[path.suffix.lower()](result))
 
 
 def load(path: str | Path, *, functions: bool = False) -> Any:
-    """A result as it was saved; it prints, draws, continues (``at=``) and has sensitivities as before.
+    """A result as it was saved; it prints, draws, continues (``at=``) and has sensitivities as before. Or a measurement.
 
     Parameters
     ----------
     path
-        A ``.nc`` or ``.json`` file that ``result.save`` wrote.
+        A ``.nc`` or ``.json`` file that ``result.save`` wrote, or a universal file (``.uff``, ``.unv``: docs/files.md).
     functions
         True imports the Python functions that the model of the result names, which runs their modules. Nothing else in a file
         is ever executed.
@@ -62,7 +58,7 @@ def load(path: str | Path, *, functions: bool = False) -> Any:
     Returns
     -------
     Result
-        Of the class that was saved.
+        Of the class that was saved; a `Measurement` from a universal file.
 
     Raises
     ------
@@ -83,14 +79,18 @@ def load(path: str | Path, *, functions: bool = False) -> Any:
     ending = path.suffix.lower()
     if ending == ".pkl":
         raise ModelError(f"{path.name}: a pickle can run any program; if you made it yourself, use pickle.load")
-    if ending not in READERS:
-        raise ModelError(f"cannot load {path.name!r}: results are loaded from {' and '.join(READERS)}")
+    read = find(path, "result", "read").read
+    return read(path, functions=functions)  # type: ignore[misc]
+
+
+def read_file(path: Path, functions: bool = False) -> Result:
+    """A file that `write_file` made."""
     try:
         data = path.read_bytes()
     except OSError as reason:
         raise ModelError(f"cannot read {path}: {reason.strerror or reason}") from None
     try:
-        tree, arrays = READERS[ending](data)
+        tree, arrays = READERS[path.suffix.lower()](data)
         return _result_of(tree, arrays, functions)
     except MbrsError as reason:
         raise type(reason)(f"{path.name}: {reason}") from None
