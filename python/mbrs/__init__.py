@@ -45,6 +45,7 @@ _HOME = {
     "frf": "frf",
     "response": "response",
     "state_space": "state_space",
+    "StateSpace": "state_space",
     "sensitivity": "sensitivity",
     "eigen_sensitivity": "eigen_sensitivity",
     "steady_motion": "steady",
