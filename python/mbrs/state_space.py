@@ -100,12 +100,12 @@ class StateSpace(Result):
         """
         import control
 
+        if not isinstance(system, control.StateSpace | control.TransferFunction):
+            raise ModelError(f"from_control takes a linear system of python-control, got {shown(system)}")
         try:
             made = control.ss(system)
-        except (TypeError, ValueError, NotImplementedError) as reason:
-            raise ModelError(
-                f"from_control takes a linear system of python-control, got {shown(system)}: {reason}"
-            ) from None
+        except (TypeError, ValueError, NotImplementedError, ImportError) as reason:
+            raise ModelError(f"python-control makes no state space of this system: {reason}") from None
         if made.isdtime(strict=True):
             raise ModelError(f"from_control takes systems in continuous time; this one has the step {made.dt} s")
         return _checked_space(
