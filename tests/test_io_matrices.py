@@ -215,3 +215,46 @@ def test_matrices_that_are_not_real_or_not_finite(tmp_path):
             mb.MechanicalSystem.load(path)
     scipy.io.savemat(path, {"M": a, "K": a + 0j})
     assert mb.MechanicalSystem.load(path).K.dtype == float
+
+
+@pytest.mark.parametrize("symmetry", ["general", "symmetric", "skew-symmetric"])
+@pytest.mark.parametrize("field", ["real", "integer"])
+@pytest.mark.parametrize("sparse", [False, True])
+def test_every_kind_of_matrix_market_that_scipy_writes(tmp_path, symmetry, field, sparse):
+    rng = np.random.default_rng(6)
+    a = rng.integers(-9, 9, size=(7, 7)) * 1.0 if field == "integer" else rng.normal(size=(7, 7))
+    a = {"general": a, "symmetric": a + a.T, "skew-symmetric": a - a.T}[symmetry]
+    scipy.io.mmwrite(
+        tmp_path / "a.mtx",
+        sp.coo_matrix(a) if sparse else a,
+        field=field,
+        symmetry=symmetry,
+        comment="of a test",
+        precision=17,
+    )
+    assert symmetry in (tmp_path / "a.mtx").read_text().splitlines()[0]
+    found = mb.MechanicalSystem.load({"M": tmp_path / "a.mtx", "K": tmp_path / "a.mtx"}).K
+    assert np.array_equal(found, a) and np.array_equal(found, dense(scipy.io.mmread(tmp_path / "a.mtx")))
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize("dtype", ["f8", "f4", "i1", "u2", "i4", "i8", "u8", "?", "c16"])
+def test_every_class_of_numbers_in_matlab_files(tmp_path, dtype, compressed):
+    rng = np.random.default_rng(7)
+    a = (rng.random((6, 6)) * 5).astype(dtype)
+    thin = sp.random(6, 6, 0.4, format="csc", random_state=1)
+    thin.data = thin.data * 9 - 4
+    path = tmp_path / "a.mat"
+    others = {
+        "s": {"x": 1.0},
+        "text": "abc",
+        "cells": np.array([1, "a"], dtype=object),
+        "cube": np.zeros((2, 2, 2)),
+        "K": thin,
+        "M": a,
+    }
+    scipy.io.savemat(path, others, do_compression=compressed)
+    found = mb.MechanicalSystem.load(path)
+    assert np.array_equal(found.M, scipy.io.loadmat(path)["M"].astype(float)) and np.array_equal(
+        found.K, thin.toarray()
+    )

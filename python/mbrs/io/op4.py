@@ -34,14 +34,14 @@ def read(path: Path, whole_nodes: bool = False) -> MatrixSet:
     _check_records(path, data)
 
     def load() -> dict[str, Any]:
-        names, sizes, _, _ = op4.dir(str(path), verbose=False)
+        names, sizes, _, _ = _careful(op4).dir(str(path), verbose=False)
         if len(set(names)) != len(names):
             raise ModelError(f"{path.name} has two matrices of one name: {', '.join(names)}")
         if any(not 0 < side <= LARGEST_SIDE for size in sizes for side in size):
             raise ModelError(f"{path.name} has a matrix with more than {LARGEST_SIDE} rows or columns")
         return {
             name: tidy(path, name, a)
-            for name, a in op4.load(str(path), into="dct", justmatrix=True, sparse=True).items()
+            for name, a in _careful(op4).load(str(path), into="dct", justmatrix=True, sparse=True).items()
         }
 
     found = guarded(path, "OP4", load)
@@ -66,6 +66,47 @@ def _check_records(path: Path, data: bytes) -> None:
         if place == len(data):
             return
     raise ModelError(f"{path.name} is not OP4: its records do not follow each other")
+
+
+def _careful(op4: Any) -> Any:
+    """pyyeti's reader, which gives up behind the end of a text file: it believes counts of lines, and damaged ones are large."""
+
+    class Careful(op4.OP4):  # type: ignore[misc]
+        def _op4open_read(self, filename: str) -> Any:
+            opened = super()._op4open_read(filename)
+            if self._ascii:
+                self._fileh: Any = _Lines(self._fileh)
+            return opened
+
+    return Careful()
+
+
+class _Lines:
+    """A text file that can be read to its end, and not on and on."""
+
+    def __init__(self, file: Any) -> None:
+        self._file, self._left = file, 10
+
+    def readline(self) -> str:
+        """The next line; "" at the end, where a reader stops."""
+        line: str = self._file.readline()
+        if not line:
+            self._left -= 1
+            if self._left < 0:
+                raise EOFError("it ends before its matrices do")
+        return line
+
+    def __iter__(self) -> _Lines:
+        return self
+
+    def __next__(self) -> str:
+        line = self.readline()
+        if not line:
+            raise StopIteration
+        return line
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
 
 
 def write(matrices: Mapping[str, Any], path: Path) -> Path:
