@@ -7,6 +7,7 @@ runs in a process of its own with limits of memory, so that a library in C can f
 from __future__ import annotations
 
 import io
+import os
 import re
 import sys
 import tempfile
@@ -135,6 +136,11 @@ def run(kind, count, seed, folder):
                 f"{k}: {type(reason).__name__}: {str(reason)[:200]} ({Path(where.filename).name}:{where.lineno})"
             )
     return fine, refused, wrong
+
+
+def environment():
+    """Of a process that finds the same packages."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
 
 
 def main():
