@@ -267,6 +267,21 @@ def test_joint_equalities_are_couplers_and_drives(tmp_path):
         load(tmp_path, four_bar('<joint joint1="j1" joint2="j0" polycoef="0 1 0.1 0 0"/>'))
 
 
+def test_couplers_keep_the_signs_of_joints_in_a_row(tmp_path):
+    """A slide against the hinge that it shares a cylindrical joint with follows a hinge of another body, along the file's own axis."""
+    rng = np.random.default_rng(12)
+    a = rng.normal(size=3)
+    a /= np.linalg.norm(a)
+    b = f'<body name="b"><joint name="s" type="slide" axis="{text(-a)}"/><joint name="h" axis="{text(a)}"/>{geoms(rng)}</body>'
+    c = f'<body name="c" pos="1 2 3"><joint name="j" axis="{text(rng.normal(size=3))}"/>{geoms(rng)}</body>'
+    gear = '<equality><joint joint1="s" joint2="j" polycoef="0 0.7 0 0 0"/></equality>'
+    m, _ = load(tmp_path, f"<mujoco><worldbody>{b}{c}</worldbody>{gear}</mujoco>")
+    traj = quiet(mb.simulate, m, t=[0.0, 0.2], rtol=1e-9)
+    # the frame of b lies on the axis, so that only the slide moves it
+    along = (traj.position("b")[-1] - traj.position("b")[0]) @ -a
+    assert abs(along) > 1e-4 and along == pytest.approx(0.7 * traj.joint("j")[-1], rel=1e-8)
+
+
 def test_a_tendon_between_two_sites_is_a_spring(tmp_path):
     site = '<site name="end" pos="0.25 0 0.05"/>'
     ends = '<site site="end"/><site site="post"/>'
@@ -363,6 +378,7 @@ def test_everything_left_out_is_named(tmp_path):
 
 
 BODY = '<body name="b"><joint name="j"/><geom size="0.1"/></body>'
+CAPSULE = BODY.replace("<geom", '<geom type="capsule"').replace("0.1", "1e-200 1e-200")
 MESH, CLASS = BODY.replace("<geom", '<geom type="mesh"'), BODY.replace("<joint", '<joint class="c"')
 
 
@@ -374,6 +390,8 @@ MESH, CLASS = BODY.replace("<geom", '<geom type="mesh"'), BODY.replace("<joint",
         ('<worldbody><body><joint type="screw"/></body></worldbody>', ModelError, "known are hinge, slide, ball, free"),
         (f"<worldbody>{BODY}{BODY}</worldbody>", DuplicateNameError, "body 'b' has a name that another one has"),
         (f'<worldbody>{BODY.replace("0.1", "-0.1")}</worldbody>', ModelError, "needs 1 positive number in 'size'"),
+        (f'<worldbody>{BODY.replace("0.1", "1e-200")}</worldbody>', ModelError, "has a size whose volume is not a number"),
+        (f"<worldbody>{CAPSULE}</worldbody>", ModelError, "has a size whose volume is not a number"),
         (f'<worldbody>{MESH}</worldbody>', ModelError, "is a mesh, whose mass is not computed"),
         (f'<worldbody>{CLASS}</worldbody>', NameNotFoundError, "class 'c', which no <default>"),
         ('<worldbody><composite type="cable"/></worldbody>', ModelError, "makes parts by rules that are not read"),

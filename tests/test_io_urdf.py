@@ -349,6 +349,16 @@ def test_an_inertia_that_no_body_has_names_the_link(tmp_path):
         load(tmp_path, urdf)
 
 
+def test_a_root_with_mass_is_welded_to_ground(tmp_path):
+    rng = np.random.default_rng(14)
+    urdf = random_urdf(rng, n=2, kinds=("continuous",)).replace('<link name="base"/>', urdf_link(rng, "base"))
+    m, _ = load(tmp_path, urdf)
+    assert [j.type for j in m.joints] == ["fixed", "revolute", "revolute"] and mb.System(m).dof == 2
+    again = quiet(mb.Model.load, quiet(m.save, tmp_path / "again.urdf"))
+    m.gravity = again.gravity = (0.3, -2.0, -9.0)
+    same_motion(m, again)
+
+
 def test_the_mass_of_welded_links_moves_their_massless_carrier(tmp_path):
     """A joint on a link without mass that carries one by a fixed joint: lumps, and a marker where the inner one was."""
     rng = np.random.default_rng(13)

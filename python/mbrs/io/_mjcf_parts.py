@@ -192,6 +192,8 @@ def geom_inertia(node: Node, angles: Angles) -> Inertia:
     if len(size) < needed or any(s <= 0.0 for s in size[:needed]):
         raise node.error(f"needs {needed} positive number{'s' * (needed > 1)} in 'size'")
     volume, moments = _unit_solid(kind, size)
+    if not 0.0 < volume < math.inf:
+        raise node.error("has a size whose volume is not a number")
     made = density * volume if mass is None else mass
     if made < 0.0:
         raise node.error(f"has the negative mass {made:g}")
@@ -229,6 +231,8 @@ def _unit_solid(kind: str, size: list[float]) -> tuple[float, list[float]]:
         return tube, [r * r / 4 + h * h / 3] * 2 + [r * r / 2]
     ball = 4.0 / 3.0 * math.pi * r**3
     whole = tube + ball
+    if whole == 0.0:  # sizes so small that the volume is lost
+        return whole, [0.0] * 3
     across = tube * (r * r / 4 + h * h / 3) + ball * (0.4 * r * r + h * h + 0.75 * h * r)
     return whole, [across / whole] * 2 + [(tube * r * r / 2 + ball * 0.4 * r * r) / whole]
 

@@ -6,18 +6,20 @@ import math
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import ModelError
 from ..files import write_atomic
 from ..formats import Format, Omission, open_file, register, warn_of_omissions
-from ..frf import FrfResult
-from ..measurement import MeasuredFunction, Measurement
-from ..modal import ModalResult
 from ._matrices import guarded
 from ._uff_codes import AXES, CODES, KINDS, NUMERATORS, QUANTITIES, direction_code, direction_name
+
+if TYPE_CHECKING:
+    from ..frf import FrfResult
+    from ..measurement import MeasuredFunction, Measurement
+    from ..modal import ModalResult
 
 # The first line of functions that mbrs wrote: the names of ports are in the last two lines.
 _MARK = "mbrs "
@@ -66,6 +68,8 @@ class _Reader:
 
     def measurement(self) -> Measurement:
         """All sets together."""
+        from ..measurement import Measurement
+
         place: dict[int, np.ndarray] = {}
         for s in self.sets:
             if s["type"] == 15:
@@ -108,6 +112,8 @@ class _Reader:
         return False
 
     def _function(self, s: Set) -> MeasuredFunction:
+        from ..measurement import MeasuredFunction
+
         over, under = self._quantity(s, "ordinate", "rsp_dir"), self._quantity(s, "orddenom", "ref_dir")
         kind = KINDS.get(s["func_type"], f"function type {s['func_type']}")
         factor = over[1] / (under[1] if kind == "frequency response" else 1.0)
@@ -173,6 +179,9 @@ def write(thing: Any, path: Path) -> Path:
     ModelError
         Another result.
     """
+    from ..frf import FrfResult
+    from ..modal import ModalResult
+
     writers: dict[type, Callable[[Any, list[Omission]], list[Set]]] = {FrfResult: _frf_sets, ModalResult: _mode_sets}
     if type(thing) not in writers:
         raise ModelError(

@@ -7,17 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
 
-from ..animate.geometry import SceneGeometry, scene_from_tables
 from ..errors import ModelError
 from ..files import write_atomic
 from ..formats import Format, register
-from ..modal import ModalResult
-from ..trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from ..animate.geometry import SceneGeometry
 
 # Numbers of cell types in VTK.
 _VERTEX, _LINE = 1, 3
@@ -93,6 +93,9 @@ def write_modes(thing: Any, path: Path) -> Path:
     ModelError
         Another result, or modes of plain matrices.
     """
+    from ..modal import ModalResult
+    from ..trajectory import Trajectory
+
     if not isinstance(thing, ModalResult):
         hint = "; save a motion as .pvd" if isinstance(thing, Trajectory) else ""
         raise ModelError(f"a .vtu file holds modes, not a {type(thing).__name__}{hint}")
@@ -121,6 +124,10 @@ def write_motion(thing: Any, path: Path) -> Path:
     ModelError
         Another result.
     """
+    from ..animate.geometry import scene_from_tables
+    from ..modal import ModalResult
+    from ..trajectory import Trajectory
+
     if not isinstance(thing, Trajectory):
         hint = "; save modes as .vtu" if isinstance(thing, ModalResult) else ""
         raise ModelError(f"a .pvd file holds a motion, not a {type(thing).__name__}{hint}")
