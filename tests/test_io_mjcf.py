@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mbrs.errors import DuplicateNameError, InertiaError, ModelError, NameNotFoundError, OmissionWarning
 from robot_models import geoms, inertia_element, mbrs_dynamics, orientation, random_mjcf, text
+from scipy.spatial.transform import Rotation
 
 pytest.importorskip("lxml")
 
@@ -228,6 +229,44 @@ def test_connect_closes_a_loop(tmp_path):
     traj = quiet(mb.simulate, m, t=[0.0, 1e-4], method="explicit", step=1e-5)
     joints = [traj.joint(f"j{i}")[-1] * 2e8 for i in range(3)]
     assert np.allclose(joints, data.qacc, rtol=2e-2)
+
+
+@pytest.mark.parametrize("digits", [5, 6, 7, 9, 12])
+def test_loops_move_however_many_digits_draw_them(tmp_path, digits):
+    """A planar four-bar in a leaning plane, each number cut: the closing point is a ball, so that its plane is held twice."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+
+        def cut(v):
+            return " ".join(f"{x:.{digits}f}" for x in v)
+
+        # bodies with frames of their own, so that each axis is cut in another way
+        frames = Rotation.random(3, random_state=seed).as_matrix()
+        corners = [turn @ p for p in ([0.0, 0.0, 0.0], [0.31, 0.43, 0.0], [1.03, 0.54, 0.0])]
+        inner = ""
+        for i in reversed(range(3)):
+            outer = frames[i - 1] if i else np.eye(3)
+            place = outer.T @ (corners[i] - (corners[i - 1] if i else 0.0))
+            quat = np.roll(Rotation.from_matrix(outer.T @ frames[i]).as_quat(), 1)
+            inner = (
+                f'<body name="bar{i}" pos="{cut(place)}" quat="{cut(quat)}"><joint name="j{i}" axis="{cut(frames[i].T @ turn[:, 2])}"/>'
+                f'<geom type="sphere" pos="0.1 0.2 0" size="0.05"/>{inner}</body>'
+            )
+        anchor = cut(frames[2].T @ turn @ (0.25, 0.05, 0.0))
+        close = f'<equality><connect body1="bar2" anchor="{anchor}"/></equality>'
+        m, _ = load(tmp_path, f"<mujoco><worldbody>{inner}</worldbody>{close}</mujoco>")
+        assert m.tolerance <= max(1e-7, 3.1 * 10.0**-digits)
+        assert quiet(mb.System, m).dof == 1
+
+
+def test_digits_that_stand_for_themselves_leave_the_tolerance(tmp_path):
+    m, _ = load(tmp_path, four_bar('<connect body1="bar2" anchor="0.25 0 0.05"/>'))
+    assert m.tolerance == 1e-7
+    coarse = four_bar('<connect body1="bar2" anchor="0.25 0 0.05"/>').replace('axis="0 1 0"', 'axis="0 12345 0"')
+    assert load(tmp_path, coarse)[0].tolerance < 1e-3
+    m, _ = load(tmp_path, four_bar('<connect body1="bar2" anchor="10234.5 0 0.05"/>'))
+    assert m.tolerance == 1e-3
 
 
 def test_sites_close_a_loop_as_well(tmp_path):

@@ -10,6 +10,7 @@ from typing import Any
 
 from ..errors import ModelError
 from ..formats import Omission, open_file
+from ._accuracy import Accuracy
 
 # Bytes of the largest XML file. Too small: robots of many thousand bodies are refused. Too large: building the tree of a file takes
 # about ten times its size. Pinned by tests/test_io_hostile.py.
@@ -33,6 +34,7 @@ class Source:
         self.path = path
         self.omissions: list[Omission] = []
         self.read: set[tuple[Any, str]] = set()
+        self.accuracy = Accuracy()
 
     def omit(self, what: str, feature: str) -> None:
         """Note that something of the file is left out or changed."""
@@ -130,6 +132,7 @@ class Node:
         if len(made) != len(words) or len(words) not in counts or not all(math.isfinite(v) for v in made):
             many = " or ".join(str(c) for c in counts)
             raise self.error(f"needs {many} finite number{'s' * (counts != (1,))} in {key!r}, got {clipped(value)!r}")
+        self.source.accuracy.note(key, words, made)
         return made
 
     def number(self, key: str, default: float | None = None) -> float:

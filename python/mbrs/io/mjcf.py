@@ -112,6 +112,10 @@ class Reader:
         builder.build()
         for action in self.after:
             action()
+        if self.after:
+            # loops close as well as the file draws them
+            size = float(np.ptp([link.frame.p for link in self.tree.links], axis=0).max()) if self.tree.links else 0.0
+            model.tolerance = max(model.tolerance, self.source.accuracy.tolerance(size, self.angles.unit))
         add_tendons(self, builder, [t for section in self.root.children("tendon") for t in section.children("spatial")])
         return model
 
