@@ -25,12 +25,30 @@ ORDER = (
 # Folders whose names are public, such as `mb.plot.frf`. All others export nothing, so that `import mbrs.linear.frf` means one thing.
 NAMESPACES = {"aero", "design", "examples", "flexible", "plot", "reference"}
 # What `import mbrs` must not pay for.
-OPTIONAL = {"scipy", "matplotlib", "xarray", "h5netcdf", "control", "mpmath", "click", "rich"}
+OPTIONAL = {
+    "scipy",
+    "matplotlib",
+    "xarray",
+    "h5netcdf",
+    "control",
+    "mpmath",
+    "click",
+    "rich",
+    "lxml",
+    "pyuff",
+    "pyyeti",
+    "pandas",
+}
 # Imports by a name in a variable: which module makes them, and the names. Names of users' functions are of users' modules.
 BY_NAME = {
-    ("__init__",): lambda: [*mbrs._HOME.values(), *mbrs._MODULES.values()],
+    ("__init__",): lambda: [
+        *mbrs._HOME.values(),
+        *mbrs._MODULES.values(),
+        *(".".join(parts) for parts in FILES if parts[0] == "io"),  # by their place in the folder
+    ],
     ("io", "result_files"): lambda: [*HOMES.values(), *FUNCTIONS.values()],
     ("model", "motions"): lambda: [],
+    ("design", "study"): lambda: [],
 }
 
 

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from mbrs._lib.records import HOMES
 from mbrs.io.result_files import member
+from mbrs.linear.measurement import MeasuredFunction, Measurement
 from mbrs.results import Result
 
 pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
@@ -111,6 +112,24 @@ def _blocks():
     return mb.design.saltelli({"k": (31.0, 43.0), "a.mass": (1.1, 1.7)}, 4)
 
 
+def _measured():
+    x = np.linspace(1.0, 3.0, 5)
+    function = MeasuredFunction("frequency response", "2:+z", "1:-x", "velocity/force", "m/s", x, x * (0.3 - 0.7j))
+    shape = np.arange(24.0).reshape(6, 2, 2) * (1 + 0.1j)
+    at = np.array([[0.1, 0.2, 0.3], [0.7, -0.1, 0.4]])
+    return Measurement(
+        np.array([1, 2]),
+        at,
+        ("1", "tip"),
+        ((1, 2),),
+        (function,),
+        np.array([-0.1 + 3j, 7j]),
+        shape,
+        "test",
+        status="measured",
+    )
+
+
 MAKE = {
     "ModalResult": lambda: mb.modes(drawn()),
     "ModalResult of matrices": lambda: mb.modes(
@@ -171,6 +190,7 @@ MAKE = {
     "Performance": lambda: mb.aero.performance(_turbine(), [4.1, 7.3, 9.9]),
     "WingLoads": lambda: mb.aero.lifting_line(_wing(), [0.03, 0.11], strips=8),
     "WingStart": lambda: mb.aero.impulsive_start(_wing(), 0.07, 2.9, step=0.7, strips=8),
+    "Measurement": lambda: _measured(),
     "RotorModes": lambda: mb.rotor_modes(_blades(), ["a", "b", "c"], 0.7),
     "Runs": lambda: mb.sweep(drawn(), _blocks(), mb.outputs.modes(2, ["k", "a.mass"])),
     "Failures": lambda: mb.sweep(drawn(), mb.design.from_table({"a.mass": [1.0, -1.0]}), mb.outputs.modes()).failures,
@@ -305,13 +325,13 @@ def test_tables_of_numbers_are_complete(results, name, tmp_path):
             assert np.array_equal(np.array([float(x) for x in texts]), column, equal_nan=True)
         else:
             assert texts == [str(x) for x in column.tolist()]
-    with pytest.raises(mb.errors.ModelError, match="are loaded from"):
+    with pytest.raises(mb.errors.ModelError, match=r"is only written; known are \.json, \.nc"):
         mb.load(tmp_path / "result.csv")
 
 
 @pytest.mark.parametrize("name", ["a.png", "a", "a.txt", "a.toml", "a.nc4", "a.pickle", ".nc"])
 def test_unknown_endings_are_refused_and_the_known_ones_listed(results, name, tmp_path):
-    with pytest.raises(mb.errors.ModelError, match=r"\.nc, \.json, \.csv, \.pkl"):
+    with pytest.raises(mb.errors.ModelError, match=r"known are \.csv, \.json, \.nc, \.pkl"):
         results("ModalResult").save(tmp_path / name)
     assert not any(tmp_path.iterdir())
 

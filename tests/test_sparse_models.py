@@ -147,8 +147,14 @@ def test_sagging_chain_at_its_equilibrium(kinds):
 def test_loaded_bushings_at_equilibrium(seed):
     m = bushing_chain(full=True, seed=seed)
     m.force("tip", "b23", at=(2.4, 0, 0), value=(20.0, -30.0, 5.0))
-    m.torque("twist", "b10", value=(1.0, -2.0, 0.5))
     check(m, at=mb.equilibrium(m))
+
+
+def test_a_torque_has_no_potential_and_is_left_to_the_dense_route():
+    m = bushing_chain(full=True)
+    m.torque("twist", "b10", value=(1.0, -2.0, 0.5))
+    with pytest.raises(mb.RouteError, match="torques make the stiffness nonsymmetric"):
+        sparse(m, 12, mb.equilibrium(m), ())
 
 
 def ladder(n=10, gravity=None, axis="y"):

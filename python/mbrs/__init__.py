@@ -8,6 +8,8 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from ._lib.formats import load_with as _load_with
+
 _HOME = {
     "__version__": "_lib.version",
     "AssemblyError": "errors",
@@ -23,6 +25,7 @@ _HOME = {
     "ModelError": "errors",
     "NameNotFoundError": "errors",
     "NotDifferentiableError": "errors",
+    "OmissionWarning": "errors",
     "RouteError": "errors",
     "SingularError": "errors",
     "StoreError": "errors",
@@ -121,6 +124,8 @@ _HOME = {
     "EnergyShares": "linear.energy_shares",
     "FrfResult": "linear.frf",
     "FrfSensitivity": "linear.frf",
+    "Measurement": "linear.measurement",
+    "MeasuredFunction": "linear.measurement",
     "ResponseResult": "linear.response",
     "ResponseSensitivity": "linear.response",
     "StateSpace": "linear.first_order",
@@ -151,11 +156,33 @@ _HOME = {
 _MODULES = {
     **{name: name for name in ("aero", "design", "examples", "reference", "errors", "plot", "view", "flexible")},
     "matrix_calculus": "_lib.vetter",
+    "formats": "_lib.formats",
     "report": "_lib.text",
 }
 __all__ = sorted(
-    [*(name for name in _HOME if name != "__version__"), "aero", "design", "examples", "flexible", "matrix_calculus"]
+    [
+        *(name for name in _HOME if name != "__version__"),
+        "aero",
+        "design",
+        "examples",
+        "flexible",
+        "formats",
+        "matrix_calculus",
+    ]
 )
+
+
+def _register_formats() -> None:
+    """Import the modules of `io`, each of which registers its formats; other programs that they need wait until they are used."""
+    import pkgutil
+
+    folder = importlib.import_module(".io", __name__)
+    for module in pkgutil.iter_modules(folder.__path__):
+        if not module.name.startswith("_"):
+            importlib.import_module(f"{folder.__name__}.{module.name}")
+
+
+_load_with(_register_formats)
 
 
 def __getattr__(name: str) -> Any:

@@ -8,6 +8,7 @@ from . import flexible as flexible
 from . import plot as plot
 from . import reference as reference
 from . import view as view
+from ._lib import formats as formats
 from ._lib import text as report
 from ._lib import vetter as matrix_calculus
 from ._lib.version import __version__ as __version__
@@ -41,6 +42,7 @@ from .errors import MbrsWarning as MbrsWarning
 from .errors import ModelError as ModelError
 from .errors import NameNotFoundError as NameNotFoundError
 from .errors import NotDifferentiableError as NotDifferentiableError
+from .errors import OmissionWarning as OmissionWarning
 from .errors import RouteError as RouteError
 from .errors import SingularError as SingularError
 from .errors import StoreError as StoreError
@@ -67,6 +69,8 @@ from .linear.linearization import Linearization as Linearization
 from .linear.linearize import linearize as linearize
 from .linear.mac import mac as mac
 from .linear.matrices import MechanicalSystem as MechanicalSystem
+from .linear.measurement import MeasuredFunction as MeasuredFunction
+from .linear.measurement import Measurement as Measurement
 from .linear.modal_result import ModalResult as ModalResult
 from .linear.modes import modes as modes
 from .linear.multiblade import RotorModes as RotorModes

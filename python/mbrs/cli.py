@@ -1,4 +1,4 @@
-"""The command line: ``mbrs demo``, ``doctor``, ``check`` and one command for each analysis. Heavy imports wait for the command."""
+"""The command line: ``mbrs demo``, ``doctor``, ``check``, ``convert``, a command for each analysis. Heavy imports wait for the command."""
 
 from __future__ import annotations
 
@@ -63,7 +63,8 @@ def _show_warning(message: Any, category: Any, *rest: Any) -> None:
 def main() -> None:
     """Vibration and motion of spatial multibody systems from the shell.
 
-    Models are TOML files as written by Model.save. Exit code 0: done; 1: an error of the model or the analysis;
+    Models are TOML files as written by Model.save, or files of other programs (URDF, MJCF). Exit code 0: done; 1: an error of the
+    model or the analysis;
     2: wrong usage; 130: interrupted by Ctrl-C, after what there is so far was printed and saved.
     """
     import warnings
@@ -76,14 +77,17 @@ def main() -> None:
 
 def _model_argument(command: Callable[..., Any]) -> Callable[..., Any]:
     path = click.Path(exists=True, dir_okay=False, path_type=Path)
-    return click.argument("model", type=path, metavar="MODEL.TOML")(command)
+    return click.argument("model", type=path, metavar="MODEL")(command)
 
 
 def _known_ending(context: Any, parameter: Any, out: Path | None) -> Path | None:
     """Refuse an ending that says nothing before anything is computed."""
-    from ._lib.result_files import WRITERS
+    from ._lib.formats import known
 
-    known = (*WRITERS, *_PAGES)
+    return _with_ending(out, (*known("result", "write"), *_PAGES))
+
+
+def _with_ending(out: Path | None, known: tuple[str, ...]) -> Path | None:
     if out is not None and out.suffix.lower() not in known:
         raise click.BadParameter(
             f"the ending {out.suffix!r} of {out.name!r} is not known; known are {', '.join(known)}"
@@ -104,7 +108,7 @@ def _analysis_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--json", "as_json", is_flag=True, help="Print the result as JSON."),
         click.option("--out", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
                      callback=_known_ending,
-                     help="Save: .nc, .json (mbrs.load reads them), .csv, .html (a page), .pkl (a pickle)."),
+                     help="Save: .nc, .json (mbrs.load reads them), .csv, .html (a page), .pkl (a pickle), .uff."),
     ):  # fmt: skip
         command = option(command)
     return _model_argument(command)
@@ -147,6 +151,21 @@ def doctor(as_json: bool) -> None:
     click.echo(dumps(report.data()) if as_json else str(report))
     if not report.passed:
         click.get_current_context().exit(1)
+
+
+@main.command()
+@_model_argument
+@click.argument("out", type=click.Path(dir_okay=False, path_type=Path), metavar="OUT")
+def convert(model: Path, out: Path) -> None:
+    """Write a model in the format that the ending of OUT says; what that format cannot hold is named."""
+    from ._lib.formats import find
+
+    find(out, "model", "write")
+    try:
+        _load(model).save(out)
+    except OSError as problem:
+        raise click.ClickException(f"cannot write {out}: {problem.strerror or problem}") from None
+    click.echo(f"wrote {out}", err=True)
 
 
 @main.command()
@@ -310,11 +329,9 @@ def simulate(
 
 def _known_data(context: Any, parameter: Any, out: Path | None) -> Path | None:
     """Endings of files of data."""
-    from ._lib.result_files import writer
+    from ._lib.result_files import WRITERS
 
-    if out is not None:
-        writer(out)
-    return out
+    return _with_ending(out, tuple(WRITERS))
 
 
 @main.command()

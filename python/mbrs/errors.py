@@ -100,5 +100,16 @@ class DoubtfulWarning(MbrsWarning):
     """The mobility of a loop depends on the accuracy of the drawing; the message names its joints and the decision."""
 
 
+class OmissionWarning(MbrsWarning):
+    """A file has what mbrs does not have, or the other way round; ``omissions`` lists (object, feature) of everything left out."""
+
+    def __init__(self, message: str, omissions: tuple[Any, ...] = ()) -> None:
+        super().__init__(message, omissions)
+        self.omissions = omissions
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
 class KinkWarning(MbrsWarning):
     """A motion that was differentiated passed a place where it is not differentiable; the message says when and where."""

@@ -233,7 +233,8 @@ class Result:
         """Save, as the ending says, and return the path.
 
         ``.nc`` NetCDF (labelled data, and all that `mbrs.load` needs), ``.json`` the same as text, ``.csv`` the table of
-        `to_frame`, ``.pkl`` a pickle. The old file stays until the new one is complete; a link is replaced, not followed.
+        `to_frame`, ``.pkl`` a pickle; ``.uff`` transfer functions and modes for other programs (docs/files.md). The old file stays
+        until the new one is complete; a link is replaced, not followed.
 
         Raises
         ------

@@ -17,6 +17,7 @@ HOMES: Mapping[str, str] = {
     **dict.fromkeys(("Stats",), "results"),
     "ModalResult": "linear.modal_result",
     **dict.fromkeys(("FrfResult", "FrfSensitivity"), "linear.frf"),
+    **dict.fromkeys(("Measurement", "MeasuredFunction"), "linear.measurement"),
     **dict.fromkeys(("ResponseResult", "ResponseSensitivity", "LoadHistory"), "linear.response"),
     "Linearization": "linear.linearization",
     "Snapshot": "system.snapshot",

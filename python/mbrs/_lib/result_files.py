@@ -21,6 +21,7 @@ import numpy as np
 
 from ..errors import ModelError
 from .files import write_atomic
+from .formats import find
 from .jsonable import jsonable
 from .records import Encoder
 from .version import __version__
@@ -32,18 +33,13 @@ MARK = b"\nmbrs sha256 "
 
 def save(result: Any, path: str | Path) -> Path:
     """Write a result as its ending says, see `Result.save`."""
-    path = Path(path)
-    return write_atomic(path, writer(path)(result))
+    write = find(path, "result", "write").write
+    return write(result, Path(path))  # type: ignore[misc]
 
 
-def writer(path: str | Path) -> Callable[[Any], bytes]:
-    """Function that makes the bytes of a file with this ending; `ModelError` lists the known ones."""
-    ending = Path(path).suffix.lower()
-    if ending not in WRITERS:
-        raise ModelError(
-            f"cannot save {Path(path).name!r}: the ending {ending!r} is not known; known are {', '.join(WRITERS)}"
-        )
-    return WRITERS[ending]
+def write_file(result: Any, path: Path) -> Path:
+    """Write a file of one of the formats below, whole or not at all."""
+    return write_atomic(path, WRITERS[path.suffix.lower()](result))
 
 
 def document(result: Any) -> tuple[dict[str, Any], list[np.ndarray]]:

@@ -1,1 +1,1 @@
-"""Files: of results, and of models in the formats of other programs."""
+"""Files: of results, and of models and matrices in the formats of other programs, one format in a module."""

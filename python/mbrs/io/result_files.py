@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.formats import find
 from .._lib.records import FUNCTIONS, HOMES
 from .._lib.result_files import FORMAT, MARK
 from .._lib.vetter import Derivative
@@ -130,12 +131,12 @@ def _number_type(text: Any) -> np.dtype[Any]:
 
 
 def load(path: str | Path, *, functions: bool = False) -> Any:
-    """A result as it was saved; it prints, draws, continues (``at=``) and has sensitivities as before.
+    """A result as it was saved; it prints, draws, continues (``at=``) and has sensitivities as before. Or a measurement.
 
     Parameters
     ----------
     path
-        A ``.nc`` or ``.json`` file that ``result.save`` wrote.
+        A ``.nc`` or ``.json`` file that ``result.save`` wrote, or a universal file (``.uff``, ``.unv``: docs/files.md).
     functions
         True imports the Python functions that the model of the result names, which runs their modules. Nothing else in a file
         is ever executed.
@@ -143,7 +144,7 @@ def load(path: str | Path, *, functions: bool = False) -> Any:
     Returns
     -------
     Result
-        Of the class that was saved.
+        Of the class that was saved; a `Measurement` from a universal file.
 
     Raises
     ------
@@ -164,14 +165,18 @@ def load(path: str | Path, *, functions: bool = False) -> Any:
     ending = path.suffix.lower()
     if ending == ".pkl":
         raise ModelError(f"{path.name}: a pickle can run any program; if you made it yourself, use pickle.load")
-    if ending not in READERS:
-        raise ModelError(f"cannot load {path.name!r}: results are loaded from {' and '.join(READERS)}")
+    read = find(path, "result", "read").read
+    return read(path, functions=functions)  # type: ignore[misc]
+
+
+def read_file(path: Path, functions: bool = False) -> Result:
+    """A file that `write_file` made."""
     try:
         data = path.read_bytes()
     except OSError as reason:
         raise ModelError(f"cannot read {path}: {reason.strerror or reason}") from None
     try:
-        tree, arrays = READERS[ending](data)
+        tree, arrays = READERS[path.suffix.lower()](data)
         return _result_of(tree, arrays, functions)
     except MbrsError as reason:
         raise type(reason)(f"{path.name}: {reason}") from None

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from .._lib.checks import shown
 from .._lib.text import Block, without_rounding
 from ..errors import ModelError, SingularError
 from ..results import Result, quantity, result
@@ -87,6 +88,64 @@ class StateSpace(Result):
         from scipy.signal import StateSpace as SciPyStateSpace
 
         return SciPyStateSpace(self.A, self.B, self.C, self.D)
+
+    @staticmethod
+    def from_control(system: Any) -> StateSpace:
+        """A `control.StateSpace`, or a `control.TransferFunction`, with its names.
+
+        Raises
+        ------
+        ModelError
+            A discrete-time system, or one that python-control cannot make a state space of.
+        """
+        import control
+
+        if not isinstance(system, control.StateSpace | control.TransferFunction):
+            raise ModelError(f"from_control takes a linear system of python-control, got {shown(system)}")
+        try:
+            made = control.ss(system)
+        except (TypeError, ValueError, NotImplementedError, ImportError) as reason:
+            raise ModelError(f"python-control makes no state space of this system: {reason}") from None
+        if made.isdtime(strict=True):
+            raise ModelError(f"from_control takes systems in continuous time; this one has the step {made.dt} s")
+        return _checked_space(
+            made.A,
+            made.B,
+            made.C,
+            made.D,
+            tuple(made.state_labels),
+            tuple(made.input_labels),
+            tuple(made.output_labels),
+        )
+
+    @staticmethod
+    def from_scipy(system: Any) -> StateSpace:
+        """A `scipy.signal.StateSpace`, or another of its linear systems; states x0, ..., inputs u0, ..., outputs y0, ...
+
+        Raises
+        ------
+        ModelError
+            A discrete-time system, or something else.
+        """
+        if getattr(system, "dt", None) is not None:
+            raise ModelError(f"from_scipy takes systems in continuous time; this one has the step {system.dt} s")
+        try:
+            made = system.to_ss()
+        except (AttributeError, ValueError) as reason:
+            raise ModelError(
+                f"from_scipy takes a linear system of scipy.signal, got {shown(system)}: {reason}"
+            ) from None
+        n, m, p = made.A.shape[0], made.B.shape[1], made.C.shape[0]
+        names = (tuple(f"{letter}{i}" for i in range(k)) for letter, k in (("x", n), ("u", m), ("y", p)))
+        return _checked_space(made.A, made.B, made.C, made.D, *names)
+
+
+def _checked_space(A: Any, B: Any, C: Any, D: Any, states: Any, inputs: Any, outputs: Any) -> StateSpace:
+    """Real, finite matrices."""
+    if any(np.iscomplexobj(a) or not np.all(np.isfinite(a)) for a in (A, B, C, D)):
+        raise ModelError("a state space has real and finite matrices")
+    A, B, C, D = (np.array(a, dtype=float) for a in (A, B, C, D))
+    return StateSpace(A, B, C, D, states, inputs, outputs, error=None, status="given")
 
 
 def _plain(name: str) -> str:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .._lib.border import require_memory
+from .._lib.formats import Omission, warn_of_omissions
+from .._lib.matrix_files import choose, read_matrices, write_matrices
 from ..errors import ModelError
 
 
@@ -65,6 +68,40 @@ class MechanicalSystem:
         if len(names) != self.n or len(set(names)) != self.n:
             raise ModelError(f"coordinates must be {self.n} different names, got {len(names)}")
         self.coordinates = names
+
+    @staticmethod
+    def load(path: Any, names: Mapping[str, str] | None = None) -> MechanicalSystem:
+        """A system from a file of matrices: ``.op4``, ``.pch`` (DMIG), ``.mtx``, ``.mat`` (docs/files.md).
+
+        Parameters
+        ----------
+        path
+            Of a file, or ``{"M": path, "K": path, ...}`` where each has one matrix.
+        names
+            ``{"M": name in the file, ...}``; by default the usual ones (M, MASS, MAA, K, KAA, BAA, ...).
+
+        Raises
+        ------
+        ModelError
+            No such file, no such matrix (the message lists those in the file), or a file that is damaged.
+        """
+        found = read_matrices(path)
+        labels = None if found.rows is None else [f"{node}:{component}" for node, component in found.rows]
+        return MechanicalSystem(**choose(found, "MCKGN", names, path), coordinates=labels)
+
+    def save(self, path: str | Path) -> Path:
+        """Write M, K and what else there is (``.op4``, ``.mtx``, ``.mat``); `load` brings the same numbers back. Returns the path.
+
+        Warns
+        -----
+        OmissionWarning
+            Nonlinear elements and names of coordinates, which such files do not hold.
+        """
+        done = write_matrices({n: a for n in "MCKGN" if (a := getattr(self, n)) is not None}, path)
+        lost = [Omission(type(e).__name__, "nonlinear elements") for e in self.elements]
+        lost += [Omission(name, "names of coordinates") for i, name in enumerate(self.coordinates) if name != f"x{i}"]
+        warn_of_omissions(Path(path).name, lost, stacklevel=3)
+        return done
 
     @property
     def is_sparse(self) -> bool:

@@ -10,6 +10,7 @@ from typing import Any, overload
 
 import numpy as np
 
+from .._lib.formats import find
 from ..errors import ModelError
 from . import bodies as _bodies
 from . import drives as _drives
@@ -251,19 +252,27 @@ class Model(Book):
         return dumps(self)
 
     def save(self, path: str | Path) -> Path:
-        """Save as TOML; `load` brings back a model with identical Tables. Expressions stay expressions. Returns the path."""
-        from .toml import save
+        """Save as the ending says and return the path.
 
-        return save(self, path)
+        ``.toml``: `load` brings back a model with identical Tables, expressions stay expressions. Other endings are formats of other
+        programs (docs/files.md); an `OmissionWarning` names by object what they cannot hold.
+
+        Raises
+        ------
+        ModelError
+            An unknown ending, or a model that the format cannot hold.
+        """
+        write = find(path, "model", "write").write
+        return write(self, Path(path))  # type: ignore[misc]
 
     @staticmethod
     def load(path: str | Path, functions: bool = False) -> Model:
-        """A model from a TOML file.
+        """A model from a file of any known format, by its ending: TOML, URDF, MJCF (docs/files.md).
 
         Parameters
         ----------
         path
-            Of a file that `save` wrote, or that was written by hand.
+            Of a file that `save` wrote, that was written by hand, or that another program wrote.
         functions
             A file may name Python functions of time, "module:name". True: import their modules, which runs their code; do so only with
             files that you trust. By default a file is data: the names are kept as text; the model prints, changes and saves,
@@ -272,11 +281,15 @@ class Model(Book):
         Raises
         ------
         ModelError
-            What is wrong, with file, line and column.
-        """
-        from .toml import load
+            An unknown ending, or what is wrong, with file, line and column.
 
-        return load(path, Model, functions)
+        Warns
+        -----
+        OmissionWarning
+            What another program's file has and a model has not, by object.
+        """
+        read = find(path, "model", "read").read
+        return read(Path(path), functions=functions)  # type: ignore[misc,no-any-return]
 
     def copy(self) -> Model:
         """An independent copy."""

@@ -72,7 +72,7 @@ class System:
         # rows like those of joints that are cut
         self.joints, self.cut = [*self.joints, *imposed], [*self.cut, *imposed]
         self.t = 0.0  # what motions read; linear analyses hold it
-        self.length = reader.characteristic_length(reader.located_points(tables, self.x, self.bodies), self.bodies)
+        self.length = reader.characteristic_length(reader.located_points(tables, self.x, self.bodies))
 
     def leaving_out(self, without: Collection[str]) -> System:
         """The system without drives or without nonholonomic rows, where these effects are named."""

@@ -244,15 +244,10 @@ def located_points(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> Array:
     return np.array(points).reshape(-1, 3)
 
 
-def characteristic_length(points: Array, bodies: list[Body]) -> float:
-    """Largest distance of a point from the mean, or of points that are one the largest radius of gyration; only a scale, so its own
-    derivative is left out.
-    """
+def characteristic_length(points: Array) -> float:
+    """Largest distance of a point from the mean; only a scale, so its own derivative is left out."""
     if len(points) == 0:
         return 1.0
     largest = float(np.max(np.linalg.norm(points.real - points.real.mean(axis=0), axis=1)))
     # points that are one but for rounding make no length
-    if largest > 1e-12 * np.max(np.abs(points.real)):
-        return largest
-    squares = [np.trace(b.inertia).real / (2 * b.mass.real) for b in bodies if b.mass.real > 0]
-    return float(np.sqrt(max(squares, default=0.0))) or 1.0
+    return largest if largest > 1e-12 * np.max(np.abs(points.real)) else 1.0

@@ -149,9 +149,9 @@ fn check(system: &System, state: &State) -> Result<()> {
             "the sparse route of large models knows states at rest only; this one moves: {dense}"
         )));
     }
-    if topology.tables.loads.iter().any(|l| l.follower) {
+    if topology.tables.loads.iter().any(|l| l.follower || l.torque) {
         return Err(Error::route(format!(
-            "follower loads make the stiffness nonsymmetric, which the sparse route of large models does not know: {dense}"
+            "follower loads and torques make the stiffness nonsymmetric, which the sparse route of large models does not know: {dense}"
         )));
     }
     if let Some(name) = topology.tables.unusual() {

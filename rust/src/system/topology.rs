@@ -309,8 +309,7 @@ impl Topology {
         self.rows.iter().any(|r| r.level == Level::Velocity)
     }
 
-    /// The largest distance of any located point from the mean of them all; where they are one point the largest radius of gyration of a
-    /// body. 1 of point masses in one point, which have no length.
+    /// The largest distance of any located point from the mean of them all; 1 for a single point.
     pub fn characteristic_length<T: Real>(&self, geometry: &Geometry<T>, x: &[T]) -> T {
         let at = |i: usize| V3::new(x[i], x[i + 1], x[i + 2]);
         let rigid = geometry.bodies.iter().zip(&self.tables.bodies).filter(|(_, b)| b.tip.is_none());
@@ -334,20 +333,8 @@ impl Topology {
         let far = points.iter().map(|p| p.map(|v| v.re()).amax());
         let rounding = COINCIDENT * far.fold(0.0, f64::max);
         let farthest = squares.fold(T::zero(), |a, b| if b.re() > a.re() { b } else { a });
-        if farthest.re() > rounding * rounding {
-            farthest.sqrt()
-        } else {
-            largest_gyration(geometry).unwrap_or(T::one())
-        }
+        if farthest.re() > rounding * rounding { farthest.sqrt() } else { T::one() }
     }
-}
-
-/// sqrt(trace(I)/(2 m)) of the body in which it is largest.
-fn largest_gyration<T: Real>(geometry: &Geometry<T>) -> Option<T> {
-    let squares =
-        geometry.bodies.iter().filter(|b| b.mass.re() > 0.0).map(|b| b.inertia.trace() / (b.mass * T::from(2.0)));
-    let largest = squares.reduce(|a, b| if b.re() > a.re() { b } else { a });
-    largest.filter(|s| s.re() > 0.0).map(|s| s.sqrt())
 }
 
 fn cut_rows(tables: &Tables, joint: usize) -> Vec<ConstraintRow> {

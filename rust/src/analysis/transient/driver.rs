@@ -336,7 +336,7 @@ impl Driver<'_, '_, '_> {
 
     /// Such a step would not change the time.
     fn vanishes(&self, step: f64, t: f64) -> bool {
-        step < 1e-14 * t.abs().max(self.plan.end - self.start)
+        step <= 1e-14 * t.abs().max(self.plan.end - self.start)
     }
 
     fn stop(&mut self, t: f64, message: String) {
