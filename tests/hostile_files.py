@@ -44,12 +44,15 @@ def sample(kind, seed=0):
         if kind == "op4":
             mb.MechanicalSystem(M=a, K=2 * a).save(path)
         elif kind == "op4 text":
-            from pyyeti.nastran import op4
+            with np.printoptions():
+                from pyyeti.nastran import op4
 
             op4.write(str(path), {"m": a, "k": a}, binary=False)
         elif kind == "pch":
             import pandas as pd
-            from pyyeti.nastran import bulk
+
+            with np.printoptions():
+                from pyyeti.nastran import bulk
 
             index = pd.MultiIndex.from_tuples([(1, 1), (1, 2), (2, 1), (7, 0), (9, 3)])
             with path.open("w") as file:

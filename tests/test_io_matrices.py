@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import warnings
 
 import mbrs as mb
@@ -57,7 +59,8 @@ def test_large_sparse_systems_stay_sparse(tmp_path, ending):
 @pytest.mark.parametrize("form", [{"binary": False}, {"binary": True, "endian": "<"}, {"binary": True, "endian": ">"}])
 def test_every_form_of_op4_that_pyyeti_writes(tmp_path, form, options):
     need(".op4")
-    from pyyeti.nastran import op4
+    with np.printoptions():
+        from pyyeti.nastran import op4
 
     s = system(np.random.default_rng(2))
     op4.write(str(tmp_path / "p.op4"), {"maa": s.M, "kaa": s.K, "baa": s.C}, **form, **options)
@@ -73,7 +76,8 @@ def test_what_is_written_is_read_by_the_other_program(tmp_path):
     market = scipy.io.mmread((s.save(tmp_path / "p.mtx")).with_name("p.K.mtx"))
     assert np.array_equal(matlab["M"], s.M) and np.array_equal(market, s.K)
     need(".op4")
-    from pyyeti.nastran import op4
+    with np.printoptions():
+        from pyyeti.nastran import op4
 
     assert np.array_equal(op4.read(str(s.save(tmp_path / "p.op4")))["c"], s.C)
 
@@ -117,7 +121,9 @@ def test_craig_bampton_bodies_from_files_are_those_of_arrays(tmp_path, ending):
 
 def punch(path, matrices, index):
     import pandas as pd
-    from pyyeti.nastran import bulk
+
+    with np.printoptions():
+        from pyyeti.nastran import bulk
 
     with path.open("w") as file:
         bulk.wtdmig(file, {name: pd.DataFrame(a, index=index, columns=index) for name, a in matrices.items()})
@@ -149,7 +155,8 @@ def test_punch_matrices_over_different_freedoms_share_one_list(tmp_path):
     pandas = pytest.importorskip("pandas")
     path = tmp_path / "two.pch"
     with path.open("w") as file:
-        from pyyeti.nastran import bulk
+        with np.printoptions():
+            from pyyeti.nastran import bulk
 
         one = pandas.MultiIndex.from_tuples([(3, 1), (7, 2)])
         two = pandas.MultiIndex.from_tuples([(3, 1), (5, 0), (7, 2)])
@@ -258,3 +265,16 @@ def test_every_class_of_numbers_in_matlab_files(tmp_path, dtype, compressed):
     assert np.array_equal(found.M, scipy.io.loadmat(path)["M"].astype(float)) and np.array_equal(
         found.K, thin.toarray()
     )
+
+
+def test_reading_leaves_the_print_options_of_numpy(tmp_path):
+    """The package that reads OP4 and DMIG changes them when it is imported."""
+    pytest.importorskip("pyyeti", reason="the extra nastran is not installed")
+    code = (
+        "import numpy as np, mbrs as mb\n"
+        "before = np.get_printoptions()\n"
+        "mb.MechanicalSystem(np.eye(2), K=np.diag([2.0, 3.0])).save('s.op4')\n"
+        "mb.MechanicalSystem.load('s.op4')\n"
+        "assert np.get_printoptions() == before"
+    )
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, timeout=120)

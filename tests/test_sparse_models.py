@@ -153,8 +153,7 @@ def test_loaded_bushings_at_equilibrium(seed):
 def test_a_torque_has_no_potential_and_is_left_to_the_dense_route():
     m = bushing_chain(full=True)
     m.torque("twist", "b10", value=(1.0, -2.0, 0.5))
-    with pytest.raises(mb.RouteError, match="torques make the stiffness nonsymmetric"):
-        sparse(m, 12, mb.equilibrium(m), ())
+    assert sparse(m, 12, mb.equilibrium(m)) is None
 
 
 def ladder(n=10, gravity=None, axis="y"):

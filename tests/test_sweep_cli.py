@@ -161,7 +161,7 @@ def test_ctrl_c_ends_with_130_and_the_same_command_goes_on(folder, monkeypatch):
 
 def test_an_ending_that_says_nothing_is_refused_before_anything_is_computed(folder):
     done = mbrs("study.toml", "--out", "runs.png")
-    assert done.exit_code == 1 and ".nc, .json" in done.output and not (folder / "runs").exists()
+    assert done.exit_code == 2 and ".nc, .json" in done.output and not (folder / "runs").exists()
 
 
 def test_mutated_studies_give_named_errors_only(folder):

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from .._lib.files import write_atomic
 from .._lib.formats import Format, open_file, register
 from .._lib.matrix_files import MatrixSet
@@ -21,7 +23,8 @@ _LONGEST_NAME = 8
 def library() -> Any:
     """pyyeti's module of OUTPUT4 files."""
     try:
-        from pyyeti.nastran import op4
+        with np.printoptions():  # the package sets print options of its own
+            from pyyeti.nastran import op4
     except ImportError:
         raise ModelError("OP4 needs pyyeti, which is not installed: pip install 'mbrs-dynamics[nastran]'") from None
     return op4

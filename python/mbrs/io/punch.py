@@ -24,7 +24,8 @@ def read(path: Path, whole_nodes: bool = False) -> MatrixSet:
     """
     text = open_file(path).decode("latin-1")
     try:
-        from pyyeti.nastran import bulk
+        with np.printoptions():  # the package sets print options of its own
+            from pyyeti.nastran import bulk
     except ImportError:
         raise ModelError("DMIG needs pyyeti, which is not installed: pip install 'mbrs-dynamics[nastran]'") from None
     nodes = {
