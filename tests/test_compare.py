@@ -93,3 +93,5 @@ def test_large_models_are_refused_with_their_size(monkeypatch):
     monkeypatch.setattr(module, "MOST_FREEDOMS", 1)
     with pytest.raises(mb.ModelError, match="2 degrees of freedom"):
         mb.compare(RESULTS["modes of matrices"]())
+    with pytest.raises(mb.ModelError, match="3 degrees of freedom"):
+        mb.compare(RESULTS["simulate open"]())

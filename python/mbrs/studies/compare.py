@@ -191,13 +191,24 @@ def _row(name: str, unit: str, core: Any, other: Any, scale: float | None = None
     return _Row(name, unit, a, b, max(largest, scale or 0.0) or 1.0)
 
 
-def _system(tables: Any, freedoms: int) -> Any:
+def _check_size(freedoms: int) -> None:
     if freedoms > MOST_FREEDOMS:
         raise ModelError(
             f"the model has {freedoms} degrees of freedom; the reference is dense NumPy for at most {MOST_FREEDOMS}: compare a smaller "
             "model of the same kind"
         )
+
+
+def _system(tables: Any, freedoms: int) -> Any:
+    _check_size(freedoms)
     return ref.System(tables.get("raw", tables))
+
+
+def _state_at(sys: Any, poses: Any) -> Any:
+    """The reference's state, which is that of the centres of mass, at the poses and velocities of the bodies' origins."""
+    arm = np.einsum("nij,nj->ni", poses["rotation"], np.array([b.com for b in sys.bodies]).reshape(-1, 3))
+    spin = poses["angular_velocity"]
+    return ref.State(poses["position"] + arm, poses["rotation"], poses["velocity"] + np.cross(spin, arm), spin)
 
 
 def _state(sys: Any, lin: Linearization) -> Any:
@@ -208,10 +219,7 @@ def _state(sys: Any, lin: Linearization) -> Any:
         if lin.state.kind == "equilibrium":
             return ref.equilibrium(sys, without=lin.without)[0]
         return assemble(sys, first_guess(sys))
-    poses = lin.poses
-    arm = np.einsum("nij,nj->ni", poses["rotation"], np.array([b.com for b in sys.bodies]).reshape(-1, 3))
-    spin = poses["angular_velocity"]
-    return ref.State(poses["position"] + arm, poses["rotation"], poses["velocity"] + np.cross(spin, arm), spin)
+    return _state_at(sys, lin.poses)
 
 
 def _again(lin: Linearization) -> Any:
@@ -237,8 +245,7 @@ def _matrices(system: Any) -> tuple[Any, Any, Any, Any, Any]:
     if isinstance(system, Linearization):
         other = _again(system)
         return other.M, other.C, other.G, other.K, other.N
-    if system.n > MOST_FREEDOMS:
-        _system({}, system.n)
+    _check_size(system.n)
     dense = [None if m is None else (m.toarray() if hasattr(m, "toarray") else np.asarray(m))
              for m in (system.M, system.C, system.G, system.K, system.N)]  # fmt: skip
     return dense[0], dense[1], dense[2], dense[3], dense[4]
@@ -310,8 +317,7 @@ def _equilibrium(found: Equilibrium) -> list[_Row]:
 def _periodic(found: PeriodicSolution) -> list[_Row]:
     if found.system is None or found.force is None or not hasattr(found.system, "elements"):
         raise ModelError("this solution does not hold its matrices and force; compare a result of mb.harmonic_balance")
-    if found.system.n > MOST_FREEDOMS:
-        _system({}, found.system.n)
+    _check_size(found.system.n)
     harmonics = [h for h in found.harmonics if h > 0]
     columns = [0, *(i for h in harmonics for i in (2 * h - 1, 2 * h))]
     X = hbm_balance.harmonic_balance(
@@ -321,14 +327,11 @@ def _periodic(found: PeriodicSolution) -> list[_Row]:
 
 
 def _motion(traj: Trajectory) -> list[_Row]:
-    sys = _system(traj.snapshot.tables, traj.snapshot.system.dof if hasattr(traj.snapshot.system, "dof") else 0)
+    sys = _system(traj.snapshot.tables, traj.rate.shape[1])
     if sys.flexible:
         raise ModelError("motions of flexible bodies are not compared: mb.compare(mb.modes(m)) checks their matrices")
     start = traj.state(float(traj.t[0]))
-    bodies = traj.snapshot.system.bodies(start.relative, start.rate)
-    arm = np.einsum("nij,nj->ni", bodies["rotation"], np.array([b.com for b in sys.bodies]).reshape(-1, 3))
-    spin = bodies["angular_velocity"]
-    state = ref.State(bodies["position"] + arm, bodies["rotation"], bodies["velocity"] + np.cross(spin, arm), spin)
+    state = _state_at(sys, traj.snapshot.system.bodies(start.relative, start.rate))
     chosen = np.unique(np.linspace(0, len(traj.t) - 1, _TIMES + 1).astype(int))
     history = ref.oracle(sys, begin(sys, state), traj.t[chosen][1:] - traj.t[0], rtol=_RTOL)
     ends = [with_rates(sys, instant.motion) for instant in history.instants]
