@@ -14,7 +14,7 @@ import time
 import hinges
 import mbrs as mb
 import numpy as np
-from mbrs.system.tables import compiled
+from mbrs.system.compiled import compiled
 
 COUNT = 20
 

@@ -16,8 +16,8 @@ from typing import Any
 import mbrs as mb
 import numpy as np
 from mbrs import reference
+from mbrs.model.tables import directions, tables
 from mbrs.reference.dynamics import element_tangents
-from mbrs.system.tables import directions, tables
 
 FOLDER = Path(__file__).resolve().parent
 NUMBERS = FOLDER / "reference_numbers.json"

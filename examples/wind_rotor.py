@@ -17,8 +17,8 @@ import matplotlib.pyplot as plt
 import mbrs as mb
 import numpy as np
 from mbrs import reference
+from mbrs.model.tables import tables
 from mbrs.reference.fixed_frame import Rotor
-from mbrs.system.tables import tables
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="mbrs-"))
 blades, speed = ("blade1", "blade2", "blade3"), 17.2 * 2 * np.pi / 60

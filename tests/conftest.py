@@ -31,7 +31,7 @@ def noise_on_the_numbers_of_models():
     """With ``MBRS_JITTER=<seed>``: every real number of a model is multiplied by 1 + 1e-13 r; see `jitter`."""
     with pytest.MonkeyPatch.context() as patch:
         if jitter.seed() is not None:
-            patch.setattr("mbrs.system.tables.x", jitter.jittered)
+            patch.setattr("mbrs.model.tables.x", jitter.jittered)
         yield
 
 

@@ -47,7 +47,7 @@ class MotionProblem:
 
 def markers(model) -> set[str]:
     """Names of a model's markers."""
-    from mbrs.system.tables import tables
+    from mbrs.model.tables import tables
 
     return set(tables(model)["marker_name"])
 
@@ -308,8 +308,8 @@ def bricard(t=1.0):
 def reference_positions(m, times) -> dict[str, np.ndarray]:
     """Origins of all bodies by the oracle of mbrs.reference."""
     from mbrs import reference as ref
+    from mbrs.model.tables import tables
     from mbrs.reference.transient import begin
-    from mbrs.system.tables import tables
 
     s = ref.System(tables(m))
     times = np.asarray(times, dtype=float)

@@ -81,7 +81,7 @@ def same_tables(one, two):
     assert one.keys() == two.keys()
 
     def bits(v):
-        return v if isinstance(v, list) else (v.dtype, v.shape, v.tobytes())
+        return v if isinstance(v, list | dict) else (v.dtype, v.shape, v.tobytes())
 
     return [key for key in one if bits(one[key]) != bits(two[key])]
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mbrs.errors import ModelError
-from mbrs.system.scene import scene_from_tables
+from mbrs.model.scene import scene_from_tables
 from mbrs.view import modes as viewer
 from mbrs.view.scene import BodyGeometry, JointGeometry, LinkGeometry, SceneGeometry
 from mbrs.view.solids import body_solid
@@ -109,7 +109,9 @@ def test_a_scene_moves_with_its_bodies() -> None:
     moved = scene.moved([[0, 0, 0], [5, 0, 0]], rotation)
     # points of b lay at x = 1.2 - 1 and so on along x from its origin; a quarter turn puts them along y
     assert moved.links[0].at_b == pytest.approx([5.0, 0.2, 0.0]) and moved.links[0].at_a == pytest.approx([0, 0, 0])
-    assert moved.joints[0].at == pytest.approx([5.0, -0.5, 0.0]) and moved.joints[0].axis == pytest.approx([0, 0, 2])
+    # each of the two points of a joint goes with its own body
+    assert moved.joints[0].at_b == pytest.approx([5.0, -0.5, 0.0]) and moved.joints[0].at == pytest.approx([0.5, 0, 0])
+    assert moved.joints[0].axis == pytest.approx([0, 0, 2])
     assert sorted(moved.bodies[1].points[:, 1]) == pytest.approx([-0.5, -0.5, 0.2, 0.4])
     assert moved.links[1].at_a == pytest.approx([0.5, 0, 0]) and moved.links[1].at_b == pytest.approx([5.0, -0.5, 0])
     with pytest.raises(ModelError, match=r"positions \(2, 3\)"):

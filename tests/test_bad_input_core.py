@@ -14,8 +14,9 @@ import pytest
 from jitter_marks import defect
 from mbrs import _core
 from mbrs.errors import MbrsError
+from mbrs.model.tables import tables
+from mbrs.system.compiled import compiled
 from mbrs.system.state import State
-from mbrs.system.tables import compiled, tables
 from random_models import (
     N_FREE,
     TREE_JOINTS,

@@ -14,8 +14,8 @@ from mbrs.errors import DuplicateNameError, InertiaError, MbrsError, MbrsWarning
 from mbrs.model import toml
 from mbrs.model.model import Model
 from mbrs.model.rotations import rotation
+from mbrs.model.tables import directions, tables
 from mbrs.model.toml import dumps
-from mbrs.system.tables import directions, tables
 from scenes import FakeLaw, everything, same_tables
 
 BODY = {"mass": 1.0, "inertia": (1.0, 1.0, 1.0)}

@@ -13,10 +13,10 @@ import motion_problems as zoo
 import numpy as np
 import pytest
 from mbrs import reference as ref
+from mbrs.model.tables import tables
 from mbrs.motion.amplification import bdf4_factor
 from mbrs.reference.bdf_bfgs import bdf_bfgs, start_motions
 from mbrs.reference.motion import positions
-from mbrs.system.tables import tables
 
 VARIANTS = [(form, update) for form in ("ggl", "symmetric") for update in ("bfgs", "broyden")]
 

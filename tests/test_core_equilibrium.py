@@ -10,7 +10,7 @@ import pytest
 from agreement import difference, reference_state, show
 from mbrs import reference as ref
 from mbrs.model.rotations import rotation
-from mbrs.system.tables import tables
+from mbrs.model.tables import tables
 from random_models import random_loop, random_tree
 
 TOLERANCE = 1e-10

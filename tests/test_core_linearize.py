@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from agreement import advanced, difference, drawn, show, spinning, worst_of
 from mbrs import reference as ref
+from mbrs.model.tables import tables
 from mbrs.reference.assembly import mobility
-from mbrs.system.tables import compiled, tables
+from mbrs.system.compiled import compiled
 from random_models import TREE_JOINTS, random_loop, random_tree
 
 TOLERANCE = 1e-10

@@ -8,8 +8,9 @@ import problems
 import pytest
 from agreement import advanced, difference, drawn, reference_state, show, spinning
 from mbrs import reference as ref
+from mbrs.model.tables import tables
+from mbrs.system.compiled import compiled
 from mbrs.system.state import State
-from mbrs.system.tables import compiled, tables
 from random_models import random_loop
 
 TOLERANCE = 1e-10

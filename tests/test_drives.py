@@ -9,8 +9,9 @@ import mbrs as mb
 import numpy as np
 import pytest
 from mbrs.errors import AssemblyError, ConvergenceError, MbrsError, ModelError, NameNotFoundError
+from mbrs.model.tables import tables
 from mbrs.reference.time_functions import read_motions
-from mbrs.system.tables import compiled, tables
+from mbrs.system.compiled import compiled
 
 ROD = (1e-3, 1 / 12, 1 / 12)
 

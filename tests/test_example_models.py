@@ -9,7 +9,8 @@ import pytest
 from absolute import Absolute
 from mbrs import examples
 from mbrs._lib.rotations import quaternion_matrix
-from mbrs.system.tables import compiled, tables
+from mbrs.model.tables import tables
+from mbrs.system.compiled import compiled
 
 
 def test_cubic_hexapod_has_its_closed_form():

@@ -16,7 +16,7 @@ from pathlib import Path
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs.system.tables import tables
+from mbrs.model.tables import tables
 from scenes import within_ulps
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"

@@ -14,8 +14,8 @@ import pytest
 from flexed import flexed
 from mbrs import reference as ref
 from mbrs.errors import ModelError
+from mbrs.model.tables import tables
 from mbrs.reference.transient import begin
-from mbrs.system.tables import tables
 from test_drives import four_bar as drawn_four_bar
 
 pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")

@@ -7,8 +7,9 @@ import mbrs as mb
 import numpy as np
 import pytest
 from flexible_models import MECHANISMS, cantilever, four_bar, pendulum, rod, tumbling
+from mbrs.model.tables import tables
 from mbrs.reference import State, System, linearize
-from mbrs.system.tables import compiled, tables
+from mbrs.system.compiled import compiled
 
 SCHEMES = {"generalized-alpha": {}, "bdf": {}, "explicit": {}}
 

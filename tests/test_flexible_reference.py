@@ -11,6 +11,7 @@ from beam_models import flying, pendulum, rod, rotor_blade
 from mbrs import reference as ref
 from mbrs.flexible._elements import Section, mesh
 from mbrs.flexible._integrals import shape_integrals
+from mbrs.model.tables import tables
 from mbrs.reference import dynamics as dyn
 from mbrs.reference import flexible as fx
 from mbrs.reference import so3
@@ -19,7 +20,6 @@ from mbrs.reference.kinematics import advance
 from mbrs.reference.motion import start, with_rates
 from mbrs.reference.reader import Body
 from mbrs.reference.transient import begin
-from mbrs.system.tables import tables
 
 
 def somewhere(sys, rng, size=0.3, rate=1.0):

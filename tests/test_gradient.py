@@ -4,9 +4,9 @@ import mbrs as mb
 import numpy as np
 import pytest
 from agreement import all_addresses
+from mbrs.model.tables import directions, tables
 from mbrs.reference.ali3p import Scheme
 from mbrs.reference.ali3p_tree import TreeMechanism
-from mbrs.system.tables import directions, tables
 from motion_models import blade, five_bar, open_chain, silent, spatial_loop
 
 R0 = np.array([0.5, -2.0, 0.0])

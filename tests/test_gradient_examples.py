@@ -6,9 +6,9 @@ import mbrs as mb
 import numpy as np
 import pytest
 from mbrs.examples import _car
+from mbrs.model.tables import directions, tables
 from mbrs.reference.ali3p import Scheme
 from mbrs.reference.ali3p_tree import TreeMechanism
-from mbrs.system.tables import directions, tables
 
 
 @pytest.fixture(scope="module")

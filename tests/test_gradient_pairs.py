@@ -14,11 +14,12 @@ import pytest
 from agreement import all_addresses
 from gradient_scenes import SCENES
 from mbrs import _core
+from mbrs.model.tables import directions
 from mbrs.motion.quantities import Names
 from mbrs.motion.tangent import Run
+from mbrs.system.compiled import compiled
 from mbrs.system.snapshot import Snapshot
 from mbrs.system.state import state_of
-from mbrs.system.tables import compiled, directions
 from motion_models import silent
 
 TIMES = np.array([0.0, 0.03, 0.045, 0.09, 0.12])

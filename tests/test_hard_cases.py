@@ -8,8 +8,8 @@ import numpy as np
 import problems
 import pytest
 from agreement import difference, show
+from mbrs.system.compiled import compiled
 from mbrs.system.state import State
-from mbrs.system.tables import compiled
 from random_models import random_tree
 
 

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from agreement import reference_state
 from mbrs import reference as ref
+from mbrs.model.tables import tables
 from mbrs.reference import motion as rm
 from mbrs.reference.assembly import constraint_values, jacobian
+from mbrs.system.compiled import compiled
 from mbrs.system.state import State
-from mbrs.system.tables import compiled, tables
 
 STEP = 1e-30
 

@@ -6,8 +6,9 @@ import mbrs as mb
 import numpy as np
 import pytest
 from agreement import all_addresses
+from mbrs.model.tables import tables
+from mbrs.system.compiled import compiled
 from mbrs.system.state import State
-from mbrs.system.tables import compiled, tables
 from test_core_sensitivity import check, compare
 from test_imposed_rows import scene
 
@@ -78,7 +79,7 @@ def test_a_motion_of_the_numbers_of_a_drive():
     """The discrete motion differentiated by the core along each number of a drive, against differences."""
     m = carriage()
     core, x = compiled(m), tables(m)["x"]
-    from mbrs.system.tables import directions
+    from mbrs.model.tables import directions
 
     along = directions(m, ["shaker.amplitude", "shaker.omega", "gear.ratio", "wind.z_coefficients[1]"])
     start = core.assemble()

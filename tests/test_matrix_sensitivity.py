@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 from mbrs import matrix_calculus as mc
 from mbrs import reference as ref
+from mbrs.model.tables import directions, tables
 from mbrs.reference import motion as rm
 from mbrs.reference.ali3p import Scheme
 from mbrs.reference.ali3p_models import FiveBar
 from mbrs.reference.kinematics import drawn_state
 from mbrs.reference.matrix_sensitivity import FlexibleForm, RigidForm
-from mbrs.system.tables import compiled, directions, tables
+from mbrs.system.compiled import compiled
 
 
 def double_pendulum():

@@ -14,8 +14,9 @@ from mbrs.model.addresses import driver
 from mbrs.model.model import Model
 from mbrs.model.ports import as_port, base_motion
 from mbrs.model.rotations import rotation
+from mbrs.model.tables import directions, dx_dV, tables, x
+from mbrs.system.compiled import compiled
 from mbrs.system.effects import EFFECTS, check_without, effects
-from mbrs.system.tables import compiled, directions, dx_dV, tables, x
 from scenes import everything, same_tables
 
 

@@ -13,7 +13,8 @@ import pytest
 from mbrs.errors import ModelError
 from mbrs.model import toml
 from mbrs.model.model import Model
-from mbrs.system.tables import compiled, tables
+from mbrs.model.tables import tables
+from mbrs.system.compiled import compiled
 
 HEAD = """[model]
 name = "one"

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from mbrs import reference as ref
 from mbrs.errors import ConvergenceError
+from mbrs.model.tables import tables
 from mbrs.reference.motion import velocity_rows
 from mbrs.reference.transient import begin, rows
-from mbrs.system.tables import tables
 
 pytestmark = pytest.mark.oracle
 

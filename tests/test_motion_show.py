@@ -13,8 +13,8 @@ import motion_problems as zoo
 import numpy as np
 import pytest
 from mbrs.errors import ModelError
-from mbrs.system.scene import scene_from_tables
-from mbrs.system.tables import tables
+from mbrs.model.scene import scene_from_tables
+from mbrs.model.tables import tables
 from mbrs.view import modes as viewer
 from mbrs.view.motion import frames, motion
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from mbrs import reference as ref
 from mbrs.errors import ModelError
+from mbrs.model.tables import tables
 from mbrs.reference.transient import begin
 from mbrs.studies.measures import motion_difference
-from mbrs.system.tables import tables
 
 TOLERANCES = 10.0 ** -np.arange(3.0, 11.0)
 

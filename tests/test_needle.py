@@ -14,6 +14,7 @@ import pytest
 import scipy.linalg
 from mbrs import _core
 from mbrs.errors import ModelError
+from mbrs.model.tables import tables
 from mbrs.nonlinear.system import nonlinear_system
 from mbrs.reference import System as Reference
 from mbrs.reference import hbm_balance
@@ -22,7 +23,7 @@ from mbrs.reference import modes as reference_modes
 from mbrs.reference import motion as rm
 from mbrs.reference.assembly import assemble, mobility
 from mbrs.reference.kinematics import drawn_state
-from mbrs.system.tables import compiled, tables
+from mbrs.system.compiled import compiled
 
 K3, K_SLIDER, SLIP = 4e4, 6.0, 0.4
 REAR = 0.2

@@ -7,8 +7,8 @@ import pytest
 from mbrs._lib.text import unit_note
 from mbrs.errors import ModelError
 from mbrs.model.model import Model
+from mbrs.model.tables import directions
 from mbrs.model.toml import dumps, loads
-from mbrs.system.tables import directions
 
 
 def labelled():

@@ -99,7 +99,7 @@ def test_every_reference_module_is_used_by_a_test():
 def test_steady_motion(speed):
     """A bent shaft: the core's steady state and matrices against the reference's."""
     from agreement import reference_state, relative_difference
-    from mbrs.system.tables import tables
+    from mbrs.model.tables import tables
 
     m = mb.Model("bent shaft", gravity=(0, 0, -9.81))
     g = m.body("gimbal", mass=1.0, inertia=(0.01, 0.012, 0.014), at=(0, 0, 0), com=(0.01, 0, 0.02))

@@ -15,7 +15,7 @@ from mbrs.errors import ModelError
 from mbrs.model import layout, toml
 from mbrs.model.model import Model
 from mbrs.model.schema import ELEMENTS, HEADINGS, JOINTS, LAWS, MOTIONS, NODE, SHAPES
-from mbrs.system.tables import tables
+from mbrs.model.tables import tables
 from scenes import everything, same_tables
 
 ROOT = Path(mbrs.__file__).parents[2]

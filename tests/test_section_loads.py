@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from jitter_marks import defect
 from mbrs import reference as ref
-from mbrs.system.tables import tables
+from mbrs.model.tables import tables
 
 L, EI = 2.0, 4000.0
 

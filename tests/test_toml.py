@@ -10,9 +10,9 @@ from mbrs import examples
 from mbrs.errors import DuplicateNameError, InertiaError, ModelError, NameNotFoundError
 from mbrs.model import laws, toml
 from mbrs.model.model import Model
+from mbrs.model.tables import tables
 from mbrs.model.toml import dumps
 from mbrs.system.effects import effects
-from mbrs.system.tables import tables
 from scenes import everything, same_tables
 
 BUILDERS = [

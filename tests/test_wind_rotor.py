@@ -6,8 +6,8 @@ import mbrs as mb
 import numpy as np
 import pytest
 from mbrs import reference as ref
+from mbrs.model.tables import tables
 from mbrs.reference.fixed_frame import Rotor, symmetric_and_antisymmetric
-from mbrs.system.tables import tables
 
 BLADES = ("blade1", "blade2", "blade3")
 SPEED = 17.2 * 2 * np.pi / 60

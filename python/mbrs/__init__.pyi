@@ -118,6 +118,10 @@ from .model.ports import Port as Port
 from .model.ports import base_motion as base_motion
 from .model.rotations import rotation as rotation
 from .model.section_loads import SectionLoad as SectionLoad
+from .model.shapes import Box as Box
+from .model.shapes import Cylinder as Cylinder
+from .model.shapes import Mesh as Mesh
+from .model.shapes import Sphere as Sphere
 from .motion.simulate import simulate as simulate
 from .motion.trajectory import Energy as Energy
 from .motion.trajectory import Trajectory as Trajectory

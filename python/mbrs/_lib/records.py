@@ -68,7 +68,7 @@ HOMES: Mapping[str, str] = {
     "NonlinearSystem": "nonlinear.system",
     "State": "system.state",
     "Port": "model.ports",
-    "Directions": "system.tables",
+    "Directions": "model.tables",
 }
 # functions that make again what the core holds, or compute an estimate when it is first asked for
 FUNCTIONS: Mapping[str, str] = {

@@ -15,7 +15,7 @@ from ..linear.equilibrium import equilibrium
 from ..linear.modes import modes
 from ..linear.sensitivity import sensitivity
 from ..model.names import shown
-from ..system.tables import tables
+from ..model.tables import tables
 
 if TYPE_CHECKING:
     from ..model.model import Model

@@ -14,8 +14,8 @@ from ..errors import ModelError
 from ..gradients.gradient import finite, gradient
 from ..gradients.objectives import Objective
 from ..model.names import nearest, shown
+from ..model.tables import directions
 from ..motion.tangent import value_at
-from ..system.tables import directions
 from .functions import Constraint, DesignFunctions, number_or_infinite
 from .optimum import Optimum
 from .solver import solve

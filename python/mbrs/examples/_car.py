@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..model.model import Model
+from ..model.shapes import Cylinder
 
 # Everything here is invented, of the size of a middle-class car: m, kg, N, s; x forwards, y left, z up from the road.
 SPEED = 12.0
@@ -94,8 +95,10 @@ def car(gravity: float = 9.81) -> Model:
     14
     """
     m = Model("car", gravity=(0.0, 0.0, -gravity))
-    drive_on = {"velocity": (SPEED, 0.0, 0.0)}
-    chassis = m.body("chassis", mass=MASSES["chassis"], inertia=(520.0, 1900.0, 2100.0), at=(0, 0, 0.55), **drive_on)
+    going = (SPEED, 0.0, 0.0)
+    chassis = m.body(
+        "chassis", mass=MASSES["chassis"], inertia=(520.0, 1900.0, 2100.0), at=(0, 0, 0.55), velocity=going
+    )
     m.marker("driver", chassis, at=(0.1, 0.35, 0.6))
     tyre = m.parameter("tyre_k", TYRE["k"], unit="N/m"), m.parameter("tyre_c", TYRE["c"], unit="N s/m")
     for axle, x in AXLES.items():
@@ -119,16 +122,28 @@ def _corner(
 ) -> None:
     name, sign, x, r = f"{axle} {side}", 1 if side == "left" else -1, AXLES[axle], WHEEL_RADIUS
     hub, ground = np.array([x, sign * HALF_TRACK, r]), np.array([x, sign * HALF_TRACK, 0.0])
-    chassis, on = m["chassis"], {"velocity": (SPEED, 0.0, 0.0)}
+    chassis, going = m["chassis"], (SPEED, 0.0, 0.0)
     lower = _arm(m, f"{name} lower", _middle(x, sign, "lower_inner", "lower_ball"), MASSES["lower"])
     upper = _arm(m, f"{name} upper", _middle(x, sign, "upper_inner", "upper_ball"), MASSES["upper"])
     upright = m.body(
-        f"{name} upright", mass=MASSES["upright"], inertia=(0.18, 0.18, 0.1), at=hub - (0, 0.06 * sign, 0), **on
+        f"{name} upright",
+        mass=MASSES["upright"],
+        inertia=(0.18, 0.18, 0.1),
+        at=hub - (0, 0.06 * sign, 0),
+        velocity=going,
     )
     spin = (0.0, SPEED / r, 0.0)
-    wheel = m.body(f"{name} wheel", mass=MASSES["wheel"], inertia=(0.5, 0.9, 0.5), at=hub, angular_velocity=spin, **on)
+    wheel = m.body(
+        f"{name} wheel",
+        mass=MASSES["wheel"],
+        inertia=(0.5, 0.9, 0.5),
+        at=hub,
+        angular_velocity=spin,
+        velocity=going,
+        shape=Cylinder(r, 0.2, "y", colour="#4a5058"),
+    )
     road = m.body(f"{name} road", mass=1.0, inertia=(1.0, 1.0, 1.0), at=ground)
-    patch = m.body(f"{name} patch", mass=MASSES["patch"], inertia=(0.1, 0.1, 0.1), at=ground, **on)
+    patch = m.body(f"{name} patch", mass=MASSES["patch"], inertia=(0.1, 0.1, 0.1), at=ground, velocity=going)
     m.revolute(f"{name} lower hinge", chassis, lower, at=at["lower_inner"], axis="x")
     m.revolute(f"{name} upper hinge", chassis, upper, at=at["upper_inner"], axis="x")
     m.spherical(f"{name} lower ball", lower, upright, at=at["lower_ball"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..model.model import Model
+from ..model.shapes import Box, Cylinder
 
 # Invented: kg, kg m2; N/m, N m/rad, N s/m.
 _HOUSING, _DISC = (4.0, (0.02, 0.02, 0.03)), (6.0, (0.03, 0.03, 0.055))
@@ -27,9 +28,11 @@ def rotor(speed: float = 0.0, overhang: float = 0.12) -> Model:
         tilting and lateral modes into backward and forward whirl. All data are invented.
     """
     m = Model("rotor")
-    housing = m.body("housing", mass=_HOUSING[0], inertia=_HOUSING[1], at=(0, 0, 0))
+    housing = m.body("housing", mass=_HOUSING[0], inertia=_HOUSING[1], at=(0, 0, 0), shape=Box((0.1, 0.1, 0.04)))
     spin = (0.0, 0.0, speed) if speed else None
-    disc = m.body("disc", mass=_DISC[0], inertia=_DISC[1], at=(0, 0, overhang), angular_velocity=spin)
+    # as large as its moment of inertia about the axis says
+    shape = [Cylinder(0.135, 0.02), Cylinder(0.008, overhang, at=(0, 0, -overhang / 2))]
+    disc = m.body("disc", mass=_DISC[0], inertia=_DISC[1], at=(0, 0, overhang), angular_velocity=spin, shape=shape)
     m.bushing("mount", m.ground, housing, at=(0, 0, 0), k=_MOUNT_K, c=_MOUNT_C)
     m.revolute("shaft", housing, disc, at=(0, 0, overhang / 2), axis="z")
     return m

@@ -17,6 +17,7 @@ from .._lib.progress import Elapsed
 from .._lib.vetter import Derivative
 from ..errors import ModelError, NameNotFoundError
 from ..model.addresses import target
+from ..model.tables import Directions, directions
 from ..motion.quantities import Names
 from ..motion.simulate import simulate
 from ..motion.tangent import (
@@ -35,7 +36,6 @@ from ..results import Stats, added_counts
 from ..system.effects import check_without, effects
 from ..system.snapshot import Snapshot
 from ..system.state import state_of
-from ..system.tables import Directions, directions
 from .motion_gradient import MotionGradient, effects_of
 from .objectives import Evaluation, Integral, NewReading, Objective, Reader, evaluate, number
 

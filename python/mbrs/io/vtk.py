@@ -126,12 +126,11 @@ def write_motion(thing: Any, path: Path) -> Path:
     """
     from ..linear.modal_result import ModalResult
     from ..motion.trajectory import Trajectory
-    from ..system.scene import scene_from_tables
 
     if not isinstance(thing, Trajectory):
         hint = "; save modes as .vtu" if isinstance(thing, ModalResult) else ""
         raise ModelError(f"a .pvd file holds a motion, not a {type(thing).__name__}{hint}")
-    drawn = scene_from_tables(thing.snapshot.tables)
+    drawn = thing.snapshot.scene
     mesh = _Mesh(drawn)
     position, rotation, velocity, turning = (
         _stacked([read(name) for name in mesh.names])

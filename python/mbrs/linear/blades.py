@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .._lib.border import core_errors
-from ..system.tables import modal_places
+from ..model.tables import modal_places
 from .multiblade import multiblade
 from .turning_frames import VARIES, VARIES_AS_DRAWN, Frame, Tangent, Turn, fitted, rotation_about
 

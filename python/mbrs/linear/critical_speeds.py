@@ -259,7 +259,7 @@ def orbit_rows(lin: Any) -> np.ndarray:
     """
     from .._lib.rotations import twist_at
     from ..model.schema import BODY
-    from ..system.tables import modal_places
+    from ..model.tables import modal_places
 
     t, rows = lin.snapshot.tables, []
     modal = {body: (m, first) for body, m, _, first in modal_places(t, len(lin.bodies))}

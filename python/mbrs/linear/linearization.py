@@ -16,10 +16,10 @@ from ..errors import ModelError
 from ..model.bodies import INERTIA_PLACE
 from ..model.ports import Port, as_port
 from ..model.schema import BODY, MARKER, SHAPES
+from ..model.tables import modal_places
 from ..results import Result, derived, quantity, result
 from ..system.snapshot import Snapshot
 from ..system.state import State
-from ..system.tables import modal_places
 from ..view.scene import SceneGeometry
 from .first_order import StateSpace, first_order
 from .inertia import mass_matrices, mass_matrix_at

@@ -19,7 +19,7 @@ import numpy as np
 from .. import _core
 from .._lib.rotations import twist_at
 from ..model.schema import LAW_OF_CODE
-from ..system.tables import tables
+from ..model.tables import tables
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from .._lib.text import without_rounding
 from ..errors import ModelError, RouteError
 from ..model.ports import Port, as_port
 from ..model.schema import BODY, MARKER
+from ..model.tables import Directions, directions, tables
 from ..results import Result, Stats, derived, quantity, result
-from ..system.tables import Directions, directions, tables
 from .linearization import Linearization
 from .parts import split
 

@@ -36,7 +36,7 @@ def is_large(model: Any, n: int | None) -> bool:
     """True if modes of a model take the sparse route: few modes of many coordinates."""
     if n is None or len(model.bodies) == 0:
         return False
-    from ..system.tables import compiled
+    from ..system.compiled import compiled
 
     with core_errors():
         n_tree = compiled(model).n_tree
@@ -79,10 +79,10 @@ class SparseModel:
     @property
     def geometry(self) -> Any:
         """Bodies, springs and joints to draw, at this state."""
-        from ..system.scene import scene_from_tables
-        from ..system.tables import tables
+        from ..model.scene import scene_from_tables
+        from ..model.tables import tables
 
-        return scene_from_tables(tables(self.model)).moved(self.poses["position"], self.poses["rotation"])
+        return scene_from_tables(tables(self.model), self.model).moved(self.poses["position"], self.poses["rotation"])
 
     def body_motion(self, body: int) -> np.ndarray:
         """(6, n) motion of a body's origin, world axes."""

@@ -19,9 +19,9 @@ from .._lib.border import core_errors
 from .._lib.rotations import skew
 from ..errors import ModelError
 from ..model.schema import BODY
+from ..model.tables import modal_places
 from ..system.snapshot import Snapshot
 from ..system.state import State
-from ..system.tables import modal_places
 from .inertia import mass_matrices, mass_matrix_at
 from .spin import Spin
 

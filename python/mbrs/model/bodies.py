@@ -17,6 +17,7 @@ from .numbers import Number
 from .packing import INERTIA_TOLERANCE, pack
 from .ports import Port, make_port
 from .schema import BODY, MARKER, POSE, Kind
+from .shapes import ShapeLike, shapes
 
 # Order of the six numbers in Tables: xx yy zz xy xz yz.
 INERTIA_PLACE = ((0, 3, 4), (3, 1, 5), (4, 5, 2))
@@ -40,7 +41,8 @@ class Ported(Item):
 class Body(Ported, Attachable):
     """Handle of a rigid body; see `Model.body`."""
 
-    __slots__ = ()
+    __slots__ = ("shape",)
+    shape: list[dict[str, Any]]  # tables of what pictures show of it, as `mbrs.model.shapes` makes them
     store = "body"
     kind = "body"
     nodes: tuple[str, ...] = ()
@@ -201,9 +203,10 @@ def first_guess(body: Body, pose: Any) -> tuple[Pose, list[Number]] | None:
     return guess, entries
 
 
-def enter(body: Body, entries: list[Number], guess: tuple[Pose, list[Number]] | None) -> None:
-    """Put a body and its first guess into the model."""
+def enter(body: Body, entries: list[Number], guess: tuple[Pose, list[Number]] | None, shape: Any) -> None:
+    """Put a body, its first guess and its shape into the model."""
     book = body.model
+    body.shape = shapes(shape, f"{body.name}.shape")
     body.put(entries)
     if guess is not None:
         pose, numbers = guess
@@ -228,6 +231,7 @@ def body(
     pose: PoseLike | None = None,
     velocity: Vector3 | None = None,
     angular_velocity: Vector3 | None = None,
+    shape: ShapeLike | None = None,
 ) -> Body:
     """A rigid body; free until joints hold it.
 
@@ -250,6 +254,9 @@ def body(
         (origin, orientation): first guess of where assembly brings the body when joints were given two points.
     velocity, angular_velocity
         (3,) of the origin, m/s, and (3,), rad/s, world axes.
+    shape
+        What pictures show of it, fixed to its origin and axes: `mbrs.Box`, `mbrs.Cylinder`, `mbrs.Sphere`, `mbrs.Mesh`, or a list of
+        them. It has no mass and changes no result. Without one a body is drawn as the hull of what is attached to it.
 
     Returns
     -------
@@ -284,7 +291,7 @@ def body(
         "angular_velocity": angular_velocity,
     }
     entries = pack(name, BODY, given).entries
-    enter(made, entries, first_guess(made, pose))
+    enter(made, entries, first_guess(made, pose), shape)
     return made
 
 

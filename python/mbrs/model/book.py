@@ -278,6 +278,11 @@ class Book:
         self.values_version = 0
         self.cache: dict[str, Any] = {}
 
+    @property
+    def tolerance(self) -> float:
+        """Accuracy of what was drawn, see `Model`."""
+        raise AssertionError("a model has a tolerance")
+
     def new_name(self, kind: str, name: Any) -> str:
         """The name, if a new object may have it."""
         check_name(kind, name, self.items)

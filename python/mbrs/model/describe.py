@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .bodies import Body
 from .book import Book, Item
 from .drives import Coupler, Drive
 from .expressions import Expression
@@ -96,7 +97,7 @@ def _shaped(item: Item, field: Field) -> Any:
     return entries[::step][: shape[0]]
 
 
-def _body(body: Item, pose: Item | None) -> Table:
+def _body(body: Body, pose: Item | None) -> Table:
     table: Table = {"name": body.name}
     made = _numbers(body)
     if isinstance(body, FlexibleBody):
@@ -106,6 +107,8 @@ def _body(body: Item, pose: Item | None) -> Table:
         made = {key: value for key, value in made.items() if key in FLEXIBLE_BODY.known}
     if pose is not None:
         made["pose"] = [pose.entries("at"), pose.entries("orientation")]
+    if body.shape:
+        made["shape"] = body.shape[0] if len(body.shape) == 1 else body.shape
     return {**table, **made}
 
 

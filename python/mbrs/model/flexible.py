@@ -16,6 +16,7 @@ from .numbers import Number, numbers
 from .packing import pack
 from .ports import Port, make_port
 from .schema import BODY, FIXED_BY_SHAPES, NODE, SHAPES, Kind
+from .shapes import ShapeLike
 
 if TYPE_CHECKING:
     from ..flexible import ModalBody
@@ -237,6 +238,7 @@ def flexible_body(
     angular_velocity: Vector3 | None = None,
     modes: int | Sequence[int] | None = None,
     nodes: Sequence[str] = (),
+    shape: ShapeLike | None = None,
 ) -> FlexibleBody:
     """An elastic body in a floating frame: the frame moves like a rigid body, and on it r + phi_k(r) q_k.
 
@@ -253,6 +255,8 @@ def flexible_body(
         How many of the modes, or their indices; all by default.
     nodes
         Nodes that results follow though nothing is attached to them; others do so as soon as `.node` names them.
+    shape
+        As of `body`, fixed to the frame: it does not bend. Without one the line of the body is drawn, which bends.
 
     Returns
     -------
@@ -311,5 +315,5 @@ def flexible_body(
     integrals.m, integrals.n_nodes = body.n_modes, len(body.nodes)
     integrals.put(_numbers_of(body.modal))
     body.integrals = integrals
-    enter(body, entries, guess)
+    enter(body, entries, guess, shape)
     return body

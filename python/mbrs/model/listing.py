@@ -11,6 +11,7 @@ from .._lib.text import Block, number, without_rounding
 from .book import Book
 from .describe import describe
 from .expressions import Expression
+from .motions import TimeFunction
 from .schema import UNITS
 
 __all__ = ["blocks"]
@@ -68,9 +69,10 @@ def _parameters(book: Book, found: Sequence[Mapping[str, Any]]) -> list[Block]:
 
 def _block(title: str, rows: Sequence[Mapping[str, Any]]) -> Block:
     keys = list(dict.fromkeys(key for row in rows for key in row if key not in ("a", "b", "modal_body")))
+    keys.sort(key=lambda key: key == "shape")  # the last
     between = any("a" in row for row in rows)
     columns = [_head(key) for key in keys]
-    cells = [[_text(row[key]) if key in row else "" for key in keys] for row in rows]
+    cells = [[_cell(key, row[key]) if key in row else "" for key in keys] for row in rows]
     if between:
         place = 1 + keys.index("name")
         columns.insert(place, "between")
@@ -81,6 +83,13 @@ def _block(title: str, rows: Sequence[Mapping[str, Any]]) -> Block:
         for line in (columns, *cells):
             line.insert(0, line.pop(at))
     return _cut(title, columns, cells)
+
+
+def _cell(key: str, value: Any) -> Any:
+    """A shape by its type alone: the numbers of a picture change no result."""
+    if key == "shape":
+        return " + ".join(one["type"] for one in (value if isinstance(value, list) else [value]))
+    return _text(value)
 
 
 def _cut(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> Block:
@@ -97,6 +106,8 @@ def _text(value: Any) -> Any:
     """Numbers short, an expression with its value, a law or a motion by its type."""
     if isinstance(value, Expression):
         return f"{value} = {number(value.value, _DIGITS)}"
+    if isinstance(value, TimeFunction):
+        return str(value)
     if isinstance(value, Mapping):
         kind = value.get("type", "")
         rest = ", ".join(f"{k} {_text(v)}" for k, v in value.items() if k != "type")

@@ -1,4 +1,4 @@
-"""The model: names, units and numbers as the user gives them. `mbrs.system.tables` makes Tables of it."""
+"""The model: names, units and numbers as the user gives them. `mbrs.model.tables` makes Tables of it."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import copy
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, overload
+from typing import Any, Literal, overload
 
 import numpy as np
 
 from .._lib.formats import find
 from ..errors import ModelError
+from ..view.scene import SceneGeometry
 from . import bodies as _bodies
 from . import drives as _drives
 from . import flexible as _flexible
@@ -29,11 +30,16 @@ from .joint import Joint
 from .names import GROUND, check_name, not_found, shown
 from .numbers import vector
 from .parameters import ArrayParameter
+from .scene import scene_from_tables
 from .schema import GRAVITY, LARGEST_TOLERANCE, Kind
+from .tables import tables
 
 # What `dir(model)` leaves out: attributes that the package uses and a user does not.
 _INTERNAL = frozenset(vars(Book("names"))) | {name for name in vars(Book) if not name.startswith("_")}
-_PUBLIC = frozenset({"name", "bodies", "joints", "elements", "loads", "drives", "couplers", "markers"})
+_PUBLIC = frozenset({"name", "bodies", "joints", "elements", "loads", "drives", "couplers", "markers", "tolerance"})
+
+
+ViewLike = Literal["xy", "xz", "yz"] | tuple[float, float] | None
 
 
 class Gravity(Item):
@@ -290,6 +296,45 @@ class Model(Book):
         """
         read = find(path, "model", "read").read
         return read(Path(path), functions=functions)  # type: ignore[misc,no-any-return]
+
+    @property
+    def scene(self) -> SceneGeometry:
+        """Bodies, springs, joints and loads to draw, as drawn; a `ModelError` for a model without bodies."""
+        return scene_from_tables(tables(self), self)
+
+    def plot(self, *, view: ViewLike = None, names: bool | None = None, ax: Any = None) -> Any:
+        """Draw the model as it was drawn, computing nothing: joints by their kind with axes, springs, dampers, gaps, ground, loads.
+
+        Parameters
+        ----------
+        view
+            "xy", "xz", "yz", or (azimuth, elevation) in rad of the eye; by default a flat model squarely, others from above.
+        names
+            Write the names of objects; by default where there are few.
+        ax
+            Axes of matplotlib to draw into; a figure of its own by default.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Examples
+        --------
+        >>> import mbrs as mb
+        >>> figure = mb.examples.four_bar().plot()
+        """
+        from ..plot.scenes import scene
+
+        return scene(self.scene, f"model {self.name!r}", view=view, names=names, ax=ax)
+
+    def animate(self, path: str | Path | None = None, *, title: str | None = None) -> Any:
+        """The same as `plot` in space, on one self-contained page to turn and zoom, with names under the pointer.
+
+        Returns the path of the page, or a `mbrs.view.modes.Viewer` that notebooks show. Nothing is computed.
+        """
+        from ..view.still import still
+
+        return still(self.scene, path, title=title or f"Model {self.name}")
 
     def copy(self) -> Model:
         """An independent copy."""

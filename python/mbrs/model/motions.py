@@ -275,6 +275,12 @@ class TimeFunction:
             )
         return f"{module}:{name}"
 
+    def __str__(self) -> str:
+        """The name, also of one that a file cannot hold."""
+        if isinstance(self.function, FunctionName):
+            return self.function.name
+        return f"{getattr(self.function, '__qualname__', type(self.function).__name__)}(t)"
+
     def __reduce__(self) -> tuple[Any, ...]:
         if isinstance(self.function, FunctionName):
             return TimeFunction, (self.function, self.where, self.outputs)
@@ -357,9 +363,9 @@ class MotionItem(Item):
         return out
 
     def described(self) -> Any:
-        """Data for a file: {type, numbers}, or "module:name"."""
+        """Data for a file: {type, numbers}, or the function."""
         if self.function is not None:
-            return self.function.name
+            return self.function
         table: dict[str, Any] = {"type": MOTIONS[self.code].name}
         start, entries = 0, self.entries()
         for name, n, one in self.groups:

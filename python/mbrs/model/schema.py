@@ -17,7 +17,7 @@ Role = Literal[
     "point", "position", "length", "angle", "direction", "orientation", "mass", "inertia", "velocity", "angular velocity",
     "acceleration", "stiffness", "damping", "force", "ratio", "offset", "integral",
 ]  # fmt: skip
-Form = Literal["text", "numbers", "points", "direction", "pose", "law", "motion", "load", "modal body"]
+Form = Literal["text", "numbers", "points", "direction", "pose", "law", "motion", "load", "modal body", "shape"]
 Check = Literal["", "positive", "not negative"]
 
 # Units of roles that do not depend on a coordinate. Directions and orientations are varied by a rotation vector.
@@ -246,7 +246,14 @@ def coordinate_unit(role: str, row: str, column: str) -> str:
 def _arguments(required: str, optional: str = "", **forms: Form) -> tuple[Argument, ...]:
     texts = {"name", "a", "b", "body", "joint", "first", "second", "frame", "on", "coordinate"}
     texts |= {"first_coordinate", "second_coordinate", "nodes"}
-    known: dict[str, Form] = {"axis": "direction", "axis2": "direction", "law": "law", "pose": "pose", **forms}
+    known: dict[str, Form] = {
+        "axis": "direction",
+        "axis2": "direction",
+        "law": "law",
+        "pose": "pose",
+        "shape": "shape",
+        **forms,
+    }
 
     def one(name: str, must: bool) -> Argument:
         return Argument(name, "text" if name in texts else known.get(name, "numbers"), must)
@@ -273,12 +280,14 @@ _BODY = Block(
     ],
 )
 _FRAMED = "at orientation pose velocity angular_velocity"
-BODY = Kind("body", "body", _BODY, _arguments("name mass inertia", "at com orientation pose velocity angular_velocity"))
+BODY = Kind(
+    "body", "body", _BODY, _arguments("name mass inertia", "at com orientation pose velocity angular_velocity shape")
+)
 FLEXIBLE_BODY = Kind(
     "body",
     "flexible_body",
     _BODY,
-    _arguments("name modal_body", f"{_FRAMED} modes nodes", modal_body="modal body"),
+    _arguments("name modal_body", f"{_FRAMED} modes nodes shape", modal_body="modal body"),
 )
 MARKER = Kind("marker", "marker", Block("marker", [_AT, _TURN]), _arguments("name body", "at orientation"))
 POSE = Kind(

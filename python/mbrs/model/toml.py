@@ -20,10 +20,11 @@ from .expressions import Expression
 from .grammar import GrammarError, parse
 from .law_items import SavedLaw
 from .locate import Places
-from .motions import TYPES, FunctionName, resolve
+from .motions import TYPES, FunctionName, TimeFunction, resolve
 from .names import nearest, problem, shown
 from .numbers import shape_of
 from .schema import HEADINGS, Kind
+from .shapes import shape_of_table
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _WIDTH = 100
@@ -79,6 +80,8 @@ def _string(text: str) -> str:
 def _value(value: Any) -> str:
     if isinstance(value, Expression):
         return _string(str(value))
+    if isinstance(value, TimeFunction):
+        return _string(value.name)
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (int, float)):
@@ -226,8 +229,8 @@ class _Reader:
         read: Callable[[Any, Any], Any] = _numbers
         if form in ("motion", "load"):
             read = self._motions
-        elif form in ("modal body", "law"):
-            read = _modal_body if form == "modal body" else _laws
+        elif form in ("modal body", "law", "shape"):
+            read = {"modal body": _modal_body, "law": _laws, "shape": _shape}[form]
         return self._guarded(kind.heading, number, lambda: read(model, value), key)
 
     def _motions(self, model: Any, value: Any) -> Any:
@@ -269,7 +272,7 @@ def _add_parameter(model: Any, name: str, value: Any) -> None:
 
 def _field_of(reason: MbrsError) -> str:
     address = getattr(reason, "address", "")
-    field = address.rpartition(".")[2] if "." in address else ""
+    field = address.partition(".")[2].partition(".")[0].partition("[")[0]
     return field.removesuffix("_a").removesuffix("_b") if field.startswith("at_") else field
 
 
@@ -305,6 +308,12 @@ def _modal_body(model: Any, value: Any) -> Any:
         return ModalBody(**value)
     except TypeError:
         raise problem("modal_body", f"cannot be made of the entries {shown(list(value))}") from None
+
+
+def _shape(model: Any, value: Any) -> Any:
+    if isinstance(value, list):
+        return [_shape(model, one) for one in value]
+    return shape_of_table(value, lambda entry: _numbers(model, entry))
 
 
 def _laws(model: Any, value: Any) -> Any:

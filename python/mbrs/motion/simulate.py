@@ -16,11 +16,11 @@ from .._lib.border import core_errors
 from .._lib.checks import shown
 from .._lib.progress import Progress
 from ..errors import ConvergenceError, Interrupted, MbrsWarning, ModelError
+from ..model.tables import directions
 from ..results import Stats
 from ..system.effects import LINEAR_ONLY, check_without, effects
 from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
-from ..system.tables import directions
 from .amplification import warn_amplified
 from .trajectory import Trajectory
 

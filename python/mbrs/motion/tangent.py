@@ -15,10 +15,10 @@ from .. import _core
 from .._lib.border import core_errors
 from .._lib.vetter import Derivative
 from ..errors import KinkWarning, MbrsWarning, ModelError, NotDifferentiableError
+from ..model.tables import Directions, directions
 from ..system.effects import with_rate_laws
 from ..system.snapshot import Snapshot
 from ..system.state import State, state_of
-from ..system.tables import Directions, directions
 from .quantities import Asked, Names
 
 if TYPE_CHECKING:

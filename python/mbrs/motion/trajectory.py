@@ -14,10 +14,10 @@ from .._lib.rotations import quaternion_matrix
 from ..errors import ModelError, NameNotFoundError
 from ..model.names import nearest
 from ..model.schema import BODY, JOINTS, MARKER
+from ..model.tables import modal_places
 from ..results import Result, quantity, result
 from ..system.snapshot import Snapshot
 from ..system.state import State
-from ..system.tables import modal_places
 from .quantities import Names
 from .tangent import RHO, Run, quantity_derivative
 
@@ -390,14 +390,14 @@ class Trajectory(Result):
     @property
     def parameter_labels(self) -> list[str]:
         """Names of the columns of `sensitivity`, one for each number of a parameter."""
-        from ..system.tables import directions
+        from ..model.tables import directions
 
         return list(directions(self.snapshot.model, self.parameters).labels)
 
     @property
     def parameter_units(self) -> list[str]:
-        """Their units, "" where unknown (see `mbrs.system.tables.directions`)."""
-        from ..system.tables import directions
+        """Their units, "" where unknown (see `mbrs.model.tables.directions`)."""
+        from ..model.tables import directions
 
         return list(directions(self.snapshot.model, self.parameters).units)
 

@@ -12,8 +12,8 @@ from .._lib.checks import shown
 from .._lib.text import number
 from ..errors import ModelError
 from ..linear.sensitivity import sensitivity
+from ..model.tables import directions
 from ..results import Result, Stats, quantity, result
-from ..system.tables import directions
 
 # A derivative that differs from the differences by less than this many times their own error is confirmed.
 _FACTOR = 10.0

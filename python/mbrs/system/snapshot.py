@@ -10,9 +10,10 @@ from .. import _core
 from .._lib.border import core_errors
 from ..errors import ModelError
 from ..model.book import Book
+from ..model.scene import scene_from_tables
+from ..model.tables import tables, tables_with_nodes
 from ..view.scene import SceneGeometry
-from .scene import scene_from_tables
-from .tables import compiled, tables, tables_with_nodes
+from .compiled import compiled
 
 if TYPE_CHECKING:
     from ..model.model import Model
@@ -55,7 +56,7 @@ class Snapshot:
     @property
     def scene(self) -> SceneGeometry:
         """Bodies, springs and joints to draw, as the model was drawn."""
-        return scene_from_tables(self.tables)
+        return scene_from_tables(self.tables, self.model)
 
     @property
     def current(self) -> bool:

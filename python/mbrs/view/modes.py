@@ -16,15 +16,14 @@ from .._lib.files import write_atomic
 from .._lib.text import number
 from ..errors import ModelError
 from .document import document
+from .drawing import scene_data, solids
 from .scene import SceneGeometry
-from .solids import body_solid
 
 __all__ = ["Viewer", "modes"]
 
-_DETAILED_BODIES = 400
 _REACH = 0.1  # largest displacement drawn at amplitude 1, in sizes of the scene
+_LINE = 25  # points of the line of a flexible body
 _TURN = 0.6  # largest rotation drawn at amplitude 1, rad
-_KINDS = {"spring_damper": 0, "bushing": 1, "torsion": 2}
 
 
 @dataclass(frozen=True)
@@ -47,10 +46,12 @@ class Viewer:
         start = (
             'document.querySelectorAll(".mbrs-scene").forEach((place) => {'
             'const scene = JSON.parse(place.querySelector("script").textContent);'
-            "(scene.motion ? mbrsMotion : mbrsViewer)(place.appendChild(document.createElement('div')), scene);});"
+            "(scene.motion ? mbrsMotion : scene.modes ? mbrsViewer : mbrsStill)"
+            "(place.appendChild(document.createElement('div')), scene);});"
         )
         style = _asset("viewer.css") + "\n.mbrs-scene > div { height: 100%; box-sizing: border-box; }"
-        return f"<style>\n{style}\n</style>\n<script>\n{_asset('viewer.js')}\n{_asset('motion.js')}\n{start}\n</script>"
+        script = "\n".join(_asset(name) for name in ("viewer.js", "motion.js", "still.js"))
+        return f"<style>\n{style}\n</style>\n<script>\n{script}\n{start}\n</script>"
 
     def html(self) -> str:
         """One complete page."""
@@ -72,7 +73,7 @@ def modes(
     path: str | Path | None = None,
     *,
     n: int = 30,
-    select: int = 0,
+    select: int | None = None,
     phase: float | None = None,
     title: str = "Modes",
 ) -> Any:
@@ -91,7 +92,7 @@ def modes(
     n
         How many modes at most, from the first.
     select
-        Index of the mode shown first, from 0.
+        Index of the mode shown first, from 0; by default the first that is not rigid.
     phase
         Start paused at this phase in rad; None plays.
     title
@@ -114,6 +115,8 @@ def modes(
     count = min(int(n), int(np.size(result.frequency)))
     if count < 1:
         raise ModelError("there is no mode to draw; ask for at least one mode")
+    if select is None:
+        select = int(np.argmax(np.asarray(result.frequency, dtype=float)[:count] > 0.0))
     if not 0 <= select < count:
         raise ModelError(f"select={select} is not among the {count} modes shown; it counts from 0")
     viewer = Viewer(title, _data(result, scene, count, select, phase))
@@ -122,60 +125,22 @@ def modes(
 
 def _data(result: Any, scene: SceneGeometry, count: int, select: int, phase: float | None) -> dict[str, Any]:
     points, size = scene.points, scene.size
-    shapes, solids = _shapes(result, scene, count), _bodies(scene)[2]
+    shapes, lines = _shapes(result, scene, count), _lines(result, scene, count)
+    vertices = [np.vstack([[[0.0] * 3], *(part[0] for part in parts)]) for parts in solids(scene)]
+    drawn = [_drawn(shapes[:, :, i], vertices, [line[..., i] for line in lines.values()], size) for i in range(count)]
     return {
         **scene_data(scene, points.min(axis=0), points.max(axis=0)),
         "reach": _REACH * size,
-        "modes": [_mode(result, i, _drawn(shapes[:, :, i], solids, size)) for i in range(count)],
+        "modes": [
+            {
+                **_mode(result, i, shapes[:, :, i] * factor),
+                "elastic": [_packed(line[..., i] * factor) for line in lines.values()],
+            }
+            for i, factor in enumerate(drawn)
+        ],
         "start": select,
         "phase": phase,
     }
-
-
-def scene_data(scene: SceneGeometry, low: np.ndarray, high: np.ndarray) -> dict[str, Any]:
-    """Data for every viewer of a scene that stays within the box from ``low`` to ``high`` (3,), m."""
-    bodies, faces, _ = _bodies(scene)
-    index = {**scene.index, None: -1}
-    size = float(np.linalg.norm(high - low)) or scene.size
-    return {
-        "size": size,
-        "centre": _rounded(0.5 * (low + high), size),
-        "floor": float(low[2] - 0.06 * size),
-        "view": _view(high - low, size),
-        "half": _rounded(0.5 * (high - low), size),
-        "grain": _thickness(scene),
-        "reach": 0.0,
-        "bodies": bodies,
-        "faces": faces,
-        "links": [_link(one, index, size) for one in scene.links],
-        "joints": [_joint(one, index, size) for one in scene.joints],
-    }
-
-
-def _bodies(scene: SceneGeometry) -> tuple[list[dict[str, Any]], list[list[list[int]]], list[np.ndarray]]:
-    """Drawn bodies, the distinct lists of faces they share, and the vertices of each relative to its origin."""
-    detailed = len(scene.bodies) <= _DETAILED_BODIES
-    thickness = _thickness(scene)
-    drawn: list[dict[str, Any]] = []
-    known: dict[str, tuple[int, list[list[int]]]] = {}
-    solids: list[np.ndarray] = []
-    size = scene.size
-    for body in scene.bodies:
-        vertices, loops = body_solid(body.origin, body.rotation, body.points, thickness, detailed)
-        key = json.dumps(loops)
-        known.setdefault(key, (len(known), loops))
-        solids.append(vertices)
-        flat = _rounded(vertices.ravel(), size)
-        drawn.append({"n": body.name, "o": _rounded(body.origin, size), "v": flat, "f": known[key][0]})
-    return drawn, [loops for _, loops in known.values()], solids
-
-
-def _thickness(scene: SceneGeometry) -> float:
-    """Half the thickness of a link: a share of the scene, or of a typical body where there are many."""
-    reach = [float(np.max(np.linalg.norm(b.points - b.origin, axis=1))) for b in scene.bodies if len(b.points)]
-    typical = float(np.median(reach)) if reach else 0.0
-    fallback = 0.3 * scene.size / max(len(scene.bodies), 1)
-    return min(0.012 * scene.size, 0.12 * typical if typical > 0.0 else fallback)
 
 
 def _shapes(result: Any, scene: SceneGeometry, count: int) -> np.ndarray:
@@ -189,22 +154,46 @@ def _shapes(result: Any, scene: SceneGeometry, count: int) -> np.ndarray:
     return np.where(np.isfinite(out), out, 0.0)
 
 
-def _drawn(shape: np.ndarray, solids: list[np.ndarray], size: float) -> np.ndarray:
-    """The shape (n_bodies, 6) scaled for the eye, its phase turned so that the largest motion is real and positive."""
+def _lines(result: Any, scene: SceneGeometry, count: int) -> dict[str, np.ndarray]:
+    """Motion of the lines of flexible bodies by name, (k, 3, n_modes) complex: of their frames, and of their shapes."""
+    out = {}
+    model, names = getattr(result.system, "model", None) if hasattr(result, "system") else None, None
+    for body in scene.bodies:
+        if len(body.line) < 2:
+            continue
+        motion = np.asarray(result.body_shape(body.name))[:, :count]
+        arm = body.line - body.origin
+        moved = motion[None, :3] + np.cross(motion[3:].T[None], arm[:, None, :], axis=-1).transpose(0, 2, 1)
+        names = list(result.coordinates) if names is None else names
+        rows = [k for k, name in enumerate(names) if name.startswith(f"{body.name}.q")]
+        if rows and model is not None:
+            modal = model[body.name].modal
+            bent = modal.line_shape[line_points(modal), :3] @ np.asarray(result.shape)[rows][:, :count]
+            moved = moved + body.rotation @ bent
+        out[body.name] = np.where(np.isfinite(moved), moved, 0.0)
+    return out
+
+
+def _drawn(shape: np.ndarray, solids: list[np.ndarray], lines: list[np.ndarray], size: float) -> complex:
+    """The factor that scales a shape (n_bodies, 6) for the eye, and makes the largest motion real and positive."""
     travel = [np.abs(s[:3] + np.cross(s[3:], solid)) for s, solid in zip(shape, solids, strict=True)]
-    largest = max((float(t.max()) for t in travel), default=0.0)
+    largest = max((float(t.max(initial=0.0)) for t in (*travel, *map(np.abs, lines))), default=0.0)
     turn = float(np.abs(shape[:, 3:]).max(initial=0.0))
     limits = [limit / value for limit, value in ((_REACH * size, largest), (_TURN, turn)) if value > 0.0]
     if not limits:
-        return shape
+        return 1.0
     weighted = shape * np.array([1.0, 1.0, 1.0, size, size, size])
-    pivot = weighted.flat[int(np.argmax(np.abs(weighted)))]
-    return shape * (min(limits) * np.conj(pivot) / abs(pivot))
+    every = np.concatenate([weighted.ravel(), *(line.ravel() for line in lines)])
+    pivot = every[int(np.argmax(np.abs(every)))]
+    return complex(min(limits) * np.conj(pivot) / abs(pivot))
+
+
+def line_points(modal: Any) -> np.ndarray:
+    """Indices of the points of a flexible body's line that pictures show."""
+    return np.unique(np.linspace(0, len(modal.line_position) - 1, _LINE).astype(int))
 
 
 def _mode(result: Any, i: int, shape: np.ndarray) -> dict[str, Any]:
-    values = np.empty((*shape.shape, 2), dtype="<f4")
-    values[..., 0], values[..., 1] = shape.real, shape.imag
     damping = np.asarray(getattr(result, "damping", np.full(i + 1, math.nan)), dtype=float)[i]
     kind: Any = getattr(result, "kind", None)
     return {
@@ -212,40 +201,14 @@ def _mode(result: Any, i: int, shape: np.ndarray) -> dict[str, Any]:
         "f": number(float(np.asarray(result.frequency)[i]), 5),
         "zeta": number(float(damping), 3),
         "kind": str(np.asarray(kind)[i]) if np.ndim(kind) else str(kind or "mode"),
-        "shape": base64.b64encode(values.tobytes()).decode("ascii"),
+        "shape": _packed(shape),
     }
 
 
-def _link(link: Any, index: dict[str | None, int], size: float) -> list[Any]:
-    return [
-        _KINDS.get(link.kind, 0),
-        index[link.a],
-        index[link.b],
-        *_rounded(link.at_a, size),
-        *_rounded(link.at_b, size),
-    ]
-
-
-def _joint(joint: Any, index: dict[str | None, int], size: float) -> list[Any]:
-    axis = None
-    if joint.axis is not None and joint.kind not in ("fixed", "spherical", "free"):
-        axis = _rounded(joint.axis / np.linalg.norm(joint.axis), 1.0)
-    return [joint.kind, index[joint.a], index[joint.b], _rounded(joint.at, size), axis]
-
-
-def _view(extent: np.ndarray, size: float) -> list[float]:
-    """Azimuth and elevation of the first look: planar scenes are looked at almost squarely."""
-    if extent[2] < 0.05 * size:
-        return [-math.pi / 2 + 0.12, 1.05]
-    if extent[1] < 0.05 * size:
-        return [-math.pi / 2 + 0.3, 0.2]
-    return [-math.pi / 2 + 0.6, 0.4]
-
-
-def _rounded(values: Any, size: float) -> list[float]:
-    """Coordinates to 1e-5 of the scene: the page is half as long and no eye sees the difference."""
-    decimals = 5 - math.floor(math.log10(size))
-    return [round(float(v), decimals) + 0.0 for v in np.ravel(values)]
+def _packed(values: np.ndarray) -> str:
+    """Complex numbers as pairs of single precision."""
+    pairs = np.stack([values.real, values.imag], axis=-1).astype("<f4")
+    return base64.b64encode(np.ascontiguousarray(pairs).tobytes()).decode("ascii")
 
 
 def _asset(name: str) -> str:

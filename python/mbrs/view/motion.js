@@ -1,5 +1,5 @@
 "use strict";
-// Plays a motion over the scene of viewer.js: mbrsMotion(element, scene). The scene is made by mbrs/animate/motion.py.
+// Plays a motion over the scene of viewer.js: mbrsMotion(element, scene). The scene is made by view/motion.py.
 const mbrsMotion = ((viewer) => {
   const PATHS = ["#1f5fa8", "#d9662b", "#2e8b57", "#8e4fa8", "#b8860b", "#c2334d"];
 
@@ -66,28 +66,8 @@ const mbrsMotion = ((viewer) => {
     }));
   }
 
-  function elasticItems(ctx, cam, scene, lines, motion, t, items) {
-    const width = Math.max(2, Math.min(12, 1.1 * scene.grain * cam.scale));
-    for (const line of lines) {
-      const points = bent(line, motion, t).map((p) => cam.project(p));
-      points.slice(1).forEach((q, n) => {
-        const p = points[n];
-        items.push([(p[2] + q[2]) / 2, () => {
-          ctx.strokeStyle = "#3f8c96";
-          ctx.lineWidth = width;
-          ctx.lineCap = "round";
-          ctx.beginPath();
-          ctx.moveTo(p[0], p[1]);
-          ctx.lineTo(q[0], q[1]);
-          ctx.stroke();
-          ctx.lineCap = "butt";
-        }]);
-      });
-    }
-  }
-
   return Object.assign(function (root, scene) {
-    scene.origins = scene.bodies.map((body) => body.o);
+    viewer.prepare(scene);
     const m = scene.motion, n = scene.bodies.length;
     const motion = { ...m, n, p: viewer.decode(m.p), q: viewer.decode(m.q), speed: viewer.decode(m.speed) };
     const lines = (scene.elastic || []).map(([, k, xyz]) => ({ k, xyz: viewer.decode(xyz) }));
@@ -103,8 +83,7 @@ const mbrsMotion = ((viewer) => {
     const speed = viewer.slider(bar, "speed", -3, 1, 0);
     const pace = viewer.make(bar, "span", { className: "mbrs-pace" });
     const paths = scene.paths.length ? viewer.checkbox(bar, "paths", true) : { checked: false };
-    const ghost = viewer.checkbox(bar, "start", false), names = viewer.checkbox(bar, "names", false);
-    const clear = viewer.checkbox(bar, "see through", false);
+    const ghost = viewer.checkbox(bar, "start", false), shown = viewer.toggles(stage, scene, false);
     stage.addReset();
     const start = at(motion, m.from), factor = () => scene.pace * 10 ** Number(speed.value);
 
@@ -124,7 +103,7 @@ const mbrsMotion = ((viewer) => {
       play.textContent = playing ? "Pause" : "Play";
     };
     scrub.addEventListener("input", () => go(Number(scrub.value)));
-    [speed, ghost, names, clear, paths].forEach((input) => input.addEventListener?.("input", () => { stage.dirty = true; }));
+    [speed, ghost, paths].forEach((input) => input.addEventListener?.("input", () => { stage.dirty = true; }));
     canvas.onkeydown = (e) => {
       const action = { ArrowLeft: () => go(time - m.step), ArrowRight: () => go(time + m.step), " ": () => play.click(),
         Home: () => go(m.from), End: () => go(end) }[e.key];
@@ -150,8 +129,7 @@ const mbrsMotion = ((viewer) => {
       }
       show();
       viewer.paint(stage, scene, track(at(motion, time)), ghost.checked ? start : null, {
-        clear: clear.checked, names: names.checked, tint: glow(motion, time),
-        more: (ctx, cam, items) => elasticItems(ctx, cam, scene, lines, motion, time, items),
+        ...shown(), tint: glow(motion, time), elastic: (i) => bent(lines[i], motion, time),
         behind: paths.checked ? (ctx, cam) => drawPaths(ctx, cam, scene, motion, time) : null,
       });
     });

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from .modes import Viewer, scene_data
+from .drawing import scene_data
+from .modes import Viewer, line_points
 from .scene import SceneGeometry
 
 __all__ = ["frames", "motion"]
@@ -19,7 +20,6 @@ __all__ = ["frames", "motion"]
 _MOST_NUMBERS = 120_000  # bodies times frames: a page of about 5 MB
 _FRAMES = (2, 1200)
 _PER_SECOND = 60.0
-_LINE = 25  # points of the line of a flexible body
 
 
 def motion(
@@ -86,7 +86,7 @@ def _data(
     origins = np.array([b.origin for b in drawn.bodies]).reshape(-1, 3)
     start = np.array([b.rotation for b in drawn.bodies]).reshape(-1, 3, 3)
     turned = _relative(quaternion, start)
-    reach = [float(np.max(np.linalg.norm(b.points - b.origin, axis=1), initial=0.0)) for b in drawn.bodies]
+    reach = [float(np.max(np.linalg.norm(b.rigid - b.origin, axis=1), initial=0.0)) for b in drawn.bodies]
     leader = _leader(drawn, follow)
     low, high = _box(drawn, *_seen(position, leader, np.array(reach)))
     elastic = _elastic(traj, drawn, times, position, quaternion)
@@ -121,7 +121,7 @@ def _elastic(
     out = []
     for name in traj.flexible:
         modal = traj.model.bodies[traj.bodies.index(name)].modal
-        pick = np.unique(np.linspace(0, len(modal.line_position) - 1, _LINE).astype(int))
+        pick = line_points(modal)
         if len(pick) < 2:
             continue
         local = modal.line_position[pick] + np.einsum(

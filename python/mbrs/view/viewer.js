@@ -1,8 +1,7 @@
 "use strict";
-// Draws a multibody scene on a plain 2-D canvas: mbrsViewer(element, scene). The scene is made by mbrs/animate/viewer.py.
+// Draws a multibody scene on a plain 2-D canvas: mbrsViewer(element, scene). The scene is made by view/drawing.py.
 // World: right-handed, z up. Screen: x right, y down, depth grows towards the viewer.
 const mbrsViewer = (() => {
-  const KIND = { spring: 0, bushing: 1, torsion: 2 };
   const AXIS_COLOURS = ["#c0392b", "#27865a", "#2a5db0"];
 
   // Rotation matrix (row-major, 9) of a rotation vector: exact, so that bodies keep their shape at any amplitude.
@@ -65,33 +64,21 @@ const mbrsViewer = (() => {
     };
   }
 
-  // Slate for what stands still, through teal to orange for what moves most; light from the upper left.
+  // Slate for what stands still, through teal to orange for what moves most; light from the upper left. A body with a colour of
+  // its own goes from that to orange.
   const RAMP = [[112, 133, 158], [72, 149, 166], [88, 173, 137], [214, 183, 86], [222, 116, 60]];
   const colours = new Map();
-  function colour(level, light) {
-    const key = Math.round(Math.min(level, 1) * 31) * 16 + Math.round(light * 15);
+  function colour(level, light, own) {
+    const key = (own || "") + (Math.round(Math.min(level, 1) * 31) * 16 + Math.round(light * 15));
     if (!colours.has(key)) {
-      const t = Math.floor(key / 16) / 31 * (RAMP.length - 1), i = Math.min(Math.floor(t), RAMP.length - 2);
-      const shade = 0.62 + 0.5 * (key % 16) / 15;
-      const rgb = RAMP[i].map((c, j) => Math.min(255, Math.round((c + (RAMP[i + 1][j] - c) * (t - i)) * shade)));
+      const number = Number(own ? key.slice(own.length) : key);
+      const ramp = own ? [[1, 3, 5].map((i) => parseInt(own.slice(i, i + 2), 16)), RAMP[4]] : RAMP;
+      const t = Math.floor(number / 16) / 31 * (ramp.length - 1), i = Math.min(Math.floor(t), ramp.length - 2);
+      const shade = 0.62 + 0.5 * (number % 16) / 15;
+      const rgb = ramp[i].map((c, j) => Math.min(255, Math.round((c + (ramp[i + 1][j] - c) * (t - i)) * shade)));
       colours.set(key, [`rgb(${rgb})`, `rgb(${rgb.map((c) => Math.round(c * 0.66))})`]);
     }
     return colours.get(key);
-  }
-
-  function zigzag(ctx, a, b, width, teeth) {
-    const dx = b[0] - a[0], dy = b[1] - a[1], length = Math.hypot(dx, dy) || 1;
-    const nx = -dy / length * width, ny = dx / length * width;
-    ctx.beginPath();
-    ctx.moveTo(a[0], a[1]);
-    ctx.lineTo(a[0] + 0.15 * dx, a[1] + 0.15 * dy);
-    for (let i = 0; i < teeth; i++) {
-      const t = 0.15 + 0.7 * (i + 0.5) / teeth, side = i % 2 ? -1 : 1;
-      ctx.lineTo(a[0] + t * dx + side * nx, a[1] + t * dy + side * ny);
-    }
-    ctx.lineTo(a[0] + 0.85 * dx, a[1] + 0.85 * dy);
-    ctx.lineTo(b[0], b[1]);
-    ctx.stroke();
   }
 
   function drawGrid(ctx, cam, scene) {
@@ -131,115 +118,232 @@ const mbrsViewer = (() => {
     });
   }
 
-  // Faces of all bodies that look towards the viewer, as [depth, painter]; bodies are convex, so the others are hidden.
+  // What is painted: {depth, draw, label, area or line}, area and line being screen points under which a pointer finds it.
+  const ROUND = 30;
+  const LIGHT = [-0.4, 0.5, 0.77];
+  const STYLE = {
+    joint: { fill: "#c0392b", ground: "#f4f6f8", edge: "#8e2b20" },
+    spring: { fill: "#9aa5b1", ground: "#9aa5b1", edge: "#3b4757" },
+    load: { fill: "#7d3c98", ground: "#7d3c98", edge: "#6c2e86" },
+  };
+
+  // Faces of a solid with vertices on the screen; those that look away are hidden. ``style(face, shade)``: [fill, edge].
+  function faceItems(ctx, screen, faces, cam, items, { style, alpha, outline, depth, label, lift }) {
+    for (const face of faces) {
+      // Newell's sum over the loop: right also where three neighbours lie on a line
+      let nx = 0, ny = 0, nz = 0;
+      face.forEach((i, j) => {
+        const p = screen[i], q = screen[face[(j + 1) % face.length]];
+        nx -= (p[1] - q[1]) * (p[2] + q[2]) * cam.scale;
+        ny += (p[2] - q[2]) * (p[0] + q[0]) * cam.scale;
+        nz -= (p[0] - q[0]) * (p[1] + q[1]);
+      });
+      if (nz <= 0 && !outline) continue;
+      const norm = Math.hypot(nx, ny, nz) || 1;
+      const shade = Math.max(0, (nx * LIGHT[0] + ny * LIGHT[1] + nz * LIGHT[2]) / norm);
+      const area = face.map((i) => screen[i]);
+      items.push({ label, area, depth: (lift || 0) + (depth ?? area.reduce((sum, p) => sum + p[2], 0) / area.length), draw: () => {
+        ctx.beginPath();
+        area.forEach((p, j) => (j ? ctx.lineTo(p[0], p[1]) : ctx.moveTo(p[0], p[1])));
+        ctx.closePath();
+        if (outline) {
+          ctx.strokeStyle = "rgba(90,105,125,0.28)";
+          ctx.lineWidth = 0.8;
+        } else {
+          const [fill, edge] = style(face, shade);
+          ctx.fillStyle = fill;
+          ctx.strokeStyle = edge;
+          ctx.lineWidth = 0.7;
+          ctx.globalAlpha = alpha;
+          ctx.fill();
+          ctx.globalAlpha = 1;
+        }
+        ctx.stroke();
+      } });
+    }
+  }
+
+  function lineItem(ctx, line, items, { colour: ink, width, label, lift }) {
+    items.push({ label, line, depth: line.reduce((sum, p) => sum + p[2], 0) / line.length + (lift || 0), draw: () => {
+      ctx.strokeStyle = ink;
+      ctx.lineWidth = width;
+      ctx.beginPath();
+      line.forEach((p, j) => (j ? ctx.lineTo(p[0], p[1]) : ctx.moveTo(p[0], p[1])));
+      ctx.stroke();
+    } });
+  }
+
   // ``tint``: how much each body glows, 0 to 1; without it, how far it is from its place.
   function bodyItems(ctx, scene, state, cam, items, outline, alpha, tint) {
-    const light = [-0.4, 0.5, 0.77], byBody = scene.bodies.length > 800;
-    scene.bodies.forEach((body, b) => {
-      const o = scene.origins[b], k = 12 * b, n = body.v.length / 3, screen = [], level = [];
+    const byBody = scene.bodies.length > 800;
+    for (const solid of scene.solids) {
+      const o = scene.origins[solid.b], k = 12 * solid.b, n = solid.v.length / 3, screen = [], level = [];
       for (let i = 0; i < n; i++) {
-        const x = body.v[3 * i], y = body.v[3 * i + 1], z = body.v[3 * i + 2], p = [0, 0, 0];
+        const x = solid.v[3 * i], y = solid.v[3 * i + 1], z = solid.v[3 * i + 2], p = [0, 0, 0];
         let travel = 0;
         for (let j = 0; j < 3; j++) {
           const d = state[k + j] + state[k + 3 + 3 * j] * x + state[k + 4 + 3 * j] * y + state[k + 5 + 3 * j] * z;
           p[j] = o[j] + d;
-          travel += (d - body.v[3 * i + j]) ** 2;
+          travel += (d - solid.v[3 * i + j]) ** 2;
         }
         screen.push(cam.project(p));
-        level.push(tint ? tint[b] : Math.sqrt(travel) / scene.reach);
+        level.push(tint ? tint[solid.b] : Math.sqrt(travel) / scene.reach);
       }
-      const whole = screen.reduce((sum, p) => sum + p[2], 0) / n;
-      for (const face of scene.faces[body.f]) {
-        // Newell's sum over the loop: right also where three neighbours lie on a line
-        let nx = 0, ny = 0, nz = 0;
-        face.forEach((i, j) => {
-          const p = screen[i], q = screen[face[(j + 1) % face.length]];
-          nx -= (p[1] - q[1]) * (p[2] + q[2]) * cam.scale;
-          ny += (p[2] - q[2]) * (p[0] + q[0]) * cam.scale;
-          nz -= (p[0] - q[0]) * (p[1] + q[1]);
-        });
-        if (nz <= 0 && !outline) continue;
-        const norm = Math.hypot(nx, ny, nz) || 1;
-        const shade = Math.max(0, (nx * light[0] + ny * light[1] + nz * light[2]) / norm);
-        const depth = byBody ? whole : face.reduce((sum, i) => sum + screen[i][2], 0) / face.length;
-        items.push([depth, () => {
-          ctx.beginPath();
-          face.forEach((i, j) => (j ? ctx.lineTo(screen[i][0], screen[i][1]) : ctx.moveTo(screen[i][0], screen[i][1])));
-          ctx.closePath();
-          if (outline) {
-            ctx.strokeStyle = "rgba(90,105,125,0.28)";
-            ctx.lineWidth = 0.8;
-          } else {
-            const [fill, edge] = colour(face.reduce((sum, i) => sum + level[i], 0) / face.length, shade);
-            ctx.fillStyle = fill;
-            ctx.strokeStyle = edge;
-            ctx.lineWidth = 0.7;
-            ctx.globalAlpha = alpha;
-            ctx.fill();
-            ctx.globalAlpha = 1;
-          }
-          ctx.stroke();
-        }]);
-      }
+      faceItems(ctx, screen, scene.faces[solid.f], cam, items, {
+        alpha, outline, label: scene.bodies[solid.b].n,
+        depth: byBody ? screen.reduce((sum, p) => sum + p[2], 0) / n : undefined,
+        style: (face, shade) => {
+          const [fill, edge] = colour(face.reduce((sum, i) => sum + level[i], 0) / face.length, shade, solid.c);
+          return [fill, n > ROUND ? fill : edge];  // edges of round things are none
+        },
+      });
+    }
+  }
+
+  // Lines of flexible bodies: ``points(i)`` are those of the i-th now, world.
+  function elasticItems(ctx, scene, cam, items, points) {
+    const width = Math.max(2, Math.min(12, 1.1 * scene.grain * cam.scale));
+    scene.flexible.forEach((label, i) => {
+      const line = points(i).map((p) => cam.project(p));
+      line.slice(1).forEach((q, k) => lineItem(ctx, [line[k], q], items, { colour: "#3f8c96", width, label }));
     });
   }
 
-  function linkItems(ctx, scene, state, cam, items) {
-    for (const [kind, a, b, ...xyz] of scene.links) {
-      const p = cam.project(moved(xyz.slice(0, 3), a, state, scene.origins));
-      const q = cam.project(moved(xyz.slice(3, 6), b, state, scene.origins));
-      const width = Math.max(1, Math.min(7, 1.3 * scene.grain * cam.scale)), length = Math.hypot(q[0] - p[0], q[1] - p[1]);
-      items.push([(p[2] + q[2]) / 2, () => {
-        ctx.strokeStyle = "#3b4757";
-        ctx.lineWidth = 1.3;
-        if (kind !== KIND.torsion && length > 4) zigzag(ctx, p, q, width, Math.max(5, Math.min(14, Math.round(length / 9))));
-        if (kind !== KIND.spring) ctx.strokeRect((p[0] + q[0]) / 2 - width, (p[1] + q[1]) / 2 - width, 2 * width, 2 * width);
-        ctx.fillStyle = "#7b8794";
-        if (a < 0) ctx.fillRect(p[0] - 3.5, p[1] - 3.5, 7, 7);
-        if (b < 0) ctx.fillRect(q[0] - 3.5, q[1] - 3.5, 7, 7);
-      }]);
-    }
-  }
-
-  function jointItems(ctx, scene, state, cam, items) {
-    for (const [, a, b, at, axis] of scene.joints) {
-      const ends = [a, b].filter((i) => i >= 0).map((i) => moved(at, i, state, scene.origins));
-      const p = at.map((_, i) => ends.reduce((sum, e) => sum + e[i], 0) / (ends.length || 1));
-      const c = cam.project(ends.length ? p : at), r = Math.min(5, 1.4 * scene.grain * cam.scale);
-      if (r < 0.8) continue;
-      items.push([c[2] + 3 * scene.grain, () => {
-        if (axis) {
-          const h = 4 * scene.grain, u = cam.project(p.map((x, i) => x - h * axis[i])), v = cam.project(p.map((x, i) => x + h * axis[i]));
-          ctx.strokeStyle = "#8e2b20";
-          ctx.lineWidth = 1.4;
-          ctx.beginPath();
-          ctx.moveTo(u[0], u[1]);
-          ctx.lineTo(v[0], v[1]);
-          ctx.stroke();
+  // Springs, dampers, gaps and rods: the symbols of scene.glyphs between two points, beside each other where there are several.
+  function linkItems(ctx, scene, state, cam, items, shown) {
+    for (const link of scene.links) {
+      if (!shown[link.g]) continue;
+      const p = cam.project(moved(link.p, link.a, state, scene.origins)), q = cam.project(moved(link.q, link.b, state, scene.origins));
+      const width = Math.max(1.5, Math.min(7, 1.3 * scene.grain * cam.scale));
+      const dx = q[0] - p[0], dy = q[1] - p[1], length = Math.hypot(dx, dy), depth = (p[2] + q[2]) / 2;
+      const parts = link.k.filter((part) => part !== "bushing"), apart = parts.length > 1;
+      const style = { colour: link.g === "joint" ? STYLE.joint.edge : STYLE.spring.edge, width: 1.3, label: link.n };
+      if (length > 4) {
+        const nx = -dy / length * width, ny = dx / length * width;
+        const to = (t, s) => [p[0] + t * dx + s * nx, p[1] + t * dy + s * ny, depth];
+        parts.forEach((part, i) => {
+          const shift = apart ? 2.6 * (i - (parts.length - 1) / 2) : 0;
+          for (const line of scene.glyphs[part]) {
+            const points = line.map(([t, s]) => (apart ? to(0.1 + 0.8 * t, s + shift) : to(t, s)));
+            lineItem(ctx, points, items, { ...style, width: part === "rod" ? 2.6 : 1.3 });
+          }
+        });
+        if (apart) {
+          const half = 1.3 * (parts.length - 1);
+          for (const line of [[to(0, 0), to(0.1, 0)], [to(0.9, 0), to(1, 0)], [to(0.1, -half), to(0.1, half)], [to(0.9, -half), to(0.9, half)]]) {
+            lineItem(ctx, line, items, style);
+          }
         }
-        ctx.fillStyle = a < 0 || b < 0 ? "#f4f6f8" : "#c0392b";
-        ctx.strokeStyle = "#8e2b20";
-        ctx.lineWidth = 1.3;
-        ctx.beginPath();
-        ctx.arc(c[0], c[1], r, 0, 2 * Math.PI);
-        ctx.fill();
-        ctx.stroke();
-      }]);
+        items.push({ label: link.n, line: [p, q], depth, draw: () => {} });
+      }
+      if (link.k.includes("bushing")) {
+        const c = [(p[0] + q[0]) / 2, (p[1] + q[1]) / 2], w = 1.4 * width;
+        const area = [[-w, -w], [w, -w], [w, w], [-w, w]].map(([x, y]) => [c[0] + x, c[1] + y, depth]);
+        items.push({ label: link.n, area, depth: depth + 3 * scene.grain, draw: () => {
+          ctx.fillStyle = "rgba(235,239,243,0.85)";
+          ctx.strokeStyle = STYLE.spring.edge;
+          ctx.lineWidth = 1.3;
+          ctx.beginPath();
+          [0, 1, 2, 3, 0, 2].forEach((i) => (i ? ctx.lineTo(area[i][0], area[i][1]) : ctx.moveTo(area[0][0], area[0][1])));
+          ctx.fill();
+          ctx.moveTo(area[1][0], area[1][1]);
+          ctx.lineTo(area[3][0], area[3][1]);
+          ctx.stroke();
+        } });
+      }
     }
   }
 
-  function drawLabels(ctx, scene, state, cam) {
+  // Symbols of joints, ground, torsion springs and loads: they move with a body and, but for loads fixed in the world, turn with it.
+  function markItems(ctx, scene, state, cam, items, shown) {
+    for (const mark of scene.marks) {
+      if (!shown[mark.g]) continue;
+      const o = moved(mark.o, mark.b, state, scene.origins), k = 12 * mark.b + 3, turns = mark.b >= 0 && !mark.w;
+      const to = (flat, i) => {
+        const [x, y, z] = [flat[3 * i], flat[3 * i + 1], flat[3 * i + 2]];
+        return cam.project(turns ? [0, 1, 2].map((j) => o[j] + state[k + 3 * j] * x + state[k + 1 + 3 * j] * y + state[k + 2 + 3 * j] * z)
+          : [o[0] + x, o[1] + y, o[2] + z]);
+      };
+      const all = (flat) => Array.from({ length: flat.length / 3 }, (_, i) => to(flat, i));
+      const { fill, ground, edge } = STYLE[mark.g], base = mark.i ? fill : ground;
+      // joints lie within bodies; a load is to be seen in front of everything
+      const lift = mark.g === "load" ? scene.size : 3 * scene.grain;
+      for (const [flat, f] of mark.s) {
+        faceItems(ctx, all(flat), scene.faces[f], cam, items, {
+          alpha: 1, label: mark.n, lift, style: (_, shade) => [colour(0, shade, base)[0], edge],
+        });
+      }
+      for (const flat of mark.l) {
+        const line = all(flat);
+        line.slice(1).forEach((q, i) => lineItem(ctx, [line[i], q], items, {
+          colour: edge, width: mark.g === "load" ? 2.4 : 1.3, label: mark.n, lift,
+        }));
+      }
+    }
+  }
+
+  function inside(p, area) {
+    let found = false;
+    area.forEach((a, i) => {
+      const b = area[(i + 1) % area.length];
+      if ((a[1] > p[1]) !== (b[1] > p[1]) && p[0] < a[0] + (b[0] - a[0]) * (p[1] - a[1]) / (b[1] - a[1])) found = !found;
+    });
+    return found;
+  }
+
+  function near(p, line, reach) {
+    return line.slice(1).some((b, i) => {
+      const a = line[i], dx = b[0] - a[0], dy = b[1] - a[1], square = dx * dx + dy * dy;
+      const t = square > 0 ? Math.max(0, Math.min(1, ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / square)) : 0;
+      return Math.hypot(p[0] - a[0] - t * dx, p[1] - a[1] - t * dy) <= reach;
+    });
+  }
+
+  // What is seen at a point of the canvas: a line within 5 pixels before the face behind it, else the frontmost; or null.
+  function seen(items, p) {
+    let face = null;
+    for (let i = items.length - 1; i >= 0; i--) {
+      const item = items[i];
+      if (!item.label) continue;
+      if (item.line && near(p, item.line, 5)) return item.label;
+      if (item.area && inside(p, item.area)) {
+        face = item.label;
+        break;
+      }
+    }
+    return face;
+  }
+
+  function drawLabels(ctx, scene, state, cam, shown) {
     ctx.font = "11px system-ui, sans-serif";
     ctx.textAlign = "left";
     ctx.textBaseline = "middle";
-    scene.bodies.forEach((body, b) => {
-      const p = cam.project(moved(scene.origins[b], b, state, scene.origins));
+    const used = [];
+    const write = (text, p, ink) => {
+      const box = [p[0] + 7, p[1] - 7, p[0] + 7 + ctx.measureText(text).width, p[1] + 7];
+      for (let tries = 0; tries < 6 && used.some((b) => b[0] < box[2] && box[0] < b[2] && b[1] < box[3] && box[1] < b[3]); tries++) {
+        box[1] += 13;
+        box[3] += 13;
+      }
+      used.push(box);
       ctx.lineWidth = 3;
       ctx.strokeStyle = "rgba(255,255,255,0.85)";
-      ctx.strokeText(body.n, p[0] + 7, p[1]);
-      ctx.fillStyle = "#1d2733";
-      ctx.fillText(body.n, p[0] + 7, p[1]);
-    });
+      ctx.strokeText(text, box[0], box[1] + 7);
+      ctx.fillStyle = ink;
+      ctx.fillText(text, box[0], box[1] + 7);
+    };
+    scene.bodies.forEach((body, b) => write(body.n, cam.project(moved(scene.origins[b], b, state, scene.origins)), "#1d2733"));
+    const done = new Set();
+    for (const mark of scene.marks) {
+      if (!shown[mark.g] || done.has(mark.t)) continue;
+      done.add(mark.t);
+      write(mark.t, cam.project(moved(mark.o, mark.b, state, scene.origins)), STYLE[mark.g].edge);
+    }
+    for (const link of scene.links) {
+      if (!shown[link.g] || done.has(link.t)) continue;
+      const p = moved(link.p, link.a, state, scene.origins), q = moved(link.q, link.b, state, scene.origins);
+      write(link.t, cam.project([0, 1, 2].map((i) => (p[i] + q[i]) / 2)), STYLE[link.g].edge);
+    }
   }
 
   function make(parent, tag, properties, children) {
@@ -261,7 +365,38 @@ const mbrsViewer = (() => {
     return input;
   }
 
-  // The part that modes and motions share: a canvas to turn, shift and zoom, and the bar of controls below it.
+  // Everything that scenes of all kinds need before they are painted.
+  function prepare(scene) {
+    scene.origins = scene.bodies.map((body) => body.o);
+    scene.flexible = (scene.elastic || []).map((one) => (Array.isArray(one) ? one[0] : one.n));
+    scene.lines = (scene.elastic || []).map((one) => (Array.isArray(one) ? null : points(one.p)));
+  }
+
+  function points(flat) {
+    return Array.from({ length: flat.length / 3 }, (_, i) => [flat[3 * i], flat[3 * i + 1], flat[3 * i + 2]]);
+  }
+
+  // Bodies at their places.
+  function rest(n) {
+    return pose(new Float64Array(12 * n), n, 0, 0);
+  }
+
+  // Checkboxes of what is shown; returns a function that tells their state.
+  function toggles(stage, scene, names) {
+    const there = (group) => [...scene.marks, ...scene.links].some((one) => one.g === group);
+    const boxes = { names: checkbox(stage.bar, "names", names) };
+    for (const [group, label] of [["joint", "joints"], ["spring", "springs"], ["load", "loads"]]) {
+      if (there(group)) boxes[group] = checkbox(stage.bar, label, true);
+    }
+    boxes.clear = checkbox(stage.bar, "see through", false);
+    Object.values(boxes).forEach((box) => box.addEventListener("input", () => { stage.dirty = true; }));
+    return () => {
+      const on = (key) => Boolean(boxes[key] && boxes[key].checked);
+      return { names: on("names"), clear: on("clear"), shown: { joint: on("joint"), spring: on("spring"), load: on("load") } };
+    };
+  }
+
+  // The part that modes, motions and models share: a canvas to turn, shift and zoom, and the bar of controls below it.
   function makeStage(root, scene, label) {
     const home = () => ({ az: scene.view[0], el: scene.view[1], zoom: 1, pan: [0, 0] });
     const box = make(root, "div", { className: "mbrs-stage" });
@@ -270,7 +405,8 @@ const mbrsViewer = (() => {
     canvas.setAttribute("aria-label", label);
     const title = make(box, "div", { className: "mbrs-title" });
     const bar = make(box, "div", { className: "mbrs-bar" });
-    const stage = { canvas, title, bar, view: home(), dirty: true };
+    const tip = make(box, "div", { className: "mbrs-tip", hidden: true });
+    const stage = { canvas, title, bar, tip, view: home(), dirty: true, items: [] };
     stage.addReset = () => {
       make(bar, "button", { type: "button", textContent: "Reset view" }).onclick = () => {
         stage.view = home();
@@ -290,7 +426,11 @@ const mbrsViewer = (() => {
     canvas.onpointerup = canvas.onpointercancel = (e) => pointers.delete(e.pointerId);
     canvas.onpointermove = (e) => {
       const from = pointers.get(e.pointerId), { view } = stage;
-      if (!from) return;
+      if (!from) {
+        point(stage, e);
+        return;
+      }
+      stage.tip.hidden = true;
       const dx = e.clientX - from[0], dy = e.clientY - from[1];
       pointers.set(e.pointerId, [e.clientX, e.clientY]);
       if (pointers.size > 1 || e.shiftKey || e.buttons === 2 || e.buttons === 4) {
@@ -301,6 +441,7 @@ const mbrsViewer = (() => {
       }
       stage.dirty = true;
     };
+    canvas.onpointerleave = () => { stage.tip.hidden = true; };
     canvas.oncontextmenu = (e) => e.preventDefault();
     canvas.addEventListener("wheel", (e) => {
       e.preventDefault();
@@ -308,6 +449,18 @@ const mbrsViewer = (() => {
       stage.dirty = true;
     }, { passive: false });
     new ResizeObserver(() => { stage.dirty = true; }).observe(canvas);
+  }
+
+  // The name of what lies under the pointer, beside it.
+  function point(stage, e) {
+    const box = stage.canvas.getBoundingClientRect(), x = e.clientX - box.left, y = e.clientY - box.top;
+    const label = seen(stage.items, [x, y]);
+    stage.tip.hidden = label === null;
+    if (label !== null) {
+      stage.tip.textContent = label;
+      stage.tip.style.left = `${Math.max(0, Math.min(x + 14, box.width - 12 - stage.tip.offsetWidth))}px`;
+      stage.tip.style.top = `${y + 14}px`;
+    }
   }
 
   // Draws one instant: ``state`` of the bodies, outlines at ``ghost`` if given, ``behind`` and ``options`` as the caller likes.
@@ -324,13 +477,14 @@ const mbrsViewer = (() => {
     const cam = camera(view, width, height, scene), step = drawGrid(ctx, cam, scene), items = [];
     if (options.behind) options.behind(ctx, cam);
     if (ghost) bodyItems(ctx, scene, ghost, cam, items, true, 1);
-    items.splice(0).forEach((item) => item[1]());
+    items.splice(0).forEach((item) => item.draw());
     bodyItems(ctx, scene, state, cam, items, false, options.clear ? 0.45 : 1, options.tint);
-    linkItems(ctx, scene, state, cam, items);
-    jointItems(ctx, scene, state, cam, items);
-    if (options.more) options.more(ctx, cam, items);
-    items.sort((p, q) => p[0] - q[0]).forEach((item) => item[1]());
-    if (options.names) drawLabels(ctx, scene, state, cam);
+    elasticItems(ctx, scene, cam, items, options.elastic || ((i) => scene.lines[i]));
+    linkItems(ctx, scene, state, cam, items, options.shown);
+    markItems(ctx, scene, state, cam, items, options.shown);
+    items.sort((p, q) => p.depth - q.depth).forEach((item) => item.draw());
+    stage.items = items;
+    if (options.names) drawLabels(ctx, scene, state, cam, options.shown);
     drawTriad(ctx, view, height);
     ctx.fillStyle = "#66727f";
     ctx.textAlign = "right";
@@ -353,8 +507,9 @@ const mbrsViewer = (() => {
   }
 
   return Object.assign(function (root, scene) {
-    scene.origins = scene.bodies.map((body) => body.o);
+    prepare(scene);
     const shapes = scene.modes.map((mode) => decode(mode.shape)), n = scene.bodies.length;
+    const bends = scene.modes.map((mode) => (mode.elastic || []).map(decode));
     let current = scene.start, phase = 0, playing = true;
 
     root.classList.add("mbrs-viewer");
@@ -362,8 +517,7 @@ const mbrsViewer = (() => {
     const stage = makeStage(root, scene, "animated mode shape"), { bar, title, canvas } = stage;
     const play = make(bar, "button", { type: "button", textContent: "Pause" });
     const amplitude = slider(bar, "amplitude", 0, 3, 1), speed = slider(bar, "speed", 0.05, 2, 0.5);
-    const ghost = checkbox(bar, "rest position", n <= 200), names = checkbox(bar, "names", false);
-    const clear = checkbox(bar, "see through", false);
+    const ghost = checkbox(bar, "rest position", n <= 200), shown = toggles(stage, scene, false);
     stage.addReset();
 
     const table = make(list, "table", {});
@@ -398,7 +552,7 @@ const mbrsViewer = (() => {
       playing = !playing;
       play.textContent = playing ? "Pause" : "Play";
     };
-    [amplitude, speed, ghost, names, clear].forEach((input) => input.addEventListener("input", () => { stage.dirty = true; }));
+    [amplitude, speed, ghost].forEach((input) => input.addEventListener("input", () => { stage.dirty = true; }));
     if (scene.phase !== null) {
       phase = scene.phase;
       play.click();
@@ -407,9 +561,11 @@ const mbrsViewer = (() => {
     animate(stage, () => playing, (elapsed) => {
       phase = (phase + 2 * Math.PI * Number(speed.value) * elapsed) % (2 * Math.PI);
       const state = pose(shapes[current], n, phase, Number(amplitude.value));
-      const rest = ghost.checked ? pose(shapes[current], n, 0, 0) : null;
-      paint(stage, scene, state, rest, { clear: clear.checked, names: names.checked });
+      const ground = ghost.checked ? pose(shapes[current], n, 0, 0) : null;
+      const c = Math.cos(phase) * Number(amplitude.value), s = Math.sin(phase) * Number(amplitude.value), bend = bends[current];
+      const elastic = (i) => scene.lines[i].map((p, k) => p.map((x, j) => x + c * bend[i][6 * k + 2 * j] - s * bend[i][6 * k + 2 * j + 1]));
+      paint(stage, scene, state, ground, { ...shown(), elastic });
     });
-  }, { pose, rotation, moved, decode, make, slider, checkbox, makeStage, paint, animate });
+  }, { pose, rotation, moved, rest, decode, make, slider, checkbox, toggles, prepare, makeStage, paint, animate, seen });
 })();
 if (typeof module !== "undefined") module.exports = mbrsViewer;

@@ -7,27 +7,25 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from .._lib.rotations import cross, quaternion_matrix, quaternion_rate
 from ..errors import ModelError
-from ..model.addresses import Target, driver, target
-from ..model.book import STORES
-from ..model.flexible import FlexibleBody
-from ..model.names import shown
-from ..model.schema import BODY, ELEMENTS, JOINTS, LOAD_FRAMES, LOADS, NODE
-from ..model.section_loads import ModalLoad
-
-if TYPE_CHECKING:
-    from ..model.model import Model
+from .addresses import Target, driver, target
+from .book import STORES, Book
+from .flexible import FlexibleBody
+from .names import shown
+from .schema import BODY, ELEMENTS, JOINTS, LOAD_FRAMES, LOADS, NODE
+from .section_loads import ModalLoad
+from .shapes import plain
 
 # Above this many entries the derivative of x is better sparse.
 _DENSE_LIMIT = 1_000_000
 
 
-def tables(model: Model, flexible: bool = True) -> dict[str, Any]:
+def tables(model: Book, flexible: bool = True) -> dict[str, Any]:
     """The Tables of a model, a new dict; its integer arrays are shared between calls while the structure stays.
 
     ``flexible=False``: flexible bodies are taken for rigid ones.
@@ -44,7 +42,7 @@ def tables(model: Model, flexible: bool = True) -> dict[str, Any]:
     Examples
     --------
     >>> import mbrs as mb
-    >>> from mbrs.system.tables import tables
+    >>> from mbrs.model.tables import tables
     >>> m = mb.Model("one"); p = m.body("payload", mass=20.0, inertia=(1, 1, 1), at=(0, 0, 0))
     >>> tables(m)["x"][10]
     np.float64(20.0)
@@ -53,12 +51,18 @@ def tables(model: Model, flexible: bool = True) -> dict[str, Any]:
     for motion in model.motions:
         if motion.function is not None:
             motion.function.check_callable()
-    made = {"x": x(model), **_structure(model)}
+    made = {"x": x(model), **_structure(model), **_shapes(model)}
     if not flexible:
         for key in node_tables(model, offsets(model)):
             del made[key]
         made |= _without_modal_loads(made)
     return made
+
+
+def _shapes(model: Book) -> dict[str, Any]:
+    """Shapes of bodies for pictures, by name; nothing of a model without shapes."""
+    found = {body.name: [plain(shape) for shape in body.shape] for body in model.bodies if body.shape}
+    return {"body_shape": found} if found else {}
 
 
 def _without_modal_loads(made: dict[str, Any]) -> dict[str, Any]:
@@ -119,27 +123,12 @@ def tables_with_nodes(made: dict[str, Any]) -> dict[str, Any]:
     return out
 
 
-def compiled(model: Model, flexible: bool = True) -> Any:
-    """The core's System at the present values; the topology is compiled once. ``flexible=False``: flexible bodies are rigid there."""
-    from .. import _core
-
-    now = (model.structure_version, model.values_version)
-    systems: dict[bool, Any] = model.cache.setdefault("compiled", {})
-    kept = systems.get(flexible)
-    if kept is None or kept[0][0] != now[0]:
-        kept = (now, _core.System(tables(model, flexible)))
-    elif kept[0] != now:
-        kept = (now, kept[1].with_values(x(model)))
-    systems[flexible] = kept
-    return kept[1]
-
-
-def x(model: Model) -> np.ndarray:
+def x(model: Book) -> np.ndarray:
     """All numbers (n_x,), a copy."""
     return np.concatenate([np.frombuffer(store.x) for store in model.stores.values() if store.x])
 
 
-def offsets(model: Model) -> dict[str, int]:
+def offsets(model: Book) -> dict[str, int]:
     """Index in x of the first number of each store."""
     out, start = {}, 0
     for kind in STORES:
@@ -148,12 +137,12 @@ def offsets(model: Model) -> dict[str, int]:
     return out
 
 
-def _require_bodies(model: Model) -> None:
+def _require_bodies(model: Book) -> None:
     if not model.bodies:
         raise ModelError(f"model {model.name!r} has no body; add one with m.body(...)")
 
 
-def _structure(model: Model) -> dict[str, Any]:
+def _structure(model: Book) -> dict[str, Any]:
     cached = model.cache.get("tables")
     if cached is not None and cached[0] == model.structure_version:
         return cached[1]
@@ -205,7 +194,7 @@ def _load_frame(load: Any) -> int:
     return load.mode if isinstance(load, ModalLoad) else LOAD_FRAMES[load.frame]
 
 
-def _laws(model: Model, base: dict[str, int]) -> dict[str, Any]:
+def _laws(model: Book, base: dict[str, int]) -> dict[str, Any]:
     laws = [*model.laws["element"], *model.laws["joint"]]
     return {
         "law_owner_kind": _integers(law.owner.kind == "joint" for law in laws),
@@ -217,7 +206,7 @@ def _laws(model: Model, base: dict[str, int]) -> dict[str, Any]:
     }
 
 
-def _motions(model: Model, base: dict[str, int]) -> dict[str, Any]:
+def _motions(model: Book, base: dict[str, int]) -> dict[str, Any]:
     motions = model.motions
     functions = [m.function for m in motions if m.function is not None]
     # the components of one vector function share it
@@ -247,7 +236,7 @@ def _motions(model: Model, base: dict[str, int]) -> dict[str, Any]:
     }
 
 
-def node_tables(model: Model, base: dict[str, int]) -> dict[str, Any]:
+def node_tables(model: Book, base: dict[str, int]) -> dict[str, Any]:
     """The part of Tables that flexible bodies make; nothing of a model without them."""
     bodies = [b for b in model.bodies if isinstance(b, FlexibleBody)]
     if not bodies:
@@ -346,7 +335,7 @@ class Directions:
         return np.reshape(derivative, (*np.shape(derivative)[:-1], *self.shape))
 
 
-def directions(model: Model, addresses: str | Sequence[str]) -> Directions:
+def directions(model: Book, addresses: str | Sequence[str]) -> Directions:
     """Columns dx/dp for parameters and addresses.
 
     Parameters
@@ -371,7 +360,7 @@ def directions(model: Model, addresses: str | Sequence[str]) -> Directions:
     Examples
     --------
     >>> import mbrs as mb
-    >>> from mbrs.system.tables import directions
+    >>> from mbrs.model.tables import directions
     >>> m = mb.Model("one"); k = m.parameter("k", 5.0)
     >>> p = m.body("payload", mass=k * k, inertia=(1, 1, 1), at=(0, 0, 0))
     >>> directions(m, ["k", "payload.mass"]).dense[10]
@@ -428,7 +417,7 @@ def _assembled(
     )
 
 
-def _column(model: Model, target: Target, component: int) -> tuple[Sequence[int], list[float]]:
+def _column(model: Book, target: Target, component: int) -> tuple[Sequence[int], list[float]]:
     group = target.group
     if group is None:
         return [], []
@@ -444,7 +433,7 @@ def _column(model: Model, target: Target, component: int) -> tuple[Sequence[int]
     return places, cross(e, now)
 
 
-def dx_dV(model: Model) -> Any:
+def dx_dV(model: Book) -> Any:
     """(n_x, n_V) `scipy.sparse.csc_array`: exact derivative of all numbers by all parameters, in the order of
     definition.
     """
