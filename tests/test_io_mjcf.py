@@ -351,7 +351,7 @@ def test_defaults_and_their_classes(tmp_path):
     assert [m.value(f"{j}.c") for j in ("ja", "jb", "jc")] == [0.5, 0.5, 2.0]
     assert m.value("ja.k") == 30.0 and m.value("jb.k") == 3.0 and not m["jc"].has("k")
     assert max(agree(mjcf, m)) < 1e-10
-    assert {o.feature for o in omissions} == {"contact and picture of geoms"}
+    assert {o.feature for o in omissions} == {"contact of geoms"}
 
 
 def test_frames_shift_what_they_hold(tmp_path):

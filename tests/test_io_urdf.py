@@ -269,8 +269,8 @@ def test_everything_left_out_is_named(tmp_path):
     )
     found = {str(o) for o in omissions}
     for wanted in (
-        "<transmission> of transmission 't0'", "<gazebo> of the file", "<material> of material 'red'", "<sensor> of sensor 'eye'",
-        "<visual> of link 'link1'", "<collision> of link 'link1'", "<safety_controller> of joint 'joint0'",
+        "<transmission> of transmission 't0'", "<gazebo> of the file", "<sensor> of sensor 'eye'",
+        "picture of link 'link1'", "<collision> of link 'link1'", "<safety_controller> of joint 'joint0'",
         "<calibration> of joint 'joint0'",
     ):  # fmt: skip
         assert wanted in found, found

@@ -187,7 +187,7 @@ def geom_inertia(node: Node, angles: Angles) -> Inertia:
         raise node.error("is a shell, whose inertia is not computed; give its body an <inertial>")
     if kind not in _SOLIDS:
         raise node.error(f"is a {clipped(kind)}, whose mass is not computed; give its body an <inertial>")
-    frame, size = _placed(node, kind, angles)
+    frame, size = placed(node, kind, angles)
     needed = _SOLIDS[kind]
     if len(size) < needed or any(s <= 0.0 for s in size[:needed]):
         raise node.error(f"needs {needed} positive number{'s' * (needed > 1)} in 'size'")
@@ -203,7 +203,7 @@ def geom_inertia(node: Node, angles: Angles) -> Inertia:
 _SOLIDS = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
 
 
-def _placed(node: Node, kind: str, angles: Angles) -> tuple[Frame, list[float]]:
+def placed(node: Node, kind: str, angles: Angles) -> tuple[Frame, list[float]]:
     """Frame and half sizes, of elements given from point to point as well."""
     size = node.numbers("size", (1, 2, 3), (0.0,))
     if "fromto" not in node:

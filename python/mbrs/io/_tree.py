@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,9 @@ import numpy as np
 from ..errors import InertiaError, MbrsError, ModelError
 from ..model.laws import CoulombTanh
 from ..model.model import Model
+from ..model.shapes import Shape
 from ._composites import Composite, Hinge, compose
+from ._pictures import Picture
 from ._poses import Array, Frame, Inertia
 from ._xml import Source, clipped
 
@@ -67,6 +70,7 @@ class Tree:
     links: list[Link] = field(default_factory=list)
     sites: list[Site] = field(default_factory=list)
     couplings: list[Coupling] = field(default_factory=list)
+    pictures: list[Picture] = field(default_factory=list)
 
 
 class Names:
@@ -189,7 +193,20 @@ class Builder:
             at=link.frame.p,
             com=given.com if np.any(given.com) else None,
             orientation=None if np.array_equal(link.frame.R, np.eye(3)) else link.frame.R,
+            shape=self._pictures.get(i),
         )
+
+    @cached_property
+    def _pictures(self) -> dict[int, list[Shape]]:
+        """The shapes of each link, with those of what is welded to it; ground has none."""
+        found: dict[int, list[Shape]] = {}
+        for one in self.tree.pictures:
+            home = self._root(one.link)
+            if home >= 0:
+                found.setdefault(home, []).extend(one.shapes(self.tree.links[home].frame))
+            elif self.tree.links[one.link].name:
+                self.source.omit(f"link {self.tree.links[one.link].name!r}", "picture of ground")
+        return found
 
     def _add_joint(self, i: int) -> None:
         link = self.tree.links[i]

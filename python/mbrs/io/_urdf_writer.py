@@ -14,6 +14,8 @@ from .._lib.formats import Omission, warn_of_omissions
 from .._lib.rotations import quaternion_matrix
 from ..errors import ModelError
 from ..model.bodies import INERTIA_PLACE
+from ..model.shapes import plain
+from ..view.shapes import frame as along
 from ._poses import Array, Frame, roll_pitch_yaw_of
 
 # A limit this large is none: URDF wants numbers for every prismatic joint. Too small: a real limit is taken for none. Pinned by
@@ -152,8 +154,36 @@ class _Writer:
         ElementTree.SubElement(inertial, "mass", value=_text(body.values("mass")[0]))
         tensor = {f"i{'xyz'[r]}{'xyz'[c]}": _text(moments[INERTIA_PLACE[r][c]]) for r in range(3) for c in range(r, 3)}
         ElementTree.SubElement(inertial, "inertia", tensor)
+        for shape in body.shape:
+            self._visual(link, body, own, frame, plain(shape))
         if any(body.values("velocity")) or any(body.values("angular_velocity")):
             self._omit(body, "velocity")
+
+    def _visual(self, link: ElementTree.Element, body: Any, own: Frame, frame: Frame, shape: dict[str, Any]) -> None:
+        """A shape, in the frame of the link."""
+        kind = shape["type"]
+        if kind == "sphere" and isinstance(shape["radius"], list):
+            self._omit(body, "ellipsoid")
+            return
+        visual = ElementTree.SubElement(link, "visual")
+        turn = quaternion_matrix(shape.get("orientation", (1.0, 0.0, 0.0, 0.0)))
+        if "axis" in shape:
+            turn = turn @ along(shape["axis"])
+        place = (own @ Frame(turn, np.array(shape.get("at", (0.0, 0.0, 0.0))))).within(frame)
+        _origin(visual, place)
+        geometry = ElementTree.SubElement(visual, "geometry")
+        if kind == "mesh":
+            scale = np.broadcast_to(shape.get("scale", 1.0), (3,))
+            given = {"filename": shape["file"], "scale": " ".join(_text(float(v)) for v in scale)}
+        elif kind == "box":
+            given = {"size": " ".join(_text(v) for v in shape["size"])}
+        else:
+            given = {key: _text(shape[key]) for key in ("radius", "length") if key in shape}
+        ElementTree.SubElement(geometry, kind, given)
+        if "colour" in shape:
+            rgb = (int(shape["colour"][i : i + 2], 16) / 255 for i in (1, 3, 5))
+            material = ElementTree.SubElement(visual, "material", name=shape["colour"])
+            ElementTree.SubElement(material, "color", rgba=" ".join([*(f"{v:.6g}" for v in rgb), "1"]))
 
     def _joint(self, name: str, type_: str, parent: str, child: str, place: Frame) -> ElementTree.Element:
         node = ElementTree.SubElement(self.root, "joint", name=name, type=type_)

@@ -14,6 +14,8 @@ from ..model.model import Model
 from ._composites import Hinge
 from ._mjcf_loops import add_equalities, add_tendons
 from ._mjcf_parts import Angles, Defaults, geom_inertia, include, inertial
+from ._mjcf_pictures import Meshes, geom_picture
+from ._pictures import picture
 from ._poses import Frame, Inertia
 from ._tree import Builder, Link, Site, Tree, omit_friction
 from ._xml import LARGEST_XML, Node, clipped, parse
@@ -84,6 +86,7 @@ class Reader:
         self.links: dict[str, int] = {"world": -1}
         self.sites: dict[str, Site] = {}
         self.hinges: set[str] = set()
+        self.meshes = Meshes(self.defaults)
         self.from_geoms = "auto"
         self.groups = (0.0, 5.0)
         # what closes loops, once there are bodies
@@ -100,6 +103,7 @@ class Reader:
             self._compile(compiler)
         for default in self.root.children("default"):
             self.defaults.add(default)
+        self.meshes = Meshes.of(self.root, self.defaults)
         model = Model(self.root.text("model") or "MuJoCo Model", gravity=self._gravity())
         for section in self.root.children(*_LISTED):
             section.text("name")
@@ -263,14 +267,14 @@ class Reader:
         link.inertia = made.moved(part.frame.within(link.frame))
 
     def _weigh(self, part: _Place) -> list[Inertia]:
-        """The inertia of a geom in its body's axes, where it counts."""
+        """The inertia of a geom in its body's axes, where it counts; its picture goes to the tree."""
         node, link = part.node, part.link
         owner = self.tree.links[link].name if link >= 0 else "world"
         name = node.text("name")
-        self.source.omit(
-            f"geom {name!r}" if name else f"body {owner!r}",
-            "contact and picture" if name else "contact and picture of geoms",
-        )
+        what = f"geom {name!r}" if name else f"body {owner!r}"
+        self._add_picture(part, what)
+        if any(node.text(key, "1") != "0" for key in ("contype", "conaffinity")):
+            self.source.omit(what, "contact" if name else "contact of geoms")
         for key, (_, element) in node.given.items():
             self.source.read.add((element, key))
         for element in node.element.iter():
@@ -283,6 +287,17 @@ class Reader:
             return []
         made = geom_inertia(node, self.angles)
         return [made.moved(part.frame.within(self.tree.links[link].frame))]
+
+    def _add_picture(self, part: _Place, what: str) -> None:
+        """MuJoCo shows groups 0 to 2."""
+        if part.link < 0:
+            self.source.omit(what, "picture of the world")
+            return
+        made = picture(
+            self.source, what, lambda: geom_picture(part.node, self.angles, part.link, part.frame, self.meshes)
+        )
+        if made is not None:
+            self.tree.pictures.append(made)
 
     def _add_site(self, part: _Place) -> None:
         node = part.node

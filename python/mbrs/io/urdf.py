@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from .._lib.formats import Format, register, warn_of_omissions
-from ..errors import DuplicateNameError, NameNotFoundError
+from ..errors import DuplicateNameError, ModelError, NameNotFoundError
 from ..model.model import Model
 from ._composites import Hinge
+from ._pictures import Picture, colour_of, picture, urdf_geometry
 from ._poses import Frame, Inertia, roll_pitch_yaw
 from ._tree import Builder, Coupling, Link, Tree, omit_friction
 from ._urdf_writer import NO_LIMIT, write
@@ -41,7 +43,7 @@ def read(path: Path, functions: bool = False) -> Model:
     Warns
     -----
     OmissionWarning
-        Limits, pictures, transmissions and all else that a model does not have, by object.
+        Limits, collisions, transmissions and all else that a model does not have, by object.
     """
     robot = parse(Path(path), "robot", "URDF")
     with np.errstate(all="ignore"):
@@ -74,8 +76,19 @@ class _Reader:
                 )
         self.links = self._named("link")
         self.joints = self._named("joint")
+        self.colours = self._colours()
         if not self.links:
             raise robot.error("has no links")
+
+    def _colours(self) -> dict[str, str]:
+        """Colours of the materials of the robot by name."""
+        found: dict[str, str] = {}
+        for material in self.robot.children("material"):
+            name, colour = material.text("name") or "", material.child("color")
+            if colour is not None:
+                with suppress(ModelError):
+                    found[name] = colour_of(colour.numbers("rgba", 4))
+        return found
 
     def _named(self, tag: str) -> dict[str, Node]:
         found: dict[str, Node] = {}
@@ -157,6 +170,7 @@ class _Reader:
             tree.links.append(Link("", -1, Frame(), node.where, inertia=inertia))
         else:
             tree.links.append(Link(name, -1, Frame(), node.where, inertia=inertia, weld=f"{name} on ground"))
+        self._add_pictures(tree, node, 0)
 
     def _add_link(self, tree: Tree, name: str, joint: Node, parent: int) -> None:
         node = self.links[name]
@@ -182,6 +196,19 @@ class _Reader:
         if mimic is not None:
             self._mimic(tree, joint, mimic, kind)
         tree.links.append(link)
+        self._add_pictures(tree, node, len(tree.links) - 1)
+
+    def _add_pictures(self, tree: Tree, node: Node, link: int) -> None:
+        frame = tree.links[link].frame
+        for visual in node.children("visual"):
+            visual.text("name")
+
+            def read(visual: Node = visual) -> Picture | None:
+                return urdf_geometry(visual, link, frame @ frame_of(visual.child("origin")), self.colours)
+
+            made = picture(self.source, node.what, read)
+            if made is not None:
+                tree.pictures.append(made)
 
     def _limits(self, joint: Node) -> None:
         limit = joint.child("limit")
