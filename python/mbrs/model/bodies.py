@@ -179,7 +179,7 @@ def _check_inertia(where: str, j: Sequence[float]) -> None:
             f"{where} (0, 0, {j[2]:g}) is planar data: no rigid body has it, and it serves only if the joints "
             "allow no rotation about x and y",
             MbrsWarning,
-            stacklevel=7,
+            stacklevel=8,
         )
         return
     raise problem(

@@ -278,6 +278,8 @@ class Book:
         self.values_version = 0
         self.cache: dict[str, Any] = {}
 
+    units: Literal["SI"] | None = None
+
     @property
     def tolerance(self) -> float:
         """Accuracy of what was drawn, see `Model`."""

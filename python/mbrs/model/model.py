@@ -19,7 +19,7 @@ from . import flexible as _flexible
 from . import forces as _forces
 from . import joints as _joints
 from . import section_loads as _section_loads
-from .addresses import assign, read, target
+from .addresses import Target, assign, read, target
 from .aliases import Matrix, Vector, Vector3
 from .bodies import Body, Ground, Marker
 from .book import STORES, Book, Item, Store
@@ -31,12 +31,15 @@ from .names import GROUND, check_name, not_found, shown
 from .numbers import vector
 from .parameters import ArrayParameter
 from .scene import scene_from_tables
-from .schema import GRAVITY, LARGEST_TOLERANCE, Kind
+from .schema import BODY, ELEMENTS, FLEXIBLE_BODY, GRAVITY, JOINTS, LARGEST_TOLERANCE, LOADS, MARKER, UNITS, Kind
 from .tables import tables
+from .units import accepting, converted, has_quantity, labelled, refuse
 
 # What `dir(model)` leaves out: attributes that the package uses and a user does not.
 _INTERNAL = frozenset(vars(Book("names"))) | {name for name in vars(Book) if not name.startswith("_")}
-_PUBLIC = frozenset({"name", "bodies", "joints", "elements", "loads", "drives", "couplers", "markers", "tolerance"})
+_PUBLIC = frozenset(
+    {"name", "bodies", "joints", "elements", "loads", "drives", "couplers", "markers", "tolerance", "units"}
+)
 
 
 ViewLike = Literal["xy", "xz", "yz"] | tuple[float, float] | None
@@ -65,6 +68,9 @@ class Model(Book):
         Acceleration (3,), m/s2, world; None (and nothing is computed for it) by default.
     tolerance
         Accuracy of what was drawn: of lengths over the characteristic length, and of angles (rad). 0 < tolerance < 0.1.
+    units
+        "SI": numbers of objects, parameters and `set` may be texts with a unit, such as "100 N/mm" or "30 deg", which pint (extra
+        ``units``) converts to SI when they are typed. None: any consistent units, and numbers only.
 
     Raises
     ------
@@ -96,34 +102,39 @@ class Model(Book):
     couplers: list[Coupler]
     markers: list[Marker]
 
-    def __init__(self, name: str, gravity: Vector3 | None = None, tolerance: float = 1e-7) -> None:
+    def __init__(
+        self, name: str, gravity: Vector3 | None = None, tolerance: float = 1e-7, units: Literal["SI"] | None = None
+    ) -> None:
         super().__init__(name)
+        if units not in (None, "SI"):
+            raise ModelError(f"units= must be 'SI' or None, got {shown(units)}")
+        self.units = units
         self.ground = Ground(self, GROUND)
         self.tolerance = tolerance
         if gravity is not None:
             self.gravity = gravity  # type: ignore[assignment]
 
-    body = _bodies.body
-    flexible_body = _flexible.flexible_body
-    marker = _bodies.marker
+    body = accepting(_bodies.body, BODY)
+    flexible_body = accepting(_flexible.flexible_body, FLEXIBLE_BODY)
+    marker = accepting(_bodies.marker, MARKER)
 
-    fixed = _joints.fixed
-    revolute = _joints.revolute
-    prismatic = _joints.prismatic
-    cylindrical = _joints.cylindrical
-    universal = _joints.universal
-    spherical = _joints.spherical
-    planar = _joints.planar
-    free = _joints.free
-    distance = _joints.distance
-    knife_edge = _joints.knife_edge
-    rolling_disc = _joints.rolling_disc
+    fixed = accepting(_joints.fixed, JOINTS)
+    revolute = accepting(_joints.revolute, JOINTS)
+    prismatic = accepting(_joints.prismatic, JOINTS)
+    cylindrical = accepting(_joints.cylindrical, JOINTS)
+    universal = accepting(_joints.universal, JOINTS)
+    spherical = accepting(_joints.spherical, JOINTS)
+    planar = accepting(_joints.planar, JOINTS)
+    free = accepting(_joints.free, JOINTS)
+    distance = accepting(_joints.distance, JOINTS)
+    knife_edge = accepting(_joints.knife_edge, JOINTS)
+    rolling_disc = accepting(_joints.rolling_disc, JOINTS)
 
-    spring_damper = _forces.spring_damper
-    bushing = _forces.bushing
-    torsion = _forces.torsion
-    force = _forces.force
-    torque = _forces.torque
+    spring_damper = accepting(_forces.spring_damper, ELEMENTS)
+    bushing = accepting(_forces.bushing, ELEMENTS)
+    torsion = accepting(_forces.torsion, ELEMENTS)
+    force = accepting(_forces.force, LOADS)
+    torque = accepting(_forces.torque, LOADS)
     modal_force = _section_loads.modal_force
     section_load = _section_loads.section_load
 
@@ -144,7 +155,8 @@ class Model(Book):
         value
             A number, or an array of any shape.
         unit
-            A label such as "N/m" for tables and plots; nothing is converted.
+            A label such as "N/m" for tables and plots; nothing is converted but a text such as "100 N/mm" as ``value``, in models
+            with ``units="SI"``.
 
         Returns
         -------
@@ -164,6 +176,12 @@ class Model(Book):
             check_name("parameter", name, self.space.names)
         if not isinstance(unit, str):
             raise ModelError(f"the unit of parameter {name!r} must be text such as 'N/m', got {shown(unit)}")
+        if has_quantity(value):
+            refuse(self, name, value)
+            if isinstance(value, str):
+                value, unit = labelled(value, unit, name)
+            else:
+                value = converted(value, (unit,), name)
         made = self.space.add(name, value, unit)
         self.structure_version += 1
         return made
@@ -194,6 +212,9 @@ class Model(Book):
         old, self.stores["gravity"] = self.stores["gravity"], Store()
         item = Gravity(self, "gravity")
         try:
+            if has_quantity(value):
+                refuse(self, "gravity", value)
+                value = converted(value, (UNITS["acceleration"],), "gravity")
             item.put(vector(value, "gravity"))
         except Exception:
             self.stores["gravity"] = old
@@ -246,10 +267,20 @@ class Model(Book):
         """
         if not isinstance(changes, Mapping):
             raise ModelError(f"m.set takes a mapping of addresses to values, got {shown(changes)}")
-        restructured = assign(self, [(target(self, address), value) for address, value in changes.items()])
+        found = [(target(self, address), value) for address, value in changes.items()]
+        restructured = assign(self, [(one, self._in_si(one, value)) for one, value in found])
         if restructured:
             self.changed_structure()
         self.values_version += 1
+
+    def _in_si(self, one: Target, value: Any) -> Any:
+        """A new value of an address, texts with units converted."""
+        if not has_quantity(value):
+            return value
+        refuse(self, one.address, value)
+        if one.group is None:
+            return converted(value, (self.space.unit_of(one.components[0]),), one.address)
+        return converted(value, [one.group.units[i] for i in one.components], one.address)
 
     def file_text(self) -> str:
         """The text of the file that `save` writes."""

@@ -25,6 +25,7 @@ from .names import nearest, problem, shown
 from .numbers import shape_of
 from .schema import HEADINGS, Kind
 from .shapes import shape_of_table
+from .units import is_quantity
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _WIDTH = 100
@@ -62,6 +63,8 @@ def dumps(book: Any) -> str:
         head["gravity"] = book.gravity_item.entries()
     if book.tolerance != TOLERANCE:
         head["tolerance"] = book.tolerance
+    if book.units is not None:
+        head["units"] = book.units
     lines: list[str] = []
     for heading, table in describe(book, head):
         lines += ["", heading] if lines else [heading]
@@ -165,8 +168,11 @@ class _Reader:
     def model(self, new: Callable[[str], Any]) -> Any:
         self._known("", 0, self.data, ("model", "parameters", *HEADINGS))
         head = self._table("model")
-        self._known("model", 0, head, ("name", "gravity", "tolerance"))
+        self._known("model", 0, head, ("name", "gravity", "tolerance", "units"))
         model = self._guarded("model", 0, lambda: new(head.get("name", "model")), "name")
+        if head.get("units", "SI") != "SI":
+            raise self._at("model", 0, "units", ModelError(f"units must be 'SI', got {shown(head['units'])}"))
+        model.units = head.get("units")
         for name, value in self._table("parameters").items():
             self._guarded("parameters", 0, lambda n=name, v=value: _add_parameter(model, n, v), name)  # type: ignore[misc]
         for key in ("gravity", "tolerance"):
@@ -277,9 +283,9 @@ def _field_of(reason: MbrsError) -> str:
 
 
 def _numbers(model: Any, value: Any) -> Any:
-    """Strings become expressions, everything else stays."""
+    """Strings become expressions, everything else stays, also numbers with a unit."""
     if isinstance(value, str):
-        return parse(value, model.space)
+        return value if is_quantity(value) else parse(value, model.space)
     if isinstance(value, list):
         return [_numbers(model, v) for v in value]
     return value
