@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Sequence
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -79,3 +81,12 @@ def complex_array(name: str, value: Any) -> np.ndarray:
     if not np.all(np.isfinite(array)):
         raise ModelError(f"{name} contains NaN or infinite entries")
     return array
+
+
+def user_level() -> int:
+    """The ``stacklevel`` of a warning, given where this is called, that shows the user's own line."""
+    frame: FrameType | None = sys._getframe(1)
+    level = 1
+    while frame is not None and str(frame.f_globals.get("__name__", "")).startswith("mbrs."):
+        frame, level = frame.f_back, level + 1
+    return level

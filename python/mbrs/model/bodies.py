@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.checks import user_level
 from ..errors import InertiaError, MbrsWarning, ModelError
 from .aliases import Axis, BodyLike, Matrix, PoseLike, Rotation, Scalar, Vector, Vector3
 from .attach import places
@@ -179,7 +180,7 @@ def _check_inertia(where: str, j: Sequence[float]) -> None:
             f"{where} (0, 0, {j[2]:g}) is planar data: no rigid body has it, and it serves only if the joints "
             "allow no rotation about x and y",
             MbrsWarning,
-            stacklevel=8,
+            stacklevel=user_level(),
         )
         return
     raise problem(

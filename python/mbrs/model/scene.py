@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.checks import user_level
 from .._lib.rotations import quaternion_matrix
 from ..errors import MbrsWarning, ModelError
 from ..view.modes import line_points
@@ -99,7 +100,7 @@ def _solids(name: str, shapes: Any, origin: np.ndarray, rotation: np.ndarray) ->
         try:
             yield surface(shape, origin, rotation)
         except ModelError as reason:
-            warnings.warn(f"the shape of body {name!r} is not drawn: {reason}", MbrsWarning, stacklevel=2)
+            warnings.warn(f"the shape of body {name!r} is not drawn: {reason}", MbrsWarning, stacklevel=user_level())
 
 
 def _rims(tables: Mapping[str, Any], x: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
