@@ -163,6 +163,23 @@ _MODULES = {
     "formats": "_lib.formats",
     "report": "_lib.text",
 }
+# Folders of which the files are reached by name, as `mb.view.motion`, without an import of their own.
+_WHOLE = {
+    "view": ("modes", "motion", "page", "still"),
+    "plot": (
+        "aero",
+        "derivatives",
+        "gradients",
+        "linear",
+        "matrices",
+        "models",
+        "motion",
+        "nonlinear",
+        "scenes",
+        "studies",
+        "sweeps",
+    ),
+}
 __all__ = sorted(
     [
         *(name for name in _HOME if name != "__version__"),
@@ -194,6 +211,8 @@ def __getattr__(name: str) -> Any:
         value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
     elif name in _MODULES:
         value = importlib.import_module(f".{_MODULES[name]}", __name__)
+        for part in _WHOLE.get(name, ()):
+            importlib.import_module(f".{_MODULES[name]}.{part}", __name__)
     else:
         import difflib
 

@@ -13,10 +13,11 @@ import numpy as np
 
 from .._lib.text import number, without_rounding
 from ..errors import NameNotFoundError
-from ..results import Result, Stats, added_counts, derived, quantity, result
+from ..results import FIXED_LABELS, Result, Stats, added_counts, derived, quantity, result
 from .energy_shares import EnergyShares, energy_shares
 from .mac import mac as _mac
 
+TWIST = FIXED_LABELS["component"]
 KINDS = ("rigid", "vibration", "overdamped", "flutter", "divergence")
 
 _UNRESOLVED = 1e-9
@@ -304,10 +305,27 @@ def array_of(a: Any) -> np.ndarray | None:
 
 
 def dominant_in(r: ModalResult) -> list[str]:
-    """The body, or else the coordinate, with the largest share of the kinetic energy."""
+    """The body, or else the coordinate, with the largest share of the kinetic energy, and the direction in which that body moves."""
     shares = r.energy()
     names, values = (
         (shares.coordinates, shares.kinetic) if shares.kinetic_body is None else (shares.bodies, shares.kinetic_body)
     )
-    # the first among equals, whatever rounding says
-    return [names[int(np.argmax(v >= v.max() - 1e-9))] for v in values.T]
+    picks = [_first_largest(v) for v in values.T]
+    if shares.kinetic_body is None or getattr(r.system, "body_mass_matrices", None) is None:
+        return [names[i] for i in picks]
+    return [f"{names[i]} {_direction(r, i, k)}".rstrip() for k, i in enumerate(picks)]
+
+
+def _first_largest(values: np.ndarray) -> int:
+    """The first among equals, whatever rounding says."""
+    return int(np.argmax(values >= values.max() * (1.0 - 1e-9)))
+
+
+def _direction(r: ModalResult, body: int, mode: int) -> str:
+    """The world axis along (or about) which a rigid body has most of its kinetic energy in a mode; "" of a flexible one."""
+    name = r._bodies()[0][body]
+    if any(coordinate.startswith(f"{name}.q") for coordinate in r.coordinates):
+        return ""
+    v = r.body_shape(name)[:, mode]
+    energy = (v.conj() * (r.system.body_mass_matrices[body] @ v)).real
+    return TWIST[_first_largest(energy)] if energy.max() > 0.0 else ""

@@ -11,7 +11,7 @@ from .._lib.rotations import matrix_to_quaternion
 from ..errors import ModelError
 from .expressions import Expression
 from .names import problem, shown
-from .numbers import Number, array, scalar, shape_of
+from .numbers import Number, array, numbers, scalar, shape_of
 from .numbers import axis as direction
 
 # How far a matrix may be from orthonormal: hand-typed cosines of six digits pass, a typing error does not.
@@ -71,14 +71,26 @@ def quaternion(value: Any, where: str) -> list[Number]:
 
 
 def _from_matrix(flat: list[Number], where: str) -> list[Number]:
-    if any(isinstance(v, Expression) for v in flat):
-        raise problem(
-            where, "as a matrix must be plain numbers; for expressions give a quaternion, as mb.rotation does"
-        )
-    r = np.array(flat, dtype=float).reshape(3, 3)
+    r = np.array(numbers(flat)).reshape(3, 3)
     if np.abs(r.T @ r - np.eye(3)).max() > _ORTHONORMAL or np.linalg.det(r) < 0.0:
         raise problem(where, "is not a rotation matrix: its columns must be orthonormal and right-handed")
+    if any(isinstance(v, Expression) for v in flat):
+        return _quaternion_of(flat, int(np.argmax(np.abs(matrix_to_quaternion(r)))))
     return [float(v) for v in matrix_to_quaternion(r)]
+
+
+def _quaternion_of(flat: list[Number], largest: int) -> list[Number]:
+    """4 q_i q of a rotation matrix, i the largest component: Tables take quaternions of any length (S. W. Shepperd, J. Guidance
+    1, 1978).
+    """
+    (a, b, c), (d, e, f), (g, h, k) = flat[:3], flat[3:6], flat[6:]
+    rows: tuple[list[Number], ...] = (
+        [1.0 + a + e + k, h - f, c - g, d - b],
+        [h - f, 1.0 + a - e - k, b + d, c + g],
+        [c - g, b + d, 1.0 - a + e - k, f + h],
+        [d - b, c + g, f + h, 1.0 - a - e + k],
+    )
+    return rows[largest]
 
 
 def unit(given: Any, where: str) -> tuple[float, float, float]:

@@ -18,6 +18,7 @@ from ..model.tables import modal_places
 from ..results import Result, quantity, result
 from ..system.snapshot import Snapshot
 from ..system.state import State
+from . import elements
 from .quantities import Names
 from .tangent import RHO, Run, quantity_derivative
 
@@ -68,6 +69,10 @@ class Energy(Result):
 
     def __getitem__(self, index: Any) -> Any:
         return self.total[index]
+
+
+def _squeezed(values: np.ndarray) -> np.ndarray:
+    return values[:, 0] if values.shape[1] == 1 else values
 
 
 @result
@@ -250,6 +255,38 @@ class Trajectory(Result):
             )
         start, n = place[key]
         return self.joints[:, start] if n == 1 else self.joints[:, start : start + n]
+
+    def joint_rate(self, name: Any) -> np.ndarray:
+        """Rates of the free coordinates of a joint, in the shape of `joint`; of rotation vectors the rates of their numbers."""
+        return _squeezed(elements.joint(self, name).rate)
+
+    def length(self, name: Any) -> np.ndarray:
+        """(n_t,) distance of the end points of a spring-damper, m."""
+        length = elements.element(self, name)[1]
+        if length is None:
+            raise ModelError(f"{getattr(name, 'name', name)!r} is not a spring_damper; see deformation")
+        return length
+
+    def deformation(self, name: Any) -> np.ndarray:
+        """e of f = preload + k e + c e': (n_t,) of a spring-damper (m) or torsion spring (rad), (n_t, 6) of a bushing, frame of its
+        first body.
+        """
+        return _squeezed(elements.element(self, name)[0].value)
+
+    def deformation_rate(self, name: Any) -> np.ndarray:
+        """The rate e' of `deformation`."""
+        return _squeezed(elements.element(self, name)[0].rate)
+
+    def element_force(self, name: Any) -> np.ndarray:
+        """preload + k e + c e' + law(e, e') of a spring-damper (N, positive in tension), bushing or torsion spring, in the shape of
+        `deformation`; the moments of a bushing belong to the rates of its rotation vector.
+
+        Raises
+        ------
+        ModelError
+            A law with an internal state, whose force the deformation alone does not tell.
+        """
+        return _squeezed(elements.element_force(self, name))
 
     @cached_property
     def _joint_places(self) -> dict[str, tuple[int, int]]:

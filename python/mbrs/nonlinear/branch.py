@@ -79,6 +79,7 @@ class Branch(Iterator[BranchPoint]):
         self.family = family
         self.value: tuple[float, float] | None = None
         w = balance.one_frequency(omega, frequency)
+        self.over = "frequency" if omega is None else "omega"
         if family is None:
             self.system, self.force = as_system(system, force, amplitude, at, without, inputs)
             self.parameter = "omega" if w.shape == (2,) else "level"
@@ -241,6 +242,7 @@ class Branch(Iterator[BranchPoint]):
             force=self.force,
             branch=self,
             reason=self.reason,
+            over=self.over,
             stats=Stats(wall_time, counts, effects_of(self.system), self.setup.route),
             error=error,
             status=status,

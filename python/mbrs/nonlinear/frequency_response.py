@@ -156,6 +156,7 @@ def _points(system: Any, options: BranchOptions) -> FrequencyResponse:
         tuple(parts),
         system,
         force,
+        over="frequency" if given["omega"] is None else "omega",
         stats=Stats(
             perf_counter() - started,
             {"points": n, "corrections": corrections, "single solutions": n},

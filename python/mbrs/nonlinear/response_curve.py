@@ -56,6 +56,8 @@ class FrequencyResponse(Result):
     status
         "converged": the end of the range was reached; "max-points", "left-at-start" (the branch came back), "stopped" (the
         step became too small; ``reason`` says why), "unresolved" (the end was reached, but an error exceeds the tolerance).
+    over
+        "frequency" (Hz) or "omega" (rad/s): what the range was given in, and figures show.
     """
 
     omega: np.ndarray = quantity(dims=("point",), unit="rad/s")
@@ -68,6 +70,7 @@ class FrequencyResponse(Result):
     force: Any = field(default=None, repr=False)
     branch: Any = field(default=None, repr=False)
     reason: str = ""
+    over: str = "frequency"
 
     row: ClassVar[str] = "point"
     axes: ClassVar[Mapping[str, str]] = {"coordinate": "coordinates", "coefficient": "coefficient_names"}
@@ -128,11 +131,15 @@ class FrequencyResponse(Result):
 
     def axis(self) -> tuple[np.ndarray, str]:
         """Abscissa of the curve, (n,), and its name."""
-        return (self.level, "force level") if self.varies == "level" else (self.frequency, "f [Hz]")
+        if self.varies == "level":
+            return self.level, "force level"
+        return (self.omega, "omega [rad/s]") if self.over == "omega" else (self.frequency, "f [Hz]")
 
     def place(self, event: Event) -> float:
         """Abscissa of an event."""
-        return event.level if self.varies == "level" else event.frequency
+        if self.varies == "level":
+            return event.level
+        return event.omega if self.over == "omega" else event.frequency
 
     @property
     def connected(self) -> bool:
@@ -315,7 +322,8 @@ class FrequencyResponse(Result):
             picks.append((int(np.argmax(self.amplitude(i))), f"largest {self.label(i)}", None))
         picks += [(e.index - 0.5, e.kind, e) for e in self.events]
         along, name = self.axis()
-        over_frequency = name == "f [Hz]"
+        over_frequency = name in ("f [Hz]", "omega [rad/s]")
+        along, name = (self.frequency, "f [Hz]") if over_frequency else (along, name)
         heads = ["point", "", *(["omega"] if over_frequency else []), name]
         heads += [*(f"|{self.label(i)}|" for i in shown), "error", "stable"]
         rows = []
@@ -324,7 +332,8 @@ class FrequencyResponse(Result):
             row: list[Any] = ["" if event else i, what]
             if over_frequency:
                 row.append(float(event.omega if event else self.omega[i]))
-            row.append(float(self.place(event) if event else along[i]))
+            at_event = event and (event.frequency if over_frequency else self.place(event))
+            row.append(float(at_event if event else along[i]))
             row += [float(self.event_amplitude(event, d) if event else self.amplitude(d)[i]) for d in shown]
             rows.append([*row, *(["", ""] if event else [_error_text(self.error[i]), self._stable_word(i)])])
         return heads, rows
@@ -355,6 +364,8 @@ class FrequencyResponse(Result):
 
     def _span(self) -> str:
         where = f"{self.frequency.min():.6g} to {self.frequency.max():.6g} Hz"
+        if self.over == "omega":
+            where = f"{self.omega.min():.6g} to {self.omega.max():.6g} rad/s"
         if self.varies == "level":
             return f"{self.frequency[0]:.6g} Hz, level {self.level.min():.6g} to {self.level.max():.6g}"
         return where

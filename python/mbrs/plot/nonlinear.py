@@ -36,7 +36,7 @@ def curve(
         Axes to draw into, for several curves in one picture, and what to call this one there instead of telling stable
         from unstable; a figure of its own by default.
     over
-        "frequency" (Hz) or "omega" (rad/s) for the axis of a curve over frequency; Hz by default.
+        "frequency" (Hz) or "omega" (rad/s) for the axis of a curve over frequency; by default as the range was given.
 
     Returns
     -------
@@ -46,9 +46,12 @@ def curve(
         raise ModelError(f"over={over!r} is not known; use 'frequency' or 'omega'")
     x, name_of_x = result.axis()
     y = result.amplitude(dof, harmonic)
-    factor = 2 * np.pi if over == "omega" and name_of_x == "f [Hz]" else 1.0
-    if factor != 1.0:
-        x, name_of_x = factor * x, "omega [rad/s]"
+    factor = 1.0
+    if over == "omega" and name_of_x == "f [Hz]":
+        factor, name_of_x = 2 * np.pi, "omega [rad/s]"
+    elif over == "frequency" and name_of_x == "omega [rad/s]":
+        factor, name_of_x = 1.0 / (2 * np.pi), "f [Hz]"
+    x = factor * x
     marks = [(e.index, factor * result.place(e), result.event_amplitude(e, dof, harmonic)) for e in result.events]
     with style():
         made, axes = canvas(ax)
