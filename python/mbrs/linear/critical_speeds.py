@@ -15,6 +15,10 @@ if TYPE_CHECKING:
 # excited; smaller: rounding excites backward whirl on round ones. Pinned by tests/truth/test_campbell.py.
 EXCITED = 1e-6
 # Relative accuracy of a critical speed at which Newton stops, and the change of rows at which matrices count as polynomials of the speed.
+# A root with |s|^2 below this many times what rounding of the stiffness adds up to in its shape is that of a rigid motion, at 0 but for
+# rounding. Too small: the turning itself counts as a critical speed; too large: soft modes beside stiff ones are lost. Pinned by
+# tests/test_critical_rigid.py.
+RIGID = 1e3
 LOCATED, POLYNOMIAL = 1e-11, 1e-9
 # Steps below this that do not become smaller are rounding. Larger: a slowly converging root is called found; smaller: stiff models lose
 # critical speeds. Pinned by tests/truth/test_campbell.py (bearings of 1e14 N/m).
@@ -220,6 +224,10 @@ def crossing(
         stalled = moved <= STALLED and moved >= 0.5 * before
         before = moved
         if moved <= LOCATED or stalled:
+            if order != 0.0 and abs(s) ** 2 <= RIGID * np.finfo(float).eps * float(
+                np.abs(v) @ (np.abs(m.S) * d * d[:, None]) @ np.abs(v)
+            ):
+                return None
             shape, left = np.zeros((2, len(pencil.at(speed).M)), dtype=complex)
             shape[kept], left[kept] = v * d, u * d
             return Crossing(speed, sigma + 1j * order * speed, shape, left, float(moved))
