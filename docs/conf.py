@@ -45,7 +45,10 @@ myst_dmath_allow_labels = False
 
 autodoc_typehints = "none"
 autodoc_member_order = "groupwise"
-autodoc_default_options = {"undoc-members": False, "inherited-members": False}
+# what a result needs to print and to save itself
+HELPERS = "attributes, axes, blocks, columns, data_state, error_dims, heading, labelled, labels_of, notes, quantities, replaced, row, rows"
+autodoc_default_options = {"exclude-members": HELPERS}
+toc_object_entries_show_parents = "hide"
 autodoc_class_signature = "mixed"
 napoleon_numpy_docstring, napoleon_google_docstring = True, False
 napoleon_use_ivar = True
@@ -62,7 +65,8 @@ sphinx_gallery_conf = {
     "show_memory": False,
     "show_signature": False,
     "plot_gallery": True,
-    "min_reported_time": 1e9,
+    "min_reported_time": 0,
+    "write_computation_times": False,
     "abort_on_example_error": True,
     "matplotlib_animations": False,
     "nested_sections": False,
@@ -72,5 +76,6 @@ sphinx_gallery_conf = {
 }
 # the scripts of the gallery check what they claim; a warning in one is an error as well
 warnings.filterwarnings("ignore", category=DeprecationWarning)
-suppress_warnings = ["config.cache"]
+# names of arguments that several classes have are not links
+suppress_warnings = ["config.cache", "ref.python"]
 assert mbrs.__doc__

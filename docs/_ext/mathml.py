@@ -10,13 +10,17 @@ import html
 import re
 import shutil
 from pathlib import Path
+from xml.etree import ElementTree
 
 import ziamath
 from latex2mathml.converter import convert
 from sphinx.util import logging
 
 TAG = re.compile(r"\\tag\{([\d.]+)\}")
+SPACE = "{http://www.w3.org/1998/Math/MathML}"
+PRIMES, BARS = {"\u2032", "\u2033", "\u2034"}, {"|", "\u2016"}
 FONT = Path(ziamath.__file__).parent / "fonts" / "STIXTwoMath-Regular.ttf"
+ElementTree.register_namespace("", SPACE[1:-1])
 logger = logging.getLogger(__name__)
 
 
@@ -27,7 +31,23 @@ def formula(tex: str, display: str, node) -> str:
     except Exception as error:
         logger.warning("equation %r: %r", tex, error, location=node)
         return f"<code>{html.escape(tex)}</code>"
-    return element.replace("<math ", f'<math aria-label="{html.escape(" ".join(tex.split()), quote=True)}" ', 1)
+    tree = ElementTree.fromstring(element)
+    improve(tree)
+    tree.set("aria-label", " ".join(tex.split()))
+    return ElementTree.tostring(tree, encoding="unicode")
+
+
+def improve(element: ElementTree.Element) -> None:
+    """Primes as the font draws them, already raised; bars of absolute values without the space of an operator."""
+    for child in element:
+        improve(child)
+    if element.tag == f"{SPACE}mo" and element.text in BARS and element.get("stretchy") == "false":
+        element.set("lspace", "0")
+        element.set("rspace", "0")
+    if element.tag == f"{SPACE}msup" and element[1].text in PRIMES and not len(element[1]):
+        element.tag = f"{SPACE}mrow"
+        element[1].tag = f"{SPACE}mo"
+        element[1].attrib |= {"lspace": "0", "rspace": "0"}
 
 
 def visit_inline(self, node) -> None:

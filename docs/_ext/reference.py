@@ -149,7 +149,8 @@ def plain(app, what, name, thing, options, lines) -> None:
             continue
         fields = re.match(r"\s*:(?:param|ivar|var|raises|rtype|type)\b[^:]*:", line)
         head, text = (line[: fields.end()], line[fields.end() :]) if fields else ("", line)
-        lines[i] = head + MARKS.sub(lambda m: m[1] or "\\" + (m[2] or m[3]), text)
+        text = MARKS.sub(lambda m: m[1] or "\\" + (m[2] or m[3]), text)
+        lines[i] = head + re.sub(r"docs/theory\.md \((\d+\.\d+)\)", r"`theory (\1) <../theory.html#eq-\1>`__", text)
         if line.rstrip().endswith("::"):
             code = indent
 
