@@ -4,6 +4,7 @@ python docs/build.py [--fresh]      needs pip install '.[test,docs]'
 """
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -27,6 +28,7 @@ def main() -> None:
     if "--fresh" in sys.argv or not any(records.glob("*.json")):
         run("pytest", *CASES, MBRS_MANUAL=str(records))
     out = TARGET / "site"
+    shutil.rmtree(out, ignore_errors=True)
     run("sphinx", "-W", "--keep-going", "-b", "html", "-d", str(TARGET / "doctrees"), "docs", str(out), MBRS_MANUAL=str(records))
     subprocess.check_call([sys.executable, str(ROOT / "docs" / "_ext" / "check_site.py"), str(out)])
 

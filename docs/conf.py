@@ -16,7 +16,7 @@ release = version = "0.1.0"
 
 extensions = [
     "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_gallery.gen_gallery", "sphinx_design", "sphinx_copybutton",
-    "mathml", "reference", "manual_page", "outside",
+    "mathml", "reference", "manual_page", "outside", "running",
 ]  # fmt: skip
 html_math_renderer = "mathml"
 html_theme = "pydata_sphinx_theme"
