@@ -17,7 +17,9 @@ CASES = ["tests/manual", "tests/truth/test_rolling.py", "tests/test_aero_wings.p
 
 def run(*command: str, **environment: str) -> None:
     """Run a command of this interpreter in the root, or end with its code."""
-    code = subprocess.call([sys.executable, "-m", *command], cwd=ROOT, env=os.environ | {"MPLBACKEND": "agg"} | environment)
+    code = subprocess.call(
+        [sys.executable, "-m", *command], cwd=ROOT, env=os.environ | {"MPLBACKEND": "agg"} | environment
+    )
     if code:
         raise SystemExit(code)
 
@@ -25,11 +27,24 @@ def run(*command: str, **environment: str) -> None:
 def main() -> None:
     """Records, pages, checks."""
     records = Path(os.environ.get("MBRS_MANUAL", TARGET / "manual"))
-    if "--fresh" in sys.argv or not any(records.glob("*.json")):
+    if "--fresh" in sys.argv:
+        shutil.rmtree(records, ignore_errors=True)
+    if not any(records.glob("*.json")):
         run("pytest", *CASES, MBRS_MANUAL=str(records))
     out = TARGET / "site"
     shutil.rmtree(out, ignore_errors=True)
-    run("sphinx", "-W", "--keep-going", "-b", "html", "-d", str(TARGET / "doctrees"), "docs", str(out), MBRS_MANUAL=str(records))
+    run(
+        "sphinx",
+        "-W",
+        "--keep-going",
+        "-b",
+        "html",
+        "-d",
+        str(TARGET / "doctrees"),
+        "docs",
+        str(out),
+        MBRS_MANUAL=str(records),
+    )
     subprocess.check_call([sys.executable, str(ROOT / "docs" / "_ext" / "check_site.py"), str(out)])
 
 

@@ -32,7 +32,16 @@ html_theme_options = {
     "footer_start": ["copyright"],
     "footer_end": [],
 }
-exclude_patterns = ["_ext", "_static", "img", "build.py", "conf.py", "gallery/**/*.ipynb", "gallery/**/*.py", "gallery/**/*.zip"]
+exclude_patterns = [
+    "_ext",
+    "_static",
+    "img",
+    "build.py",
+    "conf.py",
+    "gallery/**/*.ipynb",
+    "gallery/**/*.py",
+    "gallery/**/*.zip",
+]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 nitpicky = False
 # numbers as measured: no thumbnails shrunk, no typographic quotes

@@ -65,7 +65,10 @@ def faults(folder: Path) -> tuple[list[str], dict[str, int]]:
             elif parts.fragment and target in pages and unquote(parts.fragment) not in pages[target].names:
                 wrong.append(f"{name} links to {url}, which has no such place")
     for style in sorted(folder.rglob("*.css")):
-        for url in re.findall(r"(?:url\(|@import\s+)[\"']?(https?:[^\"')]+|//[^\"')]+)", style.read_text(encoding="utf-8", errors="replace")):
+        for url in re.findall(
+            r"(?:url\(|@import\s+)[\"']?(https?:[^\"')]+|//[^\"')]+)",
+            style.read_text(encoding="utf-8", errors="replace"),
+        ):
             wrong.append(f"{style.relative_to(folder)} loads {url}")
     if not (folder / "_static" / "STIXTwoMath-Regular.ttf").exists():
         wrong.append("the font of the equations is not there")

@@ -45,8 +45,13 @@ def folder_page(folder: str, title: str) -> str:
 def results() -> str:
     """Fields of every result: dimensions, unit, meaning."""
     lines = ["# Results and their fields", ""]
-    lines += ["Every result prints as a table, and has `.status`, `.error`, `.stats`, `.save`, `.to_frame`, `.to_xarray` and"]
-    lines += ["`.plot`. The quantities below are those of `.to_xarray()`; a dimension that is empty means one number.", ""]
+    lines += [
+        "Every result prints as a table, and has `.status`, `.error`, `.stats`, `.save`, `.to_frame`, `.to_xarray` and"
+    ]
+    lines += [
+        "`.plot`. The quantities below are those of `.to_xarray()`; a dimension that is empty means one number.",
+        "",
+    ]
     for name in sorted(n for f in TITLES for n in names(f)):
         thing = getattr(mb, name)
         if not (inspect.isclass(thing) and issubclass(thing, Result) and thing.quantities()):
@@ -66,15 +71,24 @@ PORTS = [
     ("base.z", "m", "in", "motion of ground along z; base.rx turns it (rad)"),
     ("body.motion.x", "m", "out", "displacement of the origin of a body, or of a marker"),
     ("body.motion.rz", "rad", "out", "rotation of a body, or of a marker"),
-    ("blade.tip.motion.z", "m", "out", "displacement of the node tip of the flexible body blade; force and torque likewise"),
+    (
+        "blade.tip.motion.z",
+        "m",
+        "out",
+        "displacement of the node tip of the flexible body blade; force and torque likewise",
+    ),
 ]
 
 
 def addresses() -> str:
     """Strings of numbers and ports in one table each, from the schema."""
     lines = ["# Addresses and ports", ""]
-    lines += ["An **address** names a number of a model: in `m.set`, `m.get`, `mb.sensitivity`, `mb.gradient`, sweeps and problems."]
-    lines += ["A whole field may be given instead of one entry. Directions and orientations are varied by a rotation vector about"]
+    lines += [
+        "An **address** names a number of a model: in `m.set`, `m.get`, `mb.sensitivity`, `mb.gradient`, sweeps and problems."
+    ]
+    lines += [
+        "A whole field may be given instead of one entry. Directions and orientations are varied by a rotation vector about"
+    ]
     lines += ["world axes (rad). A parameter is named alone: `k_leg`, `V[0,1]`; gravity is `gravity[2]`.", ""]
     lines += ["| object | address | unit | |", "|---|---|---|---|"]
     kinds = [schema.BODY, schema.MARKER, *schema.JOINTS.values(), *schema.ELEMENTS.values(), *schema.LOADS.values()]
@@ -97,7 +111,10 @@ def addresses() -> str:
     lines += ["`body.force('z')`, `body.motion('x', at=(0, 0, 1))`, `mb.base_motion('z')`; as text:", ""]
     lines += ["| port | unit | | |", "|---|---|---|---|"]
     lines += [f"| `{name}` | {unit} | {way} | {text} |" for name, unit, way, text in PORTS]
-    lines += ["", "The directions are `x`, `y`, `z` of the world and, of motions, the rotations `rx`, `ry`, `rz`; in Python also a"]
+    lines += [
+        "",
+        "The directions are `x`, `y`, `z` of the world and, of motions, the rotations `rx`, `ry`, `rz`; in Python also a",
+    ]
     return "\n".join([*lines, "vector (3,).", ""])
 
 

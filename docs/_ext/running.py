@@ -17,7 +17,9 @@ from pathlib import Path
 
 from sphinx.errors import ExtensionError
 
-PIECE = re.compile(r"^```python\n(?P<code>.*?)^```|<!-- (?P<printed>printed) -->|<!-- figure: (?P<figure>[\w-]+\.png) -->", re.S | re.M)
+PIECE = re.compile(
+    r"^```python\n(?P<code>.*?)^```|<!-- (?P<printed>printed) -->|<!-- figure: (?P<figure>[\w-]+\.png) -->", re.S | re.M
+)
 
 
 def run(app, docname, source) -> None:

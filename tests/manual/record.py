@@ -16,7 +16,19 @@ import numpy as np
 
 # how an answer is known, in the order of the page
 KINDS = ("closed form", "publication", "other program", "high precision", "independent script")
-TOPICS = ("modes", "loops", "statics", "transfer", "sensitivity", "nonlinear", "motion", "gradients", "flexible", "aero", "rotors")
+TOPICS = (
+    "modes",
+    "loops",
+    "statics",
+    "transfer",
+    "sensitivity",
+    "nonlinear",
+    "motion",
+    "gradients",
+    "flexible",
+    "aero",
+    "rotors",
+)
 
 
 def make(node: Any, root: Path) -> Callable[..., None]:
@@ -75,11 +87,15 @@ def make(node: Any, root: Path) -> Callable[..., None]:
             place.mkdir(parents=True, exist_ok=True)
             (place / f"{re.sub('[^a-z0-9]+', '-', name.lower())}.json").write_text(json.dumps(record, indent=1))
         assert within >= uncertain, "the known value is not known that well"
-        assert distance <= within, f"{name}: {a.ravel()[worst]} instead of {b.ravel()[worst]}, distance {distance:.1e} > {within:.1e}"
+        assert distance <= within, (
+            f"{name}: {a.ravel()[worst]} instead of {b.ravel()[worst]}, distance {distance:.1e} > {within:.1e}"
+        )
 
     return case
 
 
 def _text(value: Any) -> str:
     value = complex(value)
-    return f"{value.real:.12g}" if value.imag == 0 else f"{value.real:.9g} {'+-'[value.imag < 0]} {abs(value.imag):.9g} i"
+    return (
+        f"{value.real:.12g}" if value.imag == 0 else f"{value.real:.9g} {'+-'[value.imag < 0]} {abs(value.imag):.9g} i"
+    )

@@ -36,9 +36,18 @@ def test_a_pendulum_through_a_large_angle(case, method):
     w, k = np.sqrt(mass * G * arm / (inertia + mass * arm**2)), np.sin(start / 2)
     full = float(mpmath.ellipk(k * k))
     known = 2 * np.arcsin(k * ellipj(w * t + full, k * k)[0])
-    case(f"pendulum from 137.5 degrees, {method}: angle over 3 s", topic="motion", kind="high precision", ours=distance(traj, t, lambda s: s.position("bob")),
-         known=known, within=2e-4 if order_two else 1e-6, uncertainty=1e-12, source="elliptic functions: 2 asin(k sn(w t + K, k))",
-         estimate=traj.error, unit="rad")  # fmt: skip
+    case(
+        f"pendulum from 137.5 degrees, {method}: angle over 3 s",
+        topic="motion",
+        kind="high precision",
+        ours=distance(traj, t, lambda s: s.position("bob")),
+        known=known,
+        within=2e-4 if order_two else 1e-6,
+        uncertainty=1e-12,
+        source="elliptic functions: 2 asin(k sn(w t + K, k))",
+        estimate=traj.error,
+        unit="rad",
+    )
 
 
 def test_a_free_symmetric_top(case):
@@ -54,8 +63,15 @@ def test_a_free_symmetric_top(case):
     axis = np.array([0.0, 0.0, 1.0])
     c, s = np.cos(rate * t)[:, None], np.sin(rate * t)[:, None]
     known = c * axis + s * np.cross(unit, axis) + (1 - c) * (unit @ axis) * unit
-    case("free symmetric top: its axis over 4 s", topic="motion", ours=traj.rotation("top")[:, :, 2], known=known, within=1e-7,
-         source="Euler: precession about L with L / I (Goldstein, section 5.6)", estimate=traj.error)  # fmt: skip
+    case(
+        "free symmetric top: its axis over 4 s",
+        topic="motion",
+        ours=traj.rotation("top")[:, :, 2],
+        known=known,
+        within=1e-7,
+        source="Euler: precession about L with L / I (Goldstein, section 5.6)",
+        estimate=traj.error,
+    )
 
 
 def test_an_unsymmetric_top(case):
@@ -85,9 +101,18 @@ def test_an_unsymmetric_top(case):
     # the sign of the middle component from Euler's equation at the start
     start = (c - a) * w0[2] * w0[0] / b
     known[:, 1] = np.sign(start) * size * sn
-    case("free unsymmetric body: angular velocity in body axes over 6 s", topic="motion", kind="high precision", ours=ours, known=known,
-         within=1e-7, uncertainty=1e-12, source="Jacobi's elliptic functions (Landau and Lifshitz, Mechanics, section 37)",
-         estimate=traj.error, unit="rad/s")  # fmt: skip
+    case(
+        "free unsymmetric body: angular velocity in body axes over 6 s",
+        topic="motion",
+        kind="high precision",
+        ours=ours,
+        known=known,
+        within=1e-7,
+        uncertainty=1e-12,
+        source="Jacobi's elliptic functions (Landau and Lifshitz, Mechanics, section 37)",
+        estimate=traj.error,
+        unit="rad/s",
+    )
 
 
 def test_a_projectile(case):
@@ -96,8 +121,16 @@ def test_a_projectile(case):
     m.body("ball", mass=0.7, inertia=(0.1, 0.1, 0.1), velocity=start)
     t = np.linspace(0, 2, 11)
     traj = mb.simulate(m, t=t, rtol=1e-9)
-    case("projectile: path over 2 s", topic="motion", ours=traj.position("ball"), known=t[:, None] * start - 0.5 * G * t[:, None] ** 2 * Z,
-         within=1e-9, source="x = v t - g t^2 / 2", estimate=traj.error, unit="m")  # fmt: skip
+    case(
+        "projectile: path over 2 s",
+        topic="motion",
+        ours=traj.position("ball"),
+        known=t[:, None] * start - 0.5 * G * t[:, None] ** 2 * Z,
+        within=1e-9,
+        source="x = v t - g t^2 / 2",
+        estimate=traj.error,
+        unit="m",
+    )
 
 
 def test_kepler(case):
@@ -111,8 +144,16 @@ def test_kepler(case):
     t = np.linspace(0, 3, 25)
     traj = mb.simulate(m, t=t, rtol=1e-10)
     known = np.cos(w * t)[:, None] * at + np.sin(w * t)[:, None] * v / w
-    case("mass on a spring without length, in space: path over 3 s", topic="motion", ours=traj.position("ball"), known=known, within=1e-7,
-         source="x = x0 cos(w t) + v0/w sin(w t)", estimate=traj.error, unit="m")  # fmt: skip
+    case(
+        "mass on a spring without length, in space: path over 3 s",
+        topic="motion",
+        ours=traj.position("ball"),
+        known=known,
+        within=1e-7,
+        source="x = x0 cos(w t) + v0/w sin(w t)",
+        estimate=traj.error,
+        unit="m",
+    )
 
 
 def test_dry_friction_stops_a_block(case):
@@ -125,9 +166,18 @@ def test_dry_friction_stops_a_block(case):
     traj = mb.simulate(m, t=t, rtol=1e-9)
     with mpmath.workdps(50):
         known = [float(v * mpmath.asinh(mpmath.sinh(start / v) * mpmath.exp(-force * s / (mass * v)))) for s in t]
-    case("block slowed by regularised friction: velocity over 0.5 s", topic="motion", kind="high precision", ours=traj.velocity("block") @ X,
-         known=known, within=1e-6, uncertainty=1e-15, source="sinh(u/v) = sinh(u0/v) exp(-F t / (m v))", estimate=traj.error,
-         unit="m/s")  # fmt: skip
+    case(
+        "block slowed by regularised friction: velocity over 0.5 s",
+        topic="motion",
+        kind="high precision",
+        ours=traj.velocity("block") @ X,
+        known=known,
+        within=1e-6,
+        uncertainty=1e-15,
+        source="sinh(u/v) = sinh(u0/v) exp(-F t / (m v))",
+        estimate=traj.error,
+        unit="m/s",
+    )
 
 
 def test_a_bouncing_mass_on_a_stop(case):
@@ -142,20 +192,32 @@ def test_a_bouncing_mass_on_a_stop(case):
     period = 2 * fall + touch
     traj = mb.simulate(m, t=np.array([0, fall, fall + touch / 2, period]), rtol=1e-10)
     known = [0, -height, -(height + sag + np.hypot(sag, v / w)), 0]
-    case("mass that falls on an elastic stop: height after each phase", topic="motion", ours=traj.position("ball") @ Z, known=known,
-         within=1e-5, uncertainty=1e-14, source="free fall, then half a cycle about the loaded rest position", estimate=traj.error,
-         unit="m")  # fmt: skip
+    case(
+        "mass that falls on an elastic stop: height after each phase",
+        topic="motion",
+        ours=traj.position("ball") @ Z,
+        known=known,
+        within=1e-5,
+        uncertainty=1e-14,
+        source="free fall, then half a cycle about the loaded rest position",
+        estimate=traj.error,
+        unit="m",
+    )
 
 
 def test_a_double_pendulum_of_rods(case):
     """Lagrange's equations of two rods written here, integrated by SciPy with 13 digits."""
-    mass, l, start = 1.4, 0.9, (1.9, -0.7)
+    mass, arm, start = 1.4, 0.9, (1.9, -0.7)
 
     def rate(_, s):
         a, b, u, w = s
         c, d = np.cos(a - b), np.sin(a - b)
-        M = mass * l * l * np.array([[4 / 3, c / 2], [c / 2, 1 / 3]])
-        f = mass * l * np.array([-1.5 * G * np.sin(a) - l * w * w * d / 2, -0.5 * G * np.sin(b) + l * u * u * d / 2])
+        M = mass * arm * arm * np.array([[4 / 3, c / 2], [c / 2, 1 / 3]])
+        f = (
+            mass
+            * arm
+            * np.array([-1.5 * G * np.sin(a) - arm * w * w * d / 2, -0.5 * G * np.sin(b) + arm * u * u * d / 2])
+        )
         return [u, w, *np.linalg.solve(M, f)]
 
     t = np.linspace(0, 2, 21)
@@ -166,14 +228,26 @@ def test_a_double_pendulum_of_rods(case):
     for i, (angle, d) in enumerate(zip(start, down, strict=True)):
         side = np.array([np.cos(angle), 0, np.sin(angle)]) @ np.array([X, Y, Z])
         T = np.stack([side, Y, np.cross(side, Y)], axis=1)
-        b = m.body(f"rod{i}", mass=mass, inertia=T @ np.diag([1, 1, 1e-3]) @ T.T * mass * l * l / 12, at=top + d * l / 2)
+        b = m.body(
+            f"rod{i}", mass=mass, inertia=T @ np.diag([1, 1, 1e-3]) @ T.T * mass * arm * arm / 12, at=top + d * arm / 2
+        )
         m.revolute(f"h{i}", last, b, at=top, axis=Y)
-        last, top = b, top + d * l
+        last, top = b, top + d * arm
     traj = mb.simulate(m, t=t, rtol=1e-10)
-    ends = np.stack([np.sin(truth[0]) * l / 2, np.sin(truth[0]) * l + np.sin(truth[1]) * l / 2], axis=1)
+    ends = np.stack([np.sin(truth[0]) * arm / 2, np.sin(truth[0]) * arm + np.sin(truth[1]) * arm / 2], axis=1)
     ours = np.stack([traj.position("rod0") @ X, traj.position("rod1") @ X], axis=1)
-    case("double pendulum of rods: centres over 2 s", topic="motion", kind="independent script", ours=ours, known=ends, within=1e-6,
-         uncertainty=1e-10, source="Lagrange's equations by DOP853, 13 digits", estimate=traj.error, unit="m")  # fmt: skip
+    case(
+        "double pendulum of rods: centres over 2 s",
+        topic="motion",
+        kind="independent script",
+        ours=ours,
+        known=ends,
+        within=1e-6,
+        uncertainty=1e-10,
+        source="Lagrange's equations by DOP853, 13 digits",
+        estimate=traj.error,
+        unit="m",
+    )
 
 
 def test_reaction_of_a_pendulum(case):
@@ -182,11 +256,26 @@ def test_reaction_of_a_pendulum(case):
     J = inertia + mass * arm**2
     w = np.sqrt(2 * mass * G * arm / J)
     m = mb.Model("pendulum", gravity=DOWN)
-    b = m.body("bob", mass=mass, inertia=R @ np.diag([0.05, inertia, 0.07]) @ R.T, at=-arm * Z, velocity=-w * arm * X, angular_velocity=w * Y)
+    b = m.body(
+        "bob",
+        mass=mass,
+        inertia=R @ np.diag([0.05, inertia, 0.07]) @ R.T,
+        at=-arm * Z,
+        velocity=-w * arm * X,
+        angular_velocity=w * Y,
+    )
     m.revolute("hinge", m.ground, b, at=(0, 0, 0), axis=Y)
     traj = mb.simulate(m, t=np.array([0.0, 0.01]), rtol=1e-9)
-    case("pendulum let go level: force of its hinge at the bottom", topic="motion", ours=traj.reaction("hinge")[0, :3] @ Z,
-         known=mass * G * (1 + 2 * mass * arm**2 / J), within=1e-9, source="m g + m l w^2, w^2 = 2 m g l / J", estimate=traj.error, unit="N")  # fmt: skip
+    case(
+        "pendulum let go level: force of its hinge at the bottom",
+        topic="motion",
+        ours=traj.reaction("hinge")[0, :3] @ Z,
+        known=mass * G * (1 + 2 * mass * arm**2 / J),
+        within=1e-9,
+        source="m g + m l w^2, w^2 = 2 m g l / J",
+        estimate=traj.error,
+        unit="N",
+    )
 
 
 # --- gradients -----
@@ -202,8 +291,15 @@ def test_gradient_of_a_driven_oscillator(case):
     w = np.sqrt(k / mass)
     c, s = np.cos(w * end), np.sin(w * end)
     known = force * np.array([-s * end * w / (2 * mass * k), -(1 - c) / k**2 + s * end * w / (2 * k * k)])
-    case("oscillator under a constant force: dx(T)/dm and dx(T)/dk", topic="gradients", ours=np.sign(found.value) * found.gradient,
-         known=known, within=1e-5, uncertainty=1e-14, source="derivatives of F/k (1 - cos w T)")  # fmt: skip
+    case(
+        "oscillator under a constant force: dx(T)/dm and dx(T)/dk",
+        topic="gradients",
+        ours=np.sign(found.value) * found.gradient,
+        known=known,
+        within=1e-5,
+        uncertainty=1e-14,
+        source="derivatives of F/k (1 - cos w T)",
+    )
 
 
 def test_gradient_of_a_free_fall(case):
@@ -211,7 +307,16 @@ def test_gradient_of_a_free_fall(case):
     v, end = np.array([1.3, -0.4, 2.2]), 0.8
     m = mb.Model("throw", gravity=DOWN)
     m.body("ball", mass=0.7, inertia=(0.1, 0.1, 0.1), velocity=v)
-    found = mb.gradient(m, mb.Integral(lambda s: np.sum(s.position("ball") ** 2)), ["ball.velocity"], t=end, step=end / 2000)
+    found = mb.gradient(
+        m, mb.Integral(lambda s: np.sum(s.position("ball") ** 2)), ["ball.velocity"], t=end, step=end / 2000
+    )
     known = 2 * v * end**3 / 3 - G * Z * end**4 / 4
-    case("projectile: gradient of an integral by the first velocity", topic="gradients", ours=np.asarray(found.gradient).ravel(), known=known,
-         within=1e-5, uncertainty=1e-15, source="d/dv of int |v t - g t^2/2|^2 dt = 2 v T^3/3 - g T^4/4")  # fmt: skip
+    case(
+        "projectile: gradient of an integral by the first velocity",
+        topic="gradients",
+        ours=np.asarray(found.gradient).ravel(),
+        known=known,
+        within=1e-5,
+        uncertainty=1e-15,
+        source="d/dv of int |v t - g t^2/2|^2 dt = 2 v T^3/3 - g T^4/4",
+    )

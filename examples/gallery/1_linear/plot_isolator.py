@@ -20,7 +20,7 @@ exact = np.sqrt(squares) / (2 * np.pi)
 assert np.max(np.abs(modes.frequency / exact - 1)) < 1e-12
 
 # %%
-# How the motion of the base comes through, with the modes marked.
+# How much of the motion of the base reaches the payload:
 
 h = mb.frf(m, mb.base_motion("z"), "payload.motion.z", frequency=(1, 200), kind="transmissibility")
-h.plot();
+picture = h.plot()
