@@ -12,7 +12,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 TARGET = ROOT / "target"
 # tests that call the fixture `case`
-CASES = ["tests/manual", "tests/truth/test_rolling.py", "tests/test_aero_wings.py", "tests/test_aero_momentum.py"]
+CASES = [
+    "tests/manual",
+    "tests/truth/test_rolling.py",
+    "tests/test_aero_wings.py",
+    "tests/test_aero_momentum.py",
+    "tests/test_nonholonomic.py",
+]
 
 
 def run(*command: str, **environment: str) -> None:
