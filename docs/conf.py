@@ -83,8 +83,8 @@ sphinx_gallery_conf = {
     "image_scrapers": ("matplotlib",),
     "thumbnail_size": (320, 224),
 }
-# the scripts of the gallery check what they claim; a warning in one is an error as well
-warnings.filterwarnings("ignore", category=DeprecationWarning)
+# a warning of mbrs in a script of the gallery or a block of a page ends the build
+warnings.filterwarnings("error", category=mbrs.MbrsWarning)
 # names of arguments that several classes have are not links
 suppress_warnings = ["config.cache", "ref.python"]
 assert mbrs.__doc__

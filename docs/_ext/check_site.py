@@ -41,7 +41,12 @@ class Page(HTMLParser):
 def faults(folder: Path) -> tuple[list[str], dict[str, int]]:
     """What is wrong, and counts."""
     pages = {p: Page(p.read_text(encoding="utf-8")) for p in sorted(folder.rglob("*.html")) if "_static" not in p.parts}
-    wrong: list[str] = []
+    here = str(Path(__file__).resolve().parents[2])
+    wrong = [
+        f"{p.relative_to(folder)} names a folder of this machine"
+        for p in pages
+        if here in p.read_text(encoding="utf-8")
+    ]
     counts = {"pages": len(pages), "equations": 0, "files loaded": 0, "links": 0}
     for path, page in pages.items():
         name = str(path.relative_to(folder))

@@ -9,6 +9,7 @@ import re
 
 PAGES = {
     "../examples/README.md": "examples.md",
+    "../examples/gallery/README.rst": "gallery/index.rst",
     "../benches/README.md": "speed.md",
     "../CHANGELOG.md": "changes.md",
     "../README.md": "index.md",

@@ -30,6 +30,8 @@ def entry(name: str) -> list[str]:
     """Directive of autodoc for a public name."""
     thing = getattr(mb, name)
     kind = "class" if inspect.isclass(thing) else "function" if callable(thing) else "data"
+    if inspect.ismodule(thing):
+        return [f".. automodule:: {thing.__name__}", "   :members:", ""]
     if inspect.isclass(thing) and issubclass(thing, BaseException):
         kind = "exception"
     members = ["   :members:"] if kind == "class" else []
@@ -84,7 +86,7 @@ def addresses() -> str:
     """Strings of numbers and ports in one table each, from the schema."""
     lines = ["# Addresses and ports", ""]
     lines += [
-        "An **address** names a number of a model: in `m.set`, `m.get`, `mb.sensitivity`, `mb.gradient`, sweeps and problems."
+        "An **address** names a number of a model: in `m.set`, `m.value`, `mb.sensitivity`, `mb.gradient`, sweeps and problems."
     ]
     lines += [
         "A whole field may be given instead of one entry. Directions and orientations are varied by a rotation vector about"
