@@ -11,6 +11,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import jitter
 import pytest
+from manual.record import make
 
 os.environ["COLUMNS"] = "120"
 os.environ.setdefault("MPLBACKEND", "agg")
@@ -24,6 +25,12 @@ def closed_figures():
     yield
     if "matplotlib.pyplot" in sys.modules:
         sys.modules["matplotlib.pyplot"].close("all")
+
+
+@pytest.fixture
+def case(request):
+    """A case of the verification manual: asserts, and writes a record where MBRS_MANUAL names a folder; see `manual.record`."""
+    return make(request.node, request.config.rootpath)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -27,7 +27,7 @@ def elliptic(aspect, span=8.3, **more):
     return mb.aero.blade(y, chord, more.get("twist", 0.0), more.get("polar", THIN))
 
 
-def test_the_elliptic_wing():
+def test_the_elliptic_wing(case):
     errors = []
     for n in (20, 40, 80, 160):
         w = mb.aero.lifting_line(elliptic(8.0), 1e-4, strips=n)
@@ -36,6 +36,8 @@ def test_the_elliptic_wing():
         assert abs(w.induced_drag[0] / (lift**2 / (np.pi * 8)) - 1) < 1e-5
         assert w.error[0] < 8 * errors[-1] and errors[-1] < w.error[0]
     assert 2 * np.pi / (1 + 2 / 8) == pytest.approx(5.026548, abs=5e-7)
+    case("elliptic wing, 160 strips: lift slope", topic="aero", ours=lift / 1e-4, known=2 * np.pi / (1 + 2 / 8), within=1e-3,
+         source="2 pi / (1 + 2/A) (Prandtl)", estimate=w.error)  # fmt: skip
     assert errors[2] < 1e-3 and all(3.5 < a / b < 4.5 for a, b in itertools.pairwise(errors))
 
 
@@ -49,11 +51,12 @@ def prandtl(aspect, terms=400):
 
 
 @pytest.mark.parametrize("aspect", [4.0, 6.0, 8.0, 20.0])
-def test_rectangular_wings_are_prandtls(aspect):
+def test_rectangular_wings_are_prandtls(case, aspect):
     slope, factor = prandtl(aspect)
     w = mb.aero.lifting_line(mb.aero.blade([0.0, 1.7 * aspect], 1.7, 0.0, THIN), 1e-4, strips=160)
     lift = w.lift_coefficient[0]
-    assert lift / 1e-4 == pytest.approx(slope, rel=2e-4)
+    case(f"rectangular wing of aspect ratio {aspect:g}: lift slope", topic="aero", ours=lift / 1e-4, known=slope, within=2e-4,
+         uncertainty=1e-8, source="Prandtl's equation by Glauert's series", estimate=w.error)  # fmt: skip
     assert w.induced_drag[0] / (lift**2 / (np.pi * aspect)) == pytest.approx(factor, rel=2e-4)
     assert w.aspect_ratio == pytest.approx(aspect, rel=1e-14)
 
@@ -185,21 +188,23 @@ def test_results_print_and_draw():
 
 
 @pytest.mark.parametrize("k", [1e-6, 0.03, 0.4, 2.7, 90.0, 0.3 - 0.1j, 0.2 + 0.4j])
-def test_theodorsens_function(k):
+def test_theodorsens_function(case, k):
     p = 1j * mpmath.mpmathify(k)
     truth = complex(mpmath.besselk(1, p) / (mpmath.besselk(0, p) + mpmath.besselk(1, p)))
-    assert abs(mb.aero.theodorsen(k) - truth) < 1e-13
+    case(f"Theodorsen's function at k = {k}", topic="aero", kind="high precision", ours=mb.aero.theodorsen(k), known=truth, within=1e-13,
+         source="K1(i k) / (K0(i k) + K1(i k)) by mpmath", scale=1.0)  # fmt: skip
 
 
 # Garrick's integral by mpmath with 15 digits at 1 and 5
 @pytest.mark.parametrize("s, known", [(0.0, 0.5), (1.0, 0.600605598398805), (5.0, 0.788203166469517), (300.0, None)])
-def test_wagners_function(s, known):
+def test_wagners_function(case, s, known):
     def part(x):
         k, i = special.k0(x) - special.k1(x), special.i0(x) + special.i1(x)
         return np.exp(-x * s) / (x * x * (k * k + np.pi**2 * i * i))
 
     truth = 1 - sum(quad(part, a, b, epsabs=1e-14)[0] for a, b in itertools.pairwise((1e-300, 1e-3, 0.1, 3.0, 40.0)))
-    assert mb.aero.wagner(s) == pytest.approx(truth, abs=1e-11)
+    case(f"Wagner's function at {s:g} half chords", topic="aero", kind="independent script", ours=mb.aero.wagner(s), known=truth,
+         within=1e-11, uncertainty=1e-13, source="Garrick's integral by quadrature", scale=1.0)  # fmt: skip
     assert known is None or mb.aero.wagner(s) == pytest.approx(known, abs=1e-11)
 
 

@@ -91,19 +91,20 @@ def test_without_its_velocity_rows_a_disc_slides():
     assert rolling.velocity("disc")[0, 1] > 0.1
 
 
-def test_roots_of_a_disc_at_rest():
+def test_roots_of_a_disc_at_rest(case):
     """Three velocity freedoms: lean (unstable: s^2 = m g r / (A + m r^2)), heading and rolling, which are neutral."""
     m = disc()
     assert mb.System(m).dof == 3
     modes = mb.modes(m)
     assert len(modes.roots) == 6
     known = np.sqrt(2 * G * 0.3 / (0.05 + 2 * 0.09))
-    assert np.sort(np.real(modes.roots))[[0, -1]] == pytest.approx([-known, known], rel=1e-9)
+    case("disc on its rim at rest: roots of falling", topic="modes", ours=np.sort(np.real(modes.roots))[[0, -1]], known=[-known, known],
+         within=1e-9, source="s^2 = m g r / (A + m r^2)", estimate=None, unit="1/s")  # fmt: skip
     # double roots at 0: the square root of the noise, times a rate of 7 1/s
     assert np.sort(np.abs(modes.roots))[:4] == pytest.approx(0, abs=1e-6 + 10 * np.sqrt(jitter.level()))
 
 
-def test_chaplygin_sleigh():
+def test_chaplygin_sleigh(case):
     """Knife edge a behind the centre of mass: u' = a w^2, (I + m a^2) w' = -m a u w; from u = 0 on
     w = w0 / cosh(k t), u = (a w0^2 / k) tanh(k t), k^2 = m a^2 w0^2 / (I + m a^2).
     """
@@ -130,6 +131,8 @@ def test_chaplygin_sleigh():
     heading = np.abs(traj.joint("ice")[:, 2] - 2 * w0 / k * np.arctan(np.tanh(k * t / 2))).max()
     print("sleigh", worst, heading)
     assert max(*worst, heading) < 1e-8
+    case("Chaplygin's sleigh: angular velocity over 3 s", topic="motion", ours=w, known=w0 / np.cosh(k * t), within=1e-8,
+         source="w0 / cosh(k t) (Neimark and Fufaev, 1972)", estimate=traj.error, unit="rad/s")  # fmt: skip
     # the blade's force N = m (u w + a w')
     force = traj.reaction("blade")[:, :3]
     side = np.sum(force * traj.rotation("sleigh")[:, :, 1], axis=1)

@@ -66,7 +66,22 @@ def test_commands_are_complete_set_ups():
     assert commands == [
         "python3 -m venv .venv && .venv/bin/pip install . && .venv/bin/mbrs demo",
         "python3 -m venv .venv && .venv/bin/pip install '.[test]' && .venv/bin/pytest",
+        "python3 -m venv .venv && .venv/bin/pip install build twine && PYTHON=.venv/bin/python .ci/wheel wheels",
+        "python3 -m venv .venv && .venv/bin/pip install '.[test,docs]' && .venv/bin/python docs/build.py",
     ]
+
+
+def test_versions_are_one():
+    found = {
+        name: re.search(pattern, (ROOT / name).read_text(encoding="utf-8"), re.M)[1]
+        for name, pattern in {
+            "Cargo.toml": r'^version = "(.*)"',
+            "pyproject.toml": r'^version = "(.*)"',
+            "CITATION.cff": r"^version: (.*)$",
+            "docs/conf.py": r'^release = version = "(.*)"',
+        }.items()
+    }
+    assert len(set(found.values())) == 1, found
 
 
 def test_pages_of_the_documentation_have_no_dead_links():
