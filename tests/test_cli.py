@@ -52,7 +52,7 @@ def calls(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[tuple[str, tu
         stub(name, result)
     stub("effects", [SimpleNamespace(name="damping", on=np.True_, why="c was given")])
     stub("System", _Saved(what="bodies", dof=6))
-    load = staticmethod(lambda path: f"model of {Path(path).name}")
+    load = staticmethod(lambda path, functions=False: f"model of {Path(path).name}")
     monkeypatch.setattr(mb, "Model", type("Model", (), {"load": load}), raising=False)
     monkeypatch.chdir(tmp_path)
     Path("m.toml").write_text("")
@@ -255,3 +255,15 @@ def test_convert_writes_what_the_ending_says(tmp_path: Path) -> None:
     for out, text in (("d.stl", "known are .toml, .urdf"), ("d.xml", "(MJCF) is only read")):
         failed = _run("convert", str(tmp_path / "a.toml"), str(tmp_path / out))
         assert failed.exit_code == 1 and text in failed.stderr and not (tmp_path / out).exists()
+
+
+def test_functions_of_a_file_are_imported_when_asked_for(tmp_path):
+    import mbrs as mb
+    from click.testing import CliRunner
+    from mbrs.cli import main
+
+    path = mb.examples.quarter_car().save(tmp_path / "car.toml")
+    refused = CliRunner().invoke(main, ["check", str(path)])
+    assert refused.exit_code == 1
+    done = CliRunner().invoke(main, ["check", "--functions", str(path)])
+    assert done.exit_code == 0 and "degrees of freedom" in done.output

@@ -245,3 +245,17 @@ def test_largest_displacement_lies_above_every_sample():
     cycle = mb.limit_cycle(mb.examples.van_der_pol(5.0), harmonics=63)
     dense = np.max(np.abs(cycle.displacement(np.linspace(0, cycle.period, 200_001))))
     assert 0 <= cycle.largest() - dense < 1e-8
+
+
+def test_tables_show_what_is_driven_or_touched():
+    """Of many coordinates those with a force or a nonlinear element, whatever the others do."""
+    n = 60
+    K = np.diag(np.full(n, 2.1)) - np.eye(n, k=1) - np.eye(n, k=-1)
+    K[40, 40] = 0.3  # a soft one, which moves most
+    e = np.eye(n)
+    system = mb.MechanicalSystem(
+        np.eye(n), 0.05 * np.eye(n), K + 2.0 * np.eye(n), elements=[mb.Cubic(0.1, w=e[7] - e[9])]
+    )
+    curve = mb.frequency_response(system, force=0.1 * e[12], omega=(0.5, 0.6), harmonics=3, max_points=4)
+    heads, _ = curve.rows()
+    assert {h for h in heads if h.startswith("|")} == {"|x7|", "|x9|", "|x12|"}

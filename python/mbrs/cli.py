@@ -13,6 +13,7 @@ import mbrs as mb
 
 _KINDS = ("receptance", "mobility", "accelerance", "transmissibility")
 _INTERRUPTED = 130
+_FUNCTIONS = "--functions"
 _PAGES = (".html", ".htm")
 
 
@@ -77,7 +78,15 @@ def main() -> None:
 
 def _model_argument(command: Callable[..., Any]) -> Callable[..., Any]:
     path = click.Path(exists=True, dir_okay=False, path_type=Path)
-    return click.argument("model", type=path, metavar="MODEL")(command)
+    trusted = click.option(
+        _FUNCTIONS, is_flag=True, expose_value=False, is_eager=True, callback=_trust,
+        help="Import the Python functions that the file names, which runs their code.",
+    )  # fmt: skip
+    return click.argument("model", type=path, metavar="MODEL")(trusted(command))
+
+
+def _trust(context: Any, parameter: Any, value: bool) -> None:
+    context.meta[_FUNCTIONS] = value
 
 
 def _known_ending(context: Any, parameter: Any, out: Path | None) -> Path | None:
@@ -459,7 +468,7 @@ def parse_frequency(text: str) -> Any:
 
 
 def _load(path: Path) -> Any:
-    return mb.Model.load(path)
+    return mb.Model.load(path, functions=bool(click.get_current_context().meta.get(_FUNCTIONS)))
 
 
 def _state(model: Any, at: str) -> dict[str, Any]:

@@ -214,7 +214,7 @@ class TimeFunction:
             raise problem(
                 self.where,
                 f"is the Python function {shown(self.function.name)}, which was not imported: a file is read as data. If you trust it, "
-                "load it with functions=True",
+                "load it with functions=True (in a shell: --functions)",
             )
 
     def try_now(self) -> None:

@@ -314,9 +314,10 @@ class FrequencyResponse(Result):
     def rows(self, dofs: Sequence[Any] = ()) -> tuple[list[str], list[list[Any]]]:
         """Columns and rows of the table: ends, largest amplitudes and events, in the order of the curve.
 
-        ``dofs``: displacements to show; by default the three coordinates that move most.
+        ``dofs``: displacements to show; by default the three of those that are driven or touched by nonlinear elements that move
+        most, or of all coordinates.
         """
-        shown = list(dofs) or [int(i) for i in np.argsort(-self._size(), kind="stable")[:3]]
+        shown = list(dofs) or self._main_coordinates()
         picks: list[tuple[float, str, Any]] = [(0, "first", None), (len(self) - 1, "last", None)]
         for i in shown:
             picks.append((int(np.argmax(self.amplitude(i))), f"largest {self.label(i)}", None))
@@ -337,6 +338,19 @@ class FrequencyResponse(Result):
             row += [float(self.event_amplitude(event, d) if event else self.amplitude(d)[i]) for d in shown]
             rows.append([*row, *(["", ""] if event else [_error_text(self.error[i]), self._stable_word(i)])])
         return heads, rows
+
+    def _main_coordinates(self) -> list[int]:
+        size = self._size()
+        force = np.asarray(self.force) if isinstance(self.force, np.ndarray | list | tuple) else np.zeros(len(size))
+        concerned = (
+            np.abs(force.reshape(len(size), -1)).sum(axis=1) > 0.0 if force.size % max(len(size), 1) == 0 else size > 0
+        )
+        for one in getattr(self.system, "elements", ()):
+            w = getattr(one, "w", None)
+            if w is not None and np.size(w) == len(size):
+                concerned = concerned | (np.ravel(np.asarray(w, dtype=float)) != 0.0)
+        ranked = [int(i) for i in np.argsort(-size, kind="stable")]
+        return [i for i in ranked if concerned[i]][:3] or ranked[:3]
 
     def _size(self) -> np.ndarray:
         """Amplitude of each coordinate at the largest motion, (dof,)."""
