@@ -68,7 +68,7 @@ def _places(lin: Linearization) -> list[tuple[int, int, np.ndarray, np.ndarray]]
     from ._border import core_errors
 
     with core_errors():
-        rows = lin.snapshot.system.strains(lin.state.relative, list(lin.without))
+        rows = lin.snapshot.system.strains(lin.state.q, list(lin.without))
     return [(a, b, point, gradients) for _, a, b, point, gradients, _ in rows]
 
 

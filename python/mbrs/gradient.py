@@ -105,7 +105,7 @@ class Run:
         with core_errors():
             r = _core.directions(
                 self.snapshot.system,
-                self.state.relative,
+                self.state.q,
                 self.state.rate,
                 list(self.without),
                 pairs,
@@ -119,7 +119,7 @@ class Run:
         with core_errors():
             return _core.motion_directions(
                 self.snapshot.system,
-                self.state.relative,
+                self.state.q,
                 self.state.rate,
                 list(self.without),
                 self.options(asked, along),
@@ -526,7 +526,7 @@ def _adjoint(run: Run, objectives: Sequence[Objective], along: Directions) -> Fo
         with core_errors():
             forward = _core.MotionForward(
                 run.snapshot.system,
-                run.state.relative,
+                run.state.q,
                 run.state.rate,
                 list(run.without),
                 run.options(list(reader.places), along),

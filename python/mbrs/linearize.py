@@ -182,7 +182,7 @@ class Linearization(Result):
     def poses(self) -> dict[str, np.ndarray]:
         """Position (n, 3), rotation (n, 3, 3), velocity and angular velocity (n, 3) of the bodies' origins, world."""
         with core_errors():
-            return self.snapshot.system.bodies(self.state.relative, self.state.rate)
+            return self.snapshot.system.bodies(self.state.q, self.state.rate)
 
     @cached_property
     def body_mass_matrices(self) -> np.ndarray:
@@ -234,7 +234,7 @@ class Linearization(Result):
     @cached_property
     def _strains(self) -> list[tuple[str, np.ndarray, np.ndarray]]:
         with core_errors():
-            rows = self.snapshot.system.strains(self.state.relative, list(self.without))
+            rows = self.snapshot.system.strains(self.state.q, list(self.without))
         out = []
         for name, a, b, point, gradients, k in rows:
             relative = self._at(b, point) - self._at(a, point)
@@ -476,7 +476,7 @@ def linearize(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Linea
     state = state_of(m, snapshot.system, at)
     with core_errors():
         r = snapshot.system.linearize(
-            state.relative, state.rate, list(without), state.memory.tolist(), state.acceleration.tolist()
+            state.q, state.rate, list(without), state.memory.tolist(), state.acceleration.tolist()
         )
     return _linearization(snapshot, state, r, without, start, warn=True)
 
@@ -558,7 +558,7 @@ def _without_rounding(snapshot: Snapshot, state: State, r: dict[str, Any]) -> tu
     nothing else holds, that of the turning itself, would pass for a stiffness there. It is taken out here, where w is known:
     the matrices alone do not tell it from a weak spring beside a stiff one, and in a plane motion D is rounding as well.
     """
-    spin = np.linalg.norm(snapshot.system.bodies(state.relative, state.rate)["angular_velocity"], axis=1)
+    spin = np.linalg.norm(snapshot.system.bodies(state.q, state.rate)["angular_velocity"], axis=1)
     w = float(np.max(spin, initial=0.0))
     size = np.sqrt(np.diag(r["M"]))
     rounding = _CANCELLED * np.outer(size, size)

@@ -85,8 +85,8 @@ def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> 
     snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at)
     with core_errors():
-        r = snapshot.system.linearize(state.relative, state.rate, [*without, "law-slopes"])
-        places = snapshot.system.law_places(state.relative, state.rate)
+        r = snapshot.system.linearize(state.q, state.rate, [*without, "law-slopes"])
+        places = snapshot.system.law_places(state.q, state.rate)
     lin = _linearization(snapshot, state, r, without, started, warn=at is None)
     elements: list[Any] = []
     for place in places:

@@ -25,7 +25,7 @@ from .records import Decoder, Encoder
 from .results import Result
 
 # of the layout that `document` writes; a reader refuses newer ones
-FORMAT = 1
+FORMAT = 2
 _MARK = b"\nmbrs sha256 "
 _TRAILER = len(_MARK) + 64 + 1
 # what reading something else than a result can raise

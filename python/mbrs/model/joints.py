@@ -577,3 +577,75 @@ def rolling_disc(
     return add_joint(
         self, "rolling_disc", name, a, b, at=at, axis=axis, axis2=axis2, orientation=orientation, radius=radius
     )
+
+
+def screw(
+    self: Book,
+    name: str,
+    a: BodyLike,
+    b: BodyLike,
+    *,
+    at: Points | None = None,
+    axis: Axis | None = None,
+    orientation: Rotation | None = None,
+    pitch: Scalar | None = None,
+    k: Coefficients | None = None,
+    c: Coefficients | None = None,
+    preload: Coefficients | None = None,
+    law: Laws | None = None,
+) -> Joint:
+    """Free is the angle about ``axis`` (rad), with which b moves along it: u_z = ``pitch`` angle.
+
+    Parameters
+    ----------
+    name
+        Unique in the model.
+    a, b
+        Bodies (handles or names), ground, or nodes of flexible bodies.
+    at
+        (3,), m, world, as drawn, or two points ``(P_a, P_b)`` that assembly brings together; of a node its own point.
+    axis
+        "x", "-y", ... or a vector (3,), world: the common axis.
+    orientation
+        Of the joint frame as drawn, instead of ``axis``: quaternion (4,), scalar first, or matrix (3, 3).
+    pitch
+        m per radian: the lead over 2 pi; negative of a left-handed thread.
+    k, c, preload
+        Stiffness (N m/rad), damping (N m s/rad) and moment (N m) of the angle, or a law of it.
+    law
+        Nonlinear law of the angle, added to these.
+
+    Returns
+    -------
+    Joint
+
+    Raises
+    ------
+    ModelError
+        A body joined to itself, a missing or doubled direction, wrong shapes, numbers that are not finite.
+
+    Examples
+    --------
+    A nut on a thread of 5 mm lead falls with the acceleration m g p^2 / (J + m p^2).
+
+    >>> import mbrs as mb, numpy as np
+    >>> m = mb.Model("vice", gravity=(0, 0, -9.81))
+    >>> nut = m.body("nut", mass=0.2, inertia=(1e-5, 1e-5, 2e-5), at=(0, 0, 0))
+    >>> m.screw("thread", m.ground, nut, at=(0, 0, 0), axis="z", pitch=0.005 / (2 * np.pi))
+    <joint 'thread' of 'vice'>
+    """
+    return add_joint(
+        self,
+        "screw",
+        name,
+        a,
+        b,
+        at=at,
+        axis=axis,
+        orientation=orientation,
+        pitch=pitch,
+        k=k,
+        c=c,
+        preload=preload,
+        law=law,
+    )

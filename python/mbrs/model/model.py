@@ -104,6 +104,7 @@ class Model(Book):
     revolute = _joints.revolute
     prismatic = _joints.prismatic
     cylindrical = _joints.cylindrical
+    screw = _joints.screw
     universal = _joints.universal
     spherical = _joints.spherical
     planar = _joints.planar

@@ -137,7 +137,7 @@ pub fn equilibrium(
     cancel: &Cancel,
     counts: &mut Counts,
 ) -> Result<Equilibrium> {
-    let mut state = State { relative: start.relative.clone(), rate: Vec::new() };
+    let mut state = State { q: start.q.clone(), rate: Vec::new() };
     let mut local = Local::at(system, &state, effects, counts)?;
     let (mut sigma, mut pushed, mut saddles) = (0.0, 0, 0);
     let mut best = (f64::INFINITY, state.clone());
@@ -210,7 +210,7 @@ pub fn equilibrium(
              to it (draw the model there), or add stiffness where the model is a mechanism",
             best.0
         ),
-        best: best.1.relative.iter().flat_map(|p| p.p.iter().chain(p.r.iter()).copied().collect::<Vec<_>>()).collect(),
+        best: best.1.q.clone(),
         residual: best.0,
     })
 }
@@ -295,7 +295,7 @@ pub(super) fn moved(
         _ => z,
     };
     let mut next = state.clone();
-    advance(&system.topology, &mut next.relative, dy.as_slice());
+    advance(&system.topology, &mut next.q, dy.as_slice());
     close(system, &mut next, effects, counts)?;
     Ok(next)
 }
