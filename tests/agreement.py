@@ -22,26 +22,17 @@ def drawn(m):
 def reference_state(m, state, sys=None):
     """The core's state in the reference: poses and velocities of the centres of mass."""
     sys = ref.System(tables(m)) if sys is None else sys
-    b = compiled(m).bodies(state.relative, state.rate)
+    b = compiled(m).bodies(state.q, state.rate)
     arm = np.einsum("nij,nj->ni", b["rotation"], [body.com for body in sys.bodies])
     r, v = b["position"] + arm, b["velocity"] + np.cross(b["angular_velocity"], arm)
     return ref.State(r, b["rotation"], v, b["angular_velocity"])
 
 
-def core_state(sys, state, rate=AT_REST, kind="drawn"):
-    """The reference's state in the core: relative poses of the tree joints, in tree order."""
-    rows = []
-    for t in sys.tree:
-        u, turn = relative_pose(t, state.r, state.R)
-        rows.append(np.concatenate([u, turn.ravel()]))
-    return State(np.array(rows), rate, kind)
-
-
 def advanced(m, rng, size):
     """A core state away from the drawn one, loops closed."""
     start = drawn(m)
-    n = len(compiled(m).linearize(start.relative, AT_REST, [])["coordinates"])
-    return State(compiled(m).advance(start.relative, size * rng.normal(size=n)), AT_REST)
+    n = len(compiled(m).linearize(start.q, AT_REST, [])["coordinates"])
+    return State(compiled(m).advance(start.q, size * rng.normal(size=n)), AT_REST)
 
 
 def spinning(m, state, rng, size):
@@ -52,7 +43,7 @@ def spinning(m, state, rng, size):
     if J.size:
         for _ in range(2):
             rate = rate - np.linalg.lstsq(J, J @ rate, rcond=1e-10)[0]
-    return State(state.relative, rate)
+    return State(state.q, rate)
 
 
 def relative_difference(a, b, scale=None):
@@ -66,7 +57,7 @@ def difference(m, state, without=()):
     """Relative differences of M, D, S, T, the residual and the split parts between core and reference at a core state."""
     sys = ref.System(tables(m))
     lin = linearize(m, at=state, without=without)
-    raw = Snapshot.of(m).system.linearize(state.relative, state.rate, list(without))
+    raw = Snapshot.of(m).system.linearize(state.q, state.rate, list(without))
     keep = [sys.coordinates.index(name) for name in lin.coordinates]
     other = ref.linearize(sys, reference_state(m, state, sys), keep, without)
     zero = np.zeros_like(lin.M)

@@ -50,10 +50,10 @@ def test_bricard_moves():
     before = None
     for _ in range(12):
         # which coordinate is the independent one may change on the way: go on in the same sense
-        along = compiled(m).linearize(state.relative, np.zeros(0), [])["T"][:, 0]
+        along = compiled(m).linearize(state.q, np.zeros(0), [])["T"][:, 0]
         step = 0.15 / np.abs(along).max() * (1.0 if before is None or before @ along > 0.0 else -1.0)
         before = along * np.sign(step)
-        state = State(compiled(m).advance(state.relative, np.array([step])), np.zeros(0))
+        state = State(compiled(m).advance(state.q, np.array([step])), np.zeros(0))
         sys = ref.System(tables(m))
         pose = reference_state(m, state, sys)
         gaps.append(np.abs(ref.assembly.constraint_values(sys, pose, sys.cut)).max())

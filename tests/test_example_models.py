@@ -134,7 +134,7 @@ def test_the_core_agrees_with_absolute_coordinates(build):
     m = build()
     core = compiled(m)
     state = core.assemble()
-    lin = core.linearize(state["relative"], state["rate"], [])
+    lin = core.linearize(state["q"], state["rate"], [])
     L = np.linalg.cholesky(lin["M"])
     w2 = np.linalg.eigvalsh(np.linalg.solve(L, np.linalg.solve(L, lin["S"]).T))
     expected = (2 * math.pi * Absolute(tables(m)).frequencies()) ** 2

@@ -7,7 +7,7 @@ import mbrs as mb
 import numpy as np
 import pytest
 from flexible_models import MECHANISMS, cantilever, four_bar, pendulum, rod, tumbling
-from mbrs.model.tables import tables
+from mbrs.model.tables import modal_part, tables
 from mbrs.reference import State, System, linearize
 from mbrs.system.compiled import compiled
 
@@ -17,30 +17,31 @@ SCHEMES = {"generalized-alpha": {}, "bdf": {}, "explicit": {}}
 def random_state(model, rng, size=0.1, moving=True):
     """A state of an open tree off its drawn one, with modal coordinates and rates."""
     core = compiled(model)
-    relative = core.assemble()["relative"].copy()
-    q = relative[core.n_bodies :, :3]
-    q[:] = size * rng.standard_normal(q.shape)
-    m = sum(int(n) for n in tables(model)["flexible_modes"])
-    q.reshape(-1)[m:] = 0.0
-    return relative, rng.standard_normal(core.n_tree) if moving else np.zeros(0)
+    q = core.assemble()["q"].copy()
+    modal_part(tables(model), q)[:] = size * rng.standard_normal(modal_part(tables(model), q).shape)
+    return q, rng.standard_normal(core.n_tree) if moving else np.zeros(0)
 
 
-def reference_state(model, system, relative, rate):
+def in_threes(values):
+    """Three modal coordinates in the position of each carrier, as the reference has them."""
+    out = np.zeros((-(-len(values) // 3), 3))
+    out.reshape(-1)[: len(values)] = values
+    return out
+
+
+def reference_state(model, system, q, rate):
     """The same state in the frames of the reference: bodies, moving nodes, carriers of modal coordinates."""
     core = compiled(model)
-    found = core.bodies(relative, rate)
+    found = core.bodies(q, rate)
     n = core.n_bodies
     arm = np.einsum("nij,nj->ni", found["rotation"], np.array([b.com for b in system.bodies[:n]]))
     omega = found["angular_velocity"]
     velocity = found["velocity"] + np.cross(omega, arm)
-    q = relative[n:, :3]
-    speed = np.zeros(q.shape)
-    m = sum(int(k) for k in tables(model)["flexible_modes"])
-    if len(rate):
-        speed.reshape(-1)[:m] = rate[-m:]
-    zeros, ones = np.zeros(q.shape), np.broadcast_to(np.eye(3), (len(q), 3, 3))
+    carried = in_threes(modal_part(tables(model), q))
+    speed = in_threes(modal_part(tables(model), rate)) if len(rate) else np.zeros(carried.shape)
+    zeros, ones = np.zeros(carried.shape), np.broadcast_to(np.eye(3), (len(carried), 3, 3))
     return State(
-        np.concatenate([found["position"] + arm, q]),
+        np.concatenate([found["position"] + arm, carried]),
         np.concatenate([found["rotation"], ones]),
         np.concatenate([velocity, speed]),
         np.concatenate([omega, zeros]),
@@ -68,9 +69,9 @@ def test_a_closed_loop_agrees_with_particles():
     model = four_bar()
     core = compiled(model)
     eq = mb.equilibrium(model)
-    found = core.linearize(eq.state.relative, np.zeros(0), [])
+    found = core.linearize(eq.state.q, np.zeros(0), [])
     system = System(tables(model))
-    state = reference_state(model, system, eq.state.relative, np.zeros(0))
+    state = reference_state(model, system, eq.state.q, np.zeros(0))
     expected = linearize(system, state, [system.coordinates.index(c) for c in found["coordinates"]], ())
     for key in ("M", "S"):
         assert np.max(np.abs(found[key] - getattr(expected, key))) <= 1e-9 * np.max(np.abs(getattr(expected, key)))

@@ -57,7 +57,7 @@ def test_reactions_balance_weight_and_load():
     wrench = eq.reactions["clamp"]
     weight = model["rod"].modal.mass * 9.81
     assert wrench[:3] == pytest.approx([0.0, -3.0, weight], abs=1e-9)
-    q = eq.state.relative[-2:, :3].ravel()[:4]
+    q = eq.state.q[-4:]
     b = model["rod"].modal
     # about the clamp: the weight at the deformed centre of mass, the load at the deformed tip
     com = b.mass * b.com + b.S @ q + 0.5 * b.KG[:3] @ q @ q
@@ -181,7 +181,7 @@ def test_flexibility_is_an_effect():
     assert k[()] == pytest.approx(modal.K - 25.0 * modal.M)
     assert results[()].G is not None and results[("gyroscopic",)].G is None
     still = mb.simulate(free, t=0.1, without=("flexibility",))
-    assert still.bodies == ("rod",) and still.relative.shape[1] == 1
+    assert still.bodies == ("rod",) and still.q.shape[1] == 1
 
 
 def test_a_rigid_model_pays_nothing():
@@ -190,7 +190,7 @@ def test_a_rigid_model_pays_nothing():
     m.revolute("h", m.ground, p, at=(0, 0, 0), axis="x", k=3.0)
     assert not any("flexible" in key or "node" in key for key in tables(m))
     core = compiled(m)
-    assert core.n_poses == core.n_bodies == 1
+    assert core.n_q == core.n_bodies == 1
     assert "flexible bodies" not in mb.linearize(m).stats.counts
 
 

@@ -20,7 +20,7 @@ def against_direct(m, scheme, without=(), weight="tangent"):
     made = run.direct(asked, along)
     seeds = np.random.default_rng(3).normal(size=made["values"].shape)
     forward = _core.MotionForward(
-        run.snapshot.system, run.state.relative, run.state.rate, list(without), run.options(asked, along)
+        run.snapshot.system, run.state.q, run.state.rate, list(without), run.options(asked, along)
     )
     back = forward.gradient(seeds)[0]
     exact = np.einsum("tc,tcp->p", seeds, made["derivatives"])

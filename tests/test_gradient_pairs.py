@@ -72,7 +72,7 @@ def test_every_number(name, scheme):
     assert np.all(np.isfinite(exact))
     seeds = np.zeros_like(made["values"])
     seeds[-1] = np.random.default_rng(1).normal(size=len(base))
-    forward = _core.MotionForward(compiled(m), run.state.relative, run.state.rate, [], run.options(asked, along))
+    forward = _core.MotionForward(compiled(m), run.state.q, run.state.rate, [], run.options(asked, along))
     back = forward.gradient(seeds)[0]
     agreement = np.abs(back - seeds[-1] @ exact).max() / np.abs(seeds[-1] @ exact).max()
     wrong, worst = [], 0.0

@@ -61,7 +61,7 @@ def anywhere(m, seed):
     core = compiled(m)
     sys = ref.System(tables(m))
     start = core.assemble()
-    relative = start["relative"]
+    relative = start["q"]
     state = State(relative, 0.6 * rng.normal(size=sys.ny))
     there = reference_state(m, State(relative, np.zeros(0)), sys)
     return core, sys, state, there
@@ -72,7 +72,7 @@ def test_rows_of_core_and_reference(t):
     """Phi, J, J v + Phi_t and the bias."""
     m = scene()
     core, sys, state, there = anywhere(m, 1)
-    made = core.rows(state.relative, state.rate, t, [])
+    made = core.rows(state.q, state.rate, t, [])
     sys.t = t
     J = jacobian(sys, there)
     velocity = rm.velocity_rows(sys)
@@ -100,7 +100,7 @@ def test_rows_against_complex_steps():
     m = scene()
     core, sys, state, there = anywhere(m, 2)
     t = 0.37
-    made = core.rows(state.relative, state.rate, t, [])
+    made = core.rows(state.q, state.rate, t, [])
     position = ~rm.velocity_rows(sys)
     for k in range(sys.ny):
         moved = ref.advance(sys, there, 1j * STEP * np.eye(sys.ny)[k])
@@ -113,7 +113,7 @@ def test_rows_against_complex_steps():
     second = rm.explicit_rates(sys)[1]
     assert np.abs(made["bias"] - carried.imag / STEP - second).max() < 1e-12
     h = 1e-4
-    rates = [core.rows(state.relative, state.rate, t + s, [])["rates"] for s in (-h, h)]
+    rates = [core.rows(state.q, state.rate, t + s, [])["rates"] for s in (-h, h)]
     assert np.abs((rates[1] - rates[0]) / (2 * h) - second).max() < 1e-6
 
 
@@ -121,7 +121,7 @@ def test_rows_against_complex_steps():
 def test_an_effect_that_is_left_out_leaves_its_rows_out(effect):
     m = scene()
     core, sys, state, _ = anywhere(m, 3)
-    made = core.rows(state.relative, state.rate, 0.2, [effect])
+    made = core.rows(state.q, state.rate, 0.2, [effect])
     names = np.array(core.topology()["row_joint"])
     still = ~made["jacobian"].any(axis=1) & (made["phi"] == 0) & (made["rates"] == 0) & (made["bias"] == 0)
     gone = [n.startswith("d ") for n in names] if effect == "drives" else rm.velocity_rows(sys)
@@ -135,7 +135,7 @@ def test_linearisation_agrees():
     """M, C, K at a held state away from the drawn one; all rows among the constraints."""
     m = scene()
     start = compiled(m).assemble(True)
-    state = State(start["relative"], np.zeros(0))
+    state = State(start["q"], np.zeros(0))
     lin = mb.linearize(m, at=state)
     sys = ref.System(tables(m))
     keep = [sys.coordinates.index(name) for name in lin.coordinates]
@@ -164,9 +164,9 @@ def test_steps_of_both_explicit_schemes_agree():
     m = scene()
     core = compiled(m)
     start = core.assemble()
-    made = core.integrate(start["relative"], start["rate"], 0.01, 10, None)
+    made = core.integrate(start["q"], start["rate"], 0.01, 10, None)
     sys = ref.System(tables(m))
-    there = reference_state(m, State(start["relative"], np.zeros(0)), sys)
+    there = reference_state(m, State(start["q"], np.zeros(0)), sys)
     history = rm.integrate(sys, rm.start(sys, there, start["rate"]), 0.01, 10)
     positions = np.array([rm.positions(sys, h) for h in history])
     worst = np.abs(made["position"] - positions).max()

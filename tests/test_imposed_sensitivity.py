@@ -20,7 +20,7 @@ KINDS = ("drive", "coupler", "load")
 def test_every_number_at_a_held_state():
     """Element x parameter over all that imposes a row or varies in time, and over the joints with velocity rows."""
     m = scene(5)
-    state = State(compiled(m).assemble(True)["relative"], np.zeros(0))
+    state = State(compiled(m).assemble(True)["q"], np.zeros(0))
     names = [n for n, item in m.items.items() if item.kind in KINDS] + ["disc on plate", "edge"]
     addresses = [a for a in all_addresses(m) if a.split(".")[0] in names]
     assert {a.partition(".")[2] for a in addresses} >= {
@@ -86,11 +86,9 @@ def test_a_motion_of_the_numbers_of_a_drive():
     for k in range(along.n):
         d = along.dense[:, k]
         at = np.flatnonzero(d)
-        made = core.integrate(start["relative"], start["rate"], 0.01, 20, (at.tolist(), d[at].tolist()))
+        made = core.integrate(start["q"], start["rate"], 0.01, 20, (at.tolist(), d[at].tolist()))
         h = 1e-6
-        ends = [
-            core.with_values(x + s * d).integrate(start["relative"], start["rate"], 0.01, 20, None) for s in (-h, h)
-        ]
+        ends = [core.with_values(x + s * d).integrate(start["q"], start["rate"], 0.01, 20, None) for s in (-h, h)]
         known = (ends[1]["position"] - ends[0]["position"]) / (2 * h)
         # from the first step on: before, the differences start off the rows
         assert np.abs(made["derivative"][1:] - known[1:]).max() < 2e-7 * max(1.0, np.abs(known).max()), along.labels[k]

@@ -60,7 +60,7 @@ def test_rigid_form_is_the_production_path():
     for k in range(along.n):
         inside = along.columns == k
         sparse = (along.rows[inside].tolist(), along.values[inside].tolist())
-        r = core.integrate(drawn["relative"], np.zeros(2), h, n, sparse)
+        r = core.integrate(drawn["q"], np.zeros(2), h, n, sparse)
         i, j = np.unravel_index(k, V0.shape)
         # body a turns about the origin: the derivative of its x, y is theta' times the perpendicular
         theta = motion[-1][0]

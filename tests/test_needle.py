@@ -68,7 +68,7 @@ def reference_motion(m, h, n, x=None):
 def core_motion(m, h, n, direction=None):
     core = compiled(m)
     drawn = core.assemble()
-    return core.integrate(drawn["relative"], drawn["rate"], h, n, direction)
+    return core.integrate(drawn["q"], drawn["rate"], h, n, direction)
 
 
 # --- Tables, System, laws -----
@@ -279,10 +279,10 @@ def test_steps_equal_the_reference():
     for i, there in enumerate(history):
         assert np.max(np.abs(core["position"][i] - rm.positions(sys, there))) < 1e-12
         assert np.max(np.abs(core["rate"][i] - there.rate)) < 1e-12 * np.max(np.abs(there.rate))
-        assert np.max(np.abs(core["memory"][i] - there.memory)) < 1e-12
+        assert np.max(np.abs(core["memory"][i] - there.memory[:1])) < 1e-12
     assert np.max(np.abs(core["memory"][-1])) > 0.01  # the slider has moved
     system = compiled(m)
-    slip = [system.rate_mismatch(r, v) for r, v in zip(core["relative"], core["rate"], strict=True)]
+    slip = [system.rate_mismatch(r, v) for r, v in zip(core["q"], core["rate"], strict=True)]
     assert max(slip) < 1e-13  # the knife edge holds after every step
 
 
@@ -334,7 +334,7 @@ def test_work_counts():
     assert with_laws["law tangents"] == 2 and "law tangents" not in without
     core = compiled(needle())
     drawn = core.assemble()
-    left_out = core.linearize(drawn["relative"], np.zeros(0), ["law-slopes"])["counts"]
+    left_out = core.linearize(drawn["q"], np.zeros(0), ["law-slopes"])["counts"]
     assert "law tangents" not in left_out
 
 
@@ -380,8 +380,7 @@ def tumbling(kind):
 def test_order_four(kind):
     m, t = tumbling(kind), 0.2
     ends = [
-        np.r_[(r := core_motion(m, t / n, n))["position"][-1].ravel(), r["relative"][-1].ravel()]
-        for n in (20, 40, 80, 320)
+        np.r_[(r := core_motion(m, t / n, n))["position"][-1].ravel(), r["q"][-1].ravel()] for n in (20, 40, 80, 320)
     ]
     error = [np.max(np.abs(e - ends[-1])) for e in ends[:-1]]
     order = np.log2(np.array(error[:-1]) / np.array(error[1:]))
@@ -406,7 +405,7 @@ def test_a_free_top_keeps_energy_and_angular_momentum():
     drift = []
     for n in (100, 200):
         run = core_motion(m, 2.0 / n, n)
-        R, w = run["relative"][-1, 0, 3:].reshape(3, 3), run["rate"][-1, 3:]
+        R, w = compiled(m).bodies(run["q"][-1], np.zeros(0))["rotation"][0], run["rate"][-1, 3:]
         L = R @ (inertia * (R.T @ w))
         drift.append(np.max(np.abs(L - inertia * (0.1, 5.0, 0.2))))
         assert np.max(np.abs(R @ R.T - np.eye(3))) < 1e-13
@@ -421,7 +420,7 @@ def test_a_four_bar_stays_closed():
     assert np.max(np.ptp(run["position"], axis=0)) > 0.3
     sys = Reference(tables(m))
     gaps, slips = [], []
-    for relative, rate in zip(run["relative"], run["rate"], strict=True):
+    for relative, rate in zip(run["q"], run["rate"], strict=True):
         gaps.append(loop_gap(sys, core, relative))
         slips.append(core.rate_mismatch(relative, rate))
     print("four-bar: gap", max(gaps), "rate", max(slips))
@@ -452,15 +451,15 @@ def test_derivatives_survive_numbers_that_are_zero():
     drawn = core.assemble()
     start = int(t["element_x"][0])
     for at in (start + 10 + 2, start + 82 + 1, start + 82 + 4):  # k[x, z], preload y, preload ry
-        row, column, _, value = _core.directions(
-            core, drawn["relative"], np.zeros(0), [], [([at], [1.0])], "hold", False
-        )["dS"]
+        row, column, _, value = _core.directions(core, drawn["q"], np.zeros(0), [], [([at], [1.0])], "hold", False)[
+            "dS"
+        ]
         exact = np.zeros((6, 6))
         np.add.at(exact, (row, column), value)
         ends = []
         for d in (-1e-4, 1e-4):
             x = t["x"].copy()
             x[at] += d
-            ends.append(core.with_values(x).linearize(drawn["relative"], np.zeros(0), [])["S"])
+            ends.append(core.with_values(x).linearize(drawn["q"], np.zeros(0), [])["S"])
         assert np.max(np.abs(exact)) > 0.04
         assert np.max(np.abs(exact - (ends[1] - ends[0]) / 2e-4)) < 1e-9

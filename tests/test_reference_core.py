@@ -28,8 +28,8 @@ def core_tables(tables):
 def both(t, state, rate, without=()):
     """The core's linearisation, and the reference's at the same bodies' poses with the same independent coordinates."""
     core, sys = _core.System(t), System(t)
-    found = core.linearize(state["relative"], rate, list(without))
-    bodies = core.bodies(state["relative"], rate)
+    found = core.linearize(state["q"], rate, list(without))
+    bodies = core.bodies(state["q"], rate)
     arm = np.einsum("nij,nj->ni", bodies["rotation"], np.array([b.com for b in sys.bodies]))
     omega = bodies["angular_velocity"]
     here = State(bodies["position"] + arm, bodies["rotation"], bodies["velocity"] + np.cross(omega, arm), omega)
@@ -66,13 +66,11 @@ def test_loops_at_equilibrium_and_moving(kinds, distance):
     rng = np.random.default_rng([len(kinds[0]), distance])
     t = core_tables(random_loop(kinds, rng, distance).tables)
     core, sys = _core.System(t), System(t)
-    state = core.equilibrium(core.assemble()["relative"], [])
+    state = core.equilibrium(core.assemble()["q"], [])
     found, expected = both(t, state, np.zeros(0))
     agree(found, expected)
     wrench = np.array(list(reactions(sys, expected.state, expected.lam).values()))
-    np.testing.assert_allclose(
-        core.reactions(state["relative"], np.zeros(0), []), wrench, atol=1e-10 * np.max(np.abs(wrench))
-    )
+    np.testing.assert_allclose(core.reactions(state["q"], np.zeros(0), []), wrench, atol=1e-10 * np.max(np.abs(wrench)))
     J = jacobian(sys, expected.state)
     free = np.linalg.svd(J)[2][np.linalg.matrix_rank(J, 1e-9) :]
     agree(*both(t, state, 0.3 * free.T @ rng.normal(size=len(free))))
@@ -85,7 +83,7 @@ def test_redundant_loops_share_reactions_alike():
         found, expected = both(t, state, np.zeros(0))
         agree(found, expected)
         wrench = np.array(list(reactions(System(t), expected.state, expected.lam).values()))
-        core_wrench = _core.System(t).reactions(state["relative"], np.zeros(0), [])
+        core_wrench = _core.System(t).reactions(state["q"], np.zeros(0), [])
         np.testing.assert_allclose(core_wrench, wrench, atol=1e-10 * (np.max(np.abs(wrench)) + 1))
 
 
@@ -101,12 +99,12 @@ def test_derivatives_that_follow_the_equilibrium():
     b = loaded_mechanism()
     t = core_tables(b.tables())
     core = _core.System(t)
-    state = core.equilibrium(core.assemble()["relative"], [])
+    state = core.equilibrium(core.assemble()["q"], [])
     found, expected = both(t, state, np.zeros(0))
     independent = expected.partition.independent.tolist()
     directions = [unit(b, *p) for p in PARAMETERS[::3]]
     sparse = [(np.flatnonzero(d).tolist(), d[d != 0].tolist()) for d in directions]
-    rates = _core.directions(core, state["relative"], np.zeros(0), [], sparse, "equilibrium", True)
+    rates = _core.directions(core, state["q"], np.zeros(0), [], sparse, "equilibrium", True)
     shape = (len(found["coordinates"]),) * 2 + (len(sparse),)
     for name in ("dM", "dD", "dS"):
         row, column, direction, value = rates[name]

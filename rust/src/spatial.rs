@@ -248,11 +248,6 @@ impl<T: Real> Pose<T> {
         Pose { p: V3::zeros(), r: M3::identity() }
     }
 
-    /// One of the twelve numbers in which poses are handed over: the position, then the rotation by rows.
-    pub fn number(&self, k: usize) -> T {
-        if k < 3 { self.p[k] } else { self.r[((k - 3) / 3, (k - 3) % 3)] }
-    }
-
     pub fn then(&self, inner: &Self) -> Self {
         Pose { p: self.p + turned(&self.r, &inner.p), r: product(&self.r, &inner.r) }
     }
@@ -312,6 +307,44 @@ pub fn quaternion_of_rotation<T: Real>(r: &M3<T>) -> [T; 4] {
         _ => [z * s, xz * s, yz * s, half],
     };
     if q[0].re() < 0.0 { q.map(|v| -v) } else { q }
+}
+
+/// The product a b of two scalar-first quaternions: rotation b, then a.
+pub fn quaternion_product<T: Real>(a: &[T; 4], b: &[T; 4]) -> [T; 4] {
+    [
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    ]
+}
+
+/// The unit quaternion of a rotation vector.
+pub fn quaternion_of_vector<T: Real>(w: &V3<T>) -> [T; 4] {
+    let s = w.dot(w);
+    // cos(t/2) and sin(t/2)/t of s = t^2
+    let (c, f) = if s.re() < SMALL {
+        let u = s * 0.25;
+        (
+            series(u, &[1.0, -1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40_320.0, -1.0 / 3_628_800.0]),
+            series(u, &[0.5, -1.0 / 12.0, 1.0 / 240.0, -1.0 / 10_080.0, 1.0 / 725_760.0, -1.0 / 79_833_600.0]),
+        )
+    } else {
+        let t = s.sqrt();
+        let half = t * 0.5;
+        (half.cos(), half.sin() / t)
+    };
+    [c, w.x * f, w.y * f, w.z * f]
+}
+
+/// Rotation about an axis of the frame.
+pub fn rotation_about<T: Real>(axis: usize, angle: T) -> M3<T> {
+    let (s, c) = (angle.sin(), angle.cos());
+    let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+    let mut r = M3::identity();
+    (r[(i, i)], r[(j, j)]) = (c, c);
+    (r[(i, j)], r[(j, i)]) = (-s, s);
+    r
 }
 
 // Below this square of an angle the closed forms lose digits, and their square roots would make duals NaN at zero.

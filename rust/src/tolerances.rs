@@ -58,6 +58,19 @@ pub mod constraints {
     pub const FELT: f64 = 1e-10;
 }
 
+/// Coordinates of joints.
+pub mod coordinates {
+    /// Cosine of the angle between a hinge and the axis of a measured angle, as drawn, from which on turns of the hinge are turns of the
+    /// angle: below 45 degrees they are, whatever the frame in which it is measured. Larger: angles between oblique shafts lose their
+    /// turns, and a motion in which a spring needs them stops. Smaller: turns are counted that the angle does not make. Pinned by
+    /// `tests/test_coordinates.py` between 40 and 50 degrees.
+    pub const NEARLY_PARALLEL: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+    /// How far the quaternion of a state that is handed over may be from length one. Larger: what is no rotation is taken for one.
+    /// Smaller: states read from text with five digits are refused. Pinned by `tests/test_coordinates.py` between 1e-6 and 1e-2.
+    pub const UNIT_QUATERNION: f64 = 1e-4;
+}
+
 /// Static equilibrium.
 pub mod equilibrium {
     /// Stiffness below this part of the largest of its island counts as none. Coordinates that are held softly are stretched before.

@@ -278,6 +278,7 @@ FREE = {
     "distance": "",
     "knife_edge": "",
     "rolling_disc": "",
+    "screw": "r",
 }
 COORDINATES = {"u": "t", "angle": "r", "alpha": "r", "beta": "r", "x": "t", "y": "t", "z": "t"}
 COORDINATES |= {"rx": "r", "ry": "r", "rz": "r"}

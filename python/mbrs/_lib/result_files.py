@@ -27,7 +27,7 @@ from .records import Encoder
 from .version import __version__
 
 # of the layout that `document` writes; a reader refuses newer ones
-FORMAT = 1
+FORMAT = 2
 MARK = b"\nmbrs sha256 "
 
 

@@ -396,7 +396,7 @@ def _adjoint(run: Run, objectives: Sequence[Objective], along: Directions) -> Fo
         with core_errors():
             forward = _core.MotionForward(
                 run.snapshot.system,
-                run.state.relative,
+                run.state.q,
                 run.state.rate,
                 list(run.without),
                 run.options(list(reader.places), along),

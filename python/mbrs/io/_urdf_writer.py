@@ -22,6 +22,7 @@ from ._poses import Array, Frame, roll_pitch_yaw_of
 # tests/test_io_urdf.py.
 NO_LIMIT = 1e30
 _SINGLE = {"revolute": "continuous", "prismatic": "prismatic", "planar": "planar", "free": "floating", "fixed": "fixed"}
+_COMPOSED = ("cylindrical", "universal", "spherical")
 _FORCES = ("k", "preload")
 
 
@@ -75,11 +76,7 @@ class _Writer:
 
     def _refuse(self) -> None:
         wrong = [f"flexible body {b.name!r}" for b in self.model.bodies if b.modes_and_nodes]
-        wrong += [
-            f"{j.type} joint {j.name!r}"
-            for j in self.model.joints
-            if j.type in ("distance", "knife_edge", "rolling_disc")
-        ]
+        wrong += [f"{j.type} joint {j.name!r}" for j in self.model.joints if j.type not in (*_SINGLE, *_COMPOSED)]
         points = [b.values("at") for b in self.model.bodies] + [j.values("at_a") for j in self.model.joints]
         size = float(np.ptp(points, axis=0).max()) if points else 0.0
         for j in self.model.joints:

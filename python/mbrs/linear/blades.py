@@ -102,9 +102,9 @@ def _blade(turn: Turn, topology: Any, members: list[str]) -> _Blade:
     stems = {joint or body for body, _, joint, _ in topology["tree"] if body in members}
     bodies = tuple(names.index(b) for b in members)
     rows = [6 * b + k for b in bodies for k in range(6)]
-    for body, m, _, at in modal_places(turn.snapshot.tables, len(names)):
+    for body, own in modal_places(turn.snapshot.tables):
         if body in bodies:
-            rows += [6 * len(names) + at + k for k in range(m)]
+            rows += [6 * len(names) + k for k in range(own.start, own.stop)]
             stems.add(names[body])
     places = [i for i, c in enumerate(turn.names) if c in stems or c.rpartition(".")[0] in stems]
     return _Blade(bodies, np.array(rows, dtype=int), np.array(places, dtype=int))
@@ -114,7 +114,7 @@ def _evenly_spaced(turn: Turn, blades: list[_Blade], w: np.ndarray) -> list[_Bla
     """In the sense of the rotation, or None."""
     a = w / np.linalg.norm(w)
     with core_errors():
-        moved = turn.snapshot.system.bodies(turn.state.relative, turn.state.rate)
+        moved = turn.snapshot.system.bodies(turn.state.q, turn.state.rate)
     centre = []
     for blade in blades:
         # the velocity of each body tells its arm from the axis, w x arm

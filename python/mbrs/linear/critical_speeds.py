@@ -270,18 +270,17 @@ def orbit_rows(lin: Any) -> np.ndarray:
     from ..model.tables import modal_places
 
     t, rows = lin.snapshot.tables, []
-    modal = {body: (m, first) for body, m, _, first in modal_places(t, len(lin.bodies))}
+    modal = dict(modal_places(t))
     n_bodies = len(lin.model.bodies)
     for i, mass in enumerate(lin.body_mass_matrices[:n_bodies]):
         twist, R = lin.T[6 * i : 6 * i + 6], lin.poses["rotation"][i]
         start = int(t["body_x"][i])
         com = R @ t["x"][start:][BODY.block.slice("com")]
         if i in modal:
-            m, first = modal[i]
             shapes = lin.model.bodies[i].modal
             weight = np.sqrt(mass[0, 0] / max(len(shapes.line_position), 1))
             for p, shape in zip(shapes.line_position, shapes.line_shape, strict=True):
-                moved = twist_at(twist, R @ p)[:3] + R @ shape[:3] @ lin.modal_map[first : first + m]
+                moved = twist_at(twist, R @ p)[:3] + R @ shape[:3] @ lin.modal_map[modal[i]]
                 rows.append(weight * moved)
             continue
         rows.append(np.sqrt(mass[0, 0]) * twist_at(twist, com)[:3])

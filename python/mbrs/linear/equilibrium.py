@@ -126,7 +126,7 @@ class Equilibrium(Result):
         """
         snapshot = self.linearization.snapshot
         with core_errors():
-            all_ = snapshot.system.reactions(self.state.relative, AT_REST, list(self.linearization.without))
+            all_ = snapshot.system.reactions(self.state.q, AT_REST, list(self.linearization.without))
         names = [*snapshot.tables["joint_name"], *snapshot.tables["drive_name"]]
         return dict(zip(names, all_, strict=True))
 
@@ -217,12 +217,12 @@ def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equ
         warn_of_doubts(m, snapshot.system, without)
         with core_errors():
             made = snapshot.system.assemble()
-        begin = State(made["relative"], AT_REST)
+        begin = State(made["q"], AT_REST)
     else:
         begin = state_of(m, snapshot.system, at)
     try:
         with while_long(f"equilibrium of {m.name!r}", 100.0 * snapshot.system.n_tree**3):
-            r = snapshot.system.equilibrium(begin.relative, list(without))
+            r = snapshot.system.equilibrium(begin.q, list(without))
     except _core.CoreConvergenceError as problem:
         text, best, residual = problem.args
         raise ConvergenceError(text, _partial(snapshot, best, without, residual, start)) from None
@@ -233,7 +233,7 @@ def equilibrium(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Equ
 
 
 def _equilibrium(snapshot: Snapshot, r: dict[str, Any], without: tuple[str, ...], start: float) -> Equilibrium:
-    state = State(r["relative"], AT_REST, "equilibrium")
+    state = State(r["q"], AT_REST, "equilibrium")
     if not r["stable"]:
         why = (
             "the search ended there; start it elsewhere with at= to find another"
@@ -274,12 +274,9 @@ def _partial(
     snapshot: Snapshot, best: Any, without: tuple[str, ...], residual: float, start: float
 ) -> Equilibrium | None:
     """The best state an unfinished search reached."""
-    flat = np.asarray(best, dtype=float).reshape(-1, 12)
-    # the core lists rotation matrices column by column
-    relative = np.hstack([flat[:, :3], flat[:, 3:].reshape(-1, 3, 3).transpose(0, 2, 1).reshape(-1, 9)])
-    state = State(np.ascontiguousarray(relative), AT_REST)
+    state = State(np.asarray(best, dtype=float), AT_REST)
     with core_errors():
-        r = snapshot.system.linearize(state.relative, AT_REST, list(without))
+        r = snapshot.system.linearize(state.q, AT_REST, list(without))
     on = tuple(e for e in effects(snapshot.model).on if e not in without)
     return Equilibrium(
         state=state,

@@ -16,7 +16,7 @@ from ..errors import ModelError
 from ..model.bodies import INERTIA_PLACE
 from ..model.ports import Port, as_port
 from ..model.schema import BODY, MARKER, SHAPES
-from ..model.tables import modal_places
+from ..model.tables import modal_part, modal_places
 from ..results import Result, derived, quantity, result
 from ..system.snapshot import Snapshot
 from ..system.state import State
@@ -101,7 +101,7 @@ class Linearization(Result):
     def poses(self) -> dict[str, np.ndarray]:
         """Position (n, 3), rotation (n, 3, 3), velocity and angular velocity (n, 3) of the bodies' origins, world."""
         with core_errors():
-            return self.snapshot.system.bodies(self.state.relative, self.state.rate)
+            return self.snapshot.system.bodies(self.state.q, self.state.rate)
 
     @cached_property
     def body_mass_matrices(self) -> np.ndarray:
@@ -150,7 +150,7 @@ class Linearization(Result):
     @cached_property
     def _strains(self) -> list[tuple[str, np.ndarray, np.ndarray]]:
         with core_errors():
-            rows = self.snapshot.system.strains(self.state.relative, list(self.without))
+            rows = self.snapshot.system.strains(self.state.q, list(self.without))
         out = []
         for name, a, b, point, gradients, k in rows:
             relative = self._at(b, point) - self._at(a, point)
@@ -310,20 +310,20 @@ def modal_masses(lin: Linearization) -> list[tuple[int, np.ndarray, np.ndarray]]
     and its mass matrix (6 + m, 6 + m) over them.
     """
     t, out = lin.snapshot.tables, []
-    for i, (body, m, row, first) in enumerate(modal_places(t, len(lin.bodies))):
-        q = lin.state.relative[row : row + (m + 2) // 3, :3].ravel()[:m]
+    for i, (body, own) in enumerate(modal_places(t)):
         turned = np.einsum("ji,kjn->kin", lin.poses["rotation"][body], lin.T[6 * body : 6 * body + 6].reshape(2, 3, -1))
-        rows = np.vstack([turned.reshape(6, -1), lin.modal_map[first : first + m]])
-        out.append((body, rows, mass_matrix_at(t, i, q)))
+        rows = np.vstack([turned.reshape(6, -1), lin.modal_map[own]])
+        out.append((body, rows, mass_matrix_at(t, i, modal_part(t, lin.state.q)[own])))
     return out
 
 
 def modal_strains(lin: Linearization) -> list[tuple[str, np.ndarray, np.ndarray]]:
     """Each flexible body: its name, the rows (m, dof) of its modal coordinates and its stiffness (m, m)."""
     t, out = lin.snapshot.tables, []
-    for i, (body, m, _, first) in enumerate(modal_places(t, len(lin.bodies))):
+    for i, (body, own) in enumerate(modal_places(t)):
+        m = own.stop - own.start
         stiffness = t["x"][int(t["flexible_x"][i]) :][SHAPES.block.slice("K", m)].reshape(m, m)
-        out.append((lin.bodies[body], lin.modal_map[first : first + m], stiffness))
+        out.append((lin.bodies[body], lin.modal_map[own], stiffness))
     return out
 
 
@@ -333,13 +333,12 @@ def node_twist(lin: Linearization, name: str) -> tuple[int, np.ndarray, np.ndarr
     body, modal = lin.bodies.index(owner), lin.model[owner].modal
     shape, R = modal.node_shape[modal.nodes.index(node)], lin.poses["rotation"][body]
     local = modal.node_position[modal.nodes.index(node)]
-    place = next((p for p in modal_places(lin.snapshot.tables, len(lin.bodies)) if p[0] == body), None)
-    if place is None:
+    own = next((own for b, own in modal_places(lin.snapshot.tables) if b == body), None)
+    if own is None:
         return body, twist_at(lin.T[6 * body : 6 * body + 6], R @ local), lin.poses["position"][body] + R @ local
-    _, m, row, first = place
-    w = shape @ lin.state.relative[row : row + (m + 2) // 3, :3].ravel()[:m]
+    w = shape @ modal_part(lin.snapshot.tables, lin.state.q)[own]
     arm = R @ (local + w[:3])
-    twist, moving = twist_at(lin.T[6 * body : 6 * body + 6], arm), lin.modal_map[first : first + m]
+    twist, moving = twist_at(lin.T[6 * body : 6 * body + 6], arm), lin.modal_map[own]
     turned, axes = R, []
     for k in range(3):
         axes.append(turned[:, k])

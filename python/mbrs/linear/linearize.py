@@ -81,7 +81,7 @@ def linearize(m: Model, *, at: Any = None, without: Sequence[str] = ()) -> Linea
     state = state_of(m, snapshot.system, at)
     with core_errors():
         r = snapshot.system.linearize(
-            state.relative, state.rate, list(without), state.memory.tolist(), state.acceleration.tolist()
+            state.q, state.rate, list(without), state.memory.tolist(), state.acceleration.tolist()
         )
     return linearization_at(snapshot, state, r, without, start, warn=True)
 
@@ -165,7 +165,7 @@ def _without_rounding(snapshot: Snapshot, state: State, r: dict[str, Any]) -> tu
     nothing else holds, that of the turning itself, would pass for a stiffness there. It is taken out here, where w is known:
     the matrices alone do not tell it from a weak spring beside a stiff one, and in a plane motion D is rounding as well.
     """
-    spin = np.linalg.norm(snapshot.system.bodies(state.relative, state.rate)["angular_velocity"], axis=1)
+    spin = np.linalg.norm(snapshot.system.bodies(state.q, state.rate)["angular_velocity"], axis=1)
     w = float(np.max(spin, initial=0.0))
     size = np.sqrt(np.diag(r["M"]))
     rounding = _CANCELLED * np.outer(size, size)

@@ -65,7 +65,7 @@ class Relaxation:
 def law_places(lin: Any) -> Iterator[LawPlace]:
     """Every law that acts in a linearisation."""
     t = tables(lin.model)
-    places = lin.snapshot.system.law_places(lin.state.relative, lin.state.rate)
+    places = lin.snapshot.system.law_places(lin.state.q, lin.state.rate)
     for start, a, b, point, gradient, u, v in places:
         i = int(np.flatnonzero(t["law_x"] == start)[0])
         code, n = int(t["law_type"][i]), int(t["law_n"][i])

@@ -333,7 +333,7 @@ def _of_linearization(
     with core_errors():
         r = _core.directions(
             lin.snapshot.system,
-            state.relative,
+            state.q,
             state.rate,
             list(lin.without),
             sparse,

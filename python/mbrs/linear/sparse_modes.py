@@ -74,7 +74,7 @@ class SparseModel:
     def poses(self) -> dict[str, np.ndarray]:
         """Position (n, 3) and rotation (n, 3, 3) of the bodies' origins, world."""
         with core_errors():
-            return self.snapshot.system.bodies(self.state.relative, self.state.rate)
+            return self.snapshot.system.bodies(self.state.q, self.state.rate)
 
     @property
     def geometry(self) -> Any:
@@ -93,9 +93,7 @@ class SparseModel:
     def form(self) -> dict[str, Any]:
         """Sparse matrices in absolute coordinates (centres of mass, world axes): see `matrices`."""
         with core_errors():
-            return _core.sparse_model_form(
-                self.snapshot.system, self.state.relative, self.state.rate, list(self.without)
-            )
+            return _core.sparse_model_form(self.snapshot.system, self.state.q, self.state.rate, list(self.without))
 
     def energy(self) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
         """Kinetic energy of each body (n_bodies, n); names of the elastic elements and the strain energy of each."""
@@ -121,7 +119,7 @@ def model_modes(model: Any, at: Any, n: int, without: Any, start: float, shift: 
     state = state_of(model, snapshot.system, at)
     try:
         with core_errors(), Elapsed(f"lowest {n} modes of {model.name!r}"):
-            r = _core.sparse_model_modes(snapshot.system, state.relative, state.rate, list(without), n, _sigma(shift))
+            r = _core.sparse_model_modes(snapshot.system, state.q, state.rate, list(without), n, _sigma(shift))
     except RouteError:
         if snapshot.system.n_tree > _DENSE_AT_MOST:
             raise

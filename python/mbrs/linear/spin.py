@@ -17,16 +17,6 @@ from ..system.snapshot import Snapshot
 # Rates of strain that count as rounding, over the terms that they are made of: free of units. Larger: a spring that is wound up
 # slowly passes for a steady motion; smaller: rounding of drawn points refuses one. Pinned by tests/truth/test_steady_rotation.py.
 GROWS = 1e-10
-_COORDINATES = {
-    "fixed": 0,
-    "revolute": 1,
-    "prismatic": 1,
-    "cylindrical": 2,
-    "universal": 2,
-    "spherical": 3,
-    "planar": 3,
-    "free": 6,
-}
 
 
 def free_bodies(topology: dict[str, Any]) -> dict[str, int]:
@@ -53,12 +43,12 @@ class Spin:
     carried: tuple[tuple[str, int, int], ...] = ()
     com: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
-    def at(self, relative: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def at(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rates and accelerations (n_tree,) of the tree coordinates in a configuration."""
         rate = self.rate.copy()
         if self.carried:
             with core_errors():
-                now = self.snapshot.system.bodies(relative, self.rate)
+                now = self.snapshot.system.bodies(q, self.rate)
             names = list(self.snapshot.tables["body_name"])
             for name, first, carrier in self.carried:
                 own = names.index(name)
@@ -90,13 +80,13 @@ class Spin:
         return step, now
 
 
-def tree_twists(snapshot: Snapshot, relative: np.ndarray) -> np.ndarray:
+def tree_twists(snapshot: Snapshot, q: np.ndarray) -> np.ndarray:
     """(n_bodies, 6, n_tree): twist of each body's origin per rate of a tree coordinate, world axes."""
     n = snapshot.system.n_tree
     columns = []
     for i in range(n):
         with core_errors():
-            moved = snapshot.system.bodies(relative, np.eye(n)[i])
+            moved = snapshot.system.bodies(q, np.eye(n)[i])
         columns.append(np.concatenate([moved["velocity"], moved["angular_velocity"]], axis=1))
     return np.stack(columns, axis=2) if columns else np.zeros((0, 6, 0))
 
@@ -110,13 +100,11 @@ class ElementRows:
     rows: np.ndarray
 
 
-def element_rows(
-    snapshot: Snapshot, relative: np.ndarray, twists: np.ndarray, without: Sequence[str]
-) -> list[ElementRows]:
+def element_rows(snapshot: Snapshot, q: np.ndarray, twists: np.ndarray, without: Sequence[str]) -> list[ElementRows]:
     """One entry per element (or joint with springs) that resists some motion in this configuration."""
     with core_errors():
-        strains = snapshot.system.strains(relative, list(without))
-        place = snapshot.system.bodies(relative, np.zeros(0))["position"]
+        strains = snapshot.system.strains(q, list(without))
+        place = snapshot.system.bodies(q, np.zeros(0))["position"]
     length, out = snapshot.system.characteristic_length, []
     natural = np.array([length] * 3 + [1.0] * 3)
 
@@ -136,7 +124,7 @@ def element_rows(
 
 
 def spin_of(
-    snapshot: Snapshot, relative: np.ndarray, rate: np.ndarray, driven: Collection[int], without: Sequence[str]
+    snapshot: Snapshot, q: np.ndarray, rate: np.ndarray, driven: Collection[int], without: Sequence[str]
 ) -> Spin:
     """The rates with which no elastic force grows: bodies without a joint follow first, then all coordinates that are not driven.
 
@@ -149,8 +137,8 @@ def spin_of(
     base = Spin(snapshot, rate, (), com=com)
     if not np.any(rate):
         return base
-    twists = tree_twists(snapshot, relative)
-    elements = element_rows(snapshot, relative, twists, without)
+    twists = tree_twists(snapshot, q)
+    elements = element_rows(snapshot, q, twists, without)
     length = snapshot.system.characteristic_length
     scale = np.array([length] * 3 + [1.0] * 3)
     size = float(np.max(np.abs(np.einsum("bij,j->bi", twists, rate)) / scale, initial=0.0))
@@ -158,7 +146,7 @@ def spin_of(
     if max(growth, default=0.0) <= GROWS * size:
         return base
     with core_errors():
-        hard = snapshot.system.rows(relative, rate, 0.0, list(without))
+        hard = snapshot.system.rows(q, rate, 0.0, list(without))
     stacked = np.vstack([e.rows for e in elements] + [hard["jacobian"]])
     right = np.concatenate([e.rows @ rate for e in elements] + [hard["rates"]])
     modal = _modal_coordinates(snapshot)
@@ -172,7 +160,7 @@ def spin_of(
         made[np.abs(made) * columns < GROWS * size] = 0.0
         worst = max(elements, key=lambda e: float(np.max(np.abs(e.rows @ made), initial=0.0)))
         if float(np.max(np.abs(worst.rows @ made))) <= GROWS * size:
-            return _with_carriers(base, twists, made, free, driven, relative)
+            return _with_carriers(base, twists, made, free, driven, q)
     raise _tied(snapshot, elements, twists, made, GROWS * size)
 
 
@@ -210,12 +198,12 @@ def _with_carriers(
     rate: np.ndarray,
     free: dict[str, int],
     driven: Collection[int],
-    relative: np.ndarray,
+    q: np.ndarray,
 ) -> Spin:
     """Spin in which each carried body follows the first of the others that moves as one rigid body with it."""
     names = list(base.snapshot.tables["body_name"])
     with core_errors():
-        place = base.snapshot.system.bodies(relative, np.zeros(0))["position"]
+        place = base.snapshot.system.bodies(q, np.zeros(0))["position"]
     moves = np.einsum("bij,j->bi", twists, rate)
     changed = [
         n for n, f in free.items() if np.any(rate[f : f + 6] != base.rate[f : f + 6]) and np.any(rate[f + 3 : f + 6])

@@ -204,7 +204,7 @@ def steady_motion(
     rate = _rates(snapshot, begin, driven, without)
     if (m.drives or m.couplers) and np.any(rate):
         driven = {int(i): float(rate[i]) for i in np.flatnonzero(rate)}
-    spin = spin_of(snapshot, begin.relative, rate, tuple(driven), without)
+    spin = spin_of(snapshot, begin.q, rate, tuple(driven), without)
     state, found, iterations = _solve(snapshot, begin, spin, names, driven, without)
     frame = _frame(snapshot, spin, state, found, without)
     turns = np.any(frame.W)
@@ -249,7 +249,7 @@ def _rates(snapshot: Snapshot, begin: State, driven: Mapping[int, float], withou
     if not (model.drives or model.couplers or rolls):
         return rate
     with core_errors():
-        rows = snapshot.system.rows(begin.relative, np.zeros_like(rate), 0.0, list(without))
+        rows = snapshot.system.rows(begin.q, np.zeros_like(rate), 0.0, list(without))
     held, values = np.eye(len(rate))[list(driven)], list(driven.values())
     found = np.linalg.lstsq(np.vstack([rows["jacobian"], held]), np.concatenate([-rows["rates"], values]), rcond=1e-10)[
         0
@@ -327,14 +327,14 @@ def _solve(
     driven: Mapping[int, float],
     without: tuple[str, ...],
 ) -> tuple[State, dict[str, Any], int]:
-    relative = begin.relative
+    q = begin.q
     previous = np.inf
     place = {name: i for i, name in enumerate(names)}
     for iteration in range(_MAX_ITERATIONS):
-        rate, acceleration = spin.at(relative)
+        rate, acceleration = spin.at(q)
         with core_errors():
-            r = snapshot.system.linearize(relative, rate, list(without), [], acceleration.tolist())
-        _check_rates(snapshot, r, relative, rate, without)
+            r = snapshot.system.linearize(q, rate, list(without), [], acceleration.tolist())
+        _check_rates(snapshot, r, q, rate, without)
         still = np.array([place[name] not in driven for name in r["coordinates"]], dtype=bool)
         # coordinates of the order of a radian, forces over those of the bodies that they act on
         reach = motion_scale(r["T"], snapshot.system.characteristic_length)[still]
@@ -350,11 +350,11 @@ def _solve(
         tiny = longest <= 1e-14
         if size <= 1e-14 or tiny or (size >= previous and size <= 1e-10):
             moving = acceleration if np.any(acceleration) else np.zeros(0)
-            return State(relative, rate, "steady", driven=tuple(driven), acceleration=moving), r, iteration
+            return State(q, rate, "steady", driven=tuple(driven), acceleration=moving), r, iteration
         previous = size
         step *= min(1.0, 0.3 / longest)
         with core_errors():
-            relative = snapshot.system.advance(relative, step)
+            q = snapshot.system.advance(q, step)
     raise ConvergenceError(
         f"no steady motion of {snapshot.model.name!r} was found at these speeds within {_MAX_ITERATIONS} iterations; approach them in "
         "steps (at= takes a slower steady motion)"
@@ -393,13 +393,13 @@ def _newton(S: np.ndarray, residual: np.ndarray, forces: np.ndarray) -> np.ndarr
 
 
 def _check_rates(
-    snapshot: Snapshot, r: dict[str, Any], relative: np.ndarray, rate: np.ndarray, without: tuple[str, ...]
+    snapshot: Snapshot, r: dict[str, Any], q: np.ndarray, rate: np.ndarray, without: tuple[str, ...]
 ) -> None:
     if "rank" not in r:
         return
     with core_errors():
-        miss = snapshot.system.rate_mismatch(relative, rate, list(without))
-        moved = snapshot.system.bodies(relative, rate)
+        miss = snapshot.system.rate_mismatch(q, rate, list(without))
+        moved = snapshot.system.bodies(q, rate)
     length = snapshot.system.characteristic_length
     fastest = max(
         float(np.max(np.abs(moved["angular_velocity"]), initial=0.0)),

@@ -62,7 +62,7 @@ def strain_rows(lin: Linearization) -> list[tuple[np.ndarray, np.ndarray, np.nda
 
 def _places(lin: Linearization) -> list[tuple[int, int, np.ndarray, np.ndarray]]:
     with core_errors():
-        rows = lin.snapshot.system.strains(lin.state.relative, list(lin.without))
+        rows = lin.snapshot.system.strains(lin.state.q, list(lin.without))
     return [(a, b, point, gradients) for _, a, b, point, gradients, _ in rows]
 
 

@@ -54,7 +54,7 @@ class Tangent:
     residual: np.ndarray
     rows: np.ndarray
     rotation: np.ndarray
-    relative: np.ndarray
+    q: np.ndarray
     position: np.ndarray
 
     def seen(self, T: np.ndarray, W: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -115,15 +115,15 @@ class Turn:
         for i in range(2 * n_frames):
             B[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = R
         model, length = self.snapshot.model, self.snapshot.system.characteristic_length
-        for body, m, _, first in modal_places(self.snapshot.tables, n_frames):
+        for body, own in modal_places(self.snapshot.tables):
             if any(body in blade for blade in outside_of):
                 continue
             w = self.tangents[0].rotation[body].T @ (self.omega[body] - w_frame)
             A = modal_generator(_elastic(model, body), w, length)
             if A is None:
                 return None
-            at = 6 * n_frames + first
-            B[at : at + m, at : at + m] = expm(A * tangent.t)
+            at = slice(6 * n_frames + own.start, 6 * n_frames + own.stop)
+            B[at, at] = expm(A * tangent.t)
         return B
 
     def transformations(self, name: str) -> list[np.ndarray] | None:
@@ -206,7 +206,7 @@ class Turn:
         twists = tangent.rows[: 6 * len(self.omega)].reshape(-1, 6, len(tangent.M)).copy()
         twists[:, :3] *= length
         with core_errors():
-            strains = self.snapshot.system.strains(tangent.relative, list(self.without))
+            strains = self.snapshot.system.strains(tangent.q, list(self.without))
         for name, a, b, point, gradients, k in strains:
             moved, reach = np.zeros((6, len(tangent.M))), np.zeros(len(tangent.M))
             for body, sign in ((a, -1.0), (b, 1.0)):
@@ -258,7 +258,7 @@ class Turn:
     def _cut_shapes(self) -> str:
         """The elastic body that turns and has no generator."""
         length, names = self.snapshot.system.characteristic_length, self.snapshot.tables["body_name"]
-        for body, _, _, _ in modal_places(self.snapshot.tables, len(self.omega)):
+        for body, _ in modal_places(self.snapshot.tables):
             w = self.tangents[0].rotation[body].T @ self.omega[body]
             if modal_generator(_elastic(self.snapshot.model, body), w, length) is None:
                 return str(names[body])
@@ -300,7 +300,7 @@ class Turn:
 def sampled(snapshot: Snapshot, spin: Spin, state: State, without: tuple[str, ...]) -> Turn:
     """Tangents at t = 0 and at `ANGLES` of every speed of rotation."""
     with core_errors():
-        omega = snapshot.system.bodies(state.relative, state.rate)["angular_velocity"]
+        omega = snapshot.system.bodies(state.q, state.rate)["angular_velocity"]
     size = np.linalg.norm(omega, axis=1)
     speeds: list[float] = []
     for one in sorted(size[size > FITS * np.max(size, initial=0.0)], reverse=True):
@@ -309,7 +309,7 @@ def sampled(snapshot: Snapshot, spin: Spin, state: State, without: tuple[str, ..
     times = [0.0] + [angle / speed for speed in speeds[:4] for angle in ANGLES]
     with core_errors():
         first = snapshot.system.linearize(
-            state.relative, state.rate, list(without), state.memory.tolist(), state.acceleration.tolist()
+            state.q, state.rate, list(without), state.memory.tolist(), state.acceleration.tolist()
         )
     names = tuple(first["coordinates"])
     place = {name: i for i, name in enumerate(snapshot.system.topology()["coordinates"])}
@@ -319,18 +319,18 @@ def sampled(snapshot: Snapshot, spin: Spin, state: State, without: tuple[str, ..
     for t in times:
         step, rate = spin.later(state.rate, t)
         with core_errors():
-            relative = snapshot.system.advance(state.relative, step[kept], list(without)) if t else state.relative
+            q = snapshot.system.advance(state.q, step[kept], list(without)) if t else state.q
             r = snapshot.system.linearize(
-                relative, rate, list(without), state.memory.tolist(), spin.acceleration(rate).tolist()
+                q, rate, list(without), state.memory.tolist(), spin.acceleration(rate).tolist()
             )
-            place_now = snapshot.system.bodies(relative, rate)
+            place_now = snapshot.system.bodies(q, rate)
         twists = r["T"].copy().reshape(-1, 6, len(r["coordinates"]))
         twists[:, :3] /= length
         modal = r.get("modal_map", np.zeros((0, len(r["coordinates"]))))
         rows = np.vstack([twists.reshape(-1, len(r["coordinates"])), modal / _modal_size(snapshot, length)])
         D = np.zeros_like(r["M"]) if r["D"] is None else r["D"]
         tangents.append(
-            Tangent(t, r["M"], D, r["S"], r["residual"], rows, place_now["rotation"], relative, place_now["position"])
+            Tangent(t, r["M"], D, r["S"], r["residual"], rows, place_now["rotation"], q, place_now["position"])
         )
     scale = 1.0 / np.maximum(np.max(np.abs(tangents[0].rows), axis=0, initial=0.0), np.finfo(float).tiny)
     return Turn(snapshot, spin, state, without, names, first["force_scale"], tuple(tangents), scale, omega)
@@ -339,9 +339,9 @@ def sampled(snapshot: Snapshot, spin: Spin, state: State, without: tuple[str, ..
 def _modal_size(snapshot: Snapshot, length: float) -> np.ndarray:
     """(n_modal, 1): the modal coordinate whose motion is that of the whole body by a characteristic length."""
     t, out = snapshot.tables, []
-    for which, (body, m, _, _) in enumerate(modal_places(t, len(t["body_name"]))):
-        own = mass_matrix_at(t, which, np.zeros(m))
-        out.append(length * np.sqrt(t["x"][int(t["body_x"][body]) + BODY.block.place("mass")] / np.diag(own)[6:]))
+    for which, (body, own) in enumerate(modal_places(t)):
+        mass = mass_matrix_at(t, which, np.zeros(own.stop - own.start))
+        out.append(length * np.sqrt(t["x"][int(t["body_x"][body]) + BODY.block.place("mass")] / np.diag(mass)[6:]))
     return np.concatenate(out)[:, None] if out else np.ones((0, 1))
 
 

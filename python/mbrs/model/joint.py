@@ -94,6 +94,8 @@ def add_joint(book: Book, type_: str, name: Any, a: Any, b: Any, law: Any = None
     _check_frame(name, kind, given)
     if type_ == "rolling_disc" and given["radius"] is None:
         raise problem(name + ".radius", "is missing: a rolling_disc needs its radius in m")
+    if type_ == "screw" and given["pitch"] is None:
+        raise problem(name + ".pitch", "is missing: a screw needs its pitch in m per radian (the lead over 2 pi)")
     packed = pack(name, kind, given)
     joint.flags, joint.shapes, joint.one_point = packed.flags, packed.shapes, packed.one_point
     laws = add_laws(joint, law, len(kind.free), kind.coordinates)

@@ -1,4 +1,4 @@
-"""The joints of `Model`, one constructor each; docs/tables.md has their rows and coordinates."""
+"""The joints of `Model` that leave coordinates, one constructor each; docs/tables.md has their rows and coordinates."""
 
 from __future__ import annotations
 
@@ -442,48 +442,7 @@ def free(
     )
 
 
-def distance(
-    self: Book,
-    name: str,
-    a: BodyLike,
-    b: BodyLike,
-    *,
-    at: Points | None = None,
-    length: Scalar | None = None,
-) -> Joint:
-    """A massless rod: |P_b - P_a| = length.
-
-    Parameters
-    ----------
-    name
-        Unique in the model.
-    a, b
-        Bodies (handles or names), ground, or nodes of flexible bodies.
-    at
-        ``(P_a, P_b)``, m, world, as drawn, the first fixed in a, the second in b.
-    length
-        m, to which assembly goes; the drawn distance by default, also when the points are moved.
-
-    Returns
-    -------
-    Joint
-
-    Raises
-    ------
-    ModelError
-        A body joined to itself, a missing or doubled direction, wrong shapes, numbers that are not finite.
-
-    Examples
-    --------
-    >>> import mbrs as mb
-    >>> m = mb.Model("rod"); b = m.body("bob", mass=1.0, inertia=(1, 1, 1), at=(0, 0, -1))
-    >>> m.distance("string", m.ground, b, at=((0, 0, 0), (0, 0, -1)))
-    <joint 'string' of 'rod'>
-    """
-    return add_joint(self, "distance", name, a, b, at=at, length=length)
-
-
-def knife_edge(
+def screw(
     self: Book,
     name: str,
     a: BodyLike,
@@ -492,8 +451,13 @@ def knife_edge(
     at: Points | None = None,
     axis: Axis | None = None,
     orientation: Rotation | None = None,
+    pitch: Scalar | None = None,
+    k: Coefficients | None = None,
+    c: Coefficients | None = None,
+    preload: Coefficients | None = None,
+    law: Laws | None = None,
 ) -> Joint:
-    """Nonholonomic: the point of b does not move along ``axis``, which is fixed in b, relative to a.
+    """Free is the angle about ``axis`` (rad), with which b moves along it: u_z = ``pitch`` angle.
 
     Parameters
     ----------
@@ -504,9 +468,15 @@ def knife_edge(
     at
         (3,), m, world, as drawn, or two points ``(P_a, P_b)`` that assembly brings together; of a node its own point.
     axis
-        "x", "-y", ... or a vector (3,), world: the direction without motion.
+        "x", "-y", ... or a vector (3,), world: the common axis.
     orientation
         Of the joint frame as drawn, instead of ``axis``: quaternion (4,), scalar first, or matrix (3, 3).
+    pitch
+        m per radian: the lead over 2 pi; negative of a left-handed thread.
+    k, c, preload
+        Stiffness (N m/rad), damping (N m s/rad) and moment (N m) of the angle, or a law of it.
+    law
+        Nonlinear law of the angle, added to these.
 
     Returns
     -------
@@ -519,61 +489,26 @@ def knife_edge(
 
     Examples
     --------
-    >>> import mbrs as mb
-    >>> m = mb.Model("skate"); s = m.body("skate", mass=1.0, inertia=(1, 1, 1))
-    >>> m.knife_edge("blade", m.ground, s, at=(0, 0, 0), axis="y")
-    <joint 'blade' of 'skate'>
-    """
-    return add_joint(self, "knife_edge", name, a, b, at=at, axis=axis, orientation=orientation)
+    A nut on a thread of 5 mm lead falls with the acceleration m g p^2 / (J + m p^2).
 
-
-def rolling_disc(
-    self: Book,
-    name: str,
-    a: BodyLike,
-    b: BodyLike,
-    *,
-    at: Points | None = None,
-    axis: Axis | None = None,
-    axis2: Axis | None = None,
-    orientation: Rotation | None = None,
-    radius: Scalar | None = None,
-) -> Joint:
-    """Nonholonomic: a disc of ``radius`` about ``axis2`` (fixed in b) rolls on a plane of a with the normal ``axis``.
-
-    Parameters
-    ----------
-    name
-        Unique in the model.
-    a, b
-        Bodies (handles or names), ground, or nodes of flexible bodies.
-    at
-        ``(P_a, P_b)``, m, world: any point of the plane and the disc's centre.
-    axis
-        "x", "-y", ... or a vector (3,), world: the normal of the plane.
-    axis2
-        The disc's axis, in the same way.
-    orientation
-        Of the joint frame as drawn, instead of the axes: quaternion (4,), scalar first, or matrix (3, 3).
-    radius
-        m, positive.
-
-    Returns
-    -------
-    Joint
-
-    Raises
-    ------
-    ModelError
-        A body joined to itself, a missing or doubled direction, wrong shapes, numbers that are not finite.
-
-    Examples
-    --------
-    >>> import mbrs as mb
-    >>> m = mb.Model("coin"); c = m.body("coin", mass=1.0, inertia=(1, 1, 2), at=(0, 0, 0.1))
-    >>> m.rolling_disc("rolls", m.ground, c, at=((0, 0, 0), (0, 0, 0.1)), axis="z", axis2="x", radius=0.1)
-    <joint 'rolls' of 'coin'>
+    >>> import mbrs as mb, numpy as np
+    >>> m = mb.Model("vice", gravity=(0, 0, -9.81))
+    >>> nut = m.body("nut", mass=0.2, inertia=(1e-5, 1e-5, 2e-5), at=(0, 0, 0))
+    >>> m.screw("thread", m.ground, nut, at=(0, 0, 0), axis="z", pitch=0.005 / (2 * np.pi))
+    <joint 'thread' of 'vice'>
     """
     return add_joint(
-        self, "rolling_disc", name, a, b, at=at, axis=axis, axis2=axis2, orientation=orientation, radius=radius
+        self,
+        "screw",
+        name,
+        a,
+        b,
+        at=at,
+        axis=axis,
+        orientation=orientation,
+        pitch=pitch,
+        k=k,
+        c=c,
+        preload=preload,
+        law=law,
     )

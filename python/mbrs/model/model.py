@@ -18,6 +18,7 @@ from . import drives as _drives
 from . import flexible as _flexible
 from . import forces as _forces
 from . import joints as _joints
+from . import restraints as _restraints
 from . import section_loads as _section_loads
 from .addresses import Target, assign, read, target
 from .aliases import Matrix, Vector, Vector3
@@ -122,13 +123,14 @@ class Model(Book):
     revolute = accepting(_joints.revolute, JOINTS)
     prismatic = accepting(_joints.prismatic, JOINTS)
     cylindrical = accepting(_joints.cylindrical, JOINTS)
+    screw = accepting(_joints.screw, JOINTS)
     universal = accepting(_joints.universal, JOINTS)
     spherical = accepting(_joints.spherical, JOINTS)
     planar = accepting(_joints.planar, JOINTS)
     free = accepting(_joints.free, JOINTS)
-    distance = accepting(_joints.distance, JOINTS)
-    knife_edge = accepting(_joints.knife_edge, JOINTS)
-    rolling_disc = accepting(_joints.rolling_disc, JOINTS)
+    distance = accepting(_restraints.distance, JOINTS)
+    knife_edge = accepting(_restraints.knife_edge, JOINTS)
+    rolling_disc = accepting(_restraints.rolling_disc, JOINTS)
 
     spring_damper = accepting(_forces.spring_damper, ELEMENTS)
     bushing = accepting(_forces.bushing, ELEMENTS)

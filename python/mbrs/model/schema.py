@@ -311,7 +311,9 @@ _JOINT = Block(
         *_ENDS,
         Field(
             "axis", (3,), "direction", (0.0, 0.0, 1.0), replaced_by=_FRAME,
-            types=("revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "free", "knife_edge", "rolling_disc"),
+            types=(
+                "revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "free", "knife_edge", "rolling_disc", "screw",
+            ),
         ),
         Field("axis2", (3,), "direction", replaced_by=_FRAME, types=("universal", "rolling_disc")),
         Field("orientation", (4,), "orientation", IDENTITY, flag=_FRAME, listed="given"),
@@ -320,6 +322,7 @@ _JOINT = Block(
         Field("preload", (6,), "force", flag="HAS_PRELOAD", listed="given"),
         Field("length", (), "length", flag="LENGTH_GIVEN", check="not negative", types=("distance",)),
         Field("radius", (), "length", check="positive", types=("rolling_disc",)),
+        Field("pitch", (), "length", types=("screw",), note="m per radian, negative: left-handed"),
     ],
 )  # fmt: skip
 _SPRUNG = "k c preload law"
@@ -363,6 +366,7 @@ JOINTS = {
             axes=("axis", "axis2"),
             nonholonomic=True,
         ),
+        _joint(11, "screw", "r", "rz", f"at axis orientation pitch {_SPRUNG}", axes=_Z),
     )
 }
 

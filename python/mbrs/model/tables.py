@@ -264,15 +264,19 @@ def node_tables(model: Book, base: dict[str, int]) -> dict[str, Any]:
     }
 
 
-def modal_places(tables: Mapping[str, Any], n_bodies: int) -> list[tuple[int, int, int, int]]:
-    """Each flexible body: its number, the number of its modes, the row of a state where its coordinates start (three in
-    each row, columns 0..2), and its first place among all modal coordinates.
-    """
-    out, row, first = [], n_bodies, 0
+def modal_places(tables: Mapping[str, Any]) -> list[tuple[int, slice]]:
+    """Each flexible body: its number, and the place of its coordinates among all modal ones."""
+    out, first = [], 0
     for body, m in zip(tables.get("flexible_body", ()), tables.get("flexible_modes", ()), strict=True):
-        out.append((int(body), int(m), row, first))
-        row, first = row + (int(m) + 2) // 3, first + int(m)
+        out.append((int(body), slice(first, first + int(m))))
+        first += int(m)
     return out
+
+
+def modal_part(tables: Mapping[str, Any], values: np.ndarray) -> np.ndarray:
+    """The modal coordinates, which are the last of ``values`` (..., n): of a state's q or of its rates."""
+    total = sum(int(m) for m in tables.get("flexible_modes", ()))
+    return values[..., values.shape[-1] - total :]
 
 
 def _integers(values: Iterable[Any]) -> np.ndarray:

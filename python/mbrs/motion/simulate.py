@@ -290,7 +290,7 @@ def _run(snapshot: Snapshot, state: State, without: Sequence[str], options: dict
             # a motion of no length is done when it begins
             progress.advance((int(1000 * part) if math.isfinite(part) else 1000) - progress.done)
 
-        return _core.simulate_motion(snapshot.system, state.relative, state.rate, list(without), options, report)
+        return _core.simulate_motion(snapshot.system, state.q, state.rate, list(without), options, report)
 
 
 def _trajectory(
@@ -305,7 +305,7 @@ def _trajectory(
     acting = tuple(e.name for e in effects(m) if e.on and e.name not in without)
     return Trajectory(
         t=made["t"],
-        relative=made["relative"],
+        q=made["q"],
         rate=made["rate"],
         memory=made["memory"],
         acceleration=made["acceleration"],
@@ -381,7 +381,7 @@ def _estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) ->
         other = _core.motion_quantities(
             traj.snapshot.system,
             made["t"],
-            made["relative"],
+            made["q"],
             made["rate"],
             made["memory"],
             made["acceleration"],

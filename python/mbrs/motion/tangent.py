@@ -81,7 +81,7 @@ class Run:
         with core_errors():
             r = _core.directions(
                 self.snapshot.system,
-                self.state.relative,
+                self.state.q,
                 self.state.rate,
                 list(self.without),
                 pairs,
@@ -95,7 +95,7 @@ class Run:
         with core_errors():
             return _core.motion_directions(
                 self.snapshot.system,
-                self.state.relative,
+                self.state.q,
                 self.state.rate,
                 list(self.without),
                 self.options(asked, along),

@@ -14,7 +14,7 @@ from .._lib.rotations import quaternion_matrix
 from ..errors import ModelError, NameNotFoundError
 from ..model.names import nearest
 from ..model.schema import BODY, JOINTS, MARKER
-from ..model.tables import modal_places
+from ..model.tables import modal_part, modal_places
 from ..results import Result, quantity, result
 from ..system.snapshot import Snapshot
 from ..system.state import State
@@ -83,8 +83,8 @@ class Trajectory(Result):
     ----------
     t
         (n_t,) s.
-    relative, rate, memory
-        (n_t, n_bodies, 12), (n_t, n_tree), (n_t, n_memory): the states as the core holds them; `state` makes one of them.
+    q, rate, memory
+        (n_t, n_q), (n_t, n_tree), (n_t, n_memory): the states as the core holds them; `state` makes one of them.
     acceleration, multipliers
         (n_t, n_tree), (n_t, n_rows): of the tree coordinates, and of the rows of the joints that close loops.
     steps, local_error
@@ -97,7 +97,7 @@ class Trajectory(Result):
     """
 
     t: np.ndarray
-    relative: np.ndarray
+    q: np.ndarray
     rate: np.ndarray
     memory: np.ndarray
     acceleration: np.ndarray
@@ -134,7 +134,7 @@ class Trajectory(Result):
             return _core.motion_quantities(
                 self.snapshot.system,
                 self.t,
-                self.relative,
+                self.q,
                 self.rate,
                 self.memory,
                 self.acceleration,
@@ -222,18 +222,15 @@ class Trajectory(Result):
     @property
     def flexible(self) -> list[str]:
         """Names of the flexible bodies that have modal coordinates in this motion."""
-        return [self.bodies[body] for body, *_ in modal_places(self.snapshot.tables, len(self.bodies))]
+        return [self.bodies[body] for body, _ in modal_places(self.snapshot.tables)]
 
     def _modal(self, body: Any) -> tuple[Any, tuple[np.ndarray, np.ndarray]]:
         index = self._body(body)
         owner = self.model.bodies[index] if index < len(self.model.bodies) else None
-        places = modal_places(self.snapshot.tables, len(self.bodies))
-        total = sum(m for _, m, _, _ in places)
-        for number, m, row, first in places:
+        tables = self.snapshot.tables
+        for number, own in modal_places(tables):
             if number == index:
-                start = self.rate.shape[1] - total + first
-                q = self.relative[:, row : row + (m + 2) // 3, :3].reshape(len(self.t), -1)[:, :m]
-                return owner, (q, self.rate[:, start : start + m])
+                return owner, (modal_part(tables, self.q)[:, own], modal_part(tables, self.rate)[:, own])
         raise ModelError(f"{self.bodies[index]!r} has no modal coordinates in this motion: it is rigid there")
 
     def node_positions(self, body: Any) -> np.ndarray:
@@ -370,7 +367,7 @@ class Trajectory(Result):
             A time that is not an output time.
         """
         i = len(self.t) - 1 if t is None else self._output(t)
-        return State(self.relative[i], self.rate[i], "given", self.memory[i], float(self.t[i]))
+        return State(self.q[i], self.rate[i], "given", self.memory[i], float(self.t[i]))
 
     def reaction(self, name: Any) -> np.ndarray:
         """(n_t, 6) wrench of a joint's constraints on its second body at its point: force (N) and moment (N m), world axes.
@@ -411,7 +408,7 @@ class Trajectory(Result):
             return _core.motion_reactions(
                 self.snapshot.system,
                 self.t,
-                self.relative,
+                self.q,
                 self.rate,
                 self.memory,
                 self.acceleration,

@@ -87,7 +87,7 @@ def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> 
     snapshot = Snapshot.of(m, without)
     state = state_of(m, snapshot.system, at)
     with core_errors():
-        r = snapshot.system.linearize(state.relative, state.rate, [*without, "law-slopes"])
+        r = snapshot.system.linearize(state.q, state.rate, [*without, "law-slopes"])
     lin = linearization_at(snapshot, state, r, without, started, warn=at is None)
     elements: list[Any] = []
     for place in law_places(lin):

@@ -117,8 +117,8 @@ def full_distance(solution: Any, terms: Sequence[tuple[float, Any]], length: flo
         traj = simulate(model, t, at=start, rtol=max(rtol, 1e-13), without=lin.without)
     own = lin.snapshot.system
     where = _poses(own, [_lifted(lin, x) for x in solution.displacement(t).T])
-    there = _poses(own, list(traj.relative))
-    rest = _poses(own, [lin.state.relative])
+    there = _poses(own, list(traj.q))
+    rest = _poses(own, [lin.state.q])
     scale = own.characteristic_length
     size = _apart(where, rest, scale)
     return _apart(there, where, scale) / max(size, np.finfo(float).tiny)
@@ -138,13 +138,13 @@ def _copy(system: Any) -> Any:
 def _lifted(lin: Linearization, x: np.ndarray) -> np.ndarray:
     """The configuration whose joints are moved by the increments x from the state of the linearisation, loops closed."""
     with core_errors():
-        return np.asarray(lin.snapshot.system.advance(lin.state.relative, np.ascontiguousarray(x), list(lin.without)))
+        return np.asarray(lin.snapshot.system.advance(lin.state.q, np.ascontiguousarray(x), list(lin.without)))
 
 
-def _poses(system: Any, relative: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def _poses(system: Any, q: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Positions (n_t, n_bodies, 3) and rotations (n_t, n_bodies, 3, 3)."""
     with core_errors():
-        made = [system.bodies(np.ascontiguousarray(r), np.zeros(0)) for r in relative]
+        made = [system.bodies(np.ascontiguousarray(r), np.zeros(0)) for r in q]
     return np.array([m["position"] for m in made]), np.array([m["rotation"] for m in made])
 
 
@@ -166,28 +166,28 @@ def _start(solution: Any, length: float, model: Any, simulate: Any) -> State:
     x, velocity = solution.displacement(0.0)[:, 0], solution.velocity(0.0)[:, 0]
     # along the straight line through x: what bends are the joints, not the harmonics
     position, rotation = _poses(own, [_lifted(lin, x + k * h * velocity) for k, _ in weights])
-    relative = _lifted(lin, x)
-    here = _poses(own, [relative])[1][0]
+    q = _lifted(lin, x)
+    here = _poses(own, [q])[1][0]
     factors = np.array([w for _, w in weights])
     v = np.einsum("s,sbi->bi", factors, position) / h
     spin = np.einsum("s,sbij->bij", factors, rotation) / h @ np.swapaxes(here, -1, -2)
     w = 0.5 * np.stack([spin[:, 2, 1] - spin[:, 1, 2], spin[:, 0, 2] - spin[:, 2, 0], spin[:, 1, 0] - spin[:, 0, 1]], 1)
-    rate = _rates(own, relative, np.concatenate([v, w], 1).ravel())
-    bare = State(relative, rate, "given")
+    rate = _rates(own, q, np.concatenate([v, w], 1).ravel())
+    bare = State(q, rate, "given")
     if not any(law.has_memory for law in system.elements):
         return bare
     memory = simulate(model, np.zeros(1), at=bare, rtol=1e-3, without=lin.without).memory[0].copy()
     places = _sliders(solution, length)
     memory[: len(places)] = places
-    return State(relative, rate, "given", memory)
+    return State(q, rate, "given", memory)
 
 
-def _rates(own: Any, relative: np.ndarray, twists: np.ndarray) -> np.ndarray:
+def _rates(own: Any, q: np.ndarray, twists: np.ndarray) -> np.ndarray:
     """Rates of the tree coordinates that give the bodies these twists."""
     columns = []
     with core_errors():
         for unit in np.eye(own.n_tree):
-            made = own.bodies(relative, unit)
+            made = own.bodies(q, unit)
             columns.append(np.concatenate([made["velocity"], made["angular_velocity"]], 1).ravel())
     return np.asarray(np.linalg.lstsq(np.array(columns).T, twists, rcond=None)[0])
 

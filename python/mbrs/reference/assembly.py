@@ -158,7 +158,8 @@ def assemble(sys: System, state: State, tolerance: float = 1e-13) -> State:
             continue
         u, turn = relative_pose(t, state.r, state.R)
         free = [k for _, kind, _, k in t.coordinates if kind == "t"]
-        place_outer(t, r, R, np.where(np.isin(np.arange(3), free), u, 0.0), _free_turn(t, turn))
+        turn, along = _free_turn(t, turn), np.where(np.isin(np.arange(3), free), u, 0.0)
+        place_outer(t, r, R, along + t.link.pitch * so3.atan2(turn[1, 0], turn[0, 0]) * np.eye(3)[2], turn)
     return close_loops(sys, State(r, R, state.v, state.w), tolerance)
 
 

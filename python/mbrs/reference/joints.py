@@ -51,6 +51,7 @@ class Pair:
     centre_a: Jet
     centre_b: Jet
     radius: Array
+    pitch: Array
 
     def twist(self, a: tuple[Jet, Jet], b: tuple[Jet, Jet]) -> Jet:
         """Relative twists (m, 6) for m motions of the two bodies: rows of (velocity of the centre of mass, angular
@@ -67,7 +68,7 @@ def pair(link: Link, a: tuple[Jet, Jet], b: tuple[Jet, Jet]) -> Pair:
     (ca, Ra), (cb, Rb) = a, b
     A, B = Ra @ link.a.F, Rb @ link.b.F
     p_a, p_b = ca + link.a.s[None, :] @ Ra.T, cb + link.b.s[None, :] @ Rb.T
-    return Pair((p_b - p_a) @ A, A.T @ B, A, p_b, ca, cb, link.radius)
+    return Pair((p_b - p_a) @ A, A.T @ B, A, p_b, ca, cb, link.radius, link.pitch)
 
 
 def translation_row(i: int) -> Jet:
@@ -93,6 +94,8 @@ def constraint_row(row: Row, p: Pair) -> Jet:
         return angle_row(p)
     if kind == "beta":
         return beta_row(p)
+    if kind == "thread":
+        return translation_row(Z) - p.pitch * angle_row(p)
     if kind == "log":
         return np.eye(3)[i : i + 1] @ rotation_vector_rows(p)
     return stretch_row(p)
@@ -107,6 +110,11 @@ def constraint_value(row: Row, p: Pair, length: Array) -> Array:
     if kind == "disc":
         n = p.R.value[:, Z]
         return p.u.value[0, Z] - p.radius * np.sqrt(n[X] ** 2 + n[Y] ** 2)
+    if kind == "thread":
+        angle = so3.atan2(p.R.value[Y, X], p.R.value[X, X])
+        way = p.u.value[0, Z]
+        turns = 0.0 if p.pitch == 0 else np.round(np.real(way / p.pitch - angle) / (2 * np.pi))
+        return way - p.pitch * (angle + 2 * np.pi * turns)
     return so3.norm(p.u.value) - length
 
 

@@ -219,7 +219,7 @@ def tree_twists(sys: System, bodies: Motion) -> list[tuple[Jet, Jet]]:
             if kind == "t":
                 trans = trans + select @ axis
             else:
-                rot, trans = rot + select @ axis, trans + select @ cross(axis, arm)
+                rot, trans = rot + select @ axis, trans + select @ (cross(axis, arm) + t.link.pitch * axis)
         twists[t.outer] = (trans, rot)
     return twists
 
@@ -270,6 +270,7 @@ def _moved(t: TreeJoint, u: Array, R: Array, y: Array) -> tuple[Array, Array]:
             u[k] += s * value
         else:
             turn[k] = s * value
+            u[k] += s * t.link.pitch * value
     return u, so3.exp(turn) @ R
 
 

@@ -24,6 +24,7 @@ CONSTRAINTS: dict[str, list[Row]] = {
     "distance": [("distance", 0, 0)],
     "knife_edge": [],
     "rolling_disc": [("disc", 0, 0)],
+    "screw": [*_rows("xy", "xz yz"), ("thread", 0, 0)],
 }
 # rows that restrict velocities only
 VELOCITY_CONSTRAINTS: dict[str, list[Row]] = {
@@ -55,6 +56,7 @@ FREE: dict[str, list[tuple[str, int]]] = {
     "distance": [],
     "knife_edge": [],
     "rolling_disc": [],
+    "screw": [("angle", Z)],
     "drive": [],
     "coupler": [],
     "bushing": [("u", X), ("u", Y), ("u", Z), ("log", 0)],

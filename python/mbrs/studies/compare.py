@@ -331,7 +331,7 @@ def _motion(traj: Trajectory) -> list[_Row]:
     if sys.flexible:
         raise ModelError("motions of flexible bodies are not compared: mb.compare(mb.modes(m)) checks their matrices")
     start = traj.state(float(traj.t[0]))
-    state = _state_at(sys, traj.snapshot.system.bodies(start.relative, start.rate))
+    state = _state_at(sys, traj.snapshot.system.bodies(start.q, start.rate))
     chosen = np.unique(np.linspace(0, len(traj.t) - 1, _TIMES + 1).astype(int))
     history = ref.oracle(sys, begin(sys, state), traj.t[chosen][1:] - traj.t[0], rtol=_RTOL)
     ends = [with_rates(sys, instant.motion) for instant in history.instants]

@@ -19,9 +19,9 @@ class State:
 
     Attributes
     ----------
-    relative
-        (n_poses, 12) relative poses of the tree joints, and behind them the modal coordinates, three in each row; made by the
-        analyses, not by hand.
+    q
+        (n_q,) coordinates of the joints in the order of the tree (lengths in m, angles in rad that grow over turns, unit quaternions
+        of spherical and free joints), then modal coordinates; made by the analyses, not by hand.
     rate
         (n_tree,) rates of the tree coordinates, or empty at rest.
     kind
@@ -40,7 +40,7 @@ class State:
         Axes of z: "fixed", "rotating", "joint" or "multiblade"; empty but for a steady motion.
     """
 
-    relative: np.ndarray
+    q: np.ndarray
     rate: np.ndarray
     kind: str = "given"
     memory: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -74,7 +74,7 @@ def drawn(model: Any, system: Any, hold: bool = True, without: Sequence[str] = (
             MbrsWarning,
             stacklevel=4,
         )
-    return State(made["relative"], made["rate"], "drawn")
+    return State(made["q"], made["rate"], "drawn")
 
 
 def doubt(joints: Sequence[str], value: float, redundant: bool, tolerance: float) -> str:
@@ -116,9 +116,9 @@ def state_of(model: Any, system: Any, at: Any, hold: bool = True, without: Seque
     state = getattr(at, "state", at)
     if callable(state) or not isinstance(state, State):
         raise ModelError(f"at= takes None (the drawn state), an equilibrium, a steady motion or a state; got {at!r}")
-    if state.relative.shape[0] != system.n_poses:
+    if state.q.shape != (system.n_q,):
         raise ModelError(
-            f"at= is a state of {state.relative.shape[0]} bodies (with the rows of modal coordinates), but model {model.name!r} has "
-            f"{system.n_poses}; compute it again from this model, with the same effects"
+            f"at= is a state of {state.q.size} coordinates, but model {model.name!r} has {system.n_q}; compute it again from this "
+            f"model, with the same effects"
         )
     return state

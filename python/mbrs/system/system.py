@@ -88,7 +88,7 @@ class System(Result):
         snapshot = Snapshot.of(model)
         state = state_of(model, snapshot.system, None)
         with core_errors():
-            found = snapshot.system.mobility(state.relative)
+            found = snapshot.system.mobility(state.q)
         doubts = doubts_of(snapshot.system)
         topology = snapshot.system.topology()
         tree = tuple((b, p or "ground", j, kind) for b, p, j, kind in topology["tree"])

@@ -34,11 +34,11 @@ pub struct Assembled {
 /// `hold`: drives stand still at their values of t = 0, as linear analyses take them; else they give their rates.
 pub fn assemble(system: &System, hold: bool, effects: Effects, counts: &mut Counts) -> Result<Assembled> {
     let (mut state, iterations) = if system.topology.rows.is_empty() {
-        (State { relative: drawn_start(system), rate: Vec::new() }, 0)
+        (State { q: drawn_start(system), rate: Vec::new() }, 0)
     } else {
         let decision = system.decision(effects)?;
         counts.add("assembly iterations", decision.iterations as u64);
-        (State { relative: decision.closed.clone(), rate: Vec::new() }, decision.iterations)
+        (State { q: decision.closed.clone(), rate: Vec::new() }, decision.iterations)
     };
     let velocity_correction = set_velocities(system, &mut state, hold, effects)?;
     Ok(Assembled { state, velocity_correction, iterations })
@@ -53,7 +53,7 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
         (at(layout::body::VELOCITY), at(layout::body::ANGULAR_VELOCITY))
     };
     let resting = |n: usize| given(n).0.amax() == 0.0 && given(n).1.amax() == 0.0;
-    let placement = place(topology, &system.geometry, &state.relative, None);
+    let placement = place(topology, &system.geometry, &state.q, None);
     let prescribed = explicit_rates(topology, &system.geometry, effects, 0.0).0;
     let driven = prescribed.amax() != 0.0;
     if (0..topology.nodes.len()).all(resting) && (hold || !driven) {
@@ -88,7 +88,7 @@ fn set_velocities(system: &System, state: &mut State, hold: bool, effects: Effec
     } else {
         held.clone_from(&rate);
     }
-    let moving = place(topology, &system.geometry, &state.relative, Some(&rate));
+    let moving = place(topology, &system.geometry, &state.q, Some(&rate));
     let mut correction: f64 = 0.0;
     for (n, node) in topology.nodes.iter().enumerate() {
         let Some(v) = moving.velocity.as_ref().map(|v| v.body[n]) else {

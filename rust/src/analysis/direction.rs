@@ -21,7 +21,7 @@ use crate::spatial::Pose;
 use crate::system::System;
 use crate::system::assemble::Scene;
 use crate::system::loops::{Loops, column_scales};
-use crate::system::placement::{Placement, advance, lifted_relative, place};
+use crate::system::placement::{Placement, advance, lifted_q, place};
 use crate::tolerances::constraints::{CLOSED_ROUNDING, REDUNDANT_OPEN};
 
 /// The derivative of a linearisation along one direction of the numbers (and of the state).
@@ -109,10 +109,10 @@ fn dual_scene(
     rates: Rates,
 ) -> Result<DualScene> {
     let system = setting.system;
-    let (x, geometry, relative) = varied(setting, dx, dy);
+    let (x, geometry, q) = varied(setting, dx, dy);
     let moving = setting.state.moving() || rates == Rates::Drawn && gives_velocity(&system.topology.tables, dx);
     let mut made = DualScene {
-        placement: place(&system.topology, &geometry, &relative, None),
+        placement: place(&system.topology, &geometry, &q, None),
         memory: setting.memory.iter().map(|z| Dual64::from(*z)).collect(),
         x,
         geometry,
@@ -138,18 +138,18 @@ fn dual_scene(
         Rates::Held => held_rates(setting, loops.as_ref().map(|(l, b)| (*l, b))),
     };
     if let Some((l, _)) = &loops {
-        let path = Path { x: &made.x, relative: &relative, rate: &rate };
+        let path = Path { x: &made.x, q: &q, rate: &rate };
         let turning = turning(setting, l, &path);
         let acceleration = turning.acceleration.clone();
         made.acceleration = setting.effects.centrifugal.then_some(acceleration);
         made.turning = Some(turning);
     }
-    made.placement = place(&system.topology, &made.geometry, &relative, Some(&rate));
+    made.placement = place(&system.topology, &made.geometry, &q, Some(&rate));
     made.rate = Some(rate);
     Ok(made)
 }
 
-type Varied = (Vec<Dual64>, Geometry<Dual64>, Vec<Pose<Dual64>>);
+type Varied = (Vec<Dual64>, Geometry<Dual64>, Vec<Dual64>);
 
 fn varied(setting: &Setting<'_>, dx: &[(usize, f64)], dy: &[f64]) -> Varied {
     let system = setting.system;
@@ -158,10 +158,10 @@ fn varied(setting: &Setting<'_>, dx: &[(usize, f64)], dy: &[f64]) -> Varied {
         x[*i].eps = *d;
     }
     let geometry = Geometry::derive(&system.topology.tables, &x);
-    let mut relative = lifted_relative(&system.topology, &geometry, setting.state);
+    let mut q = lifted_q(&system.topology, &geometry, setting.state);
     let increments: Vec<_> = dy.iter().map(|d| Dual64::new(0.0, *d)).collect();
-    advance(&system.topology, &mut relative, &increments);
-    (x, geometry, relative)
+    advance(&system.topology, &mut q, &increments);
+    (x, geometry, q)
 }
 
 fn held_rates(setting: &Setting<'_>, loops: Option<(&Loops, &DMatrix<Dual64>)>) -> Vec<Dual64> {
@@ -294,9 +294,9 @@ fn closing(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)]) -> 
     let Some(loops) = &base.loops else {
         return Ok(vec![0.0; n]);
     };
-    let (x, geometry, relative) = varied(setting, dx, &vec![0.0; n]);
+    let (x, geometry, q) = varied(setting, dx, &vec![0.0; n]);
     let held = DualScene {
-        placement: place(&system.topology, &geometry, &relative, None),
+        placement: place(&system.topology, &geometry, &q, None),
         memory: setting.memory.iter().map(|z| Dual64::from(*z)).collect(),
         x,
         geometry,

@@ -82,7 +82,7 @@ impl Local {
         let r = DVector::from_fn(n, |i, _| linearization.residual[i] * scale[i]);
         let sizes = linearization.force_sizes.iter().map(|f| f.max(f64::MIN_POSITIVE)).collect();
         let islands: Vec<usize> = coordinates.iter().map(|i| topology.island_of(*i)).collect();
-        let poses = place(topology, &system.geometry, &state.relative, None).pose;
+        let poses = place(topology, &system.geometry, &state.q, None).pose;
         let far = poses.iter().map(|p| p.p.norm()).fold(0.0, f64::max) / system.length;
         let weight = vec![1.0; n];
         let scale = scale.clone();
@@ -250,7 +250,7 @@ pub fn equilibrium(
     if !effects.nonholonomic || !system.topology.has_velocity_rows() {
         return search(system, start, effects, cancel, counts);
     }
-    let still = State { relative: start.relative.clone(), rate: Vec::new() };
+    let still = State { q: start.q.clone(), rate: Vec::new() };
     let setting = Setting { system, state: &still, memory: &[], acceleration: &[], effects };
     let edges = linearize(&setting, counts).map_or_else(|_| Vec::new(), |made| steering_joints(&setting, &made));
     let free = Effects { nonholonomic: false, ..effects };
@@ -278,7 +278,7 @@ fn search(
     cancel: &Cancel,
     counts: &mut Counts,
 ) -> Result<Equilibrium> {
-    let mut state = State { relative: start.relative.clone(), rate: Vec::new() };
+    let mut state = State { q: start.q.clone(), rate: Vec::new() };
     let mut local = Local::at(system, &state, effects, counts)?;
     let (mut sigma, mut pushed, mut saddles) = (0.0, 0, 0);
     let mut best = (f64::INFINITY, state.clone());
@@ -355,7 +355,7 @@ fn search(
              to it (draw the model there), or add stiffness where the model is a mechanism",
             best.0
         ),
-        best: best.1.relative.iter().flat_map(|p| p.p.iter().chain(p.r.iter()).copied().collect::<Vec<_>>()).collect(),
+        best: best.1.q.clone(),
         residual: best.0,
     })
 }
@@ -439,7 +439,7 @@ pub(super) fn moved(
         _ => z,
     };
     let mut next = state.clone();
-    advance(&system.topology, &mut next.relative, dy.as_slice());
+    advance(&system.topology, &mut next.q, dy.as_slice());
     close(system, &mut next, effects, counts)?;
     Ok(next)
 }

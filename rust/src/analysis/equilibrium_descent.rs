@@ -67,12 +67,7 @@ impl<'s> Descent<'s> {
 
     fn level(&self, state: &State) -> Level {
         let topology = &*self.system.topology;
-        let motion = Motion {
-            t: 0.0,
-            relative: state.relative.clone(),
-            rate: vec![0.0; self.eq.n()],
-            memory: topology.at_rest(&[]),
-        };
+        let motion = Motion { t: 0.0, q: state.q.clone(), rate: vec![0.0; self.eq.n()], memory: topology.at_rest(&[]) };
         let placement = self.eq.place(&motion);
         let energies = self.eq.energies(&motion);
         let stored = energies.elements.iter().filter_map(|e| e.stored);

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::linalg::entries::Sizes;
 use crate::model::geometry::Geometry;
 use crate::run::Counts;
-use crate::spatial::{Pose, Real, Six};
+use crate::spatial::{Real, Six};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene, Tangent};
 use crate::system::closure::scene_at_rest;
@@ -82,7 +82,7 @@ fn force_sizes(scene: &Scene<'_, f64>, tangent: &Tangent<f64>, length: f64) -> V
 /// Sizes of the terms that were added up for each entry of the stiffness of a state at rest, minimal coordinates.
 pub fn stiffness_terms(setting: &Setting<'_>, made: &Linearization) -> DMatrix<f64> {
     let system = setting.system;
-    let placement = place(&system.topology, &system.geometry, &setting.state.relative, None);
+    let placement = place(&system.topology, &system.geometry, &setting.state.q, None);
     let scene = scene_at_rest(system, &placement, setting.effects);
     let n = system.n_tree();
     let tangent = scene.tangent_into(Some(&made.lam), &mut Counts::default(), || Sizes(DMatrix::zeros(n, n)));
@@ -156,10 +156,10 @@ pub(super) struct Turning<T: Real> {
     pub(super) acceleration: Vec<T>,
 }
 
-/// What B'' turns along: the numbers, the relative poses and the rates of the tree coordinates.
+/// What B'' turns along: the numbers, the coordinates and the rates of the tree coordinates.
 pub(super) struct Path<'a, T: Real> {
     pub x: &'a [T],
-    pub relative: &'a [Pose<T>],
+    pub q: &'a [T],
     pub rate: &'a [T],
 }
 
@@ -189,7 +189,7 @@ fn closed(setting: &Setting<'_>, scene: &Scene<'_, f64>) -> Result<Closed> {
 /// Which coordinates are free at rest in this state; of an open tree all, without any work.
 pub fn mobility(setting: &Setting<'_>) -> Result<Option<Loops>> {
     let system = setting.system;
-    let placement = place(&system.topology, &system.geometry, &setting.state.relative, None);
+    let placement = place(&system.topology, &system.geometry, &setting.state.q, None);
     let scene = Scene {
         topology: &system.topology,
         geometry: &system.geometry,
@@ -208,7 +208,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     let system = setting.system;
     let topology = &*system.topology;
     let rate = setting.rate::<f64>();
-    let placement = place(topology, &system.geometry, &setting.state.relative, rate.as_deref());
+    let placement = place(topology, &system.geometry, &setting.state.q, rate.as_deref());
     let mut scene = Scene {
         topology,
         geometry: &system.geometry,
@@ -226,7 +226,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     }
     let turning = match (&loops, &rate) {
         (Some(l), Some(rate)) => {
-            let path = Path { x: &system.x, relative: &setting.state.relative, rate };
+            let path = Path { x: &system.x, q: &setting.state.q, rate };
             let made = turning(setting, l, &path);
             let rolling = |b| rolling(setting, l, b, &jacobian, &path, &made);
             Some(if rolls(setting) { b.as_ref().map(rolling).transpose()?.unwrap_or(made) } else { made })
@@ -349,12 +349,11 @@ pub(super) fn turning_jacobian<T: Real>(
     let system = setting.system;
     let x: Vec<Dual2<T>> = path.x.iter().map(|v| Dual2::from_re(*v)).collect();
     let geometry = Geometry::derive(&system.topology.tables, &x);
-    let still = |pose: &Pose<T>| Pose { p: pose.p.map(Dual2::from_re), r: pose.r.map(Dual2::from_re) };
-    let mut relative: Vec<Pose<Dual2<T>>> = path.relative.iter().map(still).collect();
+    let mut q: Vec<Dual2<T>> = path.q.iter().map(|v| Dual2::from_re(*v)).collect();
     let at = |a: Option<&[T]>, i: usize| a.map_or(T::zero(), |a| a[i]);
     let dy: Vec<_> = (0..path.rate.len()).map(|i| Dual2::new(T::zero(), path.rate[i], at(acceleration, i))).collect();
-    advance(&system.topology, &mut relative, &dy);
-    let placement = place(&system.topology, &geometry, &relative, None);
+    advance(&system.topology, &mut q, &dy);
+    let placement = place(&system.topology, &geometry, &q, None);
     let scene = Scene {
         topology: &system.topology,
         geometry: &geometry,

@@ -78,7 +78,7 @@ pub fn local_direction(
     if gravity && !touched.bodies.is_empty() {
         return None;
     }
-    let placed = place(topology, &system.geometry, &setting.state.relative, None);
+    let placed = place(topology, &system.geometry, &setting.state.q, None);
     let n = topology.dofs.len();
     let mut mass = Entries::default();
     let mut coupling = DMatrix::zeros(n, 6);
@@ -155,6 +155,7 @@ fn lifted(placed: &Placement<f64>) -> Placement<Dual64> {
     let v = |v: &V3<f64>| v.map(Dual64::from_re);
     let six = |s: &Six<f64>| Six::new(v(&s.l), v(&s.a));
     Placement {
+        q: placed.q.iter().map(|v| Dual64::from(*v)).collect(),
         pose: placed.pose.iter().map(Pose::<f64>::lifted).collect(),
         column: placed.column.iter().map(six).collect(),
         velocity: None,

@@ -21,7 +21,7 @@ use crate::system::topology::{Purpose, Topology};
 pub fn reactions(setting: &Setting<'_>, base: &Linearization) -> Result<Vec<Six<f64>>> {
     let system = setting.system;
     let rate = setting.state.moving().then(|| setting.state.rate.clone());
-    let placement = place(&system.topology, &system.geometry, &setting.state.relative, rate.as_deref());
+    let placement = place(&system.topology, &system.geometry, &setting.state.q, rate.as_deref());
     let scene = Scene {
         topology: &system.topology,
         geometry: &system.geometry,

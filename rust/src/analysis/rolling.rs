@@ -172,7 +172,7 @@ impl Follow<'_> {
         let mut right = DMatrix::zeros(self.jacobian.nrows(), columns.ncols());
         for (k, y) in columns.column_iter().enumerate() {
             let y: Vec<f64> = y.iter().copied().collect();
-            let along = Path { x: self.path.x, relative: self.path.relative, rate: &y };
+            let along = Path { x: self.path.x, q: self.path.q, rate: &y };
             let change = turning_jacobian(self.setting, &along, None).map(|v| v.v1);
             let carried = DVector::from_vec(self.carried(&y));
             right.set_column(k, &(change * &rate - self.jacobian * carried));

@@ -35,7 +35,7 @@ pub fn steering_joints(setting: &Setting<'_>, made: &Linearization) -> Vec<Strin
     let motions: Vec<DVector<f64>> = (0..loops.independent.len()).map(motion).collect();
     let size: Vec<f64> = motions.iter().map(|m| m.iter().zip(&columns).map(|(m, c)| (m / c).abs()).sum()).collect();
     let along = |x: &DVector<f64>| {
-        let path = Path { x: &system.x, relative: &setting.state.relative, rate: x.as_slice() };
+        let path = Path { x: &system.x, q: &setting.state.q, rate: x.as_slice() };
         turning_jacobian(setting, &path, None)
     };
     let turned: Vec<_> = motions.iter().map(along).collect();

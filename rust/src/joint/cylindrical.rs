@@ -1,7 +1,7 @@
 //! Translation along z and rotation about it.
 use super::coordinate::{slide, turn};
-use super::{ANGLE_Z, Axes, Coordinate, Freedom, Joint, Role};
-use crate::spatial::{M3, Real};
+use super::{ANGLE_Z, Axes, Coordinate, Freedom, Joint, Role, angle, sign, turned};
+use crate::spatial::{M3, Pose, Real, V3};
 use Coordinate::{Dot, Translation as T};
 
 pub struct Cylindrical;
@@ -20,5 +20,13 @@ impl Joint for Cylindrical {
     fn frames<T: Real>(axes: &Axes<T>) -> [M3<T>; 2] {
         let frame = axes.frame();
         [frame, frame]
+    }
+
+    fn pose<T: Real>(q: &[T], reversed: bool, _: T) -> Pose<T> {
+        Pose { p: V3::new(T::zero(), T::zero(), q[0] * sign(reversed)), ..turned(q[1], reversed) }
+    }
+
+    fn coordinates(x: &Pose<f64>, reversed: bool, _: f64) -> Vec<f64> {
+        vec![x.p.z * sign(reversed), angle(&x.r, reversed)]
     }
 }

@@ -1,6 +1,6 @@
 //! A rod between two points.
 use super::{Axes, Coordinate, Freedom, Joint, Role};
-use crate::spatial::{M3, Real};
+use crate::spatial::{M3, Pose, Real};
 use Coordinate::Length;
 
 pub struct Distance;
@@ -19,5 +19,13 @@ impl Joint for Distance {
     fn frames<T: Real>(axes: &Axes<T>) -> [M3<T>; 2] {
         let frame = axes.frame();
         [frame, frame]
+    }
+
+    fn pose<T: Real>(_: &[T], _: bool, _: T) -> Pose<T> {
+        Pose::identity()
+    }
+
+    fn coordinates(_: &Pose<f64>, _: bool, _: f64) -> Vec<f64> {
+        Vec::new()
     }
 }

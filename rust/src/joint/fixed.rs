@@ -1,6 +1,6 @@
 //! Nothing moves.
 use super::{Axes, Coordinate, Freedom, Joint, Role};
-use crate::spatial::{M3, Real};
+use crate::spatial::{M3, Pose, Real};
 use Coordinate::{Dot, Translation as T};
 
 pub struct Fixed;
@@ -19,5 +19,13 @@ impl Joint for Fixed {
     fn frames<T: Real>(axes: &Axes<T>) -> [M3<T>; 2] {
         let frame = axes.frame();
         [frame, frame]
+    }
+
+    fn pose<T: Real>(_: &[T], _: bool, _: T) -> Pose<T> {
+        Pose::identity()
+    }
+
+    fn coordinates(_: &Pose<f64>, _: bool, _: f64) -> Vec<f64> {
+        Vec::new()
     }
 }

@@ -1,7 +1,7 @@
 //! Three translations and three rotations.
 use super::coordinate::{slide, turn};
-use super::{Axes, Coordinate, Freedom, Joint, Role};
-use crate::spatial::{M3, Real};
+use super::{Axes, Coordinate, Freedom, Joint, Role, sign};
+use crate::spatial::{M3, Pose, Real, V3, quaternion_of_rotation, rotation_of_quaternion};
 use Coordinate::{RotationVector as R, Translation as T};
 
 pub struct Free;
@@ -21,5 +21,14 @@ impl Joint for Free {
     fn frames<T: Real>(axes: &Axes<T>) -> [M3<T>; 2] {
         let frame = axes.frame();
         [frame, frame]
+    }
+
+    fn pose<T: Real>(q: &[T], reversed: bool, _: T) -> Pose<T> {
+        Pose { p: V3::new(q[0], q[1], q[2]) * T::from(sign(reversed)), r: rotation_of_quaternion(&q[3..]) }
+    }
+
+    fn coordinates(x: &Pose<f64>, reversed: bool, _: f64) -> Vec<f64> {
+        let p = x.p * sign(reversed);
+        p.iter().copied().chain(quaternion_of_rotation(&x.r)).collect()
     }
 }

@@ -1,6 +1,6 @@
 //! A point that does not move along z of the second body.
 use super::{Axes, Coordinate, Freedom, Joint, Role};
-use crate::spatial::{M3, Real};
+use crate::spatial::{M3, Pose, Real};
 
 pub struct KnifeEdge;
 
@@ -18,5 +18,13 @@ impl Joint for KnifeEdge {
     fn frames<T: Real>(axes: &Axes<T>) -> [M3<T>; 2] {
         let frame = axes.frame();
         [frame, frame]
+    }
+
+    fn pose<T: Real>(_: &[T], _: bool, _: T) -> Pose<T> {
+        Pose::identity()
+    }
+
+    fn coordinates(_: &Pose<f64>, _: bool, _: f64) -> Vec<f64> {
+        Vec::new()
     }
 }

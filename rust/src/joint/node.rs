@@ -2,7 +2,7 @@
 //! belong to the modal coordinates, as the node's shape says.
 use super::coordinate::{slide, turn};
 use super::{Axes, Coordinate, Freedom, Joint, Role};
-use crate::spatial::{M3, Real};
+use crate::spatial::{M3, Pose, Real};
 
 pub struct Node;
 
@@ -26,5 +26,13 @@ impl Joint for Node {
     fn frames<T: Real>(axes: &Axes<T>) -> [M3<T>; 2] {
         let frame = axes.frame();
         [frame, frame]
+    }
+
+    fn pose<T: Real>(_: &[T], _: bool, _: T) -> Pose<T> {
+        Pose::identity()
+    }
+
+    fn coordinates(_: &Pose<f64>, _: bool, _: f64) -> Vec<f64> {
+        Vec::new()
     }
 }

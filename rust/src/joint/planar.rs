@@ -1,7 +1,7 @@
 //! Translations along x and y, rotation about z.
 use super::coordinate::{slide, turn};
-use super::{ANGLE_Z, Axes, Coordinate, Freedom, Joint, Role};
-use crate::spatial::{M3, Real};
+use super::{ANGLE_Z, Axes, Coordinate, Freedom, Joint, Role, angle, sign, turned};
+use crate::spatial::{M3, Pose, Real, V3};
 use Coordinate::{Dot, Translation as T};
 
 pub struct Planar;
@@ -20,5 +20,15 @@ impl Joint for Planar {
     fn frames<T: Real>(axes: &Axes<T>) -> [M3<T>; 2] {
         let frame = axes.frame();
         [frame, frame]
+    }
+
+    fn pose<T: Real>(q: &[T], reversed: bool, _: T) -> Pose<T> {
+        let s = sign(reversed);
+        Pose { p: V3::new(q[0] * s, q[1] * s, T::zero()), ..turned(q[2], reversed) }
+    }
+
+    fn coordinates(x: &Pose<f64>, reversed: bool, _: f64) -> Vec<f64> {
+        let s = sign(reversed);
+        vec![x.p.x * s, x.p.y * s, angle(&x.r, reversed)]
     }
 }

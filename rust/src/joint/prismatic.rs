@@ -1,7 +1,7 @@
 //! A slider: translation along z.
 use super::coordinate::slide;
-use super::{Axes, Coordinate, Freedom, Joint, Role};
-use crate::spatial::{M3, Real};
+use super::{Axes, Coordinate, Freedom, Joint, Role, sign};
+use crate::spatial::{M3, Pose, Real, V3};
 use Coordinate::{Dot, Translation as T};
 
 pub struct Prismatic;
@@ -20,5 +20,13 @@ impl Joint for Prismatic {
     fn frames<T: Real>(axes: &Axes<T>) -> [M3<T>; 2] {
         let frame = axes.frame();
         [frame, frame]
+    }
+
+    fn pose<T: Real>(q: &[T], reversed: bool, _: T) -> Pose<T> {
+        Pose { p: V3::new(T::zero(), T::zero(), q[0] * sign(reversed)), r: M3::identity() }
+    }
+
+    fn coordinates(x: &Pose<f64>, reversed: bool, _: f64) -> Vec<f64> {
+        vec![x.p.z * sign(reversed)]
     }
 }

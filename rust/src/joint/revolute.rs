@@ -1,7 +1,7 @@
 //! A hinge: rotation about z.
 use super::coordinate::turn;
-use super::{ANGLE_Z, Axes, Coordinate, Freedom, Joint, Role};
-use crate::spatial::{M3, Real};
+use super::{ANGLE_Z, Axes, Coordinate, Freedom, Joint, Role, angle, turned};
+use crate::spatial::{M3, Pose, Real};
 use Coordinate::{Dot, Translation as T};
 
 pub struct Revolute;
@@ -20,5 +20,13 @@ impl Joint for Revolute {
     fn frames<T: Real>(axes: &Axes<T>) -> [M3<T>; 2] {
         let frame = axes.frame();
         [frame, frame]
+    }
+
+    fn pose<T: Real>(q: &[T], reversed: bool, _: T) -> Pose<T> {
+        turned(q[0], reversed)
+    }
+
+    fn coordinates(x: &Pose<f64>, reversed: bool, _: f64) -> Vec<f64> {
+        vec![angle(&x.r, reversed)]
     }
 }

@@ -1,6 +1,6 @@
 //! A disc that rolls without slip on the plane z = 0 of the first body; its axis is z of the second frame.
 use super::{Axes, Coordinate, Freedom, Joint, Role};
-use crate::spatial::{M3, Real, frame_of_axis};
+use crate::spatial::{M3, Pose, Real, frame_of_axis};
 
 pub struct RollingDisc;
 
@@ -17,5 +17,13 @@ impl Joint for RollingDisc {
 
     fn frames<T: Real>(axes: &Axes<T>) -> [M3<T>; 2] {
         [axes.frame(), frame_of_axis(&axes.second)]
+    }
+
+    fn pose<T: Real>(_: &[T], _: bool, _: T) -> Pose<T> {
+        Pose::identity()
+    }
+
+    fn coordinates(_: &Pose<f64>, _: bool, _: f64) -> Vec<f64> {
+        Vec::new()
     }
 }

@@ -1,7 +1,7 @@
 //! Three rotations about a point.
 use super::coordinate::turn;
 use super::{Axes, Coordinate, Freedom, Joint, Role};
-use crate::spatial::{M3, Real};
+use crate::spatial::{M3, Pose, Real, V3, quaternion_of_rotation, rotation_of_quaternion};
 use Coordinate::{RotationVector as R, Translation as T};
 
 pub struct Spherical;
@@ -20,5 +20,13 @@ impl Joint for Spherical {
     fn frames<T: Real>(axes: &Axes<T>) -> [M3<T>; 2] {
         let frame = axes.frame();
         [frame, frame]
+    }
+
+    fn pose<T: Real>(q: &[T], _: bool, _: T) -> Pose<T> {
+        Pose { p: V3::zeros(), r: rotation_of_quaternion(q) }
+    }
+
+    fn coordinates(x: &Pose<f64>, _: bool, _: f64) -> Vec<f64> {
+        quaternion_of_rotation(&x.r).to_vec()
     }
 }

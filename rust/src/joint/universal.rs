@@ -1,7 +1,7 @@
 //! Two rotations, R = Rz(alpha) Rx(beta) from the first body to the second.
 use super::coordinate::{turn, turn_outer};
 use super::{ANGLE_BETA, ANGLE_Z, Axes, Coordinate, Freedom, Joint, Role};
-use crate::spatial::{M3, Real};
+use crate::spatial::{M3, Pose, Real, V3, product, rotation_about};
 use Coordinate::{Dot, Translation as T};
 
 pub struct Universal;
@@ -23,5 +23,15 @@ impl Joint for Universal {
         let x = x / x.dot(&x).sqrt();
         let frame = axes.given.unwrap_or_else(|| M3::from_columns(&[x, z.cross(&x), z]));
         [frame, frame]
+    }
+
+    fn pose<T: Real>(q: &[T], reversed: bool, _: T) -> Pose<T> {
+        let r = product(&rotation_about(2, q[0]), &rotation_about(0, q[1]));
+        Pose { p: V3::zeros(), r: if reversed { r.transpose() } else { r } }
+    }
+
+    fn coordinates(x: &Pose<f64>, reversed: bool, _: f64) -> Vec<f64> {
+        let r = if reversed { x.r.transpose() } else { x.r };
+        vec![r[(1, 0)].atan2(r[(0, 0)]), r[(2, 1)].atan2(r[(2, 2)])]
     }
 }

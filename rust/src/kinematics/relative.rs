@@ -6,9 +6,11 @@
 //! ```
 //! Constraint rows are such coordinates with a multiplier for force, elastic elements with a law: both make
 //! the wrench w = -sum g f on b at p_B, and its tangent  dw = -(sum g k g^T + sum h f) xi - (u_t x force).
+use std::f64::consts::TAU;
+
 use num_dual::Dual;
 
-use crate::joint::Coordinate;
+use crate::joint::{ANGLE_Z, Coordinate};
 use crate::spatial::{M3, Map6, Real, Six, V3, left_jacobian_coefficient, log_so3, outer, product, skew};
 
 /// Relative pose of a marker pair in the axes of A.
@@ -18,6 +20,15 @@ pub struct Relative<T: Real> {
     pub r: M3<T>,
     /// of a rolling disc
     pub radius: T,
+    /// of a screw, metres per radian
+    pub pitch: T,
+    /// about how far its two angles have turned, by the coordinates of hinges
+    pub turned: [f64; 2],
+}
+
+/// The whole turns next to an angle.
+pub fn whole_turns(angle: f64) -> f64 {
+    (angle / TAU).round() * TAU
 }
 
 /// Value, gradient and curvature of one coordinate.
@@ -43,14 +54,22 @@ impl<T: Real> Relative<T> {
                 Row { e: length, g: Six::new(self.u / length, zero) }
             }
             Coordinate::Dot(i, j) => Row { e: self.r[(i, j)], g: Six::new(zero, self.entry_gradient(i, j)) },
-            Coordinate::Angle { s, c } => {
+            Coordinate::Angle { s, c, index } => {
                 let (sv, cv) = (self.r[s], self.r[c]);
+                let e = sv.atan2(cv);
                 let n = self.entry_gradient(s.0, s.1) * cv - self.entry_gradient(c.0, c.1) * sv;
-                Row { e: sv.atan2(cv), g: Six::new(zero, n / (sv * sv + cv * cv)) }
+                Row { e: e + whole_turns(self.turned[index] - e.re()), g: Six::new(zero, n / (sv * sv + cv * cv)) }
             }
             Coordinate::RotationVector(i) => {
                 let phi = log_so3(&self.r);
                 Row { e: phi[i], g: Six::new(zero, inverse_left_transposed(&phi, &unit(i))) }
+            }
+            Coordinate::Thread => {
+                let turn = self.row(ANGLE_Z);
+                // the turn of the angle that the way along the axis tells
+                let ahead = if self.pitch.re() == 0.0 { 0.0 } else { (self.u[2] / self.pitch - turn.e).re() };
+                let angle = turn.e + whole_turns(ahead);
+                Row { e: self.u[2] - angle * self.pitch, g: Six::new(unit(2), turn.g.a * -self.pitch) }
             }
             Coordinate::Edge => Row { e: T::zero(), g: Six::new(self.r.column(2).into_owned(), zero) },
             Coordinate::Disc(k) => self.disc_row(k),
@@ -68,8 +87,9 @@ impl<T: Real> Relative<T> {
                 h.ll = (M3::identity() - outer(&n, &n)) / length;
             }
             Coordinate::Dot(i, j) => h.aa = self.entry_curvature(i, j),
-            Coordinate::Angle { s, c } => h.aa = self.angle_curvature(s, c),
+            Coordinate::Angle { s, c, .. } => h.aa = self.angle_curvature(s, c),
             Coordinate::RotationVector(i) => h.aa = rotation_vector_curvature(&log_so3(&self.r), &unit(i)),
+            Coordinate::Thread => h.aa = self.curvature(ANGLE_Z).aa * -self.pitch,
             Coordinate::Edge => h.la = -skew(&self.r.column(2).into_owned()),
             Coordinate::Disc(k) => self.disc_curvature(k, &mut h),
         }
@@ -101,6 +121,8 @@ impl<T: Real> Relative<T> {
                 u: self.u.map(Dual::from_re),
                 r: M3::from_fn(|i, j| Dual::new(self.r[(i, j)], turned[(i, j)])),
                 radius: Dual::from_re(self.radius),
+                pitch: Dual::from_re(self.pitch),
+                turned: self.turned,
             };
             let g = moved.disc_row(k).g;
             for i in 0..3 {
@@ -151,7 +173,7 @@ fn rotation_vector_curvature<T: Real>(phi: &V3<T>, f: &V3<T>) -> M3<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::joint::{ANGLE_BETA, ANGLE_Z};
+    use crate::joint::ANGLE_BETA;
     use crate::spatial::{exp_so3, lift3, lift33};
     use num_dual::Dual64;
 
@@ -166,6 +188,7 @@ mod tests {
             ANGLE_BETA,
             Coordinate::RotationVector(0),
             Coordinate::RotationVector(2),
+            Coordinate::Thread,
             Coordinate::Edge,
             Coordinate::Disc(0),
             Coordinate::Disc(1),
@@ -174,7 +197,7 @@ mod tests {
         for scale in [0.0, 1e-3, 0.7, 2.5] {
             let r = exp_so3(&(V3::new(0.3, -0.6, 0.74) * scale));
             let u = V3::new(0.4, -0.2, 0.9);
-            let here = Relative { u, r, radius: 0.3 };
+            let here = Relative { u, r, radius: 0.3, pitch: -0.21, turned: [0.0; 2] };
             for k in 0..6 {
                 let mut xi = [0.0; 6];
                 xi[k] = 1.0;
@@ -183,6 +206,8 @@ mod tests {
                     u: lift3::<Dual64>(&u) + dual(0),
                     r: exp_so3(&dual(3)) * lift33::<Dual64>(&r),
                     radius: Dual64::from(0.3),
+                    pitch: Dual64::from(-0.21),
+                    turned: [0.0; 2],
                 };
                 for coordinate in all {
                     // flat on the plane a disc touches it nowhere in particular

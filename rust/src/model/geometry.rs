@@ -27,6 +27,10 @@ pub struct MarkerPair<T: Real> {
     pub b: Pose<T>,
     /// of a rolling disc; zero elsewhere
     pub radius: T,
+    /// of a screw, metres per radian; zero elsewhere
+    pub pitch: T,
+    /// among all pairs: joints, then elements
+    pub number: usize,
 }
 
 #[derive(Debug, Clone)]
@@ -68,23 +72,29 @@ impl<T: Real> Geometry<T> {
             None => *world,
             Some(b) => bodies[b].drawn.inverse().then(world),
         };
-        let pair = |a: BodyRef, b: BodyRef, pa: V3<T>, pb: V3<T>, frame: [M3<T>; 2]| MarkerPair {
+        let pair = |number: usize, a: BodyRef, b: BodyRef, pa: V3<T>, pb: V3<T>, frame: [M3<T>; 2]| MarkerPair {
             a: local(a, &Pose { p: pa, r: frame[0] }),
             b: local(b, &Pose { p: pb, r: frame[1] }),
             radius: T::zero(),
+            pitch: T::zero(),
+            number,
         };
         let mut joints = Vec::with_capacity(tables.joints.len());
         let mut joint_length = Vec::with_capacity(tables.joints.len());
-        for j in &tables.joints {
+        for (i, j) in tables.joints.iter().enumerate() {
             let n = &x[j.x..j.x + joint::SIZE];
             let (pa, pb) = (vector(n, joint::AT_A), vector(n, joint::AT_B));
             let frames = j.kind.frames(&joint_axes(j.flags, n));
-            joints.push(MarkerPair { radius: n[joint::RADIUS], ..pair(j.a, j.b, pa, pb, frames) });
+            joints.push(MarkerPair {
+                radius: n[joint::RADIUS],
+                pitch: n[joint::PITCH],
+                ..pair(i, j.a, j.b, pa, pb, frames)
+            });
             joint_length.push(if j.kind.has_length() { distance(&pa, &pb) } else { T::zero() });
         }
         let mut elements = Vec::with_capacity(tables.elements.len());
         let mut element_length = Vec::with_capacity(tables.elements.len());
-        for e in &tables.elements {
+        for (i, e) in tables.elements.iter().enumerate() {
             let n = &x[e.x..];
             let (pa, pb, frame) = match e.kind {
                 ElementKind::SpringDamper => {
@@ -97,7 +107,7 @@ impl<T: Real> Geometry<T> {
                     (vector(n, torsion::AT), vector(n, torsion::AT), frame_of_axis(&vector(n, torsion::AXIS)))
                 }
             };
-            elements.push(pair(e.a, e.b, pa, pb, [frame, frame]));
+            elements.push(pair(tables.joints.len() + i, e.a, e.b, pa, pb, [frame, frame]));
             element_length.push(if e.kind == ElementKind::SpringDamper { distance(&pa, &pb) } else { T::zero() });
         }
         let loads = tables.loads.iter().map(|l| {
@@ -128,7 +138,15 @@ impl<T: Real> Geometry<T> {
             Pose { p: p.p.map(&mut *f), r: p.r.map(&mut *f) }
         }
         fn pairs<T: Real, U: Real>(all: &[MarkerPair<T>], f: &mut impl FnMut(T) -> U) -> Vec<MarkerPair<U>> {
-            all.iter().map(|p| MarkerPair { a: pose(&p.a, f), b: pose(&p.b, f), radius: f(p.radius) }).collect()
+            all.iter()
+                .map(|p| MarkerPair {
+                    a: pose(&p.a, f),
+                    b: pose(&p.b, f),
+                    radius: f(p.radius),
+                    pitch: f(p.pitch),
+                    number: p.number,
+                })
+                .collect()
         }
         let bodies = self.bodies.iter().map(|b| BodyGeometry {
             mass: f(b.mass),

@@ -16,7 +16,7 @@ pub mod flag {
 
 /// Names of the joints by their code in `joint_type`.
 pub mod joint_type {
-    pub const NAMES: [&str; 11] = [
+    pub const NAMES: [&str; 12] = [
         "fixed",
         "revolute",
         "prismatic",
@@ -28,6 +28,7 @@ pub mod joint_type {
         "distance",
         "knife_edge",
         "rolling_disc",
+        "screw",
     ];
 }
 
@@ -69,7 +70,8 @@ pub mod joint {
     pub const PRELOAD: usize = 28;
     pub const LENGTH: usize = 34;
     pub const RADIUS: usize = 35;
-    pub const SIZE: usize = 36;
+    pub const PITCH: usize = 36;
+    pub const SIZE: usize = 37;
 }
 
 /// The numbers of a spring damper.

@@ -1,6 +1,6 @@
 //! Derivatives of a linearisation along many directions, for Python: matrices as entries, maps as arrays.
 use numpy::ndarray::{Array2, Array3};
-use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{IntoPyArray, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -72,12 +72,12 @@ fn columns(all: &[Directional], pick: impl Fn(&Directional) -> &[f64]) -> Array2
 /// given velocities, "steady" moves along on all tree coordinates but the `driven` ones, "hold"; `maps`: also those of the body map
 /// and the ground coupling.
 #[pyfunction]
-#[pyo3(signature = (system, relative, rate, without, directions, follow, maps, driven=Vec::new(), memory=Vec::new()))]
+#[pyo3(signature = (system, q, rate, without, directions, follow, maps, driven=Vec::new(), memory=Vec::new()))]
 #[allow(clippy::too_many_arguments)]
 fn directions<'py>(
     py: Python<'py>,
     system: PyRef<'py, PySystem>,
-    relative: PyReadonlyArray2<'py, f64>,
+    q: PyReadonlyArray1<'py, f64>,
     rate: PyReadonlyArray1<'py, f64>,
     without: Vec<String>,
     directions: Vec<(Vec<usize>, Vec<f64>)>,
@@ -86,7 +86,7 @@ fn directions<'py>(
     driven: Vec<usize>,
     memory: Vec<f64>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let state = state_of(&system.0, &relative, &rate)?;
+    let state = state_of(&system.0, &q, &rate)?;
     let memory = remembered(&system.0, &memory)?;
     let effects = effects(&without)?;
     let (follow, drawn) = (matches!(follow, "equilibrium" | "steady"), follow == "drawn");

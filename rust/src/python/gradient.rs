@@ -71,12 +71,12 @@ struct Task {
 
 fn task<'py>(
     system: &System,
-    relative: &PyReadonlyArray2<'py, f64>,
+    q: &PyReadonlyArray1<'py, f64>,
     rate: &PyReadonlyArray1<'py, f64>,
     without: &[String],
     options: &Bound<'py, PyDict>,
 ) -> PyResult<Task> {
-    let mut state = state_of(system, relative, rate)?;
+    let mut state = state_of(system, q, rate)?;
     state.rate.resize(system.n_tree(), 0.0);
     let memory: Vec<f64> = need(options, "memory")?;
     let n_memory = system.topology.n_memory;
@@ -105,7 +105,7 @@ fn task<'py>(
     Ok(Task {
         start: Motion {
             t: times.first().copied().unwrap_or(0.0),
-            relative: state.relative,
+            q: state.q,
             rate: state.rate,
             memory: if memory.len() == n_memory { memory } else { system.topology.at_rest(&[]) },
         },
@@ -152,9 +152,7 @@ fn put_instants(out: &Bound<'_, PyDict>, all: &[Instant]) -> PyResult<()> {
         Array2::from_shape_fn((n, width), |(i, k)| of(&all[i])[k]).into_pyarray(py)
     };
     out.set_item("t", Array1::from_shape_fn(n, |i| all[i].motion.t).into_pyarray(py))?;
-    let bodies = all.first().map_or(0, |i| i.motion.relative.len());
-    let relative = Array3::from_shape_fn((n, bodies, 12), |(i, b, k)| all[i].motion.relative[b].number(k));
-    out.set_item("relative", relative.into_pyarray(py))?;
+    out.set_item("q", rows(&|i| &i.motion.q))?;
     out.set_item("rate", rows(&|i| &i.motion.rate))?;
     out.set_item("memory", rows(&|i| &i.motion.memory))?;
     out.set_item("acceleration", rows(&|i| &i.acceleration))?;
@@ -167,12 +165,12 @@ fn put_instants(out: &Bound<'_, PyDict>, all: &[Instant]) -> PyResult<()> {
 fn motion_directions<'py>(
     py: Python<'py>,
     system: PyRef<'py, PySystem>,
-    relative: PyReadonlyArray2<'py, f64>,
+    q: PyReadonlyArray1<'py, f64>,
     rate: PyReadonlyArray1<'py, f64>,
     without: Vec<String>,
     options: &Bound<'py, PyDict>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let task = task(&system.0, &relative, &rate, &without, options)?;
+    let task = task(&system.0, &q, &rate, &without, options)?;
     let n_p = task.directions.len();
     let system = system.0.clone();
     let (found, counts): (Sensitivities, Counts) = interruptible(py, move |cancel| {
@@ -213,12 +211,12 @@ impl MotionForward {
     fn new(
         py: Python<'_>,
         system: PyRef<'_, PySystem>,
-        relative: PyReadonlyArray2<'_, f64>,
+        q: PyReadonlyArray1<'_, f64>,
         rate: PyReadonlyArray1<'_, f64>,
         without: Vec<String>,
         options: &Bound<'_, PyDict>,
     ) -> PyResult<Self> {
-        let task = Arc::new(task(&system.0, &relative, &rate, &without, options)?);
+        let task = Arc::new(task(&system.0, &q, &rate, &without, options)?);
         let (system, own) = (system.0.clone(), task.clone());
         let inner = system.clone();
         let (run, counts) = interruptible(py, move |cancel| {

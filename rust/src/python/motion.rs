@@ -8,7 +8,7 @@ use pyo3::types::{PyDict, PyList};
 use crate::analysis::transient::explicit::{Motion, Run};
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
-use crate::spatial::{Pose, Real, V3};
+use crate::spatial::{Real, V3};
 use crate::system::System;
 use crate::system::connector::{Numbers, Wanted, coordinate_tangent, motion_of};
 use crate::system::placement::{State, place};
@@ -45,7 +45,7 @@ impl Seed for Dual64 {
 /// Real parts of a motion, and the derivative of its positions.
 #[derive(Default)]
 struct History {
-    relative: Vec<Vec<Pose<f64>>>,
+    q: Vec<Vec<f64>>,
     rate: Vec<Vec<f64>>,
     memory: Vec<Vec<f64>>,
     position: Vec<Vec<V3<f64>>>,
@@ -66,7 +66,7 @@ fn follow<T: Seed>(system: &System, plan: &Plan, cancel: &Cancel, counts: &mut C
     }
     let start = Motion {
         t: 0.0,
-        relative: plan.state.relative.iter().map(Pose::<f64>::lifted).collect(),
+        q: plan.state.q.iter().map(|q| T::from(*q)).collect(),
         rate: plan.state.rate.iter().map(|r| T::from(*r)).collect(),
         memory: vec![T::zero(); system.topology.n_memory],
     };
@@ -75,7 +75,7 @@ fn follow<T: Seed>(system: &System, plan: &Plan, cancel: &Cancel, counts: &mut C
     let real = |v: &[T]| v.iter().map(|x| x.re()).collect();
     for motion in run.integrate(start, plan.step, plan.n_steps, cancel, counts)? {
         let positions = run.positions(&motion);
-        history.relative.push(motion.relative.iter().map(Pose::real).collect());
+        history.q.push(real(&motion.q));
         history.rate.push(real(&motion.rate));
         history.memory.push(real(&motion.memory));
         history.position.push(positions.iter().map(|p| p.map(|v| v.re())).collect());
@@ -84,7 +84,7 @@ fn follow<T: Seed>(system: &System, plan: &Plan, cancel: &Cancel, counts: &mut C
     Ok(history)
 }
 
-/// `relative` (n + 1, n_poses, 12), `rate` (n + 1, n_tree), `memory` (n + 1, n_memory), `position` (n + 1, n_bodies, 3) of the
+/// `q` (n + 1, n_q), `rate` (n + 1, n_tree), `memory` (n + 1, n_memory), `position` (n + 1, n_bodies, 3) of the
 /// origins and, along a direction, its `derivative`.
 pub fn integrate<'py>(
     py: Python<'py>,
@@ -117,9 +117,7 @@ pub fn integrate<'py>(
     let (n, bodies) = (n_steps + 1, system.n_bodies());
     let points = |of: &[Vec<V3<f64>>]| Array3::from_shape_fn((n, bodies, 3), |(i, b, k)| of[i][b][k]).into_pyarray(py);
     let rows = |of: &[Vec<f64>]| Array2::from_shape_fn((n, of[0].len()), |(i, k)| of[i][k]).into_pyarray(py);
-    let relative =
-        Array3::from_shape_fn((n, system.topology.n_poses(), 12), |(i, b, k)| history.relative[i][b].number(k));
-    out.set_item("relative", relative.into_pyarray(py))?;
+    out.set_item("q", rows(&history.q))?;
     out.set_item("rate", rows(&history.rate))?;
     out.set_item("memory", rows(&history.memory))?;
     out.set_item("position", points(&history.position))?;
@@ -135,7 +133,7 @@ pub fn integrate<'py>(
 pub fn law_places<'py>(py: Python<'py>, system: &System, state: &State) -> PyResult<Bound<'py, PyList>> {
     let topology = &*system.topology;
     let rate = state.moving().then_some(state.rate.as_slice());
-    let placement = place(topology, &system.geometry, &state.relative, rate);
+    let placement = place(topology, &system.geometry, &state.q, rate);
     let numbers = Numbers { x: &system.x, memory: &[] };
     let out = PyList::empty(py);
     for c in topology.connectors.iter().filter(|c| !c.laws.is_empty()) {

@@ -2,7 +2,7 @@
 use std::sync::Arc;
 
 use numpy::ndarray::{Array1, Array2, Array3};
-use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
@@ -13,7 +13,7 @@ use crate::analysis::transient::{Equations, Motion};
 use crate::error::{Error, Result};
 use crate::memory;
 use crate::run::{Cancel, Counts};
-use crate::spatial::{M3, Pose, V3, quaternion_of_rotation};
+use crate::spatial::quaternion_of_rotation;
 use crate::system::System;
 use crate::system::loops::Loops;
 use crate::system::topology::Owner;
@@ -63,18 +63,18 @@ const MATRICES: f64 = 10.0;
 
 /// A run from a state. `options`: method, end, step or rtol, outputs, breaks, t, memory, ...; see mbrs/motion/simulate.py.
 #[pyfunction]
-#[pyo3(signature = (system, relative, rate, without, options, report=None))]
+#[pyo3(signature = (system, q, rate, without, options, report=None))]
 fn simulate_motion<'py>(
     py: Python<'py>,
     system: &PySystem,
-    relative: PyReadonlyArray2<'py, f64>,
+    q: PyReadonlyArray1<'py, f64>,
     rate: PyReadonlyArray1<'py, f64>,
     without: Vec<String>,
     options: &Bound<'py, PyDict>,
     report: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let system = system.0.clone();
-    let mut state = state_of(&system, &relative, &rate)?;
+    let mut state = state_of(&system, &q, &rate)?;
     state.rate.resize(system.n_tree(), 0.0);
     let memory = numbers(options, "memory")?.unwrap_or_default();
     let n_memory = system.topology.n_memory;
@@ -87,7 +87,7 @@ fn simulate_motion<'py>(
     }
     let motion = Motion {
         t: number(options, "t")?.unwrap_or(0.0),
-        relative: state.relative,
+        q: state.q,
         rate: state.rate,
         memory: if memory.is_empty() { system.topology.at_rest(&[]) } else { memory },
     };
@@ -136,9 +136,7 @@ fn put_run<'py>(py: Python<'py>, run: &Run) -> PyResult<Bound<'py, PyDict>> {
         Array2::from_shape_fn((n, width), |(i, k)| of(&all[i])[k]).into_pyarray(py)
     };
     out.set_item("t", Array1::from_shape_fn(n, |i| all[i].instant.motion.t).into_pyarray(py))?;
-    let bodies = run.last.instant.motion.relative.len();
-    let relative = Array3::from_shape_fn((n, bodies, 12), |(i, b, k)| all[i].instant.motion.relative[b].number(k));
-    out.set_item("relative", relative.into_pyarray(py))?;
+    out.set_item("q", rows(&|o| &o.instant.motion.q))?;
     out.set_item("rate", rows(&|o| &o.instant.motion.rate))?;
     out.set_item("memory", rows(&|o| &o.instant.motion.memory))?;
     out.set_item("acceleration", rows(&|o| &o.instant.acceleration))?;
@@ -161,29 +159,20 @@ fn put_run<'py>(py: Python<'py>, run: &Run) -> PyResult<Bound<'py, PyDict>> {
 fn motions(
     system: &System,
     t: &PyReadonlyArray1<'_, f64>,
-    relative: &PyReadonlyArray3<'_, f64>,
+    q: &PyReadonlyArray2<'_, f64>,
     rate: &PyReadonlyArray2<'_, f64>,
     memory: &PyReadonlyArray2<'_, f64>,
 ) -> Result<Vec<Motion<f64>>> {
-    let (t, r, v, z) = (values(t), relative.as_array(), rate.as_array(), memory.as_array());
+    let (t, q, v, z) = (values(t), q.as_array(), rate.as_array(), memory.as_array());
     let n = t.len();
-    if r.shape() != [n, system.topology.n_poses(), 12]
+    if q.shape() != [n, system.topology.n_q]
         || v.shape() != [n, system.n_tree()]
         || z.shape() != [n, system.topology.n_memory]
     {
         return Err(Error::model("the instants do not fit the model"));
     }
-    let pose = |i: usize, b: usize| Pose {
-        p: V3::from_fn(|k, _| r[(i, b, k)]),
-        r: M3::from_fn(|row, c| r[(i, b, 3 + 3 * row + c)]),
-    };
     Ok((0..n)
-        .map(|i| Motion {
-            t: t[i],
-            relative: (0..system.topology.n_poses()).map(|b| pose(i, b)).collect(),
-            rate: v.row(i).to_vec(),
-            memory: z.row(i).to_vec(),
-        })
+        .map(|i| Motion { t: t[i], q: q.row(i).to_vec(), rate: v.row(i).to_vec(), memory: z.row(i).to_vec() })
         .collect())
 }
 
@@ -206,14 +195,14 @@ fn motion_quantities<'py>(
     py: Python<'py>,
     system: &PySystem,
     t: PyReadonlyArray1<'py, f64>,
-    relative: PyReadonlyArray3<'py, f64>,
+    q: PyReadonlyArray2<'py, f64>,
     rate: PyReadonlyArray2<'py, f64>,
     memory: PyReadonlyArray2<'py, f64>,
     acceleration: PyReadonlyArray2<'py, f64>,
     without: Vec<String>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let system = system.0.clone();
-    let all = motions(&system, &t, &relative, &rate, &memory)?;
+    let all = motions(&system, &t, &q, &rate, &memory)?;
     let effects = effects(&without)?;
     let a = acceleration.as_array().to_owned();
     if a.shape() != [all.len(), system.n_tree()] {
@@ -288,7 +277,7 @@ fn motion_reactions<'py>(
     py: Python<'py>,
     system: &PySystem,
     t: PyReadonlyArray1<'py, f64>,
-    relative: PyReadonlyArray3<'py, f64>,
+    q: PyReadonlyArray2<'py, f64>,
     rate: PyReadonlyArray2<'py, f64>,
     memory: PyReadonlyArray2<'py, f64>,
     acceleration: PyReadonlyArray2<'py, f64>,
@@ -296,7 +285,7 @@ fn motion_reactions<'py>(
     without: Vec<String>,
 ) -> PyResult<Bound<'py, numpy::PyArray3<f64>>> {
     let system = system.0.clone();
-    let all = motions(&system, &t, &relative, &rate, &memory)?;
+    let all = motions(&system, &t, &q, &rate, &memory)?;
     let effects = effects(&without)?;
     let (a, lam) = (acceleration.as_array().to_owned(), multipliers.as_array().to_owned());
     let rows = system.topology.rows.len();

@@ -1,7 +1,7 @@
 //! Modes of models with thousands of bodies, and the sparse matrices behind them.
 use faer::Mat;
 use numpy::ndarray::{Array2, Array3};
-use numpy::{Complex64, IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{Complex64, IntoPyArray, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -30,17 +30,17 @@ fn check_sparse_model(system: PyRef<'_, PySystem>) -> PyResult<()> {
 /// The n lowest modes at a state at rest: the dict of `dense_modes` with shapes of the minimal coordinates, and the motion of
 /// the bodies about their centres of mass (6 n_bodies, n).
 #[pyfunction]
-#[pyo3(signature = (system, relative, rate, without, n, sigma=None))]
+#[pyo3(signature = (system, q, rate, without, n, sigma=None))]
 fn sparse_model_modes<'py>(
     py: Python<'py>,
     system: PyRef<'py, PySystem>,
-    relative: PyReadonlyArray2<'py, f64>,
+    q: PyReadonlyArray1<'py, f64>,
     rate: PyReadonlyArray1<'py, f64>,
     without: Vec<String>,
     n: usize,
     sigma: Option<f64>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let state = state_of(&system.0, &relative, &rate)?;
+    let state = state_of(&system.0, &q, &rate)?;
     let effects = effects(&without)?;
     let owned = system.0.clone();
     // vectors over tree coordinates and bodies, complex: the basis of the search holds twice as many as are wanted
@@ -100,11 +100,11 @@ fn arms(system: &System, form: &SparseForm) -> Array2<f64> {
 fn sparse_model_form<'py>(
     py: Python<'py>,
     system: PyRef<'py, PySystem>,
-    relative: PyReadonlyArray2<'py, f64>,
+    q: PyReadonlyArray1<'py, f64>,
     rate: PyReadonlyArray1<'py, f64>,
     without: Vec<String>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let state = state_of(&system.0, &relative, &rate)?;
+    let state = state_of(&system.0, &q, &rate)?;
     let effects = effects(&without)?;
     let owned = system.0.clone();
     let form = interruptible(py, move |_| SparseForm::new(&owned, &state, effects, &mut Counts::default()))?;

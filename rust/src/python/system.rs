@@ -1,9 +1,8 @@
 //! The compiled model in Python: assembly, equilibrium, linearisation and its derivatives.
 //!
-//! A state crosses as `relative` (n_bodies, 12: translation, then the rotation matrix row by row, in tree order) and `rate`
-//! (n_tree,) or an empty array at rest. Bodies in all other arrays stand in the order of the model.
+//! A state crosses as `q` (n_q,: coordinates of the joints in tree order, then modal ones) and `rate` (n_tree,) or an empty array at rest. Bodies in all other arrays stand in the order of the model.
 use numpy::ndarray::{Array2, Array3};
-use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{IntoPyArray, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
@@ -15,7 +14,6 @@ use crate::analysis::transient::{Equations, Motion};
 use crate::error::{Error, Result};
 use crate::memory;
 use crate::run::{Cancel, Counts};
-use crate::spatial::{M3, Pose, V3};
 use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::closure::{close, scene_at_rest};
@@ -25,6 +23,7 @@ use crate::system::placement::{State, advance, place};
 use crate::system::rank::Doubt;
 use crate::system::rows::explicit_rates;
 use crate::system::topology::Owner;
+use crate::tolerances::coordinates::UNIT_QUATERNION;
 
 use super::border::{counts_dict, guarded, interruptible};
 use super::motion;
@@ -102,28 +101,30 @@ pub fn effects(without: &[String]) -> Result<Effects> {
     Ok(effects)
 }
 
-pub fn state_of(
-    system: &System,
-    relative: &PyReadonlyArray2<'_, f64>,
-    rate: &PyReadonlyArray1<'_, f64>,
-) -> Result<State> {
-    let view = relative.as_array();
-    if view.shape() != [system.topology.n_poses(), 12] {
-        return Err(Error::model(format!(
-            "a state of this model has {} rows of 12 numbers, not {:?}",
-            system.topology.n_poses(),
-            view.shape()
-        )));
+pub fn state_of(system: &System, q: &PyReadonlyArray1<'_, f64>, rate: &PyReadonlyArray1<'_, f64>) -> Result<State> {
+    let mut q = values(q);
+    let n_q = system.topology.n_q;
+    if q.len() != n_q {
+        return Err(Error::model(format!("a state of this model has {n_q} coordinates, not {}", q.len())));
     }
     let rate = values(rate);
     if !rate.is_empty() && rate.len() != system.n_tree() {
         return Err(Error::model(format!("a state of this model has {} rates, not {}", system.n_tree(), rate.len())));
     }
-    if view.iter().chain(&rate).any(|v| !v.is_finite()) {
+    if q.iter().chain(&rate).any(|v| !v.is_finite()) {
         return Err(Error::model("the state contains NaN or infinite numbers"));
     }
-    let pose = |i: usize| Pose { p: V3::from_fn(|k, _| view[(i, k)]), r: M3::from_fn(|r, c| view[(i, 3 + 3 * r + c)]) };
-    Ok(State { relative: (0..system.topology.n_poses()).map(pose).collect(), rate })
+    for node in &system.topology.nodes {
+        let Some(k) = node.kind.quaternion() else { continue };
+        let own = &mut q[node.q + k..node.q + k + 4];
+        let length = own.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if (length - 1.0).abs() > UNIT_QUATERNION {
+            let name = &system.topology.tables.bodies[node.body].name;
+            return Err(Error::model(format!("the state of '{name}' holds a quaternion of length {length:.3}, not 1")));
+        }
+        own.iter_mut().for_each(|v| *v /= length);
+    }
+    Ok(State { q, rate })
 }
 
 fn empty(py: Python<'_>) -> PyResult<PyReadonlyArray1<'_, f64>> {
@@ -131,8 +132,7 @@ fn empty(py: Python<'_>) -> PyResult<PyReadonlyArray1<'_, f64>> {
 }
 
 fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult<()> {
-    let relative = Array2::from_shape_fn((state.relative.len(), 12), |(i, k)| state.relative[i].number(k));
-    out.set_item("relative", relative.into_pyarray(py))?;
+    out.set_item("q", state.q.clone().into_pyarray(py))?;
     out.set_item("rate", state.rate.clone().into_pyarray(py))
 }
 
@@ -184,10 +184,10 @@ impl PySystem {
         self.0.n_bodies()
     }
 
-    /// Rows of a state: of the bodies, then those that hold modal coordinates.
+    /// Coordinates of a state: of the joints by node, then modal ones.
     #[getter]
-    fn n_poses(&self) -> usize {
-        self.0.topology.n_poses()
+    fn n_q(&self) -> usize {
+        self.0.topology.n_q
     }
 
     #[getter]
@@ -239,13 +239,13 @@ impl PySystem {
     fn bodies<'py>(
         &self,
         py: Python<'py>,
-        relative: PyReadonlyArray2<'py, f64>,
+        q: PyReadonlyArray1<'py, f64>,
         rate: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let state = state_of(&self.0, &relative, &rate)?;
+        let state = state_of(&self.0, &q, &rate)?;
         let topology = &self.0.topology;
         let rate = state.moving().then_some(state.rate.as_slice());
-        let placement = place(topology, &self.0.geometry, &state.relative, rate);
+        let placement = place(topology, &self.0.geometry, &state.q, rate);
         let n = self.0.n_bodies();
         let (mut position, mut velocity, mut omega) =
             (Array2::zeros((n, 3)), Array2::zeros((n, 3)), Array2::zeros((n, 3)));
@@ -277,10 +277,10 @@ impl PySystem {
     fn equilibrium<'py>(
         &self,
         py: Python<'py>,
-        relative: PyReadonlyArray2<'py, f64>,
+        q: PyReadonlyArray1<'py, f64>,
         without: Vec<String>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let start = state_of(&self.0, &relative, &empty(py)?)?;
+        let start = state_of(&self.0, &q, &empty(py)?)?;
         let effects = effects(&without)?;
         fits(&self.0, "an equilibrium", EQUILIBRIUM)?;
         let (eq, counts): (Equilibrium, Counts) = run(py, &self.0, move |system, cancel| {
@@ -301,17 +301,17 @@ impl PySystem {
     }
 
     /// `acceleration` (n_tree,) of the tree coordinates where their rates do not stay, or empty.
-    #[pyo3(signature = (relative, rate, without, memory=Vec::new(), acceleration=Vec::new()))]
+    #[pyo3(signature = (q, rate, without, memory=Vec::new(), acceleration=Vec::new()))]
     fn linearize<'py>(
         &self,
         py: Python<'py>,
-        relative: PyReadonlyArray2<'py, f64>,
+        q: PyReadonlyArray1<'py, f64>,
         rate: PyReadonlyArray1<'py, f64>,
         without: Vec<String>,
         memory: Vec<f64>,
         acceleration: Vec<f64>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let state = state_of(&self.0, &relative, &rate)?;
+        let state = state_of(&self.0, &q, &rate)?;
         let effects = effects(&without)?;
         let memory = super::direction::remembered(&self.0, &memory)?;
         fits(&self.0, "a linearisation", LINEARIZATION)?;
@@ -341,8 +341,8 @@ impl PySystem {
     }
 
     /// Minimal coordinates at rest, with the rank of the loops and what is redundant in them.
-    fn mobility<'py>(&self, py: Python<'py>, relative: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyDict>> {
-        let state = state_of(&self.0, &relative, &empty(py)?)?;
+    fn mobility<'py>(&self, py: Python<'py>, q: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyDict>> {
+        let state = state_of(&self.0, &q, &empty(py)?)?;
         if !self.0.topology.rows.is_empty() {
             fits(&self.0, "the mobility of the loops", LINEARIZATION)?;
         }
@@ -377,15 +377,15 @@ impl PySystem {
     }
 
     /// A state advanced by increments of the minimal coordinates, loops closed.
-    #[pyo3(signature = (relative, increments, without=Vec::new()))]
+    #[pyo3(signature = (q, increments, without=Vec::new()))]
     fn advance<'py>(
         &self,
         py: Python<'py>,
-        relative: PyReadonlyArray2<'py, f64>,
+        q: PyReadonlyArray1<'py, f64>,
         increments: PyReadonlyArray1<'py, f64>,
         without: Vec<String>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let mut state = state_of(&self.0, &relative, &empty(py)?)?;
+        let mut state = state_of(&self.0, &q, &empty(py)?)?;
         let effects = effects(&without)?;
         let z = nalgebra::DVector::from_vec(values(&increments));
         fits(&self.0, "a linearisation", LINEARIZATION)?;
@@ -393,13 +393,13 @@ impl PySystem {
             let setting = Setting { system, state: &state, memory: &[], acceleration: &[], effects };
             let base = linearize(&setting, &mut Counts::default())?;
             let dy = base.expand(z)?;
-            advance(&system.topology, &mut state.relative, dy.as_slice());
+            advance(&system.topology, &mut state.q, dy.as_slice());
             close(system, &mut state, effects, &mut Counts::default())?;
             Ok(state)
         })?;
         let out = PyDict::new(py);
         put_state(py, &out, &moved)?;
-        out.as_any().get_item("relative")
+        out.as_any().get_item("q")
     }
 
     /// All constraint rows at a state and time: `phi`, `jacobian` over the tree coordinates, `rates` J v + Phi_t and `bias`, their
@@ -407,15 +407,15 @@ impl PySystem {
     fn rows<'py>(
         &self,
         py: Python<'py>,
-        relative: PyReadonlyArray2<'py, f64>,
+        q: PyReadonlyArray1<'py, f64>,
         rate: PyReadonlyArray1<'py, f64>,
         t: f64,
         without: Vec<String>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let mut state = state_of(&self.0, &relative, &rate)?;
+        let mut state = state_of(&self.0, &q, &rate)?;
         state.rate.resize(self.0.n_tree(), 0.0);
         let effects = effects(&without)?;
-        let motion = Motion { t, relative: state.relative, rate: state.rate, memory: Vec::new() };
+        let motion = Motion { t, q: state.q, rate: state.rate, memory: Vec::new() };
         let (phi, jacobian, rates, bias) = run(py, &self.0, move |system, _| {
             let eq = Equations::new(system, system.x.to_vec(), effects);
             let (phi, jacobian) = eq.rows(&motion);
@@ -430,19 +430,19 @@ impl PySystem {
     }
 
     /// How far given rates of the tree coordinates violate the rows at t = 0, in rates of the scaled rows.
-    #[pyo3(signature = (relative, rate, without=Vec::new()))]
+    #[pyo3(signature = (q, rate, without=Vec::new()))]
     fn rate_mismatch(
         &self,
         py: Python<'_>,
-        relative: PyReadonlyArray2<'_, f64>,
+        q: PyReadonlyArray1<'_, f64>,
         rate: PyReadonlyArray1<'_, f64>,
         without: Vec<String>,
     ) -> PyResult<f64> {
-        let state = state_of(&self.0, &relative, &rate)?;
+        let state = state_of(&self.0, &q, &rate)?;
         let effects = effects(&without)?;
         run(py, &self.0, move |system, _| {
             let (topology, geometry) = (&system.topology, &system.geometry);
-            let placement = place(topology, geometry, &state.relative, None);
+            let placement = place(topology, geometry, &state.q, None);
             let jacobian = scene_at_rest(system, &placement, effects).constraints().1;
             let prescribed = explicit_rates(topology, geometry, effects, 0.0).0;
             let scales = row_scales(topology, system.length);
@@ -456,13 +456,13 @@ impl PySystem {
     fn integrate<'py>(
         &self,
         py: Python<'py>,
-        relative: PyReadonlyArray2<'py, f64>,
+        q: PyReadonlyArray1<'py, f64>,
         rate: PyReadonlyArray1<'py, f64>,
         step: f64,
         n_steps: usize,
         direction: Option<(Vec<usize>, Vec<f64>)>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let state = state_of(&self.0, &relative, &rate)?;
+        let state = state_of(&self.0, &q, &rate)?;
         motion::integrate(py, &self.0, state, step, n_steps, direction)
     }
 
@@ -470,10 +470,10 @@ impl PySystem {
     fn law_places<'py>(
         &self,
         py: Python<'py>,
-        relative: PyReadonlyArray2<'py, f64>,
+        q: PyReadonlyArray1<'py, f64>,
         rate: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<Bound<'py, PyList>> {
-        motion::law_places(py, &self.0, &state_of(&self.0, &relative, &rate)?)
+        motion::law_places(py, &self.0, &state_of(&self.0, &q, &rate)?)
     }
 
     /// Per elastic connector: gradient rows in tree-independent form (n, 6) about a world point, the bodies, k (n, n) with the
@@ -481,16 +481,16 @@ impl PySystem {
     fn strains<'py>(
         &self,
         py: Python<'py>,
-        relative: PyReadonlyArray2<'py, f64>,
+        q: PyReadonlyArray1<'py, f64>,
         without: Vec<String>,
     ) -> PyResult<Bound<'py, PyList>> {
-        let state = state_of(&self.0, &relative, &empty(py)?)?;
+        let state = state_of(&self.0, &q, &empty(py)?)?;
         let effects = effects(&without)?;
         let wanted =
             Wanted { laws: effects.law_slopes, friction: effects.friction, contact: effects.contact, ..Wanted::SLOPES };
         let numbers = Numbers { x: &self.0.x, memory: &[] };
         let topology = &self.0.topology;
-        let placement = place(topology, &self.0.geometry, &state.relative, None);
+        let placement = place(topology, &self.0.geometry, &state.q, None);
         let out = PyList::empty(py);
         for c in &topology.connectors {
             let geometry = &self.0.geometry;
@@ -513,11 +513,11 @@ impl PySystem {
     fn reactions<'py>(
         &self,
         py: Python<'py>,
-        relative: PyReadonlyArray2<'py, f64>,
+        q: PyReadonlyArray1<'py, f64>,
         rate: PyReadonlyArray1<'py, f64>,
         without: Vec<String>,
     ) -> PyResult<Bound<'py, numpy::PyArray2<f64>>> {
-        let state = state_of(&self.0, &relative, &rate)?;
+        let state = state_of(&self.0, &q, &rate)?;
         let effects = effects(&without)?;
         fits(&self.0, "reactions", LINEARIZATION)?;
         let all = run(py, &self.0, move |system, _| {

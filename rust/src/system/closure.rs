@@ -21,7 +21,7 @@ use crate::spatial::{Pose, V3, rotation_of_quaternion};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene};
 use crate::system::loops::column_scales;
-use crate::system::placement::{Placement, State, advance, drawn_relative, marker_pose, place, relative_from_poses};
+use crate::system::placement::{Placement, State, advance, coordinates_of_poses, drawn_q, marker_pose, place};
 use crate::system::rank::{Decision, block_names, spectrum};
 use crate::system::topology::{Node, Purpose};
 use crate::tolerances::constraints::{CLOSED, CLOSED_ROUNDING, DOUBTFUL, FELT};
@@ -32,12 +32,12 @@ const DENSE: usize = 300;
 /// No step is longer, in characteristic lengths or radians: rotations are not linear.
 const LONGEST: f64 = 0.5;
 
-/// The drawn relative poses, or those of the user's first guess.
-pub fn drawn_start(system: &System) -> Vec<Pose<f64>> {
+/// The drawn coordinates, or those of the user's first guess.
+pub fn drawn_start(system: &System) -> Vec<f64> {
     let topology = &system.topology;
-    let mut relative = drawn_relative(topology, &system.geometry);
+    let mut q = drawn_q(topology, &system.geometry);
     if topology.tables.poses.is_empty() {
-        return relative;
+        return q;
     }
     let mut poses: Vec<Pose<f64>> = system.geometry.bodies.iter().map(|b| b.drawn).collect();
     for &(body, x) in &topology.tables.poses {
@@ -45,17 +45,17 @@ pub fn drawn_start(system: &System) -> Vec<Pose<f64>> {
         let origin = V3::from_fn(|k, _| system.x[x + layout::pose::AT + k]);
         poses[body] = Pose { p: origin + r * system.geometry.bodies[body].com, r };
     }
-    let guessed = relative_from_poses(topology, &system.geometry, &poses);
+    let guessed = coordinates_of_poses(topology, &system.geometry, &poses);
     let touched = |node: &Node| {
         let given = |b: usize| topology.tables.poses.iter().any(|(body, _)| *body == b);
         given(node.body) || node.parent.is_some_and(|p| given(topology.nodes[p].body))
     };
     for (i, node) in topology.nodes.iter().enumerate() {
         if touched(node) {
-            relative[i] = guessed[i];
+            q[node.q..node.q + guessed[i].len()].copy_from_slice(&guessed[i]);
         }
     }
-    relative
+    q
 }
 
 /// The scene of a placement at rest, t = 0.
@@ -76,19 +76,19 @@ pub fn scene_at_rest<'a>(system: &'a System, placement: &'a Placement<f64>, effe
 /// Phi, with J into any place.
 pub(super) fn rows_into<E: Entries<f64>>(
     system: &System,
-    relative: &[Pose<f64>],
+    q: &[f64],
     effects: Effects,
     jacobian: &mut E,
 ) -> DVector<f64> {
-    let placement = place(&system.topology, &system.geometry, relative, None);
+    let placement = place(&system.topology, &system.geometry, q, None);
     scene_at_rest(system, &placement, effects).constraints_into(jacobian)
 }
 
 /// Phi and J, sparse where the model is large.
-pub fn rows_at(system: &System, relative: &[Pose<f64>], effects: Effects) -> (DVector<f64>, Matrix) {
+pub fn rows_at(system: &System, q: &[f64], effects: Effects) -> (DVector<f64>, Matrix) {
     let (rows, columns) = (system.topology.rows.len(), system.n_tree());
     let mut jacobian = Matrix::zeros(rows, columns, rows + columns > DENSE);
-    let phi = rows_into(system, relative, effects, &mut jacobian);
+    let phi = rows_into(system, q, effects, &mut jacobian);
     (phi, jacobian)
 }
 
@@ -98,15 +98,15 @@ pub fn close(system: &System, state: &mut State, effects: Effects, counts: &mut 
         return Ok(0);
     }
     let decision = system.decision(effects)?;
-    let steps = close_with(system, &mut state.relative, effects, &decision.rows)?;
-    check_redundant(system, &state.relative, effects, &decision)?;
+    let steps = close_with(system, &mut state.q, effects, &decision.rows)?;
+    check_redundant(system, &state.q, effects, &decision)?;
     counts.add("assembly iterations", steps as u64);
     Ok(steps)
 }
 
 /// What rounding leaves of each row, free of units.
-fn rounding(system: &System, relative: &[Pose<f64>], effects: Effects, rows: &RowBlocks) -> Vec<f64> {
-    let bounds = crate::system::rank::bounds(system, relative, effects, rows);
+fn rounding(system: &System, q: &[f64], effects: Effects, rows: &RowBlocks) -> Vec<f64> {
+    let bounds = crate::system::rank::bounds(system, q, effects, rows);
     bounds.into_iter().map(|b| CLOSED.max(CLOSED_ROUNDING * b)).collect()
 }
 
@@ -124,23 +124,18 @@ fn largest(phi: &DVector<f64>, own: &[usize], rows: &RowBlocks, rounding: &[f64]
 }
 
 /// Newton's method on the rows that carry the known ranks.
-pub(super) fn close_with(
-    system: &System,
-    relative: &mut [Pose<f64>],
-    effects: Effects,
-    rows: &RowBlocks,
-) -> Result<usize> {
+pub(super) fn close_with(system: &System, q: &mut [f64], effects: Effects, rows: &RowBlocks) -> Result<usize> {
     let columns = column_scales(&system.topology, system.length);
-    let rounding = rounding(system, relative, effects, rows);
+    let rounding = rounding(system, q, effects, rows);
     let mut best = f64::INFINITY;
     for iteration in 0..=MAX_ITERATIONS {
-        let (phi, jacobian) = rows_at(system, relative, effects);
+        let (phi, jacobian) = rows_at(system, q, effects);
         check_finite(&phi)?;
         let kept = rows.select(&jacobian, Asked::Position);
         let (size, worst, closed) = largest(&phi, &kept, rows, &rounding);
         let stalled = iteration > 3 && size >= best;
         if closed || stalled && best < CLOSED_ROUNDING * CLOSED {
-            check_orientation(system, relative)?;
+            check_orientation(system, q)?;
             return Ok(iteration);
         }
         if iteration == MAX_ITERATIONS || iteration > 12 && size > 0.9 * best {
@@ -155,7 +150,7 @@ pub(super) fn close_with(
                 smallest_step(&jacobian, &phi, &own, block, (rows, &columns), &mut dy)?;
             }
         }
-        move_by(system, relative, dy, &columns);
+        move_by(system, q, dy, &columns);
     }
     Ok(MAX_ITERATIONS)
 }
@@ -190,26 +185,21 @@ fn smallest_step(
     Ok(())
 }
 
-fn move_by(system: &System, relative: &mut [Pose<f64>], mut dy: Vec<f64>, columns: &[f64]) {
+fn move_by(system: &System, q: &mut [f64], mut dy: Vec<f64>, columns: &[f64]) {
     let longest = dy.iter().zip(columns).fold(0.0, |a: f64, (d, c)| a.max((d / c).abs()));
     if longest > LONGEST {
         dy.iter_mut().for_each(|d| *d *= LONGEST / longest);
     }
-    advance(&system.topology, relative, &dy);
+    advance(&system.topology, q, &dy);
 }
 
 /// From the drawing, before ranks are known.
-pub(super) fn close_drawn(
-    system: &System,
-    relative: &mut [Pose<f64>],
-    effects: Effects,
-    rows: &RowBlocks,
-) -> Result<usize> {
+pub(super) fn close_drawn(system: &System, q: &mut [f64], effects: Effects, rows: &RowBlocks) -> Result<usize> {
     let columns = column_scales(&system.topology, system.length);
-    let limits = rounding(system, relative, effects, rows);
+    let limits = rounding(system, q, effects, rows);
     let mut best = f64::INFINITY;
     for iteration in 0..=MAX_ITERATIONS {
-        let (phi, jacobian) = rows_at(system, relative, effects);
+        let (phi, jacobian) = rows_at(system, q, effects);
         check_finite(&phi)?;
         let of = |b: &Block| largest(&phi, &b.rows[..b.n_position], rows, &limits);
         let open: Vec<&Block> = rows.blocks.iter().filter(|b| !of(b).2).collect();
@@ -227,7 +217,7 @@ pub(super) fn close_drawn(
         for block in open {
             drawn_step(system, &jacobian, &phi, block, (rows, &columns), &mut dy)?;
         }
-        move_by(system, relative, dy, &columns);
+        move_by(system, q, dy, &columns);
     }
     Ok(MAX_ITERATIONS)
 }
@@ -265,17 +255,12 @@ fn drawn_step(
 }
 
 /// Rows that were taken for redundant must agree with those that carry them, within the tolerance of the drawing.
-pub(super) fn check_redundant(
-    system: &System,
-    relative: &[Pose<f64>],
-    effects: Effects,
-    decision: &Decision,
-) -> Result<()> {
+pub(super) fn check_redundant(system: &System, q: &[f64], effects: Effects, decision: &Decision) -> Result<()> {
     if !decision.rows.is_redundant() {
         return Ok(());
     }
-    let (phi, _) = rows_at(system, relative, effects);
-    let limits = rounding(system, relative, effects, &decision.rows);
+    let (phi, _) = rows_at(system, q, effects);
+    let limits = rounding(system, q, effects, &decision.rows);
     for block in decision.rows.blocks.iter().filter(|b| b.is_redundant()) {
         let (size, worst, _) = largest(&phi, &block.rows[..block.n_position], &decision.rows, &limits);
         let limit = worst.map_or(0.0, |i| limits[i]).max(decision.tolerance);
@@ -353,8 +338,8 @@ fn cannot_close(system: &System, phi: &DVector<f64>, worst: Option<usize>, size:
 }
 
 /// Dot rows also vanish for axes that point opposite ways; a joint assembled so would work backwards.
-fn check_orientation(system: &System, relative: &[Pose<f64>]) -> Result<()> {
-    let placement = place(&system.topology, &system.geometry, relative, None);
+fn check_orientation(system: &System, q: &[f64]) -> Result<()> {
+    let placement = place(&system.topology, &system.geometry, q, None);
     for &j in &system.topology.cut {
         let spec = &system.topology.tables.joints[j];
         let aligned = spec.kind.constraints().contains(&Coordinate::Dot(0, 2));

@@ -12,7 +12,6 @@ use crate::model::tables::{BodyRef, ElementKind};
 use crate::spatial::{Map6, Pose, Real, Six, V3, absent, product_of_transpose, skew, turned, turned_back};
 use crate::system::connector_force::response;
 use crate::system::placement::{Placement, marker_pose};
-use crate::system::rows::turns;
 use crate::system::topology::{Connector, Natural, Owner, Topology};
 pub use crate::system::wanted::Wanted;
 
@@ -76,7 +75,7 @@ pub(crate) fn local<T: Real>(
 ) -> Local<T> {
     let pa = marker_pose(topology, &placement.pose, a, &pair.a);
     let pb = marker_pose(topology, &placement.pose, b, &pair.b);
-    let relative = relative_between(&pa, &pb, pair.radius);
+    let relative = relative_between(&pa, &pb, pair, placement, topology);
     let twist = placement.velocity.as_ref().map(|velocity| {
         let at = |body: BodyRef| {
             topology.node(body).map_or_else(Six::zero, |n| velocity.body[n].motion_at(&(pb.p - placement.pose[n].p)))
@@ -96,14 +95,26 @@ pub fn relative_of<T: Real>(
 ) -> Relative<T> {
     let pa = marker_pose(topology, &placement.pose, a, &pair.a);
     let pb = marker_pose(topology, &placement.pose, b, &pair.b);
-    relative_between(&pa, &pb, pair.radius)
+    relative_between(&pa, &pb, pair, placement, topology)
 }
 
-fn relative_between<T: Real>(a: &Pose<T>, b: &Pose<T>, radius: T) -> Relative<T> {
-    Relative { u: turned_back(&a.r, &(b.p - a.p)), r: product_of_transpose(&a.r, &b.r), radius }
+fn relative_between<T: Real>(
+    a: &Pose<T>,
+    b: &Pose<T>,
+    pair: &MarkerPair<T>,
+    placement: &Placement<T>,
+    topology: &Topology,
+) -> Relative<T> {
+    Relative {
+        u: turned_back(&a.r, &(b.p - a.p)),
+        r: product_of_transpose(&a.r, &b.r),
+        radius: pair.radius,
+        pitch: pair.pitch,
+        turned: topology.turned(&placement.q, pair.number),
+    }
 }
 
-/// Displacement and rate of every coordinate of a connector, angles within half a turn; rates are zero at rest.
+/// Displacement and rate of every coordinate of a connector; rates are zero at rest.
 pub fn motion_of<T: Real>(
     topology: &Topology,
     geometry: &Geometry<T>,
@@ -111,36 +122,11 @@ pub fn motion_of<T: Real>(
     x: &[T],
     connector: &Connector,
 ) -> Vec<(T, T)> {
-    let numbers = Numbers { x, memory: &[] };
-    continued_motion_of(topology, geometry, placement, numbers, connector)
-}
-
-/// The same with angles on the turns nearest to those remembered.
-pub fn continued_motion_of<T: Real>(
-    topology: &Topology,
-    geometry: &Geometry<T>,
-    placement: &Placement<T>,
-    numbers: Numbers<'_, T>,
-    connector: &Connector,
-) -> Vec<(T, T)> {
     let here = local(topology, placement, connector.a, connector.b, pair_of(geometry, connector.owner));
     let rows: Vec<_> = connector.coordinates.iter().map(|c| here.relative.row(*c)).collect();
     let rate = |g: &Six<T>| here.twist.as_ref().map_or_else(T::zero, |v| g.dot(v));
-    let e = strains(connector, geometry, numbers, &here, &rows);
+    let e = strains(connector, geometry, Numbers { x, memory: &[] }, &here, &rows);
     e.into_iter().zip(&rows).map(|(e, r)| (e, rate(&r.g))).collect()
-}
-
-/// Angles of a connector within half a turn, each with its place in the memory.
-pub(super) fn angles_of<T: Real>(
-    topology: &Topology,
-    geometry: &Geometry<T>,
-    placement: &Placement<T>,
-    connector: &Connector,
-) -> Vec<(usize, T)> {
-    let pair = pair_of(geometry, connector.owner);
-    let here = relative_of(topology, placement, connector.a, connector.b, pair);
-    let coordinates = connector.coordinates.iter().enumerate();
-    coordinates.filter_map(|(i, c)| Some((connector.turn_of(i)?, here.row(*c).e))).collect()
 }
 
 /// The force of an element or joint spring, and its tangents.
@@ -285,11 +271,6 @@ pub(crate) fn strains<T: Real>(
     rows: &[Row<T>],
 ) -> Vec<T> {
     let mut all: Vec<T> = rows.iter().map(|r| r.e).collect();
-    for (i, e) in all.iter_mut().enumerate() {
-        if let Some(before) = connector.turn_of(i).and_then(|k| numbers.memory.get(k)) {
-            *e += T::from(turns(before.re() - e.re()));
-        }
-    }
     offset_natural(connector, geometry, numbers.x, &mut all[0]);
     let far = |p: &V3<T>| p.iter().map(|v| v.re().abs()).fold(0.0, f64::max);
     let reach = far(&here.a.p) + far(&here.b.p) + far(&here.relative.u);

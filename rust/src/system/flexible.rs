@@ -12,12 +12,8 @@ use crate::spatial::{M3, Pose, Real, Six, V3, absent, exp_so3};
 use crate::system::topology::{Node, Topology};
 
 /// Modal coordinates of all flexible bodies.
-pub fn modal_coordinates<T: Real>(topology: &Topology, relative: &[Pose<T>]) -> Vec<T> {
-    let of = |m: &crate::system::topology::Modal| {
-        let pose = m.pose;
-        (0..m.m).map(move |k| relative[pose + k / 3].p[k % 3])
-    };
-    topology.modal.iter().flat_map(of).collect()
+pub fn modal_coordinates<T: Real>(topology: &Topology, q: &[T]) -> Vec<T> {
+    topology.modal.first().map_or_else(Vec::new, |m| q[m.q..].to_vec())
 }
 
 /// Which modal coordinates move a node, counted among the modal ones.

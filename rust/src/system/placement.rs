@@ -1,16 +1,15 @@
 //! Where everything is in a state: poses of the centres of mass, the motion column of every tree coordinate, velocities.
-use crate::joint::JointKind;
 use crate::model::geometry::{Geometry, MarkerPair};
 use crate::model::tables::BodyRef;
-use crate::spatial::{M3, Pose, Real, Six, V3, exp_so3, lift, product};
+use crate::spatial::{M3, Pose, Real, Six, V3, lift};
 use crate::system::flexible::{deformed, modal_coordinates, node_columns, node_rates, node_values};
 use crate::system::topology::{Node, Topology};
 
-/// A state of the model: the relative pose of each tree joint (outer marker in the inner marker's frame), and the rates of
-/// the tree coordinates. Loops are closed to the accuracy that assembly reached.
+/// A state of the model: coordinates q of the joints by node (`crate::joint`), then modal coordinates, and the rates of the tree
+/// coordinates. Loops are closed to the accuracy that assembly reached.
 #[derive(Debug, Clone)]
 pub struct State {
-    pub relative: Vec<Pose<f64>>,
+    pub q: Vec<f64>,
     /// empty at rest
     pub rate: Vec<f64>,
 }
@@ -23,6 +22,7 @@ impl State {
 
 #[derive(Debug, Clone)]
 pub struct Placement<T: Real> {
+    pub q: Vec<T>,
     /// per node: pose of the centre of mass in the world
     pub pose: Vec<Pose<T>>,
     /// per tree coordinate: the twist it gives its body, at the body's centre of mass, world axes
@@ -73,123 +73,79 @@ fn markers<T: Real>(topology: &Topology, geometry: &Geometry<T>, node: &Node) ->
     }
 }
 
-/// The drawn relative pose of each tree joint: zero but for two-point joints, of which the free translations are kept.
-pub fn drawn_relative<T: Real>(topology: &Topology, geometry: &Geometry<T>) -> Vec<Pose<T>> {
+/// The drawn coordinates: zero but for two-point joints, of which the free translations are kept.
+pub fn drawn_q<T: Real>(topology: &Topology, geometry: &Geometry<T>) -> Vec<T> {
     let drawn = |body: BodyRef| body.map_or_else(Pose::identity, |b| geometry.bodies[b].drawn);
-    let relative = |node: &Node| {
-        let Some(j) = node.joint else {
-            return Pose::identity();
-        };
+    let mut q = Vec::with_capacity(topology.n_q);
+    for node in &topology.nodes {
+        q.extend(node.kind.identity::<T>());
+        let Some(j) = node.joint else { continue };
         let joint = &topology.tables.joints[j];
         let (pa, pb) = (drawn(joint.a).then(&geometry.joints[j].a), drawn(joint.b).then(&geometry.joints[j].b));
         let (inner, outer) = if node.reversed { (pb, pa) } else { (pa, pb) };
         let u = inner.r.transpose() * (outer.p - inner.p);
-        let mut kept = V3::zeros();
-        for f in node.kind.freedoms(node.reversed).iter().filter(|f| !f.rotation) {
-            kept[f.axis] = u[f.axis];
+        for (k, f) in node.kind.freedoms(node.reversed).iter().enumerate().filter(|(_, f)| !f.rotation) {
+            q[node.q + k] = u[f.axis] * T::from(node.sign());
         }
-        Pose { p: kept, r: M3::identity() }
-    };
-    let mut all: Vec<_> = topology.nodes.iter().map(relative).collect();
-    all.resize(topology.n_poses(), Pose::identity());
-    all
+    }
+    q.resize(topology.n_q, T::zero());
+    q
 }
 
-/// The relative pose of each tree joint from given poses of the centres of mass (per body), as far as the joint allows it.
-pub fn relative_from_poses(topology: &Topology, geometry: &Geometry<f64>, poses: &[Pose<f64>]) -> Vec<Pose<f64>> {
-    let relative = |node: &Node| {
+/// The coordinates of each node's joint from given poses of the centres of mass (per body), as far as the joint allows them.
+pub fn coordinates_of_poses(topology: &Topology, geometry: &Geometry<f64>, poses: &[Pose<f64>]) -> Vec<Vec<f64>> {
+    let coordinates = |node: &Node| {
         let (inner_marker, outer_marker) = markers(topology, geometry, node);
         let carrier = node.parent.map_or_else(Pose::identity, |p| poses[topology.nodes[p].body]);
         let found = carrier.then(&inner_marker).inverse().then(&poses[node.body].then(&outer_marker));
-        allowed(node, &found)
+        node.kind.coordinates(&found, node.reversed, node.joint.map_or(0.0, |j| geometry.joints[j].pitch))
     };
-    topology.nodes.iter().map(relative).collect()
+    topology.nodes.iter().map(coordinates).collect()
 }
 
-/// The part of a relative pose that a joint's freedoms can make.
-fn allowed(node: &Node, found: &Pose<f64>) -> Pose<f64> {
-    let mut p = V3::zeros();
-    for f in node.kind.freedoms(node.reversed).iter().filter(|f| !f.rotation) {
-        p[f.axis] = found.p[f.axis];
-    }
-    let r = &found.r;
-    let about = |axis: usize, angle: f64| {
-        let mut w = V3::zeros();
-        w[axis] = angle;
-        exp_so3(&w)
-    };
-    let r = match node.kind {
-        JointKind::Free | JointKind::Spherical => *r,
-        JointKind::Revolute | JointKind::Cylindrical | JointKind::Planar => about(2, r[(1, 0)].atan2(r[(0, 0)])),
-        JointKind::Universal => {
-            // R = Rz(alpha) Rx(beta) from a to b; a reversed joint holds its transpose
-            let ab = if node.reversed { r.transpose() } else { *r };
-            let ab = about(2, ab[(1, 0)].atan2(ab[(0, 0)])) * about(0, ab[(2, 1)].atan2(ab[(2, 2)]));
-            if node.reversed { ab.transpose() } else { ab }
-        }
-        _ => M3::identity(),
-    };
-    Pose { p, r }
+/// The coordinates of a state over T: constant but for the drawn two-point offsets, which follow the geometry.
+pub fn lifted_q<T: Real>(topology: &Topology, geometry: &Geometry<T>, state: &State) -> Vec<T> {
+    let drawn = drawn_q(topology, geometry);
+    state.q.iter().zip(drawn).map(|(q, drawn)| drawn - drawn.re() + *q).collect()
 }
 
-/// The relative poses of a state over T: constant but for the drawn two-point offsets, which follow the geometry.
-pub fn lifted_relative<T: Real>(topology: &Topology, geometry: &Geometry<T>, state: &State) -> Vec<Pose<T>> {
-    let drawn = drawn_relative(topology, geometry);
-    state
-        .relative
-        .iter()
-        .zip(drawn)
-        .map(|(pose, drawn)| {
-            let lifted = Pose::<f64>::lifted::<T>(pose);
-            Pose { p: lifted.p + drawn.p.map(|x| x - x.re()), r: lifted.r }
-        })
-        .collect()
-}
-
-/// Advance relative poses by increments of the tree coordinates.
-pub fn advance<T: Real>(topology: &Topology, relative: &mut [Pose<T>], dy: &[T]) {
-    for (node, pose) in topology.nodes.iter().zip(relative.iter_mut()) {
-        if !node.kind.is_modal() {
-            advance_joint(node, pose, &dy[node.first..node.first + node.n]);
+/// Advance coordinates by increments of the tree coordinates.
+pub fn advance<T: Real>(topology: &Topology, q: &mut [T], dy: &[T]) {
+    for node in &topology.nodes {
+        let own = &mut q[node.q..node.q + node.kind.nq()];
+        if !own.is_empty() {
+            node.kind.integrate(node.reversed, own, &dy[node.first..node.first + node.n]);
         }
     }
     for modal in &topology.modal {
-        for k in 0..modal.m {
-            relative[modal.pose + k / 3].p[k % 3] += dy[modal.first + k];
-        }
+        let own = q[modal.q..].iter_mut().zip(&dy[modal.first..modal.first + modal.m]);
+        own.for_each(|(q, d)| *q += *d);
     }
 }
 
-fn advance_joint<T: Real>(node: &Node, pose: &mut Pose<T>, dy: &[T]) {
-    let sign = lift::<T>(if node.reversed { -1.0 } else { 1.0 });
-    let mut inner: V3<T> = V3::zeros();
-    let mut outer: V3<T> = V3::zeros();
-    for (freedom, d) in node.kind.freedoms(node.reversed).iter().zip(dy) {
-        let d = *d * sign;
-        match (freedom.rotation, freedom.outer) {
-            (false, _) => pose.p[freedom.axis] += d,
-            (true, false) => inner[freedom.axis] += d,
-            (true, true) => outer[freedom.axis] += d,
+/// The increments that lead from one q to another; three rotations together are at most half a turn.
+pub fn difference<T: Real>(topology: &Topology, from: &[T], to: &[T]) -> Vec<T> {
+    let mut out = vec![T::zero(); topology.n_tree];
+    for node in topology.nodes.iter().filter(|n| n.kind.nq() > 0) {
+        let own = node.q..node.q + node.kind.nq();
+        let out = &mut out[node.first..node.first + node.n];
+        node.kind.difference(node.reversed, &from[own.clone()], &to[own], out);
+    }
+    for modal in &topology.modal {
+        for k in 0..modal.m {
+            out[modal.first + k] = to[modal.q + k] - from[modal.q + k];
         }
     }
-    pose.r = product(&exp_so3(&inner), &pose.r);
-    if node.kind == JointKind::Universal {
-        pose.r = product(&pose.r, &exp_so3(&outer));
-    }
+    out
 }
 
 /// Poses, motion columns and (if `rate` is given) velocities.
-pub fn place<T: Real>(
-    topology: &Topology,
-    geometry: &Geometry<T>,
-    relative: &[Pose<T>],
-    rate: Option<&[T]>,
-) -> Placement<T> {
+pub fn place<T: Real>(topology: &Topology, geometry: &Geometry<T>, q: &[T], rate: Option<&[T]>) -> Placement<T> {
     let n = topology.nodes.len();
     let mut pose: Vec<Pose<T>> = Vec::with_capacity(n);
     let mut column = vec![Six::zero(); topology.dofs.len()];
-    let modal = modal_coordinates(topology, relative);
-    for (i, node) in topology.nodes.iter().enumerate() {
+    let modal = modal_coordinates(topology, q);
+    for node in &topology.nodes {
         let (inner_marker, outer_marker) = markers(topology, geometry, node);
         let carrier = node.parent.map_or_else(Pose::identity, |p| pose[p]);
         let inner = carrier.then(&inner_marker);
@@ -203,15 +159,16 @@ pub fn place<T: Real>(
             pose.push(moved);
             continue;
         }
-        let outer = inner.then(&relative[i]);
+        let pitch = node.joint.map_or_else(T::zero, |j| geometry.joints[j].pitch);
+        let relative = node.kind.pose(&q[node.q..node.q + node.kind.nq()], node.reversed, pitch);
+        let outer = inner.then(&relative);
         let body = outer.then(&outer_marker.inverse());
         let arm = body.p - outer.p;
         let sign = lift::<T>(if node.reversed { -1.0 } else { 1.0 });
         for (k, freedom) in node.kind.freedoms(node.reversed).iter().enumerate() {
             let frame = if freedom.outer { &outer.r } else { &inner.r };
             let axis: V3<T> = frame.column(freedom.axis) * sign;
-            column[node.first + k] =
-                if freedom.rotation { Six::new(axis.cross(&arm), axis) } else { Six::new(axis, V3::zeros()) };
+            column[node.first + k] = freedom.twist(&axis, &arm, pitch);
         }
         pose.push(body);
     }
@@ -219,7 +176,7 @@ pub fn place<T: Real>(
         let nodes = node_rates(topology, geometry, rate);
         velocities(topology, &pose, &column, rate, nodes)
     });
-    Placement { pose, column, velocity, modal }
+    Placement { q: q.to_vec(), pose, column, velocity, modal }
 }
 
 impl<T: Real> Placement<T> {

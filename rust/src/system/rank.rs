@@ -50,7 +50,7 @@ pub struct Decision {
     pub doubts: Vec<Doubt>,
     /// blocks whose drawn pose has a lower rank than its neighbours
     pub singular: Vec<usize>,
-    pub closed: Vec<Pose<f64>>,
+    pub closed: Vec<f64>,
     pub iterations: usize,
     pub tolerance: f64,
 }
@@ -79,24 +79,24 @@ impl System {
 
 fn decide(system: &System, effects: Effects) -> Result<Decision> {
     let mut rows = structure(system, effects);
-    let mut relative = drawn_start(system);
-    let iterations = close_drawn(system, &mut relative, effects, &rows)?;
+    let mut q = drawn_start(system);
+    let iterations = close_drawn(system, &mut q, effects, &rows)?;
     let mut doubts = Vec::new();
-    let jacobian = rows_at(system, &relative, effects).1;
-    let bounds = bounds(system, &relative, effects, &rows);
+    let jacobian = rows_at(system, &q, effects).1;
+    let bounds = bounds(system, &q, effects, &rows);
     for k in 0..rows.blocks.len() {
         let found = rank_of_block(&jacobian, &rows, &rows.blocks[k], &bounds, system.tolerance)?;
         doubts.extend(doubts_of(system, &rows.blocks[k], &found));
         let block = &mut rows.blocks[k];
         (block.position_rank, block.rank, block.fixed) = (found.position_rank, found.rank, found.fixed);
     }
-    close_with(system, &mut relative, effects, &rows)?;
+    close_with(system, &mut q, effects, &rows)?;
     let mut singular = Vec::new();
     if rows.is_redundant() {
-        singular = raise_ranks(system, &relative, effects, &mut rows, &bounds)?;
+        singular = raise_ranks(system, &q, effects, &mut rows, &bounds)?;
     }
     let rows = Arc::new(rows);
-    let decision = Decision { rows, doubts, singular, closed: relative, iterations, tolerance: system.tolerance };
+    let decision = Decision { rows, doubts, singular, closed: q, iterations, tolerance: system.tolerance };
     check_redundant(system, &decision.closed, effects, &decision)?;
     Ok(decision)
 }
@@ -213,8 +213,8 @@ fn body_sizes(system: &System) -> Vec<f64> {
 }
 
 /// Rounding of the entries of each row, columns free of units.
-pub(super) fn bounds(system: &System, relative: &[Pose<f64>], effects: Effects, rows: &RowBlocks) -> Vec<f64> {
-    let poses = place(&system.topology, &system.geometry, relative, None).pose;
+pub(super) fn bounds(system: &System, q: &[f64], effects: Effects, rows: &RowBlocks) -> Vec<f64> {
+    let poses = place(&system.topology, &system.geometry, q, None).pose;
     bounds_at(system, &poses, effects, rows)
 }
 
@@ -369,12 +369,12 @@ pub fn block_names(system: &System, block: &Block) -> Vec<String> {
 /// larger there.
 fn raise_ranks(
     system: &System,
-    relative: &[Pose<f64>],
+    q: &[f64],
     effects: Effects,
     rows: &mut RowBlocks,
     bounds: &[f64],
 ) -> Result<Vec<usize>> {
-    let jacobian = rows_at(system, relative, effects).1;
+    let jacobian = rows_at(system, q, effects).1;
     let mut raised = rows.clone();
     for seed in [1_u64, 2] {
         let mut dy = vec![0.0; system.n_tree()];
@@ -392,7 +392,7 @@ fn raise_ranks(
                 dy[*c] = d * rows.column_scale[*c];
             }
         }
-        let mut beside = relative.to_vec();
+        let mut beside = q.to_vec();
         advance(&system.topology, &mut beside, &dy);
         // a pose that cannot be closed beside this one tells nothing of its rank
         if close_with(system, &mut beside, effects, rows).is_err() {

@@ -5,18 +5,18 @@
 //! drive     e - m(t) = 0,                       Phi_t = -m',  Phi_tt = -m"
 //! coupler   e_second - ratio e_first - offset = 0
 //! ```
-//! Angles of drives and couplers count whole turns: a drive takes the turn nearest to its motion, a coupler (and a spring) the one
-//! nearest to what it remembers. Rows of an effect that is left out are zero, which the rank-revealing factorisations take for redundant.
+//! A drive of an angle takes the turn nearest to its motion. Rows of an effect that is left out are zero, which the rank-revealing factorisations take for redundant.
 use nalgebra::{DMatrix, DVector};
 
 use crate::joint::Coordinate;
+use crate::kinematics::relative::whole_turns;
 use crate::linalg::entries::{Entries, Nowhere};
 use crate::model::geometry::Geometry;
 use crate::model::layout::flag::LENGTH_GIVEN;
 use crate::model::layout::{coupler, joint};
 use crate::spatial::{Real, Six};
 use crate::system::assemble::{Effects, Scene};
-use crate::system::connector::{angles_of, constraint_bias, constraint_rates, constraint_rows};
+use crate::system::connector::{constraint_bias, constraint_rates, constraint_rows};
 use crate::system::flexible::FoldedRows;
 use crate::system::path::path;
 use crate::system::topology::{ConstraintRow, Level, Purpose, Topology};
@@ -26,10 +26,6 @@ pub struct Carried<T> {
     pub purpose: Purpose,
     pub joint: usize,
     pub rows: Vec<(Coordinate, T)>,
-}
-
-pub(super) fn turns(difference: f64) -> f64 {
-    (difference / std::f64::consts::TAU).round() * std::f64::consts::TAU
 }
 
 impl Effects {
@@ -135,7 +131,7 @@ impl<T: Real> Scene<'_, T> {
             Purpose::Drive(d) => {
                 let motion = self.topology.tables.drives[d].motion;
                 let phi = e - self.geometry.motions[motion].at(self.t)[0];
-                if matches!(row.coordinate, Coordinate::Angle { .. }) { phi - turns(phi.re()) } else { phi }
+                if matches!(row.coordinate, Coordinate::Angle { .. }) { phi - whole_turns(phi.re()) } else { phi }
             }
             Purpose::Coupler(c) => {
                 let spec = &self.topology.tables.couplers[c];
@@ -143,9 +139,7 @@ impl<T: Real> Scene<'_, T> {
                 let first = self.topology.tables.joints[spec.joints[0]].kind.free_coordinates()[spec.coordinates[0]];
                 let mut value = [T::zero()];
                 self.add_rows(spec.joints[0], &[first], -ratio, i, &mut value, jacobian);
-                let remembered = |k: usize| self.memory.get(self.topology.turns + 2 * c + k);
-                let on = |e: T, coordinate, k| continued(e, coordinate, remembered(k));
-                on(e, row.coordinate, 1) - ratio * on(value[0], first, 0) - offset
+                e - ratio * value[0] - offset
             }
         }
     }
@@ -227,36 +221,5 @@ impl<T: Real> Scene<'_, T> {
     /// The same by joint alone.
     pub fn cut_multipliers(&self, lam: &[T]) -> Vec<(usize, Vec<(Coordinate, T)>)> {
         self.carried(lam).into_iter().map(|c| (c.joint, c.rows)).collect()
-    }
-
-    /// What couplers and springs of angles remember of this scene.
-    pub fn remember_turns(&self, memory: &mut [T]) {
-        let (topology, tables) = (self.topology, &self.topology.tables);
-        for (c, spec) in tables.couplers.iter().enumerate() {
-            for k in 0..2 {
-                let joint = spec.joints[k];
-                let coordinate = tables.joints[joint].kind.free_coordinates()[spec.coordinates[k]];
-                let found = constraint_rows(topology, self.geometry, self.placement, joint, &[coordinate]).1;
-                if let (Some((e, _)), Some(slot)) = (found.first(), memory.get_mut(topology.turns + 2 * c + k)) {
-                    *slot = continued(*e, coordinate, Some(slot));
-                }
-            }
-        }
-        for c in topology.connectors.iter().filter(|c| c.turns.is_some()) {
-            let found = angles_of(topology, self.geometry, self.placement, c);
-            for (slot, e) in found {
-                if let Some(place) = memory.get_mut(slot) {
-                    *place = e + turns(place.re() - e.re());
-                }
-            }
-        }
-    }
-}
-
-/// An angle on the turn nearest to where it was.
-pub(crate) fn continued<T: Real>(e: T, coordinate: Coordinate, before: Option<&T>) -> T {
-    match (coordinate, before) {
-        (Coordinate::Angle { .. }, Some(before)) => e + turns(before.re() - e.re()),
-        _ => e,
     }
 }

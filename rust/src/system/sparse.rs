@@ -16,15 +16,15 @@ use crate::model::layout::flag::{HAS_PRELOAD, LENGTH_GIVEN};
 use crate::model::layout::{bushing, joint, spring_damper, torsion};
 use crate::model::tables::{BodyRef, Tables};
 use crate::run::Counts;
-use crate::spatial::{Map6, Pose, Six, V3};
+use crate::spatial::{Map6, Six, V3};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene};
 use crate::system::connector::{
     CoordinateTangent, Interaction, Numbers, Wanted, constraint_interaction, constraint_rows, coordinate_tangent,
     interaction, load_interaction,
 };
-use crate::system::loops::Loops;
-use crate::system::placement::{Placement, State, drawn_relative, place};
+use crate::system::loops::{Loops, column_scales};
+use crate::system::placement::{self, Placement, State, drawn_q, place};
 use crate::system::topology::Owner;
 
 /// Above this number of entries the dense Jacobian of the cut joints, which finds superfluous rows, is refused.
@@ -56,7 +56,7 @@ impl SparseForm {
     pub fn new(system: &System, state: &State, effects: Effects, counts: &mut Counts) -> Result<Self> {
         check(system, state)?;
         let topology = &*system.topology;
-        let placement = place(topology, &system.geometry, &state.relative, None);
+        let placement = place(topology, &system.geometry, &state.q, None);
         let loaded = loaded(system, state, effects);
         let mut builder = Builder {
             scene: Scene {
@@ -205,15 +205,14 @@ fn loaded(system: &System, state: &State, effects: Effects) -> bool {
             Torsion => x[e.x + torsion::ANGLE] != 0.0 || e.flags & HAS_PRELOAD != 0 && x[e.x + torsion::PRELOAD] != 0.0,
         }
     };
-    let moved = |(now, drawn): (&Pose<f64>, Pose<f64>)| {
-        (now.p - drawn.p).norm() > 1e-12 * system.length || (now.r - drawn.r).norm() > 1e-12
-    };
+    let from_drawn = placement::difference(topology, &drawn_q(topology, &system.geometry), &state.q);
+    let scales = column_scales(topology, system.length);
     gravity
         || !t.loads.is_empty()
         || !t.laws.is_empty()
         || t.joints.iter().any(joint)
         || t.elements.iter().any(element)
-        || state.relative.iter().zip(drawn_relative(topology, &system.geometry)).any(moved)
+        || from_drawn.iter().zip(&scales).any(|(d, scale)| d.abs() > 1e-12 * scale)
 }
 
 fn masses(system: &System, placement: &Placement<f64>) -> Vec<Map6<f64>> {

@@ -4,13 +4,14 @@ use std::collections::HashMap;
 use crate::error::{Error, Result};
 use crate::force::AnyLaw;
 use crate::joint::{ANGLE_Z, Coordinate, Freedom, JointKind, MODAL};
-use crate::model::geometry::Geometry;
+use crate::model::geometry::{Geometry, MarkerPair};
 use crate::model::layout::flag::{HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN};
 use crate::model::layout::{self, bushing, joint, spring_damper, torsion};
 use crate::model::tables::{BodyRef, ElementKind, ElementSpec, LawSpec, Tables};
-use crate::spatial::{Real, V3};
+use crate::spatial::{M3, Real, V3};
 use crate::system::islands::islands;
 use crate::system::tree::spanning_tree;
+use crate::tolerances::coordinates::NEARLY_PARALLEL;
 
 /// Points closer than this part of their distance from the world origin are one.
 const COINCIDENT: f64 = 1e-12;
@@ -29,6 +30,8 @@ pub struct Node {
     /// its first column: a tree coordinate, but of a moving node
     pub first: usize,
     pub n: usize,
+    /// its first number in q
+    pub q: usize,
     pub depth: usize,
 }
 
@@ -119,17 +122,6 @@ pub struct Connector {
     pub full: bool,
     pub natural: Natural,
     pub laws: Vec<BoundLaw>,
-    /// where in the memory its angles continue over turns, in the order of its angles; None where nothing asks for them
-    pub turns: Option<usize>,
-}
-
-impl Connector {
-    /// Place in the memory of one of its coordinates, if that is an angle.
-    pub fn turn_of(&self, coordinate: usize) -> Option<usize> {
-        let angle = |c: &Coordinate| matches!(c, Coordinate::Angle { .. });
-        let before = self.coordinates[..coordinate].iter();
-        angle(&self.coordinates[coordinate]).then(|| Some(self.turns? + before.filter(|c| angle(c)).count()))?
-    }
 }
 
 /// A law on one coordinate of a connector: where its parameters are in x and its memory in the state.
@@ -149,8 +141,8 @@ pub struct Modal {
     /// its first tree coordinate, and how many
     pub first: usize,
     pub m: usize,
-    /// its first pose in a state: three modal coordinates in the translation of each
-    pub pose: usize,
+    /// its first number in q
+    pub q: usize,
     /// displacement (root mean square over the mass) for a unit of each
     pub size: Vec<f64>,
 }
@@ -172,20 +164,19 @@ pub struct Topology {
     pub cut: Vec<usize>,
     pub rows: Vec<ConstraintRow>,
     pub connectors: Vec<Connector>,
-    /// numbers that laws, couplers and springs of angles remember
+    /// how many numbers q has: those of the joints by node, then modal coordinates
+    pub n_q: usize,
+    /// numbers that laws remember
     pub n_memory: usize,
-    /// where those of couplers start, two each: their coordinates, angles continuous over turns; those of springs follow
-    pub turns: usize,
+    /// hinges that turn the two angles of each marker pair: joints, then elements
+    pub turning: Vec<[Turning; 2]>,
 }
+
+/// Tree coordinates that turn an angle between two bodies by about themselves, with their signs.
+pub type Turning = Vec<(usize, f64)>;
 
 impl Topology {
     /// The element or joint that a connector belongs to.
-    pub fn owner_name(&self, owner: Owner) -> &str {
-        match owner {
-            Owner::Element(i) => &self.tables.elements[i].name,
-            Owner::Joint(i) => &self.tables.joints[i].name,
-        }
-    }
 
     /// A memory with the states of all such laws at rest, whatever they were.
     pub fn at_rest(&self, memory: &[f64]) -> Vec<f64> {
@@ -224,10 +215,10 @@ impl Topology {
         let n_tree = names.len();
         let mut rows: Vec<_> = cut.iter().flat_map(|j| cut_rows(&tables, *j)).collect();
         rows.extend(imposed_rows(&tables));
-        let (mut connectors, turns) = connectors(&tables)?;
-        let n_memory = number_turns(&mut connectors, turns + 2 * tables.couplers.len());
+        let (connectors, n_memory) = connectors(&tables)?;
         let island = islands(&tables, &nodes, &node_of_body, &connectors);
-        Ok(Topology {
+        let n_q = nodes.iter().map(|n| n.kind.nq()).sum::<usize>() + modal.iter().map(|m| m.m).sum::<usize>();
+        let mut made = Topology {
             tables,
             nodes,
             node_of_body,
@@ -239,9 +230,90 @@ impl Topology {
             cut,
             rows,
             connectors,
+            n_q,
             n_memory,
-            turns,
-        })
+            turning: Vec::new(),
+        };
+        made.turning = made.turning_hinges();
+        Ok(made)
+    }
+
+    /// Hinges between two bodies whose drawn axes are nearly that of an angle between them turn it with themselves: their sum tells
+    /// on which turn the angle is, where only its sine and cosine are known.
+    fn turning_hinges(&self) -> Vec<[Turning; 2]> {
+        let tables = &self.tables;
+        let geometry = Geometry::<f64>::derive(tables, &tables.x);
+        let drawn = |body: BodyRef| body.map_or_else(M3::identity, |b| geometry.bodies[b].drawn.r);
+        let hinges = |a: BodyRef, b: BodyRef, axis: &V3<f64>| -> Turning {
+            let (between, side) = (self.nodes_between(a, b), self.above(b));
+            let dofs = between.iter().flat_map(|n| self.nodes[*n].first..self.nodes[*n].first + self.nodes[*n].n);
+            dofs.filter_map(|d| {
+                let dof = &self.dofs[d];
+                let node = &self.nodes[dof.node];
+                let frame = self.hinge_frame(node, dof, &geometry)?;
+                let along = (drawn(frame.0) * frame.1).column(dof.freedom.axis).dot(axis);
+                let sign = if side[dof.node] { dof.sign } else { -dof.sign };
+                (along.abs() > NEARLY_PARALLEL).then(|| (d, sign * along.signum()))
+            })
+            .collect()
+        };
+        let pairs = geometry.joints.iter().chain(&geometry.elements);
+        let ends = tables.joints.iter().map(|j| (j.a, j.b)).chain(tables.elements.iter().map(|e| (e.a, e.b)));
+        let of = |(pair, (a, b)): (&MarkerPair<f64>, (BodyRef, BodyRef))| {
+            let axes = drawn(a) * pair.a.r;
+            [2, 0].map(|k| hinges(a, b, &axes.column(k).into_owned()))
+        };
+        pairs.zip(ends).map(of).collect()
+    }
+
+    /// Do other rotations than those of `turning` lie between two bodies? The turns of an angle between them are then not known.
+    pub fn loses_turns(&self, pair: usize, a: BodyRef, b: BodyRef) -> bool {
+        let counted = |d: usize| self.turning[pair].iter().flatten().any(|(hinge, _)| *hinge == d);
+        let between = self.nodes_between(a, b).into_iter().filter(|n| !self.nodes[*n].kind.is_modal());
+        let mut dofs = between.flat_map(|n| self.nodes[n].first..self.nodes[n].first + self.nodes[n].n);
+        dofs.any(|d| self.dofs[d].freedom.rotation && !counted(d))
+    }
+
+    /// Body and drawn marker of a hinge of the tree, whose coordinate is a number.
+    fn hinge_frame(&self, node: &Node, dof: &Dof, geometry: &Geometry<f64>) -> Option<(BodyRef, M3<f64>)> {
+        let joint = node.joint.filter(|_| dof.freedom.rotation && node.kind.quaternion().is_none())?;
+        Some((self.tables.joints[joint].a, geometry.joints[joint].a.r))
+    }
+
+    /// Which nodes carry a body, itself included.
+    fn above(&self, body: BodyRef) -> Vec<bool> {
+        let mut out = vec![false; self.nodes.len()];
+        let mut next = self.node(body);
+        while let Some(node) = next {
+            out[node] = true;
+            next = self.nodes[node].parent;
+        }
+        out
+    }
+
+    /// About how far the two angles of a marker pair have turned, at coordinates q.
+    pub fn turned<T: Real>(&self, q: &[T], pair: usize) -> [f64; 2] {
+        let angle = |d: usize| {
+            let node = &self.nodes[self.dofs[d].node];
+            q[node.q + d - node.first].re()
+        };
+        let sum = |hinges: &Turning| hinges.iter().map(|(d, sign)| sign * angle(*d)).sum::<f64>();
+        self.turning.get(pair).map_or([0.0; 2], |[first, second]| [sum(first), sum(second)])
+    }
+
+    /// The bodies of an element or joint.
+    pub fn ends(&self, owner: Owner) -> (BodyRef, BodyRef) {
+        match owner {
+            Owner::Element(i) => (self.tables.elements[i].a, self.tables.elements[i].b),
+            Owner::Joint(i) => (self.tables.joints[i].a, self.tables.joints[i].b),
+        }
+    }
+
+    pub fn owner_name(&self, owner: Owner) -> &str {
+        match owner {
+            Owner::Element(i) => &self.tables.elements[i].name,
+            Owner::Joint(i) => &self.tables.joints[i].name,
+        }
     }
 
     /// The name of what makes a row.
@@ -270,12 +342,6 @@ impl Topology {
             *side = self.nodes[node].parent;
         }
         between
-    }
-
-    /// Poses of a state: one of each body, then modal coordinates, three in each.
-    pub fn n_poses(&self) -> usize {
-        let last = self.modal.last();
-        last.map_or(self.nodes.len(), |m| m.pose + m.m.div_ceil(3))
     }
 
     /// Which moving node hangs on a node of the kind `Node`, or carries it.
@@ -369,7 +435,7 @@ fn flexible(
     names: &mut Vec<String>,
 ) -> Vec<Modal> {
     let mut all = Vec::new();
-    let mut pose = nodes.len();
+    let mut q: usize = nodes.iter().map(|n| n.kind.nq()).sum();
     for spec in &tables.flexible {
         let node = node_of_body[spec.body];
         let body = &tables.bodies[spec.body];
@@ -379,8 +445,8 @@ fn flexible(
             let modal = tables.x[p2] + tables.x[p2 + 4] + tables.x[p2 + 8];
             if modal > 0.0 { (modal / mass).sqrt() } else { 1.0 }
         };
-        all.push(Modal { node, first: names.len(), m, pose, size: (0..m).map(size).collect() });
-        pose += m.div_ceil(3);
+        all.push(Modal { node, first: names.len(), m, q, size: (0..m).map(size).collect() });
+        q += m;
         for k in 0..m {
             names.push(format!("{}.q{}", body.name, k + 1));
             dofs.push(Dof { node, freedom: MODAL, sign: 1.0 });
@@ -460,24 +526,9 @@ fn connectors(tables: &Tables) -> Result<(Vec<Connector>, usize)> {
             full: false,
             natural: Natural::Zero,
             laws,
-            turns: None,
         });
     }
     Ok((all, binder.memory))
-}
-
-/// Memory for the angles of what depends on them, from a place on; where it ends.
-fn number_turns(connectors: &mut [Connector], mut next: usize) -> usize {
-    for c in connectors {
-        let angles = c.coordinates.iter();
-        let angles = angles.filter(|c| matches!(c, Coordinate::Angle { .. }));
-        let n = angles.count();
-        if n > 0 && (c.k.is_some() || !c.laws.is_empty()) {
-            c.turns = Some(next);
-            next += n;
-        }
-    }
-    next
 }
 
 fn element_connector(i: usize, e: &ElementSpec) -> Connector {
@@ -507,6 +558,5 @@ fn element_connector(i: usize, e: &ElementSpec) -> Connector {
         full: e.kind == ElementKind::Bushing,
         natural,
         laws: Vec::new(),
-        turns: None,
     }
 }

@@ -22,6 +22,7 @@ pub(super) fn spanning_tree(tables: &Tables) -> (Vec<Node>, Vec<usize>) {
         place: vec![None; n],
         used: vec![false; tables.joints.len()],
         first: 0,
+        q: 0,
         free: (0..tables.joints.len()).filter(|j| tables.joints[*j].kind.role() == Role::Frees).collect(),
         next_body: 0,
     };
@@ -52,6 +53,7 @@ struct Tree<'a> {
     place: Vec<Option<usize>>,
     used: Vec<bool>,
     first: usize,
+    q: usize,
     /// user's free joints that may still lead on
     free: Vec<usize>,
     /// no body before this one is unreached
@@ -94,7 +96,8 @@ impl Tree<'_> {
         let n = kind.freedoms(reversed).len();
         let depth = parent.map_or(0, |p| self.nodes[p].depth + 1);
         self.place[body] = Some(self.nodes.len());
-        self.nodes.push(Node { body, parent, joint, reversed, kind, first: self.first, n, depth });
+        self.nodes.push(Node { body, parent, joint, reversed, kind, first: self.first, n, q: self.q, depth });
+        self.q += kind.nq();
         // columns of moving nodes are counted behind all coordinates
         if !kind.is_modal() {
             self.first += n;

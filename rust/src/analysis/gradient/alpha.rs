@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::linalg::kkt::Kkt;
 use crate::linalg::matrix::turn_columns;
 use crate::run::Counts;
-use crate::spatial::{Pose, Real};
+use crate::spatial::Real;
 use crate::system::topology::Level;
 
 use super::march::Here;
@@ -134,12 +134,7 @@ fn velocity_row_slopes(
 ) {
     let dual = lifted(eq);
     let lift = |v: &[f64]| v.iter().map(|x| Dual64::from(*x)).collect::<Vec<_>>();
-    let start = Motion {
-        t: from.t,
-        relative: from.relative.iter().map(Pose::<f64>::lifted).collect(),
-        rate: lift(&from.rate),
-        memory: lift(&from.memory),
-    };
+    let start = Motion { t: from.t, q: lift(&from.q), rate: lift(&from.rate), memory: lift(&from.memory) };
     let (a0, s0) = (lift(a0), lift(s0));
     for j in 0..s1.len() {
         let mut s1 = lift(s1);

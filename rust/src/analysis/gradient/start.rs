@@ -15,9 +15,8 @@ use crate::error::{Error, Result};
 use crate::linalg::kkt::Kkt;
 use crate::linalg::rows::Level as Asked;
 use crate::run::Counts;
-use crate::spatial::Pose;
 use crate::system::closure::drawn_start;
-use crate::system::placement::{State, advance, lifted_relative, place};
+use crate::system::placement::{State, advance, difference, lifted_q, place};
 use crate::system::topology::Level;
 use crate::tolerances::constraints::REDUNDANT_OPEN;
 
@@ -102,34 +101,30 @@ impl<'a> Starting<'a> {
     pub fn motion(&self, dual: &Equations<'_, Dual64>, p: usize) -> Result<Motion<Dual64>> {
         let (eq, first) = (self.eq, &self.first.motion);
         let topology = eq.topology();
-        let state = State { relative: first.relative.clone(), rate: first.rate.clone() };
-        let relative = if self.follow.drawn {
-            lifted_relative(topology, &dual.geometry, &state)
-        } else {
-            first.relative.iter().map(Pose::<f64>::lifted).collect()
-        };
+        let state = State { q: first.q.clone(), rate: first.rate.clone() };
         let lift = |v: &[f64]| v.iter().map(|x| Dual64::from(*x)).collect::<Vec<_>>();
-        let mut m = Motion { t: first.t, relative, rate: lift(&first.rate), memory: lift(&first.memory) };
+        let q = if self.follow.drawn { lifted_q(topology, &dual.geometry, &state) } else { lift(&first.q) };
+        let mut m = Motion { t: first.t, q, rate: lift(&first.rate), memory: lift(&first.memory) };
         if !self.path.is_empty() {
-            m.relative = self.assembled(dual, &m)?;
+            m.q = self.assembled(dual, &m)?;
         }
         if let Some(shift) = self.follow.shift.get(p) {
             let dy: Vec<_> = shift.iter().map(|d| Dual64::new(0.0, *d)).collect();
-            advance(topology, &mut m.relative, &dy);
+            advance(topology, &mut m.q, &dy);
         }
         if let Some(closing) = &self.closing {
             let dy = self.close(&dual.rows(&m).0, closing)?;
-            advance(topology, &mut m.relative, &dy);
+            advance(topology, &mut m.q, &dy);
         }
         self.rates(dual, &mut m)?;
         Ok(m)
     }
 
     /// The configuration after all steps of the assembly, with its derivative at the values of the first instant.
-    fn assembled(&self, dual: &Equations<'_, Dual64>, m: &Motion<Dual64>) -> Result<Vec<Pose<Dual64>>> {
+    fn assembled(&self, dual: &Equations<'_, Dual64>, m: &Motion<Dual64>) -> Result<Vec<Dual64>> {
         let topology = self.eq.topology();
-        let state = State { relative: drawn_start(self.eq.system), rate: Vec::new() };
-        let mut here = Motion { relative: lifted_relative(topology, &dual.geometry, &state), ..m.clone() };
+        let state = State { q: drawn_start(self.eq.system), rate: Vec::new() };
+        let mut here = Motion { q: lifted_q(topology, &dual.geometry, &state), ..m.clone() };
         let slope = self.weight_slopes(dual);
         for step in &self.path {
             let (phi, jacobian) = dual.rows(&here);
@@ -143,11 +138,14 @@ impl<'a> Starting<'a> {
             });
             let (d, _) = step.by.solve_one(&f, &g)?;
             let dy: Vec<_> = (step.dy.iter().zip(d.iter())).map(|(y, d)| Dual64::new(*y, *d)).collect();
-            advance(topology, &mut here.relative, &dy);
+            advance(topology, &mut here.q, &dy);
         }
-        let at = |d: Dual64, v: f64| Dual64::new(v, d.eps);
-        let poses = here.relative.iter().zip(&self.first.motion.relative);
-        Ok(poses.map(|(d, v)| Pose { p: d.p.zip_map(&v.p, at), r: d.r.zip_map(&v.r, at) }).collect())
+        // the derivative along the increments, at the coordinates of the first instant
+        let held: Vec<_> = here.q.iter().map(|d| Dual64::from(d.re)).collect();
+        let slope: Vec<_> = difference(topology, &held, &here.q).iter().map(|d| Dual64::new(0.0, d.eps)).collect();
+        let mut q: Vec<_> = self.first.motion.q.iter().map(|v| Dual64::from(*v)).collect();
+        advance(topology, &mut q, &slope);
+        Ok(q)
     }
 
     /// Derivative of S^-2 along a direction: the characteristic length moves with the points of the model.
@@ -193,7 +191,7 @@ impl<'a> Starting<'a> {
         let n = eq.n();
         let now = &self.first.motion.rate;
         if self.follow.velocities {
-            let placement = place(eq.topology(), &dual.geometry, &m.relative, None);
+            let placement = place(eq.topology(), &dual.geometry, &m.q, None);
             m.rate = given_rates(eq.system, &dual.geometry, &dual.x, &placement)?;
         }
         let Some(aligning) = &self.aligning else {
@@ -232,13 +230,13 @@ impl<'a> Starting<'a> {
         Ok(Start { motion, acceleration: with(&self.first.acceleration, &da), lam: with(&self.first.lam, &dlam) })
     }
 
-    /// Poses (twelve numbers each) and rates of the start along a direction, times weights.
+    /// Coordinates and rates of the start along a direction, times weights.
     pub fn weighed(
         &self,
         eq: &Equations<'_, f64>,
         direction: &Direction,
         p: usize,
-        pose_weights: &[f64],
+        q_weights: &[f64],
         rate_weights: &[f64],
     ) -> Result<f64> {
         let mut x: Vec<Dual64> = eq.x.iter().map(|v| Dual64::from(*v)).collect();
@@ -246,12 +244,7 @@ impl<'a> Starting<'a> {
             x[*i].eps += d;
         }
         let m = self.motion(&Equations::new(eq.system, x, eq.effects), p)?;
-        let mut sum = 0.0;
-        for (pose, weights) in m.relative.iter().zip(pose_weights.chunks(12)) {
-            for (k, weight) in weights.iter().enumerate() {
-                sum += pose.number(k).eps * weight;
-            }
-        }
+        let sum: f64 = (m.q.iter().zip(q_weights)).map(|(v, w)| v.eps * w).sum();
         let rates: f64 = (m.rate.iter().zip(rate_weights)).map(|(v, w)| v.eps * w).sum();
         Ok(sum + rates)
     }
@@ -275,7 +268,7 @@ pub fn started(
     let starting = Starting::new(eq, first, &plan.follow)?;
     let held = Motion {
         t: first.motion.t,
-        relative: first.motion.relative.iter().map(Pose::<f64>::lifted).collect(),
+        q: first.motion.q.iter().map(|v| Dual64::from(*v)).collect(),
         rate: Vec::new(),
         memory: Vec::new(),
     };
@@ -325,7 +318,7 @@ fn assembled(
     weight: &DMatrix<f64>,
 ) -> Result<Vec<Closing>> {
     let scale = eq.row_scales();
-    let mut m = Motion { relative: drawn_start(eq.system), ..first.motion.clone() };
+    let mut m = Motion { q: drawn_start(eq.system), ..first.motion.clone() };
     let mut path = Vec::new();
     for _ in 0..CLOSING_STEPS {
         let (phi, all) = eq.rows(&m);
@@ -345,7 +338,7 @@ fn assembled(
                     .into(),
             ));
         }
-        advance(eq.topology(), &mut m.relative, dy.as_slice());
+        advance(eq.topology(), &mut m.q, dy.as_slice());
         path.push(Closing { by, dy: dy.as_slice().to_vec(), mu: mu.as_slice().to_vec() });
     }
     Ok(path)

@@ -14,7 +14,7 @@ use num_dual::{Dual, Dual64};
 
 use crate::error::{Error, Result};
 use crate::run::Counts;
-use crate::spatial::{Pose, Real};
+use crate::spatial::Real;
 use crate::system::assemble::Tangent;
 use crate::system::topology::Level;
 
@@ -211,10 +211,9 @@ pub fn metric_times<T: Real>(
         return eq.mass(m) * DVector::from_column_slice(delta);
     };
     let along = |v: &[T], f: f64| -> Vec<Dual<T>> { v.iter().zip(delta).map(|(v, d)| Dual::new(*v, *d * f)).collect() };
-    let pose = |p: &Pose<T>| Pose { p: p.p.map(Dual::from_re), r: p.r.map(Dual::from_re) };
     let start = Motion {
         t: m.t,
-        relative: m.relative.iter().map(pose).collect(),
+        q: m.q.iter().map(|v| Dual::from_re(*v)).collect(),
         rate: along(&m.rate, 0.5 * h),
         memory: m.memory.iter().map(|v| Dual::from_re(*v)).collect(),
     };
@@ -269,7 +268,7 @@ impl Equations<'_, f64> {
         let lift = |v: &[f64]| v.iter().map(|x| Dual64::from(*x)).collect::<Vec<_>>();
         let start = Motion {
             t: from.motion.t,
-            relative: from.motion.relative.iter().map(Pose::<f64>::lifted).collect(),
+            q: lift(&from.motion.q),
             rate: lift(&from.motion.rate),
             memory: lift(&from.motion.memory),
         };

@@ -515,6 +515,6 @@ fn recharted(eq: &Equations<'_, f64>, history: &mut History, order: usize) {
             .collect();
     }
     let mut chart = history.chart.clone();
-    chart.relative.clone_from(&motions[0].relative);
+    chart.q.clone_from(&motions[0].q);
     history.chart = chart;
 }

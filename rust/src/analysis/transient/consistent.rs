@@ -135,7 +135,7 @@ impl Equations<'_, f64> {
             let mass = self.mass_of(&scene);
             self.check_mass(&mass)?;
             let change = self.kkt(&mass, &jacobian, kept)?.solve_one(&DVector::zeros(self.n()), &-open)?.0;
-            advance(self.topology(), &mut m.relative, change.as_slice());
+            advance(self.topology(), &mut m.q, change.as_slice());
         }
         Ok(())
     }

@@ -1,11 +1,9 @@
 //! From instant to instant: steps of fixed or controlled length, output times, breaks, and what happened when it ends early.
-use std::f64::consts::TAU;
-
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 
 use super::detour::Detour;
-use super::way::{Aim, Verdict, Way, active, finest};
+use super::way::{Aim, Uncounted, Verdict, Way, active, finest};
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step};
 
 pub use super::plan::{End, Output, Plan, Progress, Run, Steps};
@@ -24,8 +22,6 @@ const MAX_FAILURES: usize = 60;
 /// is theirs: estimates divide differences of rates by the step, and no shorter one makes them smaller.
 const NOISE: f64 = 256.0;
 const DIVISIONS: usize = 5;
-/// An angle that lies farther (radians) from what rates foretell might be a turn off.
-const COUNTED: f64 = 2.0;
 
 struct Driver<'e, 's, 'p> {
     eq: &'e Equations<'s, f64>,
@@ -37,9 +33,7 @@ struct Driver<'e, 's, 'p> {
     /// largest rate so far, in characteristic lengths or radians per second
     speed: f64,
     next_output: usize,
-    angles: Vec<bool>,
-    /// coordinates of the joints at the last accepted step
-    joints: Vec<f64>,
+    uncounted: Uncounted<'e, 's>,
     run: Run,
 }
 
@@ -60,8 +54,7 @@ pub fn drive(
         start: start.motion.t,
         speed: 0.0,
         next_output: 0,
-        angles: eq.angles(),
-        joints: eq.joint_coordinates(&start.motion, &eq.place(&start.motion)),
+        uncounted: Uncounted::new(eq),
         run: Run {
             outputs: Vec::new(),
             steps: vec![start.motion.t],
@@ -92,34 +85,20 @@ impl Driver<'_, '_, '_> {
 
     fn at_start(&mut self, start: &Instant) {
         match &self.plan.outputs {
-            None => self.put(start.clone(), self.joints.clone()),
+            None => self.put(start.clone()),
             Some(times) => {
                 let n = times.iter().take_while(|t| **t <= start.motion.t).count();
                 for _ in 0..n {
-                    self.put(start.clone(), self.joints.clone());
+                    self.put(start.clone());
                 }
                 self.next_output = n;
             }
         }
     }
 
-    fn put(&mut self, instant: Instant, joints: Vec<f64>) {
+    fn put(&mut self, instant: Instant) {
+        let joints = self.eq.joint_coordinates(&instant.motion);
         self.run.outputs.push(Output { instant, joints });
-    }
-
-    /// Coordinates of the joints, angles on the turn next to that which the rates foretell from the last accepted step, and the
-    /// largest distance from what they foretell.
-    fn continued(&self, from: &Motion<f64>, m: &Motion<f64>) -> (Vec<f64>, f64) {
-        let mut now = self.eq.joint_coordinates(m, &self.eq.place(m));
-        let mut off = 0.0_f64;
-        if self.angles.contains(&true) {
-            let foretold = self.eq.foretold(&self.joints, from, m);
-            for ((now, near), _) in now.iter_mut().zip(&foretold).zip(&self.angles).filter(|(_, angle)| **angle) {
-                *now += ((near - *now) / TAU).round() * TAU;
-                off = off.max((near - *now).abs());
-            }
-        }
-        (now, off)
     }
 
     /// A length from the motion itself: a small turn, or a small change of the rates.
@@ -162,8 +141,7 @@ impl Driver<'_, '_, '_> {
                 way.h = way.recent;
                 scheme.reset();
             }
-            let free = active(&mut way.detour, scheme).counts_turns() && !self.eq.remembers_turns();
-            let aim = self.aim(&mut way, free);
+            let aim = self.aim(&way);
             let estimate = self.controlled();
             let finest = finest(&way);
             let active = active(&mut way.detour, scheme);
@@ -172,7 +150,7 @@ impl Driver<'_, '_, '_> {
             let (power, tolerance) = (active.power(), self.tolerance(active, aim.length));
             let noise = if per_unit { NOISE * self.eq.rounding(&way.here.motion) } else { 0.0 };
             let allowed = tolerance.max(finest).max(noise);
-            let going_on = match self.judged(tried, &way, (allowed, per_unit), (patience, power), aim.length) {
+            let going_on = match self.judged(tried, &way, (allowed, per_unit), (patience, power)) {
                 Verdict::Accepted(step, size, allowed) => {
                     self.accepted(&mut way, scheme, *step, (size, allowed), &aim, counts)?
                 }
@@ -188,7 +166,8 @@ impl Driver<'_, '_, '_> {
             }
             progress.set((way.here.motion.t - t0) / total);
         }
-        self.run.last = Output { instant: way.here, joints: self.joints.clone() };
+        let joints = self.eq.joint_coordinates(&way.here.motion);
+        self.run.last = Output { instant: way.here, joints };
         Ok(())
     }
 
@@ -206,11 +185,8 @@ impl Driver<'_, '_, '_> {
         Way { here, h, failures: 0, after_rejection: false, detour: None, kinked: false, recent: 0.0 }
     }
 
-    /// The length of the next step, and what it ends at; `free`: hinges may turn as far as they will.
-    fn aim(&self, way: &mut Way, free: bool) -> Aim {
-        if self.controlled() && !free {
-            way.h = way.h.min(self.eq.half_turn(&way.here));
-        }
+    /// The length of the next step, and what it ends at.
+    fn aim(&self, way: &Way) -> Aim {
         let t = way.here.motion.t;
         let (mut length, mut target) = self.fitted(&way.here, way.h);
         if let Some(until) = way.detour.as_ref().and_then(|d| d.end_within(t, length)) {
@@ -238,6 +214,16 @@ impl Driver<'_, '_, '_> {
     ) -> Result<bool> {
         if let Some(t) = aim.target {
             step.end.motion.t = t;
+        }
+        if let Some(name) = self.uncounted.jump(&way.here.motion, &step.end.motion) {
+            self.stop(
+                way.here.motion.t,
+                format!(
+                    "the angle of '{name}' goes over half a turn, which no coordinate of the joints between its bodies counts; carry \
+                     them by hinges (revolute, cylindrical, planar) about nearly that axis"
+                ),
+            );
+            return Ok(false);
         }
         let active = active(&mut way.detour, scheme);
         way.kinked = active.per_unit_step() && self.eq.passes_kink(&way.here.motion, &step.end.motion);
@@ -392,7 +378,6 @@ impl Driver<'_, '_, '_> {
         way: &Way,
         (allowed, per_unit_step): (f64, bool),
         (patience, power): (f64, f64),
-        h: f64,
     ) -> Verdict {
         let here = &way.here;
         let step = match tried {
@@ -417,10 +402,6 @@ impl Driver<'_, '_, '_> {
             size = error_size / allowed;
         }
         if size <= 1.0 {
-            let far = self.controlled() && self.eq.half_turn(here) < h;
-            if far && self.continued(&here.motion, &step.end.motion).1 > COUNTED {
-                return Verdict::Rejected(0.5, "the turns of a hinge could not be counted".into());
-            }
             let turn = match self.plan.steps {
                 Steps::Controlled { rtol, .. } => self.eq.reversal(&here.motion, &step.end.motion, rtol),
                 Steps::Fixed(_) => None,
@@ -517,17 +498,15 @@ impl Driver<'_, '_, '_> {
                 counts.add("interpolations", 1);
                 m.t = t;
                 let instant = eq.consistent(m, counts)?;
-                let joints = self.continued(&here.motion, &instant.motion).0;
-                self.put(instant, joints);
+                self.put(instant);
             }
         }
         eq.remember(&mut step.end.motion, counts);
-        self.joints = self.continued(&here.motion, &step.end.motion).0;
         if self.plan.outputs.is_none() {
             at_end = 1;
         }
         for _ in 0..at_end {
-            self.put(step.end.clone(), self.joints.clone());
+            self.put(step.end.clone());
         }
         Ok(())
     }

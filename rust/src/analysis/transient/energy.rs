@@ -1,12 +1,8 @@
 //! Energies and powers along a motion, and the coordinates of all joints.
 use crate::force::{AnyLaw, Stored, Surface};
-use crate::joint::Coordinate;
 use crate::model::flexible::FlexibleGeometry;
-use crate::model::tables::JointSpec;
 use crate::spatial::{Six, V3, log_so3};
-use crate::system::connector::{
-    Numbers, Wanted, constraint_rates, continued_motion_of, load_interaction, modal_load, relative_of,
-};
+use crate::system::connector::{Wanted, load_interaction, modal_load, motion_of, relative_of};
 use crate::system::placement::Placement;
 use crate::system::topology::{Connector, Modal};
 
@@ -154,8 +150,7 @@ impl Equations<'_, f64> {
 
     fn element_energy(&self, placement: &Placement<f64>, m: &Motion<f64>, c: &Connector) -> ElementEnergy {
         let x = &self.x;
-        let numbers = Numbers { x, memory: &m.memory };
-        let moved = continued_motion_of(self.topology(), &self.geometry, placement, numbers, c);
+        let moved = motion_of(self.topology(), &self.geometry, placement, x, c);
         let n = moved.len();
         let (mut stored, mut power, mut skew) = (0.0, 0.0, false);
         for (i, (e, v)) in moved.iter().enumerate() {
@@ -186,45 +181,21 @@ impl Equations<'_, f64> {
         ElementEnergy { stored: known.then_some(stored), power }
     }
 
-    /// Free coordinates of every joint of the model, in their order; angles within half a turn.
-    pub fn joint_coordinates(&self, m: &Motion<f64>, placement: &Placement<f64>) -> Vec<f64> {
-        let topology = self.topology();
-        let mut out = Vec::new();
-        for (i, joint) in topology.tables.joints.iter().enumerate() {
-            let coordinates = joint.kind.free_coordinates();
-            if coordinates.is_empty() {
-                continue;
-            }
-            let here = relative_of(topology, placement, joint.a, joint.b, &self.geometry.joints[i]);
-            out.extend(coordinates.iter().map(|c| here.row(*c).e));
-        }
-        // bodies that no joint carries move on a free joint of their own
-        let loose = topology.nodes.iter().zip(&m.relative).filter(|(n, _)| n.is_loose());
-        for (_, pose) in loose {
-            let turned = log_so3(&pose.r);
-            out.extend(pose.p.iter().chain(turned.iter()));
-        }
-        out
-    }
-
-    /// Their rates, zeros for bodies that no joint carries.
-    pub fn joint_rates(&self, m: &Motion<f64>) -> Vec<f64> {
+    /// Free coordinates of every joint of the model, in their order, then of the bodies that no joint carries.
+    pub fn joint_coordinates(&self, m: &Motion<f64>) -> Vec<f64> {
         let (topology, placement) = (self.topology(), self.place(m));
-        let of = |(i, joint): (usize, &JointSpec)| {
-            constraint_rates(topology, &self.geometry, &placement, i, joint.kind.free_coordinates())
-        };
-        let mut out: Vec<f64> = topology.tables.joints.iter().enumerate().flat_map(of).collect();
-        out.resize(self.angles().len(), 0.0);
-        out
-    }
-
-    /// Which of `joint_coordinates` count turns.
-    pub fn angles(&self) -> Vec<bool> {
-        let topology = self.topology();
-        let joints = topology.tables.joints.iter().flat_map(|j| j.kind.free_coordinates());
-        let mut out: Vec<bool> = joints.map(|c| matches!(c, Coordinate::Angle { .. })).collect();
-        let loose = topology.nodes.iter().filter(|n| n.is_loose()).count();
-        out.extend(std::iter::repeat_n(false, 6 * loose));
+        let mut out = Vec::new();
+        for (joint, pair) in topology.tables.joints.iter().zip(&self.geometry.joints) {
+            let coordinates = joint.kind.free_coordinates();
+            if !coordinates.is_empty() {
+                let here = relative_of(topology, &placement, joint.a, joint.b, pair);
+                out.extend(coordinates.iter().map(|c| here.row(*c).e));
+            }
+        }
+        for node in topology.nodes.iter().filter(|n| n.is_loose()) {
+            let pose = node.kind.pose(&m.q[node.q..node.q + node.kind.nq()], node.reversed, 0.0);
+            out.extend(pose.p.iter().chain(log_so3(&pose.r).iter()));
+        }
         out
     }
 

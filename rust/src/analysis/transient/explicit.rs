@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::linalg::rows::Level as Asked;
 use crate::model::geometry::Geometry;
 use crate::run::{Cancel, Counts};
-use crate::spatial::{Pose, Real, V3};
+use crate::spatial::{Real, V3};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene};
 use crate::system::closure::scene_at_rest;
@@ -41,8 +41,8 @@ pub struct Run<'a, T: Real> {
 impl<'a, T: Real> Run<'a, T> {
     pub fn new(system: &'a System, x: Vec<T>, start: &Motion<T>) -> Self {
         let geometry = Geometry::derive(&system.topology.tables, &x);
-        let relative: Vec<_> = start.relative.iter().map(Pose::real).collect();
-        let placement = place(&system.topology, &system.geometry, &relative, None);
+        let q: Vec<f64> = start.q.iter().map(|v| v.re()).collect();
+        let placement = place(&system.topology, &system.geometry, &q, None);
         let jacobian = scene_at_rest(system, &placement, Effects::ALL).constraints().1;
         let level = |i: &usize| system.topology.rows[*i].level == Level::Velocity;
         let decided = system.decision(Effects::ALL);
@@ -67,7 +67,7 @@ impl<'a, T: Real> Run<'a, T> {
     }
 
     fn place(&self, motion: &Motion<T>) -> Placement<T> {
-        place(&self.system.topology, &self.geometry, &motion.relative, Some(&motion.rate))
+        place(&self.system.topology, &self.geometry, &motion.q, Some(&motion.rate))
     }
 
     fn kept(&self, jacobian: &DMatrix<T>) -> DMatrix<T> {
@@ -79,11 +79,10 @@ impl<'a, T: Real> Run<'a, T> {
         let still = |v: &T| Dual::from_re(*v);
         let x: Vec<Dual<T>> = self.x.iter().map(still).collect();
         let geometry = Geometry::derive(&self.system.topology.tables, &x);
-        let lifted = |p: &Pose<T>| Pose { p: p.p.map(Dual::from_re), r: p.r.map(Dual::from_re) };
-        let mut relative: Vec<Pose<Dual<T>>> = motion.relative.iter().map(lifted).collect();
+        let mut q: Vec<Dual<T>> = motion.q.iter().map(still).collect();
         let dy: Vec<_> = motion.rate.iter().map(|r| Dual::new(T::zero(), *r)).collect();
-        advance(&self.system.topology, &mut relative, &dy);
-        let placement = place(&self.system.topology, &geometry, &relative, None);
+        advance(&self.system.topology, &mut q, &dy);
+        let placement = place(&self.system.topology, &geometry, &q, None);
         let scene = Scene {
             topology: &self.system.topology,
             geometry: &geometry,
@@ -142,7 +141,7 @@ impl<'a, T: Real> Run<'a, T> {
                 let closing = self.kept(&jacobian).rows(0, self.n_position).into_owned();
                 let miss = DVector::from_fn(self.n_position, |i, _| -phi[self.rows[i]]);
                 let step = correction(&scene, &closing, &miss)?;
-                advance(topology, &mut motion.relative, &step);
+                advance(topology, &mut motion.q, &step);
             }
         }
         let placement = self.place(motion);
@@ -171,11 +170,6 @@ impl<'a, T: Real> Run<'a, T> {
                 law.law.eval(e, v, p, &mut motion.memory[law.memory..law.memory + law.law.n_memory()]);
             }
         }
-        let before = motion.memory.clone();
-        let scene = Scene { memory: &before, ..self.scene(motion, &placement) };
-        let mut memory = before.clone();
-        scene.remember_turns(&mut memory);
-        motion.memory = memory;
     }
 
     /// One step of length h.
@@ -193,7 +187,7 @@ impl<'a, T: Real> Run<'a, T> {
                     increment[i] = dy[i] * f;
                     trial.rate[i] += dv[i] * f;
                 }
-                advance(&self.system.topology, &mut trial.relative, &increment);
+                advance(&self.system.topology, &mut trial.q, &increment);
             }
             let acceleration = self.accelerations(&trial, counts)?;
             slopes.push((increment_rates(&self.system.topology, &increment, &trial.rate), acceleration));
@@ -206,7 +200,7 @@ impl<'a, T: Real> Run<'a, T> {
                 motion.rate[i] += dv[i] * w;
             }
         }
-        advance(&self.system.topology, &mut motion.relative, &increment);
+        advance(&self.system.topology, &mut motion.q, &increment);
         motion.t += h;
         self.project(motion)?;
         self.remember(motion, counts);

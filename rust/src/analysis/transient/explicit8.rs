@@ -216,11 +216,6 @@ impl Scheme for Explicit8 {
         (!self.careful && left < COLLAPSED).then(Explicit8::across_singular_poses)
     }
 
-    /// Increments of hinges add up; those of closed stages are told from poses.
-    fn counts_turns(&self) -> bool {
-        self.minimal.is_none() && !self.careful
-    }
-
     fn remark(&self) -> Option<String> {
         self.minimal.as_ref().or(self.aside.as_ref())?.remark()
     }

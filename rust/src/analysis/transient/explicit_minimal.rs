@@ -160,8 +160,8 @@ impl Minimal {
                 return Err(eq.open(worst, open));
             }
             y.iter_mut().zip(&d).for_each(|(y, d)| *y += d);
-            m.relative.clone_from(&from.relative);
-            advance(eq.topology(), &mut m.relative, &y);
+            m.q.clone_from(&from.q);
+            advance(eq.topology(), &mut m.q, &y);
             if size <= tolerance(self.rates.least) || rounding && size > 0.5 * last {
                 if end && open > ACCEPTABLE {
                     return Err(eq.open(worst, open));
@@ -265,7 +265,7 @@ fn weightless() -> Error {
 
 /// Phi and J at a pose, without rates.
 fn rows_at(eq: &Equations<'_, f64>, m: &Motion<f64>) -> (DVector<f64>, Matrix) {
-    let placement = place(eq.topology(), &eq.geometry, &m.relative, None);
+    let placement = place(eq.topology(), &eq.geometry, &m.q, None);
     let mut jacobian = eq.matrix(eq.n_rows());
     let phi = eq.scene(m, &placement, None).constraints_into(&mut jacobian);
     (phi, jacobian)

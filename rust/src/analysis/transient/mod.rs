@@ -4,9 +4,9 @@
 //! r = M(q) a + h(q, v, t) + J^T lam = 0         h: velocity terms and gravity minus applied forces
 //! Phi(q, t) = 0,   J v + Phi_t = 0 (also rows that exist on velocity level alone),   J a + gamma(q, v, t) = 0
 //! ```
-//! q are the relative poses of the tree joints; v and a their rates in tree coordinates. Poses move along the Lie group by
-//! `advance(q, dy)`; every increment dy, rate and acceleration is in the tree coordinates of docs/tables.md. All rows of cut
-//! joints stand in the order of `topology.rows`, redundant ones too: `linalg::kkt` solves with those that carry their rank.
+//! q are the coordinates of the tree joints and modal coordinates, v and a their rates and accelerations. They move by
+//! `advance(q, dy)`; every increment dy, rate and acceleration is in the tree coordinates of docs/tables.md. All rows of cut joints
+//! stand in the order of `topology.rows`, redundant ones too: `linalg::kkt` solves with those that carry their rank.
 //!
 //! | file | |
 //! |---|---|
@@ -53,17 +53,16 @@ use explicit8::Explicit8;
 use nalgebra::{DMatrix, DVector};
 
 use crate::error::Result;
-use crate::joint::JointKind;
 use crate::linalg::kkt::Ordering;
 use crate::linalg::rows::RowBlocks;
 use crate::model::geometry::Geometry;
 use crate::run::Counts;
-use crate::spatial::{M3, Pose, Real, log_so3};
+use crate::spatial::Real;
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene, Tangent};
-use crate::system::connector::{Numbers, continued_motion_of};
+use crate::system::connector::motion_of;
 use crate::system::loops::{column_scales, row_scales};
-use crate::system::placement::{Placement, advance, place};
+use crate::system::placement::{Placement, advance, difference, place};
 use crate::system::rows::explicit_rates;
 use crate::system::topology::Topology;
 
@@ -71,7 +70,8 @@ use crate::system::topology::Topology;
 #[derive(Debug, Clone)]
 pub struct Motion<T: Real> {
     pub t: f64,
-    pub relative: Vec<Pose<T>>,
+    /// coordinates of the joints by node, then modal coordinates (`crate::joint`)
+    pub q: Vec<T>,
     pub rate: Vec<T>,
     pub memory: Vec<T>,
 }
@@ -80,7 +80,7 @@ impl<T: Real> Motion<T> {
     /// Moved by increments of the tree coordinates; time and rates stay.
     pub fn moved(&self, topology: &Topology, increment: &[T]) -> Self {
         let mut out = self.clone();
-        advance(topology, &mut out.relative, increment);
+        advance(topology, &mut out.q, increment);
         out
     }
 }
@@ -158,11 +158,6 @@ pub trait Scheme {
         f64::INFINITY
     }
 
-    /// Hinges may turn by more than half a turn within a step, also between its ends.
-    fn counts_turns(&self) -> bool {
-        false
-    }
-
     /// Something jumped (a restart, a kink): histories are worthless.
     fn reset(&mut self) {}
 
@@ -196,10 +191,15 @@ pub fn scaled_size(v: &[f64], scales: &[f64]) -> f64 {
 }
 
 impl Equations<'_, f64> {
-    /// Rounding of a pose, in characteristic lengths and radians: positions far from their origin have more of it.
+    /// Rounding of coordinates, in characteristic lengths and radians: those far from zero have more of it.
     pub fn rounding(&self, m: &Motion<f64>) -> f64 {
-        let farthest = m.relative.iter().fold(0.0_f64, |far, p| far.max(p.p.amax()));
-        f64::EPSILON * (1.0 + farthest / self.system.length)
+        let scales = self.scales();
+        let run = |q: usize, first: usize, n: usize| (0..n).map(move |k| (q + k, first + k));
+        let nodes = self.topology().nodes.iter();
+        let joints = nodes.flat_map(|n| run(n.q, n.first, n.kind.quaternion().unwrap_or(n.kind.nq())));
+        let modal = self.topology().modal.iter().flat_map(|m| run(m.q, m.first, m.m));
+        let farthest = joints.chain(modal).fold(0.0_f64, |far, (q, d)| far.max((m.q[q] / scales[d]).abs()));
+        f64::EPSILON * (1.0 + farthest)
     }
 }
 
@@ -279,7 +279,7 @@ impl<'a, T: Real> Equations<'a, T> {
     }
 
     pub fn place(&self, m: &Motion<T>) -> Placement<T> {
-        place(self.topology(), &self.geometry, &m.relative, Some(m.rate.as_slice()))
+        place(self.topology(), &self.geometry, &m.q, Some(m.rate.as_slice()))
     }
 
     /// The one place where the time of a motion meets the system.
@@ -396,13 +396,9 @@ impl<'a, T: Real> Equations<'a, T> {
         }
         counts.add("memory updates", 1);
         let topology = self.topology();
-        // turns are remembered whatever the rates
-        let laws = topology.connectors.iter().any(|c| !c.laws.is_empty());
-        let rate = laws.then_some(m.rate.as_slice());
-        let placement = place(topology, &self.geometry, &m.relative, rate);
+        let placement = self.place(m);
         for c in topology.connectors.iter().filter(|c| !c.laws.is_empty()) {
-            let numbers = Numbers { x: &self.x, memory: &m.memory };
-            let moved = continued_motion_of(topology, &self.geometry, &placement, numbers, c);
+            let moved = motion_of(topology, &self.geometry, &placement, &self.x, c);
             for law in &c.laws {
                 let (e, v) = moved[law.component];
                 let p = &self.x[law.x..law.x + law.law.n_params()];
@@ -410,56 +406,10 @@ impl<'a, T: Real> Equations<'a, T> {
                 law.law.eval(e, v, p, &mut m.memory[memory]);
             }
         }
-        let mut memory = std::mem::take(&mut m.memory);
-        let before = memory.clone();
-        let scene = Scene { memory: &before, ..self.scene(m, &placement, None) };
-        scene.remember_turns(&mut memory);
-        m.memory = memory;
     }
 
     /// The increments that lead from one motion to another; three rotations together are less than half a turn.
     pub fn difference(&self, from: &Motion<T>, to: &Motion<T>) -> Vec<T> {
-        let topology = self.topology();
-        let mut out = vec![T::zero(); self.n()];
-        for (i, node) in topology.nodes.iter().enumerate() {
-            let (p, q) = (&from.relative[i], &to.relative[i]);
-            let sign = T::from(if node.reversed { -1.0 } else { 1.0 });
-            let turned = q.r * p.r.transpose();
-            let inner = log_so3(&turned);
-            if node.kind.is_modal() {
-                continue;
-            }
-            let universal = (node.kind == JointKind::Universal).then(|| universal_angles(node.reversed, &p.r, &q.r));
-            for (k, f) in node.kind.freedoms(node.reversed).iter().enumerate() {
-                let d = match (f.rotation, &universal) {
-                    (false, _) => q.p[f.axis] - p.p[f.axis],
-                    (true, Some(angles)) => angles[f.axis],
-                    (true, None) => inner[f.axis],
-                };
-                out[node.first + k] = d * sign;
-            }
-        }
-        for modal in &topology.modal {
-            for k in 0..modal.m {
-                let (pose, i) = (modal.pose + k / 3, k % 3);
-                out[modal.first + k] = to.relative[pose].p[i] - from.relative[pose].p[i];
-            }
-        }
-        out
+        difference(self.topology(), &from.q, &to.q)
     }
-}
-
-/// Changes of the two angles of R = Rz(alpha) Rx(beta) from a to b, by axis; a reversed joint holds the transpose.
-fn universal_angles<T: Real>(reversed: bool, p: &M3<T>, q: &M3<T>) -> [T; 3] {
-    let angles = |r: &M3<T>| {
-        let ab = if reversed { r.transpose() } else { *r };
-        (ab[(1, 0)].atan2(ab[(0, 0)]), ab[(2, 1)].atan2(ab[(2, 2)]))
-    };
-    let turn = |d: T| {
-        let whole = (d.re() / std::f64::consts::TAU).round() * std::f64::consts::TAU;
-        d - T::from(whole)
-    };
-    let ((a0, b0), (a1, b1)) = (angles(p), angles(q));
-    let s = T::from(if reversed { -1.0 } else { 1.0 });
-    [turn(b1 - b0) * s, T::zero(), turn(a1 - a0) * s]
 }

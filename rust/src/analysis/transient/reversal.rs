@@ -4,7 +4,7 @@
 //! turns at u* the slider has moved there, which a step that ends behind the turn would miss: an error that no difference of
 //! orders sees. Steps end at such turns. u between the ends of a step is taken as the cubic with the values and rates there.
 use crate::force::{AnyLaw, Crossing, Surface};
-use crate::system::connector::{Numbers, continued_motion_of};
+use crate::system::connector::motion_of;
 use crate::system::topology::BoundLaw;
 
 use super::{Equations, Motion};
@@ -26,10 +26,9 @@ impl Equations<'_, f64> {
             return None;
         }
         let (before, after) = (self.place(from), self.place(to));
-        let numbers = Numbers { x: &self.x, memory: &from.memory };
         let mut first: Option<f64> = None;
         for c in sliding {
-            let moved = |place| continued_motion_of(topology, &self.geometry, place, numbers, c);
+            let moved = |place| motion_of(topology, &self.geometry, place, &self.x, c);
             let (start, end) = (moved(&before), moved(&after));
             for law in c.laws.iter().filter(|l| slides(&l.law)) {
                 let way = Way::new(start[law.component], end[law.component], to.t - from.t);
@@ -63,9 +62,8 @@ impl Equations<'_, f64> {
             return false;
         }
         let (before, after) = (self.place(from), self.place(to));
-        let numbers = Numbers { x: &self.x, memory: &from.memory };
         connectors.into_iter().any(|c| {
-            let moved = |place| continued_motion_of(topology, &self.geometry, place, numbers, c);
+            let moved = |place| motion_of(topology, &self.geometry, place, &self.x, c);
             let (start, end) = (moved(&before), moved(&after));
             c.laws.iter().filter(|l| kinky(l)).any(|l| {
                 let p = &self.x[l.x..l.x + l.law.n_params()];

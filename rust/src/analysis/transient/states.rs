@@ -7,7 +7,7 @@
 use std::borrow::Cow;
 
 use crate::spatial::Real;
-use crate::system::connector::{Numbers, continued_motion_of};
+use crate::system::connector::motion_of;
 use crate::system::topology::{BoundLaw, Connector};
 
 use super::{Equations, Instant, Motion};
@@ -44,8 +44,7 @@ impl<'a, T: Real> Equations<'a, T> {
         let placement = self.place(m);
         let mut all = Vec::new();
         for c in self.connectors_with_rates() {
-            let numbers = Numbers { x: &self.x, memory: &m.memory };
-            let moved = continued_motion_of(self.topology(), &self.geometry, &placement, numbers, c);
+            let moved = motion_of(self.topology(), &self.geometry, &placement, &self.x, c);
             let laws = c.laws.iter().filter(|l| l.law.has_rates());
             all.extend(laws.map(|law| Rated { law, u: moved[law.component].0, v: moved[law.component].1 }));
         }
@@ -137,7 +136,7 @@ impl Equations<'_, f64> {
         let mut out = vec![f64::INFINITY; self.topology().n_memory];
         for c in self.connectors_with_rates() {
             for law in c.laws.iter().filter(|l| l.law.has_rates()) {
-                let length = if c.turn_of(law.component).is_some() { 1.0 } else { self.system.length };
+                let length = if c.coordinates[law.component].is_length() { self.system.length } else { 1.0 };
                 let size = law.law.state_size(self.law_numbers(law), length);
                 out[law.memory..law.memory + law.law.n_states()].fill(size);
             }

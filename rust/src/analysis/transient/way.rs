@@ -1,5 +1,9 @@
 //! Where the driver stands between two steps, and what it decides about one.
 use crate::error::Error;
+use crate::joint::Coordinate;
+use crate::kinematics::relative::whole_turns;
+use crate::system::connector::{local, pair_of};
+use crate::system::topology::Owner;
 
 use super::detour::{Detour, FINEST};
 use super::{Equations, Instant, Motion, Scheme, Step};
@@ -17,33 +21,45 @@ pub(super) struct Way {
     pub recent: f64,
 }
 
-impl Equations<'_, f64> {
-    /// A step in which no angle of a joint turns by half a turn, beyond which poses do not tell how far: v h + a h^2/2 <= 2.
-    pub(super) fn half_turn(&self, here: &Instant) -> f64 {
-        const TURN: f64 = 2.0;
-        let nodes = self.topology().nodes.iter();
-        let counted = nodes.filter(|n| !n.kind.is_modal() && n.kind.quaternion().is_none());
-        let dofs = counted.flat_map(|n| n.first..n.first + n.n);
-        let turning = dofs.filter(|d| self.topology().dofs[*d].freedom.rotation);
-        turning.fold(f64::INFINITY, |h, d| {
-            let (v, a) = (here.motion.rate[d].abs(), here.acceleration[d].abs());
-            h.min(2.0 * TURN / (v + (v * v + 2.0 * a * TURN).sqrt()))
-        })
-    }
+/// Springs, laws and couplers of angles whose turns no coordinate counts.
+pub(super) struct Uncounted<'e, 's> {
+    eq: &'e Equations<'s, f64>,
+    /// joint or element, and its angle
+    pairs: Vec<(Owner, Coordinate)>,
 }
 
-impl Equations<'_, f64> {
-    /// Are there springs or couplers that continue angles from pose to pose?
-    pub(super) fn remembers_turns(&self) -> bool {
-        let topology = self.topology();
-        !topology.tables.couplers.is_empty() || topology.connectors.iter().any(|c| c.turns.is_some())
+impl<'e, 's> Uncounted<'e, 's> {
+    pub fn new(eq: &'e Equations<'s, f64>) -> Self {
+        let topology = eq.topology();
+        let tables = &topology.tables;
+        let felt = topology.connectors.iter().filter(|c| c.k.is_some() || !c.laws.is_empty());
+        let springs = felt.flat_map(|c| c.coordinates.iter().map(move |x| (c.owner, *x)));
+        let coupled = tables.couplers.iter().flat_map(|c| c.joints.into_iter().zip(c.coordinates));
+        let coupled = coupled.map(|(j, k)| (Owner::Joint(j), tables.joints[j].kind.free_coordinates()[k]));
+        let lost = |(owner, x): &(Owner, Coordinate)| {
+            let ((a, b), pair) = (topology.ends(*owner), pair_of(&eq.geometry, *owner));
+            matches!(x, Coordinate::Angle { .. }) && topology.loses_turns(pair.number, a, b)
+        };
+        Uncounted { eq, pairs: springs.chain(coupled).filter(lost).collect() }
     }
 
-    /// Coordinates of the joints that a motion foretells from those before, by the mean of both rates.
-    pub(super) fn foretold(&self, joints: &[f64], from: &Motion<f64>, to: &Motion<f64>) -> Vec<f64> {
-        let half = 0.5 * (to.t - from.t);
-        let rates = self.joint_rates(from).into_iter().zip(self.joint_rates(to));
-        joints.iter().zip(rates).map(|(e, (v0, v1))| e + half * (v0 + v1)).collect()
+    /// Whose angle goes over half a turn between two motions, where it jumps: value and rate no longer belong together.
+    pub fn jump(&self, from: &Motion<f64>, to: &Motion<f64>) -> Option<&'s str> {
+        if self.pairs.is_empty() {
+            return None;
+        }
+        let (eq, topology) = (self.eq, self.eq.topology());
+        let places = [eq.place(from), eq.place(to)];
+        let jumps = |(owner, x): &&(Owner, Coordinate)| {
+            let ((a, b), pair) = (topology.ends(*owner), pair_of(&eq.geometry, *owner));
+            let [(e0, v0), (e1, v1)] = places.each_ref().map(|p| {
+                let here = local(topology, p, a, b, pair);
+                let row = here.relative.row(*x);
+                (row.e, here.twist.map_or(0.0, |v| row.g.dot(&v)))
+            });
+            whole_turns(e1 - e0 - 0.5 * (v0 + v1) * (to.t - from.t)) != 0.0
+        };
+        self.pairs.iter().find(jumps).map(|(owner, _)| topology.owner_name(*owner))
     }
 }
 

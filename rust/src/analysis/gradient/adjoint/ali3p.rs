@@ -33,7 +33,6 @@ pub fn step_back(
 ) -> Result<Adjoint> {
     let (eq, h) = (recorder.eq, record.h);
     let mut before = Adjoint::none(from);
-    // turns of couplers are remembered too, but nothing depends on them
     if at.memory.iter().any(|m| *m != 0.0) {
         remembered_back(recorder, from, end, &mut at);
         std::mem::swap(&mut before.memory, &mut at.memory);
@@ -68,7 +67,7 @@ pub fn step_back(
         before.acceleration[i] -= star.acceleration[i];
     }
     before_move(eq, &theta, &mut star.q);
-    add_numbers(eq, &from.motion, &star.q, &mut before.pose);
+    add_numbers(eq, &from.motion, &star.q, &mut before.q);
     Ok(before)
 }
 
@@ -82,11 +81,8 @@ fn projections_back(
     at: &Adjoint,
     before: &mut Adjoint,
 ) -> Result<Star> {
-    let mut star = Star {
-        q: by_increments(eq, &end.motion, &at.pose),
-        rate: at.rate.clone(),
-        acceleration: at.acceleration.clone(),
-    };
+    let mut star =
+        Star { q: by_increments(eq, &end.motion, &at.q), rate: at.rate.clone(), acceleration: at.acceleration.clone() };
     let Some(projection) = &factors.projection else {
         return Ok(star);
     };

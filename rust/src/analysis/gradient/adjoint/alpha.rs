@@ -33,7 +33,6 @@ pub fn step_back(
         return Ok(before);
     };
     let by = Solved::new(recorder.eq, p, from, end, h, counts)?;
-    // turns of couplers are remembered too, but nothing depends on them
     if at.memory.iter().any(|m| *m != 0.0) {
         remembered_back(recorder, from, end, &mut at);
         std::mem::swap(&mut before.memory, &mut at.memory);
@@ -75,7 +74,7 @@ pub fn accelerations_back(
         add(&mut found.q, &q);
         add(&mut found.rate, &rate);
     }
-    add_numbers(recorder.eq, there, &found.q, &mut at.pose);
+    add_numbers(recorder.eq, there, &found.q, &mut at.q);
     add(&mut at.rate, &found.rate);
     add(&mut before.memory, &found.memory);
     Ok(())
@@ -88,7 +87,7 @@ pub fn anew_back(recorder: &mut Recorder<'_>, end: &Here, anew: &Here, mut at: A
     let m = &anew.instant.motion;
     let by = accelerating(recorder.eq, m)?.0;
     accelerations_back(recorder, m, &anew.instant, &by, &mut at, &mut before)?;
-    before.pose = at.pose;
+    before.q = at.q;
     before.rate = at.rate;
     add(&mut before.memory, &at.memory);
     Ok(before)
@@ -104,7 +103,7 @@ fn rates_back(recorder: &mut Recorder<'_>, there: &Motion<f64>, by: &Solved, at:
     let (hand, u1) = (&mut recorder.hand, u.as_slice());
     let mut q = hand.mass(there, (&by.dv, &by.kappa), u1).q;
     add(&mut q, &hand.row_rates(there, w.as_slice()));
-    add_numbers(recorder.eq, there, &q, &mut at.pose);
+    add_numbers(recorder.eq, there, &q, &mut at.q);
     Ok(transposed_times(&by.end.matrix(), &u.column(0).into_owned()))
 }
 
@@ -155,7 +154,7 @@ fn stage_back(
     let (eq, hand) = (recorder.eq, &mut recorder.hand);
     let a0 = start.shifted(p, h);
     let (dq, m, _) = reached(eq, p, from, (&a0, &start.rate_slope, &by.s1), h);
-    let q = by_increments(eq, there, &at.pose);
+    let q = by_increments(eq, there, &at.q);
     let turned = (&dq[..], (&from.rate[..], &m.rate[..]));
     let mut taken = reached_back(eq, (p, h), turned, &q, star, &load.a);
     let (b, g) = p.slopes();
@@ -171,7 +170,7 @@ fn stage_back(
     add(&mut taken.rate, &more.rate);
     add(&mut taken.a0, &more.a0);
     add(&mut taken.s0, &more.s0);
-    add_numbers(eq, from, &taken.q, &mut before.pose);
+    add_numbers(eq, from, &taken.q, &mut before.q);
     add(&mut before.rate, &taken.rate);
     add(&mut before.memory, &found.memory);
     Ok((taken.a0, taken.s0))

@@ -5,7 +5,6 @@ use crate::analysis::transient::ali3p::{Weight, lifted};
 use crate::analysis::transient::{Equations, Motion};
 use crate::model::geometry::Geometry;
 use crate::model::motion::MotionLaw;
-use crate::spatial::Pose;
 use crate::system::topology::Level;
 
 use super::super::power::{Forces, Power, Slopes};
@@ -176,7 +175,7 @@ impl<'a> ByHand<'a> {
         let pair = |v: &f64, d: &f64| Dual64::new(*v, g * d);
         let start = Motion {
             t: m.t,
-            relative: m.relative.iter().map(Pose::<f64>::lifted).collect(),
+            q: m.q.iter().map(|v| Dual64::from(*v)).collect(),
             rate: m.rate.iter().zip(along.rate).map(|(v, d)| pair(v, d)).collect(),
             memory: m.memory.iter().map(|v| Dual64::from(*v)).collect(),
         };

@@ -24,7 +24,7 @@ use super::quantity::{Point, Quantity, evaluate};
 use super::start::Starting;
 use super::{Direction, Plan};
 
-/// The first instant: accelerations and multipliers backwards; what is left are adjoints of poses and rates.
+/// The first instant: accelerations and multipliers backwards; what is left are adjoints of coordinates and rates.
 fn first_back(
     recorder: &mut Recorder<'_>,
     starting: &Starting<'_>,
@@ -67,7 +67,7 @@ impl Stretch {
 /// them need about the same.
 fn stride(eq: &Equations<'_, f64>, plan: &Plan) -> usize {
     let n = plan.n_steps();
-    let place = 12 * eq.topology().nodes.len() + 6 * eq.n() + 4 * eq.n_rows();
+    let place = eq.topology().n_q + 6 * eq.n() + 4 * eq.n_rows();
     let step = place + plan.rule.kept(eq.n(), eq.n_rows());
     if n * step <= plan.keep {
         return n.max(1);
@@ -217,7 +217,7 @@ pub fn backward(
         .map(|(p, direction)| {
             let mut d: f64 = direction.iter().map(|(i, v)| numbers[*i] * v).sum();
             if !starting.is_constant() {
-                d += starting.weighed(eq, direction, p, &at.pose, &at.rate)?;
+                d += starting.weighed(eq, direction, p, &at.q, &at.rate)?;
             }
             Ok(d)
         })

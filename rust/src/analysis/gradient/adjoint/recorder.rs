@@ -1,11 +1,10 @@
 //! What objectives read and laws remember on the tape: which numbers are leaves, and where their derivatives go.
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector};
 
 use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::Result;
 use crate::model::geometry::Geometry;
 use crate::run::Counts;
-use crate::spatial::Pose;
 
 use super::super::alpha::Load;
 use super::super::march::Here;
@@ -13,10 +12,10 @@ use super::super::quantity::{Point, Quantity, evaluate};
 use super::super::tape::{Taped, backwards, clear, leaf};
 use super::by_hand::ByHand;
 
-/// Adjoints of an instant; poses with twelve numbers each.
+/// Adjoints of an instant, by the numbers of q.
 #[derive(Clone)]
 pub struct Adjoint {
-    pub pose: Vec<f64>,
+    pub q: Vec<f64>,
     pub rate: Vec<f64>,
     pub acceleration: Vec<f64>,
     pub memory: Vec<f64>,
@@ -30,7 +29,7 @@ impl Adjoint {
         let at = &here.instant;
         let nothing = || vec![0.0; at.acceleration.len()];
         Adjoint {
-            pose: vec![0.0; 12 * at.motion.relative.len()],
+            q: vec![0.0; at.motion.q.len()],
             rate: vec![0.0; at.motion.rate.len()],
             acceleration: vec![0.0; at.acceleration.len()],
             memory: vec![0.0; at.motion.memory.len()],
@@ -94,21 +93,14 @@ impl<'a> Recorder<'a> {
     /// An instant as leaves.
     fn leaves(&self, m: &Motion<f64>, a: &[f64], lam: &[f64]) -> Leaves {
         let all = |v: &[f64]| v.iter().map(|x| leaf(*x)).collect::<Vec<_>>();
-        let relative: Vec<Pose<Taped>> = m
-            .relative
-            .iter()
-            .map(|p| {
-                let numbers = all(&twelve(p));
-                Pose { p: Vector3::from_fn(|i, _| numbers[i]), r: Matrix3::from_fn(|i, j| numbers[3 + 3 * i + j]) }
-            })
-            .collect();
-        let sizes = [12 * relative.len(), m.rate.len(), m.memory.len(), a.len(), lam.len()];
+        let q = all(&m.q);
+        let sizes = [q.len(), m.rate.len(), m.memory.len(), a.len(), lam.len()];
         let mut places = [self.n_x + self.n_geometry; 6];
         for (i, n) in sizes.iter().enumerate() {
             places[i + 1] = places[i] + n;
         }
         Leaves {
-            motion: Motion { t: m.t, relative, rate: all(&m.rate), memory: all(&m.memory) },
+            motion: Motion { t: m.t, q, rate: all(&m.rate), memory: all(&m.memory) },
             acceleration: all(a),
             lam: all(lam),
             places,
@@ -121,7 +113,7 @@ impl<'a> Recorder<'a> {
         let own = self.n_x + self.n_geometry;
         add(&mut self.numbers, &d[..own]);
         let part = |i: usize| d[of.places[i]..of.places[i + 1]].to_vec();
-        Adjoint { pose: part(0), rate: part(1), memory: part(2), acceleration: part(3), lam: part(4), load: None }
+        Adjoint { q: part(0), rate: part(1), memory: part(2), acceleration: part(3), lam: part(4), load: None }
     }
 
     /// Adjoints of the numbers x, those of the geometry carried to them.
@@ -142,10 +134,6 @@ impl<'a> Recorder<'a> {
         add(&mut out, &all[..self.n_x]);
         out
     }
-}
-
-fn twelve(p: &Pose<f64>) -> [f64; 12] {
-    std::array::from_fn(|k| p.number(k))
 }
 
 fn weighed(v: &[Taped], by: &[f64]) -> Taped {
@@ -177,7 +165,7 @@ pub fn seed(
 }
 
 pub fn add_all(to: &mut Adjoint, d: &Adjoint) {
-    add(&mut to.pose, &d.pose);
+    add(&mut to.q, &d.q);
     add(&mut to.rate, &d.rate);
     add(&mut to.acceleration, &d.acceleration);
     add(&mut to.memory, &d.memory);
@@ -193,7 +181,7 @@ pub fn remembered_back(recorder: &mut Recorder<'_>, from: &Here, end: &Here, at:
     eq.remember(&mut m, &mut Counts::default());
     let sum = weighed(&m.memory, &at.memory);
     let found = recorder.finish(sum, &leaves);
-    add(&mut at.pose, &found.pose);
+    add(&mut at.q, &found.q);
     add(&mut at.rate, &found.rate);
     at.memory = found.memory;
 }
@@ -209,7 +197,7 @@ pub fn opened_back(recorder: &mut Recorder<'_>, from: &Here, h: f64, at: &mut Ad
     eq.open_states(&mut m, 0.5 * h);
     let sum = weighed(&m.memory, &at.memory);
     let found = recorder.finish(sum, &leaves);
-    add(&mut at.pose, &found.pose);
+    add(&mut at.q, &found.q);
     add(&mut at.rate, &found.rate);
     at.memory = found.memory;
 }

@@ -15,7 +15,6 @@ use crate::analysis::transient::{Equations, Instant, Motion};
 use crate::error::Result;
 use crate::linalg::kkt::Kkt;
 use crate::run::Counts;
-use crate::spatial::Pose;
 use crate::system::placement::advance;
 
 use super::super::march::Here;
@@ -24,7 +23,7 @@ use super::super::start::started;
 use super::super::{Direction, Plan};
 use super::chunk::{Chunk, Moving, WIDEST, chunk, touched};
 use super::explicit::Held;
-use super::lanes::{Jet, constant_pose, constants};
+use super::lanes::{Jet, constants};
 use super::slopes::{Slopes, crossed};
 
 /// All directions on their way.
@@ -192,8 +191,7 @@ impl<'a> Along<'a> {
 
     /// Memories of laws at the end of a step.
     pub fn remember(&mut self, from: &Motion<f64>, end: &Motion<f64>, counts: &mut Counts) {
-        // couplers remember turns, which have no derivative
-        if self.eq.topology().turns == 0 {
+        if self.eq.topology().n_memory == 0 {
             return;
         }
         let motion = Motion { memory: from.memory.clone(), ..end.clone() };
@@ -235,9 +233,9 @@ fn bent(
     let along = |re: &[f64], f: f64| -> Vec<Jet> {
         (re.iter().enumerate()).map(|(i, re)| Jet { re: *re, eps: changes.map(|(d, _)| d[i] * f) }).collect()
     };
-    let mut relative: Vec<Pose<Jet>> = m.relative.iter().map(constant_pose).collect();
-    advance(eq.topology(), &mut relative, &along(&vec![0.0; a.len()], cx));
+    let mut q: Vec<Jet> = constants(&m.q);
+    advance(eq.topology(), &mut q, &along(&vec![0.0; a.len()], cx));
     let lam = (0..changes[0].1.len()).map(|i| Jet { re: 0.0, eps: changes.map(|(_, y)| y[i]) });
-    let motion = Motion { t: m.t, relative, rate: along(&m.rate, cv), memory: constants(&m.memory) };
+    let motion = Motion { t: m.t, q, rate: along(&m.rate, cv), memory: constants(&m.memory) };
     (motion, along(a, 1.0), lam.collect())
 }

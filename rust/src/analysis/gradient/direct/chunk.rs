@@ -14,7 +14,7 @@ use crate::system::placement::{Placement, advance};
 use super::super::Direction;
 use super::super::quantity::{Point, Quantity, evaluate};
 use super::explicit::{Held, Touched, explicit};
-use super::lanes::{Jet, Wide, constant_pose, geometry_over};
+use super::lanes::{Jet, Wide, constants, geometry_over};
 use super::slopes::Slopes;
 
 /// A motion with derivatives along all directions, one column for each; multipliers and accelerations where they are read.
@@ -114,15 +114,10 @@ impl<'a, const N: usize> Lanes<'a, N> {
     }
 
     fn moving(&self, at: Moving<'_>) -> Motion<Wide<f64, N>> {
-        let mut relative: Vec<_> = at.motion.relative.iter().map(constant_pose).collect();
+        let mut q = constants(&at.motion.q);
         let none = vec![0.0; at.x.nrows()];
-        advance(self.eq.topology(), &mut relative, &self.with(&none, at.x));
-        Motion {
-            t: at.motion.t,
-            relative,
-            rate: self.with(&at.motion.rate, at.v),
-            memory: self.with(&at.motion.memory, at.z),
-        }
+        advance(self.eq.topology(), &mut q, &self.with(&none, at.x));
+        Motion { t: at.motion.t, q, rate: self.with(&at.motion.rate, at.v), memory: self.with(&at.motion.memory, at.z) }
     }
 
     fn add<'w>(&self, values: impl IntoIterator<Item = &'w Wide<f64, N>>, out: &mut DMatrix<f64>) {

@@ -77,7 +77,7 @@ impl Touched {
         for row in &eq.topology().rows {
             let (j, spec) = (row.joint, &tables.joints[row.joint]);
             let pair = &geometry.joints[j];
-            if moves(&pair.a) || moves(&pair.b) || !pair.radius.is_constant() {
+            if moves(&pair.a) || moves(&pair.b) || !pair.radius.is_constant() || !pair.pitch.is_constant() {
                 self.rows = true;
                 if !self.parts.joints.contains(&j) {
                     self.parts.joints.push(j);
@@ -130,7 +130,10 @@ fn bodies_move<const N: usize>(eq: &Equations<'_, Wide<f64, N>>) -> bool {
         let _ = g.map(&mut look);
     }
     any || eq.topology().nodes.iter().any(|node| match node.joint {
-        Some(j) => moves(&geometry.joints[j].a) || moves(&geometry.joints[j].b),
+        Some(j) => {
+            let pair = &geometry.joints[j];
+            moves(&pair.a) || moves(&pair.b) || !pair.pitch.is_constant()
+        }
         None => node.is_loose() && moves(&geometry.bodies[node.body].drawn),
     })
 }
@@ -216,12 +219,7 @@ pub fn explicit<T: Real, const N: usize>(
     if !touched.whole {
         return of_parts(eq, &touched.parts, held, (memory, lam.as_deref()), counts, to);
     }
-    let m = Motion {
-        t: held.motion.t,
-        relative: held.motion.relative.iter().map(constant_pose).collect(),
-        rate: constants(&held.motion.rate),
-        memory,
-    };
+    let m = Motion { t: held.motion.t, q: constants(&held.motion.q), rate: constants(&held.motion.rate), memory };
     let a = constants(held.acceleration);
     let r = eq.residual(&m, &a, lam.as_deref().unwrap_or(&[]), counts);
     for (i, r) in r.iter().enumerate() {
@@ -246,7 +244,7 @@ fn of_parts<T: Real, const N: usize>(
     let own = held.eq.scene(held.motion, held.placement(), Some(held.acceleration));
     let nodes = parts.nodes(&own);
     let placement = lifted(held.placement(), &nodes);
-    let m = Motion { t: held.motion.t, relative: Vec::new(), rate: Vec::new(), memory };
+    let m = Motion { t: held.motion.t, q: Vec::new(), rate: Vec::new(), memory };
     let scene = eq.scene(&m, &placement, None);
     let sums = scene.part_wrenches(parts, |n| constant(&held.acceleration_of(n)), lam);
     let columns = held.eq.topology().dofs.len();
@@ -280,6 +278,7 @@ fn lifted<T: Real, const N: usize>(p: &Placement<T>, nodes: &[usize]) -> Placeme
         }
     }
     Placement {
+        q: constants(&p.q),
         pose,
         column: Vec::new(),
         velocity: p.velocity.is_some().then(|| Velocity { body, before: Vec::new(), nodes: Vec::new() }),

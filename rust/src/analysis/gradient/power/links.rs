@@ -17,7 +17,6 @@ use crate::spatial::{Real, Six, absent};
 use crate::system::connector::{Local, Numbers, Wanted, local, pair_of, strains};
 use crate::system::connector_force::response;
 use crate::system::placement::Placement;
-use crate::system::rows::continued;
 use crate::system::topology::{BoundLaw, Connector, ConstraintRow, Natural, Owner, Purpose};
 
 use super::flexible::OnTape;
@@ -59,16 +58,28 @@ impl<T: Real> Link<T> {
         [moved, rate, virtual_]
     }
 
-    /// d/d(radius) of a rolling disc.
-    fn by_radius(&self, entries: &[Entry<T>]) -> T {
+    /// d/d(radius) of a rolling disc and d/d(pitch) of a screw.
+    fn by_sizes(&self, entries: &[Entry<T>]) -> [T; 2] {
+        let (zero, one) = (T::zero(), T::one());
+        let disc = entries.iter().any(|e| matches!(e.coordinate, Coordinate::Disc(_)));
+        let thread = entries.iter().any(|e| e.coordinate == Coordinate::Thread);
+        [
+            if disc { self.by_size(entries, [one, zero]) } else { zero },
+            if thread { self.by_size(entries, [zero, one]) } else { zero },
+        ]
+    }
+
+    fn by_size(&self, entries: &[Entry<T>], along: [T; 2]) -> T {
         let r = &self.here.relative;
         let moved = crate::kinematics::relative::Relative {
             u: r.u.map(Dual::from_re),
             r: r.r.map(Dual::from_re),
-            radius: Dual::new(r.radius, T::one()),
+            radius: Dual::new(r.radius, along[0]),
+            pitch: Dual::new(r.pitch, along[1]),
+            turned: r.turned,
         };
         let mut sum = T::zero();
-        for e in entries.iter().filter(|e| matches!(e.coordinate, Coordinate::Disc(_))) {
+        for e in entries {
             let row = moved.row(e.coordinate);
             let g = Six::new(row.g.l.map(|v| v.eps), row.g.a.map(|v| v.eps));
             sum += row.e.eps * e.by[0] + g.dot(&self.xi) * e.by[1] + g.dot(&self.eta) * e.by[2];
@@ -120,7 +131,9 @@ impl<T: OnTape> Power<'_, '_, T> {
         let (ra, rb) = (body_rotation(topology, at, link.a), body_rotation(topology, at, link.b));
         marker_back(&mut onto.b, &of.b, &rb, &moved);
         marker_back(&mut onto.a, &of.a, &ra, &together.wrench_at(&(pa.p - pb.p)));
-        onto.radius += link.by_radius(entries);
+        let [radius, pitch] = link.by_sizes(entries);
+        onto.radius += radius;
+        onto.pitch += pitch;
     }
 
     /// f(e, e') e'(U) of all springs, dampers and laws.
@@ -320,7 +333,6 @@ impl<T: OnTape> Power<'_, '_, T> {
                 let one = [(i, first)];
                 let found = self.coordinates_back(at, twists, joint, &one, -ratio, bodies, out);
                 if let Some([e, rate, virtual_]) = found {
-                    let e = continued(e, first, self.motion.memory.get(topology.turns + 2 * c));
                     out.x[spec.x + coupler::RATIO] -= e * by[0] + rate * by[1] + virtual_ * by[2];
                     out.x[spec.x + coupler::OFFSET] -= by[0];
                 }

@@ -128,6 +128,7 @@ impl<T: OnTape> Power<'_, '_, T> {
                 }
                 let (s, rate) = (&at.column[k], columns.rate[k]);
                 out.q[k] += s.dot(&displaced);
+                let pitched = topology.dofs[k].freedom.pitched;
                 out.rate[k] += s.dot(&velocity);
                 out.acceleration[k] += s.dot(by_acceleration);
                 out.virtual_[k] += s.dot(by_virtual);
@@ -139,6 +140,11 @@ impl<T: OnTape> Power<'_, '_, T> {
                     out.rate[k] += before.cross_motion(s).dot(by_acceleration);
                     column += -before.cross_force(by_acceleration).scaled(rate);
                     v += s.cross_force(by_acceleration).scaled(rate);
+                }
+                if let Some(j) = node.joint.filter(|_| pitched) {
+                    // the axis times the angle moves the body, and the column goes along it
+                    let turned = self.motion.q[node.q + k - node.first];
+                    out.geometry.joints[j].pitch += s.a.dot(&(displaced.l * turned + column.l));
                 }
                 d += s.cross_force(&column);
             }
