@@ -27,15 +27,15 @@ from .trajectory import Trajectory
 if TYPE_CHECKING:
     from .model.model import Model
 
-METHODS = ("auto", "explicit", "generalized-alpha", "bdf", "bdf-bfgs", "ali3p")
-_ORDER = {"explicit": 8, "generalized-alpha": 2, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
+METHODS = ("auto", "explicit", "generalized-alpha", "radau", "bdf", "bdf-bfgs", "ali3p")
+_ORDER = {"explicit": 8, "generalized-alpha": 2, "radau": 5, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
 _TIGHTEST, _LOOSEST = 1e-13, 1e-1
 # below it the norm to which the equations of a step of bdf-bfgs are solved shows in the rates, and steps collapse
 _TIGHTEST_WITHOUT_TANGENT = 1e-10
 # changes of initial values below this are rounding
 _CHANGED = 1e-9
 # methods whose error is estimated by a tighter run, and how much tighter it is
-_TIGHTENED, _TIGHTER = frozenset({"explicit", "bdf"}), 30.0
+_TIGHTENED, _TIGHTER = frozenset({"explicit", "radau", "bdf"}), 30.0
 # deflections beyond this part of a body's length are too large for linear elasticity in a frame
 _BENT = 0.2
 # outputs at which the error is estimated

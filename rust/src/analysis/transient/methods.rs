@@ -14,6 +14,7 @@ use super::driver::{Plan, Progress, Run, Steps, drive};
 use super::explicit_minimal::Minimal;
 use super::explicit8::{Coordinates, Explicit8};
 use super::generalized_alpha::GeneralizedAlpha;
+use super::radau::Radau;
 use super::{Equations, Instant, Motion, Scheme, scaled_size};
 
 #[derive(Debug, Clone, Copy)]
@@ -26,6 +27,7 @@ pub enum Method {
     Ali3p(Weight),
     BdfBfgs(Form, Option<Family>),
     Bdf,
+    Radau,
 }
 
 /// What generalised-alpha leaves of infinitely fast oscillations, unless it is told otherwise.
@@ -39,6 +41,7 @@ impl Method {
             "explicit/independent" => Ok(Method::Explicit(Some(Coordinates::Independent))),
             "explicit/tree" => Ok(Method::Explicit(Some(Coordinates::Tree))),
             "bdf" => Ok(Method::Bdf),
+            "radau" => Ok(Method::Radau),
             "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
             "ali3p" => Ok(Method::Ali3p(Weight::Tangent)),
             name if name.starts_with("bdf-bfgs") => {
@@ -62,6 +65,7 @@ impl Method {
             Method::Ali3p(_) => "ali3p",
             Method::BdfBfgs(..) => "bdf-bfgs",
             Method::Bdf => "bdf",
+            Method::Radau => "radau",
         }
     }
 
@@ -77,6 +81,7 @@ impl Method {
             Method::Ali3p(weight) => Box::new(Ali3p::new(*weight)),
             Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family, rtol)),
             Method::Bdf => Box::new(Bdf::new(rtol)),
+            Method::Radau => Box::new(Radau::new(rtol)),
         }
     }
 }
