@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mbrs.tables import compiled
 
-METHODS = ("explicit", "generalized-alpha", "ali3p", "bdf", "bdf-bfgs")
+METHODS = ("explicit", "generalized-alpha", "ali3p", "radau", "bdf", "bdf-bfgs")
 
 
 def direction(rng):

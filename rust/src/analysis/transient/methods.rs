@@ -27,7 +27,7 @@ pub enum Method {
     Ali3p(Weight),
     BdfBfgs(Form, Option<Family>),
     Bdf,
-    Radau,
+    Radau(bool),
 }
 
 /// What generalised-alpha leaves of infinitely fast oscillations, unless it is told otherwise.
@@ -41,7 +41,8 @@ impl Method {
             "explicit/independent" => Ok(Method::Explicit(Some(Coordinates::Independent))),
             "explicit/tree" => Ok(Method::Explicit(Some(Coordinates::Tree))),
             "bdf" => Ok(Method::Bdf),
-            "radau" => Ok(Method::Radau),
+            "radau" => Ok(Method::Radau(false)),
+            "radau/9" => Ok(Method::Radau(true)),
             "generalized-alpha" => Ok(Method::GeneralizedAlpha(rho.unwrap_or(RHO))),
             "ali3p" => Ok(Method::Ali3p(Weight::Tangent)),
             name if name.starts_with("bdf-bfgs") => {
@@ -65,7 +66,7 @@ impl Method {
             Method::Ali3p(_) => "ali3p",
             Method::BdfBfgs(..) => "bdf-bfgs",
             Method::Bdf => "bdf",
-            Method::Radau => "radau",
+            Method::Radau(_) => "radau",
         }
     }
 
@@ -81,7 +82,7 @@ impl Method {
             Method::Ali3p(weight) => Box::new(Ali3p::new(*weight)),
             Method::BdfBfgs(form, family) => Box::new(BdfBfgs::new(*form, *family, rtol)),
             Method::Bdf => Box::new(Bdf::new(rtol)),
-            Method::Radau => Box::new(Radau::new(rtol)),
+            Method::Radau(nine) => Box::new(Radau::new(rtol, *nine)),
         }
     }
 }
@@ -163,7 +164,7 @@ fn chosen(
         fastest / motion
     );
     if fastest > STIFF * motion && fastest * time > MANY {
-        Ok((Method::Bdf, format!("stiff: {text}")))
+        Ok((Method::Radau(false), format!("stiff: {text}")))
     } else {
         Ok((Method::Explicit(None), format!("not stiff: {text}")))
     }

@@ -21,7 +21,7 @@ use crate::run::Counts;
 use super::interpolate::quintic;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 use linear::{Linear, Stages};
-use numbers::{FIVE, Tableau};
+use numbers::{FIVE, NINE, Tableau};
 
 const MAX_ITERATIONS: usize = 12;
 /// What is left of Newton's method, over the tolerance of a step.
@@ -34,6 +34,13 @@ const ROUNDING: f64 = 1e-10;
 const PATIENCE: f64 = 5.0;
 /// Matrices with which corrections shrank more slowly than this are made anew for the next step.
 const SLOW: f64 = 0.1;
+/// Matrices that shrink corrections more slowly by this factor than when they were new have aged; others are as good as new ones:
+/// what they leave out is of the order of the step.
+const AGED: f64 = 2.0;
+/// A first correction says nothing of how fast they shrink: matrices that served before are not trusted to shrink it by more.
+const TRUSTED: f64 = 0.1;
+/// Three rotations that act together turn at most so far in a step (radians): rotation vectors are ambiguous at a whole turn.
+const WIDEST: f64 = 3.0;
 /// Repetitions that find theta of the rates: each gains the turn within a step.
 const REPETITIONS: usize = 40;
 /// Motions within a step below this, characteristic lengths or radians, are solved as if they were of this size: at rest there
@@ -58,8 +65,9 @@ pub struct Radau {
     /// allowed remainder of Newton's method
     solved: f64,
     linear: Option<Linear>,
-    /// how fast the last corrections shrank
+    /// how fast the last corrections shrank, and how fast they did with matrices of their own step
     contraction: f64,
+    freshest: f64,
     past: Option<Past>,
     tried: Option<Past>,
     rejected: bool,
@@ -78,13 +86,14 @@ struct Trial {
 
 impl Radau {
     /// None: fixed steps.
-    pub fn new(rtol: Option<f64>) -> Self {
+    pub fn new(rtol: Option<f64>, nine: bool) -> Self {
         Radau {
-            tableau: &FIVE,
+            tableau: if nine { &NINE } else { &FIVE },
             fixed: rtol.is_none(),
             solved: rtol.map_or(SOLVED_FIXED, |r| SOLVED * r),
             linear: None,
             contraction: 1.0,
+            freshest: 0.0,
             past: None,
             tried: None,
             rejected: false,
@@ -210,6 +219,9 @@ impl Radau {
         for iteration in 1..=MAX_ITERATIONS {
             counts.add("iterations", 1);
             let trial = self.trial(eq, &from.motion, h, &stages.a);
+            if trial.theta.iter().any(|y| !(eq.widest_rotation(y) < WIDEST)) {
+                break;
+            }
             let left = self.remainder(eq, &trial, &stages, counts)?;
             if self.linear.is_none() {
                 let middle = self.tableau.stages() / 2;
@@ -224,10 +236,13 @@ impl Radau {
                 *own += d;
             }
             let step = self.size(h, &change.a, (speed, &scales));
-            let rate = if last.is_finite() { step / last } else { self.contraction };
+            let rate = if last.is_finite() { step / last } else { self.contraction.max(TRUSTED) };
             let near = step <= 0.1 * self.solved || rate < 1.0 && step * rate / (1.0 - rate) <= self.solved;
-            if last.is_finite() {
+            if last.is_finite() && step > ROUNDING {
                 self.contraction = rate;
+                if fresh {
+                    self.freshest = rate;
+                }
             }
             if near || last.is_finite() && fresh && rate > 0.3 && step < ROUNDING {
                 let trial = self.trial(eq, &from.motion, h, &stages.a);
@@ -236,7 +251,8 @@ impl Radau {
             if last.is_finite() && rate > 2.0 && fresh || !step.is_finite() {
                 break;
             }
-            if last.is_finite() && !fresh && iteration as f64 + expected(step, rate, self.solved) > PATIENCE {
+            let slow = iteration as f64 + expected(step, rate, self.solved) > PATIENCE;
+            if last.is_finite() && !fresh && slow && rate > AGED * self.freshest {
                 self.linear = None;
             }
             last = step;
@@ -333,7 +349,7 @@ impl Scheme for Radau {
     fn accept(&mut self, _: &Equations<'_, f64>, _: &Instant, step: &Step, _: f64) {
         // the driver may have rounded the time to an output or the end
         self.past = self.tried.take().map(|p| Past { t: step.end.motion.t, ..p });
-        if self.contraction > SLOW {
+        if self.contraction > (AGED * self.freshest).max(SLOW) {
             self.linear = None;
         }
     }
