@@ -8,7 +8,7 @@ from typing import Any
 import mbrs as mb
 import numpy as np
 
-# METHODS.md e.3, five-bar, T = 2 s: converged by Runge-Kutta and DOP853
+# docs/theory.md (23.12), five-bar, T = 2 s: converged by Runge-Kutta and DOP853
 CONVERGED = np.array([-1.33084740, 0.99780747])
 END, NAMES, R0 = 2.0, ["spring1.length", "spring2.length"], np.array([0.5, -2.0, 0.0])
 
@@ -70,7 +70,7 @@ def over_time() -> tuple[str, str, str, Any]:
         repeat=3,
     )
     text = (
-        "Five-bar of METHODS.md e.3, the integral over 2 s by both natural lengths. All four converge with the square of the "
+        "Five-bar of docs/theory.md (23.12), the integral over 2 s by both natural lengths. All four converge with the square of the "
         "step: the error is that of the motion. Differences look as good here because each was given the step that is best "
         "for it, which only the exact gradient told; their cost grows with the number of parameters, that of the adjoint does not. "
         "The time of direct and adjoint includes the objective, a Python function called at every step."

@@ -9,7 +9,7 @@ import mbrs as mb
 import numpy as np
 import rivals_nonlinear as rivals
 
-# METHODS.md b.4, by shooting with rtol 1e-13: peak of |x|, its omega, both folds; periods
+# docs/theory.md (23.6), (23.10), by shooting with rtol 1e-13: peak of |x|, its omega, both folds; periods
 DUFFING = np.array([2.5645599332, 2.3993334635, 2.3996492588, 1.3291743525])
 PERIODS = {1.0: 6.66328686, 5.0: 11.61223067}
 # For PyHarm: element, damping, force, range of omega, largest step, of x" + c x' + x + law = F cos(omega t). The oscillator with
@@ -218,7 +218,7 @@ def cycles() -> tuple[str, str, str, Any]:
         solve, harmonics=[3, 7, 15, 31, 63, 127], mu={"1": {"mu": 1.0}, "5": {"mu": 5.0}}, reference=PERIODS,
         measure=against_printed, repeat=1,
     )  # fmt: skip
-    text = "Limit cycles of van der Pol's oscillator without a guess, mu = 1 and 5 (METHODS.md b.4 prints nine digits)."
+    text = "Limit cycles of van der Pol's oscillator without a guess, mu = 1 and 5 (known to nine digits, docs/theory.md (23.10))."
     return "harmonic-balance-cycles", "Harmonic balance: limit cycles", text, study
 
 

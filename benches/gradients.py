@@ -23,7 +23,7 @@ from motion import PROGRAMS, build, exudyn
 
 BEGIN, END = "<!-- gradient table begins -->", "<!-- gradient table ends -->"
 COUNTS = (1, 2, 4, 8, 16, 64, 256, 1000)
-# METHODS.md e.3, T = 2 s: converged by Runge-Kutta and DOP853
+# docs/theory.md (23.12), T = 2 s: converged by Runge-Kutta and DOP853
 FIVE_BAR = np.array([-1.33084740, 0.99780747])
 
 
@@ -168,7 +168,7 @@ def car() -> list[Row]:
 
 
 def order() -> list[Row]:
-    """Five-bar of METHODS.md e.3 over the step."""
+    """Five-bar of docs/theory.md (23.12) over the step."""
     m, r0 = mb.examples.five_bar(), np.array([0.5, -2.0, 0.0])
     psi = mb.Integral(lambda s: np.sum((s.point("P2") - r0) ** 2))
     names, steps = ["spring1.length", "spring2.length"], (1e-2, 5e-3, 2.5e-3)

@@ -20,7 +20,7 @@ import motion_effects
 import numpy as np
 import rivals_motion as rivals
 from linear import Row, cpu, ms, of_tests, run, selected
-from mbrs.measures import motion_difference
+from mbrs.studies.measures import motion_difference
 
 zoo, true = of_tests("motion_problems"), of_tests("motion_truths")
 BEGIN, END = "<!-- motion table begins -->", "<!-- motion table ends -->"

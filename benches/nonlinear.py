@@ -22,7 +22,7 @@ import rivals_nonlinear as rivals
 from linear import ONE_THREAD, Row, cpu, ms, of_tests, run, selected
 
 BEGIN, END = "<!-- nonlinear table begins -->", "<!-- nonlinear table ends -->"
-# METHODS.md b.4, by shooting with rtol 1e-13
+# docs/theory.md (23.6), (23.10), by shooting with rtol 1e-13
 PEAK, PEAK_OMEGA, FOLDS = 2.5645599332, 2.3993334635, (2.3996492588, 1.3291743525)
 PERIODS = {1.0: 6.66328686, 5.0: 11.61223067, 20.0: 34.68232331}
 
@@ -215,7 +215,7 @@ def quasi_periodic() -> list[Row]:
         rows.append(
             Row(f"quasi-periodic Duffing, eta = {eta:g}, m = {m}", target, text, error <= limit and spent <= seconds)
         )
-    rows.append(Row("the coefficients printed in METHODS.md b.3, m = 7", "to their ten digits", f"largest difference {gap:.0e}",
+    rows.append(Row("the coefficients of docs/theory.md (23.9), m = 7", "to their ten digits", f"largest difference {gap:.0e}",
                     gap <= 6e-11))  # fmt: skip
     rows.append(Row("quasi-periodic response in other programs", "", "none that installs with pip has it"))
     return rows

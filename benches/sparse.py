@@ -14,7 +14,7 @@ import time
 import hinges
 import mbrs as mb
 import numpy as np
-from mbrs.tables import compiled
+from mbrs.system.tables import compiled
 
 COUNT = 20
 

@@ -1,4 +1,4 @@
-"""API.md section 1 as it stands: modes, transfer function and design sensitivity of an isolator. Writes modes.html here."""
+"""Modes, transfer function and design sensitivity of an isolator. Writes modes.html here."""
 
 import numpy as np
 import mbrs as mb
@@ -17,7 +17,7 @@ modes.frequency                 # (n,) |s|/2pi, Hz; n = degrees of freedom, asce
 modes.damping                   # (n,) -Re s/|s|; nan for rigid modes
 modes.eigenvalue                # (n,) complex, rad/s: of each pair the root with Im > 0, of a real pair the root with the larger real part
 modes.roots                     # all of them; 2n unless velocity constraints make it fewer
-modes.shape                     # (dof, n), rows are the model's minimal coordinates; normalisation in METHODS.md
+modes.shape                     # (dof, n), rows are the model's minimal coordinates; normalised by docs/theory.md (6.3)
 modes.body_shape("payload")     # (6, n) complex motion of the body's origin
 modes.groups                    # repeated eigenvalues
 modes.animate("modes.html")     # one self-contained page

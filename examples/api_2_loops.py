@@ -1,6 +1,4 @@
-"""API.md section 2 as it stands, but for what is not built yet and therefore left out: drives (`m.drive`), couplers, the
-nonholonomic joints, flexible bodies and `m.section_load`.
-"""
+"""A closed loop: the model of a four-bar, its equilibrium, linearisation and modes."""
 
 import numpy as np
 import mbrs as mb
@@ -22,7 +20,7 @@ modes = mb.modes(m, at=eq)      # exact tangent: springs, preload, constraint fo
 lin = mb.linearize(m, at=eq)    # lin.M, .C, .G, .K, .N, .coordinates (names), .T (6 n_bodies, dof)
 A, B, C, D = lin.state_space(inputs=b.force("x"), outputs=b.motion("x"))
 
-# Of the rest of the section:
+# Other models:
 for model in (mb.examples.chain(4, joint="revolute", springs=1), mb.examples.tree(3), mb.examples.ladder(2),
               mb.examples.quadruped(), mb.examples.stewart_platform()):
     print(mb.modes(model, n=3))

@@ -1,4 +1,4 @@
-"""API.md section 3 as it stands. The multibody model of its last line, invented: a mass on a rail, a hardening spring."""
+"""Nonlinear vibration on one page: Duffing, van der Pol, two tones, and a model: a mass on a rail with a hardening spring."""
 
 import numpy as np
 import mbrs as mb

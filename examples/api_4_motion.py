@@ -1,4 +1,4 @@
-"""API.md section 4 as it stands, for the four-bar of section 2."""
+"""Motion in time on one page: a four-bar."""
 
 import numpy as np
 import mbrs as mb

@@ -1,4 +1,4 @@
-"""API.md section 5 as it stands, with the five-bar for a model; then the matrix V at work."""
+"""Gradients of a motion on one page: the five-bar; then a matrix V of parameters."""
 
 import mbrs as mb
 import numpy as np
@@ -13,7 +13,7 @@ value, grad = mb.gradient(m, psi, ["spring1.length", "spring2.length"], t=5.0, s
 V = m.parameter("V", np.ones((2, 3)))                          # a design variable matrix: derivatives end in (2, 3); `.vetter()` gives the block layout
 
 print(traj)
-print(f"psi = {value:.6f}, gradient {grad}")                   # METHODS.md e.3: -4.2288, 3.2116 for small steps
+print(f"psi = {value:.6f}, gradient {grad}")                   # docs/theory.md (23.12): -4.2288, 3.2116 for small steps
 
 # A row of two carriages driven by V: masses, springs and forces.
 m = mb.Model("carriages")

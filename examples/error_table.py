@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import Any
 
-from mbrs.report import table
+from mbrs._lib.text import table
 
 
 def error_table(rows: Iterable[tuple[Any, ...]]) -> str:

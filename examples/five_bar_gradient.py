@@ -1,4 +1,4 @@
-"""Natural lengths of two springs that keep point 2 of the five-bar where it is: an optimum with psi = 0 (METHODS.md e.3)."""
+"""Natural lengths of two springs that keep point 2 of the five-bar where it is: an optimum with psi = 0 (docs/theory.md (23.12))."""
 
 import sys
 from pathlib import Path

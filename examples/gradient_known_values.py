@@ -1,7 +1,7 @@
-"""Gradients over the step against known ones: the five-bar (METHODS.md e.3) and the nonholonomic particle (e.4).
+"""Gradients over the step against known ones: the five-bar (docs/theory.md (23.12)) and the nonholonomic particle (23.13).
 
-Known values: converged by Runge-Kutta and DOP853 in METHODS.md; its five-bar was reconstructed by search, its particle is an own
-example. "ALI3-P, natural": the scheme of METHODS.md in plain NumPy, points as coordinates; "mbrs": joint coordinates, so that the
+Known values: converged by Runge-Kutta and DOP853; the five-bar was found by a search, the particle is an own
+example. "ALI3-P, natural": docs/theory.md (17.14) to (17.17) in plain NumPy, points as coordinates; "mbrs": joint coordinates, so that the
 discrete solutions differ while both tend to the same.
 
 python examples/gradient_known_values.py
@@ -15,7 +15,7 @@ from mbrs.reference.ali3p_models import POINTS, FiveBar, NonholonomicPoint
 
 BAR = {"psi": 0.7268774613, "d L01": -4.22881085, "d L02": 3.21160410}
 PARTICLE = {"psi": 3.89396846, "d k": 0.02152155, "d m": -0.21521547, "d b": 0.29491657}
-PUBLISHED = {1e-2: (-4.22937, 3.21102), 5e-3: (-4.22895, 3.21146), 2.5e-3: (-4.22885, 3.21157)}  # ALI3-P over h, e.3
+PUBLISHED = {1e-2: (-4.22937, 3.21102), 5e-3: (-4.22895, 3.21146), 2.5e-3: (-4.22885, 3.21157)}  # ALI3-P over h
 
 
 def natural(mechanism, h, part, drawn, columns):
@@ -55,11 +55,11 @@ plain = [(h, natural(FiveBar(), h, slice(2, 4), POINTS[1], slice(0, 2))) for h i
 table = []
 for kind, best in show("five-bar, 5 s", BAR, {"mbrs": own, "ALI3-P, natural": plain}):
     table += [
-        (f"five-bar, {kind}, {name}", value, known, "METHODS.md e.3")
+        (f"five-bar, {kind}, {name}", value, known, "docs/theory.md (23.12)")
         for value, (name, known) in zip(best, BAR.items(), strict=True)
     ]
 for h, values in plain:
-    print(f"natural, h = {h:g}: gradient ({values[1]:.5f}, {values[2]:.5f}), METHODS.md {PUBLISHED[h]}")
+    print(f"natural, h = {h:g}: gradient ({values[1]:.5f}, {values[2]:.5f}), known {PUBLISHED[h]}")
 
 m = mb.examples.nonholonomic_particle()
 psi = mb.Integral(lambda s: np.sum(s.position("carriage")[:2] ** 2) + (3.0 - s.position("slider")[0]) ** 2)
@@ -67,7 +67,7 @@ own = [(h, ours(m, psi, ["k", "m", "b"], h)) for h in (1e-2, 5e-3, 2.5e-3, 1.25e
 plain = [(h, natural(NonholonomicPoint(), h, slice(0, 3), 0.0, [1, 0, 2])) for h in (2e-2, 1e-2)]
 for kind, best in show("nonholonomic particle, 5 s", PARTICLE, {"mbrs": own, "ALI3-P, natural": plain}):
     table += [
-        (f"particle, {kind}, {name}", value, known, "METHODS.md e.4")
+        (f"particle, {kind}, {name}", value, known, "docs/theory.md (23.13)")
         for value, (name, known) in zip(best, PARTICLE.items(), strict=True)
     ]
 

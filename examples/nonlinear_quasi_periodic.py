@@ -12,7 +12,7 @@ from error_table import error_table
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="mbrs-"))
 folder.mkdir(parents=True, exist_ok=True)
-PRINTED = {  # METHODS.md b.3, (cos, sin) for m = 7
+PRINTED = {  # docs/theory.md (23.9), (cos, sin) for m = 7
     2.0: {(1, 0): (-0.0055712601, -0.0832608775), (0, 1): (-0.0014475824, -0.0357439837),
           (2, -1): (-0.0003014939, -0.0006886006)},
     1.5: {(1, 0): (-0.0261221620, -0.2067112787), (0, 1): (-0.0045260166, -0.0731946175),
@@ -25,7 +25,7 @@ for eta, printed in PRINTED.items():
     for index, pair in printed.items():
         value = found.coefficient(0, index)
         for name, ours, theirs in (("cos", value.real, pair[0]), ("sin", -value.imag, pair[1])):
-            rows.append((f"eta = {eta:g}, k = {index}, {name}", ours, theirs, "METHODS.md b.3"))
+            rows.append((f"eta = {eta:g}, k = {index}, {name}", ours, theirs, "docs/theory.md (23.9)"))
 print(found)
 fine = mb.quasi_periodic(system, forces, harmonics=13, x0=found)
 print(f"\nm = 7: distance from integration in time {found.verify():.1e}, estimate {found.error:.1e}")

@@ -21,12 +21,12 @@ for mu, known, given in (
     cycle = mb.limit_cycle(mb.examples.van_der_pol(mu), **given)
     print(f"{cycle}\n")
     cycle.plot_orbit().savefig(folder / f"van-der-pol-{mu:g}.png")
-    rows.append((f"period, mu = {mu:g}, {cycle.stats.route}", cycle.period, known, "METHODS.md b.4, 9 digits"))
+    rows.append((f"period, mu = {mu:g}, {cycle.stats.route}", cycle.period, known, "docs/theory.md (23.10)"))
     if mu == 1.0:
         cycle.plot().savefig(folder / "van-der-pol-harmonics.png")
         cycle.plot_multipliers().savefig(folder / "van-der-pol-multipliers.png")
 
-# Fifteen harmonics do not hold a relaxation oscillation; the result must say so.
+# Fifteen harmonics do not hold a relaxation oscillation, and the result's error estimate shows it.
 poor = mb.limit_cycle(mb.examples.van_der_pol(20.0), harmonics=15)
 print(f"{poor}\nits period is wrong by {abs(poor.period / 34.68232331 - 1):.0%}")
 print(error_table(rows))

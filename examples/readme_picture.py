@@ -12,8 +12,8 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from mbrs.animate.shapes import body_solid
 from mbrs.plot.data import tornado_bars
+from mbrs.view.solids import body_solid
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 PICTURE = Path(__file__).resolve().parent.parent / "docs" / "img" / "quadruped.png"

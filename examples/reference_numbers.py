@@ -17,7 +17,7 @@ import mbrs as mb
 import numpy as np
 from mbrs import reference
 from mbrs.reference.dynamics import element_tangents
-from mbrs.tables import directions, tables
+from mbrs.system.tables import directions, tables
 
 FOLDER = Path(__file__).resolve().parent
 NUMBERS = FOLDER / "reference_numbers.json"

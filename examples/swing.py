@@ -1,4 +1,4 @@
-"""The two-body swing: one rod driven at 60 deg/s, the other free; check values from METHODS.md c.3.
+"""The two-body swing: one rod driven at 60 deg/s, the other free; check values from docs/theory.md (23.11).
 
 python examples/swing.py [folder for the pictures]
 """

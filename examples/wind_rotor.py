@@ -18,7 +18,7 @@ import mbrs as mb
 import numpy as np
 from mbrs import reference
 from mbrs.reference.fixed_frame import Rotor
-from mbrs.tables import tables
+from mbrs.system.tables import tables
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp(prefix="mbrs-"))
 blades, speed = ("blade1", "blade2", "blade3"), 17.2 * 2 * np.pi / 60
@@ -89,7 +89,7 @@ axes[0].legend(ncols=4, fontsize=8, frameon=False)
 axes[-1].set_xlabel("t [s]")
 figure.savefig(folder / "wind-rotor-motion.png")
 
-# --- in the frame that stands still
+# --- in the frame at rest
 azimuth = 2 * np.pi / 3 * np.arange(3) + speed * t[:, None]
 flap = mb.multiblade(modal(0)[0], azimuth)
 print(f"flap: collective {flap[-1, 0]:.3g}, cosine {flap[-1, 1]:.3g}, sine {flap[-1, 2]:.3g} kg^1/2 m at the end")

@@ -1,7 +1,7 @@
 """A second, independent look at Tables for tests: M and K in absolute small coordinates and the null space of the
 constraints.
 
-Small rotations about world axes at the centres of mass (METHODS.md a.2); unloaded springs, so without geometric
+Small rotations about world axes at the centres of mass (docs/theory.md (5.7) to (5.10)); unloaded springs, so without geometric
 stiffness. It knows nothing of mbrs but the layout in docs/tables.md.
 """
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from mbrs import reference as ref
-from mbrs.linearize import Snapshot, linearize
+from mbrs.linear.linearize import linearize
 from mbrs.reference.assembly import close_loops, jacobian, partition, twist_map
 from mbrs.reference.kinematics import motion, place_outer, relative_pose
 from mbrs.reference.linearize import split
-from mbrs.state import AT_REST, State, state_of
-from mbrs.tables import compiled, tables
+from mbrs.system.snapshot import Snapshot
+from mbrs.system.state import AT_REST, State, state_of
+from mbrs.system.tables import compiled, tables
 
 
 def drawn(m):

@@ -45,7 +45,7 @@ def rotation_of(body):
 
 
 def rotor_blade(speed_joint=True, modes=4, **options):
-    """One WindPACT blade (a stand-in, METHODS.md c.5) on a hub that turns about z; flap is along z."""
+    """One WindPACT blade (a stand-in, docs/theory.md (23.14)) on a hub that turns about z; flap is along z."""
     data = mb.examples.windpact_blade()
     blade = mb.flexible.beam(
         data.station, mass=data.mass, EI_flap=data.EI_flap, EI_edge=data.EI_edge, modes=modes, elements=30, **options

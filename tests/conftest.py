@@ -6,6 +6,9 @@ import os
 import signal
 import sys
 
+# the tests share out among the cores, so each has one BLAS thread; read when NumPy is imported, by `jitter`
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import jitter
 import pytest
 
@@ -28,7 +31,7 @@ def noise_on_the_numbers_of_models():
     """With ``MBRS_JITTER=<seed>``: every real number of a model is multiplied by 1 + 1e-13 r; see `jitter`."""
     with pytest.MonkeyPatch.context() as patch:
         if jitter.seed() is not None:
-            patch.setattr("mbrs.tables.x", jitter.jittered)
+            patch.setattr("mbrs.system.tables.x", jitter.jittered)
         yield
 
 

@@ -70,7 +70,7 @@ fn hexapod_has_its_closed_form() -> Result<()> {
 
 #[test]
 fn constraint_forces_stiffen_hanging_mechanisms() -> Result<()> {
-    // sqrt(m g l/2 / (m l^2/3)) and sqrt(2 m g l / (5/3 m l^2)): issue 2
+    // sqrt(m g l/2 / (m l^2/3)) and sqrt(2 m g l / (5/3 m l^2))
     for (tables, square, digits) in
         [(models::hanging_rod(), 1.5 * 9.81, "0.610521"), (models::hanging_four_bar(), 1.2 * 9.81, "0.546066")]
     {

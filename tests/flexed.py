@@ -6,9 +6,9 @@ import tomllib
 
 import mbrs as mb
 import numpy as np
+from mbrs._lib.rotations import quaternion_matrix
 from mbrs.flexible import ModalBody
 from mbrs.model import toml
-from mbrs.model.rotations import quaternion_matrix
 
 
 def points_of(model, body):

@@ -197,6 +197,28 @@ _lawful("van_der_pol", lambda: mb.VanDerPol(1.3))
 _lawful("jenkins", lambda: mb.Jenkins(40.0, 90.0))
 _lawful("jenkins_sliding", lambda: mb.Jenkins(100.0, 0.5))
 _lawful("iwan", lambda: mb.Iwan([100.0, 50.0], [0.5, 90.0]))
+_lawful("maxwell", lambda: mb.Maxwell([30.0, 11.0], [0.03, 0.4]))
+
+
+def _hysteretic(name, law):
+    """Laws whose curve of first loading, on which a motion starts, has a kink at zero: springs that are drawn strained."""
+
+    def make():
+        m = mb.Model(name)
+        a = m.body("a", mass=0.8, inertia=(0.1, 0.2, 0.3), at=(0.2, 0, 0), velocity=(0.8, 0, 0))
+        m.prismatic("rail", m.ground, a, at=(0, 0, 0), axis="x", k=5.0, preload=1.0)
+        b = m.body("b", mass=0.8, inertia=(0.1, 0.2, 0.3), at=(0.7, 0.2, 0), velocity=(-0.5, 0.2, 0))
+        m.spring_damper("link", a, b, at=((0.2, 0, 0), (0.7, 0.2, 0)), k=10.0, length=0.6, law=law())
+        m.spring_damper("stay", m.ground, a, at=((-0.6, 0.3, 0.1), (0.2, 0, 0)), k=3.0, length=0.7, law=law())
+        m.planar("table", m.ground, b, at=(0.7, 0.2, 0), axis="z")
+        return m
+
+    make.__name__ = f"law_{name}"
+    return scene(make)
+
+
+_hysteretic("bouc_wen", lambda: mb.BoucWen(60.0, 0.2, 30.0, 11.0, 1.3))
+_hysteretic("lugre", lambda: mb.LuGre(0.5, 0.8, 0.3, 60.0, 0.4, 0.1))
 
 
 @scene

@@ -1,6 +1,6 @@
 """Noise of 1e-13 on the numbers of every model, so that no test hangs on the last bit of one machine.
 
-With the environment variable ``MBRS_JITTER=<seed>``, `conftest` puts `jittered` in the place of `mbrs.tables.x`, through which
+With the environment variable ``MBRS_JITTER=<seed>``, `conftest` puts `jittered` in the place of `mbrs.system.tables.x`, through which
 all numbers of a model go to the core and to the reference: each is multiplied by 1 + 1e-13 r, r normal and clipped to
 [-3, 3]. Zeros stay zero. Integers (types, flags, counts) lie elsewhere, but for the order of a `VaryingStiffness`, which
 stays. Square matrices of stiffness and damping keep their symmetry, which is structure. Quaternions go off unity, and axes
@@ -19,7 +19,7 @@ import os
 from functools import lru_cache
 
 import numpy as np
-from mbrs import tables
+from mbrs.system import tables
 
 SIZE = 1e-13
 CLIP = 3.0
@@ -43,7 +43,7 @@ def level() -> float:
 
 
 def jittered(model) -> np.ndarray:
-    """What `mbrs.tables.x` returns, with noise."""
+    """What `mbrs.system.tables.x` returns, with noise."""
     x = exact_numbers(model)
     structure = tables._structure(model)
     factor = 1.0 + SIZE * _noise(seed(), len(x))

@@ -72,7 +72,7 @@ fn diagonal(values: [f64; 6]) -> [f64; 36] {
     ::core::array::from_fn(|i| if i % 7 == 0 { values[i / 7] } else { 0.0 })
 }
 
-/// The isolator of issue 2: 15.9155 Hz three times, 18.3776 Hz twice, 36.7553 Hz.
+/// The isolator of docs/theory.md (23.1): 15.9155 Hz three times, 18.3776 Hz twice, 36.7553 Hz.
 pub fn cubic_hexapod(edge: f64, k: f64, c: f64, mass: f64, inertia: f64) -> Tables {
     let mut b = Builder::default();
     let payload = b.body(mass, [inertia; 3], [0.0; 3]);

@@ -1,4 +1,4 @@
-"""Models for tests of motion and of its gradients. Data invented, but for the five-bar (METHODS.md e.3)."""
+"""Models for tests of motion and of its gradients. Data invented, but for the five-bar (docs/theory.md (23.12))."""
 
 import warnings
 
@@ -13,7 +13,7 @@ def rod(a, b, mass):
 
 
 def five_bar():
-    """METHODS.md e.3: bars A-1-2-3-B, springs A-3 and A-2, gravity, at rest."""
+    """docs/theory.md (23.12): bars A-1-2-3-B, springs A-3 and A-2, gravity, at rest."""
     m = mb.Model("five-bar", gravity=(0, -9.81, 0))
     P = {"A": (0, 0, 0), "1": (-1, -1, 0), "2": (0.5, -2, 0), "3": (2, -1, 0), "B": (1, 0, 0)}
     bars = []

@@ -47,7 +47,7 @@ class MotionProblem:
 
 def markers(model) -> set[str]:
     """Names of a model's markers."""
-    from mbrs.tables import tables
+    from mbrs.system.tables import tables
 
     return set(tables(model)["marker_name"])
 
@@ -204,7 +204,7 @@ def spherical_pendulum():
 
 
 def five_bar(t=1.0):
-    """METHODS.md e.3: layout and natural lengths reconstructed there, uniform bars."""
+    """docs/theory.md (23.12): layout and natural lengths reconstructed there, uniform bars."""
     p = [(0, 0), *map(tuple, true.five_bar_start()), (1, 0)]
     m = mb.Model("five-bar", gravity=(0, -G, 0))
     bars = [rod(m, f"bar{i}", [p[i], p[i + 1]], mass) for i, mass in enumerate((1.0, 1.5, 1.5, 1.0))]
@@ -220,7 +220,9 @@ def five_bar(t=1.0):
         points = true.five_bar(times)
         return {f"P{i + 1}": true.plane(points[:, i, 0], points[:, i, 1]) for i in range(3)}
 
-    return MotionProblem("five-bar", m, t, truth, "natural coordinates, DOP853 1e-13; METHODS.md e.3", length=2.0)
+    return MotionProblem(
+        "five-bar", m, t, truth, "natural coordinates, DOP853 1e-13; docs/theory.md (23.12)", length=2.0
+    )
 
 
 def bushings(stiff=1.0, damping=1.0):
@@ -360,7 +362,7 @@ def reference_positions(m, times) -> dict[str, np.ndarray]:
     """Origins of all bodies by the oracle of mbrs.reference."""
     from mbrs import reference as ref
     from mbrs.reference.transient import begin
-    from mbrs.tables import tables
+    from mbrs.system.tables import tables
 
     s = ref.System(tables(m))
     times = np.asarray(times, dtype=float)
@@ -382,7 +384,7 @@ def skate():
 
 
 def swing(t=2.0):
-    """A driven hinge, and a check value from the paper's reconstruction (METHODS.md c.3)."""
+    """A driven hinge, and a check value (docs/theory.md (23.11))."""
     length, rate = 2.0, np.pi / 3
 
     def truth(times):

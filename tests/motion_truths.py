@@ -116,7 +116,7 @@ def against_stop(times, mass, k, stop, gap, speed):
 
 
 def swing(times, length=2.0, mass=336.14, rate=np.pi / 3):
-    """Angle of the free rod from level (METHODS.md c.3): its hinge on a rod that turns at a constant rate."""
+    """Angle of the free rod from level (docs/theory.md (23.11)): its hinge on a rod that turns at a constant rate."""
     inertia, half = mass * length**2 / 12 + mass * length**2 / 4, mass * length / 2
 
     def slope(t, y):
@@ -223,12 +223,12 @@ def governor(times, arm, collar, inertia, spring, gravity, start, solve=solved_s
 
 
 def five_bar_start():
-    """Points 1, 2, 3 of METHODS.md e.3 (a reconstruction), between A (0, 0) and B (1, 0)."""
+    """Points 1, 2, 3 of docs/theory.md (23.12), between A (0, 0) and B (1, 0)."""
     return np.array([[-1.0, -1.0], [0.5, -2.0], [2.0, -1.0]])
 
 
 def five_bar(times):
-    """Points 1, 2, 3 (n_t, 3, 2) of the five-bar of METHODS.md e.3 in natural coordinates: [M P^T; P 0] [q"; lam] = [Q;
+    """Points 1, 2, 3 (n_t, 3, 2) of the five-bar of docs/theory.md (23.12) in natural coordinates: [M P^T; P 0] [q"; lam] = [Q;
     -P' q'].
     """
     A, B, start = np.zeros(2), np.array([1.0, 0.0]), five_bar_start()

@@ -6,7 +6,7 @@ import itertools
 from types import SimpleNamespace
 
 import numpy as np
-from mbrs.animate import BodyGeometry, JointGeometry, LinkGeometry, SceneGeometry
+from mbrs.view.scene import BodyGeometry, JointGeometry, LinkGeometry, SceneGeometry
 
 
 class Modes(SimpleNamespace):
@@ -17,7 +17,7 @@ class Modes(SimpleNamespace):
 
 
 def hexapod_modes() -> Modes:
-    """A payload on six legs, its closed-form frequencies (API.md section 1), shapes along and about the world axes."""
+    """A payload on six legs, its closed-form frequencies (docs/theory.md (23.1)), shapes along and about the world axes."""
     centre, edge = np.array([0.0, 0.0, 0.1]), 0.2
     corners = [centre + 0.5 * edge * np.array(s) for s in itertools.product((-1, 1), repeat=3)]
     feet, heads = corners[0:6:2] + corners[4:7:2], corners[1:8:2] + corners[3:6:2]

@@ -200,7 +200,9 @@ def cubic_hexapod():
     m = mb.examples.cubic_hexapod()
     w2 = np.array([2e5 / 20] * 3 + [1e5 * 0.2**2 / 0.15 / 2] * 2 + [1e5 * 0.2**2 / 0.15 * 2])
     return Problem(
-        m, {"frequency": np.sqrt(w2) / (2 * np.pi)}, "issue 2: 15.9155 Hz three times, 18.3776 twice, 36.7553"
+        m,
+        {"frequency": np.sqrt(w2) / (2 * np.pi)},
+        "docs/theory.md (23.1): 15.9155 Hz three times, 18.3776 twice, 36.7553",
     )
 
 

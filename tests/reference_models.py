@@ -178,7 +178,7 @@ def cubic_hexapod():
 
 
 def ladder(layers, kind):
-    """METHODS.md a.2, natural completion: two uprights per layer, a rung on top."""
+    """docs/theory.md (23.4), natural completion: two uprights per layer, a rung on top."""
     b = Builder()
     for i in range(1, layers + 1):
         for u in (1, 2):

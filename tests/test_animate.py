@@ -11,10 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mbrs import animate
-from mbrs.animate import BodyGeometry, JointGeometry, LinkGeometry, SceneGeometry, scene_from_tables
-from mbrs.animate.shapes import body_solid
 from mbrs.errors import ModelError
+from mbrs.system.scene import scene_from_tables
+from mbrs.view import modes as viewer
+from mbrs.view.scene import BodyGeometry, JointGeometry, LinkGeometry, SceneGeometry
+from mbrs.view.solids import body_solid
 from presentation_standins import Modes, chain_modes, hexapod_modes
 
 
@@ -139,7 +140,7 @@ def _shape(mode: dict) -> np.ndarray:
 
 
 def test_page_holds_modes_and_needs_no_network(tmp_path: Path) -> None:
-    path = animate.modes(hexapod_modes(), tmp_path / "modes.html")
+    path = viewer.modes(hexapod_modes(), tmp_path / "modes.html")
     text = path.read_text(encoding="utf-8")
     data = _data(text)
     assert not re.search(r"https?:|src=|href=|@import|url\(|fetch|XMLHttp|WebSocket|eval\(", text)
@@ -149,13 +150,13 @@ def test_page_holds_modes_and_needs_no_network(tmp_path: Path) -> None:
 
 
 def test_the_largest_motion_is_a_tenth_of_the_scene_or_a_limited_turn() -> None:
-    data = animate.modes(hexapod_modes()).data
+    data = viewer.modes(hexapod_modes()).data
     z = _shape(data["modes"][2])[0]
     assert np.abs(z).max() == pytest.approx(0.1 * data["size"], rel=1e-6) and np.argmax(np.abs(z)) == 2
     spin = Modes(**vars(hexapod_modes()))
     spin.geometry = SceneGeometry((BodyGeometry("payload", (0, 0, 0)), BodyGeometry("far", (10, 0, 0))))
     spin.shapes = {"payload": np.eye(6, dtype=complex), "far": np.zeros((6, 6), dtype=complex)}
-    turn = _shape(animate.modes(spin).data["modes"][3])[0]
+    turn = _shape(viewer.modes(spin).data["modes"][3])[0]
     assert np.abs(turn[3]) == pytest.approx(0.6, rel=1e-6)
 
 
@@ -163,7 +164,7 @@ def test_phase_differences_survive_scaling() -> None:
     modes = hexapod_modes()
     shape = np.array([1.0, 0.5j, -0.25, 0, 0, 0]) * np.exp(1.1j)
     modes.shapes["payload"][:, 0] = shape
-    drawn = _shape(animate.modes(modes).data["modes"][0])[0]
+    drawn = _shape(viewer.modes(modes).data["modes"][0])[0]
     assert drawn[1] / drawn[0] == pytest.approx(0.5j, abs=1e-6) and drawn[2] / drawn[0] == pytest.approx(
         -0.25, abs=1e-6
     )
@@ -175,39 +176,39 @@ def test_names_cannot_break_out_of_the_page() -> None:
     evil = "</script><b>"
     modes.geometry = SceneGeometry((BodyGeometry(evil, (0, 0, 0)),))
     modes.shapes = {evil: np.eye(6, dtype=complex)}
-    text = animate.modes(modes).html()
+    text = viewer.modes(modes).html()
     assert evil not in text and _data(text)["bodies"][0]["n"] == evil
 
 
 def test_bad_requests_are_named() -> None:
     modes = hexapod_modes()
     with pytest.raises(ModelError, match="counts from 0"):
-        animate.modes(modes, select=6)
+        viewer.modes(modes, select=6)
     with pytest.raises(ModelError, match="no mode"):
-        animate.modes(modes, n=0)
+        viewer.modes(modes, n=0)
     modes.shapes = {"payload": np.zeros((3, 6))}
     with pytest.raises(ModelError, match=r"body_shape\('payload'\) must be"):
-        animate.modes(modes)
+        viewer.modes(modes)
     modes.geometry = None
     with pytest.raises(ModelError, match="plain matrices"):
-        animate.modes(modes)
+        viewer.modes(modes)
 
 
 def test_nan_and_motionless_shapes_still_make_a_page() -> None:
     modes = hexapod_modes()
     modes.shapes["payload"][:] = 0.0
     modes.shapes["payload"][0, 0] = np.nan
-    assert np.all(_shape(animate.modes(modes).data["modes"][0]) == 0.0)
+    assert np.all(_shape(viewer.modes(modes).data["modes"][0]) == 0.0)
 
 
 def test_large_scenes_share_faces() -> None:
-    data = animate.modes(chain_modes(1000)).data
+    data = viewer.modes(chain_modes(1000)).data
     assert len(data["bodies"]) == 1000 and len(data["faces"]) == 1
 
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 def test_viewer_arithmetic_agrees_with_numpy() -> None:
-    script = Path(animate.__file__).with_name("viewer.js")
+    script = Path(viewer.__file__).with_name("viewer.js")
     rng = np.random.default_rng(5)
     shape = rng.normal(size=(3, 6)) + 1j * rng.normal(size=(3, 6))
     origins = rng.normal(size=(3, 3))

@@ -15,7 +15,7 @@ from mbrs.model import toml
 from mbrs.model.model import Model
 from mbrs.model.rotations import rotation
 from mbrs.model.toml import dumps
-from mbrs.tables import directions, tables
+from mbrs.system.tables import directions, tables
 from scenes import FakeLaw, everything, same_tables
 
 BODY = {"mass": 1.0, "inertia": (1.0, 1.0, 1.0)}

@@ -1,4 +1,4 @@
-"""`method="bdf-bfgs"`: order, the two forms and updates, against the reference step by step, the swing of METHODS.md c.3,
+"""`method="bdf-bfgs"`: order, the two forms and updates, against the reference step by step, the swing of docs/theory.md (23.11),
 constraints, hard cases, and the warning of modes that BDF amplifies.
 """
 
@@ -13,10 +13,10 @@ import motion_problems as zoo
 import numpy as np
 import pytest
 from mbrs import reference as ref
-from mbrs._amplified import bdf4_factor
+from mbrs.motion.amplification import bdf4_factor
 from mbrs.reference.bdf_bfgs import bdf_bfgs, start_motions
 from mbrs.reference.motion import positions
-from mbrs.tables import tables
+from mbrs.system.tables import tables
 
 VARIANTS = [(form, update) for form in ("ggl", "symmetric") for update in ("bfgs", "broyden")]
 
@@ -44,6 +44,7 @@ def reference_start(make, h):
     return s, start_motions(s, ref.drawn_state(s), np.zeros(s.ny), h)
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize(("form", "update"), VARIANTS)
 @pytest.mark.parametrize("make", [two_links, mb.examples.four_bar], ids=["two links", "four-bar"])
 def test_steps_are_those_of_the_reference(make, form, update):
@@ -122,7 +123,7 @@ def test_bfgs_belongs_to_the_symmetric_form():
 
 
 def swing():
-    """METHODS.md c.3: A driven at 60 deg/s, B free; uniform rods of 2 m and 336.14 kg, assumed there."""
+    """docs/theory.md (23.11): A driven at 60 deg/s, B free; uniform rods of 2 m and 336.14 kg, assumed there."""
     mass, length = 336.14, 2.0
     inertia = (1.0, mass * length**2 / 12, mass * length**2 / 12)
     m = mb.Model("swing", gravity=(0, -9.81, 0))
@@ -268,7 +269,7 @@ def test_a_drive_with_a_kink(form):
 
 @pytest.mark.parametrize("wh", [0.5, 1.0, 2.0, 4.0])
 def test_amplification_factor(wh):
-    """METHODS.md c.3: 1.19 per step at omega h = 2; against the recurrence itself."""
+    """docs/theory.md (17.12): 1.19 per step at omega h = 2; against the recurrence itself."""
     factor = bdf4_factor(1j * wh)
     y = [np.exp(1j * wh * k) for k in range(4)]
     for _ in range(400):

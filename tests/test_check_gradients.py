@@ -50,7 +50,7 @@ def test_double_roots_that_a_parameter_splits_are_confirmed(seed):
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("wrong", [lambda d: 1.001 * d, lambda d: -d, lambda d: d[::-1], lambda d: d + 1e-3j])
 def test_wrong_derivatives_are_still_found(wrong, monkeypatch):
-    module = importlib.import_module("mbrs.check_gradients")
+    module = importlib.import_module("mbrs.studies.gradients")
 
     m = symmetric_top(np.random.default_rng(7))
     right = module.sensitivity

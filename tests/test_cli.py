@@ -233,3 +233,25 @@ def test_frequencies_are_read() -> None:
 def test_help_is_quick_to_import() -> None:
     code = "import sys, mbrs.cli; assert not {'scipy', 'matplotlib', 'rich'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True, env={"PYTHONPATH": ":".join(sys.path)})
+
+
+def test_convert_writes_what_the_ending_says(tmp_path: Path) -> None:
+    mb = importlib.import_module("mbrs")
+    m = mb.Model("one", gravity=(0.3, -9.0, 1.0))
+    m.revolute(
+        "hinge",
+        m.ground,
+        m.body("rod", mass=1.7, inertia=(0.1, 0.2, 0.25), at=(0.1, 0.2, 0.3)),
+        at=(0, 0, 0),
+        axis=(1, 2, 3),
+    )
+    m.save(tmp_path / "a.toml")
+    done = _run("convert", str(tmp_path / "a.toml"), str(tmp_path / "b.urdf"))
+    assert done.exit_code == 0 and "wrote" in done.stderr and "gravity: model 'one'" in " ".join(done.stderr.split())
+    pytest.importorskip("lxml")
+    assert _run("convert", str(tmp_path / "b.urdf"), str(tmp_path / "c.toml")).exit_code == 0
+    again = mb.Model.load(tmp_path / "c.toml")
+    assert again.value("rod.mass") == 1.7 and again.joints[0].type == "revolute"
+    for out, text in (("d.stl", "known are .toml, .urdf"), ("d.xml", "(MJCF) is only read")):
+        failed = _run("convert", str(tmp_path / "a.toml"), str(tmp_path / out))
+        assert failed.exit_code == 1 and text in failed.stderr and not (tmp_path / out).exists()

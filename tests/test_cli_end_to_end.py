@@ -14,7 +14,7 @@ import mbrs as mb
 import numpy as np
 import pytest
 
-# Isolator of API.md section 1: six legs along the edges of a cube give 2 k in every direction and 2 c likewise.
+# Isolator of docs/theory.md (23.1): six legs along the edges of a cube give 2 k in every direction and 2 c likewise.
 K, C, M = 2e5, 60.0, 20.0
 
 
@@ -186,7 +186,7 @@ def test_simulate_is_the_motion_of_the_package(tmp_path: Path) -> None:
 def test_simulate_refuses_nonsense(tmp_path: Path) -> None:
     mb.examples.four_bar().save(tmp_path / "m.toml")
     for times in ("x", "1:2", "0:1:2.5", "nan", ""):
-        assert "is no time" in _mbrs("simulate", "m.toml", "--t", times, cwd=tmp_path, code=2).stderr
+        assert "is not a valid time" in _mbrs("simulate", "m.toml", "--t", times, cwd=tmp_path, code=2).stderr
     wrong = _mbrs("simulate", "m.toml", "--t", "0.1", "--output", "crnk", cwd=tmp_path, code=1).stderr
     assert "crnk" in wrong
     assert "method=" in _mbrs("simulate", "m.toml", "--t", "0.1", "--method", "euler", cwd=tmp_path, code=1).stderr

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mbrs.continuation import Branch
 from mbrs.errors import ConvergenceError, ModelError
-from mbrs.frequency_response import frequency_response
-from mbrs.harmonic_balance import harmonic_balance
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic, Gap, Jenkins, VanDerPol, VaryingStiffness
+from mbrs.nonlinear.branch import Branch
+from mbrs.nonlinear.frequency_response import frequency_response
+from mbrs.nonlinear.periodic import harmonic_balance
 from mbrs.reference import hbm_continuation, hbm_shooting
-from mbrs.second_order import MechanicalSystem
 
 
 def duffing(k3=0.1, c=0.05):
@@ -20,7 +20,7 @@ def duffing(k3=0.1, c=0.05):
 
 
 def neimark_sacker_system():
-    # METHODS.md b.3: two-degree-of-freedom example of NLvib
+    # docs/theory.md (23.7): two-degree-of-freedom example of NLvib
     k, d, m = [1.0, 0.0453, 0.0], [0.002, 0.013, 0.0], [1.0, 0.05]
 
     def chain(a):
@@ -37,7 +37,7 @@ def curve():
 
 
 def test_folds_of_the_duffing_oscillator(curve):
-    # METHODS.md b.3, printed with 5 and 4 decimals
+    # docs/theory.md (23.5), folds with 5 and 4 decimals
     assert curve.status == "converged"
     assert [event.kind for event in curve.events] == ["fold", "fold"]
     high, low = curve.events
@@ -56,13 +56,13 @@ def test_folds_equal_the_reference(curve):
 
 
 def test_peak_of_the_duffing_oscillator(curve):
-    # METHODS.md b.3, printed with 5 and 4 decimals
+    # docs/theory.md (23.5), folds with 5 and 4 decimals
     peak = curve.peak()
     assert peak.amplitude() == pytest.approx(2.83020, abs=6e-6) and peak.omega == pytest.approx(1.2687, abs=6e-5)
 
 
 def test_folds_and_peak_with_31_harmonics():
-    # METHODS.md b.4: by shooting, rtol 1e-13
+    # docs/theory.md (23.6): by shooting, rtol 1e-13
     system = MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[Cubic(1.0, w=[1.0])])
     fine = frequency_response(system, force=[0.3], omega=(0.5, 3.0), harmonics=31, stability=False)
     assert [event.kind for event in fine.events] == ["fold", "fold"]
@@ -154,11 +154,11 @@ def test_neimark_sacker_points_are_crossings_of_the_shooting_multipliers():
 
 
 def test_hill_and_monodromy_agree():
-    from mbrs import _balance
+    from mbrs.nonlinear import balance
 
     system = neimark_sacker_system()
     one = harmonic_balance(system, force=[0.11, 0.0], omega=1.0, harmonics=15)
-    setup = _balance.prepare(system, [0.11, 0.0], 15, omega=1.0)
+    setup = balance.prepare(system, [0.11, 0.0], 15, omega=1.0)
     exponents, phi = setup.core.floquet(setup.start(one), [1.0], monodromy=True)
     by_hill = np.sort_complex(np.exp(exponents * one.period))
     assert np.max(np.abs(by_hill - np.sort_complex(np.linalg.eigvals(phi)))) < 1e-7
@@ -167,7 +167,7 @@ def test_hill_and_monodromy_agree():
 @pytest.mark.parametrize("name", ["duffing", "two masses", "van der Pol spring"])
 def test_stability_along_a_branch_is_that_of_hill(name):
     # the monodromy matrix takes over where it agrees with Hill's problem at the first point; here Hill's is solved at others
-    from mbrs import _balance
+    from mbrs.nonlinear import balance
 
     system, force, span = {
         "duffing": (duffing(), [0.18], (0.5, 1.6)),
@@ -183,7 +183,7 @@ def test_stability_along_a_branch_is_that_of_hill(name):
     worst = 0.0
     for i in range(0, len(response), 7):
         one = response.point(i)
-        setup = _balance.prepare(system, force, 11, omega=one.omega)
+        setup = balance.prepare(system, force, 11, omega=one.omega)
         hill, _ = setup.core.floquet(setup.start(one), [one.omega])
         theirs = np.exp(hill * one.period)
         ours = np.exp(response.exponents[i] * one.period)
@@ -268,7 +268,7 @@ def test_a_set_of_frequencies():
     w = [0.5, 0.8, 0.9, 1.0, 1.5]
     response = frequency_response(duffing(), force=[0.18], omega=w, harmonics=7)
     assert response.omega.tolist() == w
-    expected = [0.23850991, 0.47487205, 0.75793394, 1.30534547, 0.14391972]  # METHODS.md b.3
+    expected = [0.23850991, 0.47487205, 0.75793394, 1.30534547, 0.14391972]  # docs/theory.md (23.5)
     assert response.amplitude()[:4] == pytest.approx(expected[:4], abs=5e-9)
     assert response.stable.all()
 
@@ -354,7 +354,7 @@ def test_imperfect_pitchfork_is_not_jumped_over():
 
 
 def test_unilateral_spring():
-    # METHODS.md b.3, third example of NLvib: stop stiffness 100, gap 1, H = 21, N = 1024
+    # docs/theory.md (23.8), third example of NLvib: stop stiffness 100, gap 1, H = 21, N = 1024
     K = np.array([[1.0, -1.0], [-1.0, 2.0]])
     system = MechanicalSystem(np.eye(2), 0.03 * K, K, elements=[Gap(100.0, 1.0, w=[1.0, 0.0])])
     response = frequency_response(

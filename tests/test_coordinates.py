@@ -5,9 +5,10 @@ import dataclasses
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs.tables import compiled
+from mbrs.motion import simulate
+from mbrs.system.tables import compiled
 
-METHODS = ("explicit", "generalized-alpha", "ali3p", "radau", "bdf", "bdf-bfgs")
+METHODS = tuple(method for method in simulate.METHODS if method != "auto")
 
 
 def direction(rng):

@@ -8,10 +8,9 @@ import numpy as np
 import problems
 import pytest
 from agreement import difference, reference_state, show
-from jitter_marks import defect
 from mbrs import reference as ref
 from mbrs.model.rotations import rotation
-from mbrs.tables import tables
+from mbrs.system.tables import tables
 from random_models import random_loop, random_tree
 
 TOLERANCE = 1e-10
@@ -188,14 +187,13 @@ def test_a_follower_force_bends_until_the_moments_balance():
     assert abs(phi - 2.2) < 1e-12
 
 
-@defect("loads that balance to rounding are refused as loads in a free direction")
 def test_a_free_body_under_balanced_loads_stays():
     m = mb.Model("free")
     b = m.body("b", mass=2.0, inertia=(1, 2, 2.5), at=(0.3, -0.2, 0.9))
     m.force("left", b, at=(0.3, -0.2, 0.9), value=(-5, 0, 0))
     m.force("right", b, at=(1.3, -0.2, 0.9), value=(5, 0, 0))
     eq = mb.equilibrium(m)
-    assert np.abs(eq.position("b") - (0.3, -0.2, 0.9)).max() == 0.0
+    assert np.abs(eq.position("b") - (0.3, -0.2, 0.9)).max() <= jitter.level()
     # stretched by the pair: restoring against turning across it, free along and about the line and in translation
     assert len(eq.free_directions) == 4
     assert eq.stable

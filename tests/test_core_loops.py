@@ -8,8 +8,8 @@ import problems
 import pytest
 from agreement import advanced, difference, drawn, reference_state, show, spinning
 from mbrs import reference as ref
-from mbrs.state import State
-from mbrs.tables import compiled, tables
+from mbrs.system.state import State
+from mbrs.system.tables import compiled, tables
 from random_models import random_loop
 
 TOLERANCE = 1e-10
@@ -17,7 +17,7 @@ TOLERANCE = 1e-10
 
 @pytest.mark.parametrize("joint, per_layer", [("revolute", 1), ("cylindrical", 4), ("spherical", 6)])
 def test_ladders(joint, per_layer):
-    """Degrees of freedom and rank of METHODS.md a.2: N, 4N and 6N for N layers, drawn and bent."""
+    """Degrees of freedom and rank of docs/theory.md (23.4): N, 4N and 6N for N layers, drawn and bent."""
     layers = 3
     m = mb.examples.ladder(layers, joint)
     system = mb.System(m)

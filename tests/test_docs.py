@@ -8,10 +8,12 @@ from pathlib import Path
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs.simulate import METHODS
-from mbrs.trajectory import Trajectory
+from mbrs._lib import formats
+from mbrs.motion.simulate import METHODS
+from mbrs.motion.trajectory import Trajectory
 
-PAGE = (Path(__file__).parents[1] / "docs" / "motion.md").read_text()
+PAGE_FOLDER = Path(__file__).parents[1] / "docs"
+PAGE = (PAGE_FOLDER / "motion.md").read_text()
 
 
 def test_the_page_on_motion_is_true(tmp_path, monkeypatch):
@@ -33,3 +35,34 @@ def test_the_page_on_motion_names_what_exists():
     for name in re.findall(r"`\.(\w+)", PAGE.split("## What a trajectory holds")[1].split("##")[0]):
         fields = {*dir(Trajectory), *Trajectory.__dataclass_fields__, "kinetic", "stored"}
         assert name in fields, name
+
+
+FILES = PAGE_FOLDER / "files.md"
+
+
+def test_the_page_on_files_is_true(tmp_path, monkeypatch):
+    pytest.importorskip("lxml")
+    pytest.importorskip("pyuff")
+    monkeypatch.chdir(tmp_path)
+    scope: dict = {}
+    with pytest.warns(mb.OmissionWarning, match="limit: joint 'shoulder'"):
+        exec(FILES.read_text().split("```python\n")[1].split("```")[0], scope)
+    made = {path.name for path in tmp_path.iterdir()}
+    assert made == {"arm.urdf", "arm.toml", "modes.uff", "modes.vtu", "h.uff", "plate.mat"}
+    # the stiffness of two torsion springs over the inertia about the hinges, drawn: a 2 x 2 problem
+    M = np.array([[3 * 0.2**2 + 0.05 + 2 * (0.4**2 + 0.15**2) + 0.03, 2 * 0.15**2 + 0.03], [2 * 0.15**2 + 0.03] * 2])
+    wanted = np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(M, np.diag([4e3, 2e3]))).real)) / (2 * np.pi)
+    assert np.allclose(scope["modes"].frequency, wanted, rtol=1e-3)
+
+
+def test_the_table_of_formats_is_complete():
+    rows = re.findall(r"^\| (`\.[^|]*) \|[^|]*\|[^|]*\| (yes)? ?\| (yes)? ?\|", FILES.read_text(), re.M)
+    table = {
+        ending: (bool(read), bool(write)) for cell, read, write in rows for ending in re.findall(r"`(\.\w+)`", cell)
+    }
+    known = {ending: [False, False] for ending in table}
+    for holds in ("model", "result", "matrices"):
+        for i, action in enumerate(("read", "write")):
+            for ending in formats.known(holds, action):
+                known[ending][i] = True
+    assert table == {ending: tuple(found) for ending, found in known.items()}

@@ -6,8 +6,8 @@ import mbrs as mb
 import numpy as np
 import pytest
 from mbrs import reference as ref
-from mbrs.reference.transient import simulate as reference_simulate
-from mbrs.tables import tables
+from mbrs.reference.simulate import simulate as reference_simulate
+from mbrs.system.tables import tables
 from test_drives import circle_meet, four_bar, pendulum
 from test_nonholonomic import disc
 

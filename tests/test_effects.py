@@ -7,7 +7,7 @@ import warnings
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs.effects import EFFECTS
+from mbrs.system.effects import EFFECTS
 from random_models import N_FREE, add_body, random_quaternion
 
 pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")

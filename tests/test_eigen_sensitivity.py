@@ -7,10 +7,10 @@ import itertools
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from mbrs.eigen_sensitivity import EigenSensitivity, eigen_sensitivity
 from mbrs.errors import ModelError
-from mbrs.modal import modes
-from mbrs.second_order import MechanicalSystem
+from mbrs.linear.eigen_sensitivity import EigenSensitivity, eigen_sensitivity
+from mbrs.linear.matrices import MechanicalSystem
+from mbrs.linear.modes import modes
 from mpmath import mp
 
 DIGITS = 50

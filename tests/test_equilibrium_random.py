@@ -122,6 +122,7 @@ KINDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(KINDS))
 def test_random_models_find_a_stable_equilibrium(name):
     """At every one the forces balance and no stiffness is negative; before the descent in energy most of these failed."""

@@ -1,4 +1,4 @@
-"""The example models: the hexapod's closed form, bodies and degrees of freedom, geometry of METHODS.md a.1."""
+"""The example models: the hexapod's closed form, bodies and degrees of freedom, geometry of docs/theory.md (23.2) to (23.4)."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from absolute import Absolute
 from mbrs import examples
-from mbrs.model.rotations import quaternion_matrix
-from mbrs.tables import compiled, tables
+from mbrs._lib.rotations import quaternion_matrix
+from mbrs.system.tables import compiled, tables
 
 
 def test_cubic_hexapod_has_its_closed_form():
-    # sqrt(2k/m), sqrt(k L^2/(2 I)), sqrt(2 k L^2/I): issue 2 gives 15.9155 (3), 18.3776 (2), 36.7553 Hz.
+    # sqrt(2k/m), sqrt(k L^2/(2 I)), sqrt(2 k L^2/I), docs/theory.md (23.1): 15.9155 (3), 18.3776 (2), 36.7553 Hz.
     k, mass, inertia, edge = 1e5, 20.0, 0.15, 0.2
     w2 = [2 * k / mass] * 3 + [k * edge**2 / (2 * inertia)] * 2 + [2 * k * edge**2 / inertia]
     exact = np.sqrt(w2) / (2 * math.pi)
@@ -48,7 +48,7 @@ def test_cubic_hexapod_decouples_anywhere():
         (examples.chain(3, joint="S", springs=2), 3, 9),
         (examples.chain(3, joint=None), 3, 18),
         (examples.tree(3), 7, 7),
-        # METHODS.md a.2, redundancy: N, 4N and 6N degrees of freedom of the ladder with N layers.
+        # docs/theory.md (23.4): N, 4N and 6N degrees of freedom of the ladder with N layers.
         (examples.ladder(3, joint="R"), 9, 3),
         (examples.ladder(3, joint="C"), 9, 12),
         (examples.ladder(3, joint="S"), 9, 18),

@@ -13,7 +13,7 @@ from pathlib import Path
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs.files import write_atomic
+from mbrs._lib.files import write_atomic
 
 WRITER = """
 import sys, mbrs as mb

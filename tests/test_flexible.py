@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from flexible_models import MECHANISMS, cantilever, four_bar, pendulum, rod, tumbling
 from mbrs.reference import State, System, linearize
-from mbrs.tables import compiled, modal_part, tables
+from mbrs.system.tables import compiled, modal_part, tables
 
 SCHEMES = {"generalized-alpha": {}, "radau": {}, "bdf": {}, "explicit": {}}
 

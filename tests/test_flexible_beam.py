@@ -10,7 +10,7 @@ from mbrs.flexible._elements import Section, mesh
 from mbrs.flexible._integrals import inertial_stiffness, shape_integrals
 from scipy import linalg, optimize
 
-# WindPACT 1.5 MW blade, OpenFAST r-test, WP_Baseline_Blade.dat (METHODS.md c.5): span fraction, kg/m, EI flap and edge
+# WindPACT 1.5 MW blade, OpenFAST r-test, WP_Baseline_Blade.dat (docs/theory.md (23.14)): span fraction, kg/m, EI flap and edge
 STEEL = dict(E=2.1e11, G=8.1e10, rho=7850.0)
 
 
@@ -131,7 +131,7 @@ def rotating(b, hub, speed):
 
 
 def test_windpact_blade():
-    """METHODS.md c.5: an integral formulation, independent of these elements."""
+    """docs/theory.md (23.14): an integral formulation, independent of these elements."""
     b = windpact()
     found = b.frequencies()
     print("WindPACT:", found)
@@ -321,7 +321,7 @@ BAD_BEAMS = {
     "is not on the beam": dict(nodes={"far": 3.0}),
     "'tip' is at 1": dict(nodes={"tip": 0.5}),
     "nodes must map names": dict(nodes=["tip"]),
-    "which is no node": dict(attach=["middle"]),
+    "which is not a node": dict(attach=["middle"]),
     "held by the frame": dict(attach=["root"]),
     'fixed must be "root" or None': dict(fixed="tip"),
     "damping must be one ratio or 6": dict(damping=[0.1, 0.2]),
@@ -461,11 +461,11 @@ def test_a_mass_at_the_tip(made):
 @pytest.mark.parametrize(
     "name",
     [
-        "flexible.beam",
-        "flexible.craig_bampton",
+        "flexible.beams",
+        "flexible.component_modes",
         "flexible.modal_body",
         "plot.modal_body",
-        "multiblade",
+        "linear.multiblade",
     ]
     + ["examples._wind_rotor", "examples._windpact", "examples._slider_crank"],
 )

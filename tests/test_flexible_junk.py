@@ -49,6 +49,7 @@ MAKERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MAKERS)
 def test_junk(name):
     make, given = MAKERS[name]

@@ -19,7 +19,7 @@ from mbrs.reference.kinematics import advance
 from mbrs.reference.motion import start, with_rates
 from mbrs.reference.reader import Body
 from mbrs.reference.transient import begin
-from mbrs.tables import tables
+from mbrs.system.tables import tables
 
 
 def somewhere(sys, rng, size=0.3, rate=1.0):
@@ -241,6 +241,7 @@ def test_rotating_blade():
     assert f == pytest.approx([1.288, 1.889, 3.736, 6.400], rel=1e-3)
 
 
+@pytest.mark.oracle
 def test_schemes_agree_on_a_turning_blade():
     """Generalised-alpha and BDF come to the explicit scheme's motion with orders 2 and 4; flexible, starting bent."""
     sys = ref.System(tables(rotor_blade(modes=2, twist=0.2)[0]))
@@ -258,6 +259,7 @@ def test_schemes_agree_on_a_turning_blade():
         assert np.log2(errors[0] / errors[1]) > order - 0.4
 
 
+@pytest.mark.oracle
 def test_bdf_bfgs_of_a_turning_blade():
     """The derivative-free scheme steps through modal coordinates like others, with the fourth order of its formula."""
     sys = ref.System(tables(rotor_blade(modes=1)[0]))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from flexible_models import MECHANISMS, cantilever, four_bar, hanging_by_the_tip, pendulum, rod
 from mbrs.errors import ModelError
-from mbrs.tables import compiled, tables
+from mbrs.system.tables import compiled, tables
 
 
 def differences(model, at, of, step):

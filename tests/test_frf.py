@@ -8,8 +8,8 @@ import mpmath
 import numpy as np
 import pytest
 from mbrs.errors import MbrsWarning, ModelError, NameNotFoundError
-from mbrs.frf import frf, frf_sensitivity
-from mbrs.second_order import MechanicalSystem
+from mbrs.linear.frf import frf, frf_sensitivity
+from mbrs.linear.matrices import MechanicalSystem
 
 
 def chain(n, k=1.0, fixed=True):

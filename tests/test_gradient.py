@@ -6,12 +6,12 @@ import pytest
 from agreement import all_addresses
 from mbrs.reference.ali3p import Scheme
 from mbrs.reference.ali3p_tree import TreeMechanism
-from mbrs.tables import directions, tables
+from mbrs.system.tables import directions, tables
 from motion_models import blade, five_bar, open_chain, silent, spatial_loop
 
 R0 = np.array([0.5, -2.0, 0.0])
 LENGTHS = ["spring1.length", "spring2.length"]
-# METHODS.md e.3: converged, Runge-Kutta and DOP853 agree
+# docs/theory.md (23.12): converged, Runge-Kutta and DOP853 agree
 FIVE_BAR = {1.0: (0.1144363742, (-0.62560973, 0.47715465)), 2.0: (0.2384041958, (-1.33084740, 0.99780747))}
 
 SOME = {
@@ -154,6 +154,7 @@ def against_the_reference(make, end_of, n=4, h=0.01, **variant):
     return motion, errors
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("make", list(SOME), ids=lambda f: f.__name__)
 def test_gradients_are_the_complex_step_of_the_reference(make):
     """Positions, velocities and accelerations after 4 steps and their derivatives, through assembly, start and all steps."""
@@ -164,6 +165,7 @@ def test_gradients_are_the_complex_step_of_the_reference(make):
     assert max(errors) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weight", ["tangent", "mass"])
 @pytest.mark.parametrize("make", list(SOME), ids=lambda f: f.__name__)
 def test_adjoint_is_direct_and_both_are_the_differences(make, weight):

@@ -24,6 +24,7 @@ def test_the_values_are_those_of_the_simulation(make, rho):
             assert value == pytest.approx(found[1:, i].sum(), rel=1e-8, abs=1e-8)
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("make", list(SOME), ids=lambda f: f.__name__)
 def test_gradients_are_the_complex_step_of_the_reference(make):
     """Positions, velocities and accelerations after 4 steps and their derivatives, through assembly, start and all steps."""
@@ -34,6 +35,7 @@ def test_gradients_are_the_complex_step_of_the_reference(make):
     assert max(errors) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.8, 0.0, 1.0])
 @pytest.mark.parametrize("make", list(SOME), ids=lambda f: f.__name__)
 def test_adjoint_is_direct_and_both_are_the_differences(make, rho):

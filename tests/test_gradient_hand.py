@@ -6,8 +6,8 @@ import pytest
 from agreement import all_addresses
 from gradient_scenes import SCENES
 from mbrs import _core
-from mbrs.linearize import Snapshot
-from mbrs.tables import directions
+from mbrs.system.snapshot import Snapshot
+from mbrs.system.tables import directions
 from motion_models import silent
 from test_gradient_pairs import asked_of, run_of
 

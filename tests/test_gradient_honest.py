@@ -18,7 +18,7 @@ X = mb.Final(x)
 @pytest.mark.parametrize("scheme", ["ali3p", "generalized-alpha"])
 @pytest.mark.parametrize("method", ["direct", "adjoint"])
 def test_the_estimated_error_is_the_error(scheme, method):
-    """Against the converged gradient of METHODS.md e.3, relative to the largest effect."""
+    """Against the converged gradient of docs/theory.md (23.12), relative to the largest effect."""
     for step in (0.02, 0.005):
         g = mb.gradient(silent(five_bar), mb.Integral(drift), LENGTHS, t=1.0, step=step, scheme=scheme, method=method)
         off = np.abs((np.asarray(g.gradient) - FIVE_BAR[1.0][1]) * g.where).max()
@@ -193,7 +193,7 @@ def test_quantities_of_wrong_types(planar, what):
 
 
 def test_the_five_bar_over_five_seconds():
-    """METHODS.md e.3 and the issue: psi, its gradient, and what extrapolation in the step leaves."""
+    """docs/theory.md (23.12): psi, its gradient, and what extrapolation in the step leaves."""
     known, runs = np.array([0.7268774613, -4.22881085, 3.21160410]), []
     for h in (5e-3, 2.5e-3):
         g = mb.gradient(silent(five_bar), mb.Integral(drift), LENGTHS, t=5.0, step=h)
@@ -206,7 +206,7 @@ def test_the_five_bar_over_five_seconds():
 
 
 def test_the_five_bar_finds_its_natural_lengths():
-    """METHODS.md e.3: static equilibrium as drawn, psi = 0."""
+    """docs/theory.md (23.12): static equilibrium as drawn, psi = 0."""
     m = silent(five_bar)
     best = mb.problem(
         m, mb.Integral(drift), LENGTHS, t=1.0, step=2e-2, bounds=dict.fromkeys(LENGTHS, (1.0, 4.0))

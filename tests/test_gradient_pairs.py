@@ -14,11 +14,11 @@ import pytest
 from agreement import all_addresses
 from gradient_scenes import SCENES
 from mbrs import _core
-from mbrs.gradient import Run
-from mbrs.linearize import Snapshot
-from mbrs.readings import Names
-from mbrs.state import state_of
-from mbrs.tables import compiled, directions
+from mbrs.motion.quantities import Names
+from mbrs.motion.tangent import Run
+from mbrs.system.snapshot import Snapshot
+from mbrs.system.state import state_of
+from mbrs.system.tables import compiled, directions
 from motion_models import silent
 
 TIMES = np.array([0.0, 0.03, 0.045, 0.09, 0.12])
@@ -59,6 +59,7 @@ PAIRS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "scheme"), PAIRS)
 def test_every_number(name, scheme):
     m = silent(SCENES[name])
@@ -106,7 +107,8 @@ def test_nothing_is_left_out():
     made = [silent(make) for make in SCENES.values()]
     assert {j.type for m in made for j in m.joints} == set(JOINTS)
     laws = {int(c) for m in made for c in Snapshot.of(m).tables["law_type"]}
-    assert laws == set(range(11)), laws
+    # a varying stiffness follows the phase of harmonic balance
+    assert laws == set(range(15)) - {11}, laws
     motions = {int(c) for m in made for c in Snapshot.of(m).tables["motion_type"]}
     assert motions >= {0, 1, 2, 3, 4}
     assert {e.type for m in made for e in m.elements} == {"spring_damper", "bushing", "torsion"}

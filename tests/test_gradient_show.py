@@ -10,7 +10,7 @@ import mbrs as mb
 import numpy as np
 import pytest
 from mbrs.errors import ModelError
-from mbrs.readings import Instant
+from mbrs.motion.quantities import Instant
 
 PAGE = (Path(__file__).parents[1] / "docs" / "gradients.md").read_text()
 NAMES = ["spring1.length", "spring1.k", "crank.at[0]", "A.axis"]

@@ -1,4 +1,4 @@
-"""The hard cases of issue 2; each prints its measured error."""
+"""Hard cases of linear vibration; each prints its measured error."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ import numpy as np
 import problems
 import pytest
 from agreement import difference, show
-from jitter_marks import defect
-from mbrs.state import State
-from mbrs.tables import compiled
+from mbrs.system.state import State
+from mbrs.system.tables import compiled
 from random_models import random_tree
 
 
@@ -196,7 +195,6 @@ def test_fast_gyroscopic_rotor(speed):
     assert modes.kind[0] == "rigid" and np.max(error) < 1e-9
 
 
-@defect("a loop that stays open by less than the accuracy of a drawing is refused")
 def test_a_body_far_from_the_origin():
     """The hanging four-bar and a chain on bushings, moved 1e5 m away: only the drawn points lose digits."""
     for make in (
@@ -213,8 +211,8 @@ def test_a_body_far_from_the_origin():
                     far.set({address: far.value(address) + shift})
         a, b = mb.modes(near), mb.modes(far)
         error = np.max(np.abs(b.frequency - a.frequency) / a.frequency.max())
-        # points at 1e5 m are known to 1.5e-11 m, arms of .1 m to 1e-10
-        report(f"{near.name} at 1e5 m", float(error), 1e-8)
+        # points at 1e5 m are known to 1.5e-11 m, arms of .1 m to 1e-10; noise on the numbers moves them by its part of the distance
+        report(f"{near.name} at 1e5 m", float(error), 1e-8 + 1e6 * jitter.level())
 
 
 def test_angles_through_full_turns():

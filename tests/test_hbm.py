@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, ModelError
-from mbrs.harmonic_balance import harmonic_balance
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import (
     CoulombTanh,
     Cubic,
@@ -16,8 +16,8 @@ from mbrs.model.laws import (
     VanDerPol,
     VaryingStiffness,
 )
+from mbrs.nonlinear.periodic import harmonic_balance
 from mbrs.reference import hbm_balance
-from mbrs.second_order import MechanicalSystem
 
 
 def duffing(k3=0.1, c=0.05):
@@ -35,7 +35,7 @@ def two_masses(*elements):
     )
 
 
-# METHODS.md b.3: parameters of the Duffing example of NLvib, values computed independently there (8 decimals)
+# docs/theory.md (23.5): the Duffing example of NLvib, 8 decimals
 @pytest.mark.parametrize(
     ("omega", "expected"),
     [(0.5, 0.23850991), (0.8, 0.47487205), (0.9, 0.75793394), (1.0, 1.30534547), (1.5, 0.14391972)],
@@ -47,7 +47,7 @@ def test_duffing_amplitudes(omega, expected):
 
 
 def test_duffing_has_three_solutions_at_omega_1_2():
-    # METHODS.md b.3
+    # docs/theory.md (23.5)
     found = set()
     for a, b in [(1.4, 2.1), (-1.5, 1.7), (-0.4, 0.1)]:
         one = harmonic_balance(duffing(), force=[0.18], omega=1.2, harmonics=7, x0=[[0.0, a, b]])
@@ -84,9 +84,9 @@ def test_core_equals_reference(name, harmonics, subharmonic):
 
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_jacobian_equals_reference(name):
-    from mbrs import _balance
+    from mbrs.nonlinear import balance
 
-    setup = _balance.prepare(SYSTEMS[name], FORCE, 3, n_samples=512)
+    setup = balance.prepare(SYSTEMS[name], FORCE, 3, n_samples=512)
     y = np.sin(np.arange(14.0))
     core = setup.core.residual(y, [1.3])
     R, J, R_omega = hbm_balance.residual(SYSTEMS[name], y, FORCE, 1.3, (1, 2, 3), 512)

@@ -41,6 +41,7 @@ def random_case(seed):
     return mb.MechanicalSystem(M, C, K, elements=[law]), f, rng.uniform(0.3, 3.0), int(rng.integers(1, 12))
 
 
+@pytest.mark.slow
 def test_estimate_is_honest_over_200_random_cases():
     ratios, seed = [], 0
     while len(ratios) < 200:
@@ -120,7 +121,7 @@ def test_limit_cycle():
         assert one.status == "converged" and one.error <= tol and one.stats.route != "collocation"
     hard = mb.limit_cycle(van_der_pol(20.0), harmonics="auto")
     print(f"mu = 20: {hard.stats.route}, H = {hard.harmonics[-1]}, period {hard.period:.9f}, error {hard.error:.1e}")
-    # METHODS.md b.4, 8 decimals
+    # docs/theory.md (23.10)
     assert hard.status == "converged" and hard.error <= 1e-6 and hard.period == pytest.approx(34.68232331, abs=1e-6)
 
 

@@ -46,7 +46,7 @@ def nan_law(u, v):
     return np.where(np.abs(u) > 0.1, np.nan, u**3)
 
 
-# The list of the issue, in its order; each error names the object (first word) and the remedy (second).
+# Each error names the object (first word) and the remedy (second).
 LISTED = {
     "force of a wrong shape": (lambda: one(force=[0.1, 0.2]), "force of harmonic 1", r"shape \(1,\)"),
     "damping of a wrong shape": (lambda: duffing(C=np.eye(2)), "C is 2 x 2", "M is 1 x 1"),

@@ -1,4 +1,4 @@
-"""Limit cycles: van der Pol's periods of METHODS.md b.4, shooting, and relaxation oscillations that must not look
+"""Limit cycles: van der Pol's periods (docs/theory.md (23.10)), shooting, and relaxation oscillations that must not look
 resolved."""
 
 import pickle
@@ -6,12 +6,12 @@ import pickle
 import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, ModelError
-from mbrs.limit_cycle import limit_cycle
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic, Gap, Jenkins, VanDerPol
+from mbrs.nonlinear.limit_cycle import limit_cycle
 from mbrs.reference import hbm_shooting
-from mbrs.second_order import MechanicalSystem
 
-PERIODS = {1: 6.66328686, 5: 11.61223067, 20: 34.68232331}  # METHODS.md b.4, 8 decimals
+PERIODS = {1: 6.66328686, 5: 11.61223067, 20: 34.68232331}  # docs/theory.md (23.10)
 
 
 def van_der_pol(mu):
@@ -35,7 +35,7 @@ def test_period_by_harmonic_balance(mu, harmonics):
 
 
 def test_relaxation_oscillation_does_not_look_resolved():
-    # METHODS.md b.4: with H = 15 the equations of mu = 20 converge cleanly to a period that is 58 % wrong
+    # with H = 15 the equations of mu = 20 converge cleanly to a period that is 58 % wrong
     found = limit_cycle(van_der_pol(20), harmonics=15)
     assert abs(found.period / PERIODS[20] - 1) > 0.5
     assert found.status == "unresolved" and found.error > 0.1

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from mbrs.errors import ConvergenceError, MbrsWarning, ModelError
-from mbrs.frequency_response import frequency_response
-from mbrs.harmonic_balance import harmonic_balance
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic, FunctionLaw, Gap, Jenkins
-from mbrs.quasi_periodic import quasi_periodic
+from mbrs.nonlinear.frequency_response import frequency_response
+from mbrs.nonlinear.periodic import harmonic_balance
+from mbrs.nonlinear.quasi_periodic import quasi_periodic
 from mbrs.reference import hbm_balance, hbm_shooting
-from mbrs.second_order import MechanicalSystem
 
 
 def oscillator(*elements, m=1.0, c=0.05, k=1.0):
@@ -119,7 +119,7 @@ def test_255_harmonics():
     many = harmonic_balance(system, force=[0.18], omega=0.9, harmonics=255)
     few = harmonic_balance(system, force=[0.18], omega=0.9, harmonics=31)
     off = np.max(np.abs(many.X[:, :63] - few.X)) + np.max(np.abs(many.X[:, 63:]))
-    # METHODS.md b.3: 0.75793394
+    # docs/theory.md (23.5): 0.75793394
     tell("H = 255", difference_from_31=off, integrated=many.verify(rtol=1e-12))
     assert off < 1e-12 and many.amplitude() == pytest.approx(0.75793394, abs=5e-9)
 

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from mbrs import _balance
-from mbrs.continuation import Branch
 from mbrs.errors import ConvergenceError, ModelError, SingularError
-from mbrs.harmonic_balance import harmonic_balance
-from mbrs.limit_cycle import limit_cycle
+from mbrs.linear.matrices import MechanicalSystem
+from mbrs.linear.response import response
 from mbrs.model.laws import Cubic, Gap, VanDerPol, VaryingStiffness
-from mbrs.response import response
-from mbrs.second_order import MechanicalSystem
+from mbrs.nonlinear import balance
+from mbrs.nonlinear.branch import Branch
+from mbrs.nonlinear.limit_cycle import limit_cycle
+from mbrs.nonlinear.periodic import harmonic_balance
 
 
 @pytest.mark.parametrize("law", [Gap(1.0, 1.0, w=[1.0, 0.0]), Cubic(0.7, w=[0.3, -1.0])])
@@ -23,7 +23,7 @@ def test_a_cycle_is_kept_when_only_its_stability_fails(monkeypatch):
     def fails(self, y, omega):
         raise SingularError("the eigenvalues for stability did not converge")
 
-    monkeypatch.setattr(_balance.Setup, "exponents", fails)
+    monkeypatch.setattr(balance.Setup, "exponents", fails)
     cycle = limit_cycle(MechanicalSystem([[1.0]], [[-1.0]], [[1.0]], elements=[VanDerPol(1.0, w=[1.0])]), harmonics=21)
     assert cycle.exponents is None and cycle.stable is None
     assert abs(cycle.period - 6.6632868593) < 1e-6

@@ -6,14 +6,14 @@ import mbrs as mb
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from mbrs.continuation import Branch
 from mbrs.errors import ModelError
-from mbrs.frequency_response import frequency_response
-from mbrs.harmonic_balance import harmonic_balance
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic
-from mbrs.parameter_response import parameter_response
+from mbrs.nonlinear.branch import Branch
+from mbrs.nonlinear.frequency_response import frequency_response
+from mbrs.nonlinear.parameter_response import parameter_response
+from mbrs.nonlinear.periodic import harmonic_balance
 from mbrs.reference import hbm_balance
-from mbrs.second_order import MechanicalSystem
 
 
 def family(k3):

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from mbrs import flexible
-from mbrs.frequency_response import frequency_response
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic, Gap
 from mbrs.model.model import Model
-from mbrs.second_order import MechanicalSystem
+from mbrs.nonlinear.frequency_response import frequency_response
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -1,4 +1,4 @@
-"""Quasi-periodic response: coefficients of METHODS.md, the NumPy reference, integration in time, near-commensurable
+"""Quasi-periodic response: coefficients of docs/theory.md (23.9), the NumPy reference, integration in time, near-commensurable
 input."""
 
 import pickle
@@ -8,15 +8,15 @@ from math import comb
 import numpy as np
 import pytest
 from mbrs.errors import MbrsWarning, ModelError
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import CoulombTanh, Cubic, Jenkins, VanDerPol
-from mbrs.quasi_periodic import diamond, quasi_periodic
-from mbrs.quasi_periodic_response import quasi_periodic_response
+from mbrs.nonlinear.quasi_periodic import diamond, quasi_periodic
+from mbrs.nonlinear.quasi_periodic_curves import quasi_periodic_response
 from mbrs.reference import hbm_quasi_periodic
-from mbrs.second_order import MechanicalSystem
 
 
 def duffing():
-    # METHODS.md b.3: quasi-periodic Duffing oscillator of CoSTAR, D = .05, kappa = 1.5; its forces are sines
+    # docs/theory.md (23.9): quasi-periodic Duffing oscillator of CoSTAR, D = .05, kappa = 1.5; its forces are sines
     return MechanicalSystem([[1.0]], [[0.1]], [[1.0]], elements=[Cubic(1.5, w=[1.0])])
 
 
@@ -26,13 +26,13 @@ def pair(eta, f=0.25):
 
 @pytest.mark.parametrize(("p", "m"), [(2, 3), (2, 5), (2, 7), (3, 4)])
 def test_number_of_terms(p, m):
-    # METHODS.md b.2: (sum_i 2^i C(p, i) C(m, i) - 1) / 2
+    # docs/theory.md (12.2): (sum_i 2^i C(p, i) C(m, i) - 1) / 2
     k = diamond(p, m)
     assert len(k) == (sum(2**i * comb(p, i) * comb(m, i) for i in range(p + 1)) - 1) // 2
     assert len(np.unique(np.vstack([k, -k]), axis=0)) == 2 * len(k)
 
 
-# METHODS.md b.3, m = 7, (cos, sin) pairs with 10 decimals
+# docs/theory.md (23.9), m = 7, (cos, sin) pairs with 10 decimals
 PRINTED = {
     2.0: {
         (1, 0): (-0.0055712601, -0.0832608775),
@@ -62,7 +62,7 @@ def test_printed_coefficients(eta):
     ("eta", "m", "printed"), [(2.0, 7, 4e-9), (1.5, 7, 2.5e-5), (1.5, 9, 8e-7), (1.5, 11, 1.1e-7), (1.5, 13, 1.4e-9)]
 )
 def test_truncation_error_is_estimated(eta, m, printed):
-    # METHODS.md b.3 lists these truncation errors; they are met when read as relative to the largest displacement
+    # docs/theory.md (23.9) lists these truncation errors, relative to the largest displacement
     found = quasi_periodic(duffing(), pair(eta), harmonics=m)
     fine = quasi_periodic(duffing(), pair(eta), harmonics=m + 8, x0=found)
     t = np.linspace(0, 500, 5000)
@@ -156,7 +156,7 @@ def test_folds_of_a_branch():
     for fold in curve.folds[:2]:
         i = np.argmin(np.abs(curve.scale - fold.omega[0]))
         assert abs(curve.scale[i] - fold.omega[0]) < 0.05
-    # little of the second force: near the folds 1.26960 and 1.11570 of one frequency alone (METHODS.md b.3)
+    # little of the second force: near the folds 1.26960 and 1.11570 of one frequency alone (docs/theory.md (23.5))
     assert [fold.omega[0] for fold in curve.folds[:2]] == pytest.approx([1.2696, 1.1157], abs=0.01)
 
 

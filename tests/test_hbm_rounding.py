@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 from hinged_beam import matrices
-from mbrs import _balance, _core
+from mbrs import _core
 from mbrs.errors import SingularError
-from mbrs.frequency_response import frequency_response
-from mbrs.harmonic_balance import harmonic_balance
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic
-from mbrs.second_order import MechanicalSystem
+from mbrs.nonlinear import balance
+from mbrs.nonlinear.frequency_response import frequency_response
+from mbrs.nonlinear.periodic import harmonic_balance
 
 DAMPING = 0.02
 
@@ -38,6 +39,7 @@ def test_a_hinged_beam_is_that_of_the_closed_form(elements):
     assert max(off) < 30 / elements**2 + 2e-7  # elements of lumped mass: second order
 
 
+@pytest.mark.slow
 def test_a_fine_beam_is_followed_without_stalling():
     few, force, middle = beam(100, law=0.2)
     many, fine_force, fine_middle = beam(5000, law=0.2)
@@ -58,7 +60,7 @@ def test_a_beam_divided_too_finely_is_refused():
 
 def test_the_core_refuses_what_would_not_fit_into_memory():
     linear = _core.HbmLinear.full(np.eye(1), np.eye(1), np.eye(1), np.zeros((2, 1), complex))
-    elements = _balance.core_elements([Cubic(1.0, w=[1.0])], [np.array([1.0])])
+    elements = balance.core_elements([Cubic(1.0, w=[1.0])], [np.array([1.0])])
     for dims, indices, text in (
         ([10**6, 10**6], [[1, 0]], "fewer samples"),
         ([2**40], [[1]], "fewer samples"),

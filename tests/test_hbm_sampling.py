@@ -1,9 +1,9 @@
 """Samples of friction and contact: as many as the tolerance needs."""
 
 import numpy as np
-from mbrs.frequency_response import frequency_response
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Jenkins
-from mbrs.second_order import MechanicalSystem
+from mbrs.nonlinear.frequency_response import frequency_response
 
 
 def curve(tol=None, n_samples=None):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import re
 import subprocess
 import sys
@@ -10,158 +11,179 @@ from pathlib import Path
 
 import mbrs
 import pytest
+from mbrs._lib.records import FUNCTIONS, HOMES
 
 PACKAGE = Path(mbrs.__file__).parent
 RUST = PACKAGE.parents[1] / "rust" / "src"
 
-# From the bottom: a module may import its own layer and those below. What is not named belongs to "analyses".
-LAYERS = {
-    "words": {
-        "errors", "jsonable", "files", "progress", "results", "mac", "measures", "_timing", "_checks", "flexible",
-    },
-    "model": {"model", "examples", "effects", "shifted_laws"},
-    "tables": {"tables"},
-    "border": {"_border", "_core", "state", "second_order"},
-    "analyses": set(),
-    "top": {"records", "result_files", "study", "_effect_study", "cli", "demo", "sweep", "design", "check_gradients"},
-}  # fmt: skip
-ORDER = list(LAYERS)
-# They turn results into pictures and text, and see nothing but results.
-SHOWS = {"plot", "animate", "page", "report"}
+# From the bottom. A module may import what is in its own folder and in those before it, wherever the import stands: at the top, in a
+# function, for types only, by importlib. There is no exception.
+ORDER = (
+    "errors", "_core", "_lib", "results", "solvers", "view", "plot", "flexible", "model", "system", "linear", "aero", "motion",
+    "nonlinear", "gradients", "design", "reference", "studies", "examples", "io", "__init__", "cli",
+)  # fmt: skip
+# Folders whose names are public, such as `mb.plot.frf`. All others export nothing, so that `import mbrs.linear.frf` means one thing.
+NAMESPACES = {"aero", "design", "examples", "flexible", "plot", "reference"}
 # What `import mbrs` must not pay for.
-OPTIONAL = {"scipy", "matplotlib", "xarray", "h5netcdf", "control", "mpmath", "click", "rich"}
-# A model is compiled through these, imported when asked for; results draw themselves through SHOWS.
-LAZY = {("results", "result_files"), ("model", "_core"), ("tables", "_core"), ("examples", "second_order")}
+OPTIONAL = {
+    "scipy",
+    "matplotlib",
+    "xarray",
+    "h5netcdf",
+    "control",
+    "mpmath",
+    "click",
+    "rich",
+    "lxml",
+    "pyuff",
+    "pyyeti",
+    "pandas",
+}
+# Imports by a name in a variable: which module makes them, and the names. Names of users' functions are of users' modules.
+BY_NAME = {
+    ("__init__",): lambda: [
+        *mbrs._HOME.values(),
+        *mbrs._MODULES.values(),
+        *(".".join(parts) for parts in FILES if parts[0] == "io"),  # by their place in the folder
+    ],
+    ("io", "result_files"): lambda: [*HOMES.values(), *FUNCTIONS.values()],
+    ("model", "motions"): lambda: [],
+    ("design", "study"): lambda: [],
+}
 
 
 def modules():
     for path in sorted(PACKAGE.rglob("*.py")):
         relative = path.relative_to(PACKAGE).with_suffix("")
-        parts = relative.parts[:-1] if relative.name == "__init__" else relative.parts
+        parts = relative.parts[:-1] if relative.name == "__init__" and len(relative.parts) > 1 else relative.parts
         yield path, parts, relative.name == "__init__"
 
 
-def is_module(parts):
-    base = PACKAGE.joinpath(*parts)
-    return base.with_suffix(".py").exists() or (base / "__init__.py").exists() or parts == ("_core",)
+FILES = {parts: (path, is_package) for path, parts, is_package in modules()}
 
 
-def imports(path, parts, is_package):
-    """(target inside the package or None, name outside, at the top of the module) of every import but those for types."""
-    home = parts if is_package else parts[:-1]
+def module_of(parts):
+    """The module that a dotted name of the package lies in; the package itself for names that it offers."""
+    for n in range(len(parts), 0, -1):
+        if parts[:n] in FILES or parts[:n] == ("_core",):
+            return parts[:n]
+    return ("__init__",)
+
+
+def imports(parts):
+    """(target in the package or None, name outside it, whether at the top of the module) of every import of a module."""
+    path, is_package = FILES[parts]
+    home = () if parts == ("__init__",) else parts if is_package else parts[:-1]
+    tree = ast.parse(path.read_text(encoding="utf-8"))
     found = []
 
     def visit(node, top):
         for child in ast.iter_child_nodes(node):
-            if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
-                continue
             if isinstance(child, ast.Import):
-                found.extend((None, alias.name.split(".")[0], top) for alias in child.names)
-            elif isinstance(child, ast.ImportFrom) and child.level:
-                base = home[: len(home) - child.level + 1] + tuple(
-                    (child.module or "").split(".") if child.module else ()
-                )
-                for alias in child.names:
-                    full = (*base, alias.name)
-                    found.append((full if is_module(full) else base, "", top))
+                for name in (tuple(alias.name.split(".")) for alias in child.names):
+                    found.append((module_of(name[1:]) if name[0] == "mbrs" else None, name[0], top))
             elif isinstance(child, ast.ImportFrom):
-                found.append((None, (child.module or "").split(".")[0], top))
-            visit(child, top and not isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef)))
+                base = tuple(child.module.split(".")) if child.module else ()
+                if child.level:
+                    base = home[: len(home) - child.level + 1] + base
+                elif base[0] != "mbrs":
+                    found.append((None, base[0], top))
+                    continue
+                else:
+                    base = base[1:]
+                found.extend((module_of((*base, alias.name)), "mbrs", top) for alias in child.names)
+            elif isinstance(child, ast.Call) and ast.unparse(child.func).split(".")[-1] in (
+                "import_module",
+                "__import__",
+            ):
+                named = BY_NAME.get(parts, lambda: ["cli"])()  # what is not listed counts as an import of everything
+                found.extend((module_of(tuple(name.split("."))), "mbrs", False) for name in named)
+            types = isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test)
+            visit(child, top and not types and not isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef)))
 
-    visit(ast.parse(path.read_text(encoding="utf-8")), True)
+    visit(tree, True)
     return found
 
 
-GRAPH = {parts: imports(path, parts, is_package) for path, parts, is_package in modules()}
+GRAPH = {parts: imports(parts) for parts in FILES}
+INSIDE = {parts: {target for target, _, _ in found if target and target != parts} for parts, found in GRAPH.items()}
 
 
-def layer(parts):
-    head = parts[0] if parts else "__init__"
-    return next((name for name, members in LAYERS.items() if head in members), "analyses")
+def test_every_folder_has_its_place_in_the_order():
+    assert {parts[0] for parts in FILES} <= set(ORDER), "name the new folder in ORDER, and in docs/architecture.md"
+    assert len(FILES) > 150 and sum(map(len, INSIDE.values())) > 800
 
 
-def test_the_layers_are_of_this_package():
-    heads = {parts[0] for parts in GRAPH if parts} | {"_core"}
-    named = set().union(*LAYERS.values()) | SHOWS
-    assert named - heads <= {"sweep", "design"}, "the table above names modules that do not exist"
-    assert len(GRAPH) > 60
-
-
-def test_nothing_imports_upwards():
-    wrong = []
-    for parts, found in GRAPH.items():
-        if not parts or parts[0] in SHOWS | {"reference"}:
-            continue
-        for target, _, top in found:
-            if not target or target[0] in SHOWS | {"reference"} or target[0] == parts[0]:
-                continue
-            lazy = not top and (parts[0], target[0]) in LAZY
-            if not lazy and ORDER.index(layer(target)) > ORDER.index(layer(parts)):
-                wrong.append(f"{'.'.join(parts)} ({layer(parts)}) imports {'.'.join(target)} ({layer(target)})")
-    assert not wrong, "\n".join(wrong)
-
-
-def all_imports(path, parts):
-    """Modules of the package that a module imports anywhere: in functions and for types as well."""
-    found = set()
-    home = parts[:-1]
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and node.level:
-            base = (*home[: len(home) - node.level + 1], *(node.module.split(".") if node.module else ()))
-            for alias in node.names:
-                found.add((*base, alias.name) if is_module((*base, alias.name)) else base)
-    return found - {parts}
-
-
-def test_the_model_has_no_circle_and_knows_little_else():
-    """Every import of model/ counts, those inside functions and those for types included."""
-    graph = {
-        parts: all_imports(path, parts)
-        for path, parts, is_package in modules()
-        if parts[:1] == ("model",) and not is_package
-    }
-    outside = {target[0] for found in graph.values() for target in found if target[:1] != ("model",)}
-    assert outside <= {"errors", "_checks", "files", "flexible", "_core"}, outside
-    waiting = {parts: {t for t in found if t in graph} for parts, found in graph.items()}
-    assert len(waiting) > 20
-    while waiting:
-        free = {parts for parts, found in waiting.items() if not found & waiting.keys()}
-        assert free, "a circle among " + ", ".join(sorted(".".join(parts) for parts in waiting))
-        waiting = {parts: found for parts, found in waiting.items() if parts not in free}
-
-
-def test_pictures_and_reports_see_results_only():
-    allowed = SHOWS | {"errors", "results", "progress", "files"}
+def test_folders_import_those_before_them():
     wrong = [
         f"{'.'.join(parts)} imports {'.'.join(target)}"
-        for parts, found in GRAPH.items()
-        if parts and parts[0] in SHOWS
-        for target, _, _ in found
-        if target and target[0] not in allowed and target != ("model", "schema")
+        for parts, targets in INSIDE.items()
+        for target in targets
+        if ORDER.index(target[0]) > ORDER.index(parts[0])
     ]
     assert not wrong, "\n".join(wrong)
 
 
-def test_nothing_public_imports_the_reference_and_it_knows_nothing_else():
+def without_ends(graph):
+    """A graph without the files that import nothing in it, and their importers in turn: circles, and what hangs on them."""
+    waiting = dict(graph)
+    while free := {parts for parts, targets in waiting.items() if not targets & waiting.keys()}:
+        waiting = {parts: targets for parts, targets in waiting.items() if parts not in free}
+    return waiting
+
+
+def test_no_file_imports_itself_through_others():
+    left = without_ends(INSIDE)
+    back = {parts: {one for one, targets in left.items() if parts in targets} for parts in left}
+    circles = sorted(".".join(parts) for parts in without_ends(back))
+    assert not circles, "a circle among " + ", ".join(circles)
+
+
+def test_folders_export_nothing_but_public_namespaces():
+    for parts, (path, is_package) in FILES.items():
+        if is_package and parts != ("__init__",) and parts[0] not in NAMESPACES:
+            body = ast.parse(path.read_text(encoding="utf-8")).body
+            assert len(body) == 1 and isinstance(body[0], ast.Expr), f"{path} holds more than its docstring"
+
+
+def test_names_of_modules_mean_modules():
+    """`import mbrs.a.b as b` gives the module, whatever was imported before: no folder gives that name to anything else."""
+    for name in dir(mbrs):
+        getattr(mbrs, name)
+    for parts in FILES:
+        if parts != ("__init__",) and parts[0] != "reference":
+            module = importlib.import_module("mbrs." + ".".join(parts))
+            found = mbrs
+            for part in parts:
+                found = getattr(found, part)
+            assert found is module, f"mbrs.{'.'.join(parts)} is {found!r}"
+
+
+def test_the_model_knows_little_else():
+    outside = {t[0] for parts, targets in INSIDE.items() if parts[0] == "model" for t in targets} - {"model"}
+    assert outside <= {"errors", "_lib", "flexible", "_core"}, outside
+
+
+def test_pictures_see_results_only():
+    outside = {t[0] for parts, targets in INSIDE.items() if parts[0] in ("plot", "view") for t in targets}
+    assert outside <= {"errors", "_lib", "results", "plot", "view"}, outside
+
+
+def test_the_comparison_alone_imports_the_reference_and_that_knows_nothing_else():
     for parts, found in GRAPH.items():
+        if parts == ("studies", "compare"):
+            continue
         for target, _, _ in found:
-            if target and parts and parts[0] == "reference":
-                assert target[0] in ("reference", "errors", "matrix_calculus"), (
-                    f"{'.'.join(parts)} imports {'.'.join(target)}"
-                )
-            elif target:
+            if target and parts[0] == "reference":
+                assert target[0] in ("reference", "errors", "_lib"), f"{'.'.join(parts)} imports {'.'.join(target)}"
+            elif target and parts != ("__init__",):
                 assert target[0] != "reference", f"{'.'.join(parts)} imports the reference"
 
 
 def test_extras_are_imported_when_used():
     # the command line and the reference load by themselves, never with the package
     apart = ("cli", "reference")
-    found = [
-        (parts, name, top)
-        for parts, all_ in GRAPH.items()
-        for _, name, top in all_
-        if parts[:1] not in [(a,) for a in apart] and list(parts[:1]) not in [[a] for a in apart]
-    ]
+    found = [(parts, name, top) for parts, all_ in GRAPH.items() if parts[0] not in apart for _, name, top in all_]
     wrong = [f"{'.'.join(parts)}: {name}" for parts, name, top in found if top and name in OPTIONAL]
     assert not wrong, "imported at the top of a module: " + ", ".join(wrong)
 
@@ -197,17 +219,18 @@ CRATE = {
     "tolerances": set(),
     "run": {"error"},
     "memory": {"error"},
+    "aero": {"error", "run"},
     "spatial": set(),
     "linalg": {"error", "tolerances", "run"},
-    "laws": {"error", "tolerances"},
+    "force": {"error", "tolerances"},
     "joint": {"error", "tolerances", "spatial"},
-    "model": {"error", "tolerances", "spatial", "laws", "joint"},
-    "kinematics": {"error", "tolerances", "spatial", "laws", "joint", "model"},
-    "system": {"error", "tolerances", "run", "spatial", "linalg", "laws", "joint", "model", "kinematics"},
-    "second_order": {"error", "tolerances", "run", "linalg", "laws"},
+    "model": {"error", "tolerances", "spatial", "force", "joint"},
+    "kinematics": {"error", "tolerances", "spatial", "force", "joint", "model"},
+    "system": {"error", "tolerances", "run", "spatial", "linalg", "force", "joint", "model", "kinematics"},
+    "second_order": {"error", "tolerances", "run", "linalg", "force"},
     "solve": {"error", "tolerances", "run", "linalg"},
     "analysis": {
-        "error", "tolerances", "run", "spatial", "linalg", "laws", "joint", "model", "kinematics", "system", "second_order", "solve",
+        "error", "tolerances", "run", "spatial", "linalg", "force", "joint", "model", "kinematics", "system", "second_order", "solve",
     },
 }  # fmt: skip
 

@@ -6,8 +6,8 @@ import mbrs as mb
 import numpy as np
 import pytest
 from agreement import all_addresses
-from mbrs.state import State
-from mbrs.tables import compiled, tables
+from mbrs.system.state import State
+from mbrs.system.tables import compiled, tables
 from test_core_sensitivity import check, compare
 from test_imposed_rows import scene
 
@@ -15,6 +15,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
 KINDS = ("drive", "coupler", "load")
 
 
+@pytest.mark.oracle
 def test_every_number_at_a_held_state():
     """Element x parameter over all that imposes a row or varies in time, and over the joints with velocity rows."""
     m = scene(5)
@@ -49,6 +50,7 @@ def carriage():
     return m
 
 
+@pytest.mark.oracle
 def test_every_number_at_an_equilibrium_that_follows():
     m = carriage()
     addresses = [a for a in all_addresses(m) if m.items.get(a.split(".")[0]) is not None]
@@ -76,7 +78,7 @@ def test_a_motion_of_the_numbers_of_a_drive():
     """The discrete motion differentiated by the core along each number of a drive, against differences."""
     m = carriage()
     core, x = compiled(m), tables(m)["x"]
-    from mbrs.tables import directions
+    from mbrs.system.tables import directions
 
     along = directions(m, ["shaker.amplitude", "shaker.omega", "gear.ratio", "wind.z_coefficients[1]"])
     start = core.assemble()

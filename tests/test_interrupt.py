@@ -258,6 +258,7 @@ def test_ctrl_c_brings_what_there_is_and_goes_no_further(what, tmp_path):
         assert code == 7, errors
 
 
+@pytest.mark.slow
 def test_the_shell_saves_what_there_is_and_ends_with_130(tmp_path):
     """The file is there, marked as cut, and the exit code tells scripts."""
     (tmp_path / "save.py").write_text(MODEL + f"chain(7).save({str(tmp_path / 'chain.toml')!r})")

@@ -1,4 +1,4 @@
-"""The rules of matrix calculus against central differences, entry by entry (METHODS.md d, equations 1 to 9)."""
+"""The rules of matrix calculus against central differences, entry by entry (docs/theory.md (10.1) to (10.6))."""
 
 import mbrs as mb
 import numpy as np

@@ -1,4 +1,4 @@
-"""Sensitivities in block layout (METHODS.md d, equations 12 to 23) against the production path and against ALI3-P."""
+"""Sensitivities in block layout (docs/theory.md (10.7), (10.8)) against the production path and against ALI3-P."""
 
 import mbrs as mb
 import numpy as np
@@ -10,7 +10,7 @@ from mbrs.reference.ali3p import Scheme
 from mbrs.reference.ali3p_models import FiveBar
 from mbrs.reference.kinematics import drawn_state
 from mbrs.reference.matrix_sensitivity import FlexibleForm, RigidForm
-from mbrs.tables import compiled, directions, tables
+from mbrs.system.tables import compiled, directions, tables
 
 
 def double_pendulum():
@@ -24,6 +24,7 @@ def double_pendulum():
     return m
 
 
+@pytest.mark.oracle
 def test_rigid_form_is_the_production_path():
     m = double_pendulum()
     along, t, h, n = directions(m, "V"), tables(m), 0.01, 40

@@ -64,6 +64,7 @@ CALLS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits the address space by setrlimit")
 @pytest.mark.parametrize("part", [0.02, 0.3, 0.6])
 @pytest.mark.parametrize("what", list(CALLS))
@@ -97,6 +98,7 @@ def test_the_refusal_is_not_a_habit():
         assert _run(f"n = 60\n{made}\nlimited(1.2e9)\n{call}\nprint('granted')", indent=False) == "granted", what
 
 
+@pytest.mark.slow
 def test_what_no_machine_has():
     ports, points = list(range(150)), np.linspace(0.7, 1.9, 10**8)
     s = mb.MechanicalSystem(np.eye(150), np.eye(150), np.diag(np.arange(1.0, 151.0)))

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import scipy.linalg as sl
 from mbrs.errors import ModelError, NameNotFoundError, SingularError
-from mbrs.mac import mac
-from mbrs.modal import KINDS, ModalResult, modes
-from mbrs.second_order import MechanicalSystem
+from mbrs.linear.mac import mac
+from mbrs.linear.matrices import MechanicalSystem
+from mbrs.linear.modal_result import KINDS, ModalResult
+from mbrs.linear.modes import modes
 from mpmath import mp
 
 EPS = np.finfo(float).eps
@@ -373,6 +374,7 @@ def random_system(rng: np.random.Generator, i: int) -> MechanicalSystem:
     return system(M, C, K, G=G, N=N)
 
 
+@pytest.mark.slow
 def test_ten_thousand_random_systems():
     rng = np.random.default_rng(20)
     worst, routes = 0.0, set()
@@ -415,6 +417,7 @@ def test_against_scipy(n, present):
             assert np.isclose(r.shape[:, i].conj() @ m @ r.shape[:, i], 1.0, rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_error_estimate_is_within_its_band():
     """Error of the algorithm and of one more rounding of the entries over the estimate: never above 10, in [.001, 10] in 95 %.
 

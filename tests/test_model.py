@@ -7,14 +7,15 @@ import pickle
 
 import numpy as np
 import pytest
-from mbrs.effects import EFFECTS, check_without, effects
+from mbrs._lib.rotations import matrix_to_quaternion, quaternion_matrix
 from mbrs.errors import ModelError, NameNotFoundError
 from mbrs.examples import cubic_hexapod, four_bar
 from mbrs.model.addresses import driver
 from mbrs.model.model import Model
 from mbrs.model.ports import as_port, base_motion
-from mbrs.model.rotations import matrix_to_quaternion, quaternion_matrix, rotation
-from mbrs.tables import compiled, directions, dx_dV, tables, x
+from mbrs.model.rotations import rotation
+from mbrs.system.effects import EFFECTS, check_without, effects
+from mbrs.system.tables import compiled, directions, dx_dV, tables, x
 from scenes import everything, same_tables
 
 

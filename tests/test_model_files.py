@@ -13,7 +13,7 @@ import pytest
 from mbrs.errors import ModelError
 from mbrs.model import toml
 from mbrs.model.model import Model
-from mbrs.tables import compiled, tables
+from mbrs.system.tables import compiled, tables
 
 HEAD = """[model]
 name = "one"
@@ -135,6 +135,7 @@ def long_files():
             yield [*lines[:i], f"{key} = {{ {', '.join(f'k{n} = {n}' for n in range(900))} }}", *lines[i + 1 :]]
 
 
+@pytest.mark.slow
 def test_messages_are_short_and_do_not_repeat_the_file():
     seen = 0
     for lines in itertools.islice(long_files(), 400):

@@ -8,7 +8,7 @@ import jitter
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs.tables import tables
+from mbrs.system.tables import tables
 from scenes import same_tables
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"

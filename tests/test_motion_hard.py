@@ -25,6 +25,7 @@ def measured(problem, traj):
     return problem.error(traj.t, places) / traj.snapshot.system.characteristic_length
 
 
+@pytest.mark.slow
 # four-bars pass poses where two branches meet; lengths that differ by any noise make another linkage there
 @pytest.mark.exact
 @pytest.mark.parametrize("method", METHODS)
@@ -287,6 +288,7 @@ def test_a_python_force_that_fails_on_the_way(late, error, text):
     assert error is ModelError or "push" in "".join(caught.value.__notes__)
 
 
+@pytest.mark.slow
 def test_outputs_far_denser_and_far_sparser_than_steps():
     problem = zoo.spherical_pendulum()
     dense = mb.simulate(problem.model, np.linspace(0, 2, 20001), rtol=1e-9)

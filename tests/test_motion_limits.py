@@ -136,6 +136,7 @@ def test_a_motion_that_stops_before_its_first_output_has_empty_results():
     assert traj.position("b").shape == (0, 3) and traj.joint("hinge").shape[0] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_absurd_loads_and_speeds_stop_with_a_reason(seed):
     rng = np.random.default_rng(seed)

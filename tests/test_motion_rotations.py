@@ -88,6 +88,7 @@ def test_methods_of_order_two_have_it_for_tops(method, rho, seed):
     assert abs(order - 2.0) < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_the_increment_of_a_step_has_its_commutator(seed):
     """ALI3-P without rows is the trapezoidal rule; generalised-alpha is as accurate."""
@@ -145,6 +146,7 @@ def ball_and_rod(rod=True, slender=25.0):
     return m
 
 
+@pytest.mark.slow
 def test_newton_of_bdf_does_not_depend_on_the_angle_of_the_chart():
     counts = []
     for t in (0.02, 0.05, 0.1, 0.2):
@@ -179,6 +181,7 @@ def spatial_slider_crank(order):
 ORDERS = [("crank", "ball", "cross", "rail"), ("rail", "cross", "ball", "crank"), ("ball", "rail", "crank", "cross")]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the initial")
 def test_steps_of_bdf_grow_as_its_order_says():
     steps = {}

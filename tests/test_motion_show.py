@@ -12,11 +12,11 @@ import mbrs as mb
 import motion_problems as zoo
 import numpy as np
 import pytest
-from mbrs import animate
-from mbrs.animate.geometry import scene_from_tables
-from mbrs.animate.motion import frames, motion
 from mbrs.errors import ModelError
-from mbrs.tables import tables
+from mbrs.system.scene import scene_from_tables
+from mbrs.system.tables import tables
+from mbrs.view import modes as viewer
+from mbrs.view.motion import frames, motion
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +32,7 @@ def stone():
 KINDS = ["motion", "coordinates", "positions", "velocities", "energy", "residual", "steps", "error", "reactions"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", KINDS)
 def test_every_plot_draws(four_bars, what, tmp_path):
     figure = four_bars.plot(what)
@@ -129,7 +130,7 @@ def test_bad_input(four_bars, options, words):
 @pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 def test_the_page_plays_what_it_holds():
     """Half way between two frames: positions in the middle, rotations half way."""
-    script = Path(animate.__file__).with_name("motion.js")
+    script = Path(viewer.__file__).with_name("motion.js")
     half = np.cos(0.2), np.sin(0.2)
     motion_data = {
         "from": 1.0,

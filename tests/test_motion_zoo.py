@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from mbrs import reference as ref
 from mbrs.errors import ModelError
-from mbrs.measures import motion_difference
 from mbrs.reference.transient import begin
-from mbrs.tables import tables
+from mbrs.studies.measures import motion_difference
+from mbrs.system.tables import tables
 
 TOLERANCES = 10.0 ** -np.arange(3.0, 11.0)
 
@@ -114,8 +114,9 @@ def test_achieved_error_follows_the_tolerance():
     assert sum(0.8 <= s <= 1.2 for s in slopes.values()) >= 12
 
 
+@pytest.mark.slow
 def test_error_estimates():
-    """Over at least 200 runs with random tolerances and ends: true/estimated within [.01, 10] in 95 % (DESIGN), and how many
+    """Over at least 200 runs with random tolerances and ends: true/estimated within [.01, 10] in 95 %, and how many
     lie within a factor of ten either way.
     """
     rng = np.random.default_rng(4)
@@ -144,6 +145,7 @@ def test_error_estimates():
 SCHEMES = {"explicit": ref.explicit, "generalized-alpha": ref.generalized_alpha}
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("name", zoo.SMOOTH)
 @pytest.mark.parametrize("method", SCHEMES)
 def test_every_step_is_that_of_the_reference(name, method):
@@ -207,6 +209,7 @@ def test_energy(name):
     assert drift < 1e-6
 
 
+@pytest.mark.oracle
 def test_bricard_against_the_reference():
     p = zoo.bricard(0.4)
     times = np.linspace(0.0, p.t, 4)
@@ -269,7 +272,7 @@ def test_tighter_costs_more_and_a_longer_run_in_proportion():
 
 
 def test_accuracy_study_of_a_motion():
-    """API.md section 6: without a reference the tightest run is taken, and errors fall with the tolerance."""
+    """Without a reference the tightest run is taken, and errors fall with the tolerance."""
     m = mb.examples.slider_crank()
     study = mb.accuracy_study(mb.simulate, m, t=1.0, method="explicit", rtol=10.0 ** -np.arange(3, 10), repeat=1)
     errors = [p.error for p in study.points]

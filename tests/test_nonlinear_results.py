@@ -59,7 +59,7 @@ def test_stable_and_unstable_parts_meet_at_the_folds(curve):
     assert {"stable", "unstable", "fold"} == set(lines)
     assert lines["unstable"].get_linestyle() == "--" and lines["stable"].get_linestyle() == "-"
     folds = vertices(lines["fold"])
-    assert np.allclose(folds[:, 0] * 2 * np.pi, [1.26960, 1.11570], atol=1e-5)  # METHODS.md b.3
+    assert np.allclose(folds[:, 0] * 2 * np.pi, [1.26960, 1.11570], atol=1e-5)  # docs/theory.md (23.5)
     for part in ("stable", "unstable"):
         assert all(np.min(np.linalg.norm(vertices(lines[part]) - fold, axis=1)) < 1e-14 for fold in folds)
     inner = curve.frequency[~curve.stable], curve.amplitude()[~curve.stable]
@@ -230,7 +230,7 @@ def test_rest_has_nothing_to_draw():
 
 @pytest.mark.parametrize("harmonics", [7, 15, 31])
 def test_largest_displacement_is_at_its_peak(harmonics):
-    """Peak of the hard Duffing oscillator by shooting (METHODS.md b.4); the series has converged to 1e-6 with seven."""
+    """Peak of the hard Duffing oscillator by shooting (docs/theory.md (23.6)); the series has converged to 1e-6 with seven."""
     curve = mb.frequency_response(
         duffing(1.0), force=[0.3], omega=(2.2, 2.5), harmonics=harmonics, stability=False, events=False
     )

@@ -4,11 +4,11 @@ import pickle
 
 import mbrs as mb
 import pytest
+from mbrs._lib.text import unit_note
 from mbrs.errors import ModelError
 from mbrs.model.model import Model
 from mbrs.model.toml import dumps, loads
-from mbrs.report import unit_note
-from mbrs.tables import directions
+from mbrs.system.tables import directions
 
 
 def labelled():

@@ -23,7 +23,7 @@ def run(block: str, monkeypatch: pytest.MonkeyPatch, folder: Path) -> dict:
 def test_first_script_gives_the_closed_form(monkeypatch, tmp_path, capsys):
     assert len(BLOCKS[0].strip().splitlines()) <= 15
     names = run(BLOCKS[0], monkeypatch, tmp_path)
-    # sqrt(2k/m), sqrt(k L^2/(2I)), sqrt(2 k L^2/I): issue 2
+    # sqrt(2k/m), sqrt(k L^2/(2I)), sqrt(2 k L^2/I): docs/theory.md (23.1)
     squares = [2e5 / 20] * 3 + [1e5 * 0.04 / 0.3] * 2 + [2e5 * 0.04 / 0.15]
     assert np.abs(names["modes"].frequency / np.sqrt(squares) * 2 * np.pi - 1).max() < 1e-12
     printed = capsys.readouterr().out
@@ -40,7 +40,7 @@ def test_second_script_shows_what_it_says(monkeypatch, tmp_path, capsys):
 
 def test_third_script_finds_the_folds(monkeypatch, tmp_path, capsys):
     names = run(BLOCKS[2], monkeypatch, tmp_path)
-    # METHODS.md b.3: folds near 1.26960 and 1.11570
+    # docs/theory.md (23.5): folds near 1.26960 and 1.11570
     assert [round(event.omega, 5) for event in names["curve"].events] == [1.2696, 1.1157]
     assert "1.26960" in capsys.readouterr().out
 

@@ -1,11 +1,11 @@
-"""ALI3-P of the reference: order, values of METHODS.md e.3 and e.4, tangent linear model against differences."""
+"""ALI3-P of the reference: order, values of docs/theory.md (23.12) and (23.13), tangent linear model against differences."""
 
 import numpy as np
 import pytest
 from mbrs.reference.ali3p import Scheme, trapezoid
 from mbrs.reference.ali3p_models import POINTS, FiveBar, NonholonomicPoint
 
-# METHODS.md e.3 and e.4: converged values, Runge-Kutta and DOP853 agree
+# docs/theory.md (23.12) and (23.13): converged values, Runge-Kutta and DOP853 agree
 FIVE_BAR_1 = (0.1144363742, np.array([-0.62560973, 0.47715465]))
 POINT_5 = np.array([-0.85197359, 0.31079724, -0.49732820])
 POINT_PSI = (3.89396846, np.array([-0.21521547, 0.02152155, 0.29491657]))

@@ -17,6 +17,7 @@ from mbrs.reference import (
     modes,
     reactions,
 )
+from mbrs.reference.assembly import mobility
 from reference_models import Builder, cubic_hexapod, hanging_four_bar, hanging_rod, ladder, quaternion
 
 
@@ -81,7 +82,7 @@ def test_least_norm_reactions_do_not_depend_on_units():
 
 
 def test_cubic_hexapod():
-    """omega^2 = k/m * 6/3 (translations), k a^2/2 ... : 15.9155 x 3, 18.3776 x 2, 36.7553 Hz (issue 2)."""
+    """omega^2 = k/m * 6/3 (translations), k a^2/2 ... : 15.9155 x 3, 18.3776 x 2, 36.7553 Hz, docs/theory.md (23.1)."""
     sys = System(cubic_hexapod().tables())
     lin = linearize(sys, drawn_state(sys))
     m = modes(lin.M, None, None, lin.K, None)
@@ -99,9 +100,10 @@ def test_cubic_hexapod():
     "kind, rows, rank, dof", [("revolute", 15, 6, 3), ("cylindrical", 12, 6, 12), ("spherical", 9, 9, 18)]
 )
 def test_ladder_ranks(kind, rows, rank, dof):
-    """METHODS.md a.2: N = 3 layers."""
+    """docs/theory.md (23.4): N = 3 layers."""
     sys = System(ladder(3, kind).tables())
-    assert (sys.rank, sys.dof, len(sys.redundant), len(sys.cut)) == (rank, dof, rows - rank, 3)
+    found = mobility(sys)
+    assert (found.rank, found.dof, len(found.redundant), len(sys.cut)) == (rank, dof, rows - rank, 3)
     lin = linearize(sys, drawn_state(sys))
     assert lin.M.shape == (dof, dof)
 
@@ -173,7 +175,7 @@ def test_assembly_of_two_points_and_of_a_given_length():
     state = assemble(sys, drawn_state(sys))
     end = state.r[1] + state.R[1] @ sys.joints[2].b.s
     assert np.linalg.norm(end - [0, -1, 0]) == pytest.approx(1.6, abs=1e-12)
-    assert sys.dof == 1
+    assert mobility(sys).dof == 1
     assert equilibrium(sys, state)[2] < 1e-12
 
 

@@ -10,12 +10,13 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from mbrs import animate, plot
+from mbrs import plot
+from mbrs._lib.jsonable import dumps, result_data
+from mbrs._lib.progress import Elapsed, Progress
+from mbrs._lib.text import html_table, number, si, table, without_rounding
 from mbrs.errors import ModelError
-from mbrs.jsonable import dumps, result_data
-from mbrs.page import Section, page
-from mbrs.progress import Elapsed, Progress
-from mbrs.report import html_table, number, si, table, without_rounding
+from mbrs.view import modes as viewer
+from mbrs.view.page import Section, page
 from presentation_standins import hexapod_modes, oscillator_frf, sensitivity
 
 
@@ -188,7 +189,7 @@ def _check_page(text: str) -> None:
 def test_a_page_is_complete_and_needs_no_network() -> None:
     modes = hexapod_modes()
     sections = [
-        Section("Modes <1>", [table(["f"], [[1.0]]), html_table(["f"], [[1.0]]), animate.modes(modes)], "a < b"),
+        Section("Modes <1>", [table(["f"], [[1.0]]), html_table(["f"], [[1.0]]), viewer.modes(modes)], "a < b"),
         ("Transfer function", plot.frf(oscillator_frf(2, 2), marks=modes.frequency)),
         ("Sensitivities", [plot.tornado(sensitivity())]),
     ]
@@ -233,8 +234,8 @@ def test_rounding_prints_as_zero_and_everything_else_stays() -> None:
 
 def test_a_call_that_cannot_count_shows_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """A thread writes the line while the caller is busy; the line is cleared at the end, and without a terminal nothing runs."""
-    monkeypatch.setattr("mbrs.progress._QUIET_FOR", 0.0)
-    monkeypatch.setattr("mbrs.progress._EVERY", 0.005)
+    monkeypatch.setattr("mbrs._lib.progress._QUIET_FOR", 0.0)
+    monkeypatch.setattr("mbrs._lib.progress._EVERY", 0.005)
     monkeypatch.setenv("MBRS_PROGRESS", "1")
     stream = io.StringIO()
     with Elapsed("lowest modes", stream=stream) as progress:

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 from mbrs.errors import ModelError, NameNotFoundError, SingularError
-from mbrs.response import response, response_sensitivity
-from mbrs.second_order import MechanicalSystem
-from mbrs.state_space import state_space
+from mbrs.linear.matrices import MechanicalSystem
+from mbrs.linear.response import response, response_sensitivity
+from mbrs.linear.state_space import state_space
 from scipy.signal import lsim
 
 
@@ -263,7 +263,7 @@ def test_massless_coordinates_are_named():
 
 @pytest.mark.parametrize("kind, power", [("displacement", 0), ("velocity", 1), ("acceleration", 2)])
 def test_state_space_has_the_transfer_function(kind, power):
-    from mbrs.frf import frf
+    from mbrs.linear.frf import frf
 
     rng = np.random.default_rng(2)
     s = random_system(rng, 4, gyroscopic=True)

@@ -16,7 +16,9 @@ import matplotlib.pyplot as plt
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs.records import HOMES, member
+from mbrs._lib.records import HOMES
+from mbrs.io.result_files import member
+from mbrs.linear.measurement import MeasuredFunction, Measurement
 from mbrs.results import Result
 
 pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
@@ -71,6 +73,17 @@ def _blades():
     return SimpleNamespace(shape=shape, eigenvalue=1j * np.array([1.9, 2.3, 2.9]), coordinates=["a.q1", "b.q1", "c.q1"])
 
 
+def _turbine():
+    a = np.linspace(-np.pi, np.pi, 73)
+    section = mb.aero.polar(a, np.pi * np.sin(2 * a), 0.01 + np.sin(a) ** 4)
+    return mb.aero.rotor(mb.aero.blade([2.1, 10.3, 39.7], [3.1, 3.5, 1.2], [0.35, 0.12, -0.03], section))
+
+
+def _wing():
+    section = mb.aero.polar([-0.7, 0.9], [-4.3, 5.1], [0.02, 0.03])
+    return mb.aero.blade([-2.3, 0.4, 3.1], [0.7, 1.1, 0.6], [0.02, 0.0, -0.03], section)
+
+
 def _rail():
     m, axis = mb.Model("rail"), (0.31, -0.83, 0.46)
     last = m.ground
@@ -93,6 +106,28 @@ def _sliding():
     m.revolute("hub", m.ground, b, at=(0, 0, 0), axis=(0.7, 0.2, -0.5), c=0.017)
     m.bushing("tie", b, ring, at=(0, 0, 0), orientation=TURN, k=(3.1e4,) * 3 + (170.0,) * 3)
     return mb.steady_motion(m, {"rail": 0.7, "hub": 13.0})
+
+
+def _blocks():
+    return mb.design.saltelli({"k": (31.0, 43.0), "a.mass": (1.1, 1.7)}, 4)
+
+
+def _measured():
+    x = np.linspace(1.0, 3.0, 5)
+    function = MeasuredFunction("frequency response", "2:+z", "1:-x", "velocity/force", "m/s", x, x * (0.3 - 0.7j))
+    shape = np.arange(24.0).reshape(6, 2, 2) * (1 + 0.1j)
+    at = np.array([[0.1, 0.2, 0.3], [0.7, -0.1, 0.4]])
+    return Measurement(
+        np.array([1, 2]),
+        at,
+        ("1", "tip"),
+        ((1, 2),),
+        (function,),
+        np.array([-0.1 + 3j, 7j]),
+        shape,
+        "test",
+        status="measured",
+    )
 
 
 MAKE = {
@@ -140,6 +175,7 @@ MAKE = {
         drawn(), mb.Final(lambda s: s.position("b")[0]), ["k", "a.mass"], t=0.2, step=0.01
     ),
     "MotionSensitivity": lambda: MAKE["MotionGradient"]().sensitivity(["k"]),
+    "Comparison": lambda: mb.compare(mb.modes(drawn())),
     "GradientCheck": lambda: mb.check_gradients(mb.modes, drawn(), ["k", "a.mass"]),
     "Optimum": lambda: mb.problem(
         drawn(),
@@ -151,7 +187,17 @@ MAKE = {
     ).solve(),
     "AccuracyStudy": lambda: mb.accuracy_study(mb.simulate, drawn(), t=0.2, rtol=[1e-4, 1e-6]),
     "EffectStudy": lambda: mb.effect_study(mb.modes, drawn()),
+    "Performance": lambda: mb.aero.performance(_turbine(), [4.1, 7.3, 9.9]),
+    "WingLoads": lambda: mb.aero.lifting_line(_wing(), [0.03, 0.11], strips=8),
+    "WingStart": lambda: mb.aero.impulsive_start(_wing(), 0.07, 2.9, step=0.7, strips=8),
+    "Measurement": lambda: _measured(),
     "RotorModes": lambda: mb.rotor_modes(_blades(), ["a", "b", "c"], 0.7),
+    "Runs": lambda: mb.sweep(drawn(), _blocks(), mb.outputs.modes(2, ["k", "a.mass"])),
+    "Failures": lambda: mb.sweep(drawn(), mb.design.from_table({"a.mass": [1.0, -1.0]}), mb.outputs.modes()).failures,
+    "SobolIndices": lambda: MAKE["Runs"]().sobol_indices("frequency[0]"),
+    "DerivativeMeasures": lambda: MAKE["Runs"]().derivative_measures("frequency[0]"),
+    "Statistics": lambda: MAKE["Runs"]().statistics(),
+    "Designs": lambda: mb.design.latin_hypercube({"k": (31.0, 43.0), "a.mass": (1.1, 1.7)}, 7, units={"k": "N/m"}),
 }
 
 
@@ -279,13 +325,13 @@ def test_tables_of_numbers_are_complete(results, name, tmp_path):
             assert np.array_equal(np.array([float(x) for x in texts]), column, equal_nan=True)
         else:
             assert texts == [str(x) for x in column.tolist()]
-    with pytest.raises(mb.errors.ModelError, match="are loaded from"):
+    with pytest.raises(mb.errors.ModelError, match=r"is only written; known are \.json, \.nc"):
         mb.load(tmp_path / "result.csv")
 
 
 @pytest.mark.parametrize("name", ["a.png", "a", "a.txt", "a.toml", "a.nc4", "a.pickle", ".nc"])
 def test_unknown_endings_are_refused_and_the_known_ones_listed(results, name, tmp_path):
-    with pytest.raises(mb.errors.ModelError, match=r"\.nc, \.json, \.csv, \.pkl"):
+    with pytest.raises(mb.errors.ModelError, match=r"known are \.csv, \.json, \.nc, \.pkl"):
         results("ModalResult").save(tmp_path / name)
     assert not any(tmp_path.iterdir())
 
@@ -340,7 +386,7 @@ def test_copies_do_not_ask_for_an_estimate():
 
 
 def test_motions_with_parameters_make_their_estimate_when_asked(monkeypatch):
-    module = importlib.import_module("mbrs.simulate")
+    module = importlib.import_module("mbrs.motion.simulate")
     runs, run = [], module._run
     monkeypatch.setattr(module, "_run", lambda *given: runs.append(given) or run(*given))
     motion = mb.simulate(drawn(), t=0.1, parameters=["k"])
@@ -460,7 +506,7 @@ def test_files_carry_format_and_version_and_newer_ones_are_refused(results, tmp_
     data["mbrs"]["format"] = 3
     body = json.dumps(data)
     path.write_text(f'{{"sha256": "{hashlib.sha256(body.encode()).hexdigest()}",\n"data": {body}}}\n')
-    with pytest.raises(mb.errors.ModelError, match="has the format 2"):
+    with pytest.raises(mb.errors.ModelError, match="has the format 3"):
         mb.load(path)
 
 

@@ -1,4 +1,4 @@
-"""`mb.root`: iterate by iterate against the reference, the counts of METHODS.md c.4, all problems, reuse, bad input."""
+"""`mb.root`: iterate by iterate against the reference, counts of a program written separately, all problems, reuse, bad input."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_the_driver_is_that_of_the_reference(name):
     assert (found.fallback is None) == (other.fallback is None)
 
 
-# METHODS.md c.4: iterations to 1e-8 of the bare method; None: fails.
+# Iterations to 1e-8 of the bare method, docs/theory.md (19.1) to (19.4), by a program written separately; None: fails.
 IDENTITY = {
     "boundary value": 17,
     "integral": 6,
@@ -89,12 +89,10 @@ BROYDEN = {"trigonometric": 19, "Rosenbrock": 10, "Powell singular": 22}
     + [(n, "inverse-bfgs", "fd", k) for n, k in DIFFERENCES.items()]
     + [(n, "broyden", "fd", k) for n, k in BROYDEN.items()],
 )
-def test_iteration_counts_of_the_methods_paper(name, method, jac0, expected):
+def test_iteration_counts_of_the_bare_method(name, method, jac0, expected):
     p = root_problems.problem(name)
     found = mb.root(p.fun, p.x0, method=method, jac0=jac0, tol=1e-8, maxiter=200, **BARE)
-    print(
-        f"{name}, {method} from {jac0}: {found.nit if found.success else 'fails'} (METHODS.md: {expected or 'fails'})"
-    )
+    print(f"{name}, {method} from {jac0}: {found.nit if found.success else 'fails'} (expected: {expected or 'fails'})")
     if expected is None:
         assert not found.success and found.reason == "max-iterations"
     else:
@@ -191,7 +189,7 @@ def test_jac0_as_an_array():
 
 
 def test_determinant_ratio_is_the_one_of_the_determinants():
-    """The safeguard's ratio -lambda s.F/(y.s) against determinants, for a nonsymmetric H (METHODS.md c.3)."""
+    """The safeguard's ratio -lambda s.F/(y.s) against determinants, for a nonsymmetric H (docs/theory.md (19.4))."""
     rng = np.random.default_rng(3)
     H, f, y = rng.normal(size=(5, 5)), rng.normal(size=5), rng.normal(size=5)
     lam = 0.25

@@ -15,7 +15,7 @@ from mbrs.errors import ModelError
 from mbrs.model import layout, toml
 from mbrs.model.model import Model
 from mbrs.model.schema import ELEMENTS, HEADINGS, JOINTS, LAWS, MOTIONS, NODE, SHAPES
-from mbrs.tables import tables
+from mbrs.system.tables import tables
 from scenes import everything, same_tables
 
 ROOT = Path(mbrs.__file__).parents[2]
@@ -128,7 +128,7 @@ def test_sizes_of_blocks_with_modal_coordinates():
 
 
 def test_codes_are_unique_and_the_classes_have_them():
-    assert sorted(c for law in LAWS.values() for c in law.codes) == list(range(12))
+    assert sorted(c for law in LAWS.values() for c in law.codes) == list(range(15))
     assert all(code == motion.code for code, motion in MOTIONS.items()) and sorted(MOTIONS) == list(range(7))
     assert (
         mb.Gap(1.0, 0.1).code == 3 and mb.Gap(1.0, 0.1, bilateral=True).code == 4 and mb.Iwan([1.0], [2.0]).code == 10

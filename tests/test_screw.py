@@ -193,6 +193,77 @@ def test_it_is_a_cylindrical_joint_with_a_coupler(seed):
     assert found[0] == pytest.approx(found[1], rel=1e-10)
 
 
+def press(seed):
+    """The vice with a spring on the thread: a screw in a loop, or in the tree, as the order of definition says."""
+    m, *_ = vice(np.random.default_rng(seed), seed % 3)
+    m.set({"crank": (0.0, 0.0, 0.0)})
+    n = np.array(m["bearing"].axis)
+    m.torsion("hold", m.ground, "spindle", at=(0, 0, 0), axis=n, k=3.1, c=0.2)
+    m.spring_damper("stop", m.ground, "jaw", at=((1, 2, 0.5), (0.4, 0.1, -0.3)), k=19.0, c=0.4)
+    m.force("weight", "jaw", at=(0, 0, 0), value=1.3 * n)
+    m.marker("tip", "jaw", at=(0.2, -0.1, 0.4))
+    return m
+
+
+ANALYSES = {
+    "linearize": lambda m: mb.linearize(m, at=mb.equilibrium(m)),
+    "modes": lambda m: mb.modes(m, at=mb.equilibrium(m)),
+    "equilibrium": mb.equilibrium,
+    "frf": lambda m: mb.frf(
+        m, inputs="jaw.force.x", outputs="tip.motion.y", frequency=np.linspace(0.1, 3.0, 7), at=mb.equilibrium(m)
+    ),
+    "simulate": lambda m: mb.simulate(m, t=0.7, rtol=1e-9),
+}
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", ANALYSES)
+def test_the_reference_agrees(name, seed):
+    table = mb.compare(ANALYSES[name](press(seed)))
+    assert bool(table), str(table)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_drive_on_a_screw(seed):
+    """The driven nut moves by the lead for every turn, and the drive carries J phi" less gravity's share."""
+    nut = Nut(seed)
+    nut.m.drive("motor", "thread", mb.Ramp(nut.rate))
+    times = np.linspace(0.0, 9.0, 5)
+    traj = mb.simulate(nut.m, times, rtol=1e-9)
+    assert nut.rate * times[-1] > 2 * np.pi
+    assert np.ravel(traj.joint("thread")) == pytest.approx(nut.rate * times, abs=1e-9)
+    supplied = [-nut.force(nut.rate * t) for t in times]
+    assert np.ravel(traj.drive_force("motor")) == pytest.approx(supplied, abs=1e-7)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_harmonic_balance(seed):
+    """J phi" + c phi' + k phi + k3 phi^3 = T cos(w t): SciPy's motion from the start of the balance comes back after a period."""
+    nut = Nut(seed, gravity=False, k=2.1, c=0.2, law=mb.Cubic(0.7))
+    nut.m.set({"nut.velocity": (0, 0, 0), "nut.angular_velocity": (0, 0, 0)})
+    w, torque = 1.3 * np.sqrt(2.1 / nut.reduced), 1.3
+    X = mb.harmonic_balance(nut.m, force=[torque], omega=w, harmonics=15, tol=1e-8).X[0]
+    order = np.arange(1, len(X[1::2]) + 1)
+    start = [X[0] + np.sum(X[1::2]), w * np.sum(order * X[2::2])]
+
+    def slope(t, y):
+        return [y[1], (torque * np.cos(w * t) - 0.2 * y[1] - 2.1 * y[0] - 0.7 * y[0] ** 3) / nut.reduced]
+
+    end = solve_ivp(slope, (0.0, 2 * np.pi / w), start, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    assert np.abs(start[0]) > 0.1
+    assert end == pytest.approx(start, abs=1e-6 * np.linalg.norm(start))
+
+
+def test_a_file_keeps_its_pitch(tmp_path):
+    nut = Nut(1, k=3.0)
+    again = mb.Model.load(nut.m.save(tmp_path / "nut.toml"))
+    assert again["thread"].pitch == nut.pitch
+    before, after = (mb.linearize(m).K[0, 0] for m in (nut.m, again))
+    assert after == pytest.approx(before, rel=1e-13)
+    with pytest.raises(mb.ModelError, match="screw joint 'thread'"):
+        nut.m.save(tmp_path / "nut.urdf")
+
+
 def test_a_screw_needs_its_pitch():
     m = mb.Model("bare")
     b = m.body("b", mass=1.0, inertia=np.eye(3), at=(0, 0, 0))

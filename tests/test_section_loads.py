@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from jitter_marks import defect
 from mbrs import reference as ref
-from mbrs.tables import tables
+from mbrs.system.tables import tables
 
 L, EI = 2.0, 4000.0
 
@@ -122,7 +122,7 @@ BAD = {
     "NaN": lambda m, f: m.section_load(f, [0, 1], np.full((2, 3), np.nan)),
     "must hold numbers": lambda m, f: m.section_load(f, [0, 1], "wind"),
     "frame must be 'body' or 'world'": lambda m, f: m.section_load(f, [0, 1], np.ones((2, 3)), frame="blade"),
-    "reach over all stations": lambda m, f: m.section_load(floating(m), [0, 1], np.ones((2, 3)), frame="world"),
+    "span all stations": lambda m, f: m.section_load(floating(m), [0, 1], np.ones((2, 3)), frame="world"),
     "kind= is": lambda m, f: m.section_load(f, [0, 1], np.ones((2, 2, 3)), times=[0.0, 1.0], kind="quintic"),
 }
 

@@ -75,6 +75,7 @@ def test_constraints_hold_at_every_output(name, method):
     assert np.all(traj.residual.max(axis=0) <= 1e-10)
 
 
+@pytest.mark.slow
 def test_achieved_error_follows_the_tolerance():
     """Slope of the error over 1e-3 to 1e-10 between .8 and 1.2, and the estimate within a factor of ten in 95 % of runs."""
     tolerances = 10.0 ** -np.arange(3, 11)
@@ -119,6 +120,7 @@ def test_the_heavy_top_reaches_a_nanometre():
 # --- outputs -----
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_dense_output_is_as_accurate_as_the_steps(method):
     problem = zoo.double_pendulum()
@@ -311,7 +313,7 @@ def test_wrong_names_are_named():
     for ask in (traj.position, traj.joint, traj.reaction, traj.point):
         with pytest.raises(NameNotFoundError, match="hing"):
             ask("hinge_" if ask != traj.position else "hing")
-    with pytest.raises(ModelError, match="no output time"):
+    with pytest.raises(ModelError, match="is not an output time"):
         traj.state(0.0123456)
     with pytest.raises(ModelError):
         mb.simulate("pendulum", 1.0)
@@ -380,7 +382,7 @@ def test_a_state_at_no_time(t):
     if t is None:
         assert traj.state(t).t == traj.t[-1]
         return
-    with pytest.raises(ModelError, match="no output time"):
+    with pytest.raises(ModelError, match="is not an output time"):
         traj.state(t)
 
 
@@ -469,23 +471,7 @@ def test_a_joint_that_moves_no_inertia_is_named(method):
 
 
 @pytest.mark.parametrize("method", ["explicit", "radau", "bdf", "generalized-alpha", "ali3p", "bdf-bfgs"])
-@pytest.mark.parametrize(
-    "off",
-    [
-        0.0,
-        3e-15,
-        -1e-10,
-        *(
-            pytest.param(
-                off,
-                marks=pytest.mark.xfail(
-                    strict=True, reason="an output is lost where a kink lies before it by rounding"
-                ),
-            )
-            for off in (-1e-15, -3e-15)
-        ),
-    ],
-)
+@pytest.mark.parametrize("off", [0.0, 3e-15, -1e-15, -3e-15, -2e-14, -1e-10])
 def test_no_output_is_lost_beside_a_kink(method, off):
     """A load by a table that ends where the motion does, but for rounding."""
     m = mb.Model("late")

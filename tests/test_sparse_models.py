@@ -7,9 +7,9 @@ import time
 import mbrs as mb
 import numpy as np
 import pytest
-from mbrs import sparse_modal
 from mbrs.errors import MbrsWarning
-from mbrs.sparse_modal import model_modes
+from mbrs.linear import sparse_modes
+from mbrs.linear.sparse_modes import model_modes
 
 INERTIA = ((0.02, 0.001, 0.002), (0.001, 0.03, 0.0), (0.002, 0.0, 0.025))
 
@@ -147,8 +147,13 @@ def test_sagging_chain_at_its_equilibrium(kinds):
 def test_loaded_bushings_at_equilibrium(seed):
     m = bushing_chain(full=True, seed=seed)
     m.force("tip", "b23", at=(2.4, 0, 0), value=(20.0, -30.0, 5.0))
-    m.torque("twist", "b10", value=(1.0, -2.0, 0.5))
     check(m, at=mb.equilibrium(m))
+
+
+def test_a_torque_has_no_potential_and_is_left_to_the_dense_route():
+    m = bushing_chain(full=True)
+    m.torque("twist", "b10", value=(1.0, -2.0, 0.5))
+    assert sparse(m, 12, mb.equilibrium(m)) is None
 
 
 def ladder(n=10, gravity=None, axis="y"):
@@ -295,10 +300,10 @@ def test_what_the_sparse_route_does_not_know_goes_to_the_dense_one(monkeypatch, 
     m = scene()
     known = mb.modes(m, n=2)
     assert not known.stats.route.startswith("sparse")
-    monkeypatch.setattr(sparse_modal, "_LARGE", 4)
-    assert sparse_modal.is_large(m, 2)
+    monkeypatch.setattr(sparse_modes, "_LARGE", 4)
+    assert sparse_modes.is_large(m, 2)
     assert mb.modes(m, n=2).eigenvalue == pytest.approx(known.eigenvalue, rel=1e-12)
-    monkeypatch.setattr(sparse_modal, "_DENSE_AT_MOST", 10)
+    monkeypatch.setattr(sparse_modes, "_DENSE_AT_MOST", 10)
     with pytest.raises(mb.RouteError, match=text):
         mb.modes(m, n=2)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 import pickle
 from types import SimpleNamespace
@@ -11,13 +10,20 @@ from typing import Any
 import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, ModelError
-from mbrs.measures import curve_difference, eigenvalue_difference, frequency_difference, largest_difference, measure_for
 from mbrs.results import Result, Stats
-from mbrs.study import accuracy_study, effect_study
+from mbrs.studies.accuracy import accuracy_study
+from mbrs.studies.effects import effect_study
+from mbrs.studies.measures import (
+    curve_difference,
+    eigenvalue_difference,
+    frequency_difference,
+    largest_difference,
+    measure_for,
+)
 
 
 class _Clock:
-    """Stands in for the module `time` in mbrs._timing, so that no test depends on how fast the machine is."""
+    """Stands in for the module `time` in mbrs.studies.timing, so that no test depends on how fast the machine is."""
 
     now = 0.0
 
@@ -28,7 +34,7 @@ class _Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> _Clock:
     made = _Clock()
-    monkeypatch.setattr("mbrs._timing.time", made)
+    monkeypatch.setattr("mbrs.studies.timing.time", made)
     return made
 
 
@@ -285,7 +291,7 @@ def listed_effects(monkeypatch: pytest.MonkeyPatch, clock: _Clock) -> None:
         SimpleNamespace(name="damping", on=True, why="c"),
         SimpleNamespace(name="friction", on=False, why="none"),
     ]
-    monkeypatch.setattr(importlib.import_module("mbrs"), "effects", lambda model: listed, raising=False)
+    monkeypatch.setattr("mbrs.studies.effects.effects", lambda model: listed)
 
 
 @pytest.mark.usefixtures("listed_effects")

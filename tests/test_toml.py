@@ -7,12 +7,12 @@ import re
 import numpy as np
 import pytest
 from mbrs import examples
-from mbrs.effects import effects
 from mbrs.errors import DuplicateNameError, InertiaError, ModelError, NameNotFoundError
 from mbrs.model import laws, toml
 from mbrs.model.model import Model
 from mbrs.model.toml import dumps
-from mbrs.tables import tables
+from mbrs.system.effects import effects
+from mbrs.system.tables import tables
 from scenes import everything, same_tables
 
 BUILDERS = [

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mbrs import reference as ref
 from mbrs.reference.transient import begin
-from mbrs.tables import tables
+from mbrs.system.tables import tables
 from random_models import random_tree
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mbrs import reference as ref
 from mbrs.reference.fixed_frame import Rotor, symmetric_and_antisymmetric
-from mbrs.tables import tables
+from mbrs.system.tables import tables
 
 BLADES = ("blade1", "blade2", "blade3")
 SPEED = 17.2 * 2 * np.pi / 60
@@ -21,7 +21,7 @@ def rotor():
 
 
 def test_the_blade_is_the_published_one():
-    """METHODS.md c.5: 1.230858, 3.674065 Hz flapwise, 1.877751, 6.374249 Hz edgewise."""
+    """docs/theory.md (23.14): 1.230858, 3.674065 Hz flapwise, 1.877751, 6.374249 Hz edgewise."""
     found = mb.examples.wind_blade(modes=4).frequencies()
     assert found == pytest.approx([1.230858, 1.877751, 3.674065, 6.374249], rel=1e-5)
 
@@ -60,7 +60,7 @@ def test_families_in_both_frames(rotor):
 
 
 def test_a_rigid_hub_makes_the_families_coincide():
-    """METHODS.md c.5: with a hub that is rigid and held, symmetric and antisymmetric modes are one blade's."""
+    """With a hub that is rigid and held, symmetric and antisymmetric modes are one blade's."""
     blade = mb.examples.wind_blade(modes=2)
     m = mb.Model("held hub")
     hub = m.body("hub", mass=1.0, inertia=(1, 1, 1))

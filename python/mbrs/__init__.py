@@ -6,15 +6,15 @@ Everything public is listed here and imported when it is first used, so that ``i
 from __future__ import annotations
 
 import importlib
-import sys
-import types
 from typing import Any
 
-__version__ = "0.1.0"
+from ._lib.formats import load_with as _load_with
 
 _HOME = {
+    "__version__": "_lib.version",
     "AssemblyError": "errors",
     "ConvergenceError": "errors",
+    "DesignError": "errors",
     "DoubtfulWarning": "errors",
     "DuplicateNameError": "errors",
     "InertiaError": "errors",
@@ -25,49 +25,63 @@ _HOME = {
     "ModelError": "errors",
     "NameNotFoundError": "errors",
     "NotDifferentiableError": "errors",
+    "OmissionWarning": "errors",
     "RouteError": "errors",
     "SingularError": "errors",
+    "StoreError": "errors",
     "Model": "model.model",
-    "load": "result_files",
-    "MechanicalSystem": "second_order",
-    "System": "system",
+    "load": "io.result_files",
+    "MechanicalSystem": "linear.matrices",
+    "System": "system.system",
     "base_motion": "model.ports",
     "rotation": "model.rotations",
-    "effects": "effects",
-    "equilibrium": "equilibrium",
-    "linearize": "linearize",
-    "modes": "modal",
-    "mac": "mac",
-    "multiblade": "multiblade",
-    "rotor_modes": "multiblade",
-    "root": "root",
-    "frf": "frf",
-    "response": "response",
-    "state_space": "state_space",
-    "sensitivity": "sensitivity",
-    "eigen_sensitivity": "eigen_sensitivity",
-    "steady_motion": "steady",
-    "simulate": "simulate",
-    "campbell": "campbell",
-    "check_gradients": "check_gradients",
-    "gradient": "gradient",
-    "problem": "design_problem",
-    "Bounded": "design_problem",
-    "Frequency": "design_problem",
-    "Damping": "design_problem",
-    "Integral": "objectives",
-    "Final": "objectives",
-    "AtTimes": "objectives",
-    "accuracy_study": "study",
-    "effect_study": "study",
-    "harmonic_balance": "harmonic_balance",
-    "frequency_response": "frequency_response",
-    "limit_cycle": "limit_cycle",
-    "quasi_periodic": "quasi_periodic",
-    "quasi_periodic_response": "quasi_periodic_response",
-    "parameter_response": "parameter_response",
-    "Branch": "continuation",
-    "nonlinear_system": "nonlinear_system",
+    "effects": "system.effects",
+    "equilibrium": "linear.equilibrium",
+    "linearize": "linear.linearize",
+    "modes": "linear.modes",
+    "mac": "linear.mac",
+    "multiblade": "linear.multiblade",
+    "rotor_modes": "linear.multiblade",
+    "root": "solvers.root",
+    "frf": "linear.frf",
+    "response": "linear.response",
+    "state_space": "linear.state_space",
+    "sensitivity": "linear.sensitivity",
+    "eigen_sensitivity": "linear.eigen_sensitivity",
+    "steady_motion": "linear.steady",
+    "Performance": "aero.rotors",
+    "WingLoads": "aero.wings",
+    "WingStart": "aero.wings",
+    "simulate": "motion.simulate",
+    "campbell": "linear.campbell",
+    "check_gradients": "studies.gradients",
+    "compare": "studies.compare",
+    "gradient": "gradients.gradient",
+    "problem": "design.problem",
+    "Bounded": "design.functions",
+    "Frequency": "design.functions",
+    "Damping": "design.functions",
+    "Integral": "gradients.objectives",
+    "Final": "gradients.objectives",
+    "AtTimes": "gradients.objectives",
+    "outputs": "design",
+    "sweep": "design.sweep",
+    "Designs": "design.table",
+    "Runs": "design.runs",
+    "Failures": "design.runs",
+    "SobolIndices": "design.uncertainty",
+    "DerivativeMeasures": "design.uncertainty",
+    "Statistics": "design.uncertainty",
+    "accuracy_study": "studies.accuracy",
+    "effect_study": "studies.effects",
+    "harmonic_balance": "nonlinear.periodic",
+    "frequency_response": "nonlinear.frequency_response",
+    "limit_cycle": "nonlinear.limit_cycle",
+    "quasi_periodic": "nonlinear.quasi_periodic",
+    "quasi_periodic_response": "nonlinear.quasi_periodic_curves",
+    "parameter_response": "nonlinear.parameter_response",
+    "Branch": "nonlinear.branch",
+    "nonlinear_system": "nonlinear.system",
     "Cubic": "model.laws",
     "Polynomial1D": "model.laws",
     "Gap": "model.laws",
@@ -78,35 +92,104 @@ _HOME = {
     "TableLaw": "model.laws",
     "VanDerPol": "model.laws",
     "VaryingStiffness": "model.laws",
+    "Maxwell": "model.laws",
+    "BoucWen": "model.laws",
+    "LuGre": "model.laws",
     "FunctionLaw": "model.laws",
     "Ramp": "model.motions",
     "Sine": "model.motions",
     "Polynomial": "model.motions",
     "Table": "model.motions",
+    # what models are made of and what analyses return, for annotations and isinstance
+    "Result": "results",
+    "Stats": "results",
+    "Body": "model.bodies",
+    "Ground": "model.bodies",
+    "Marker": "model.bodies",
+    "FlexibleBody": "model.flexible",
+    "Joint": "model.joint",
+    "Drive": "model.drives",
+    "Coupler": "model.drives",
+    "Element": "model.forces",
+    "Load": "model.forces",
+    "SectionLoad": "model.section_loads",
+    "Port": "model.ports",
+    "Expression": "model.expressions",
+    "State": "system.state",
+    "EffectsTable": "system.effects",
+    "Equilibrium": "linear.equilibrium",
+    "SteadyMotion": "linear.steady",
+    "Linearization": "linear.linearization",
+    "ModalResult": "linear.modal_result",
+    "EnergyShares": "linear.energy_shares",
+    "FrfResult": "linear.frf",
+    "FrfSensitivity": "linear.frf",
+    "Measurement": "linear.measurement",
+    "MeasuredFunction": "linear.measurement",
+    "ResponseResult": "linear.response",
+    "ResponseSensitivity": "linear.response",
+    "StateSpace": "linear.first_order",
+    "EigenSensitivity": "linear.eigen_sensitivity",
+    "DirectionalDerivative": "linear.eigen_sensitivity",
+    "LinearizationSensitivity": "linear.sensitivity",
+    "EquilibriumSensitivity": "linear.sensitivity",
+    "CampbellResult": "linear.campbell",
+    "RotorModes": "linear.multiblade",
+    "Trajectory": "motion.trajectory",
+    "Energy": "motion.trajectory",
+    "MotionGradient": "gradients.motion_gradient",
+    "MotionSensitivity": "gradients.motion_gradient",
+    "NonlinearSystem": "nonlinear.system",
+    "PeriodicSolution": "nonlinear.periodic",
+    "FrequencyResponse": "nonlinear.response_curve",
+    "ParameterResponse": "nonlinear.parameter_response",
+    "LimitCycle": "nonlinear.limit_cycle",
+    "QuasiPeriodicSolution": "nonlinear.quasi_periodic",
+    "QuasiPeriodicResponse": "nonlinear.quasi_periodic_curves",
+    "Problem": "design.problem",
+    "Optimum": "design.optimum",
+    "AccuracyStudy": "studies.accuracy",
+    "EffectStudy": "studies.effects",
+    "Comparison": "studies.compare",
+    "GradientCheck": "studies.gradients",
 }
-_MODULES = ("examples", "reference", "errors", "report", "plot", "animate", "matrix_calculus", "flexible")
-__all__ = sorted([*_HOME, "examples", "flexible", "matrix_calculus"])
+_MODULES = {
+    **{name: name for name in ("aero", "design", "examples", "reference", "errors", "plot", "view", "flexible")},
+    "matrix_calculus": "_lib.vetter",
+    "formats": "_lib.formats",
+    "report": "_lib.text",
+}
+__all__ = sorted(
+    [
+        *(name for name in _HOME if name != "__version__"),
+        "aero",
+        "design",
+        "examples",
+        "flexible",
+        "formats",
+        "matrix_calculus",
+    ]
+)
 
 
-class _Package(types.ModuleType):
-    """`mb.frf` is the function, although the module that defines it is called `mbrs.frf`: the import system would
-    set the
-    module under that name as soon as anything imports it.
-    """
+def _register_formats() -> None:
+    """Import the modules of `io`, each of which registers its formats; other programs that they need wait until they are used."""
+    import pkgutil
 
-    def __setattr__(self, name: str, value: Any) -> None:
-        if not (name in _HOME and isinstance(value, types.ModuleType)):
-            super().__setattr__(name, value)
+    folder = importlib.import_module(".io", __name__)
+    for module in pkgutil.iter_modules(folder.__path__):
+        if not module.name.startswith("_"):
+            importlib.import_module(f"{folder.__name__}.{module.name}")
 
 
-sys.modules[__name__].__class__ = _Package
+_load_with(_register_formats)
 
 
 def __getattr__(name: str) -> Any:
     if name in _HOME:
         value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
     elif name in _MODULES:
-        value = importlib.import_module(f".{name}", __name__)
+        value = importlib.import_module(f".{_MODULES[name]}", __name__)
     else:
         import difflib
 

@@ -39,7 +39,9 @@ __all__ = [
     "dense_modes",
     "directions",
     "eigen_sensitivities",
+    "induced_velocity",
     "law_force",
+    "law_relaxations",
     "mixed_modes",
     "motion_breaks",
     "motion_directions",
@@ -226,6 +228,7 @@ def motion_reactions(
 def law_force(
     code: int, values: list[float], u: NDArray[np.float64], v: NDArray[np.float64]
 ) -> NDArray[np.float64]: ...
+def law_relaxations(code: int, values: list[float], u: float) -> list[tuple[float, float]]: ...
 
 @final
 class HbmElements:
@@ -304,7 +307,13 @@ class HbmProblem:
         self, y: NDArray[np.float64], omega: list[float], monodromy: bool = False, model: Any = None
     ) -> tuple[NDArray[np.complex128] | None, NDArray[np.float64] | None]: ...
     def peak(
-        self, y: NDArray[np.float64], omega: float, level: float, coordinate: int, term: int | None
+        self,
+        y: NDArray[np.float64],
+        omega: float,
+        level: float,
+        weights: NDArray[np.float64],
+        term: int | None,
+        towards: NDArray[np.float64] | None,
     ) -> tuple[float, NDArray[np.float64]]: ...
     def expand(self, y: NDArray[np.float64], omega: list[float], level: float = 1.0) -> NDArray[np.float64]: ...
     def restrict(self, x: NDArray[np.float64]) -> NDArray[np.float64]: ...
@@ -347,6 +356,16 @@ def directions(
     driven: Sequence[int] = ...,
     memory: Sequence[float] = ...,
 ) -> dict[str, Any]: ...
+def induced_velocity(
+    points: _F2,
+    start: _F2,
+    end: _F2,
+    circulation: _F1,
+    core_radius: _F1,
+    core: str,
+    exponent: float,
+    threads: int,
+) -> _F2: ...
 def sparse_count(m: _Csc, k: _Csc, below: float) -> int | None: ...
 def sparse_frf(
     m: _Csc,

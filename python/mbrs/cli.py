@@ -1,8 +1,7 @@
-"""The command line: ``mbrs demo``, ``check``, ``modal``, ``frf``, ``nlfr``, ``sens``, ``simulate``. Heavy imports wait for the command."""
+"""The command line: ``mbrs demo``, ``doctor``, ``check``, ``convert``, a command for each analysis. Heavy imports wait for the command."""
 
 from __future__ import annotations
 
-import importlib
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -10,14 +9,11 @@ from typing import Any
 
 import click
 
+import mbrs as mb
+
 _KINDS = ("receptance", "mobility", "accelerance", "transmissibility")
 _INTERRUPTED = 130
 _PAGES = (".html", ".htm")
-
-
-def _api() -> Any:
-    """The public package, as a script sees it."""
-    return importlib.import_module("mbrs")
 
 
 class _Group(click.Group):
@@ -37,7 +33,7 @@ class _Group(click.Group):
 
 
 def _so_far(analysis: Callable[..., Any], *args: Any, **options: Any) -> Any:
-    """What an analysis returns, or what it has when Ctrl-C cuts it; `_deliver` then ends with the exit code of an interrupt."""
+    """Result of an analysis, or its partial result after Ctrl-C; `_deliver` then ends with the exit code of an interrupt."""
     from .errors import Interrupted
 
     try:
@@ -67,7 +63,8 @@ def _show_warning(message: Any, category: Any, *rest: Any) -> None:
 def main() -> None:
     """Vibration and motion of spatial multibody systems from the shell.
 
-    Models are TOML files as written by Model.save. Exit code 0: done; 1: an error of the model or the analysis;
+    Models are TOML files as written by Model.save, or files of other programs (URDF, MJCF). Exit code 0: done; 1: an error of the
+    model or the analysis;
     2: wrong usage; 130: interrupted by Ctrl-C, after what there is so far was printed and saved.
     """
     import warnings
@@ -80,14 +77,17 @@ def main() -> None:
 
 def _model_argument(command: Callable[..., Any]) -> Callable[..., Any]:
     path = click.Path(exists=True, dir_okay=False, path_type=Path)
-    return click.argument("model", type=path, metavar="MODEL.TOML")(command)
+    return click.argument("model", type=path, metavar="MODEL")(command)
 
 
 def _known_ending(context: Any, parameter: Any, out: Path | None) -> Path | None:
     """Refuse an ending that says nothing before anything is computed."""
-    from .result_files import WRITERS
+    from ._lib.formats import known
 
-    known = (*WRITERS, *_PAGES)
+    return _with_ending(out, (*known("result", "write"), *_PAGES))
+
+
+def _with_ending(out: Path | None, known: tuple[str, ...]) -> Path | None:
     if out is not None and out.suffix.lower() not in known:
         raise click.BadParameter(
             f"the ending {out.suffix!r} of {out.name!r} is not known; known are {', '.join(known)}"
@@ -108,7 +108,7 @@ def _analysis_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--json", "as_json", is_flag=True, help="Print the result as JSON."),
         click.option("--out", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
                      callback=_known_ending,
-                     help="Save: .nc, .json (mbrs.load reads them), .csv, .html (a page), .pkl (a pickle)."),
+                     help="Save: .nc, .json (mbrs.load reads them), .csv, .html (a page), .pkl (a pickle), .uff."),
     ):  # fmt: skip
         command = option(command)
     return _model_argument(command)
@@ -120,7 +120,7 @@ metavar="FILE",
               help="The page to write.")  # fmt: skip
 def demo(out: Path) -> None:
     """Modes, transfer functions and sensitivities of a vibration isolator, and a page of them."""
-    from .demo import run
+    from .examples.demo import run
 
     click.echo(run(out))
 
@@ -130,15 +130,42 @@ def demo(out: Path) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 def check(model: Path, as_json: bool) -> None:
     """Degrees of freedom, loops, redundant constraints and effects of a model."""
-    mb = _api()
     m = _load(model)
     system, effects = mb.System(m), mb.effects(m)
     if as_json:
-        from .jsonable import dumps, system_data
+        from ._lib.jsonable import dumps, system_data
 
         click.echo(dumps({"analysis": "check", "file": str(model), **system_data(system, effects)}))
     else:
         click.echo(f"{system}\n\n{effects}")
+
+
+@main.command()
+@click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
+def doctor(as_json: bool) -> None:
+    """Versions, threads, BLAS, optional packages and self-checks of this installation; exit code 1 where one fails."""
+    from ._lib.jsonable import dumps
+    from .studies.doctor import examine
+
+    report = examine()
+    click.echo(dumps(report.data()) if as_json else str(report))
+    if not report.passed:
+        click.get_current_context().exit(1)
+
+
+@main.command()
+@_model_argument
+@click.argument("out", type=click.Path(dir_okay=False, path_type=Path), metavar="OUT")
+def convert(model: Path, out: Path) -> None:
+    """Write a model in the format that the ending of OUT says; what that format cannot hold is named."""
+    from ._lib.formats import find
+
+    find(out, "model", "write")
+    try:
+        _load(model).save(out)
+    except OSError as problem:
+        raise click.ClickException(f"cannot write {out}: {problem.strerror or problem}") from None
+    click.echo(f"wrote {out}", err=True)
 
 
 @main.command()
@@ -149,9 +176,8 @@ def modal(
     model: Path, at: str, without: tuple[str, ...], as_json: bool, out: Path | None, n: int | None, shapes: bool
 ) -> None:
     """Natural frequencies, damping ratios and mode shapes."""
-    mb = _api()
     m = _load(model)
-    result = mb.modes(m, **_state(m, at), **_without(without), **({} if n is None else {"n": n}))
+    result = mb.modes(m, **_state(m, at), **_without(without), **_count(n))
     _say_fewer(n, result)
     names = (
         "frequency",
@@ -180,7 +206,6 @@ def frf(
     inputs: tuple[str, ...], outputs: tuple[str, ...], frequency: str, kind: str | None,
 ) -> None:  # fmt: skip
     """Transfer functions between named inputs and outputs."""
-    mb = _api()
     points = parse_frequency(frequency)
     if kind is None:
         kind = "transmissibility" if all(name.startswith("base.") for name in inputs) else "receptance"
@@ -206,9 +231,8 @@ def sens(
     n: int | None,
 ) -> None:
     """Derivatives of natural frequencies and damping ratios by parameters."""
-    mb = _api()
     m = _load(model)
-    modes = mb.modes(m, **_state(m, at), **_without(without), **({} if n is None else {"n": n}))
+    modes = mb.modes(m, **_state(m, at), **_without(without), **_count(n))
     _say_fewer(n, modes)
     result = mb.sensitivity(modes, list(parameters))
     _deliver(
@@ -226,7 +250,7 @@ def sens(
 @click.option("--input", "inputs", multiple=True, required=True, metavar="PORT",
               help="A force or torque such as payload.force.z; repeat for more.")  # fmt: skip
 @click.option("--amplitude", "amplitudes", multiple=True, type=float, metavar="N",
-              help="Of each input in N or N m, in their order; one for all of them. 1 by default.")  # fmt: skip
+              help="Amplitude of each input in N or N m, in their order; one for all of them. 1 by default.")  # fmt: skip
 @click.option("--output", "outputs", multiple=True, required=True, metavar="MOTION",
               help="Such as payload.motion.z, or the name of a coordinate; repeat for more.")  # fmt: skip
 @click.option("--frequency", required=True, metavar="HZ",
@@ -244,7 +268,6 @@ def nlfr(
     tol: float | None, no_stability: bool,
 ) -> None:  # fmt: skip
     """Periodic response of a nonlinear model over frequency, by harmonic balance."""
-    mb = _api()
     if len(amplitudes) not in (0, 1, len(inputs)):
         raise click.BadParameter(f"{len(amplitudes)} for {len(inputs)} inputs", param_hint="--amplitude")
     points, factor = parse_frequency(frequency), parse_level(level)
@@ -295,7 +318,6 @@ def simulate(
     rtol: float | None, step: float | None, outputs: tuple[str, ...],
 ) -> None:  # fmt: skip
     """Motion in time; --out page.html writes a page that plays it."""
-    mb = _api()
     t = parse_times(times)
     m = _load(model)
     traj = _so_far(mb.simulate, m, t=t, method=method, rtol=rtol, step=step, **_state(m, at), **_without(without))
@@ -303,6 +325,38 @@ def simulate(
     extra = {"outputs": {name: curve.tolist() for name, curve in curves.items()}, "energy": traj.energy.total.tolist()}
     text = f"{traj}\n{_extremes(traj, curves)}"
     _deliver("simulate", model, traj, ("t", "method", "residual"), as_json, out, extra, text)
+
+
+def _known_data(context: Any, parameter: Any, out: Path | None) -> Path | None:
+    """Endings of files of data."""
+    from ._lib.result_files import WRITERS
+
+    return _with_ending(out, tuple(WRITERS))
+
+
+@main.command()
+@click.argument("study", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="STUDY.TOML")
+@click.option("--threads", type=click.IntRange(min=1), help="Threads; as the file says by default, else one.")
+@click.option(
+    "--functions", is_flag=True, help="Let the file and its model name Python functions, which runs their code."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print designs and outputs as JSON.")
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", callback=_known_data,
+              help="Save: .nc, .json (mbrs.load reads them), .csv, .pkl (a pickle).")  # fmt: skip
+def sweep(study: Path, threads: int | None, functions: bool, as_json: bool, out: Path | None) -> None:
+    """Outputs of a model for many designs; Ctrl-C stops, and the same command goes on."""
+    from .design.study import read
+
+    found = read(study, functions)
+    runs = _so_far(found.run, **({} if threads is None else {"executor": threads}))
+    columns = {name: runs.designs[name] for name in runs.designs.names}
+    extra = {
+        "designs": columns,
+        "outputs": dict(runs.outputs),
+        "states": runs.states.tolist(),
+        "store": str(found.store),
+    }
+    _deliver("sweep", study, runs, ("seconds",), as_json, out, extra)
 
 
 def _curve(traj: Any, name: str) -> Any:
@@ -314,7 +368,7 @@ def _curve(traj: Any, name: str) -> Any:
 
 
 def _extremes(traj: Any, curves: dict[str, Any]) -> str:
-    from .report import table
+    from ._lib.text import table
 
     rows = []
     for name, curve in curves.items():
@@ -342,7 +396,7 @@ def parse_times(text: str) -> Any:
         numbers = []
     whole = len(parts) == 1 or (len(numbers) == 3 and numbers[2] == int(numbers[2]) and 2 <= numbers[2] <= 1e8)
     if not numbers or not all(math.isfinite(x) for x in numbers) or not whole:
-        raise click.BadParameter(f"{text!r} is no time; write 10, 0:10:1001 or 0,0.5,2 (in s)", param_hint="--t")
+        raise click.BadParameter(f"{text!r} is not a valid time; use 10, 0:10:1001 or 0,0.5,2 (in s)", param_hint="--t")
     if len(parts) > 1:
         return np.linspace(numbers[0], numbers[1], int(numbers[2]))
     return numbers[0] if len(numbers) == 1 else np.array(numbers)
@@ -405,15 +459,19 @@ def parse_frequency(text: str) -> Any:
 
 
 def _load(path: Path) -> Any:
-    return _api().Model.load(path)
+    return mb.Model.load(path)
 
 
 def _state(model: Any, at: str) -> dict[str, Any]:
-    return {} if at == "drawn" else {"at": _api().equilibrium(model)}
+    return {} if at == "drawn" else {"at": mb.equilibrium(model)}
 
 
 def _without(names: tuple[str, ...]) -> dict[str, Any]:
     return {"without": names} if names else {}
+
+
+def _count(n: int | None) -> dict[str, Any]:
+    return {} if n is None else {"n": n}
 
 
 def _say_fewer(n: int | None, modes: Any) -> None:
@@ -452,7 +510,7 @@ def _print_and_save(
     extra: dict[str, Any] | None,
     text: str | None,
 ) -> None:
-    from .jsonable import dumps, result_data
+    from ._lib.jsonable import dumps, result_data
 
     if as_json:
         click.echo(dumps({"analysis": analysis, "file": str(model), **result_data(result, names), **(extra or {})}))
@@ -462,8 +520,8 @@ def _print_and_save(
         return
     try:
         if out.suffix.lower() in _PAGES:
-            from .demo import result_page
-            from .files import write_atomic
+            from ._lib.files import write_atomic
+            from .examples.demo import result_page
 
             outputs = tuple((extra or {}).get("outputs", ()))
             write_atomic(out, result_page(analysis, model.stem, result, outputs).encode())

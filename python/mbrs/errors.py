@@ -1,4 +1,4 @@
-"""What can go wrong, each with a class of its own. Every message names the object and the remedy."""
+"""Errors and warnings. Every message names the object and the remedy."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class InertiaError(ModelError):
 
 
 class RouteError(ModelError):
-    """No route serves: the sparse one of large models does not know something in this one and the model is too large for the dense
-    route, or the arrays of an analysis do not fit into memory; the message tells sizes and what to do instead."""
+    """The sparse solver does not support a feature of this model, which is too large for the dense one, or the arrays of an
+    analysis do not fit into memory. The message gives sizes and what to do instead."""
 
 
 class AssemblyError(MbrsError):
@@ -44,6 +44,24 @@ class ConvergenceError(MbrsError):
     def __init__(self, message: str, result: Any = None) -> None:
         super().__init__(message)
         self.result = result
+
+
+class StoreError(MbrsError):
+    """The folder of a sweep cannot be used: another sweep has it, it belongs to another model, the disk is full. ``result`` carries
+    what was computed before, or None.
+    """
+
+    def __init__(self, message: str, result: Any = None) -> None:
+        super().__init__(message)
+        self.result = result
+
+
+class DesignError(MbrsError):
+    """A design of a sweep with ``on_error="raise"`` failed; ``design`` is its index, ``result`` carries the runs so far."""
+
+    def __init__(self, message: str, design: int = -1, result: Any = None) -> None:
+        super().__init__(message)
+        self.design, self.result = design, result
 
 
 class NotDifferentiableError(MbrsError):
@@ -79,7 +97,18 @@ class MbrsWarning(UserWarning):
 
 
 class DoubtfulWarning(MbrsWarning):
-    """Whether a loop moves depends on the accuracy of the drawing; the message names its joints and says what was decided."""
+    """The mobility of a loop depends on the accuracy of the drawing; the message names its joints and the decision."""
+
+
+class OmissionWarning(MbrsWarning):
+    """A file has what mbrs does not have, or the other way round; ``omissions`` lists (object, feature) of everything left out."""
+
+    def __init__(self, message: str, omissions: tuple[Any, ...] = ()) -> None:
+        super().__init__(message, omissions)
+        self.omissions = omissions
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 class KinkWarning(MbrsWarning):

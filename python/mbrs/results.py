@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, dataclass_transf
 import numpy as np
 
 if TYPE_CHECKING:
-    from .report import Block
+    from ._lib.text import Block
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _C = TypeVar("_C", bound=type)
@@ -33,7 +33,7 @@ FIXED_LABELS: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Stats:
-    """What a result cost: wall time in seconds, deterministic work counts, the effects that ran, the route that was
+    """Cost of a result: wall time in seconds, deterministic work counts, the effects that ran, the route that was
     taken.
     """
 
@@ -57,7 +57,7 @@ def added_counts(*parts: Any) -> dict[str, int]:
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a field of a result holds: its dimensions in their order, its unit, a label, its name in labelled data."""
+    """Declaration of a field of a result: its dimensions in their order, its unit, a label, its name in labelled data."""
 
     dims: tuple[str, ...] = ()
     unit: str = ""
@@ -173,7 +173,7 @@ class Result:
         return out
 
     def attributes(self) -> dict[str, Any]:
-        """What labelled data carries beside its arrays: class, status, route, and the error where it is one number."""
+        """Attributes of labelled data: class, status, route, and the error where it is one number."""
         out: dict[str, Any] = {"result": type(self).__name__, "status": self.status}
         if self.stats.route:
             out["route"] = self.stats.route
@@ -233,14 +233,15 @@ class Result:
         """Save, as the ending says, and return the path.
 
         ``.nc`` NetCDF (labelled data, and all that `mbrs.load` needs), ``.json`` the same as text, ``.csv`` the table of
-        `to_frame`, ``.pkl`` a pickle. The old file stays until the new one is complete; a link is replaced, not followed.
+        `to_frame`, ``.pkl`` a pickle; ``.uff`` transfer functions and modes for other programs (docs/files.md). The old file stays
+        until the new one is complete; a link is replaced, not followed.
 
         Raises
         ------
         ModelError
             An unknown ending, or a Python function that a file of data cannot hold.
         """
-        from .result_files import save
+        from ._lib.result_files import save
 
         return save(self, path)
 
@@ -265,7 +266,7 @@ class Result:
 
     def blocks(self) -> list[Block]:
         """The tables that ``print`` shows."""
-        from .report import Block
+        from ._lib.text import Block
 
         return [Block(*self.rows(), title=self.heading(), footer="\n".join(self.notes()) or None)]
 
@@ -285,7 +286,7 @@ class Result:
         raise NotImplementedError(type(self).__name__)
 
     def data_state(self) -> dict[str, Any]:
-        """What a file of data keeps: the fields, and values that were computed when first asked for."""
+        """State for a file of data: the fields, and values that were computed when first asked for."""
         state = {f.name: self.__dict__[f.name] for f in dataclasses.fields(self)}
         if callable(state["error"]) and not isinstance(state["error"], functools.partial):
             state["error"] = None  # a closure of this process

@@ -17,6 +17,14 @@ pub mod constraints {
     /// Seen by `tests/invariance/test_tilted_four_bar.py`; not scanned.
     pub const DOUBTFUL: f64 = 1e3;
 
+    /// The same of constraints that lie far below all others of their block: no mechanism is that slender in one direction alone.
+    /// Larger: genuine constraints are called doubtful. Smaller: axes that are off by a hundredth of a degree lock a linkage without a
+    /// word. Seen by `tests/invariance/test_tilted_four_bar.py`; not scanned.
+    pub const LOCKED: f64 = 1e4;
+
+    /// How far below. Larger and smaller: as of `LOCKED`, the other way round.
+    pub const APART: f64 = 1e2;
+
     /// How far redundant rows may open in motion, over the tolerance of the drawing: rows that part by s per radian of the freed
     /// direction open by up to some ten s over a large motion. Larger: a lost constraint is seen late. Smaller: doubtful linkages stop.
     /// Seen by `tests/invariance/test_tilted_four_bar.py`; not scanned.
@@ -61,6 +69,37 @@ pub mod coordinates {
     /// How far the quaternion of a state that is handed over may be from length one. Larger: what is no rotation is taken for one.
     /// Smaller: states read from text with five digits are refused. Pinned by `tests/test_coordinates.py` between 1e-6 and 1e-2.
     pub const UNIT_QUATERNION: f64 = 1e-4;
+}
+
+/// Static equilibrium.
+pub mod equilibrium {
+    /// Stiffness below this part of the largest of its island counts as none. Coordinates that are held softly are stretched before.
+    /// Larger: soft springs do not hold. Smaller: rounding holds what nothing restrains.
+    /// Pinned by tests/truth/test_soft_and_stiff.py (hanging chains) and tests/test_core_equilibrium.py.
+    pub const NO_STIFFNESS: f64 = 1e-12;
+
+    /// A force along a direction without stiffness, over the size of the forces in its island, that moves it. Larger: a weak push along
+    /// a free direction passes. Smaller: rounding of forces in balance is an error. Pinned by tests/test_core_equilibrium.py.
+    pub const PUSHED: f64 = 1e-9;
+
+    /// Diagonal entries of the stiffness (radians, characteristic lengths) below this part of the largest of their island are made as
+    /// large by stretching their coordinates, before eigenvalues are told from zero. Larger: searches go other ways than the
+    /// stiffness does. Smaller: springs of very different stiffness drown each other. Pinned by tests/truth/test_soft_and_stiff.py.
+    pub const GRADED: f64 = 1e-6;
+
+    /// Rounding of a force or of an entry of the stiffness, in units of the sizes of what was added up for it and of the distance from
+    /// the origin, over eps. Larger: the search ends early. Smaller: models far from the origin have no equilibrium.
+    /// Pinned by tests/invariance/test_same_equilibrium.py (moved).
+    pub const ENTRY_ROUNDING: f64 = 4.0;
+
+    /// Force that velocity rows which steer carry, over the size of the forces in its island, from which on a place is one of a family.
+    /// Larger: the place of a family is followed. Smaller: the accuracy of an equilibrium refuses its derivatives.
+    /// Pinned by tests/invariance/test_knife_edge.py.
+    pub const FAMILY: f64 = 1e-7;
+
+    /// A full step from a state whose unbalance may be rounding goes on if it leaves less than this part. Larger: steps in rounding.
+    /// Smaller: digits are given away. Pinned by tests/invariance/test_same_equilibrium.py (moved).
+    pub const SETTLED: f64 = 0.5;
 }
 
 /// Eigenvalues and shapes.
@@ -116,6 +155,11 @@ pub mod modes {
     /// inertia of a rod about its own axis stays below. Too small: rods are refused. Too large: negative masses pass. Pinned by
     /// tests/truth/test_crowded_modes.py (point masses and rods).
     pub const SEMIDEFINITE: f64 = 1e-12;
+
+    /// What a factor of M holds of a coordinate beyond the others, over the length of its column, that is rounding of arms: the coordinate
+    /// then has no inertia of its own. A share of 1e-12 of a column is 1e-24 of a mass. Larger: light bodies on heavy ones are refused.
+    /// Smaller: roots of rounding. Pinned by tests/truth/test_soft_and_stiff.py and tests/test_bad_input_core.py.
+    pub const MASSLESS: f64 = 1e-12;
 
     /// Sum of the sizes of the terms of a Rayleigh quotient over its value from which on it is taken in twice the precision. Below, its
     /// rounding is part of the error of the data. Too small: work. Too large: soft modes of matrices lose digits that the entries hold.
@@ -175,6 +219,15 @@ pub mod periodic {
     /// instabilities are called stable; too small: rounding of the multipliers of undamped systems is called unstable.
     /// Pinned by tests/truth/test_hbm_events.py.
     pub const NEUTRAL: f64 = 1e-9;
+
+    /// A period that takes less than this part out of a change of a law's state leaves the state free. Free of units. Too large: weakly
+    /// dissipating cycles keep the state of their start; too small: rounding of a thousand steps decides.
+    /// Pinned by tests/test_state_laws.py.
+    pub const STATE_FREE: f64 = 1e-11;
+
+    /// Rounding of a law's state after a period, over its largest value. Free of units. Too large: states that are not periodic pass; too
+    /// small: periods are repeated for nothing. Pinned by tests/test_state_laws.py.
+    pub const STATE_CLOSED: f64 = 1e-13;
 
     /// Largest |Re s| over the base frequency of an exponent that crosses the imaginary axis at a point that was solved for. Free of
     /// units. Too large: jumps of the exponents where a contact closes are called bifurcations; too small: bifurcations of stiff systems,

@@ -4,7 +4,6 @@ import mbrs as mb
 import numpy as np
 import pytest
 import zoo
-from test_same_modes import FAILING
 from zoo import changed, close, drawn, rest
 
 OMEGA = np.array([0.3, 1.1, 2.9, 7.3, 40.0])
@@ -15,7 +14,7 @@ def receptance(model, at, body, omega):
     return np.moveaxis(np.asarray(mb.frf(model, *ports, omega=omega, at=at).value), -1, 0)
 
 
-@pytest.mark.parametrize(("name", "change"), zoo.cases(failing=FAILING))
+@pytest.mark.parametrize(("name", "change"), zoo.cases())
 def test_receptance(name, change):
     body = zoo.bodies(drawn(name))[-1]
     expected = receptance(drawn(name), rest(name), body, OMEGA)

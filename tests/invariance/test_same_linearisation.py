@@ -7,7 +7,6 @@ import mbrs as mb
 import numpy as np
 import pytest
 import zoo
-from test_same_modes import FAILING
 from zoo import changed, drawn, rest
 
 
@@ -27,9 +26,7 @@ def tensors(model, at, names):
 POWERS = {"M": 0, "C": 1, "G": 1, "K": 2, "N": 2}
 
 
-@pytest.mark.parametrize(
-    ("name", "change"), zoo.cases(failing={k: v for k, v in FAILING.items() if k != ("loop", "heavy part")})
-)
+@pytest.mark.parametrize(("name", "change"), zoo.cases())
 def test_tensors_of_the_bodies(name, change):
     names = zoo.bodies(drawn(name))
     expected = tensors(drawn(name), rest(name), names)

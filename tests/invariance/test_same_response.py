@@ -4,7 +4,6 @@ import mbrs as mb
 import numpy as np
 import pytest
 import zoo
-from test_same_modes import FAILING
 from zoo import changed, close, drawn, rest
 
 TIMES = np.linspace(0.0, 2.0, 81)
@@ -23,9 +22,7 @@ def displacement(model, at, body, change):
     return y.T if y.shape[0] == 3 else y
 
 
-@pytest.mark.parametrize(
-    ("name", "change"), zoo.cases(failing={k: v for k, v in FAILING.items() if k != ("loop", "heavy part")})
-)
+@pytest.mark.parametrize(("name", "change"), zoo.cases())
 def test_displacement(name, change):
     body = zoo.bodies(drawn(name))[-1]
     expected = displacement(drawn(name), rest(name), body, zoo.changes.nothing())

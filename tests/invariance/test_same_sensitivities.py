@@ -8,7 +8,6 @@ import mbrs as mb
 import numpy as np
 import pytest
 import zoo
-from test_same_modes import FAILING
 from zoo import changed, drawn, rest
 
 ADDRESSES = {
@@ -21,10 +20,6 @@ ADDRESSES = {
 CHANGES = [c for c in zoo.CHANGES if not c.endswith("part")]
 
 
-PARTING = "where a parameter moves redundant constraints, their rounding is taken for a loop that opens"
-NO_DERIVATIVE = FAILING | {(name, "repeated"): PARTING for name in ("tree", "chain")}
-
-
 def renamed(change, address):
     name, _, field = address.partition(".")
     return f"{change.rename(name)}.{field}"
@@ -34,7 +29,7 @@ def scaled_value(model, address):
     return float(np.ravel(model.value(address))[0])
 
 
-@pytest.mark.parametrize(("name", "change"), zoo.cases(ADDRESSES, CHANGES, NO_DERIVATIVE))
+@pytest.mark.parametrize(("name", "change"), zoo.cases(ADDRESSES, CHANGES))
 def test_relative_sensitivities_of_roots(name, change):
     """p ds/dp, one stiffness at a time; of a group of equal roots their sum."""
 

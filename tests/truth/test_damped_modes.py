@@ -127,7 +127,7 @@ def test_estimates_at_defects(order):
 
 
 def test_nan_never_passes():
-    from mbrs.modal import _status
+    from mbrs.linear.modal_result import _status
 
     good = {
         "kind": ["rigid", "vibration"],

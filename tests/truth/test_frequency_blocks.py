@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from mbrs.frequency_response import frequency_response
-from mbrs.harmonic_balance import harmonic_balance
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic
-from mbrs.second_order import MechanicalSystem
+from mbrs.nonlinear.frequency_response import frequency_response
+from mbrs.nonlinear.periodic import harmonic_balance
 
 
 def graded(rng, n, decades):
@@ -79,6 +79,7 @@ def balance(system, force, X, omega, n_t=512):
     return np.abs(out), np.max(sizes, axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_a_hard_spring_beside_stiff_coordinates(seed):
     rng = np.random.default_rng(523 + seed)

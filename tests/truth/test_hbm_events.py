@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from mbrs.frequency_response import frequency_response
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic, Gap, VaryingStiffness
-from mbrs.second_order import MechanicalSystem
+from mbrs.nonlinear.frequency_response import frequency_response
 
 
 def monodromy(stiffness, c, period, steps=4000):
@@ -33,6 +33,7 @@ def border(a, b, growth):
     return 0.5 * (a + b)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("damped", [False, True])
 def test_both_borders_of_parametric_resonance(seed, damped):

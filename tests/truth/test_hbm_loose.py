@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from mbrs.errors import ConvergenceError, SingularError
-from mbrs.frequency_response import frequency_response
-from mbrs.harmonic_balance import harmonic_balance
+from mbrs.linear.matrices import MechanicalSystem
 from mbrs.model.laws import Cubic
-from mbrs.second_order import MechanicalSystem
+from mbrs.nonlinear.frequency_response import frequency_response
+from mbrs.nonlinear.periodic import harmonic_balance
 
 
 @pytest.mark.parametrize("condense", [False, True, "sparse", "modal"])

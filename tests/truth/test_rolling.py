@@ -15,7 +15,6 @@ K2 = np.array([[0.0, 76.59734589573222], [0.0, 2.65431523794604]])
 C1 = np.array([[0.0, 33.86641391492494], [-0.85035641456978, 1.68540397397560]])
 G, WHEELBASE, TRAIL, TILT = 9.81, 1.02, 0.08, np.pi / 10
 REAR, FRONT = 0.3, 0.35
-CURVE = "a disc that turns upright passes for straight rolling: only first changes of its velocity rows are looked at"
 
 
 def frame(seed: int) -> np.ndarray:
@@ -112,7 +111,6 @@ def test_a_disc_that_rolls_straight(v, seed):
     holds(mb.modes(m).roots, np.array([s, -s]), 1e-8)
 
 
-@pytest.mark.xfail(strict=True, raises=pytest.fail.Exception, reason=CURVE)
 def test_a_disc_on_a_curve_is_refused():
     """Its heading changes, and with it the linearisation in axes that stand."""
     R = frame(131)

@@ -4,30 +4,24 @@ A model knows its springs and has to be right. Matrices alone may have lost what
 the true one.
 """
 
+import jitter
 import mbrs as mb
 import mpmath as mp
 import numpy as np
 import pytest
 
-SOFT = "a model's springs are added up before they are factored, so that rounding of stiff ones hides a soft mode, error 1e-15"
-CONVERGED = "a root whose stated error is 1 is called converged"
-MASSES = "a model of light and heavy masses is refused: its mass matrix loses the light ones by rounding"
 DIGITS = 60
 
 
-def wrong(values, reason, raises=AssertionError):
-    """Parameters at which it fails today."""
-    return [pytest.param(v, marks=pytest.mark.xfail(strict=True, raises=raises, reason=reason)) for v in values]
-
-
 def springs_matrix(k, number=float):
-    """Stiffness of ground - k0 - m0 - k1 - m1 ..., entries by ``number``."""
+    """Stiffness of ground - k0 - m0 - k1 - m1 ..., entries by ``number``: of mpmath's numbers the sums keep all digits."""
     n = len(k)
     K = [[number(0)] * n for _ in range(n)]
-    for i in range(n):
-        K[i][i] = number(k[i]) + (number(k[i + 1]) if i + 1 < n else 0)
-        if i + 1 < n:
-            K[i][i + 1] = K[i + 1][i] = -number(k[i + 1])
+    with mp.workdps(DIGITS):
+        for i in range(n):
+            K[i][i] = number(k[i]) + (number(k[i + 1]) if i + 1 < n else 0)
+            if i + 1 < n:
+                K[i][i + 1] = K[i + 1][i] = -number(k[i + 1])
     return K
 
 
@@ -58,12 +52,16 @@ def rails(k, masses):
 
 
 def honest(modes, exact):
-    """The true relative error of every root is covered by the stated one; "converged" is said of small errors only."""
+    """The true error of every root is covered by the stated one; "converged" is said of small errors only.
+
+    Errors are relative; those of a rigid mode are frequencies, which rounding of the matrix may hide, far below the others.
+    """
     order = np.argsort(modes.omega)
     found, stated = modes.omega[order], np.broadcast_to(modes.error, modes.omega.shape)[order]
-    true = np.abs(found - exact) / exact
+    rigid = modes.kind[order] == "rigid"
+    true = np.abs(found - exact) / np.where(rigid, 1.0, exact)
     if modes.status == "converged":
-        assert np.all(stated < 1e-3)
+        assert np.all(stated < np.where(rigid, 1e-6 * exact.max(), 1e-3))
         assert np.all(true <= 30 * stated + 1e-13)
     else:
         assert modes.status == "unresolved"
@@ -75,7 +73,7 @@ def graded(rng, decades, n=5):
     return k, rng.uniform(0.5, 2.0, n)
 
 
-@pytest.mark.parametrize("decades", [2, 5, *wrong((8, 12, 14, 16), SOFT)])
+@pytest.mark.parametrize("decades", [2, 5, 8, 12, 14, 16])
 def test_a_model_with_a_soft_spring_under_stiff_ones(decades):
     for seed in range(4):
         k, masses = graded(np.random.default_rng([seed, decades]), decades)
@@ -84,7 +82,25 @@ def test_a_model_with_a_soft_spring_under_stiff_ones(decades):
         assert found == pytest.approx(exact, rel=1e-9)
 
 
-@pytest.mark.parametrize("decades", [2, 5, 8, 12, 14, *wrong((15,), CONVERGED)])
+@pytest.mark.parametrize("decades", [2, 5, 8, 12, 14, 16])
+def test_a_chain_that_hangs_on_a_soft_spring_above_stiff_ones(decades):
+    """Each spring carries the weight below it; no direction counts as free, and the roots are those without weight."""
+    for seed in range(4):
+        k, masses = graded(np.random.default_rng([seed, decades]), decades)
+        m, g = rails(k, masses), 0.013
+        before = np.array([m.value(f"b{i}.at") for i in range(len(k))])
+        down = before[0] / np.linalg.norm(before[0])
+        m.gravity = tuple(g * down)
+        eq = mb.equilibrium(m)
+        sag = np.cumsum(g * np.cumsum(masses[::-1])[::-1] / k)
+        found = (eq.poses["position"] - before) @ down
+        assert eq.status == "converged" and eq.free_directions == () and eq.stable
+        assert found == pytest.approx(sag, rel=1e-9)
+        exact = exact_roots(springs_matrix(k, mp.mpf), masses)
+        assert np.sort(mb.modes(m, at=eq).omega) == pytest.approx(exact, rel=1e-9)
+
+
+@pytest.mark.parametrize("decades", [2, 5, 8, 12, 14, 15])
 def test_matrices_with_a_soft_spring_under_stiff_ones(decades):
     for seed in range(4):
         k, masses = graded(np.random.default_rng([seed, decades]), decades)
@@ -108,12 +124,14 @@ def test_matrices_of_light_and_heavy_masses(r):
         honest(mb.modes(mb.MechanicalSystem(np.diag(masses), K=K)), exact_roots(K, masses))
 
 
-@pytest.mark.parametrize("r", [10.0, 1e3, 1e5, *wrong((1e7, 1e8), MASSES, mb.SingularError)])
+@pytest.mark.parametrize("r", [10.0, 1e3, 1e5, 1e7, 1e8])
 def test_a_model_of_light_and_heavy_masses(r):
     for seed in range(4):
         k, masses = alternating(np.random.default_rng([seed, int(np.log10(r))]), r)
         exact = exact_roots(springs_matrix(k, mp.mpf), masses)
-        assert np.sort(mb.modes(rails(k, masses)).omega) == pytest.approx(exact, rel=1e-10)
+        # noise tilts the rails, along which light bodies are then moved by heavy ones
+        rel = 1e-10 + 1e3 * jitter.level()
+        assert np.sort(mb.modes(rails(k, masses)).omega) == pytest.approx(exact, rel=rel)
 
 
 # --- damped -----

@@ -240,6 +240,7 @@ def windmill(s: Setting, n: int, gravity=None, tower=(1e6, 3e5, 8e5, 4e4, 5e4, 7
     return m
 
 
+@pytest.mark.slow
 @cases
 def test_three_blades_on_an_unequal_tower_need_multiblade_coordinates(seed, units, backwards):
     """The eigenvalues s against the multipliers exp(2 pi s/W) of the periodic equations of motion in the plane of the blades."""

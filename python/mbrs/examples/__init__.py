@@ -1,5 +1,5 @@
-"""Models to try things on. Geometry from METHODS.md a.1 where it says so; masses and stiffnesses are invented, except
-the hexapod's.
+"""Example models. Chain, tree and ladder have the published geometry of docs/theory.md (23.2) to (23.4); masses and stiffnesses are
+invented, except the hexapod's.
 
 Each builder takes sizes by keyword and returns a `Model`; the small nonlinear systems return a `MechanicalSystem`.
 """

@@ -1,5 +1,5 @@
-"""Constants shared by the examples. All of them are invented: the source of the geometry gives none (METHODS.md a.1,
-[X]).
+"""Constants shared by the examples. All of them are invented: the source of the geometry gives none
+(docs/theory.md (23.2) to (23.4)).
 """
 
 # One body of a chain, tree or ladder: kg, kg m2.

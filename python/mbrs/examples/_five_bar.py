@@ -16,7 +16,7 @@ def five_bar(gravity: float = 9.81, stiffness: float = 100.0) -> Model:
 
     ``gravity`` m/s2 downwards (-y), ``stiffness`` N/m of both springs, which are unstretched as drawn (``spring1.length``,
     ``spring2.length``). Hinges "A", "H1", "H2", "H3", "B" about z, markers "P1", "P2", "P3" at the inner ones. Two degrees
-    of freedom. Layout reconstructed (METHODS.md e.3: found by search for a remembered gradient; no source gives the data).
+    of freedom. The layout was found by a search (docs/theory.md (23.12)); no source gives the data.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The four-bar linkage of API.md section 2, and a row of four-bars."""
+"""A four-bar linkage of spatial hinges, and a row of four-bars."""
 
 from __future__ import annotations
 

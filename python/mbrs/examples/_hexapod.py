@@ -13,8 +13,8 @@ Pair = tuple[tuple[float, float, float], tuple[float, float, float]]
 def cubic_hexapod_points(edge: float = 0.2, centre: tuple[float, float, float] = (0.0, 0.0, 0.1)) -> list[Pair]:
     """End points of the six legs of a cubic configuration, base first.
 
-    The cube stands on a corner: its diagonal is vertical. Of its twelve edges the legs are the six that touch neither
-    the lowest nor the highest corner; two are parallel to each of the cube's directions u_i, hence K = diag(2k, 2k, 2k,
+    The cube rests on a corner: its diagonal is vertical. The legs are the six edges that touch neither the lowest nor
+    the highest corner; two are parallel to each of the cube's directions u_i, hence K = diag(2k, 2k, 2k,
     k L^2/2, k L^2/2, 2 k L^2) at the centre.
 
     Parameters
@@ -63,7 +63,7 @@ def _point(p: np.ndarray) -> tuple[float, float, float]:
 def cubic_hexapod(
     edge: float = 0.2, k: float = 1e5, c: float = 30.0, mass: float = 20.0, inertia: float = 0.15, height: float = 0.1
 ) -> Model:
-    """The isolator of API.md section 1: parameters "k_leg" and "c_leg", body "payload", springs "leg0" to "leg5".
+    """The isolator of docs/theory.md (23.1): parameters "k_leg" and "c_leg", body "payload", springs "leg0" to "leg5".
 
     With the defaults 15.9155 Hz three times, 18.3776 Hz twice, 36.7553 Hz: sqrt(2k/m), sqrt(k L^2/(2I)), sqrt(2k
     L^2/I). ``edge`` m, ``k`` N/m, ``c`` N s/m, ``mass`` kg, ``inertia`` kg m2 about every axis, ``height`` m of the

@@ -1,5 +1,5 @@
-"""Chain, binary tree and ladder of any size: the test structures of Jiang, Chen and Luo (2011), geometry as in
-METHODS.md a.1.
+"""Chain, binary tree and ladder of any size: the test structures of Jiang, Chen and Luo (2011), geometry of
+docs/theory.md (23.2) to (23.4).
 
 Lost in the source and chosen here: masses, inertias and coefficients (`_data`), the free axis of the joints (local z),
 the joint of the tree's root to ground, the ladder's joints, and how s spring-dampers between two bodies share their
@@ -99,7 +99,7 @@ def chain(n: int, joint: str | None = "revolute", springs: int = 1, **options: A
 
     Notes
     -----
-    Geometry: METHODS.md a.1 [S000]: centre of mass of Bi at 0.2 i - 0.1, joint J(i-1,i) at 0.2 i - 0.2. Data are
+    Geometry: docs/theory.md (23.2): centre of mass of Bi at 0.2 i - 0.1, joint J(i-1,i) at 0.2 i - 0.2. Data are
     invented.
 
     Examples
@@ -120,8 +120,8 @@ def chain(n: int, joint: str | None = "revolute", springs: int = 1, **options: A
 def tree(layers: int, joint: str | None = "revolute", springs: int = 1, **options: Any) -> Model:
     """A binary tree: 2^(i-1) bodies "Bi,1", "Bi,2", ... in layer i, the root jointed to ground; options as for `chain`.
 
-    Geometry: METHODS.md a.1 [S000]: body (i, j) at (j, i, 0), its joints to (i+1, 2j-1) and (i+1, 2j) midway, turned by
-    arccot(j-1) and arccot(j). The root's joint, lost there, follows the same rule with ground as body (0, 1). Data are
+    Geometry: docs/theory.md (23.3): body (i, j) at (j, i, 0), its joints to (i+1, 2j-1) and (i+1, 2j) midway, turned by
+    arccot(j-1) and arccot(j). The root's joint, not printed there, follows the same rule with ground as body (0, 1). Data are
     invented.
     """
     build = _Builder("tree", joint, springs, options)
@@ -142,9 +142,9 @@ def tree(layers: int, joint: str | None = "revolute", springs: int = 1, **option
 def ladder(layers: int, joint: str | None = "revolute", springs: int = 1, **options: Any) -> Model:
     """Stiles "Bi,1", "Bi,2" and a rung "Bi,3" in each of the layers, one loop for each; options as for `chain`.
 
-    Geometry: METHODS.md a.1: stiles at (-0.1, 0.2 i - 0.1) and (0.1, ...), rung at (0, 0.2 i) turned by 90 degrees
-    [S000]; stile u hinged below to the rung under it (ground for i = 1) and above to the rung of its layer at x = 0.2 u
-    - 0.3 [D]. With parallel axes the loops are redundant: N degrees of freedom for R, 4N for C, 6N for S. Data are
+    Geometry: docs/theory.md (23.4): stiles at (-0.1, 0.2 i - 0.1) and (0.1, ...), rung at (0, 0.2 i) turned by 90 degrees;
+    stile u hinged below to the rung under it (ground for i = 1) and above to the rung of its layer at x = 0.2 u
+    - 0.3. With parallel axes the loops are redundant: N degrees of freedom for R, 4N for C, 6N for S. Data are
     invented.
     """
     build = _Builder("ladder", joint, springs, options)

@@ -10,14 +10,14 @@ from ..model.laws import Cubic, Gap, Jenkins, VanDerPol
 
 
 def _system(*matrices: Any, elements: Any, coordinates: Any = None) -> Any:
-    from ..second_order import MechanicalSystem
+    from ..linear.matrices import MechanicalSystem
 
     return MechanicalSystem(*matrices, elements=elements, coordinates=coordinates)
 
 
 def duffing(k3: float = 0.1, c: float = 0.05) -> Any:
     """x" + c x' + x + k3 x^3, a `MechanicalSystem`. With the force 0.18 cos(omega t), omega from 0.5 to 1.6 it is the
-    case of METHODS.md b.3 (data of NLvib's first example); k3 = 1 with 0.3 cos(omega t) is that of b.4.
+    case of docs/theory.md (23.5) (data of NLvib's first example); k3 = 1 with 0.3 cos(omega t) is (23.6).
 
     >>> import mbrs as mb
     >>> mb.examples.duffing().elements
@@ -28,7 +28,7 @@ def duffing(k3: float = 0.1, c: float = 0.05) -> Any:
 
 def two_mass_cubic() -> Any:
     """A mass with a small absorber on cubic springs, a `MechanicalSystem` of two coordinates: under 0.11 cos(omega t) on
-    the first mass, omega from 0.8 to 1.4, it has a Neimark-Sacker pair (data of METHODS.md b.3, NLvib's second example).
+    the first mass, omega from 0.8 to 1.4, it has a Neimark-Sacker pair (docs/theory.md (23.7), NLvib's second example).
     """
     return _system(
         np.diag([1.0, 0.05]),
@@ -42,8 +42,8 @@ def two_mass_cubic() -> Any:
 def two_mass_stop(stiffness: float = 100.0, gap: float = 1.0) -> Any:
     """Two unit masses in a row between a free end and a wall, the first beside a stop: ``stiffness`` beyond ``gap``.
 
-    A `MechanicalSystem`, springs 1 with 3 % of their stiffness as damping; 0.1 cos(omega t) on the second mass (data of
-    METHODS.md b.3, NLvib's third example).
+    A `MechanicalSystem`, springs 1 with 3 % of their stiffness as damping; 0.1 cos(omega t) on the second mass
+    (docs/theory.md (23.8), NLvib's third example).
     """
     K = np.array([[1.0, -1.0], [-1.0, 2.0]])
     return _system(
@@ -61,7 +61,7 @@ def jenkins_oscillator(k: float = 0.5, f_slip: float = 0.2, c: float = 0.02) -> 
 
 def two_tone_duffing(eta: float = 1.5) -> tuple[Any, list[dict[str, Any]]]:
     """x" + 0.1 x' + x + 1.5 x^3 = 0.25 sin(eta t) + 0.25 sin(sqrt(2) eta t): the system, and forces for
-    `quasi_periodic` (data of METHODS.md b.3, CoSTAR's duffing_ap_qp)."""
+    `quasi_periodic` (docs/theory.md (23.9), CoSTAR's duffing_ap_qp)."""
     system = _system([[1.0]], [[0.1]], [[1.0]], elements=[Cubic(1.5, w=[1.0])])
     return system, [dict(force=[-0.25j], omega=w) for w in (eta, 2**0.5 * eta)]
 

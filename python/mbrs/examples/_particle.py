@@ -1,4 +1,4 @@
-"""The nonholonomic point mass of METHODS.md e.4, y' = b z x', as a mechanism."""
+"""The nonholonomic point mass of docs/theory.md (23.13), y' = b z x', as a mechanism."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A standing four-legged robot: topology of METHODS.md a.1, all data invented."""
+"""A standing four-legged robot: topology of Jiang, Chen and Luo (2011), all data invented."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _FOOT_K, _FOOT_C = (4e4, 4e4, 8e4), (60.0, 60.0, 120.0)
 def quadruped(length: float = 0.8, width: float = 0.4, height: float = 0.6, gravity: float = 0.0) -> Model:
     """A torso on four legs of three bodies: 13 bodies, 18 degrees of freedom (6 + 4 x 3), an open tree.
 
-    Hips turn about z, thighs and shanks about x with torsion springs, each foot stands on a three-component
-    spring-damper (METHODS.md a.1 [S000]); ``length`` and ``width`` of the torso and ``height`` of the hips in m;
+    Hips turn about z, thighs and shanks about x with torsion springs, each foot rests on a three-component
+    spring-damper (docs/theory.md (23.4)); ``length`` and ``width`` of the torso and ``height`` of the hips in m;
     ``gravity`` m/s2 downwards, none by default since the drawn posture would then not be in equilibrium. All other data
     are invented.
 

@@ -1,4 +1,4 @@
-"""A Stewart isolation platform with flexure joints: topology of METHODS.md a.1, all data invented."""
+"""A Stewart isolation platform with flexure joints: topology of Jiang, Chen and Luo (2011), all data invented."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def stewart_platform(
     """A platform on six struts: 14 bodies (with the fixed base), 12 degrees of freedom, five loops.
 
     Each strut is two bodies, a prismatic joint and a spring-damper along it; its ends are flexures: spherical joints
-    with torsional stiffness (METHODS.md a.1 [S000]). Six degrees of freedom are the platform's, six the spins of the
+    with torsional stiffness (docs/theory.md (23.4)). Six degrees of freedom are the platform's, six the spins of the
     struts.
 
     Parameters

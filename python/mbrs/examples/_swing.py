@@ -15,7 +15,7 @@ def swing(length: float = 2.0, mass: float = 336.14, rate: float = math.pi / 3, 
 
     ``mass`` kg of each, ``length`` m, ``gravity`` m/s2 downwards (-y); drive "motor", marker "end" on B. The paper (J.
     Algorithms Comput. Technol. 2017, doi 10.1177/1748301817729990) gives the mass of A and the rate; lengths, B's mass and
-    uniform rods are assumed (METHODS.md c.3).
+    uniform rods are assumed (docs/theory.md (23.11)).
 
     Examples
     --------

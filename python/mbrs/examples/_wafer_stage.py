@@ -1,4 +1,4 @@
-"""A wafer stage on air mounts: the kind of machine METHODS.md a.1 names as an experiment; all data are invented."""
+"""A wafer stage on air mounts: the kind of machine on which Jiang, Chen and Luo (2011) made experiments; all data are invented."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def wafer_stage(mounts: int = 4, length: float = 1.6, width: float = 1.2) -> Mod
         "k_mount" (3,). All data are invented.
     """
     if mounts not in (3, 4):
-        raise ModelError(f"a wafer stage stands on 3 or 4 mounts, got mounts={mounts!r}")
+        raise ModelError(f"a wafer stage has 3 or 4 mounts, got mounts={mounts!r}")
     m = Model("wafer stage")
     k = m.parameter("k_mount", _MOUNT_K, unit="N/m")
     base = m.body("base", mass=_BASE[0], inertia=_BASE[1], at=(0, 0, 0.2))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from .beam import beam
-from .craig_bampton import craig_bampton
+from .beams import beam
+from .component_modes import craig_bampton
+from .file_bodies import from_file
 from .modal_body import ModalBody
 
-__all__ = ["ModalBody", "beam", "craig_bampton"]
+__all__ = ["ModalBody", "beam", "craig_bampton", "from_file"]

@@ -1,6 +1,6 @@
 """Finite elements of a straight, twisted beam along x: shape functions, matrices, and the mass as points with shapes.
 
-Freedoms per node u v w rx ry rz (displacements along and rotations about x y z), then those inside the elements.
+Degrees of freedom per node: u v w rx ry rz (displacements along and rotations about x y z), then those inside the elements.
 Euler-Bernoulli: cubic v and w, rz = v', ry = -w'. Timoshenko: cubic v and w, quadratic ry and rz of their own, so that
 v' - rz can vanish exactly and nothing locks. u and rx are quadratic.
 """
@@ -64,7 +64,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Point:
-    """A quadrature point: place along x, weight in m, properties, freedoms ``dofs`` and what they do there.
+    """A quadrature point: place along x, weight in m, properties, degrees of freedom ``dofs`` and their shapes.
 
     ``N`` (6, d): displacement and rotation of the section; ``B`` (6, d): its strains; ``slope`` (2, d): v' and w'.
     """
@@ -80,7 +80,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Mesh:
-    """Nodes at ``x`` (n,), n_dof freedoms of which 6 n lie at the nodes, and the quadrature points of all elements."""
+    """Nodes at ``x`` (n,), n_dof degrees of freedom of which 6 n lie at the nodes, and the quadrature points of all elements."""
 
     x: Array
     n_dof: int
@@ -108,7 +108,7 @@ class Mesh:
 
 
 def mesh(x: Array, section: Callable[[float], Section], shear: bool, straight: bool = False) -> Mesh:
-    """Elements between neighbouring nodes ``x``; ``straight``: linear u and rx, so that all freedoms lie at nodes."""
+    """Elements between neighbouring nodes ``x``; ``straight``: linear u and rx, so that all degrees of freedom lie at nodes."""
     spots, weights = np.polynomial.legendre.leggauss(_POINTS)
     inner = (0 if straight else 2) + (6 if shear else 0)
     n = len(x)

@@ -1,4 +1,4 @@
-"""From many freedoms to a few shapes: fixed-interface modes and constraint modes, made orthonormal."""
+"""Reduction to a few shapes: fixed-interface modes and constraint modes, made orthonormal."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def reduced_shapes(
 ) -> tuple[Array, Array]:
     """Shapes T (n, m) with T^T M T = 1 and T^T K T = diag(square), and square (m,), ascending.
 
-    R. R. Craig and M. C. C. Bampton, AIAA Journal 6(7) (1968) 1313-1319: with the freedoms in ``fixed`` held, the
-    interface freedoms b and the others i, x_i = -K_ii^-1 K_ib x_b + Phi_i z, K_ii Phi_i = M_ii Phi_i diag(w^2). The
+    R. R. Craig and M. C. C. Bampton, AIAA Journal 6(7) (1968) 1313-1319: with the coordinates in ``fixed`` held, the
+    interface coordinates b and the others i, x_i = -K_ii^-1 K_ib x_b + Phi_i z, K_ii Phi_i = M_ii Phi_i diag(w^2). The
     reduced problem is then brought to its own modes, of which the ``rigid`` lowest are left out.
     """
     import scipy.sparse as sp
@@ -34,7 +34,9 @@ def reduced_shapes(
     n = M.shape[0]
     free = np.setdiff1d(np.arange(n), np.concatenate([interface, fixed]))
     if n_modes > len(free):
-        raise ModelError(f"{whose}: modes must be at most {len(free)}, the number of freedoms inside; it is {n_modes}")
+        raise ModelError(
+            f"{whose}: modes must be at most {len(free)}, the number of inner degrees of freedom; it is {n_modes}"
+        )
     M_ii, K_ii, K_ib = M[free][:, free], K[free][:, free], K[free][:, interface]
     T = np.zeros((n, len(interface) + n_modes))
     T[interface, np.arange(len(interface))] = 1.0
@@ -64,7 +66,7 @@ def _solved(K: Any, b: Array, whose: str) -> Array:
 def _loose(whose: str) -> SingularError:
     return SingularError(
         f"{whose}: with its nodes held, K is singular: a part of the body is attached to nothing. Check the matrix, or "
-        "take out freedoms without stiffness"
+        "remove degrees of freedom without stiffness"
     )
 
 

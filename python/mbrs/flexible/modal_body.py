@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import names, shown, sized_array
+from .._lib.checks import names, shown, sized_array
+from .._lib.files import write_atomic
+from .._lib.rotations import skew
+from .._lib.text import number, table
 from ..errors import InertiaError, ModelError
-from ..files import write_atomic
-from ..report import number, table
 from ._archive import read_arrays
 
 __all__ = ["ModalBody"]
@@ -46,8 +47,8 @@ class ModalBody:
         particles less gravity (body axes) the generalised force is -(sum_i c_i KG_i) q with c = (a0, W row by row).
         Left out: zero (no stiffening by inertial loads).
     nodes, node_position, node_shape
-        n names; (n, 3) m; (n, 6, m): displacement and small rotation of the node for unit modal coordinates. Of a
-        clamped body the frame's own node is among them, with zero shapes.
+        n names; (n, 3) m; (n, 6, m): displacement and small rotation of the node for unit modal coordinates. The
+        frame's own node of a clamped body is among them, with zero shapes.
     line_position, line_shape
         (p, 3) and (p, 6, m) as for nodes, of points along the body that `Model.section_load` and pictures use; the
         nodes where they are left out.
@@ -154,8 +155,8 @@ class ModalBody:
         if not self._moves_beside_the_frame():
             raise InertiaError(
                 "modal body: the mass matrix of its frame and shapes together is impossible: inertia that no body has, a "
-                "shape without mass, two shapes that are the same, or shapes that move the body as a whole (take rigid "
-                "motions out of them: the frame moves already)"
+                "shape without mass, two shapes that are the same, or shapes that move the body as a whole (remove rigid-body "
+                "motion from the shapes; the frame represents it)"
             )
 
     def _moves_beside_the_frame(self) -> bool:
@@ -186,7 +187,7 @@ class ModalBody:
         """
         n = 6 + self.n_modes
         out = np.zeros((n, n))
-        c = _skew(self.com)
+        c = skew(self.com)
         out[:3, :3] = self.mass * np.eye(3)
         out[:3, 3:6] = -self.mass * c
         out[3:6, 3:6] = self.inertia - self.mass * c @ c
@@ -311,10 +312,6 @@ def _largest(shape: np.ndarray) -> list[str]:
     if len(shape) == 0:
         return ["-"] * shape.shape[-1]
     return ["xyz"[int(np.argmax(np.max(np.abs(shape[:, :3, k]), axis=0)))] for k in range(shape.shape[-1])]
-
-
-def _skew(a: np.ndarray) -> np.ndarray:
-    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
 
 
 def _axial(P: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ _INERTIA_INDEX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 @dataclass(frozen=True)
 class Target:
-    """What an address means.
+    """Object, field and index of an address.
 
     For a parameter ``item`` and ``group`` are None and ``components`` are places in V. Otherwise ``components`` count
     within the group (for axes and orientations: the world axis to turn about). ``shape`` is () for one number.
@@ -47,7 +47,7 @@ class Target:
 
 
 def target(book: Book, address: str) -> Target:
-    """What an address means, or an error with the nearest known one; kept while the structure stays."""
+    """Target of an address, or an error with the nearest known one; kept while the structure stays."""
     kept: dict[str, Target] = book.cache.setdefault("targets", {})
     found = kept.get(address) if isinstance(address, str) else None
     if found is None:

@@ -25,7 +25,7 @@ Points = Vector3 | tuple[Vector3, Vector3] | Sequence[Vector3]
 Rotation = Vector | Matrix
 # One number where there is one free coordinate, else one for each; a matrix of a bushing.
 Coefficients = Scalar | Vector | Matrix
-# (origin, orientation); None is no rotation.
+# (origin, orientation); None is the identity.
 PoseLike = tuple[Vector3, Rotation | None] | Sequence[Any]
 # A handle or its name; "ground", "body.node".
 BodyLike = Attachable | str
@@ -36,7 +36,7 @@ class LawLike(Protocol):
 
     @property
     def code(self) -> int:
-        """What the core knows it by."""
+        """Code of the kind in the Tables."""
 
     @property
     def values(self) -> Sequence[Any]:

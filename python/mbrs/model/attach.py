@@ -1,4 +1,4 @@
-"""What objects are attached to: bodies, ground, and nodes of flexible bodies."""
+"""Places of attachment: bodies, ground, and nodes of flexible bodies."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ INERTIA_PLACE = ((0, 3, 4), (3, 1, 5), (4, 5, 2))
 
 
 class Ported(Item):
-    """What has ports: loads enter here and motions are read here."""
+    """Base of objects with ports: loads enter here and motions are read here."""
 
     __slots__ = ()
 

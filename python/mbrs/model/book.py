@@ -1,4 +1,4 @@
-"""Where a model keeps what it knows: stores of numbers, names, lists of objects. The handles of objects know this, and not `Model`."""
+"""Data of a model: stores of numbers, names, lists of objects. The handles of objects know this, and not `Model`."""
 
 from __future__ import annotations
 
@@ -106,12 +106,12 @@ class Item:
 
     @property
     def table(self) -> Kind:
-        """What the schema declares of it."""
+        """Its table in the schema."""
         raise AssertionError(f"{type(self).__name__} has no entry in the schema")
 
     @property
     def size(self) -> int:
-        """How many numbers the object has."""
+        """Number of numbers of the object."""
         return self.table.block.size()
 
     def put(self, entries: Sequence[Number]) -> None:
@@ -240,7 +240,7 @@ def _both(a: Group, b: Group) -> Group:
 
 
 class Attachable:
-    """What joints, springs, loads and markers are attached to: a body, ground, or a node of a flexible body."""
+    """A place of attachment of joints, springs, loads and markers: a body, ground, or a node of a flexible body."""
 
     __slots__ = ()
 

@@ -112,8 +112,8 @@ def drive(self: Book, name: str, joint: JointLike, motion: MotionLike, coordinat
         number of turns.
     motion
         `Ramp`, `Sine`, `Polynomial`, `Table`, a number (held there), or a Python function of t (s) that returns the
-        value, or (value, rate, acceleration). Without these two, differences over 3 ms on both sides stand for them (also
-        before t = 0), good to about 1e-9 for motions slower than 10 Hz.
+        value, or (value, rate, acceleration). If they are not returned, central differences over 3 ms are used (also before
+        t = 0), good to about 1e-9 for motions slower than 10 Hz.
     coordinate
         "x", "y", "z" (m) or "rx", "ry", "rz" (rad, of a spherical or free joint components of the rotation vector);
         needed where the joint has several.
@@ -182,7 +182,7 @@ def coupler(
         Of the second rate to the first: -z1/z2 for outer gears, the pitch radius (m/rad) for a rack, the lead over 2 pi
         for a screw.
     first_coordinate, second_coordinate
-        As in `drive`; needed where a joint has several. Of a cylindrical joint both may be coupled: a screw.
+        As in `drive`; needed where a joint has several. Both of a cylindrical joint may be coupled: a screw.
     offset
         m or rad; 0 keeps the drawn positions.
 

@@ -18,7 +18,7 @@ from .operations import FUNCTIONS, OPS, UFUNC_ALIAS, Op
 
 
 class ParameterSpace(Protocol):
-    """What an expression needs of the parameters of a model: the flat V, and a number that rises when a value changes."""
+    """The parameters of a model as expressions use them: the flat V, and a number that rises when a value changes."""
 
     values: list[float]
     version: int
@@ -246,7 +246,7 @@ class Program:
         return place[id(root)]
 
     def place_of(self, root: Expression) -> int:
-        """Where an expression that the program was made of stands in ``nodes``."""
+        """Index in ``nodes`` of an expression that the program was made of."""
         return self._place[id(root)]
 
     def _child(self, a: Expression | float) -> int:
@@ -356,7 +356,7 @@ def number_text(value: float) -> str:
 
 
 def symbol_text(label: str) -> str:
-    """A parameter's label as it stands in an expression: quoted where it is no plain identifier."""
+    """A parameter's label as text of an expression: quoted if it is not a plain identifier."""
     name, bracket, index = label.partition("[")
     plain = name.isascii() and name.isidentifier() and name not in FUNCTIONS and not _is_keyword(name)
     return (name if plain else repr(name)) + bracket + index

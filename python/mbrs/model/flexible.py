@@ -89,7 +89,7 @@ class FlexibleBody(Body):
             )
             raise problem(
                 where,
-                f"is no node of the flexible body {self.name!r}, which can be held at its nodes only: "
+                f"is not a node of the flexible body {self.name!r}, which can be held at its nodes only: "
                 f"{known or 'it has none'}; give {self.name}.node(name), or that point",
             )
         return self.use(int(near[0]))
@@ -135,13 +135,13 @@ class ShapeNumbers(Item):
         return out
 
     def node_start(self, index: int) -> int:
-        """Where the numbers of a node start in the store."""
+        """Index in the store of the first number of a node."""
         return self.start + SHAPES.block.size(self.m) + index * NODE.size(self.m)
 
 
 @dataclass(frozen=True)
 class Node(Attachable):
-    """A node of a flexible body; it stands wherever a body may."""
+    """A node of a flexible body; it may be given in place of a body."""
 
     body: FlexibleBody
     index: int
@@ -257,7 +257,7 @@ def flexible_body(
     Returns
     -------
     FlexibleBody
-        A body; ``.node("tip")`` stands wherever a body may, and ``at=`` may then be left out. Attaching the body
+        A body; ``.node("tip")`` may be given in place of a body, and ``at=`` may then be left out. Attaching the body
         itself needs ``at=`` a node's point.
 
     Raises

@@ -9,7 +9,7 @@ from .aliases import Axis, BodyLike, Coefficients, Laws, Points, Rotation, Scala
 from .attach import connect, load_place
 from .book import Book, Group, Item
 from .joint import check_apart
-from .laws import add_laws, law_fields
+from .law_items import add_laws, law_fields
 from .motions import FunctionName, Motion, MotionItem, MotionLike, TimeFunction
 from .names import problem, shown
 from .numbers import Number, vector

@@ -1,4 +1,4 @@
-"""Expressions as text: "2*k_leg + 1", "V[0,1]*sin(angle)"; names that are no identifiers are quoted: "2*'leg k'".
+"""Expressions as text: "2*k_leg + 1", "V[0,1]*sin(angle)"; names that are not identifiers are quoted: "2*'leg k'".
 
 Numbers, parameters, + - * / **, unary minus, parentheses and the NumPy functions of `mbrs.model.expressions`; nothing else is
 read, and nothing is ever executed.
@@ -21,7 +21,7 @@ _CONSTANTS = {"pi": math.pi}
 
 
 class GrammarError(ModelError):
-    """A text that is no expression. ``column`` counts from 1 within the text."""
+    """A text that is not an expression. ``column`` counts from 1 within the text."""
 
     def __init__(self, message: str, column: int) -> None:
         super().__init__(message)

@@ -8,7 +8,7 @@ from typing import Any
 
 from .attach import connect
 from .book import Book, Group, Item
-from .laws import add_laws, law_fields
+from .law_items import add_laws, law_fields
 from .names import problem
 from .packing import pack
 from .schema import JOINTS, Kind

@@ -2,34 +2,46 @@
 
 With a direction ``w`` a law is an element of a `MechanicalSystem`: u = w . x, and the force ``w law(u, u')`` is on the left-hand
 side of the equation of motion (a positive law resists a positive u). Without ``w`` it is the ``law=`` of an element of a `Model`.
-The numbers of a law may be parameter expressions. The core computes the law (``rust/src/laws``); `Law.force` here is for looking
+The numbers of a law may be parameter expressions. The core computes the law (``rust/src/force``); `Law.force` here is for looking
 at it.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from math import comb
 from typing import Any
 
 import numpy as np
 
 from ..errors import ModelError
-from .book import Group, Item
-from .names import problem, shown
-from .numbers import Number, scalar
-from .schema import LAWS
+from .schema import LAWS, LawKind
 
 
 class Law:
     """Base of all laws.
 
     ``code`` and ``values`` are what the core reads: the kind of law and its numbers. ``w`` is the direction (n,) or
-    None.
+    None. ``kind`` tells what its force depends on.
     """
 
     code: int = -1
-    has_memory: bool = False
+    kind: LawKind = LawKind("", (), "", smooth=False)
+
+    def __init_subclass__(cls) -> None:
+        cls.kind = LAWS.get(cls.__name__, cls.kind)
+        cls.code = cls.kind.codes[0] if cls.kind.codes else -1
+
+    @property
+    def has_memory(self) -> bool:
+        """True if the force depends on what happened before."""
+        return self.kind.state != ""
+
+    @property
+    def uses_rate(self) -> bool:
+        """True if the force depends on the rate u'."""
+        return self.code in self.kind.rate_codes
 
     def __init__(self, values: Sequence[Any], w: Any = None) -> None:
         self.values: tuple[Any, ...] = tuple(values)
@@ -38,13 +50,20 @@ class Law:
                 raise ModelError(f"{type(self).__name__}: {value} among its numbers; all must be finite")
         self.w: np.ndarray | None = None if w is None else _direction(type(self).__name__, w)
 
+    def moved(self, u0: float) -> list[Law] | None:
+        """Laws that together are force(u0 + u), but for a constant; None where no known laws are.
+
+        Exact for polynomials, stops, contact and tables, whose numbers move; rate laws do not see u0.
+        """
+        return None
+
     def numbers(self) -> list[float]:
         """The numbers at the present values of the parameters."""
         return [_number(value) for value in self.values]
 
     def force(self, u: Any, v: Any = 0.0) -> np.ndarray:
-        """Force for displacements ``u`` and rates ``v`` (arrays that broadcast); a law with memory takes them as a
-        history."""
+        """Force for displacements ``u`` and rates ``v`` (arrays that broadcast); a law with sliders takes them as a
+        history, and one whose state has a rate is at rest in each."""
         from .. import _core
 
         u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
@@ -73,10 +92,11 @@ class Cubic(Law):
     Cubic(0.1, w=[1.])
     """
 
-    code = LAWS["Cubic"].codes[0]
-
     def __init__(self, k3: Any, w: Any = None) -> None:
         super().__init__((_scalar("Cubic", "k3", k3),), w)
+
+    def moved(self, u0: float) -> list[Law] | None:
+        return [Polynomial1D(_moved_polynomial([0.0, 0.0, 0.0, *self.numbers()], u0), w=self.w)]
 
 
 class Polynomial1D(Law):
@@ -95,21 +115,36 @@ class Polynomial1D(Law):
     def __init__(self, coefficients: Any, velocity: Any = None, w: Any = None) -> None:
         c = _list("Polynomial1D", "coefficients", coefficients)
         if velocity is None:
-            self.code = LAWS["Polynomial1D"].codes[0]
             super().__init__(c, w)
             return
         d = _list("Polynomial1D", "velocity", velocity)
         n = max(len(c), len(d))
-        self.code = LAWS["Polynomial1D"].codes[1]
+        self.code = self.kind.codes[1]
         super().__init__([*c, *[0.0] * (n - len(c)), *d, *[0.0] * (n - len(d))], w)
+
+    def moved(self, u0: float) -> list[Law] | None:
+        numbers = self.numbers()
+        if not self.uses_rate:
+            return [Polynomial1D(_moved_polynomial(numbers, u0), w=self.w)]
+        half = len(numbers) // 2
+        return [Polynomial1D(_moved_polynomial(numbers[:half], u0), numbers[half:], w=self.w)]
 
 
 class Gap(Law):
     """Stop beyond a gap: force = k max(u - gap, 0), with ``bilateral=True`` also k min(u + gap, 0).
 
-    ``smoothing`` s > 0 (a length) replaces max(d, 0) by the hyperbola (d + sqrt(d^2 + s^2)) / 2, which is s/2 too
-    large at d = 0.
-    A negative gap is a preload of a one-sided stop.
+    Parameters
+    ----------
+    k
+        Stiffness of the stop, force / displacement.
+    gap
+        Displacement at which it closes; a negative one is a preload of a one-sided stop.
+    smoothing
+        s > 0, a displacement, replaces max(d, 0) by the hyperbola (d + sqrt(d^2 + s^2)) / 2, which is s/2 too large at d = 0.
+    bilateral
+        Stops on both sides.
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
     """
 
     def __init__(self, k: Any, gap: Any, smoothing: Any = 0.0, bilateral: bool = False, w: Any = None) -> None:
@@ -120,8 +155,16 @@ class Gap(Law):
             raise ModelError(
                 f"Gap: a two-sided gap must not be negative, it is {gap}; give a preload to a one-sided one"
             )
-        self.code = LAWS["Gap"].codes[bilateral]
+        self.code = self.kind.codes[bilateral]
         super().__init__((k, gap, smoothing), w)
+
+    def moved(self, u0: float) -> list[Law] | None:
+        k, gap, smoothing = self.numbers()
+        one = Gap(k, gap - u0, smoothing, w=self.w)
+        if self.code == self.kind.codes[0]:
+            return [one]
+        # the two sides are no longer alike: one stop for each, the second looking the other way
+        return [one, Gap(k, gap + u0, smoothing, w=None if self.w is None else -self.w)]
 
 
 class CoulombTanh(Law):
@@ -133,25 +176,46 @@ class CoulombTanh(Law):
         Friction coefficient times normal force.
     v_ref
         Rate at which 76 % of it is reached; positive.
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
     """
-
-    code = LAWS["CoulombTanh"].codes[0]
 
     def __init__(self, force_limit: Any, v_ref: Any, w: Any = None) -> None:
         v_ref = _positive("CoulombTanh", "v_ref", v_ref)
         super().__init__((_scalar("CoulombTanh", "force_limit", force_limit), v_ref), w)
 
+    def moved(self, u0: float) -> list[Law] | None:
+        return [self]
+
 
 class Hertz(Law):
-    """Contact after Hertz: force = k max(u - gap, 0)^exponent; the exponent of spheres is 1.5. It must exceed 1."""
+    """Contact after Hertz: force = k max(u - gap, 0)^exponent.
 
-    code = LAWS["Hertz"].codes[0]
+    Parameters
+    ----------
+    k
+        Force / displacement^exponent.
+    exponent
+        Above 1; 1.5 for spheres.
+    gap
+        Displacement at which the bodies touch.
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
+
+    Notes
+    -----
+    K. L. Johnson, Contact Mechanics, Cambridge University Press 1985, section 4.2.
+    """
 
     def __init__(self, k: Any, exponent: Any = 1.5, gap: Any = 0.0, w: Any = None) -> None:
         exponent = _positive("Hertz", "exponent", exponent)
         if _is_plain(exponent) and exponent <= 1:
             raise ModelError(f"Hertz: the exponent must exceed 1, it is {exponent}; Gap is the linear contact")
         super().__init__((_scalar("Hertz", "k", k), exponent, _scalar("Hertz", "gap", gap)), w)
+
+    def moved(self, u0: float) -> list[Law] | None:
+        k, exponent, gap = self.numbers()
+        return [Hertz(k, exponent, gap - u0, w=self.w)]
 
 
 class TableLaw(Law):
@@ -161,14 +225,14 @@ class TableLaw(Law):
     ----------
     u, f
         Displacements, strictly ascending, and forces there; at least two points.
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
 
     Notes
     -----
     Slopes after Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300-304: as
     `scipy.interpolate.PchipInterpolator`.
     """
-
-    code = LAWS["TableLaw"].codes[0]
 
     def __init__(self, u: Any, f: Any, w: Any = None) -> None:
         x, y = _list("TableLaw", "u", u), _list("TableLaw", "f", f)
@@ -179,26 +243,44 @@ class TableLaw(Law):
             raise ModelError("TableLaw: u must ascend strictly; sort the table and join equal points")
         super().__init__([*x, *y], w)
 
+    def moved(self, u0: float) -> list[Law] | None:
+        numbers = self.numbers()
+        half = len(numbers) // 2
+        return [TableLaw([u - u0 for u in numbers[:half]], numbers[half:], w=self.w)]
+
 
 class VanDerPol(Law):
-    """The nonlinear part of van der Pol's oscillator: force = mu u^2 u'."""
+    """The nonlinear part of van der Pol's oscillator: force = mu u^2 u'.
 
-    code = LAWS["VanDerPol"].codes[0]
+    Parameters
+    ----------
+    mu
+        Force / (displacement^2 rate).
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
+    """
 
     def __init__(self, mu: Any, w: Any = None) -> None:
         super().__init__((_scalar("VanDerPol", "mu", mu),), w)
 
 
 class Jenkins(Law):
-    """Spring and slider in series: force = k (u - z) within +-f_slip, where z is the slider's place, which follows
-    beyond.
+    """Spring and slider in series: force = k (u - z) within +-f_slip; beyond, the place z of the slider follows.
 
-    The slider starts centred (z = 0): in full stick, where the motion does not determine it, the element is the spring
-    k.
+    Parameters
+    ----------
+    k
+        Stiffness of the spring, force / displacement; positive.
+    f_slip
+        Force at which the slider moves; positive.
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
+
+    Notes
+    -----
+    docs/theory.md (2.8). The slider starts centred (z = 0): in full stick, where the motion does not determine z, the element is the
+    spring k.
     """
-
-    code = LAWS["Jenkins"].codes[0]
-    has_memory = True
 
     def __init__(self, k: Any, f_slip: Any, w: Any = None) -> None:
         super().__init__((_positive("Jenkins", "k", k), _positive("Jenkins", "f_slip", f_slip)), w)
@@ -210,11 +292,10 @@ class Iwan(Law):
     Parameters
     ----------
     k, f_slip
-        Stiffnesses and slip forces of the sliders, of the same length.
+        Stiffnesses (force / displacement) and slip forces of the sliders, of the same length, all positive.
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
     """
-
-    code = LAWS["Iwan"].codes[0]
-    has_memory = True
 
     def __init__(self, k: Any, f_slip: Any, w: Any = None) -> None:
         ks, fs = _list("Iwan", "k", k), _list("Iwan", "f_slip", f_slip)
@@ -227,16 +308,130 @@ class Iwan(Law):
 class VaryingStiffness(Law):
     """Parametric excitation: force = k cos(order phi + phase) u, phi the phase of the excitation (omega t).
 
-    Only harmonic balance drives it; elsewhere phi = 0. ``order`` is a positive integer.
-    """
+    Only harmonic balance drives it; elsewhere phi = 0.
 
-    code = LAWS["VaryingStiffness"].codes[0]
+    Parameters
+    ----------
+    k
+        Amplitude of the stiffness, force / displacement.
+    order
+        Periods of the stiffness in one of the excitation, a positive integer.
+    phase
+        rad.
+    w
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
+    """
 
     def __init__(self, k: Any, order: int = 1, phase: Any = 0.0, w: Any = None) -> None:
         if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 1:
             raise ModelError(f"VaryingStiffness: order must be a positive integer, it is {order!r}")
         name = "VaryingStiffness"
         super().__init__((_scalar(name, "k", k), float(order), _scalar(name, "phase", phase)), w)
+
+
+class Maxwell(Law):
+    """Springs in series with dashpots, in parallel: force = sum_i k_i (u - z_i), z_i' = (u - z_i) / tau_i.
+
+    The generalised element of Maxwell, a Prony series: on u = exp(i w t) the complex stiffness is
+    sum_i k_i (i w tau_i) / (1 + i w tau_i). A chain of Kelvin elements is another form of the same relation. Slow motions feel
+    nothing; give the static stiffness to the element itself (``k=``). At rest z_i = u.
+
+    Parameters
+    ----------
+    k, tau
+        Stiffnesses and relaxation times (s) of the branches, one or a list of the same length; positive. The dashpots are k tau.
+    w
+        Direction (n,) of u = w . x.
+    """
+
+    def __init__(self, k: Any, tau: Any, w: Any = None) -> None:
+        one = not isinstance(k, Sequence | np.ndarray) or (isinstance(k, np.ndarray) and k.ndim == 0)
+        ks, taus = ([k], [tau]) if one else (_list("Maxwell", "k", k), _list("Maxwell", "tau", tau))
+        if len(ks) != len(taus):
+            raise ModelError(f"Maxwell: {len(ks)} stiffnesses but {len(taus)} relaxation times")
+        pairs = [(_positive("Maxwell", "k", a), _positive("Maxwell", "tau", b)) for a, b in zip(ks, taus, strict=True)]
+        super().__init__([number for pair in pairs for number in pair], w)
+
+    def moved(self, u0: float) -> list[Law] | None:
+        # at rest the dashpots have followed
+        return [self]
+
+
+class BoucWen(Law):
+    """Smooth hysteresis: force = alpha k u + (1 - alpha) k z, z' = u' - beta |u'| |z|^(n-1) z - gamma u' |z|^n.
+
+    z is a displacement, the slope at the origin is k, and z tends to (beta + gamma)^(-1/n). At rest after slow loading z lies on
+    the curve of first loading.
+
+    Parameters
+    ----------
+    k
+        Stiffness at the origin, force / displacement; positive.
+    alpha
+        Part of k that stays when z has reached its bound, 0 to 1.
+    beta, gamma
+        Shape, displacement^-n; energy is dissipated where beta >= abs(gamma).
+    n
+        Sharpness, at least 1.
+    w
+        Direction (n,) of u = w . x.
+
+    Notes
+    -----
+    Y.-K. Wen, J. Eng. Mech. Div. ASCE 102 (1976) 249-263.
+    """
+
+    def __init__(self, k: Any, alpha: Any, beta: Any, gamma: Any, n: Any = 1.0, w: Any = None) -> None:
+        name = "BoucWen"
+        k, n = _positive(name, "k", k), _positive(name, "n", n)
+        alpha, beta, gamma = _scalar(name, "alpha", alpha), _scalar(name, "beta", beta), _scalar(name, "gamma", gamma)
+        if _is_plain(n) and n < 1:
+            raise ModelError(f"BoucWen: n must be at least 1, it is {n}")
+        if _is_plain(alpha) and not 0 <= alpha <= 1:
+            raise ModelError(f"BoucWen: alpha must be from 0 to 1, it is {alpha}")
+        if _is_plain(beta) and _is_plain(gamma) and (beta < abs(gamma) or beta == 0):
+            raise ModelError(
+                f"BoucWen: beta must be positive and not below abs(gamma), otherwise cycles make energy; they are {beta} and {gamma}"
+            )
+        super().__init__((k, alpha, beta, gamma, n), w)
+
+
+class LuGre(Law):
+    """Friction of elastic bristles: force = s0 z + s1 z' + s2 u', z' = u' - s0 abs(u') z / g(u').
+
+    g(u') = f_c + (f_s - f_c) exp(-(u'/v_s)^2) is the friction of steady sliding (Stribeck), z the deflection of the bristles. It
+    sticks (with the stiffness s0), creeps before it slips, and slips with hysteresis.
+
+    Parameters
+    ----------
+    f_c, f_s
+        Coulomb friction and breakaway force; positive, f_s >= f_c.
+    v_s
+        Stribeck velocity; positive.
+    s0
+        Stiffness of the bristles; positive.
+    s1, s2
+        Their damping and viscous friction; not negative.
+    w
+        Direction (n,) of u = w . x.
+
+    Notes
+    -----
+    C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, IEEE Trans. Automatic Control 40 (1995) 419-425.
+    """
+
+    def __init__(self, f_c: Any, f_s: Any, v_s: Any, s0: Any, s1: Any = 0.0, s2: Any = 0.0, w: Any = None) -> None:
+        name = "LuGre"
+        f_c, f_s, v_s, s0 = (
+            _positive(name, key, value) for key, value in (("f_c", f_c), ("f_s", f_s), ("v_s", v_s), ("s0", s0))
+        )
+        s1, s2 = _scalar(name, "s1", s1), _scalar(name, "s2", s2)
+        for key, value in (("s1", s1), ("s2", s2)):
+            if _is_plain(value) and value < 0:
+                raise ModelError(f"LuGre: {key} must not be negative, it is {value}")
+        if _is_plain(f_c) and _is_plain(f_s) and f_s < f_c:
+            raise ModelError(f"LuGre: the breakaway force f_s must not be below f_c, they are {f_s} and {f_c}")
+        super().__init__((f_c, f_s, v_s, s0, s1, s2), w)
 
 
 class FunctionLaw(Law):
@@ -265,8 +460,6 @@ class FunctionLaw(Law):
     1.1752011936438014
     """
 
-    code = -1
-
     def __init__(self, function: Any, derivative: Any = None, w: Any = None) -> None:
         for name, value in (("function", function), ("derivative", derivative)):
             if not callable(value) and (name == "function" or value is not None):
@@ -280,7 +473,7 @@ class FunctionLaw(Law):
         return self._shaped("function", self._called("function", u, v), u.shape)
 
     def _called(self, name: str, u: np.ndarray, v: np.ndarray) -> Any:
-        """What the function or its derivative returns; what it raises comes out as it is, with a note."""
+        """Value of the function or its derivative; its exceptions come out unchanged, with a note."""
         try:
             return getattr(self, name)(u, v)
         except BaseException as raised:
@@ -311,6 +504,11 @@ class FunctionLaw(Law):
     def __repr__(self) -> str:
         where = "" if self.w is None else f", w={np.array2string(self.w, threshold=6, separator=', ')}"
         return f"FunctionLaw({getattr(self.function, '__name__', self.function)}{where})"
+
+
+def _moved_polynomial(c: Sequence[float], u0: float) -> list[float]:
+    """Coefficients in u of the polynomial at u0 + u, less its value at u0."""
+    return [0.0, *(sum(comb(i, j) * c[i] * u0 ** (i - j) for i in range(j, len(c))) for j in range(1, len(c)))]
 
 
 def _is_plain(value: Any) -> bool:
@@ -361,114 +559,3 @@ def _direction(law: str, w: Any) -> np.ndarray:
         raise ModelError(f"{law}: w is zero: the element would act on nothing; name the coordinate it works on")
     w.setflags(write=False)
     return w
-
-
-# --- laws of elements and joints of a model -----
-
-
-class LawItem(Item):
-    """One law on one relative coordinate of an element or a joint."""
-
-    __slots__ = ("code", "component", "n", "owner")
-    code: int
-    component: int
-    n: int
-    owner: Any
-    kind = "law"
-
-    @property
-    def size(self) -> int:
-        return self.n
-
-    @property
-    def store(self) -> str:  # type: ignore[override]
-        return "joint_law" if self.owner.kind == "joint" else "element_law"
-
-    def check(self, values: Sequence[float]) -> None:
-        """The constructor of the law has checked its numbers."""
-
-    def _range(self, name: str) -> tuple[int, int]:
-        return self.start, self.n
-
-
-class SavedLaw:
-    """A law read from a file: its type by name, its code and its numbers."""
-
-    def __init__(self, name: str, code: int, values: Sequence[Any]) -> None:
-        self.name, self.code, self.values = name, code, tuple(values)
-
-
-class NewLaws:
-    """Laws that were checked with their owner and enter the model when it does."""
-
-    def __init__(self, owner: Any, made: list[tuple[LawItem, list[Number]]]) -> None:
-        self.owner, self.made = owner, made
-
-    def commit(self, index: int) -> None:
-        """Take them into the model."""
-        items = self.owner.model.laws[self.owner.kind]
-        for law, entries in self.made:
-            law.index = len(items)
-            law.put(entries)
-            items.append(law)
-        if self.made:
-            self.owner.model.laws_of[self.owner.kind, index] = [law for law, _ in self.made]
-
-
-def add_laws(owner: Any, law: Any, n: int, names: Sequence[str]) -> NewLaws:
-    """Check ``law=``: one law (or a list of them) where there is one coordinate, else one for each, or {name: law}."""
-    made: list[tuple[LawItem, list[Number]]] = []
-    for component, one in _by_component(owner.name + ".law", law, n, names):
-        made.append(_new_law(owner, component, one))
-    return NewLaws(owner, made)
-
-
-def _by_component(where: str, law: Any, n: int, names: Sequence[str]) -> list[tuple[int, Any]]:
-    if law is None:
-        return []
-    if n == 0:
-        raise problem(where, "is given, but there is no free coordinate for it to act on")
-    if isinstance(law, Mapping):
-        out = []
-        for key, value in law.items():
-            if key not in names:
-                raise problem(where, f"has no coordinate {shown(key)}; known: {', '.join(names)}")
-            out += [(names.index(key), one) for one in _many(value)]
-        return out
-    if n == 1:
-        return [(0, one) for one in _many(law)]
-    if not isinstance(law, (list, tuple)) or len(law) != n:
-        raise problem(
-            where, f"must be {n} laws or None, one for each of {', '.join(names)}, or {{name: law}}; got {shown(law)}"
-        )
-    return [(i, one) for i, entry in enumerate(law) for one in _many(entry)]
-
-
-def _many(law: Any) -> list[Any]:
-    if law is None:
-        return []
-    return list(law) if isinstance(law, (list, tuple)) else [law]
-
-
-def _new_law(owner: Any, component: int, law: Any) -> tuple[LawItem, list[Number]]:
-    where = owner.name + ".law"
-    code, values = getattr(law, "code", None), getattr(law, "values", None)
-    if isinstance(code, bool) or not isinstance(code, int) or values is None or callable(values):
-        raise problem(where, f"must be a law such as mb.Cubic(1e9), got {shown(law)}")
-    if getattr(law, "w", None) is not None:
-        raise problem(where, "has w=, a direction for mb.MechanicalSystem; here the joint or element is the direction")
-    name = law.name if isinstance(law, SavedLaw) else type(law).__name__
-    item = LawItem(owner.model, name)
-    entries = [scalar(v, where) for v in values]
-    item.owner, item.component, item.code, item.n = owner, component, code, len(entries)
-    item.evaluated(entries)
-    return item, entries
-
-
-def law_fields(owner: Any) -> dict[str, Group]:
-    """``law[i]``: the numbers of all laws of an owner, one after the other. They live in the store of laws."""
-    items = owner.model.laws_of.get((owner.kind, owner.index), ())
-    slots = tuple((law.start + i,) for law in items for i in range(law.n))
-    return (
-        {"law": Group(slots, (len(slots),), ("",) * len(slots), store=items[0].store, checked=False)} if slots else {}
-    )

@@ -1,4 +1,4 @@
-"""Where in a TOML text a table or a key stands, so that an error about its meaning can point at it."""
+"""Line and column of a table or key in a TOML text, for error messages."""
 
 from __future__ import annotations
 

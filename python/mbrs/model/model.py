@@ -1,4 +1,4 @@
-"""The model: names, units and numbers as the user gives them. `mbrs.tables` makes Tables of it."""
+"""The model: names, units and numbers as the user gives them. `mbrs.system.tables` makes Tables of it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any, overload
 
 import numpy as np
 
+from .._lib.formats import find
 from ..errors import ModelError
 from . import bodies as _bodies
 from . import drives as _drives
@@ -245,20 +246,34 @@ class Model(Book):
             self.changed_structure()
         self.values_version += 1
 
-    def save(self, path: str | Path) -> Path:
-        """Save as TOML; `load` brings back a model with identical Tables. Expressions stay expressions. Returns the path."""
-        from .toml import save
+    def file_text(self) -> str:
+        """The text of the file that `save` writes."""
+        from .toml import dumps
 
-        return save(self, path)
+        return dumps(self)
+
+    def save(self, path: str | Path) -> Path:
+        """Save as the ending says and return the path.
+
+        ``.toml``: `load` brings back a model with identical Tables, expressions stay expressions. Other endings are formats of other
+        programs (docs/files.md); an `OmissionWarning` names by object what they cannot hold.
+
+        Raises
+        ------
+        ModelError
+            An unknown ending, or a model that the format cannot hold.
+        """
+        write = find(path, "model", "write").write
+        return write(self, Path(path))  # type: ignore[misc]
 
     @staticmethod
     def load(path: str | Path, functions: bool = False) -> Model:
-        """A model from a TOML file.
+        """A model from a file of any known format, by its ending: TOML, URDF, MJCF (docs/files.md).
 
         Parameters
         ----------
         path
-            Of a file that `save` wrote, or that was written by hand.
+            Of a file that `save` wrote, that was written by hand, or that another program wrote.
         functions
             A file may name Python functions of time, "module:name". True: import their modules, which runs their code; do so only with
             files that you trust. By default a file is data: the names are kept as text; the model prints, changes and saves,
@@ -267,11 +282,15 @@ class Model(Book):
         Raises
         ------
         ModelError
-            What is wrong, with file, line and column.
-        """
-        from .toml import load
+            An unknown ending, or what is wrong, with file, line and column.
 
-        return load(path, Model, functions)
+        Warns
+        -----
+        OmissionWarning
+            What another program's file has and a model has not, by object.
+        """
+        read = find(path, "model", "read").read
+        return read(Path(path), functions=functions)  # type: ignore[misc,no-any-return]
 
     def copy(self) -> Model:
         """An independent copy."""
@@ -307,3 +326,14 @@ class Model(Book):
             (len(self.space.names), "parameters"),
         )
         return f"Model({self.name!r}: " + ", ".join(f"{n} {what}" for n, what in counts) + ")"
+
+    def __str__(self) -> str:
+        """Tables of everything that was given; a large model's are cut."""
+        from .listing import blocks
+
+        return "\n\n".join(block.text() for block in blocks(self))
+
+    def _repr_html_(self) -> str:
+        from .listing import blocks
+
+        return "\n".join(block.html() for block in blocks(self))

@@ -46,7 +46,7 @@ class Motion:
 
     @property
     def code(self) -> int:
-        """What the core knows it by."""
+        """Code of the kind in the Tables."""
         return self.declared.code
 
     @property
@@ -357,7 +357,7 @@ class MotionItem(Item):
         return out
 
     def described(self) -> Any:
-        """What a file holds: {type, numbers}, or "module:name"."""
+        """Data for a file: {type, numbers}, or "module:name"."""
         if self.function is not None:
             return self.function.name
         table: dict[str, Any] = {"type": MOTIONS[self.code].name}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Collection, Iterable
 
-from .._checks import shown
+from .._lib.checks import shown
 from ..errors import DuplicateNameError, MbrsError, ModelError, NameNotFoundError
 
 GROUND = "ground"

@@ -36,7 +36,7 @@ def scalar(value: Any, where: str) -> Number:
 
 
 def shape_of(value: Any) -> tuple[int, ...]:
-    """The shape of numbers, nested sequences, arrays and array parameters; () for what is no sequence."""
+    """The shape of numbers, nested sequences, arrays and array parameters; () for anything else."""
     if hasattr(value, "shape"):
         return tuple(value.shape)
     if isinstance(value, (list, tuple)):

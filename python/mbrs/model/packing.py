@@ -151,6 +151,6 @@ def inertia_numbers(value: Any, where: str) -> list[Number]:
     for upper, lower in ((1, 3), (2, 6), (5, 7)):
         if abs(now[upper] - now[lower]) > INERTIA_TOLERANCE * largest:
             raise problem(where, "must be a symmetric tensor: entries [i,j] and [j,i] differ", InertiaError)
-        # Of a symmetric pair the entry that is an expression is meant.
+        # The entry of a symmetric pair that is an expression is meant.
         out.append(flat[lower] if isinstance(flat[lower], Expression) else flat[upper])
     return out

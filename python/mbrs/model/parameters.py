@@ -50,7 +50,7 @@ class ParameterSpace:
         return self.units[self.symbols[place].label.partition("[")[0]]
 
     def handle(self, name: str) -> Symbol | ArrayParameter:
-        """What `Model.parameter` returned."""
+        """The value that `Model.parameter` returned."""
         start, shape = self.names[name]
         return self.symbols[start] if shape == () else ArrayParameter(self, name, start, shape)
 

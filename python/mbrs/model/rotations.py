@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from .._lib.rotations import matrix_to_quaternion
 from ..errors import ModelError
 from .expressions import Expression
 from .names import problem, shown
@@ -58,7 +58,7 @@ def rotation(axis: Any, angle: Any) -> np.ndarray:
 
 
 def quaternion(value: Any, where: str) -> list[Number]:
-    """A quaternion as given, or that of a rotation matrix (3, 3) body to world; None is no rotation."""
+    """A quaternion as given, or that of a rotation matrix (3, 3) body to world; None is the identity."""
     if value is None:
         return [1.0, 0.0, 0.0, 0.0]
     if shape_of(value) == (3, 3):
@@ -81,35 +81,6 @@ def _from_matrix(flat: list[Number], where: str) -> list[Number]:
     return [float(v) for v in matrix_to_quaternion(r)]
 
 
-def matrix_to_quaternion(r: np.ndarray) -> np.ndarray:
-    """The unit quaternion of a rotation matrix: the eigenvector of Bar-Itzhack's symmetric matrix, w >= 0.
-
-    Source: Bar-Itzhack, J. Guidance 23(6), 2000 (nearest rotation for a matrix that is only nearly orthonormal).
-    """
-    k = np.empty((4, 4))
-    trace = np.trace(r)
-    skew = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
-    k[0, 0] = trace
-    k[0, 1:] = k[1:, 0] = skew
-    k[1:, 1:] = r + r.T - trace * np.eye(3)
-    q = np.linalg.eigh(k)[1][:, -1]
-    return q if q[0] >= 0.0 else -q
-
-
-def cross(a: Sequence[float], b: Sequence[float]) -> list[float]:
-    """a x b without the overhead of arrays."""
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-
-
-def quaternion_rate(q: Sequence[float], i: int) -> list[float]:
-    """d q by a small rotation about world axis i: 1/2 (0, e_i) (x) q."""
-    w, v = q[0], q[1:4]
-    e = [0.0, 0.0, 0.0]
-    e[i] = 1.0
-    turned = cross(e, v)
-    return [-0.5 * v[i], *(0.5 * (w * e[j] + turned[j]) for j in range(3))]
-
-
 def unit(given: Any, where: str) -> tuple[float, float, float]:
     """A plain unit vector from "x", "-y", ... or three numbers."""
     a = direction(given, where)
@@ -118,10 +89,3 @@ def unit(given: Any, where: str) -> tuple[float, float, float]:
     length = math.hypot(*a)  # type: ignore[arg-type]
     x, y, z = (float(v) / length for v in a)  # type: ignore[arg-type]
     return (x, y, z)
-
-
-def quaternion_matrix(q: Sequence[float] | np.ndarray) -> np.ndarray:
-    """The rotation matrix (3, 3) of a quaternion (4,), scalar first, of any positive length."""
-    w, x, y, z = np.asarray(q, dtype=float) / np.linalg.norm(q)
-    s = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + 2.0 * (w * s + s @ s)

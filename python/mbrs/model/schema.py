@@ -114,7 +114,7 @@ class Size:
 
 
 def size_of(shape: Sequence[int | str]) -> Size:
-    """How many numbers a shape has."""
+    """Number of numbers of a shape."""
     counts, power = 1, 0
     for n in shape:
         counts, power = (counts, power + 1) if isinstance(n, str) else (counts * n, power)
@@ -143,7 +143,7 @@ class Block:
         return self.starts[name](m)
 
     def slice(self, name: str, m: int = 0) -> slice:
-        """Where the numbers of a field are, from the start of the object's numbers."""
+        """Slice of the numbers of a field, from the start of the object's numbers."""
         return self._slice(name, m) if m else self._slices[name]
 
     def _slice(self, name: str, m: int) -> builtins.slice:
@@ -151,7 +151,7 @@ class Block:
         return slice(start, start + size_of(self.fields[name].shape)(m))
 
     def size(self, m: int = 0) -> int:
-        """How many numbers the object has."""
+        """Number of numbers of the object."""
         return self.total(m)
 
 
@@ -203,7 +203,7 @@ class Kind:
 
     @cached_property
     def fields(self) -> tuple[Field, ...]:
-        """Those of the block that this type uses."""
+        """Fields of the block that this type uses."""
         return tuple(f for f in self.block if not f.types or self.type in f.types)
 
     @cached_property
@@ -223,7 +223,7 @@ class Kind:
         return tuple(a.name for a in self.arguments if a.required)
 
     def form(self, name: str) -> Form:
-        """What an argument is."""
+        """Form of an argument."""
         return next(a.form for a in self.arguments if a.name == name)
 
     def units(self, f: Field, shape: tuple[int, ...]) -> tuple[str, ...]:
@@ -237,7 +237,7 @@ class Kind:
 
 
 def coordinate_unit(role: str, row: str, column: str) -> str:
-    """Of a force on a coordinate "t" or "r", or of its derivative by (the rate of) another."""
+    """Unit of a force on a coordinate "t" or "r", or of its derivative by (the rate of) another."""
     if role == "force":
         return _FORCE[row]
     return f"{_FORCE[row]}{' s' if role == 'damping' else ''}/{_MOTION[column]}"
@@ -488,31 +488,43 @@ HEADINGS = {
 
 @dataclass(frozen=True)
 class LawKind:
-    """A force law of one coordinate: its codes in Tables, and what its force depends on."""
+    """A force law of one coordinate: its codes in Tables, and what its force depends on.
+
+    ``rate_codes``: those of its codes whose force depends on the rate. ``state``: "map" where the state follows the displacement
+    whatever the time between (sliders), "rate" where z' = g(u, u', z). ``polynomial`` in u and u'. ``smooth``: without kinks.
+    ``phase``: the force follows the phase of the excitation.
+    """
 
     name: str
     codes: tuple[int, ...]
     numbers: str
     effect: Literal["", "friction", "contact"] = ""
     rate_codes: tuple[int, ...] = ()
-    memory: bool = False
+    state: Literal["", "map", "rate"] = ""
+    polynomial: bool = False
+    smooth: bool = True
+    phase: bool = False
 
 
 LAWS = {
     law.name: law
     for law in (
-        LawKind("Cubic", (0,), "k3"),
-        LawKind("Polynomial1D", (1, 2), "c_0, c_1, ... of u; code 2: as many of u'", rate_codes=(2,)),
-        LawKind("Gap", (3, 4), "k, gap, smoothing; code 4: on both sides", "contact"),
+        LawKind("Cubic", (0,), "k3", polynomial=True),
+        LawKind("Polynomial1D", (1, 2), "c_0, c_1, ... of u; code 2: as many of u'", rate_codes=(2,), polynomial=True),
+        LawKind("Gap", (3, 4), "k, gap, smoothing; code 4: on both sides", "contact", smooth=False),
         LawKind("CoulombTanh", (5,), "force_limit, v_ref", "friction", (5,)),
-        LawKind("Hertz", (6,), "k, exponent, gap", "contact"),
-        LawKind("TableLaw", (7,), "u_i, then f_i"),
-        LawKind("VanDerPol", (8,), "mu", rate_codes=(8,)),
-        LawKind("Jenkins", (9,), "k, f_slip", "friction", memory=True),
-        LawKind("Iwan", (10,), "k_i, f_i in turn", "friction", memory=True),
-        LawKind("VaryingStiffness", (11,), "k, order, phase"),
+        LawKind("Hertz", (6,), "k, exponent, gap", "contact", smooth=False),
+        LawKind("TableLaw", (7,), "u_i, then f_i", smooth=False),
+        LawKind("VanDerPol", (8,), "mu", rate_codes=(8,), polynomial=True),
+        LawKind("Jenkins", (9,), "k, f_slip", "friction", state="map", smooth=False),
+        LawKind("Iwan", (10,), "k_i, f_i in turn", "friction", state="map", smooth=False),
+        LawKind("VaryingStiffness", (11,), "k, order, phase", polynomial=True, phase=True),
+        LawKind("Maxwell", (12,), "k_i, tau_i in turn", rate_codes=(12,), state="rate"),
+        LawKind("BoucWen", (13,), "k, alpha, beta, gamma, n", rate_codes=(13,), state="rate", smooth=False),
+        LawKind("LuGre", (14,), "f_c, f_s, v_s, s0, s1, s2", "friction", rate_codes=(14,), state="rate", smooth=False),
     )
 }
+LAW_OF_CODE = {code: law for law in LAWS.values() for code in law.codes}
 
 
 @dataclass(frozen=True)

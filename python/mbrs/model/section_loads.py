@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from .._checks import sized_array
+from .._lib.checks import sized_array
+from .._lib.rotations import quaternion_matrix
 from .aliases import Matrix, Vector
 from .book import Book, Group
 from .flexible import FlexibleBody
 from .forces import Load, enter_load, split_value
 from .motions import MotionItem, MotionLike, Table
 from .names import problem, shown
-from .rotations import quaternion_matrix
 from .schema import LOAD_FRAMES, LOADS
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class ModalLoad(Load):
 
 @dataclass(frozen=True)
 class SectionLoad:
-    """What `Model.section_load` made: the names of its loads, and the resultants that they have together.
+    """Handle of a section load: the names of its loads, and the resultants that they have together.
 
     ``force`` and ``moment`` (3,) or (n_t, 3) about the body's origin, N and N m, in the load's axes; ``modal`` (m,) or
     (n_t, m), the generalised forces, None for loads in world axes, which act on the nodes.
@@ -156,7 +156,7 @@ def _on_nodes(
     if len(nodes) < 2 or np.any(np.diff(places) <= 0) or places[0] > line.at[0] or places[-1] < line.at[-1]:
         raise problem(
             label,
-            f"acts in world axes through the nodes of {owner.name!r}, which must differ and reach over all stations; they are "
+            f"in world axes needs distinct nodes of {owner.name!r} that span all stations; the nodes are "
             f"at {', '.join(f'{s:g}' for s in places) or 'none'}. Give the body more nodes=, or use frame='body'",
         )
     share = np.array([np.interp(line.at, places, unit) for unit in np.eye(len(places))])
@@ -217,7 +217,7 @@ class _Maker:
     def _take(self, load: Load, at: Any, values: np.ndarray) -> None:
         load.body, load.motions = self.owner.index, []
         if self.when is not None:
-            Table(self.when, values[:, 0], self.kind)  # a wrong kind says so before anything is made
+            Table(self.when, values[:, 0], self.kind)  # raises for a wrong kind before anything is made
         self.ready.append((load, at, values))
 
     def commit(self) -> None:

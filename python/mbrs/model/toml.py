@@ -12,13 +12,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from .._lib.files import write_atomic
 from ..errors import DuplicateNameError, InertiaError, MbrsError, ModelError, NameNotFoundError
-from ..files import write_atomic
 from .book import Book
 from .describe import describe
 from .expressions import Expression
 from .grammar import GrammarError, parse
-from .laws import SavedLaw
+from .law_items import SavedLaw
 from .locate import Places
 from .motions import TYPES, FunctionName, resolve
 from .names import nearest, problem, shown
@@ -108,7 +108,7 @@ def loads(text: str, new: Callable[[str], Any], source: str = "<text>", function
 
 
 def _too_long(text: str) -> str | None:
-    """Where an integer has too many digits."""
+    """Message about an integer with too many digits, or None."""
     found = _DIGITS.search(text)
     if found is None:
         return None

@@ -1,4 +1,4 @@
-"""What is drawn, as plain arrays and labels: shared by matplotlib figures and by the charts of pages."""
+"""Data of figures as plain arrays and labels: shared by matplotlib figures and by the charts of pages."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from .._lib.text import number, si
 from ..errors import MbrsError, ModelError
-from ..report import number, si
 
 __all__ = [
     "Curve",

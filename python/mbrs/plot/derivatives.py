@@ -64,7 +64,7 @@ def linearization_sensitivity(result: Any, *, ax: Any = None) -> Any:
 
 
 def equilibrium_sensitivity(result: Any, *, ax: Any = None) -> Any:
-    """How far the origin of each body moves, |dx/dp|, over the largest by each parameter."""
+    """Displacement of the origin of each body, |dx/dp|, over the largest by each parameter."""
     size = np.linalg.norm(result.position, axis=1)
     largest = size.max(axis=0, initial=0.0)
     shown = {

@@ -31,7 +31,7 @@ def tornado(
         How many parameters at most.
     change
         By how much each parameter changes: a part of its present value (0.01: one per cent), or {name: amount in its own unit},
-        where the name of an array parameter stands for all of its entries; those not named change by one per cent.
+        where the name of an array parameter means all of its entries; those not named change by one per cent.
     objective
         Which one, of several.
 
@@ -42,7 +42,7 @@ def tornado(
     Raises
     ------
     ModelError
-        A name that is no parameter of the gradient, a change that is no number, an objective that is not there.
+        A name that is not a parameter of the gradient, a change that is not a number, an unknown objective.
     """
     rows = np.asarray(result.gradient).reshape(-1, len(result.labels))
     if not isinstance(objective, int) or not 0 <= objective < len(rows):

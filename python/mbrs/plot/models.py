@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..animate.geometry import SceneGeometry, scene_from_tables
+from ..view.scene import SceneGeometry
 from .figure import FADED, PALETTE, canvas, colours, legend, style
 
 __all__ = ["equilibrium", "steady_motion", "system"]
@@ -21,7 +21,7 @@ def equilibrium(result: Any, *, ax: Any = None) -> Any:
 
     Small displacements are enlarged by a round factor, which the title states.
     """
-    drawn = scene_from_tables(result.linearization.snapshot.tables)
+    drawn = result.linearization.snapshot.scene
     moved = result.linearization.geometry
     plane, size = _plane(drawn)
     shift = max((float(np.linalg.norm(a - b)) for a, b in _pairs(drawn, moved)), default=0.0)

@@ -156,6 +156,27 @@ def gradient_check(check: Any, *, ax: Any = None) -> Any:
     return made
 
 
+def comparison(result: Any, *, ax: Any = None) -> Any:
+    """Relative difference of core and reference by quantity, beside the error that the result states."""
+    floor = 1e-17
+    with style():
+        made, axes = canvas(ax, (8.0, 1.6 + 0.36 * len(result.labels)))
+        place = np.arange(len(result.labels))
+        blue, orange = colours(axes, 2)
+        far = np.maximum(np.nan_to_num(np.asarray(result.difference, dtype=float), posinf=1.0), floor)
+        axes.plot(far, place, "o", color=blue, label="difference")
+        axes.axvline(max(result.stated, floor), color=orange, lw=1.2, label="stated error")
+        wrong = ~np.asarray(result.agree, dtype=bool)
+        if wrong.any():
+            axes.plot(far[wrong], place[wrong], "x", color=PALETTE[5], ms=11, mew=2, label="do not agree")
+        axes.set_xscale("log")
+        axes.set_yticks(place, result.labels)
+        from_the_top(axes)
+        axes.set(xlabel="relative difference", title=result.heading())
+        legend(axes)
+    return made
+
+
 def motion_sensitivity(result: Any, *, ax: Any = None) -> Any:
     """Derivatives of objectives by parameters as bars, each over the largest of its objective."""
     flat = np.asarray(result.derivative, dtype=float)

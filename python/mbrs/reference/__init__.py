@@ -1,6 +1,6 @@
 """The analyses once more, in plain NumPy, from the same tables: the check of the Rust core, never its servant.
 
-Absolute coordinates of the centres of mass, all joints as constraints, congruence with B' and B'' (METHODS.md a).
+Absolute coordinates of the centres of mass, all joints as constraints, congruence with B' and B'' (docs/theory.md (5.7) to (5.10)).
 Real quantities are complex-safe: a complex step in x gives their derivatives to rounding.
 """
 
@@ -28,8 +28,9 @@ from .sensitivity import (
     real_part,
     shape_derivative,
 )
+from .simulate import simulate
 from .steady import steady_motion
-from .transient import History, Instant, simulate
+from .transient import History, Instant
 
 __all__ = [
     "Derivative",

@@ -6,7 +6,7 @@ Trapezoidal rule v = 2/h x - v_n, a = 2/h (v - v_n) - a_n, q = q_n exp(x - h^2/1
     W (v - v*) + B^T kappa = 0, B v + b = 0;   W (a - a*) + B^T nu = 0, B a + b' = 0
 
 iterated until Phi, Psi and both projections are at rounding level. W = M + h/2 C + h^2/4 K ("tangent") or M ("mass").
-Source: METHODS.md (e), after Dopico and co-workers; penalty and repeated projections after its cautions e.2b.
+Source: docs/theory.md (17.14) to (17.17), (20.3); D. Dopico and others, Nonlinear Dynamics 93 (2018) 2039-2056.
 Complex-safe: a complex step in the numbers goes through the whole discrete solution.
 """
 
@@ -29,7 +29,7 @@ _PASSES = 100
 
 
 class Mechanism:
-    """What a model gives: everything as complex-safe functions of time, configuration, rates and the numbers p.
+    """A mechanism: complex-safe functions of time, configuration, rates and the numbers p.
 
     ``n`` coordinates, ``n_position`` rows of position level, then ``n_velocity`` rows D v + d = 0.
     """
@@ -75,7 +75,7 @@ class Mechanism:
         return self.rows(t, q, p) @ v
 
     def bias(self, t: float, q: Any, v: Array, p: Array) -> Array:
-        """What B a must cancel."""
+        """Terms that B a must cancel."""
         return np.zeros(self.n_position + self.n_velocity)
 
     def tangents(self, t: float, q: Any, v: Array, a: Array, p: Array) -> tuple[Array, Array]:

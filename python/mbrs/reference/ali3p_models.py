@@ -1,7 +1,6 @@
 """Two mechanisms for ALI3-P: a five-bar in natural coordinates and a point with a nonholonomic row.
 
-Five-bar: METHODS.md e.3, a layout reconstructed by search (its gradient agrees with a remembered one; no source gives
-the data). Point: METHODS.md e.4, an example of our own.
+Five-bar: docs/theory.md (23.12), a layout found by a search, since no source gives the data. Point: docs/theory.md (23.13), an own example.
 """
 
 from __future__ import annotations

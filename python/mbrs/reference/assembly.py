@@ -16,6 +16,7 @@ from .kinematics import (
     State,
     System,
     advance,
+    first_guess,
     link_pair,
     motion,
     place_modal,
@@ -95,7 +96,7 @@ def jacobian(sys: System, state: State, velocity: bool = True) -> Array:
 
 
 def partition(sys: System, state: State, independent: Sequence[int] | None = None) -> Partition:
-    """Which coordinates depend on which, by column-pivoted QR of the scaled cut rows, or as told by ``independent``.
+    """Dependent and independent coordinates, by column-pivoted QR of the scaled cut rows, or as told by ``independent``.
 
     Rows that restrict velocities alone take a freedom like the others: about a state at rest what they leave is a
     constant.
@@ -157,7 +158,8 @@ def assemble(sys: System, state: State, tolerance: float = 1e-13) -> State:
             continue
         u, turn = relative_pose(t, state.r, state.R)
         free = [k for _, kind, _, k in t.coordinates if kind == "t"]
-        place_outer(t, r, R, np.where(np.isin(np.arange(3), free), u, 0.0), _free_turn(t, turn))
+        turn, along = _free_turn(t, turn), np.where(np.isin(np.arange(3), free), u, 0.0)
+        place_outer(t, r, R, along + t.link.pitch * so3.atan2(turn[1, 0], turn[0, 0]) * np.eye(3)[2], turn)
     return close_loops(sys, State(r, R, state.v, state.w), tolerance)
 
 
@@ -196,3 +198,21 @@ def close_loops(sys: System, state: State, tolerance: float = 1e-13, fixed: Sequ
     raise AssemblyError(
         f"the loops do not close: gap {gap:.3g} (in units of {sys.length:.3g} m); check the joints' points"
     )
+
+
+@dataclass
+class Mobility:
+    """Degrees of freedom of a system as drawn, rank of its cut rows, and the rows that others imply, as ``joint[row]``."""
+
+    dof: int
+    rank: int
+    redundant: list[str]
+    partition: Partition
+
+
+def mobility(sys: System) -> Mobility:
+    """The mobility of the assembled drawn state; rows are counted in the order of docs/tables.md."""
+    part = partition(sys, assemble(sys, first_guess(sys)))
+    kept = set(part.rows.tolist())
+    redundant = [name for i, name in enumerate(cut_row_names(sys)) if i not in kept]
+    return Mobility(len(part.independent), len(part.dependent), redundant, part)

@@ -1,6 +1,6 @@
 """Four-step BDF with constraints at position and velocity level (Gear, Gupta, Leimkuhler), Newton's method.
 
-    q' - v + J^T mu = 0,   M v' + h + J^T lam = 0,   Phi = 0,   J v + Phi_t = 0                         (METHODS.md c.3)
+    q' - v + J^T mu = 0,   M v' + h + J^T lam = 0,   Phi = 0,   J v + Phi_t = 0             (docs/theory.md (17.12), (17.13))
     y'_n = (25 y_n - 48 y_n-1 + 36 y_n-2 - 16 y_n-3 + 3 y_n-4) / (12 h)
 
 Past poses are seen from the new one, by the tree increments that lead there, whose rate at t_n is v; no ball joint may
@@ -19,10 +19,10 @@ from .transient import (
     History,
     Instant,
     acceleration,
+    advance_memory,
     column_scales,
     difference,
     force_scales,
-    marched,
     moved,
     multiplier_scales,
     newton,
@@ -74,5 +74,5 @@ def bdf4(sys: System, start: Instant, h: float, n: int, past: list[Instant] | No
     while len(history.instants) <= n:
         end, count = bdf_step(sys, history.instants[:-5:-1], h)
         history.iterations += count
-        history.instants.append(marched(sys, end))
+        history.instants.append(advance_memory(sys, end))
     return history

@@ -1,4 +1,6 @@
-"""Four-step BDF in tree coordinates, solved by inverse quasi-Newton updates: no Jacobian of the equations (METHODS.md c).
+"""Four-step BDF in tree coordinates, solved by inverse quasi-Newton updates: no Jacobian of the equations.
+
+docs/theory.md (17.12), (17.13):
 
     ggl:        theta' - T(theta) v + S J^T mu = 0,  M v' + h + J^T lam = 0,  Phi = 0,  J v = 0
     symmetric:  v = T^-1(theta) theta',              M v' + h + J^T lam = 0,  Phi = 0;  v projected afterwards

@@ -29,7 +29,7 @@ def closure_defect(
     """|(1 - J J^+) dJ B''| along a direction in x, J scaled by L_c; zero where the loops stay as mobile as they are.
 
     Includes the gap (1 - J J^+) dPhi that opens at the state itself. Above about 1e-8 of |dJ| the derivative of the
-    modes does not exist (METHODS.md a.2).
+    modes does not exist (docs/theory.md (9.2)).
     """
     real = System(tables)
     state = state_of(real)

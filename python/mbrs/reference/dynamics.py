@@ -141,7 +141,7 @@ def load_forces(sys: System, state: State, gravity: bool = True) -> tuple[Array,
 
 @dataclass
 class Reach:
-    """What a link does to its two bodies: J^T (12, n) and its derivative (12 directions, 12, n), and the rows'
+    """Action of a link on its two bodies: J^T (12, n) and its derivative (12 directions, 12, n), and the rows'
     place in 6 nb.
     """
 

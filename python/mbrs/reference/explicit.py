@@ -19,7 +19,7 @@ from .assembly import jacobian, scales
 from .kinematics import State, System, advance
 from .motion import Motion, explicit_rates, increment_rates, velocity_rows, with_rates
 from .so3 import Array
-from .transient import History, Instant, acceleration, consistent, marched, moved, rows, turning
+from .transient import History, Instant, acceleration, advance_memory, consistent, moved, rows, turning
 
 TIE = 1e-6  # entries that differ by less are equally good pivots: the first is taken
 REDUNDANT = 1e-9  # remainders below this part of the largest entry carry nothing
@@ -154,7 +154,7 @@ def explicit(
             trial = moved(sys, now, y, now.rate + h * row[:i] @ dv[:i])
             dy[i], dv[i] = increment_rates(sys, y, trial.rate), acceleration(sys, trial)[0]
         end = moved(sys, now, h * weights @ dy, now.rate + h * weights @ dv)
-        history.instants.append(marched(sys, consistent(sys, start.t + (step + 1) * h, end)))
+        history.instants.append(advance_memory(sys, consistent(sys, start.t + (step + 1) * h, end)))
     return history
 
 
@@ -175,7 +175,7 @@ def _independent(sys: System, start: Instant, h: float, n: int, coefficients: tu
             dy[i], dv[i] = stage
         end = chart.motion(t + h, h * weights @ dy, now.rate + h * weights @ dv, now.memory)[1]
         sys.t = t + h
-        history.instants.append(marched(sys, Instant(t + h, end, *acceleration(sys, end))))
+        history.instants.append(advance_memory(sys, Instant(t + h, end, *acceleration(sys, end))))
     return history
 
 
@@ -203,5 +203,5 @@ def oracle(sys: System, start: Instant, times: Sequence[float] | Array, rtol: fl
         atol = 1e-2 * rtol * max(1.0, float(np.max(np.abs(z), initial=0.0)))
         run = solve_ivp(slope, (now.t, t), z, method="DOP853", rtol=rtol, atol=atol)
         end = chart.motion(t, *chart.spread(run.y[:m, -1], run.y[m:, -1]), memory)[1]
-        history.instants.append(marched(sys, consistent(sys, t, end)))
+        history.instants.append(advance_memory(sys, consistent(sys, t, end)))
     return history

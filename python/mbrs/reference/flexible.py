@@ -56,7 +56,7 @@ class Flexible:
 
     @property
     def places(self) -> Array:
-        """Of the frame's six and the m modal coordinates in a vector over all frames (6 each)."""
+        """Indices of the frame's six and the m modal coordinates in a vector over all frames (6 each)."""
         return np.concatenate([6 * self.frame + np.arange(6), self.modal_places])
 
     @property
@@ -70,7 +70,7 @@ class Flexible:
 
 @dataclass
 class Node:
-    """Where a node is in its frame: place (3,), shapes (6, m)."""
+    """A node in its frame: place (3,), shapes (6, m)."""
 
     owner: Flexible
     place: Array

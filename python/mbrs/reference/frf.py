@@ -48,7 +48,7 @@ def frf_derivative(
     dL: Any,
     kind: str = "receptance",
 ) -> Array:
-    """dH = dL X + L Z^-1 (dF - dZ X), X = Z^-1 F (METHODS.md a.2); the maps depend on geometry too."""
+    """dH = dL X + L Z^-1 (dF - dZ X), X = Z^-1 F (docs/theory.md (9.8)); the maps depend on geometry too."""
     p, out = POWER[kind], []
     for o in np.atleast_1d(np.asarray(omega)):
         Z, dZ = S - o * o * M + 1j * o * D, dS - o * o * dM + 1j * o * dD

@@ -21,10 +21,10 @@ from .so3 import Array
 from .transient import (
     History,
     Instant,
+    advance_memory,
     column_scales,
     consistent,
     force_scales,
-    marched,
     moved,
     multiplier_scales,
     newton,
@@ -53,7 +53,7 @@ class Numbers:
 
 @dataclass
 class Carried:
-    """What goes on from step to step: the algorithmic acceleration, v' of the equations, their multipliers."""
+    """Data carried from step to step: the algorithmic acceleration, v' of the equations, their multipliers."""
 
     a: Array
     slope: Array
@@ -96,5 +96,5 @@ def generalized_alpha(sys: System, start: Instant, h: float, n: int, rho: float 
         sys.t = start.t + (i + 1) * h
         end, carried, count = one_step(sys, p, history.instants[-1].motion, carried, h)
         history.iterations += count
-        history.instants.append(marched(sys, consistent(sys, sys.t, end)))
+        history.instants.append(advance_memory(sys, consistent(sys, sys.t, end)))
     return history

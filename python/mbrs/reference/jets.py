@@ -1,6 +1,6 @@
 """Values with their first and second derivative along one motion (or along many directions), by the product rule.
 
-A jet holds [value, first, second] derivative (not divided by factorials); None stands for zero. Vectors are rows (k,
+A jet holds [value, first, second] derivative (not divided by factorials); None means zero. Vectors are rows (k,
 3) and frames (3, 3); a first-order jet along m directions has a leading axis m in its derivative, so every operation
 must broadcast over it.
 """

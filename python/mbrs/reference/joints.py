@@ -14,36 +14,8 @@ import numpy as np
 from . import so3
 from .jets import Jet, column, compose, cross, cross_matrix, dot, entry, jet, power, stack
 from .reader import Link
+from .rows import CONSTRAINTS, FREE, VELOCITY_CONSTRAINTS, Row, X, Y, Z
 from .so3 import Array
-
-X, Y, Z = 0, 1, 2
-Row = tuple[str, int, int]  # ("u", i, 0) translation, ("dot", i, j) = A_i . B_j, ("distance", 0, 0), ("knife", 0, 0)
-
-
-def _rows(translations: str, products: str) -> list[Row]:
-    index = "xyz".index
-    rows: list[Row] = [("u", index(t), 0) for t in translations]
-    return rows + [("dot", index(p[0]), index(p[1])) for p in products.split()]
-
-
-CONSTRAINTS: dict[str, list[Row]] = {
-    "fixed": _rows("xyz", "xz yz yx"),
-    "revolute": _rows("xyz", "xz yz"),
-    "prismatic": _rows("xy", "xz yz yx"),
-    "cylindrical": _rows("xy", "xz yz"),
-    "universal": _rows("xyz", "zx"),
-    "spherical": _rows("xyz", ""),
-    "planar": _rows("z", "xz yz"),
-    "free": [],
-    "distance": [("distance", 0, 0)],
-    "knife_edge": [],
-    "rolling_disc": [("disc", 0, 0)],
-}
-# rows that restrict velocities only
-VELOCITY_CONSTRAINTS: dict[str, list[Row]] = {
-    "knife_edge": [("knife", 0, 0)],
-    "rolling_disc": [("disc", 1, 0), ("disc", 2, 0)],
-}
 
 
 def position_rows(link: Link) -> list[Row]:
@@ -61,40 +33,9 @@ def all_rows(link: Link) -> list[Row]:
     return position_rows(link) + velocity_rows(link)
 
 
-def imposed_row(kind: str, coordinate: int) -> Row:
-    """The row of a drive on a joint's free coordinate."""
-    for what, i in FREE[kind]:
-        n = 3 if what == "log" else 1
-        if coordinate < n:
-            return (what, coordinate if what == "log" else i, 0)
-        coordinate -= n
-    raise IndexError(f"a {kind} joint has no such coordinate")
-
-
 def terms(link: Link) -> list[tuple[Link, Any]]:
     """Whose rows a link sums, with what factors: a coupler those of its two joints."""
     return [(link, 1.0)] if link.first is None else [(link, 1.0), (link.first, -link.ratio)]
-
-
-# free coordinates for forces: ("u", i), ("angle", Z), ("beta", X), ("log", 0); the last stands for three
-FREE: dict[str, list[tuple[str, int]]] = {
-    "fixed": [],
-    "revolute": [("angle", Z)],
-    "prismatic": [("u", Z)],
-    "cylindrical": [("u", Z), ("angle", Z)],
-    "universal": [("angle", Z), ("beta", X)],
-    "spherical": [("log", 0)],
-    "planar": [("u", X), ("u", Y), ("angle", Z)],
-    "free": [("u", X), ("u", Y), ("u", Z), ("log", 0)],
-    "distance": [],
-    "knife_edge": [],
-    "rolling_disc": [],
-    "drive": [],
-    "coupler": [],
-    "bushing": [("u", X), ("u", Y), ("u", Z), ("log", 0)],
-    "torsion": [("angle", Z)],
-    "spring_damper": [("stretch", 0)],
-}
 
 
 @dataclass
@@ -110,6 +51,7 @@ class Pair:
     centre_a: Jet
     centre_b: Jet
     radius: Array
+    pitch: Array
 
     def twist(self, a: tuple[Jet, Jet], b: tuple[Jet, Jet]) -> Jet:
         """Relative twists (m, 6) for m motions of the two bodies: rows of (velocity of the centre of mass, angular
@@ -126,7 +68,7 @@ def pair(link: Link, a: tuple[Jet, Jet], b: tuple[Jet, Jet]) -> Pair:
     (ca, Ra), (cb, Rb) = a, b
     A, B = Ra @ link.a.F, Rb @ link.b.F
     p_a, p_b = ca + link.a.s[None, :] @ Ra.T, cb + link.b.s[None, :] @ Rb.T
-    return Pair((p_b - p_a) @ A, A.T @ B, A, p_b, ca, cb, link.radius)
+    return Pair((p_b - p_a) @ A, A.T @ B, A, p_b, ca, cb, link.radius, link.pitch)
 
 
 def translation_row(i: int) -> Jet:
@@ -152,6 +94,8 @@ def constraint_row(row: Row, p: Pair) -> Jet:
         return angle_row(p)
     if kind == "beta":
         return beta_row(p)
+    if kind == "thread":
+        return translation_row(Z) - p.pitch * angle_row(p)
     if kind == "log":
         return np.eye(3)[i : i + 1] @ rotation_vector_rows(p)
     return stretch_row(p)
@@ -166,6 +110,11 @@ def constraint_value(row: Row, p: Pair, length: Array) -> Array:
     if kind == "disc":
         n = p.R.value[:, Z]
         return p.u.value[0, Z] - p.radius * np.sqrt(n[X] ** 2 + n[Y] ** 2)
+    if kind == "thread":
+        angle = so3.atan2(p.R.value[Y, X], p.R.value[X, X])
+        way = p.u.value[0, Z]
+        turns = 0.0 if p.pitch == 0 else np.round(np.real(way / p.pitch - angle) / (2 * np.pi))
+        return way - p.pitch * (angle + 2 * np.pi * turns)
     return so3.norm(p.u.value) - length
 
 
@@ -237,7 +186,7 @@ def coordinate_rows(kind: str, p: Pair) -> Jet:
 
 
 def angle_places(kind: str) -> list[int]:
-    """Which free coordinates are angles that turn on and on."""
+    """Indices of the free coordinates that are angles without limit."""
     return [i for i, (c, _) in enumerate(FREE[kind]) if c in ("angle", "beta")]
 
 

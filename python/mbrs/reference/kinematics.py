@@ -79,7 +79,6 @@ class System:
         if not {"drives", "nonholonomic"} & set(without):
             return self
         out = copy(self)
-        out.__dict__.pop("_drawn_partition", None)
         for name in ("joints", "cut"):
             kept = [link for link in getattr(self, name) if not ("drives" in without and link.kind == "drive")]
             slides = "nonholonomic" in without
@@ -115,30 +114,6 @@ class System:
         """True for the tree coordinates in metres."""
         tree = [c[1] == "t" for t in self.tree for c in t.coordinates]
         return np.array(tree + [False] * (self.ny - self.n_tree), dtype=bool)
-
-    @cached_property
-    def _drawn_partition(self) -> Any:
-        from .assembly import assemble, partition
-
-        return partition(self, assemble(self, first_guess(self)))
-
-    @property
-    def dof(self) -> int:
-        """Degrees of freedom of the assembled drawn state."""
-        return len(self._drawn_partition.independent)
-
-    @property
-    def rank(self) -> int:
-        """Rank of the cut rows there."""
-        return len(self._drawn_partition.dependent)
-
-    @property
-    def redundant(self) -> list[str]:
-        """Cut rows that the others imply, as ``joint[row]``, rows counted in the order of docs/tables.md."""
-        from .assembly import cut_row_names
-
-        names, kept = cut_row_names(self), set(self._drawn_partition.rows.tolist())
-        return [name for i, name in enumerate(names) if i not in kept]
 
 
 def drawn_state(sys: System) -> State:
@@ -220,7 +195,7 @@ def _axis(t: TreeJoint, bodies: Motion, frame: str, k: int) -> Jet:
 def tree_twists(sys: System, bodies: Motion) -> list[tuple[Jet, Jet]]:
     """Jets of B' body by body, ground last: (translations of the centre of mass, rotations), each (ny, 3), world axes.
 
-    q_j = T(c_j - c_i) q_i + T(-(P - c_j)) diag(R, R) D delta (METHODS.md a.2), joints from ground outwards.
+    q_j = T(c_j - c_i) q_i + T(-(P - c_j)) diag(R, R) D delta (docs/theory.md (5.8)), joints from ground outwards.
     """
     one = np.eye(sys.ny)
     zero = jet(np.zeros((sys.ny, 3)))
@@ -244,7 +219,7 @@ def tree_twists(sys: System, bodies: Motion) -> list[tuple[Jet, Jet]]:
             if kind == "t":
                 trans = trans + select @ axis
             else:
-                rot, trans = rot + select @ axis, trans + select @ cross(axis, arm)
+                rot, trans = rot + select @ axis, trans + select @ (cross(axis, arm) + t.link.pitch * axis)
         twists[t.outer] = (trans, rot)
     return twists
 
@@ -295,6 +270,7 @@ def _moved(t: TreeJoint, u: Array, R: Array, y: Array) -> tuple[Array, Array]:
             u[k] += s * value
         else:
             turn[k] = s * value
+            u[k] += s * t.link.pitch * value
     return u, so3.exp(turn) @ R
 
 

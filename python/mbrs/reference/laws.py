@@ -1,6 +1,6 @@
 """Force laws of one relative coordinate in plain NumPy: force, slopes by displacement and rate, memory after.
 
-The same laws as ``rust/src/laws``, written a second time. Complex-safe in displacement, rate, numbers and memory: which
+The same laws as ``rust/src/force``, written a second time. Complex-safe in displacement, rate, numbers and memory: which
 branch acts is decided by real parts.
 """
 
@@ -26,7 +26,7 @@ Answer = tuple[Any, Any, Any, list[Any]]  # force, slope by displacement, slope 
 
 @dataclass
 class BoundLaw:
-    """A law on one coordinate of a link: its numbers, and where its memory stands among that of all laws."""
+    """A law on one coordinate of a link: its numbers, and the index of its memory among that of all laws."""
 
     component: int
     code: int
@@ -48,7 +48,7 @@ class BoundLaw:
 
 
 def memory_size(code: int, n: int) -> int:
-    """How many numbers the law remembers."""
+    """Number of memories of the law."""
     return {JENKINS: 1, IWAN: n // 2}.get(code, 0)
 
 
@@ -130,6 +130,8 @@ def attach(t: Mapping[str, Any], x: Array, elements: list[Any], joints: list[Any
                     raise ModelError(
                         f"mbrs.reference has no table laws, as on {link.name!r}; give a polynomial instead"
                     )
+                if code > VARYING:
+                    raise ModelError(f"mbrs.reference has no laws whose state has a rate, as on {link.name!r}")
                 law = BoundLaw(int(component), int(code), x[start : start + n], n_memory)
                 link.laws.append(law)
                 link.has_force = True

@@ -97,7 +97,7 @@ def turned(sys: System, spin: Array, X: Array) -> Array:
 
 
 def turning_of_columns(sys: System, state: State, part: Partition, T: Array, r: Array) -> Array:
-    """(dT_k)^T r, column k for a unit y_k: what is left of T^T r's derivative off equilibrium."""
+    """(dT_k)^T r, column k for a unit y_k: the part of T^T r's derivative that exists off equilibrium only."""
     if T.shape[1] == 0 or not np.any(r != 0):
         return np.zeros((T.shape[1], T.shape[1]))
     jets = twist_map(sys, motion(state, split(T.T)), part)
@@ -126,7 +126,7 @@ def linearize(
     without
         Effects to leave out: gravity, gyroscopic, centrifugal, preload-stiffness, constraint-force-stiffness, damping.
 
-    Cost O(nb^3). Source: METHODS.md a.2; the terms of a moving state are derived here.
+    Cost O(nb^3). Source: docs/theory.md (5.7) to (5.10), and (5.5) for a moving state.
     """
     dyn.check_effects(without)
     sys = sys.leaving_out(without)
@@ -152,7 +152,7 @@ def linearize(
 
 
 def velocity_constraints(sys: System, base: Nominal) -> tuple[Array, Array, Array]:
-    """W y' + P y = 0 of the velocity rows G v = 0 (n_v, dof), and what is left of G a + G' v with y" = 0.
+    """W y' + P y = 0 of the velocity rows G v = 0 (n_v, dof), and the remainder of G a + G' v with y" = 0.
 
     W = G T; P y collects (dG) v and G (T' - W0 T) y.
     """

@@ -1,7 +1,7 @@
 """Sensitivities by a design variable matrix V (s, t), in the block layout of `mbrs.matrix_calculus`.
 
-Rigid form, A(V, q, t) q" = B(V, q, q', t), and flexible form, M q" + K q + C_q^T lam - Q - F = 0, C = 0: equations 12
-to 23 of Zhang, Chen and Liu (1994) as METHODS.md (d) repairs them. Unlike there, the start may depend on V.
+Rigid form, A(V, q, t) q" = B(V, q, q', t), and flexible form, M q" + K q + C_q^T lam - Q - F = 0, C = 0: docs/theory.md
+(10.7) and (10.8), equations 12 to 23 of Zhang, Chen and Liu (1994). Unlike there, the start may depend on V.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..matrix_calculus import derivative, inverse_rule, product_rule
+from .._lib.vetter import derivative, inverse_rule, product_rule
 from .so3 import Array
 
 Function = Callable[..., Array]

@@ -36,7 +36,7 @@ class Modes:
 def modes(
     M: Any, C: Any = None, G: Any = None, K: Any = None, N: Any = None, rigid: float = 1e-12, repeated: float = 1e-8
 ) -> Modes:
-    """All roots and n modes (normalisation: see `Modes`; METHODS.md a.2).
+    """All roots and n modes (normalised as `Modes` says; docs/theory.md (6.1) to (6.3)).
 
     rigid: singular values of the mass-normalised stiffness below this share of the largest count as zero.
     repeated: eigenvalues closer than this share of |s| form a group.

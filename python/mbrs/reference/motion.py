@@ -157,7 +157,7 @@ def turned_increment(sys: System, dy: Array, h: float, v0: Array, v1: Array) -> 
 
 
 def remember(sys: System, m: Motion) -> Array:
-    """What laws remember after the motion came here."""
+    """Memories of the laws after the motion came here."""
     if sys.n_memory == 0:
         return m.memory
     state, out = with_rates(sys, m), m.memory.copy()

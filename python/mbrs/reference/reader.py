@@ -12,11 +12,12 @@ import numpy as np
 
 from ..errors import ModelError
 from . import so3
+from .rows import imposed_row
 from .so3 import Array
 from .time_functions import TimeFunction, read_motions
 
 JOINTS = ["fixed", "revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "free"]
-JOINTS += ["distance", "knife_edge", "rolling_disc"]
+JOINTS += ["distance", "knife_edge", "rolling_disc", "screw"]
 ELEMENTS = ("spring_damper", "bushing", "torsion")
 HAS_K, HAS_C, HAS_PRELOAD, OWN_FRAME, OWN_LENGTH = 1, 2, 4, 8, 16
 
@@ -60,6 +61,7 @@ class Link:
     laws: list[Any] = field(default_factory=list)
     turns: int | None = None  # where in the memory its angles continue, of links whose force depends on them
     radius: Array = field(default_factory=lambda: np.zeros(()))
+    pitch: Array = field(default_factory=lambda: np.zeros(()))  # of a screw, m per radian
     # of a drive or coupler: its row, the motion it follows, the joint, row and ratio that it is coupled with
     row: Any = None
     motion: TimeFunction | None = None
@@ -71,8 +73,8 @@ class Link:
 
 @dataclass
 class Load:
-    """A force at a point or a torque; value in world axes as drawn; a follower turns with its body. Of a modal force
-    ``component`` is the modal coordinate it acts on.
+    """A force at a point or a torque; value in world axes as drawn; a follower turns with its body. ``component``
+    of a modal force is the modal coordinate it acts on.
     """
 
     name: str
@@ -170,7 +172,7 @@ def read_joints(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Link
         second = axis_frame(axis2) if label == "rolling_disc" else frame
         ends = marker(bodies, a, at_a, frame), marker(bodies, b, at_b, second)
         length = _length(flags, at_a, at_b, x[i + 34])
-        joints.append(Link(name, label, *ends, **law, length=length, radius=x[i + 35]))
+        joints.append(Link(name, label, *ends, **law, length=length, radius=x[i + 35], pitch=x[i + 36]))
     return joints
 
 
@@ -209,8 +211,6 @@ def read_loads(t: Mapping[str, Any], x: Array, bodies: list[Body]) -> list[Load]
 
 def read_imposed(t: Mapping[str, Any], x: Array, joints: list[Link]) -> list[Link]:
     """Drives, then couplers, as links with one row each on the markers of their joint (of a coupler the second one)."""
-    from .joints import imposed_row
-
     motions, out = read_motions(t, x), []
     none = np.zeros((6, 6))
 

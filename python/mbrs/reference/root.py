@@ -1,4 +1,4 @@
-"""F(x) = 0 by inverse quasi-Newton updates and approximate norm descent, step by step (METHODS.md c.2, c.3)."""
+"""F(x) = 0 by inverse quasi-Newton updates and approximate norm descent, step by step (docs/theory.md (19.1) to (19.4))."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _Fun = Callable[[_F1], _F1]
 
 @dataclass
 class Found:
-    """What a solve met: every iterate, its norm, the last H and why it ended."""
+    """Record of a solve: every iterate, its norm, the last H and why it ended."""
 
     x: _F1
     H: NDArray[np.float64]

@@ -1,5 +1,5 @@
-"""Derivatives along a direction in x: real quantities by a complex step, eigenpairs by the formulas of METHODS.md
-a.2.
+"""Derivatives along a direction in x: real quantities by a complex step, eigenpairs by
+docs/theory.md (9.5) to (9.7).
 """
 
 from __future__ import annotations

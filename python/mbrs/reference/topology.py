@@ -25,6 +25,7 @@ COORDINATES: dict[str, list[tuple[str, str, str, int]]] = {
     "spherical": _R,
     "planar": [_T[0], _T[1], _R[2]],
     "free": _T + _R,
+    "screw": [_R[2]],
     "modal": [],
 }
 

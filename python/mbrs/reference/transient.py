@@ -50,7 +50,7 @@ class Instant:
 
 @dataclass
 class History:
-    """What a scheme went through, step by step, and how many Newton iterations it took."""
+    """Record of a scheme, step by step, with its number of Newton iterations."""
 
     instants: list[Instant] = field(default_factory=list)
     iterations: int = 0
@@ -150,7 +150,7 @@ def align(sys: System, m: Motion) -> Motion:
 
 
 def acceleration(sys: System, m: Motion) -> tuple[Array, Array]:
-    """v' and lam of [M J^T; J 0] [v'; lam] = [-h; -J' v - Phi_tt] (METHODS.md c.3)."""
+    """v' and lam of [M J^T; J 0] [v'; lam] = [-h; -J' v - Phi_tt] (docs/theory.md (3.9))."""
     M, J = mass_matrix(sys, m), rows(sys, m)[1]
     free = np.linalg.solve(M, -residual(sys, m, np.zeros(sys.ny), np.zeros(len(J))))
     if len(J) == 0:
@@ -181,7 +181,7 @@ def moved(sys: System, m: Motion, dy: Array, rate: Array) -> Motion:
     return Motion(advance(sys, m.state, dy), rate, m.memory)
 
 
-def marched(sys: System, end: Instant) -> Instant:
+def advance_memory(sys: System, end: Instant) -> Instant:
     """An accepted end, its memories brought there."""
     return replace(end, motion=replace(end.motion, memory=remember(sys, end.motion)))
 
@@ -248,29 +248,3 @@ def multiplier_scales(sys: System, m: Motion, J: Array) -> Array:
     weighted = J.real * np.sqrt(1 / np.diag(mass_matrix(sys, m)).real)
     size = np.linalg.norm(weighted, axis=1)
     return row_scales(sys) ** -1 / np.where(size > 0, size, 1.0) ** 2
-
-
-def simulate(sys: System, state: State, t: float, step: float, method: str = "generalized-alpha") -> History:
-    """The motion up to t (s) in equal steps (s) by "generalized-alpha", "bdf" (order 4) or "explicit" (order 8).
-
-    Cost O(n_steps (n_y + n_rows)^3): everything is dense.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from mbrs.reference import System, drawn_state, simulate
-    >>> x = np.r_[np.zeros(3), 1, np.zeros(6), 1, 1, 1, 1, np.zeros(3), 2.0, np.zeros(5)]  # flies along x at 2 m/s
-    >>> s = System(dict(x=x, body_name=["b"], body_x=[0]))
-    >>> simulate(s, drawn_state(s), 0.5, 0.1).positions(s)[-1, 0].round(12).tolist()
-    [1.0, 0.0, 0.0]
-    """
-    from .bdf import bdf4
-    from .explicit import explicit
-    from .generalized_alpha import generalized_alpha
-
-    schemes: dict[str, Any] = {"generalized-alpha": generalized_alpha, "bdf": bdf4, "explicit": explicit}
-    if method not in schemes:
-        raise ValueError(f"unknown method {method!r}; known are {', '.join(schemes)}")
-    n = max(1, round(t / step))
-    history: History = schemes[method](sys, begin(sys, state), t / n, n)
-    return history

@@ -17,11 +17,12 @@ use crate::linalg::rows::Level as Asked;
 use crate::model::geometry::Geometry;
 use crate::model::tables::Tables;
 use crate::run::Counts;
+use crate::spatial::Pose;
 use crate::system::System;
 use crate::system::assemble::Scene;
 use crate::system::loops::{Loops, column_scales};
 use crate::system::placement::{Placement, advance, lifted_q, place};
-use crate::tolerances::constraints::REDUNDANT_OPEN;
+use crate::tolerances::constraints::{CLOSED_ROUNDING, REDUNDANT_OPEN};
 
 /// The derivative of a linearisation along one direction of the numbers (and of the state).
 pub struct Directional {
@@ -45,6 +46,8 @@ pub struct Directional {
 pub struct Request<'a> {
     pub maps: bool,
     pub solve: Option<&'a Solve>,
+    /// the equilibrium is that of this setting instead: without velocity rows that steer
+    pub free: Option<(&'a Setting<'a>, &'a Linearization)>,
     pub drawn: bool,
 }
 
@@ -216,6 +219,15 @@ fn gives_velocity(tables: &Tables, dx: &[(usize, f64)]) -> bool {
 }
 
 impl DualScene {
+    /// What rounding leaves of rows that follow the changes of poses and of the points and axes of joints, free of units.
+    fn rounding(&self, system: &System) -> f64 {
+        let size = |pose: &Pose<Dual64>| pose.p.map(|v| v.eps).norm() / system.length + pose.r.map(|v| v.eps).norm();
+        let markers = self.geometry.joints.iter().flat_map(|pair| [&pair.a, &pair.b]);
+        let moved = self.placement.pose.iter().chain(markers).map(size).fold(0.0, f64::max);
+        let far = self.placement.pose.iter().map(|pose| pose.p.map(|v| v.re).norm()).fold(0.0, f64::max);
+        CLOSED_ROUNDING * f64::EPSILON * (1.0 + far / system.length) * moved
+    }
+
     fn scene<'a>(&'a self, setting: &'a Setting<'_>) -> Scene<'a, Dual64> {
         Scene {
             topology: &setting.system.topology,
@@ -249,22 +261,23 @@ pub fn directional(
     }
     let n = setting.system.n_tree();
     let rates = if request.drawn { Rates::Drawn } else { Rates::Held };
-    let mut dy = closing(setting, base, dx)?;
+    let (at, balanced) = request.free.unwrap_or((setting, base));
+    let mut dy = closing(at, balanced, dx)?;
     if let Some(solve) = request.solve {
-        let held = dual_scene(setting, base, dx, &dy, rates)?;
-        let scene = held.scene(setting);
+        let held = dual_scene(at, balanced, dx, &dy, rates)?;
+        let scene = held.scene(at);
         let tau = scene.residual(None);
-        let r = match &base.loops {
+        let r = match &balanced.loops {
             None => tau.map(|v| v.eps),
             Some(l) => {
                 let jacobian = scene.constraints().1;
                 let b = l.dependent_map(&jacobian);
-                check_agreement(setting.system, base, &jacobian, &b)?;
+                check_agreement(at.system, balanced, &held, &jacobian, &b)?;
                 l.reduce_vector(&tau, &b).map(|v| v.eps)
             }
         };
         let dz = -solve(&r)?;
-        let step = match (&base.loops, &base.dependent_map) {
+        let step = match (&balanced.loops, &balanced.dependent_map) {
             (Some(l), Some(b)) => l.expand(b, &dz),
             _ => dz,
         };
@@ -297,7 +310,7 @@ fn closing(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)]) -> 
         return Ok(vec![0.0; n]);
     }
     let left = loops.redundant.transpose() * &scaled;
-    if left.amax() > REDUNDANT_OPEN * system.tolerance * scaled.amax() {
+    if left.amax() > REDUNDANT_OPEN * system.tolerance * scaled.amax() + held.rounding(system) {
         return Err(breaks_loop(left.amax()));
     }
     let columns = column_scales(&system.topology, system.length);
@@ -319,6 +332,7 @@ fn breaks_loop(size: f64) -> Error {
 fn check_agreement(
     system: &System,
     base: &Linearization,
+    made: &DualScene,
     jacobian: &DMatrix<Dual64>,
     b: &DMatrix<Dual64>,
 ) -> Result<()> {
@@ -328,10 +342,15 @@ fn check_agreement(
     if loops.redundant.ncols() == 0 {
         return Ok(());
     }
-    let parts = loops.disagreement(jacobian, b).map(|v| v.eps).amax();
-    let change = jacobian.map(|v| v.eps);
-    let size = (0..change.nrows()).map(|i| change.row(i).amax() * loops.row_scale[i]).fold(0.0, f64::max);
-    if parts > REDUNDANT_OPEN * system.tolerance * size && size > 0.0 { Err(breaks_loop(parts)) } else { Ok(()) }
+    let columns = column_scales(&system.topology, system.length);
+    let parts = loops.disagreement(jacobian, b).map(|v| v.eps);
+    let natural = |k: usize| parts.column(k).amax() * columns[loops.independent[k]];
+    let parts = (0..parts.ncols()).map(natural).fold(0.0, f64::max);
+    let change = |i: usize, j: usize| jacobian[(i, j)].eps.abs() * loops.row_scale[i] * columns[j];
+    let (rows, n) = jacobian.shape();
+    let size = (0..rows).flat_map(|i| (0..n).map(move |j| (i, j))).map(|(i, j)| change(i, j)).fold(0.0, f64::max);
+    let rounding = made.rounding(system);
+    if parts > REDUNDANT_OPEN * system.tolerance * size + rounding { Err(breaks_loop(parts)) } else { Ok(()) }
 }
 
 fn derivative_at(
@@ -350,7 +369,7 @@ fn derivative_at(
         Some(l) => {
             let jacobian = scene.constraints().1;
             let b = l.dependent_map(&jacobian);
-            check_agreement(setting.system, base, &jacobian, &b)?;
+            check_agreement(setting.system, base, &moved, &jacobian, &b)?;
             let lam = l.multipliers(&jacobian, &tau);
             let tangent = scene.tangent(Some(lam.as_slice()), &mut Counts::default());
             (

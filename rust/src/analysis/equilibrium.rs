@@ -9,14 +9,16 @@ use faer::prelude::*;
 use nalgebra::{DMatrix, DVector};
 
 use crate::analysis::equilibrium_descent::{Descent, same_coordinates};
-use crate::analysis::linearize::{Linearization, Setting, linearize};
+use crate::analysis::linearize::{Linearization, Setting, linearize, stiffness_terms};
+use crate::analysis::steering::steering_joints;
 use crate::error::{Error, Result};
 use crate::run::{Cancel, Counts};
 use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::closure::close;
 use crate::system::loops::column_scales;
-use crate::system::placement::{State, advance};
+use crate::system::placement::{State, advance, place};
+use crate::tolerances::equilibrium::{ENTRY_ROUNDING, GRADED, NO_STIFFNESS, PUSHED, SETTLED};
 
 const MAX_ITERATIONS: usize = 400;
 /// Iterations, and steps that were shortened, after which descent in energy takes over from Newton's method.
@@ -25,8 +27,6 @@ const SHORTENED: u64 = 12;
 /// A Newton step, radians or characteristic lengths, so close to the balance that Newton's method is the right one: energies do not
 /// resolve more, and loads without a potential have none.
 const CLOSE: f64 = 1e-3;
-/// Stiffness below this part of the largest counts as none.
-const NO_STIFFNESS: f64 = 1e-12;
 /// What rounding usually leaves of a balance of forces, and of a pose, relative to their sizes.
 const ROUNDING: f64 = 0.05 * f64::EPSILON;
 /// Iterations that a force may push along a direction without stiffness before that is an error.
@@ -48,6 +48,8 @@ pub struct Equilibrium {
     pub stable: bool,
     /// names of the coordinates that dominate each unrestrained direction
     pub free_directions: Vec<String>,
+    /// joints that hold the place by a force, though it could be any other of a family
+    pub family: Vec<String>,
 }
 
 /// The scaled problem at one iterate: K and r over coordinates of the order of a radian.
@@ -57,80 +59,219 @@ pub(super) struct Local {
     pub r: DVector<f64>,
     scale: Vec<f64>,
     pub linearization: Linearization,
+    /// sizes of the forces in the island of each coordinate
+    sizes: Vec<f64>,
+    islands: Vec<usize>,
+    /// distance of the farthest body from the origin of the world, characteristic lengths
+    far: f64,
+    /// what a unit of each coordinate counts as where a step is judged, and whether its stiffness is more than rounding
+    weight: Vec<f64>,
 }
 
 impl Local {
     pub fn at(system: &System, state: &State, effects: Effects, counts: &mut Counts) -> Result<Local> {
-        let linearization = linearize(&Setting { system, state, memory: &[], acceleration: &[], effects }, counts)?;
-        let all = column_scales(&system.topology, system.length);
-        let scale: Vec<f64> = linearization.coordinates(system.n_tree()).iter().map(|i| all[*i]).collect();
+        let setting = Setting { system, state, memory: &[], acceleration: &[], effects };
+        let linearization = linearize(&setting, counts)?;
+        let topology = &*system.topology;
+        let all = column_scales(topology, system.length);
+        let coordinates = linearization.coordinates(system.n_tree());
+        let scale: Vec<f64> = coordinates.iter().map(|i| all[*i]).collect();
         let n = scale.len();
         let scaled = |x: &DMatrix<f64>| DMatrix::from_fn(n, n, |i, j| x[(i, j)] * scale[i] * scale[j]);
         let (k, m) = (scaled(&linearization.matrices.stiffness), scaled(&linearization.matrices.mass));
         let r = DVector::from_fn(n, |i, _| linearization.residual[i] * scale[i]);
-        Ok(Local { k, m, r, scale, linearization })
+        let sizes = linearization.force_sizes.iter().map(|f| f.max(f64::MIN_POSITIVE)).collect();
+        let islands: Vec<usize> = coordinates.iter().map(|i| topology.island_of(*i)).collect();
+        let poses = place(topology, &system.geometry, &state.q, None).pose;
+        let far = poses.iter().map(|p| p.p.norm()).fold(0.0, f64::max) / system.length;
+        let weight = vec![1.0; n];
+        let scale = scale.clone();
+        let mut made = Local { k, m, r, scale, linearization, sizes, islands, far, weight };
+        if made.is_graded() {
+            made.weigh(&scaled(&stiffness_terms(&setting, &made.linearization)));
+        }
+        Ok(made)
     }
 
-    fn skew(&self) -> f64 {
-        (&self.k - self.k.transpose()).amax()
+    /// The largest entry of the stiffness among the coordinates that coordinate i has to do with.
+    fn stiffest(&self, i: usize) -> f64 {
+        self.together(i).map(|j| self.k[(j, j)].abs()).fold(0.0, f64::max)
+    }
+
+    fn together(&self, i: usize) -> impl Iterator<Item = usize> + '_ {
+        (0..self.islands.len()).filter(move |j| self.islands[*j] == self.islands[i])
+    }
+
+    fn is_graded(&self) -> bool {
+        (0..self.r.len()).any(|i| self.k[(i, i)].abs() < GRADED * self.stiffest(i))
+    }
+
+    /// Coordinates that are held softly beside stiff ones are stretched, those that are not held at all are not.
+    fn weigh(&mut self, terms: &DMatrix<f64>) {
+        for i in 0..self.r.len() {
+            let own = self.k[(i, i)].abs();
+            let rounding = ENTRY_ROUNDING * f64::EPSILON * (1.0 + self.far) * terms[(i, i)];
+            let least = GRADED * self.stiffest(i);
+            if own > rounding && own < least {
+                self.weight[i] = (least / own).sqrt();
+            }
+        }
+    }
+
+    /// The largest force that is left over, each over the size of the forces in its island.
+    fn unbalance(&self) -> f64 {
+        self.r.iter().zip(&self.sizes).map(|(r, size)| (r / size).abs()).fold(0.0, nan_or_larger)
+    }
+
+    fn relative(&self, r: &DVector<f64>) -> f64 {
+        r.iter().zip(&self.sizes).map(|(r, size)| (r / size).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// What is left over may be rounding of the places of bodies, and with them of arms and of the lengths of springs.
+    fn is_rounding(&self) -> bool {
+        let unit = ENTRY_ROUNDING * f64::EPSILON * (1.0 + self.far);
+        let noise = |i: usize| unit * (self.sizes[i] + self.k.row(i).iter().map(|k| k.abs()).sum::<f64>());
+        (0..self.r.len()).all(|i| self.r[i].abs() <= noise(i))
+    }
+
+    /// The skew part of the stiffness is small in every island.
+    fn skew_below(&self, stiffness: f64, force: f64) -> bool {
+        let n = self.r.len();
+        let mut bounds = vec![(0.0_f64, 0.0_f64); self.islands.iter().max().map_or(0, |i| i + 1)];
+        for (i, island) in self.islands.iter().enumerate() {
+            let own = &mut bounds[*island];
+            *own = (own.0.max(self.k.row(i).amax()), own.1.max(self.r[i].abs()));
+        }
+        let bound = |i: usize| stiffness * bounds[self.islands[i]].0 + force * bounds[self.islands[i]].1;
+        (0..n).all(|i| {
+            let most = bound(i);
+            (0..i).all(|j| (self.k[(i, j)] - self.k[(j, i)]).abs() <= most)
+        })
     }
 
     fn conservative(&self) -> bool {
-        self.skew() <= 1e-7 * self.k.amax()
+        self.skew_below(1e-7, 0.0)
     }
 
     /// Off balance rotations about three axes make K skew by the moments that are left: no sign of missing potential.
     fn may_be_conservative(&self) -> bool {
-        self.skew() <= 1e-7 * self.k.amax() + 2.0 * self.r.amax()
+        self.skew_below(1e-7, 2.0)
     }
 }
 
+/// W K W v_k = kappa_k v_k with W the weights of the coordinates, island by island: K^-1 = sum_k (W v_k)(W v_k)^T/kappa_k.
 pub(super) struct Spectrum {
     pub values: Vec<f64>,
+    /// columns W v_k
     pub vectors: DMatrix<f64>,
-    pub none: f64,
+    /// below this a value counts as none
+    pub none: Vec<f64>,
+    /// the size of the forces that work along each vector
+    forces: Vec<f64>,
 }
 
 impl Spectrum {
-    /// The largest displacement that forces of this size and no particular direction make.
-    fn answer_to(&self, force: f64) -> f64 {
-        let held = |k: &usize| self.values[*k].abs() > self.none;
+    pub fn is_held(&self, k: usize) -> bool {
+        self.values[k].abs() > self.none[k]
+    }
+
+    /// The force along a vector, over the size of the forces there.
+    fn push(&self, k: usize, r: &DVector<f64>) -> f64 {
+        let v = self.vectors.column(k);
+        v.dot(r).abs() / (v.norm() * self.forces[k])
+    }
+
+    /// The largest displacement that this part of the forces, in no particular direction, makes.
+    fn answer_to(&self, part: f64) -> f64 {
         let square = |i: usize| -> f64 {
-            let softness = |k: usize| (self.vectors[(i, k)] / self.values[k]).powi(2);
-            (0..self.values.len()).filter(held).map(softness).sum()
+            let softness = |k: usize| {
+                self.vectors[(i, k)] / self.values[k] * self.vectors.column(k).norm() * part * self.forces[k]
+            };
+            (0..self.values.len()).filter(|k| self.is_held(*k)).map(|k| softness(k).powi(2)).sum()
         };
-        let largest = (0..self.values.len()).map(square).fold(0.0, f64::max);
-        force * largest.sqrt()
+        (0..self.values.len()).map(square).fold(0.0, f64::max).sqrt()
     }
 
     /// No stiffness is negative beyond rounding.
     fn stable(&self) -> bool {
-        let largest = self.values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-        self.values.iter().all(|v| *v >= -1e-9 * largest)
+        self.values.iter().zip(&self.none).all(|(v, none)| *v >= -1e-9 / NO_STIFFNESS * none)
     }
 }
 
 /// Eigenvalues in ascending order.
-fn spectrum(k: &DMatrix<f64>) -> Result<Spectrum> {
-    let n = k.nrows();
-    if n == 0 {
-        return Ok(Spectrum { values: Vec::new(), vectors: DMatrix::zeros(0, 0), none: 0.0 });
+fn spectrum(local: &Local) -> Result<Spectrum> {
+    let n = local.r.len();
+    let mut found: Vec<(f64, f64, f64, DVector<f64>)> = Vec::with_capacity(n);
+    let mut islands = local.islands.clone();
+    islands.sort_unstable();
+    islands.dedup();
+    for island in islands {
+        let own: Vec<usize> = (0..n).filter(|i| local.islands[*i] == island).collect();
+        let w = |i: usize| local.weight[own[i]];
+        let entry = |i: usize, j: usize| 0.5 * (local.k[(own[i], own[j])] + local.k[(own[j], own[i])]) * w(i) * w(j);
+        let eigen = Mat::from_fn(own.len(), own.len(), entry)
+            .self_adjoint_eigen(Side::Lower)
+            .map_err(|_| Error::singular("the stiffness has no eigenvalues: it is not finite"))?;
+        let values: Vec<f64> = (0..own.len()).map(|i| eigen.S().column_vector()[i]).collect();
+        let none = NO_STIFFNESS * values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        let size = own.first().map_or(0.0, |i| local.sizes[*i]);
+        for (k, value) in values.into_iter().enumerate() {
+            let mut vector = DVector::zeros(n);
+            own.iter().enumerate().for_each(|(i, at)| vector[*at] = eigen.U()[(i, k)] * w(i));
+            found.push((value, none, size, vector));
+        }
     }
-    let a = Mat::from_fn(n, n, |i, j| 0.5 * (k[(i, j)] + k[(j, i)]));
-    let eigen = a
-        .self_adjoint_eigen(Side::Lower)
-        .map_err(|_| Error::singular("the stiffness has no eigenvalues: it is not finite"))?;
-    let values: Vec<f64> = (0..n).map(|i| eigen.S().column_vector()[i]).collect();
-    let vectors = DMatrix::from_fn(n, n, |i, j| eigen.U()[(i, j)]);
-    let none = NO_STIFFNESS * values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-    Ok(Spectrum { values, vectors, none })
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(Spectrum {
+        values: found.iter().map(|f| f.0).collect(),
+        none: found.iter().map(|f| f.1).collect(),
+        forces: found.iter().map(|f| f.2).collect(),
+        vectors: DMatrix::from_fn(n, n, |i, k| found[k].3[i]),
+    })
+}
+
+fn nan_or_larger(a: f64, b: f64) -> f64 {
+    if a.is_nan() || a > b { a } else { b }
 }
 
 fn shortened(counts: &Counts) -> u64 {
     counts.0.get("line-search steps").copied().unwrap_or(0)
 }
 
+/// Where velocity rows steer, every place can be reached, and rest is where they carry no force; where nothing but them restrains a
+/// direction, they hold what the search finds, one of a family.
 pub fn equilibrium(
+    system: &System,
+    start: &State,
+    effects: Effects,
+    cancel: &Cancel,
+    counts: &mut Counts,
+) -> Result<Equilibrium> {
+    if !effects.nonholonomic || !system.topology.has_velocity_rows() {
+        return search(system, start, effects, cancel, counts);
+    }
+    let still = State { q: start.q.clone(), rate: Vec::new() };
+    let setting = Setting { system, state: &still, memory: &[], acceleration: &[], effects };
+    let edges = linearize(&setting, counts).map_or_else(|_| Vec::new(), |made| steering_joints(&setting, &made));
+    let free = Effects { nonholonomic: false, ..effects };
+    if edges.is_empty() {
+        return search(system, start, effects, cancel, counts);
+    }
+    match search(system, start, free, cancel, counts) {
+        Ok(found) => {
+            let held = search(system, &found.state, effects, cancel, counts)?;
+            Ok(Equilibrium { stable: found.stable, iterations: found.iterations + held.iterations, ..held })
+        }
+        Err(Error::Singular(_) | Error::Convergence { .. } | Error::Assembly(_)) => {
+            let held = search(system, start, effects, cancel, counts)?;
+            let carries = Local::at(system, &held.state, free, counts).map_or(true, |l| l.unbalance() > PUSHED);
+            Ok(Equilibrium { family: if carries { edges } else { Vec::new() }, ..held })
+        }
+        Err(other) => Err(other),
+    }
+}
+
+fn search(
     system: &System,
     start: &State,
     effects: Effects,
@@ -147,15 +288,14 @@ pub fn equilibrium(
         let careful = iteration >= QUICK || shortened(counts) > before + SHORTENED;
         cancel.check()?;
         counts.add("equilibrium iterations", 1);
-        let size = local.linearization.force_scale.max(f64::MIN_POSITIVE);
-        let residual = local.r.amax() / size;
+        let residual = local.unbalance();
         if residual < best.0 {
             best = (residual, state.clone());
         }
-        let spectrum = spectrum(&local.k)?;
+        let spectrum = spectrum(&local)?;
         // no stiffness against a force: relax, since it may come with the motion (a pendulum drawn level); where it does not
         // come, nothing restrains the model
-        if pushed_freely(&local, &spectrum, size) {
+        if pushed_freely(&local, &spectrum) {
             pushed += 1;
             sigma = f64::max(sigma, initial_sigma(&local));
             if pushed > PATIENCE {
@@ -163,15 +303,20 @@ pub fn equilibrium(
             }
         }
         let step = newton_step(&local, &spectrum, sigma)?;
-        let rounding = residual <= 1e-11 && step.amax() <= 1e-9;
-        if residual <= 1e-14 || step.amax() <= 1e-14 || rounding {
+        let near = residual <= 1e-11 && step.amax() <= 1e-9;
+        let done = residual <= 1e-14 || step.amax() <= 1e-14 || near;
+        if done || local.is_rounding() {
             if residual > 1e-15 && residual.is_finite() {
                 // one last step costs nothing and takes the iterate to rounding level
                 let polished = moved(system, &state, &local, &step, 1.0, effects, counts)?;
                 let next = Local::at(system, &polished, effects, counts)?;
-                if next.r.amax() <= local.r.amax() {
+                let left = next.unbalance();
+                if left <= residual {
                     state = polished;
                     local = next;
+                }
+                if !done && left < SETTLED * residual {
+                    continue;
                 }
             }
             // where the drawn state was in balance its balance is the answer, stable or not; a saddle on the way is not
@@ -185,7 +330,7 @@ pub fn equilibrium(
                 sigma = 0.0;
                 continue;
             }
-            return finish(system, state, local, size, iteration);
+            return finish(system, state, local, iteration);
         }
         if careful
             && step.amax() > CLOSE
@@ -223,7 +368,7 @@ fn leave_saddle(
     effects: Effects,
     counts: &mut Counts,
 ) -> Result<Option<(State, Local)>> {
-    let spectrum = spectrum(&local.k)?;
+    let spectrum = spectrum(local)?;
     if !local.conservative() || spectrum.stable() {
         return Ok(None);
     }
@@ -240,9 +385,8 @@ fn leave_saddle(
     Ok(None)
 }
 
-fn pushed_freely(local: &Local, spectrum: &Spectrum, size: f64) -> bool {
-    let free = (0..spectrum.values.len()).filter(|k| spectrum.values[*k].abs() <= spectrum.none);
-    free.into_iter().any(|k| spectrum.vectors.column(k).dot(&local.r).abs() > 1e-9 * size)
+fn pushed_freely(local: &Local, spectrum: &Spectrum) -> bool {
+    (0..spectrum.values.len()).any(|k| !spectrum.is_held(k) && spectrum.push(k, &local.r) > PUSHED)
 }
 
 fn initial_sigma(local: &Local) -> f64 {
@@ -263,7 +407,7 @@ fn newton_step(local: &Local, spectrum: &Spectrum, sigma: f64) -> Result<DVector
 
 fn newton_answer(local: &Local, spectrum: &Spectrum, r: &DVector<f64>) -> Result<DVector<f64>> {
     // K itself where it leads downhill anyway; its symmetric part where that decides about up and down
-    let definite = spectrum.values.first().is_some_and(|v| *v > spectrum.none);
+    let definite = (0..spectrum.values.len()).all(|k| spectrum.values[k] > spectrum.none[k]);
     if !local.conservative() && (definite || !local.may_be_conservative()) {
         let step = local.k.clone().lu().solve(&-r).filter(|s| s.iter().all(|v| v.is_finite()));
         return step.ok_or_else(|| {
@@ -272,7 +416,7 @@ fn newton_answer(local: &Local, spectrum: &Spectrum, r: &DVector<f64>) -> Result
     }
     let mut step = DVector::zeros(r.len());
     for (k, value) in spectrum.values.iter().enumerate() {
-        if value.abs() > spectrum.none {
+        if spectrum.is_held(k) {
             let v = spectrum.vectors.column(k);
             step -= v * (v.dot(r) / value.abs());
         }
@@ -355,11 +499,12 @@ fn acceptable(local: &Local, next: &Local, step: &DVector<f64>) -> bool {
     if !next.r.iter().all(|v| v.is_finite()) {
         return false;
     }
-    if next.r.norm() <= 0.7 * local.r.norm() {
+    let (here, there) = (local.relative(&local.r), local.relative(&next.r));
+    if there <= 0.7 * here {
         return true;
     }
     if !local.may_be_conservative() || next.r.len() != local.r.len() {
-        return next.r.norm() < local.r.norm();
+        return there < here;
     }
     let (before, after) = (local.r.dot(step), next.r.dot(step));
     before < 0.0 && after <= 0.5 * before.abs()
@@ -387,11 +532,8 @@ fn direction_names(system: &System, local: &Local, v: &DVector<f64>) -> String {
 }
 
 fn unrestrained(system: &System, local: &Local, spectrum: &Spectrum) -> Error {
-    let free = (0..spectrum.values.len()).filter(|k| spectrum.values[*k].abs() <= spectrum.none);
-    let pushed = free.max_by(|a, b| {
-        let along = |k: usize| spectrum.vectors.column(k).dot(&local.r).abs();
-        along(*a).total_cmp(&along(*b))
-    });
+    let free = (0..spectrum.values.len()).filter(|k| !spectrum.is_held(*k));
+    let pushed = free.max_by(|a, b| spectrum.push(*a, &local.r).total_cmp(&spectrum.push(*b, &local.r)));
     let name =
         pushed.map_or_else(String::new, |k| direction_names(system, local, &spectrum.vectors.column(k).into_owned()));
     Error::singular(format!(
@@ -399,64 +541,24 @@ fn unrestrained(system: &System, local: &Local, spectrum: &Spectrum) -> Error {
     ))
 }
 
-fn finish(system: &System, state: State, local: Local, size: f64, iterations: usize) -> Result<Equilibrium> {
-    let spectrum = spectrum(&local.k)?;
+fn finish(system: &System, state: State, local: Local, iterations: usize) -> Result<Equilibrium> {
+    let spectrum = spectrum(&local)?;
     let mut free_directions = Vec::new();
-    for (k, value) in spectrum.values.iter().enumerate() {
-        let v = spectrum.vectors.column(k).into_owned();
-        if value.abs() <= spectrum.none {
-            if v.dot(&local.r).abs() > 1e-9 * size {
-                return Err(unrestrained(system, &local, &spectrum));
-            }
-            free_directions.push(direction_names(system, &local, &v));
+    for k in (0..spectrum.values.len()).filter(|k| !spectrum.is_held(*k)) {
+        if spectrum.push(k, &local.r) > PUSHED {
+            return Err(unrestrained(system, &local, &spectrum));
         }
+        free_directions.push(direction_names(system, &local, &spectrum.vectors.column(k).into_owned()));
     }
     let step = newton_step(&local, &spectrum, 0.0).map_or(f64::NAN, |s| s.amax());
-    let error = step + spectrum.answer_to(ROUNDING * size) + ROUNDING;
+    let error = step + spectrum.answer_to(ROUNDING) + ROUNDING * (1.0 + local.far);
     let stable = spectrum.stable();
-    let residual = local.r.amax() / size;
-    Ok(Equilibrium { state, residual, error, iterations, stable, free_directions, linearization: local.linearization })
+    let residual = local.unbalance();
+    let (family, linearization) = (Vec::new(), local.linearization);
+    Ok(Equilibrium { state, residual, error, iterations, stable, free_directions, family, linearization })
 }
 
-/// Solve K'' z = r at an equilibrium; free directions stay where they are unless the right side acts along them.
-pub fn equilibrium_solver(
-    system: &System,
-    linearization: &Linearization,
-    driven: &[usize],
-) -> Result<impl Fn(&DVector<f64>) -> Result<DVector<f64>> + use<>> {
-    let all = column_scales(&system.topology, system.length);
-    let coordinates = linearization.coordinates(system.n_tree());
-    let dof = coordinates.len();
-    let free: Vec<usize> = (0..dof).filter(|k| !driven.contains(&coordinates[*k])).collect();
-    let scale: Vec<f64> = free.iter().map(|k| all[coordinates[*k]]).collect();
-    let n = scale.len();
-    let k = &linearization.matrices.stiffness;
-    let scaled = Mat::from_fn(n, n, |i, j| k[(free[i], free[j])] * scale[i] * scale[j]);
-    // faer has no decomposition of an empty matrix
-    let svd = (n > 0).then(|| scaled.svd()).transpose().map_err(|_| Error::singular("the stiffness is not finite"))?;
-    Ok(move |r: &DVector<f64>| {
-        let Some(svd) = &svd else {
-            return Ok(DVector::zeros(dof));
-        };
-        let (u, s, v) = (svd.U(), svd.S().column_vector(), svd.V());
-        let right = DVector::from_fn(n, |i, _| r[free[i]] * scale[i]);
-        let mut z = DVector::<f64>::zeros(n);
-        for k in 0..n {
-            let along: f64 = (0..n).map(|i| u[(i, k)] * right[i]).sum();
-            if s[k] > NO_STIFFNESS * s[0] {
-                for i in 0..n {
-                    z[i] += v[(i, k)] * along / s[k];
-                }
-            } else if along.abs() > 1e-9 * right.amax() {
-                return Err(Error::singular(
-                    "the equilibrium does not follow this parameter: it pushes along a direction that nothing restrains; use equilibrium=\"hold\"",
-                ));
-            }
-        }
-        let mut step = DVector::zeros(dof);
-        for i in 0..n {
-            step[free[i]] = z[i] * scale[i];
-        }
-        Ok(step)
-    })
+/// The largest force that is left over at a state at rest, over the size of the forces of its island.
+pub fn unbalance(system: &System, state: &State, effects: Effects) -> Result<f64> {
+    Ok(Local::at(system, state, effects, &mut Counts::default())?.unbalance())
 }

@@ -67,8 +67,7 @@ impl<'s> Descent<'s> {
 
     fn level(&self, state: &State) -> Level {
         let topology = &*self.system.topology;
-        let motion =
-            Motion { t: 0.0, q: state.q.clone(), rate: vec![0.0; self.eq.n()], memory: vec![0.0; topology.n_memory] };
+        let motion = Motion { t: 0.0, q: state.q.clone(), rate: vec![0.0; self.eq.n()], memory: topology.at_rest(&[]) };
         let placement = self.eq.place(&motion);
         let energies = self.eq.energies(&motion);
         let stored = energies.elements.iter().filter_map(|e| e.stored);
@@ -172,7 +171,7 @@ fn answer(spectrum: &Spectrum, r: &DVector<f64>, sigma: f64) -> DVector<f64> {
     let mut step = DVector::zeros(r.len());
     for (k, value) in spectrum.values.iter().enumerate() {
         let stiffness = value.abs() + sigma;
-        if stiffness > spectrum.none {
+        if stiffness > spectrum.none[k] {
             let v = spectrum.vectors.column(k);
             step -= v * (v.dot(r) / stiffness);
         }
@@ -192,9 +191,10 @@ fn shortened(spectrum: &Spectrum, r: &DVector<f64>, limits: &[f64]) -> (f64, DVe
     if reach(&full, limits) <= 1.0 {
         return (0.0, full);
     }
-    // |p| <= |r|/sigma bounds sigma from above
-    let shortest = limits.iter().copied().fold(f64::INFINITY, f64::min);
-    let (mut low, mut high) = (0.0, r.norm() / shortest);
+    // |p_i| <= |row i of the vectors| |vectors^T r|/sigma bounds sigma from above
+    let pushed = spectrum.vectors.tr_mul(r).norm();
+    let highest = (0..r.len()).map(|i| spectrum.vectors.row(i).norm() * pushed / limits[i]).fold(0.0, f64::max);
+    let (mut low, mut high) = (0.0, highest);
     let mut p = answer(spectrum, r, high);
     let mut sigma = high;
     for _ in 0..40 {

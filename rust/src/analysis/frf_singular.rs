@@ -12,7 +12,7 @@ use crate::linalg::quadratic::is_finite_complex;
 
 const INFINITE: c64 = c64::new(f64::INFINITY, 0.0);
 
-/// The system in mass-normalised coordinates where the mass allows it (m is None, an identity), else as it stands.
+/// The system in mass-normalised coordinates where the mass allows it (m is None, an identity), else unchanged.
 struct Frame {
     m: Option<Mat<c64>>,
     d: Option<Mat<c64>>,

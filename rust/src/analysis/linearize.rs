@@ -11,19 +11,19 @@ use num_dual::Dual2;
 
 use crate::analysis::rolling::{check_rolling, rolling, rolls};
 use crate::error::{Error, Result};
+use crate::linalg::entries::Sizes;
 use crate::model::geometry::Geometry;
 use crate::run::Counts;
 use crate::spatial::{Real, Six};
 use crate::system::System;
 use crate::system::assemble::{Effects, Scene, Tangent};
-use crate::system::closure::shown;
+use crate::system::closure::scene_at_rest;
 use crate::system::connector::collapsed;
 use crate::system::flexible::Fold;
 use crate::system::loops::{Loops, column_scales};
 use crate::system::placement::{Placement, State, advance, place};
-use crate::system::rank::{Decision, block_names};
+use crate::system::singular_pose::{check_pose, singular_pose};
 use crate::system::topology::Topology;
-use crate::tolerances::constraints::SINGULAR_POSE;
 
 /// Displacements below this, in characteristic lengths or radians, do not count as strains.
 const UNRESOLVED: f64 = 1e-8;
@@ -53,6 +53,8 @@ pub struct Linearization {
     pub ground_coupling: DMatrix<f64>,
     /// the size of all forces at work, moments over the characteristic length, times that length
     pub force_scale: f64,
+    /// the same of the island that each minimal coordinate moves
+    pub force_sizes: Vec<f64>,
 }
 
 /// Rows of tree coordinates to minimal ones, B''^T X.
@@ -66,15 +68,29 @@ pub(super) fn reduce_rows<T: Real>(x: DMatrix<T>, loops: Option<(&Loops, &DMatri
     }
 }
 
-/// The size of all forces at work, moments over the characteristic length. Forces that the stiffness makes of displacements
-/// below a rounding of 1e-8 count as none: what is left of them is no imbalance.
-fn force_scale(scene: &Scene<'_, f64>, tangent: &Tangent<f64>, length: f64) -> f64 {
-    let size = |w: &Six<f64>| w.l.norm() * length + w.a.norm();
-    let columns = column_scales(scene.topology, length);
-    let stiffness =
-        (0..columns.len()).map(|i| tangent.stiffness[(i, i)].abs() * columns[i] * columns[i]).fold(0.0, f64::max);
-    let forces = scene.body_wrenches(None).iter().map(size).sum::<f64>();
-    forces + scene.connector_sizes(length) + UNRESOLVED * stiffness
+/// The sizes of all forces at work in each island, moments over the characteristic length. Forces that the stiffness makes of
+/// displacements below a rounding of 1e-8 count as none: what is left of them is no imbalance.
+fn force_sizes(scene: &Scene<'_, f64>, tangent: &Tangent<f64>, length: f64) -> Vec<f64> {
+    let mut stiffest = vec![0.0_f64; scene.topology.n_islands()];
+    for (i, column) in column_scales(scene.topology, length).into_iter().enumerate() {
+        let own = &mut stiffest[scene.topology.island_of(i)];
+        *own = own.max(tangent.stiffness[(i, i)].abs() * column * column);
+    }
+    scene.force_sizes(length).iter().zip(stiffest).map(|(force, k)| force + UNRESOLVED * k).collect()
+}
+
+/// Sizes of the terms that were added up for each entry of the stiffness of a state at rest, minimal coordinates.
+pub fn stiffness_terms(setting: &Setting<'_>, made: &Linearization) -> DMatrix<f64> {
+    let system = setting.system;
+    let placement = place(&system.topology, &system.geometry, &setting.state.q, None);
+    let scene = scene_at_rest(system, &placement, setting.effects);
+    let n = system.n_tree();
+    let tangent = scene.tangent_into(Some(&made.lam), &mut Counts::default(), || Sizes(DMatrix::zeros(n, n)));
+    let terms = tangent.stiffness.0;
+    match (&made.loops, &made.dependent_map) {
+        (Some(l), Some(b)) => l.reduce(&terms, &b.map(f64::abs)),
+        _ => terms,
+    }
 }
 
 impl Linearization {
@@ -161,11 +177,11 @@ fn closed(setting: &Setting<'_>, scene: &Scene<'_, f64>) -> Result<Closed> {
     let decision = system.decision(setting.effects)?;
     let loops = Loops::analyse(system, &jacobian, &decision)?;
     if let Some((_, block)) = loops.as_ref().and_then(|l| l.weakest).filter(|w| w.0 <= decision.tolerance) {
-        return Err(singular_pose(system, &decision, block));
+        return Err(singular_pose(scene, system, &decision, block));
     }
     let b = loops.as_ref().map(|l| l.dependent_map(&jacobian));
     if let (Some(l), Some(b)) = (&loops, &b) {
-        check_pose(system, scene, l, b)?;
+        check_pose(system, scene, &decision, (l, b))?;
     }
     Ok((jacobian, loops, b))
 }
@@ -224,7 +240,8 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     let tau = scene.residual(None);
     let lam = loops.as_ref().map_or_else(|| DVector::zeros(0), |l| l.multipliers(&jacobian, &tau));
     let tangent = scene.tangent(Some(lam.as_slice()), counts);
-    let force_scale = force_scale(&scene, &tangent, system.length);
+    let islands = force_sizes(&scene, &tangent, system.length);
+    let force_scale = islands.iter().sum();
     check_finite(&scene, &tangent)?;
     if let (Some(l), Some(b), Some(t), true) = (&loops, &b, &turning, rolls(setting)) {
         check_rolling(setting, (l, b), t, &tangent, force_scale)?;
@@ -235,6 +252,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     };
     let body_map = body_map(system, &system.geometry, &placement, loops.as_ref().zip(b.as_ref()));
     let ground_coupling = reduce_rows(scene.ground_coupling(), loops.as_ref().zip(b.as_ref()));
+    let free = loops.as_ref().map_or_else(|| (0..topology.n_tree).collect(), |l| l.independent.clone());
     Ok(Linearization {
         matrices,
         dependent_map: b,
@@ -244,6 +262,7 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
         body_map,
         ground_coupling,
         force_scale,
+        force_sizes: free.iter().map(|i| islands[topology.island_of(*i)]).collect(),
         loops,
     })
 }
@@ -358,38 +377,6 @@ fn check_finite(scene: &Scene<'_, f64>, tangent: &Tangent<f64>) -> Result<()> {
     Err(Error::singular(format!(
         "the end points of {named} coincide in this state, so that its direction is lost; use a bushing there, or move the points apart"
     )))
-}
-
-/// Redundant rows that agree to first order but not to second: the pose where a mechanism may change its mobility.
-fn check_pose(system: &System, scene: &Scene<'_, f64>, loops: &Loops, b: &DMatrix<f64>) -> Result<()> {
-    let scale = column_scales(&system.topology, system.length);
-    for k in 0..loops.redundant.ncols() {
-        let lam: Vec<f64> = loops.redundant.column(k).iter().zip(&loops.row_scale).map(|(v, s)| v * s).collect();
-        let curvature = scene.multiplier_stiffness(&lam, &mut Counts::default());
-        let reduced = loops.reduce(&curvature, b);
-        let sym = DMatrix::from_fn(reduced.nrows(), reduced.ncols(), |i, j| {
-            0.5 * (reduced[(i, j)] + reduced[(j, i)]) * scale[loops.independent[i]] * scale[loops.independent[j]]
-        });
-        let size = sym.amax();
-        if size > SINGULAR_POSE * system.tolerance {
-            let worst = lam.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map_or(0, |(i, _)| i);
-            let joint = &system.topology.tables.joints[system.topology.rows[worst].joint].name;
-            return Err(Error::singular(format!(
-                "the mechanism is in a singular pose: around the loop through joint '{joint}' the constraints lose rank here, where its \
-                 mobility changes (second-order mismatch {size:.1e}); draw it slightly off this pose, or add what decides its branch"
-            )));
-        }
-    }
-    Ok(())
-}
-
-/// A pose where the rank of a block is lower than beside it.
-fn singular_pose(system: &System, decision: &Decision, block: usize) -> Error {
-    Error::singular(format!(
-        "the mechanism is in a singular pose: around the loop through {} the constraints lose rank here, where its mobility changes; \
-         draw it slightly off this pose, or add what decides its branch",
-        shown(&block_names(system, &decision.rows.blocks[block]))
-    ))
 }
 
 /// Twist of each body's origin per minimal coordinate, world axes.

@@ -28,6 +28,8 @@ pub struct Splitting {
     linear_trace: f64,
     own: Vec<f64>,
     coordinates: Coordinates,
+    /// sqrt(M_ii): coordinates of any units are compared as momenta are
+    unit: Vec<f64>,
     samplers: Vec<Aft>,
     /// steps of the finest product that was needed last
     pub finest: usize,
@@ -66,6 +68,7 @@ impl Splitting {
                 Some(modes) => Coordinates::Modes(modes),
                 None => Coordinates::States(States::new(c, k, &push, &see)),
             },
+            unit: (0..n).map(|i| mass[(i, i)].abs().sqrt()).collect(),
             samplers: Vec::new(),
             finest: 0,
         })
@@ -93,6 +96,8 @@ impl Splitting {
                 Coordinates::Modes(modes) => modes.product(&tangents, steps, w0),
                 Coordinates::States(states) => states.product(&tangents, steps, w0),
             };
+            let unit = |i: usize| self.unit[i % self.n];
+            let product = Mat::from_fn(2 * self.n, 2 * self.n, |i, j| product[(i, j)] * (unit(i) / unit(j)));
             let mut row = vec![product];
             for (order, coarse) in last.iter().enumerate() {
                 let gain = 4.0_f64.powi(order as i32 + 1) - 1.0;
@@ -113,7 +118,7 @@ impl Splitting {
         }
         let n = self.n;
         let phi = &last[last.len() - 1];
-        let unit = |i: usize| if i < n { 1.0 } else { w0 };
+        let unit = |i: usize| if i < n { 1.0 / self.unit[i] } else { w0 / self.unit[i - n] };
         let states = Mat::from_fn(2 * n, 2 * n, |i, j| phi[(i, j)] * unit(i) / unit(j));
         Ok((states, sum))
     }

@@ -40,7 +40,9 @@ pub(super) fn rolling(
     straight: &Turning<f64>,
 ) -> Result<Turning<f64>> {
     let natural = Natural::of(setting, loops);
-    let bends = natural.size(&straight.first).max(natural.size_of(&straight.acceleration) / natural.speed);
+    // of a disc that turns upright the rows change with the square of time only
+    let second = natural.size(&straight.second) / natural.speed;
+    let bends = natural.size(&straight.first).max(natural.size_of(&straight.acceleration) / natural.speed).max(second);
     if bends > ROLLS_STEADILY * natural.speed {
         return Err(refused(
             setting,

@@ -294,7 +294,7 @@ impl<'a> Subspace<'a> {
             kw -= &self.kz * &h;
         }
         let after = norm(&w);
-        // what is left of a vector that is nearly inside the space is noise
+        // the remainder of a vector that is nearly inside the space is noise
         if after.is_nan() || after <= 1e-3 * before {
             return;
         }

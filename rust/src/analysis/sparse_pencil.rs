@@ -248,7 +248,7 @@ impl Stiffness {
         Ok(out)
     }
 
-    /// Rows that are no constraints.
+    /// Rows that are not constraints.
     fn elastic_rows(&self) -> usize {
         let single = self.single.iter().filter(|k| **k > 0.0).count();
         single + self.blocks.iter().map(|b| b.rows.len()).sum::<usize>()

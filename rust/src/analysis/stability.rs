@@ -14,6 +14,7 @@ use super::hbm::linear::{Block, Matrices};
 use super::hbm::problem::Problem;
 use super::monodromy::Splitting;
 use crate::error::{Error, Result};
+use crate::linalg::balance::Balanced;
 use crate::solve::largest;
 
 /// Largest difference between the sum of the exponents and the trace, relative to the base frequency, that passes.
@@ -226,15 +227,20 @@ fn agree(exponents: &[c64], period: f64, multipliers: &[c64]) -> bool {
     })
 }
 
+/// Of the balanced matrix: coordinates may have any units.
 fn eigenvalues(a: &Mat<f64>) -> Result<Vec<c64>> {
-    a.eigenvalues().map_err(|_| Error::singular("the eigenvalues for stability did not converge; switch stability off"))
+    let balanced = Balanced::new(a).matrix;
+    balanced
+        .eigenvalues()
+        .map_err(|_| Error::singular("the eigenvalues for stability did not converge; switch stability off"))
 }
 
 /// ln(mu) / T for the multipliers mu, 0 <= Im <= w0/2 or its conjugate. Multipliers below rounding are not seen; the mean of
 /// their exponents is what the sum of all leaves to them.
 fn from_monodromy(phi: &Mat<f64>, sum: f64, w0: f64) -> Result<Vec<c64>> {
     let period = std::f64::consts::TAU / w0;
-    let multipliers = eigenvalues(phi)?;
+    let phi = Balanced::new(phi).matrix;
+    let multipliers = eigenvalues(&phi)?;
     let visible = 1e-11 * phi.norm_max().max(f64::MIN_POSITIVE);
     let exponent = |mu: &c64| {
         let turn = if mu.im == 0.0 && mu.re < 0.0 { std::f64::consts::PI } else { mu.arg() };

@@ -32,6 +32,15 @@ impl<T: nalgebra::Scalar + std::ops::AddAssign + Copy> Entries<T> for DMatrix<T>
     }
 }
 
+/// The sizes of what is added up for each entry.
+pub struct Sizes(pub DMatrix<f64>);
+
+impl Entries<f64> for Sizes {
+    fn add(&mut self, i: usize, j: usize, v: f64) {
+        self.0[(i, j)] += v.abs();
+    }
+}
+
 /// Entries in the order in which they came; an assembly that depends on structure alone gives the same places every time.
 #[derive(Debug, Clone, Default)]
 pub struct Triplets {

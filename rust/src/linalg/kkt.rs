@@ -332,7 +332,7 @@ where
     (0..miss.ncols()).map(part).fold(0.0, worse)
 }
 
-/// The larger of two; what is no number is the worst.
+/// The larger of two; nan is the largest.
 fn worse(a: f64, b: f64) -> f64 {
     if a > b || a.is_nan() { a } else { b }
 }

@@ -65,7 +65,7 @@ impl Quadratic {
                 return Err(Error::model(format!("{name} contains NaN or infinite entries")));
             }
         }
-        // an all-zero damping matrix is no damping, and no damping is cheaper
+        // without damping is cheaper: an all-zero damping matrix is left out
         let d = d.filter(|d| max_abs(d.as_ref()) > 0.0);
         Ok(Quadratic { m, d, s })
     }

@@ -9,7 +9,7 @@ pub struct SmallLu {
 }
 
 impl SmallLu {
-    /// A singular matrix gives solutions that are no numbers.
+    /// A singular matrix gives solutions that are not finite.
     pub fn new(mut a: DMatrix<f64>) -> Self {
         let n = a.nrows();
         let mut pivots = Vec::with_capacity(n);

@@ -5,13 +5,17 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::analysis::direction::{Directional, Entries, Request, directional};
-use crate::analysis::equilibrium::equilibrium_solver;
+use crate::analysis::equilibrium::unbalance;
+use crate::analysis::equilibrium_follow::equilibrium_solver;
 use crate::analysis::linearize::{Setting, linearize};
+use crate::analysis::steering::steering_joints;
 use crate::error::{Error, Result};
 use crate::run::Counts;
 
 use super::system::{LINEARIZATION, PySystem, effects, fits, run, state_of};
 use crate::system::System;
+use crate::system::assemble::Effects;
+use crate::tolerances::equilibrium::FAMILY;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(directions, module)?)
@@ -83,7 +87,7 @@ fn directions<'py>(
     memory: Vec<f64>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let state = state_of(&system.0, &q, &rate)?;
-    remembered(&system.0, &memory)?;
+    let memory = remembered(&system.0, &memory)?;
     let effects = effects(&without)?;
     let (follow, drawn) = (matches!(follow, "equilibrium" | "steady"), follow == "drawn");
     let n_x = system.0.x.len();
@@ -94,8 +98,24 @@ fn directions<'py>(
     let (all, dof) = run(py, &system.0, move |system, cancel| {
         let setting = Setting { system, state: &state, memory: &memory, acceleration: &[], effects };
         let base = linearize(&setting, &mut Counts::default())?;
-        let solver = follow.then(|| equilibrium_solver(system, &base, &driven)).transpose()?;
-        let request = Request { maps, solve: solver.as_ref().map(|s| s as _), drawn };
+        let edges = if follow { steering_joints(&setting, &base) } else { Vec::new() };
+        let unsteered = Effects { nonholonomic: false, ..effects };
+        if !edges.is_empty() && unbalance(system, &state, unsteered)? > FAMILY {
+            return Err(Error::NotDifferentiable(format!(
+                "the equilibrium that '{}' holds by a force is one of a family, which no parameter moves in a way of its own; use \
+                 equilibrium=\"hold\", or draw the model where its edges carry nothing",
+                edges.join("', '")
+            )));
+        }
+        let free = Setting { effects: unsteered, ..setting };
+        let free = match edges.is_empty() {
+            true => None,
+            false => Some((&free, linearize(&free, &mut Counts::default())?)),
+        };
+        let solver =
+            follow.then(|| equilibrium_solver(system, free.as_ref().map_or(&base, |f| &f.1), &driven)).transpose()?;
+        let free = free.as_ref().map(|(at, made)| (*at, made));
+        let request = Request { maps, solve: solver.as_ref().map(|s| s as _), free, drawn };
         let one = |(indices, weights): (Vec<usize>, Vec<f64>)| {
             cancel.check()?;
             let dx: Vec<_> = indices.into_iter().zip(weights).collect();
@@ -119,8 +139,8 @@ fn directions<'py>(
     Ok(out)
 }
 
-/// What laws remember has to fit the model; empty means centred.
-pub fn remembered(system: &System, memory: &[f64]) -> Result<()> {
+/// What laws remember has to fit the model, empty means centred; states with rates are taken at rest, whatever they were.
+pub fn remembered(system: &System, memory: &[f64]) -> Result<Vec<f64>> {
     let n = system.topology.n_memory;
     if !(memory.is_empty() || memory.len() == n) || memory.iter().any(|z| !z.is_finite()) {
         return Err(Error::model(format!(
@@ -128,5 +148,5 @@ pub fn remembered(system: &System, memory: &[f64]) -> Result<()> {
             memory.len()
         )));
     }
-    Ok(())
+    Ok(if memory.is_empty() { Vec::new() } else { system.topology.at_rest(memory) })
 }

@@ -107,7 +107,7 @@ fn task<'py>(
             t: times.first().copied().unwrap_or(0.0),
             q: state.q,
             rate: state.rate,
-            memory: if memory.len() == n_memory { memory } else { vec![0.0; n_memory] },
+            memory: if memory.len() == n_memory { memory } else { system.topology.at_rest(&[]) },
         },
         plan: Plan {
             breaks: system.kinks(times.first().copied().unwrap_or(0.0)),
@@ -160,7 +160,7 @@ fn put_instants(out: &Bound<'_, PyDict>, all: &[Instant]) -> PyResult<()> {
 }
 
 /// A motion over given step times, quantities at all of them (n_t, n) and their derivatives (n_t, n, n_p) along directions.
-/// `options`: times, memory, scheme, rho, weight, keep, drawn, quantities, directions; see mbrs/gradient.py.
+/// `options`: times, memory, scheme, rho, weight, keep, drawn, quantities, directions; see mbrs/gradients/gradient.py.
 #[pyfunction]
 fn motion_directions<'py>(
     py: Python<'py>,

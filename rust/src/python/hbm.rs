@@ -20,7 +20,7 @@ use crate::analysis::hbm::problem::{Element, Parameter, Problem};
 use crate::analysis::hbm::start;
 use crate::analysis::stability::Stability;
 use crate::error::{Error, Result};
-use crate::laws::Law;
+use crate::force::AnyLaw;
 use crate::solve::newton::{Options, Outcome};
 use crate::solve::{Curve, Linearisation};
 
@@ -29,6 +29,7 @@ type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(law_force, module)?)?;
+    module.add_function(wrap_pyfunction!(law_relaxations, module)?)?;
     module.add_class::<HbmProblem>()?;
     module.add_class::<HbmElements>()?;
     module.add_class::<HbmLinear>()
@@ -38,7 +39,7 @@ pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Force of one law along a history of displacements and rates; the memory starts at zero.
+/// Force of one law along a history of displacements and rates, sliders centred at its start. A state by rate rests at every sample.
 #[pyfunction]
 fn law_force<'py>(
     py: Python<'py>,
@@ -47,11 +48,24 @@ fn law_force<'py>(
     u: PyReadonlyArray1<'_, f64>,
     v: PyReadonlyArray1<'_, f64>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let law = Law::from_code(code, values.len())?;
+    let law = AnyLaw::from_code(code, values.len())?;
     let (u, v) = (u.as_array(), v.as_array());
     let mut memory = vec![0.0; law.n_memory()];
-    let force = u.iter().zip(v.iter()).map(|(u, v)| law.eval(*u, *v, &values, &mut memory)).collect();
+    let force = |(u, v): (&f64, &f64)| {
+        if law.has_rates() {
+            memory = law.rest_memory();
+        }
+        law.eval(*u, *v, &values, &mut memory)
+    };
+    let force = u.iter().zip(v.iter()).map(force).collect();
     Ok(PyArray1::from_vec(py, force))
+}
+
+/// (k, rate) of each state that relaxes about rest at u: there the law is k s / (s + rate) beside its slope at rest.
+#[pyfunction]
+fn law_relaxations(code: i64, values: Vec<f64>, u: f64) -> PyResult<Vec<(f64, f64)>> {
+    let law = AnyLaw::from_code(code, values.len())?;
+    Ok(law.relaxations(u, &values).into_iter().map(|r| (r.k, r.rate)).collect())
 }
 
 /// Laws on directions; the parameters of all of them lie in one vector.
@@ -89,7 +103,7 @@ impl HbmElements {
             let direction = index.iter().copied().zip(weight.iter().copied()).collect();
             let force = match function {
                 Some(function) => Force::Sampled(Arc::new(PythonLaw { function, element: e })),
-                None => Force::Known(Law::from_code(code[e], count[e])?, params.to_vec()),
+                None => Force::Known(AnyLaw::from_code(code[e], count[e])?, params.to_vec()),
             };
             elements.push(Element { force, direction });
         }

@@ -1,4 +1,5 @@
 //! The border to Python: one registration function per group of analyses.
+mod aero;
 mod border;
 mod direction;
 mod eigen_sensitivity;
@@ -21,6 +22,7 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    aero::register(module)?;
     border::register(module)?;
     direction::register(module)?;
     eigen_sensitivity::register(module)?;

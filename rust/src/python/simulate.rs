@@ -61,7 +61,7 @@ fn plan(options: &Bound<'_, PyDict>) -> PyResult<Plan> {
 /// Square matrices of the tree coordinates that a motion holds at most: mass, iteration matrix, its factors and their products.
 const MATRICES: f64 = 10.0;
 
-/// A run from a state. `options`: method, end, step or rtol, outputs, breaks, t, memory, ...; see mbrs/simulate.py.
+/// A run from a state. `options`: method, end, step or rtol, outputs, breaks, t, memory, ...; see mbrs/motion/simulate.py.
 #[pyfunction]
 #[pyo3(signature = (system, q, rate, without, options, report=None))]
 fn simulate_motion<'py>(
@@ -89,7 +89,7 @@ fn simulate_motion<'py>(
         t: number(options, "t")?.unwrap_or(0.0),
         q: state.q,
         rate: state.rate,
-        memory: if memory.is_empty() { vec![0.0; n_memory] } else { memory },
+        memory: if memory.is_empty() { system.topology.at_rest(&[]) } else { memory },
     };
     let method: String = match options.get_item("method")? {
         Some(name) => name.extract()?,

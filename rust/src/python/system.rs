@@ -136,7 +136,7 @@ fn put_state(py: Python<'_>, out: &Bound<'_, PyDict>, state: &State) -> PyResult
     out.set_item("rate", state.rate.clone().into_pyarray(py))
 }
 
-/// Column by column, as it stands: a copy of the memory.
+/// Column by column: a copy of the memory.
 pub fn array(m: &nalgebra::DMatrix<f64>) -> Array2<f64> {
     use numpy::ndarray::ShapeBuilder;
     let shape = m.shape();
@@ -158,6 +158,7 @@ fn put_linearization(py: Python<'_>, out: &Bound<'_, PyDict>, system: &System, l
     out.set_item("residual", lin.residual.as_slice().to_vec().into_pyarray(py))?;
     out.set_item("ground_coupling", array(&lin.ground_coupling).into_pyarray(py))?;
     out.set_item("force_scale", lin.force_scale)?;
+    out.set_item("force_sizes", lin.force_sizes.clone().into_pyarray(py))?;
     out.set_item("multipliers", lin.lam.clone().into_pyarray(py))
 }
 
@@ -294,6 +295,7 @@ impl PySystem {
         out.set_item("iterations", eq.iterations)?;
         out.set_item("stable", eq.stable)?;
         out.set_item("free_directions", eq.free_directions)?;
+        out.set_item("family", eq.family)?;
         out.set_item("counts", counts_dict(py, &counts)?)?;
         Ok(out)
     }
@@ -311,7 +313,7 @@ impl PySystem {
     ) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &q, &rate)?;
         let effects = effects(&without)?;
-        super::direction::remembered(&self.0, &memory)?;
+        let memory = super::direction::remembered(&self.0, &memory)?;
         fits(&self.0, "a linearisation", LINEARIZATION)?;
         if !acceleration.is_empty() && acceleration.len() != self.0.n_tree() {
             let n = self.0.n_tree();

@@ -92,7 +92,7 @@ fn bodies(reader: &Reader<'_, '_>) -> PyResult<Vec<BodySpec>> {
     names.into_iter().zip(x).map(|(name, x)| Ok(BodySpec { name, x: offset(x)?, tip: None })).collect()
 }
 
-/// Flexible bodies and the frame that each node stands for: its body, or a body of its own behind the others.
+/// Flexible bodies and the frame of each node: its body, or a body of its own behind the others.
 #[derive(Default)]
 struct Flexible {
     bodies: Vec<FlexibleSpec>,

@@ -120,7 +120,7 @@ impl<T: Real> Scene<'_, T> {
         Fold::of(self.topology, self.geometry)
     }
 
-    fn numbers(&self) -> Numbers<'_, T> {
+    pub(super) fn numbers(&self) -> Numbers<'_, T> {
         Numbers { x: self.x, memory: self.memory }
     }
 
@@ -207,17 +207,6 @@ impl<T: Real> Scene<'_, T> {
             None => coupling,
             Some(fold) => fold.rows_of(&coupling),
         }
-    }
-
-    /// The sum of the sizes of all connector forces, moments over the characteristic length.
-    pub fn connector_sizes(&self, length: f64) -> f64 {
-        let wanted = Wanted::FORCES;
-        let acting = self
-            .topology
-            .connectors
-            .iter()
-            .map(|c| interaction(self.topology, self.geometry, self.placement, self.numbers(), c, wanted));
-        acting.map(|w| w.wrench.l.map(|v| v.re()).norm() * length + w.wrench.a.map(|v| v.re()).norm()).sum()
     }
 
     /// The first connector whose force is no number.

@@ -61,15 +61,14 @@ fn add_law<T: Real>(bound: &BoundLaw, x: &[T], memory: &[T], e: T, v: T, wanted:
     let i = bound.component;
     let p = &x[bound.x..bound.x + bound.law.n_params()];
     let n = bound.law.n_memory();
-    let centred = vec![T::zero(); n];
-    let z = if memory.is_empty() { &centred } else { &memory[bound.memory..bound.memory + n] };
+    let z = if memory.is_empty() { bound.law.rest_memory() } else { memory[bound.memory..bound.memory + n].to_vec() };
     let mut z_new = vec![T::zero(); n];
-    out.force[i] += bound.law.force(e, v, p, z, &mut z_new);
+    out.force[i] += bound.law.force(e, v, p, &z, &mut z_new);
     if !wanted.tangent || !wanted.laws {
         return;
     }
     let constant = |a: &[T]| -> Vec<Dual<T>> { a.iter().map(|a| Dual::from_re(*a)).collect() };
-    let (pd, zd) = (constant(p), constant(z));
+    let (pd, zd) = (constant(p), constant(&z));
     let mut zd_new = vec![Dual::from_re(T::zero()); n];
     let by_e = bound.law.force(Dual::new(e, T::one()), Dual::from_re(v), &pd, &zd, &mut zd_new);
     out.k[i][i] += by_e.eps;

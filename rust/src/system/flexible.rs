@@ -1,7 +1,7 @@
 //! Modal coordinates and the nodes that they move.
 //!
 //! A moving node is a massless body on six columns behind the frame (three displacements w and three successive rotations), or
-//! before it where the tree comes from there. The columns are no coordinates: w = phi q is linear, so that all that is assembled
+//! before it where the tree comes from there. The columns are not coordinates: w = phi q is linear, so that all that is assembled
 //! over columns comes to the coordinates by the constant map E, X -> E^T X E, f -> E^T f.
 use nalgebra::DVector;
 

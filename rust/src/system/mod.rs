@@ -11,6 +11,8 @@
 //! sparse      everything once more in absolute coordinates, for thousands of bodies
 //! rows        values and Jacobian of all constraint rows
 //! rank        which of them are redundant, decided once
+//! islands     bodies that nothing connects
+//! singular_pose  where they depend on each other to first order only
 //! closure     from the drawing to closed loops
 //! loops       dependent coordinates, the transformation B''
 //! ```
@@ -23,12 +25,14 @@ pub mod flexible;
 pub mod flexible_inertia;
 mod flexible_scene;
 pub mod inertia;
+pub mod islands;
 pub mod loops;
 pub mod parts;
 pub mod path;
 pub mod placement;
 pub mod rank;
 pub mod rows;
+pub mod singular_pose;
 pub mod sparse;
 pub mod topology;
 mod tree;

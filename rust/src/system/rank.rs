@@ -21,13 +21,13 @@ use crate::linalg::matrix::Matrix;
 use crate::linalg::rows::{Block, Level as Asked, RowBlocks, gather, largest_rows};
 use crate::model::geometry::BodyGeometry;
 use crate::model::layout;
-use crate::spatial::V3;
+use crate::spatial::{Pose, V3};
 use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::closure::{check_redundant, close_drawn, close_with, drawn_start, rows_at, rows_into};
 use crate::system::placement::{advance, place};
 use crate::system::topology::{ConstraintRow, Level, Purpose};
-use crate::tolerances::constraints::{DOUBTFUL, ENTRY_ROUNDING, PROBE};
+use crate::tolerances::constraints::{APART, DOUBTFUL, ENTRY_ROUNDING, LOCKED, PROBE};
 
 /// Blocks with more entries are decided by elimination, not by singular values.
 const DENSE_BLOCK: usize = 40_000;
@@ -214,8 +214,12 @@ fn body_sizes(system: &System) -> Vec<f64> {
 
 /// Rounding of the entries of each row, columns free of units.
 pub(super) fn bounds(system: &System, q: &[f64], effects: Effects, rows: &RowBlocks) -> Vec<f64> {
+    let poses = place(&system.topology, &system.geometry, q, None).pose;
+    bounds_at(system, &poses, effects, rows)
+}
+
+pub(super) fn bounds_at(system: &System, poses: &[Pose<f64>], effects: Effects, rows: &RowBlocks) -> Vec<f64> {
     let topology = &*system.topology;
-    let poses = place(topology, &system.geometry, q, None).pose;
     let far = |b: Option<usize>| topology.node(b).map_or(0.0, |n| poses[n].p.norm());
     let unit = ENTRY_ROUNDING * f64::EPSILON;
     let bound = |(i, row): (usize, &ConstraintRow)| {
@@ -250,8 +254,15 @@ fn rank_of_block(j: &Matrix, rows: &RowBlocks, block: &Block, bounds: &[f64], to
         false => spectrum(j, rows, block, Asked::Position, bounds, tolerance)?.rank,
     };
     let limit = tolerance.max(all.floor);
-    let doubtful = all.values.iter().copied().filter(|s| *s > all.floor && *s <= DOUBTFUL * limit).collect();
+    let most = DOUBTFUL * limit * if is_apart(&all.values, LOCKED * limit) { LOCKED / DOUBTFUL } else { 1.0 };
+    let doubtful = all.values.iter().copied().filter(|s| *s > all.floor && *s <= most).collect();
     Ok(Ranks { position_rank, rank: all.rank, doubtful, tolerance: limit, fixed: None })
+}
+
+/// Singular values below a limit are far below all others: constraints that an inaccurate drawing makes, not a slender mechanism.
+fn is_apart(values: &[f64], limit: f64) -> bool {
+    let weak = values.iter().copied().filter(|s| *s <= limit).fold(0.0, f64::max);
+    values.iter().all(|s| *s <= limit || *s >= APART * weak)
 }
 
 /// A large block: what elimination leaves below the limit is decided by its singular values.

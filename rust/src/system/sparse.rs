@@ -149,9 +149,9 @@ fn check(system: &System, state: &State) -> Result<()> {
             "the sparse route of large models knows states at rest only; this one moves: {dense}"
         )));
     }
-    if topology.tables.loads.iter().any(|l| l.follower) {
+    if topology.tables.loads.iter().any(|l| l.follower || l.torque) {
         return Err(Error::route(format!(
-            "follower loads make the stiffness nonsymmetric, which the sparse route of large models does not know: {dense}"
+            "follower loads and torques make the stiffness nonsymmetric, which the sparse route of large models does not know: {dense}"
         )));
     }
     if let Some(name) = topology.tables.unusual() {
@@ -506,15 +506,14 @@ impl Builder<'_> {
 
     fn unbalanced(&self, lam: &[f64], loops: Option<&Loops>) -> (f64, usize) {
         let residual = self.scene.residual(Some(lam));
-        let size = |w: &Six<f64>| w.l.norm() * self.system.length + w.a.norm();
-        let total = self.scene.body_wrenches(None).iter().map(size).sum::<f64>()
-            + self.scene.connector_sizes(self.system.length);
+        let (topology, length) = (&self.system.topology, self.system.length);
+        let sizes = self.scene.force_sizes(length);
         let places: Vec<usize> = loops.map_or_else(|| (0..residual.len()).collect(), |l| l.independent.clone());
-        let worst = places.iter().copied().max_by(|a, b| residual[*a].abs().total_cmp(&residual[*b].abs()));
-        match worst {
-            Some(i) if total > 0.0 => (residual[i].abs() / total, i),
-            _ => (0.0, 0),
-        }
+        let part = |i: usize| match sizes[topology.island_of(i)] {
+            size if size > 0.0 => residual[i].abs() * topology.scale(i, length) / size,
+            _ => 0.0,
+        };
+        places.into_iter().map(|i| (part(i), i)).max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, 0))
     }
 }
 

@@ -2,13 +2,14 @@
 use std::collections::HashMap;
 
 use crate::error::{Error, Result};
+use crate::force::AnyLaw;
 use crate::joint::{ANGLE_Z, Coordinate, Freedom, JointKind, MODAL};
-use crate::laws::Law;
 use crate::model::geometry::{Geometry, MarkerPair};
 use crate::model::layout::flag::{HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN};
 use crate::model::layout::{self, bushing, joint, spring_damper, torsion};
 use crate::model::tables::{BodyRef, ElementKind, ElementSpec, LawSpec, Tables};
 use crate::spatial::{M3, Real, V3};
+use crate::system::islands::islands;
 use crate::system::tree::spanning_tree;
 use crate::tolerances::coordinates::NEARLY_PARALLEL;
 
@@ -127,7 +128,7 @@ pub struct Connector {
 #[derive(Debug, Clone)]
 pub struct BoundLaw {
     pub component: usize,
-    pub law: Law,
+    pub law: AnyLaw,
     pub x: usize,
     pub memory: usize,
 }
@@ -151,6 +152,8 @@ pub struct Topology {
     pub tables: Tables,
     pub nodes: Vec<Node>,
     pub node_of_body: Vec<usize>,
+    /// which nodes are connected otherwise than through ground, see `islands`
+    pub island: Vec<usize>,
     /// all columns: tree coordinates, then those of moving nodes, which are no coordinates of their own
     pub dofs: Vec<Dof>,
     /// how many of them are tree coordinates
@@ -173,6 +176,20 @@ pub struct Topology {
 pub type Turning = Vec<(usize, f64)>;
 
 impl Topology {
+    /// The element or joint that a connector belongs to.
+
+    /// A memory with the states of all such laws at rest, whatever they were.
+    pub fn at_rest(&self, memory: &[f64]) -> Vec<f64> {
+        let mut out = if memory.is_empty() { vec![0.0; self.n_memory] } else { memory.to_vec() };
+        for law in self.connectors.iter().flat_map(|c| &c.laws) {
+            let rest: Vec<f64> = law.law.rest_memory();
+            if law.law.has_rates() {
+                out[law.memory..law.memory + rest.len()].copy_from_slice(&rest);
+            }
+        }
+        out
+    }
+
     pub fn new(tables: Tables) -> Result<Self> {
         if tables.bodies.is_empty() {
             return Err(Error::model("the model has no body: add one with m.body(...)"));
@@ -199,11 +216,13 @@ impl Topology {
         let mut rows: Vec<_> = cut.iter().flat_map(|j| cut_rows(&tables, *j)).collect();
         rows.extend(imposed_rows(&tables));
         let (connectors, n_memory) = connectors(&tables)?;
+        let island = islands(&tables, &nodes, &node_of_body, &connectors);
         let n_q = nodes.iter().map(|n| n.kind.nq()).sum::<usize>() + modal.iter().map(|m| m.m).sum::<usize>();
         let mut made = Topology {
             tables,
             nodes,
             node_of_body,
+            island,
             dofs,
             n_tree,
             modal,
@@ -468,7 +487,7 @@ impl<'a> LawBinder<'a> {
                     l.component
                 )));
             }
-            let law = Law::from_code(l.code, l.n)?;
+            let law = AnyLaw::from_code(l.code, l.n)?;
             let memory = self.memory;
             self.memory += law.n_memory();
             Ok(BoundLaw { component: l.component, law, x: l.x, memory })

@@ -1,6 +1,6 @@
 //! Which forces of connectors and loads act, and what of their tangents is wanted.
-use crate::laws::Law;
-use crate::system::topology::Connector;
+use crate::force::{AnyLaw, Class};
+use crate::system::topology::{Connector, Topology};
 
 /// What of a tangent is wanted.
 #[derive(Debug, Clone, Copy)]
@@ -31,11 +31,17 @@ impl Wanted {
         c.k.is_some() || c.preload.is_some() || self.damping && c.c.is_some() || c.laws.iter().any(|l| self.law(l.law))
     }
 
-    pub(crate) fn law(&self, law: Law) -> bool {
-        match law {
-            Law::CoulombTanh | Law::Jenkins | Law::Iwan { .. } => self.friction,
-            Law::Gap | Law::GapBilateral | Law::Hertz => self.contact,
-            _ => true,
+    /// Connectors that have a law that acts and whose states have rates.
+    pub(crate) fn with_state_rates(&self, topology: &Topology) -> Vec<usize> {
+        let rated = |c: &Connector| c.laws.iter().any(|l| l.law.has_rates() && self.law(l.law));
+        (0..topology.connectors.len()).filter(|i| rated(&topology.connectors[*i])).collect()
+    }
+
+    pub(crate) fn law(&self, law: AnyLaw) -> bool {
+        match law.class() {
+            Class::Friction => self.friction,
+            Class::Contact => self.contact,
+            Class::Spring => true,
         }
     }
 }

@@ -4,7 +4,7 @@
 //! and first order in the step; a jump of an imposed rate makes rates jump at a fixed time, whatever the parameters do.
 use crate::analysis::transient::{Equations, Instant};
 use crate::error::{Error, Result};
-use crate::laws::Law;
+use crate::force::{AnyLaw, Class};
 use crate::system::connector::motion_of;
 use crate::system::topology::{BoundLaw, Owner};
 
@@ -34,14 +34,10 @@ const FRICTION: &str = "its friction changes its sign within a step";
 const SLIDER: &str = "its slider begins or ceases to slide";
 const GAP: &str = "its gap closes or opens";
 
-fn has_kinks(law: Law) -> bool {
-    matches!(law, Law::Gap | Law::GapBilateral | Law::Hertz | Law::CoulombTanh | Law::Jenkins | Law::Iwan { .. })
-}
-
-fn what(law: Law) -> &'static str {
-    match law {
-        Law::CoulombTanh => FRICTION,
-        Law::Jenkins | Law::Iwan { .. } => SLIDER,
+fn what(law: AnyLaw) -> &'static str {
+    match law.class() {
+        _ if law.has_map() => SLIDER,
+        Class::Friction => FRICTION,
         _ => GAP,
     }
 }
@@ -68,7 +64,7 @@ impl<'a> Watch<'a> {
                 }
                 self.found.push(Kink {
                     t: t0 + (t1 - t0) * (a.from.abs() / moved).min(1.0),
-                    element: self.name(owner),
+                    element: self.eq.topology().owner_name(owner).to_string(),
                     what: what(bound.law),
                 });
             }
@@ -76,24 +72,21 @@ impl<'a> Watch<'a> {
         self.last = now;
     }
 
-    fn name(&self, owner: Owner) -> String {
-        let tables = &self.eq.topology().tables;
-        match owner {
-            Owner::Element(i) => tables.elements[i].name.clone(),
-            Owner::Joint(i) => tables.joints[i].name.clone(),
-        }
+    fn has_kinks(&self, l: &BoundLaw) -> bool {
+        let p = &self.eq.x[l.x..l.x + l.law.n_params()];
+        l.law.has_map() || l.law.surfaces(p).iter().any(|s| s.kink)
     }
 
     fn laws(&self) -> Vec<(Owner, &'a BoundLaw)> {
         let all = self.eq.topology().connectors.iter();
-        all.flat_map(|c| c.laws.iter().map(|l| (c.owner, l))).filter(|(_, l)| has_kinks(l.law)).collect()
+        all.flat_map(|c| c.laws.iter().map(|l| (c.owner, l))).filter(|(_, l)| self.has_kinks(l)).collect()
     }
 
     fn distances(&self, from: &Instant, end: &Instant) -> Vec<Vec<Distance>> {
         let eq = self.eq;
         let topology = eq.topology();
         let connectors = topology.connectors.iter();
-        let kinky: Vec<_> = connectors.filter(|c| c.laws.iter().any(|l| has_kinks(l.law))).collect();
+        let kinky: Vec<_> = connectors.filter(|c| c.laws.iter().any(|l| self.has_kinks(l))).collect();
         if kinky.is_empty() {
             return Vec::new();
         }
@@ -101,7 +94,7 @@ impl<'a> Watch<'a> {
         let mut out = Vec::new();
         for c in kinky {
             let moved = motion_of(topology, &eq.geometry, &placement, &eq.x, c);
-            for law in c.laws.iter().filter(|l| has_kinks(l.law)) {
+            for law in c.laws.iter().filter(|l| self.has_kinks(l)) {
                 let (u, v) = moved[law.component];
                 let p = &eq.x[law.x..law.x + law.law.n_params()];
                 let memory = law.memory..law.memory + law.law.n_memory();
@@ -113,19 +106,13 @@ impl<'a> Watch<'a> {
     }
 }
 
-fn distances(law: Law, p: &[f64], u: f64, v: f64, (before, after): (&[f64], &[f64])) -> Vec<Distance> {
+fn distances(law: AnyLaw, p: &[f64], u: f64, v: f64, (before, after): (&[f64], &[f64])) -> Vec<Distance> {
     let one = |from: f64, width: f64| Distance { from, width };
-    match law {
-        Law::Gap => vec![one(u - p[1], p[2])],
-        Law::GapBilateral => vec![one(u - p[1], p[2]), one(-u - p[1], p[2])],
-        // a higher power closes without a kink
-        Law::Hertz => vec![one(u - p[2], if p[1] > 1.0 { f64::INFINITY } else { 0.0 })],
-        Law::CoulombTanh => vec![one(v, p[1])],
-        Law::Jenkins | Law::Iwan { .. } => {
-            (before.iter().zip(after)).map(|(a, b)| one(if a == b { -1.0 } else { 1.0 }, 0.0)).collect()
-        }
-        _ => Vec::new(),
+    if law.has_map() {
+        return (before.iter().zip(after)).map(|(a, b)| one(if a == b { -1.0 } else { 1.0 }, 0.0)).collect();
     }
+    let kinks = law.surfaces(p).into_iter().filter(|s| s.kink);
+    kinks.map(|s| one(s.distance(u, v), s.width)).collect()
 }
 
 /// Refuse motions of drives whose rates jump on the way: an impact.

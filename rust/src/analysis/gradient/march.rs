@@ -1,4 +1,6 @@
 //! The motion itself, step by step, with what is needed to differentiate each step.
+use std::borrow::Cow;
+
 use crate::analysis::transient::ali3p::{Factors, Record, Trend, Weight};
 use crate::analysis::transient::generalized_alpha::{Carried, GeneralizedAlpha, Parameters};
 use crate::analysis::transient::{Equations, Instant, Scheme};
@@ -58,6 +60,26 @@ pub enum Made {
     Alpha(Parameters, f64),
 }
 
+impl Here {
+    /// The start of a step of this length: states of laws as the step solves for them.
+    pub fn opened(&self, eq: &Equations<'_, f64>, h: f64) -> Cow<'_, Here> {
+        if !eq.has_state_rates() {
+            return Cow::Borrowed(self);
+        }
+        Cow::Owned(Here { instant: eq.opened(&self.instant, h).into_owned(), ..self.clone() })
+    }
+}
+
+impl Made {
+    /// Length of the step.
+    pub fn length(&self) -> f64 {
+        match self {
+            Made::Ali3p(record, _) => record.h,
+            Made::Alpha(_, h) => *h,
+        }
+    }
+}
+
 /// Goes from step to step; a kept factorisation of the motion is all that it holds.
 pub struct March<'a> {
     eq: &'a Equations<'a, f64>,
@@ -103,7 +125,8 @@ impl<'a> March<'a> {
         match self.plan.rule {
             Rule::Ali3p(weight) => {
                 let mut trend = from.trend.clone();
-                let (mut end, record, mut by) = self.eq.ali3p_step(&from.instant, h, &trend, weight, counts)?;
+                let (mut end, record, mut by) =
+                    self.eq.ali3p_step(&self.eq.opened(&from.instant, h), h, &trend, weight, counts)?;
                 trend.pass(&from.instant.acceleration, &end.acceleration, h);
                 end.motion.t = t;
                 by.linear = by.linear.filter(|_| self.tangents);

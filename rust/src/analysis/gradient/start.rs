@@ -324,7 +324,7 @@ fn assembled(
         let (phi, all) = eq.rows(&m);
         let phi = DVector::from_fn(position.len(), |i, _| phi[position[i]]);
         let size = (0..phi.len()).map(|i| (phi[i] * scale[position[i]]).abs()).fold(0.0, f64::max);
-        // what is left is closed by the last step that all starts have in common
+        // the remainder is closed by the last step that all starts have in common
         if size <= DRAWN_OPEN {
             return Ok(path);
         }

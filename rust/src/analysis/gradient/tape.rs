@@ -48,7 +48,7 @@ pub struct Taped {
     at: u32,
 }
 
-/// Start anew on this thread; whatever comes before the first number of all is no tape yet.
+/// Start anew on this thread; before the first number there is no tape.
 pub fn clear() {
     TAPE.with_borrow_mut(|t| {
         t.nodes.clear();

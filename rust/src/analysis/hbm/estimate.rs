@@ -1,7 +1,7 @@
 //! How far a truncated solution may be off: one Newton step on a larger set of terms and a finer grid, started at the solution.
 //!
 //! The step holds both the omitted terms and what they change in the retained ones, and through the finer grid the aliasing.
-//! Omitted terms as a measure: A. Grolet, F. Thouverez, Mech. Syst. Signal Process. 30 (2012) 529-547.
+//! Source: docs/theory.md (11.9).
 use faer::prelude::*;
 
 use super::basis::Finer;

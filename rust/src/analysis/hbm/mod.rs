@@ -15,6 +15,7 @@ pub mod grid;
 pub mod linear;
 pub mod modal;
 pub mod peak;
+mod periodic_state;
 pub mod problem;
 pub mod refined;
 pub mod response;

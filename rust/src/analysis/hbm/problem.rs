@@ -515,7 +515,7 @@ mod tests {
     use super::super::family::Family;
     use super::super::linear::Full;
     use super::*;
-    use crate::laws::Law;
+    use crate::force::AnyLaw;
     use std::sync::Arc;
 
     struct Springs;
@@ -524,7 +524,7 @@ mod tests {
         fn member(&self, value: f64) -> Result<Member> {
             let other = two_masses(Parameter::Level);
             let mut elements = other.elements.clone();
-            elements[0].force = Force::Known(Law::Cubic, vec![0.5 * value]);
+            elements[0].force = Force::Known(AnyLaw::from_code(0, 1).unwrap(), vec![0.5 * value]);
             let linear = Full {
                 n: 2,
                 m: vec![1.0, 0.1, 0.1, 2.0],
@@ -546,14 +546,14 @@ mod tests {
             k: vec![2.0, -1.0, -0.8, 3.0],
             forces: Arc::new(forces),
         };
-        let element = |law, params: &[f64], direction: &[(usize, f64)]| Element {
-            force: Force::Known(law, params.to_vec()),
+        let element = |code, params: &[f64], direction: &[(usize, f64)]| Element {
+            force: Force::Known(AnyLaw::from_code(code, params.len()).unwrap(), params.to_vec()),
             direction: direction.to_vec(),
         };
         let elements = vec![
-            element(Law::Cubic, &[0.5], &[(0, 1.0), (1, -1.0)]),
-            element(Law::VanDerPol, &[0.3], &[(1, 2.0)]),
-            element(Law::Jenkins, &[0.7, 0.2], &[(0, 1.0)]),
+            element(0, &[0.5], &[(0, 1.0), (1, -1.0)]),
+            element(8, &[0.3], &[(1, 2.0)]),
+            element(9, &[0.7, 0.2], &[(0, 1.0)]),
         ];
         let basis = Basis::periodic(&[1, 2, 3], 1);
         let mut problem = Problem::new(basis, Box::new(linear), elements, vec![1.1], &[64]).unwrap();

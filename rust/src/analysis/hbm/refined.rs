@@ -1,6 +1,6 @@
 //! Condensation where rounding would spoil it: residuals in twice the precision, and solutions in two parts.
 //!
-//! Of finely divided structures the entries of K are many orders larger than what is left after condensation (a beam of n elements:
+//! Of finely divided structures the entries of K are many orders larger than those after condensation (a beam of n elements:
 //! n^4), and so is the rounding of a factorisation. With x an approximation of -Z_ll^-1 Z_lr and r = -Z_lr - Z_ll x its residual,
 //! S = Z_rr + Z_rl x - l^T r, where l^T = -Z_rl Z_ll^-1, is off by the product of the errors of l and x only. Residuals as in N. J.
 //! Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., SIAM 2002, chapter 12.

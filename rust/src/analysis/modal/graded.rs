@@ -1,7 +1,7 @@
 //! First approximations of shapes where stiffnesses or masses differ by many orders: singular vectors of a factor of K.
 //!
 //! With K = F^T F and M = L L^T, coordinates in ascending order of the columns of F (M with unit diagonal), the singular values of
-//! F L^-T are the frequencies. Jacobi's method keeps the small ones, which an eigensolver on L^-1 K L^-T drowns in rounding of the
+//! F L^-T are the frequencies. Jacobi's method keeps the small ones, which an eigensolver on L^-1 K L^-T loses in rounding of the
 //! largest. Z. Drmac, SIAM J. Numer. Anal. 35 (1998) 191-218.
 use faer::Mat;
 

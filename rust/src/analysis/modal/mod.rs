@@ -23,6 +23,7 @@ use crate::linalg::dense::{C, cholesky};
 use crate::run::Counts;
 use crate::second_order::{SecondOrder, massless};
 
+use crate::tolerances::modes::MASSLESS;
 use quality::Correction;
 pub use subspace::largest_component;
 
@@ -136,7 +137,8 @@ fn triangular(mf: &Mat<f64>) -> std::result::Result<Mat<f64>, usize> {
     let sorted = Mat::from_fn(mf.nrows(), n, |i, j| mf[(order[i], j)]);
     let qr = sorted.qr();
     let r = qr.thin_R();
-    let massless = |i: &usize| r[(*i, *i)] == 0.0 || !r[(*i, *i)].is_finite();
+    let column = |j: usize| (0..=j).map(|i| r[(i, j)].powi(2)).sum::<f64>().sqrt();
+    let massless = |i: &usize| r[(*i, *i)].abs() <= MASSLESS * column(*i) || !r[(*i, *i)].is_finite();
     match (0..n).find(massless) {
         Some(i) => Err(i),
         None => Ok(Mat::from_fn(n, n, |i, j| if i >= j { r[(j, i)] * r[(j, j)].signum() } else { 0.0 })),

@@ -151,7 +151,7 @@ pub fn evaluate(
 }
 
 fn corrected(s: C, quality: &Quality, correction: Correction) -> Option<C> {
-    // larger steps are no corrections, and near a double root the first order says nothing
+    // larger steps are not corrections, and near a double root the first order says nothing
     const LARGEST: f64 = 1e-3;
     const SEPARATED: f64 = 1e-4;
     if correction == Correction::None || quality.separation < SEPARATED {

@@ -73,7 +73,7 @@ fn cosine(a: &[C], b: &[C]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.conj() * b).sum::<C>().norm() / (norm(a) * norm(b))
 }
 
-/// Newton's method until the root stands still; its last step is part of the error. A root that does not come to rest near its start
+/// Newton's method until the root is constant; its last step is part of the error. A root that does not come to rest near its start
 /// stays where it was, with the error that its residual allows.
 fn follow(terms: &Terms, mode: &mut RawMode, quality: &mut Quality, counts: &mut Counts) {
     let start = (mode.s, mode.x.clone(), mode.y.clone());

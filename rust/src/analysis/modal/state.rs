@@ -21,7 +21,7 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// How many roots it stands for.
+    /// Number of roots that it represents.
     fn weight(&self) -> usize {
         if self.s.im > 0.0 { 2 } else { 1 }
     }

@@ -6,9 +6,9 @@
 //! W (v1 - v*) + J^T kappa = 0,  J v1 + Phi_t = 0;   W (a1 - a*) + J^T nu = 0,  J a1 + gamma = 0
 //! ```
 //! for x, the increment h/2 (v0 + v*) of the trapezoidal rule; the product, of three rotations that act together, is their commutator
-//! (`rotations`). W = M + h/2 D + c K at (q1, v*, a*), or M. Every linear system is solved by penalties and multiplier updates until nothing
-//! changes (`penalty`), so that the penalty leaves no trace and redundant rows are welcome. After METHODS.md (e), a reading of
-//! Dopico and co-workers; the functions below are generic, so that `gradient` differentiates the very same text.
+//! (`rotations`). W = M + h/2 D + c K at (q1, v*, a*), or M. Every linear system is solved as the saddle system to which penalties and
+//! multiplier updates converge, so that no penalty leaves a trace. Docs: docs/theory.md (17.14) to (17.17), after D. Dopico and
+//! co-workers, Nonlinear Dynamics 93 (2018) 2039-2056. The functions are generic: `gradient` differentiates the very same text.
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual, Dual64};
 
@@ -456,6 +456,7 @@ impl Ali3p {
         LocalError {
             position: (0..n).map(|i| factor * slope(i)).collect(),
             rate: (0..n).map(|i| factor * second(i)).collect(),
+            state: Vec::new(),
         }
     }
 }
@@ -473,13 +474,14 @@ impl Scheme for Ali3p {
         estimate: bool,
         counts: &mut Counts,
     ) -> Result<Step> {
-        let (end, record, _) = eq.ali3p_step(from, h, &self.trend, self.weight, counts)?;
+        let (end, record, _) = eq.ali3p_step(&eq.opened(from, h), h, &self.trend, self.weight, counts)?;
         if estimate {
             let projected = end.motion.rate.iter().zip(&record.dv);
             let before: Vec<f64> = projected.map(|(v, d)| v - d).collect();
             eq.same_branch(&before, &end, h)?;
         }
-        let error = estimate.then(|| self.estimate(from, &end, h));
+        let state = || eq.state_error(&from.motion, &end.motion, h);
+        let error = estimate.then(|| LocalError { state: state(), ..self.estimate(from, &end, h) });
         Ok(Step { end, error })
     }
 

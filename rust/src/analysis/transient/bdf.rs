@@ -102,12 +102,14 @@ impl Bdf {
         Ok(())
     }
 
-    fn begin(&mut self, from: &Instant, h: f64) {
+    fn begin(&mut self, eq: &Equations<'_, f64>, from: &Instant, h: f64) {
         let n = from.motion.rate.len();
         let scaled = |v: &[f64]| v.iter().map(|x| x * h).collect();
-        let mut d = vec![Pair::zero(n); MOST + 3];
+        let mut d = vec![Pair::zero(n, eq.states(&from.motion).len()); MOST + 3];
         d[0].v.clone_from(&from.motion.rate);
-        d[1] = Pair { y: scaled(&from.motion.rate), v: scaled(&from.acceleration) };
+        d[0].z = eq.states(&from.motion);
+        let z = scaled(&eq.state_rates(&from.motion));
+        d[1] = Pair { y: scaled(&from.motion.rate), v: scaled(&from.acceleration), z };
         self.order = 1;
         self.history = Some(History { t: from.motion.t, h, chart: from.motion.clone(), d, equal: 0 });
     }
@@ -144,7 +146,11 @@ impl Bdf {
         let mut row: Vec<Pair> = points
             .iter()
             .rev()
-            .map(|p| Pair { y: eq.difference(&last.motion, &p.motion), v: p.motion.rate.clone() })
+            .map(|p| Pair {
+                y: eq.difference(&last.motion, &p.motion),
+                v: p.motion.rate.clone(),
+                z: eq.states(&p.motion),
+            })
             .collect();
         let mut d = Vec::with_capacity(MOST + 3);
         while let Some(first) = row.first() {
@@ -158,7 +164,7 @@ impl Bdf {
                 })
                 .collect();
         }
-        d.resize(MOST + 3, Pair::zero(n));
+        d.resize(MOST + 3, Pair::zero(n, eq.states(&last.motion).len()));
         self.order = FIXED;
         self.history = Some(History { t: last.motion.t, h, chart: last.motion.clone(), d, equal: 0 });
     }
@@ -197,11 +203,13 @@ impl Bdf {
             self.kept = None;
         }
         let known: Vec<f64> = guess.y.iter().zip(&psi.y).map(|(g, p)| g - p).collect();
+        let base: Vec<f64> = guess.z.iter().zip(&psi.z).map(|(g, p)| g - p).collect();
         let at = |y: &[f64], v: &[f64]| {
             let mut m = chart.moved(eq.topology(), y);
             m.t = t;
             m.rate = v.to_vec();
             m.memory.clone_from(&from.motion.memory);
+            eq.set_states(&mut m, &base, c);
             m
         };
         let mut last = f64::INFINITY;
@@ -279,7 +287,7 @@ impl Scheme for Bdf {
             self.history = None;
             if estimate {
                 self.look_for_stiffness(eq, from, counts)?;
-                self.begin(from, h);
+                self.begin(eq, from, h);
             } else {
                 if self.start.is_empty() && self.points.is_empty() {
                     self.prepare(eq, from, h, counts)?;
@@ -290,7 +298,7 @@ impl Scheme for Bdf {
                 }
                 // the end came before the start was through
                 if self.points.len() <= FIXED {
-                    self.begin(from, h);
+                    self.begin(eq, from, h);
                 } else {
                     self.collect(eq, h);
                 }
@@ -321,7 +329,7 @@ impl Scheme for Bdf {
             eq.same_branch(&trial.motion.rate, &end, h)?;
         }
         let projected = eq.increment_rates(&trial.y, &eq.difference(&trial.motion, &end.motion));
-        let mut d = Pair { y: trial.y, v: end.motion.rate.clone() };
+        let mut d = Pair { y: trial.y, v: end.motion.rate.clone(), z: eq.states(&end.motion) };
         for (y, p) in d.y.iter_mut().zip(projected) {
             *y += p;
         }
@@ -382,7 +390,7 @@ impl Scheme for Bdf {
         }
         let at = |fraction: &f64| {
             let s = fraction - 1.0;
-            let (mut sum, mut weight) = (Pair::zero(eq.n()), 1.0);
+            let (mut sum, mut weight) = (Pair::zero(eq.n(), last.z.len()), 1.0);
             for (m, own) in d.iter().enumerate() {
                 sum.add(own, weight);
                 weight *= (s + m as f64) / (m as f64 + 1.0);
@@ -391,6 +399,7 @@ impl Scheme for Bdf {
             motion.t = from.motion.t + fraction * h;
             motion.rate = sum.v;
             motion.memory.clone_from(&from.motion.memory);
+            eq.set_states(&mut motion, &sum.z, 0.0);
             motion
         };
         Ok(fractions.iter().map(at).collect())
@@ -437,8 +446,8 @@ impl Scheme for Bdf {
 impl History {
     /// What the differences foresee for the next point, and what they add to its slope.
     fn ahead(&self, order: usize) -> (Pair, Pair) {
-        let n = self.chart.rate.len();
-        let (mut guess, mut psi) = (Pair::zero(n), Pair::zero(n));
+        let zero = Pair::zero(self.chart.rate.len(), self.d[0].z.len());
+        let (mut guess, mut psi) = (zero.clone(), zero);
         for (m, d) in self.d.iter().enumerate().take(order + 1) {
             guess.add(d, 1.0);
             psi.add(d, gamma(m) / alpha(order));
@@ -461,7 +470,7 @@ fn settle(eq: &Equations<'_, f64>, known: &[f64], c: f64, v: &[f64], y: &mut Vec
     }
 }
 
-/// Iterations until what is left falls below the goal, corrections shrinking as they did.
+/// Iterations until the remainder falls below the goal, corrections shrinking as they did.
 fn expected(step: f64, rate: f64, goal: f64) -> f64 {
     if rate < 1.0 { ((goal * (1.0 - rate) / step).ln() / rate.ln()).ceil().max(1.0) } else { f64::INFINITY }
 }
@@ -470,9 +479,9 @@ fn expected(step: f64, rate: f64, goal: f64) -> f64 {
 fn recharted(eq: &Equations<'_, f64>, history: &mut History, order: usize) {
     let order = order.min(MOST + 1);
     // y_(n-j) = sum_m (-1)^m C(j, m) D_m
-    let n = eq.n();
+    let zero = Pair::zero(eq.n(), history.d[0].z.len());
     let point = |j: usize| {
-        let mut sum = Pair::zero(n);
+        let mut sum = zero.clone();
         let mut binomial = 1.0;
         for (m, d) in history.d.iter().enumerate().take(j + 1) {
             sum.add(d, if m % 2 == 0 { binomial } else { -binomial });
@@ -489,7 +498,7 @@ fn recharted(eq: &Equations<'_, f64>, history: &mut History, order: usize) {
         for (first, _) in rotation_triples(eq.topology()) {
             y[first..first + 3].copy_from_slice(&turned[first..first + 3]);
         }
-        Pair { y, v: p.v.clone() }
+        Pair { y, v: p.v.clone(), z: p.z.clone() }
     };
     let mut row: Vec<Pair> = points.iter().zip(&motions).map(from_here).collect();
     let mut k = 0;

@@ -94,6 +94,9 @@ impl BdfBfgs {
         nodes.extend(&times[..STEPS]);
         let weights = derivative_weights(&nodes);
         let past = |of: &dyn Fn(usize) -> Vec<f64>| combined(&weights[1..], of, eq.n());
+        let states = history[0].state.len();
+        let mut state_base = combined(&weights[1..], &|j| history[j].state.clone(), states);
+        state_base.iter_mut().for_each(|z| *z /= -weights[0]);
         let (v, a) = (&from.motion.rate, &from.acceleration);
         let guess = Guess {
             theta: (0..eq.n()).map(|i| h * v[i] + 0.5 * h * h * a[i]).collect(),
@@ -110,6 +113,7 @@ impl BdfBfgs {
             g: 1.0 / weights[0],
             theta_past: past(&|j| history[j].theta.clone()),
             rate_past: past(&|j| history[j].rate.clone()),
+            state_base,
             guess,
             row_factor: vec![1.0; n],
             counts,
@@ -133,6 +137,10 @@ impl BdfBfgs {
             LocalError {
                 position: miss(&at.theta, &|j| history[j].theta.clone(), unsolved),
                 rate: miss(&motion.rate, &|j| history[j].rate.clone(), unsolved * weights[0]),
+                state: {
+                    let expected = combined(&ahead, &|j| history[j].state.clone(), states);
+                    eq.states(&motion).iter().zip(expected).map(|(z, e)| LEADING * (z - e)).collect()
+                },
             }
         });
         if let Some(e) = &error

@@ -16,24 +16,23 @@ pub fn error_constant(k: usize) -> f64 {
     kappa * gamma(k) + 1.0 / (k as f64 + 1.0)
 }
 
-/// Increments from the chart, and rates.
+/// Increments from the chart, rates, and states of laws in the places of the memory.
 #[derive(Debug, Clone)]
 pub struct Pair {
     pub y: Vec<f64>,
     pub v: Vec<f64>,
+    pub z: Vec<f64>,
 }
 
 impl Pair {
-    pub fn zero(n: usize) -> Self {
-        Pair { y: vec![0.0; n], v: vec![0.0; n] }
+    /// Of n coordinates and so many states.
+    pub fn zero(n: usize, states: usize) -> Self {
+        Pair { y: vec![0.0; n], v: vec![0.0; n], z: vec![0.0; states] }
     }
 
     pub fn add(&mut self, o: &Pair, factor: f64) {
-        for (a, b) in self.y.iter_mut().zip(&o.y) {
-            *a += factor * b;
-        }
-        for (a, b) in self.v.iter_mut().zip(&o.v) {
-            *a += factor * b;
+        for (own, other) in [(&mut self.y, &o.y), (&mut self.v, &o.v), (&mut self.z, &o.z)] {
+            own.iter_mut().zip(other).for_each(|(a, b)| *a += factor * b);
         }
     }
 
@@ -41,6 +40,7 @@ impl Pair {
         LocalError {
             position: self.y.iter().map(|v| v * factor).collect(),
             rate: self.v.iter().map(|v| v * factor).collect(),
+            state: self.z.iter().map(|v| v * factor).collect(),
         }
     }
 }
@@ -61,10 +61,10 @@ pub fn stretched(d: &mut [Pair], order: usize, factor: f64) {
         m
     };
     let (r, u) = (map(factor), map(1.0));
-    let n = d[0].y.len();
+    let (n, states) = (d[0].y.len(), d[0].z.len());
     let old: Vec<Pair> = d[..=order].to_vec();
     for (i, target) in d.iter_mut().enumerate().take(order + 1) {
-        *target = Pair::zero(n);
+        *target = Pair::zero(n, states);
         for (j, source) in old.iter().enumerate() {
             // (R U)^T
             let weight: f64 = (0..=order).map(|k| r[j][k] * u[k][i]).sum();

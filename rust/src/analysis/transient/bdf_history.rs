@@ -41,6 +41,8 @@ pub struct Past {
     pub t: f64,
     pub theta: Vec<f64>,
     pub rate: Vec<f64>,
+    /// states of laws
+    pub state: Vec<f64>,
 }
 
 impl History {
@@ -81,6 +83,7 @@ impl History {
             t: p.motion.t,
             theta: eq.difference(&from.motion, &p.motion),
             rate: p.motion.rate.clone(),
+            state: eq.states(&p.motion),
         };
         std::iter::once(from).chain(&self.past).map(seen).collect()
     }
@@ -96,9 +99,16 @@ impl History {
         let speed = rate.max(acceleration.sqrt());
         // an error of the rates counts for the time of the motion
         let time = if speed > 0.0 { h.max(1.0 / speed) } else { h };
-        let size = |e: &LocalError| scaled(&e.position).max(time * scaled(&e.rate)) / self.start_error;
+        let states = eq.state_scales();
+        let of_states = |e: &LocalError| match e.state.iter().any(|z| z.is_nan()) {
+            true => f64::INFINITY,
+            false => scaled_size(&e.state, &states),
+        };
+        let size =
+            |e: &LocalError| scaled(&e.position).max(time * scaled(&e.rate)).max(of_states(e)) / self.start_error;
         let (mut scheme, mut here) = (Explicit8::default(), from.clone());
-        let mut whole = LocalError { position: vec![0.0; eq.n()], rate: vec![0.0; eq.n()] };
+        let none = vec![0.0; eq.n()];
+        let mut whole = LocalError { position: none.clone(), rate: none, state: vec![0.0; states.len()] };
         let (mut part, mut done) = (h, 0.0);
         self.parts.clear();
         while done < h {
@@ -118,6 +128,7 @@ impl History {
                         // by the measure that the parts are held to
                         add_sizes(&mut whole.position, 1.0, &e.position);
                         add_sizes(&mut whole.position, time, &e.rate);
+                        add_sizes(&mut whole.state, 1.0, &e.state);
                     }
                     counts.add("start steps", 1);
                     done = if length < left { done + length } else { h };

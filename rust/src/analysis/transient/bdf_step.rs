@@ -4,10 +4,11 @@
 //! ggl:        theta' - T(theta) v + S J^T mu = 0    M v' + h + J^T lam = 0    Phi = 0    J v + Phi_t = 0
 //! symmetric:  v = T^-1(theta) theta'                M v' + h + J^T lam = 0    Phi = 0
 //! ```
-//! theta are increments from the last pose, T = J_l^-1 where three rotations act together, and y' stands for the derivative of
-//! the polynomial through the new and the past values, y' = y/g + (past). With sigma_i = (m/M_ii)^1/2 and rho the scales of the rows the unknowns are theta/sigma, g v/sigma, g^2
-//! lam/(m rho) and mu, the equations those above times g/sigma, g^2 sigma/m, rho and g rho: no entry of the Jacobian grows as h
-//! falls, and that of the symmetric form is [M + g C + g^2 K, J^T; J, 0] scaled from both sides alike.
+//! theta are increments from the last pose, T = J_l^-1 where three rotations act together, and y' is the derivative of
+//! the polynomial through the new and the past values, y' = y/g + (past). With m the mean inertia of the bodies that are connected,
+//! sigma_i = (m/M_ii)^1/2 and rho the scales of the rows the unknowns are theta/sigma, g v/sigma, g^2 lam/(m rho) and mu, the equations
+//! those above times g/sigma, g^2 sigma/m, rho and g rho: no entry of the Jacobian grows as h falls, and that of the symmetric form is
+//! [M + g C + g^2 K, J^T; J, 0] scaled from both sides alike.
 use nalgebra::{DMatrix, DVector};
 
 use crate::error::Result;
@@ -30,8 +31,10 @@ pub enum Form {
 pub struct Sizes {
     /// of increments
     pub sigma: Vec<f64>,
-    /// of the generalised inertia
-    pub inertia: f64,
+    /// mean generalised inertia of the island of each coordinate
+    pub inertia: Vec<f64>,
+    /// the same of each kept row
+    pub row_inertia: Vec<f64>,
     /// of the kept rows
     pub rho: Vec<f64>,
     /// rows that are not redundant, position rows first
@@ -43,12 +46,23 @@ impl Sizes {
     pub fn new(eq: &Equations<'_, f64>, mass: &DMatrix<f64>, kept: Vec<usize>) -> Sizes {
         let n = eq.n();
         let scales = eq.scales();
-        let sum: f64 = (0..n).map(|i| mass[(i, i)] * scales[i].powi(2)).sum();
-        let inertia = sum / n.max(1) as f64;
+        let topology = eq.topology();
+        let mut islands = vec![(0.0, 0_usize); topology.n_islands()];
+        for i in 0..n {
+            let own = &mut islands[topology.island_of(i)];
+            *own = (own.0 + mass[(i, i)] * scales[i].powi(2), own.1 + 1);
+        }
+        let mean = |island: usize| islands[island].0 / islands[island].1.max(1) as f64;
+        let inertia: Vec<f64> = (0..n).map(|i| mean(topology.island_of(i))).collect();
+        let row_inertia = |i: &usize| {
+            let joint = &topology.tables.joints[topology.rows[*i].joint];
+            topology.node(joint.a).or(topology.node(joint.b)).map_or(1.0, |node| mean(topology.island[node]))
+        };
         let rows = eq.row_scales();
-        let level = |i: &&usize| eq.topology().rows[**i].level == Level::Position;
+        let level = |i: &&usize| topology.rows[**i].level == Level::Position;
         Sizes {
-            sigma: (0..n).map(|i| (inertia / mass[(i, i)]).sqrt()).collect(),
+            sigma: (0..n).map(|i| (inertia[i] / mass[(i, i)]).sqrt()).collect(),
+            row_inertia: kept.iter().map(row_inertia).collect(),
             inertia,
             rho: kept.iter().map(|i| rows[*i]).collect(),
             n_position: kept.iter().filter(level).count(),
@@ -107,6 +121,8 @@ pub struct BdfStep<'a, 's> {
     /// what past values add to theta' and v'
     pub theta_past: Vec<f64>,
     pub rate_past: Vec<f64>,
+    /// z0 of the states of laws: z = z0 + g z'
+    pub state_base: Vec<f64>,
     pub guess: Guess,
     /// factors of the equations, of order one
     pub row_factor: Vec<f64>,
@@ -128,6 +144,7 @@ impl BdfStep<'_, '_> {
         let theta: Vec<f64> = (0..n).map(|i| self.guess.theta[i] + s.sigma[i] * x[i]).collect();
         let mut motion = self.base.moved(self.eq.topology(), &theta);
         motion.t = self.t;
+        self.eq.set_states(&mut motion, &self.state_base, self.g);
         let (rate, first) = match self.form {
             Form::Ggl => {
                 let rate = |i| self.guess.rate[i] + s.sigma[i] * x[n + i] / self.g;
@@ -139,8 +156,8 @@ impl BdfStep<'_, '_> {
             }
         };
         motion.rate = rate;
-        let unit = s.inertia / (self.g * self.g);
-        let lam = (0..m).map(|r| self.guess.lam[r] + x[first + r] * s.rho[r] * unit).collect();
+        let unit = |r: usize| s.row_inertia[r] / (self.g * self.g);
+        let lam = (0..m).map(|r| self.guess.lam[r] + x[first + r] * s.rho[r] * unit(r)).collect();
         Meaning {
             acceleration: self.slopes(&motion.rate, &self.rate_past),
             mu: x[first + m..].to_vec(),
@@ -196,10 +213,9 @@ impl Residual for BdfStep<'_, '_> {
         let at = self.meaning(x);
         let lam = self.all_rows(&at.lam);
         let force = self.eq.residual(&at.motion, &at.acceleration, &lam, self.counts);
-        let unit = self.g * self.g / s.inertia;
         let first = if self.form == Form::Ggl { n } else { 0 };
         for i in 0..n {
-            out[first + i] = unit * s.sigma[i] * force[i];
+            out[first + i] = self.g * self.g / s.inertia[i] * s.sigma[i] * force[i];
         }
         if m > 0 {
             let (phi, rates, jacobian) = self.constraints(&at.motion);

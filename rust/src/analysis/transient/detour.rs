@@ -7,7 +7,7 @@ use super::{Equations, Instant, Scheme};
 const GAPS: [f64; 3] = [0.19, 0.45, 0.75];
 /// The first step may differ from the one that the tolerance suggests by this factor.
 const NEARLY: f64 = 3.0;
-/// Local errors below this drown in what the pose makes of rounding.
+/// Local errors below this are lost in the rounding that the pose amplifies.
 pub const FINEST: f64 = 1e-10;
 
 /// One long step to the other side of a singular pose, and others until it is left behind.
@@ -30,7 +30,7 @@ impl Detour {
         natural: f64,
         counts: &mut Counts,
     ) -> Option<Detour> {
-        // what cannot be factorised is no reason to go another way
+        // a failed factorisation is not a reason to go another way
         let ahead = eq.way_to_singular_pose(here, counts).ok()??;
         let length = GAPS
             .iter()

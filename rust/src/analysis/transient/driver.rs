@@ -27,6 +27,8 @@ struct Driver<'e, 's, 'p> {
     eq: &'e Equations<'s, f64>,
     plan: &'p Plan,
     scales: Vec<f64>,
+    /// sizes of the states of laws
+    states: Vec<f64>,
     start: f64,
     /// largest rate so far, in characteristic lengths or radians per second
     speed: f64,
@@ -48,6 +50,7 @@ pub fn drive(
         eq,
         plan,
         scales: eq.scales(),
+        states: eq.state_scales(),
         start: start.motion.t,
         speed: 0.0,
         next_output: 0,
@@ -67,13 +70,17 @@ pub fn drive(
     Ok(driver.run)
 }
 
+fn scaled(v: &[f64], scales: &[f64]) -> f64 {
+    v.iter().zip(scales).fold(0.0_f64, |s, (v, c)| {
+        let v = (v / c).abs();
+        if v > s || v.is_nan() { v } else { s }
+    })
+}
+
 impl Driver<'_, '_, '_> {
     /// As `scaled_size`, but no number where an entry is none: such a step must not pass.
     fn scaled(&self, v: &[f64]) -> f64 {
-        v.iter().zip(&self.scales).fold(0.0_f64, |s, (v, c)| {
-            let v = (v / c).abs();
-            if v > s || v.is_nan() { v } else { s }
-        })
+        scaled(v, &self.scales)
     }
 
     fn at_start(&mut self, start: &Instant) {
@@ -112,7 +119,7 @@ impl Driver<'_, '_, '_> {
         let (t0, end) = (self.start, self.plan.end);
         let total = end - t0;
         let mut way = self.departure(scheme, start);
-        while end - way.here.motion.t > 1e-14 * end.abs().max(total) {
+        while !self.vanishes(end - way.here.motion.t, end) {
             if cancel.check().is_err() {
                 self.run.end = End::Interrupted;
                 break;
@@ -315,7 +322,7 @@ impl Driver<'_, '_, '_> {
 
     /// Such a step would not change the time.
     fn vanishes(&self, step: f64, t: f64) -> bool {
-        step < 1e-14 * t.abs().max(self.plan.end - self.start)
+        step <= 1e-14 * t.abs().max(self.plan.end - self.start)
     }
 
     fn stop(&mut self, t: f64, message: String) {
@@ -328,6 +335,8 @@ impl Driver<'_, '_, '_> {
         let ahead = self.plan.breaks.iter().copied().find(|b| *b > t + 1e-14 * self.plan.end.abs().max(1e-300));
         // what changes at a break must not change within the step that ends there
         let (target, left) = match ahead.filter(|b| *b <= self.plan.end) {
+            // no step follows on a break that is the end but for rounding
+            Some(b) if self.vanishes(self.plan.end - b, b) => (self.plan.end, b - t - 4.0 * f64::EPSILON * b.abs()),
             Some(b) => (b, b - t - 4.0 * f64::EPSILON * b.abs()),
             None => (self.plan.end, self.plan.end - t),
         };
@@ -428,7 +437,8 @@ impl Driver<'_, '_, '_> {
     fn size(&self, error: &LocalError, speed: f64, patience: f64) -> f64 {
         let rate = self.scaled(&error.rate) * (1.0 / speed.max(1e-300)).min(patience);
         let position = self.scaled(&error.position);
-        if rate.is_nan() || position.is_nan() { f64::NAN } else { rate.max(position) }
+        let state = scaled(&error.state, &self.states);
+        if rate.is_nan() || position.is_nan() || state.is_nan() { f64::NAN } else { rate.max(position).max(state) }
     }
 
     /// The coordinate whose error is the largest.

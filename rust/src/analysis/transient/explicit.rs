@@ -227,6 +227,13 @@ impl<'a, T: Real> Run<'a, T> {
         cancel: &Cancel,
         counts: &mut Counts,
     ) -> Result<Vec<Motion<T>>> {
+        let rated = Effects::ALL.wanted().with_state_rates(&self.system.topology);
+        if let Some(c) = rated.first() {
+            let name = self.system.topology.owner_name(self.system.topology.connectors[*c].owner);
+            return Err(Error::model(format!(
+                "the law of '{name}' has a state with a rate, which these steps do not integrate; use simulate"
+            )));
+        }
         let mut history = vec![motion.clone()];
         for _ in 0..n {
             cancel.check()?;

@@ -7,7 +7,7 @@
 //! | `Independent` | independent coordinates, the others from the constraints (`explicit_minimal`) | the same |
 //!
 //! Both give the same errors in as many steps. Measured: independent coordinates take a fifth less time for ten and forty
-//! four-bars, where few freedoms spare the multipliers of many loops, and about as much to 1.7 times as much for single loops, whose
+//! four-bars, where few degrees of freedom spare many multipliers, and about as much to 1.7 times as much for single loops, whose
 //! positions are closed by one to two more evaluations of the rows in each stage.
 //!
 //! Steps are controlled by the combined estimate of orders 5 and 3 of Hairer, Norsett, Wanner.
@@ -38,6 +38,8 @@ pub struct Explicit8 {
     end: Option<Ends>,
     /// None: tree coordinates
     minimal: Option<Minimal>,
+    /// where the last step began in a pose without rank, in tree coordinates
+    aside: Option<Minimal>,
     /// tree coordinates, but stages are closed and aligned too
     careful: bool,
 }
@@ -46,24 +48,27 @@ pub struct Explicit8 {
 struct Slope {
     y: Vec<f64>,
     v: Vec<f64>,
+    /// of states of laws
+    z: Vec<f64>,
 }
 
 /// What the last step changed.
 struct Ends {
     dy: Vec<f64>,
     dv: Vec<f64>,
+    dz: Vec<f64>,
 }
 
-fn weighted(slopes: &[Slope], row: Row, h: f64, n: usize) -> (Vec<f64>, Vec<f64>) {
-    let (mut y, mut v) = (vec![0.0; n], vec![0.0; n]);
+fn weighted(slopes: &[Slope], row: Row, h: f64) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+    let zeros = |of: &Vec<f64>| vec![0.0; of.len()];
+    let (mut y, mut v, mut z) = (zeros(&slopes[0].y), zeros(&slopes[0].v), zeros(&slopes[0].z));
     for (stage, weight) in row {
         let slope = &slopes[*stage];
-        for i in 0..n {
-            y[i] += h * weight * slope.y[i];
-            v[i] += h * weight * slope.v[i];
+        for (sum, part) in [(&mut y, &slope.y), (&mut v, &slope.v), (&mut z, &slope.z)] {
+            sum.iter_mut().zip(part).for_each(|(s, p)| *s += h * weight * p);
         }
     }
-    (y, v)
+    (y, v, z)
 }
 
 fn trial(eq: &Equations<'_, f64>, from: &Motion<f64>, h: f64, y: &[f64], v: &[f64]) -> Motion<f64> {
@@ -97,25 +102,27 @@ impl Explicit8 {
         h: f64,
         counts: &mut Counts,
     ) -> Result<()> {
-        let (y, v) = weighted(&self.slopes, A[stage], h, eq.n());
+        let (y, v, z) = weighted(&self.slopes, A[stage], h);
+        let from = &*eq.with_states(from, &z);
         if let Some(minimal) = &mut self.minimal {
             let rate = from.rate.iter().zip(&v).map(|(r, dv)| r + dv).collect();
             let at = minimal.settle(eq, from, from.t + C[stage] * h, (y, rate), false, counts)?;
             let v = minimal.accelerations(eq, &at, counts)?;
             let y = eq.increment_rates(&at.increment, &at.motion.rate);
-            self.slopes.push(Slope { y, v });
+            self.slopes.push(Slope { y, v, z: eq.state_rates(&at.motion) });
             return Ok(());
         }
         let m = trial(eq, from, C[stage] * h, &y, &v);
         if self.careful {
             let at = eq.consistent(m, counts)?;
             let y = eq.difference(from, &at.motion);
-            self.slopes.push(Slope { y: eq.increment_rates(&y, &at.motion.rate), v: at.acceleration });
+            let z = eq.state_rates(&at.motion);
+            self.slopes.push(Slope { y: eq.increment_rates(&y, &at.motion.rate), v: at.acceleration, z });
             return Ok(());
         }
         let slope_y = eq.increment_rates(&y, &m.rate);
         let at = eq.instant(m, counts)?;
-        self.slopes.push(Slope { y: slope_y, v: at.acceleration });
+        self.slopes.push(Slope { y: slope_y, v: at.acceleration, z: eq.state_rates(&at.motion) });
         Ok(())
     }
 
@@ -159,19 +166,23 @@ impl Scheme for Explicit8 {
         estimate: bool,
         counts: &mut Counts,
     ) -> Result<Step> {
-        let n = eq.n();
         self.slopes.clear();
         self.end = None;
-        self.slopes.push(Slope { y: from.motion.rate.clone(), v: from.acceleration.clone() });
-        match &mut self.minimal {
-            Some(minimal) if eq.constrained() => minimal.choose(eq, &from.motion, counts)?,
-            _ => self.minimal = None,
+        let z = eq.state_rates(&from.motion);
+        self.slopes.push(Slope { y: from.motion.rate.clone(), v: from.acceleration.clone(), z });
+        self.minimal = self.aside.take().or(self.minimal.take()).filter(|_| eq.constrained());
+        if let Some(minimal) = &mut self.minimal {
+            minimal.choose(eq, &from.motion, counts)?;
+            if !minimal.decides(eq) {
+                counts.add("steps from singular poses", 1);
+                self.aside = self.minimal.take();
+            }
         }
         for stage in 1..STAGES {
             self.stage(eq, &from.motion, stage, h, counts)?;
         }
-        let (dy, mut dv) = weighted(&self.slopes, B, h, n);
-        let (end, dy) = self.ended(eq, &from.motion, h, (&dy, &dv), counts)?;
+        let (dy, mut dv, dz) = weighted(&self.slopes, B, h);
+        let (end, dy) = self.ended(eq, &eq.with_states(&from.motion, &dz), h, (&dy, &dv), counts)?;
         let start = &from.motion.rate;
         if estimate {
             let before: Vec<f64> = start.iter().zip(&dv).map(|(r, d)| r + d).collect();
@@ -182,17 +193,22 @@ impl Scheme for Explicit8 {
         }
         let error = estimate.then(|| {
             let [five, three] = [E5, E3].map(|row| {
-                let (mut y, mut v) = weighted(&self.slopes, row, h, n);
+                let (mut y, mut v, z) = weighted(&self.slopes, row, h);
                 if let Some(minimal) = &self.minimal {
                     minimal.follow(&mut y, &mut v);
                 }
-                (y, v)
+                (y, v, z)
             });
             let scales = eq.scales();
-            LocalError { position: combined(five.0, &three.0, &scales), rate: combined(five.1, &three.1, &scales) }
+            LocalError {
+                position: combined(five.0, &three.0, &scales),
+                rate: combined(five.1, &three.1, &scales),
+                state: combined(five.2, &three.2, &eq.state_scales()),
+            }
         });
-        self.slopes.push(Slope { y: eq.increment_rates(&dy, &end.motion.rate), v: end.acceleration.clone() });
-        self.end = Some(Ends { dy, dv });
+        let z = eq.state_rates(&end.motion);
+        self.slopes.push(Slope { y: eq.increment_rates(&dy, &end.motion.rate), v: end.acceleration.clone(), z });
+        self.end = Some(Ends { dy, dv, dz });
         Ok(Step { end, error })
     }
 
@@ -201,7 +217,7 @@ impl Scheme for Explicit8 {
     }
 
     fn remark(&self) -> Option<String> {
-        self.minimal.as_ref()?.remark()
+        self.minimal.as_ref().or(self.aside.as_ref())?.remark()
     }
 
     fn between(
@@ -219,11 +235,10 @@ impl Scheme for Explicit8 {
         for stage in STAGES + 1..A.len() {
             self.stage(eq, &from.motion, stage, h, counts)?;
         }
-        let n = eq.n();
-        let terms: Vec<(Vec<f64>, Vec<f64>)> = D.iter().map(|row| weighted(&self.slopes, row, h, n)).collect();
+        let terms: Vec<_> = D.iter().map(|row| weighted(&self.slopes, row, h)).collect();
         let (first, last) = (&self.slopes[0], &self.slopes[STAGES]);
         let at = |x: f64, total: &[f64], f0: &[f64], f1: &[f64], high: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
-            (0..n)
+            (0..total.len())
                 .map(|i| {
                     let f = [
                         total[i],
@@ -243,7 +258,8 @@ impl Scheme for Explicit8 {
             .map(|x| {
                 let y = at(*x, &ends.dy, &first.y, &last.y, &|k, i| terms[k].0[i]);
                 let v = at(*x, &ends.dv, &first.v, &last.v, &|k, i| terms[k].1[i]);
-                trial(eq, &from.motion, x * h, &y, &v)
+                let z = at(*x, &ends.dz, &first.z, &last.z, &|k, i| terms[k].2[i]);
+                trial(eq, &eq.with_states(&from.motion, &z), x * h, &y, &v)
             })
             .collect();
         self.end = Some(ends);

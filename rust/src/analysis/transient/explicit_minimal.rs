@@ -13,6 +13,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::error::{Error, Result};
 use crate::run::Counts;
 use crate::system::placement::{advance, place};
+use crate::tolerances::constraints::DOUBTFUL;
 
 use super::consistent::ACCEPTABLE;
 use super::explicit_pivots::{Factors, Plan};
@@ -28,7 +29,7 @@ const TIGHT: f64 = 1e-14;
 const COARSE: f64 = 1e-7;
 /// Corrections that are smaller and shrink no more are rounding.
 const ROUNDING: f64 = 1e-11;
-/// Sparse models: freedoms times dependent coordinates, over rows and coordinates, up to which B is cheaper than multipliers.
+/// Sparse models: degrees of freedom times dependent coordinates, over rows and coordinates, up to which B is cheaper than multipliers.
 const FEW: usize = 4;
 /// Beyond so many tree coordinates the choice of pivots and the fill of their elimination cost more than multipliers of all loops
 /// (measured on rows of four-bars: a fifth less time for 40 of them, as much for 100, half as much again for 1000).
@@ -86,6 +87,14 @@ impl Minimal {
         self.plan = Some(plan);
         self.worn = false;
         Ok(())
+    }
+
+    /// Do the rows decide the dependent coordinates here by more than a drawing may be off? If not another choice has to be made later.
+    pub fn decides(&mut self, eq: &Equations<'_, f64>) -> bool {
+        let lost = self.plan.as_ref().is_some_and(|plan| plan.pivots.len() < plan.n_rows);
+        let singular = lost || self.rates.least <= DOUBTFUL * eq.system.tolerance;
+        self.worn |= singular;
+        !singular
     }
 
     /// Dependent positions and rates, from all coordinates as the stages before foretell them: increments from the start of the step,
@@ -181,7 +190,7 @@ impl Minimal {
         !eq.sparse || !self.plan.as_ref().is_none_or(wide)
     }
 
-    /// Large models with few freedoms: stages in independent coordinates are cheaper than multipliers of all loops. In small ones
+    /// Large models with few degrees of freedom: stages in independent coordinates are cheaper than multipliers of all loops. In small ones
     /// they are not, since positions have to be closed in every stage.
     pub fn pays(eq: &Equations<'_, f64>, at: &Motion<f64>) -> bool {
         if !eq.sparse || !eq.constrained() || eq.n() > LARGEST {

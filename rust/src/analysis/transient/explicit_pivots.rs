@@ -29,6 +29,8 @@ pub struct Plan {
     pub pivots: Vec<(usize, usize)>,
     /// how many of them belong to positions
     pub n_position: usize,
+    /// rows that carry the decided rank: more than pivots where the pose has lost rank
+    pub n_rows: usize,
     /// coordinates whose rates depend on no others
     pub independent: Vec<usize>,
     row_scale: Vec<f64>,
@@ -139,6 +141,7 @@ impl Plan {
             n: eq.n(),
             pivots,
             n_position,
+            n_rows: kept.len(),
             independent,
             row_scale,
             column_scale,

@@ -30,7 +30,7 @@ const SINGULAR: f64 = 30.0;
 const AHEAD: f64 = 1e-2;
 /// A kept factorisation is renewed when the corrections shrink more slowly.
 const SLOW: f64 = 0.1;
-/// Newton's method stops where what is left of w is this part of h^2 a: far below the error of the step.
+/// Newton's method stops when the remainder of w is this part of h^2 a: far below the error of the step.
 const SOLVED: f64 = 1e-9;
 /// Rounding of the equations of a step, over the rounding of its pose: near singular poses rows lose digits.
 const NOISE: f64 = 512.0;
@@ -161,7 +161,7 @@ impl GeneralizedAlpha {
     /// The rate of the acceleration, from the instant a small part of a step later.
     fn jerk(&self, eq: &Equations<'_, f64>, from: &Instant, h: f64, counts: &mut Counts) -> Result<Vec<f64>> {
         let d = AHEAD * h;
-        let mut m = from.motion.clone();
+        let mut m = eq.opened(from, d).motion.clone();
         let increment: Vec<f64> =
             (from.motion.rate.iter().zip(&from.acceleration)).map(|(v, a)| d * (v + 0.5 * d * a)).collect();
         m = m.moved(eq.topology(), &increment);
@@ -308,6 +308,7 @@ impl GeneralizedAlpha {
         LocalError {
             position: slope.iter().map(|s| position * third * s).collect(),
             rate: (0..slope.len()).map(|i| rate * third * second(i)).collect(),
+            state: Vec::new(),
         }
     }
 }
@@ -334,6 +335,8 @@ impl Scheme for GeneralizedAlpha {
         counts: &mut Counts,
     ) -> Result<Step> {
         let c = self.start(eq, from, h, estimate, counts)?;
+        let start = &from.motion;
+        let from = &*eq.opened(from, h);
         let mut u = Unknown { rate_slope: c.rate_slope.clone(), lam: c.lam.clone() };
         self.solve(eq, &from.motion, &c, &mut u, h, counts)?;
         let (_, m, a1) = self.end(eq, &from.motion, &c, &u, h);
@@ -343,7 +346,10 @@ impl Scheme for GeneralizedAlpha {
             eq.same_branch(&rate, &end, h)?;
         }
         let slope: Vec<f64> = (end.acceleration.iter().zip(&from.acceleration)).map(|(a, b)| (a - b) / h).collect();
-        let error = estimate.then(|| self.estimate(eq, &c, &a1, &slope, h));
+        let mut error = estimate.then(|| self.estimate(eq, &c, &a1, &slope, h));
+        if let Some(error) = &mut error {
+            error.state = eq.state_error(start, &end.motion, h);
+        }
         self.error.clone_from(&error);
         self.tried =
             Some(Carried { t: end.motion.t, a: a1, rate_slope: u.rate_slope, lam: u.lam, slope: Some(slope), h });

@@ -10,7 +10,7 @@ pub fn quintic(eq: &Equations<'_, f64>, from: &Instant, to: &Instant, h: f64, fr
     let (v0, a0) = (&from.motion.rate, &from.acceleration);
     let v1 = eq.increment_rates(&theta, &to.motion.rate);
     let a1 = end_acceleration(eq, &theta, &v1, to);
-    fractions
+    let mut inside: Vec<Motion<f64>> = fractions
         .iter()
         .map(|x| {
             let mut increment = vec![0.0; n];
@@ -25,7 +25,9 @@ pub fn quintic(eq: &Equations<'_, f64>, from: &Instant, to: &Instant, h: f64, fr
             m.rate = eq.rates_of_increments(&increment, &speed);
             m
         })
-        .collect()
+        .collect();
+    eq.interpolate_states(&from.motion, &to.motion, &mut inside);
+    inside
 }
 
 /// theta" at the end: d/dt of J_l^-1(theta) v along the motion.

@@ -1,6 +1,6 @@
 //! Which scheme runs, and a whole run from any start: consistent initial values first.
 use crate::error::{Error, Result};
-use crate::laws::Law;
+use crate::force::Class;
 use crate::run::{Cancel, Counts};
 use crate::system::topology::BoundLaw;
 
@@ -107,7 +107,8 @@ pub fn simulate(
     counts: &mut Counts,
 ) -> Result<Simulated> {
     let given = start.clone();
-    let first = eq.consistent(start, counts).map_err(at_start)?;
+    let mut first = eq.consistent(start, counts).map_err(at_start)?;
+    eq.close_states(&mut first.motion);
     let scales = eq.scales();
     let size = |v: &[f64]| scaled_size(v, &scales);
     let position_correction = size(&eq.difference(&given, &first.motion));
@@ -172,7 +173,7 @@ fn chosen(
 
 /// The start without its rates, where friction is steepest: what slides now may stick later. None without friction.
 fn held_by_friction(eq: &Equations<'_, f64>, first: &Instant, counts: &mut Counts) -> Result<Option<Instant>> {
-    let rubs = |l: &BoundLaw| matches!(l.law, Law::CoulombTanh);
+    let rubs = |l: &BoundLaw| l.law.class() == Class::Friction && l.law.uses_velocity();
     let mut connectors = eq.topology().connectors.iter();
     if !eq.effects.friction || !connectors.any(|c| c.laws.iter().any(rubs)) {
         return Ok(None);

@@ -14,6 +14,7 @@
 //! | `singular` | poses where rows lose rank |
 //! | `detour` | around them |
 //! | `plan`, `driver`, `way` | fixed or controlled steps, output times, stops, detours |
+//! | `states` | internal states of laws |
 //! | `rotations` | three rotations that act together |
 //! | `held_rates` | tangents at constant rates |
 //! | `interpolate` | between two instants |
@@ -43,6 +44,7 @@ pub mod radau;
 mod reversal;
 pub mod rotations;
 mod singular;
+mod states;
 pub mod stiffness;
 mod way;
 
@@ -105,6 +107,8 @@ pub struct Step {
 pub struct LocalError {
     pub position: Vec<f64>,
     pub rate: Vec<f64>,
+    /// of the states of laws, in the places of the memory; empty without any
+    pub state: Vec<f64>,
 }
 
 /// A way to get from one instant to the next. Fields may keep histories and factorisations from step to step.
@@ -182,7 +186,7 @@ pub trait Scheme {
     }
 }
 
-/// The largest entry over its scale; entries that are no numbers do not count.
+/// The largest entry over its scale; entries that are nan do not count.
 pub fn scaled_size(v: &[f64], scales: &[f64]) -> f64 {
     v.iter().zip(scales).fold(0.0, |s, (v, c)| s.max((v / c).abs()))
 }
@@ -210,6 +214,8 @@ pub struct Equations<'a, T: Real> {
     pub sparse: bool,
     /// ranks of the rows
     pub rows: Arc<RowBlocks>,
+    /// connectors with laws whose states have rates
+    rated: Vec<usize>,
     ordering: Ordering,
 }
 
@@ -240,6 +246,7 @@ impl<'a, T: Real> Equations<'a, T> {
             effects,
             sparse: system.n_tree() + system.topology.rows.len() > DENSE,
             rows: row_blocks(system, effects),
+            rated: effects.wanted().with_state_rates(&system.topology),
             ordering: Ordering::default(),
         }
     }

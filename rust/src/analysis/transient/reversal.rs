@@ -1,10 +1,11 @@
 //! Sliders that turn within a step.
 //!
-//! Within a step the memory z of a law stands still, so that its force f(u, z) is followed exactly while u goes one way. Where u
+//! Within a step the memory z of a law is constant, so that its force f(u, z) is followed exactly while u goes one way. Where u
 //! turns at u* the slider has moved there, which a step that ends behind the turn would miss: an error that no difference of
 //! orders sees. Steps end at such turns. u between the ends of a step is taken as the cubic with the values and rates there.
-use crate::laws::Law;
+use crate::force::{AnyLaw, Crossing, Surface};
 use crate::system::connector::motion_of;
+use crate::system::topology::BoundLaw;
 
 use super::{Equations, Motion};
 
@@ -18,7 +19,7 @@ impl Equations<'_, f64> {
             return None;
         }
         let topology = self.topology();
-        let slides = |law: &Law| law.n_memory() > 0;
+        let slides = |law: &AnyLaw| law.has_map();
         let connectors = topology.connectors.iter();
         let sliding: Vec<_> = connectors.filter(|c| c.laws.iter().any(|l| slides(&l.law))).collect();
         if sliding.is_empty() {
@@ -45,25 +46,18 @@ impl Equations<'_, f64> {
     }
 }
 
-/// Signed distances of a displacement from the kinks of a law.
-fn from_kinks(law: &Law, p: &[f64], u: f64) -> Vec<f64> {
-    match law {
-        Law::Gap => vec![u - p[1]],
-        Law::GapBilateral => vec![u - p[1], u + p[1]],
-        Law::Hertz => vec![u - p[2]],
-        Law::Table { n } => p[..*n].iter().map(|knot| u - knot).collect(),
-        _ => Vec::new(),
-    }
-}
-
 impl Equations<'_, f64> {
     /// Does a law pass a kink between two motions, or does a slider begin or cease to slide?
     pub fn passes_kink(&self, from: &Motion<f64>, to: &Motion<f64>) -> bool {
         let topology = self.topology();
-        let kinky = |law: &Law| {
-            law.n_memory() > 0 || matches!(law, Law::Gap | Law::GapBilateral | Law::Hertz | Law::Table { .. })
+        // friction that is rounded over a width has no kink that a step could pass
+        let sharp = |s: &Surface| s.crossing == Crossing::Displacement || s.width == 0.0;
+        let surfaces = |l: &BoundLaw| {
+            let all = l.law.surfaces(&self.x[l.x..l.x + l.law.n_params()]);
+            all.into_iter().filter(sharp).collect::<Vec<_>>()
         };
-        let connectors: Vec<_> = topology.connectors.iter().filter(|c| c.laws.iter().any(|l| kinky(&l.law))).collect();
+        let kinky = |l: &BoundLaw| l.law.has_map() || !surfaces(l).is_empty();
+        let connectors: Vec<_> = topology.connectors.iter().filter(|c| c.laws.iter().any(kinky)).collect();
         if connectors.is_empty() {
             return false;
         }
@@ -71,12 +65,14 @@ impl Equations<'_, f64> {
         connectors.into_iter().any(|c| {
             let moved = |place| motion_of(topology, &self.geometry, place, &self.x, c);
             let (start, end) = (moved(&before), moved(&after));
-            c.laws.iter().filter(|l| kinky(&l.law)).any(|l| {
+            c.laws.iter().filter(|l| kinky(l)).any(|l| {
                 let p = &self.x[l.x..l.x + l.law.n_params()];
-                let (u0, u1) = (start[l.component].0, end[l.component]);
-                let (d0, d1) = (from_kinks(&l.law, p, u0), from_kinks(&l.law, p, u1.0));
-                if d0.iter().zip(&d1).any(|(a, b)| (*a > 0.0) != (*b > 0.0)) {
+                let (u0, u1) = (start[l.component], end[l.component]);
+                if surfaces(l).iter().any(|s| (s.distance(u0.0, u0.1) > 0.0) != (s.distance(u1.0, u1.1) > 0.0)) {
                     return true;
+                }
+                if !l.law.has_map() {
+                    return false;
                 }
                 let memory = &from.memory[l.memory..l.memory + l.law.n_memory()];
                 let mut slid = memory.to_vec();
@@ -123,7 +119,7 @@ impl Way {
     }
 
     /// How much the force at the end differs between a slider that goes along and one that only sees the end.
-    fn missed(&self, turns: &[f64], law: &Law, p: &[f64], memory: &[f64]) -> f64 {
+    fn missed(&self, turns: &[f64], law: &AnyLaw, p: &[f64], memory: &[f64]) -> f64 {
         let mut blind = memory.to_vec();
         let short = law.eval(self.e[1], self.rate, p, &mut blind);
         let mut along = memory.to_vec();

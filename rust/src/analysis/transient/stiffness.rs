@@ -28,6 +28,7 @@ impl Equations<'_, f64> {
                 let mut m = at.motion.clone();
                 if displaced {
                     m = m.moved(self.topology(), &nudge);
+                    self.carry_states(&at.motion, &nudge, &mut m);
                 } else {
                     m.rate.iter_mut().zip(&nudge).for_each(|(r, d)| *r += d);
                 }

@@ -17,7 +17,7 @@ use crate::analysis::transient::{Equations, Instant};
 use crate::error::Result;
 use crate::run::{Cancel, Counts};
 
-use self::recorder::{Adjoint, Recorder, seed};
+use self::recorder::{Adjoint, Recorder, opened_back, seed};
 use super::kinks::{Kink, Watch};
 use super::march::{Here, Made, March, Rule};
 use super::quantity::{Point, Quantity, evaluate};
@@ -192,14 +192,18 @@ pub fn backward(
                     before
                 }
             };
+            let start = &*from.opened(eq, made.length());
             at = match (made, plan.rule) {
                 (Made::Ali3p(record, by), Rule::Ali3p(weight)) => {
                     let parts = (record, by.as_ref());
-                    ali3p::step_back(&mut recorder, (from, end), parts, weight, at)?
+                    ali3p::step_back(&mut recorder, (start, end), parts, weight, at)?
                 }
-                (Made::Alpha(p, h), _) => alpha::step_back(&mut recorder, from, end, *p, *h, at, counts)?,
+                (Made::Alpha(p, h), _) => alpha::step_back(&mut recorder, start, end, *p, *h, at, counts)?,
                 _ => at,
             };
+            if eq.has_state_rates() {
+                opened_back(&mut recorder, from, made.length(), &mut at);
+            }
         }
     }
     counts.add("stored states", longest as u64);

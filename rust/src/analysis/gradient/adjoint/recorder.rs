@@ -186,6 +186,22 @@ pub fn remembered_back(recorder: &mut Recorder<'_>, from: &Here, end: &Here, at:
     at.memory = found.memory;
 }
 
+/// States of laws as a step of this length solves for them, by what they were and by the start of the step.
+pub fn opened_back(recorder: &mut Recorder<'_>, from: &Here, h: f64, at: &mut Adjoint) {
+    if at.memory.iter().all(|m| *m == 0.0) {
+        return;
+    }
+    let eq = recorder.begin();
+    let leaves = recorder.leaves(&from.instant.motion, &[], &[]);
+    let mut m = leaves.motion.clone();
+    eq.open_states(&mut m, 0.5 * h);
+    let sum = weighed(&m.memory, &at.memory);
+    let found = recorder.finish(sum, &leaves);
+    add(&mut at.q, &found.q);
+    add(&mut at.rate, &found.rate);
+    at.memory = found.memory;
+}
+
 /// x^T A for the metric of the projections: what a change of v* or a* does to the right sides.
 pub fn transposed_times(by: &DMatrix<f64>, u: &DVector<f64>) -> Vec<f64> {
     by.tr_mul(u).as_slice().to_vec()

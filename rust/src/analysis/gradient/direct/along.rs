@@ -6,6 +6,8 @@
 //! K, D and M are those of the step and serve all directions at once; what numbers do to a state that is held is found in chunks of
 //! directions (`chunk`). The metric of the projections is a derivative of the residual itself: along its two changes, of the rates
 //! and of the accelerations, the same formula is differentiated once more (`Jet`).
+use std::borrow::Cow;
+
 use nalgebra::DMatrix;
 
 use crate::analysis::transient::ali3p::Linear;
@@ -15,6 +17,7 @@ use crate::linalg::kkt::Kkt;
 use crate::run::Counts;
 use crate::system::placement::advance;
 
+use super::super::march::Here;
 use super::super::quantity::Quantity;
 use super::super::start::started;
 use super::super::{Direction, Plan};
@@ -170,6 +173,20 @@ impl<'a> Along<'a> {
         }
         (self.now.a, self.now.lam) = by.solve(&f, &-g)?;
         Ok(())
+    }
+
+    /// States of laws as a step of this length solves for them.
+    pub fn open<'h>(&mut self, from: &'h Here, h: f64) -> Cow<'h, Here> {
+        let opened = from.opened(self.eq, h);
+        if let Cow::Owned(_) = opened {
+            let mut out = self.zeros(from.instant.motion.memory.len());
+            let (x, v, z) = (&self.now.x, &self.now.v, &self.now.z);
+            for chunk in &self.chunks {
+                chunk.open(Moving { motion: &from.instant.motion, x, v, z }, h, &mut out);
+            }
+            self.now.z = out;
+        }
+        opened
     }
 
     /// Memories of laws at the end of a step.

@@ -39,6 +39,8 @@ pub trait Chunk {
     fn row_rates(&self, at: Moving<'_>, out: &mut DMatrix<f64>);
     /// J a + gamma; `placed`: configuration and increments are those of the last `row_rates`.
     fn row_accelerations(&self, at: Moving<'_>, a: (&[f64], &DMatrix<f64>), placed: bool, out: &mut DMatrix<f64>);
+    /// States of laws for a step of this length.
+    fn open(&self, at: Moving<'_>, h: f64, out: &mut DMatrix<f64>);
     fn remember(&self, at: Moving<'_>, out: &mut DMatrix<f64>, counts: &mut Counts);
     /// Derivatives of quantities, to `out` with (number, column).
     fn read(
@@ -187,6 +189,12 @@ impl<const N: usize> Chunk for Lanes<'_, N> {
             }
         };
         self.add(&self.eq.row_accelerations(&m, &placement, &a), out);
+    }
+
+    fn open(&self, at: Moving<'_>, h: f64, out: &mut DMatrix<f64>) {
+        let mut m = self.moving(at);
+        self.eq.open_states(&mut m, 0.5 * h);
+        self.add(&m.memory, out);
     }
 
     fn remember(&self, at: Moving<'_>, out: &mut DMatrix<f64>, counts: &mut Counts) {

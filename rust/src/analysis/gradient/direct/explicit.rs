@@ -112,7 +112,7 @@ fn motion_changes<const N: usize>(eq: &Equations<'_, Wide<f64, N>>, motion: usiz
     any
 }
 
-/// Do bodies move although all relative poses stay, or is anything touched that no part stands for?
+/// Do bodies move although all relative poses stay, or is anything touched that belongs to no part?
 fn bodies_move<const N: usize>(eq: &Equations<'_, Wide<f64, N>>) -> bool {
     let geometry = &eq.geometry;
     let mut any = false;

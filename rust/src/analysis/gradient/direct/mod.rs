@@ -149,6 +149,7 @@ fn stepped(
     counts: &mut Counts,
 ) -> Result<Carry> {
     counts.add("tangent linear steps", 1);
+    let from = &*along.open(from, made.length());
     let next = match made {
         Made::Ali3p(record, by) => {
             along.ali3p(from, end, record, by, counts)?;
@@ -215,7 +216,9 @@ pub fn direct(
             let place = &mut out.derivatives[i * width * n_p..(i + 1) * width * n_p];
             along.read(now, wanted, place)?;
         }
-        out.instants.push(now.clone());
+        let mut shown = now.clone();
+        eq.close_states(&mut shown.motion);
+        out.instants.push(shown);
     }
     out.kinks = watch.found;
     Ok(out)

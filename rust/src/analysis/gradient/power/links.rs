@@ -8,8 +8,8 @@
 //! and a displacement of both together is one of all twists the other way.
 use num_dual::Dual;
 
+use crate::force::AnyLaw;
 use crate::joint::Coordinate;
-use crate::laws::Law;
 use crate::model::layout::flag::LENGTH_GIVEN;
 use crate::model::layout::{coupler, joint};
 use crate::model::tables::BodyRef;
@@ -175,8 +175,9 @@ impl<T: OnTape> Power<'_, '_, T> {
             let numbers = &self.eq.x[bound.x..bound.x + law.n_params()];
             let p: Vec<_> = numbers.iter().map(|v| Dual::from_re(*v)).collect();
             let rate = Dual::new(v[i], T::one());
-            // no law feels its rate and remembers
-            onto[i][i] += law.force(Dual::from_re(e[i]), rate, &p, &[], &mut []).eps;
+            let memory = &self.motion.memory[bound.memory..bound.memory + law.n_memory()];
+            let z: Vec<_> = memory.iter().map(|v| Dual::from_re(*v)).collect();
+            onto[i][i] += law.force(Dual::from_re(e[i]), rate, &p, &z, &mut z.clone()).eps;
         }
     }
 
@@ -223,7 +224,7 @@ impl<T: OnTape> Power<'_, '_, T> {
 
     /// Each parameter and each memory in turn with a dual number.
     fn law_back(&self, bound: &BoundLaw, e: T, v: T, by: T, out: &mut Slopes<T>) {
-        let law: Law = bound.law;
+        let law: AnyLaw = bound.law;
         let (n, m) = (law.n_params(), law.n_memory());
         let lift = |a: &[T]| a.iter().map(|v| Dual::from_re(*v)).collect::<Vec<_>>();
         let mut p = lift(&self.eq.x[bound.x..bound.x + n]);

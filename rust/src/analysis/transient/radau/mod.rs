@@ -148,7 +148,11 @@ impl Radau {
             m.rate = rate;
             m
         };
-        let motions = rates.into_iter().enumerate().map(motion).collect();
+        let mut motions: Vec<Motion<f64>> = rates.into_iter().enumerate().map(motion).collect();
+        if !eq.stage_states(from, self.tableau.a, h, &mut motions) {
+            // no force is known there
+            motions.iter_mut().for_each(|m| m.rate.fill(f64::NAN));
+        }
         Trial { theta, motions }
     }
 
@@ -226,6 +230,7 @@ impl Radau {
             if self.linear.is_none() {
                 let middle = self.tableau.stages() / 2;
                 let (m, a, lam) = (&trial.motions[middle], &stages.a[middle], &stages.lam[middle]);
+                let m = &eq.with_answering_states(m, h / self.tableau.real.mu);
                 self.linear = Some(Linear::new(eq, m, a.as_slice(), lam.as_slice(), counts));
                 fresh = true;
             }
@@ -282,12 +287,27 @@ impl Radau {
         let filtered = self.linear.as_ref().map(|l| l.filtered(self.tableau, (&moved, &turned))).transpose()?;
         let (position, rate) = filtered.flatten().unwrap_or((moved, turned));
         let scales = eq.scales();
+        let state = self.state_estimate(eq, from, trial);
         let size = scaled_size(&position, &scales).max(scaled_size(&rate, &scales) / speed);
+        let size = size.max(scaled_size(&state, &eq.state_scales()));
         let s = self.tableau.stages() as f64;
         let power = 2.0 * s / (s + 1.0);
         let factor = LEVEL.powf(power) * size.powf(power - 1.0);
         let scaled = |v: Vec<f64>| v.into_iter().map(|e| e * factor).collect();
-        Ok(LocalError { position: scaled(position), rate: scaled(rate) })
+        Ok(LocalError { position: scaled(position), rate: scaled(rate), state: scaled(state) })
+    }
+
+    fn state_estimate(&self, eq: &Equations<'_, f64>, from: &Instant, trial: &Trial) -> Vec<f64> {
+        let mu = self.tableau.real.mu;
+        let mut slopes = eq.state_rates(&from.motion);
+        if slopes.is_empty() {
+            return slopes;
+        }
+        for (m, weight) in trial.motions.iter().zip(self.tableau.estimate) {
+            slopes.iter_mut().zip(eq.state_rates(m)).for_each(|(s, g)| *s += mu * weight * g);
+        }
+        let h = (trial.motions[0].t - from.motion.t) / self.tableau.c[0];
+        eq.filtered_states(&trial.motions[0], &slopes, h / mu)
     }
 }
 

@@ -1,0 +1,277 @@
+"""A chunk of designs and what came of it: the unit of work of a sweep, a pure function of the model and of rows of numbers."""
+
+from __future__ import annotations
+
+import io
+import json
+import pickle
+import re
+import time
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..errors import ModelError
+from .limit import OutOfTime, time_limit
+
+DONE, FAILED, TIMEOUT, KILLED = range(4)
+STATUS = ("done", "failed", "timeout", "killed")
+# Characters of a message that are kept: a design that fails must not fill the disk.
+MOST_TEXT = 1000
+_QUOTED = re.compile(r"'([^']{1,200})'")
+
+
+class Scene(Protocol):
+    """Data that a worker needs beside the rows: a fresh model for each design, and the function of it. A worker that cannot have
+    them fails in ``prepare``, before any design.
+    """
+
+    def prepare(self) -> None: ...
+    def model(self) -> Any: ...
+    def outputs(self, model: Any) -> Mapping[str, Any]: ...
+
+
+@dataclass(frozen=True)
+class LocalScene:
+    """The model and its function in the process that holds them."""
+
+    make: Callable[[], Any]
+    function: Callable[[Any], Mapping[str, Any]]
+
+    def prepare(self) -> None:
+        """Everything is here."""
+
+    def model(self) -> Any:
+        return self.make()
+
+    def outputs(self, model: Any) -> Mapping[str, Any]:
+        return self.function(model)
+
+
+@dataclass(frozen=True)
+class PackedScene:
+    """The model and its function as bytes for another process, which unpacks the function once."""
+
+    packed_model: bytes
+    packed_function: bytes
+
+    def prepare(self) -> None:
+        self.model()
+        _unpacked(self.packed_function)
+
+    def model(self) -> Any:
+        return pickle.loads(self.packed_model)
+
+    def outputs(self, model: Any) -> Mapping[str, Any]:
+        return _unpacked(self.packed_function)(model)
+
+
+@lru_cache(maxsize=4)
+def _unpacked(data: bytes) -> Any:
+    return pickle.loads(data)
+
+
+@dataclass(frozen=True)
+class Task:
+    """Rows of designs for a worker: ``first`` is the index of the first, ``limit`` seconds for each (or None)."""
+
+    scene: Scene
+    names: tuple[str, ...]
+    first: int
+    values: np.ndarray
+    limit: float | None = None
+
+    def part(self, start: int, stop: int) -> Task:
+        """Some of its rows."""
+        return Task(self.scene, self.names, self.first + start, self.values[start:stop], self.limit)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Reason for a design without outputs: the error, the object that it names, and its message."""
+
+    design: int
+    error: str
+    object: str
+    message: str
+
+
+@dataclass
+class Column:
+    """One output of a chunk, of one kind of number ("f:name"): its rows in the chunk, their shapes, and all entries one behind the
+    other.
+    """
+
+    rows: np.ndarray
+    shapes: np.ndarray
+    flat: np.ndarray
+
+
+@dataclass
+class Chunk:
+    """Outputs and failures of the designs ``first`` to ``first + len - 1``; fewer than asked for where it was stopped."""
+
+    first: int
+    values: np.ndarray
+    status: np.ndarray
+    seconds: np.ndarray
+    failures: list[Failure] = field(default_factory=list)
+    columns: dict[str, Column] = field(default_factory=dict)
+    stopped: bool = False
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @property
+    def end(self) -> int:
+        return self.first + len(self)
+
+
+def _never() -> bool:
+    return False
+
+
+def _nothing() -> None:
+    pass
+
+
+def run(task: Task, stop: Callable[[], bool] = _never, tick: Callable[[], None] = _nothing) -> Chunk:
+    """Compute the designs of a task one after the other, with a ``tick`` after each. What a design raises is its failure; Ctrl-C
+    or ``stop`` end the chunk early, with the designs that are finished.
+    """
+    task.scene.prepare()
+    status: list[int] = []
+    seconds: list[float] = []
+    failures: list[Failure] = []
+    rows: list[tuple[int, dict[str, np.ndarray]]] = []
+    stopped = False
+    for i, row in enumerate(task.values):
+        if stop():
+            stopped = True
+            break
+        start = time.perf_counter()
+        try:
+            found = _one(task, row)
+        except KeyboardInterrupt:
+            stopped = True
+            break
+        if isinstance(found, Failure):
+            failures.append(Failure(task.first + i, found.error, found.object, found.message))
+            status.append(TIMEOUT if found.error == OutOfTime.__name__ else FAILED)
+        else:
+            rows.append((i, found))
+            status.append(DONE)
+        seconds.append(time.perf_counter() - start)
+        tick()
+    n = len(status)
+    return Chunk(
+        task.first, task.values[:n], np.array(status, np.int8), np.array(seconds), failures, columns_of(rows), stopped
+    )
+
+
+def _one(task: Task, row: np.ndarray) -> dict[str, np.ndarray] | Failure:
+    try:
+        with time_limit(task.limit):
+            model = task.scene.model()
+            model.set(dict(zip(task.names, row.tolist(), strict=True)))
+            return checked(task.scene.outputs(model))
+    except OutOfTime:
+        return Failure(0, OutOfTime.__name__, "", f"the design took longer than its limit of {task.limit:g} s")
+    except (Exception, SystemExit) as problem:
+        return Failure(0, type(problem).__name__, _object(problem), _text(problem))
+
+
+def _text(problem: BaseException) -> str:
+    try:
+        return str(problem)[:MOST_TEXT]
+    except Exception:  # an error of the user's own whose text cannot be made
+        return ""
+
+
+def _object(problem: BaseException) -> str:
+    """The object of the model that an error is about: what it carries, or the first name that its message quotes."""
+    own = getattr(problem, "object", None)
+    if isinstance(own, str):
+        return own[:200]
+    quoted = _QUOTED.search(_text(problem))
+    return quoted.group(1) if quoted else ""
+
+
+def checked(given: Any) -> dict[str, np.ndarray]:
+    """The outputs of one design as arrays of numbers."""
+    if not isinstance(given, Mapping):
+        raise ModelError(f"the outputs of a design must be numbers and arrays by name, not a {type(given).__name__}")
+    found: dict[str, np.ndarray] = {}
+    for name, value in given.items():
+        if not isinstance(name, str) or not name or "[" in name:
+            raise ModelError(f"the name {name!r} of an output must be text without '['")
+        array = np.asarray(value)
+        if array.dtype.kind not in "biufc":
+            raise ModelError(
+                f"the output {name!r} must be a number or an array of numbers, it is a {type(value).__name__}"
+            )
+        wide = {"b": np.bool_, "c": np.complex128, "f": np.float64}.get(array.dtype.kind, np.int64)
+        found[name] = array.astype(wide, order="C")
+    return found
+
+
+def columns_of(rows: list[tuple[int, dict[str, np.ndarray]]]) -> dict[str, Column]:
+    by_name: dict[str, list[tuple[int, np.ndarray]]] = {}
+    for i, outputs in rows:
+        for name, value in outputs.items():
+            by_name.setdefault(f"{value.dtype.kind}:{name}", []).append((i, value))
+    return {name: _column(found) for name, found in by_name.items()}
+
+
+def _column(found: list[tuple[int, np.ndarray]]) -> Column:
+    """Shapes have as many columns as the largest number of dimensions, filled with -1."""
+    most = max(value.ndim for _, value in found)
+    shapes = np.full((len(found), most), -1, dtype=np.int64)
+    for i, (_, value) in enumerate(found):
+        shapes[i, : value.ndim] = value.shape
+    flat = np.concatenate([value.ravel() for _, value in found])
+    return Column(np.array([i for i, _ in found], dtype=np.int64), shapes, flat)
+
+
+def packed(chunk: Chunk) -> bytes:
+    """The chunk as a NumPy archive without objects."""
+    names = list(chunk.columns)
+    head = {
+        "first": chunk.first,
+        "names": names,
+        "failures": [[f.design, f.error, f.object, f.message] for f in chunk.failures],
+    }
+    arrays: dict[str, Any] = {"values": chunk.values, "status": chunk.status, "seconds": chunk.seconds}
+    arrays["head"] = np.frombuffer(json.dumps(head).encode(), dtype=np.uint8)
+    for j, column in enumerate(chunk.columns.values()):
+        arrays |= {f"rows{j}": column.rows, f"shapes{j}": column.shapes, f"flat{j}": column.flat}
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    return buffer.getvalue()
+
+
+def unpacked(data: bytes) -> Chunk:
+    """The chunk of an archive; `ModelError` where it is damaged."""
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+            head = json.loads(bytes(arrays["head"]))
+            columns = {
+                name: Column(arrays[f"rows{j}"], arrays[f"shapes{j}"], arrays[f"flat{j}"])
+                for j, name in enumerate(head["names"])
+            }
+            failures = [Failure(int(i), str(e), str(o), str(m)) for i, e, o, m in head["failures"]]
+            chunk = Chunk(int(head["first"]), arrays["values"], arrays["status"], arrays["seconds"], failures, columns)
+    except (KeyError, OSError, TypeError, ValueError, EOFError, zipfile.BadZipFile, NotImplementedError) as reason:
+        raise ModelError(f"the file of a chunk is damaged ({reason})") from None
+    return chunk
+
+
+def killed(task: Task, seconds: float, message: str, status: int = KILLED) -> Chunk:
+    """The chunk of one design that ended its process."""
+    word = STATUS[status]
+    failure = Failure(task.first, "ProcessKilled" if word == "killed" else OutOfTime.__name__, "", message)
+    return Chunk(task.first, task.values, np.array([status], np.int8), np.array([seconds]), [failure])

@@ -1,0 +1,152 @@
+"""From chunks to arrays: the same bits whatever the chunks were and in whichever order they came."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from .chunk import DONE, FAILED, Chunk, Column, Failure
+from .runs import WAITING, Runs
+from .table import Designs, table
+
+
+def collected(
+    designs: Designs, chunks: Sequence[Chunk], outputs: Any, status: str, rows: Sequence[int] | None, session: Any
+) -> Runs:
+    """The runs of all designs, or of some ``rows`` in their order."""
+    n = len(designs)
+    codes, seconds = np.full(n, WAITING, np.int8), np.full(n, np.nan)
+    failures: dict[int, Failure] = {}
+    wanted = None if rows is None else np.unique(rows)
+    ordered = sorted(chunks, key=lambda chunk: chunk.first)
+    if wanted is not None:
+        ordered = [part for chunk in ordered for part in _part(chunk, wanted)]
+    for chunk in ordered:
+        codes[chunk.first : chunk.end], seconds[chunk.first : chunk.end] = chunk.status, chunk.seconds
+        failures |= {failure.design: failure for failure in chunk.failures}
+    found: dict[str, list[tuple[int, Column]]] = {}
+    for chunk in ordered:
+        for key, column in chunk.columns.items():
+            found.setdefault(key.partition(":")[2], []).append((chunk.first, column))
+    arrays = {}
+    for name in sorted(found):
+        count = n if wanted is None else len(wanted)
+        arrays[name], wrong = _array(name, n, count, found[name])
+        for failure in wrong:
+            failures[failure.design], codes[failure.design] = failure, FAILED
+    if rows is not None:
+        take = np.asarray(rows, dtype=int)
+        designs = table(designs.names, designs.values[take], designs.units, designs.source)
+        arrays = {name: array[take] for name, array in arrays.items()}
+        codes, seconds = codes[take], seconds[take]
+        failures = {
+            j: Failure(j, f.error, f.object, f.message) for j, i in enumerate(take.tolist()) if (f := failures.get(i))
+        }
+    arrays = {name: _without(array, codes) for name, array in arrays.items()}
+    return _runs(designs, arrays, codes, seconds, failures, outputs, status, session)
+
+
+def _runs(
+    designs: Designs,
+    arrays: Mapping[str, np.ndarray],
+    codes: np.ndarray,
+    seconds: np.ndarray,
+    failures: Mapping[int, Failure],
+    outputs: Any,
+    status: str,
+    session: Any,
+) -> Runs:
+    from ..results import Stats
+
+    layout = getattr(outputs, "layout", {})
+    dims, units = {}, {}
+    for name, array in arrays.items():
+        known = layout.get(name, ((), ""))
+        fits = len(known[0]) == array.ndim - 1
+        dims[name] = known[0] if fits else tuple(f"{name}_{j}" for j in range(array.ndim - 1))
+        units[name] = known[1] if fits else ""
+    sizes = {d: m for name, array in arrays.items() for d, m in zip(dims[name], array.shape[1:], strict=True)}
+    labels = {} if session is None or not layout else outputs.labels(session.model)
+    labels = {d: tuple(values) for d, values in labels.items() if sizes.get(d) == len(values)}
+    counts = {"designs": int(np.sum(codes != WAITING)), "failed": len(failures)}
+    listed = tuple(failures[i] for i in sorted(failures))
+    return Runs(
+        designs, dict(arrays), dims, units, labels, codes, seconds, listed, session,
+        stats=Stats(float(np.nansum(seconds)), counts, (), "sweep"), status=status,
+    )  # fmt: skip
+
+
+def _part(chunk: Chunk, wanted: np.ndarray) -> list[Chunk]:
+    """The chunk with outputs of some designs only; nothing where it has none of them."""
+    inside = wanted[(wanted >= chunk.first) & (wanted < chunk.end)] - chunk.first
+    if not len(inside):
+        return []
+    columns = {}
+    for name, column in chunk.columns.items():
+        keep = np.isin(column.rows, inside)
+        if keep.any():
+            sizes = np.prod(np.where(column.shapes < 0, 1, column.shapes), axis=1)
+            columns[name] = Column(column.rows[keep], column.shapes[keep], column.flat[np.repeat(keep, sizes)])
+    return [replace(chunk, columns=columns)]
+
+
+def _array(name: str, n: int, count: int, columns: Sequence[tuple[int, Column]]) -> tuple[np.ndarray, list[Failure]]:
+    """One output of all designs (n, ...), smaller arrays filled with nan, and the designs whose array has other dimensions than
+    that of the first. Whole numbers stay so where all ``count`` designs have them.
+    """
+    earliest = min(columns, key=lambda one: one[0] + one[1].rows[0])[1]
+    ndim = _dimensions(earliest.shapes[:1])[0]
+    most = np.zeros(ndim, dtype=np.int64)
+    wrong: list[Failure] = []
+    filled = 0
+    for first, column in columns:
+        found = _dimensions(column.shapes)
+        good = found == ndim
+        if good.any() and ndim:
+            most = np.maximum(most, column.shapes[good, :ndim].max(axis=0))
+        filled += int(good.sum())
+        text = f"the output {name!r} has {{}} dimensions here and {ndim} in the first design"
+        wrong += [
+            Failure(first + int(column.rows[i]), "ShapeError", name, text.format(found[i]))
+            for i in np.flatnonzero(~good)
+        ]
+    kind = np.result_type(*(column.flat.dtype for _, column in columns))
+    same = filled == count and all(np.all(column.shapes == most) for _, column in columns if ndim)
+    if not same and kind.kind in "bi":
+        kind = np.dtype(float)
+    full = np.full((n, *most), np.nan if kind.kind in "fc" else 0, dtype=kind)
+    for first, column in columns:
+        _fill(full, first, column, ndim)
+    return full, wrong
+
+
+def _dimensions(shapes: np.ndarray) -> np.ndarray:
+    """Number of dimensions in each row of shapes, whose unused entries are -1."""
+    return np.sum(shapes >= 0, axis=1)
+
+
+def _fill(full: np.ndarray, first: int, column: Column, ndim: int) -> None:
+    if np.all(column.shapes == full.shape[1:]) and column.shapes.shape[1] == ndim:
+        full[first + column.rows] = column.flat.reshape(len(column.rows), *full.shape[1:])
+        return
+    sizes = np.prod(np.where(column.shapes < 0, 1, column.shapes), axis=1)
+    ends = np.cumsum(sizes)
+    for row, shape, size, end in zip(column.rows, column.shapes, sizes, ends, strict=True):
+        shape = shape[shape >= 0]
+        if len(shape) == ndim:
+            place: Any = (first + int(row), *(slice(0, int(m)) for m in shape))
+            full[place] = column.flat[end - size : end].reshape(shape)
+
+
+def _without(array: np.ndarray, codes: np.ndarray) -> np.ndarray:
+    """No outputs of designs that count as failed."""
+    bad = codes != DONE
+    if not bad.any():
+        return array
+    if array.dtype.kind in "bi":
+        array = array.astype(float)
+    array[bad] = np.nan
+    return array

@@ -1,0 +1,261 @@
+"""Places where chunks are computed: here, in threads, in any executor of `concurrent.futures`, on the workers of a Dask client."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import pickle
+import threading
+from collections.abc import Callable, Iterable
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
+from functools import lru_cache
+from typing import Any
+
+from .._lib.checks import count, shown
+from ..errors import ModelError
+from .chunk import Chunk, LocalScene, PackedScene, Scene, Task, run
+from .isolation import leave_with
+
+_MOST_THREADS = 1024
+
+
+class WorkerLost(Exception):
+    """The worker of a chunk died, and one of its designs may be the reason."""
+
+
+class Pool:
+    """Takes tasks and gives chunks back. ``here``: designs run in this process, which one of them may end."""
+
+    here = False
+    workers = 1
+    context: Any = None
+
+    def tick(self) -> None:
+        """Called after each design that is computed in this process; a sweep puts its progress here."""
+
+    def scene(self, model: Any, outputs: Callable[..., Any]) -> Scene:
+        """Data that the workers need: the model and the function of outputs."""
+        return PackedScene(pickle.dumps(model), self.dumps(outputs))
+
+    def dumps(self, function: Any) -> bytes:
+        """A function as bytes that a worker reads."""
+        try:
+            return pickle.dumps(function)
+        except Exception as reason:
+            name = getattr(function, "__qualname__", function)
+            raise ModelError(
+                f"outputs= cannot go to another process ({reason}); define {name!r} at the top of a module"
+            ) from None
+
+    def submit(self, task: Task) -> Any:
+        raise NotImplementedError
+
+    def finished(self, futures: Iterable[Any], timeout: float | None = None) -> list[Any]:
+        """Futures that are done; waits until one is, for at most ``timeout`` seconds."""
+        return list(wait(list(futures), timeout, FIRST_COMPLETED)[0])
+
+    @property
+    def ends_workers(self) -> bool:
+        """True where `end_workers` can kill the workers."""
+        return False
+
+    def end_workers(self) -> None:
+        """Kill the workers; their tasks are lost."""
+
+    def chunk(self, future: Any) -> Chunk:
+        """Chunk computed by a task; raises `WorkerLost` where its worker died."""
+        return future.result()
+
+    def revive(self) -> None:
+        """Make the pool take tasks again after workers were lost."""
+
+    def stop(self) -> None:
+        """Let running chunks end early and take no more."""
+
+    def close(self) -> None:
+        """Give back what the pool made itself."""
+
+
+class Here(Pool):
+    """One chunk after the other, in this thread."""
+
+    here = True
+
+    def scene(self, model: Any, outputs: Callable[..., Any]) -> Scene:
+        return local_scene(model, outputs)
+
+    def submit(self, task: Task) -> Future[Chunk]:
+        future: Future[Chunk] = Future()
+        future.set_result(run(task, tick=self.tick))
+        return future
+
+
+class Threads(Here):
+    """Threads of this process: so many of its own, each with one BLAS thread, or those of the user."""
+
+    def __init__(self, executor: int | Executor) -> None:
+        self._stop = threading.Event()
+        self._own = isinstance(executor, int)
+        self._limits = one_blas_thread() if self._own else contextlib.nullcontext()
+        self._limits.__enter__()
+        self._executor = ThreadPoolExecutor(executor, "mbrs-sweep") if isinstance(executor, int) else executor
+        self.workers = int(getattr(self._executor, "_max_workers", 1))
+
+    def submit(self, task: Task) -> Future[Chunk]:
+        return self._executor.submit(run, task, self._stop.is_set, self.tick)
+
+    def stop(self) -> None:
+        self._stop.set()
+
+    def close(self) -> None:
+        if self._own:
+            self._executor.shutdown(wait=True, cancel_futures=True)
+        self._limits.__exit__(None, None, None)
+
+
+class Futures(Pool):
+    """An executor of the user, which stays his own; one whose processes a design has ended is replaced by one like it."""
+
+    def __init__(self, executor: Executor) -> None:
+        self._executor, self._own = executor, False
+        self.workers = int(getattr(executor, "_max_workers", None) or os.cpu_count() or 1)
+        self.context = getattr(executor, "_mp_context", None)
+
+    def submit(self, task: Task) -> Future[Chunk]:
+        work = work_for if isinstance(self._executor, ProcessPoolExecutor) else run
+        try:
+            return self._executor.submit(work, task)
+        except BrokenExecutor as reason:
+            raise WorkerLost(str(reason)) from None
+
+    def chunk(self, future: Future[Chunk]) -> Chunk:
+        try:
+            return future.result()
+        except (BrokenExecutor, CancelledError) as reason:
+            raise WorkerLost(str(reason)) from None
+
+    @property
+    def ends_workers(self) -> bool:
+        return isinstance(self._executor, ProcessPoolExecutor)
+
+    def end_workers(self) -> None:
+        for process in list((getattr(self._executor, "_processes", None) or {}).values()):
+            process.kill()
+
+    def revive(self) -> None:
+        if getattr(self._executor, "_broken", False):
+            self.close()
+            self._executor, self._own = ProcessPoolExecutor(self.workers, mp_context=self.context), True
+
+    def close(self) -> None:
+        if self._own:
+            self._executor.shutdown(wait=True, cancel_futures=True)
+
+
+def work_for(task: Task) -> Chunk:
+    """`run` in a process of a pool, which ends with the process that made it."""
+    _leave_with_parent()
+    return run(task)
+
+
+@lru_cache(maxsize=1)
+def _leave_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None and parent.pid is not None:
+        leave_with(parent.pid)
+
+
+class Cluster(Pool):
+    """The workers of a `dask.distributed.Client`."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self.workers = max(1, sum(client.nthreads().values()))
+
+    def dumps(self, function: Any) -> bytes:
+        """Functions of a script go by value: the workers have not run it."""
+        import cloudpickle
+
+        return cloudpickle.dumps(function)
+
+    def submit(self, task: Task) -> Any:
+        return self._client.submit(run, task, pure=False)
+
+    def finished(self, futures: Iterable[Any], timeout: float | None = None) -> list[Any]:
+        from distributed import wait as wait_for
+
+        listed = list(futures)
+        with contextlib.suppress(CancelledError):
+            wait_for(listed, return_when="FIRST_COMPLETED")
+        return [future for future in listed if future.done()]
+
+    def chunk(self, future: Any) -> Chunk:
+        from distributed import KilledWorker
+
+        try:
+            return future.result()
+        except KilledWorker as reason:
+            raise WorkerLost(str(reason)) from None
+        except CancelledError:
+            raise Restarted from None
+
+
+class Restarted(Exception):
+    """The workers were restarted and forgot a task that did nothing wrong."""
+
+
+def pool(executor: Any) -> Pool:
+    """The pool of ``executor=``."""
+    if executor is None:
+        return Here()
+    if isinstance(executor, int) and not isinstance(executor, bool):
+        return Threads(count("executor", executor, _MOST_THREADS))
+    if isinstance(executor, ThreadPoolExecutor):
+        return Threads(executor)
+    if isinstance(executor, Executor):
+        return Futures(executor)
+    if type(executor).__module__.partition(".")[0] == "distributed" and hasattr(executor, "submit"):
+        return Cluster(executor)
+    raise ModelError(
+        "executor= must be None, a number of threads, an executor of concurrent.futures or a dask.distributed.Client, it is "
+        + shown(executor)
+    )
+
+
+def local_scene(model: Any, outputs: Callable[..., Any]) -> Scene:
+    """A fresh model for every design from bytes, or as a copy where its functions cannot be named."""
+    try:
+        data = pickle.dumps(model)
+        pickle.loads(data)
+    except Exception:  # whatever a user's function raises when it is pickled
+        return LocalScene(model.copy().copy, outputs)
+    return LocalScene(_Reader(data), outputs)
+
+
+class _Reader:
+    """Makes a model of its bytes."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+
+    def __call__(self) -> Any:
+        return pickle.loads(self._data)
+
+
+def one_blas_thread() -> Any:
+    """A context in which BLAS uses one thread (needs ``threadpoolctl`` of the extra ``sweep``; else nothing changes)."""
+    try:
+        import threadpoolctl
+    except ImportError:
+        return contextlib.nullcontext()
+    return threadpoolctl.threadpool_limits(limits=1, user_api="blas")

@@ -1,0 +1,419 @@
+"""Gradients of a motion: `mb.gradient`, and the sensitivities of a trajectory."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import _core
+from .._lib.border import core_errors
+from .._lib.checks import shown
+from .._lib.progress import Elapsed
+from .._lib.vetter import Derivative
+from ..errors import ModelError, NameNotFoundError
+from ..model.addresses import target
+from ..motion.quantities import Names
+from ..motion.simulate import simulate
+from ..motion.tangent import (
+    RHO,
+    Kink,
+    Run,
+    grid,
+    least_gap,
+    require_exact_tangents,
+    require_followed_guess,
+    value_at,
+    warn_of,
+    warn_of_growth,
+)
+from ..results import Stats, added_counts
+from ..system.effects import check_without, effects
+from ..system.snapshot import Snapshot
+from ..system.state import state_of
+from ..system.tables import Directions, directions
+from .motion_gradient import MotionGradient, effects_of
+from .objectives import Evaluation, Integral, NewReading, Objective, Reader, evaluate, number
+
+if TYPE_CHECKING:
+    from ..model.model import Model
+
+# gradients of two step sizes that differ by more than this (relative) have not begun to converge
+_UNRELATED = 0.3
+METHODS = ("direct", "adjoint", "auto")
+SCHEMES = ("ali3p", "generalized-alpha")
+_READINGS = 20
+
+
+@dataclass(frozen=True)
+class Found:
+    """Values, gradients (n_obj, n_p), work counts, kinks; what a change of all readings by their sizes does to each objective."""
+
+    values: np.ndarray
+    gradients: np.ndarray
+    counts: dict[str, int]
+    kinks: tuple[Kink, ...]
+    read: np.ndarray
+
+
+def gradient(
+    m: Model,
+    objective: Objective | Sequence[Objective],
+    parameters: str | Sequence[str],
+    t: float,
+    *,
+    step: float | None = None,
+    rtol: float | None = None,
+    scheme: str = "ali3p",
+    method: str = "auto",
+    at: Any = None,
+    without: Sequence[str] = (),
+    weight: str | None = None,
+    rho: float | None = None,
+    keep: int = 2**23,
+) -> MotionGradient:
+    """Objectives of a motion and their exact derivatives by any design parameters.
+
+    The derivative is that of the discrete solution: of the steps as they are, with their lengths and iterations frozen.
+
+    Parameters
+    ----------
+    m
+        The model, with its present values.
+    objective
+        `mb.Integral`, `mb.Final`, `mb.AtTimes`, or several of them.
+    parameters
+        Addresses such as "spring1.length", "k", "crank.mass", "V" (an array parameter: the gradient keeps its shape).
+    t
+        s; the end of the motion. Zero length is allowed: the start alone.
+    step, rtol
+        s, fixed steps (equal, at most so long, ending at t); or a tolerance that chooses them first. 1e-7 if neither is given.
+    scheme
+        "ali3p" or "generalized-alpha", with the discrete solution that `mb.simulate` has by that method and those steps.
+    method
+        "direct": one tangent linear model per parameter along with the motion. "adjoint": the steps backwards, once per
+        objective. "auto": by their numbers.
+    at
+        Start, as in `mb.simulate`; a drawn start follows the parameters (the steps of the assembly and consistent velocities), an
+        equilibrium moves along, other states (of a trajectory, a steady motion) are held.
+    without
+        Effects to leave out.
+    weight
+        ALI3-P: metric of the projections, "tangent" (M + h/2 C + h^2/4 K; default) or "mass".
+    rho
+        Generalised-alpha: spectral radius at infinite frequency, 0 <= rho <= 1 (default 0.8).
+    keep
+        Adjoint: a motion of more numbers than this is not kept but run again between checkpoints, as many as the root of
+        its steps.
+
+    Returns
+    -------
+    MotionGradient
+        Unpacks as ``value, gradient``; the parameter axis is last.
+
+    Raises
+    ------
+    NameNotFoundError
+        An unknown address; the message proposes the nearest.
+    ModelError
+        An objective that returns no finite number, a scheme without sensitivities.
+    NotDifferentiableError
+        An objective that is not analytic; a parameter that breaks a redundant loop, or that moves the start through a first
+        guess ``pose=``; a drive whose rate jumps on the way (an impact).
+
+    Warns
+    -----
+    KinkWarning
+        A motion that passes kinks of forces, with times and elements (``.kinks``).
+    MbrsWarning
+        A motion that is very sensitive to the parameters over this time span (``.growth``).
+
+    Notes
+    -----
+    Equations: docs/theory.md (20.1) to (20.8).
+    Direct: O(n_p) tangent steps; adjoint: O(1) in n_p. Sources: ALI3-P after Dopico and co-workers; generalised-alpha after
+    O. Bruels, A. Cardona and M. Arnold, Mech. Mach. Theory 48 (2012) 121-137. Its Newton iterations are taken as converged, by
+    which the derivative differs from that of every iterate by less than 1e-9 h^2 |a| of a step.
+
+    Examples
+    --------
+    >>> import numpy as np, mbrs as mb
+    >>> m = mb.Model("one"); k = m.parameter("k", 4.0)
+    >>> p = m.body("p", mass=1.0, inertia=(1, 1, 1), at=(1, 0, 0), velocity=(0, 0, 0))
+    >>> rail = m.prismatic("rail", m.ground, p, at=(1, 0, 0), axis="x", k=k, preload=4.0)
+    >>> value, grad = mb.gradient(m, mb.Final(lambda s: s.position("p")[0]), "k", t=1.0, step=1e-3)
+    >>> bool(abs(value - np.cos(2.0)) < 1e-5)
+    True
+    """
+    begin = time.perf_counter()
+    if scheme not in SCHEMES:
+        raise ModelError(
+            f"scheme={scheme!r} has no sensitivities; those that have are "
+            f"{' and '.join(f'scheme={name!r}' for name in SCHEMES)} (mb.simulate runs them as method=)"
+        )
+    if method not in METHODS:
+        raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
+    kind = _variant(scheme, weight, rho)
+    many = isinstance(objective, (list, tuple))
+    objectives: list[Any] = list(objective) if isinstance(objective, (list, tuple)) else [objective]
+    if not objectives or not all(isinstance(o, Objective) for o in objectives):
+        raise ModelError(
+            f"objective= takes mb.Integral, mb.Final or mb.AtTimes, or several of them, got {shown(objective)}"
+        )
+    run = replace(prepare(m, objectives, t, step, rtol, at, check_without(without), **kind), keep=_kept(keep))
+    along = directions(m, parameters)
+    require_followed_guess(run, along)
+    chosen = ("adjoint" if along.n > 8 * len(objectives) else "direct") if method == "auto" else method
+    found = _found(run, objectives, along, chosen)
+    kinks, gradients = found.kinks, found.gradients
+    warn_of(kinks)
+    shaped = along.shaped(gradients if many else gradients[0])
+    made = MotionGradient(
+        value=found.values if many else float(found.values[0]),
+        gradient=Derivative.of(shaped, along.shape, 1 if many else 0),
+        labels=along.labels,
+        units=along.units,
+        where=np.array([value_at(m, label) for label in along.labels]),
+        t=run.times,
+        method=chosen,
+        kinks=kinks,
+        status="kinks" if kinks else "converged",
+        error=lambda g: _estimated(g, run, objectives, along),
+        stats=Stats(
+            time.perf_counter() - begin,
+            found.counts,
+            tuple(e.name for e in effects(m) if e.on and e.name not in run.without),
+            f"{scheme}, {chosen}, {len(run.times) - 1} steps",
+        ),
+    )
+    return _with_growth(made, found.read)
+
+
+def _found(run: Run, objectives: Sequence[Objective], along: Directions, method: str) -> Found:
+    with Elapsed("gradient of a motion"):
+        return _adjoint(run, objectives, along) if method == "adjoint" else _direct(run, objectives, along)
+
+
+def _with_growth(made: MotionGradient, read: np.ndarray) -> MotionGradient:
+    largest = np.abs(effects_of(made, made.gradient)).max(axis=1)
+    growth = float(np.max(largest[read > 0.0] / read[read > 0.0], initial=0.0))
+    warn_of_growth(growth)
+    return made.replaced(growth=growth)
+
+
+def _estimated(made: MotionGradient, run: Run, objectives: Sequence[Objective], along: Directions) -> float | None:
+    """The difference to steps twice as long, of a scheme of order two; of order one where it passes kinks."""
+    m = run.model
+    if len(run.times) < 3 or run.snapshot.versions != (m.structure_version, m.values_version):
+        return None
+    marks = [*(x for o in objectives for x in o.times), *_core.motion_breaks(run.snapshot.system, float(run.times[0]))]
+    kept = np.isin(run.times, marks)
+    kept[::2] = kept[-1] = True
+    other = _found(replace(run, times=run.times[kept]), objectives, along, made.method).gradients
+    fine, coarse = effects_of(made, made.gradient), effects_of(made, other)
+    size = np.abs(fine).max(axis=1)
+    miss = np.abs(coarse - fine).max(axis=1)
+    found = float(np.max(miss[size > 0.0] / size[size > 0.0], initial=0.0))
+    # too far apart for an order to show: the difference itself is what is known
+    return found if made.kinks or found > _UNRELATED else found / 3.0
+
+
+def _variant(scheme: str, weight: str | None, rho: float | None) -> dict[str, Any]:
+    """Options of a scheme, checked."""
+    if weight is not None and (scheme != "ali3p" or weight not in ("tangent", "mass")):
+        raise ModelError(
+            f"weight= is 'tangent' or 'mass' and belongs to scheme='ali3p', got {shown(weight)} with {scheme!r}"
+        )
+    if rho is not None and scheme != "generalized-alpha":
+        raise ModelError(f"rho= belongs to scheme='generalized-alpha', not to {scheme!r}")
+    radius = RHO if rho is None else finite("rho", rho, 0.0)
+    if radius > 1.0:
+        raise ModelError(f"rho= lies between 0 and 1, got {rho}")
+    return {"scheme": scheme, "weight": weight or "tangent", "rho": radius}
+
+
+def _kept(keep: Any) -> int:
+    if isinstance(keep, bool) or not isinstance(keep, (int, np.integer)) or keep < 0:
+        raise ModelError(f"keep= is how many numbers may be kept, an integer of at least 0, got {shown(keep)}")
+    return int(keep)
+
+
+def finite(name: str, value: Any, least: float = 0.0) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ModelError(f"{name}= must be a number, got {shown(value)}") from None
+    if not math.isfinite(number) or number < least:
+        raise ModelError(f"{name}= must be a finite number of at least {least:g}, got {shown(value)}")
+    return number
+
+
+def prepare(
+    m: Model,
+    objectives: Sequence[Objective],
+    t: float,
+    step: float | None,
+    rtol: float | None,
+    at: Any,
+    without: tuple[str, ...],
+    **kind: Any,
+) -> Run:
+    """Start and steps of a motion."""
+    require_exact_tangents(m, without)
+    snapshot = Snapshot.of(m, without)
+    state = state_of(m, snapshot.system, at, hold=False, without=without)
+    end = finite("t", t, state.t)
+    slack = least_gap(state.t, end)
+    for o in objectives:
+        if np.any(np.diff(o.times) <= slack) and end > state.t:
+            raise ModelError(
+                f"mb.AtTimes names times closer than {slack:.1e} s, which cannot be told apart; name each once"
+            )
+    for x in (x for o in objectives for x in o.times):
+        if not state.t - slack <= x <= end + slack:
+            raise ModelError(f"mb.AtTimes names t = {x:.12g} s, outside the motion from {state.t:.12g} to {end:.12g} s")
+    through = [min(max(x, state.t), end) for o in objectives for x in o.times]
+    if step is not None and rtol is not None:
+        raise ModelError("give rtol= (steps chosen first) or step= (fixed steps), not both")
+    if end == state.t:
+        times = np.array([end])
+    elif step is not None:
+        h = finite("step", step, np.finfo(float).tiny)
+        if (end - state.t) / h > 1e8:
+            raise ModelError(f"step={step} would need more than 1e8 steps")
+        breaks = _core.motion_breaks(snapshot.system, state.t)
+        times = grid(state.t, end, h, [*through, *breaks])
+    else:
+        marks = np.array(sorted({*(x for x in through if x > state.t), end}))
+        traj = simulate(m, marks, rtol=1e-7 if rtol is None else rtol, at=state, without=without, **_as_method(kind))
+        times = _with_marks(traj.steps, marks)
+    return Run(m, snapshot, state, without, times, **kind)
+
+
+def _with_marks(steps: np.ndarray, marks: np.ndarray) -> np.ndarray:
+    """Steps that end at the marks too; steps nearer to a mark than a hundredth of their length move to it."""
+    length = np.minimum(np.diff(steps, prepend=-np.inf), np.diff(steps, append=np.inf))
+    far = np.abs(steps[:, None] - marks[None, :]).min(axis=1) > 0.01 * length
+    far[0] = True
+    return np.unique(np.concatenate([steps[far], marks]))
+
+
+def _as_method(kind: dict[str, Any]) -> dict[str, Any]:
+    if kind["scheme"] == "ali3p":
+        return {"method": "ali3p"}
+    return {"method": kind["scheme"], "rho": kind["rho"]}
+
+
+def _reader(run: Run) -> Reader:
+    return Reader(Names(run.snapshot.tables), run.model.value)
+
+
+def _read(run: Run, objectives: Sequence[Objective], reader: Reader) -> None:
+    """Quantities that the objectives read at the start: values are fetched one by one until they are content."""
+    short = replace(run, times=run.times[:1])
+    for _ in range(10 * _READINGS):
+        row = short.direct(list(reader.places), None)["values"][0] if reader.places else np.zeros(0)
+        try:
+            for o in objectives:
+                _try(o, reader, run.times, row)
+            return
+        except NewReading as new:
+            reader.add(new.asked)
+    raise ModelError("the objective reads more quantities than a motion has; check its function")
+
+
+def _try(objective: Objective, reader: Reader, times: np.ndarray, row: np.ndarray) -> None:
+    """Read what an objective reads, with the state of the start and the time of its own first instant."""
+    if isinstance(objective, Integral):
+        number(objective, reader.instant(float(times[0]), 0, row))
+        return
+    try:
+        number(objective, reader.instant(float((objective.times or times[-1:])[0]), 0, row))
+    except NameNotFoundError:
+        raise
+    except (ModelError, ArithmeticError):
+        # it may be defined at its own instants alone, and is checked there
+        return
+
+
+def _direct(run: Run, objectives: Sequence[Objective], along: Directions) -> Found:
+    reader = _reader(run)
+    _read(run, objectives, reader)
+    run = replace(run, read=np.any([o.weights(run.times) != 0.0 for o in objectives], axis=0).tolist())
+    for _ in range(_READINGS):
+        made = run.direct(list(reader.places), along)
+        try:
+            found = [evaluate(o, reader, made["t"], made["values"]) for o in objectives]
+            break
+        except NewReading as new:
+            reader.add(new.asked)
+    else:
+        raise ModelError("the objective reads new quantities again and again; let it read the same ones at all times")
+    gradients = np.array([np.einsum("tc,tcp->p", f.seeds, made["derivatives"]) for f in found])
+    for i, f in enumerate(found):
+        gradients[i] += explicit_part(run.model, f.explicit, along)
+    values = np.array([f.value for f in found])
+    return Found(values, gradients, dict(made["counts"]), tuple(made["kinks"]), _reads(found, made["values"]))
+
+
+def _reads(found: Sequence[Evaluation], rows: np.ndarray) -> np.ndarray:
+    sizes = np.abs(rows).max(axis=0, initial=0.0)
+    return np.array([np.sum(np.abs(f.seeds) @ sizes) for f in found])
+
+
+def explicit_part(m: Model, explicit: dict[str, np.ndarray], along: Directions) -> np.ndarray:
+    """(n_p,): objectives that read numbers of the model itself."""
+    out = np.zeros(along.n)
+    for address, d in explicit.items():
+        own = directions(m, address)
+        for c, label in enumerate(own.labels):
+            out += d[c] * _number_by_parameters(m, label, own, c, along)
+    return out
+
+
+def _number_by_parameters(m: Model, label: str, own: Directions, c: int, along: Directions) -> np.ndarray:
+    """d(number)/dp: one where it is the parameter itself, else what its place in x does."""
+    out = np.array([1.0 if label == other else 0.0 for other in along.labels])
+    found = target(m, label)
+    if found.group is None:
+        return out
+    inside = own.columns == c
+    for p in range(along.n):
+        if out[p] == 0.0:
+            there = (along.columns == p) & np.isin(along.rows, own.rows[inside][:1])
+            out[p] = along.values[there].sum()
+    return out
+
+
+def _adjoint(run: Run, objectives: Sequence[Objective], along: Directions) -> Found:
+    reader = _reader(run)
+    _read(run, objectives, reader)
+    for _ in range(_READINGS):
+        with core_errors():
+            forward = _core.MotionForward(
+                run.snapshot.system,
+                run.state.q,
+                run.state.rate,
+                list(run.without),
+                run.options(list(reader.places), along),
+            )
+        try:
+            found = [evaluate(o, reader, run.times, forward.values()) for o in objectives]
+            break
+        except NewReading as new:
+            reader.add(new.asked)
+    else:
+        raise ModelError("the objective reads new quantities again and again; let it read the same ones at all times")
+    counts = [forward.counts()]
+    gradients = np.zeros((len(found), along.n))
+    for i, f in enumerate(found):
+        with core_errors():
+            gradients[i], work = forward.gradient(np.ascontiguousarray(f.seeds))
+        gradients[i] += explicit_part(run.model, f.explicit, along)
+        counts.append(work)
+    values = np.array([f.value for f in found])
+    return Found(values, gradients, added_counts(*counts), tuple(forward.kinks()), _reads(found, forward.values()))

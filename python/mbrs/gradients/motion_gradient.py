@@ -1,0 +1,177 @@
+"""The results of `mb.gradient`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from .._lib.vetter import Derivative
+from ..errors import ModelError
+from ..results import Result, derived, quantity, result
+
+
+@result
+class MotionGradient(Result):
+    """Value and gradient of objectives of a motion; unpacks as ``value, gradient``.
+
+    Attributes
+    ----------
+    value
+        A float, or (n_obj,) for several objectives.
+    gradient
+        (n_p,), or in the shape of the one array parameter; (n_obj, ...) for several objectives. ``.vetter()`` gives the
+        block layout.
+    labels, units
+        Of the parameters.
+    where
+        (n_p,) the values of the parameters; nan for turns of axes and orientations.
+    t
+        (n_t,) s; ends of the steps.
+    method
+        "direct" or "adjoint".
+    kinks
+        ``(t, element, what)`` of places that the motion passed where a force has a kink (a gap that closes or opens, a slider
+        that begins or ceases to slide, friction that changes its sign within a step): it is not differentiable there. The
+        gradient ignores them and is first-order accurate there; ``status`` is then "kinks" instead of "converged".
+    growth
+        How many times larger the relative changes of what the objectives read are than those of the parameters, at most. It grows
+        without bound where a motion is chaotic; from 1e4 on there is a warning.
+    error
+        Estimated distance from the gradient of the continuous motion, by a second run with steps twice as long (made when first
+        asked for): the largest difference of an effect of a parameter's own size, relative to the largest effect. None for less
+        than two steps, and after the model was changed.
+    """
+
+    value: Any
+    gradient: Derivative
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    where: np.ndarray = quantity(dims=("parameter",))
+    t: np.ndarray = quantity(dims=("t",), unit="s")
+    method: str
+    kinks: tuple[tuple[float, str, str], ...] = ()
+    growth: float = 0.0
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter((self.value, self.gradient))
+
+    row: ClassVar[str] = "parameter"
+    axes: ClassVar[Mapping[str, str]] = {"parameter": "labels"}
+
+    @property
+    def flat(self) -> np.ndarray:
+        """(n_obj, n_p) the gradients without the shapes of objectives and parameters."""
+        return np.asarray(self.gradient).reshape(-1, len(self.labels))
+
+    @property
+    @derived(dims=("objective", "parameter"), name="gradient")
+    def _gradients(self) -> np.ndarray:
+        return self.flat
+
+    @property
+    @derived(dims=("objective",), name="value")
+    def _values(self) -> np.ndarray:
+        return np.atleast_1d(self.value)
+
+    @property
+    @derived(dims=("parameter",))
+    def unit(self) -> np.ndarray:
+        """(n_p,) units of the parameters."""
+        return np.array(self.units, dtype=str)
+
+    def attributes(self) -> dict[str, Any]:
+        return {**super().attributes(), "method": self.method}
+
+    def heading(self) -> str:
+        value = f"{self.value:.9g}" if np.ndim(self.value) == 0 else ", ".join(f"{v:.9g}" for v in self.value)
+        return f"objective {value} ({self.stats.route})"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: value and gradient by parameter."""
+        names = ["gradient"] if np.ndim(self.value) == 0 else [f"gradient {i}" for i in range(len(self.flat))]
+        each = zip(self.labels, self.units, self.where.tolist(), *self.flat.tolist(), strict=True)
+        return ["parameter", "unit", "value", *names], [list(row) for row in each]
+
+    def notes(self) -> list[str]:
+        from .._lib.text import unit_note
+
+        note = unit_note(self.labels, self.units)
+        return [note] if note else []
+
+    def sensitivity(self, parameters: str | Sequence[str]) -> MotionSensitivity:
+        """The gradient as `mb.sensitivity` returns derivatives: ``value``, parameter axis last."""
+        named = [parameters] if isinstance(parameters, str) else list(parameters)
+        missing = [p for p in named if p not in self.labels]
+        if missing:
+            raise ModelError(
+                f"this gradient is by {', '.join(self.labels)}, not by {missing[0]!r}; compute it with that parameter"
+            )
+        flat = np.asarray(self.gradient).reshape(*np.shape(self.value), len(self.labels))
+        chosen = [self.labels.index(p) for p in named]
+        return MotionSensitivity(
+            value=flat[..., chosen],
+            labels=tuple(named),
+            units=tuple(self.units[i] for i in chosen),
+            stats=self.stats,
+        )
+
+    def plot(self, kind: str = "tornado", *, ax: Any = None, **options: Any) -> Any:
+        """Bars of the change of the objective by one per cent of each parameter, or by ``change=`` ("tornado")."""
+        if kind != "tornado":
+            raise ModelError(f"there is no plot {kind!r} of a gradient; known is 'tornado'")
+        from ..plot import gradients
+
+        return gradients.tornado(self, ax=ax, **options)
+
+
+@result
+class MotionSensitivity(Result):
+    """Derivatives of objectives of a motion: ``value`` (..., n_p), by ``labels``."""
+
+    value: np.ndarray
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+
+    row: ClassVar[str] = "parameter"
+    axes: ClassVar[Mapping[str, str]] = {"parameter": "labels"}
+
+    @property
+    @derived(dims=("objective", "parameter"))
+    def derivative(self) -> np.ndarray:
+        """(n_obj, n_p) `value` without the shape of the objectives."""
+        return self.value.reshape(-1, len(self.labels))
+
+    @property
+    @derived(dims=("parameter",))
+    def unit(self) -> np.ndarray:
+        """(n_p,) units of the parameters."""
+        return np.array(self.units, dtype=str)
+
+    def heading(self) -> str:
+        return "objectives of a motion"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table."""
+        rows = [list(row) for row in zip(self.labels, self.units, *self.derivative.tolist(), strict=True)]
+        return ["parameter", "unit", *("derivative" for _ in self.derivative)], rows
+
+    def notes(self) -> list[str]:
+        from .._lib.text import unit_note
+
+        note = unit_note(self.labels, self.units)
+        return [note] if note else []
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Derivatives as bars, each over the largest of its objective; returns the figure."""
+        from ..plot.studies import motion_sensitivity
+
+        return motion_sensitivity(self, ax=ax)
+
+
+def effects_of(made: MotionGradient, gradients: Any) -> np.ndarray:
+    """(n_obj, n_p) gradients times the parameters' sizes; turns and zeros count as they are."""
+    sizes = np.abs(np.nan_to_num(made.where, nan=1.0))
+    flat = np.asarray(gradients).reshape(-1, len(made.labels))
+    return np.asarray(flat * np.where(sizes == 0.0, 1.0, sizes))

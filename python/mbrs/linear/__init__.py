@@ -1,0 +1,1 @@
+"""Equilibria, steady motions, linearisation, modes, transfer functions, responses and their sensitivities."""

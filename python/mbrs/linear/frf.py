@@ -1,0 +1,512 @@
+"""Transfer functions of linear systems and of linearised models."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from .. import _core
+from .._lib.border import core_errors
+from .._lib.progress import while_long
+from ..errors import MbrsWarning, ModelError
+from ..results import Result, Stats, added_counts, quantity, result
+from .linear_system import LinearSystem, Origin, csc_arrays, dense, reduction_of, relaxes
+from .relaxation import Relaxation
+from .second_order import linear_system
+
+_ORDER = {"receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 0}
+_COARSE_POINTS = 200
+
+
+@result
+class FrfResult(Result):
+    """Transfer functions H(omega), time dependence exp(+i omega t).
+
+    Attributes
+    ----------
+    value
+        (n_out, n_in, n_freq) complex, output unit over input unit. Infinite at undamped resonances and, for free
+        systems, at 0 Hz.
+    frequency, omega
+        (n_freq,) Hz and rad/s, ascending where a range was asked for, else in the order given.
+    kind
+        "receptance", "mobility", "accelerance" or "transmissibility".
+    inputs, outputs
+        Names.
+    poles
+        All poles in rad/s, complex, or None where the mass matrix is singular.
+    error
+        Largest relative difference from refined direct solves at the frequencies that were checked (the ends, the
+        middle, next to the sharpest resonances).
+    """
+
+    value: np.ndarray = quantity(dims=("output", "input", "frequency"), name="H")
+    frequency: np.ndarray = quantity(dims=("frequency",), unit="Hz")
+    omega: np.ndarray = quantity(dims=("frequency",), unit="rad/s")
+    kind: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    poles: np.ndarray | None = quantity(dims=("pole",), unit="rad/s", default=None)
+    linear: LinearSystem | None = field(default=None, kw_only=True)
+    origin: Origin | None = field(default=None, kw_only=True)
+
+    row: ClassVar[str] = "frequency"
+    axes: ClassVar[Mapping[str, str]] = {"output": "outputs", "input": "inputs"}
+
+    @property
+    def magnitude(self) -> np.ndarray:
+        """|H|, (n_out, n_in, n_freq)."""
+        return np.abs(self.value)
+
+    @property
+    def phase(self) -> np.ndarray:
+        """Phase in radians in (-pi, pi], (n_out, n_in, n_freq); nan where H is infinite."""
+        return np.where(np.isfinite(self.value), np.angle(self.value), np.nan)
+
+    def heading(self) -> str:
+        n_out, n_in, n_freq = self.value.shape
+        span = f", {self.frequency.min():.6g} to {self.frequency.max():.6g} Hz" if n_freq else ""
+        return f"{self.kind}: {n_out} outputs x {n_in} inputs x {n_freq} frequencies{span}"
+
+    def attributes(self) -> dict[str, Any]:
+        return {**super().attributes(), "kind": self.kind}
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: the largest magnitude of each transfer function."""
+        rows: list[list[Any]] = []
+        for i, j in np.ndindex(self.value.shape[:2]):
+            size = self.magnitude[i, j]
+            k = int(np.argmax(np.nan_to_num(size, nan=-1.0, posinf=np.inf)))
+            rows.append([f"{self.outputs[i]} / {self.inputs[j]}", float(size[k]), float(self.frequency[k])])
+        return ["output / input", "largest |H|", "at [Hz]"], rows
+
+    def notes(self) -> list[str]:
+        return [f"route: {self.stats.route}, error {self.error:.1e}, {self.status}"]
+
+    def plot(self, kind: str = "bode", *, ax: Any = None, **options: Any) -> Any:
+        """``kind="bode"`` or ``"nyquist"``; ``ax``: axes to draw into, of a Bode plot one (magnitude) or two. Returns the
+        figure; see `mbrs.plot.frf`.
+        """
+        from ..plot import frf as draw
+
+        return draw(self, kind, ax=ax, **options)
+
+
+@result
+class FrfSensitivity(Result):
+    """Derivatives of transfer functions.
+
+    ``value`` (n_out, n_in, n_freq, n_p) complex: dH/dp along each parameter alone, nan at singular frequencies;
+    ``labels`` their names; the rest as in `FrfResult`. ``error`` is the relative error of the linear solutions.
+    """
+
+    value: np.ndarray = quantity(dims=("output", "input", "frequency", "parameter"), name="dH_dp")
+    frequency: np.ndarray = quantity(dims=("frequency",), unit="Hz")
+    omega: np.ndarray = quantity(dims=("frequency",), unit="rad/s")
+    kind: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    labels: tuple[str, ...]
+
+    row: ClassVar[str] = "frequency"
+    axes: ClassVar[Mapping[str, str]] = {"output": "outputs", "input": "inputs", "parameter": "labels"}
+
+    def heading(self) -> str:
+        return f"d {self.kind} / d p at {self.frequency.size} frequencies"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: the largest derivative by each parameter."""
+        rows: list[list[Any]] = []
+        for p, name in enumerate(self.labels):
+            size = np.nan_to_num(np.abs(self.value[..., p]), nan=-1.0).max(axis=(0, 1))
+            k = int(np.argmax(size))
+            rows.append([name, float(size[k]), float(self.frequency[k])])
+        return ["parameter", "largest |dH/dp|", "at [Hz]"], rows
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """|dH/dp| over the frequency, a line for each parameter and pair of ports; returns the figure."""
+        from ..plot.derivatives import frf_sensitivity
+
+        return frf_sensitivity(self, ax=ax)
+
+
+def frf(
+    m: Any,
+    inputs: Any,
+    outputs: Any,
+    *,
+    frequency: Any = None,
+    omega: Any = None,
+    kind: str = "receptance",
+    modes: int | None = None,
+    at: Any = None,
+    without: Sequence[str] = (),
+) -> FrfResult:
+    """Transfer functions H(omega) = (i omega)^q (L Z^-1 F (i omega)^p + D0), Z = S - omega^2 M + i omega D.
+
+    D = C + G, S = K + N; q = 0, 1, 2 for receptance, mobility, accelerance; p = 2 and D0 = the rigid part for a motion
+    of the base, p = 0 and no D0 for forces.
+
+    Parameters
+    ----------
+    m
+        A `Model` (linearised at ``at``), a linearised model, or a `MechanicalSystem`.
+    inputs, outputs
+        Ports of a model, such as ``body.force("z")``, ``mb.base_motion("z")`` and ``body.motion("z")``, one or a list.
+        For a `MechanicalSystem`: coordinate names or indices, a direction w (n,) or directions (n, k); an input is then
+        the force w u, an output w . x.
+    frequency, omega
+        Exactly one, in Hz or rad/s. A 2-tuple is a range that is sampled as needed: 200 points, logarithmic where the
+        range spans more than a decade, and around each pole s = -sigma +- i omega_d points at distances of sigma / 4 up
+        to sigma, then growing by 1.6 (without damping from 1e-4 omega_d on). An array or list is the set of points.
+    kind
+        "receptance", "mobility", "accelerance", or "transmissibility" (motion per motion of the base).
+    modes
+        Sum up only this many lowest modes; ``error`` then says what the others would have added. All by default.
+    at, without
+        State to linearise at; effects to leave out.
+
+    Returns
+    -------
+    FrfResult
+        ``value`` (n_out, n_in, n_freq).
+
+    Raises
+    ------
+    ModelError
+        Unknown inputs or outputs, no or two frequency arguments, NaN.
+
+    Warns
+    -----
+    MbrsWarning
+        A resonance that the given points miss, and frequencies at which H is infinite.
+
+    Notes
+    -----
+    Equations: docs/theory.md (7.1) to (7.3).
+    Cost: O(n^3) once for a set of matrices (kept for later calls), then O(n) per entry and frequency for well
+    conditioned modes, O(n^2) per frequency otherwise. Sparse systems of more than 400 coordinates stay sparse: one
+    factorisation per frequency; poles are then known as far as the range or the points reach.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> s = mb.MechanicalSystem(M=[[2.0]], C=[[0.4]], K=[[8.0]])
+    >>> h = mb.frf(s, inputs=0, outputs=0, omega=[2.0])
+    >>> abs(h.value[0, 0, 0] - 1 / (0.8j)) < 1e-14
+    True
+    """
+    start = time.perf_counter()
+    if kind not in _ORDER:
+        raise ModelError(f"kind={kind!r} is not known; it is one of {', '.join(_ORDER)}")
+    points, limits = _grid(frequency, omega)
+    linear = linear_system(m, inputs, outputs, at, without, relaxing=True)
+    if kind == "transmissibility" and np.any(linear.order_in[: len(linear.inputs)] != 2):
+        raise ModelError("a transmissibility needs motions of the base as inputs, such as mb.base_motion('z')")
+    if modes is not None and (not isinstance(modes, int | np.integer) or modes < 1):
+        raise ModelError(f"modes={modes!r} must be a number of modes, at least 1")
+    solver: _Dense | _Sparse | _Relaxing
+    if linear.relaxation is not None:
+        solver = _Relaxing(linear, linear.relaxation, _ORDER[kind], modes)
+    elif linear.is_large:
+        solver = _Sparse(linear, _ORDER[kind], points, limits)
+    else:
+        solver = _Dense(linear, _ORDER[kind], modes)
+    if linear.is_large and modes is not None:
+        raise ModelError("modes= is for dense systems; a large sparse one is solved directly at each frequency")
+    poles = solver.poles
+    if points is None:
+        assert limits is not None
+        points = _sampled(limits, poles)
+    with (
+        core_errors(),
+        while_long(f"transfer function at {len(points)} frequencies", len(points) * float(linear.n) ** 2),
+    ):
+        raw = solver.evaluate(points)
+        if limits is None:
+            _warn_missed(solver, points, poles, raw["value"])
+    _warn_singular(points, raw["singular"])
+    counts = added_counts(linear.source, solver.counts, raw["counts"])
+    return FrfResult(
+        value=raw["value"],
+        frequency=points / (2 * np.pi),
+        omega=points,
+        kind=kind,
+        inputs=linear.inputs,
+        outputs=linear.outputs,
+        poles=poles,
+        linear=linear,
+        origin=Origin(m, inputs, outputs, at, tuple(without)),
+        stats=Stats(time.perf_counter() - start, counts, linear.effects, raw["route"]),
+        error=raw["error"],
+        status="singular" if raw["singular"] else "converged",
+    )
+
+
+def frf_sensitivity(
+    linear: LinearSystem,
+    omega: np.ndarray,
+    parameters: Sequence[str],
+    *,
+    kind: str = "receptance",
+    dM: np.ndarray | None = None,
+    dD: np.ndarray | None = None,
+    dS: np.ndarray | None = None,
+    dF: np.ndarray | None = None,
+    dL: np.ndarray | None = None,
+    dD0: np.ndarray | None = None,
+) -> FrfSensitivity:
+    """dH = dL Z^-1 F + L Z^-1 dF - L Z^-1 dZ Z^-1 F (+ dD0) from derivatives of the matrices and maps.
+
+    Parameters
+    ----------
+    linear
+        The system, such as ``FrfResult.linear``.
+    omega
+        (n_freq,) rad/s.
+    parameters
+        n_p names.
+    dM, dD, dS
+        (n, n, n_p) derivatives of M, D = C + G, S = K + N; None where nothing changes. Zeros cost nothing.
+    dF, dL, dD0
+        (n, n_in, n_p), (n_out, n, n_p), (n_out, n_in, n_p), or None; columns in the order of ``linear.F``.
+
+    Returns
+    -------
+    FrfSensitivity
+
+    Notes
+    -----
+    Cost: one factorisation O(n^3) per frequency, then O(non-zeros (n_in + n_out)) per parameter.
+    """
+    start = time.perf_counter()
+    if linear.relaxation is not None:
+        raise relaxes(linear.relaxation.names[0])
+    omega = np.ascontiguousarray(omega, dtype=float)
+    reduction, _ = linear.reduction()
+    with core_errors():
+        raw = reduction.sensitivity(
+            linear.L,
+            linear.F,
+            linear.order_in,
+            linear.D0,
+            _ORDER[kind],
+            omega,
+            len(parameters),
+            *(None if a is None else np.asarray(a, dtype=float) for a in (dM, dD, dS, dF, dL, dD0)),
+        )
+    return FrfSensitivity(
+        value=linear.joined(raw["value"], 1),
+        frequency=omega / (2 * np.pi),
+        omega=omega,
+        kind=kind,
+        inputs=linear.inputs,
+        outputs=linear.outputs,
+        labels=tuple(parameters),
+        stats=Stats(time.perf_counter() - start, raw["counts"], linear.effects, "direct"),
+        error=raw["error"],
+        status="singular" if raw["singular"] else "converged",
+    )
+
+
+class _Dense:
+    """A system reduced once, bound to its ports."""
+
+    def __init__(self, linear: LinearSystem, order_out: int, modes: int | None) -> None:
+        self.linear, self.order_out, self.modes = linear, order_out, modes
+        self.reduction, made = linear.reduction()
+        self.poles: np.ndarray | None = self.reduction.poles
+        self.counts: Mapping[str, int] = self.reduction.counts if made else {}
+
+    def evaluate(self, omega: np.ndarray, checked: bool = True) -> dict[str, Any]:
+        p = self.linear
+        raw = self.reduction.evaluate(p.L, p.F, p.order_in, p.D0, self.order_out, omega, self.modes, checked)
+        return {**raw, "value": p.joined(raw["value"], 1)}
+
+
+class _Relaxing:
+    """A system with laws that relax, as stiffnesses that depend on the frequency: H - H_w kappa (1 + H_ww kappa)^-1 H_w'."""
+
+    def __init__(self, linear: LinearSystem, own: Relaxation, order_out: int, modes: int | None) -> None:
+        if modes is not None:
+            raise ModelError("modes= does not know laws that relax; leave it out")
+        self.linear, self.order_out, self.own = linear, order_out, own
+        m = len(self.own.k)
+        F, L = np.hstack([linear.F, self.own.W]), np.vstack([linear.L, self.own.W.T])
+        D0 = None if linear.D0 is None else np.pad(linear.D0, ((0, m), (0, m)))
+        names = tuple(f"u{j}" for j in range(F.shape[1]))
+        order_in = np.concatenate([linear.order_in, np.zeros(m, dtype=np.int64)])
+        self.bare = _Dense(replace(linear, F=F, L=L, D0=D0, order_in=order_in, inputs=names, shared=()), 0, None)
+        poles = reduction_of(*self.own.extended(dense(linear.M), _dense(linear.D), dense(linear.S)))[0].poles
+        # the zero roots belong to no motion
+        assert poles is not None
+        self.poles: np.ndarray | None = poles[np.argsort(np.abs(poles), kind="stable")][m:]
+        self.counts = self.bare.counts
+
+    def evaluate(self, omega: np.ndarray, checked: bool = True) -> dict[str, Any]:
+        m = len(self.own.k)
+        raw = self.bare.evaluate(omega, checked)
+        H = np.moveaxis(raw["value"], 2, 0)
+        kappa = self.own.stiffness(omega).T[:, None, :]
+        across = H[:, :-m, -m:] * kappa
+        inner = np.eye(m) + H[:, -m:, -m:] * kappa
+        value = H[:, :-m, :-m] - across @ np.linalg.solve(inner, H[:, -m:, :-m])
+        value = np.moveaxis(value, 0, 2) * (1j * omega) ** self.order_out
+        return {**raw, "value": self.linear.joined(value, 1), "route": f"{raw['route']}, condensed states"}
+
+
+def _dense(a: Any) -> np.ndarray | None:
+    return None if a is None else dense(a)
+
+
+class _Sparse:
+    """A large system, solved anew at each frequency; its poles are computed up to the highest one."""
+
+    _most_poles = 300
+
+    def __init__(
+        self,
+        linear: LinearSystem,
+        order_out: int,
+        points: np.ndarray | None,
+        limits: tuple[float, float] | None,
+    ) -> None:
+        self.linear, self.order_out = linear, order_out
+        self.arrays = (
+            csc_arrays(linear.M),
+            None if linear.D is None else csc_arrays(linear.D),
+            csc_arrays(linear.S),
+        )
+        self.counts: Mapping[str, int] = {}
+        highest = limits[1] if limits is not None else float(np.abs(points).max()) if points is not None else 0.0
+        self.poles = self._poles(highest)
+
+    def _poles(self, highest: float) -> np.ndarray | None:
+        """Poles within reach, or None where they cannot be counted or are too many to be worth it."""
+        M, D, S = self.arrays
+        with core_errors():
+            try:
+                below = _core.sparse_count(M, S, highest**2)
+            except _core.CoreError:
+                return None
+            if below is None or below > self._most_poles:
+                return None
+            found = _core.sparse_modes(M, D, S, min(below + 2, self.linear.n))
+        self.counts = found["counts"]
+        s = found["eigenvalue"] if "eigenvalue" in found else 1j * np.sqrt(found["lambda"].astype(complex))
+        return np.concatenate([s, np.conj(s)])
+
+    def evaluate(self, omega: np.ndarray, checked: bool = True) -> dict[str, Any]:
+        """Each frequency is solved for, and its residual checked, whatever ``checked`` says."""
+        p = self.linear
+        raw = _core.sparse_frf(*self.arrays, p.L, p.F, p.order_in, p.D0, self.order_out, omega)
+        return {**raw, "value": p.joined(raw["value"], 1)}
+
+
+def _grid(frequency: Any, omega: Any) -> tuple[np.ndarray | None, tuple[float, float] | None]:
+    """Points in rad/s, or the limits of a range in rad/s."""
+    if (frequency is None) == (omega is None):
+        raise ModelError("give exactly one of frequency= (Hz) and omega= (rad/s)")
+    name, given, factor = ("frequency", frequency, 2 * np.pi) if omega is None else ("omega", omega, 1.0)
+    try:
+        values = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        raise ModelError(f"{name} must be a 2-tuple (from, to) or numbers, got {given!r}") from None
+    if not np.all(np.isfinite(values)):
+        raise ModelError(f"{name} contains NaN or infinite values")
+    if isinstance(given, tuple) and values.shape == (2,):
+        low, high = (float(v) * factor for v in values)
+        if not 0.0 <= low < high:
+            raise ModelError(f"{name}={given} is not a range: it must satisfy 0 <= from < to")
+        return None, (low, high)
+    values = np.atleast_1d(values)
+    if values.ndim != 1 or values.size == 0:
+        raise ModelError(f"{name} has shape {values.shape}; it must be a 2-tuple or at least one point")
+    return values * factor, None
+
+
+def _sampled(limits: tuple[float, float], poles: np.ndarray | None) -> np.ndarray:
+    low, high = limits
+    if low > 0.0 and high > 10.0 * low:
+        coarse = np.geomspace(low, high, _COARSE_POINTS)
+    else:
+        coarse = np.linspace(low, high, _COARSE_POINTS)
+    coarse[[0, -1]] = low, high
+    parts: list[np.ndarray] = [coarse]
+    for pole in _resonances(poles, low, high):
+        width = max(-pole.real, abs(pole.real), 1e-12 * pole.imag)
+        undamped = width < 1e-9 * pole.imag
+        step = 1e-4 * pole.imag if undamped else width
+        reach = max(0.15 * pole.imag, 4.0 * step)
+        growing = step * 1.6 ** np.arange(1 + int(np.ceil(np.log(reach / step) / np.log(1.6))))
+        near = step * np.arange(0.0 if not undamped else 0.25, 1.0, 0.25)
+        offsets = np.concatenate([near, growing])
+        parts += [pole.imag + offsets, pole.imag - offsets]
+    points = np.unique(np.concatenate(parts))
+    return points[(points >= low) & (points <= high)]
+
+
+def _resonances(poles: np.ndarray | None, low: float, high: float) -> list[complex]:
+    """Poles in the range that make a peak (damping ratio below 1/sqrt 2), repeated ones once."""
+    if poles is None:
+        return []
+    candidates = sorted(
+        (complex(p) for p in poles if low <= p.imag <= high and p.imag > abs(p.real) and p.imag > 0.0),
+        key=lambda p: (p.imag, p.real),
+    )
+    kept: list[complex] = []
+    for p in candidates:
+        if not kept or abs(p - kept[-1]) > 1e-9 * abs(p):
+            kept.append(p)
+    return kept
+
+
+def _warn_missed(
+    solver: _Dense | _Sparse | _Relaxing, points: np.ndarray, poles: np.ndarray | None, value: np.ndarray
+) -> None:
+    """A resonance is missed when its half-power band lies between two neighbouring points and its peak shows in H."""
+    grid = np.unique(np.abs(points))
+    if grid.size < 2 or poles is None:
+        return
+    suspects = []
+    for pole in _resonances(poles, float(grid[0]), float(grid[-1])):
+        half_width = abs(pole.real)
+        k = int(np.searchsorted(grid, pole.imag))
+        inside = [grid[i] for i in (k - 1, k) if 0 <= i < grid.size and abs(grid[i] - pole.imag) <= half_width]
+        if not inside:
+            suspects.append(pole.imag)
+    if not suspects:
+        return
+    peaks = solver.evaluate(np.array(suspects, dtype=float), checked=False)["value"]
+    place = np.argsort(np.abs(points), kind="stable")
+    missed = []
+    for s, w in enumerate(suspects):
+        k = int(np.searchsorted(np.abs(points)[place], w))
+        sides = [place[i] for i in (k - 1, k) if 0 <= i < place.size]
+        around = np.max(np.abs(value[:, :, sides]), axis=2)
+        if np.any(~(np.abs(peaks[:, :, s]) <= 1.05 * around)):
+            missed.append(w / (2 * np.pi))
+    if missed:
+        shown = ", ".join(f"{f:.6g}" for f in missed[:8]) + (", ..." if len(missed) > 8 else "")
+        warnings.warn(
+            f"the frequency points miss {len(missed)} resonance{'s' if len(missed) > 1 else ''} at {shown} Hz; "
+            "a range such as frequency=(from, to) is sampled as needed",
+            MbrsWarning,
+            stacklevel=3,
+        )
+
+
+def _warn_singular(points: np.ndarray, singular: Sequence[int]) -> None:
+    for index in list(singular)[:3]:
+        f = points[index] / (2 * np.pi)
+        why = "the system can move freely" if f == 0.0 else "it lies on an undamped resonance"
+        warnings.warn(
+            f"the dynamic stiffness is singular at {f:.6g} Hz ({why}): the transfer function is infinite at this frequency",
+            MbrsWarning,
+            stacklevel=3,
+        )

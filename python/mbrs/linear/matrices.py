@@ -1,0 +1,136 @@
+"""Second-order linear systems: what every linear and harmonic-balance analysis sees, whoever made the matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._lib.border import require_memory
+from .._lib.formats import Omission, warn_of_omissions
+from .._lib.matrix_files import choose, read_matrices, write_matrices
+from ..errors import ModelError
+
+
+def _is_sparse(a: Any) -> bool:
+    return hasattr(a, "tocsc")
+
+
+class MechanicalSystem:
+    """A user's own matrices: M x" + (C + G) x' + (K + N) x + sum_e w_e law_e(w_e . x, w_e . x') = f(t).
+
+    Parameters
+    ----------
+    M, C, K
+        Mass, damping and stiffness, (n, n) each, dense or `scipy.sparse`; ``C`` may be None. Any consistent units.
+    G, N
+        Gyroscopic (skew) and circulatory (skew) matrices, or None.
+    elements
+        Local nonlinear elements such as ``mb.Cubic(0.1, w=[1.0])``; only the nonlinear analyses use them.
+    coordinates
+        Names of the n coordinates; ``x0, x1, ...`` by default.
+
+    Raises
+    ------
+    ModelError
+        A matrix that is not square, not finite or not of the size of ``M``.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> mb.MechanicalSystem(M=[[1.0]], C=[[0.05]], K=[[1.0]]).n
+    1
+    """
+
+    def __init__(
+        self,
+        M: Any,
+        C: Any = None,
+        K: Any = None,
+        *,
+        G: Any = None,
+        N: Any = None,
+        elements: Sequence[Any] = (),
+        coordinates: Sequence[str] | None = None,
+    ) -> None:
+        if K is None:
+            raise ModelError("MechanicalSystem needs a stiffness matrix K; pass zeros if there is none")
+        self.M = _checked("M", M, None)
+        self.n: int = self.M.shape[0]
+        self.K = _checked("K", K, self.n)
+        self.C = None if C is None else _checked("C", C, self.n)
+        self.G = None if G is None else _checked("G", G, self.n)
+        self.N = None if N is None else _checked("N", N, self.n)
+        self.elements = tuple(elements)
+        names = tuple(coordinates) if coordinates is not None else tuple(f"x{i}" for i in range(self.n))
+        if len(names) != self.n or len(set(names)) != self.n:
+            raise ModelError(f"coordinates must be {self.n} different names, got {len(names)}")
+        self.coordinates = names
+
+    @staticmethod
+    def load(path: Any, names: Mapping[str, str] | None = None) -> MechanicalSystem:
+        """A system from a file of matrices: ``.op4``, ``.pch`` (DMIG), ``.mtx``, ``.mat`` (docs/files.md).
+
+        Parameters
+        ----------
+        path
+            Of a file, or ``{"M": path, "K": path, ...}`` where each has one matrix.
+        names
+            ``{"M": name in the file, ...}``; by default the usual ones (M, MASS, MAA, K, KAA, BAA, ...).
+
+        Raises
+        ------
+        ModelError
+            No such file, no such matrix (the message lists those in the file), or a file that is damaged.
+        """
+        found = read_matrices(path)
+        labels = None if found.rows is None else [f"{node}:{component}" for node, component in found.rows]
+        return MechanicalSystem(**choose(found, "MCKGN", names, path), coordinates=labels)
+
+    def save(self, path: str | Path) -> Path:
+        """Write M, K and what else there is (``.op4``, ``.mtx``, ``.mat``); `load` brings the same numbers back. Returns the path.
+
+        Warns
+        -----
+        OmissionWarning
+            Nonlinear elements and names of coordinates, which such files do not hold.
+        """
+        done = write_matrices({n: a for n in "MCKGN" if (a := getattr(self, n)) is not None}, path)
+        lost = [Omission(type(e).__name__, "nonlinear elements") for e in self.elements]
+        lost += [Omission(name, "names of coordinates") for i, name in enumerate(self.coordinates) if name != f"x{i}"]
+        warn_of_omissions(Path(path).name, lost, stacklevel=3)
+        return done
+
+    @property
+    def is_sparse(self) -> bool:
+        """True where any matrix came as `scipy.sparse`."""
+        return any(_is_sparse(a) for a in (self.M, self.C, self.K, self.G, self.N))
+
+    def __repr__(self) -> str:
+        present = ", ".join(name for name in "MCGKN" if getattr(self, name) is not None)
+        return f"MechanicalSystem(n={self.n}, {present}, {len(self.elements)} elements)"
+
+
+def _checked(name: str, a: Any, n: int | None) -> Any:
+    if _is_sparse(a):
+        a = a.tocsc().astype(float)
+        values = a.data
+    else:
+        if isinstance(a, np.ndarray):
+            # three of its size: the copy, its checks, and what the first analysis makes of it
+            what = f"a dense {name} of {a.shape[0] if a.ndim else 1} coordinates"
+            require_memory(3.0 * 8.0 * a.size, what, "give it as a scipy.sparse matrix, or reduce the system")
+        try:
+            a = np.array(a, dtype=float)
+        except (TypeError, ValueError) as problem:
+            raise ModelError(f"{name} must be a real matrix: {problem}") from None
+        values = a
+    if a.ndim != 2 or a.shape[0] != a.shape[1] or a.shape[0] == 0:
+        raise ModelError(f"{name} must be a square matrix, its shape is {a.shape}")
+    if n is not None and a.shape[0] != n:
+        raise ModelError(f"{name} is {a.shape[0]} x {a.shape[1]} but M is {n} x {n}")
+    if not np.all(np.isfinite(values)):
+        raise ModelError(f"{name} contains NaN or infinite entries")
+    return a

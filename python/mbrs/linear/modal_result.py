@@ -1,0 +1,313 @@
+"""Modes as a result: frequencies, damping, shapes, groups of equal roots, energies."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from .._lib.text import number, without_rounding
+from ..errors import NameNotFoundError
+from ..results import Result, Stats, added_counts, derived, quantity, result
+from .energy_shares import EnergyShares, energy_shares
+from .mac import mac as _mac
+
+KINDS = ("rigid", "vibration", "overdamped", "flutter", "divergence")
+
+_UNRESOLVED = 1e-9
+# Relative error of an eigenvalue above which a result is not called converged. Too small: critical damping and defects, which have no
+# more digits than these, count as failures. Too large: wrong digits pass. Pinned by tests/truth/test_graded_modes.py.
+_DOUBTFUL = 1e-4
+# Roots that a symmetry makes equal come out this far apart: positions and closed loops carry some rounding.
+_SAME = 1e-11
+
+
+@result
+class ModalResult(Result):
+    """Modes of (s^2 M + s (C + G) + K + N) phi = 0, in ascending |s|; equal |s| in ascending damping ratio.
+
+    ``stats.route`` names the algorithm. ``error`` (n,) estimates the relative error of each eigenvalue: that of the algorithm
+    and, for undamped and proportionally damped systems, that of the data, which is what rounding of the entries of K and M (or
+    of their factors), made before they were given, can do to it. For rigid modes it is the frequency (rad/s) that this rounding
+    hides. ``status`` is "unresolved" unless every backward error is at most 1e-9 and every error at most 1e-4.
+
+    Attributes
+    ----------
+    eigenvalue
+        (n,) complex, rad/s: of a complex pair the root with Im > 0, of two real roots the larger one; 0 for rigid
+        modes.
+    roots
+        (2 dof,) complex: for every mode, also those that ``n=`` cut off, the root above and its partner; a relaxation has none. Real
+        roots of symmetric systems are matched so that each mode has one root with phi^T Q'(s) phi > 0 and one with < 0, whose
+        shapes are the most alike; without symmetry the larger half of the real roots is matched with the smaller half.
+    shape
+        (dof, n), rows are `coordinates`; real where all shapes are. Symmetric systems: phi^T (2 s M + C) phi = 2i Im s,
+        which is phi^T M phi = 1 without damping. With G or N, and for real, rigid and near-defective roots:
+        phi^H M phi = 1. The largest component (the first within 1e-6) has a positive real part, and is real where
+        phi^H M phi = 1.
+    left
+        (dof, n) left vectors, psi^T (s^2 M + s (C + G) + K + N) = 0 with psi^T (2 s M + C + G) phi = 2i Im s (for
+        real, rigid and near-defective roots psi^H M psi = 1); None where they equal the shapes.
+    kind
+        (n,) of str: "rigid" (s = 0), "vibration" (complex, Re s <= 0), "overdamped" (real), "flutter" (complex,
+        Re s > 0), "divergence" (real, s > 0), "relaxation" (real and without a partner: of the state of a law).
+    groups
+        Tuples of the indices of repeated eigenvalues, only those with more than one member. Their shapes are a basis
+        that depends on the subspace alone.
+    backward_error
+        (n,) |Q(s) phi| / ((|s|^2 |M| + |s| |C + G| + |K + N|) |phi|) in coordinates of unit mass, Frobenius norms.
+    condition
+        (n,) relative change of s for a relative change of every matrix entry; nan for rigid modes.
+    near_defective
+        (n,) bool: two roots of one mode (critical damping) or of two modes almost meet, so that s depends on the data
+        like a square root; the shape belongs to both.
+    coordinates
+        dof names.
+    system
+        The matrices the modes belong to.
+    cut_group
+        Indices of those modes whose repeated group ``n=`` has cut: the shapes of the others are missing.
+    """
+
+    eigenvalue: np.ndarray = quantity(dims=("mode",), unit="rad/s")
+    roots: np.ndarray = quantity(dims=("root",), unit="rad/s")
+    shape: np.ndarray = quantity(dims=("coordinate", "mode"))
+    left: np.ndarray | None = quantity(dims=("coordinate", "mode"))
+    kind: np.ndarray = quantity(dims=("mode",))
+    groups: tuple[tuple[int, ...], ...]
+    backward_error: np.ndarray = quantity(dims=("mode",), unit="1")
+    condition: np.ndarray = quantity(dims=("mode",), unit="1")
+    near_defective: np.ndarray = quantity(dims=("mode",))
+    coordinates: tuple[str, ...]
+    system: Any
+    partner_mode: np.ndarray
+    partner_shape: np.ndarray
+    partner_left: np.ndarray | None
+    cut_group: tuple[int, ...] = ()
+
+    row: ClassVar[str] = "mode"
+    axes: ClassVar[Mapping[str, str]] = {"mode": "numbers", "coordinate": "coordinates"}
+    error_dims: ClassVar[tuple[str, ...]] = ("mode",)
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """(n,) modes counted from 1, as tables show them."""
+        return np.arange(1, self.n + 1)
+
+    @property
+    @derived(dims=("mode",))
+    def group(self) -> np.ndarray:
+        """(n,) the repeated group of each mode, from 1; 0 for a mode that is alone."""
+        return np.array(
+            [next((k + 1 for k, g in enumerate(self.groups) if i in g), 0) for i in range(self.n)], dtype=int
+        )
+
+    @property
+    def n(self) -> int:
+        """Number of modes."""
+        return len(self.eigenvalue)
+
+    @property
+    def omega(self) -> np.ndarray:
+        """(n,) |s| in rad/s."""
+        return np.abs(self.eigenvalue)
+
+    @property
+    @derived(dims=("mode",), unit="Hz", label="natural frequency")
+    def frequency(self) -> np.ndarray:
+        """(n,) |s|/2pi in Hz: the undamped natural frequency only for underdamped modes of proportional damping."""
+        return np.abs(self.eigenvalue) / (2.0 * math.pi)
+
+    @property
+    @derived(dims=("mode",), unit="Hz", label="damped frequency")
+    def frequency_damped(self) -> np.ndarray:
+        """(n,) |Im s|/2pi in Hz: what one sees in a decaying vibration."""
+        return np.abs(self.eigenvalue.imag) / (2.0 * math.pi)
+
+    @property
+    @derived(dims=("mode",), unit="1", label="damping ratio")
+    def damping(self) -> np.ndarray:
+        """(n,) damping ratio -Re s/|s|; 1 for overdamped modes, negative for unstable ones, nan for rigid ones."""
+        size = np.abs(self.eigenvalue)
+        return np.divide(-self.eigenvalue.real, size, out=np.full(len(size), np.nan), where=size > 0.0) + 0.0
+
+    @property
+    def unstable(self) -> np.ndarray:
+        """(n,) bool: flutter or divergence."""
+        return np.isin(self.kind, ("flutter", "divergence"))
+
+    @property
+    def geometry(self) -> Any:
+        """Bodies and joints to draw, from the model; None for plain matrices."""
+        return getattr(self.system, "geometry", None)
+
+    def group_of(self, mode: int) -> tuple[int, ...]:
+        """Indices of the repeated group that a mode belongs to; the mode alone if there is none."""
+        return next((g for g in self.groups if mode in g), (mode,))
+
+    @cached_property
+    def clusters(self) -> tuple[tuple[int, ...], ...]:
+        """`groups`, widened by neighbours that agree to 1e-11 of |s|.
+
+        A symmetry makes such roots equal and the rounding of positions and of closed loops parts them, so that how
+        their shapes mix is arbitrary: derivatives treat them as one repeated eigenvalue.
+        """
+        joined: list[list[int]] = []
+        group = {i: g for g in self.groups for i in g}
+        for i in range(self.n):
+            last = joined[-1][-1] if joined else None
+            if last is not None and (group.get(i) == group.get(last, ()) or self._same(last, i)):
+                joined[-1].append(i)
+            else:
+                joined.append([i])
+        return tuple(tuple(c) for c in joined if len(c) > 1)
+
+    def _same(self, i: int, j: int) -> bool:
+        if "rigid" in (self.kind[i], self.kind[j]) or self.near_defective[i] or self.near_defective[j]:
+            return False
+        return abs(self.eigenvalue[i] - self.eigenvalue[j]) <= _SAME * abs(self.eigenvalue[j])
+
+    def body_shape(self, body: Any) -> np.ndarray:
+        """Motion of a body's origin, (6, n) complex: x y z rx ry rz in world axes, m and rad.
+
+        Parameters
+        ----------
+        body
+            Handle or name.
+
+        Raises
+        ------
+        NameNotFoundError
+            A name that the model does not have; modes of plain matrices have no bodies.
+        """
+        names, maps = self._bodies()
+        motion = getattr(self.system, "body_motion", None)
+        name = getattr(body, "name", body)
+        if name not in names:
+            known = ", ".join(names) if names else "none: these are modes of plain matrices"
+            raise NameNotFoundError(f"there is no body {name!r}; bodies: {known}")
+        i = names.index(name)
+        if motion is not None:
+            return np.asarray(motion(i), dtype=complex)
+        return np.asarray(maps[6 * i : 6 * i + 6] @ self.shape, dtype=complex)
+
+    def mac(self, other: Any, *, weight: Any = None) -> np.ndarray:
+        """MAC of these shapes with those of another result, (n, n_other); see `mbrs.mac`."""
+        return _mac(self, other, weight=weight)
+
+    @cached_property
+    def _energy(self) -> EnergyShares:
+        return energy_shares(self)
+
+    def energy(self) -> EnergyShares:
+        """Shares of kinetic and strain energy of each coordinate, body and element; see `EnergyShares`."""
+        return self._energy
+
+    def _bodies(self) -> tuple[tuple[str, ...], Any]:
+        return tuple(getattr(self.system, "bodies", ())), getattr(self.system, "T", None)
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table that `print` shows."""
+        columns = ["mode", "f_n [Hz]", "f_d [Hz]", "zeta", "kind", "group", "dominant", "residual"]
+        dominant = dominant_in(self)
+        damping = [without_rounding(d, 1.0, e) for d, e in zip(self.damping, self.error, strict=True)]
+        names = {i: k + 1 for k, g in enumerate(self.groups) for i in g}
+        return columns, [
+            [
+                i + 1,
+                float(self.frequency[i]),
+                float(self.frequency_damped[i]),
+                float(damping[i]),
+                str(self.kind[i]) + ("*" if self.near_defective[i] else ""),
+                names.get(i, ""),
+                dominant[i],
+                number(float(self.backward_error[i]), 2),
+            ]
+            for i in range(self.n)
+        ]
+
+    def heading(self) -> str:
+        dof = len(self.coordinates)
+        of = "" if self.n == dof else f" of {dof}"
+        return f"{self.n}{of} modes, {self.stats.route}, {self.status}"
+
+    def notes(self) -> list[str]:
+        notes = []
+        if self.stats.route not in ("undamped", "proportional") or np.any(self.kind == "overdamped"):
+            notes.append("f_n = |s|/2pi is the undamped natural frequency only for underdamped proportional damping.")
+        if np.any(self.near_defective):
+            notes.append("* near-defective: two roots almost meet (critical damping).")
+        return notes
+
+    def plot(self, *, ax: Any = None, **options: Any) -> Any:
+        """Poles, and without ``ax`` how much each coordinate moves (`mbrs.plot.modes`); returns the figure."""
+        from ..plot import modes as draw
+
+        return draw(self, ax=ax, **options)
+
+    def animate(self, path: str | Path | None = None, **options: Any) -> Any:
+        """Shapes in motion as one self-contained page (`mbrs.view.modes`); returns the path, or a viewer."""
+        from ..view.modes import modes as draw
+
+        return draw(self, path, **options)
+
+
+def _status(r: dict[str, Any], n: int) -> str:
+    """A nan is never good enough; the error of a rigid mode is a frequency, not a share."""
+    elastic = np.array(r["kind"][:n]) != "rigid"
+    good = np.all(r["backward_error"][:n] <= _UNRESOLVED) and np.all(r["error"][:n][elastic] <= _DOUBTFUL)
+    return "converged" if good and np.all(np.isfinite(r["shape"][:, :n])) else "unresolved"
+
+
+def modal_result(system: Any, r: dict[str, Any], n: int | None, effects: tuple[str, ...], start: float) -> ModalResult:
+    """The modes that the core found for a system, the first n or all."""
+    n = len(r["eigenvalue"]) if n is None else n
+    shape = r["shape"][:, :n]
+    if not np.any(shape.imag):
+        shape = np.ascontiguousarray(shape.real)
+    groups = [tuple(i for i in range(first, first + count) if i < n) for first, count in r["groups"]]
+    own = r["partner_mode"] < n
+    roots = np.stack([r["eigenvalue"], r["partner"]], axis=1).ravel()
+    left, partner_left = r["left"], r["partner_left"]
+    return ModalResult(
+        eigenvalue=r["eigenvalue"][:n],
+        roots=roots[~np.isnan(roots)],
+        shape=shape,
+        left=None if left is None else left[:, :n],
+        kind=np.array(r["kind"][:n], dtype="U10"),
+        groups=tuple(g for g in groups if len(g) > 1),
+        backward_error=r["backward_error"][:n],
+        condition=r["condition"][:n],
+        near_defective=r["near_defective"][:n],
+        coordinates=tuple(system.coordinates),
+        system=system,
+        partner_mode=r["partner_mode"][own],
+        partner_shape=r["partner_shape"][:, own],
+        partner_left=None if partner_left is None else partner_left[:, own],
+        cut_group=next((tuple(range(a, n)) for a, count in r["groups"] if a < n < a + count), ()),
+        stats=Stats(time.perf_counter() - start, added_counts(system, r["counts"]), effects, r["route"]),
+        error=r["error"][:n],
+        status=_status(r, n),
+    )
+
+
+def array_of(a: Any) -> np.ndarray | None:
+    """A dense matrix of floats, or None where nothing acts."""
+    if a is None:
+        return None
+    return np.asarray(a.toarray() if hasattr(a, "toarray") else a, dtype=float)
+
+
+def dominant_in(r: ModalResult) -> list[str]:
+    """The body, or else the coordinate, with the largest share of the kinetic energy."""
+    shares = r.energy()
+    names, values = (
+        (shares.coordinates, shares.kinetic) if shares.kinetic_body is None else (shares.bodies, shares.kinetic_body)
+    )
+    # the first among equals, whatever rounding says
+    return [names[int(np.argmax(v >= v.max() - 1e-9))] for v in values.T]

@@ -1,0 +1,242 @@
+"""Modes of linear and linearised systems: the dense route, and the choice of the sparse one."""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from .. import _core
+from .._lib.border import core_errors
+from .._lib.progress import while_long
+from ..errors import ModelError, SingularError
+from ..model.book import Book
+from ..model.schema import LAW_OF_CODE
+from .linearize import second_order_of
+from .matrices import MechanicalSystem
+from .modal_result import ModalResult, array_of, modal_result
+from .relaxation import relaxation_of, relaxing_modes
+from .sparse_modes import is_large, model_modes, sparse_modes
+from .stiffness_factor import is_strained, stiffness_factor
+
+_MATRIX_EFFECTS = {"damping": "C", "gyroscopic": "G", "circulatory": "N"}
+# Relative error of an assembled model's frequency from which on the factor of its stiffness is worth a second solution. Too small:
+# ordinary models are solved twice. Too large: soft modes keep the rounding of stiff springs. Pinned by tests/truth/test_graded_modes.py.
+_GRADED = 1e-9
+# A smaller pivot of M means that M is ill-conditioned: light bodies are lost in the rounding of heavy ones. Then a factor of M is used.
+_LIGHTEST = 1e-5
+
+
+def modes(
+    m: Any,
+    *,
+    at: Any = None,
+    n: int | None = None,
+    without: Iterable[str] = (),
+    stiffness_factor: Any = None,
+    shift: float | None = None,
+) -> ModalResult:
+    """Modes: all solutions of (s^2 M + s (C + G) + K + N) phi = 0.
+
+    Parameters
+    ----------
+    m
+        A `Model`, or a `MechanicalSystem` (dense or sparse).
+    at
+        State to linearise a model at: None (the drawn state), an equilibrium, a steady motion, ``traj.state(t)``.
+    n
+        How many of the lowest modes to return; None returns all, one for each degree of freedom.
+    shift
+        Hz. The ``n`` modes whose squared frequencies lie nearest to its square, in place of the lowest; ``n`` is then needed.
+        Sparse routes solve there (symmetric systems only), and inertia counts prove that none is missing.
+    without
+        Effects to leave out. Plain matrices know "damping" (C), "gyroscopic" (G) and "circulatory" (N).
+    stiffness_factor
+        (any, dof) matrix F with K = F^T F, such as sqrt(k) times the rows of relative displacement. It keeps low
+        frequencies accurate where a stiffness ratio beyond 1e8 would lose them in the rounding of an assembled K;
+        used for undamped and proportionally damped systems.
+
+    Returns
+    -------
+    ModalResult
+        In ascending |s|; normalisation there.
+
+    Raises
+    ------
+    SingularError
+        M is not positive definite; the message names the coordinate without inertia.
+    ModelError
+        Matrices that are not symmetric (M, C, K) or skew (G, N), not finite, or of different sizes; ``n`` out of range; a
+        shift without ``n``, negative, or for a large damped system.
+
+    Notes
+    -----
+    Equations: docs/theory.md (6.1) to (6.9).
+    Without damping, or with damping that the undamped modes diagonalise, one symmetric eigenproblem and scalar
+    quadratics; where a bound from all residuals says that digits are lost (very different stiffnesses or masses), singular
+    values of a factor of K by Jacobi's method, and residuals in twice the precision. A model hands over the factor of its
+    own elements where assembling them has lost digits; geometry then decides which modes are rigid. Conservative gyroscopic
+    systems one Hermitian eigenproblem; all else the balanced state matrix in energy coordinates, which have the scaling of
+    Fan, Lin and Van Dooren built in, with Rayleigh corrections of all roots and Newton corrections of the pairs whose
+    backward error exceeds max(dof, 16) eps or whose vectors may be wrong. Cost O(dof^3).
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> system = mb.MechanicalSystem(M=[[1.0, 0.0], [0.0, 1.0]], C=None, K=[[2.0, -1.0], [-1.0, 2.0]])
+    >>> mb.modes(system).omega.round(6).tolist()
+    [1.0, 1.732051]
+    """
+    start = time.perf_counter()
+    if isinstance(without, str):
+        without = (without,)
+    shift = _shift(shift, n)
+    if _is_large_model(m, n) and not _has_state_rates(m):
+        if stiffness_factor is not None:
+            raise ModelError("stiffness_factor= belongs to matrices; a model knows its own")
+        found = model_modes(m, at, _positive(n), tuple(without), start, shift)
+        if found is not None:
+            return found
+    system, effects = _second_order(m, at, tuple(without))
+    n = _count(n, len(system.coordinates))
+    if getattr(system, "is_sparse", False):
+        return _sparse(system, n, effects, shift, start)
+    return _dense(system, n, effects, stiffness_factor, shift, start)
+
+
+def _second_order(m: Any, at: Any, without: tuple[str, ...]) -> tuple[Any, tuple[str, ...]]:
+    if not isinstance(m, MechanicalSystem):
+        system = second_order_of(m, at, without)
+        return system, tuple(getattr(system, "effects", ()))
+    if at is not None:
+        raise ModelError("at= is the state to linearise a model at; a MechanicalSystem is linear already, leave it out")
+    for name in without:
+        if name not in _MATRIX_EFFECTS:
+            known = ", ".join(_MATRIX_EFFECTS)
+            raise ModelError(f"without={name!r}: the effects of a MechanicalSystem are {known}")
+    drop = {_MATRIX_EFFECTS[name] for name in without}
+    if drop:
+        parts = {a: None if a in drop else getattr(m, a) for a in ("M", "C", "K", "G", "N")}
+        m = MechanicalSystem(**parts, elements=m.elements, coordinates=m.coordinates)
+    return m, tuple(name for name, a in _MATRIX_EFFECTS.items() if getattr(m, a) is not None)
+
+
+def _has_state_rates(m: Any) -> bool:
+    """True if a model has laws whose states have rates: only the dense route knows those that relax."""
+    return any(LAW_OF_CODE[law.code].state == "rate" for laws in m.laws.values() for law in laws)
+
+
+def _is_large_model(m: Any, n: Any) -> bool:
+    if n is None or not isinstance(m, Book):
+        return False
+    return is_large(m, _positive(n))
+
+
+def _count(n: int | None, dof: int) -> int | None:
+    return None if n is None else min(_positive(n), dof)
+
+
+def _positive(n: Any) -> int:
+    if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
+        raise ModelError(f"n must be a positive number of modes, got {n!r}")
+    return int(n)
+
+
+def _shift(shift: Any, n: int | None) -> float | None:
+    if shift is None:
+        return None
+    if isinstance(shift, bool) or not isinstance(shift, int | float | np.number) or not 0.0 <= shift < math.inf:
+        raise ModelError(f"shift must be a frequency in Hz, zero or positive, got {shift!r}")
+    if n is None:
+        raise ModelError("shift= asks for the modes nearest to a frequency: say how many with n=")
+    return float(shift)
+
+
+def _nearest(r: dict[str, Any], n: int, shift: float) -> dict[str, Any]:
+    """All results with the n modes nearest to a frequency first, in ascending order."""
+    distance = np.abs(np.abs(r["eigenvalue"]) ** 2 - (2.0 * math.pi * shift) ** 2)
+    near = np.argsort(distance, kind="stable")
+    order = np.concatenate([np.sort(near[:n]), np.sort(near[n:])])
+    place = np.argsort(order)
+    out = dict(r)
+    for key in ("eigenvalue", "partner", "backward_error", "condition", "error", "near_defective", "kind"):
+        out[key] = np.asarray(r[key])[order]
+    for key in ("shape", "left"):
+        out[key] = None if r[key] is None else r[key][:, order]
+    out["partner_mode"] = place[r["partner_mode"]]
+    # members stay neighbours, except where the choice has cut a group
+    out["groups"] = [(int(np.min(place[a : a + count])), count) for a, count in r["groups"]]
+    return out
+
+
+def _sparse(system: Any, n: int | None, effects: tuple[str, ...], shift: float | None, start: float) -> ModalResult:
+    return sparse_modes(system, n, effects, shift, start)
+
+
+def _dense(
+    system: Any, n: int | None, effects: tuple[str, ...], factor: Any, shift: float | None, start: float
+) -> ModalResult:
+    f = None if factor is None else _matrix("stiffness_factor", factor)
+    mass, stiffness = np.asarray(array_of(system.M)), np.asarray(array_of(system.K))
+    damping, gyroscopic, circulatory = (array_of(getattr(system, a)) for a in "CGN")
+    relaxation = relaxation_of(system)
+    if relaxation is not None:
+        with core_errors():
+            r = relaxing_modes(system, relaxation, (damping, gyroscopic), (stiffness, circulatory))
+        return modal_result(system, r if shift is None or n is None else _nearest(r, n, shift), n, effects, start)
+    try:
+        with core_errors(), while_long(f"modes of {len(mass)} coordinates", 100.0 * len(mass) ** 3):
+            r, mf = _with_its_masses(system, mass, damping, gyroscopic, stiffness, circulatory, f)
+            f = _factor_for(system, r) if f is None else None
+            if f is not None:
+                r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f, mf)
+    except SingularError as problem:
+        names = tuple(system.coordinates)
+        text = re.sub(r"\{coordinate (\d+)\}", lambda hit: f"coordinate {names[int(hit[1])]!r}", str(problem))
+        raise SingularError(text) from None
+    if shift is not None and n is not None:
+        r = _nearest(r, n, shift)
+    return modal_result(system, r, n, effects, start)
+
+
+def _with_its_masses(
+    system: Any, mass: Any, damping: Any, gyroscopic: Any, stiffness: Any, circulatory: Any, f: Any
+) -> tuple[dict[str, Any], np.ndarray | None]:
+    """Modes, and the factor of M that they needed where light bodies are lost beside heavy ones in M itself."""
+    try:
+        r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f)
+        if r["mass_pivot"] >= _LIGHTEST or not hasattr(system, "mass_factor"):
+            return r, None
+    except _core.CoreSingularError:
+        if not hasattr(system, "mass_factor"):
+            raise
+    mf = system.mass_factor
+    return _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f, mf), mf
+
+
+def _factor_for(system: Any, r: dict[str, Any]) -> np.ndarray | None:
+    """A model's own factor of K, where assembled matrices have lost digits of soft modes or hide them among the rigid ones."""
+    if r["route"] not in ("undamped", "proportional") or not hasattr(system, "snapshot"):
+        return None
+    rigid = np.array(r["kind"]) == "rigid"
+    blurred = not np.all(r["error"][~rigid] <= _GRADED)
+    if not blurred and not np.any(rigid):
+        return None
+    factor = stiffness_factor(system)
+    if factor is None or not (blurred or is_strained(factor, r["shape"][:, rigid].real, system.M)):
+        return None
+    return factor
+
+
+def _matrix(name: str, a: Any) -> np.ndarray:
+    try:
+        f = array_of(a)
+    except (TypeError, ValueError) as problem:
+        raise ModelError(f"{name} must be a real matrix: {problem}") from None
+    if f is None or f.ndim != 2 or f.size == 0:
+        raise ModelError(f"{name} must be a matrix with one column for each coordinate")
+    return f

@@ -1,0 +1,463 @@
+"""Time response of linear systems and of linearised models to any load history."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from .._lib.border import core_errors
+from .._lib.progress import while_long
+from .._lib.text import number, without_rounding
+from ..errors import ModelError
+from ..results import Result, Stats, added_counts, quantity, result
+from .linear_system import LinearSystem, Origin, dense, directions, relaxes
+from .matrices import MechanicalSystem
+from .relaxation import Relaxation
+from .second_order import linear_system
+
+_KINDS = ("displacement", "velocity", "acceleration")
+
+
+@dataclass(frozen=True, eq=False)
+class LoadHistory:
+    """Loads at the times ``t`` (n_t,): ``u`` (n_in, n_t), and ``bulge`` (n_in, n_t - 1), how far the load in the middle
+    of each step lies above its chord."""
+
+    t: np.ndarray
+    u: np.ndarray
+    bulge: np.ndarray
+
+
+@result
+class ResponseResult(Result):
+    """Motion of the outputs over time.
+
+    Attributes
+    ----------
+    t
+        (n_t,) s.
+    value
+        (n_out, n_t) motion of the kind asked for; m, rad, and per s or s^2.
+    displacement, velocity, acceleration
+        (n_out, n_t) all three.
+    outputs, inputs
+        Names.
+    error
+        (n_out,) largest estimated error over time, relative to the largest value: what the load between the times
+        adds to the response, plus rounding. Zero-load histories and loads that are linear between the times leave the
+        rounding only.
+    error_history
+        (n_out, n_t) the same, absolute and over time.
+    """
+
+    t: np.ndarray = quantity(dims=("t",), unit="s")
+    displacement: np.ndarray = quantity(dims=("output", "t"))
+    velocity: np.ndarray = quantity(dims=("output", "t"))
+    acceleration: np.ndarray = quantity(dims=("output", "t"))
+    kind: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    error_history: np.ndarray = quantity(dims=("output", "t"))
+    linear: LinearSystem | None = field(default=None, kw_only=True)
+    history: LoadHistory | None = field(default=None, kw_only=True)
+    start: tuple[np.ndarray, np.ndarray] | None = field(default=None, kw_only=True)
+    origin: Origin | None = field(default=None, kw_only=True)
+
+    row: ClassVar[str] = "t"
+    axes: ClassVar[Mapping[str, str]] = {"output": "outputs"}
+    error_dims: ClassVar[tuple[str, ...]] = ("output",)
+
+    @property
+    def value(self) -> np.ndarray:
+        chosen: np.ndarray = getattr(self, self.kind)
+        return chosen
+
+    def heading(self) -> str:
+        span = f", {self.t[0]:.6g} to {self.t[-1]:.6g} s" if self.t.size else ""
+        return f"{self.kind} of {len(self.outputs)} outputs, {self.t.size} times{span}"
+
+    def attributes(self) -> dict[str, Any]:
+        return {**super().attributes(), "kind": self.kind}
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: extremes of each output."""
+        rows: list[list[Any]] = []
+        for name, y, e in zip(self.outputs, self.value, np.atleast_1d(self.error), strict=True):
+            least, most, last = without_rounding([y.min(), y.max(), y[-1]], float(np.abs(y).max()), float(e)).tolist()
+            rows.append([name, least, most, last, number(float(e), 2)])
+        return ["output", "smallest", "largest", "last", "error"], rows
+
+    def notes(self) -> list[str]:
+        return [f"route: {self.stats.route}, {self.status}"]
+
+    def plot(self, *, ax: Any = None, **options: Any) -> Any:
+        """The outputs over time; returns the figure."""
+        from ..plot import response as draw
+
+        return draw(self, ax=ax, **options)
+
+
+@result
+class ResponseSensitivity(Result):
+    """``value`` (n_out, n_t, n_p): derivative of the motion along each of the parameters ``labels``; ``error`` (n_out, n_p)."""
+
+    t: np.ndarray = quantity(dims=("t",), unit="s")
+    value: np.ndarray = quantity(dims=("output", "t", "parameter"), name="dy_dp")
+    kind: str
+    outputs: tuple[str, ...]
+    labels: tuple[str, ...]
+
+    row: ClassVar[str] = "t"
+    axes: ClassVar[Mapping[str, str]] = {"output": "outputs", "parameter": "labels"}
+    error_dims: ClassVar[tuple[str, ...]] = ("output", "parameter")
+
+    def heading(self) -> str:
+        return f"d {self.kind} / d p at {self.t.size} times"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: the largest derivative by each parameter."""
+        sizes = np.abs(self.value).max(axis=(0, 1)).tolist()
+        return ["parameter", "largest |dy/dp|"], [list(row) for row in zip(self.labels, sizes, strict=True)]
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """dy/dp over time, a line for each parameter and output; returns the figure."""
+        from ..plot.derivatives import response_sensitivity
+
+        return response_sensitivity(self, ax=ax)
+
+
+def response(
+    m: Any,
+    t: Any,
+    loads: Any,
+    outputs: Any,
+    *,
+    kind: str = "displacement",
+    at: Any = None,
+    without: Sequence[str] = (),
+    x0: Any = None,
+    v0: Any = None,
+) -> ResponseResult:
+    """Solve M y" + D y' + S y = F u(t); exact where the loads are linear between the times.
+
+    x_{k+1} = e^{hA} x_k + h [(phi_1 - phi_2) B u_k + phi_2 B u_{k+1}] of the uncoupled parts of x' = A x + B u, with
+    the matrix exponential and its phi functions. No step of its own: ``t`` resolves the load, not the vibration.
+
+    Parameters
+    ----------
+    m
+        A `Model` (linearised at ``at``), a linearised model, or a `MechanicalSystem`.
+    t
+        (n_t,) increasing times in s, any spacing; the state ``x0``, ``v0`` holds just before t[0].
+    loads
+        ``{input: load}`` or a list of such pairs. An input is a port or coordinate as in `mb.frf` (a direction w (n,)
+        in the form of pairs); a load is an array (n_t,) of values at the times or a function of time in s. A motion of
+        the base is a displacement history in m or rad; outputs that see its rate take differences of it.
+    outputs
+        As in `mb.frf`.
+    kind
+        "displacement", "velocity" or "acceleration": what ``.value`` holds.
+    at, without
+        State to linearise at; effects to leave out.
+    x0, v0
+        (n,) start values of the coordinates (deviations from the state) and of their rates; zero by default.
+
+    Returns
+    -------
+    ResponseResult
+
+    Raises
+    ------
+    ModelError
+        Times that do not increase, a load of the wrong length, NaN, unknown ports.
+    SingularError
+        A mass matrix that is not positive definite.
+
+    Notes
+    -----
+    Equations: docs/theory.md (7.4) to (7.6).
+    Source of the exponential: Higham 2005. Cost: O(n^3) once, then O(n) per time for uncoupled modes, O(n^2) for small
+    or badly conditioned systems; one set of propagators for each different step. Error estimate: the response to the
+    parabola between load and chord, from the middle of each step (functions) or second differences (arrays).
+
+    Examples
+    --------
+    >>> import numpy as np, mbrs as mb
+    >>> s = mb.MechanicalSystem(M=[[2.0]], K=[[8.0]])
+    >>> y = mb.response(s, t=[0.0, 1.0], loads={0: lambda t: t}, outputs=0)
+    >>> abs(y.value[0, 1] - (1 - np.sin(2) / 2) / 8) < 1e-14
+    True
+    """
+    begin = time.perf_counter()
+    if kind not in _KINDS:
+        raise ModelError(f"kind={kind!r} is not known; it is one of {', '.join(_KINDS)}")
+    if isinstance(m, MechanicalSystem) and len(m.elements) > 0:
+        raise ModelError(
+            "response() is linear and this system has nonlinear elements; leave them out, MechanicalSystem(M, C, K), or use "
+            "mb.harmonic_balance for periodic motions and mb.simulate of a Model for others"
+        )
+    times = _times(t)
+    ports, functions = _load_pairs(loads)
+    linear = _with_inputs(m, ports, outputs, at, without)
+    history = load_history(times, functions, linear.inputs)
+    if linear.shared:
+        again = list(linear.shared)
+        history = replace(history, u=_again(history.u, again), bulge=_again(history.bulge, again))
+    state = (_state(x0, linear.n, "x0"), _state(v0, linear.n, "v0"))
+    if linear.relaxation is not None:
+        linear, state = _extended(linear, linear.relaxation, state)
+    reduction, made = linear.reduction()
+    with core_errors(), while_long(f"response at {len(times)} times", len(times) * float(linear.n) ** 2):
+        raw = reduction.response(
+            linear.L, linear.F, linear.order_in, linear.D0, history.t, history.u, history.bulge, *state
+        )
+    counts = added_counts(linear.source, reduction.counts if made else {}, raw["counts"])
+    error_history = raw[f"{kind}_error"]
+    return ResponseResult(
+        t=times,
+        displacement=raw["displacement"],
+        velocity=raw["velocity"],
+        acceleration=raw["acceleration"],
+        kind=kind,
+        inputs=linear.inputs,
+        outputs=linear.outputs,
+        error_history=error_history,
+        linear=linear,
+        history=history,
+        start=state,
+        origin=Origin(m, ports, outputs, at, tuple(without)),
+        stats=Stats(time.perf_counter() - begin, counts, linear.effects, raw["route"]),
+        error=_relative(error_history, raw[kind]) + _rounding(times),
+        status="converged",
+    )
+
+
+def response_sensitivity(
+    result: ResponseResult,
+    parameters: Sequence[str],
+    *,
+    dM: np.ndarray | None = None,
+    dD: np.ndarray | None = None,
+    dS: np.ndarray | None = None,
+    dF: np.ndarray | None = None,
+    dL: np.ndarray | None = None,
+    dD0: np.ndarray | None = None,
+) -> ResponseSensitivity:
+    """Solve M dy" + D dy' + S dy = dF u - dM y" - dD y' - dS y with the motion itself, exactly in the same sense.
+
+    Parameters
+    ----------
+    result
+        The response to differentiate; its loads and start values do not depend on the parameters.
+    parameters
+        n_p names.
+    dM, dD, dS, dF, dL, dD0
+        Derivatives of the matrices and maps with a last axis of n_p, or None where nothing changes.
+
+    Returns
+    -------
+    ResponseSensitivity
+
+    Notes
+    -----
+    Propagated by the exponential of [[A, 0], [dA, A]]. Cost per parameter: O((4n)^3) once and O(n^2) per time.
+    """
+    begin = time.perf_counter()
+    linear, history, state = result.linear, result.history, result.start
+    if linear is None or history is None or state is None:
+        raise ModelError(
+            "this response was made without its linear system; only results of mb.response have derivatives"
+        )
+    if linear.relaxation is not None:
+        raise relaxes(linear.relaxation.names[0])
+    reduction, _ = linear.reduction()
+    changes = (None if a is None else np.asarray(a, dtype=float) for a in (dM, dD, dS, dF, dL, dD0))
+    with core_errors():
+        raw = reduction.response_sensitivity(
+            linear.L,
+            linear.F,
+            linear.order_in,
+            linear.D0,
+            history.t,
+            history.u,
+            history.bulge,
+            *state,
+            len(parameters),
+            *changes,
+        )
+    shape = (len(linear.outputs), history.t.size, len(parameters))
+    value, error = np.zeros(shape), np.zeros((shape[0], shape[2]))
+    counts: dict[str, int] = {}
+    for p, along in enumerate(raw):
+        value[:, :, p] = along[result.kind]
+        error[:, p] = _relative(along[f"{result.kind}_error"], along[result.kind]) + _rounding(history.t)
+        for name, n in along["counts"].items():
+            counts[name] = counts.get(name, 0) + n
+    return ResponseSensitivity(
+        t=history.t,
+        value=value,
+        kind=result.kind,
+        outputs=linear.outputs,
+        labels=tuple(parameters),
+        stats=Stats(time.perf_counter() - begin, counts, linear.effects, "block exponential"),
+        error=error,
+    )
+
+
+def load_history(t: np.ndarray, loads: Sequence[Any], names: Sequence[str]) -> LoadHistory:
+    """Values at the times and in the middle of the steps."""
+    u = np.empty((len(loads), t.size))
+    bulge = np.empty((len(loads), t.size - 1))
+    for j, (load, name) in enumerate(zip(loads, names, strict=True)):
+        if callable(load):
+            u[j] = _sample(load, t, name)
+            middle = _sample(load, 0.5 * (t[1:] + t[:-1]), name)
+            bulge[j] = middle - 0.5 * (u[j, 1:] + u[j, :-1])
+            # rounding of the load is not curvature
+            bulge[j, np.abs(bulge[j]) <= 4 * np.finfo(float).eps * np.abs(u[j]).max()] = 0.0
+        else:
+            u[j] = _array(load, t.size, name)
+            bulge[j] = _curvature_bulge(t, u[j])
+    return LoadHistory(t, u, bulge)
+
+
+def _times(t: Any) -> np.ndarray:
+    try:
+        times = np.array(t, dtype=float)
+    except (TypeError, ValueError):
+        raise ModelError(f"t must be an array of times in s, got {t!r}") from None
+    if times.ndim != 1 or times.size < 2:
+        raise ModelError(f"t has shape {times.shape}; it must be at least two times")
+    if not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0.0):
+        raise ModelError("t must be finite and strictly increasing")
+    return times
+
+
+def _load_pairs(loads: Any) -> tuple[list[Any], list[Any]]:
+    pairs: Iterable[Any]
+    if isinstance(loads, Mapping):
+        pairs = loads.items()
+    elif isinstance(loads, list | tuple):
+        pairs = loads
+    else:
+        raise ModelError(f"loads must be {{input: load}} or a list of pairs, got {type(loads).__name__}")
+    ports, functions = [], []
+    for pair in pairs:
+        if not isinstance(pair, tuple | list) or len(pair) != 2:
+            raise ModelError(f"loads must hold pairs (input, load), got {pair!r}")
+        ports.append(pair[0])
+        functions.append(pair[1])
+    return ports, functions
+
+
+def _again(a: np.ndarray, rows: list[int]) -> np.ndarray:
+    return a[[*range(len(a)), *rows]]
+
+
+def _with_inputs(m: Any, ports: list[Any], outputs: Any, at: Any, without: Sequence[str]) -> LinearSystem:
+    """Free motion has no loads: any coordinate is then the input, with zero force."""
+    from .matrices import MechanicalSystem
+
+    if isinstance(m, MechanicalSystem):
+        if ports:
+            made = [directions(p, m.coordinates, "loads") for p in ports]
+            columns = [W for W, _ in made]
+            wide = [p for p, W in zip(ports, columns, strict=True) if W.shape[1] != 1]
+            if wide:
+                raise ModelError(f"each load needs one direction, got {wide[0]!r}")
+            linear = linear_system(m, np.hstack(columns), outputs, at, without, relaxing=True)
+            return _renamed(linear, tuple(names[0] for _, names in made))
+        return _renamed(linear_system(m, np.zeros(m.n), outputs, at, without), ())
+    if not ports:
+        raise ModelError("loads is empty; give at least one load (0.0 as a function of time for free motion)")
+    return linear_system(m, ports, outputs, at, without, relaxing=True)
+
+
+def _extended(linear: LinearSystem, own: Relaxation, state: tuple[Any, Any]) -> tuple[LinearSystem, tuple[Any, Any]]:
+    """States of laws that relax as further coordinates, at rest at the start."""
+    m = len(own.k)
+    M, D, S = own.extended(dense(linear.M), None if linear.D is None else dense(linear.D), dense(linear.S))
+    coordinates = (*linear.coordinates, *(f"state of {name} ({j + 1})" for j, name in enumerate(own.names)))
+    F, L = np.pad(linear.F, ((0, m), (0, 0))), np.pad(linear.L, ((0, 0), (0, m)))
+    made = replace(linear, M=M, D=D, S=S, F=F, L=L, coordinates=coordinates)
+    return made, tuple(np.pad(x, (0, m)) for x in state)  # type: ignore[return-value]
+
+
+def _renamed(linear: LinearSystem, names: tuple[str, ...]) -> LinearSystem:
+    k = len(names)
+    return replace(linear, inputs=names, F=linear.F[:, :k], order_in=linear.order_in[:k])
+
+
+def _state(x: Any, n: int, name: str) -> np.ndarray:
+    if x is None:
+        return np.zeros(n)
+    values = np.array(x, dtype=float)
+    if values.shape != (n,):
+        raise ModelError(f"{name} has shape {values.shape}; the system has {n} coordinates")
+    if not np.all(np.isfinite(values)):
+        raise ModelError(f"{name} contains NaN or infinite entries")
+    return values
+
+
+def _sample(load: Callable[[Any], Any], t: np.ndarray, name: str) -> np.ndarray:
+    values = _vectorised(load, t)
+    if values is None:
+        try:
+            values = np.array([float(load(float(s))) for s in t])
+        except (TypeError, ValueError) as problem:
+            raise ModelError(f"the load on {name} must return one number for a time in s: {problem}") from None
+    if not np.all(np.isfinite(values)):
+        raise ModelError(f"the load on {name} is not finite at t = {t[~np.isfinite(values)][0]:.6g} s")
+    return values
+
+
+def _vectorised(load: Callable[[Any], Any], t: np.ndarray) -> np.ndarray | None:
+    """All values in one call, where the function takes arrays and means them element by element."""
+    try:
+        values = np.asarray(load(t), dtype=float)
+        if values.shape != t.shape:
+            return None
+        probe = [0, t.size // 2, t.size - 1]
+        single = np.array([float(load(float(t[k]))) for k in probe])
+    except Exception:
+        return None
+    return values if np.allclose(values[probe], single, rtol=1e-12, atol=0.0, equal_nan=True) else None
+
+
+def _array(load: Any, n: int, name: str) -> np.ndarray:
+    try:
+        values = np.array(load, dtype=float)
+    except (TypeError, ValueError):
+        raise ModelError(f"the load on {name} must be a function of time or {n} numbers") from None
+    if values.shape != (n,):
+        raise ModelError(f"the load on {name} has shape {values.shape}; it must be ({n},), one value per time")
+    if not np.all(np.isfinite(values)):
+        raise ModelError(f"the load on {name} contains NaN or infinite values")
+    return values
+
+
+def _curvature_bulge(t: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """-h^2 u"/8 with u" from second differences: the bulge of a smooth load of which only samples are known."""
+    if t.size < 3:
+        return np.zeros(t.size - 1)
+    h = np.diff(t)
+    slope = np.diff(u) / h
+    second = 2.0 * np.diff(slope) / (h[1:] + h[:-1])
+    bulge: np.ndarray = -(h**2) / 8.0 * 0.5 * (np.append(second[0], second) + np.append(second, second[-1]))
+    # samples on a straight line up to their rounding have none
+    bulge[np.abs(bulge) <= 4 * np.finfo(float).eps * np.abs(u).max()] = 0.0
+    return bulge
+
+
+def _relative(error: np.ndarray, value: np.ndarray) -> np.ndarray:
+    size = np.abs(value).max(axis=1)
+    relative: np.ndarray = np.abs(error).max(axis=1) / np.where(size > 0.0, size, 1.0)
+    return relative
+
+
+def _rounding(t: np.ndarray) -> float:
+    return float(np.finfo(float).eps * np.sqrt(t.size))

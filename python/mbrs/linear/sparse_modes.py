@@ -1,0 +1,328 @@
+"""The lowest modes of large systems: sparse matrices, and models with thousands of bodies."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from .. import _core
+from .._lib.border import core_errors
+from .._lib.progress import Elapsed
+from ..errors import MbrsWarning, ModelError, RouteError
+from ..results import Stats
+from ..system.effects import check_without, effects
+from ..system.snapshot import Snapshot
+from ..system.state import State, state_of
+from .linearize import BALANCED
+from .modal_result import ModalResult, modal_result
+
+# The dense route costs dof^3, the sparse one some hundred factorisations' worth of dof: from here on it wins.
+_LARGE = 400
+# What the sparse route does not know goes to the dense one as long as that takes minutes, not hours.
+_DENSE_AT_MOST = 4000
+_PART = 10
+_UNRESOLVED = 1e-8
+# Neighbouring roots this near (relative) are one repeated root. Too small: members of a group split by rounding. Too large: near roots
+# lose their own shapes. Pinned by tests/truth/test_crowded_modes.py.
+_SAME_ROOT = 1e-9
+
+
+def is_large(model: Any, n: int | None) -> bool:
+    """True if modes of a model take the sparse route: few modes of many coordinates."""
+    if n is None or len(model.bodies) == 0:
+        return False
+    from ..system.tables import compiled
+
+    with core_errors():
+        n_tree = compiled(model).n_tree
+    return bool(n_tree > _LARGE and n * _PART < n_tree)
+
+
+@dataclass(frozen=True, eq=False)
+class SparseModel:
+    """Model of sparse modes: names, and the motion of all bodies; its matrices are made when asked for.
+
+    Attributes
+    ----------
+    coordinates, bodies
+        Names of the minimal coordinates and of the bodies.
+    motion
+        (6 n_bodies, n) motion of the centres of mass in each mode, world axes.
+    arm
+        (n_bodies, 3) from the centres of mass to the origins.
+    """
+
+    coordinates: tuple[str, ...]
+    bodies: tuple[str, ...]
+    motion: np.ndarray
+    arm: np.ndarray
+    state: State
+    without: tuple[str, ...]
+    snapshot: Snapshot
+
+    @property
+    def model(self) -> Any:
+        """The model."""
+        return self.snapshot.model
+
+    @cached_property
+    def poses(self) -> dict[str, np.ndarray]:
+        """Position (n, 3) and rotation (n, 3, 3) of the bodies' origins, world."""
+        with core_errors():
+            return self.snapshot.system.bodies(self.state.q, self.state.rate)
+
+    @property
+    def geometry(self) -> Any:
+        """Bodies, springs and joints to draw, at this state."""
+        from ..system.scene import scene_from_tables
+        from ..system.tables import tables
+
+        return scene_from_tables(tables(self.model)).moved(self.poses["position"], self.poses["rotation"])
+
+    def body_motion(self, body: int) -> np.ndarray:
+        """(6, n) motion of a body's origin, world axes."""
+        x = self.motion[6 * body : 6 * body + 6]
+        return np.vstack([x[:3] + np.cross(x[3:], self.arm[body], axis=0), x[3:]])
+
+    @cached_property
+    def form(self) -> dict[str, Any]:
+        """Sparse matrices in absolute coordinates (centres of mass, world axes): see `matrices`."""
+        with core_errors():
+            return _core.sparse_model_form(self.snapshot.system, self.state.q, self.state.rate, list(self.without))
+
+    def energy(self) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
+        """Kinetic energy of each body (n_bodies, n); names of the elastic elements and the strain energy of each."""
+        from scipy.sparse import coo_array
+
+        x = self.motion.reshape(len(self.bodies), 6, -1)
+        kinetic = np.einsum("bin,bij,bjn->bn", x.conj(), self.form["mass"], x).real
+        i, j, v = self.form["rows"]
+        compliance, owner = self.form["compliance"], self.form["connector"]
+        stretch = coo_array((v, (i, j)), shape=(len(compliance), len(self.motion))).tocsr() @ self.motion
+        elastic = owner >= 0
+        energy = np.zeros((len(self.form["names"]), self.motion.shape[1]))
+        np.add.at(energy, owner[elastic], np.abs(stretch[elastic]) ** 2 / compliance[elastic][:, None])
+        return kinetic, tuple(self.form["names"]), energy
+
+
+def model_modes(model: Any, at: Any, n: int, without: Any, start: float, shift: float | None = None) -> Any:
+    """The n lowest modes of a model at rest, or those nearest to a frequency; None where the dense route must take over and can."""
+    without = check_without(without)
+    snapshot = Snapshot.of(model)
+    with core_errors():
+        _core.check_sparse_model(snapshot.system)
+    state = state_of(model, snapshot.system, at)
+    try:
+        with core_errors(), Elapsed(f"lowest {n} modes of {model.name!r}"):
+            r = _core.sparse_model_modes(snapshot.system, state.q, state.rate, list(without), n, _sigma(shift))
+    except RouteError:
+        if snapshot.system.n_tree > _DENSE_AT_MOST:
+            raise
+        return None
+    if at is None and r["unbalanced"] > BALANCED:
+        warnings.warn(
+            f"the drawn state of {model.name!r} is not in balance: at {r['worst']!r} "
+            f"{r['unbalanced']:.1e} of all forces is "
+            "unbalanced; take the modes at an equilibrium instead",
+            MbrsWarning,
+            stacklevel=4,
+        )
+    count = r["shape"].shape[1]
+    if not np.any(r["body"].imag):
+        r["body"] = r["body"].real.copy()
+    _sign(r)
+    names = tuple(body.name for body in model.bodies)
+    system = SparseModel(tuple(r["coordinates"]), names, r["body"], r["arm"], state, without, snapshot)
+    on = tuple(e for e in effects(model).on if e not in without)
+    r["backward_error"] = r["residual"]
+    # the small problem behind the modes has more of them, and no shapes of coordinates for partners
+    _truncate(r, count)
+    r["route"] = f"sparse, {r['route']} ({r['verified']})"
+    found = modal_result(system, r, count, on, start)
+    unresolved = r["verified"] == "unverified" or not np.all(found.error[found.kind != "rigid"] <= _UNRESOLVED)
+    return found.replaced(status="unresolved" if unresolved else "converged")
+
+
+def _sign(r: dict[str, Any]) -> None:
+    """The largest component of each shape has a positive real part."""
+    size = np.abs(r["shape"])
+    first = np.argmax(size >= (1.0 - 1e-6) * size.max(axis=0), axis=0)
+    flip = np.where(r["shape"][first, np.arange(size.shape[1])].real < 0.0, -1.0, 1.0)
+    r["shape"] = r["shape"] * flip
+    r["body"] = r["body"] * flip
+
+
+def _truncate(r: dict[str, Any], n: int) -> None:
+    for key in ("eigenvalue", "partner", "near_defective", "condition", "error"):
+        r[key] = r[key][:n]
+    r["kind"] = r["kind"][:n]
+    r["partner_mode"] = np.zeros(0, dtype=np.int64)
+    r["partner_shape"] = np.zeros((len(r["coordinates"]), 0))
+    r["left"] = r["partner_left"] = None
+
+
+def _sigma(shift: float | None) -> float | None:
+    """(2 pi f)^2: where the spectrum of K x = lambda M x is wanted."""
+    return None if shift is None else (2.0 * np.pi * shift) ** 2
+
+
+def sparse_modes(system: Any, n: int | None, effects: tuple[str, ...], shift: float | None, start: float) -> Any:
+    """The n lowest modes of sparse matrices, or those nearest to a frequency."""
+    if n is None:
+        raise ModelError(
+            "modes of sparse matrices need n=, the number of the lowest modes, such as mb.modes(system, n=20)"
+        )
+    D, S = _sum(system.C, system.G), _sum(system.K, system.N)
+    with core_errors(), Elapsed(f"lowest {n} modes of {system.M.shape[0]} coordinates"):
+        r = _lowest(system.M, D, S, n, _sigma(shift), symmetric=system.G is None and system.N is None)
+    damped = "eigenvalue" in r
+    residual = r["residual"]
+    if damped:
+        s, partner = r["eigenvalue"], r["partner"]
+    else:
+        lam = r["lambda"]
+        root = np.sqrt(np.abs(lam))
+        s = np.where(lam >= 0.0, 1j * root, root)
+        partner = np.where(lam >= 0.0, -1j * root, -root)
+    kind = np.full(len(s), "vibration", dtype="U10")
+    kind[(s.imag == 0.0) & (s.real < 0.0)] = "overdamped"
+    kind[(s.imag == 0.0) & (s.real > 0.0)] = "divergence"
+    stable = -1e-12 * np.abs(s) if damped else 0.0
+    kind[(s.imag != 0.0) & (s.real > -stable)] = "flutter"
+    kind[s == 0.0] = "rigid"
+    shape = r["shape"]
+    route = f"{r['route']} ({r['verified']})" if "verified" in r else r["route"]
+    # of lambda = -s^2, so half of it for s; of a rigid mode the blur around zero, as a frequency
+    if not damped:
+        error = np.where(s == 0.0, np.sqrt(r["error"]), 0.5 * r["error"])
+    elif system.G is None and system.N is None:
+        error = _first_order(system.M, D, S, s, shape)
+    else:
+        error = residual
+    unresolved = r.get("verified") == "unverified" or not np.all(error[s != 0.0] <= _UNRESOLVED)
+    groups = _groups(s)
+    return ModalResult(
+        eigenvalue=s,
+        roots=np.stack([s, partner], axis=1).ravel(),
+        shape=shape,
+        left=None,
+        kind=kind,
+        groups=groups,
+        backward_error=residual,
+        condition=np.full(len(s), np.nan),
+        near_defective=np.zeros(len(s), dtype=bool),
+        coordinates=tuple(system.coordinates),
+        system=system,
+        partner_mode=np.zeros(0, dtype=np.int64),
+        partner_shape=np.zeros((shape.shape[0], 0)),
+        partner_left=None,
+        stats=Stats(time.perf_counter() - start, r["counts"], effects, route),
+        error=error,
+        status="unresolved" if unresolved else "converged",
+        cut_group=() if damped or shift is not None else _cut_group(system, r["lambda"], groups),
+    )
+
+
+def _cut_group(system: Any, lam: np.ndarray, groups: tuple[tuple[int, ...], ...]) -> tuple[int, ...]:
+    """Indices of the last group where more eigenvalues than those found lie within its blur: one inertia count tells."""
+    n = len(lam)
+    if n == system.M.shape[0] or not lam[-1] > 0.0:
+        return ()
+    with core_errors():
+        below = _core.sparse_count(_arrays(system.M), _arrays(system.K), lam[-1] * (1.0 + 2.0 * _SAME_ROOT))
+    if below is None or below <= n:
+        return ()
+    return groups[-1] if groups and groups[-1][-1] == n - 1 else (n - 1,)
+
+
+# Share of EPS that the rounding of single entries usually leaves in a root; typical of chains (measured).
+_ENTRY_NOISE = 0.01
+
+
+def _first_order(M: Any, D: Any, S: Any, s: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Relative errors of roots of a symmetric system: x^T Q(s) x / (s x^T Q'(s) x), and what rounding of the entries hides."""
+
+    def forms(a: np.ndarray, parts: tuple[Any, Any, Any]) -> list[np.ndarray]:
+        return [np.einsum("ij,ij->j", a, part @ a) for part in parts]
+
+    m, d, k = forms(x, (M, D, S))
+    size_m, size_d, size_k = forms(np.abs(x), (abs(M), abs(D), abs(S)))
+    r = np.abs(s)
+    slope = r * np.abs(2.0 * s * m + d)
+    miss = np.abs(s * s * m + s * d + k) + _ENTRY_NOISE * np.finfo(float).eps * (r * r * size_m + r * size_d + size_k)
+    return np.divide(miss, slope, out=np.zeros_like(r), where=(slope > 0.0) & (s != 0.0))
+
+
+def _lowest(M: Any, D: Any, S: Any, n: int, sigma: float | None, symmetric: bool) -> dict[str, Any]:
+    """The core's answer with n modes; of two real roots that make one overdamped mode the lower is its partner."""
+    arrays = _arrays(M), None if D is None else _arrays(D), _arrays(S)
+    wanted, dof = n, M.shape[0]
+    while True:
+        if sigma is not None and not (symmetric and (D is None or D.count_nonzero() == 0)):
+            raise ModelError("shift= of a sparse system needs symmetric matrices without damping; leave it out")
+        r = _core.sparse_modes(*arrays, wanted, sigma)
+        if "eigenvalue" not in r:
+            return r
+        s = r["eigenvalue"]
+        r["partner"] = np.where(s.imag != 0.0, s.conj(), np.nan)
+        if not symmetric:
+            return r
+        lower = _lower(M, D, s, r["shape"])
+        upper = np.flatnonzero(~lower)
+        if len(upper) >= n or wanted >= dof:
+            return _paired(r, upper[:n], np.flatnonzero(lower))
+        wanted = min(wanted + n - len(upper), dof)
+
+
+def _lower(M: Any, D: Any, s: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Real roots with x^T Q'(s) x < 0: the lower ones of every scalar quadratic."""
+    lower = np.zeros(len(s), dtype=bool)
+    for i in np.flatnonzero((s.imag == 0.0) & (s != 0.0)):
+        v = x[:, i].real
+        lower[i] = 2.0 * s[i].real * (v @ (M @ v)) + v @ (D @ v) < 0.0
+    return lower
+
+
+def _paired(r: dict[str, Any], upper: np.ndarray, lower: np.ndarray) -> dict[str, Any]:
+    """Each upper real root takes the lower one with the most similar shape; nan where that lies beyond what was computed."""
+    s, x = r["eigenvalue"], r["shape"]
+    unit = x / np.linalg.norm(x, axis=0)
+    free = list(lower)
+    for i in upper[(s[upper].imag == 0.0) & (len(lower) > 0)]:
+        likeness = np.abs(unit[:, free].conj().T @ unit[:, i]) if free else np.zeros(0)
+        if likeness.size and likeness.max() > 0.5:
+            r["partner"][i] = s[free.pop(int(np.argmax(likeness)))]
+    for key in ("eigenvalue", "partner", "residual"):
+        r[key] = r[key][upper]
+    r["shape"] = x[:, upper]
+    return r
+
+
+def _groups(s: np.ndarray) -> tuple[tuple[int, ...], ...]:
+    """Neighbours that agree: members of one repeated eigenvalue."""
+    groups: list[list[int]] = []
+    for i, value in enumerate(s):
+        if groups and abs(value - s[groups[-1][-1]]) <= _SAME_ROOT * abs(value):
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+    return tuple(tuple(g) for g in groups if len(g) > 1)
+
+
+def _sum(a: Any, b: Any) -> Any:
+    if a is None:
+        return b
+    return a if b is None else a + b
+
+
+def _arrays(a: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    from scipy.sparse import csc_array
+
+    c = csc_array(a)
+    c.sum_duplicates()
+    return c.indptr.astype(np.int64), c.indices.astype(np.int64), c.data.astype(float)

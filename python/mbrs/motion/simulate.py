@@ -1,0 +1,400 @@
+"""Motion in time: `mb.simulate`."""
+
+from __future__ import annotations
+
+import functools
+import math
+import time
+import warnings
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import _core
+from .._lib.border import core_errors
+from .._lib.checks import shown
+from .._lib.progress import Progress
+from ..errors import ConvergenceError, Interrupted, MbrsWarning, ModelError
+from ..results import Stats
+from ..system.effects import LINEAR_ONLY, check_without, effects
+from ..system.snapshot import Snapshot
+from ..system.state import State, state_of
+from ..system.tables import directions
+from .amplification import warn_amplified
+from .trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from ..model.model import Model
+
+METHODS = ("auto", "explicit", "generalized-alpha", "radau", "bdf", "bdf-bfgs", "ali3p")
+_ORDER = {"explicit": 8, "generalized-alpha": 2, "radau": 5, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
+_TIGHTEST, _LOOSEST = 1e-13, 1e-1
+# below it the norm to which the equations of a step of bdf-bfgs are solved shows in the rates, and steps collapse
+_TIGHTEST_WITHOUT_TANGENT = 1e-10
+# changes of initial values below this are rounding
+_CHANGED = 1e-9
+# methods whose error is estimated by a tighter run, and how much tighter it is
+_TIGHTENED, _TIGHTER = frozenset({"explicit", "radau", "bdf"}), 30.0
+# deflections beyond this part of a body's length are too large for linear elasticity in a frame
+_BENT = 0.2
+# outputs at which the error is estimated
+_COMPARED = 50
+
+
+def simulate(
+    m: Model,
+    t: Any,
+    *,
+    rtol: float | None = None,
+    step: float | None = None,
+    method: str = "auto",
+    at: Any = None,
+    without: Sequence[str] = (),
+    rho: float | None = None,
+    form: str | None = None,
+    update: str | None = None,
+    coordinates: str | None = None,
+    max_step: float | None = None,
+    first_step: float | None = None,
+    max_steps: int | None = None,
+    parameters: str | Sequence[str] | None = None,
+) -> Trajectory:
+    """Integrate the constrained equations of motion from an initial state.
+
+        M(q) v' + h(q, v, t) + J^T lam = 0,   Phi(q, t) = 0,   J v + Phi_t = 0
+
+    Parameters
+    ----------
+    m
+        The model, with its present values.
+    t
+        s. A number: the end; outputs are the accepted steps and the last is exactly t. An array: the output times, increasing,
+        in any relation to the steps (dense output).
+    rtol
+        Tolerance of the controlled steps, relative to the characteristic length, one radian and the largest rate so far;
+        1e-7 if neither it nor ``step`` is given. "bdf-bfgs" serves tolerances down to 1e-10, and warns of tighter ones.
+    step
+        s; fixed steps instead.
+    method
+        "auto" chooses from what the scene contains and says why in ``stats.route``; "explicit" (order 8, for scenes that
+        are not stiff); "generalized-alpha" (order 2, on the Lie group); "bdf" (orders 1 to 5 with Newton's method, for
+        stiff scenes; order 4 with ``step``); "bdf-bfgs" (order 4, no tangent: the equations of a step are solved by
+        inverse quasi-Newton updates, see `mb.root`; it warns of undamped modes that it amplifies); "ali3p" (index-3
+        augmented Lagrangian with projections, order 2: the scheme whose gradients `mb.gradient` takes).
+    at
+        Start: None (drawn, with the given velocities), an equilibrium, a steady motion, or ``traj.state(t)`` to go on.
+    without
+        Effects to leave out: "gravity", "damping", "friction", "contact", "centrifugal".
+    rho
+        Generalised-alpha: spectral radius at infinite frequency, 0 <= rho <= 1 (default 0.8).
+    form, update
+        "bdf-bfgs": the equations of a step, "ggl" (default; positions and velocities, stabilised index 2) or "symmetric"
+        (positions and h^2 lam), and the inverse update: "auto" (default; BFGS until it has failed twice, then Broyden's, which
+        ``stats.route`` tells), "bfgs" or "broyden"; docs/root.md compares them.
+    coordinates
+        "explicit": what its stages integrate where there are loops, drives or rolling. "tree": all tree coordinates, with the
+        constraints at acceleration level, projected onto them after each step. "independent": those that determine the others
+        (Wehage and Haug 1982), which are switched between steps where others would serve better; ``stats.route`` names them.
+        None: independent where many loops leave few degrees of freedom, else tree (docs/motion.md).
+    max_step, first_step
+        s; limits of the controlled steps.
+    max_steps
+        Stop after so many.
+    parameters
+        Addresses of numbers by which ``traj.sensitivity(...)`` is to differentiate (method "ali3p", which is then the one
+        that "auto" takes, or "generalized-alpha"); ``t`` is a number then.
+
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    ModelError
+        Wrong arguments.
+    AssemblyError
+        A start from which the loops cannot close.
+    ConvergenceError
+        A step that cannot be made; ``.result`` holds the trajectory until then.
+    Interrupted
+        Ctrl-C; ``.result`` holds the trajectory until then.
+
+    Warns
+    -----
+    MbrsWarning
+        Initial positions or velocities that had to be changed to agree with the joints; flexible bodies that deflect by more
+        than a fifth of their length.
+
+    Notes
+    -----
+    Equations: docs/theory.md (2.1), (2.2), and its sections 16 to 18.
+    Constraints hold at position, velocity and acceleration level at every output, redundant ones too. Cost per step O(n^3) in the
+    number of tree coordinates and loop rows. Sources: see `rust/src/analysis/transient`.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> traj = mb.simulate(mb.examples.four_bar(), t=0.5, rtol=1e-8)
+    >>> bool(abs(traj.energy[-1] - traj.energy[0]) < 1e-5)
+    True
+    """
+    start = time.perf_counter()
+    without = check_without(without)
+    for name in without:
+        if name in LINEAR_ONLY:
+            raise ModelError(f"'{name}' is a part of a linearisation; a motion cannot be without it")
+    snapshot = Snapshot.of(m, without)
+    state = state_of(m, snapshot.system, at, hold=False, without=without)
+    if parameters is not None:
+        method = _with_sensitivities(method)
+        if not isinstance(parameters, (str, Sequence)):
+            raise ModelError(f"parameters= takes an address or a list of them, got {shown(parameters)}")
+        directions(m, parameters)
+    options = _options(t, rtol, step, method, state)
+    asked = options.get("rtol", np.inf)
+    if method == "bdf-bfgs" and asked < _TIGHTEST_WITHOUT_TANGENT:
+        options["rtol"] = _TIGHTEST_WITHOUT_TANGENT
+    if parameters is not None and "outputs" in options:
+        raise ModelError(
+            "sensitivities belong to the steps of a motion: with parameters= give t= as a number, or take mb.gradient with "
+            "mb.AtTimes for given times"
+        )
+    for name, value in (("rho", rho), ("max_step", max_step), ("first_step", first_step), ("max_steps", max_steps)):
+        if value is not None:
+            options[name] = _number(name, value, positive=name != "rho")
+    if max_steps is not None and (isinstance(max_steps, bool) or options["max_steps"] % 1.0 != 0.0):
+        raise ModelError(f"max_steps= must be a whole number, got {shown(max_steps)}")
+    if rho is not None and not 0.0 <= rho <= 1.0:
+        raise ModelError(f"rho= lies between 0 and 1, got {rho}")
+    options["method"] = _variant(method, form, update, coordinates)
+
+    made = _run(snapshot, state, without, options)
+    traj = _trajectory(m, snapshot, made, without, time.perf_counter() - start, state, options)
+    if parameters is not None:
+        traj = traj.replaced(parameters=parameters, start=state, rho=rho)
+    if traj.status == "interrupted":
+        raise Interrupted(f"the motion of {m.name!r} was interrupted at t = {made['end']:.6g} s", traj)
+    _report_start(m, made)
+    if method == "bdf-bfgs" or (method == "bdf" and step is not None):
+        warn_amplified(m, at, traj.steps)
+    if options.get("rtol", np.inf) > asked:
+        warnings.warn(
+            f"rtol={asked:g} was not reached: the equations of a step are solved without a tangent, which allows "
+            f"{options['rtol']:g}; .error estimates the error of the motion",
+            MbrsWarning,
+            stacklevel=2,
+        )
+    _warn_bent(traj)
+    if traj.status == "stopped":
+        raise ConvergenceError(
+            f"the motion of {m.name!r} stopped at t = {made['end']:.9g} s: {made['message']}; the trajectory until then is "
+            "the result of this error",
+            traj,
+        )
+    return traj
+
+
+def _warn_bent(traj: Trajectory) -> None:
+    for name in traj.flexible:
+        body = traj.model.bodies[traj.bodies.index(name)].modal
+        if len(body.line_position) < 2 or not len(traj.t):
+            continue
+        extent = np.linalg.norm(np.ptp(body.line_position, axis=0))
+        moved = np.einsum("kim,tm->tki", body.line_shape[:, :3], traj.modal(name))
+        part = float(np.linalg.norm(moved, axis=-1).max() / extent) if extent > 0.0 else 0.0
+        if part > _BENT:
+            warnings.warn(
+                f"{name!r} deflects by {part:.2g} of its length; flexible bodies deform linearly in their frame, which is "
+                "for small deflections: stiffen it, or divide it into several bodies",
+                MbrsWarning,
+                stacklevel=3,
+            )
+
+
+def _variant(method: str, form: Any, update: Any, coordinates: Any) -> str:
+    if coordinates is not None:
+        if method != "explicit":
+            raise ModelError(f'coordinates= belongs to method="explicit", not to {shown(method)}')
+        if coordinates not in ("tree", "independent"):
+            raise ModelError(f"coordinates= is 'tree' or 'independent', got {shown(coordinates)}")
+        method = f"{method}/{coordinates}"
+    if form is None and update is None:
+        return method
+    if method != "bdf-bfgs":
+        method = method.partition("/")[0]
+        raise ModelError(f'form= and update= belong to method="bdf-bfgs", not to {shown(method)}')
+    form, update = "ggl" if form is None else form, "auto" if update is None else update
+    if form not in ("ggl", "symmetric"):
+        raise ModelError(f"form= is 'ggl' or 'symmetric', got {shown(form)}")
+    if update not in ("auto", "bfgs", "broyden"):
+        raise ModelError(f"update= is 'auto', 'bfgs' or 'broyden', got {shown(update)}")
+    return f"{method}/{form}/{update}"
+
+
+def _with_sensitivities(method: str) -> str:
+    if method not in ("auto", "ali3p", "generalized-alpha"):
+        raise ModelError(
+            f"method={method!r} has no sensitivities; those that have are method='ali3p' and 'generalized-alpha', or leave "
+            "parameters= out"
+        )
+    return "ali3p" if method == "auto" else method
+
+
+def _number(name: str, value: Any, *, positive: bool = True) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ModelError(f"{name}= must be a number, got {shown(value)}") from None
+    if not math.isfinite(number) or (positive and number <= 0.0):
+        raise ModelError(f"{name}= must be a {'positive' if positive else 'finite'} number, got {shown(value)}")
+    return number
+
+
+def _options(t: Any, rtol: Any, step: Any, method: Any, state: State) -> dict[str, Any]:
+    if not isinstance(method, str) or method not in METHODS:
+        raise ModelError(f"method= is one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
+    if rtol is not None and step is not None:
+        raise ModelError("give rtol= (controlled steps) or step= (fixed steps), not both")
+    options: dict[str, Any] = {"method": method, "t": state.t, "memory": state.memory.tolist()}
+    try:
+        times = np.asarray(t, dtype=float)
+    except (TypeError, ValueError):
+        raise ModelError(f"t= must be a number or an array of times, got {shown(t)}") from None
+    if times.ndim > 1 or times.size == 0 or not np.all(np.isfinite(times)):
+        raise ModelError(f"t= must be a finite number or a one-dimensional array of finite times, got {shown(t)}")
+    if times.ndim == 1:
+        if np.any(np.diff(times) <= 0.0):
+            raise ModelError("the times of t= must increase")
+        options["outputs"] = times.tolist()
+    options["end"] = float(times.max())
+    if times.min() < state.t:
+        raise ModelError(f"t={times.min():.9g} s lies before the start at {state.t:.9g} s")
+    if times.ndim == 0 and options["end"] == state.t:
+        raise ModelError(f"t= must lie after the start at {state.t:.9g} s")
+    if step is not None:
+        options["step"] = _number("step", step)
+        if (options["end"] - state.t) / options["step"] > 1e9:
+            raise ModelError(f"step={step} would need more than 1e9 steps")
+    else:
+        options["rtol"] = _number("rtol", 1e-7 if rtol is None else rtol)
+        if not _TIGHTEST <= options["rtol"] <= _LOOSEST:
+            raise ModelError(f"rtol= must lie between {_TIGHTEST} and {_LOOSEST}, got {shown(rtol)}")
+    return options
+
+
+def _run(snapshot: Snapshot, state: State, without: Sequence[str], options: dict[str, Any]) -> dict[str, Any]:
+    with Progress("motion", 1000) as progress, core_errors():
+
+        def report(part: float) -> None:
+            # a motion of no length is done when it begins
+            progress.advance((int(1000 * part) if math.isfinite(part) else 1000) - progress.done)
+
+        return _core.simulate_motion(snapshot.system, state.q, state.rate, list(without), options, report)
+
+
+def _trajectory(
+    m: Model,
+    snapshot: Snapshot,
+    made: dict[str, Any],
+    without: tuple[str, ...],
+    wall: float,
+    state: State,
+    options: dict[str, Any],
+) -> Trajectory:
+    acting = tuple(e.name for e in effects(m) if e.on and e.name not in without)
+    return Trajectory(
+        t=made["t"],
+        q=made["q"],
+        rate=made["rate"],
+        memory=made["memory"],
+        acceleration=made["acceleration"],
+        multipliers=made["multipliers"],
+        joints=made["joints"],
+        steps=made["steps"],
+        local_error=made["local_error"],
+        method=made["method"],
+        message=made["message"],
+        snapshot=snapshot,
+        without=without,
+        error=functools.partial(_estimated_error, state=state, options=options),
+        stats=Stats(wall, dict(made["counts"]), acting, f"{made['method']}: {made['why']}"),
+        status=made["status"],
+    )
+
+
+def _report_start(m: Model, made: dict[str, Any]) -> None:
+    for what, plural, unit in (("position", "positions", ""), ("velocity", "velocities", " per second")):
+        size = made[f"{what}_correction"]
+        if size > _CHANGED:
+            warnings.warn(
+                f"the initial {plural} of {m.name!r} contradict its joints; joint coordinates were changed by up to {size:.3g} "
+                f"radians or characteristic lengths{unit} to agree",
+                MbrsWarning,
+                stacklevel=3,
+            )
+
+
+def _compared_with(traj: Trajectory, options: dict[str, Any]) -> tuple[dict[str, Any], float]:
+    """Options of the run that the error is estimated with, and the factor from the distance of both to the error.
+
+    Errors of controlled steps scatter about their tolerance, so that a tighter run tells more than a looser one; methods of low
+    order could not afford it.
+    """
+    if "step" in options:
+        return {"step": 2.0 * options["step"]}, 1.0 / (2.0 ** _ORDER[traj.method] - 1.0)
+    rtol = options["rtol"]
+    if traj.method in _TIGHTENED and rtol / _TIGHTER >= _TIGHTEST:
+        return {"rtol": rtol / _TIGHTER}, 1.0
+    return {"rtol": min(10.0 * rtol, 1.0)}, 1.0 / 9.0
+
+
+def _rounding(traj: Trajectory) -> float:
+    """Error of a motion by rounding: every step leaves that of its pose, and a part of its rate that moves all that follows."""
+    if traj.rate.shape[1] == 0:
+        return 0.0  # nothing can move
+    length = traj.snapshot.system.characteristic_length
+    span = traj.t[-1] - traj.steps[0]
+    poses = traj.poses
+    away = np.abs(poses["position"]).max(initial=0.0) / length
+    speeds = np.abs(poses["velocity"]).max(initial=0.0) / length, np.abs(poses["angular_velocity"]).max(initial=0.0)
+    return float(np.finfo(float).eps * np.sqrt(len(traj.steps)) * (1.0 + away + span * max(speeds)))
+
+
+def _estimated_error(traj: Trajectory, state: State, options: dict[str, Any]) -> float | None:
+    """Largest difference to a second run, scaled to the error of this one."""
+    if traj.status != "finished":
+        return None
+    first = int(np.searchsorted(traj.t, state.t, side="right"))
+    if first == len(traj.t):
+        return 0.0  # nothing but the start
+    compared = np.unique(np.linspace(first, len(traj.t) - 1, min(len(traj.t) - first, _COMPARED)).astype(int))
+    method = traj.method if options["method"] == "auto" else options["method"]
+    changed, factor = _compared_with(traj, options)
+    second = {**options, **changed, "method": method, "outputs": traj.t[compared].tolist()}
+    made = _run(traj.snapshot, state, traj.without, second)
+    if made["status"] == "interrupted":
+        raise Interrupted("the estimate of the error of a motion was interrupted", traj)
+    if made["status"] != "finished":
+        return math.inf
+    with core_errors():
+        other = _core.motion_quantities(
+            traj.snapshot.system,
+            made["t"],
+            made["q"],
+            made["rate"],
+            made["memory"],
+            made["acceleration"],
+            list(traj.without),
+        )
+    return max(factor * _distance(traj, compared, other), _rounding(traj))
+
+
+def _distance(traj: Trajectory, compared: np.ndarray, other: dict[str, Any]) -> float:
+    """Largest distance of poses: over the characteristic length, and as an angle."""
+    p, q = traj.poses["position"][compared], traj.poses["orientation"][compared]
+    moved = np.linalg.norm(p - other["position"], axis=-1).max() / traj.snapshot.system.characteristic_length
+    chord = np.minimum(
+        np.linalg.norm(q - other["orientation"], axis=-1), np.linalg.norm(q + other["orientation"], axis=-1)
+    )
+    return float(max(moved, 2.0 * chord.max()))

@@ -1,0 +1,237 @@
+"""Derivatives of the steps of a motion: the run that is differentiated, where it has none, and those of its quantities."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import _core
+from .._lib.border import core_errors
+from .._lib.vetter import Derivative
+from ..errors import KinkWarning, MbrsWarning, ModelError, NotDifferentiableError
+from ..system.effects import with_rate_laws
+from ..system.snapshot import Snapshot
+from ..system.state import State, state_of
+from ..system.tables import Directions, directions
+from .quantities import Asked, Names
+
+if TYPE_CHECKING:
+    from ..model.model import Model
+
+# relative changes that a motion amplifies by more than this are warned of
+_AMPLIFIED = 1e4
+# times that are closer than this part of the motion's end are one
+_ROUNDED = 1e-12
+# spectral radius at infinity, as in mb.simulate
+RHO = 0.8
+# (t, element, what) of a kink that was passed.
+Kink = tuple[float, str, str]
+_STEP = 1e-5
+# Differences of the start that are off by more than this (relative) show a start that moves otherwise than its derivative says.
+_OFF = 1e-4
+
+
+@dataclass
+class Run:
+    """A motion to be differentiated: model, start, times of the steps."""
+
+    model: Model
+    snapshot: Snapshot
+    state: State
+    without: tuple[str, ...]
+    times: np.ndarray
+    weight: str = "tangent"
+    keep: int = 2**23
+    scheme: str = "ali3p"
+    rho: float = RHO
+    # instants at which quantities are wanted, going forwards; none: at all
+    read: list[bool] = field(default_factory=list)
+
+    def options(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
+        """Arguments of the core."""
+        pairs: list[tuple[list[int], list[float]]] = []
+        if along is not None:
+            for p in range(along.n):
+                inside = along.columns == p
+                pairs.append((along.rows[inside].tolist(), along.values[inside].tolist()))
+        return {
+            "times": self.times.tolist(),
+            "memory": self.state.memory.tolist(),
+            "scheme": self.scheme,
+            "rho": self.rho,
+            "weight": self.weight,
+            "keep": self.keep,
+            "read": self.read,
+            "drawn": self.state.kind in ("drawn", "equilibrium"),
+            "velocities": self.state.kind == "drawn",
+            "quantities": list(asked),
+            "directions": pairs,
+            "shift": self._shift(pairs),
+        }
+
+    def _shift(self, pairs: list[tuple[list[int], list[float]]]) -> list[list[float]]:
+        if self.state.kind != "equilibrium" or not pairs:
+            return []
+        with core_errors():
+            r = _core.directions(
+                self.snapshot.system,
+                self.state.q,
+                self.state.rate,
+                list(self.without),
+                pairs,
+                "equilibrium",
+                False,
+            )
+        return np.asarray(r["tree_coordinates"]).T.tolist()
+
+    def direct(self, asked: Sequence[Asked], along: Directions | None) -> dict[str, Any]:
+        """Values of quantities at all steps, and their derivatives."""
+        with core_errors():
+            return _core.motion_directions(
+                self.snapshot.system,
+                self.state.q,
+                self.state.rate,
+                list(self.without),
+                self.options(asked, along),
+            )
+
+
+def grid(start: float, end: float, step: float, through: Sequence[float] = ()) -> np.ndarray:
+    """Times of steps of at most ``step`` that end at ``end`` and at the times given, equal between these."""
+    marks = _apart([start, *sorted(float(x) for x in through if start < x < end), end])
+    out = [start]
+    for a, b in itertools.pairwise(marks):
+        n = max(1, math.ceil((b - a) / step * (1 - 1e-12) - 1e-9))
+        out.extend(np.linspace(a, b, n + 1)[1:].tolist())
+    return np.array(out)
+
+
+def least_gap(start: float, end: float) -> float:
+    """Times that are closer than this are one."""
+    return max(_ROUNDED * (end - start), 4 * np.finfo(float).eps * max(abs(start), abs(end)))
+
+
+def _apart(times: Sequence[float]) -> list[float]:
+    """Increasing times without those that follow another by rounding; first and last are kept."""
+    near, out = least_gap(times[0], times[-1]), [times[0]]
+    for x in times[1:-1]:
+        if x - out[-1] > near and times[-1] - x > near:
+            out.append(x)
+    return [*out, times[-1]]
+
+
+def warn_of_growth(growth: float) -> None:
+    if growth > _AMPLIFIED:
+        warnings.warn(
+            f"the motion amplifies relative changes of the parameters {growth:.1e} times: over this time span it is chaotic, or nearly "
+            "chaotic. The derivative is exact for these steps and may say nothing about the continuous motion; compare other steps (.error "
+            "of mb.gradient does), or end earlier",
+            MbrsWarning,
+            stacklevel=4,
+        )
+
+
+def require_exact_tangents(m: Model, without: tuple[str, ...]) -> None:
+    """Two effects leave tangents of a step that are not the derivatives of its forces."""
+    why = None
+    if "centrifugal" in without:
+        why = "without=('centrifugal',)"
+    rated = with_rate_laws(m) if "damping" in without else []
+    if rated:
+        why = f"without=('damping',) with the law of {rated[0].name!r}, which feels rates,"
+    if why:
+        raise ModelError(
+            f"{why} has no gradients: leave the effect in, or take differences of mb.simulate (relative steps of 1e-5)"
+        )
+
+
+def warn_of(kinks: Sequence[Kink]) -> None:
+    """Say where a differentiated motion has no derivative."""
+    if not kinks:
+        return
+    named = "; ".join(f"{name!r} at t = {t:.6g} s ({what})" for t, name, what in kinks[:3])
+    more = f" and {len(kinks) - 3} more" if len(kinks) > 3 else ""
+    warnings.warn(
+        f"the motion passes {named}{more}: it is not differentiable there; the gradient ignores the kink and is "
+        "first-order accurate there. Take smaller steps, or smooth the law (smoothing=, a larger v_ref)",
+        KinkWarning,
+        stacklevel=3,
+    )
+
+
+def quantity_derivative(run: Run, parameters: Sequence[str], what: str, t: np.ndarray) -> Derivative:
+    """The derivative of a named quantity at output times (n_t,) by parameters; see `Trajectory.sensitivity`."""
+    require_exact_tangents(run.model, run.without)
+    along = directions(run.model, parameters)
+    asked = Names(run.snapshot.tables).address(what)
+    require_followed_guess(run, along)
+    made = run.direct([asked], along)
+    warn_of(made["kinks"])
+    at = np.searchsorted(made["t"], t - 1e-12 * max(1.0, abs(float(t[-1]))))
+    values, d = made["values"][at], made["derivatives"][at]
+    sizes = np.nan_to_num([value_at(run.model, label) for label in along.labels], nan=1.0)
+    warn_of_growth(float(np.abs(d * sizes).max(initial=0.0) / (np.abs(values).max(initial=0.0) or math.inf)))
+    if asked[0] == "rotation":
+        # the world rotation vector of dR R^T
+        R = values.reshape(-1, 3, 3)
+        spin = np.einsum("nijp,nkj->nikp", d.reshape(len(d), 3, 3, -1), R)
+        d = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
+    single = d.shape[1] == 1
+    shaped = along.shaped(d[:, 0] if single else d)
+    return Derivative.of(shaped, along.shape, 0 if single else 1)
+
+
+def require_followed_guess(run: Run, along: Directions) -> None:
+    """Compare the derivative of a start that first guesses (``pose=``) led to with differences of the assembly.
+
+    Raises
+    ------
+    NotDifferentiableError
+        A parameter that moves the start through the guess; names it. Two assemblies for each parameter, where there are guesses.
+    """
+    if run.state.kind != "drawn" or not run.model.poses:
+        return
+    asked: list[Asked] = []
+    for body in range(len(run.model.bodies)):
+        asked += [("point", body, 0, None, None), ("rotation", body, 0, None, None)]
+    start = replace(run, times=run.times[:1])
+    exact = start.direct(asked, along)["derivatives"][0]
+    x = np.array(run.snapshot.tables["x"], dtype=float)
+    for p, label in enumerate(along.labels):
+        way = along.dense[:, p]
+        if not way.any():
+            continue
+        size = _STEP * max(1.0, float(np.abs(x[way != 0.0]).max())) / float(np.abs(way).max())
+        ends = [_values(start, x + side * size * way, asked) for side in (1.0, -1.0)]
+        difference = (ends[0] - ends[1]) / (2.0 * size)
+        floor = 1e-12 * float(np.abs(ends[0]).max(initial=1.0)) / size
+        if (
+            np.abs(difference - exact[:, p]).max()
+            > _OFF * np.abs(difference).max() + floor + _OFF * np.abs(exact[:, p]).max()
+        ):
+            raise NotDifferentiableError(
+                f"{label!r} moves the start through the first guess pose= of a body, of which there is no derivative: draw the bodies "
+                "where they start, or begin at a state or an equilibrium with at="
+            )
+
+
+def _values(run: Run, x: np.ndarray, asked: list[Asked]) -> np.ndarray:
+    system = run.snapshot.system.with_values(x)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        state = state_of(run.model, system, None, hold=False, without=run.without)
+    moved = Snapshot(run.model, system, run.snapshot.versions, run.snapshot.tables)
+    found: np.ndarray = replace(run, snapshot=moved, state=state).direct(asked, None)["values"][0]
+    return found
+
+
+def value_at(m: Model, label: str) -> float:
+    """The number that a column belongs to; those of axes and orientations are turns and have none."""
+    turns = label.rpartition("[")[0].endswith((".axis", ".axis2", ".orientation"))
+    return math.nan if turns else float(m.value(label))

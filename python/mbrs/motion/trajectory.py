@@ -1,0 +1,559 @@
+"""The result of `mb.simulate`: what moved, how, and how accurately it is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from .. import _core
+from .._lib.border import core_errors
+from .._lib.rotations import quaternion_matrix
+from ..errors import ModelError, NameNotFoundError
+from ..model.names import nearest
+from ..model.schema import BODY, JOINTS, MARKER
+from ..results import Result, quantity, result
+from ..system.snapshot import Snapshot
+from ..system.state import State
+from ..system.tables import modal_part, modal_places
+from .quantities import Names
+from .tangent import RHO, Run, quantity_derivative
+
+
+@result
+class Energy(Result):
+    """Energies of a motion; behaves as the array of their sum.
+
+    Attributes
+    ----------
+    total, kinetic, gravity
+        (n_t,) J. Gravity counts from the world origin, springs from their unstretched state.
+    stored
+        (n_t,) J of each element and joint spring by name; without an entry: no energy belongs to its forces.
+    power
+        (n_t,) W that each element takes out of the motion, by name: what it stores and what it dissipates; of a force or
+        torque negative where it drives. For drives: `Trajectory.drive_force` times the rate of the joint.
+    """
+
+    total: np.ndarray = quantity(dims=("time",), unit="J")
+    kinetic: np.ndarray = quantity(dims=("time",), unit="J")
+    gravity: np.ndarray = quantity(dims=("time",), unit="J")
+    stored: dict[str, np.ndarray]
+    power: dict[str, np.ndarray]
+
+    row: ClassVar[str] = "time"
+
+    def heading(self) -> str:
+        return f"energy at {len(self.total)} outputs"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: start, end and extremes of every part."""
+        parts = {"total": self.total, "kinetic": self.kinetic, "gravity": self.gravity, **self.stored}
+        rows = [[name, *(float(x) for x in (v[0], v[-1], v.min(), v.max()))] for name, v in parts.items() if len(v)]
+        return ["[J]", "start", "end", "least", "largest"], rows
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Total, kinetic, gravity and stored energy over the outputs; returns the figure."""
+        from ..plot.motion import energies
+
+        return energies(self, ax=ax)
+
+    def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
+        return np.asarray(self.total, dtype=dtype)
+
+    def __len__(self) -> int:
+        return len(self.total)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.total[index]
+
+
+@result
+class Trajectory(Result):
+    """A motion in time.
+
+    Attributes
+    ----------
+    t
+        (n_t,) s.
+    q, rate, memory
+        (n_t, n_q), (n_t, n_tree), (n_t, n_memory): the states as the core holds them; `state` makes one of them.
+    acceleration, multipliers
+        (n_t, n_tree), (n_t, n_rows): of the tree coordinates, and of the rows of the joints that close loops.
+    steps, local_error
+        Times of all accepted steps, and the estimated local error of each over its tolerance (empty for fixed steps).
+    error
+        Estimated error: the largest |dx|/(characteristic length) and angle of rotation of any body at up to 50 of the outputs,
+        from a second run, tighter where the order of the method is high, else coarser (made when first asked for).
+    status
+        "finished", "interrupted" (Ctrl-C) or "stopped" (a step that could not be made; `message` says why).
+    """
+
+    t: np.ndarray
+    q: np.ndarray
+    rate: np.ndarray
+    memory: np.ndarray
+    acceleration: np.ndarray
+    multipliers: np.ndarray
+    joints: np.ndarray
+    steps: np.ndarray
+    local_error: np.ndarray
+    method: str
+    message: str
+    snapshot: Snapshot
+    without: tuple[str, ...]
+    parameters: str | Sequence[str] = ()
+    start: State | None = None
+    rho: float | None = None
+
+    row: ClassVar[str] = "time"
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def model(self) -> Any:
+        """The model this belongs to."""
+        return self.snapshot.model
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies."""
+        return tuple(self.snapshot.tables["body_name"])
+
+    @cached_property
+    def _quantities(self) -> dict[str, Any]:
+        with core_errors():
+            return _core.motion_quantities(
+                self.snapshot.system,
+                self.t,
+                self.q,
+                self.rate,
+                self.memory,
+                self.acceleration,
+                list(self.without),
+            )
+
+    def _body(self, body: Any) -> int:
+        name = getattr(body, "name", body)
+        if name not in self.bodies:
+            guess = nearest(str(name), self.bodies)
+            raise NameNotFoundError(f"there is no body {name!r}" + (f"; did you mean {guess!r}?" if guess else ""))
+        return self.bodies.index(name)
+
+    def position(self, body: Any) -> np.ndarray:
+        """(n_t, 3) world position of a body's origin, m."""
+        return self._quantities["position"][:, self._body(body)]
+
+    def velocity(self, body: Any) -> np.ndarray:
+        """(n_t, 3) world velocity of a body's origin, m/s."""
+        return self._quantities["velocity"][:, self._body(body)]
+
+    def orientation(self, body: Any) -> np.ndarray:
+        """(n_t, 4) unit quaternion of a body, scalar first, body to world; its sign is continuous in time."""
+        q = self._quantities["orientation"][:, self._body(body)]
+        flips = np.sum(q[1:] * q[:-1], axis=1) < 0.0
+        sign = np.concatenate([[1.0], np.where(np.cumsum(flips) % 2, -1.0, 1.0)]) if len(q) else np.zeros(0)
+        return q * sign[:, None]
+
+    def angular_velocity(self, body: Any) -> np.ndarray:
+        """(n_t, 3) angular velocity of a body, rad/s, world axes."""
+        return self._quantities["angular_velocity"][:, self._body(body)]
+
+    def rotation(self, body: Any) -> np.ndarray:
+        """(n_t, 3, 3) rotation matrix of a body, body to world."""
+        w, x, y, z = self._quantities["orientation"][:, self._body(body)].T
+        return np.stack(
+            [
+                np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], axis=-1),
+                np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], axis=-1),
+                np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1),
+            ],
+            axis=1,
+        )
+
+    def point(self, marker: Any, *, of: Any = None) -> np.ndarray:
+        """(n_t, 3) world position of a marker (by name), or of a drawn world point ``marker`` (3,) fixed in body ``of``."""
+        t = self.snapshot.tables
+        x = t["x"]
+        if of is None:
+            name = getattr(marker, "name", marker)
+            known = list(t["marker_name"])
+            if name not in known:
+                guess = nearest(str(name), known)
+                raise NameNotFoundError(
+                    f"there is no marker {name!r}" + (f"; did you mean {guess!r}?" if guess else "")
+                )
+            index = known.index(name)
+            body, start = int(t["marker_body"][index]), int(t["marker_x"][index])
+            drawn = x[start:][MARKER.block.slice("at")]
+        else:
+            body = self._body(of)
+            try:
+                drawn = np.asarray(marker, dtype=float)
+            except (TypeError, ValueError):
+                drawn = np.zeros(0)
+            if drawn.shape != (3,) or not np.all(np.isfinite(drawn)):
+                raise ModelError(f"a point is three finite numbers, got {marker!r}")
+        if body < 0:
+            return np.broadcast_to(drawn, (len(self.t), 3)).copy()
+        start = int(t["body_x"][body])
+        body_numbers = x[start:]
+        turned = quaternion_matrix(body_numbers[BODY.block.slice("orientation")])
+        local = turned.T @ (drawn - body_numbers[BODY.block.slice("at")])
+        name = self.bodies[body]
+        return self.position(name) + self.rotation(name) @ local
+
+    def modal(self, body: Any) -> np.ndarray:
+        """(n_t, m) modal coordinates of a flexible body."""
+        return self._modal(body)[1][0]
+
+    def modal_rate(self, body: Any) -> np.ndarray:
+        """(n_t, m) rates of the modal coordinates of a flexible body."""
+        return self._modal(body)[1][1]
+
+    @property
+    def flexible(self) -> list[str]:
+        """Names of the flexible bodies that have modal coordinates in this motion."""
+        return [self.bodies[body] for body, _ in modal_places(self.snapshot.tables)]
+
+    def _modal(self, body: Any) -> tuple[Any, tuple[np.ndarray, np.ndarray]]:
+        index = self._body(body)
+        owner = self.model.bodies[index] if index < len(self.model.bodies) else None
+        tables = self.snapshot.tables
+        for number, own in modal_places(tables):
+            if number == index:
+                return owner, (modal_part(tables, self.q)[:, own], modal_part(tables, self.rate)[:, own])
+        raise ModelError(f"{self.bodies[index]!r} has no modal coordinates in this motion: it is rigid there")
+
+    def node_positions(self, body: Any) -> np.ndarray:
+        """(n_t, n, 3) world positions of all nodes of a flexible body, in their order, deformed."""
+        owner, (q, _) = self._modal(body)
+        local = owner.modal.node_position + np.einsum("nik,tk->tni", owner.modal.node_shape[:, :3], q)
+        moved: np.ndarray = self.position(body)[:, None] + np.einsum("tij,tnj->tni", self.rotation(body), local)
+        return moved
+
+    def joint(self, name: Any) -> np.ndarray:
+        """Free coordinates of a joint: (n_t,) where it has one, else (n_t, n); rad and m, angles continuous over turns."""
+        key = getattr(name, "name", name)
+        place = self._joint_places
+        if not isinstance(key, str) or key not in place:
+            guess = nearest(str(key), place)
+            raise NameNotFoundError(
+                f"there is no joint with free coordinates called {key!r}"
+                + (f"; did you mean {guess!r}?" if guess else "")
+            )
+        start, n = place[key]
+        return self.joints[:, start] if n == 1 else self.joints[:, start : start + n]
+
+    @cached_property
+    def _joint_places(self) -> dict[str, tuple[int, int]]:
+        out, start = {}, 0
+        for name, kind in zip(self.snapshot.tables["joint_name"], self.snapshot.tables["joint_type"], strict=True):
+            n = _FREE[int(kind)]
+            if n:
+                out[name] = (start, n)
+            start += n
+        return out
+
+    @cached_property
+    def energy(self) -> Energy:
+        """Energies (J) and powers (W); ``traj.energy`` itself acts as the (n_t,) total."""
+        q = self._quantities
+        stored: dict[str, np.ndarray] = {}
+        power: dict[str, np.ndarray] = {}
+        for k, name in enumerate(q["elements"]):
+            if not np.any(np.isnan(q["stored"][:, k])):
+                stored[name] = q["stored"][:, k]
+            power[name] = q["power"][:, k]
+        total = q["kinetic"] + q["gravity"] + sum(stored.values(), np.zeros(len(self.t)))
+        return Energy(total, q["kinetic"], q["gravity"], stored, power)
+
+    def sensitivity(self, what: str) -> Any:
+        """The exact derivative of a quantity of the discrete motion by ``parameters=`` of `mb.simulate`, parameter axis last.
+
+        Parameters
+        ----------
+        what
+            "crank.position", "crank.velocity", "crank.acceleration", "crank.rotation" (world rotation vector, rad),
+            "crank.angular_velocity", "crank.angular_acceleration"; "P2", "P2.velocity", "P2.acceleration" of a marker; "A"
+            (the coordinates of a joint), "A.reaction".
+
+        Returns
+        -------
+        ndarray
+            (n_t, 3, n_p), (n_t, n_p) of a joint with one coordinate; an array parameter keeps its shape, ``.vetter()`` gives
+            the block layout.
+
+        Raises
+        ------
+        ModelError
+            A motion without ``parameters=``, or a model that was changed since.
+        """
+        if self.start is None or not len(self.parameters):
+            raise ModelError(
+                "this motion has no sensitivities; run mb.simulate(..., parameters=['...']) with method='ali3p' or "
+                "'generalized-alpha' to get them"
+            )
+        self.snapshot.check_current("motion")
+        rho = RHO if self.rho is None else self.rho
+        run = Run(self.model, self.snapshot, self.start, self.without, self.steps, scheme=self.method, rho=rho)
+        return quantity_derivative(run, self.parameters, what, self.t)
+
+    @property
+    def residual(self) -> np.ndarray:
+        """(n_t, 3): constraint residuals at position, velocity and acceleration level.
+
+        Over the characteristic length, and over that times w and w^2, w the largest speed of a body over the characteristic
+        length, its largest angular velocity, or one over the time of the whole motion if they are smaller.
+        """
+        w = self._pace
+        left: np.ndarray = self._quantities["residual"] / [1.0, w, w * w]
+        return left
+
+    @cached_property
+    def _pace(self) -> float:
+        length = self.snapshot.system.characteristic_length
+        linear, angular = (np.linalg.norm(self._quantities[k], axis=-1) for k in ("velocity", "angular_velocity"))
+        fastest = max(float(linear.max(initial=0.0)) / length, float(angular.max(initial=0.0)))
+        span = float(np.ptp(self.t)) if len(self.t) else 0.0
+        return max(fastest, 1.0 / span if span > 0.0 else 0.0) or 1.0
+
+    def state(self, t: float | int | None = None) -> State:
+        """The state at an output time (the last one without ``t``), to be given as ``at=`` to any analysis.
+
+        Raises
+        ------
+        ModelError
+            A time that is not an output time.
+        """
+        i = len(self.t) - 1 if t is None else self._output(t)
+        return State(self.q[i], self.rate[i], "given", self.memory[i], float(self.t[i]))
+
+    def reaction(self, name: Any) -> np.ndarray:
+        """(n_t, 6) wrench of a joint's constraints on its second body at its point: force (N) and moment (N m), world axes.
+
+        What the joint's own k=, c= and law= do along its free coordinates is not in it, nor the force of a drive, which
+        has its own by the drive's name. A rolling disc's point is the centre of the disc.
+        Where constraints are redundant these are the reactions of minimum norm over all joints, moments divided by the
+        characteristic length.
+        """
+        key = getattr(name, "name", name)
+        known = [*self.snapshot.tables["joint_name"], *self.snapshot.tables["drive_name"]]
+        if key not in known:
+            guess = nearest(str(key), known)
+            raise NameNotFoundError(f"there is no joint {key!r}" + (f"; did you mean {guess!r}?" if guess else ""))
+        return self._reactions[:, known.index(key)]
+
+    def drive_force(self, name: Any) -> np.ndarray:
+        """(n_t,) force (N) or torque (N m) that a drive or coupler exerts along its coordinate, of a coupler the second one."""
+        key = getattr(name, "name", name)
+        known = [*self.snapshot.tables["drive_name"], *self.snapshot.tables["coupler_name"]]
+        if key not in known:
+            guess = nearest(str(key), known)
+            raise NameNotFoundError(
+                f"there is no drive or coupler {key!r}" + (f"; did you mean {guess!r}?" if guess else "")
+            )
+        rows = list(self.snapshot.system.topology()["row_joint"])
+        return -self.multipliers[:, rows.index(key)]
+
+    @property
+    def reactions(self) -> dict[str, np.ndarray]:
+        """`reaction` of every joint and drive by name."""
+        names = [*self.snapshot.tables["joint_name"], *self.snapshot.tables["drive_name"]]
+        return {name: self._reactions[:, i] for i, name in enumerate(names)}
+
+    @cached_property
+    def _reactions(self) -> np.ndarray:
+        with core_errors():
+            return _core.motion_reactions(
+                self.snapshot.system,
+                self.t,
+                self.q,
+                self.rate,
+                self.memory,
+                self.acceleration,
+                self.multipliers,
+                list(self.without),
+            )
+
+    @property
+    def poses(self) -> dict[str, np.ndarray]:
+        """Position (n_t, n_b, 3), orientation (n_t, n_b, 4), velocity and angular velocity (n_t, n_b, 3), world."""
+        return {k: self._quantities[k] for k in ("position", "orientation", "velocity", "angular_velocity")}
+
+    @property
+    def parameter_labels(self) -> list[str]:
+        """Names of the columns of `sensitivity`, one for each number of a parameter."""
+        from ..system.tables import directions
+
+        return list(directions(self.snapshot.model, self.parameters).labels)
+
+    @property
+    def parameter_units(self) -> list[str]:
+        """Their units, "" where unknown (see `mbrs.system.tables.directions`)."""
+        from ..system.tables import directions
+
+        return list(directions(self.snapshot.model, self.parameters).units)
+
+    def unit_of(self, what: str) -> str:
+        """The unit of a quantity named as in `sensitivity`; empty where its components differ."""
+        names = Names(self.snapshot.tables)
+        return names.unit(names.address(what))
+
+    def component_names(self, what: str) -> list[str]:
+        """Names of the numbers of a quantity: x y z, rx ry rz after them of a wrench, a joint's own coordinates."""
+        names = Names(self.snapshot.tables)
+        return names.components(names.address(what))
+
+    def _output(self, t: Any) -> int:
+        """The output at a time."""
+        try:
+            asked = float(t)
+        except (TypeError, ValueError):
+            raise ModelError(f"t = {t!r} is not an output time: t= is a time of an output, one of traj.t") from None
+        i = int(np.argmin(np.abs(self.t - asked)))
+        if not np.isfinite(asked) or abs(self.t[i] - asked) > 1e-9 * max(1.0, abs(asked)):
+            raise ModelError(f"t = {t} is not an output time; the nearest is {self.t[i]:.9g}: name times with t=[...]")
+        return i
+
+    def sensitivity_table(self, what: str, t: float | None = None) -> str:
+        """`sensitivity` at an output time (the last one without ``t``), and its largest absolute value, as a table."""
+        from .._lib.text import table, unit_note
+
+        at = len(self.t) - 1 if t is None else self._output(t)
+        labels = self.parameter_labels
+        d = np.asarray(self.sensitivity(what)).reshape(len(self.t), -1, len(labels))
+        names = ["derivative"] if d.shape[1] == 1 else [f"{what} {axis}" for axis in self.component_names(what)]
+        rows = [
+            (label, unit, *d[at, :, p], np.abs(d[:, :, p]).max())
+            for p, (label, unit) in enumerate(zip(labels, self.parameter_units, strict=True))
+        ]
+        unit = f" [{self.unit_of(what)} per unit of the parameter]" if self.unit_of(what) else ""
+        title = f"derivatives of {what}{unit} at t = {self.t[at]:.6g} s"
+        footer = unit_note(labels, self.parameter_units)
+        return table(["parameter", "unit", *names, "largest ever"], rows, title=title, footer=footer)
+
+    def plot(self, what: str = "motion", *, ax: Any = None, **options: Any) -> Any:
+        """Curves over time; see `mbrs.plot.motion`, and `mbrs.plot.gradients.over_time` for "sensitivity"."""
+        if what == "sensitivity":
+            from ..plot import gradients
+
+            return gradients.over_time(self, ax=ax, **options)
+        from ..plot import motion
+
+        return motion.plot(self, what, ax=ax, **options)
+
+    def animate(self, path: Any = None, **options: Any) -> Any:
+        """The motion as one self-contained page (`mbrs.view.motion`); written to ``path`` if that is given."""
+        from ..view import motion
+
+        viewer = motion.motion(self, **options)
+        return viewer if path is None else viewer.write(path)
+
+    def labelled(self) -> dict[str, tuple[tuple[str, ...], Any, str, str]]:
+        """Poses and velocities of the bodies, joint coordinates, reactions, forces of drives, energies (nan where an element
+        has no potential) and powers of the elements, residuals.
+        """
+        q = self._quantities
+        out: dict[str, tuple[tuple[str, ...], Any, str, str]] = {}
+        units = {"position": "m", "orientation": "1", "velocity": "m/s", "angular_velocity": "rad/s"}
+        for name, unit in units.items():
+            last = "quaternion" if name == "orientation" else "axis"
+            out[name] = (("time", "body", last), q[name], unit, name.replace("_", " "))
+        out |= {
+            n: (("time",), v, "J", f"{n} energy") for n, v in (("kinetic", q["kinetic"]), ("gravity", q["gravity"]))
+        }
+        out["energy"] = (("time",), self.energy.total, "J", "total energy")
+        out["residual"] = (("time", "level"), self.residual, "1", "residual of the constraints")
+        for name in self._joint_places:
+            v = self.joint(name)
+            dims = ("time",) if v.ndim == 1 else ("time", f"{name}_")
+            out[f"joint {name}"] = (dims, v, "", f"coordinate of {name}")
+        for name in self.flexible:
+            out[f"modal {name}"] = (("time", f"mode of {name}"), self.modal(name), "", f"modal coordinates of {name}")
+        for name, (dims, v) in self._labelled_forces().items():
+            out[name] = (dims, v, {"power": "W", "stored": "J"}.get(name, ""), name)
+        return out
+
+    def labels_of(self, dimension: str) -> Any:
+        known: dict[str, Any] = {"time": self.t, "body": self.bodies, **self._labels()}
+        return known.get(dimension, super().labels_of(dimension))
+
+    def attributes(self) -> dict[str, Any]:
+        computed = {} if callable(self.__dict__["error"]) or self.error is None else {"error": self.error}
+        return {
+            "result": "Trajectory",
+            "status": self.status,
+            "method": self.method,
+            "model": self.model.name,
+            **computed,
+        }
+
+    def to_xarray(self, sensitivity: Sequence[str] = ()) -> Any:
+        """`xarray.Dataset` over time.
+
+        ``sensitivity`` names quantities as in `sensitivity`: their derivatives come along as "d crank.position", over
+        "parameter".
+        """
+        data = super().to_xarray()
+        for what in [sensitivity] if isinstance(sensitivity, str) else sensitivity:
+            names = self.component_names(what)
+            d = np.asarray(self.sensitivity(what)).reshape(len(self.t), -1, len(self.parameter_labels))
+            own = "axis" if names == ["x", "y", "z"] else f"{what} component"
+            data = data.assign_coords({own: names, "parameter": self.parameter_labels})
+            data[f"d {what}"] = (("time", own, "parameter"), d)
+        return data
+
+    def _labels(self) -> dict[str, list[str]]:
+        t = self.snapshot.tables
+        labels = {
+            "joint": list(t["joint_name"]),
+            "element": list(self.energy.power),
+            "drive": [*t["drive_name"], *t["coupler_name"]],
+        }
+        wrench = {"wrench": ["x", "y", "z", "rx", "ry", "rz"]} if labels["joint"] else {}
+        return {**{k: v for k, v in labels.items() if v}, **wrench}
+
+    def _labelled_forces(self) -> dict[str, Any]:
+        """Reactions, forces of drives and couplers, energies and powers of elements, as far as there are any."""
+        labels, energy = self._labels(), self.energy
+        out: dict[str, Any] = {}
+        if "joint" in labels:
+            reactions = np.stack([self.reaction(name) for name in labels["joint"]], axis=1)
+            out["reaction"] = (("time", "joint", "wrench"), reactions)
+        if "drive" in labels:
+            forces = np.stack([self.drive_force(name) for name in labels["drive"]], axis=1)
+            out["drive force"] = (("time", "drive"), forces)
+        if "element" in labels:
+            nothing = np.full(len(self.t), np.nan)
+            stored = [energy.stored.get(name, nothing) for name in labels["element"]]
+            out["power"] = (("time", "element"), np.stack(list(energy.power.values()), axis=1))
+            out["stored"] = (("time", "element"), np.stack(stored, axis=1))
+        return out
+
+    def heading(self) -> str:
+        span = f"{self.t[0]:.6g} to {self.t[-1]:.6g} s" if len(self.t) else "nothing"
+        return f"motion of {self.model.name!r}: {self.status}, {span}, {len(self.t)} outputs"
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """No table: `notes` say what there is."""
+        return [], []
+
+    def notes(self) -> list[str]:
+        n = self.stats.counts
+        lines = [
+            f"  {self.stats.route}",
+            f"  {len(self.steps) - 1} steps, {n.get('rejected steps', 0)} rejected, "
+            f"{n.get('force evaluations', 0)} force evaluations, {n.get('tangents', 0)} tangents, "
+            f"{self.stats.wall_time:.3g} s",
+        ]
+        if len(self.t):
+            p, v, a = self.residual.max(axis=0)
+            lines.append(f"  constraints hold to {p:.1e} (position), {v:.1e} (velocity), {a:.1e} (acceleration)")
+        return [*lines, f"  {self.message}"] if self.message else lines
+
+
+_FREE = {kind.code: len(kind.free) for kind in JOINTS.values()}

@@ -1,0 +1,1 @@
+"""Periodic and quasi-periodic vibration by harmonic balance, with continuation."""

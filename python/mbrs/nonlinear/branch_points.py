@@ -1,0 +1,124 @@
+"""Data of a branch of periodic solutions: points, events, and the chunks in which they come from the core."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from . import balance
+
+STATUS = {"end": "converged", "start": "left-at-start", "stalled": "stopped", "interrupted": "interrupted"}
+MEANING = {
+    "converged": "the end of the range was reached",
+    "left-at-start": "the branch came back and left the range where it began",
+    "interrupted": "cut by Ctrl-C; .resume() goes on",
+    "max-points": "cut at max_points; .resume() goes on",
+    "stopped": "the step became smaller than min_step; the points so far are kept",
+    "unresolved": "the end was reached, but an estimated error exceeds the tolerance: take more harmonics",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """A special point of a branch: ``kind`` "fold", "branch-point", "neimark-sacker", "period-doubling", or "grazing" where the
+    exponents jump across the axis because a contact opens or closes.
+
+    ``omega`` (rad/s), ``level`` and, on a branch in a parameter, its ``value`` say where, ``X`` (dof, 2H+1) is the motion
+    there (built when asked for), ``exponent`` the Floquet exponent that crosses (None where it does not matter), ``index``
+    the number of the first point of the branch behind it.
+    """
+
+    kind: str
+    omega: float
+    level: float
+    exponent: complex | None
+    index: int
+    value: float | None = None
+    built: Callable[[], np.ndarray] | None = field(default=None, repr=False)
+
+    @cached_property
+    def X(self) -> np.ndarray:
+        """(dof, 2H+1) coefficients of the motion there."""
+        assert self.built is not None
+        return self.built()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "X": self.X, "built": None}
+
+    @property
+    def frequency(self) -> float:
+        """Excitation frequency, Hz."""
+        return self.omega / (2 * np.pi)
+
+    def __str__(self) -> str:
+        if self.value is not None:
+            return f"{self.kind} at value = {self.value:.10g}, omega = {self.omega:.6g} rad/s"
+        return f"{self.kind} at omega = {self.omega:.10g} rad/s, level = {self.level:.6g}"
+
+
+@dataclass(frozen=True, eq=False)
+class BranchPoint:
+    """One solution of a branch: ``omega``, ``level``, coefficients ``X`` (dof, 2H+1), ``error``, ``stable`` (nan: not
+    known),
+    Floquet ``exponents`` or None, the ``step`` that led here, the ``value`` of the parameter of a branch in one."""
+
+    omega: float
+    level: float
+    X: np.ndarray
+    error: float
+    stable: float
+    exponents: np.ndarray | None
+    step: float
+    value: float | None = None
+
+
+class Chunks:
+    """Points of a branch that have been computed so far, as lists of arrays; ``terms`` of a chunk say which harmonics it
+    holds."""
+
+    def __init__(self) -> None:
+        self.parts: list[tuple[balance.Setup, dict[str, Any]]] = []
+        self.events: list[Event] = []
+
+    def __len__(self) -> int:
+        return sum(len(part["p"]) for _, part in self.parts)
+
+    def column(self, name: str) -> np.ndarray:
+        """One number per point."""
+        return np.concatenate([part[name] for _, part in self.parts]) if self.parts else np.zeros(0)
+
+    def exponents(self) -> np.ndarray | None:
+        """(n, 2 dof) where every point has them; nan fills up where reduced models have fewer."""
+        parts = [part for _, part in self.parts if len(part["p"])]
+        known = [part["exponents"] for part in parts if "exponents" in part]
+        if not known or len(known) < len(parts):
+            return None
+        return filled_up([row for part in known for row in part])
+
+
+def filled_up(rows: list[np.ndarray]) -> np.ndarray:
+    """Exponents (n, most) of n points, with nan where a point has fewer than another."""
+    out = np.full((len(rows), max(len(row) for row in rows)), np.nan, complex)
+    for i, row in enumerate(rows):
+        out[i, : len(row)] = row
+    return out
+
+
+def resolved(events: list[Event], parameter: Callable[[Event], float], aliasing: np.ndarray) -> tuple[Event, ...]:
+    """The events without pairs of folds that lie nearer to each other than the error that samples make: where samples come into
+    contact one by one, the sampled equations have corners, at which their branch turns and turns back."""
+    kept: list[Event] = []
+    for event in events:
+        last = kept[-1] if kept else None
+        if event.kind == "fold" and last is not None and last.kind == "fold" and len(aliasing):
+            a, b = parameter(last), parameter(event)
+            near = aliasing[max(min(last.index, len(aliasing)) - 1, 0) : event.index + 1]
+            if abs(a - b) <= float(np.max(near, initial=0.0)) * abs(a):
+                kept.pop()
+                continue
+        kept.append(event)
+    return tuple(kept)

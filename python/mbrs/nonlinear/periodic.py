@@ -1,0 +1,454 @@
+"""Periodic response of M x" + C x' + K x + sum_e w_e law_e(w_e . x, w_e . x') = f(t) by harmonic balance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from ..errors import ConvergenceError, ModelError
+from ..results import Result, Stats, derived, quantity, result
+from . import balance
+from .displacement import displacement_coefficients, label
+
+if TYPE_CHECKING:
+    from .verify_full import Distance
+
+UNRESOLVED = 0.1
+MOST_HARMONICS = balance.MOST_HARMONICS
+
+
+@result
+class PeriodicSolution(Result):
+    """One periodic motion x(t) = a0 + sum_h a_h cos(h omega t / nu) + b_h sin(h omega t / nu), nu = ``subharmonic``.
+
+    Attributes
+    ----------
+    X
+        (dof, 2H+1) coefficients [a0, a1, b1, a2, b2, ...], zero for harmonics left out.
+    omega
+        Excitation frequency, rad/s.
+    error
+        Estimate of the truncation error relative to the largest coefficient of the coordinates that are solved for: one
+        Newton step on more harmonics and samples.
+    status
+        "converged", or "unresolved" where ``error`` exceeds the tolerance (0.1 unless ``tol`` was given).
+    """
+
+    X: np.ndarray
+    omega: float = quantity(unit="rad/s")
+    harmonics: tuple[int, ...]
+    subharmonic: int = 1
+    n_samples: int = 0
+    system: Any = field(default=None, repr=False)
+    force: Any = field(default=None, repr=False)
+
+    row: ClassVar[str] = "coordinate"
+    axes: ClassVar[Mapping[str, str]] = {"coordinate": "coordinates", "harmonic": "orders"}
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return tuple(str(n) for n in getattr(self.system, "coordinates", [f"x{i}" for i in range(len(self.X))]))
+
+    @property
+    def orders(self) -> np.ndarray:
+        """Numbers of the harmonics, 0 the mean."""
+        return np.arange((self.X.shape[1] - 1) // 2 + 1)
+
+    @property
+    @derived(dims=("coordinate", "harmonic", "part"), name="X", label="Fourier coefficients")
+    def _coefficients(self) -> np.ndarray:
+        out = np.zeros((len(self.X), len(self.orders), 2))
+        out[:, :, 0] = np.concatenate([self.X[:, :1], self.X[:, 1::2]], axis=1)
+        out[:, 1:, 1] = self.X[:, 2::2]
+        return out
+
+    def attributes(self) -> dict[str, Any]:
+        return {
+            **super().attributes(),
+            "omega": self.omega,
+            "frequency": self.frequency,
+            "subharmonic": self.subharmonic,
+        }
+
+    @property
+    @derived(unit="Hz", label="excitation frequency")
+    def frequency(self) -> float:
+        """Excitation frequency, Hz."""
+        return self.omega / (2 * np.pi)
+
+    @property
+    @derived(unit="s")
+    def period(self) -> float:
+        """Period of the motion, s."""
+        return 2 * np.pi * self.subharmonic / self.omega
+
+    def coefficient(self, dof: Any = 0, harmonic: int = 1) -> complex:
+        """Complex amplitude a - i b of one harmonic: the motion is its real part times exp(i h omega t / nu).
+
+        ``dof``: number or name of a coordinate, or, of a model, a motion such as ``body.motion("z")``.
+        """
+        x = displacement_coefficients(self.X, self.system, dof)
+        if not 0 <= balance.whole("harmonic", harmonic) <= (len(x) - 1) // 2:
+            return 0j
+        return complex(x[0]) if harmonic == 0 else complex(x[2 * harmonic - 1], -x[2 * harmonic])
+
+    def amplitude(self, dof: Any = 0, harmonic: int = 1) -> float:
+        """Magnitude sqrt(a^2 + b^2) of one harmonic of one displacement (``dof`` as for `coefficient`)."""
+        return abs(self.coefficient(dof, harmonic))
+
+    def displacement(self, t: Any, dof: Any = None) -> np.ndarray:
+        """x at the times ``t``, (dof, n_t); (n_t,) of one displacement where ``dof`` names it."""
+        return self._series(t, 0, dof)
+
+    def velocity(self, t: Any, dof: Any = None) -> np.ndarray:
+        """x' at the times ``t``, (dof, n_t) or (n_t,)."""
+        return self._series(t, 1, dof)
+
+    def _series(self, t: Any, derivative: int, dof: Any) -> np.ndarray:
+        X = self.X if dof is None else displacement_coefficients(self.X, self.system, dof)[None, :]
+        h = np.arange((X.shape[1] - 1) // 2 + 1)
+        rate = h * self.omega / self.subharmonic
+        c = X[:, 0::2].astype(complex)
+        c[:, 1:] = X[:, 1::2] - 1j * X[:, 2::2]
+        c = c * (1j * rate) ** derivative
+        x = (c @ np.exp(1j * np.outer(rate, np.atleast_1d(np.asarray(t, float))))).real
+        return x if dof is None else x[0]
+
+    def largest(self, dof: Any = 0) -> float:
+        """Largest |x| of one displacement over a period: the best of many instants, refined by Newton's method."""
+        x = displacement_coefficients(self.X, self.system, dof)
+        h = np.arange((len(x) - 1) // 2 + 1)
+        c = x[0::2].astype(complex)
+        c[1:] = x[1::2] - 1j * x[2::2]
+
+        def motion(phase: Any, derivative: int = 0) -> np.ndarray:
+            return np.real(np.exp(1j * np.multiply.outer(phase, h)) @ (c * (1j * h) ** derivative))
+
+        n_t = max(256, 16 * len(h))
+        spectrum = c * np.where(h == 0, n_t, n_t / 2)
+        series = np.abs(np.fft.irfft(np.pad(spectrum, (0, n_t // 2 + 1 - len(h))), n_t))
+        best, between = float(np.max(series)), 2 * np.pi / n_t
+        at = float(np.argmax(series)) * between
+        for _ in range(8):
+            bend = float(motion(at, 2))
+            step = -float(motion(at, 1)) / bend if bend else 0.0
+            at += float(np.clip(step, -between, between))
+            best = max(best, abs(float(motion(at))))
+        return best
+
+    def lines(self, dof: Any = 0) -> tuple[np.ndarray, np.ndarray, list[str]]:
+        """Frequencies in Hz, amplitudes and names of the harmonics, the mean first."""
+        h = np.arange((self.X.shape[1] - 1) // 2 + 1)
+        size = np.array([self.amplitude(dof, int(i)) for i in h])
+        return h * self.frequency / self.subharmonic, size, [str(i) for i in h]
+
+    def label(self, dof: Any = 0) -> str:
+        """Name of a displacement."""
+        return label(self.system, dof, len(self.X))
+
+    @property
+    def multipliers(self) -> np.ndarray | None:
+        """(2 dof,) Floquet multipliers exp(s T) over one period of the motion, computed when asked for; None where they cannot be
+        told (laws with memory, large systems without a reduced model)."""
+        setup = balance.prepare(
+            self.system, self.force, self.harmonics, self.subharmonic, self.n_samples or None, self.omega
+        )
+        s = setup.exponents(setup.start(self), self.omega)
+        return None if s is None else np.exp(s * self.period)
+
+    def verify(self, rtol: float = 1e-9, *, full: bool | None = None) -> Distance:
+        """Integrates one period from the solution's own state at t = 0 and returns the largest distance between the
+        two motions, relative to the largest displacement: a number with ``.balanced`` and ``.full``.
+
+        ``.balanced`` is against the equations that were balanced, by DOP853; by the implicit midpoint rule with halved
+        steps for more than 60 coordinates and for laws with memory, whose sliders start where two periods of the solution
+        leave them. ``.full``, for models and then the number itself, is against its full equations by `mb.simulate`,
+        hence with the error of the linearised geometry. ``full``: True demands it, False leaves it out, None takes it where
+        it can be had (``.why`` says why not). An unstable motion leaves its orbit, and both distances grow by its
+        multiplier."""
+        from .verify import verify
+
+        return verify(self, rtol, full)
+
+    def plot(self, dof: Any = 0, ax: Any = None) -> Any:
+        """Harmonics as bars; returns the matplotlib figure. ``ax``: axes to draw into."""
+        from ..plot.nonlinear import harmonics
+
+        return harmonics(self, dof, ax=ax)
+
+    def plot_orbit(self, dof: Any = 0, ax: Any = None) -> Any:
+        """One period in time, and velocity over displacement; returns the figure."""
+        from ..plot.nonlinear import orbit
+
+        return orbit(self, dof, ax=ax)
+
+    def plot_spectrum(self, dof: Any = 0, ax: Any = None) -> Any:
+        """Amplitude over frequency in Hz; returns the figure."""
+        from ..plot.nonlinear import spectrum
+
+        return spectrum(self, dof, ax=ax)
+
+    def rows(self, most: int = 20) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: the coordinates that move most, in their order."""
+        top = min(3, (self.X.shape[1] - 1) // 2)
+        size = np.linalg.norm(self.X, axis=1)
+        chosen = np.sort(np.argsort(-size, kind="stable")[:most])
+        heads = ["coordinate", "mean", *(f"|harmonic {h}|" for h in range(1, top + 1)), "largest |x|"]
+        return heads, [
+            [
+                self.label(int(i)),
+                float(self.X[i, 0]),
+                *(self.amplitude(int(i), h) for h in range(1, top + 1)),
+                self.largest(int(i)),
+            ]
+            for i in chosen
+        ]
+
+    def heading(self) -> str:
+        nu = "" if self.subharmonic == 1 else f", of omega / {self.subharmonic}"
+        return (
+            f"{type(self).__name__}: {self.status}, omega = {self.omega:.10g} rad/s ({self.frequency:.6g} Hz), "
+            f"{len(self.harmonics)} harmonics up to {self.harmonics[-1]}{nu}, estimated error {self.error:.1e}"
+        )
+
+    def notes(self) -> list[str]:
+        notes = []
+        if len(self.X) > 20:
+            notes.append(f"({len(self.X)} coordinates, the 20 that move most are shown)")
+        if self.status == "unresolved":
+            notes.append("unresolved: the estimated error exceeds the tolerance; take more harmonics")
+        return notes
+
+
+def harmonic_balance(
+    system: Any,
+    *,
+    force: Any = None,
+    inputs: Any = None,
+    amplitude: Any = None,
+    omega: float | None = None,
+    frequency: float | None = None,
+    harmonics: Any = 7,
+    n_samples: int | None = None,
+    subharmonic: int = 1,
+    condense: bool | str = "auto",
+    x0: Any = None,
+    tol: float | None = None,
+    tolerance: float = 1e-10,
+    max_iterations: int = 60,
+    at: Any = None,
+    without: Any = (),
+) -> PeriodicSolution:
+    """One periodic solution of M x" + C x' + K x + sum_e w_e law_e(w_e . x, w_e . x') = f(t) by harmonic balance.
+
+    Where several solutions exist, the one found depends on ``x0``; `frequency_response` follows them all.
+
+    Parameters
+    ----------
+    system
+        `MechanicalSystem` with nonlinear ``elements``, or a `Model`, whose geometry is then linearised
+        (`nonlinear_system`).
+    force
+        Amplitudes (n,) of the first harmonic, real for a cosine, complex a - i b for a cos + b sin; or
+        ``{harmonic: (n,)}`` with 0 for a static (real) force. Force units of the system.
+    inputs, amplitude
+        In its place, of a model: a port such as ``body.force("x")`` or a list of them, or ``{harmonic: ports}``, and their
+        amplitudes, N or N m: one number or one for each, complex a - i b for a cos + b sin. 1 if left out.
+    omega, frequency
+        Excitation frequency in rad/s or in Hz; exactly one of them.
+    harmonics
+        Highest harmonic H, or a sequence of those to keep (of omega / subharmonic), or "auto": as many as ``.error <=
+        tol`` needs.
+    n_samples
+        Samples per period; by default as many as polynomial laws need not to alias; for others at least 512, and doubled
+        while aliasing is the larger part of ``error``.
+    subharmonic
+        nu: the motion may have the period 2 pi nu / omega.
+    condense
+        Solve for the coordinates that elements touch alone, the others being eliminated exactly, harmonic by harmonic:
+        True, False, or "auto" for systems large enough to gain from it; by one sparse factorisation per harmonic
+        ("sparse") or by the modes of the rest while these coordinates are held, none left out ("modal").
+        ``.stats.route`` tells what was done.
+    x0
+        First guess: coefficients (dof, 2h+1) or an earlier result. The default starts at rest with the linear response;
+        if that fails, the force is raised step by step, and if that fails, the harmonics are.
+    tol
+        Largest ``.error`` that is called resolved; 0.1, and 1e-6 for ``harmonics="auto"``.
+    tolerance, max_iterations
+        Of Newton's method: last step relative to the coefficients of a coordinate.
+    at, without
+        State of a model and effects to leave out, as for `mb.linearize`.
+
+    Returns
+    -------
+    PeriodicSolution
+        ``X`` (dof, 2H+1), ``amplitude``, ``error``, ``status``.
+
+    Raises
+    ------
+    ModelError
+        Wrong shapes, values or harmonics.
+    ConvergenceError
+        Newton's method gave up; ``.result`` is what it had reached.
+
+    Notes
+    -----
+    Equations: docs/theory.md (11.1) to (11.9).
+    Alternating frequency and time (Cameron and Griffin, J. Appl. Mech. 56 (1989) 149-154) with the exact Jacobian from
+    the FFT of the
+    force derivatives. Per iteration O(n_t log n_t + H^2) for each element and O((n (2H+1))^3) for the linear equations.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> duffing = mb.MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[mb.Cubic(0.1, w=[1.0])])
+    >>> one = mb.harmonic_balance(duffing, force=[0.18], omega=0.8, harmonics=7)
+    >>> round(one.amplitude(), 6)
+    0.474872
+    """
+    from .system import as_system
+
+    started = perf_counter()
+    system, force = as_system(system, force, amplitude, at, without, inputs)
+    w = balance.one_frequency(omega, frequency)
+    if w.ndim != 0:
+        raise ModelError("harmonic_balance solves at one frequency; frequency_response takes a range")
+    limit = balance.positive("tol", UNRESOLVED if tol is None else tol)
+    options = balance.newton(tolerance, max_iterations)
+    if isinstance(harmonics, str):
+        if harmonics != "auto":
+            raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
+        given = dict(
+            n_samples=n_samples,
+            subharmonic=subharmonic,
+            condense=condense,
+            **options,
+        )
+        return _automatic(system, force, float(w), x0, 1e-6 if tol is None else tol, given)
+    setup, answer = _solved(system, force, harmonics, subharmonic, n_samples, float(w), condense, x0, options, tol)
+    loose = "" if answer["converged"] or "singular" not in answer["reason"] else setup.loose_coordinate(float(w))
+    if loose and not np.all(np.isfinite(answer["y"])):
+        raise _failure(system, answer, None, loose)
+    result = PeriodicSolution(
+        setup.expand(answer["y"], float(w)),
+        float(w),
+        setup.harmonics,
+        setup.subharmonic,
+        setup.n_samples,
+        system,
+        force,
+        stats=Stats(perf_counter() - started, _counts(answer), effects_of(system), setup.route),
+        error=answer["error"],
+        status="converged" if answer["converged"] and answer["error"] <= limit else "unresolved",
+    )
+    if not answer["converged"]:
+        raise _failure(system, answer, result, loose)
+    return result
+
+
+def _solved(
+    system: Any,
+    force: Any,
+    harmonics: Any,
+    subharmonic: int,
+    n_samples: int | None,
+    omega: float,
+    condense: bool | str,
+    x0: Any,
+    options: dict[str, Any],
+    tol: float | None,
+) -> tuple[balance.Setup, dict[str, Any]]:
+    """Solve; on failure restart from fewer harmonics; refine the sampling if aliasing dominates."""
+    given: dict[str, Any] = dict(subharmonic=subharmonic, n_samples=n_samples, omega=omega, condense=condense)
+    setup, answer = first_solution(system, force, harmonics, given, x0, options)
+    while answer["converged"]:
+        error, aliasing = answer["error"], answer["aliasing"]
+        more = balance.more_samples(setup.n_samples, error, aliasing, system.elements, n_samples, tol)
+        if more is None:
+            break
+        finer = balance.prepare(system, force, harmonics, least_samples=more, **given)
+        again = balance.call_core(finer.core.solve, answer["y"], [omega], **options)
+        if not again["converged"]:
+            break
+        for name in ("iterations", "evaluations", "factorisations"):
+            again[name] += answer[name]
+        setup, answer = finer, again
+    return setup, answer
+
+
+def first_solution(
+    system: Any, force: Any, harmonics: Any, given: dict[str, Any], x0: Any, options: dict[str, Any]
+) -> tuple[balance.Setup, dict[str, Any]]:
+    """The core's answer from a guess or from rest; where it fails, with harmonics that grow and with more samples: too few
+    make the equations of a stiff contact rough."""
+    laws = balance.checked_system(system)
+    smooth = given["n_samples"] is not None or all(law.kind.polynomial for law in laws)
+    for least in (0,) if smooth else (0, balance.MOST_SAMPLES // 8, balance.MOST_SAMPLES // 2):
+        setup = balance.prepare(system, force, harmonics, least_samples=least, **given)
+        answer = balance.call_core(setup.core.solve, setup.start(x0), [given["omega"]], **options)
+        if not answer["converged"] and x0 is None:
+            finer = dict(given, least_samples=least)
+            guess = _ramped_start(system, force, setup.harmonics, finer, options)
+            if guess is not None:
+                answer = balance.call_core(setup.core.solve, setup.start(guess), [given["omega"]], **options)
+        if answer["converged"] or answer["broken"] is not None:
+            break
+    return setup, answer
+
+
+def _ramped_start(
+    system: Any, force: Any, harmonics: tuple[int, ...], given: dict[str, Any], options: dict[str, Any]
+) -> np.ndarray | None:
+    """A first guess from sets of harmonics that grow, None where no set has a solution."""
+    forced = [h * given["subharmonic"] for h in force] if isinstance(force, Mapping) else [given["subharmonic"]]
+    guess = None
+    for top in (1, 2, 3, 5, 9, 17, 33, 65, 129):
+        fewer = [h for h in harmonics if h <= max(top, *forced)]
+        if len(fewer) == len(harmonics):
+            break
+        setup = balance.prepare(system, force, fewer, **given)
+        answer = balance.call_core(setup.core.solve, setup.start(guess), [given["omega"]], **options)
+        if answer["converged"]:
+            guess = setup.expand(answer["y"], given["omega"])
+    return guess
+
+
+def _automatic(system: Any, force: Any, omega: float, x0: Any, tol: float, given: dict[str, Any]) -> PeriodicSolution:
+    """More harmonics until the error estimate is below the tolerance."""
+    forced = max((h for h in force), default=1) if isinstance(force, Mapping) else 1
+    top, guess = max(3, int(forced)), x0
+    while True:
+        one = harmonic_balance(system, force=force, omega=omega, harmonics=top, x0=guess, tol=tol, **given)
+        if one.error <= tol or top >= MOST_HARMONICS:
+            return one
+        top, guess = min(MOST_HARMONICS, top + max(2, top // 2)), one
+
+
+def _counts(answer: dict[str, Any]) -> dict[str, int]:
+    return {key: answer[key] for key in ("iterations", "evaluations", "factorisations")}
+
+
+def effects_of(system: Any) -> tuple[str, ...]:
+    """Names of what a system contains beside mass and stiffness."""
+    names = [type(law).__name__ for law in system.elements]
+    linear = [] if system.C is None else ["damping"]
+    return tuple(dict.fromkeys(linear + names))
+
+
+def _failure(system: Any, answer: dict[str, Any], result: PeriodicSolution | None, loose: str) -> ConvergenceError:
+    broken = answer["broken"]
+    if broken is not None:
+        text = f"elements[{broken}], {system.elements[broken]!r}, returned a force that is not finite"
+        advice = "check its numbers and the range of displacements"
+    elif "singular" in answer["reason"] and loose:
+        text = f"harmonic balance did not converge: the equations are singular, nothing restrains {loose}"
+        advice = "restrain it, or drive or remove its joint"
+    else:
+        text = f"harmonic balance did not converge: {answer['reason']} after {answer['iterations']} iterations"
+        advice = "start nearer (x0=), raise the force in steps, or follow the branch with frequency_response"
+    return ConvergenceError(f"{text}; {advice}", None if result is None else result.replaced(status="stopped"))

@@ -1,0 +1,46 @@
+"""Figures of aerodynamics: performance of rotors, loads and start of wings."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .figure import canvas, colours, legend, style
+
+__all__ = ["circulation", "performance", "start"]
+
+
+def performance(result: Any, *, ax: Any = None) -> Any:
+    """Power coefficient (full) and thrust coefficient (dashed) over the tip speed ratio."""
+    with style():
+        made, axes = canvas(ax)
+        power, thrust = colours(axes, 2)
+        marker = "o" if len(result.tip_speed_ratio) < 8 else None
+        axes.plot(result.tip_speed_ratio, result.power_coefficient, marker=marker, color=power, label="power")
+        axes.plot(result.tip_speed_ratio, result.thrust_coefficient, "--", marker=marker, color=thrust, label="thrust")
+        axes.set(xlabel="tip speed ratio", ylabel="coefficient", title="rotor performance")
+        legend(axes)
+    return made
+
+
+def circulation(result: Any, *, ax: Any = None) -> Any:
+    """Circulation over the wind's speed along the span, a curve for each angle."""
+    with style():
+        made, axes = canvas(ax)
+        for angle, gamma, colour in zip(
+            result.angle, result.circulation, colours(axes, len(result.angle)), strict=True
+        ):
+            axes.plot(result.place, gamma, color=colour, label=f"{np.degrees(angle):.4g} degrees")
+        axes.set(xlabel="place along the span [m]", ylabel="circulation / speed [m]", title="lifting line")
+        legend(axes)
+    return made
+
+
+def start(result: Any, *, ax: Any = None) -> Any:
+    """Lift coefficient over the distance flown."""
+    with style():
+        made, axes = canvas(ax)
+        axes.plot(result.distance, result.lift_coefficient, color=colours(axes, 1)[0])
+        axes.set(xlabel="distance flown [m]", ylabel="lift coefficient", title="impulsive start")
+    return made

@@ -1,0 +1,1 @@
+"""Solvers of equations that are not a model."""

@@ -1,0 +1,1 @@
+"""Studies of accuracy, of effects and of derivatives."""

@@ -1,0 +1,225 @@
+"""Influence of the effects of a model: an analysis with each of them off in turn."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from .._lib.progress import Progress
+from .._lib.text import Block, si
+from ..errors import Interrupted, MbrsError, ModelError
+from ..results import Result, Stats, derived, result
+from ..system.effects import LINEAR_ONLY, effects
+from .measures import eigenvalue_difference, frequency_difference, measure_for
+from .timing import name_of, short, timed
+
+__all__ = ["EffectRow", "EffectStudy", "effect_study"]
+
+
+@dataclass(frozen=True)
+class EffectRow:
+    """One effect left out: relative ``change`` (nan: unknown), share of time ``saved``, ``fewer`` work counts."""
+
+    effect: str
+    change: float
+    time: float
+    saved: float
+    fewer: Mapping[str, int]
+    status: str
+
+
+@result
+class EffectStudy(Result):
+    """Influence and cost of each effect of a model; see `effect_study`. ``time``: the full run."""
+
+    runs: tuple[EffectRow, ...]
+    measure: str
+    time: float
+
+    row: ClassVar[str] = "effect"
+    axes: ClassVar[Mapping[str, str]] = {"effect": "names"}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effects that were left out."""
+        return tuple(run.effect for run in self.runs)
+
+    @property
+    @derived(dims=("effect",), unit="1")
+    def change(self) -> np.ndarray:
+        """(n,) relative change of the result without each effect; nan where unknown."""
+        return np.array([run.change for run in self.runs], dtype=float)
+
+    @property
+    @derived(dims=("effect",), unit="1")
+    def saved(self) -> np.ndarray:
+        """(n,) share of the time that leaving each effect out saves."""
+        return np.array([run.saved for run in self.runs], dtype=float)
+
+    @property
+    @derived(dims=("effect",), unit="s", name="time")
+    def _times(self) -> np.ndarray:
+        return np.array([run.time for run in self.runs], dtype=float)
+
+    def attributes(self) -> dict[str, Any]:
+        return {**super().attributes(), "measure": self.measure, "time": self.time}
+
+    def heading(self) -> str:
+        return "effect study" if self.runs else "effect study: no effect of this model can be switched off"
+
+    def blocks(self) -> list[Block]:
+        return [Block(*self.rows(), title=self.heading(), footer="\n".join(self.notes()) or None, digits=4)]
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        columns = ["without", "change", "time [ms]", "saved [%]", "work", "status"]
+        return columns, [
+            [
+                r.effect,
+                short(r.change),
+                1e3 * r.time,
+                round(100.0 * r.saved) if math.isfinite(r.saved) else None,
+                sum(r.fewer.values()),
+                r.status,
+            ]
+            for r in self.runs
+        ]
+
+    def notes(self) -> list[str]:
+        if not self.runs:
+            return []
+        lines = [f"change: {self.measure}; all effects on: {si(self.time, 's')}, best of the repeats"]
+        for r in self.runs:
+            if r.fewer:
+                lines.append(f"work without {r.effect}: " + ", ".join(f"{n:+d} {name}" for name, n in r.fewer.items()))
+        return lines
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """Change and time saved as bars, with ``ax`` the change; returns the figure."""
+        from ..plot import effects
+
+        return effects(self, ax=ax)
+
+
+def effect_study(
+    fun: Callable[..., Any],
+    model: Any,
+    *args: Any,
+    repeat: int = 3,
+    measure: Callable[[Any, Any], float] | None = None,
+    effects: Sequence[str] | None = None,
+    **settings: Any,
+) -> EffectStudy:
+    """Run an analysis with each effect that is on switched off in turn: what changes, and what it saves.
+
+    Parameters
+    ----------
+    fun
+        An analysis with ``without=``, such as ``mb.modes``.
+    model, args, settings
+        What it takes; ``without`` among the settings is off in every run.
+    repeat
+        Times are the best of this many runs.
+    measure
+        ``measure(result, reference) -> float``; None chooses by the kind of result (`mbrs.studies.measures`).
+    effects
+        Names of effects to try; None takes those that ``mb.effects(model)`` lists as on and that can be switched off.
+
+    Returns
+    -------
+    EffectStudy
+        Rows from the largest change to the smallest. An effect whose absence makes the analysis fail is recorded.
+
+    Raises
+    ------
+    ModelError
+        The analysis fails with all effects on.
+    Interrupted
+        Ctrl-C; ``.result`` is the study of the effects that were finished, None before the first comparison.
+
+    Notes
+    -----
+    Cost: ``repeat`` x (number of effects + 1) + 1 runs.
+    """
+    off = tuple(settings.pop("without", ()))
+    names = tuple(effects) if effects is not None else _effects_on(model, fun)
+    keywords = {**settings, **({"without": off} if off else {})}
+    try:
+        # a first run that is not timed: it alone pays for compiling, which every effect would seem to cost
+        _, _, warm_up, _ = timed(fun, (model, *args), keywords, 1)
+        whole, full, spent, status = timed(fun, (model, *args), keywords, repeat)
+    except KeyboardInterrupt:
+        raise Interrupted("the effect study was interrupted before there was anything to compare") from None
+    spent += warm_up
+    if whole is None:
+        raise ModelError(f"the analysis fails with all effects on, so there is nothing to compare with: {status}")
+    measure = measure or _measure(whole)
+    rows: list[EffectRow] = []
+
+    def study(status: str) -> EffectStudy:
+        rows.sort(key=lambda row: -row.change if math.isfinite(row.change) else math.inf)
+        stats = Stats(wall_time=spent, counts={"runs": repeat * (len(rows) + 1) + 1})
+        return EffectStudy(tuple(rows), name_of(measure), full, stats=stats, error=None, status=status)
+
+    try:
+        with Progress("effect study", len(names)) as progress:
+            for name in names:
+                if name not in off:
+                    row, cost = _effect_row(fun, (model, *args), settings, (*off, name), repeat, measure, (whole, full))
+                    rows.append(row)
+                    spent += cost
+                progress.advance(note=name)
+    except KeyboardInterrupt:
+        text = f"the effect study was interrupted after {len(rows)} of {len(names)} effects"
+        raise Interrupted(text, study("interrupted")) from None
+    return study("converged")
+
+
+def _measure(whole: Any) -> Callable[[Any, Any], float]:
+    """Modes by their eigenvalues: frequencies alone would not see damping."""
+    chosen = measure_for(whole)
+    return eigenvalue_difference if chosen is frequency_difference else chosen
+
+
+def _effect_row(
+    fun: Callable[..., Any],
+    args: Any,
+    settings: Any,
+    off: tuple[str, ...],
+    repeat: int,
+    measure: Any,
+    whole: tuple[Any, float],
+) -> tuple[EffectRow, float]:
+    result, best, spent, status = timed(fun, args, {**settings, "without": off}, repeat)
+    reference, full = whole
+    if result is None:
+        return EffectRow(off[-1], math.nan, best, math.nan, {}, status), spent
+    try:
+        change = float(measure(result, reference))
+    except MbrsError as problem:
+        change, status = math.nan, f"not comparable: {problem}"
+    saved = 1.0 - best / full if full > 0.0 else math.nan
+    return EffectRow(off[-1], change, best, saved, _fewer(reference, result), status), spent
+
+
+def _fewer(whole: Any, part: Any) -> dict[str, int]:
+    """Differences of the work counts, part - whole, where they are not zero."""
+    before = dict(getattr(getattr(whole, "stats", None), "counts", {}) or {})
+    after = dict(getattr(getattr(part, "stats", None), "counts", {}) or {})
+    changes = {name: int(after.get(name, 0)) - int(before.get(name, 0)) for name in sorted({*before, *after})}
+    return {name: change for name, change in changes.items() if change}
+
+
+def _effects_on(model: Any, fun: Callable[..., Any]) -> tuple[str, ...]:
+    """Effects that are on and that the analysis can leave out: a motion knows no parts of a linearisation."""
+    motion = getattr(fun, "__name__", "") == "simulate"
+    listed = effects(model)
+    entries = listed.items() if isinstance(listed, Mapping) else [(getattr(e, "name", None), e) for e in listed]
+    return tuple(
+        str(name)
+        for name, entry in entries
+        if getattr(entry, "on", entry) and getattr(entry, "switchable", True) and not (motion and name in LINEAR_ONLY)
+    )

@@ -1,0 +1,124 @@
+"""States of a model: where its bodies are and how fast they move, consistent with all joints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..errors import DoubtfulWarning, MbrsWarning, ModelError
+
+AT_REST = np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Poses and velocities of all bodies, as the core holds them.
+
+    Attributes
+    ----------
+    q
+        (n_q,) coordinates of the joints in the order of the tree (lengths in m, angles in rad that grow over turns, unit quaternions
+        of spherical and free joints), then modal coordinates; made by the analyses, not by hand.
+    rate
+        (n_tree,) rates of the tree coordinates, or empty at rest.
+    kind
+        "drawn" (sensitivities then know the given velocities), "equilibrium" or "steady" (they follow it), or "given".
+    memory
+        (n_memory,) what laws with memory remember, or empty: centred.
+    t
+        s; the time it was taken at.
+    driven
+        Indices of the tree coordinates that a steady motion keeps at their speeds.
+    acceleration
+        (n_tree,) of the tree coordinates whose rates turn in a steady motion, or empty: zero.
+    turn
+        (dof, dof) W in rad/s: increments y = exp(W t) z have constant coefficients in z; None where y itself has.
+    frame
+        Axes of z: "fixed", "rotating", "joint" or "multiblade"; empty but for a steady motion.
+    """
+
+    q: np.ndarray
+    rate: np.ndarray
+    kind: str = "given"
+    memory: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    t: float = 0.0
+    driven: tuple[int, ...] = ()
+    acceleration: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    turn: np.ndarray | None = None
+    frame: str = ""
+
+    @property
+    def moving(self) -> bool:
+        """True where any rate is not zero."""
+        return bool(np.any(self.rate))
+
+
+def drawn(model: Any, system: Any, hold: bool = True, without: Sequence[str] = ()) -> State:
+    """The drawn configuration with its given velocities: two-point joints brought together, loops closed.
+
+    ``hold``: drives stand still at their value of t = 0, as linear analyses see them.
+    """
+    from .._lib.border import core_errors
+
+    with core_errors():
+        made = system.assemble(hold, list(without))
+    if made["velocity_correction"] > 1e-9 * max(1.0, float(np.abs(made["rate"]).max(initial=0.0))):
+        import warnings
+
+        warnings.warn(
+            f"the given velocities of {model.name!r} contradict its joints; they were changed by up to "
+            f"{made['velocity_correction']:.3g} m/s to agree",
+            MbrsWarning,
+            stacklevel=4,
+        )
+    return State(made["q"], made["rate"], "drawn")
+
+
+def doubt(joints: Sequence[str], value: float, redundant: bool, tolerance: float) -> str:
+    """A sentence on constraints that the drawing decides only just."""
+    named = ", ".join(repr(j) for j in joints[:6]) + (f" and {len(joints) - 6} more" if len(joints) > 6 else "")
+    if redundant:
+        return (
+            f"the loop of {named} is taken to move: as drawn its joints lock each other, but only by {value:.1e} (radians, or parts "
+            f"of its length), less than the tolerance {tolerance:.1e} of the drawing"
+        )
+    return (
+        f"the loop of {named} is locked by no more than {value:.1e} (radians, or parts of its length): it would move if its axes and "
+        f"points agreed better; free one rotation, or use Model(tolerance={4 * value:.1e}) if the drawing is no more accurate"
+    )
+
+
+def doubts_of(system: Any, without: Sequence[str] = ()) -> tuple[str, ...]:
+    """Sentences about constraints that the drawing decides only just."""
+    from .._lib.border import core_errors
+
+    with core_errors():
+        found = system.doubts(list(without))
+    return tuple(dict.fromkeys(doubt(*d) for d in found))
+
+
+def warn_of_doubts(model: Any, system: Any, without: Sequence[str] = ()) -> None:
+    """Name the loops of a model whose rank the tolerance of the drawing decides."""
+    import warnings
+
+    for sentence in doubts_of(system, without):
+        warnings.warn(f"{model.name!r}: {sentence}", DoubtfulWarning, stacklevel=4)
+
+
+def state_of(model: Any, system: Any, at: Any, hold: bool = True, without: Sequence[str] = ()) -> State:
+    """The state that ``at=`` means: None (drawn), a `State`, or a result that carries one."""
+    warn_of_doubts(model, system, without)
+    if at is None:
+        return drawn(model, system, hold, without)
+    state = getattr(at, "state", at)
+    if callable(state) or not isinstance(state, State):
+        raise ModelError(f"at= takes None (the drawn state), an equilibrium, a steady motion or a state; got {at!r}")
+    if state.q.shape != (system.n_q,):
+        raise ModelError(
+            f"at= is a state of {state.q.size} coordinates, but model {model.name!r} has {system.n_q}; compute it again from this "
+            f"model, with the same effects"
+        )
+    return state

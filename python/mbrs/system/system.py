@@ -1,0 +1,198 @@
+"""The compiled model as a user sees it: topology, loops, degrees of freedom and redundant constraints by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from .._lib.border import core_errors
+from ..results import Result, Stats, derived
+from ..system.snapshot import Snapshot
+from .state import doubts_of, state_of
+
+if TYPE_CHECKING:
+    from ..model.model import Model
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A closed loop: the joint where it was cut, and the bodies around it."""
+
+    joint: str
+    bodies: tuple[str, ...]
+    redundant: int
+
+
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class System(Result):
+    """Compile a model; ``print(mb.System(m))`` shows bodies, joints, loops and degrees of freedom.
+
+    Parameters
+    ----------
+    model
+        The model, with its present values.
+
+    Attributes
+    ----------
+    dof
+        Degrees of freedom at the drawn state.
+    coordinates
+        Names of the minimal coordinates.
+    tree
+        (body, inner body or "ground", joint name or None, joint type) in the order of the spanning tree.
+    loops
+        One `Loop` per cut joint.
+    redundant
+        Number of redundant constraint equations by joint; others in the loop enforce them already. The choice among
+        equivalent redundant equations is arbitrary.
+
+    doubts
+        A sentence for each constraint whose independence the drawing decides only just, with its joints.
+
+    Raises
+    ------
+    AssemblyError
+        Loops that cannot close, with the gap.
+    SingularError
+        A pose in which the mobility is not decided.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> mb.System(mb.examples.four_bar()).dof
+    1
+    """
+
+    name: str
+    n_bodies: int
+    n_joints: int
+    n_elements: int
+    coordinates: tuple[str, ...]
+    n_tree: int
+    n_rows: int
+    rank: int
+    characteristic_length: float
+    tree: tuple[tuple[str, str, str | None, str], ...]
+    redundant: Mapping[str, int]
+    loops: tuple[Loop, ...]
+    joint_types: Mapping[str, str]
+    doubts: tuple[str, ...]
+
+    row: ClassVar[str] = "body"
+    axes: ClassVar[Mapping[str, str]] = {"body": "bodies"}
+
+    def __init__(self, model: Model) -> None:
+        snapshot = Snapshot.of(model)
+        state = state_of(model, snapshot.system, None)
+        with core_errors():
+            found = snapshot.system.mobility(state.q)
+        doubts = doubts_of(snapshot.system)
+        topology = snapshot.system.topology()
+        tree = tuple((b, p or "ground", j, kind) for b, p, j, kind in topology["tree"])
+        redundant: Mapping[str, int] = dict(found.get("redundant", ()))
+        self.__dict__.update(
+            name=model.name,
+            n_bodies=len(model.bodies),
+            n_joints=len(model.joints),
+            n_elements=len(model.elements),
+            coordinates=tuple(found["coordinates"]),
+            n_tree=snapshot.system.n_tree,
+            n_rows=len(topology["row_joint"]),
+            rank=found.get("rank", 0),
+            characteristic_length=snapshot.system.characteristic_length,
+            tree=tree,
+            redundant=redundant,
+            loops=tuple(_loop(model, name, tree, redundant) for name in topology["cut"]),
+            joint_types={joint.name: joint.type for joint in model.joints},
+            doubts=doubts,
+            stats=Stats(),
+            error=None,
+            status="computed",
+        )
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom at the drawn state."""
+        return len(self.coordinates)
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies in the order of the spanning tree."""
+        return tuple(body for body, *_ in self.tree)
+
+    @property
+    @derived(dims=("body",), name="carried_by")
+    def _carried_by(self) -> np.ndarray:
+        return np.array([joint or "" for _, _, joint, _ in self.tree])
+
+    @property
+    @derived(dims=("body",), name="type")
+    def _types(self) -> np.ndarray:
+        return np.array([kind for *_, kind in self.tree])
+
+    @property
+    @derived(dims=("body",), name="on")
+    def _inner(self) -> np.ndarray:
+        return np.array([inner for _, inner, _, _ in self.tree])
+
+    def attributes(self) -> dict[str, Any]:
+        numbers = {"dof": self.dof, "rank": self.rank, "redundant": sum(self.redundant.values())}
+        return {**super().attributes(), "model": self.name, **numbers}
+
+    def heading(self) -> str:
+        open_dof = f"{self.n_tree} tree coordinates - {self.rank} independent loop constraints"
+        return (
+            f"system {self.name!r}: {self.n_bodies} bodies, {self.n_joints} joints, {self.n_elements} elements\n"
+            f"degrees of freedom: {self.dof}" + (f" ({open_dof})" if self.loops else "")
+        )
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Columns and rows of the table: the spanning tree."""
+        rows = [[body, joint or "-", kind, inner] for body, inner, joint, kind in self.tree]
+        return ["body", "carried by", "type", "on"], rows
+
+    def notes(self) -> list[str]:
+        lines = [
+            f"loop closed by {loop.joint!r} ({self.joint_types[loop.joint]}): {' - '.join(loop.bodies)}"
+            for loop in self.loops[:20]
+        ]
+        if len(self.loops) > 20:
+            lines.append(f"... and {len(self.loops) - 20} more loops")
+        if self.redundant:
+            named = ", ".join(f"{n} at {joint!r}" for joint, n in self.redundant.items())
+            total = sum(self.redundant.values())
+            lines.append(
+                f"redundant constraints: {total} of {self.n_rows} ({named}); reactions there are the minimum-norm ones"
+            )
+        elif self.loops:
+            lines.append("redundant constraints: none")
+        lines.extend(f"doubtful: {sentence}" for sentence in self.doubts)
+        named = ", ".join(self.coordinates[:12]) + (", ..." if self.dof > 12 else "")
+        return [*lines, "minimal coordinates: " + named]
+
+    def plot(self, *, ax: Any = None) -> Any:
+        """The spanning tree, bodies by their distance from ground, joints that close loops dashed; returns the figure."""
+        from ..plot.models import system as draw
+
+        return draw(self, ax=ax)
+
+
+def _loop(
+    model: Any, name: str, tree: tuple[tuple[str, str, str | None, str], ...], redundant: Mapping[str, int]
+) -> Loop:
+    joint = model[name]
+    inner = {body: parent for body, parent, _, _ in tree}
+    a, b = _to_ground(inner, model.body_name(joint.a)), _to_ground(inner, model.body_name(joint.b))
+    shared = next(body for body in a if body in b)
+    around = (*a[: a.index(shared)], shared, *reversed(b[: b.index(shared)]))
+    return Loop(name, around, redundant.get(name, 0))
+
+
+def _to_ground(inner: Mapping[str, str], body: str) -> list[str]:
+    path = [body]
+    while path[-1] != "ground":
+        path.append(inner[path[-1]])
+    return path

@@ -1,0 +1,460 @@
+"""Tables: the flat arrays that the core and the reference read (docs/tables.md), and directions in their number
+vector x.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .._lib.rotations import cross, quaternion_matrix, quaternion_rate
+from ..errors import ModelError
+from ..model.addresses import Target, driver, target
+from ..model.book import STORES
+from ..model.flexible import FlexibleBody
+from ..model.names import shown
+from ..model.schema import BODY, ELEMENTS, JOINTS, LOAD_FRAMES, LOADS, NODE
+from ..model.section_loads import ModalLoad
+
+if TYPE_CHECKING:
+    from ..model.model import Model
+
+# Above this many entries the derivative of x is better sparse.
+_DENSE_LIMIT = 1_000_000
+
+
+def tables(model: Model, flexible: bool = True) -> dict[str, Any]:
+    """The Tables of a model, a new dict; its integer arrays are shared between calls while the structure stays.
+
+    ``flexible=False``: flexible bodies are taken for rigid ones.
+
+    Returns
+    -------
+    dict
+        Keys and layout as docs/tables.md says: ``x`` float64, indices int64, names lists of str.
+
+    Notes
+    -----
+    Cost O(size); O(len(x)) where only values changed.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> from mbrs.system.tables import tables
+    >>> m = mb.Model("one"); p = m.body("payload", mass=20.0, inertia=(1, 1, 1), at=(0, 0, 0))
+    >>> tables(m)["x"][10]
+    np.float64(20.0)
+    """
+    _require_bodies(model)
+    for motion in model.motions:
+        if motion.function is not None:
+            motion.function.check_callable()
+    made = {"x": x(model), **_structure(model)}
+    if not flexible:
+        for key in node_tables(model, offsets(model)):
+            del made[key]
+        made |= _without_modal_loads(made)
+    return made
+
+
+def _without_modal_loads(made: dict[str, Any]) -> dict[str, Any]:
+    """Tables without modal loads, for models without modal coordinates."""
+    kept = made["load_type"] != LOADS["modal_force"].code
+    moved = kept[made["load_motion_load"]]
+    loads = {key: made[key][kept] for key in ("load_type", "load_body", "load_frame", "load_x")}
+    motions = {key: made[key][moved] for key in ("load_motion_component", "load_motion_motion")}
+    return {
+        "load_name": [name for name, keep in zip(made["load_name"], kept, strict=True) if keep],
+        "load_motion_load": (np.cumsum(kept) - 1)[made["load_motion_load"][moved]],
+        **loads,
+        **motions,
+    }
+
+
+def tables_with_nodes(made: dict[str, Any]) -> dict[str, Any]:
+    """Tables in which every moving node of a flexible body appears as an additional body, behind the others. ``owner``: the
+    body of each. The same dict for a model without moving nodes.
+    """
+    moving = made.get("moving_node", ())
+    if not len(moving):
+        return made
+    values, n = np.asarray(made["x"]), len(made["body_name"])
+    frame = np.full(len(made["flexible_node_name"]), -1)
+    names, starts, owners, numbers = list(made["body_name"]), list(made["body_x"]), list(range(n)), [values]
+    for i, node in enumerate(moving):
+        frame[node] = n + i
+        owner, place = int(made["flexible_node_body"][node]), int(made["flexible_node_x"][node])
+        start = int(made["body_x"][owner])
+        origin, turn = BODY.block.slice("at"), BODY.block.slice("orientation")
+        drawn, frame_values = np.zeros(BODY.block.size()), values[start:]
+        drawn[turn] = frame_values[turn]
+        drawn[origin] = frame_values[origin] + quaternion_matrix(drawn[turn]) @ values[place:][NODE.slice("position")]
+        names.append(f"{names[owner]}.{made['flexible_node_name'][node]}")
+        starts.append(len(values) + BODY.block.size() * i)
+        owners.append(owner)
+        numbers.append(drawn)
+    out = {
+        **made,
+        "x": np.concatenate(numbers),
+        "body_name": names,
+        "body_x": np.array(starts),
+        "owner": np.array(owners),
+    }
+    for bodies, nodes in (
+        ("joint_a", "joint_a_node"),
+        ("joint_b", "joint_b_node"),
+        ("element_a", "element_a_node"),
+        ("element_b", "element_b_node"),
+        ("load_body", "load_node"),
+        ("marker_body", "marker_node"),
+    ):
+        at = np.asarray(made[nodes])
+        moved = frame[at] if len(frame) else at
+        out[bodies] = np.where((at >= 0) & (moved >= 0), moved, made[bodies])
+    out["raw"] = made
+    return out
+
+
+def compiled(model: Model, flexible: bool = True) -> Any:
+    """The core's System at the present values; the topology is compiled once. ``flexible=False``: flexible bodies are rigid there."""
+    from .. import _core
+
+    now = (model.structure_version, model.values_version)
+    systems: dict[bool, Any] = model.cache.setdefault("compiled", {})
+    kept = systems.get(flexible)
+    if kept is None or kept[0][0] != now[0]:
+        kept = (now, _core.System(tables(model, flexible)))
+    elif kept[0] != now:
+        kept = (now, kept[1].with_values(x(model)))
+    systems[flexible] = kept
+    return kept[1]
+
+
+def x(model: Model) -> np.ndarray:
+    """All numbers (n_x,), a copy."""
+    return np.concatenate([np.frombuffer(store.x) for store in model.stores.values() if store.x])
+
+
+def offsets(model: Model) -> dict[str, int]:
+    """Index in x of the first number of each store."""
+    out, start = {}, 0
+    for kind in STORES:
+        out[kind] = start
+        start += len(model.stores[kind].x)
+    return out
+
+
+def _require_bodies(model: Model) -> None:
+    if not model.bodies:
+        raise ModelError(f"model {model.name!r} has no body; add one with m.body(...)")
+
+
+def _structure(model: Model) -> dict[str, Any]:
+    cached = model.cache.get("tables")
+    if cached is not None and cached[0] == model.structure_version:
+        return cached[1]
+    base = offsets(model)
+    made = {
+        **_items("body", model.bodies, base, ()),
+        **_items("joint", model.joints, base, ("type", "a", "b", "flags")),
+        **_items("element", model.elements, base, ("type", "a", "b", "flags")),
+        **_items("load", model.loads, base, ("type", "body")),
+        "load_frame": _integers(_load_frame(load) for load in model.loads),
+        **_items("marker", model.markers, base, ("body",)),
+        **_laws(model, base),
+        **_motions(model, base),
+        **node_tables(model, base),
+        "pose_body": _integers(p.body for p in model.poses),
+        "pose_x": _integers(base["pose"] + p.start for p in model.poses),
+        "tolerance": np.float64(model.tolerance),
+        "gravity_x": _integers([base["gravity"] if model.gravity_item is not None else -1]),
+    }
+    model.cache["tables"] = (model.structure_version, made)
+    return made
+
+
+_CODES: dict[tuple[str, str], dict[str, int]] = {
+    **{
+        (kind.heading, "type"): {k.type: k.code for k in kinds.values()}
+        for kinds in (JOINTS, ELEMENTS, LOADS)
+        for kind in kinds.values()
+    },
+    ("load", "frame"): LOAD_FRAMES,
+}
+
+
+def _items(kind: str, items: Sequence[Any], base: dict[str, int], columns: Iterable[str]) -> dict[str, Any]:
+    out: dict[str, Any] = {f"{kind}_name": [item.name for item in items]}
+    for column in columns:
+        values = [getattr(item, column) for item in items]
+        codes = _CODES.get((kind, column))
+        out[f"{kind}_{column}"] = _integers(
+            values if codes is None else [codes[v] if isinstance(v, str) else v for v in values]
+        )
+    start = base[kind]
+    out[f"{kind}_x"] = _integers(start + item.start for item in items)
+    return out
+
+
+def _load_frame(load: Any) -> int:
+    """Index of the modal coordinate, of a force on one."""
+    return load.mode if isinstance(load, ModalLoad) else LOAD_FRAMES[load.frame]
+
+
+def _laws(model: Model, base: dict[str, int]) -> dict[str, Any]:
+    laws = [*model.laws["element"], *model.laws["joint"]]
+    return {
+        "law_owner_kind": _integers(law.owner.kind == "joint" for law in laws),
+        "law_owner": _integers(law.owner.index for law in laws),
+        "law_component": _integers(law.component for law in laws),
+        "law_type": _integers(law.code for law in laws),
+        "law_n": _integers(law.n for law in laws),
+        "law_x": _integers(base[law.store] + law.start for law in laws),
+    }
+
+
+def _motions(model: Model, base: dict[str, int]) -> dict[str, Any]:
+    motions = model.motions
+    functions = [m.function for m in motions if m.function is not None]
+    # the components of one vector function share it
+    functions = list({id(f): f for f in functions}.values())
+    index = {id(f): i for i, f in enumerate(functions)}
+    loaded = [m for m in motions if m.owner is not None]
+    return {
+        "functions": functions,
+        "motion_type": _integers(m.code for m in motions),
+        "motion_n": _integers(m.size for m in motions),
+        "motion_x": _integers(base["motion"] + m.start for m in motions),
+        "motion_function": _integers(index.get(id(m.function), -1) for m in motions),
+        "motion_output": _integers(m.component if m.function and m.function.outputs == 3 else 0 for m in motions),
+        "drive_name": [d.name for d in model.drives],
+        "drive_joint": _integers(d.joint for d in model.drives),
+        "drive_coordinate": _integers(d.coordinate for d in model.drives),
+        "drive_motion": _integers(d.place for d in model.drives),
+        "load_motion_load": _integers(m.owner.index for m in loaded),
+        "load_motion_component": _integers(m.component for m in loaded),
+        "load_motion_motion": _integers(m.place for m in loaded),
+        "coupler_name": [c.name for c in model.couplers],
+        "coupler_first": _integers(c.first for c in model.couplers),
+        "coupler_second": _integers(c.second for c in model.couplers),
+        "coupler_first_coordinate": _integers(c.first_coordinate for c in model.couplers),
+        "coupler_second_coordinate": _integers(c.second_coordinate for c in model.couplers),
+        "coupler_x": _integers(base["coupler"] + c.start for c in model.couplers),
+    }
+
+
+def node_tables(model: Model, base: dict[str, int]) -> dict[str, Any]:
+    """The part of Tables that flexible bodies make; nothing of a model without them."""
+    bodies = [b for b in model.bodies if isinstance(b, FlexibleBody)]
+    if not bodies:
+        return {}
+    start, nodes = base["flexible"], [(b.index, i) for b in bodies for i in range(len(b.nodes))]
+    number = {place: i for i, place in enumerate(nodes)}
+
+    def of(items: Sequence[Any], body: str, node: str) -> np.ndarray:
+        return _integers(number.get((getattr(i, body), getattr(i, node)), -1) for i in items)
+
+    return {
+        "flexible_body": _integers(b.index for b in bodies),
+        "flexible_modes": _integers(b.n_modes for b in bodies),
+        "flexible_x": _integers(start + b.integrals.start for b in bodies),
+        "flexible_node_name": [model.bodies[b].nodes[i] for b, i in nodes],  # type: ignore[attr-defined]
+        "flexible_node_body": _integers(b for b, _ in nodes),
+        "flexible_node_x": _integers(start + model.bodies[b].integrals.node_start(i) for b, i in nodes),  # type: ignore[attr-defined]
+        "moving_node": _integers(number[place] for place in model.moving_nodes()),
+        "joint_a_node": of(model.joints, "a", "a_node"),
+        "joint_b_node": of(model.joints, "b", "b_node"),
+        "element_a_node": of(model.elements, "a", "a_node"),
+        "element_b_node": of(model.elements, "b", "b_node"),
+        "load_node": of(model.loads, "body", "node"),
+        "marker_node": of(model.markers, "body", "node"),
+    }
+
+
+def modal_places(tables: Mapping[str, Any]) -> list[tuple[int, slice]]:
+    """Each flexible body: its number, and the place of its coordinates among all modal ones."""
+    out, first = [], 0
+    for body, m in zip(tables.get("flexible_body", ()), tables.get("flexible_modes", ()), strict=True):
+        out.append((int(body), slice(first, first + int(m))))
+        first += int(m)
+    return out
+
+
+def modal_part(tables: Mapping[str, Any], values: np.ndarray) -> np.ndarray:
+    """The modal coordinates, which are the last of ``values`` (..., n): of a state's q or of its rates."""
+    total = sum(int(m) for m in tables.get("flexible_modes", ()))
+    return values[..., values.shape[-1] - total :]
+
+
+def _integers(values: Iterable[Any]) -> np.ndarray:
+    out = np.array(list(values), dtype=np.int64)
+    out.setflags(write=False)  # shared between the dicts of all calls
+    return out
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Directions dx/dp in the number vector x, one column for each number that an address names.
+
+    Attributes
+    ----------
+    labels, units
+        Of each column: "leg0.at_b[2]", "m". A parameter has the unit that `Model.parameter` was given; "" without one, and of
+        numbers of laws.
+    shape
+        What the parameter axis of a derivative becomes: (n_p,), or the shape of the one array that was asked for.
+    n_x
+        Length of x.
+    rows, columns, values
+        The entries that are not zero.
+    """
+
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    shape: tuple[int, ...]
+    n_x: int
+    rows: np.ndarray
+    columns: np.ndarray
+    values: np.ndarray
+
+    @property
+    def n(self) -> int:
+        """Number of columns."""
+        return len(self.labels)
+
+    @cached_property
+    def dense(self) -> np.ndarray:
+        """(n_x, n) float64, column by column in memory."""
+        out = np.zeros((self.n_x, self.n), order="F")
+        np.add.at(out, (self.rows, self.columns), self.values)
+        return out
+
+    @cached_property
+    def sparse(self) -> Any:
+        """(n_x, n) `scipy.sparse.csc_array`."""
+        from scipy.sparse import coo_array
+
+        return coo_array((self.values, (self.rows, self.columns)), shape=(self.n_x, self.n)).tocsc()
+
+    @property
+    def is_small(self) -> bool:
+        """True where `dense` is the cheaper form."""
+        return self.n_x * self.n <= _DENSE_LIMIT
+
+    def shaped(self, derivative: np.ndarray) -> np.ndarray:
+        """A derivative (..., n) with its last axis in the shape of the parameter."""
+        return np.reshape(derivative, (*np.shape(derivative)[:-1], *self.shape))
+
+
+def directions(model: Model, addresses: str | Sequence[str]) -> Directions:
+    """Columns dx/dp for parameters and addresses.
+
+    Parameters
+    ----------
+    model
+        The values are taken as they are now.
+    addresses
+        One or more: "k_leg", "V" (all its entries), "V[0,1]", "payload.mass", "leg0.at_b[2]", "A.axis" (three columns:
+        turning about world x, y, z). Each is a direction by itself, also where parameters drive the number.
+
+    Returns
+    -------
+    Directions
+
+    Raises
+    ------
+    NameNotFoundError
+        An unknown address; the message proposes the nearest.
+    NotDifferentiableError
+        An expression at a kink, such as abs at 0.
+
+    Examples
+    --------
+    >>> import mbrs as mb
+    >>> from mbrs.system.tables import directions
+    >>> m = mb.Model("one"); k = m.parameter("k", 5.0)
+    >>> p = m.body("payload", mass=k * k, inertia=(1, 1, 1), at=(0, 0, 0))
+    >>> directions(m, ["k", "payload.mass"]).dense[10]
+    array([10.,  1.])
+    """
+    try:
+        given = [addresses] if isinstance(addresses, str) else list(addresses)
+    except TypeError:
+        raise ModelError(
+            f"parameters are addresses such as ['k_leg', 'payload.mass'], got {shown(addresses)}"
+        ) from None
+    if not given:
+        raise ModelError("no parameter was named; give addresses such as ['k_leg', 'payload.mass']")
+    base = offsets(model)
+    columns: list[tuple[list[int], list[float]]] = []
+    labels: list[str] = []
+    units: list[str] = []
+    targets = [target(model, address) for address in given]
+    jacobian = None
+    for one in targets:
+        labels += one.labels
+        if one.group is None:
+            jacobian = driver(model).jacobian(model) if jacobian is None else jacobian
+            for place in one.components:
+                rows, values, stores = jacobian.get(place, ([], [], []))
+                columns.append(([base[kind] + row for row, kind in zip(rows, stores, strict=True)], values))
+            units += [model.space.unit_of(place) for place in one.components]
+        else:
+            start = base[one.store]
+            for component in one.components:
+                slots, values = _column(model, one, component)
+                columns.append(([start + slot for slot in slots], values))
+                units.append(one.group.units[component])
+    shape = targets[0].shape if len(targets) == 1 and targets[0].shape else (len(labels),)
+    return _assembled(tuple(labels), tuple(units), shape, sum(len(s.x) for s in model.stores.values()), columns)
+
+
+def _assembled(
+    labels: tuple[str, ...],
+    units: tuple[str, ...],
+    shape: tuple[int, ...],
+    n_x: int,
+    columns: Sequence[tuple[list[int], list[float]]],
+) -> Directions:
+    counts = [len(rows) for rows, _ in columns]
+    return Directions(
+        labels,
+        units,
+        shape,
+        n_x,
+        np.array([row for rows, _ in columns for row in rows], dtype=np.int64),
+        np.repeat(np.arange(len(columns)), counts),
+        np.array([value for _, values in columns for value in values], dtype=float),
+    )
+
+
+def _column(model: Model, target: Target, component: int) -> tuple[Sequence[int], list[float]]:
+    group = target.group
+    if group is None:
+        return [], []
+    if group.kind not in ("axis", "orientation"):
+        slots = group.slots[component]
+        return slots, [1.0] * len(slots)
+    places = [slots[0] for slots in group.slots]
+    now = [model.stores[target.store].x[place] for place in places]
+    if group.kind == "orientation":
+        return places, quaternion_rate(now, component)
+    e = [0.0, 0.0, 0.0]
+    e[component] = 1.0
+    return places, cross(e, now)
+
+
+def dx_dV(model: Model) -> Any:
+    """(n_x, n_V) `scipy.sparse.csc_array`: exact derivative of all numbers by all parameters, in the order of
+    definition.
+    """
+    from scipy.sparse import csc_array
+
+    n_x, n_v = sum(len(s.x) for s in model.stores.values()), len(model.space.values)
+    if n_v == 0:
+        return csc_array((n_x, 0))
+    return directions(model, list(model.space.names)).sparse

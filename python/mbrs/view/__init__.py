@@ -1,0 +1,1 @@
+"""Scenes that move, on self-contained pages."""

@@ -1,0 +1,6 @@
+//! Aerodynamics: velocities that vortex filaments induce.
+pub mod filaments;
+mod kernels;
+
+#[cfg(test)]
+mod tests;

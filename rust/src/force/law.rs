@@ -1,0 +1,141 @@
+//! The trait of a force law: what one file tells of one law.
+use std::fmt::Debug;
+
+use num_dual::DualNum;
+
+/// The numbers that a law computes with: f64, duals, hyper-duals.
+pub trait Scalar: DualNum<Primitive = f64> + Copy {}
+impl<T: DualNum<Primitive = f64> + Copy> Scalar for T {}
+
+/// Displacement u, its rate v, and the phase of the excitation (rad; zero outside of harmonic balance).
+#[derive(Debug, Clone, Copy)]
+pub struct At<D> {
+    pub phase: f64,
+    pub u: D,
+    pub v: D,
+}
+
+/// The internal state z of a law, and how it goes on in time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum State {
+    None,
+    /// so many numbers; `Law::force` makes the new ones from the old ones and the present u, whatever the time between
+    Map(usize),
+    /// so many numbers with z' = g(u, v, z)
+    Rate(usize),
+}
+
+/// The effect by whose name a law can be left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Class {
+    Spring,
+    Friction,
+    Contact,
+}
+
+/// What a law has stored.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Stored {
+    /// the work of the force from u = 0
+    Work,
+    Energy(f64),
+    /// the law is not a function of the state alone
+    Unknown,
+}
+
+/// The coordinate that crosses a surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Crossing {
+    Displacement,
+    Rate,
+}
+
+/// Where a law (or the rate of its state) is not smooth: u or v passes the value `at`.
+#[derive(Debug, Clone, Copy)]
+pub struct Surface {
+    pub crossing: Crossing,
+    pub at: f64,
+    /// over which the kink is rounded; infinite where the slope of the force is continuous
+    pub width: f64,
+    /// a kink of a contact or of friction, not a knot between two smooth pieces
+    pub kink: bool,
+}
+
+impl Surface {
+    pub fn kink(at: f64, width: f64) -> Self {
+        Surface { crossing: Crossing::Displacement, at, width, kink: true }
+    }
+
+    pub fn knot(at: f64) -> Self {
+        Surface { crossing: Crossing::Displacement, at, width: 0.0, kink: false }
+    }
+
+    /// Signed distance of a displacement and its rate.
+    pub fn distance(&self, u: f64, v: f64) -> f64 {
+        match self.crossing {
+            Crossing::Displacement => u - self.at,
+            Crossing::Rate => v - self.at,
+        }
+    }
+}
+
+/// A force law f(u, v, z) of one relative coordinate, `p` its parameters. `force` resists: the system feels `w f(w.x, w.x')` on
+/// its left-hand side. One text, generic over the number type: tangents, derivatives by parameters and the march of the state all
+/// come from it.
+pub trait Law: Copy + Debug {
+    /// The law with `n` parameters; None where it cannot have so many.
+    fn with(n: usize) -> Option<Self>;
+
+    fn n_params(&self) -> usize;
+
+    /// The force. `z` is the state: of `State::Map` the one before, and `after` takes the present one.
+    fn force<D: Scalar>(&self, at: At<D>, p: &[D], z: &[D], after: &mut [D]) -> D;
+
+    fn state(&self) -> State {
+        State::None
+    }
+
+    /// g of z' = g(u, v, z), for `State::Rate`.
+    fn rate<D: Scalar>(&self, _at: At<D>, _p: &[D], _z: &[D], _rate: &mut [D]) {}
+
+    /// The state after u came slowly from zero to where it is, and rests there.
+    fn rest<D: Scalar>(&self, _u: D, _p: &[D], z: &mut [D]) {
+        z.fill(D::from(0.0));
+    }
+
+    /// The size that a state has where the law works, for `State::Rate`: errors are measured by it; `length` is the characteristic
+    /// value of u.
+    fn state_size(&self, _p: &[f64], length: f64) -> f64 {
+        length
+    }
+
+    /// So many equal laws in parallel, their parameters one after the other, none of which sees the state of another.
+    fn parallel(&self) -> usize {
+        1
+    }
+
+    /// False where neither force nor state depends on v: a velocity tangent is then not even computed.
+    fn uses_velocity(&self) -> bool {
+        false
+    }
+
+    /// Degree of the law as a polynomial in (u, v), None where it is not one: decides how many samples are alias-free.
+    fn degree(&self) -> Option<usize> {
+        None
+    }
+
+    fn class(&self) -> Class {
+        Class::Spring
+    }
+
+    fn stored(&self, _u: f64, _p: &[f64], _z: &[f64]) -> Stored {
+        match (self.state(), self.uses_velocity()) {
+            (State::None, false) => Stored::Work,
+            _ => Stored::Unknown,
+        }
+    }
+
+    fn surfaces(&self, _p: &[f64]) -> Vec<Surface> {
+        Vec::new()
+    }
+}
