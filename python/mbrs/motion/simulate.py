@@ -78,10 +78,11 @@ def simulate(
         s; fixed steps instead.
     method
         "auto" chooses from what the scene contains and says why in ``stats.route``; "explicit" (order 8, for scenes that
-        are not stiff); "generalized-alpha" (order 2, on the Lie group); "bdf" (orders 1 to 5 with Newton's method, for
-        stiff scenes; order 4 with ``step``); "bdf-bfgs" (order 4, no tangent: the equations of a step are solved by
-        inverse quasi-Newton updates, see `mb.root`; it warns of undamped modes that it amplifies); "ali3p" (index-3
-        augmented Lagrangian with projections, order 2: the scheme whose gradients `mb.gradient` takes).
+        are not stiff); "radau" (Radau IIA of order 5, for stiff scenes); "generalized-alpha" (order 2, on the Lie group);
+        "bdf" (orders 1 to 5 with Newton's method, for stiff scenes with costly forces; order 4 with ``step``); "bdf-bfgs"
+        (order 4, no tangent: the equations of a step are solved by inverse quasi-Newton updates, see `mb.root`; it warns of
+        undamped modes that it amplifies); "ali3p" (index-3 augmented Lagrangian with projections, order 2: the scheme whose
+        gradients `mb.gradient` takes).
     at
         Start: None (drawn, with the given velocities), an equilibrium, a steady motion, or ``traj.state(t)`` to go on.
     without
