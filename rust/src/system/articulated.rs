@@ -66,7 +66,7 @@ pub fn solve(input: &InertiaInput<'_, f64>, f: &[f64]) -> Option<Vec<f64>> {
             let u = own[i].apply(s);
             let d = s.dot(&u);
             // the diagonal of M: what D would be without the joints farther out
-            if !(d > ARTICULATED * s.dot(&whole[i].apply(s))) {
+            if d.is_nan() || d <= ARTICULATED * s.dot(&whole[i].apply(s)) {
                 return None;
             }
             let left = f[k] - s.dot(&wrench[i]);

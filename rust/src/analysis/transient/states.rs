@@ -263,8 +263,8 @@ impl Equations<'_, f64> {
         for _ in 0..STATE_ITERATIONS {
             let slopes: Vec<(Vec<f64>, DMatrix<f64>)> =
                 z.iter().zip(moved).map(|(z, m)| self.state_slope(law, *m, z)).collect();
-            let mut left = DVector::zeros(s * n);
-            let mut matrix = DMatrix::identity(s * n, s * n);
+            let mut left = DVector::<f64>::zeros(s * n);
+            let mut matrix = DMatrix::<f64>::identity(s * n, s * n);
             for i in 0..s {
                 for p in 0..n {
                     left[i * n + p] = start[p] - z[i][p];
@@ -299,7 +299,7 @@ impl Equations<'_, f64> {
         let n = z.len();
         let p: Vec<Dual64> = self.law_numbers(law).iter().map(|x| Dual64::from_re(*x)).collect();
         let mut slope = vec![0.0; n];
-        let mut matrix = DMatrix::zeros(n, n);
+        let mut matrix = DMatrix::<f64>::zeros(n, n);
         for q in 0..n {
             let mut memory: Vec<Dual64> = z.iter().map(|x| Dual64::from_re(*x)).collect();
             memory[q].eps = 1.0;
@@ -319,7 +319,7 @@ impl Equations<'_, f64> {
         for Rated { law, u, v } in self.laws_with_rates(m) {
             let own = law.memory..law.memory + law.law.n_states();
             let g_z = self.state_slope(law, (u, v), &m.memory[own.clone()]).1;
-            let matrix = DMatrix::identity(own.len(), own.len()) / c - g_z;
+            let matrix = DMatrix::<f64>::identity(own.len(), own.len()) / c - g_z;
             let right = DVector::from_column_slice(&slopes[own.clone()]);
             if let Some(x) = matrix.lu().solve(&right) {
                 out[own].copy_from_slice(x.as_slice());

@@ -223,7 +223,7 @@ impl Radau {
         for iteration in 1..=MAX_ITERATIONS {
             counts.add("iterations", 1);
             let trial = self.trial(eq, &from.motion, h, &stages.a);
-            if trial.theta.iter().any(|y| !(eq.widest_rotation(y) < WIDEST)) {
+            if trial.theta.iter().any(|y| eq.widest_rotation(y) >= WIDEST) {
                 break;
             }
             let left = self.remainder(eq, &trial, &stages, counts)?;
