@@ -253,6 +253,59 @@ def bushings(stiff=1.0, damping=1.0):
     return MotionProblem("bushings", m, 1.0, truth, "modes of three masses", conserves=damping == 0.0)
 
 
+def governor(t=1.0, k=8e5, c=4e4, turned=None, unit=1.0):
+    """A flyball governor whose springs of 8e5 N/m and 4e4 Ns/m take the place of rods.
+
+    After the IFToMM benchmark (Gonzalez, Dopico, Lugris, Cuadrado, Multibody Syst. Dyn. 16 (2006) 65-83): balls of 5 kg on rods of
+    1 m that lean by 30 degrees, 2 pi rad/s; rods, shaft and collar of 3000 kg/m^3. ``turned``: a rotation of everything; ``unit``: of
+    length, over a metre.
+    """
+    R = np.eye(3) if turned is None else np.asarray(turned)
+    ball_mass, rod_mass, collar_mass, lean, speed = 5.0, 0.3, 3.0, np.pi / 6, 2 * np.pi
+    b, natural = 0.5, 0.5
+    s = 2 * b * np.cos(lean)
+    at = lambda *x: R @ np.array(x, dtype=float) / unit  # noqa: E731
+    m = mb.Model("governor", gravity=R @ np.array([0, 0, -G]) / unit)
+    axis, spin = R @ [0.0, 0.0, 1.0], R @ np.array([0.0, 0.0, speed])
+    turn = dict(angular_velocity=spin)
+    square = 1.0 / unit**2
+    shaft_inertia, collar_inertia = 5e-3, 5e-3
+    inertia = lambda *x: R @ np.diag(x) @ R.T * square  # noqa: E731
+    shaft = m.body("shaft", mass=0.3, inertia=inertia(0.025, 0.025, shaft_inertia), at=at(0, 0, -0.5), **turn)
+    m.revolute("bearing", m.ground, shaft, at=at(0, 0, 0), axis=axis)
+    collar = m.body("collar", mass=collar_mass, inertia=inertia(0.005, 0.005, collar_inertia), at=at(0, 0, -s), **turn)
+    m.prismatic("slide", shaft, collar, at=at(0, 0, -s), axis=axis)
+    mass, centre = ball_mass + rod_mass, (ball_mass + 0.5 * rod_mass) / (ball_mass + rod_mass)
+    about_centre = ball_mass * (1 - centre) ** 2 + rod_mass / 12 + rod_mass * (centre - 0.5) ** 2
+    for name, side in (("left", -1.0), ("right", 1.0)):
+        along = np.array([side * np.sin(lean), 0.0, -np.cos(lean)])
+        thick = 1e-3
+        own = about_centre * np.eye(3) + (thick - about_centre) * np.outer(along, along)
+        middle = centre * along
+        arm = m.body(
+            f"{name} arm", mass=mass, inertia=R @ own @ R.T * square, at=at(*middle), velocity=np.cross(spin, at(*middle)), **turn
+        )  # fmt: skip
+        m.revolute(f"{name} hinge", shaft, arm, at=at(0, 0, 0), axis=R @ [0.0, 1.0, 0.0])
+        ends = (at(*(b * along)), at(0, 0, -s))
+        m.spring_damper(f"{name} spring", arm, collar, at=ends, k=k, c=c, length=natural / unit)
+        m.marker(f"{name} ball", arm, at=at(*along))
+    across = about_centre + mass * centre**2
+    arms = (across, thick, mass * centre)
+
+    def truth(times):
+        y = true.governor(
+            times, arms, collar_mass, shaft_inertia + collar_inertia, (k, c, natural, b), G, (speed, lean, s)
+        )
+        turned, lean_now, way = y.T
+        away, down = np.sin(lean_now), np.cos(lean_now)
+        right = np.stack([away * np.cos(turned), away * np.sin(turned), -down], axis=1)
+        left = right * [-1.0, -1.0, 1.0]
+        places = {"collar": np.stack([0 * way, 0 * way, -way], axis=1), "right ball": right, "left ball": left}
+        return {name: p @ R.T / unit for name, p in places.items()}
+
+    return MotionProblem("governor", m, t, truth, "three coordinates, LSODA 1e-13", conserves=False, length=1.0 / unit)
+
+
 # --- rotations -----
 
 

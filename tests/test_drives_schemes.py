@@ -15,6 +15,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::mbrs.errors.MbrsWarning")
 ORDERS = {"generalized-alpha": 2, "bdf-bfgs": 4}
 SETTINGS = [
     ("explicit", dict(rtol=1e-9)),
+    ("radau", dict(rtol=1e-9)),
     ("bdf", dict(rtol=1e-9)),
     ("generalized-alpha", dict(step=1e-3)),
     ("bdf-bfgs", dict(step=1e-3)),
@@ -46,7 +47,7 @@ def test_all_schemes_roll_and_follow(method, how):
     assert traj.residual.max() < 1e-9
 
 
-@pytest.mark.parametrize("method", ["explicit", "bdf", "generalized-alpha"])
+@pytest.mark.parametrize("method", ["explicit", "radau", "bdf", "generalized-alpha"])
 def test_all_schemes_meet_a_kink(method):
     """A late ramp; the rate jumps at .5 s, which is an impact on the pendulum that hangs from the crank."""
     traj = mb.simulate(pendulum(mb.Ramp(2.0, start=0.5)), t=[0.25, 0.75], method=method, rtol=1e-6)

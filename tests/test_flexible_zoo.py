@@ -80,7 +80,7 @@ def test_motion_and_transfer_function_run(name, body):
     if here is not None and mb.linearize(model, at=here).N is None:
         assert back.value == pytest.approx(forth.value, rel=1e-6, abs=1e-9 * np.max(np.abs(h.value)))  # reciprocity
     end, ends = min(0.1, 10.0 / highest), []
-    for method, control in (("explicit", {"rtol": 1e-8}), ("bdf", {"rtol": 1e-7})):
+    for method, control in (("explicit", {"rtol": 1e-8}), ("radau", {"rtol": 1e-8}), ("bdf", {"rtol": 1e-7})):
         traj = mb.simulate(model, t=[0.0, 0.5 * end, end], method=method, **control)
         assert traj.status == "finished"
         ends.append(np.concatenate([traj.poses["position"][-1].ravel(), traj.modal(body)[-1]]))

@@ -93,7 +93,7 @@ def test_equilibrium_over_turns(seed):
 
 
 @pytest.mark.parametrize("reverse", [False, True])
-@pytest.mark.parametrize("method", ["explicit", "generalized-alpha", "ali3p", "bdf", "bdf-bfgs"])
+@pytest.mark.parametrize("method", ["explicit", "generalized-alpha", "ali3p", "radau", "bdf", "bdf-bfgs"])
 def test_motion(method, reverse):
     nut = Nut(5, reverse=reverse, k=0.4)
     times = np.linspace(0.0, 3.0, 7)

@@ -316,7 +316,7 @@ def nlfr(
 @click.option("--t", "times", required=True, metavar="S",
               help="10 (the end; outputs are the steps), 0:10:1001 (evenly), or 0,0.5,2 (these).")  # fmt: skip
 @click.option("--method", default="auto", show_default=True, metavar="NAME",
-              help="auto, explicit, generalized-alpha, bdf, bdf-bfgs or ali3p.")  # fmt: skip
+              help="auto, explicit, generalized-alpha, radau, bdf, bdf-bfgs or ali3p.")  # fmt: skip
 @click.option("--rtol", type=float, metavar="TOL", help="Tolerance of the controlled steps; 1e-7 by default.")
 @click.option("--step", type=float, metavar="S", help="Fixed steps instead.")
 @click.option("--output", "outputs", multiple=True, metavar="NAME",

@@ -167,6 +167,14 @@ pub mod modes {
     pub const CANCELLING: f64 = 1e5;
 }
 
+/// Motion in time.
+pub mod motion {
+    /// Part of a diagonal entry of M that the recursion over a tree must leave of it, or M is singular to rounding there and the dense
+    /// route decides. Free of units. Larger: trees with heavy tips take the slow route. Smaller: accelerations of coordinates that
+    /// move no inertia are rounding over rounding. Pinned by tests/test_tree_accelerations.py.
+    pub const ARTICULATED: f64 = 1e4 * f64::EPSILON;
+}
+
 /// Rolling in motion.
 pub mod rolling {
     /// Straight rolling: B''' and the third power of E, over the speed (lengths over the characteristic length) to the same power, and

@@ -27,15 +27,15 @@ from .trajectory import Trajectory
 if TYPE_CHECKING:
     from ..model.model import Model
 
-METHODS = ("auto", "explicit", "generalized-alpha", "bdf", "bdf-bfgs", "ali3p")
-_ORDER = {"explicit": 8, "generalized-alpha": 2, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
+METHODS = ("auto", "explicit", "generalized-alpha", "radau", "bdf", "bdf-bfgs", "ali3p")
+_ORDER = {"explicit": 8, "generalized-alpha": 2, "radau": 5, "bdf": 4, "bdf-bfgs": 4, "ali3p": 2}
 _TIGHTEST, _LOOSEST = 1e-13, 1e-1
 # below it the norm to which the equations of a step of bdf-bfgs are solved shows in the rates, and steps collapse
 _TIGHTEST_WITHOUT_TANGENT = 1e-10
 # changes of initial values below this are rounding
 _CHANGED = 1e-9
 # methods whose error is estimated by a tighter run, and how much tighter it is
-_TIGHTENED, _TIGHTER = frozenset({"explicit", "bdf"}), 30.0
+_TIGHTENED, _TIGHTER = frozenset({"explicit", "radau", "bdf"}), 30.0
 # deflections beyond this part of a body's length are too large for linear elasticity in a frame
 _BENT = 0.2
 # outputs at which the error is estimated
@@ -78,10 +78,11 @@ def simulate(
         s; fixed steps instead.
     method
         "auto" chooses from what the scene contains and says why in ``stats.route``; "explicit" (order 8, for scenes that
-        are not stiff); "generalized-alpha" (order 2, on the Lie group); "bdf" (orders 1 to 5 with Newton's method, for
-        stiff scenes; order 4 with ``step``); "bdf-bfgs" (order 4, no tangent: the equations of a step are solved by
-        inverse quasi-Newton updates, see `mb.root`; it warns of undamped modes that it amplifies); "ali3p" (index-3
-        augmented Lagrangian with projections, order 2: the scheme whose gradients `mb.gradient` takes).
+        are not stiff); "radau" (Radau IIA of order 5, for stiff scenes); "generalized-alpha" (order 2, on the Lie group);
+        "bdf" (orders 1 to 5 with Newton's method, for stiff scenes with costly forces; order 4 with ``step``); "bdf-bfgs"
+        (order 4, no tangent: the equations of a step are solved by inverse quasi-Newton updates, see `mb.root`; it warns of
+        undamped modes that it amplifies); "ali3p" (index-3 augmented Lagrangian with projections, order 2: the scheme whose
+        gradients `mb.gradient` takes).
     at
         Start: None (drawn, with the given velocities), an equilibrium, a steady motion, or ``traj.state(t)`` to go on.
     without

@@ -92,7 +92,7 @@ pub struct Tangent<T: Real, E = DMatrix<T>> {
 }
 
 impl<T: Real> Scene<'_, T> {
-    pub(super) fn inertia(&self, with_rates: bool) -> InertiaInput<'_, T> {
+    pub(crate) fn inertia(&self, with_rates: bool) -> InertiaInput<'_, T> {
         InertiaInput {
             topology: self.topology,
             geometry: self.geometry,

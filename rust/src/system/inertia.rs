@@ -15,26 +15,26 @@ use crate::system::topology::Topology;
 
 /// Mass, first moment and inertia of a subtree about a point.
 #[derive(Debug, Clone, Copy)]
-struct Composite<T: Real> {
-    m: T,
+pub(super) struct Composite<T: Real> {
+    pub m: T,
     h: V3<T>,
-    j: M3<T>,
+    pub j: M3<T>,
 }
 
 impl<T: Real> Composite<T> {
-    fn apply(&self, v: &Six<T>) -> Six<T> {
+    pub fn apply(&self, v: &Six<T>) -> Six<T> {
         Six::new(v.l * self.m + v.a.cross(&self.h), self.h.cross(&v.l) + turned(&self.j, &v.a))
     }
 
     /// About a point displaced by `d` from this one's.
-    fn at(&self, d: &V3<T>) -> Self {
+    pub fn at(&self, d: &V3<T>) -> Self {
         let r = -d;
         let hr = self.h.dot(&r) * T::from(2.0) + self.m * r.dot(&r);
         let cross = outer(&self.h, &r) + outer(&r, &self.h) + outer(&r, &r) * self.m;
         Composite { m: self.m, h: self.h + r * self.m, j: self.j + M3::from_diagonal_element(hr) - cross }
     }
 
-    fn add(&mut self, o: &Self) {
+    pub fn add(&mut self, o: &Self) {
         self.m += o.m;
         self.h += o.h;
         self.j += o.j;
@@ -73,8 +73,12 @@ impl<T: Real> InertiaInput<'_, T> {
         Composite { m: body.mass, h: V3::zeros(), j: conjugated(r, &body.inertia) }
     }
 
+    pub(super) fn rigid_composites(&self) -> Vec<Composite<T>> {
+        (0..self.topology.nodes.len()).map(|node| self.rigid(node)).collect()
+    }
+
     fn composites(&self, flexible: &[Shapes<'_, T>]) -> Vec<Composite<T>> {
-        let mut all: Vec<_> = (0..self.topology.nodes.len()).map(|node| self.rigid(node)).collect();
+        let mut all = self.rigid_composites();
         for shapes in flexible {
             let (h, j) = shapes.composite();
             let own = &mut all[shapes.modal.node];

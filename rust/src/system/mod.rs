@@ -3,6 +3,7 @@
 //! ```text
 //! topology    spanning tree (tree), tree coordinates, cut rows, connectors   (once per structure)
 //! placement   poses and motion columns of a state                      (per state)
+//! articulated M x = f on a tree without M               (per state)
 //! inertia     M and the velocity and gravity terms, by recursion       (per state)
 //! flexible    modal coordinates: their inertia, and the nodes that they move
 //! connector   forces and tangents of elements and constraints
@@ -15,6 +16,7 @@
 //! closure     from the drawing to closed loops
 //! loops       dependent coordinates, the transformation B''
 //! ```
+pub mod articulated;
 pub mod assemble;
 pub mod closure;
 pub mod connector;

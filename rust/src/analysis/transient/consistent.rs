@@ -8,6 +8,7 @@ use crate::linalg::kkt::Kkt;
 use crate::linalg::matrix::Matrix;
 use crate::linalg::rows::Level as Asked;
 use crate::run::Counts;
+use crate::system::articulated;
 use crate::system::assemble::Scene;
 use crate::system::placement::advance;
 use crate::system::topology::Level;
@@ -197,10 +198,30 @@ impl Equations<'_, f64> {
 
     /// Accelerations and multipliers of a consistent motion.
     pub fn instant(&self, motion: Motion<f64>, counts: &mut Counts) -> Result<Instant> {
+        if let Some(a) = self.tree_accelerations(&motion, counts)? {
+            return Ok(self.joined(motion, &DVector::from_vec(a), &DVector::zeros(0)));
+        }
         let now = self.evaluated(&motion, counts)?;
         let saddle = self.saddle(&now.mass, &now.jacobian, counts)?;
         let (a, lam) = saddle.solve_one(&-now.h, &-now.gamma)?;
         Ok(self.joined(motion, &a, &lam))
+    }
+
+    /// Where no row acts and nothing is flexible: the recursion over the tree. None where it cannot serve.
+    fn tree_accelerations(&self, motion: &Motion<f64>, counts: &mut Counts) -> Result<Option<Vec<f64>>> {
+        if self.constrained() || self.topology().is_flexible() {
+            return Ok(None);
+        }
+        let placement = self.place(motion);
+        let scene = self.scene(motion, &placement, None);
+        let h = scene.residual(None);
+        self.check_forces(&h)?;
+        let made = articulated::solve(&scene.inertia(false), (-h).as_slice());
+        if made.is_some() {
+            counts.add("force evaluations", 1);
+            counts.add("tree recursions", 1);
+        }
+        Ok(made)
     }
 
     /// Rows of effects that are left out were not solved for: their multipliers are zero.

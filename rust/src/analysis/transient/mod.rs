@@ -40,6 +40,7 @@ mod held_rates;
 pub mod interpolate;
 pub mod methods;
 pub mod plan;
+pub mod radau;
 mod reversal;
 pub mod rotations;
 mod singular;

@@ -6,11 +6,17 @@
 //! the trapezoidal rule, z1 = z0 + h/2 (g0 + g1); the others by their own formulas.
 use std::borrow::Cow;
 
+use nalgebra::{DMatrix, DVector};
+use num_dual::Dual64;
+
 use crate::spatial::Real;
 use crate::system::connector::motion_of;
 use crate::system::topology::{BoundLaw, Connector};
 
 use super::{Equations, Instant, Motion};
+
+/// Newton's method for the states of a law; it is quadratic.
+const STATE_ITERATIONS: usize = 25;
 
 /// A law with states, and its coordinate.
 struct Rated<'a, T> {
@@ -208,5 +214,117 @@ impl Equations<'_, f64> {
         self.close_states(&mut start);
         let base: Vec<f64> = (0..before.len()).map(|i| start.memory[i] + after[i] - before[i]).collect();
         self.set_states(to, &base, 0.0);
+    }
+
+    /// The same motion as the end of an implicit part of a step: tangents then contain what the states answer to it.
+    pub(super) fn with_answering_states(&self, m: &Motion<f64>, gain: f64) -> Motion<f64> {
+        let mut out = m.clone();
+        self.close_states(&mut out);
+        let rates = self.state_rates(&out);
+        let base: Vec<f64> = out.memory.iter().zip(&rates).map(|(z, g)| z - gain * g).collect();
+        self.set_states(&mut out, &base, gain);
+        out
+    }
+
+    /// States of the stages of a Runge-Kutta method, Z_i = z0 + h sum_j a_ij g(u_j, v_j, Z_j), into their motions; false where Newton's
+    /// method does not find them.
+    pub(super) fn stage_states(&self, from: &Motion<f64>, a: &[&[f64]], h: f64, motions: &mut [Motion<f64>]) -> bool {
+        if self.rated.is_empty() {
+            return true;
+        }
+        let start = self.states(from);
+        let at: Vec<Vec<Rated<'_, f64>>> = motions.iter().map(|m| self.laws_with_rates(m)).collect();
+        let mut found = vec![start.clone(); motions.len()];
+        for k in 0..at[0].len() {
+            let law = at[0][k].law;
+            let own = law.memory..law.memory + law.law.n_states();
+            let moved: Vec<(f64, f64)> = at.iter().map(|r| (r[k].u, r[k].v)).collect();
+            let Some(z) = self.coupled_states(law, &start[own.clone()], &moved, a, h) else { return false };
+            for (i, stage) in found.iter_mut().enumerate() {
+                stage[own.clone()].copy_from_slice(&z[i]);
+            }
+        }
+        for (m, z) in motions.iter_mut().zip(&found) {
+            self.set_states(m, z, 0.0);
+        }
+        true
+    }
+
+    fn coupled_states(
+        &self,
+        law: &BoundLaw,
+        start: &[f64],
+        moved: &[(f64, f64)],
+        a: &[&[f64]],
+        h: f64,
+    ) -> Option<Vec<Vec<f64>>> {
+        let (s, n) = (moved.len(), start.len());
+        let mut z = vec![start.to_vec(); s];
+        for _ in 0..STATE_ITERATIONS {
+            let slopes: Vec<(Vec<f64>, DMatrix<f64>)> =
+                z.iter().zip(moved).map(|(z, m)| self.state_slope(law, *m, z)).collect();
+            let mut left = DVector::<f64>::zeros(s * n);
+            let mut matrix = DMatrix::<f64>::identity(s * n, s * n);
+            for i in 0..s {
+                for p in 0..n {
+                    left[i * n + p] = start[p] - z[i][p];
+                    for (j, (g, g_z)) in slopes.iter().enumerate() {
+                        left[i * n + p] += h * a[i][j] * g[p];
+                        for q in 0..n {
+                            matrix[(i * n + p, j * n + q)] -= h * a[i][j] * g_z[(p, q)];
+                        }
+                    }
+                }
+            }
+            let change = matrix.lu().solve(&left)?;
+            let mut settled = true;
+            for (k, d) in change.iter().enumerate() {
+                let own = &mut z[k / n][k % n];
+                *own += d;
+                settled &= d.abs() <= 8.0 * f64::EPSILON * (own.abs() + start[k % n].abs());
+            }
+            if settled {
+                return Some(z);
+            }
+            if !change.iter().all(|d| d.is_finite()) {
+                return None;
+            }
+        }
+        // rounding circles about the solution where states are differences of large numbers
+        Some(z)
+    }
+
+    /// g and its derivatives by the states.
+    fn state_slope(&self, law: &BoundLaw, (u, v): (f64, f64), z: &[f64]) -> (Vec<f64>, DMatrix<f64>) {
+        let n = z.len();
+        let p: Vec<Dual64> = self.law_numbers(law).iter().map(|x| Dual64::from_re(*x)).collect();
+        let mut slope = vec![0.0; n];
+        let mut matrix = DMatrix::<f64>::zeros(n, n);
+        for q in 0..n {
+            let mut memory: Vec<Dual64> = z.iter().map(|x| Dual64::from_re(*x)).collect();
+            memory[q].eps = 1.0;
+            memory.push(Dual64::from_re(0.0));
+            let g = law.law.state_rate(Dual64::from_re(u), Dual64::from_re(v), &p, &memory);
+            for i in 0..n {
+                slope[i] = g[i].re;
+                matrix[(i, q)] = g[i].eps;
+            }
+        }
+        (slope, matrix)
+    }
+
+    /// (1/c - g_z)^-1 of slopes of the states: the filter of an estimate.
+    pub(super) fn filtered_states(&self, m: &Motion<f64>, slopes: &[f64], c: f64) -> Vec<f64> {
+        let mut out = vec![0.0; slopes.len()];
+        for Rated { law, u, v } in self.laws_with_rates(m) {
+            let own = law.memory..law.memory + law.law.n_states();
+            let g_z = self.state_slope(law, (u, v), &m.memory[own.clone()]).1;
+            let matrix = DMatrix::<f64>::identity(own.len(), own.len()) / c - g_z;
+            let right = DVector::from_column_slice(&slopes[own.clone()]);
+            if let Some(x) = matrix.lu().solve(&right) {
+                out[own].copy_from_slice(x.as_slice());
+            }
+        }
+        out
     }
 }
