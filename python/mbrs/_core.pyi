@@ -35,7 +35,6 @@ __all__ = [
     "System",
     "__version__",
     "available_memory",
-    "check_sparse_model",
     "dense_modes",
     "directions",
     "eigen_sensitivities",
@@ -75,7 +74,6 @@ def dense_modes(
     kf: np.ndarray | None,
     mf: np.ndarray | None = None,
 ) -> dict[str, Any]: ...
-def check_sparse_model(system: System) -> None: ...
 def sparse_model_modes(
     system: System, q: _F1, rate: _F1, without: Sequence[str], n: int, sigma: float | None = None
 ) -> dict[str, Any]: ...

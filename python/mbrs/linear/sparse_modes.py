@@ -114,8 +114,6 @@ def model_modes(model: Any, at: Any, n: int, without: Any, start: float, shift: 
     """The n lowest modes of a model at rest, or those nearest to a frequency; None where the dense route must take over and can."""
     without = check_without(without)
     snapshot = Snapshot.of(model)
-    with core_errors():
-        _core.check_sparse_model(snapshot.system)
     state = state_of(model, snapshot.system, at)
     try:
         with core_errors(), Elapsed(f"lowest {n} modes of {model.name!r}"):

@@ -93,6 +93,10 @@ class System(Result):
         topology = snapshot.system.topology()
         tree = tuple((b, p or "ground", j, kind) for b, p, j, kind in topology["tree"])
         redundant: Mapping[str, int] = dict(found.get("redundant", ()))
+        inner = {body: parent for body, parent, _, _ in tree}
+        depth = {"ground": 0}
+        for body, parent in inner.items():  # inner bodies come first
+            depth[body] = depth[parent] + 1
         self.__dict__.update(
             name=model.name,
             n_bodies=len(model.bodies),
@@ -105,7 +109,7 @@ class System(Result):
             characteristic_length=snapshot.system.characteristic_length,
             tree=tree,
             redundant=redundant,
-            loops=tuple(_loop(model, name, tree, redundant) for name in topology["cut"]),
+            loops=tuple(_loop(model, name, inner, depth, redundant.get(name, 0)) for name in topology["cut"]),
             joint_types={joint.name: joint.type for joint in model.joints},
             doubts=doubts,
             stats=Stats(),
@@ -162,7 +166,9 @@ class System(Result):
         if len(self.loops) > 20:
             lines.append(f"... and {len(self.loops) - 20} more loops")
         if self.redundant:
-            named = ", ".join(f"{n} at {joint!r}" for joint, n in self.redundant.items())
+            some = [f"{n} at {joint!r}" for joint, n in self.redundant.items()][:20]
+            more = len(self.redundant) - len(some)
+            named = ", ".join([*some, f"... at {more} more joints"] if more else some)
             total = sum(self.redundant.values())
             lines.append(
                 f"redundant constraints: {total} of {self.n_rows} ({named}); reactions there are the minimum-norm ones"
@@ -180,19 +186,12 @@ class System(Result):
         return draw(self, ax=ax)
 
 
-def _loop(
-    model: Any, name: str, tree: tuple[tuple[str, str, str | None, str], ...], redundant: Mapping[str, int]
-) -> Loop:
+def _loop(model: Any, name: str, inner: Mapping[str, str], depth: Mapping[str, int], redundant: int) -> Loop:
+    """A cut joint with the bodies around its loop: both sides climb until they meet. O(length of the loop)."""
     joint = model[name]
-    inner = {body: parent for body, parent, _, _ in tree}
-    a, b = _to_ground(inner, model.body_name(joint.a)), _to_ground(inner, model.body_name(joint.b))
-    shared = next(body for body in a if body in b)
-    around = (*a[: a.index(shared)], shared, *reversed(b[: b.index(shared)]))
-    return Loop(name, around, redundant.get(name, 0))
-
-
-def _to_ground(inner: Mapping[str, str], body: str) -> list[str]:
-    path = [body]
-    while path[-1] != "ground":
-        path.append(inner[path[-1]])
-    return path
+    a, b = model.body_name(joint.a), model.body_name(joint.b)
+    up, down = [a], [b]
+    while up[-1] != down[-1]:
+        side = up if depth[up[-1]] >= depth[down[-1]] else down
+        side.append(inner[side[-1]])
+    return Loop(name, (*up, *reversed(down[:-1])), redundant)

@@ -12,6 +12,7 @@ use num_dual::Dual2;
 use crate::analysis::rolling::{check_rolling, rolling, rolls};
 use crate::error::{Error, Result};
 use crate::linalg::entries::Sizes;
+use crate::linalg::matrix::Matrix;
 use crate::model::geometry::Geometry;
 use crate::run::Counts;
 use crate::spatial::{Real, Six};
@@ -20,9 +21,9 @@ use crate::system::assemble::{Effects, Scene, Tangent};
 use crate::system::closure::scene_at_rest;
 use crate::system::connector::collapsed;
 use crate::system::flexible::Fold;
-use crate::system::loops::{Loops, column_scales};
+use crate::system::loops::{LoopBlocks, Loops, column_scales};
 use crate::system::placement::{Placement, State, advance, place};
-use crate::system::singular_pose::{check_pose, singular_pose};
+use crate::system::singular_pose::reduction;
 use crate::system::topology::Topology;
 
 /// Displacements below this, in characteristic lengths or radians, do not count as strains.
@@ -168,26 +169,26 @@ type Closed = (DMatrix<f64>, Option<Loops>, Option<DMatrix<f64>>);
 
 fn closed(setting: &Setting<'_>, scene: &Scene<'_, f64>) -> Result<Closed> {
     let system = setting.system;
-    if let Some(name) = collapsed(scene.topology, scene.geometry, scene.placement, system.length) {
-        return Err(Error::singular(format!(
-            "the ends of '{name}' coincide in this state, so that its direction is undefined: start elsewhere, or use a bushing"
-        )));
-    }
+    check_directions(system, scene)?;
     let (_, jacobian) = scene.constraints();
     let decision = system.decision(setting.effects)?;
-    let loops = Loops::analyse(system, &jacobian, &decision)?;
-    if let Some((_, block)) = loops.as_ref().and_then(|l| l.weakest).filter(|w| w.0 <= decision.tolerance) {
-        return Err(singular_pose(scene, system, &decision, block));
-    }
+    let found = reduction(system, scene, &Matrix::Dense(jacobian.clone()), &decision)?;
+    let loops = found.map(|l| Loops::dense(l, &decision));
     let b = loops.as_ref().map(|l| l.dependent_map(&jacobian));
-    if let (Some(l), Some(b)) = (&loops, &b) {
-        check_pose(system, scene, &decision, (l, b))?;
-    }
     Ok((jacobian, loops, b))
 }
 
+fn check_directions(system: &System, scene: &Scene<'_, f64>) -> Result<()> {
+    match collapsed(scene.topology, scene.geometry, scene.placement, system.length) {
+        None => Ok(()),
+        Some(name) => Err(Error::singular(format!(
+            "the ends of '{name}' coincide in this state, so that its direction is undefined: start elsewhere, or use a bushing"
+        ))),
+    }
+}
+
 /// Which coordinates are free at rest in this state; of an open tree all, without any work.
-pub fn mobility(setting: &Setting<'_>) -> Result<Option<Loops>> {
+pub fn mobility(setting: &Setting<'_>) -> Result<Option<LoopBlocks>> {
     let system = setting.system;
     let placement = place(&system.topology, &system.geometry, &setting.state.q, None);
     let scene = Scene {
@@ -201,7 +202,14 @@ pub fn mobility(setting: &Setting<'_>) -> Result<Option<Loops>> {
         t: 0.0,
         effects: setting.effects,
     };
-    Ok(closed(setting, &scene)?.1)
+    check_directions(system, &scene)?;
+    if system.topology.rows.is_empty() {
+        return Ok(None);
+    }
+    let mut jacobian = Matrix::zeros(system.topology.rows.len(), system.n_tree(), true);
+    scene.constraints_into(&mut jacobian);
+    let decision = system.decision(setting.effects)?;
+    reduction(system, &scene, &jacobian, &decision)
 }
 
 pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Linearization> {

@@ -56,26 +56,59 @@ pub struct RowBlocks {
     pub column_scale: Vec<f64>,
 }
 
-/// The dense part of a matrix that belongs to a block, rows and columns free of units.
-pub fn gather(j: &Matrix, rows: &[usize], columns: &[usize], blocks: &RowBlocks) -> DMatrix<f64> {
-    let scale = |i: usize, c: usize| blocks.row_scale[i] * blocks.column_scale[c];
-    match j {
-        Matrix::Dense(m) => {
-            DMatrix::from_fn(rows.len(), columns.len(), |i, c| m[(rows[i], columns[c])] * scale(rows[i], columns[c]))
-        }
-        Matrix::Sparse(_) => {
-            let mut out = DMatrix::zeros(rows.len(), columns.len());
-            j.each(|i, c, v| {
-                if let (Some(r), Ok(k)) = (rows.iter().position(|x| *x == i), columns.binary_search(&c)) {
-                    out[(r, k)] += v * scale(i, c);
-                }
-            });
-            out
+/// Rows and columns free of units: the factors of each.
+#[derive(Debug, Clone, Copy)]
+pub struct Units<'a> {
+    pub row: &'a [f64],
+    pub column: &'a [f64],
+}
+
+/// The dense parts of a matrix that belong to blocks, rows at a level, in one pass over its entries; None for blocks that are not
+/// `wanted`. O(entries + sizes of the parts).
+pub fn parts(
+    j: &Matrix,
+    blocks: &[Block],
+    level: Level,
+    units: Units<'_>,
+    wanted: impl Fn(&Block) -> bool,
+) -> Vec<Option<DMatrix<f64>>> {
+    const NOWHERE: (usize, usize) = (usize::MAX, 0);
+    let mut place = vec![NOWHERE; units.row.len()];
+    let mut found: Vec<Option<DMatrix<f64>>> = Vec::with_capacity(blocks.len());
+    for (k, block) in blocks.iter().enumerate() {
+        let rows = block.rows_at(level).0;
+        found.push(wanted(block).then(|| DMatrix::zeros(rows.len(), block.columns.len())));
+        if found[k].is_some() {
+            rows.iter().enumerate().for_each(|(r, i)| place[*i] = (k, r));
         }
     }
+    if let Matrix::Dense(m) = j {
+        for (part, block) in found.iter_mut().zip(blocks) {
+            let Some(part) = part else { continue };
+            for (r, i) in block.rows_at(level).0.iter().enumerate() {
+                for (k, c) in block.columns.iter().enumerate() {
+                    part[(r, k)] = m[(*i, *c)] * units.row[*i] * units.column[*c];
+                }
+            }
+        }
+        return found;
+    }
+    j.each(|i, c, v| {
+        let (k, r) = place[i];
+        if let Some(Some(part)) = found.get_mut(k)
+            && let Ok(at) = blocks[k].columns.binary_search(&c)
+        {
+            part[(r, at)] += v * units.row[i] * units.column[c];
+        }
+    });
+    found
 }
 
 impl RowBlocks {
+    pub fn units(&self) -> Units<'_> {
+        Units { row: &self.row_scale, column: &self.column_scale }
+    }
+
     /// Is any row superfluous?
     pub fn is_redundant(&self) -> bool {
         self.blocks.iter().any(Block::is_redundant)
@@ -97,18 +130,19 @@ impl RowBlocks {
 
     /// The rows that carry all blocks at this pose, ascending.
     pub fn select(&self, j: &Matrix, level: Level) -> Vec<usize> {
-        match j {
-            Matrix::Dense(m) => self.select_dense(m, level),
-            Matrix::Sparse(_) => self.carrying(self.sparse_parts(j, level), level),
+        let chosen = |b: &Block| b.is_chosen(level);
+        if !self.blocks.iter().any(chosen) {
+            return self.carrying(vec![None; self.blocks.len()], level);
         }
+        self.carrying(parts(j, &self.blocks, level, self.units(), chosen), level)
     }
 
+    /// The same of a dense matrix.
     pub fn select_dense(&self, m: &DMatrix<f64>, level: Level) -> Vec<usize> {
         let part = |b: &Block| {
             let rows = b.rows_at(level).0;
-            let scale = |i: usize, c: usize| self.row_scale[i] * self.column_scale[c];
-            let entry = |i: usize, c: usize| m[(i, c)] * scale(i, c);
-            DMatrix::from_fn(rows.len(), b.columns.len(), |i, c| entry(rows[i], b.columns[c]))
+            let entry = |i: usize, c: usize| m[(i, c)] * self.row_scale[i] * self.column_scale[c];
+            DMatrix::from_fn(rows.len(), b.columns.len(), |r, k| entry(rows[r], b.columns[k]))
         };
         let parts = self.blocks.iter().map(|b| b.is_chosen(level).then(|| part(b))).collect();
         self.carrying(parts, level)
@@ -132,31 +166,6 @@ impl RowBlocks {
         }
         kept.sort_unstable();
         kept
-    }
-
-    /// The matrices of the blocks whose rows have to be chosen, in one pass over a sparse matrix.
-    fn sparse_parts(&self, j: &Matrix, level: Level) -> Vec<Option<DMatrix<f64>>> {
-        if !self.blocks.iter().any(|b| b.is_chosen(level)) {
-            return vec![None; self.blocks.len()];
-        }
-        let mut place = vec![(usize::MAX, 0); self.row_scale.len()];
-        let mut parts: Vec<Option<DMatrix<f64>>> = Vec::with_capacity(self.blocks.len());
-        for (k, b) in self.blocks.iter().enumerate() {
-            let rows = b.rows_at(level).0;
-            parts.push(b.is_chosen(level).then(|| DMatrix::zeros(rows.len(), b.columns.len())));
-            if b.is_chosen(level) {
-                rows.iter().enumerate().for_each(|(r, i)| place[*i] = (k, r));
-            }
-        }
-        j.each(|i, c, v| {
-            let (k, r) = place[i];
-            if let Some(Some(part)) = parts.get_mut(k)
-                && let Ok(at) = self.blocks[k].columns.binary_search(&c)
-            {
-                part[(r, at)] += v * self.row_scale[i] * self.column_scale[c];
-            }
-        });
-        parts
     }
 }
 

@@ -12,19 +12,12 @@ use crate::analysis::sparse_bodies::{BodyModes, modes};
 use crate::memory;
 use crate::run::Counts;
 use crate::system::System;
-use crate::system::sparse::{Entries, SparseForm, check_loops};
+use crate::system::sparse::{Entries, SparseForm};
 use crate::system::topology::Owner;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_function(wrap_pyfunction!(check_sparse_model, module)?)?;
     module.add_function(wrap_pyfunction!(sparse_model_modes, module)?)?;
     module.add_function(wrap_pyfunction!(sparse_model_form, module)?)
-}
-
-/// Refuses what the sparse route cannot do, before anything dense is made.
-#[pyfunction]
-fn check_sparse_model(system: PyRef<'_, PySystem>) -> PyResult<()> {
-    Ok(check_loops(&system.0)?)
 }
 
 /// The n lowest modes at a state at rest: the dict of `dense_modes` with shapes of the minimal coordinates, and the motion of

@@ -333,7 +333,7 @@ impl PySystem {
         out.set_item("moving", lin.acceleration.is_some() || rate.as_array().iter().any(|r| *r != 0.0))?;
         if let Some(l) = &lin.loops {
             out.set_item("rank", l.dependent.len())?;
-            let named = redundant_names(&self.0.topology, l, |row| effects.row(row));
+            let named = redundant_names(&self.0.topology, &l.dropped, |row| effects.row(row));
             out.set_item("redundant", named)?;
         }
         out.set_item("counts", counts_dict(py, &counts)?)?;
@@ -343,9 +343,6 @@ impl PySystem {
     /// Minimal coordinates at rest, with the rank of the loops and what is redundant in them.
     fn mobility<'py>(&self, py: Python<'py>, q: PyReadonlyArray1<'py, f64>) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &q, &empty(py)?)?;
-        if !self.0.topology.rows.is_empty() {
-            fits(&self.0, "the mobility of the loops", LINEARIZATION)?;
-        }
         let loops = run(py, &self.0, move |system, _| {
             mobility(&Setting { system, state: &state, memory: &[], acceleration: &[], effects: Effects::ALL })
         })?;
@@ -359,7 +356,7 @@ impl PySystem {
         out.set_item("coordinates", names)?;
         if let Some(l) = &loops {
             out.set_item("rank", l.dependent.len())?;
-            out.set_item("redundant", redundant_names(topology, l, |_| true))?;
+            out.set_item("redundant", redundant_names(topology, &l.dropped, |_| true))?;
         }
         Ok(out)
     }

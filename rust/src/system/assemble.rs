@@ -360,18 +360,12 @@ impl<T: Real> Scene<'_, T> {
         }
     }
 
-    /// d(J^T lam)/dy of the cut joints.
-    pub fn multiplier_stiffness(&self, lam: &[T], counts: &mut Counts) -> DMatrix<T> {
-        let n = self.topology.n_tree;
-        let mut made = DMatrix::zeros(n, n);
+    /// d(J^T lam)/dy of the cut joints, into any place.
+    pub fn multiplier_stiffness_into<E: Entries<T>>(&self, lam: &[T], into: &mut E, counts: &mut Counts) {
         match &self.fold() {
-            None => self.add_multiplier_stiffness(lam, &mut made, counts),
-            Some(fold) => {
-                let mut into = Folded { inner: &mut made, fold };
-                self.add_multiplier_stiffness(lam, &mut into, counts);
-            }
+            None => self.add_multiplier_stiffness(lam, into, counts),
+            Some(fold) => self.add_multiplier_stiffness(lam, &mut Folded { inner: into, fold }, counts),
         }
-        made
     }
 
     fn add_multiplier_stiffness<E: Entries<T>>(&self, lam: &[T], stiffness: &mut E, counts: &mut Counts) {

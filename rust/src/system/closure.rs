@@ -6,7 +6,7 @@
 //! ```
 //! The second is the Levenberg-Marquardt method with the residual for damping (N. Yamashita, M. Fukushima, Computing Suppl. 15
 //! (2001) 239-249), which converges quadratically although rows are redundant at the end; weak directions must not run away.
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use crate::error::{Error, Result};
 use crate::joint::Coordinate;
@@ -14,7 +14,7 @@ use crate::linalg::dense::minimum_norm;
 use crate::linalg::entries::Entries;
 use crate::linalg::kkt::{Kkt, Ordering};
 use crate::linalg::matrix::Matrix;
-use crate::linalg::rows::{Block, Level as Asked, RowBlocks, gather};
+use crate::linalg::rows::{Block, Level as Asked, RowBlocks, Units, parts};
 use crate::model::layout;
 use crate::run::Counts;
 use crate::spatial::{Pose, V3, rotation_of_quaternion};
@@ -143,11 +143,18 @@ pub(super) fn close_with(system: &System, q: &mut [f64], effects: Effects, rows:
         }
         best = best.min(size);
         let mut dy = vec![0.0; columns.len()];
-        for block in &rows.blocks {
-            let own: Vec<usize> =
-                block.rows_at(Asked::Position).0.iter().copied().filter(|i| kept.binary_search(i).is_ok()).collect();
-            if largest(&phi, &own, rows, &rounding).0 > 0.0 {
-                smallest_step(&jacobian, &phi, &own, block, (rows, &columns), &mut dy)?;
+        let small = parts(&jacobian, &rows.blocks, Asked::Position, natural(rows, &columns), is_dense);
+        for (block, part) in rows.blocks.iter().zip(&small) {
+            let (own, places): (Vec<usize>, Vec<usize>) = (block.rows_at(Asked::Position).0.iter().enumerate())
+                .filter(|(_, i)| kept.binary_search(i).is_ok())
+                .map(|(r, i)| (*i, r))
+                .unzip();
+            if largest(&phi, &own, rows, &rounding).0 == 0.0 {
+                continue;
+            }
+            match part {
+                Some(m) => smallest_dense_step(&m.select_rows(&places), &phi, &own, block, (rows, &columns), &mut dy)?,
+                None => smallest_step(&jacobian, &phi, &own, &columns, &mut dy)?,
             }
         }
         move_by(system, q, dy, &columns);
@@ -155,25 +162,34 @@ pub(super) fn close_with(system: &System, q: &mut [f64], effects: Effects, rows:
     Ok(MAX_ITERATIONS)
 }
 
+/// Rows free of units, columns in characteristic lengths: the measure of the smallest change.
+fn natural<'a>(rows: &'a RowBlocks, columns: &'a [f64]) -> Units<'a> {
+    Units { row: &rows.row_scale, column: columns }
+}
+
+fn is_dense(block: &Block) -> bool {
+    block.n_position + block.columns.len() <= DENSE
+}
+
 /// The smallest change that closes rows of a block to first order, in characteristic lengths and radians.
-fn smallest_step(
-    jacobian: &Matrix,
+fn smallest_dense_step(
+    m: &DMatrix<f64>,
     phi: &DVector<f64>,
     own: &[usize],
     block: &Block,
     (rows, columns): (&RowBlocks, &[f64]),
     dy: &mut [f64],
 ) -> Result<()> {
-    let metric = RowBlocks { row_scale: rows.row_scale.clone(), column_scale: columns.to_vec(), blocks: Vec::new() };
     let right = DVector::from_fn(own.len(), |k, _| -phi[own[k]] * rows.row_scale[own[k]]);
-    if own.len() + block.columns.len() <= DENSE {
-        let m = gather(jacobian, own, &block.columns, &metric);
-        let step = minimum_norm(&m, &right)?;
-        for (c, s) in block.columns.iter().zip(step.iter()) {
-            dy[*c] += s * columns[*c];
-        }
-        return Ok(());
+    let step = minimum_norm(m, &right)?;
+    for (c, s) in block.columns.iter().zip(step.iter()) {
+        dy[*c] += s * columns[*c];
     }
+    Ok(())
+}
+
+/// The same by a sparse factor.
+fn smallest_step(jacobian: &Matrix, phi: &DVector<f64>, own: &[usize], columns: &[f64], dy: &mut [f64]) -> Result<()> {
     let n = columns.len();
     let mut weight = Matrix::zeros(n, n, true);
     (0..n).for_each(|i| weight.add(i, i, columns[i].powi(-2)));
@@ -214,36 +230,38 @@ pub(super) fn close_drawn(system: &System, q: &mut [f64], effects: Effects, rows
         }
         best = best.min(size);
         let mut dy = vec![0.0; columns.len()];
-        for block in open {
-            drawn_step(system, &jacobian, &phi, block, (rows, &columns), &mut dy)?;
+        let open: Vec<Block> = open.into_iter().cloned().collect();
+        let small = parts(&jacobian, &open, Asked::Position, rows.units(), is_dense);
+        for (block, part) in open.iter().zip(small) {
+            match part {
+                Some(m) => drawn_step(system, m, &phi, block, (rows, &columns), &mut dy)?,
+                None => smallest_step(&jacobian, &phi, &block.rows[..block.n_position], &columns, &mut dy)?,
+            }
         }
         move_by(system, q, dy, &columns);
     }
     Ok(MAX_ITERATIONS)
 }
 
-/// Newton's step where rows are independent by far, and the damped one where they may become redundant.
+/// Newton's step where rows are independent by far, and the damped one where they may become redundant; from the rows of positions.
 fn drawn_step(
     system: &System,
-    jacobian: &Matrix,
+    m: DMatrix<f64>,
     phi: &DVector<f64>,
     block: &Block,
     (rows, columns): (&RowBlocks, &[f64]),
     dy: &mut [f64],
 ) -> Result<()> {
     let own = &block.rows[..block.n_position];
-    if own.len() + block.columns.len() > DENSE {
-        return smallest_step(jacobian, phi, own, block, (rows, columns), dy);
-    }
-    let position = Block { rows: own.to_vec(), ..block.clone() };
-    let zero = vec![0.0; phi.len()];
-    let found = spectrum(jacobian, rows, &position, Asked::Position, &zero, system.tolerance)?;
+    let found = spectrum(&m, &vec![0.0; own.len()], system.tolerance)?;
     let open = DVector::from_fn(own.len(), |k, _| phi[own[k]] * rows.row_scale[own[k]]);
     let size = open.norm();
     // rows that repeat others exactly do no harm; weak ones run away
     let (least, most) = ((DOUBTFUL * system.tolerance).max(size), found.values.first().copied().unwrap_or(0.0));
     if found.values.iter().all(|s| *s > least || *s <= found.floor.max(FELT * most)) {
-        return smallest_step(jacobian, phi, own, block, (rows, columns), dy);
+        let measure = |c: usize| columns[block.columns[c]] / rows.column_scale[block.columns[c]];
+        let measured = DMatrix::from_fn(m.nrows(), m.ncols(), |r, c| m[(r, c)] * measure(c));
+        return smallest_dense_step(&measured, phi, own, block, (rows, columns), dy);
     }
     for (k, s) in found.values.iter().enumerate().filter(|(_, s)| **s > system.tolerance.max(found.floor)) {
         let part = found.left.column(k).dot(&open) * s / (s * s + size * size);

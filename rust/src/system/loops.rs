@@ -1,18 +1,50 @@
 //! Closed loops: dependent coordinates, and the transformation B'' from minimal to tree coordinates.
 //!
 //! Rows and columns are scaled by the lengths of their loops, so that no choice depends on units; the ranks are those of `rank`. B'' = [-J_d^-1 J_i; 1]; for redundant rows the inverse is a left inverse, valid while the rows agree.
+use std::collections::HashMap;
+
 use faer::prelude::*;
 use nalgebra::{DMatrix, DVector};
 
 use crate::error::{Error, Result};
 use crate::linalg::matrix::Matrix;
-use crate::linalg::rows::{Level as Asked, gather};
+use crate::linalg::rows::{Level as Asked, RowBlocks, parts};
 use crate::spatial::Real;
 use crate::system::System;
 use crate::system::rank::Decision;
 use crate::system::topology::{ConstraintRow, Topology};
 use crate::tolerances::constraints::TIE;
 
+/// Blocks with more entries are refused: their inverses are dense.
+const LARGEST_BLOCK: usize = 20_000_000;
+
+/// The rows of one block at a pose.
+#[derive(Debug, Clone)]
+pub struct LoopBlock {
+    /// rows and columns of the whole, positions first; see `RowBlocks`
+    pub rows: Vec<usize>,
+    pub columns: Vec<usize>,
+    /// the dependent ones of the columns, as places among them
+    pub dependent: Vec<usize>,
+    /// left inverse of the dependent columns, (r, n_rows), rows and columns free of units
+    pub inverse: DMatrix<f64>,
+    /// orthonormal left null space of the rows, free of units, (n_rows, n_redundant)
+    pub redundant: DMatrix<f64>,
+}
+
+/// Dependent coordinates block by block: O(blocks), whatever the size of the model.
+#[derive(Debug, Clone)]
+pub struct LoopBlocks {
+    pub blocks: Vec<LoopBlock>,
+    pub dependent: Vec<usize>,
+    pub independent: Vec<usize>,
+    /// indices of rows that could be dropped
+    pub dropped: Vec<usize>,
+    /// the shortest pivot, free of units, and its block: where it is below the tolerance the pose has lost rank
+    pub weakest: Option<(f64, usize)>,
+}
+
+/// The same as dense matrices over all coordinates.
 #[derive(Debug, Clone)]
 pub struct Loops {
     pub dependent: Vec<usize>,
@@ -24,8 +56,6 @@ pub struct Loops {
     /// indices of rows that could be dropped
     pub dropped: Vec<usize>,
     pub row_scale: Vec<f64>,
-    /// the shortest pivot, free of units, and its block: where it is below the tolerance the pose has lost rank
-    pub weakest: Option<(f64, usize)>,
 }
 
 pub fn row_scales(topology: &Topology, length: f64) -> Vec<f64> {
@@ -75,58 +105,98 @@ fn pivots(m: &DMatrix<f64>, rank: usize) -> (Vec<usize>, f64) {
     (order, last)
 }
 
-impl Loops {
+impl LoopBlocks {
     /// Dependent coordinates of rows whose ranks are decided; None where no row acts.
-    pub fn analyse(system: &System, jacobian: &DMatrix<f64>, decision: &Decision) -> Result<Option<Loops>> {
+    pub fn analyse(system: &System, jacobian: &Matrix, decision: &Decision) -> Result<Option<LoopBlocks>> {
         let rows = &decision.rows;
         if system.topology.rows.is_empty() {
             return Ok(None);
         }
-        let jacobian = Matrix::Dense(jacobian.clone());
+        if let Some(large) = rows.blocks.iter().find(|b| b.rows.len().saturating_mul(b.columns.len()) > LARGEST_BLOCK) {
+            return Err(Error::route(format!(
+                "{} constraints on {} coordinates hang together in loops; this is dense work, limited to {LARGEST_BLOCK} entries: replace \
+                 joints that close loops by bushings, or make the model smaller",
+                large.rows.len(),
+                large.columns.len()
+            )));
+        }
         let n_rows = system.topology.rows.len();
-        let mut parts = Vec::with_capacity(rows.blocks.len());
+        let mut blocks = Vec::with_capacity(rows.blocks.len());
         let mut weakest: Option<(f64, usize)> = None;
-        for (k, block) in rows.blocks.iter().enumerate() {
-            let m = gather(&jacobian, &block.rows, &block.columns, rows);
-            let (order, last) = pivots(&m, block.rank);
+        let all = parts(jacobian, &rows.blocks, Asked::All, rows.units(), |_| true);
+        for (k, (block, m)) in rows.blocks.iter().zip(all).enumerate() {
+            let Some(m) = m else { continue };
+            let (dependent, last) = pivots(&m, block.rank);
             if block.rank > 0 && weakest.is_none_or(|(w, _)| last < w) {
                 weakest = Some((last, k));
             }
-            let jd = DMatrix::from_fn(m.nrows(), order.len(), |i, k| m[(i, order[k])]);
-            let (inverse, null) = left_inverse(&jd)?;
-            parts.push((block, order, inverse, null));
+            let (inverse, redundant) = left_inverse(&m.select_columns(&dependent))?;
+            let (rows, columns) = (block.rows.clone(), block.columns.clone());
+            blocks.push(LoopBlock { rows, columns, dependent, inverse, redundant });
         }
-        let mut dependent: Vec<usize> =
-            parts.iter().flat_map(|(b, order, ..)| order.iter().map(|c| b.columns[*c])).collect();
+        let mut dependent: Vec<usize> = blocks.iter().flat_map(|b| b.dependent.iter().map(|c| b.columns[*c])).collect();
         dependent.sort_unstable();
         let independent = (0..system.n_tree()).filter(|j| dependent.binary_search(j).is_err()).collect();
-        let mut left = DMatrix::zeros(dependent.len(), n_rows);
-        let redundant_rows = parts.iter().map(|p| p.3.ncols()).sum();
+        let kept = rows.select(jacobian, Asked::All);
+        let dropped = (0..n_rows).filter(|i| kept.binary_search(i).is_err()).collect();
+        Ok(Some(LoopBlocks { blocks, dependent, independent, dropped, weakest }))
+    }
+
+    /// Multipliers that balance generalised forces on the dependent coordinates, of minimum norm in the scaled rows.
+    pub fn multipliers(&self, jacobian: &Matrix, rows: &RowBlocks, tau: &[f64]) -> Vec<f64> {
+        let mut lam = vec![0.0; rows.row_scale.len()];
+        let all = parts(jacobian, &rows.blocks, Asked::All, rows.units(), |_| true);
+        for (block, m) in self.blocks.iter().zip(all) {
+            let Some(m) = m else { continue };
+            let jd = m.select_columns(&block.dependent);
+            let force = |k: &usize| -tau[block.columns[*k]] * rows.column_scale[block.columns[*k]];
+            let right = DVector::from_iterator(block.dependent.len(), block.dependent.iter().map(force));
+            let mut own = block.inverse.tr_mul(&right);
+            let miss = &right - jd.tr_mul(&own);
+            own += block.inverse.tr_mul(&miss);
+            for (i, v) in block.rows.iter().zip(own.iter()) {
+                lam[*i] = v * rows.row_scale[*i];
+            }
+        }
+        lam
+    }
+}
+
+impl Loops {
+    /// Dependent coordinates of rows whose ranks are decided; None where no row acts.
+    pub fn analyse(system: &System, jacobian: &DMatrix<f64>, decision: &Decision) -> Result<Option<Loops>> {
+        let blocks = LoopBlocks::analyse(system, &Matrix::Dense(jacobian.clone()), decision)?;
+        Ok(blocks.map(|b| Loops::dense(b, decision)))
+    }
+
+    /// Blocks as dense matrices.
+    pub fn dense(found: LoopBlocks, decision: &Decision) -> Loops {
+        let rows = &decision.rows;
+        let n_rows = rows.row_scale.len();
+        let mut left = DMatrix::zeros(found.dependent.len(), n_rows);
+        let redundant_rows = found.blocks.iter().map(|b| b.redundant.ncols()).sum();
         let (mut redundant, mut at) = (DMatrix::zeros(n_rows, redundant_rows), 0);
-        for (block, order, inverse, null) in &parts {
-            for (k, c) in order.iter().enumerate() {
+        for block in &found.blocks {
+            for (k, c) in block.dependent.iter().enumerate() {
                 let column = block.columns[*c];
-                let Ok(place) = dependent.binary_search(&column) else { continue };
+                let Ok(place) = found.dependent.binary_search(&column) else { continue };
                 for (i, row) in block.rows.iter().enumerate() {
-                    left[(place, *row)] = rows.column_scale[column] * inverse[(k, i)] * rows.row_scale[*row];
+                    left[(place, *row)] = rows.column_scale[column] * block.inverse[(k, i)] * rows.row_scale[*row];
                 }
             }
-            for k in 0..null.ncols() {
-                block.rows.iter().enumerate().for_each(|(i, row)| redundant[(*row, at + k)] = null[(i, k)]);
+            for k in 0..block.redundant.ncols() {
+                block.rows.iter().enumerate().for_each(|(i, row)| redundant[(*row, at + k)] = block.redundant[(i, k)]);
             }
-            at += null.ncols();
+            at += block.redundant.ncols();
         }
-        let kept = rows.select(&jacobian, Asked::All);
-        let dropped = (0..n_rows).filter(|i| kept.binary_search(i).is_err()).collect();
-        Ok(Some(Loops {
-            dependent,
-            independent,
+        Loops {
+            dependent: found.dependent,
+            independent: found.independent,
             left_inverse: left,
             redundant,
-            dropped,
+            dropped: found.dropped,
             row_scale: rows.row_scale.clone(),
-            weakest,
-        }))
+        }
     }
 
     /// B'' restricted to the dependent coordinates, -J_d^-1 J_i.
@@ -218,13 +288,15 @@ fn left_inverse(m: &DMatrix<f64>) -> Result<(DMatrix<f64>, DMatrix<f64>)> {
 /// Names of the redundant rows: what makes them and how many of them the others already enforce. Rows that do not act are none.
 pub fn redundant_names(
     topology: &Topology,
-    loops: &Loops,
+    dropped: &[usize],
     acts: impl Fn(&ConstraintRow) -> bool,
 ) -> Vec<(String, usize)> {
     let mut found: Vec<(String, usize)> = Vec::new();
-    for row in loops.dropped.iter().filter(|i| acts(&topology.rows[**i])) {
+    let mut place: HashMap<&str, usize> = HashMap::new();
+    for row in dropped.iter().filter(|i| acts(&topology.rows[**i])) {
         let name = topology.row_name(*row);
-        match found.iter_mut().find(|(n, _)| n == name) {
+        let k = *place.entry(name).or_insert(found.len());
+        match found.get_mut(k) {
             Some((_, n)) => *n += 1,
             None => found.push((name.to_owned(), 1)),
         }

@@ -18,7 +18,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::error::{Error, Result};
 use crate::linalg::elimination::{Candidate, eliminate};
 use crate::linalg::matrix::Matrix;
-use crate::linalg::rows::{Block, Level as Asked, RowBlocks, gather, largest_rows};
+use crate::linalg::rows::{Block, Level as Asked, RowBlocks, largest_rows, parts};
 use crate::model::geometry::BodyGeometry;
 use crate::model::layout;
 use crate::spatial::{Pose, V3};
@@ -84,8 +84,13 @@ fn decide(system: &System, effects: Effects) -> Result<Decision> {
     let mut doubts = Vec::new();
     let jacobian = rows_at(system, &q, effects).1;
     let bounds = bounds(system, &q, effects, &rows);
-    for k in 0..rows.blocks.len() {
-        let found = rank_of_block(&jacobian, &rows, &rows.blocks[k], &bounds, system.tolerance)?;
+    let small = parts(&jacobian, &rows.blocks, Asked::All, rows.units(), |b| !is_large(b));
+    for (k, part) in small.into_iter().enumerate() {
+        let block = &rows.blocks[k];
+        let found = match part {
+            Some(m) => rank_of_block(&m, block, &bounds, system.tolerance)?,
+            None => eliminated(&jacobian, &rows, block, &bounds, system.tolerance)?,
+        };
         doubts.extend(doubts_of(system, &rows.blocks[k], &found));
         let block = &mut rows.blocks[k];
         (block.position_rank, block.rank, block.fixed) = (found.position_rank, found.rank, found.fixed);
@@ -244,19 +249,30 @@ struct Ranks {
     fixed: Option<Vec<usize>>,
 }
 
-fn rank_of_block(j: &Matrix, rows: &RowBlocks, block: &Block, bounds: &[f64], tolerance: f64) -> Result<Ranks> {
-    if block.rows.len() * block.columns.len() > DENSE_BLOCK {
-        return eliminated(j, rows, block, bounds, tolerance);
-    }
-    let all = spectrum(j, rows, block, Asked::All, bounds, tolerance)?;
-    let position_rank = match block.n_position == block.rows.len() {
-        true => all.rank,
-        false => spectrum(j, rows, block, Asked::Position, bounds, tolerance)?.rank,
-    };
+fn is_large(block: &Block) -> bool {
+    block.rows.len() * block.columns.len() > DENSE_BLOCK
+}
+
+/// From the rows of a block, free of units, those of positions first.
+fn rank_of_block(m: &DMatrix<f64>, block: &Block, bounds: &[f64], tolerance: f64) -> Result<Ranks> {
+    let all = spectrum(m, &of_rows(&block.rows, bounds), tolerance)?;
+    let position_rank = position_rank(m, block, &all, bounds, tolerance)?;
     let limit = tolerance.max(all.floor);
     let most = DOUBTFUL * limit * if is_apart(&all.values, LOCKED * limit) { LOCKED / DOUBTFUL } else { 1.0 };
     let doubtful = all.values.iter().copied().filter(|s| *s > all.floor && *s <= most).collect();
     Ok(Ranks { position_rank, rank: all.rank, doubtful, tolerance: limit, fixed: None })
+}
+
+fn position_rank(m: &DMatrix<f64>, block: &Block, all: &Spectrum, bounds: &[f64], tolerance: f64) -> Result<usize> {
+    if block.n_position == block.rows.len() {
+        return Ok(all.rank);
+    }
+    let own = m.rows(0, block.n_position).into_owned();
+    Ok(spectrum(&own, &of_rows(block.rows_at(Asked::Position).0, bounds), tolerance)?.rank)
+}
+
+pub(super) fn of_rows(rows: &[usize], bounds: &[f64]) -> Vec<f64> {
+    rows.iter().map(|i| bounds[*i]).collect()
 }
 
 /// Singular values below a limit are far below all others: constraints that an inaccurate drawing makes, not a slender mechanism.
@@ -305,25 +321,14 @@ fn eliminated(j: &Matrix, rows: &RowBlocks, block: &Block, bounds: &[f64], toler
     Ok(Ranks { position_rank, rank: fixed.len(), doubtful, tolerance: limit, fixed: Some(fixed) })
 }
 
-/// Singular values of a block's rows at a level against their rounding and the tolerance of the drawing.
-pub(super) fn spectrum(
-    j: &Matrix,
-    rows: &RowBlocks,
-    block: &Block,
-    level: Asked,
-    bounds: &[f64],
-    tolerance: f64,
-) -> Result<Spectrum> {
-    let own = block.rows_at(level).0;
-    let m = gather(j, own, &block.columns, rows);
-    let (values, left, right) = singular_values(&m)?;
+/// Singular values of some rows of a block, free of units, against the rounding of each and the tolerance of the drawing.
+pub(super) fn spectrum(m: &DMatrix<f64>, bounds: &[f64], tolerance: f64) -> Result<Spectrum> {
+    let (values, left, right) = singular_values(m)?;
     let first = values.first().copied().unwrap_or(0.0);
-    let size = own.len().max(block.columns.len()) as f64;
+    let size = m.nrows().max(m.ncols()) as f64;
     // rounding of an entry, where the row has one
-    let noise: f64 = own
-        .iter()
-        .enumerate()
-        .map(|(r, i)| bounds[*i].powi(2) * m.row(r).iter().filter(|v| **v != 0.0).count() as f64)
+    let noise: f64 = (bounds.iter().enumerate())
+        .map(|(r, bound)| bound.powi(2) * m.row(r).iter().filter(|v| **v != 0.0).count() as f64)
         .sum();
     let floor = noise.sqrt() + f64::EPSILON * size * first;
     let rank = values.iter().filter(|s| **s > tolerance.max(floor)).count();
@@ -374,12 +379,15 @@ fn raise_ranks(
     rows: &mut RowBlocks,
     bounds: &[f64],
 ) -> Result<Vec<usize>> {
+    let probed = |b: &Block| b.is_redundant() && b.fixed.is_none();
     let jacobian = rows_at(system, q, effects).1;
+    let here = parts(&jacobian, &rows.blocks, Asked::All, rows.units(), probed);
     let mut raised = rows.clone();
     for seed in [1_u64, 2] {
         let mut dy = vec![0.0; system.n_tree()];
-        for block in rows.blocks.iter().filter(|b| b.is_redundant() && b.fixed.is_none()) {
-            let found = spectrum(&jacobian, rows, block, Asked::All, bounds, system.tolerance)?;
+        for (block, m) in rows.blocks.iter().zip(&here) {
+            let Some(m) = m else { continue };
+            let found = spectrum(m, &of_rows(&block.rows, bounds), system.tolerance)?;
             let free = found.right.ncols().saturating_sub(found.rank);
             let mut direction = DVector::zeros(block.columns.len());
             for k in 0..free {
@@ -399,14 +407,14 @@ fn raise_ranks(
             continue;
         }
         let there = rows_at(system, &beside, effects).1;
-        for (b, known) in
-            raised.blocks.iter_mut().zip(&rows.blocks).filter(|(_, k)| k.is_redundant() && k.fixed.is_none())
-        {
+        let there = parts(&there, &rows.blocks, Asked::All, rows.units(), probed);
+        for (b, m) in raised.blocks.iter_mut().zip(&there) {
+            let Some(m) = m else { continue };
             // what is doubtful there was decided at the closed pose
-            let rank =
-                |asked| spectrum(&there, rows, known, asked, bounds, DOUBTFUL * system.tolerance).map(|s| s.rank);
-            b.rank = b.rank.max(rank(Asked::All)?);
-            b.position_rank = b.position_rank.max(rank(Asked::Position)?);
+            let tolerance = DOUBTFUL * system.tolerance;
+            let all = spectrum(m, &of_rows(&b.rows, bounds), tolerance)?;
+            b.position_rank = b.position_rank.max(position_rank(m, b, &all, bounds, tolerance)?);
+            b.rank = b.rank.max(all.rank);
         }
     }
     let grown = |k: &usize| raised.blocks[*k].rank > rows.blocks[*k].rank;

@@ -9,37 +9,108 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::error::{Error, Result};
-use crate::linalg::rows::{Block, Level as Asked};
+use crate::linalg::entries::Triplets;
+use crate::linalg::matrix::Matrix;
+use crate::linalg::rows::{Block, Level as Asked, RowBlocks, parts};
 use crate::run::Counts;
 use crate::system::System;
 use crate::system::assemble::Scene;
 use crate::system::closure::shown;
-use crate::system::loops::{Loops, column_scales};
-use crate::system::rank::{Decision, block_names, bounds_at, spectrum};
+use crate::system::loops::{LoopBlock, LoopBlocks, column_scales};
+use crate::system::rank::{Decision, block_names, bounds_at, of_rows, spectrum};
 use crate::tolerances::constraints::SINGULAR_POSE;
 
-/// Redundant rows that agree to first order but not to second.
-pub fn check_pose(
+/// Dependent coordinates of rows at a pose, or the error of a pose that is singular; None where no row acts.
+pub fn reduction(
     system: &System,
     scene: &Scene<'_, f64>,
+    jacobian: &Matrix,
     decision: &Decision,
-    (loops, b): (&Loops, &DMatrix<f64>),
+) -> Result<Option<LoopBlocks>> {
+    let Some(loops) = LoopBlocks::analyse(system, jacobian, decision)? else {
+        return Ok(None);
+    };
+    if let Some((_, block)) = loops.weakest.filter(|w| w.0 <= decision.tolerance) {
+        return Err(singular_pose(scene, system, decision, block));
+    }
+    check_pose(system, scene, jacobian, decision, &loops)?;
+    Ok(Some(loops))
+}
+
+/// Redundant rows that agree to first order but not to second. Blocks share no coordinate: one combination of each is looked at in
+/// one assembly.
+fn check_pose(
+    system: &System,
+    scene: &Scene<'_, f64>,
+    jacobian: &Matrix,
+    decision: &Decision,
+    loops: &LoopBlocks,
 ) -> Result<()> {
+    let most = loops.blocks.iter().map(|b| b.redundant.ncols()).max().unwrap_or(0);
+    if most == 0 {
+        return Ok(());
+    }
+    let rows = &decision.rows;
     let scale = column_scales(&system.topology, system.length);
-    for k in 0..loops.redundant.ncols() {
-        let lam: Vec<f64> = loops.redundant.column(k).iter().zip(&loops.row_scale).map(|(v, s)| v * s).collect();
-        let curvature = scene.multiplier_stiffness(&lam, &mut Counts::default());
-        let reduced = loops.reduce(&curvature, b);
-        let sym = DMatrix::from_fn(reduced.nrows(), reduced.ncols(), |i, j| {
-            0.5 * (reduced[(i, j)] + reduced[(j, i)]) * scale[loops.independent[i]] * scale[loops.independent[j]]
-        });
-        if sym.amax() > SINGULAR_POSE * system.tolerance {
-            let worst = lam.iter().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map_or(0, |(i, _)| i);
-            let block = decision.rows.blocks.iter().position(|b| b.rows.contains(&worst)).unwrap_or(0);
-            return Err(singular_pose(scene, system, decision, block));
+    let is_redundant = |b: &Block| b.is_redundant();
+    let own = parts(jacobian, &rows.blocks, Asked::All, rows.units(), is_redundant);
+    let motions: Vec<Option<DMatrix<f64>>> =
+        loops.blocks.iter().zip(&own).map(|(b, m)| m.as_ref().map(|m| minimal_motions(b, m, rows, &scale))).collect();
+    for k in 0..most {
+        let mut lam = vec![0.0; rows.row_scale.len()];
+        for block in loops.blocks.iter().filter(|b| k < b.redundant.ncols()) {
+            let column = block.redundant.column(k);
+            block.rows.iter().zip(column.iter()).for_each(|(i, v)| lam[*i] = v * rows.row_scale[*i]);
+        }
+        let forms = curvatures(scene, &lam, &rows.blocks);
+        for (b, motion) in motions.iter().enumerate().filter(|(b, _)| k < loops.blocks[*b].redundant.ncols()) {
+            let Some(motion) = motion else { continue };
+            let reduced = motion.tr_mul(&forms[b]) * motion;
+            if (0.5 * (&reduced + reduced.transpose())).amax() > SINGULAR_POSE * system.tolerance {
+                return Err(singular_pose(scene, system, decision, b));
+            }
         }
     }
     Ok(())
+}
+
+/// Motions of a block's columns for a natural unit of each of its independent ones.
+fn minimal_motions(block: &LoopBlock, m: &DMatrix<f64>, rows: &RowBlocks, scale: &[f64]) -> DMatrix<f64> {
+    let free: Vec<usize> = (0..block.columns.len()).filter(|c| !block.dependent.contains(c)).collect();
+    let unit = |c: usize| rows.column_scale[block.columns[c]];
+    let followed = -(&block.inverse * m.select_columns(&free));
+    let mut out = DMatrix::zeros(block.columns.len(), free.len());
+    for (k, c) in free.iter().enumerate() {
+        let natural = scale[block.columns[*c]];
+        out[(*c, k)] = natural;
+        for (r, d) in block.dependent.iter().enumerate() {
+            out[(*d, k)] = followed[(r, k)] * unit(*d) * natural / unit(*c);
+        }
+    }
+    out
+}
+
+/// d(J^T lam)/dy over the columns of each block.
+fn curvatures(scene: &Scene<'_, f64>, lam: &[f64], blocks: &[Block]) -> Vec<DMatrix<f64>> {
+    let n = scene.topology.n_tree;
+    let mut entries = Triplets::new(n, n);
+    scene.multiplier_stiffness_into(lam, &mut entries, &mut Counts::default());
+    let mut block_of = vec![usize::MAX; n];
+    for (b, block) in blocks.iter().enumerate() {
+        block.columns.iter().for_each(|c| block_of[*c] = b);
+    }
+    let size = |b: &Block| DMatrix::zeros(b.columns.len(), b.columns.len());
+    let mut out: Vec<DMatrix<f64>> = blocks.iter().map(size).collect();
+    for (i, j, v) in &entries.list {
+        let (i, j) = (*i as usize, *j as usize);
+        let b = block_of[i];
+        if let (Some(form), true) = (out.get_mut(b), b == block_of[j])
+            && let (Ok(r), Ok(c)) = (blocks[b].columns.binary_search(&i), blocks[b].columns.binary_search(&j))
+        {
+            form[(r, c)] += v;
+        }
+    }
+    out
 }
 
 /// A pose where the rank of a block is lower than beside it.
@@ -63,9 +134,14 @@ fn is_shaky(scene: &Scene<'_, f64>, system: &System, decision: &Decision, block:
         return Ok(false);
     }
     let rows = &decision.rows;
-    let jacobian = crate::linalg::matrix::Matrix::Dense(scene.constraints().1);
+    let blocks = std::slice::from_ref(block);
+    let mut jacobian = Matrix::zeros(system.topology.rows.len(), system.n_tree(), true);
+    scene.constraints_into(&mut jacobian);
     let bounds = bounds_at(system, &scene.placement.pose, scene.effects, rows);
-    let found = spectrum(&jacobian, rows, block, Asked::All, &bounds, system.tolerance)?;
+    let Some(Some(m)) = parts(&jacobian, blocks, Asked::All, rows.units(), |_| true).pop() else {
+        return Ok(false);
+    };
+    let found = spectrum(&m, &of_rows(&block.rows, &bounds), system.tolerance)?;
     let free = found.right.ncols().saturating_sub(found.rank);
     let motions = DMatrix::from_fn(block.columns.len(), free, |i, k| {
         found.right[(i, found.rank + k)] * rows.column_scale[block.columns[i]]
@@ -73,10 +149,7 @@ fn is_shaky(scene: &Scene<'_, f64>, system: &System, decision: &Decision, block:
     let form = |u: &DVector<f64>| {
         let mut lam = vec![0.0; rows.row_scale.len()];
         block.rows.iter().zip(u.iter()).for_each(|(i, v)| lam[*i] = v * rows.row_scale[*i]);
-        let all = scene.multiplier_stiffness(&lam, &mut Counts::default());
-        let own = DMatrix::from_fn(block.columns.len(), block.columns.len(), |i, j| {
-            all[(block.columns[i], block.columns[j])]
-        });
+        let own = &curvatures(scene, &lam, blocks)[0];
         let q = motions.transpose() * own * &motions;
         0.5 * (&q + q.transpose())
     };

@@ -12,6 +12,7 @@ use faer::Mat;
 
 use crate::error::{Error, Result};
 use crate::joint::Coordinate;
+use crate::linalg::matrix::Matrix;
 use crate::model::layout::flag::{HAS_PRELOAD, LENGTH_GIVEN};
 use crate::model::layout::{bushing, joint, spring_damper, torsion};
 use crate::model::tables::{BodyRef, Tables};
@@ -23,12 +24,13 @@ use crate::system::connector::{
     CoordinateTangent, Interaction, Numbers, Wanted, constraint_interaction, constraint_rows, coordinate_tangent,
     interaction, load_interaction,
 };
-use crate::system::loops::{Loops, column_scales};
+use crate::system::loops::{LoopBlocks, column_scales};
 use crate::system::placement::{self, Placement, State, drawn_q, place};
+use crate::system::rank::bounds;
+use crate::system::singular_pose::reduction;
 use crate::system::topology::Owner;
+use crate::tolerances::constraints::CLOSED_ROUNDING;
 
-/// Above this number of entries the dense Jacobian of the cut joints, which finds superfluous rows, is refused.
-pub const DENSE_LOOPS: usize = 20_000_000;
 /// A stiffness matrix whose skew part is larger than this is not that of an energy.
 const SYMMETRIC: f64 = 1e-12;
 
@@ -46,7 +48,7 @@ pub struct SparseForm {
     pub geometric: Entries,
     pub damping: Entries,
     pub placement: Placement<f64>,
-    pub loops: Option<Loops>,
+    pub loops: Option<LoopBlocks>,
     /// largest generalised force out of balance over the size of all forces, and its tree coordinate
     pub unbalanced: (f64, usize),
     pub loaded: bool,
@@ -57,7 +59,7 @@ impl SparseForm {
         check(system, state)?;
         let topology = &*system.topology;
         let placement = place(topology, &system.geometry, &state.q, None);
-        let loaded = loaded(system, state, effects);
+        let loaded = loaded(system, state, effects)?;
         let mut builder = Builder {
             scene: Scene {
                 topology,
@@ -159,24 +161,13 @@ fn check(system: &System, state: &State) -> Result<()> {
             "'{name}' is a nonholonomic joint, a drive, a coupler or a flexible body, which the sparse route of large models does not know: {dense}"
         )));
     }
-    check_loops(system)
-}
-
-/// Whether the dense work on the loops is affordable.
-pub fn check_loops(system: &System) -> Result<()> {
-    let (rows, columns) = (system.topology.rows.len(), system.n_tree());
-    if rows.saturating_mul(columns) > DENSE_LOOPS {
-        return Err(Error::model(format!(
-            "the model has {columns} tree coordinates and {rows} loop constraints; finding superfluous ones among them is dense work, \
-             limited to {DENSE_LOOPS} entries: replace joints that close loops by bushings, or make the model smaller"
-        )));
-    }
     Ok(())
 }
 
 /// Does anything carry force? A drawn state without cause for force has none; rounding must not make one.
-fn loaded(system: &System, state: &State, effects: Effects) -> bool {
+fn loaded(system: &System, state: &State, effects: Effects) -> Result<bool> {
     let topology = &*system.topology;
+    let closed = closing(system, state, effects)?;
     let (t, x): (&Tables, _) = (&topology.tables, &system.x);
     let nonzero = |start: usize, n: usize| x[start..start + n].iter().any(|v| *v != 0.0);
     let apart = |a: usize, b: usize| {
@@ -207,12 +198,22 @@ fn loaded(system: &System, state: &State, effects: Effects) -> bool {
     };
     let from_drawn = placement::difference(topology, &drawn_q(topology, &system.geometry), &state.q);
     let scales = column_scales(topology, system.length);
-    gravity
+    Ok(gravity
         || !t.loads.is_empty()
         || !t.laws.is_empty()
         || t.joints.iter().any(joint)
         || t.elements.iter().any(element)
-        || from_drawn.iter().zip(&scales).any(|(d, scale)| d.abs() > 1e-12 * scale)
+        || from_drawn.iter().zip(&scales).any(|(d, scale)| d.abs() > closed * scale))
+}
+
+/// By how much closing loops that are drawn closed may move joints: rounding of points, in lengths of their loops or radians.
+fn closing(system: &System, state: &State, effects: Effects) -> Result<f64> {
+    if system.topology.rows.is_empty() {
+        return Ok(1e-12);
+    }
+    let rows = &system.decision(effects)?.rows;
+    let rounding = bounds(system, &state.q, effects, rows).into_iter().fold(0.0, f64::max);
+    Ok((CLOSED_ROUNDING * rounding).max(1e-12))
 }
 
 fn masses(system: &System, placement: &Placement<f64>) -> Vec<Map6<f64>> {
@@ -384,22 +385,23 @@ impl Builder<'_> {
         }
     }
 
-    fn loops(&self, loaded: bool, counts: &mut Counts) -> Result<(Option<Loops>, Vec<f64>)> {
+    fn loops(&self, loaded: bool, counts: &mut Counts) -> Result<(Option<LoopBlocks>, Vec<f64>)> {
         if self.scene.topology.rows.is_empty() {
             return Ok((None, Vec::new()));
         }
         counts.add("loop factorisations", 1);
-        let (_, jacobian) = self.scene.constraints();
+        let mut jacobian = Matrix::zeros(self.scene.topology.rows.len(), self.system.n_tree(), true);
+        self.scene.constraints_into(&mut jacobian);
         let decision = self.system.decision(self.scene.effects)?;
-        let loops = Loops::analyse(self.system, &jacobian, &decision)?;
+        let loops = reduction(self.system, &self.scene, &jacobian, &decision)?;
         let lam = match (&loops, loaded) {
-            (Some(l), true) => l.multipliers(&jacobian, &self.scene.residual(None)),
-            _ => nalgebra::DVector::zeros(self.scene.topology.rows.len()),
+            (Some(l), true) => l.multipliers(&jacobian, &decision.rows, self.scene.residual(None).as_slice()),
+            _ => vec![0.0; self.scene.topology.rows.len()],
         };
-        Ok((loops, lam.as_slice().to_vec()))
+        Ok((loops, lam))
     }
 
-    fn constraints(&mut self, loops: Option<&Loops>) {
+    fn constraints(&mut self, loops: Option<&LoopBlocks>) {
         let topology = self.scene.topology;
         for node in &topology.nodes {
             if let Some(joint) = node.joint {
@@ -504,7 +506,7 @@ impl Builder<'_> {
         }
     }
 
-    fn unbalanced(&self, lam: &[f64], loops: Option<&Loops>) -> (f64, usize) {
+    fn unbalanced(&self, lam: &[f64], loops: Option<&LoopBlocks>) -> (f64, usize) {
         let residual = self.scene.residual(Some(lam));
         let (topology, length) = (&self.system.topology, self.system.length);
         let sizes = self.scene.force_sizes(length);
