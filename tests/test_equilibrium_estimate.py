@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jitter
 import mbrs as mb
 import mpmath as mp
 import numpy as np
@@ -58,3 +59,33 @@ def test_estimated_error_is_the_true_one_over_random_cases():
     good = int(np.sum((ratios >= 0.01) & (ratios <= 10)))
     print(f"estimates within [.01, 10]: {good} of 200, median {np.median(ratios):.2g}")
     assert good >= 190
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_converged_is_a_claim_about_the_forces(seed):
+    """A load on a spring far from the origin, in random units: what is left over at the place found, and what the result calls it."""
+    rng = np.random.default_rng([61, seed])
+    unit, force = 10.0 ** rng.uniform(-4, 4, 2)
+    stiff = 10.0 ** rng.uniform(0, 8)  # displacements by the load are lengths over this
+    far = rng.normal(size=3) * 10.0 ** rng.uniform(0, 4) * unit
+    down, k = rng.normal(size=3), stiff * force / unit
+    down *= rng.uniform(0.3, 1.0) / np.linalg.norm(down)
+    m = mb.Model("loaded", gravity=tuple(down * force))
+    points = [far, far + unit * rng.normal(size=3)]
+    for i, at in enumerate(points):
+        b = m.body(f"b{i}", mass=1.0, inertia=np.full(3, 0.1 * unit**2), at=at)
+        m.bushing(f"k{i}", m.ground, b, at=at, k=(k, k, k, *[k * unit**2] * 3))
+    eq = mb.equilibrium(m)
+    left = [down * force - k * (eq.position(f"b{i}") - np.array(m.value(f"b{i}.at"))) for i in range(2)]
+    size = np.linalg.norm(down * force)
+    residual = np.abs(left).max() / size
+    print(
+        f"stiffness {stiff:.0e}, {np.linalg.norm(far) / unit:.0e} lengths away: {residual:.1e}, {eq.residual:.1e}, {eq.status}"
+    )
+    noise = stiff * jitter.level() * 2 * np.linalg.norm(points) / unit  # the two points of a bushing
+    assert eq.residual <= 4 * residual + 1e-12 or noise > 0
+    if eq.status == "converged":
+        assert residual < 2e-9 + noise / 0.3
+    else:
+        assert eq.status == "unresolved" and eq.residual > 1e-9 and any("rounding of places" in s for s in eq.doubts)
+        assert eq.residual > 1e-9 and eq.error < 1e-9

@@ -99,7 +99,8 @@ def test_triple_eigenvalue_and_its_derivatives():
     b = m.body("b", mass=2.0, inertia=(1, 1, 1), at=(0, 0, 0))
     m.bushing("mount", m.ground, b, at=(0, 0, 0), k=(800.0, 800.0, 800.0, 5e4, 6e4, 7e4))
     modes = mb.modes(m)
-    assert modes.groups[0] == (0, 1, 2)
+    # derivatives treat as one what agrees to 1e-11, a group what rounding cannot part
+    assert modes.clusters[0] == (0, 1, 2) and (jitter.seed() is not None or modes.groups[0] == (0, 1, 2))
     f = np.sqrt(800 / 2) / (2 * np.pi)
     errors = {"frequency": np.abs(modes.frequency[:3] - f).max() / f}
     s = mb.sensitivity(modes, ["b.mass", "mount.k[0]"])
@@ -109,7 +110,8 @@ def test_triple_eigenvalue_and_its_derivatives():
     if split is not None:
         errors["directional"] = np.abs(split - [0, 0, 20 / (2 * 800.0)]).max()
     show("triple eigenvalue", errors)
-    assert max(errors.values()) < 1e-12
+    # f goes like (k/m)^(1/2), its derivatives like f/k and f/m
+    assert max(errors.values()) < 1e-12 + 2 * jitter.level()
 
 
 def test_critical_damping():
@@ -167,8 +169,11 @@ def test_flutter_under_a_follower_force(share):
     modes = mb.modes(p.model)
     known = p.answer["roots"]
     distance = max(np.abs(modes.roots - s).min() for s in known)
+    # s^2 = w with 2 w^2 + b w + 1 = 0, b = 7 - 2 p: ds/s = db / (2 (b^2 - 8)^(1/2)), and four numbers decide 7 and 2 p
+    load = share * (3.5 - np.sqrt(2.0))
+    condition = 4 * (7 + 2 * load) / (2 * np.sqrt(abs((7 - 2 * load) ** 2 - 8))) * np.abs(known).max()
     print(f"Ziegler at {share:g} of the critical load: error {distance:.1e}")
-    assert distance < 1e-12
+    assert distance < 1e-12 + condition * jitter.level()
     assert ("flutter" in modes.kind) == (share > 1.0)
     lin = mb.linearize(p.model)
     assert (lin.N is None) == (share == 0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -372,4 +373,6 @@ def test_the_mass_of_welded_links_moves_their_massless_carrier(tmp_path):
     )
     m, _ = load(tmp_path, urdf)
     assert [b.name for b in m.bodies] == ["carrier"] and {k.name for k in m.markers} == {"base", "load"}
-    assert quiet(mb.linearize, m).M[0, 0] == pytest.approx(i[1][1] + 2.0 * (p[0] ** 2 + p[2] ** 2), rel=1e-13)
+    # a mass times a square: three factors with noise
+    rel = 1e-13 + 3 * jitter.level()
+    assert quiet(mb.linearize, m).M[0, 0] == pytest.approx(i[1][1] + 2.0 * (p[0] ** 2 + p[2] ** 2), rel=rel)

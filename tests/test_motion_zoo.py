@@ -7,6 +7,7 @@ from __future__ import annotations
 import functools
 import warnings
 
+import jitter
 import mbrs as mb
 import motion_problems as zoo
 import numpy as np
@@ -121,7 +122,9 @@ def test_error_estimates():
     """
     rng = np.random.default_rng(4)
     ratios = []
-    names = list(zoo.SMOOTH)
+    # parallelograms pass the pose in which they are flat: with bars unequal by noise the branches part there, and the motion has no
+    # finite condition
+    names = [n for n in zoo.SMOOTH if jitter.seed() is None or "four_bars" not in n]
     for i in range(210):
         name = names[i % len(names)]
         p = problem(name)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -424,7 +425,9 @@ def test_a_four_bar_stays_closed():
         gaps.append(loop_gap(sys, core, relative))
         slips.append(core.rate_mismatch(relative, rate))
     print("four-bar: gap", max(gaps), "rate", max(slips))
-    assert max(gaps) < 1e-14 and max(slips) < 1e-13
+    # the motion starts as drawn: with jitter each of the eight points at the joints lies off by its share
+    drawn = jitter.level() * 2 * sum(np.linalg.norm(m.value(f"{j.name}.at")) for j in m.joints)
+    assert gaps[0] < 1e-14 + drawn and max(gaps[1:]) < 1e-14 and max(slips) < 1e-13
 
 
 def loop_gap(sys, core, relative):

@@ -7,6 +7,7 @@ import pickle
 import typing
 from pathlib import Path
 
+import jitter
 import mbrs
 import mbrs as mb
 import numpy as np
@@ -89,7 +90,8 @@ def test_what_is_typed_stands_at_its_place_has_an_address_and_comes_back_from_a_
         else:
             expected = field.neutral
         expected = np.concatenate([np.ravel(expected), field.neutral])[: len(now)]
-        assert now.tolist() == expected.tolist(), field.name
+        # bit by bit without jitter, which multiplies the numbers of tables
+        assert now.tolist() == pytest.approx(expected.tolist(), rel=jitter.level(), abs=0, nan_ok=True), field.name
         assert bool(flags & field.bit) == (bool(field.flag) and field.name in given), field.name
     for address in item.fields():
         value = m.value(f"new.{address}")

@@ -4,6 +4,7 @@ A block of mass MASS slides along an axis of no special direction, so that the m
 z' = g(u, u', z). Data invented.
 """
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -185,7 +186,10 @@ def test_states_that_stay_at_rest_are_springs(name):
     """At the origin the slope of both laws is k, s0; z is then no state of its own."""
     law, stiffness, damping = (LAWS[name]()[0], *{"bouc_wen": (53.0, 0.0), "lugre": (420.0, 3.5)}[name])
     lin = mb.linearize(block(law))
-    assert abs(lin.K[0, 0] - K - stiffness) < 1e-12 * stiffness and abs(lin.C[0, 0] - C - damping) < 1e-12
+    # off the origin by the noise of the two points of the guide, the slope of bristles is less by s0 |z| / f_s of itself
+    noise = jitter.level() * (1 + 420.0 / 1.6 * 2 * np.linalg.norm([0.1, 0.2, 0.3]))
+    assert abs(lin.K[0, 0] - K - stiffness) < 1e-12 * stiffness + noise * (K + stiffness)
+    assert abs(lin.C[0, 0] - C - damping) < 1e-12 + noise * (C + damping)
     assert list(mb.modes(block(law)).kind) == ["vibration"]
 
 

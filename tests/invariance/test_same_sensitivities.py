@@ -50,11 +50,7 @@ SCHEMES = ("ali3p", "generalized-alpha")
 T, STEP = 0.2, 4e-3
 FAR = "the steps of a model far from the origin are refused where the rounding of its places shows"
 STUCK = {(scheme, "loop", "moved"): FAR for scheme in SCHEMES}
-if jitter.seed() is None:
-    STUCK |= {("generalized-alpha", name, "moved"): FAR for name in ("damped_four_bar", "isolator")}
-else:
-    OPEN = "a loop that stays open by less than the accuracy of a drawing is refused"
-    STUCK |= {(scheme, "damped_four_bar", "moved"): OPEN for scheme in SCHEMES}
+STUCK |= {("generalized-alpha", name, "moved"): FAR for name in ("damped_four_bar", "isolator")}
 
 
 def gradient(model, scheme, change, body, address):
@@ -79,7 +75,9 @@ def cases():
         for name in ADDRESSES:
             for change in zoo.CHANGES:
                 reason = STUCK.get((scheme, name, change))
-                marks = [] if reason is None else [pytest.mark.xfail(strict=True, reason=reason)]
+                # which steps are refused, the noise of the places decides
+                strict = jitter.seed() is None
+                marks = [] if reason is None else [pytest.mark.xfail(strict=strict, reason=reason)]
                 yield pytest.param(scheme, name, change, id=f"{scheme}-{name}-{change}", marks=marks)
 
 

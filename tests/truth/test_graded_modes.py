@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -144,7 +145,8 @@ def test_a_model_finds_soft_modes_under_stiff_springs(ratio, seed):
     exact = roots_of_factor(np.diag(masses), np.sqrt(springs)[:, None] * rows)
     print(f"{ratio:.0e}: {r.omega / exact - 1}, {r.error}, {r.stats.counts}")
     assert list(r.kind) == ["vibration"] * 3 and r.status == "converged"
-    assert np.all(np.abs(r.omega / exact - 1) <= r.error + 2 * EPS) and r.error.max() < 1e-10
+    # omega goes like (k/m)^(1/2), so that noise on all numbers changes it by no more than the noise
+    assert np.all(np.abs(r.omega / exact - 1) <= r.error + 2 * EPS + jitter.level()) and r.error.max() < 1e-10
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -72,8 +73,10 @@ def test_a_bicycle_at_speed(v, seed, unit):
     found = mb.modes(m)
     print(v, np.sort_complex(found.roots), np.sort_complex(exact(v)))
     holds(found.roots, exact(v), 1e-7)
-    # the third freedom is the speed itself, which nothing changes
-    assert np.sum(np.abs(found.roots) < 1e-6) == 2
+    # the third freedom is the speed itself, which nothing changes: a double root that noise of some twenty numbers parts by the root
+    # of itself times the sizes of the terms g/b and (v/b)^2
+    parted = np.sqrt(20 * jitter.level() * (G / WHEELBASE + (v / WHEELBASE) ** 2))
+    assert np.sum(np.abs(found.roots) < 1e-6 + parted) == 2
 
 
 @pytest.mark.xfail(strict=True, raises=mb.ModelError, reason="refused where heading and lean share a world axis")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 
+import jitter
 import mbrs as mb
 import numpy as np
 import pytest
@@ -46,7 +47,11 @@ def test_symmetric_bearings_have_no_circulation(seed, length):
     k[0, 1] *= 1 + 4e-16
     m.bushing("full", m.ground, m["b"], at=rng.standard_normal(3) * length, k=k)
     lin = mb.linearize(m)
-    assert lin.N is None
+    # jitter parts the two points of a bushing, and the moments of that load are circulation off balance: k times the distance
+    points = np.abs([m.value(f"{name}.at") for name in ("k", "full")]).max()
+    size = np.sqrt(np.diag(lin.K))
+    allowed = 100 * jitter.level() * (1 + points / length) * np.outer(size, size)
+    assert lin.N is None or (jitter.seed() is not None and np.all(np.abs(lin.N) <= allowed))
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -61,7 +66,11 @@ def test_rounding_of_gravity_is_no_stiffness(seed):
     c = m.body("c", mass=0.7, inertia=(0.2, 0.3, 0.4), at=at)
     m.revolute("second", b, c, at=at, axis=rng.standard_normal(3))
     r = mb.modes(m)
-    assert list(r.kind) == ["rigid", "rigid"] and np.all(r.frequency == 0.0)
+    if jitter.seed() is None:
+        assert list(r.kind) == ["rigid", "rigid"] and np.all(r.frequency == 0.0)
+    # with jitter the wheel is a pendulum whose arm is the noise of four points: s^2 = m g arm / inertia
+    arm = 4 * jitter.level() * np.abs(at).max()
+    assert np.all(r.omega**2 <= (1.7 + 0.7) * np.linalg.norm(m.gravity) * arm / 0.2)
 
 
 def test_a_free_point_mass_under_gravity_is_a_singular_model_of_the_family():

@@ -42,10 +42,13 @@ class Equilibrium(Result):
     free_directions
         Names of coordinates along which nothing restrains the model and nothing pushes it.
     residual
-        Largest unbalanced generalised force over the size of the forces on the bodies that it is connected with.
+        Largest unbalanced generalised force over the size of the forces on the bodies that it is connected with, at ``state``.
+    status
+        "converged", or "unresolved" where ``residual`` is above 1e-9: stiff parts make such forces of the rounding of places, and
+        no search comes nearer.
     doubts
-        A sentence for each loop of which the drawing decides only just whether it moves, with its joints; and one where knife edges or
-        rolling discs hold a place that is one of a family.
+        A sentence for each loop of which the drawing decides only just whether it moves, with its joints; one where knife edges or
+        rolling discs hold a place that is one of a family; and one that names the coordinates whose forces are unresolved.
     error
         Estimated distance to the exact equilibrium: the Newton step that is left and what rounding of the forces hides,
         radians or characteristic lengths.
@@ -253,10 +256,19 @@ def _equilibrium(snapshot: Snapshot, r: dict[str, Any], without: tuple[str, ...]
         free_directions=tuple(r["free_directions"]),
         residual=r["relative_residual"],
         iterations=r["iterations"],
-        doubts=(*doubts_of(snapshot.system, without), *_families(r["family"])),
+        doubts=(*doubts_of(snapshot.system, without), *_families(r["family"]), *_unresolved(r)),
         stats=Stats(time.perf_counter() - start, r["counts"], linearization.stats.effects, "Newton"),
         error=r["error"],
-        status="converged",
+        status="converged" if r["unresolved"] is None else "unresolved",
+    )
+
+
+def _unresolved(r: dict[str, Any]) -> Sequence[str]:
+    if r["unresolved"] is None:
+        return ()
+    return (
+        f"rounding of places makes forces of {r['relative_residual']:.1e} of all forces along {r['unresolved']}: places are as near "
+        "as numbers allow, forces in stiff parts are not; draw the model nearer to the origin, or replace what is so stiff by a joint",
     )
 
 

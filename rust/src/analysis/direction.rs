@@ -219,13 +219,15 @@ fn gives_velocity(tables: &Tables, dx: &[(usize, f64)]) -> bool {
 }
 
 impl DualScene {
-    /// What rounding leaves of rows that follow the changes of poses and of the points and axes of joints, free of units.
-    fn rounding(&self, system: &System) -> f64 {
+    /// How far redundant rows may part that follow the changes of poses and of the points and axes of joints, free of units: what the
+    /// tolerance of the drawing makes of these changes, and rounding.
+    fn allowed(&self, system: &System) -> f64 {
         let size = |pose: &Pose<Dual64>| pose.p.map(|v| v.eps).norm() / system.length + pose.r.map(|v| v.eps).norm();
         let markers = self.geometry.joints.iter().flat_map(|pair| [&pair.a, &pair.b]);
         let moved = self.placement.pose.iter().chain(markers).map(size).fold(0.0, f64::max);
         let far = self.placement.pose.iter().map(|pose| pose.p.map(|v| v.re).norm()).fold(0.0, f64::max);
-        CLOSED_ROUNDING * f64::EPSILON * (1.0 + far / system.length) * moved
+        let rounding = CLOSED_ROUNDING * f64::EPSILON * (1.0 + far / system.length);
+        (REDUNDANT_OPEN * system.tolerance + rounding) * moved
     }
 
     fn scene<'a>(&'a self, setting: &'a Setting<'_>) -> Scene<'a, Dual64> {
@@ -310,7 +312,7 @@ fn closing(setting: &Setting<'_>, base: &Linearization, dx: &[(usize, f64)]) -> 
         return Ok(vec![0.0; n]);
     }
     let left = loops.redundant.transpose() * &scaled;
-    if left.amax() > REDUNDANT_OPEN * system.tolerance * scaled.amax() + held.rounding(system) {
+    if left.amax() > held.allowed(system) {
         return Err(breaks_loop(left.amax()));
     }
     let columns = column_scales(&system.topology, system.length);
@@ -346,11 +348,7 @@ fn check_agreement(
     let parts = loops.disagreement(jacobian, b).map(|v| v.eps);
     let natural = |k: usize| parts.column(k).amax() * columns[loops.independent[k]];
     let parts = (0..parts.ncols()).map(natural).fold(0.0, f64::max);
-    let change = |i: usize, j: usize| jacobian[(i, j)].eps.abs() * loops.row_scale[i] * columns[j];
-    let (rows, n) = jacobian.shape();
-    let size = (0..rows).flat_map(|i| (0..n).map(move |j| (i, j))).map(|(i, j)| change(i, j)).fold(0.0, f64::max);
-    let rounding = made.rounding(system);
-    if parts > REDUNDANT_OPEN * system.tolerance * size + rounding { Err(breaks_loop(parts)) } else { Ok(()) }
+    if parts > made.allowed(system) { Err(breaks_loop(parts)) } else { Ok(()) }
 }
 
 fn derivative_at(

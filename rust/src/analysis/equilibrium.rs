@@ -18,7 +18,7 @@ use crate::system::assemble::Effects;
 use crate::system::closure::close;
 use crate::system::loops::column_scales;
 use crate::system::placement::{State, advance, place};
-use crate::tolerances::equilibrium::{ENTRY_ROUNDING, GRADED, NO_STIFFNESS, PUSHED, SETTLED};
+use crate::tolerances::equilibrium::{ENTRY_ROUNDING, GRADED, NO_STIFFNESS, PUSHED, SETTLED, UNLOADED};
 
 const MAX_ITERATIONS: usize = 400;
 /// Iterations, and steps that were shortened, after which descent in energy takes over from Newton's method.
@@ -50,6 +50,8 @@ pub struct Equilibrium {
     pub free_directions: Vec<String>,
     /// joints that hold the place by a force, though it could be any other of a family
     pub family: Vec<String>,
+    /// coordinates along which the force that is left over counts as a push: stiffness makes more of the rounding of places
+    pub unresolved: Option<String>,
 }
 
 /// The scaled problem at one iterate: K and r over coordinates of the order of a radian.
@@ -132,6 +134,18 @@ impl Local {
         let unit = ENTRY_ROUNDING * f64::EPSILON * (1.0 + self.far);
         let noise = |i: usize| unit * (self.sizes[i] + self.k.row(i).iter().map(|k| k.abs()).sum::<f64>());
         (0..self.r.len()).all(|i| self.r[i].abs() <= noise(i))
+    }
+
+    /// Coordinates along which more is left over than a balance may leave of the forces at work, if there are any.
+    fn unresolved(&self) -> Option<DVector<f64>> {
+        let stiffness = |i: usize| self.k.row(i).iter().map(|k| k.abs()).sum::<f64>();
+        let natural = |i: usize| self.together(i).map(stiffness).fold(0.0, f64::max);
+        let left = DVector::from_fn(self.r.len(), |i, _| {
+            let unloaded = self.sizes[i] <= UNLOADED * natural(i) && self.is_rounding();
+            if unloaded { 0.0 } else { self.r[i] / self.sizes[i] }
+        });
+        let balanced = left.iter().all(|r| r.abs() <= PUSHED);
+        (!balanced).then_some(left)
     }
 
     /// The skew part of the stiffness is small in every island.
@@ -554,8 +568,9 @@ fn finish(system: &System, state: State, local: Local, iterations: usize) -> Res
     let error = step + spectrum.answer_to(ROUNDING) + ROUNDING * (1.0 + local.far);
     let stable = spectrum.stable();
     let residual = local.unbalance();
+    let unresolved = local.unresolved().map(|left| direction_names(system, &local, &left));
     let (family, linearization) = (Vec::new(), local.linearization);
-    Ok(Equilibrium { state, residual, error, iterations, stable, free_directions, family, linearization })
+    Ok(Equilibrium { state, residual, error, iterations, stable, free_directions, family, unresolved, linearization })
 }
 
 /// The largest force that is left over at a state at rest, over the size of the forces of its island.

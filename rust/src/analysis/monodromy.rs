@@ -4,12 +4,16 @@
 //! the middle of the step. The product is symmetric in time, so that its error has even powers of h only and extrapolation gains two
 //! orders per doubling (Hairer, Lubich, Wanner, Geometric Numerical Integration, Springer 2006, II.4, V.3). With few elements in many
 //! coordinates a step is made in modal coordinates at O(n_e n^2), else on the states at O(n^3) in real numbers.
+//!
+//! Parts of a system that nothing connects have their own products: errors and rounding of one that grows are large beside the
+//! multipliers of another.
 use faer::Mat;
 use faer::prelude::*;
 
 use super::hbm::aft::Aft;
 use super::hbm::linear::Matrices;
 use super::hbm::problem::{Problem, Tangents};
+use super::hbm::rows::{join, root};
 use super::propagator::{Modes, States};
 use crate::error::{Error, Result};
 
@@ -24,15 +28,22 @@ const SETTLED: f64 = 1e-5;
 /// What does not change along a branch: the linear part in coordinates in which its motion is known.
 pub struct Splitting {
     n: usize,
-    /// trace of -M^-1 C and, per element, of the effect of its rate
-    linear_trace: f64,
-    own: Vec<f64>,
-    coordinates: Coordinates,
-    /// sqrt(M_ii): coordinates of any units are compared as momenta are
-    unit: Vec<f64>,
+    parts: Vec<Part>,
     samplers: Vec<Aft>,
     /// steps of the finest product that was needed last
     pub finest: usize,
+}
+
+/// Coordinates that matrices and elements connect.
+struct Part {
+    own: Vec<usize>,
+    elements: Vec<usize>,
+    /// trace of -M^-1 C and, per element, of the effect of its rate
+    linear_trace: f64,
+    rate_traces: Vec<f64>,
+    coordinates: Coordinates,
+    /// sqrt(M_ii): coordinates of any units are compared as momenta are
+    unit: Vec<f64>,
 }
 
 enum Coordinates {
@@ -40,38 +51,20 @@ enum Coordinates {
     States(States),
 }
 
+/// Of the states [x; v] of some coordinates over one period.
+pub struct Monodromy {
+    pub own: Vec<usize>,
+    pub matrix: Mat<f64>,
+    /// the sum of the exponents (Liouville)
+    pub sum: f64,
+}
+
 impl Splitting {
     /// Matrices whose first coordinates are those that the problem retains.
-    pub fn new(problem: &Problem, (mass, damping, stiffness): &Matrices) -> Result<Splitting> {
-        let (n, n_e) = (mass.nrows(), problem.elements.len());
-        let lu = mass.partial_piv_lu();
-        let (c, k) = (lu.solve(damping), lu.solve(stiffness));
-        if !(0..n).all(|i| c[(i, i)].is_finite() && k[(i, i)].is_finite()) {
-            return Err(Error::singular("stability needs a regular mass matrix; remove coordinates without mass"));
-        }
-        let mut see = Mat::<f64>::zeros(n, n_e);
-        for (e, direction) in problem.retained().iter().enumerate() {
-            for &(i, weight) in direction {
-                see[(i, e)] += weight;
-            }
-        }
-        let push = lu.solve(&see);
-        let own = |e: usize| -> f64 { (0..n).map(|i| see[(i, e)] * push[(i, e)]).sum() };
-        // operations of a step: 8 (2n)^2 (1 + 2 n_e) in complex modes, 2 (2n)^3 + 4 n_e n^2 on the states
-        let many = n > 2 + 3 * n_e;
-        let modes = many.then(|| Modes::new(&c, &k, &push, &see)).flatten();
-        Ok(Splitting {
-            n,
-            linear_trace: -(0..n).map(|i| c[(i, i)]).sum::<f64>(),
-            own: (0..n_e).map(own).collect(),
-            coordinates: match modes {
-                Some(modes) => Coordinates::Modes(modes),
-                None => Coordinates::States(States::new(c, k, &push, &see)),
-            },
-            unit: (0..n).map(|i| mass[(i, i)].abs().sqrt()).collect(),
-            samplers: Vec::new(),
-            finest: 0,
-        })
+    pub fn new(problem: &Problem, matrices: &Matrices) -> Result<Splitting> {
+        let n = matrices.0.nrows();
+        let parts = connected(problem, matrices).into_iter().map(|own| Part::new(problem, matrices, own));
+        Ok(Splitting { n, parts: parts.collect::<Result<_>>()?, samplers: Vec::new(), finest: 0 })
     }
 
     /// Coordinates of the state, 2 n.
@@ -79,55 +72,31 @@ impl Splitting {
         2 * self.n
     }
 
-    /// Fundamental matrix of [x; v] over one period of the motion y, and the sum of the exponents (Liouville).
-    pub fn monodromy(&mut self, problem: &mut Problem, y: &[f64]) -> Result<(Mat<f64>, f64)> {
+    /// Of each part that nothing connects with another, along the motion y.
+    pub fn monodromy(&mut self, problem: &mut Problem, y: &[f64]) -> Result<Vec<Monodromy>> {
         let w0 = problem.base_frequency();
         let top = problem.basis.reach()[0].max(1);
         let coarsest = COARSEST.max((2 * top + 2).next_power_of_two());
-        // rows of the extrapolation table: products with growing numbers of steps, rates in units of w0
-        let mut last: Vec<Mat<f64>> = Vec::new();
-        let (mut sum, mut before) = (0.0, f64::INFINITY);
+        let mut tables: Vec<Table> = self.parts.iter().map(|_| Table::default()).collect();
         for level in 0..=DOUBLINGS {
             let steps = coarsest << level;
             let tangents = self.tangents(problem, y, level, steps)?;
             self.finest = steps;
-            sum = self.sum_of_exponents(&tangents);
-            let product = match &self.coordinates {
-                Coordinates::Modes(modes) => modes.product(&tangents, steps, w0),
-                Coordinates::States(states) => states.product(&tangents, steps, w0),
-            };
-            let unit = |i: usize| self.unit[i % self.n];
-            let product = Mat::from_fn(2 * self.n, 2 * self.n, |i, j| product[(i, j)] * (unit(i) / unit(j)));
-            let mut row = vec![product];
-            for (order, coarse) in last.iter().enumerate() {
-                let gain = 4.0_f64.powi(order as i32 + 1) - 1.0;
-                let fine = &row[order];
-                row.push(fine + (fine - coarse) * Scale(1.0 / gain));
+            for (part, table) in self.parts.iter().zip(&mut tables).filter(|(_, table)| !table.settled) {
+                part.refine(table, &tangents, steps, w0);
             }
-            let size = row[row.len() - 1].norm_max();
-            let change = match last.last() {
-                Some(coarser) => (&row[row.len() - 1] - coarser).norm_max() / size,
-                None => f64::INFINITY,
-            };
-            // where changes shrink, the next one shrinks at least as fast: it is the error of the present value
-            let next = if change <= SETTLED { change * (change / before).min(1.0) } else { change };
-            (last, before) = (row, change);
-            if next <= TOLERANCE {
+            if tables.iter().all(|table| table.settled) {
                 break;
             }
         }
-        let n = self.n;
-        let phi = &last[last.len() - 1];
-        let unit = |i: usize| if i < n { 1.0 / self.unit[i] } else { w0 / self.unit[i - n] };
-        let states = Mat::from_fn(2 * n, 2 * n, |i, j| phi[(i, j)] * unit(i) / unit(j));
-        Ok((states, sum))
-    }
-
-    /// Mean trace of the variational equation.
-    fn sum_of_exponents(&self, tangents: &Tangents) -> f64 {
-        let mean = |f: &[f64]| f.iter().sum::<f64>() / f.len() as f64;
-        let rates = tangents.iter().zip(&self.own);
-        self.linear_trace - rates.map(|((_, f_v), own)| own * mean(f_v)).sum::<f64>()
+        let made = self.parts.iter().zip(&tables).map(|(part, table)| {
+            let n = part.own.len();
+            let unit = |i: usize| if i < n { 1.0 / part.unit[i] } else { w0 / part.unit[i - n] };
+            let best = table.best()?;
+            let matrix = Mat::from_fn(2 * n, 2 * n, |i, j| best[(i, j)] * unit(i) / unit(j));
+            Some(Monodromy { own: part.own.clone(), matrix, sum: table.sum })
+        });
+        made.collect::<Option<_>>().ok_or_else(|| Error::singular("the monodromy matrix has no steps"))
     }
 
     /// df/du and df/dv of the elements at the middles of the steps.
@@ -137,4 +106,111 @@ impl Splitting {
         }
         problem.tangents(y, &mut self.samplers[level])
     }
+}
+
+/// The extrapolation: products with growing numbers of steps, rates in units of w0.
+struct Table {
+    last: Vec<Mat<f64>>,
+    change: f64,
+    sum: f64,
+    settled: bool,
+}
+
+impl Default for Table {
+    fn default() -> Self {
+        Table { last: Vec::new(), change: f64::INFINITY, sum: 0.0, settled: false }
+    }
+}
+
+impl Table {
+    fn best(&self) -> Option<&Mat<f64>> {
+        self.last.last()
+    }
+
+    fn add(&mut self, product: Mat<f64>) {
+        let mut row = vec![product];
+        for (order, coarse) in self.last.iter().enumerate() {
+            let gain = 4.0_f64.powi(order as i32 + 1) - 1.0;
+            let fine = &row[order];
+            row.push(fine + (fine - coarse) * Scale(1.0 / gain));
+        }
+        let change = match (self.best(), row.last()) {
+            (Some(coarser), Some(finer)) => (finer - coarser).norm_max() / finer.norm_max().max(f64::MIN_POSITIVE),
+            _ => f64::INFINITY,
+        };
+        // where changes shrink, the next one shrinks at least as fast: it is the error of the present value
+        let next = if change <= SETTLED { change * (change / self.change).min(1.0) } else { change };
+        self.settled = next <= TOLERANCE;
+        (self.last, self.change) = (row, change);
+    }
+}
+
+impl Part {
+    fn new(problem: &Problem, (mass, damping, stiffness): &Matrices, own: Vec<usize>) -> Result<Part> {
+        let n = own.len();
+        let of = |m: &Mat<f64>| Mat::from_fn(n, n, |i, j| m[(own[i], own[j])]);
+        let mass = of(mass);
+        let lu = mass.partial_piv_lu();
+        let (c, k) = (lu.solve(of(damping)), lu.solve(of(stiffness)));
+        if !(0..n).all(|i| c[(i, i)].is_finite() && k[(i, i)].is_finite()) {
+            return Err(Error::singular("stability needs a regular mass matrix; remove coordinates without mass"));
+        }
+        let belongs = |e: &usize| problem.retained()[*e].iter().any(|(i, _)| own.contains(i));
+        let elements: Vec<usize> = (0..problem.elements.len()).filter(belongs).collect();
+        let n_e = elements.len();
+        let mut see = Mat::<f64>::zeros(n, n_e);
+        for (column, e) in elements.iter().enumerate() {
+            for (i, weight) in &problem.retained()[*e] {
+                own.iter().position(|at| at == i).into_iter().for_each(|row| see[(row, column)] += weight);
+            }
+        }
+        let push = lu.solve(&see);
+        // operations of a step: 8 (2n)^2 (1 + 2 n_e) in complex modes, 2 (2n)^3 + 4 n_e n^2 on the states
+        let many = n > 2 + 3 * n_e;
+        let modes = many.then(|| Modes::new(&c, &k, &push, &see)).flatten();
+        Ok(Part {
+            linear_trace: -(0..n).map(|i| c[(i, i)]).sum::<f64>(),
+            rate_traces: (0..n_e).map(|e| (0..n).map(|i| see[(i, e)] * push[(i, e)]).sum()).collect(),
+            coordinates: match modes {
+                Some(modes) => Coordinates::Modes(modes),
+                None => Coordinates::States(States::new(c, k, &push, &see)),
+            },
+            unit: (0..n).map(|i| mass[(i, i)].abs().sqrt()).collect(),
+            own,
+            elements,
+        })
+    }
+
+    fn refine(&self, table: &mut Table, tangents: &Tangents, steps: usize, w0: f64) {
+        let tangents: Tangents = self.elements.iter().map(|e| tangents[*e].clone()).collect();
+        let mean = |f: &[f64]| f.iter().sum::<f64>() / f.len() as f64;
+        let rates = tangents.iter().zip(&self.rate_traces);
+        table.sum = self.linear_trace - rates.map(|((_, f_v), own)| own * mean(f_v)).sum::<f64>();
+        let product = match &self.coordinates {
+            Coordinates::Modes(modes) => modes.product(&tangents, steps, w0),
+            Coordinates::States(states) => states.product(&tangents, steps, w0),
+        };
+        let n = self.own.len();
+        let unit = |i: usize| self.unit[i % n];
+        table.add(Mat::from_fn(2 * n, 2 * n, |i, j| product[(i, j)] * (unit(i) / unit(j))));
+    }
+}
+
+/// Coordinates by the parts that entries of the matrices or elements connect.
+fn connected(problem: &Problem, (mass, damping, stiffness): &Matrices) -> Vec<Vec<usize>> {
+    let n = mass.nrows();
+    let mut first: Vec<usize> = (0..n).collect();
+    for i in 0..n {
+        for j in (0..n).filter(|j| [mass, damping, stiffness].iter().any(|m| m[(i, *j)] != 0.0)) {
+            join(&mut first, i, j);
+        }
+    }
+    for direction in problem.retained() {
+        for pair in direction.windows(2) {
+            join(&mut first, pair[0].0, pair[1].0);
+        }
+    }
+    let roots: Vec<usize> = (0..n).map(|i| root(&mut first, i)).collect();
+    let of = |r: usize| -> Vec<usize> { (0..n).filter(|i| roots[*i] == r).collect() };
+    (0..n).filter(|r| roots[*r] == *r).map(of).collect()
 }

@@ -12,10 +12,9 @@ use num_complex::Complex64 as c64;
 use super::hbm::aft::Aft;
 use super::hbm::linear::{Block, Matrices};
 use super::hbm::problem::Problem;
-use super::monodromy::Splitting;
+use super::monodromy::{Monodromy, Splitting};
 use crate::error::{Error, Result};
 use crate::linalg::balance::Balanced;
-use crate::solve::largest;
 
 /// Largest difference between the sum of the exponents and the trace, relative to the base frequency, that passes.
 const TRACE_TOLERANCE: f64 = 1e-6;
@@ -88,38 +87,54 @@ impl Stability {
             let exponents = hill(problem, inertia, jacobian, rate.as_ref())?;
             if inertia.trace_fits(problem, &rate, &exponents) {
                 if self.agreed.is_none() {
-                    let (phi, _) = self.splitting.monodromy(problem, y)?;
+                    let parts = self.splitting.monodromy(problem, y)?;
                     let period = std::f64::consts::TAU / problem.base_frequency();
                     let cheap = self.splitting.finest <= FEW_STEPS;
-                    self.agreed = Some(cheap && agree(&exponents, period, &eigenvalues(&phi)?));
+                    self.agreed = Some(cheap && agree(&exponents, period, &parts)?);
                 }
                 return Ok(Floquet { exponents, by_hill: true, doubtful: false });
             }
         }
-        let (phi, sum) = self.splitting.monodromy(problem, y)?;
+        let parts = self.splitting.monodromy(problem, y)?;
         if self.agreed == Some(true) && self.splitting.finest > FEW_STEPS {
             self.agreed = Some(false);
         }
-        let exponents = from_monodromy(&phi, sum, problem.base_frequency())?;
+        let mut exponents = Vec::with_capacity(self.splitting.size());
+        for part in &parts {
+            exponents.extend(from_monodromy(&part.matrix, part.sum, problem.base_frequency())?);
+        }
         Ok(Floquet { exponents, by_hill: false, doubtful: false })
     }
 
-    /// Whether contacts open or close within the relative error of the motion y, or last too short for the samples that told its
-    /// exponents.
-    pub fn is_doubtful(&mut self, problem: &mut Problem, y: &[f64], error: f64, by_hill: bool) -> Result<bool> {
+    /// Whether contacts open or close within the deviations of the coordinates of the motion y, or last too short for the samples
+    /// that told its exponents.
+    pub fn is_doubtful(
+        &mut self,
+        problem: &mut Problem,
+        y: &[f64],
+        deviations: &[f64],
+        by_hill: bool,
+    ) -> Result<bool> {
         let samples = if by_hill { problem.dims()[0] } else { self.splitting.finest };
         if self.sampler.as_ref().is_none_or(|s| s.dims()[0] != samples) {
             self.sampler = Some(Aft::between(&problem.basis, samples));
         }
         match self.sampler.as_mut() {
-            Some(sampler) => problem.grazes(y, error * largest(y), sampler),
+            Some(sampler) => problem.grazes(y, deviations, sampler),
             None => Ok(false),
         }
     }
 
     /// Fundamental matrix of the state [x; x'] over one period.
     pub fn monodromy(&mut self, problem: &mut Problem, y: &[f64]) -> Result<Mat<f64>> {
-        Ok(self.splitting.monodromy(problem, y)?.0)
+        let n = self.splitting.size() / 2;
+        let mut phi = Mat::zeros(2 * n, 2 * n);
+        for part in self.splitting.monodromy(problem, y)? {
+            let m = part.own.len();
+            let at = |i: usize| part.own[i % m] + n * (i / m);
+            (0..2 * m).for_each(|i| (0..2 * m).for_each(|j| phi[(at(i), at(j))] = part.matrix[(i, j)]));
+        }
+        Ok(phi)
     }
 }
 
@@ -218,13 +233,18 @@ fn hill(problem: &Problem, inertia: &Inertia, jacobian: MatRef<'_, f64>, rate: M
     Ok(roots.iter().map(|s| s * w0).collect())
 }
 
-/// Whether every exponent has its multiplier.
-fn agree(exponents: &[c64], period: f64, multipliers: &[c64]) -> bool {
-    let largest = multipliers.iter().map(|m| m.norm()).fold(1.0, f64::max);
-    exponents.iter().all(|s| {
+/// Whether every exponent has its multiplier, to a part of the largest one of its part of the system.
+fn agree(exponents: &[c64], period: f64, parts: &[Monodromy]) -> Result<bool> {
+    let mut multipliers = Vec::with_capacity(exponents.len());
+    for part in parts {
+        let own = eigenvalues(&part.matrix)?;
+        let largest = own.iter().map(|m| m.norm()).fold(1.0, f64::max);
+        multipliers.extend(own.into_iter().map(|m| (m, largest)));
+    }
+    Ok(exponents.iter().all(|s| {
         let multiplier = (s * period).exp();
-        multipliers.iter().any(|m| (m - multiplier).norm() <= AGREEMENT * largest)
-    })
+        multipliers.iter().any(|(m, largest)| (m - multiplier).norm() <= AGREEMENT * largest)
+    }))
 }
 
 /// Of the balanced matrix: coordinates may have any units.

@@ -158,6 +158,8 @@ pub struct StateSlopes {
     pub z: f64,
     pub force: [f64; 4],
     pub rate: [f64; 4],
+    /// |g| + |u g_u| + |v g_v| + |z g_z|: what rounding of the rate is in proportion to
+    pub rate_size: f64,
 }
 
 impl AnyLaw {
@@ -265,7 +267,12 @@ impl AnyLaw {
             (self.law_force(at, &p, &z, &mut []), rate[0])
         };
         let [(f_u, g_u), (f_v, g_v), (f_z, g_z)] = [along(0), along(1), along(2)];
-        StateSlopes { z, force: [f_u.re, f_u.eps, f_v.eps, f_z.eps], rate: [g_u.re, g_u.eps, g_v.eps, g_z.eps] }
+        StateSlopes {
+            z,
+            force: [f_u.re, f_u.eps, f_v.eps, f_z.eps],
+            rate: [g_u.re, g_u.eps, g_v.eps, g_z.eps],
+            rate_size: g_u.re.abs() + (u * g_u.eps).abs() + (v * g_v.eps).abs() + (z * g_z.eps).abs(),
+        }
     }
 
     /// How its states answer small motions about rest at u, one for each state that relaxes.

@@ -296,6 +296,7 @@ impl PySystem {
         out.set_item("stable", eq.stable)?;
         out.set_item("free_directions", eq.free_directions)?;
         out.set_item("family", eq.family)?;
+        out.set_item("unresolved", eq.unresolved)?;
         out.set_item("counts", counts_dict(py, &counts)?)?;
         Ok(out)
     }

@@ -15,12 +15,14 @@ pub struct Estimator {
     y: Vec<f64>,
 }
 
-/// Both relative to the largest coefficient.
-#[derive(Debug, Clone, Copy, Default)]
+/// The first two relative to the largest coefficient.
+#[derive(Debug, Clone, Default)]
 pub struct Estimate {
     pub error: f64,
     /// what the finer grid alone changes in the retained terms
     pub aliasing: f64,
+    /// per retained coordinate, in its unit: a bound of the deviation at any instant
+    pub deviations: Vec<f64>,
 }
 
 impl Estimator {
@@ -52,17 +54,15 @@ impl Estimator {
             );
         self.out.jacobian.partial_piv_lu().solve_in_place(&mut steps);
         let step = steps.col_as_slice(0);
-        let largest = nan_or_largest(amplitudes(y, problem.n()));
-        if largest == 0.0 && step.iter().all(|x| *x == 0.0) {
-            return Ok(Estimate::default());
-        }
         let n = problem.n();
-        let sum = |part: &[f64]| nan_or_largest(coordinate_sums(part, n).into_iter());
-        Ok(Estimate {
-            error: sum(step) / largest,
-            // on the grid of the solution the first residuals vanish
-            aliasing: sum(&steps.col_as_slice(1)[..n_own]) / largest,
-        })
+        let largest = nan_or_largest(amplitudes(y, n));
+        let deviations = coordinate_sums(step, n);
+        if largest == 0.0 && step.iter().all(|x| *x == 0.0) {
+            return Ok(Estimate { deviations, ..Estimate::default() });
+        }
+        // on the grid of the solution the first residuals vanish
+        let aliasing = nan_or_largest(coordinate_sums(&steps.col_as_slice(1)[..n_own], n).into_iter()) / largest;
+        Ok(Estimate { error: nan_or_largest(deviations.iter().copied()) / largest, aliasing, deviations })
     }
 }
 

@@ -19,5 +19,5 @@ mod periodic_state;
 pub mod problem;
 pub mod refined;
 pub mod response;
-mod rows;
+pub mod rows;
 pub mod start;

@@ -8,12 +8,15 @@
 //! dissipates nothing) it stays as it is. E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, 1996, table IV.5.7.
 use crate::error::{Error, Result};
 use crate::force::{AnyLaw, StateSlopes};
-use crate::tolerances::periodic::{STATE_CLOSED, STATE_FREE};
+use crate::solve::nan_or_largest;
+use crate::tolerances::periodic::{STATE_CLOSED, STATE_FREE, STATE_ROUNDING};
 
 /// Weights of g0, g1, g2, over the length of both intervals.
 const INNER: [f64; 3] = [5.0 / 24.0, 1.0 / 3.0, -1.0 / 24.0];
 const OUTER: [f64; 3] = [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0];
 const NEWTON_STEPS: usize = 40;
+/// Of a step, at most.
+const HALVINGS: i32 = 20;
 const PERIODS: usize = 200;
 
 /// Displacements and rates at the samples, and the time between two.
@@ -75,28 +78,14 @@ impl PeriodicState {
         let mut first = at(0, z0);
         let mut growth = 1.0;
         for j in (0..n).step_by(2) {
-            let (mut middle, mut end) = (at(j + 1, first.z), at(j + 2, first.z));
-            let mut solved = false;
-            for _ in 0..NEWTON_STEPS {
-                let rates = [first.rate[0], middle.rate[0], end.rate[0]];
-                let miss =
-                    [first.z + h * weighed(INNER, rates) - middle.z, first.z + h * weighed(OUTER, rates) - end.z];
-                let [dm, de] = solve(h, &middle, &end, miss);
-                (middle, end) = (at(j + 1, middle.z + dm), at(j + 2, end.z + de));
-                let size = first.z.abs().max(middle.z.abs()).max(end.z.abs());
-                solved = dm.abs().max(de.abs()) <= 4.0 * f64::EPSILON * size;
-                if solved {
-                    break;
-                }
-            }
-            // corrections of the last digit may alternate, larger ones are no solution
-            if !(solved || middle.z.is_finite() && end.z.is_finite()) {
+            let guess = Pair { first, middle: at(j + 1, first.z), end: at(j + 2, first.z), h };
+            let Some(Pair { middle, end, .. }) = settled(guess, |k, z| at(j + k, z)) else {
                 return Err(Error::Convergence {
                     message: "the state of a law has no solution between two samples; take more with n_samples=".into(),
                     best: Vec::new(),
                     residual: f64::NAN,
                 });
-            }
+            };
             growth *= solve(h, &middle, &end, [INNER, OUTER].map(|w| 1.0 + h * w[0] * first.rate[3]))[1];
             self.at.push(first);
             self.at.push(middle);
@@ -133,6 +122,57 @@ impl PeriodicState {
         }
         d
     }
+}
+
+/// The start and the two unknown states of two intervals of length h together.
+#[derive(Clone, Copy)]
+struct Pair {
+    first: StateSlopes,
+    middle: StateSlopes,
+    end: StateSlopes,
+    h: f64,
+}
+
+impl Pair {
+    /// What the two equations lack.
+    fn miss(&self) -> [f64; 2] {
+        let rates = [self.first.rate[0], self.middle.rate[0], self.end.rate[0]];
+        let by = |w, z: f64| self.first.z + self.h * weighed(w, rates) - z;
+        [by(INNER, self.middle.z), by(OUTER, self.end.z)]
+    }
+
+    /// Whether that is rounding of the terms of each equation.
+    fn is_solved(&self) -> bool {
+        let all = [self.first, self.middle, self.end];
+        let rates = all.map(|at| at.rate_size);
+        let allowed = |w: [f64; 3], z: f64| {
+            let terms = self.first.z.abs() + z.abs() + self.h * weighed(w.map(f64::abs), rates);
+            STATE_ROUNDING * f64::EPSILON * terms
+        };
+        let miss = self.miss();
+        miss[0].abs() <= allowed(INNER, self.middle.z) && miss[1].abs() <= allowed(OUTER, self.end.z)
+    }
+}
+
+/// Newton's method, whose steps are halved until what the equations lack has become less (rates may bend where z changes its sign);
+/// None where the residual that is left is more than rounding. `at(k, z)`: the law at the middle (1) and the end (2).
+fn settled(mut here: Pair, at: impl Fn(usize, f64) -> StateSlopes) -> Option<Pair> {
+    let size = |pair: &Pair| nan_or_largest(pair.miss().into_iter().map(f64::abs));
+    for _ in 0..NEWTON_STEPS {
+        let [dm, de] = solve(here.h, &here.middle, &here.end, here.miss());
+        let beside = |part: f64| Pair {
+            middle: at(1, here.middle.z + part * dm),
+            end: at(2, here.end.z + part * de),
+            ..here
+        };
+        let lower = |part: f64, next: &Pair| size(next) <= (1.0 - 0.25 * part) * size(&here);
+        let tried = (0..HALVINGS).map(|k| 0.5_f64.powi(k)).map(|part| (part, beside(part)));
+        match tried.into_iter().find(|(part, next)| lower(*part, next)) {
+            Some((_, next)) => here = next,
+            None => break,
+        }
+    }
+    here.is_solved().then_some(here)
 }
 
 fn weighed(w: [f64; 3], g: [f64; 3]) -> f64 {
@@ -205,5 +245,66 @@ mod tests {
                 assert!((dz[j] - (high[j] - low[j]) / (2.0 * h)).abs() < 1e-6, "{code} {j}");
             }
         }
+    }
+
+    /// Random laws on random motions in random units, also sampled far too coarsely: what is accepted solves the formula.
+    #[test]
+    fn every_accepted_state_solves_its_equations() {
+        let mut seed = 7_u64;
+        let mut random = move || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let (mut accepted, mut refused) = (0, 0);
+        for trial in 0..600 {
+            let n = 2 * (2 + (6.0 * random()) as usize * (1 + (8.0 * random()) as usize));
+            let mut log = |decades: f64| 10_f64.powf(decades * (random() - 0.5));
+            let (length, time) = (log(12.0), log(12.0));
+            let speed = length / time;
+            let (code, p) = match trial % 3 {
+                0 => (12, vec![log(9.0), log(6.0) * time]),
+                1 => {
+                    let n = 1.0 + 3.0 * log(2.0);
+                    let bound = length * log(4.0);
+                    (13, vec![log(9.0), 0.1, bound.powf(-n) * log(0.6), bound.powf(-n) * (log(0.6) - 1.0), n])
+                }
+                _ => {
+                    let force = log(9.0);
+                    let most = force * (1.0 + log(1.0));
+                    (14, vec![force, most, speed * log(4.0), force / length * log(6.0), 0.0, 0.0])
+                }
+            };
+            let law = AnyLaw::from_code(code, p.len()).unwrap();
+            let interval = std::f64::consts::TAU * time / n as f64;
+            let (a, b, c) = (random() - 0.5, random() - 0.5, random());
+            let turn = |j: usize| std::f64::consts::TAU * j as f64 / n as f64 + c;
+            let u: Vec<f64> = (0..n).map(|j| length * (a * turn(j).cos() + b * (3.0 * turn(j)).sin())).collect();
+            let v: Vec<f64> =
+                (0..n).map(|j| speed * (-a * turn(j).sin() + 3.0 * b * (3.0 * turn(j)).cos())).collect();
+            let samples = Samples { u: &u, v: &v, interval };
+            let mut state = PeriodicState { at: Vec::new(), interval, growth: 1.0 };
+            let Ok(end) = state.march(law, &p, samples, length * (random() - 0.5)) else {
+                refused += 1;
+                continue;
+            };
+            accepted += 1;
+            let z: Vec<f64> = state.at.iter().map(|at| at.z).chain([end]).collect();
+            let rate = |j: usize, z: f64| -> f64 { law.state_slopes(u[j % n], v[j % n], &p, z).rate[0] };
+            for j in (0..n).step_by(2) {
+                let g = [0, 1, 2].map(|k| rate(j + k, z[j + k]));
+                // a change of z by its rounding changes the rates
+                let felt = [0, 1, 2].map(|k| {
+                    let beside = rate(j + k, z[j + k] * (1.0 + 1e-8)) - g[k];
+                    g[k].abs() + v[(j + k) % n].abs() + 1e8 * beside.abs()
+                });
+                for (k, w) in [(1, INNER), (2, OUTER)] {
+                    let h = 2.0 * interval;
+                    let miss = z[j] + h * weighed(w, g) - z[j + k];
+                    let terms = z[j].abs() + z[j + k].abs() + h * weighed(w.map(f64::abs), felt);
+                    assert!(miss.abs() <= 1e-14 * terms, "{trial}: {miss:.1e} of {terms:.1e}");
+                }
+            }
+        }
+        assert!(accepted > 400, "{accepted} accepted, {refused} refused");
     }
 }

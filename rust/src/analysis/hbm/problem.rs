@@ -429,14 +429,15 @@ impl Problem {
         out
     }
 
-    /// Whether the stiffness of an element jumps within `margin` of an extremum of its displacement, or only there: `contact`.
-    pub fn grazes(&mut self, y: &[f64], margin: f64, sampler: &mut Aft) -> Result<bool> {
+    /// Whether the stiffness of an element jumps so near to an extremum of its displacement that deviations of the coordinates decide,
+    /// or only there: `contact`.
+    pub fn grazes(&mut self, y: &[f64], deviations: &[f64], sampler: &mut Aft) -> Result<bool> {
         std::mem::swap(&mut self.aft, sampler);
         let n_e = self.elements.len();
         let mut one = |e: usize| -> Result<bool> {
             self.evaluate_element(e, y, Want::Tangents)?;
-            let weight: f64 = self.retained[e].iter().map(|(_, w)| w.abs()).sum();
-            contact::is_unresolved(&self.elements[e].force, &self.aft, margin * weight)
+            let margin: f64 = self.retained[e].iter().map(|(i, w)| w.abs() * deviations[*i]).sum();
+            contact::is_unresolved(&self.elements[e].force, &self.aft, margin)
         };
         let found = (0..n_e).map(&mut one).collect::<Result<Vec<bool>>>();
         std::mem::swap(&mut self.aft, sampler);

@@ -200,7 +200,7 @@ impl Follower {
                 let jacobian = self.branch.work.out.jacobian.as_ref();
                 let mut floquet = stability.exponents(&mut self.problem, jacobian, point.y())?;
                 floquet.doubtful =
-                    stability.is_doubtful(&mut self.problem, point.y(), estimate.error, floquet.by_hill)?;
+                    stability.is_doubtful(&mut self.problem, point.y(), &estimate.deviations, floquet.by_hill)?;
                 Some(floquet)
             }
             None => None,

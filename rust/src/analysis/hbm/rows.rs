@@ -83,7 +83,8 @@ fn parts(problem: &Problem) -> Vec<usize> {
     (0..n).map(|i| root(&mut first, i)).collect()
 }
 
-fn root(first: &mut [usize], mut i: usize) -> usize {
+/// The first one of the part of i.
+pub fn root(first: &mut [usize], mut i: usize) -> usize {
     while first[i] != i {
         first[i] = first[first[i]];
         i = first[i];
@@ -91,7 +92,8 @@ fn root(first: &mut [usize], mut i: usize) -> usize {
     i
 }
 
-fn join(first: &mut [usize], i: usize, j: usize) {
+/// i and j are of one part.
+pub fn join(first: &mut [usize], i: usize, j: usize) {
     let (a, b) = (root(first, i), root(first, j));
     first[a.max(b)] = a.min(b);
 }
