@@ -24,6 +24,7 @@ from ..view.scene import SceneGeometry
 from .first_order import StateSpace, first_order
 from .inertia import mass_matrices, mass_matrix_at
 from .linear_system import EFFECT_OF, assembled
+from .strains import Strains, strains_at
 
 if TYPE_CHECKING:
     from ..model.model import Model
@@ -148,33 +149,23 @@ class Linearization(Result):
         return self.snapshot.scene.moved(self.poses["position"], self.poses["rotation"])
 
     @cached_property
-    def _strains(self) -> list[tuple[str, np.ndarray, np.ndarray]]:
-        with core_errors():
-            rows = self.snapshot.system.strains(self.state.q, list(self.without))
-        out = []
-        for name, a, b, point, gradients, k in rows:
-            relative = self._at(b, point) - self._at(a, point)
-            out.append((name, gradients @ relative, k))
-        return out
+    def strains(self) -> Strains:
+        """Strains of elastic elements and joints with stiffness by the coordinates, with the slopes of their laws, at this state."""
+        return strains_at(self.snapshot, self.state.q, self.without, self.T, self.poses["position"])
 
     def element_strain_energy(self, shape: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
         """Names of the elastic elements and 1/2 e^H k e of each for each column of ``shape``, (n_elements, n); k holds the
         slopes of their laws at this state.
         """
-        strains = [*self._strains, *modal_strains(self)]
+        made = self.strains
+        rows = (made.rows[own] for own in made.own)
+        strains = [*zip(made.names, rows, made.stiffness, strict=True), *modal_strains(self)]
         names = tuple(name for name, _, _ in strains)
         energy = np.zeros((len(names), shape.shape[1]))
         for i, (_, rows, k) in enumerate(strains):
             e = rows @ shape
             energy[i] = 0.5 * np.einsum("in,ij,jn->n", e.conj(), k, e).real
         return names, energy
-
-    def _at(self, body: int, point: np.ndarray) -> np.ndarray:
-        """Twist (6, dof) of the material point of a body that is at ``point`` now."""
-        if body < 0:
-            return np.zeros((6, self.n))
-        twist = self.T[6 * body : 6 * body + 6]
-        return twist_at(twist, point - self.poses["position"][body])
 
     def port_row(self, port: Port) -> tuple[np.ndarray, int, np.ndarray]:
         """The row (dof,) of a port's motion, the index of its body (-1 ground) and its point now (3,)."""

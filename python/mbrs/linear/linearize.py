@@ -130,7 +130,7 @@ def linearization_at(
         error=error,
         status="converged" if error <= BALANCED or state.moving else "off-equilibrium",
     )
-    return made if state.moving else made.replaced(K=stiffness_without_rounding(made, forces))
+    return made if state.moving else made.replaced(K=stiffness_without_rounding(made, reach, forces))
 
 
 def _unbalance(r: dict[str, Any]) -> str:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from .._lib.border import core_errors
-from .._lib.rotations import twist_at
 from ..errors import ModelError
 from ..model.schema import BODY
 from ..system.snapshot import Snapshot
+from .strains import strains_at
 
 # Rates of strain that count as rounding, over the terms that they are made of: free of units. Larger: a spring that is wound up
 # slowly passes for a steady motion; smaller: rounding of drawn points refuses one. Pinned by tests/truth/test_steady_rotation.py.
@@ -103,23 +103,15 @@ class ElementRows:
 def element_rows(snapshot: Snapshot, q: np.ndarray, twists: np.ndarray, without: Sequence[str]) -> list[ElementRows]:
     """One entry per element (or joint with springs) that resists some motion in this configuration."""
     with core_errors():
-        strains = snapshot.system.strains(q, list(without))
-        place = snapshot.system.bodies(q, np.zeros(0))["position"]
-    length, out = snapshot.system.characteristic_length, []
-    natural = np.array([length] * 3 + [1.0] * 3)
-
-    def at(body: int, point: np.ndarray) -> np.ndarray:
-        if body < 0:
-            return np.zeros((6, twists.shape[2]))
-        return twist_at(twists[body], point - place[body])
-
-    for name, a, b, point, gradients, k in strains:
-        relative_twist = at(b, point) - at(a, point)
-        rows = (k @ gradients) @ relative_twist
-        terms = np.abs(k) @ np.abs(gradients) @ natural
+        position = snapshot.system.bodies(q, np.zeros(0))["position"]
+    made = strains_at(snapshot, q, without, twists.reshape(-1, twists.shape[2]), position)
+    natural, out = np.array([snapshot.system.characteristic_length] * 3 + [1.0] * 3), []
+    for name, bodies, own, k in zip(made.names, made.bodies, made.own, made.stiffness, strict=True):
+        terms = np.abs(k) @ np.abs(made.gradients[own]) @ natural
         kept = terms > 0.0
         if np.any(kept):
-            out.append(ElementRows(name, (a, b), rows[kept] / terms[kept, None]))
+            rows = k @ made.rows[own]
+            out.append(ElementRows(name, (int(bodies[0]), int(bodies[1])), rows[kept] / terms[kept, None]))
     return out
 
 

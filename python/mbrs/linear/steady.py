@@ -384,10 +384,10 @@ def _solve(
     )
 
 
-def _rounding(snapshot: Snapshot, relative: np.ndarray) -> float:
+def _rounding(snapshot: Snapshot, q: np.ndarray) -> float:
     """Rounding of places, and with them of arms and strains, over the characteristic length; as in the search for equilibria."""
     with core_errors():
-        place = snapshot.system.bodies(relative, np.zeros(0))["position"]
+        place = snapshot.system.bodies(q, np.zeros(0))["position"]
     far = float(np.max(np.linalg.norm(place, axis=1), initial=0.0)) / snapshot.system.characteristic_length
     return _PLACES * float(np.finfo(float).eps) * (1.0 + far)
 

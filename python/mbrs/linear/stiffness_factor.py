@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._lib.border import core_errors
 from .linearization import Linearization, modal_strains
+from .strains import own_rows
 
 # Multiple of eps times the size of its terms below which an entry of a strain row is rounding of poses and axes. Too small: a
 # coordinate that no element strains counts as held. Too large: weak levers are lost. Poses of closed loops carry the tolerance of their
@@ -28,13 +28,14 @@ def stiffness_factor(lin: Linearization) -> np.ndarray | None:
         return None
     if _GEOMETRIC & set(lin.effects):
         return None
-    rows = []
-    for w, _, k in strain_rows(lin):
+    w, _, stiffness = strain_rows(lin)
+    made = [w[:0]]
+    for k, own in zip(stiffness, own_rows(stiffness), strict=True):
         root = _root(k)
         if root is None:
             return None
-        rows.append(root @ w)
-    return np.vstack(rows) if rows else np.zeros((0, lin.n))
+        made.append(root @ w[own])
+    return np.concatenate(made)
 
 
 def is_strained(factor: np.ndarray, shape: np.ndarray, mass: np.ndarray) -> bool:
@@ -46,34 +47,19 @@ def is_strained(factor: np.ndarray, shape: np.ndarray, mass: np.ndarray) -> bool
     return bool(np.any(np.abs(factor @ shape) > _STRAINED * size[:, None]))
 
 
-def strain_rows(lin: Linearization) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Rows (e, dof) of each element without entries of rounding, bounds of the entries that were dropped, its stiffness (e, e)."""
+def strain_rows(lin: Linearization) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Rows (strains, dof) of all elements without entries of rounding, bounds of the entries that were dropped, and the stiffness
+    (k, k) of each element, which has k of the rows.
+    """
     rounding = _LOOP_ROUNDING if len(lin.multipliers) else _POSE_ROUNDING + len(lin.bodies)
-    with_poses = []
-    for (_, rows, k), (a, b, point, gradients) in zip(lin._strains, _places(lin), strict=True):
-        size = _motion_size(lin, a, point) + _motion_size(lin, b, point)
-        force, moment = np.linalg.norm(gradients[:, :3], axis=1), np.linalg.norm(gradients[:, 3:], axis=1)
-        bound = rounding * np.finfo(float).eps * (np.outer(force, size[0]) + np.outer(moment, size[1]))
-        dropped = np.abs(rows) <= bound
-        with_poses.append((np.where(dropped, 0.0, rows), np.where(dropped, bound, 0.0), np.asarray(k)))
-    modal = [(np.asarray(rows), np.zeros(rows.shape), np.asarray(k)) for _, rows, k in modal_strains(lin)]
-    return with_poses + modal
-
-
-def _places(lin: Linearization) -> list[tuple[int, int, np.ndarray, np.ndarray]]:
-    with core_errors():
-        rows = lin.snapshot.system.strains(lin.state.q, list(lin.without))
-    return [(a, b, point, gradients) for _, a, b, point, gradients, _ in rows]
-
-
-def _motion_size(lin: Linearization, body: int, point: np.ndarray) -> np.ndarray:
-    """(2, dof): sizes of what was added up in the displacement of a body's point and in its rotation."""
-    if body < 0:
-        return np.zeros((2, lin.n))
-    twist = lin.T[6 * body : 6 * body + 6]
-    turning = np.linalg.norm(twist[3:], axis=0)
-    reach = np.linalg.norm(point) + np.linalg.norm(lin.poses["position"][body])
-    return np.stack([np.linalg.norm(twist[:3], axis=0) + reach * turning, turning])
+    made, modal = lin.strains, modal_strains(lin)
+    bound = rounding * np.finfo(float).eps * made.sizes
+    is_dropped = np.abs(made.rows) <= bound
+    kept, dropped = np.where(is_dropped, 0.0, made.rows), np.where(is_dropped, bound, 0.0)
+    if modal:
+        rows = np.concatenate([rows for _, rows, _ in modal])
+        kept, dropped = np.concatenate([kept, rows]), np.concatenate([dropped, np.zeros(rows.shape)])
+    return kept, dropped, [*made.stiffness, *(k for _, _, k in modal)]
 
 
 def _root(k: np.ndarray) -> np.ndarray | None:

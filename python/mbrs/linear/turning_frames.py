@@ -24,6 +24,7 @@ from ..system.snapshot import Snapshot
 from ..system.state import State
 from .inertia import mass_matrices, mass_matrix_at
 from .spin import Spin
+from .strains import strains_at
 
 # Angles (rad) of the turn at which tangents are compared: no two differ by a simple fraction of a turn, and the first one tells
 # multiblade patterns of up to 23 blades apart.
@@ -211,17 +212,14 @@ class Turn:
         length = self.snapshot.system.characteristic_length
         twists = tangent.rows[: 6 * len(self.omega)].reshape(-1, 6, len(tangent.M)).copy()
         twists[:, :3] *= length
-        with core_errors():
-            strains = self.snapshot.system.strains(tangent.q, list(self.without))
-        for name, a, b, point, gradients, k in strains:
-            moved, reach = np.zeros((6, len(tangent.M))), np.zeros(len(tangent.M))
-            for body, sign in ((a, -1.0), (b, 1.0)):
-                if body >= 0:
-                    arm = point - tangent.position[body]
-                    moved += sign * twists[body]
-                    moved[:3] -= sign * np.cross(arm, twists[body, 3:], axisa=0, axisb=0, axisc=0)
-                    reach += np.sum(np.abs(tangent.rows[6 * body : 6 * body + 6]), axis=0)
-            yield name, gradients @ moved, k, gradients, reach
+        made = strains_at(
+            self.snapshot, tangent.q, self.without, twists.reshape(-1, len(tangent.M)), tangent.position
+        )
+        for name, bodies, own, k in zip(made.names, made.bodies, made.own, made.stiffness, strict=True):
+            reach = np.zeros(len(tangent.M))
+            for body in bodies[bodies >= 0]:
+                reach += np.sum(np.abs(tangent.rows[6 * body : 6 * body + 6]), axis=0)
+            yield name, made.rows[own], k, made.gradients[own], reach
 
     # --- refusal -----
 

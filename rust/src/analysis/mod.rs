@@ -31,4 +31,5 @@ pub mod sparse_pencil;
 pub mod stability;
 mod state;
 pub mod steering;
+pub mod strain_rows;
 pub mod transient;

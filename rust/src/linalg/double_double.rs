@@ -2,6 +2,7 @@
 //!
 //! Error-free transformations of Knuth (sum) and Dekker (product). Written without a fused multiply-add, which the baseline
 //! x86-64 target would turn into a library call, so that the loops over columns stay vectorisable.
+use faer::{Col, MatRef};
 
 /// An unevaluated sum `hi + lo`.
 #[derive(Debug, Clone, Copy, Default)]
@@ -85,30 +86,129 @@ impl Dd {
     }
 }
 
-/// `out += A x` for one column-major matrix and one vector, every sum in double-double.
-pub fn add_product(out: &mut [Dd], a: faer::MatRef<'_, f64>, x: impl Fn(usize) -> f64) {
-    for j in 0..a.ncols() {
-        let xj = x(j);
-        if xj == 0.0 {
-            continue;
+/// Sums of many numbers side by side, their leading and trailing parts apart, so that loops over them fill the lanes of a processor.
+#[derive(Debug, Clone)]
+pub struct Sums {
+    pub hi: Vec<f64>,
+    pub lo: Vec<f64>,
+}
+
+impl Sums {
+    pub fn zeros(n: usize) -> Self {
+        Sums { hi: vec![0.0; n], lo: vec![0.0; n] }
+    }
+
+    /// `sums += A x`.
+    pub fn add_product(&mut self, a: MatRef<'_, f64>, x: impl Fn(usize) -> f64) {
+        for j in (0..a.ncols()).filter(|&j| x(j) != 0.0) {
+            match a.col(j).try_as_col_major() {
+                Some(column) => add_scaled(&mut self.hi, &mut self.lo, column.as_slice(), x(j)),
+                None => {
+                    for i in 0..a.nrows() {
+                        let mut sum = Dd { hi: self.hi[i], lo: self.lo[i] };
+                        sum.add_product(a[(i, j)], x(j));
+                        (self.hi[i], self.lo[i]) = (sum.hi, sum.lo);
+                    }
+                }
+            }
         }
-        for (i, sum) in out.iter_mut().enumerate() {
-            sum.add_product(a[(i, j)], xj);
+    }
+
+    /// A^T x.
+    fn inner_products(a: MatRef<'_, f64>, x: &[f64]) -> Self {
+        let mut sums = Sums::zeros(a.ncols());
+        for j in 0..a.ncols() {
+            let sum = match a.col(j).try_as_col_major() {
+                Some(column) => inner_product(column.as_slice(), x),
+                None => inner_product(&a.col(j).iter().copied().collect::<Vec<f64>>(), x),
+            };
+            (sums.hi[j], sums.lo[j]) = (sum.hi, sum.lo);
         }
+        sums
+    }
+
+    pub fn get(&self, i: usize) -> Dd {
+        Dd { hi: self.hi[i], lo: self.lo[i] }.normalised()
     }
 }
 
-/// A x, or A^T x where `transposed`, of a double matrix and a vector in double-double; all sums in double-double.
-pub fn matrix_times(a: faer::MatRef<'_, f64>, x: &[Dd], transposed: bool) -> Vec<Dd> {
-    let a = if transposed { a.transpose() } else { a };
-    let mut out = vec![Dd::default(); a.nrows()];
-    add_product(&mut out, a, |j| x[j].hi);
-    for (j, x) in x.iter().enumerate().filter(|(_, x)| x.lo != 0.0) {
-        for (i, sum) in out.iter_mut().enumerate() {
-            sum.lo += a[(i, j)] * x.lo;
+/// `hi + lo += x a`, with the widest instructions of this processor; every processor gives the same bits.
+fn add_scaled(hi: &mut [f64], lo: &mut [f64], a: &[f64], x: f64) {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has the instructions.
+        return unsafe { add_scaled_avx2(hi, lo, a, x) };
+    }
+    add_scaled_by(hi, lo, a, x);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn add_scaled_avx2(hi: &mut [f64], lo: &mut [f64], a: &[f64], x: f64) {
+    add_scaled_by(hi, lo, a, x);
+}
+
+#[inline(always)]
+fn add_scaled_by(hi: &mut [f64], lo: &mut [f64], a: &[f64], x: f64) {
+    for ((hi, lo), &a) in hi.iter_mut().zip(lo.iter_mut()).zip(a) {
+        let mut sum = Dd { hi: *hi, lo: *lo };
+        sum.add_product(a, x);
+        (*hi, *lo) = (sum.hi, sum.lo);
+    }
+}
+
+/// Numbers that the sums of one product are spread over.
+const LANES: usize = 8;
+
+/// a^T x with the sums of `LANES` interleaved parts, added up at the end.
+fn inner_product(a: &[f64], x: &[f64]) -> Dd {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has the instructions.
+        return unsafe { inner_product_avx2(a, x) };
+    }
+    inner_product_by(a, x)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn inner_product_avx2(a: &[f64], x: &[f64]) -> Dd {
+    inner_product_by(a, x)
+}
+
+#[inline(always)]
+fn inner_product_by(a: &[f64], x: &[f64]) -> Dd {
+    let (mut hi, mut lo) = ([0.0; LANES], [0.0; LANES]);
+    let (whole, parts) = (a.chunks_exact(LANES), x.chunks_exact(LANES));
+    let rest = whole.remainder().iter().zip(parts.remainder());
+    for (a, x) in whole.zip(parts) {
+        for l in 0..LANES {
+            let mut sum = Dd { hi: hi[l], lo: lo[l] };
+            sum.add_product(a[l], x[l]);
+            (hi[l], lo[l]) = (sum.hi, sum.lo);
         }
     }
-    out.into_iter().map(Dd::normalised).collect()
+    let mut total = (0..LANES).fold(Dd::default(), |sum, l| sum.plus(Dd { hi: hi[l], lo: lo[l] }));
+    rest.for_each(|(a, x)| total.add_product(*a, *x));
+    total
+}
+
+/// A x, or A^T x where `transposed`, of a double matrix and a vector in double-double; all sums in double-double.
+pub fn matrix_times(a: MatRef<'_, f64>, x: &[Dd], transposed: bool) -> Vec<Dd> {
+    let leading: Vec<f64> = x.iter().map(|x| x.hi).collect();
+    let mut sums = if transposed {
+        Sums::inner_products(a, &leading)
+    } else {
+        let mut sums = Sums::zeros(a.nrows());
+        sums.add_product(a, |j| leading[j]);
+        sums
+    };
+    if x.iter().any(|x| x.lo != 0.0) {
+        let trailing = Col::from_fn(x.len(), |j| x[j].lo);
+        let small = if transposed { a.transpose() * trailing } else { a * trailing };
+        sums.lo.iter_mut().zip(small.iter()).for_each(|(lo, small)| *lo += small);
+    }
+    (0..sums.hi.len()).map(|i| sums.get(i)).collect()
 }
 
 /// sum_i a_i b_i of normalised numbers.
@@ -119,6 +219,28 @@ pub fn dot(a: &[Dd], b: &[Dd]) -> Dd {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Terms of both signs over twenty decades, whose sum is small: against exact sums of integers.
+    #[test]
+    fn products_of_matrices_keep_their_digits() {
+        for (rows, columns) in [(1, 1), (3, 7), (13, 21), (40, 19)] {
+            let entry = |i: usize, j: usize| ((i * 7919 + j * 104_729) % 8_388_593) as f64 - 4_194_300.0;
+            let a = faer::Mat::from_fn(rows, columns, |i, j| entry(i, j) * 1e9 + entry(j, i));
+            for transposed in [false, true] {
+                let n = if transposed { rows } else { columns };
+                let x: Vec<Dd> = (0..n).map(|j| Dd { hi: entry(j, 5) * 1e7, lo: entry(5, j) * 1e-9 }).collect();
+                let found = matrix_times(a.as_ref(), &x, transposed);
+                for (i, found) in found.iter().enumerate() {
+                    let a = |j: usize| if transposed { a[(j, i)] } else { a[(i, j)] };
+                    let exact: i128 = (0..n).map(|j| (a(j) as i128) * (x[j].hi as i128)).sum();
+                    let small: f64 = (0..n).map(|j| a(j) * x[j].lo).sum();
+                    let size: f64 = (0..n).map(|j| (a(j) * x[j].hi).abs()).sum();
+                    let error = (found.hi as i128 - exact) as f64 + found.lo - small;
+                    assert!(error.abs() <= 1e-30 * size * n as f64 + 1e-15 * small.abs() + 1e-22 * size, "{error:e}");
+                }
+            }
+        }
+    }
 
     #[test]
     fn cancelling_terms_keep_their_digits() {

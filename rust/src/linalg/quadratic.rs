@@ -2,7 +2,7 @@
 use faer::prelude::*;
 use faer::{Mat, MatRef, Side, c64};
 
-use super::double_double::{Dd, add_product};
+use super::double_double::{Dd, Sums};
 use crate::error::{Error, Result};
 
 /// M, D = C + G (None where there is none) and S = K + N, dense.
@@ -90,21 +90,20 @@ impl Quadratic {
         let mut r = Mat::<c64>::zeros(n, x.ncols());
         for k in 0..x.ncols() {
             let part = |a: MatRef<'_, f64>| {
-                let mut re = vec![Dd::default(); n];
-                let mut im = vec![Dd::default(); n];
-                add_product(&mut re, a, |j| x[(j, k)].re);
-                add_product(&mut im, a, |j| x[(j, k)].im);
+                let (mut re, mut im) = (Sums::zeros(n), Sums::zeros(n));
+                re.add_product(a, |j| x[(j, k)].re);
+                im.add_product(a, |j| x[(j, k)].im);
                 (re, im)
             };
             let (s_re, s_im) = part(self.s.as_ref());
             let (m_re, m_im) = part(self.m.as_ref());
             let damped = self.d.as_ref().map(|d| part(d.as_ref()));
             for i in 0..n {
-                let mut re = Dd::new(f[(i, k)].re).minus(s_re[i]).plus(w2.times(m_re[i]));
-                let mut im = Dd::new(f[(i, k)].im).minus(s_im[i]).plus(w2.times(m_im[i]));
+                let mut re = Dd::new(f[(i, k)].re).minus(s_re.get(i)).plus(w2.times(m_re.get(i)));
+                let mut im = Dd::new(f[(i, k)].im).minus(s_im.get(i)).plus(w2.times(m_im.get(i)));
                 if let Some((d_re, d_im)) = &damped {
-                    re = re.plus(Dd::new(omega).times(d_im[i]));
-                    im = im.minus(Dd::new(omega).times(d_re[i]));
+                    re = re.plus(Dd::new(omega).times(d_im.get(i)));
+                    im = im.minus(Dd::new(omega).times(d_re.get(i)));
                 }
                 r[(i, k)] = c64::new(re.value(), im.value());
             }

@@ -2,7 +2,7 @@
 //!
 //! A state crosses as `q` (n_q,: coordinates of the joints in tree order, then modal ones) and `rate` (n_tree,) or an empty array at rest. Bodies in all other arrays stand in the order of the model.
 use numpy::ndarray::{Array2, Array3};
-use numpy::{IntoPyArray, PyReadonlyArray1};
+use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
@@ -10,10 +10,12 @@ use crate::analysis::assembly::assemble;
 use crate::analysis::equilibrium::{Equilibrium, equilibrium};
 use crate::analysis::linearize::{Linearization, Setting, linearize, mobility};
 use crate::analysis::reactions::reactions;
+use crate::analysis::strain_rows::{Element, Motions, strain_rows};
 use crate::analysis::transient::{Equations, Motion};
 use crate::error::{Error, Result};
 use crate::memory;
 use crate::run::{Cancel, Counts};
+use crate::spatial::V3;
 use crate::system::System;
 use crate::system::assemble::Effects;
 use crate::system::closure::{close, scene_at_rest};
@@ -25,7 +27,7 @@ use crate::system::rows::explicit_rates;
 use crate::system::topology::Owner;
 use crate::tolerances::coordinates::UNIT_QUATERNION;
 
-use super::border::{counts_dict, guarded, interruptible};
+use super::border::{counts_dict, guarded, interruptible, matrix, to_numpy};
 use super::motion;
 use super::tables::{tables, values};
 
@@ -474,36 +476,49 @@ impl PySystem {
         motion::law_places(py, &self.0, &state_of(&self.0, &q, &rate)?)
     }
 
-    /// Per elastic connector: gradient rows in tree-independent form (n, 6) about a world point, the bodies, k (n, n) with the
-    /// slopes of its laws.
+    /// Strains of the elastic connectors by the coordinates whose twists (6 n_bodies, dof) of the bodies' origins at `position` are
+    /// given, with the sizes of their terms; of each connector its bodies, gradients (k, 6) of its strains by the relative twist at its
+    /// point, world axes, and stiffness (k, k) with the slopes of its laws.
     fn strains<'py>(
         &self,
         py: Python<'py>,
         q: PyReadonlyArray1<'py, f64>,
         without: Vec<String>,
-    ) -> PyResult<Bound<'py, PyList>> {
+        twist: PyReadonlyArray2<'py, f64>,
+        position: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyDict>> {
         let state = state_of(&self.0, &q, &empty(py)?)?;
         let effects = effects(&without)?;
         let wanted =
             Wanted { laws: effects.law_slopes, friction: effects.friction, contact: effects.contact, ..Wanted::SLOPES };
         let numbers = Numbers { x: &self.0.x, memory: &[] };
-        let topology = &self.0.topology;
-        let placement = place(topology, &self.0.geometry, &state.q, None);
-        let out = PyList::empty(py);
+        let (topology, geometry) = (&self.0.topology, &self.0.geometry);
+        let placement = place(topology, geometry, &state.q, None);
+        let (names, stiffness) = (PyList::empty(py), PyList::empty(py));
+        let mut elements = Vec::with_capacity(topology.connectors.len());
         for c in &topology.connectors {
-            let geometry = &self.0.geometry;
             let one = coordinate_tangent(topology, geometry, &placement, numbers, c, wanted);
             let n = one.gradients.len();
-            let k = Array2::from_shape_fn((n, n), |(i, j)| one.k[i][j]);
-            let name = match c.owner {
+            names.append(match c.owner {
                 Owner::Element(i) => &topology.tables.elements[i].name,
                 Owner::Joint(i) => &topology.tables.joints[i].name,
-            };
-            let gradients = Array2::from_shape_fn((one.gradients.len(), 6), |(i, k)| one.gradients[i].get(k));
-            let body = |b: Option<usize>| b.map_or(-1, |b| b as i64);
-            let point = one.point.as_slice().to_vec().into_pyarray(py);
-            out.append((name, body(c.a), body(c.b), point, gradients.into_pyarray(py), k.into_pyarray(py)))?;
+            })?;
+            stiffness.append(Array2::from_shape_fn((n, n), |(i, j)| one.k[i][j]).into_pyarray(py))?;
+            elements.push(Element { bodies: [c.a, c.b], point: one.point, gradients: one.gradients });
         }
+        let place = position.as_array();
+        let position = place.rows().into_iter().map(|p| V3::new(p[0], p[1], p[2])).collect();
+        let made = strain_rows(&Motions { twist: matrix(&twist), position }, &elements);
+        let body = |b: Option<usize>| b.map_or(-1, |b| b as i64);
+        let bodies = Array2::from_shape_fn((elements.len(), 2), |(i, k)| body(elements[i].bodies[k]));
+        let all: Vec<_> = elements.iter().flat_map(|e| &e.gradients).collect();
+        let out = PyDict::new(py);
+        out.set_item("bodies", bodies.into_pyarray(py))?;
+        out.set_item("gradients", Array2::from_shape_fn((all.len(), 6), |(i, k)| all[i].get(k)).into_pyarray(py))?;
+        out.set_item("names", names)?;
+        out.set_item("stiffness", stiffness)?;
+        out.set_item("rows", to_numpy(py, made.rows.as_ref()))?;
+        out.set_item("sizes", to_numpy(py, made.sizes.as_ref()))?;
         Ok(out)
     }
 

@@ -116,13 +116,16 @@ pub(crate) struct Raw {
 /// All modes of a dense system. O(n^3).
 pub fn modes(system: &SecondOrder) -> Result<Modal> {
     let (system, d) = system.scaled()?;
-    let system = system.without_rounding();
+    let mut system = system.without_rounding();
     let mut counts = Counts::default();
     counts.add("cholesky factorisations", 1);
     let l = match &system.mf {
         None => cholesky(system.m.as_ref()).map_err(massless)?,
         Some(mf) => triangular(mf).map_err(massless)?,
     };
+    if system.mf.as_ref().is_some_and(|mf| mf.nrows() > mf.ncols()) {
+        system.mf = Some(l.transpose().to_owned()); // the same mass from as many rows as coordinates
+    }
     let raw = solve(&system, &l, &mut counts)?;
     let mass_pivot = (0..l.nrows()).map(|i| l[(i, i)].powi(2) / system.m[(i, i)]).fold(1.0, f64::min);
     Ok(Modal { mass_pivot, ..finish::finish(&system, &d, raw, counts)? })
