@@ -54,10 +54,15 @@ myst_dmath_allow_labels = False
 
 autodoc_typehints = "none"
 autodoc_member_order = "groupwise"
-# what a result needs to print and to save itself
-HELPERS = "attributes, axes, blocks, columns, data_state, error_dims, heading, labelled, labels_of, notes, quantities, replaced, row, rows"
+# what results and objects of models need to print, to check and to save themselves
+HELPERS = (
+    "attributes, axes, blocks, check_together, columns, data_state, error_dims, fields, heading, labelled, labels_of, moved, notes, "
+    "place_now, quantities, recheck, replaced, row, rows, table"
+)
 autodoc_default_options = {"exclude-members": HELPERS}
 toc_object_entries_show_parents = "hide"
+# `Model.body` in a docstring is a link where there is such a thing
+default_role = "py:obj"
 autodoc_class_signature = "mixed"
 napoleon_numpy_docstring, napoleon_google_docstring = True, False
 napoleon_use_ivar = True

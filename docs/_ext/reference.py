@@ -169,6 +169,7 @@ def plain(app, what, name, thing, options, lines) -> None:
         fields = re.match(r"\s*:(?:param|ivar|var|raises|rtype|type)\b[^:]*:", line)
         head, text = (line[: fields.end()], line[fields.end() :]) if fields else ("", line)
         text = MARKS.sub(lambda m: m[1] or "\\" + (m[2] or m[3]), text)
+        text = re.sub(r"(?<!`)`mb\.([\w.]+)`(?!`)", r"`mb.\1 <mbrs.\1>`", text)
         lines[i] = head + re.sub(r"docs/theory\.md \((\d+\.\d+)\)", r"`theory (\1) <../theory.html#eq-\1>`__", text)
         if line.rstrip().endswith("::"):
             code = indent

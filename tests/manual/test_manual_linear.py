@@ -478,7 +478,7 @@ def test_derivatives_of_a_frequency(case):
 
 
 def test_derivative_of_a_receptance(case):
-    mass, k, c = 4.3, 2.2e4, 17.0
+    mass, k, c = 4.3, 2.2e4, 170.0
     m = mb.Model("sdof")
     b = m.body("b", mass=mass, inertia=(0.1, 0.2, 0.15))
     m.prismatic("rail", m.ground, b, at=(0, 0, 0), axis="x", k=k, c=c)
