@@ -196,8 +196,7 @@ def test_it_is_a_cylindrical_joint_with_a_coupler(seed):
 def press(seed):
     """The vice with a spring on the thread: a screw in a loop, or in the tree, as the order of definition says."""
     m, *_ = vice(np.random.default_rng(seed), seed % 3)
-    m.set({"crank": (0.0, 0.0, 0.0)})
-    n = np.array(m["bearing"].axis)
+    n = np.asarray(m.value("bearing.axis"))
     m.torsion("hold", m.ground, "spindle", at=(0, 0, 0), axis=n, k=3.1, c=0.2)
     m.spring_damper("stop", m.ground, "jaw", at=((1, 2, 0.5), (0.4, 0.1, -0.3)), k=19.0, c=0.4)
     m.force("weight", "jaw", at=(0, 0, 0), value=1.3 * n)
@@ -257,7 +256,7 @@ def test_harmonic_balance(seed):
 def test_a_file_keeps_its_pitch(tmp_path):
     nut = Nut(1, k=3.0)
     again = mb.Model.load(nut.m.save(tmp_path / "nut.toml"))
-    assert again["thread"].pitch == nut.pitch
+    assert again.value("thread.pitch") == nut.pitch
     before, after = (mb.linearize(m).K[0, 0] for m in (nut.m, again))
     assert after == pytest.approx(before, rel=1e-13)
     with pytest.raises(mb.ModelError, match="screw joint 'thread'"):

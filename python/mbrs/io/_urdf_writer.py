@@ -74,11 +74,7 @@ class _Writer:
 
     def _refuse(self) -> None:
         wrong = [f"flexible body {b.name!r}" for b in self.model.bodies if b.modes_and_nodes]
-        wrong += [
-            f"{j.type} joint {j.name!r}"
-            for j in self.model.joints
-            if j.type not in (*_SINGLE, *_COMPOSED)
-        ]
+        wrong += [f"{j.type} joint {j.name!r}" for j in self.model.joints if j.type not in (*_SINGLE, *_COMPOSED)]
         points = [b.values("at") for b in self.model.bodies] + [j.values("at_a") for j in self.model.joints]
         size = float(np.ptp(points, axis=0).max()) if points else 0.0
         for j in self.model.joints:

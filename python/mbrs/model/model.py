@@ -17,6 +17,7 @@ from . import drives as _drives
 from . import flexible as _flexible
 from . import forces as _forces
 from . import joints as _joints
+from . import restraints as _restraints
 from . import section_loads as _section_loads
 from .addresses import assign, read, target
 from .aliases import Matrix, Vector, Vector3
@@ -110,9 +111,9 @@ class Model(Book):
     spherical = _joints.spherical
     planar = _joints.planar
     free = _joints.free
-    distance = _joints.distance
-    knife_edge = _joints.knife_edge
-    rolling_disc = _joints.rolling_disc
+    distance = _restraints.distance
+    knife_edge = _restraints.knife_edge
+    rolling_disc = _restraints.rolling_disc
 
     spring_damper = _forces.spring_damper
     bushing = _forces.bushing
