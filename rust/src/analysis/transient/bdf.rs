@@ -98,7 +98,7 @@ impl Bdf {
         let scales = eq.scales();
         let size = |v: &[f64]| scaled_size(v, &scales);
         let motion = size(&at.motion.rate).max(size(&at.acceleration).sqrt()).max(1.0 / self.time);
-        self.stiff = eq.fastest(at, counts)? > STIFF * motion;
+        self.stiff = eq.fastest(at, counts)?.most() > STIFF * motion;
         Ok(())
     }
 

@@ -11,13 +11,29 @@ use nalgebra::DVector;
 const ITERATIONS: usize = 12;
 const NUDGE: f64 = 1e-7;
 
+/// Largest rates (1/s) at which displacements (vibration) and velocities (decay) act back on accelerations.
+#[derive(Debug, Clone, Copy)]
+pub struct Fastest {
+    pub vibration: f64,
+    pub decay: f64,
+}
+
+impl Fastest {
+    pub fn most(&self) -> f64 {
+        self.vibration.max(self.decay)
+    }
+
+    pub fn or(&self, o: &Fastest) -> Self {
+        Fastest { vibration: self.vibration.max(o.vibration), decay: self.decay.max(o.decay) }
+    }
+}
+
 impl Equations<'_, f64> {
-    /// Largest rate (1/s) at which displacements or velocities act back on accelerations.
-    pub fn fastest(&self, at: &Instant, counts: &mut Counts) -> Result<f64> {
+    pub fn fastest(&self, at: &Instant, counts: &mut Counts) -> Result<Fastest> {
         let scales = self.scales();
         let size = |v: &[f64]| scaled_size(v, &scales);
         let n = self.n();
-        let mut fastest = 0.0_f64;
+        let mut fastest = Fastest { vibration: 0.0, decay: 0.0 };
         for displaced in [true, false] {
             // no direction is special, and none is left out
             let mut x: Vec<f64> = (0..n).map(|i| scales[i] * (1.0 + 0.37 * ((i * 7) % 5) as f64)).collect();
@@ -39,7 +55,11 @@ impl Equations<'_, f64> {
                     break;
                 }
             }
-            fastest = fastest.max(if displaced { growth.sqrt() } else { growth });
+            if displaced {
+                fastest.vibration = growth.sqrt();
+            } else {
+                fastest.decay = growth;
+            }
         }
         Ok(fastest)
     }

@@ -1,6 +1,6 @@
 //! Newton's matrices of a step, and what they are made of.
 //!
-//! With a = T (accelerations of modes), A = T diag(1/mu) T^-1, the 3 or 5 coupled systems of the stages fall apart into
+//! With a = T (accelerations of modes), A = T diag(1/mu) T^-1, the coupled systems of the stages fall apart into
 //! ```text
 //! [M + c D + c^2 K  J^T] [da  ]   [-r]
 //! [J                 0 ] [dlam] = [-g]        c = h/mu, real once, complex for each pair

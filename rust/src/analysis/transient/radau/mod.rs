@@ -1,4 +1,4 @@
-//! Radau IIA methods of orders five and nine: implicit Runge-Kutta methods that damp what is infinitely fast.
+//! Radau IIA of order five, an implicit Runge-Kutta method that damps what is infinitely fast.
 //!
 //! ```text
 //! v_i = v0 + h sum_j a_ij a_j,   theta_i = h sum_j a_ij J_l^-1(theta_j) v_j          stages i, at t0 + c_i h; the last is the end
@@ -9,7 +9,7 @@
 //! Solution of Differential-Algebraic Systems by Runge-Kutta Methods, Springer 1989), and positions and rates projected in the metric
 //! of M at the end of each step. The unknowns are a_i and lam_i: theta_i follow from the rates exactly, so that Newton's matrices
 //! (`linear`) hold no derivative of a chart. The embedded formula of order s, filtered by the real matrix, gives the estimate e, which
-//! falls with h^(s+1); the error of a step falls with h^(2s) and is taken as (10 e)^(2s/(s+1)), as in the codes RADAU5 and RADAU.
+//! falls with h^(s+1); the error of a step falls with h^(2s) and is taken as (10 e)^(2s/(s+1)), as in the code RADAU5.
 mod linear;
 mod numbers;
 
@@ -21,7 +21,7 @@ use crate::run::Counts;
 use super::interpolate::quintic;
 use super::{Equations, Instant, LocalError, Motion, Scheme, Step, scaled_size};
 use linear::{Linear, Stages};
-use numbers::{FIVE, NINE, Tableau};
+use numbers::{FIVE, Tableau};
 
 const MAX_ITERATIONS: usize = 12;
 /// What is left of Newton's method, over the tolerance of a step.
@@ -32,7 +32,8 @@ const SOLVED_FIXED: f64 = 1e-12;
 const ROUNDING: f64 = 1e-10;
 /// Matrices with which more iterations than these are to be expected are made anew.
 const PATIENCE: f64 = 5.0;
-/// Matrices with which corrections shrank more slowly than this are made anew for the next step.
+/// Matrices with which corrections shrank more slowly than this, in more than a few iterations, are made anew for the next step.
+const FEW: usize = 2;
 const SLOW: f64 = 0.1;
 /// Matrices that shrink corrections more slowly by this factor than when they were new have aged; others are as good as new ones:
 /// what they leave out is of the order of the step.
@@ -68,6 +69,8 @@ pub struct Radau {
     /// how fast the last corrections shrank, and how fast they did with matrices of their own step
     contraction: f64,
     freshest: f64,
+    /// iterations of the last step
+    iterations: usize,
     past: Option<Past>,
     tried: Option<Past>,
     rejected: bool,
@@ -86,14 +89,15 @@ struct Trial {
 
 impl Radau {
     /// None: fixed steps.
-    pub fn new(rtol: Option<f64>, nine: bool) -> Self {
+    pub fn new(rtol: Option<f64>) -> Self {
         Radau {
-            tableau: if nine { &NINE } else { &FIVE },
+            tableau: &FIVE,
             fixed: rtol.is_none(),
             solved: rtol.map_or(SOLVED_FIXED, |r| SOLVED * r),
             linear: None,
             contraction: 1.0,
             freshest: 0.0,
+            iterations: 0,
             past: None,
             tried: None,
             rejected: false,
@@ -222,6 +226,7 @@ impl Radau {
         let (mut last, mut fresh) = (f64::INFINITY, false);
         for iteration in 1..=MAX_ITERATIONS {
             counts.add("iterations", 1);
+            self.iterations = iteration;
             let trial = self.trial(eq, &from.motion, h, &stages.a);
             if trial.theta.iter().any(|y| eq.widest_rotation(y) >= WIDEST) {
                 break;
@@ -369,7 +374,7 @@ impl Scheme for Radau {
     fn accept(&mut self, _: &Equations<'_, f64>, _: &Instant, step: &Step, _: f64) {
         // the driver may have rounded the time to an output or the end
         self.past = self.tried.take().map(|p| Past { t: step.end.motion.t, ..p });
-        if self.contraction > (AGED * self.freshest).max(SLOW) {
+        if self.iterations > FEW && self.contraction > (AGED * self.freshest).max(SLOW) {
             self.linear = None;
         }
     }

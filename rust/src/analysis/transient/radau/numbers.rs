@@ -1,4 +1,4 @@
-//! Radau IIA methods: nodes c, weights A, and the eigenvalues of A^-1 with their vectors.
+//! Radau IIA with three stages: nodes c, weights A, and the eigenvalues of A^-1 with their vectors.
 //!
 //! The nodes are those of Radau's quadrature with the end of the step, A integrates the polynomial through the stages, so that a
 //! step of s stages has order 2s - 1 and its end is the last stage. A^-1 has one real eigenvalue mu and pairs of complex ones:
@@ -74,65 +74,6 @@ pub const FIVE: Tableau = Tableau {
     }],
     estimate: &[-0.42829829411536813, 0.24503907438491654, -0.0916296098652258],
 };
-/// 5 stages, order 9.
-pub const NINE: Tableau = Tableau {
-    c: &[0.05710419611451768, 0.2768430136381238, 0.5835904323689168, 0.8602401356562195, 1.0],
-    a: &[
-        &[0.07299886431790333, -0.02673533110794557, 0.018676929763984353, -0.01287910609330644, 0.005042839233882015],
-        &[0.15377523147918246, 0.14621486784749352, -0.03644456890512809, 0.02123306311930472, -0.007935579902728777],
-        &[0.14006304568480987, 0.29896712949128346, 0.16758507013524895, -0.03396910168661774, 0.010944288744192253],
-        &[0.14489430810953477, 0.2765000687601592, 0.32579792291042103, 0.12875675325490976, -0.015708917378805327],
-        &[0.14371356079122594, 0.28135601514946207, 0.31182652297574126, 0.22310390108357075, 0.04],
-    ],
-    real: Mode {
-        mu: 6.2867047517292765,
-        column: &[0.013576867344947943, 0.0016179004017190875, 0.07915785334744721, 0.41225608268046143, 1.0],
-        row: &[27.697693775684087, 12.783337911304406, 3.20848938671343, -0.9514904122489162, 0.7415504960259897],
-    },
-    pairs: &[
-        Mode {
-            mu: (5.70095329867179, 3.2102656003085497),
-            column: &[
-                (-0.011478515255229515, 0.01401985889287541),
-                (-0.007668830749180163, -0.024708578426518527),
-                (0.01939846399882895, -0.08180035370375117),
-                (0.40760117128019907, -0.19968242788680252),
-                (1.0, 0.0),
-            ],
-            row: &[
-                (-16.5209401067595, -4.305721989937646),
-                (-8.688476739531783, 4.849995704764404),
-                (-0.08606453162700278, 0.9573643198484372),
-                (-0.04958488899127132, 1.20934600304247),
-                (0.2656140579191533, -0.5237317439676688),
-            ],
-        },
-        Mode {
-            mu: (3.655694325463572, 6.543736899360077),
-            column: &[
-                (-0.010242047817908826, -0.04767387729029572),
-                (0.05017286451737106, 0.09433181918161143),
-                (-0.23053953404341795, -0.1027030453801259),
-                (0.37789390224886127, -0.46674413033249434),
-                (1.0, 0.0),
-            ],
-            row: &[
-                (2.672093218917456, 1.8740299037199024),
-                (2.2968077838795806, -1.9924828681719424),
-                (-1.5181801617297122, -0.5222078208040094),
-                (0.5253300951157295, 0.5920492840689743),
-                (-0.13638930593214812, -0.22495888507839018),
-            ],
-        },
-    ],
-    estimate: &[
-        -0.2523433122495464,
-        0.16035712210296996,
-        -0.11627313434096281,
-        0.08100664894556402,
-        -0.03181316888549383,
-    ],
-};
 
 #[cfg(test)]
 mod tests {
@@ -140,32 +81,31 @@ mod tests {
 
     #[test]
     fn the_weights_integrate_polynomials_and_the_modes_are_those_of_their_inverse() {
-        for t in [&FIVE, &NINE] {
-            let s = t.stages();
-            let inverse = |i: usize, k: usize| {
-                t.pairs.iter().fold(t.real.column[i] * t.real.mu * t.real.row[k], |sum, m| {
-                    sum + 2.0 * (complex(m.column[i]) * complex(m.mu) * complex(m.row[k])).re
-                })
-            };
-            for i in 0..s {
-                for k in 0..s {
-                    let power = |c: f64| c.powi(k as i32);
-                    let integral: f64 = (0..s).map(|j| t.a[i][j] * power(t.c[j])).sum();
-                    assert!((integral - t.c[i].powi(k as i32 + 1) / (k as f64 + 1.0)).abs() < 1e-15);
-                    let product: f64 = (0..s).map(|j| t.a[i][j] * inverse(j, k)).sum();
-                    assert!((product - if i == k { 1.0 } else { 0.0 }).abs() < 1e-13);
-                }
-            }
-            // quadrature of order 2s - 1; the embedded formula has order s
-            for k in 0..2 * s - 1 {
-                let integral: f64 = (0..s).map(|j| t.a[s - 1][j] * t.c[j].powi(k as i32)).sum();
-                assert!((integral - 1.0 / (k as f64 + 1.0)).abs() < 1e-14);
-            }
+        let t = &FIVE;
+        let s = t.stages();
+        let inverse = |i: usize, k: usize| {
+            t.pairs.iter().fold(t.real.column[i] * t.real.mu * t.real.row[k], |sum, m| {
+                sum + 2.0 * (complex(m.column[i]) * complex(m.mu) * complex(m.row[k])).re
+            })
+        };
+        for i in 0..s {
             for k in 0..s {
-                let start = if k == 0 { 1.0 / t.real.mu } else { 0.0 };
-                let integral: f64 = (0..s).map(|j| t.estimate[j] * t.c[j].powi(k as i32)).sum();
-                assert!((integral + start).abs() < 1e-14);
+                let power = |c: f64| c.powi(k as i32);
+                let integral: f64 = (0..s).map(|j| t.a[i][j] * power(t.c[j])).sum();
+                assert!((integral - t.c[i].powi(k as i32 + 1) / (k as f64 + 1.0)).abs() < 1e-15);
+                let product: f64 = (0..s).map(|j| t.a[i][j] * inverse(j, k)).sum();
+                assert!((product - if i == k { 1.0 } else { 0.0 }).abs() < 1e-13);
             }
+        }
+        // quadrature of order 2s - 1; the embedded formula has order s
+        for k in 0..2 * s - 1 {
+            let integral: f64 = (0..s).map(|j| t.a[s - 1][j] * t.c[j].powi(k as i32)).sum();
+            assert!((integral - 1.0 / (k as f64 + 1.0)).abs() < 1e-14);
+        }
+        for k in 0..s {
+            let start = if k == 0 { 1.0 / t.real.mu } else { 0.0 };
+            let integral: f64 = (0..s).map(|j| t.estimate[j] * t.c[j].powi(k as i32)).sum();
+            assert!((integral + start).abs() < 1e-14);
         }
     }
 }
