@@ -107,7 +107,7 @@ class Builder:
             pad(c),
             pad(preload),
         )
-        start = self._numbers(name, *numbers, 0.0 if length is None else length, 0.0)
+        start = self._numbers(name, *numbers, 0.0 if length is None else length, 0.0, 0.0)
         self._append(
             "joint", name=name, type=JOINTS.index(kind), a=self.index(a), b=self.index(b), flags=flags, x=start
         )

@@ -68,7 +68,7 @@ def _tables() -> dict[str, object]:
     body[3] = 1.0
     second = body.copy()
     second[0:3], second[3:7] = (1, 0, 0), (np.cos(0.25), 0, 0, np.sin(0.25))
-    joint = np.zeros(36)
+    joint = np.zeros(37)
     joint[0:3] = joint[3:6] = (0.5, 0, 0)
     joint[8] = 2.0
     spring = np.zeros(10)

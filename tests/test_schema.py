@@ -47,7 +47,7 @@ def random_arguments(kind, rng):
             out["axis"] = rng.normal(size=3)
         elif argument == "axis2":
             out["axis2"] = np.cross(out["axis"], rng.normal(size=3))
-        elif argument in ("length", "radius"):
+        elif argument in ("length", "radius", "pitch"):
             out[argument] = rng.uniform(0.1, 2.0)
         elif argument == "angle":
             out["angle"] = rng.normal()

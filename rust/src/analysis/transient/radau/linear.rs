@@ -146,7 +146,8 @@ impl Linear {
         Ok(Some(out))
     }
 
-    /// (1/c - f')^-1 of slopes, the filter that takes fast motions out of the estimate: changes of position and rate.
+    /// (1/c - f')^-1 of slopes, the filter that takes fast motions out of the estimate: changes of position and rate. What a vibration
+    /// much faster than the step moves is in the positions; its rates, greater by its frequency, pass the filter once more.
     pub fn filtered(&self, tableau: &Tableau, slopes: (&[f64], &[f64])) -> Result<Option<(Vec<f64>, Vec<f64>)>> {
         let Some(factors) = &self.factors else { return Ok(None) };
         let c = factors.h / tableau.real.mu;
@@ -155,7 +156,9 @@ impl Linear {
         let g = self.jacobian.times(turned) * c;
         let rate = factors.real.solve_one(&f, &g)?.0;
         let position = rate.iter().zip(moved).map(|(v, p)| c * (v + p)).collect();
-        Ok(Some((position, rate.as_slice().to_vec())))
+        let (f, g) = (self.mass.times(rate.as_slice()), self.jacobian.times(rate.as_slice()));
+        let slow = factors.real.solve_one(&f, &g)?.0;
+        Ok(Some((position, slow.as_slice().to_vec())))
     }
 }
 
