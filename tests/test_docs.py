@@ -66,3 +66,12 @@ def test_the_table_of_formats_is_complete():
             for ending in formats.known(holds, action):
                 known[ending][i] = True
     assert table == {ending: tuple(found) for ending, found in known.items()}
+
+
+def test_the_pictures_of_the_conventions_are_drawn(tmp_path, monkeypatch):
+    pytest.importorskip("pint")
+    monkeypatch.chdir(tmp_path)
+    block = (PAGE_FOLDER / "conventions.md").read_text().split("## Pictures")[1].split("```python\n")[1].split("```")[0]
+    scope: dict = {}
+    exec(block, scope)
+    assert (tmp_path / "crane.png").exists() and "wind (force): 80 N, on hook" in (tmp_path / "crane.html").read_text()
