@@ -406,7 +406,8 @@ def force_vector(n: int, vector: Any, h: int) -> np.ndarray:
 
 def core_elements(laws: Sequence[Law], directions: Sequence[np.ndarray]) -> Any:
     """Laws and sparse directions as the core wants them."""
-    numbers = [law.numbers() for law in laws]
+    functions = [law.body(f"elements[{i}]") if isinstance(law, FunctionLaw) else None for i, law in enumerate(laws)]
+    numbers = [law.numbers() if f is None else f[1] for law, f in zip(laws, functions, strict=True)]
     index = [np.flatnonzero(w) for w in directions]
     weight = [w[i] for w, i in zip(directions, index, strict=True)]
     start = np.concatenate([[0], np.cumsum([len(i) for i in index], dtype=int)])
@@ -414,7 +415,7 @@ def core_elements(laws: Sequence[Law], directions: Sequence[np.ndarray]) -> Any:
         [law.code for law in laws],
         [len(v) for v in numbers],
         [x for v in numbers for x in v],
-        [law.sampled if isinstance(law, FunctionLaw) else None for law in laws],
+        [None if f is None else f[0] for f in functions],
         [int(i) for i in start],
         [int(i) for part in index for i in part],
         [float(x) for part in weight for x in part],

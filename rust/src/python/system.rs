@@ -476,6 +476,16 @@ impl PySystem {
         motion::law_places(py, &self.0, &state_of(&self.0, &relative, &rate)?)
     }
 
+    /// Where the functions of several coordinates act, see `motion::function_places`.
+    fn function_places<'py>(
+        &self,
+        py: Python<'py>,
+        relative: PyReadonlyArray2<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyList>> {
+        motion::function_places(py, &self.0, &state_of(&self.0, &relative, &rate)?)
+    }
+
     /// Per elastic connector: gradient rows in tree-independent form (n, 6) about a world point, the bodies, k (n, n) with the
     /// slopes of its laws.
     fn strains<'py>(
@@ -488,7 +498,7 @@ impl PySystem {
         let effects = effects(&without)?;
         let wanted =
             Wanted { laws: effects.law_slopes, friction: effects.friction, contact: effects.contact, ..Wanted::SLOPES };
-        let numbers = Numbers { x: &self.0.x, memory: &[] };
+        let numbers = Numbers { x: &self.0.x, memory: &[], t: 0.0 };
         let topology = &self.0.topology;
         let placement = place(topology, &self.0.geometry, &state.relative, None);
         let out = PyList::empty(py);

@@ -49,6 +49,8 @@ const COLLAPSED: f64 = 1e-12;
 pub struct Numbers<'a, T: Real> {
     pub x: &'a [T],
     pub memory: &'a [T],
+    /// s; linear analyses hold it at zero
+    pub t: f64,
 }
 
 pub(crate) fn pair_of<T: Real>(geometry: &Geometry<T>, owner: Owner) -> &MarkerPair<T> {
@@ -111,7 +113,7 @@ pub fn motion_of<T: Real>(
     x: &[T],
     connector: &Connector,
 ) -> Vec<(T, T)> {
-    let numbers = Numbers { x, memory: &[] };
+    let numbers = Numbers { x, memory: &[], t: 0.0 };
     continued_motion_of(topology, geometry, placement, numbers, connector)
 }
 
@@ -158,7 +160,7 @@ pub fn interaction<T: Real>(
     let rows: Vec<_> = connector.coordinates.iter().map(|c| here.relative.row(*c)).collect();
     let e = strains(connector, geometry, numbers, &here, &rows);
     let rates: Option<Vec<T>> = here.twist.as_ref().map(|v| rows.iter().map(|r| r.g.dot(v)).collect());
-    let response = response(connector, numbers.x, numbers.memory, &e, rates.as_deref(), wanted);
+    let response = response(connector, numbers, &e, rates.as_deref(), wanted);
     let wrench = (0..n).fold(Six::zero(), |w, i| w + -rows[i].g.scaled(response.force[i]));
     let tangent = wanted.tangent.then(|| {
         let (mut k, mut c) = (Map6::zero(), Map6::zero());
@@ -218,7 +220,7 @@ pub fn coordinate_tangent(
     let rows: Vec<_> = connector.coordinates.iter().map(|c| here.relative.row(*c)).collect();
     let gradients = rows.iter().map(|r| r.g.rotated(&here.a.r)).collect();
     let e = strains(connector, geometry, numbers, &here, &rows);
-    let slopes = response(connector, numbers.x, numbers.memory, &e, None, wanted);
+    let slopes = response(connector, numbers, &e, None, wanted);
     CoordinateTangent { point: here.b.p, gradients, k: slopes.k, c: slopes.c, damped: slopes.damped }
 }
 

@@ -211,6 +211,7 @@ fn loaded(system: &System, state: &State, effects: Effects) -> bool {
     gravity
         || !t.loads.is_empty()
         || !t.laws.is_empty()
+        || !t.functions.is_empty()
         || t.joints.iter().any(joint)
         || t.elements.iter().any(element)
         || state.relative.iter().zip(drawn_relative(topology, &system.geometry)).any(moved)
@@ -290,7 +291,7 @@ impl Builder<'_> {
     }
 
     fn numbers(&self) -> Numbers<'_, f64> {
-        Numbers { x: self.scene.x, memory: self.scene.memory }
+        self.scene.numbers()
     }
 
     fn connectors(&mut self) -> Result<()> {

@@ -1,5 +1,5 @@
 //! Energies and powers along a motion, and the coordinates of all joints.
-use crate::force::{AnyLaw, Stored, Surface};
+use crate::force::{AnyLaw, FunctionLaw, Stored, Surface};
 use crate::joint::Coordinate;
 use crate::model::flexible::FlexibleGeometry;
 use crate::model::tables::JointSpec;
@@ -17,6 +17,8 @@ use super::{Equations, Motion};
 pub struct ElementEnergy {
     pub stored: Option<f64>,
     pub power: f64,
+    /// what is stored as far as it is known, with the work of functions on straight ways: for a descent
+    pub merit: f64,
 }
 
 pub struct Energies {
@@ -48,6 +50,17 @@ fn stored(law: AnyLaw, p: &[f64], e: f64, z: &[f64]) -> Option<f64> {
         Stored::Energy(energy) => Some(energy),
         Stored::Unknown => None,
     }
+}
+
+/// The work of a function on the straight way from zero, held still at time t.
+fn ray_work(law: &FunctionLaw, t: f64, p: &[f64], u: &[f64]) -> f64 {
+    let rest = vec![0.0; u.len()];
+    let power = |s: f64| {
+        let there: Vec<f64> = u.iter().map(|u| s * u).collect();
+        law.force(t, &there, &rest, p).iter().zip(u).map(|(f, u)| f * u).sum::<f64>()
+    };
+    let piece = |k: usize| GAUSS.iter().map(|(s, w)| w * power((k as f64 + s) / PIECES as f64)).sum::<f64>();
+    (0..PIECES).map(piece).sum::<f64>() / PIECES as f64
 }
 
 /// The work of a law from zero displacement.
@@ -146,7 +159,7 @@ impl Equations<'_, f64> {
                     }
                 }
             }
-            ElementEnergy { stored: Some(stored), power }
+            ElementEnergy { stored: Some(stored), merit: stored, power }
         };
         let all = topology.modal.iter().zip(&self.geometry.flexible);
         all.map(of).collect()
@@ -154,7 +167,7 @@ impl Equations<'_, f64> {
 
     fn element_energy(&self, placement: &Placement<f64>, m: &Motion<f64>, c: &Connector) -> ElementEnergy {
         let x = &self.x;
-        let numbers = Numbers { x, memory: &m.memory };
+        let numbers = Numbers { x, memory: &m.memory, t: m.t };
         let moved = continued_motion_of(self.topology(), &self.geometry, placement, numbers, c);
         let n = moved.len();
         let (mut stored, mut power, mut skew) = (0.0, 0.0, false);
@@ -173,6 +186,7 @@ impl Equations<'_, f64> {
             }
         }
         let mut known = !skew;
+        let (e, v): (Vec<f64>, Vec<f64>) = moved.iter().copied().unzip();
         for law in &c.laws {
             let (e, v) = moved[law.component];
             let p = &x[law.x..law.x + law.law.n_params()];
@@ -183,7 +197,14 @@ impl Equations<'_, f64> {
                 None => known = false,
             }
         }
-        ElementEnergy { stored: known.then_some(stored), power }
+        for function in &c.functions {
+            let (u, v) = (function.own(Some(&e)), function.own(Some(&v)));
+            let p = function.numbers(x);
+            power += function.law.force(m.t, &u, &v, p).iter().zip(&v).map(|(f, v)| f * v).sum::<f64>();
+            known &= function.law.m() == 1 && !function.law.uses_rate() && !function.law.uses_time();
+            stored += ray_work(&function.law, m.t, p, &u);
+        }
+        ElementEnergy { stored: known.then_some(stored), merit: stored, power }
     }
 
     /// Free coordinates of every joint of the model, in their order; angles within half a turn.

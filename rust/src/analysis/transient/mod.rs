@@ -401,7 +401,7 @@ impl<'a, T: Real> Equations<'a, T> {
         let rate = laws.then_some(m.rate.as_slice());
         let placement = place(topology, &self.geometry, &m.relative, rate);
         for c in topology.connectors.iter().filter(|c| !c.laws.is_empty()) {
-            let numbers = Numbers { x: &self.x, memory: &m.memory };
+            let numbers = Numbers { x: &self.x, memory: &m.memory, t: m.t };
             let moved = continued_motion_of(topology, &self.geometry, &placement, numbers, c);
             for law in &c.laws {
                 let (e, v) = moved[law.component];

@@ -26,7 +26,7 @@ impl Equations<'_, f64> {
             return None;
         }
         let (before, after) = (self.place(from), self.place(to));
-        let numbers = Numbers { x: &self.x, memory: &from.memory };
+        let numbers = Numbers { x: &self.x, memory: &from.memory, t: from.t };
         let mut first: Option<f64> = None;
         for c in sliding {
             let moved = |place| continued_motion_of(topology, &self.geometry, place, numbers, c);
@@ -63,7 +63,7 @@ impl Equations<'_, f64> {
             return false;
         }
         let (before, after) = (self.place(from), self.place(to));
-        let numbers = Numbers { x: &self.x, memory: &from.memory };
+        let numbers = Numbers { x: &self.x, memory: &from.memory, t: from.t };
         connectors.into_iter().any(|c| {
             let moved = |place| continued_motion_of(topology, &self.geometry, place, numbers, c);
             let (start, end) = (moved(&before), moved(&after));

@@ -44,7 +44,7 @@ impl<'a, T: Real> Equations<'a, T> {
         let placement = self.place(m);
         let mut all = Vec::new();
         for c in self.connectors_with_rates() {
-            let numbers = Numbers { x: &self.x, memory: &m.memory };
+            let numbers = Numbers { x: &self.x, memory: &m.memory, t: m.t };
             let moved = continued_motion_of(self.topology(), &self.geometry, &placement, numbers, c);
             let laws = c.laws.iter().filter(|l| l.law.has_rates());
             all.extend(laws.map(|law| Rated { law, u: moved[law.component].0, v: moved[law.component].1 }));
