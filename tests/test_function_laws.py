@@ -196,6 +196,54 @@ def test_harmonic_balance_of_a_function():
     assert np.max(np.abs(curves[0] - curves[1])) < 1e-9
 
 
+def chain(law, n=12):
+    """Bodies on leaning rails, one behind the other."""
+    m = mb.Model("chain")
+    k3 = m.parameter("k3", 7.3)
+    last = m.ground
+    for i in range(n):
+        b = m.body(f"b{i}", mass=1.0 + 0.1 * i, inertia=(1, 1, 1), at=(0.3 * i, 0.1, 0.2))
+        m.prismatic(f"r{i}", last, b, at=(0.3 * i, 0.1, 0.2), axis=AXIS, k=50.0 + i, c=0.3, preload=1.1, law=law(k3))
+        last = b
+    return m
+
+
+@pytest.mark.parametrize("law", [lambda k3: mb.Cubic(k3), lambda k3: lambda t, u, v: k3 * u**3])
+def test_large_models_and_transfer_functions(law):
+    """The lowest modes of the sparse route are those of all; transfer functions and their derivatives follow the equilibrium."""
+    m = chain(law)
+    eq = mb.equilibrium(m)
+    few, whole = mb.modes(m, at=eq, n=3), mb.modes(m, at=eq)
+    assert np.allclose(few.frequency, whole.frequency[:3], rtol=1e-9)
+    h = mb.frf(m, inputs="b3.force.x", outputs="b7.motion.y", omega=[1.0, 3.0], at=eq)
+    slope = mb.sensitivity(h, ["k3"]).value.ravel()
+    reference = chain(lambda k3: mb.Cubic(k3))
+    same = mb.frf(reference, inputs="b3.force.x", outputs="b7.motion.y", omega=[1.0, 3.0], at=mb.equilibrium(reference))
+    assert np.allclose(h.value, same.value, rtol=1e-9)
+    assert np.allclose(slope, mb.sensitivity(same, ["k3"]).value.ravel(), rtol=1e-8)
+
+
+def test_frequency_responses_and_their_stability():
+    known, function, numbers = pairs()["cubic"]
+    curves = []
+    for law in (known, function):
+        m = sliding(law, 2.1, **numbers)
+        made = mb.frequency_response(
+            m, inputs="b.force.z", amplitude=0.4, omega=(0.8, 3.0), harmonics=5, at=mb.equilibrium(m)
+        )
+        curves.append(made)
+    folds = [[e.omega for e in curve.events if e.kind == "fold"] for curve in curves]
+    assert len(folds[0]) == 2 and np.allclose(*folds, rtol=1e-6)
+
+
+def test_rates_in_a_function_are_damping():
+    on = {name: mb.effects(sliding(law, 2.1, c=None))["damping"].on for name, law in RATES.items()}
+    assert on == {"rate": True, "none": False}
+
+
+RATES = {"rate": lambda t, u, v: u**3 + 0.3 * v, "none": lambda t, u, v: u**3}
+
+
 # --- several coordinates ---
 
 
@@ -341,3 +389,33 @@ def test_called_laws_are_saved_by_name(tmp_path):
         mb.linearize(mb.Model.load(tmp_path / "m.toml"))
     again = mb.Model.load(tmp_path / "m.toml", functions=True)
     assert np.array_equal(mb.linearize(again).K, mb.linearize(m).K)
+
+
+def test_force_laws_push_as_their_function_says():
+    """A force on a point of a body against the bushing that resists with it."""
+    push = lambda t, u, v: -(1.3 + 40 * (u @ u)) * u - 0.2 * v + np.array([0.0, 0.1]) * np.sin(t)  # noqa: E731
+    ends = []
+    for make in ("force law", "bushing"):
+        m = mb.Model("shaft in a film")
+        b = m.body("shaft", mass=1.7, inertia=(0.3, 0.2, 0.4), at=(0.3, -0.1, 0.2), velocity=(0.1, 0.3, -0.2))
+        m.marker("nose", b, at=(0.4, 0.2, 0.1))
+        if make == "force law":
+            m.force_law("film", push, ["nose.motion.y", "nose.motion.z"])
+        else:
+            law = {("y", "z"): lambda t, u, v: -push(t, u, v)}
+            m.bushing("film", m.ground, b, at=(0.4, 0.2, 0.1), law=law)
+        ends.append(mb.simulate(m, t=1.0, rtol=1e-7).position("shaft")[-1])
+    assert np.array_equal(*ends)
+    with pytest.raises(ModelError, match="several points"):
+        m.force_law("other", push, ["nose.motion.y", "shaft.motion.z"])
+    with pytest.raises(ModelError, match="along x, y, z"):
+        m.force_law("other", push, [b.motion((0.6, 0.8, 0)), "shaft.motion.z"])
+
+
+def test_the_force_law_of_the_contract():
+    m = mb.Model("m")
+    s = m.body("shaft", mass=1.0, inertia=(1, 1, 1), velocity=(0, 0.2, 0))
+    m.force_law("film", mb.FunctionLaw(lambda t, u, v: -(u @ u) * u), ["shaft.motion.y", "shaft.motion.z"])
+    traj = mb.simulate(m, t=2.0, rtol=1e-9)
+    exact = solve_ivp(lambda t, y: [y[1], -(y[0] ** 3)], (0, 2), [0, 0.2], rtol=1e-12, atol=1e-14).y[0, -1]
+    assert abs(traj.position(s)[-1, 1] - exact) < 1e-8

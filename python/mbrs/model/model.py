@@ -15,6 +15,7 @@ from ..errors import ModelError
 from . import bodies as _bodies
 from . import drives as _drives
 from . import flexible as _flexible
+from . import force_laws as _force_laws
 from . import forces as _forces
 from . import joints as _joints
 from . import section_loads as _section_loads
@@ -115,6 +116,7 @@ class Model(Book):
 
     spring_damper = _forces.spring_damper
     bushing = _forces.bushing
+    force_law = _force_laws.force_law
     torsion = _forces.torsion
     force = _forces.force
     torque = _forces.torque
