@@ -160,10 +160,4 @@ impl Op {
     pub fn named(name: &str) -> Option<Op> {
         Op::ALL.iter().copied().find(|op| op.name() == name)
     }
-
-    /// Whether its value has no slopes: comparisons, signs.
-    pub fn is_step(self) -> bool {
-        use Op::*;
-        matches!(self, Sign | Floor | Less | LessEqual | Equal | And | Or | Not)
-    }
 }

@@ -119,9 +119,8 @@ impl FunctionLaw {
             ud[j].eps = T::from(1.0);
             let along = self.force(t, &ud, &vd, &pd);
             ud[j].eps = T::from(0.0);
-            for i in 0..self.m {
-                made.force[i] = along[i].re;
-                made.k[i][j] = along[i].eps;
+            for (i, f) in along.iter().take(self.m).enumerate() {
+                (made.force[i], made.k[i][j]) = (f.re, f.eps);
             }
             if !(rates && self.uses_rate) {
                 continue;
@@ -129,8 +128,8 @@ impl FunctionLaw {
             vd[j].eps = T::from(1.0);
             let along = self.force(t, &ud, &vd, &pd);
             vd[j].eps = T::from(0.0);
-            for i in 0..self.m {
-                made.c[i][j] = along[i].eps;
+            for (i, f) in along.iter().take(self.m).enumerate() {
+                made.c[i][j] = f.eps;
             }
         }
         made
