@@ -374,6 +374,10 @@ def fast_size(least: int) -> int:
 
 def _force_terms(n: int, force: Any, terms: tuple[int, ...], subharmonic: int) -> np.ndarray:
     """Complex amplitudes (n_terms + 1, n), the constant first; keys are harmonics of omega, so term h subharmonic."""
+    if callable(force):
+        raise ModelError(
+            "a force given as a function of time has one period: mb.harmonic_balance takes it; give {harmonic: (n,)}"
+        )
     given = dict(force) if isinstance(force, Mapping) else {1: force}
     out = np.zeros((len(terms) + 1, n), complex)
     for h, vector in given.items():

@@ -150,6 +150,8 @@ def as_system(
             raise ModelError("at= and without= are for models; a MechanicalSystem is what its matrices are")
         return system, force if amplitude is None else _scaled(force, amplitude)
     made = nonlinear_system(system, at=at, without=without)
+    if callable(amplitude):
+        return made, _force_in_time(made, force, amplitude)
     return made, force_of_ports(made, force, amplitude)
 
 
@@ -158,6 +160,23 @@ def force_of_ports(made: NonlinearSystem, force: Any, amplitude: Any = None) -> 
     if isinstance(force, Mapping):
         return {h: _vector(made, f, amplitude) for h, f in force.items()}
     return _vector(made, force, amplitude)
+
+
+def _force_in_time(made: NonlinearSystem, given: Any, amplitude: Any) -> Any:
+    """f(t) of ports whose amplitudes are a function of time."""
+    ports = list(given) if isinstance(given, list | tuple) else [given]
+    if not all(isinstance(p, str | Port) for p in ports):
+        raise ModelError(
+            "an amplitude that is a function of time belongs to ports of the model; give a port or a list of them"
+        )
+    columns = np.array([_vector(made, p, None) for p in ports]).T
+    made.ports = ()
+
+    def force(t: float) -> np.ndarray:
+        size = np.asarray(amplitude(t), dtype=float)
+        return np.asarray(columns @ np.broadcast_to(size, (len(ports),)))
+
+    return force
 
 
 def _scaled(force: Any, amplitude: Any) -> Any:
