@@ -58,12 +58,14 @@ class OnlyOnce:
         return self.calls > 1
 
 
-def slopes(u, v):
+def slopes(t, u, v):
     return np.zeros_like(u), np.zeros_like(v)
 
 
 def oscillator(law):
-    return mb.MechanicalSystem([[1.0]], [[0.07]], [[1.3]], elements=[mb.FunctionLaw(law, derivative=slopes, w=[1.0])])
+    return mb.MechanicalSystem(
+        [[1.0]], [[0.07]], [[1.3]], elements=[mb.FunctionLaw(lambda t, u, v: law(u, v), derivatives=slopes, w=[1.0])]
+    )
 
 
 def swept(kind):
@@ -142,16 +144,16 @@ def test_the_core_goes_on_after_a_function_has_raised():
 def test_a_branch_goes_on_where_its_law_raised():
     allowed = [0.4]
 
-    def law(u, v):
+    def law(t, u, v):
         if np.max(np.abs(u)) > allowed[0]:
             raise Mine
         return 0.1 * u**3
 
-    def slope(u, v):
+    def slope(t, u, v):
         return 0.3 * u**2, np.zeros_like(u)
 
     def system(f):
-        return mb.MechanicalSystem([[1.0]], [[0.07]], [[1.3]], elements=[mb.FunctionLaw(f, derivative=slope, w=[1.0])])
+        return mb.MechanicalSystem([[1.0]], [[0.07]], [[1.3]], elements=[mb.FunctionLaw(f, derivatives=slope, w=[1.0])])
 
     branch = mb.Branch(system(law), force=[0.1], omega=(0.5, 1.4), harmonics=5)
     with pytest.raises(Mine):

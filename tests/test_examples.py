@@ -56,6 +56,8 @@ SAYS = {
     "ladder.py": (["redundant"], ["ladder-modes.png", "ladder-modes.html"]),
     "nonholonomic.py": (["changes its sign: True", "edge.at[0]"], []),
     "quadruped.py": (["18 modes", "k_foot", "torso.motion.z"], ["quadruped-transfer-function.png"]),
+    "journal_bearing.py": (["K[0, 1]", "C[1, 1]"], []),
+    "shaft_in_hole.py": (["largest radius", "largest difference"], []),
     "quarter_car.py": (["damper 2800", "finished"], ["quarter-car.png", "quarter-car-power.png", "quarter-car.html"]),
     "rolling_disc.py": (["leans between 20.1 and 33.2"], ["rolling-disc.png", "rolling-disc.html"]),
     "rotor.py": (["rigid", "Campbell"], ["rotor-campbell.png"]),

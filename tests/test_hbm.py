@@ -211,7 +211,7 @@ def test_failure_carries_what_it_reached():
     assert caught.value.result.X.shape == (1, 15) and caught.value.result.status == "stopped"
 
 
-def cubic(u, v):
+def cubic(t, u, v):
     return 0.1 * u**3
 
 
@@ -224,17 +224,20 @@ def test_function_law_equals_the_law_of_the_core():
 
 
 def test_function_that_returns_nan_or_fails_is_named():
-    def nan(u, v):
+    def nan(t, u, v):
         return np.full_like(u, np.nan)
 
-    def broken(u, v):
+    def slopes(t, u, v):
+        return np.zeros_like(u), np.zeros_like(u)
+
+    def broken(t, u, v):
         raise RuntimeError("no force today")
 
-    system = MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[FunctionLaw(nan, w=[1.0])])
+    system = MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[FunctionLaw(nan, slopes, w=[1.0])])
     with pytest.raises(ConvergenceError, match=r"elements\[0\], FunctionLaw\(nan.*not finite") as caught:
         harmonic_balance(system, force=[0.18], omega=0.9)
     assert caught.value.result is not None
-    system = MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[FunctionLaw(broken, w=[1.0])])
+    system = MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[FunctionLaw(broken, slopes, w=[1.0])])
     with pytest.raises(RuntimeError, match="no force today") as raised:
         harmonic_balance(system, force=[0.18], omega=0.9)
     assert "raised by the function of FunctionLaw(broken" in raised.value.__notes__[0]

@@ -42,7 +42,7 @@ def rail():
     return m
 
 
-def nan_law(u, v):
+def nan_law(t, u, v):
     return np.where(np.abs(u) > 0.1, np.nan, u**3)
 
 
@@ -146,7 +146,7 @@ def test_error_names_object_and_remedy(name):
 
 
 def test_law_that_returns_nan_is_named():
-    system = duffing(elements=[mb.FunctionLaw(nan_law, w=DIRECTION)])
+    system = duffing(elements=[mb.FunctionLaw(nan_law, lambda t, u, v: (3 * u**2, 0 * u), w=DIRECTION)])
     with pytest.raises(mb.errors.ConvergenceError, match=r"elements\[0\], FunctionLaw\(nan_law") as caught:
         mb.harmonic_balance(system, force=[0.18], omega=0.9)
     assert caught.match("not finite") and caught.value.result is not None

@@ -149,14 +149,16 @@ def test_every_result_saves_as_netcdf_and_as_a_pickle(name, tmp_path):
 class Brittle:
     """A spring that refuses beyond a displacement: an error inside a solve."""
 
-    def __call__(self, u, v):
+    def __call__(self, t, u, v):
         if np.max(np.abs(u)) > 1.0:
             raise mb.ModelError("the spring is broken")
         return 0.1 * u**3
 
 
 def test_a_branch_that_an_error_ends_keeps_its_points():
-    system = mb.MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[mb.FunctionLaw(Brittle(), w=[1.0])])
+    system = mb.MechanicalSystem(
+        [[1.0]], [[0.05]], [[1.0]], elements=[mb.FunctionLaw(Brittle(), lambda t, u, v: (0.3 * u**2, 0 * u), w=[1.0])]
+    )
     curve = mb.frequency_response(system, force=[0.18], omega=(0.5, 1.6), stability=False)
     assert curve.status == "stopped" and "the spring is broken" in curve.reason
     assert len(curve) > 5 and 0.8 < np.max(curve.amplitude()) < 1.05

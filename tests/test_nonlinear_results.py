@@ -201,10 +201,12 @@ def test_cut_branch_says_so_and_goes_on():
 
 def test_branch_that_cannot_go_on_keeps_its_points():
     class Breaks:
-        def __call__(self, u, v):
+        def __call__(self, t, u, v):
             return np.where(np.max(np.abs(u)) > 1.0, np.nan, 0.1) * u**3
 
-    system = mb.MechanicalSystem([[1.0]], [[0.05]], [[1.0]], elements=[mb.FunctionLaw(Breaks(), w=[1.0])])
+    system = mb.MechanicalSystem(
+        [[1.0]], [[0.05]], [[1.0]], elements=[mb.FunctionLaw(Breaks(), lambda t, u, v: (0.3 * u**2, 0 * u), w=[1.0])]
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         found = mb.frequency_response(system, force=[0.18], omega=(0.5, 1.6))

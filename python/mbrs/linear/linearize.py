@@ -186,7 +186,9 @@ def _has_no_potential(model: Any) -> bool:
 
 
 def _cross_coupled(model: Any, name: str) -> bool:
-    """True where a full 6 x 6 bushing is not symmetric, such as that of a journal bearing."""
+    """True where a full 6 x 6 bushing is not symmetric, such as that of a journal bearing, and where a law sees several coordinates."""
+    if any(len(law.components) > 1 for laws in model.laws.values() for law in laws):
+        return True
     cached = model.cache.get("full bushings")
     if cached is None or cached[0] != model.structure_version:
         full = [(e.name, n) for e in model.elements for n in ("k", "c") if e.shapes.get(n) == (6, 6)]

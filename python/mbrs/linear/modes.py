@@ -127,7 +127,7 @@ def _second_order(m: Any, at: Any, without: tuple[str, ...]) -> tuple[Any, tuple
 
 def _has_state_rates(m: Any) -> bool:
     """True if a model has laws whose states have rates: only the dense route knows those that relax."""
-    return any(LAW_OF_CODE[law.code].state == "rate" for laws in m.laws.values() for law in laws)
+    return any(law.body is None and LAW_OF_CODE[law.code].state == "rate" for laws in m.laws.values() for law in laws)
 
 
 def _is_large_model(m: Any, n: Any) -> bool:

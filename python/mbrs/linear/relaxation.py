@@ -77,6 +77,32 @@ def law_places(lin: Any) -> Iterator[LawPlace]:
         yield LawPlace(i, code, t["x"][start : start + n], w, u, v, f"{kind} {name!r}")
 
 
+@dataclass(frozen=True)
+class FunctionPlace:
+    """A function of m coordinates at a state: its body, its numbers, directions (m, dof), displacements and rates (m,)."""
+
+    body: Any
+    numbers: np.ndarray
+    direction: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    name: str
+
+
+def function_places(lin: Any) -> Iterator[FunctionPlace]:
+    """Every function that acts in a linearisation."""
+    t = tables(lin.model)
+    places = lin.snapshot.system.function_places(lin.state.relative, lin.state.rate)
+    for i, a, b, point, gradients, u, v in places:
+        kind = "joint" if t["function_owner_kind"][i] else "element"
+        name = t[f"{kind}_name"][int(t["function_owner"][i])]
+        start, n = int(t["function_x"][i]), int(t["function_n"][i])
+        w = gradients @ (_twist(lin, b, point) - _twist(lin, a, point))
+        yield FunctionPlace(
+            t["function_body"][i], t["x"][start : start + n], w, np.array(u), np.array(v), f"{kind} {name!r}"
+        )
+
+
 def relaxation_of(system: Any) -> Relaxation | None:
     """The relaxing states of a linearisation, or None: matrices of a user have none."""
     if not hasattr(system, "snapshot"):

@@ -43,5 +43,6 @@ class LawLike(Protocol):
         """Its numbers."""
 
 
-Laws = LawLike | Sequence[Any] | Mapping[str, Any]
+# A function of (t, u, v) stands for the law made of it; keys are names of coordinates, or tuples of them.
+Laws = LawLike | Callable[..., Any] | Sequence[Any] | Mapping[Any, Any]
 TimeFunctionLike = Callable[[float], Any]

@@ -144,8 +144,8 @@ def _points(item: Item) -> list[Any]:
 def _add_laws(table: Table, owner: Any) -> Table:
     by_name: dict[str, list[Table]] = {}
     for law in owner.model.laws_of.get((owner.kind, owner.index), ()):
-        made = {"type": law.name, "code": law.code, "values": law.entries()}
-        by_name.setdefault(owner.table.coordinates[law.component], []).append(made)
+        key = " ".join(owner.table.coordinates[i] for i in law.components)
+        by_name.setdefault(key, []).append(law.described())
     return {**table, "law": by_name} if by_name else table
 
 

@@ -245,7 +245,8 @@ def bushing(
     preload
         (6,), N and N m.
     law
-        Six laws or None, or {"x": law, "rz": law}, added to the above.
+        Six laws or None, or {"x": law, "rz": law}, added to the above; `mb.FunctionLaw` alone acts on all six coordinates, as
+        {("y", "z"): law} on those named.
 
     Returns
     -------

@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
-from .schema import LAWS, LawKind
+from .expressions import Program
+from .schema import FUNCTION_LAW, LAWS, LawKind
+from .tracing import trace
 
 
 class Law:
@@ -30,7 +32,7 @@ class Law:
     kind: LawKind = LawKind("", (), "", smooth=False)
 
     def __init_subclass__(cls) -> None:
-        cls.kind = LAWS.get(cls.__name__, cls.kind)
+        cls.kind = FUNCTION_LAW if cls.__name__ == FUNCTION_LAW.name else LAWS.get(cls.__name__, cls.kind)
         cls.code = cls.kind.codes[0] if cls.kind.codes else -1
 
     @property
@@ -435,63 +437,88 @@ class LuGre(Law):
 
 
 class FunctionLaw(Law):
-    """A law written in Python: the slow path, for harmonic balance only (some microseconds and the interpreter per
-    evaluation).
+    """A law given as a Python function of time, displacements and rates: force = f(t, u, v).
+
+    As ``law=`` of a joint or an element it resists, as all laws do. On one coordinate u, v and the force are numbers; on m coordinates
+    (all of a bushing, or those named: ``law={("y", "z"): mb.FunctionLaw(f)}``) they are arrays (m,), and the slopes dF_i/du_j and
+    dF_i/dv_j need not be symmetric.
+
+    The function is called once with symbols; the program that comes out runs in the core with exact first and second derivatives, in
+    every analysis. Parameters of the model that it uses stay parameters. It may use arithmetic, NumPy's functions, ``np.where``,
+    ``np.maximum``, ``np.minimum``, comparisons, ``&``, ``|`` and ``~``, but neither ``if`` on a symbol nor `math`. At a kink the slope
+    is that of one side; at zero the slopes of sqrt, cbrt and hypot count as zero.
 
     Parameters
     ----------
     function
-        ``function(u, v) -> force`` for arrays of displacements and rates; it must work elementwise and have no memory.
-    derivative
-        ``derivative(u, v) -> (df_du, df_dv)``; by default central differences, good for about ten digits, with which Newton's
-        method needs an iteration more.
+        ``function(t, u, v)``; t in s. Harmonic balance refuses a function of t.
+    derivatives
+        ``derivatives(t, u, v) -> (dF_du, dF_dv)``, numbers or (m, m). With them the function is not traced but called by every
+        evaluation: the slow path, for `mb.equilibrium`, `mb.linearize`, `mb.modes`, `mb.frf` and `mb.simulate`, and with arrays of
+        samples for u and v (and t not a number) in harmonic balance of a `MechanicalSystem`; refused by derivatives by parameters.
     w
-        Direction (n,) of u = w . x.
+        Direction (n,) of u = w . x, for `MechanicalSystem`.
 
     Notes
     -----
-    A function that can be imported by name pickles with its system; a lambda does not.
+    A traced function is saved as text; the slow path needs functions that can be imported by name.
 
     Examples
     --------
     >>> import numpy as np
     >>> from mbrs.model.laws import FunctionLaw
-    >>> float(FunctionLaw(lambda u, v: np.sinh(u)).force(1.0))
+    >>> float(FunctionLaw(lambda t, u, v: np.sinh(u)).force(1.0))
     1.1752011936438014
     """
 
-    def __init__(self, function: Any, derivative: Any = None, w: Any = None) -> None:
-        for name, value in (("function", function), ("derivative", derivative)):
+    def __init__(self, function: Any, derivatives: Any = None, w: Any = None) -> None:
+        for name, value in (("function", function), ("derivatives", derivatives)):
             if not callable(value) and (name == "function" or value is not None):
-                raise ModelError(f"FunctionLaw: {name} must be callable with (u, v), it is {value!r}")
-        self.function, self.derivative = function, derivative
+                raise ModelError(f"FunctionLaw: {name} must be callable with (t, u, v), it is {value!r}")
+        self.function, self.derivatives = function, derivatives
         super().__init__((), w)
 
-    def force(self, u: Any, v: Any = 0.0) -> np.ndarray:
-        """Force for displacements ``u`` and rates ``v``, arrays that broadcast."""
-        u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
-        return self._shaped("function", self._called("function", u, v), u.shape)
+    @property
+    def uses_rate(self) -> bool:
+        """Not known before the function is traced; True covers both."""
+        return True
 
-    def _called(self, name: str, u: np.ndarray, v: np.ndarray) -> Any:
-        """Value of the function or its derivative; its exceptions come out unchanged, with a note."""
+    def force(self, u: Any, v: Any = 0.0, t: float = 0.0) -> np.ndarray:
+        """Force for displacements ``u`` and rates ``v``, arrays that broadcast, by calling the function."""
+        u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
+        return self._shaped("function", self._called("function", t, u, v), u.shape)
+
+    def _called(self, name: str, t: float, u: np.ndarray, v: np.ndarray) -> Any:
+        """Value of the function or its derivatives; its exceptions come out unchanged, with a note."""
         try:
-            return getattr(self, name)(u, v)
+            return getattr(self, name)(t, u, v)
         except BaseException as raised:
             raised.add_note(f"raised by the {name} of {self!r}")
             raise
 
+    def traced(self, m: int, where: str) -> tuple[Program, list[Any]]:
+        """The program of the function on ``m`` coordinates, 0 for numbers, and the expressions that it uses."""
+        return trace(self.function, m, max(m, 1), where)
+
+    def body(self, where: str) -> tuple[Any, list[float]]:
+        """The program (nodes, roots, None) that the core samples on one coordinate, or `sampled`, and its numbers."""
+        if self.derivatives is not None:
+            return self.sampled, []
+        program, numbers = self.traced(0, where)
+        if any(program.core.uses()[:1]):
+            raise ModelError(
+                f"{where}: {self!r} depends on the time t, which harmonic balance does not know; mb.VaryingStiffness "
+                "follows the phase"
+            )
+        return (program.nodes, program.roots, None), [_number(v) for v in numbers]
+
     def sampled(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Force, df/du and df/dv at samples."""
-        force = self.force(u, v)
-        if self.derivative is not None:
-            slopes = self._called("derivative", u, v)
-            if not isinstance(slopes, tuple | list) or len(slopes) != 2:
-                raise ModelError("FunctionLaw: derivative must return (df_du, df_dv)")
-            f_u, f_v = (self._shaped("derivative", slope, u.shape) for slope in slopes)
-            return force, f_u, f_v
-        steps = [6e-6 * max(float(np.max(np.abs(x))), 1e-3) for x in (u, v)]
-        f_u = (self.force(u + steps[0], v) - self.force(u - steps[0], v)) / (2 * steps[0])
-        f_v = (self.force(u, v + steps[1]) - self.force(u, v - steps[1])) / (2 * steps[1])
+        force = self.force(u, v, np.nan)
+        slopes = self._called("derivatives", np.nan, u, v)
+        if not isinstance(slopes, tuple | list) or len(slopes) != 2:
+            raise ModelError("FunctionLaw: derivatives must return (dF_du, dF_dv)")
+        f_u, f_v = (self._shaped("derivatives", slope, u.shape) for slope in slopes)
         return force, f_u, f_v
 
     @staticmethod

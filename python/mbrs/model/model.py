@@ -16,6 +16,7 @@ from ..view.scene import SceneGeometry
 from . import bodies as _bodies
 from . import drives as _drives
 from . import flexible as _flexible
+from . import force_laws as _force_laws
 from . import forces as _forces
 from . import joints as _joints
 from . import restraints as _restraints
@@ -134,6 +135,7 @@ class Model(Book):
 
     spring_damper = accepting(_forces.spring_damper, ELEMENTS)
     bushing = accepting(_forces.bushing, ELEMENTS)
+    force_law = _force_laws.force_law
     torsion = accepting(_forces.torsion, ELEMENTS)
     force = accepting(_forces.force, LOADS)
     torque = accepting(_forces.torque, LOADS)

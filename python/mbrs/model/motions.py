@@ -260,20 +260,7 @@ class TimeFunction:
     @property
     def name(self) -> str:
         """``module:name``, by which the function comes back from a file."""
-        if isinstance(self.function, FunctionName):
-            return self.function.name
-        module, name = getattr(self.function, "__module__", None), getattr(self.function, "__qualname__", None)
-        try:
-            found = module != "__main__" and resolve(f"{module}:{name}") is self.function
-        except ModelError:
-            found = False
-        if not found:
-            raise problem(
-                self.where,
-                f"has the function {shown(self.function)}, which cannot be saved: it is not importable by name; define it "
-                "at the top level of a module",
-            )
-        return f"{module}:{name}"
+        return name_of(self.function, self.where)
 
     def __str__(self) -> str:
         """The name, also of one that a file cannot hold."""
@@ -288,6 +275,24 @@ class TimeFunction:
 
     def __deepcopy__(self, memo: Any) -> TimeFunction:
         return self
+
+
+def name_of(function: Any, where: str) -> str:
+    """``module:name`` of a function that can be imported by it; ``where`` heads the error of others."""
+    if isinstance(function, FunctionName):
+        return function.name
+    module, name = getattr(function, "__module__", None), getattr(function, "__qualname__", None)
+    try:
+        found = module != "__main__" and resolve(f"{module}:{name}") is function
+    except ModelError:
+        found = False
+    if not found:
+        raise problem(
+            where,
+            f"has the function {shown(function)}, which cannot be saved: it is not importable by name; define it at the top level of a "
+            "module",
+        )
+    return f"{module}:{name}"
 
 
 def _restored(name: str, where: str, outputs: int) -> TimeFunction:

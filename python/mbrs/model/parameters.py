@@ -16,6 +16,8 @@ from .names import problem, shown
 class ParameterSpace:
     """All parameters of one model. ``values`` is the flat V; ``version`` rises whenever a value changes."""
 
+    traced = False
+
     def __init__(self) -> None:
         self.names: dict[str, tuple[int, tuple[int, ...]]] = {}
         self.units: dict[str, str] = {}
@@ -53,6 +55,10 @@ class ParameterSpace:
         """The value that `Model.parameter` returned."""
         start, shape = self.names[name]
         return self.symbols[start] if shape == () else ArrayParameter(self, name, start, shape)
+
+    def captured(self, expression: Expression) -> Symbol:
+        """Only a traced function takes expressions of another space."""
+        raise ModelError(f"the expression {expression} belongs to another model")
 
     def assign(self, start: int, values: Sequence[float]) -> None:
         """Overwrite part of V."""

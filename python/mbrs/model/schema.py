@@ -533,6 +533,8 @@ LAWS = {
         LawKind("LuGre", (14,), "f_c, f_s, v_s, s0, s1, s2", "friction", rate_codes=(14,), state="rate", smooth=False),
     )
 }
+# A function is a program of its own, in other columns of the Tables; it has no code.
+FUNCTION_LAW = LawKind("FunctionLaw", (), "the expressions of parameters that it uses", smooth=False)
 LAW_OF_CODE = {code: law for law in LAWS.values() for code in law.codes}
 
 

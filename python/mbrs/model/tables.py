@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from .._lib.rotations import cross, quaternion_matrix, quaternion_rate
-from ..errors import ModelError
+from ..errors import ModelError, NotDifferentiableError
 from .addresses import Target, driver, target
 from .book import STORES, Book
 from .flexible import FlexibleBody
+from .function_calls import FunctionCall
 from .names import shown
 from .schema import BODY, ELEMENTS, JOINTS, LOAD_FRAMES, LOADS, NODE
 from .section_loads import ModalLoad
@@ -142,6 +143,16 @@ def _require_bodies(model: Book) -> None:
         raise ModelError(f"model {model.name!r} has no body; add one with m.body(...)")
 
 
+def _require_derivatives(model: Book) -> None:
+    """Functions that are called have first derivatives by the motion alone."""
+    for law in (law for laws in model.laws.values() for law in laws):
+        if isinstance(law.body, FunctionCall):
+            raise NotDifferentiableError(
+                f"the law of {law.owner.name!r} is a function with derivatives=, which has no derivatives by parameters; give a function "
+                "that can be traced"
+            )
+
+
 def _structure(model: Book) -> dict[str, Any]:
     cached = model.cache.get("tables")
     if cached is not None and cached[0] == model.structure_version:
@@ -195,8 +206,16 @@ def _load_frame(load: Any) -> int:
 
 
 def _laws(model: Book, base: dict[str, int]) -> dict[str, Any]:
-    laws = [*model.laws["element"], *model.laws["joint"]]
+    both = [*model.laws["element"], *model.laws["joint"]]
+    laws = [law for law in both if law.body is None]
+    functions = [law for law in both if law.body is not None]
     return {
+        "function_owner_kind": _integers(law.owner.kind == "joint" for law in functions),
+        "function_owner": _integers(law.owner.index for law in functions),
+        "function_coordinates": [list(law.components) for law in functions],
+        "function_n": _integers(law.n for law in functions),
+        "function_x": _integers(base[law.store] + law.start for law in functions),
+        "function_body": [law.body for law in functions],
         "law_owner_kind": _integers(law.owner.kind == "joint" for law in laws),
         "law_owner": _integers(law.owner.index for law in laws),
         "law_component": _integers(law.component for law in laws),
@@ -378,6 +397,7 @@ def directions(model: Book, addresses: str | Sequence[str]) -> Directions:
         ) from None
     if not given:
         raise ModelError("no parameter was named; give addresses such as ['k_leg', 'payload.mass']")
+    _require_derivatives(model)
     base = offsets(model)
     columns: list[tuple[list[int], list[float]]] = []
     labels: list[str] = []

@@ -18,7 +18,7 @@ from .book import Book
 from .describe import describe
 from .expressions import Expression
 from .grammar import GrammarError, parse
-from .law_items import SavedLaw
+from .law_items import SavedCall, SavedFunction, SavedLaw
 from .locate import Places
 from .motions import TYPES, FunctionName, TimeFunction, resolve
 from .names import nearest, problem, shown
@@ -235,8 +235,10 @@ class _Reader:
         read: Callable[[Any, Any], Any] = _numbers
         if form in ("motion", "load"):
             read = self._motions
-        elif form in ("modal body", "law", "shape"):
-            read = {"modal body": _modal_body, "law": _laws, "shape": _shape}[form]
+        elif form == "law":
+            read = self._laws
+        elif form in ("modal body", "shape"):
+            read = {"modal body": _modal_body, "shape": _shape}[form]
         return self._guarded(kind.heading, number, lambda: read(model, value), key)
 
     def _motions(self, model: Any, value: Any) -> Any:
@@ -246,6 +248,26 @@ class _Reader:
         if isinstance(value, str) and ":" in value:
             return resolve(value) if self.functions else FunctionName(value)
         return _motion(model, value) if isinstance(value, dict) else _numbers(model, value)
+
+    def _laws(self, model: Any, value: Any) -> Any:
+        """Laws {type, code, values}, {type, program, values} and {type, function, derivatives}, alone, in lists or by coordinate."""
+        if isinstance(value, list):
+            return [self._laws(model, law) for law in value]
+        if not isinstance(value, dict):
+            raise problem("law", f"must be a table {{ type, code, values }}, got {shown(value)}")
+        if not value.keys() & {"code", "program", "function"}:
+            return {name: self._laws(model, law) for name, law in value.items()}
+        if "function" in value:
+            names = [str(value.get(key, "")) for key in ("function", "derivatives")]
+            return SavedCall(*(self._motions(model, name) for name in names))
+        values = _numbers(model, value.get("values", []))
+        if len(shape_of(values)) > 1 or not isinstance(values, list):
+            raise problem("law", f"has values that are not a list of numbers: {shown(values)}")
+        if "program" not in value:
+            return SavedLaw(str(value.get("type", "law")), value["code"], values)
+        if not isinstance(value["program"], list):
+            raise problem("law", f"has a program that is not a list of lines: {shown(value['program'])}")
+        return SavedFunction(value["program"], values)
 
     def _guarded(self, table: str, number: int, action: Callable[[], Any], key: str = "") -> Any:
         try:
@@ -320,19 +342,6 @@ def _shape(model: Any, value: Any) -> Any:
     if isinstance(value, list):
         return [_shape(model, one) for one in value]
     return shape_of_table(value, lambda entry: _numbers(model, entry))
-
-
-def _laws(model: Any, value: Any) -> Any:
-    if isinstance(value, dict) and "code" in value:
-        values = _numbers(model, value.get("values", []))
-        if len(shape_of(values)) > 1 or not isinstance(values, list):
-            raise problem("law", f"has values that are not a list of numbers: {shown(values)}")
-        return SavedLaw(str(value.get("type", "law")), value["code"], values)
-    if isinstance(value, dict):
-        return {name: _laws(model, law) for name, law in value.items()}
-    if isinstance(value, list):
-        return [_laws(model, law) for law in value]
-    raise problem("law", f"must be a table {{ type, code, values }}, got {shown(value)}")
 
 
 __all__ = ["GrammarError", "dumps", "load", "loads", "save"]

@@ -374,6 +374,10 @@ def fast_size(least: int) -> int:
 
 def _force_terms(n: int, force: Any, terms: tuple[int, ...], subharmonic: int) -> np.ndarray:
     """Complex amplitudes (n_terms + 1, n), the constant first; keys are harmonics of omega, so term h subharmonic."""
+    if callable(force):
+        raise ModelError(
+            "a force given as a function of time has one period: mb.harmonic_balance takes it; give {harmonic: (n,)}"
+        )
     given = dict(force) if isinstance(force, Mapping) else {1: force}
     out = np.zeros((len(terms) + 1, n), complex)
     for h, vector in given.items():
@@ -406,7 +410,8 @@ def force_vector(n: int, vector: Any, h: int) -> np.ndarray:
 
 def core_elements(laws: Sequence[Law], directions: Sequence[np.ndarray]) -> Any:
     """Laws and sparse directions as the core wants them."""
-    numbers = [law.numbers() for law in laws]
+    functions = [law.body(f"elements[{i}]") if isinstance(law, FunctionLaw) else None for i, law in enumerate(laws)]
+    numbers = [law.numbers() if f is None else f[1] for law, f in zip(laws, functions, strict=True)]
     index = [np.flatnonzero(w) for w in directions]
     weight = [w[i] for w, i in zip(directions, index, strict=True)]
     start = np.concatenate([[0], np.cumsum([len(i) for i in index], dtype=int)])
@@ -414,7 +419,7 @@ def core_elements(laws: Sequence[Law], directions: Sequence[np.ndarray]) -> Any:
         [law.code for law in laws],
         [len(v) for v in numbers],
         [x for v in numbers for x in v],
-        [law.sampled if isinstance(law, FunctionLaw) else None for law in laws],
+        [None if f is None else f[0] for f in functions],
         [int(i) for i in start],
         [int(i) for part in index for i in part],
         [float(x) for part in weight for x in part],

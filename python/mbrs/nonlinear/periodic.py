@@ -13,6 +13,7 @@ from ..errors import ConvergenceError, ModelError
 from ..results import Result, Stats, derived, quantity, result
 from . import balance
 from .displacement import displacement_coefficients, label
+from .sampled_force import cut, harmonics_of, linear_size
 
 if TYPE_CHECKING:
     from .verify_full import Distance
@@ -255,10 +256,12 @@ def harmonic_balance(
         (`nonlinear_system`).
     force
         Amplitudes (n,) of the first harmonic, real for a cosine, complex a - i b for a cos + b sin; or
-        ``{harmonic: (n,)}`` with 0 for a static (real) force. Force units of the system.
+        ``{harmonic: (n,)}`` with 0 for a static (real) force; or a function ``f(t)`` -> (n,) with the period 2 pi / omega, which is
+        sampled and transformed, its harmonics beyond those kept counted in ``error``. Force units of the system.
     inputs, amplitude
         In its place, of a model: a port such as ``body.force("x")`` or a list of them, or ``{harmonic: ports}``, and their
-        amplitudes, N or N m: one number or one for each, complex a - i b for a cos + b sin. 1 if left out.
+        amplitudes, N or N m: one number or one for each, complex a - i b for a cos + b sin. 1 if left out. A function
+        ``amplitude(t)``, a number or one for each port, is a force over time as above.
     omega, frequency
         Excitation frequency in rad/s or in Hz; exactly one of them.
     harmonics
@@ -320,6 +323,9 @@ def harmonic_balance(
         raise ModelError("harmonic_balance solves at one frequency; frequency_response takes a range")
     limit = balance.positive("tol", UNRESOLVED if tol is None else tol)
     options = balance.newton(tolerance, max_iterations)
+    if callable(force):
+        given = dict(n_samples=n_samples, subharmonic=subharmonic, condense=condense, x0=x0, **options)
+        return _of_function(system, force, float(w), harmonics, tol, given)
     if isinstance(harmonics, str):
         if harmonics != "auto":
             raise ModelError(f'harmonics must be a number, a sequence or "auto", it is {harmonics!r}')
@@ -427,6 +433,27 @@ def _automatic(system: Any, force: Any, omega: float, x0: Any, tol: float, given
         if one.error <= tol or top >= MOST_HARMONICS:
             return one
         top, guess = min(MOST_HARMONICS, top + max(2, top // 2)), one
+
+
+def _of_function(
+    system: Any, force: Any, omega: float, harmonics: Any, tol: float | None, given: dict[str, Any]
+) -> PeriodicSolution:
+    """A force f(t), transformed; the answer of the linear part to harmonics that are not kept is added to the error."""
+    balance.checked_system(system)
+    series = harmonics_of(force, system.n, omega)
+    automatic, nu = isinstance(harmonics, str), given["subharmonic"]
+    limit = (1e-6 if automatic else UNRESOLVED) if tol is None else tol
+    wanted = 3 * nu if automatic else harmonics
+    while True:
+        terms = balance.checked_harmonics(wanted, nu)
+        inside, outside = cut(series, {h // nu for h in terms if h % nu == 0})
+        one = harmonic_balance(system, force=inside, omega=omega, harmonics=wanted, tol=tol, **given)
+        largest = float(np.max(np.abs(one.X), initial=0.0))
+        missed = linear_size(system, outside, omega) if outside else 0.0
+        error = one.error + (missed / largest if largest else float(missed > 0.0))
+        if not automatic or error <= limit or wanted >= MOST_HARMONICS:
+            return one.replaced(error=error, status="converged" if error <= limit else "unresolved")
+        wanted, given = min(MOST_HARMONICS, wanted + max(2, wanted // 2)), {**given, "x0": one}
 
 
 def _counts(answer: dict[str, Any]) -> dict[str, int]:

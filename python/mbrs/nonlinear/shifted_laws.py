@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from .. import _core
 from ..errors import ModelError
 from ..model import laws as L
 from ..model.schema import LAW_OF_CODE
@@ -18,6 +20,34 @@ def law_of(code: int, values: Sequence[float], w: np.ndarray) -> L.Law:
     L.Law.__init__(law, [float(v) for v in values], w)
     law.code = code
     return law
+
+
+class ShiftedFunction(L.FunctionLaw):
+    """f(0, u0 + u, v) - f(0, u0, 0) of the function that is traced into ``body``, (nodes, roots), with its captured numbers."""
+
+    def __init__(self, body: Any, numbers: np.ndarray, u0: float, w: np.ndarray, where: str) -> None:
+        L.Law.__init__(self, (), w)
+        self.derivatives = None
+        self.program, self.p, self.u0, self.where = body, [float(x) for x in numbers], u0, where
+
+    def body(self, where: str) -> tuple[Any, list[float]]:
+        nodes, roots = self.program
+        if _core.Program(nodes, roots).uses()[:1] == [True]:
+            raise ModelError(
+                f"{self.where} depends on the time t, which harmonic balance does not know; mb.VaryingStiffness follows the phase"
+            )
+        return (nodes, roots, self.u0), self.p
+
+    def force(self, u: Any, v: Any = 0.0, t: float = 0.0) -> np.ndarray:
+        u, v = np.broadcast_arrays(np.asarray(u, float), np.asarray(v, float))
+        program = _core.Program(*self.program)
+        root = self.program[1][0]
+        one = lambda x, y: program.values([t, self.u0 + x, y, *self.p])[root]  # noqa: E731
+        held = program.values([t, self.u0, 0.0, *self.p])[root]
+        return np.array([one(x, y) - held for x, y in zip(u.ravel(), v.ravel(), strict=True)]).reshape(u.shape)
+
+    def __repr__(self) -> str:
+        return f"FunctionLaw({self.where})"
 
 
 def shifted(code: int, values: Sequence[float], w: np.ndarray, u0: float, where: str) -> list[L.Law]:

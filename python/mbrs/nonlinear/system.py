@@ -14,13 +14,14 @@ from ..errors import ModelError
 from ..linear.linearization import Linearization
 from ..linear.linearize import linearization_at
 from ..linear.matrices import MechanicalSystem
-from ..linear.relaxation import LawPlace, law_places
+from ..linear.relaxation import FunctionPlace, LawPlace, function_places, law_places
 from ..model.book import Book
+from ..model.function_calls import FunctionCall
 from ..model.ports import Port
 from ..system.effects import check_without
 from ..system.snapshot import Snapshot
 from ..system.state import state_of
-from .shifted_laws import shifted
+from .shifted_laws import ShiftedFunction, shifted
 
 # a displacement below this part of the characteristic length (or this angle) is rounding of an equilibrium
 _UNDEFORMED = 1e-12
@@ -92,6 +93,8 @@ def nonlinear_system(m: Any, *, at: Any = None, without: Sequence[str] = ()) -> 
     elements: list[Any] = []
     for place in law_places(lin):
         elements += _elements(lin, place)
+    for function in function_places(lin):
+        elements += _function_elements(lin, function)
     system = NonlinearSystem(lin.M, lin.C, lin.K, G=lin.G, N=lin.N, elements=elements, coordinates=lin.coordinates)
     system.linearization = lin
     return system
@@ -106,6 +109,25 @@ def _elements(lin: Linearization, place: LawPlace) -> list[Any]:
         return []  # what does not move from here, to first order, does no work
     u0 = place.u if abs(place.u) > _UNDEFORMED * max(length, 1.0) else 0.0
     return shifted(place.code, place.numbers.tolist(), place.direction, u0, where)
+
+
+def _function_elements(lin: Linearization, place: FunctionPlace) -> list[Any]:
+    length = lin.snapshot.system.characteristic_length
+    where = f"the law on {place.name}"
+    if isinstance(place.body, FunctionCall):
+        raise ModelError(
+            f"{where} is a function with derivatives=, which harmonic balance of a model does not know; give one that can be "
+            "traced"
+        )
+    if len(place.u) > 1:
+        raise ModelError(
+            f"{where} is a function of {len(place.u)} coordinates, which harmonic balance does not know; use mb.simulate"
+        )
+    if np.max(np.abs(place.v)) > _UNDEFORMED * length:
+        raise ModelError(f"{where} moves at {place.v[0]:.3g} in this state; its element would have to depend on time")
+    if np.max(np.abs(place.direction), initial=0.0) <= _UNDEFORMED:
+        return []
+    return [ShiftedFunction(place.body, place.numbers, place.u[0], place.direction[0], where)]
 
 
 def as_system(
@@ -128,6 +150,8 @@ def as_system(
             raise ModelError("at= and without= are for models; a MechanicalSystem is what its matrices are")
         return system, force if amplitude is None else _scaled(force, amplitude)
     made = nonlinear_system(system, at=at, without=without)
+    if callable(amplitude):
+        return made, _force_in_time(made, force, amplitude)
     return made, force_of_ports(made, force, amplitude)
 
 
@@ -136,6 +160,23 @@ def force_of_ports(made: NonlinearSystem, force: Any, amplitude: Any = None) -> 
     if isinstance(force, Mapping):
         return {h: _vector(made, f, amplitude) for h, f in force.items()}
     return _vector(made, force, amplitude)
+
+
+def _force_in_time(made: NonlinearSystem, given: Any, amplitude: Any) -> Any:
+    """f(t) of ports whose amplitudes are a function of time."""
+    ports = list(given) if isinstance(given, list | tuple) else [given]
+    if not all(isinstance(p, str | Port) for p in ports):
+        raise ModelError(
+            "an amplitude that is a function of time belongs to ports of the model; give a port or a list of them"
+        )
+    columns = np.array([_vector(made, p, None) for p in ports]).T
+    made.ports = ()
+
+    def force(t: float) -> np.ndarray:
+        size = np.asarray(amplitude(t), dtype=float)
+        return np.asarray(columns @ np.broadcast_to(size, (len(ports),)))
+
+    return force
 
 
 def _scaled(force: Any, amplitude: Any) -> Any:

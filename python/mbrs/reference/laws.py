@@ -120,6 +120,9 @@ def _sliders(p: Array, u: Any, z: Array) -> Answer:
 def attach(t: Mapping[str, Any], x: Array, elements: list[Any], joints: list[Any]) -> int:
     """Give every link its laws; memory is numbered element by element, then joint by joint, that of
     their angles after that of all laws. Returns its size."""
+    for kind, owner in zip(t.get("function_owner_kind", ()), t.get("function_owner", ()), strict=True):
+        name = (elements, joints)[int(kind)][int(owner)].name
+        raise ModelError(f"mbrs.reference has no laws given as functions, as on {name!r}")
     keys = ("owner_kind", "owner", "component", "type", "n", "x")
     rows = list(zip(*(t.get(f"law_{k}", ()) for k in keys), strict=True))
     n_memory = 0

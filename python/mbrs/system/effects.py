@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import ModelError
 from ..model.flexible import FlexibleBody
 from ..model.names import nearest, shown
-from ..model.schema import JOINTS, LAW_OF_CODE, LAWS
+from ..model.schema import JOINTS, LAWS
 from ..results import Result, derived, result
 
 if TYPE_CHECKING:
@@ -254,7 +254,7 @@ def _constraint_stiffness(m: Model) -> tuple[bool, str]:
 
 def with_rate_laws(m: Model) -> list[Any]:
     """Elements and joints with a law whose force depends on the rate."""
-    return [law.owner for laws in m.laws.values() for law in laws if law.code in LAW_OF_CODE[law.code].rate_codes]
+    return [law.owner for laws in m.laws.values() for law in laws if law.uses_rate]
 
 
 def _damping(m: Model) -> tuple[bool, str]:

@@ -70,7 +70,7 @@ impl<'s> Descent<'s> {
         let motion = Motion { t: 0.0, q: state.q.clone(), rate: vec![0.0; self.eq.n()], memory: topology.at_rest(&[]) };
         let placement = self.eq.place(&motion);
         let energies = self.eq.energies(&motion);
-        let stored = energies.elements.iter().filter_map(|e| e.stored);
+        let stored = energies.elements.iter().map(|e| e.merit);
         let load = |i: usize| {
             let geometry = &self.eq.geometry;
             let acting = load_interaction(topology, geometry, &placement, i, 0.0, Wanted::FORCES);

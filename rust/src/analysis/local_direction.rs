@@ -35,7 +35,9 @@ fn owner_range(tables: &Tables, connector: &Connector, index: usize) -> bool {
         }
         Owner::Joint(i) => inside(index, tables.joints[i].x, joint::K, joint::PRELOAD + 6),
     };
-    own || connector.laws.iter().any(|l| inside(index, l.x, 0, l.law.n_params()))
+    let law = |x: usize, n: usize| inside(index, x, 0, n);
+    own || connector.laws.iter().any(|l| law(l.x, l.law.n_params()))
+        || connector.functions.iter().any(|f| law(f.x, f.law.n_params()))
 }
 
 fn touched(topology: &Topology, dx: &[(usize, f64)]) -> Option<Touched> {
@@ -192,7 +194,7 @@ fn connectors(
     let (mut stiffness, mut damping) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
     let mut sums = vec![Six::zero(); topology.nodes.len()];
     for c in touched {
-        let numbers = Numbers { x: &x, memory: &memory };
+        let numbers = Numbers { x: &x, memory: &memory, t: 0.0 };
         let acting: Interaction<Dual64> =
             interaction(topology, &geometry, &placement, numbers, &topology.connectors[*c], wanted);
         add_tangent(topology, &placement, &acting, true, &mut stiffness, Some(&mut damping));

@@ -26,6 +26,7 @@
 mod bouc_wen;
 mod coulomb_tanh;
 mod cubic;
+mod function;
 mod gap;
 mod hertz;
 mod iwan;
@@ -41,6 +42,7 @@ mod varying_stiffness;
 
 use num_dual::Dual;
 
+pub use function::FunctionLaw;
 pub use law::{At, Class, Crossing, Scalar, State, Stored, Surface};
 
 use crate::error::{Error, Result};

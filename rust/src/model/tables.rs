@@ -1,5 +1,6 @@
 //! The Tables (docs/tables.md): what Python hands over, parsed and checked once.
 use crate::error::{Error, Result};
+use crate::force::FunctionLaw;
 use crate::joint::JointKind;
 use crate::model::flexible::{FlexibleSpec, TipSpec};
 use crate::model::layout::{self, body, bushing, coupler, joint, load, pose, spring_damper, torsion};
@@ -86,6 +87,16 @@ pub struct LawSpec {
     pub x: usize,
 }
 
+/// A law given as a function of several coordinates of an element or of a joint.
+#[derive(Debug, Clone)]
+pub struct FunctionSpec {
+    pub on_joint: bool,
+    pub owner: usize,
+    pub coordinates: Vec<usize>,
+    pub law: FunctionLaw,
+    pub x: usize,
+}
+
 /// A joint coordinate that follows a motion.
 #[derive(Debug, Clone)]
 pub struct DriveSpec {
@@ -122,6 +133,7 @@ pub struct Tables {
     pub elements: Vec<ElementSpec>,
     pub loads: Vec<LoadSpec>,
     pub laws: Vec<LawSpec>,
+    pub functions: Vec<FunctionSpec>,
     pub motions: Vec<MotionSpec>,
     pub drives: Vec<DriveSpec>,
     pub couplers: Vec<CouplerSpec>,
@@ -169,6 +181,12 @@ impl Tables {
         self.check_flexible()?;
         for law in &self.laws {
             self.inside("a law", law.x, law.n)?;
+        }
+        for law in &self.functions {
+            self.inside("a law", law.x, law.law.n_params())?;
+            if law.coordinates.len() != law.law.m() {
+                return Err(Error::model("a law of several coordinates acts on another number of them"));
+            }
         }
         for motion in &self.motions {
             self.inside("a motion", motion.x, motion.n)?;

@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::border::{called, guarded, interruptible, matrix, to_numpy};
+use super::expressions::program;
 use super::hbm_branch::find_peak;
 use super::hbm_linear::HbmLinear;
 use crate::analysis::hbm::aft::{Force, Sampled};
@@ -20,7 +21,7 @@ use crate::analysis::hbm::problem::{Element, Parameter, Problem};
 use crate::analysis::hbm::start;
 use crate::analysis::stability::Stability;
 use crate::error::{Error, Result};
-use crate::force::AnyLaw;
+use crate::force::{AnyLaw, FunctionLaw};
 use crate::solve::newton::{Options, Outcome};
 use crate::solve::{Curve, Linearisation};
 
@@ -75,9 +76,11 @@ pub struct HbmElements(Vec<Element>);
 #[pymethods]
 impl HbmElements {
     /// Element e has the law `code[e]` with `count[e]` numbers, or `functions[e]`, and the entries `start[e]..start[e+1]` of its
-    /// direction. A function takes samples (u, v) and returns (force, df/du, df/dv).
+    /// direction. A function takes samples (u, v) and returns (force, df/du, df/dv), or is a program (nodes, roots, u0).
     #[new]
+    #[expect(clippy::too_many_arguments)]
     fn new(
+        py: Python<'_>,
         code: Vec<i64>,
         count: Vec<usize>,
         values: Vec<f64>,
@@ -102,12 +105,42 @@ impl HbmElements {
             at += count[e];
             let direction = index.iter().copied().zip(weight.iter().copied()).collect();
             let force = match function {
-                Some(function) => Force::Sampled(Arc::new(PythonLaw { function, element: e })),
+                Some(body) => Force::Sampled(sampled(py, body, params, e)?),
                 None => Force::Known(AnyLaw::from_code(code[e], count[e])?, params.to_vec()),
             };
             elements.push(Element { force, direction });
         }
         Ok(Self(elements))
+    }
+}
+
+/// A program (nodes, roots, u0), or a callable.
+fn sampled(py: Python<'_>, body: Py<PyAny>, p: &[f64], element: usize) -> PyResult<Arc<dyn Sampled>> {
+    let bound = body.bind(py);
+    if bound.is_callable() {
+        return Ok(Arc::new(PythonLaw { function: body, element }));
+    }
+    let (nodes, roots, start): (Bound<'_, PyAny>, Vec<usize>, Option<f64>) = bound.extract()?;
+    let law = FunctionLaw::traced(1, p.len(), program(&nodes, roots)?)?;
+    let held = start.map_or(0.0, |u| law.force(0.0, &[u], &[0.0], p)[0]);
+    Ok(Arc::new(TracedLaw { law, p: p.to_vec(), start: start.unwrap_or(0.0), held }))
+}
+
+/// f(0, u0 + u, v) - f(0, u0, 0) of a traced function; the second term only where u0 is given.
+struct TracedLaw {
+    law: FunctionLaw,
+    p: Vec<f64>,
+    start: f64,
+    held: f64,
+}
+
+impl Sampled for TracedLaw {
+    fn evaluate(&self, u: &[f64], v: &[f64], f: &mut [f64], f_u: &mut [f64], f_v: &mut [f64]) -> Result<()> {
+        for (i, (u, v)) in u.iter().zip(v).enumerate() {
+            let made = self.law.slopes(0.0, &[self.start + u], &[*v], &self.p, true);
+            (f[i], f_u[i], f_v[i]) = (made.force[0] - self.held, made.k[0][0], made.c[0][0]);
+        }
+        Ok(())
     }
 }
 

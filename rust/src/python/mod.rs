@@ -3,6 +3,7 @@ mod aero;
 mod border;
 mod direction;
 mod eigen_sensitivity;
+mod expressions;
 mod frf;
 mod gradient;
 mod hbm;
@@ -26,6 +27,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     border::register(module)?;
     direction::register(module)?;
     eigen_sensitivity::register(module)?;
+    expressions::register(module)?;
     frf::register(module)?;
     gradient::register(module)?;
     hbm::register(module)?;

@@ -134,7 +134,7 @@ pub fn law_places<'py>(py: Python<'py>, system: &System, state: &State) -> PyRes
     let topology = &*system.topology;
     let rate = state.moving().then_some(state.rate.as_slice());
     let placement = place(topology, &system.geometry, &state.q, rate);
-    let numbers = Numbers { x: &system.x, memory: &[] };
+    let numbers = Numbers { x: &system.x, memory: &[], t: 0.0 };
     let out = PyList::empty(py);
     for c in topology.connectors.iter().filter(|c| !c.laws.is_empty()) {
         let moved = motion_of(topology, &system.geometry, &placement, &system.x, c);
@@ -146,6 +146,28 @@ pub fn law_places<'py>(py: Python<'py>, system: &System, state: &State) -> PyRes
             let body = |b: Option<usize>| b.map_or(-1, |b| b as i64);
             let point = here.point.as_slice().to_vec().into_pyarray(py);
             out.append((law.x, body(c.a), body(c.b), point, row.into_pyarray(py), e, v))?;
+        }
+    }
+    Ok(out)
+}
+
+/// The same of functions of several coordinates: their number, the bodies, the point, rows (m, 6), displacements and rates (m,).
+pub fn function_places<'py>(py: Python<'py>, system: &System, state: &State) -> PyResult<Bound<'py, PyList>> {
+    let topology = &*system.topology;
+    let rate = state.moving().then_some(state.rate.as_slice());
+    let placement = place(topology, &system.geometry, &state.q, rate);
+    let numbers = Numbers { x: &system.x, memory: &[], t: 0.0 };
+    let out = PyList::empty(py);
+    for c in topology.connectors.iter().filter(|c| !c.functions.is_empty()) {
+        let moved = motion_of(topology, &system.geometry, &placement, &system.x, c);
+        let here = coordinate_tangent(topology, &system.geometry, &placement, numbers, c, Wanted::FORCES);
+        for f in &c.functions {
+            let own: Vec<(f64, f64)> = f.coordinates.iter().map(|i| moved[*i]).collect();
+            let (e, v): (Vec<f64>, Vec<f64>) = own.into_iter().unzip();
+            let rows = Array2::from_shape_fn((e.len(), 6), |(i, k)| here.gradients[f.coordinates[i]].get(k));
+            let body = |b: Option<usize>| b.map_or(-1, |b| b as i64);
+            let point = here.point.as_slice().to_vec().into_pyarray(py);
+            out.append((f.index, body(c.a), body(c.b), point, rows.into_pyarray(py), e, v))?;
         }
     }
     Ok(out)

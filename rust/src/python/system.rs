@@ -476,6 +476,16 @@ impl PySystem {
         motion::law_places(py, &self.0, &state_of(&self.0, &q, &rate)?)
     }
 
+    /// Where the functions of several coordinates act, see `motion::function_places`.
+    fn function_places<'py>(
+        &self,
+        py: Python<'py>,
+        q: PyReadonlyArray1<'py, f64>,
+        rate: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyList>> {
+        motion::function_places(py, &self.0, &state_of(&self.0, &q, &rate)?)
+    }
+
     /// Strains of the elastic connectors by the coordinates whose twists (6 n_bodies, dof) of the bodies' origins at `position` are
     /// given, with the sizes of their terms; of each connector its bodies, gradients (k, 6) of its strains by the relative twist at its
     /// point, world axes, and stiffness (k, k) with the slopes of its laws.
@@ -491,7 +501,7 @@ impl PySystem {
         let effects = effects(&without)?;
         let wanted =
             Wanted { laws: effects.law_slopes, friction: effects.friction, contact: effects.contact, ..Wanted::SLOPES };
-        let numbers = Numbers { x: &self.0.x, memory: &[] };
+        let numbers = Numbers { x: &self.0.x, memory: &[], t: 0.0 };
         let (topology, geometry) = (&self.0.topology, &self.0.geometry);
         let placement = place(topology, geometry, &state.q, None);
         let (names, stiffness) = (PyList::empty(py), PyList::empty(py));

@@ -6,16 +6,18 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::error::{Error, Result};
+use crate::force::FunctionLaw;
 use crate::joint::JointKind;
 use crate::model::flexible::{FlexibleSpec, TipSpec};
 use crate::model::layout::{joint_type, load_type};
 use crate::model::motion::{Function, MotionKind, MotionSpec};
 use crate::model::tables::{
-    BodyRef, BodySpec, CouplerSpec, DriveSpec, ElementKind, ElementSpec, JointSpec, LawSpec, LoadMotionSpec, LoadSpec,
-    Tables,
+    BodyRef, BodySpec, CouplerSpec, DriveSpec, ElementKind, ElementSpec, FunctionSpec, JointSpec, LawSpec,
+    LoadMotionSpec, LoadSpec, Tables,
 };
 
 use super::border::called;
+use super::expressions::program;
 
 struct Reader<'a, 'py>(&'a Bound<'py, PyDict>);
 
@@ -74,6 +76,7 @@ pub fn tables(dict: &Bound<'_, PyDict>) -> PyResult<Tables> {
         flexible: flexible.bodies,
         tips: flexible.tips,
         laws: laws(&reader)?,
+        functions: functions(&reader)?,
         motions: motions(&reader)?,
         drives: drives(&reader)?,
         couplers: couplers(&reader)?,
@@ -211,6 +214,35 @@ fn laws(reader: &Reader<'_, '_>) -> PyResult<Vec<LawSpec>> {
         Ok(LawSpec { on_joint: kind[i] == 1, owner, component, code: code[i], n: offset(n[i])?, x: offset(x[i])? })
     };
     owner.into_iter().enumerate().map(one).collect()
+}
+
+/// Laws that are functions; tables without any need not have their keys. A program is (nodes, roots), `mbrs.model.expressions.Program`;
+/// a callable returns the forces and their slopes as one list of floats, checked, or raises an error that names its owner.
+fn functions(reader: &Reader<'_, '_>) -> PyResult<Vec<FunctionSpec>> {
+    let Some([kind, owner, n, x]) = optional(reader, "function", ["owner_kind", "owner", "n", "x"])? else {
+        return Ok(Vec::new());
+    };
+    let coordinates: Vec<Vec<usize>> = reader.item("function_coordinates")?.extract()?;
+    let bodies: Vec<Bound<'_, PyAny>> = reader.item("function_body")?.extract()?;
+    same_length("function", &[owner.len(), coordinates.len(), bodies.len()])?;
+    let one = |(i, coordinates): (usize, Vec<usize>)| {
+        let law = function_law(coordinates.len(), offset(n[i])?, &bodies[i])?;
+        Ok(FunctionSpec { on_joint: kind[i] == 1, owner: offset(owner[i])?, coordinates, law, x: offset(x[i])? })
+    };
+    coordinates.into_iter().enumerate().map(one).collect()
+}
+
+/// A law of `m` coordinates from a program (nodes, roots) or a callable.
+pub fn function_law(m: usize, n: usize, body: &Bound<'_, PyAny>) -> PyResult<FunctionLaw> {
+    if body.is_callable() {
+        let call = body.clone().unbind();
+        let answer = move |t: f64, u: &[f64], v: &[f64]| {
+            called(|py| call.call1(py, (t, u.to_vec(), v.to_vec()))?.extract::<Vec<f64>>(py))
+        };
+        return Ok(FunctionLaw::external(m, answer)?);
+    }
+    let (nodes, roots): (Bound<'_, PyAny>, Vec<usize>) = body.extract()?;
+    Ok(FunctionLaw::traced(m, n, program(&nodes, roots)?)?)
 }
 
 /// Tables without motions need not have their keys.

@@ -109,8 +109,7 @@ impl<T: Real> Scene<'_, T> {
     }
 
     fn damped(&self) -> bool {
-        let damps =
-            |c: &Connector| c.c.is_some() || self.effects.law_slopes && c.laws.iter().any(|l| l.law.uses_velocity());
+        let damps = |c: &Connector| c.c.is_some() || self.effects.law_slopes && c.feels_rates();
         let modal = || self.geometry.flexible.iter().any(|f| f.damped);
         self.effects.damping && (self.topology.connectors.iter().any(damps) || modal())
     }
@@ -121,7 +120,7 @@ impl<T: Real> Scene<'_, T> {
     }
 
     pub(super) fn numbers(&self) -> Numbers<'_, T> {
-        Numbers { x: self.x, memory: self.memory }
+        Numbers { x: self.x, memory: self.memory, t: self.t }
     }
 
     /// Per node: applied wrenches about the centre of mass, without inertia and multipliers.
@@ -330,7 +329,7 @@ impl<T: Real> Scene<'_, T> {
             let own = damping.as_deref_mut().filter(|_| acting.damped);
             add_tangent(self.topology, self.placement, &acting, geometric, stiffness, own);
             if self.effects.law_slopes {
-                laws += c.laws.len() as u64;
+                laws += (c.laws.len() + c.functions.len()) as u64;
             }
             all += 1;
             damped += u64::from(acting.damped);

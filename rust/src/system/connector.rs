@@ -48,6 +48,8 @@ const COLLAPSED: f64 = 1e-12;
 pub struct Numbers<'a, T: Real> {
     pub x: &'a [T],
     pub memory: &'a [T],
+    /// s; linear analyses hold it at zero
+    pub t: f64,
 }
 
 pub(crate) fn pair_of<T: Real>(geometry: &Geometry<T>, owner: Owner) -> &MarkerPair<T> {
@@ -125,7 +127,7 @@ pub fn motion_of<T: Real>(
     let here = local(topology, placement, connector.a, connector.b, pair_of(geometry, connector.owner));
     let rows: Vec<_> = connector.coordinates.iter().map(|c| here.relative.row(*c)).collect();
     let rate = |g: &Six<T>| here.twist.as_ref().map_or_else(T::zero, |v| g.dot(v));
-    let e = strains(connector, geometry, Numbers { x, memory: &[] }, &here, &rows);
+    let e = strains(connector, geometry, Numbers { x, memory: &[], t: 0.0 }, &here, &rows);
     e.into_iter().zip(&rows).map(|(e, r)| (e, rate(&r.g))).collect()
 }
 
@@ -144,7 +146,7 @@ pub fn interaction<T: Real>(
     let rows: Vec<_> = connector.coordinates.iter().map(|c| here.relative.row(*c)).collect();
     let e = strains(connector, geometry, numbers, &here, &rows);
     let rates: Option<Vec<T>> = here.twist.as_ref().map(|v| rows.iter().map(|r| r.g.dot(v)).collect());
-    let response = response(connector, numbers.x, numbers.memory, &e, rates.as_deref(), wanted);
+    let response = response(connector, numbers, &e, rates.as_deref(), wanted);
     let wrench = (0..n).fold(Six::zero(), |w, i| w + -rows[i].g.scaled(response.force[i]));
     let tangent = wanted.tangent.then(|| {
         let (mut k, mut c) = (Map6::zero(), Map6::zero());
@@ -204,7 +206,7 @@ pub fn coordinate_tangent(
     let rows: Vec<_> = connector.coordinates.iter().map(|c| here.relative.row(*c)).collect();
     let gradients = rows.iter().map(|r| r.g.rotated(&here.a.r)).collect();
     let e = strains(connector, geometry, numbers, &here, &rows);
-    let slopes = response(connector, numbers.x, numbers.memory, &e, None, wanted);
+    let slopes = response(connector, numbers, &e, None, wanted);
     CoordinateTangent { point: here.b.p, gradients, k: slopes.k, c: slopes.c, damped: slopes.damped }
 }
 

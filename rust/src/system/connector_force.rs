@@ -2,8 +2,8 @@
 use num_dual::Dual;
 
 use crate::spatial::Real;
-use crate::system::connector::Wanted;
-use crate::system::topology::{BoundLaw, Connector};
+use crate::system::connector::{Numbers, Wanted};
+use crate::system::topology::{BoundFunction, BoundLaw, Connector};
 
 /// Forces of a connector's coordinates, and their slopes by displacement and rate.
 pub(crate) struct Response<T: Real> {
@@ -16,12 +16,12 @@ pub(crate) struct Response<T: Real> {
 /// The linear part and the laws at displacements `e` and rates `v` (None at rest).
 pub(crate) fn response<T: Real>(
     connector: &Connector,
-    x: &[T],
-    memory: &[T],
+    numbers: Numbers<'_, T>,
     e: &[T],
     v: Option<&[T]>,
     wanted: Wanted,
 ) -> Response<T> {
+    let Numbers { x, memory, .. } = numbers;
     let n = e.len();
     let zero = [[T::zero(); 6]; 6];
     let mut out = Response { force: [T::zero(); 6], k: zero, c: zero, damped: wanted.damping && connector.c.is_some() };
@@ -54,7 +54,37 @@ pub(crate) fn response<T: Real>(
     for law in connector.laws.iter().filter(|l| wanted.law(l.law)) {
         add_law(law, x, memory, e[law.component], v.map_or_else(T::zero, |v| v[law.component]), wanted, &mut out);
     }
+    for function in &connector.functions {
+        add_function(function, numbers, e, v, wanted, &mut out);
+    }
     out
+}
+
+/// F(t, u, v) of several coordinates, with its slopes.
+fn add_function<T: Real>(
+    bound: &BoundFunction,
+    numbers: Numbers<'_, T>,
+    e: &[T],
+    v: Option<&[T]>,
+    wanted: Wanted,
+    out: &mut Response<T>,
+) {
+    let (law, p, places) = (&bound.law, bound.numbers(numbers.x), &bound.coordinates);
+    let (u, v) = (bound.own(Some(e)), bound.own(v));
+    if !wanted.tangent || !wanted.laws {
+        let force = law.force(numbers.t, &u, &v, p);
+        places.iter().zip(force).for_each(|(i, f)| out.force[*i] += f);
+        return;
+    }
+    let made = law.slopes(numbers.t, &u, &v, p, wanted.damping);
+    for (a, i) in places.iter().enumerate() {
+        out.force[*i] += made.force[a];
+        for (b, j) in places.iter().enumerate() {
+            out.k[*i][*j] += made.k[a][b];
+            out.c[*i][*j] += made.c[a][b];
+        }
+    }
+    out.damped |= law.uses_rate() && wanted.damping;
 }
 
 fn add_law<T: Real>(bound: &BoundLaw, x: &[T], memory: &[T], e: T, v: T, wanted: Wanted, out: &mut Response<T>) {

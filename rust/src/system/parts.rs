@@ -4,7 +4,7 @@
 //! held changes by their wrenches alone.
 use crate::spatial::{Real, Six};
 use crate::system::assemble::Scene;
-use crate::system::connector::{Numbers, constraint_interaction, interaction, load_interaction};
+use crate::system::connector::{constraint_interaction, interaction, load_interaction};
 use crate::system::inertia::InertiaInput;
 use crate::system::path::add_wrench;
 
@@ -49,7 +49,7 @@ impl<T: Real> Scene<'_, T> {
     pub fn part_wrenches(&self, of: &Parts, accelerations: impl Fn(usize) -> Six<T>, lam: Option<&[T]>) -> Vec<Six<T>> {
         let (topology, geometry, placement) = (self.topology, self.geometry, self.placement);
         let wanted = self.effects.wanted();
-        let numbers = Numbers { x: self.x, memory: self.memory };
+        let numbers = self.numbers();
         let mut sums = vec![Six::zero(); topology.nodes.len()];
         for c in &of.connectors {
             let connector = &topology.connectors[*c];

@@ -201,6 +201,7 @@ fn loaded(system: &System, state: &State, effects: Effects) -> Result<bool> {
     Ok(gravity
         || !t.loads.is_empty()
         || !t.laws.is_empty()
+        || !t.functions.is_empty()
         || t.joints.iter().any(joint)
         || t.elements.iter().any(element)
         || from_drawn.iter().zip(&scales).any(|(d, scale)| d.abs() > closed * scale))
@@ -290,7 +291,7 @@ impl Builder<'_> {
     }
 
     fn numbers(&self) -> Numbers<'_, f64> {
-        Numbers { x: self.scene.x, memory: self.scene.memory }
+        self.scene.numbers()
     }
 
     fn connectors(&mut self) -> Result<()> {

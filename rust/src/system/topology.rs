@@ -2,7 +2,7 @@
 use std::collections::HashMap;
 
 use crate::error::{Error, Result};
-use crate::force::AnyLaw;
+use crate::force::{AnyLaw, FunctionLaw};
 use crate::joint::{ANGLE_Z, Coordinate, Freedom, JointKind, MODAL};
 use crate::model::geometry::{Geometry, MarkerPair};
 use crate::model::layout::flag::{HAS_C, HAS_K, HAS_PRELOAD, LENGTH_GIVEN};
@@ -122,6 +122,18 @@ pub struct Connector {
     pub full: bool,
     pub natural: Natural,
     pub laws: Vec<BoundLaw>,
+    pub functions: Vec<BoundFunction>,
+}
+
+impl Connector {
+    /// Whether it has anything but springs, dampers and preloads.
+    pub fn has_laws(&self) -> bool {
+        !self.laws.is_empty() || !self.functions.is_empty()
+    }
+
+    pub fn feels_rates(&self) -> bool {
+        self.laws.iter().any(|l| l.law.uses_velocity()) || self.functions.iter().any(|f| f.law.uses_rate())
+    }
 }
 
 /// A law on one coordinate of a connector: where its parameters are in x and its memory in the state.
@@ -131,6 +143,27 @@ pub struct BoundLaw {
     pub law: AnyLaw,
     pub x: usize,
     pub memory: usize,
+}
+
+/// A function on coordinates of a connector, and where its parameters are in x.
+#[derive(Debug, Clone)]
+pub struct BoundFunction {
+    /// among the functions of the tables
+    pub index: usize,
+    pub coordinates: Vec<usize>,
+    pub law: FunctionLaw,
+    pub x: usize,
+}
+
+impl BoundFunction {
+    /// Its own part of numbers of all coordinates of the connector; zeros where there are none.
+    pub fn own<T: Real>(&self, all: Option<&[T]>) -> Vec<T> {
+        self.coordinates.iter().map(|i| all.map_or_else(T::zero, |all| all[*i])).collect()
+    }
+
+    pub fn numbers<'x, T>(&self, x: &'x [T]) -> &'x [T] {
+        &x[self.x..self.x + self.law.n_params()]
+    }
 }
 
 /// Modal coordinates of a flexible body.
@@ -496,6 +529,18 @@ impl<'a> LawBinder<'a> {
     }
 }
 
+/// The functions on one element or joint of `n` coordinates.
+fn functions(tables: &Tables, on_joint: bool, owner: usize, n: usize) -> Result<Vec<BoundFunction>> {
+    let here = tables.functions.iter().enumerate().filter(|(_, f)| f.on_joint == on_joint && f.owner == owner);
+    let bound = here.map(|(index, f)| {
+        if f.coordinates.iter().any(|c| *c >= n) {
+            return Err(Error::model(format!("a law acts on coordinates of a connector that has {n}")));
+        }
+        Ok(BoundFunction { index, coordinates: f.coordinates.clone(), law: f.law.clone(), x: f.x })
+    });
+    bound.collect()
+}
+
 fn present(flags: i64, bit: i64, x: usize) -> Option<usize> {
     (flags & bit != 0).then_some(x)
 }
@@ -506,12 +551,14 @@ fn connectors(tables: &Tables) -> Result<(Vec<Connector>, usize)> {
     for (i, e) in tables.elements.iter().enumerate() {
         let mut connector = element_connector(i, e);
         connector.laws = binder.of(false, i, connector.coordinates.len())?;
+        connector.functions = functions(tables, false, i, connector.coordinates.len())?;
         all.push(connector);
     }
     for (i, j) in tables.joints.iter().enumerate() {
         let coordinates = j.kind.free_coordinates().to_vec();
         let laws = binder.of(true, i, coordinates.len())?;
-        let acts = j.flags & (HAS_K | HAS_C | HAS_PRELOAD) != 0 || !laws.is_empty();
+        let functions = functions(tables, true, i, coordinates.len())?;
+        let acts = j.flags & (HAS_K | HAS_C | HAS_PRELOAD) != 0 || !laws.is_empty() || !functions.is_empty();
         if coordinates.is_empty() || !acts {
             continue;
         }
@@ -526,6 +573,7 @@ fn connectors(tables: &Tables) -> Result<(Vec<Connector>, usize)> {
             full: false,
             natural: Natural::Zero,
             laws,
+            functions,
         });
     }
     Ok((all, binder.memory))
@@ -558,5 +606,6 @@ fn element_connector(i: usize, e: &ElementSpec) -> Connector {
         full: e.kind == ElementKind::Bushing,
         natural,
         laws: Vec::new(),
+        functions: Vec::new(),
     }
 }

@@ -28,7 +28,11 @@ impl Wanted {
 
     /// Does anything of a connector act? One whose effects are all left out is not looked at.
     pub(crate) fn acts(&self, c: &Connector) -> bool {
-        c.k.is_some() || c.preload.is_some() || self.damping && c.c.is_some() || c.laws.iter().any(|l| self.law(l.law))
+        c.k.is_some()
+            || c.preload.is_some()
+            || self.damping && c.c.is_some()
+            || c.laws.iter().any(|l| self.law(l.law))
+            || !c.functions.is_empty()
     }
 
     /// Connectors that have a law that acts and whose states have rates.

@@ -1,5 +1,5 @@
 //! Energies and powers along a motion, and the coordinates of all joints.
-use crate::force::{AnyLaw, Stored, Surface};
+use crate::force::{AnyLaw, FunctionLaw, Stored, Surface};
 use crate::model::flexible::FlexibleGeometry;
 use crate::spatial::{Six, V3, log_so3};
 use crate::system::connector::{Wanted, load_interaction, modal_load, motion_of, relative_of};
@@ -13,6 +13,8 @@ use super::{Equations, Motion};
 pub struct ElementEnergy {
     pub stored: Option<f64>,
     pub power: f64,
+    /// what is stored as far as it is known, with the work of functions on straight ways: for a descent
+    pub merit: f64,
 }
 
 pub struct Energies {
@@ -44,6 +46,17 @@ fn stored(law: AnyLaw, p: &[f64], e: f64, z: &[f64]) -> Option<f64> {
         Stored::Energy(energy) => Some(energy),
         Stored::Unknown => None,
     }
+}
+
+/// The work of a function on the straight way from zero, held still at time t.
+fn ray_work(law: &FunctionLaw, t: f64, p: &[f64], u: &[f64]) -> f64 {
+    let rest = vec![0.0; u.len()];
+    let power = |s: f64| {
+        let there: Vec<f64> = u.iter().map(|u| s * u).collect();
+        law.force(t, &there, &rest, p).iter().zip(u).map(|(f, u)| f * u).sum::<f64>()
+    };
+    let piece = |k: usize| GAUSS.iter().map(|(s, w)| w * power((k as f64 + s) / PIECES as f64)).sum::<f64>();
+    (0..PIECES).map(piece).sum::<f64>() / PIECES as f64
 }
 
 /// The work of a law from zero displacement.
@@ -142,7 +155,7 @@ impl Equations<'_, f64> {
                     }
                 }
             }
-            ElementEnergy { stored: Some(stored), power }
+            ElementEnergy { stored: Some(stored), merit: stored, power }
         };
         let all = topology.modal.iter().zip(&self.geometry.flexible);
         all.map(of).collect()
@@ -168,6 +181,7 @@ impl Equations<'_, f64> {
             }
         }
         let mut known = !skew;
+        let (e, v): (Vec<f64>, Vec<f64>) = moved.iter().copied().unzip();
         for law in &c.laws {
             let (e, v) = moved[law.component];
             let p = &x[law.x..law.x + law.law.n_params()];
@@ -178,7 +192,14 @@ impl Equations<'_, f64> {
                 None => known = false,
             }
         }
-        ElementEnergy { stored: known.then_some(stored), power }
+        for function in &c.functions {
+            let (u, v) = (function.own(Some(&e)), function.own(Some(&v)));
+            let p = function.numbers(x);
+            power += function.law.force(m.t, &u, &v, p).iter().zip(&v).map(|(f, v)| f * v).sum::<f64>();
+            known &= function.law.m() == 1 && !function.law.uses_rate() && !function.law.uses_time();
+            stored += ray_work(&function.law, m.t, p, &u);
+        }
+        ElementEnergy { stored: known.then_some(stored), merit: stored, power }
     }
 
     /// Free coordinates of every joint of the model, in their order, then of the bodies that no joint carries.

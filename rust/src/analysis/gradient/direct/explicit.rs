@@ -165,6 +165,7 @@ fn connector_changes<const N: usize>(eq: &Equations<'_, Wide<f64, N>>, c: &Conne
         || c.c.is_some_and(|k| changes(eq, k..k + entries))
         || c.preload.is_some_and(|p| changes(eq, p..p + n))
         || c.laws.iter().any(laws)
+        || c.functions.iter().any(|f| changes(eq, f.x..f.x + f.law.n_params()))
 }
 
 /// A state that is held, with its placement.

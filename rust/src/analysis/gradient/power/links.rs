@@ -17,7 +17,7 @@ use crate::spatial::{Real, Six, absent};
 use crate::system::connector::{Local, Numbers, Wanted, local, pair_of, strains};
 use crate::system::connector_force::response;
 use crate::system::placement::Placement;
-use crate::system::topology::{BoundLaw, Connector, ConstraintRow, Natural, Owner, Purpose};
+use crate::system::topology::{BoundFunction, BoundLaw, Connector, ConstraintRow, Natural, Owner, Purpose};
 
 use super::flexible::OnTape;
 use super::tree::{Bodies, Twists, body_rotation, marker_back};
@@ -141,13 +141,13 @@ impl<T: OnTape> Power<'_, '_, T> {
         for c in &self.eq.topology().connectors {
             let link = self.link(at, twists, c.a, c.b, c.owner);
             let rows: Vec<_> = c.coordinates.iter().map(|x| link.here.relative.row(*x)).collect();
-            let numbers = Numbers { x: &self.eq.x, memory: &self.motion.memory };
+            let numbers = Numbers { x: &self.eq.x, memory: &self.motion.memory, t: self.motion.t };
             let e = strains(c, &self.eq.geometry, numbers, &link.here, &rows);
             let rates: Vec<T> = rows.iter().map(|r| r.g.dot(&link.xi)).collect();
             let f = T::from(self.factor);
             let virtual_: Vec<T> = rows.iter().map(|r| r.g.dot(&link.eta) * f).collect();
             let wanted = Wanted { tangent: true, laws: true, ..self.eq.effects.wanted() };
-            let mut made = response(c, &self.eq.x, &self.motion.memory, &e, Some(&rates), wanted);
+            let mut made = response(c, numbers, &e, Some(&rates), wanted);
             if !wanted.damping {
                 self.add_slopes_by_rate(c, &e, &rates, wanted, &mut made.c);
             }
@@ -178,6 +178,15 @@ impl<T: OnTape> Power<'_, '_, T> {
             let memory = &self.motion.memory[bound.memory..bound.memory + law.n_memory()];
             let z: Vec<_> = memory.iter().map(|v| Dual::from_re(*v)).collect();
             onto[i][i] += law.force(Dual::from_re(e[i]), rate, &p, &z, &mut z.clone()).eps;
+        }
+        for bound in c.functions.iter().filter(|f| f.law.uses_rate()) {
+            let (e, v) = (bound.own(Some(e)), bound.own(Some(v)));
+            let made = bound.law.slopes(self.motion.t, &e, &v, bound.numbers(&self.eq.x), true);
+            for (a, i) in bound.coordinates.iter().enumerate() {
+                for (b, j) in bound.coordinates.iter().enumerate() {
+                    onto[*i][*j] += made.c[a][b];
+                }
+            }
         }
     }
 
@@ -220,6 +229,9 @@ impl<T: OnTape> Power<'_, '_, T> {
             let i = law.component;
             self.law_back(law, e[i], v[i], virtual_[i], out);
         }
+        for function in &c.functions {
+            self.function_back(function, e, v, virtual_, out);
+        }
     }
 
     /// Each parameter and each memory in turn with a dual number.
@@ -243,6 +255,21 @@ impl<T: OnTape> Power<'_, '_, T> {
                 if let Some(slot) = out.memory.get_mut(bound.memory + k - n) {
                     *slot += force.eps * by;
                 }
+            }
+        }
+    }
+
+    /// Each parameter of a function in turn with a dual number.
+    fn function_back(&self, bound: &BoundFunction, e: &[T], v: &[T], by: &[T], out: &mut Slopes<T>) {
+        let lift = |a: &[T]| a.iter().map(|v| Dual::from_re(*v)).collect::<Vec<_>>();
+        let (e, v) = (lift(&bound.own(Some(e))), lift(&bound.own(Some(v))));
+        let (by, mut p) = (bound.own(Some(by)), lift(bound.numbers(&self.eq.x)));
+        for k in 0..p.len() {
+            p[k].eps = T::one();
+            let force = bound.law.force(self.motion.t, &e, &v, &p);
+            p[k].eps = T::zero();
+            for (f, by) in force.iter().zip(&by) {
+                out.x[bound.x + k] += f.eps * *by;
             }
         }
     }
