@@ -13,6 +13,9 @@ from .lines import Lines
 
 __all__ = ["Cores", "Frame", "Wake"]
 
+# c in the march of a wake. 1/4: nodes beside the blade swing for ever from one step to the next. Larger: they grow. Smaller: the
+# instability of hovering wakes is damped less. Pinned by test_a_wake_without_circulation_goes_with_the_wind.
+DAMPING = 0.2
 # Lamb and Oseen's core: its square grows as 4 a (nu + a1 |Gamma|) t, with the root a of exp(a) = 1 + 2 a.
 LAMB_OSEEN = 1.2564312086261697
 
@@ -20,7 +23,8 @@ LAMB_OSEEN = 1.2564312086261697
 @dataclass(frozen=True)
 class Cores:
     """Cores of the filaments: ``radius`` m of a rolled up filament when it is new, ``growth`` a1 of Squire's eddy viscosity
-    a1 |Gamma|, ``model`` and ``exponent`` as of `induced_velocity`, ``lattice`` the radius in the lattice over the strips' width.
+    a1 |Gamma|, ``model`` and ``exponent`` as of `induced_velocity`, ``lattice`` the radius in the lattice over the strips' width,
+    ``bound`` that of the bound vortices over their distance from the trailing edge: the angle of attack is taken in between.
     """
 
     radius: float
@@ -28,6 +32,7 @@ class Cores:
     model: str = "vatistas"
     exponent: float = 2.0
     lattice: float = 0.25
+    bound: float = 0.1
 
     def grown(self, squared: np.ndarray, circulation: np.ndarray, age: np.ndarray) -> np.ndarray:
         """m: radius of filaments of an age in s, which began with a squared radius."""
@@ -112,10 +117,9 @@ class Wake:
         """
         gamma, trail = self.strength, self.trailing
         p, q, r = gamma.shape[2], self.far_strength.shape[1], self.tail.shape[2] - 1
-        wide = self.cores.lattice * np.linalg.norm(np.diff(self.bound, axis=1), axis=-1)
-        edge = np.concatenate([wide[:, :1], np.minimum(wide[:, 1:], wide[:, :-1]), wide[:, -1:]], axis=1)
+        own, wide, edge = self._lattice_cores()
         if smooth:
-            wide, edge = np.maximum(wide, self.cores.radius), np.maximum(edge, self.cores.radius)
+            own, wide, edge = (np.maximum(one, self.cores.radius) for one in (own, wide, edge))
         age = self.step * (np.arange(p + q + r) + 0.5)
         shed = np.diff(gamma, axis=2)  # what the oldest panels have more is in the joints
         pair = np.array([1.0, -1.0])[None, :, None]
@@ -124,15 +128,20 @@ class Wake:
         cores = self.cores.grown
         joints = np.take_along_axis(self.far[:, :, 0], self._sides()[..., None], axis=1)
         parts = [
-            (self.bound[:, :-1], self.bound[:, 1:], gamma[..., 0], wide),
+            (self.bound[:, :-1], self.bound[:, 1:], gamma[..., 0], own),
             (self.bound, self.near[:, :, 0], trail[..., 0], edge),
-            (self.near[:, :-1, 1:-1], self.near[:, 1:, 1:-1], shed, cores(wide[..., None] ** 2, shed, self.step * np.arange(1, p))),
-            (self.near[:, :, :-1], self.near[:, :, 1:], trail, cores(edge[..., None] ** 2, trail, age[:p])),
+            (
+                self.near[:, :-1, 1:-1],
+                self.near[:, 1:, 1:-1],
+                shed,
+                cores(wide[..., None] ** 2, shed, self.step * np.arange(p - 1)),
+            ),
+            (self.near[:, :, :-1], self.near[:, :, 1:], trail, cores(edge[..., None] ** 2, trail, age[:p] - age[0])),
             (self.near[:, :, -1], joints, trail[..., -1], cores(edge**2, trail[..., -1], age[p])),
             (self.far[:, :, :-1], self.far[:, :, 1:], behind, cores(self.far_core, behind, age[p : p + q])),
             (self.tail[:, :, :-1], self.tail[:, :, 1:], old, cores(self.far_core[..., -1:], old, age[p + q :])),
         ]
-        flat = [[], [], [], []]
+        flat: list[list[np.ndarray]] = [[], [], [], []]
         for start, end, circulation, radius in parts:
             flat[0].append(start.reshape(-1, 3))
             flat[1].append(end.reshape(-1, 3))
@@ -160,6 +169,13 @@ class Wake:
         """The wake with the circulation (b, n) of the bound vortices, and of the panels behind them."""
         return replace(self, strength=np.concatenate([gamma[..., None], self.strength[..., 1:]], axis=-1))
 
+    def _lattice_cores(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Core radii m of bound vortices (b, n) and of the lattice's new filaments across (b, n) and along (b, n+1) the wind."""
+        wide = self.cores.lattice * np.linalg.norm(np.diff(self.bound, axis=1), axis=-1)
+        edge = np.concatenate([wide[:, :1], np.minimum(wide[:, 1:], wide[:, :-1]), wide[:, -1:]], axis=1)
+        leg = np.linalg.norm(self.near[:, :, 0] - self.bound, axis=-1)
+        return self.cores.bound * 0.5 * (leg[:, 1:] + leg[:, :-1]), wide, edge
+
     def influence(self, points: np.ndarray) -> np.ndarray:
         """(m, b n, 3) 1/m: velocity at points (m, 3) of a unit circulation of each bound vortex with the panel behind it."""
         b, n, _ = self.strength.shape
@@ -168,7 +184,9 @@ class Wake:
         leg, panel = self.near[:, :, 0], self.near[:, :, 1]
         corners = [self.bound[:, :-1], self.bound[:, 1:], leg[:, 1:], panel[:, 1:], panel[:, :-1], leg[:, :-1]]
         ring = np.stack(corners, axis=2).reshape(b * n, 6, 3)
-        radius = self.cores.lattice * np.linalg.norm(ring[:, 1] - ring[:, 0], axis=1)
+        own, wide, edge = self._lattice_cores()
+        cores = [own, edge[:, 1:], edge[:, 1:], wide, edge[:, :-1], edge[:, :-1]]
+        radius = np.stack(cores, axis=2).reshape(b * n, 6)
         for i, (corner, core) in enumerate(zip(ring, radius, strict=True)):
             out[i] = induced_velocity(
                 flat,
@@ -188,7 +206,7 @@ class Wake:
         return np.where(np.arange(self.near.shape[1]) > peak[:, None], 0, 1)
 
     def roll_up(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Where the oldest panels of the lattice roll up: points (b, 2, 3) m, squared core radii (b, 2) m^2, strength (b,) m^2/s.
+        """Centres where the oldest panels of the lattice roll up: points (b, 2, 3) m, squared core radii (b, 2) m^2, strength (b,) m^2/s.
 
         Each side goes to the centre of its vorticity. The core holds the second moment of what was rolled up: a Gaussian vortex of
         squared radius rc^2 has the moment rc^2 / a.
@@ -218,7 +236,9 @@ class Wake:
         wake = replace(self, bound=bound, near=near)
         far = far.copy()
         far[:, :, 0] = wake.roll_up()[0]
-        return replace(wake, far=far, tail=helix(far, self.advance @ frame.rotation.T, frame, turn, self.tail.shape[2] - 1))
+        return replace(
+            wake, far=far, tail=helix(far, self.advance @ frame.rotation.T, frame, turn, self.tail.shape[2] - 1)
+        )
 
 
 def _ends(nodes: int) -> np.ndarray:
@@ -231,7 +251,8 @@ def _ends(nodes: int) -> np.ndarray:
 def helix(far: np.ndarray, advance: np.ndarray, frame: Frame, turn: float, length: int) -> np.ndarray:
     """(b, 2, length+1, 3) m: regular helices behind filaments (b, 2, q+1, 3), whose last turn gives their radius.
 
-    ``advance`` (2, 3) m is what a turn of each family moves on in a turn of the rotor. ``turn`` is the angle in rad that the rotor turns between ages, positive about the frame's axis.
+    ``advance`` (2, 3) m is what a turn of each family moves on in a turn of the rotor. ``turn`` is the angle in rad that the rotor
+    turns between ages, positive about the frame's axis.
     """
     n = round(2.0 * np.pi / abs(turn))
     last = far[:, :, -n - 1 :]
@@ -260,22 +281,26 @@ class March:
 
     The cell between ages k and k+1 and times l and l+1 balances
 
-        r(l+1, k+1) - r(l, k) - (d(k) + d(k+1)) / 8 = h V,   d = y(l+1) - 3 y(l) + 3 y(l-1) - y(l-2) at one age
+        r(l+1, k+1) - r(l, k) - c (d(k) + d(k+1)) / 2 = h V,   d = y(l+1) - 3 y(l) + 3 y(l-1) - y(l-2) at one age
 
-    with the mean V of the velocities at its four corners. With y = r, d turns the central difference in time into the backward one of
-    second order, which damps the instability of hovering wakes (M. J. Bhagwat and J. G. Leishman, "Stability, consistency and
-    convergence of time-marching free-vortex rotor wake algorithms", J. Am. Helicopter Soc. 46 (2001) 59: PC2B). A wake that merely
-    turns with the rotor is dragged around by it with some (h Omega)^2 / 4 of the rotor's speed. Here y is the distance from where
-    the mean wake of the turn before would be, had it turned with the rotor: the damping is the same, and a periodic wake has no drag.
-    ``frames`` are those of the hub now, one and two steps before. Nodes of the far filaments that are older than ``free`` steps more and
-    more, and a turn later only, convect with the mean velocity of a turn: turns of filaments pair and tangle there, and a wake that is
-    cut off has nothing behind it that would carry this away.
+    with the mean V of the velocities at its four corners. With y = r and c = 1/4, d turns the central difference in time into the
+    backward one of second order, which damps the instability of hovering wakes (M. J. Bhagwat and J. G. Leishman, "Stability,
+    consistency and convergence of time-marching free-vortex rotor wake algorithms", J. Am. Helicopter Soc. 46 (2001) 59: PC2B). A
+    wake that merely turns with the rotor is dragged around by it with some (h Omega)^2 / 4 of the rotor's speed. Here y is the
+    distance from where the mean wake of the turn before would be, had it turned with the rotor: the damping is the same, and a
+    periodic wake has no drag.
+
+    ``frames`` are those of the hub now, one and two steps before; ``still`` is the wake without what carries it off the axis. Nodes
+    of the far filaments that are older than ``free`` steps more and more, and a turn later only, convect with the mean velocity of a
+    turn: turns of filaments pair and tangle there, and a wake that is cut off has nothing behind it that would carry this away.
     """
 
-    def __init__(self, wake: Wake, frames: Sequence[Frame], turn: float, wind: Wind, free: int) -> None:
+    def __init__(self, wake: Wake, still: Wake, frames: Sequence[Frame], turn: float, wind: Wind, free: int) -> None:
         self.wake, self.frames, self.turn, self.wind = wake, list(frames), turn, wind
-        self.mean: Nodes = (frames[0].local(wake.near), frames[0].local(wake.far))
-        self.history: list[Nodes] = [self._turned(frame) for frame in frames]  # newest first
+        self.mean: Nodes = (frames[0].local(still.near), frames[0].local(still.far))
+        off = wake.near - still.near, wake.far - still.far
+        turned = [self._turned(frame) for frame in frames]
+        self.history: list[Nodes] = [(near + off[0], far + off[1]) for near, far in turned]  # newest first
         self.sum: Nodes = (np.zeros_like(wake.near), np.zeros_like(wake.far))
         self.summed = 0
         self.velocity: Nodes | None = None
@@ -286,13 +311,14 @@ class March:
     def velocities(self, wake: Wake, frame: Frame) -> Nodes:
         """(b, n+1, p+1, 3) and (b, 2, q+1, 3) m/s at the nodes."""
         points = np.concatenate([wake.near.reshape(-1, 3), wake.far.reshape(-1, 3)])
-        v = wake.induced(points, smooth=True) + self.wind(points)
         split = wake.near.size // 3
-        near, far = v[:split].reshape(wake.near.shape), v[split:].reshape(wake.far.shape)
-        return near, self._calmed(wake.far, far, frame)
+        v, wind = wake.induced(points, smooth=True), self.wind(points)
+        far = self._calmed(wake.far, v[split:].reshape(wake.far.shape), frame)
+        near = (v[:split] + wind[:split]).reshape(wake.near.shape)
+        return near, far + wind[split:].reshape(wake.far.shape)
 
     def _calmed(self, points: np.ndarray, velocity: np.ndarray, frame: Frame) -> np.ndarray:
-        """Velocities (b, 2, q+1, 3) whose share ``calm`` (q+1,) is replaced by the mean of all blades over a turn of ages.
+        """Induced velocities (b, 2, q+1, 3) whose share ``calm`` (q+1,) is replaced by the mean of all blades over a turn of ages.
 
         The mean is one of the components along the axis, outwards and around; it does not feed the pairing of turns.
         """
@@ -337,11 +363,11 @@ class March:
         return frame.world(self.mean[0]), frame.world(self.mean[1])
 
     def _moved(self, strengths: Wake, lines: Lines, frame: Frame, later: Nodes) -> Wake:
-        past = _third(self._turned(frame), *(self._turned(f) for f in self.frames))
-        past = tuple(-p + d for p, d in zip(past, _third((0.0, 0.0), *self.history), strict=True))
-        near = self._family(0, lines.trailing, later[0], past[0])
+        rigid = _third(self._turned(frame), *(self._turned(f) for f in self.frames))
+        own = _third((0.0, 0.0), *self.history)
+        near = self._family(0, lines.trailing, later[0], own[0] - rigid[0])
         wake = replace(strengths, near=near)
-        far = self._family(1, wake.roll_up()[0], later[1], past[1])
+        far = self._family(1, wake.roll_up()[0], later[1], own[1] - rigid[1])
         return strengths.placed(lines.edges, near, far, frame, self.turn)
 
     def _family(self, i: int, first: np.ndarray, later: np.ndarray, past: np.ndarray) -> np.ndarray:
@@ -351,8 +377,10 @@ class March:
         assert self.velocity is not None
         now, old = self.velocity[i], self.history[0][i]
         mean = 0.25 * (now[..., :-1, :] + now[..., 1:, :] + later[..., :-1, :] + later[..., 1:, :])
-        known = (8.0 * (old[..., :-1, :] + self.wake.step * mean) + past[..., :-1, :] + past[..., 1:, :]) / 7.0
-        behind, _ = lfilter([1.0], [1.0, -1.0 / 7.0], known, axis=-2, zi=first[..., None, :] / 7.0)
+        c = 0.5 * DAMPING
+        known = old[..., :-1, :] + self.wake.step * mean + c * (past[..., :-1, :] + past[..., 1:, :])
+        share = c / (1.0 - c)
+        behind, _ = lfilter([1.0], [1.0, -share], known / (1.0 - c), axis=-2, zi=share * first[..., None, :])
         return np.concatenate([first[..., None, :], behind], axis=-2)
 
 

@@ -121,7 +121,7 @@ def rigid_lines(rotor: Rotor, n: int, speed: float) -> Lines:
 
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """What the strips of equal blades have: chord (n,) m and the shares of the polars."""
+    """Chord (n,) m and shares of the polars of the strips of equal blades."""
 
     blade: Blade
     places: np.ndarray
@@ -130,7 +130,7 @@ class Sections:
 
     @classmethod
     def along(cls, blade: Blade, places: np.ndarray) -> Sections:
-        """Of a blade at places (n,) m."""
+        """Sections of a blade at places (n,) m."""
         return cls(blade, places, blade.chords(places), blade.weights(places))
 
     def coefficients(self, angle: np.ndarray, slope: bool = False) -> np.ndarray:

@@ -17,10 +17,10 @@ MOST_INDUCTION = 0.45
 
 @dataclass(frozen=True)
 class Path:
-    """Where a particle is that left a blade: ``axial`` (2, k) m down the axis, and ``contraction`` (k,) of its radius, at ages (k,). ``drift`` (3,) m/s
-    carries it off the axis.
+    """Places of particles that left a blade, at ages (k,).
 
-    The first row of ``axial`` is of what rolls up at the tip, the second of what rolls up at the root.
+    ``axial`` (2, k) m down the axis, for those that roll up outboard and inboard; ``contraction`` (k,) of their radius; ``drift`` (3,)
+    m/s carries them off the axis.
     """
 
     axial: np.ndarray
@@ -89,7 +89,7 @@ def prescribed(
     ``counts`` are the numbers of ages of lattice, rolled up filaments and helix behind them.
     """
     p, q, r = counts
-    b, n = circulation.shape
+    b = len(circulation)
     local = frame.local(lines.trailing)
     near = frame.world(_shed(local, path.axial[0], path, turn, step, np.arange(p + 1)))
     turns = round(2.0 * np.pi / abs(turn))
@@ -125,9 +125,7 @@ def prescribed(
     return wake.placed(lines.edges, near, wake.far, frame, turn)
 
 
-def _shed(
-    local: np.ndarray, axial: np.ndarray, path: Path, turn: float, step: float, ages: np.ndarray
-) -> np.ndarray:
+def _shed(local: np.ndarray, axial: np.ndarray, path: Path, turn: float, step: float, ages: np.ndarray) -> np.ndarray:
     """(..., k, 3) m in axes of the hub: particles that left points (..., 3) m at ages (k,), the rotor turning by ``turn`` an age."""
     c, s = np.cos(ages * turn), np.sin(ages * turn)
     shrink = path.contraction[ages]
