@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 import mbrs as mb
-import mbrs.aero.rotors
+import mbrs.aero.steady_rotors
 import numpy as np
 import pytest
 from mbrs.aero.momentum import Annuli, inflow
@@ -69,7 +69,7 @@ def test_any_input_has_a_balance():
         assert flow.steps < 180
         for name in ("angle", "speed", "axial", "tangential", "normal", "driving", "residual"):
             assert np.all(np.isfinite(getattr(flow, name))), name
-        assert flow.residual.max() <= mbrs.aero.rotors.BALANCED
+        assert flow.residual.max() <= mbrs.aero.steady_rotors.BALANCED
         alive = flow.loss * np.abs(np.sin(flow.angle)) > 1e-9  # elsewhere the air at the blade stands still
         alive &= flow.speed > 1e-12 * np.hypot(vx, vy)
         for part in imbalance(annuli, flow, vx, vy):
@@ -286,7 +286,7 @@ def test_the_result_prints_and_draws():
 
 
 def test_examples_of_docstrings():
-    found = doctest.testmod(mbrs.aero.rotors)
+    found = doctest.testmod(mbrs.aero.steady_rotors)
     assert found.attempted > 0 and found.failed == 0
 
 

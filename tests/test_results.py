@@ -189,6 +189,12 @@ MAKE = {
     "EffectStudy": lambda: mb.effect_study(mb.modes, drawn()),
     "Performance": lambda: mb.aero.performance(_turbine(), [4.1, 7.3, 9.9]),
     "WingLoads": lambda: mb.aero.lifting_line(_wing(), [0.03, 0.11], strips=8),
+    "RotorResponse": lambda: mb.aero.rotor_response(
+        _turbine(), np.linspace(0.0, 3.0, 7), 8.0, 4.0, pitch=np.linspace(0.0, 0.1, 7)
+    ),
+    "RotorWake": lambda: mb.aero.rotor_wake(
+        _turbine(), 5.0, turns=4, steps=12, strips=4, free_turns=0.5, mean_turns=1.5, tail_turns=0.5
+    ),
     "WingStart": lambda: mb.aero.impulsive_start(_wing(), 0.07, 2.9, step=0.7, strips=8),
     "Measurement": lambda: _measured(),
     "RotorModes": lambda: mb.rotor_modes(_blades(), ["a", "b", "c"], 0.7),

@@ -12,7 +12,9 @@ from ._lib import formats as formats
 from ._lib import text as report
 from ._lib import vetter as matrix_calculus
 from ._lib.version import __version__ as __version__
-from .aero.rotors import Performance as Performance
+from .aero.dynamic_inflow import RotorResponse as RotorResponse
+from .aero.rotor_wakes import RotorWake as RotorWake
+from .aero.steady_rotors import Performance as Performance
 from .aero.wings import WingLoads as WingLoads
 from .aero.wings import WingStart as WingStart
 from .design import outputs as outputs

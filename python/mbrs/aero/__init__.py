@@ -1,12 +1,15 @@
-"""Aerodynamics of blades: polars, blades and wind; rotors by blade elements and momentum; vortex filaments and
-lifting lines."""
+"""Aerodynamics of blades: polars, blades and wind; rotors by blade elements and momentum, and with wakes; vortex filaments
+and lifting lines."""
 
 from .attached import AttachedFlow, Indicial, attached_flow, indicial, theodorsen, wagner
 from .blades import Blade, blade
+from .dynamic_inflow import RotorResponse, rotor_response
 from .filaments import induced_velocity
 from .polar_files import read_polar
 from .polars import Polar, polar
-from .rotors import Performance, Rotor, performance, rotor
+from .rotor_wakes import RotorWake, rotor_wake
+from .rotors import Rotor, rotor
+from .steady_rotors import Performance, performance
 from .winds import Wind, wind
 from .wings import WingLoads, WingStart, impulsive_start, lifting_line
 
@@ -17,6 +20,8 @@ __all__ = [
     "Performance",
     "Polar",
     "Rotor",
+    "RotorResponse",
+    "RotorWake",
     "Wind",
     "WingLoads",
     "WingStart",
@@ -30,6 +35,8 @@ __all__ = [
     "polar",
     "read_polar",
     "rotor",
+    "rotor_response",
+    "rotor_wake",
     "theodorsen",
     "wagner",
     "wind",

@@ -8,7 +8,7 @@ import numpy as np
 
 from .figure import canvas, colours, legend, style
 
-__all__ = ["circulation", "performance", "start"]
+__all__ = ["circulation", "performance", "response", "start", "wake"]
 
 
 def performance(result: Any, *, ax: Any = None) -> Any:
@@ -43,4 +43,26 @@ def start(result: Any, *, ax: Any = None) -> Any:
         made, axes = canvas(ax)
         axes.plot(result.distance, result.lift_coefficient, color=colours(axes, 1)[0])
         axes.set(xlabel="distance flown [m]", ylabel="lift coefficient", title="impulsive start")
+    return made
+
+
+def wake(result: Any, *, ax: Any = None) -> Any:
+    """Filaments that roll up outboard (full) and inboard (thin) of each blade, from the side, over the radius."""
+    with style():
+        made, axes = canvas(ax)
+        wake, r = result.wake, result.radius
+        for blade, colour in enumerate(colours(axes, len(wake.far))):
+            axes.plot(*wake.bound[blade][:, [0, 2]].T / r, color=colour, lw=3.0)
+            for side, width in ((0, 1.2), (1, 0.5)):
+                axes.plot(*wake.far[blade, side][:, [0, 2]].T / r, color=colour, lw=width)
+        axes.set(xlabel="along the axis / R", ylabel="upwards / R", title="wake", aspect="equal")
+    return made
+
+
+def response(result: Any, *, ax: Any = None) -> Any:
+    """Thrust over time."""
+    with style():
+        made, axes = canvas(ax)
+        axes.plot(result.time, result.thrust, color=colours(axes, 1)[0])
+        axes.set(xlabel="time [s]", ylabel="thrust [N]", title="rotor in time")
     return made
