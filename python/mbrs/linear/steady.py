@@ -33,8 +33,8 @@ _MAX_ITERATIONS = 60
 # ends early. Smaller: stiff rotors far from the origin, or drawn with noise in the last digits, have no steady motion.
 # Pinned by tests/truth/test_steady_rotation.py with jitter.
 _PLACES = 4.0
-# Force that is left over, relative to the forces at work, beyond which a motion is not called converged; and forces at work, over the
-# stiffness times a radian or a characteristic length, that are no load. As of equilibria (rust/src/tolerances.rs).
+# Residual force, relative to the forces at work, beyond which a motion is not called converged; and the forces, over the stiffness
+# times a radian or a characteristic length, below which a model counts as unloaded. As of equilibria (rust/src/tolerances.rs).
 _BALANCED, _UNLOADED = 1e-9, 1e-11
 _Found = tuple[State, dict[str, Any], int, bool]
 
@@ -63,7 +63,7 @@ class SteadyMotion(Result):
         Largest change of a row of M, C + G, K + N over a turn, relative to the row, beyond rounding; at most 1e-8, or ten
         times the model's tolerance.
     status
-        "converged", or "unresolved" where more than 1e-9 of the forces at work is left over: stiff parts make such forces of the
+        "converged", or "unresolved" where the residual is above 1e-9 of the forces at work: stiff parts make such forces of the
         rounding of places.
     """
 
@@ -338,7 +338,7 @@ def _solve(
     driven: Mapping[int, float],
     without: tuple[str, ...],
 ) -> _Found:
-    """The state, what the core found there, iterations, and whether what is left over is small beside the forces at work."""
+    """The state, what the core found there, iterations, and whether the residual is small beside the forces at work."""
     q = begin.q
     best = np.inf
     known: _Found = (begin, {}, 0, False)
