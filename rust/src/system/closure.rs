@@ -150,11 +150,10 @@ pub(super) fn close_with(
         let mut dy = vec![0.0; columns.len()];
         let small = parts(&jacobian, &rows.blocks, Asked::Position, natural(rows, &columns), is_dense);
         for (block, part) in rows.blocks.iter().zip(&small) {
-            let (own, places): (Vec<usize>, Vec<usize>) =
-                (block.rows_at(Asked::Position).0.iter().enumerate())
-                    .filter(|(_, i)| kept.binary_search(i).is_ok())
-                    .map(|(r, i)| (*i, r))
-                    .unzip();
+            let (own, places): (Vec<usize>, Vec<usize>) = (block.rows_at(Asked::Position).0.iter().enumerate())
+                .filter(|(_, i)| kept.binary_search(i).is_ok())
+                .map(|(r, i)| (*i, r))
+                .unzip();
             if largest(&phi, &own, rows, &rounding).0 == 0.0 {
                 continue;
             }
@@ -195,13 +194,7 @@ fn smallest_dense_step(
 }
 
 /// The same by a sparse factor.
-fn smallest_step(
-    jacobian: &Matrix,
-    phi: &DVector<f64>,
-    own: &[usize],
-    columns: &[f64],
-    dy: &mut [f64],
-) -> Result<()> {
+fn smallest_step(jacobian: &Matrix, phi: &DVector<f64>, own: &[usize], columns: &[f64], dy: &mut [f64]) -> Result<()> {
     let n = columns.len();
     let mut weight = Matrix::zeros(n, n, true);
     (0..n).for_each(|i| weight.add(i, i, columns[i].powi(-2)));

@@ -134,8 +134,7 @@ impl LoopBlocks {
             let (rows, columns) = (block.rows.clone(), block.columns.clone());
             blocks.push(LoopBlock { rows, columns, dependent, inverse, redundant });
         }
-        let mut dependent: Vec<usize> =
-            blocks.iter().flat_map(|b| b.dependent.iter().map(|c| b.columns[*c])).collect();
+        let mut dependent: Vec<usize> = blocks.iter().flat_map(|b| b.dependent.iter().map(|c| b.columns[*c])).collect();
         dependent.sort_unstable();
         let independent = (0..system.n_tree()).filter(|j| dependent.binary_search(j).is_err()).collect();
         let kept = rows.select(jacobian, Asked::All);
