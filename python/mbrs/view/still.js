@@ -11,7 +11,9 @@ const mbrsStill = ((viewer) => {
     root.classList.add("mbrs-viewer");
     const stage = viewer.makeStage(root, scene, "model"), { bar, title } = stage;
     title.textContent = scene.title;
-    const shown = viewer.toggles(stage, scene, n <= 40);
+    // more names than these cover each other
+    const named = n + new Set([...scene.marks, ...scene.links].map((one) => one.t)).size;
+    const shown = viewer.toggles(stage, scene, named <= 30);
     stage.addReset();
     viewer.animate(stage, () => false, () => viewer.paint(stage, scene, state, null, { ...shown(), tint: still }));
   };
