@@ -43,6 +43,6 @@ class LawLike(Protocol):
         """Its numbers."""
 
 
-# A function of (t, u, v) stands for the law made of it; keys are names of coordinates, or tuples of them.
+# A function of (t, u, v) becomes a law; keys are names of coordinates, or tuples of them.
 Laws = LawLike | Callable[..., Any] | Sequence[Any] | Mapping[Any, Any]
 TimeFunctionLike = Callable[[float], Any]
