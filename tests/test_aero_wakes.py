@@ -155,6 +155,7 @@ def test_a_lightly_loaded_rotor_is_that_of_momentum_theory():
         bem = mb.aero.performance(rotor, 7.0)
         few, more = (mb.aero.performance(rotor, 7.0, inflow="prescribed-wake", strips=n) for n in (8, 16))
         assert more.status == "computed" and more.stats.route == "prescribed wake" and bem.status == "converged"
+        assert more.error is None and "no estimate" in str(more) and more.torque_coefficient[0] > 0
         assert more.thrust_coefficient == pytest.approx(bem.thrust_coefficient, rel=0.02)
         assert more.power_coefficient == pytest.approx(bem.power_coefficient, rel=0.035)
         assert few.thrust_coefficient == pytest.approx(more.thrust_coefficient, rel=0.01)

@@ -61,6 +61,10 @@ SAYS = {
     "quarter_car.py": (["damper 2800", "finished"], ["quarter-car.png", "quarter-car-power.png", "quarter-car.html"]),
     "rolling_disc.py": (["leans between 20.1 and 33.2"], ["rolling-disc.png", "rolling-disc.html"]),
     "rotor.py": (["rigid", "Campbell"], ["rotor-campbell.png"]),
+    "rotor_in_wind.py": (
+        ["prescribed wake", "unsteady wake", "thrust falls to"],
+        ["rotor-performance.png", "rotor-wake.png", "rotor-pitch-step.png"],
+    ),
     "slider_crank.py": (
         ["stroke 300.0 mm", "redundant", "the middle of the rod bends by"],
         ["slider-crank.png", "slider-crank.html", "slider-crank-elastic.png"],

@@ -372,16 +372,15 @@ class March:
 
     def _family(self, i: int, first: np.ndarray, later: np.ndarray, past: np.ndarray) -> np.ndarray:
         """New nodes of the lattice (0) or the far filaments (1), which begin at ``first``: a recursion along their ages."""
-        from scipy.signal import lfilter
-
         assert self.velocity is not None
         now, old = self.velocity[i], self.history[0][i]
         mean = 0.25 * (now[..., :-1, :] + now[..., 1:, :] + later[..., :-1, :] + later[..., 1:, :])
         c = 0.5 * DAMPING
         known = old[..., :-1, :] + self.wake.step * mean + c * (past[..., :-1, :] + past[..., 1:, :])
-        share = c / (1.0 - c)
-        behind, _ = lfilter([1.0], [1.0, -share], known / (1.0 - c), axis=-2, zi=share * first[..., None, :])
-        return np.concatenate([first[..., None, :], behind], axis=-2)
+        nodes = np.concatenate([first[..., None, :], known / (1.0 - c)], axis=-2)
+        for k in range(1, nodes.shape[-2]):
+            nodes[..., k, :] += c / (1.0 - c) * nodes[..., k - 1, :]
+        return nodes
 
 
 def _third(new: Any, one: Nodes, two: Nodes, three: Nodes) -> Nodes:

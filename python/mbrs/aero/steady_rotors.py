@@ -31,8 +31,8 @@ class Performance(Result):
 
     ``tip_speed_ratio`` (n,), ``power_coefficient``, ``thrust_coefficient``, ``torque_coefficient`` (n,); at ``place`` (m,) m along
     the blade ``axial_induction`` and ``angle_of_attack`` (n, m) rad; ``radius`` m of the swept circle. ``error`` (n,): what half
-    as many elements change, over the largest coefficient: of power and thrust the larger; with a wake half the span of their values in
-    the last three turns, over the mean.
+    as many elements change, over the largest coefficient: of power and thrust the larger; with a free wake half the span of their values
+    in the last three turns, over the mean; None with a prescribed one.
     """
 
     tip_speed_ratio: np.ndarray = quantity(dims=("tip_speed_ratio",), unit="1", label="tip speed ratio")
@@ -73,10 +73,10 @@ class Performance(Result):
     def notes(self) -> list[str]:
         """Sentences on conditions in which momentum theory does not hold."""
         empirical = np.mean(self.axial_induction > 0.4)
+        if self.error is None:
+            return ["no estimate of what cutting the wake into filaments changes"]
         if self.stats.route != MOMENTUM:
-            return [
-                f"{self.stats.route}; half the span of the last turns over the mean: up to {np.max(self.error):.1e}"
-            ]
+            return [f"half the span of the last turns over the mean: up to {np.max(self.error):.1e}"]
         lines = [f"estimated error {np.max(self.error):.1e}: {len(self.place)} elements against half as many"]
         if empirical:
             lines.append(
@@ -117,7 +117,7 @@ def performance(
     -------
     Performance
         "converged" where blade elements and momentum balance in every section; ``error`` from half as many elements. With a wake what
-        its status is; ``error`` is then the spread of the last turns.
+        its status is; ``error`` is then the spread of the last turns, None for a prescribed wake.
 
     Raises
     ------
@@ -220,7 +220,7 @@ def _collected(
         angle_of_attack=np.array([w.angle_of_attack for w in done]),
         radius=done[0].radius,
         stats=Stats(time.perf_counter() - start, added_counts(*done), route=inflow.replace("-", " ")),
-        error=np.array([np.max(w.error) for w in done]),
+        error=None if any(w.error is None for w in done) else np.array([w.error for w in done]),
         status=status,
     )
 
