@@ -108,13 +108,7 @@ impl Stability {
 
     /// Whether contacts open or close within the deviations of the coordinates of the motion y, or last too short for the samples
     /// that told its exponents.
-    pub fn is_doubtful(
-        &mut self,
-        problem: &mut Problem,
-        y: &[f64],
-        deviations: &[f64],
-        by_hill: bool,
-    ) -> Result<bool> {
+    pub fn is_doubtful(&mut self, problem: &mut Problem, y: &[f64], deviations: &[f64], by_hill: bool) -> Result<bool> {
         let samples = if by_hill { problem.dims()[0] } else { self.splitting.finest };
         if self.sampler.as_ref().is_none_or(|s| s.dims()[0] != samples) {
             self.sampler = Some(Aft::between(&problem.basis, samples));

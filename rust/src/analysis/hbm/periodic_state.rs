@@ -160,11 +160,8 @@ fn settled(mut here: Pair, at: impl Fn(usize, f64) -> StateSlopes) -> Option<Pai
     let size = |pair: &Pair| nan_or_largest(pair.miss().into_iter().map(f64::abs));
     for _ in 0..NEWTON_STEPS {
         let [dm, de] = solve(here.h, &here.middle, &here.end, here.miss());
-        let beside = |part: f64| Pair {
-            middle: at(1, here.middle.z + part * dm),
-            end: at(2, here.end.z + part * de),
-            ..here
-        };
+        let beside =
+            |part: f64| Pair { middle: at(1, here.middle.z + part * dm), end: at(2, here.end.z + part * de), ..here };
         let lower = |part: f64, next: &Pair| size(next) <= (1.0 - 0.25 * part) * size(&here);
         let tried = (0..HALVINGS).map(|k| 0.5_f64.powi(k)).map(|part| (part, beside(part)));
         match tried.into_iter().find(|(part, next)| lower(*part, next)) {
@@ -279,8 +276,7 @@ mod tests {
             let (a, b, c) = (random() - 0.5, random() - 0.5, random());
             let turn = |j: usize| std::f64::consts::TAU * j as f64 / n as f64 + c;
             let u: Vec<f64> = (0..n).map(|j| length * (a * turn(j).cos() + b * (3.0 * turn(j)).sin())).collect();
-            let v: Vec<f64> =
-                (0..n).map(|j| speed * (-a * turn(j).sin() + 3.0 * b * (3.0 * turn(j)).cos())).collect();
+            let v: Vec<f64> = (0..n).map(|j| speed * (-a * turn(j).sin() + 3.0 * b * (3.0 * turn(j)).cos())).collect();
             let samples = Samples { u: &u, v: &v, interval };
             let mut state = PeriodicState { at: Vec::new(), interval, growth: 1.0 };
             let Ok(end) = state.march(law, &p, samples, length * (random() - 0.5)) else {
