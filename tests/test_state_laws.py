@@ -62,7 +62,7 @@ def truth(law, t, v0=0.0, load=lambda t: 0.0, k=K, c=C, longest=0.01):
 
 
 @pytest.mark.parametrize("name", LAWS)
-@pytest.mark.parametrize("method", ["explicit", "generalized-alpha", "bdf", "ali3p", "bdf-bfgs"])
+@pytest.mark.parametrize("method", ["explicit", "generalized-alpha", "radau", "bdf", "ali3p", "bdf-bfgs"])
 def test_every_integrator(name, method):
     law = LAWS[name]()
     t = np.linspace(0, 1.5, 31)
@@ -91,6 +91,20 @@ def test_order_of_fixed_steps(name, method, order):
     measured = np.log2(coarse / fine)
     print(name, method, coarse, fine, measured)
     assert np.all((measured > order - 0.3) | (fine < 1e-11))
+
+
+def test_order_of_radau_with_states():
+    """Maxwell's law, whose rate is smooth."""
+    law = maxwell()
+    t = np.array([0.0, 0.16])
+    exact = truth(law, t, v0=0.8)[:, -1]
+    errors = []
+    for steps in (4, 8):
+        traj = mb.simulate(block(law[0], speed=0.8), t, step=0.16 / steps, method="radau")
+        errors.append(np.abs([traj.joint("guide")[-1] - exact[0], *(traj.memory[-1, : law[3]] - exact[2:])]))
+    measured = np.log2(errors[0] / errors[1])
+    print(errors, measured)
+    assert np.all(np.abs(measured - 5.0) < 0.4)
 
 
 @pytest.mark.parametrize("name", LAWS)
