@@ -42,11 +42,13 @@ def _far(m, body):
 def _frame(kind):
     if kind in ("fixed", "free"):
         return {"orientation": mb.rotation((1, 2, 0.5), 0.4)}
+    if kind == "screw":
+        return {"axis": (0.2, 0.3, 1.0), "pitch": 0.21}
     return {"axis": (0.2, 0.3, 1.0), "axis2": (1.0, 0.1, -0.23)} if kind == "universal" else {"axis": (0.2, 0.3, 1.0)}
 
 
 def _forces(kind):
-    n = N_FREE[kind]
+    n = {**N_FREE, "screw": 1}[kind]
     if n == 0:
         return {}
     up = 1.0 + 0.2 * np.arange(n)
@@ -86,7 +88,7 @@ def loop(kind):
     return scene(make)
 
 
-for _kind in N_FREE:
+for _kind in (*N_FREE, "screw"):
     tree(_kind)
     if _kind != "free":
         loop(_kind)
