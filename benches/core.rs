@@ -118,7 +118,7 @@ fn transfer_functions(c: &mut Criterion) -> Result<()> {
     let mut group = c.benchmark_group("300 states, 6 x 6 x 400");
     group.sample_size(10);
     group.bench_function("reduce and evaluate", |b| {
-        b.iter(|| Reduction::new(quadratic.clone()).evaluate(&ports, &omega, None, true, &Cancel::default()));
+        b.iter(|| Reduction::new(quadratic.clone())?.evaluate(&ports, &omega, None, true, &Cancel::default()));
     });
     group.finish();
     Ok(())

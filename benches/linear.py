@@ -24,7 +24,6 @@ from typing import Any
 import mbrs as mb
 import numpy as np
 import rivals
-from mbrs.linear.linear_system import forget_systems
 
 README = Path(__file__).resolve().parent / "README.md"
 BEGIN, END = "<!-- table begins -->", "<!-- table ends -->"
@@ -93,7 +92,7 @@ def import_time() -> list[Row]:
 
 def hexapod() -> list[Row]:
     build = mb.examples.cubic_hexapod
-    whole = cpu(lambda: (forget_systems(), mb.modes(build())))
+    whole = cpu(lambda: mb.modes(build()))
     m = build()
     mb.modes(m)
     values = iter(np.linspace(0.9e5, 1.1e5, 1_000_000))
@@ -160,7 +159,7 @@ def chain_modes() -> list[Row]:
     for name, target, limit, system in cases:
         a = _state_matrix(system)
         theirs = cpu(lambda a=a: scipy.linalg.eig(a), repeats=3)
-        ours = cpu(lambda system=system: (forget_systems(), mb.modes(system)), repeats=3)
+        ours = cpu(lambda system=system: mb.modes(system), repeats=3)
         text = f"{ms(ours)}, scipy {ms(theirs)}: ratio {ours / theirs:.2f} (route {mb.modes(system).stats.route})"
         rows.append(
             Row(f"chain of 200: all modes, {name}, over `scipy.linalg.eig`", target, text, ours <= limit * theirs)
@@ -254,7 +253,7 @@ def sensitivities() -> list[Row]:
         lin = mb.linearize(m)
         modes = mb.modes(lin)
         parameters = [f"F{i}.k[5]" for i in range(1, 31)]
-        solve = cpu(lambda lin=lin: (forget_systems(), mb.modes(lin)), repeats=3)
+        solve = cpu(lambda lin=lin: mb.modes(lin), repeats=3)
         derive = cpu(lambda modes=modes, p=parameters: mb.sensitivity(modes, p).frequency, repeats=3)
         text = f"{ms(derive)}, eigen-solution {ms(solve)} ({modes.stats.route}): ratio {derive / solve:.2f}"
         what = f"chain of 100, {name}: df/dp of all modes, 30 parameters, over one eigen-solution"

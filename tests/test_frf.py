@@ -58,10 +58,6 @@ def exact(system, F, L, omega):
         return np.array([complex(h) for h in H])
 
 
-def eigensolutions(result):
-    return sum(n for name, n in result.stats.counts.items() if name.endswith("eigensolutions"))
-
-
 @pytest.mark.parametrize("kind, power", [("receptance", 0), ("mobility", 1), ("accelerance", 2)])
 def test_one_degree_of_freedom_is_the_closed_form(kind, power):
     m, c, k = 2.0 + power, 0.4, 8.0  # another system each time: equal ones would share a reduction
@@ -71,7 +67,7 @@ def test_one_degree_of_freedom_is_the_closed_form(kind, power):
         h = frf(MechanicalSystem([[m]], [[c]], [[k]]), 0, 0, omega=omega, kind=kind)
     expected = (1j * omega) ** power / (k - m * omega**2 + 1j * c * omega)
     np.testing.assert_allclose(h.value[0, 0], expected, rtol=1e-14, atol=1e-300)
-    assert eigensolutions(h) == 1
+    assert h.stats.counts["eigensolutions"] == 1
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 12, 40])
@@ -239,7 +235,7 @@ def test_base_motion_orders_and_feedthrough_through_the_core():
 
     m, c, k = 2.0, 0.4, 8.0
     one = np.ones((1, 1))
-    reduction = _core.LinearSystem(m * one, c * one, None, k * one, None)
+    reduction = _core.FrfReduction(m * one, c * one, k * one)
     omega = np.linspace(0.0, 5.0, 11)
     raw = reduction.evaluate(one, -m * one, np.array([2]), one, 0, omega)
     expected = (k + 1j * omega * c) / (k - m * omega**2 + 1j * omega * c)
@@ -251,7 +247,8 @@ def test_a_second_call_reuses_the_reduction():
     s = random_system(rng, 8)
     first = frf(s, 0, 1, frequency=(0.1, 2.0))
     second = frf(s, 2, 3, frequency=(0.1, 1.0))
-    assert eigensolutions(first) >= 1 and eigensolutions(second) == 0
+    assert first.stats.counts["eigensolutions"] >= 1
+    assert second.stats.counts.get("eigensolutions", 0) == 0
 
 
 @pytest.mark.filterwarnings("ignore:the frequency points miss")
@@ -337,10 +334,10 @@ def test_wrong_shapes_at_the_border():
     from mbrs import _core
 
     with pytest.raises(_core.CoreModelError, match="2 rows"):
-        _core.LinearSystem(np.eye(2), None, None, np.eye(3), None)
+        _core.FrfReduction(np.eye(2), None, np.eye(3))
     with pytest.raises(_core.CoreModelError, match="no coordinates"):
-        _core.LinearSystem(np.zeros((0, 0)), None, None, np.zeros((0, 0)), None)
-    r = _core.LinearSystem(np.eye(2), None, None, np.eye(2), None)
+        _core.FrfReduction(np.zeros((0, 0)), None, np.zeros((0, 0)))
+    r = _core.FrfReduction(np.eye(2), None, np.eye(2))
     with pytest.raises(_core.CoreModelError, match="derivative orders"):
         r.evaluate(np.eye(2), np.eye(2), np.array([0]), None, 0, np.array([1.0]))
     with pytest.raises(_core.CoreModelError, match="dM has shape"):

@@ -155,7 +155,7 @@ def test_base_motion_history_through_the_core():
 
     m, c, k, w = 2.0, 0.4, 8.0, 1.3
     one = np.ones((1, 1))
-    reduction = _core.LinearSystem(m * one, c * one, None, k * one, None)
+    reduction = _core.FrfReduction(m * one, c * one, k * one)
     free = np.roots([m, c, k])
     errors = []
     for n_t in (1001, 2001):

@@ -25,16 +25,17 @@ __all__ = [
     "CoreNotDifferentiableError",
     "CoreRouteError",
     "CoreSingularError",
+    "FrfReduction",
     "HbmBranch",
     "HbmElements",
     "HbmLinear",
     "HbmProblem",
-    "LinearSystem",
     "MotionForward",
     "RootInverse",
     "System",
     "__version__",
     "available_memory",
+    "dense_modes",
     "directions",
     "eigen_sensitivities",
     "induced_velocity",
@@ -64,19 +65,29 @@ class CoreSingularError(CoreError): ...
 class CoreConvergenceError(CoreError): ...
 class CoreNotDifferentiableError(CoreError): ...
 
+def dense_modes(
+    m: np.ndarray,
+    c: np.ndarray | None,
+    g: np.ndarray | None,
+    k: np.ndarray,
+    n: np.ndarray | None,
+    kf: np.ndarray | None,
+    mf: np.ndarray | None = None,
+) -> dict[str, Any]: ...
 def sparse_model_modes(
     system: System, q: _F1, rate: _F1, without: Sequence[str], n: int, sigma: float | None = None
 ) -> dict[str, Any]: ...
 def sparse_model_form(system: System, q: _F1, rate: _F1, without: Sequence[str]) -> dict[str, Any]: ...
 
 @final
-class LinearSystem:
-    """M, C, G, K, N with what has been computed of them; maps and frequencies come with each call."""
+class FrfReduction:
+    """M, D, S reduced once; maps and frequencies come with each call."""
 
-    def __new__(cls, m: _F2, c: _F2 | None, g: _F2 | None, k: _F2, n: _F2 | None) -> LinearSystem: ...
-    def modes(self, kf: _F2 | None = None, mf: _F2 | None = None) -> dict[str, Any]: ...
-    def reduce(self) -> dict[str, int]: ...
+    def __new__(cls, m: _F2, d: _F2 | None, s: _F2) -> FrfReduction: ...
+    @property
     def poles(self) -> NDArray[np.complex128] | None: ...
+    @property
+    def counts(self) -> dict[str, int]: ...
     def evaluate(
         self,
         l: _F2,

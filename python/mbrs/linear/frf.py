@@ -15,7 +15,7 @@ from .._lib.border import core_errors
 from .._lib.progress import while_long
 from ..errors import MbrsWarning, ModelError
 from ..results import Result, Stats, added_counts, quantity, result
-from .linear_system import LinearSystem, Origin, csc_arrays, dense, relaxes, shared_system
+from .linear_system import LinearSystem, Origin, csc_arrays, dense, reduction_of, relaxes
 from .relaxation import Relaxation
 from .second_order import linear_system
 
@@ -288,8 +288,9 @@ def frf_sensitivity(
     if linear.relaxation is not None:
         raise relaxes(linear.relaxation.names[0])
     omega = np.ascontiguousarray(omega, dtype=float)
+    reduction, _ = linear.reduction()
     with core_errors():
-        raw = linear.shared_system.sensitivity(
+        raw = reduction.sensitivity(
             linear.L,
             linear.F,
             linear.order_in,
@@ -314,18 +315,17 @@ def frf_sensitivity(
 
 
 class _Dense:
-    """A system whose modes are shared, bound to its ports."""
+    """A system reduced once, bound to its ports."""
 
     def __init__(self, linear: LinearSystem, order_out: int, modes: int | None) -> None:
         self.linear, self.order_out, self.modes = linear, order_out, modes
-        self.system = linear.shared_system
-        with core_errors():
-            self.counts: Mapping[str, int] = self.system.reduce()
-            self.poles: np.ndarray | None = self.system.poles()
+        self.reduction, made = linear.reduction()
+        self.poles: np.ndarray | None = self.reduction.poles
+        self.counts: Mapping[str, int] = self.reduction.counts if made else {}
 
     def evaluate(self, omega: np.ndarray, checked: bool = True) -> dict[str, Any]:
         p = self.linear
-        raw = self.system.evaluate(p.L, p.F, p.order_in, p.D0, self.order_out, omega, self.modes, checked)
+        raw = self.reduction.evaluate(p.L, p.F, p.order_in, p.D0, self.order_out, omega, self.modes, checked)
         return {**raw, "value": p.joined(raw["value"], 1)}
 
 
@@ -342,9 +342,7 @@ class _Relaxing:
         names = tuple(f"u{j}" for j in range(F.shape[1]))
         order_in = np.concatenate([linear.order_in, np.zeros(m, dtype=np.int64)])
         self.bare = _Dense(replace(linear, F=F, L=L, D0=D0, order_in=order_in, inputs=names, shared=()), 0, None)
-        M, D, S = self.own.extended(dense(linear.M), _dense(linear.D), dense(linear.S))
-        with core_errors():
-            poles = shared_system(M, D, None, S, None).poles()
+        poles = reduction_of(*self.own.extended(dense(linear.M), _dense(linear.D), dense(linear.S)))[0].poles
         # the zero roots belong to no motion
         assert poles is not None
         self.poles: np.ndarray | None = poles[np.argsort(np.abs(poles), kind="stable")][m:]

@@ -6,7 +6,6 @@ import hashlib
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -23,17 +22,15 @@ _SPARSE_FROM = 400
 
 @dataclass(frozen=True, eq=False)
 class LinearSystem:
-    """M y" + D y' + S y = F u, D = C + G, S = K + N, outputs L y + D0 u; an input may enter through its derivative of order ``order_in``.
+    """M y" + D y' + S y = F u, outputs L y + D0 u; an input may enter through its derivative of order ``order_in``.
 
     Columns of F beyond the inputs belong once more to the inputs that ``shared`` names: ground that turns under gravity
     acts by its angular acceleration and by its angle.
     """
 
     M: Any
-    C: Any
-    G: Any
-    K: Any
-    N: Any
+    D: Any
+    S: Any
     coordinates: tuple[str, ...]
     F: np.ndarray
     order_in: np.ndarray
@@ -44,22 +41,12 @@ class LinearSystem:
     effects: tuple[str, ...]
     source: Any = None
     shared: tuple[int, ...] = ()
-    # states of laws that relax, beside the matrices
+    # states of laws that relax, beside M, D and S
     relaxation: Relaxation | None = None
 
     @property
     def n(self) -> int:
         return len(self.coordinates)
-
-    @cached_property
-    def D(self) -> Any:
-        """C + G, None without either."""
-        return _sum(self.C, self.G)
-
-    @cached_property
-    def S(self) -> Any:
-        """K + N."""
-        return _sum(self.K, self.N)
 
     def joined(self, a: np.ndarray, axis: int) -> np.ndarray:
         """Columns of F back to inputs: what belongs to one input is added up."""
@@ -77,10 +64,9 @@ class LinearSystem:
         sparse = any(hasattr(a, "tocsc") for a in (self.M, self.D, self.S) if a is not None)
         return sparse and self.n > _SPARSE_FROM
 
-    @property
-    def shared_system(self) -> _core.LinearSystem:
-        """The core's handle of these matrices, with what other analyses have computed of them."""
-        return shared_system(self.M, self.C, self.G, self.K, self.N)
+    def reduction(self) -> tuple[_core.FrfReduction, bool]:
+        """The reduced system, and whether it had to be made: systems with the same numbers share one."""
+        return reduction_of(dense(self.M), None if self.D is None else dense(self.D), dense(self.S))
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +106,8 @@ def assembled(system: Any, effects: Sequence[str], inputs: Any, outputs: Any, re
         D0 = None
     return LinearSystem(
         M=system.M,
-        K=system.K,
-        **used,
+        D=_sum(used["C"], used["G"]),
+        S=_sum(system.K, used["N"]),
         coordinates=coordinates,
         F=np.ascontiguousarray(F, dtype=float),
         order_in=np.asarray(order_in, dtype=np.int64),
@@ -213,35 +199,27 @@ def csc_arrays(a: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return made.indptr.astype(np.int64), made.indices.astype(np.int64), made.data.astype(float)
 
 
-_systems: OrderedDict[bytes, _core.LinearSystem] = OrderedDict()
+_reductions: OrderedDict[bytes, _core.FrfReduction] = OrderedDict()
 _KEPT = 4
 
 
-def shared_system(M: Any, C: Any, G: Any, K: Any, N: Any) -> _core.LinearSystem:
-    """The core's handle of a dense system. Equal matrices share one, and with it their modes: they are solved for once, whichever
-    of modes, transfer functions and responses comes first, and from whatever model.
-    """
-    mass, stiffness = np.ascontiguousarray(dense(M)), np.ascontiguousarray(dense(K))
-    damping, gyroscopic, circulatory = (None if a is None else np.ascontiguousarray(dense(a)) for a in (C, G, N))
+def reduction_of(M: np.ndarray, D: np.ndarray | None, S: np.ndarray) -> tuple[_core.FrfReduction, bool]:
+    """Reductions are kept by the contents of the matrices: a second call with other frequencies or ports is cheap."""
     digest = hashlib.blake2b(digest_size=16)
-    for a in (mass, damping, gyroscopic, stiffness, circulatory):
-        digest.update(b"none" if a is None else a.data)
+    for a in (M, D, S):
+        digest.update(b"none" if a is None else np.ascontiguousarray(a).data)
         digest.update(str(None if a is None else a.shape).encode())
     key = digest.digest()
-    known = _systems.get(key)
-    if known is None:
-        with core_errors():
-            known = _systems[key] = _core.LinearSystem(mass, damping, gyroscopic, stiffness, circulatory)
-        while len(_systems) > _KEPT:
-            _systems.popitem(last=False)
-    else:
-        _systems.move_to_end(key)
-    return known
-
-
-def forget_systems() -> None:
-    """Drop all handles: what is timed after this is the whole work."""
-    _systems.clear()
+    known = _reductions.get(key)
+    if known is not None:
+        _reductions.move_to_end(key)
+        return known, False
+    with core_errors():
+        made = _core.FrfReduction(M, D, S)
+    _reductions[key] = made
+    while len(_reductions) > _KEPT:
+        _reductions.popitem(last=False)
+    return made, True
 
 
 def _sum(a: Any, b: Any) -> Any:

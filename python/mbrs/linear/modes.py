@@ -16,7 +16,6 @@ from .._lib.progress import while_long
 from ..errors import ModelError, SingularError
 from ..model.book import Book
 from ..model.schema import LAW_OF_CODE
-from .linear_system import shared_system
 from .linearize import second_order_of
 from .matrices import MechanicalSystem
 from .modal_result import ModalResult, array_of, modal_result
@@ -53,8 +52,7 @@ def modes(
         How many of the lowest modes to return; None returns all, one for each degree of freedom.
     shift
         Hz. The ``n`` modes whose squared frequencies lie nearest to its square, in place of the lowest; ``n`` is then needed.
-        Sparse routes solve there. Without damping, inertia counts prove that none is missing; of damped sparse matrices the
-        roots nearest to i times the shift come back.
+        Sparse routes solve there (symmetric systems only), and inertia counts prove that none is missing.
     without
         Effects to leave out. Plain matrices know "damping" (C), "gyroscopic" (G) and "circulatory" (N).
     stiffness_factor
@@ -73,7 +71,7 @@ def modes(
         M is not positive definite; the message names the coordinate without inertia.
     ModelError
         Matrices that are not symmetric (M, C, K) or skew (G, N), not finite, or of different sizes; ``n`` out of range; a
-        shift without ``n``, or negative.
+        shift without ``n``, negative, or for a large damped system.
 
     Notes
     -----
@@ -84,8 +82,7 @@ def modes(
     own elements where assembling them has lost digits; geometry then decides which modes are rigid. Conservative gyroscopic
     systems one Hermitian eigenproblem; all else the balanced state matrix in energy coordinates, which have the scaling of
     Fan, Lin and Van Dooren built in, with Rayleigh corrections of all roots and Newton corrections of the pairs whose
-    backward error exceeds max(dof, 16) eps or whose vectors may be wrong. Cost O(dof^3), once for equal matrices: transfer
-    functions and responses take the same modes.
+    backward error exceeds max(dof, 16) eps or whose vectors may be wrong. Cost O(dof^3).
 
     Examples
     --------
@@ -193,11 +190,10 @@ def _dense(
         return modal_result(system, r if shift is None or n is None else _nearest(r, n, shift), n, effects, start)
     try:
         with core_errors(), while_long(f"modes of {len(mass)} coordinates", 100.0 * len(mass) ** 3):
-            shared = shared_system(mass, damping, gyroscopic, stiffness, circulatory)
-            r, mf = _with_its_masses(system, shared, f)
+            r, mf = _with_its_masses(system, mass, damping, gyroscopic, stiffness, circulatory, f)
             f = _factor_for(system, r) if f is None else None
             if f is not None:
-                r = shared.modes(f, mf)
+                r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f, mf)
     except SingularError as problem:
         names = tuple(system.coordinates)
         text = re.sub(r"\{coordinate (\d+)\}", lambda hit: f"coordinate {names[int(hit[1])]!r}", str(problem))
@@ -208,18 +204,18 @@ def _dense(
 
 
 def _with_its_masses(
-    system: Any, shared: _core.LinearSystem, f: np.ndarray | None
+    system: Any, mass: Any, damping: Any, gyroscopic: Any, stiffness: Any, circulatory: Any, f: Any
 ) -> tuple[dict[str, Any], np.ndarray | None]:
     """Modes, and the factor of M that they needed where light bodies are lost beside heavy ones in M itself."""
     try:
-        r = shared.modes(f)
+        r = _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f)
         if r["mass_pivot"] >= _LIGHTEST or not hasattr(system, "mass_factor"):
             return r, None
     except _core.CoreSingularError:
         if not hasattr(system, "mass_factor"):
             raise
     mf = system.mass_factor
-    return shared.modes(f, mf), mf
+    return _core.dense_modes(mass, damping, gyroscopic, stiffness, circulatory, f, mf), mf
 
 
 def _factor_for(system: Any, r: dict[str, Any]) -> np.ndarray | None:

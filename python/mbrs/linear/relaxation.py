@@ -127,7 +127,7 @@ def _twist(lin: Any, body: int, point: np.ndarray) -> np.ndarray:
 
 
 def relaxing_modes(system: Any, relaxation: Relaxation, damping: Any, stiffness: Any) -> dict[str, Any]:
-    """The answer of the core's modes for the extended system, without the roots that belong to no motion.
+    """The answer of `_core.dense_modes` for the extended system, without the roots that belong to no motion.
 
     ``damping`` and ``stiffness``: (symmetric, skew) parts of the system, each or None.
     """
@@ -139,7 +139,7 @@ def relaxing_modes(system: Any, relaxation: Relaxation, damping: Any, stiffness:
     C[n:, n:] = D[n:, n:]
     K = np.block([[stiffness[0], np.zeros((n, m))], [np.zeros((m, n)), zero]])
     N = None if stiffness[1] is None else S - K
-    r = _core.LinearSystem(M, C, D - C, K, N).modes()
+    r = dict(_core.dense_modes(M, C, D - C, K, N, None))
     size = np.linalg.norm(r["shape"], axis=0)
     alone = np.linalg.norm(r["shape"][:n], axis=0) <= np.sqrt(np.finfo(float).eps) * size
     own = np.flatnonzero((np.array(r["kind"]) == "rigid") & alone)

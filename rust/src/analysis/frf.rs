@@ -8,15 +8,13 @@ use faer::{Mat, c64};
 
 use super::frf_routes::{Check, Evaluator, input_mix};
 use super::frf_singular;
-use super::modal::{Modal, modes, quadratic_roots};
-use super::modes_of::{ComplexModes, RealModes, complex_modes, real_modes};
+use super::modes_of::{ComplexModes, RealModes, complex_modes, quadratic_roots, real_modes};
 use super::ports::{Ports, complex, i_omega};
 use super::state::StateSpace;
 use crate::error::{Error, Result};
 use crate::linalg::hessenberg::Hessenberg;
-use crate::linalg::quadratic::{NormalForm, Quadratic, is_symmetric};
+use crate::linalg::quadratic::{NormalForm, Quadratic};
 use crate::run::{Cancel, Counts};
-use crate::second_order::SecondOrder;
 
 /// A route is taken where it agrees with refined direct solves this well, or as well as unrefined ones do.
 const ACCEPT: f64 = 1e-11;
@@ -65,43 +63,30 @@ pub struct Values {
     pub counts: Counts,
 }
 
-/// The system whose C + G and K + N are given as sums. A skew part that is rounding is none.
-fn parts(q: &Quadratic) -> Result<SecondOrder> {
-    let part = |a: &Mat<f64>, sign: f64| {
-        let n = a.nrows();
-        Mat::from_fn(n, n, |i, j| 0.5 * (a[(i, j)] + sign * a[(j, i)]))
-    };
-    let skew = |a: &Mat<f64>| (!is_symmetric(a.as_ref())).then(|| part(a, -1.0));
-    let (c, g) = (q.d.as_ref().map(|d| part(d, 1.0)), q.d.as_ref().and_then(skew));
-    SecondOrder::new(q.m.clone(), c, g, part(&q.s, 1.0), skew(&q.s), None)
-}
-
 impl Reduction {
-    /// With the modes of the symmetric and skew parts of D and S.
-    pub fn new(q: Quadratic) -> Self {
-        let modal = parts(&q).and_then(|parts| modes(&parts)).ok();
-        let counts = modal.as_ref().map_or_else(Counts::default, |m| m.counts.clone());
-        Reduction { counts, ..Reduction::with_modes(q, modal.as_ref()) }
-    }
-
-    /// With modes that are known, or without any.
-    pub fn with_modes(q: Quadratic, modal: Option<&Modal>) -> Self {
+    pub fn new(q: Quadratic) -> Result<Self> {
+        let mut counts = Counts::default();
         let normal = q.normal_form();
-        let real = modal.and_then(|m| real_modes(m, &q));
-        let complex = match (&real, &normal, modal) {
-            (None, Some(form), Some(m)) => complex_modes(m, form),
-            _ => None,
-        };
-        let real = real.filter(|_| normal.is_some());
-        let scale = q.unit_scale();
-        Reduction { scale, q, normal, real, complex, hessenberg: OnceLock::new(), counts: Counts::default() }
+        let mut real = None;
+        let mut complex = None;
+        if let Some(form) = &normal {
+            if form.is_symmetric() {
+                counts.add("eigensolutions", 1);
+                real = real_modes(form)?;
+            }
+            if real.is_none() {
+                counts.add("eigensolutions", 1);
+                complex = complex_modes(form);
+            }
+        }
+        Ok(Reduction { scale: q.unit_scale(), q, normal, real, complex, hessenberg: OnceLock::new(), counts })
     }
 
     /// All 2n poles in rad/s, or None where no reduction was possible.
     pub fn poles(&self) -> Option<Vec<c64>> {
         if let Some(modes) = &self.real {
             let pairs = modes.lambda.iter().zip(&modes.damping);
-            return Some(pairs.flat_map(|(&l, &c)| <[c64; 2]>::from(quadratic_roots(c, l))).collect());
+            return Some(pairs.flat_map(|(&l, &c)| quadratic_roots(l, c)).collect());
         }
         self.complex.as_ref().map(|modes| modes.pole.clone())
     }
@@ -415,7 +400,7 @@ mod tests {
             (chain(12, |i| 0.01 * i as f64), Route::ComplexModes),
         ];
         for (q, route) in cases {
-            let reduction = Reduction::new(q);
+            let reduction = Reduction::new(q).unwrap();
             let values = reduction.evaluate(&end_to_end(12), &omega, None, true, &Cancel::default()).unwrap();
             assert_eq!(values.route, route);
             let ports = end_to_end(12);
@@ -438,7 +423,7 @@ mod tests {
             1 => -0.9,
             _ => 0.0,
         });
-        let reduction = Reduction::new(Quadratic::new(m, Some(d), s).unwrap());
+        let reduction = Reduction::new(Quadratic::new(m, Some(d), s).unwrap()).unwrap();
         let mut ports = end_to_end(n);
         ports.l = Mat::from_fn(1, n, |_, j| (j == 50) as u8 as f64);
         ports.f = Mat::from_fn(n, 1, |i, _| (i + 1 == n) as u8 as f64);

@@ -13,7 +13,6 @@ pub mod frf_sparse;
 pub mod gradient;
 pub mod hbm;
 pub mod history;
-pub mod linear_system;
 pub mod linearize;
 pub mod local_direction;
 pub mod modal;

@@ -1,10 +1,10 @@
-//! Modes of a dense system as transfer functions and responses use them: made from its modal solution, not solved for again.
+//! Modes of a dense system as transfer functions and responses use them.
 use faer::prelude::*;
-use faer::{Mat, MatRef, c64};
+use faer::{Mat, MatRef, Side, c64};
 
-use super::modal::Modal;
 use super::ports::complex;
-use crate::linalg::quadratic::{NormalForm, Quadratic, is_finite, is_finite_complex};
+use crate::error::Result;
+use crate::linalg::quadratic::NormalForm;
 
 pub struct RealModes {
     /// (n, n) mass-normalised shapes and the squares of the natural frequencies; rigid modes are exactly zero
@@ -36,60 +36,54 @@ impl ComplexModes {
     }
 }
 
-/// Real modes of systems that their undamped modes diagonalise; None for others.
-pub fn real_modes(modal: &Modal, q: &Quadratic) -> Option<RealModes> {
-    if !modal.is_real() {
-        return None;
+pub fn real_modes(form: &NormalForm) -> Result<Option<RealModes>> {
+    let n = form.n();
+    let Ok(eigen) = form.s.self_adjoint_eigen(Side::Lower) else {
+        return Ok(None);
+    };
+    let mut lambda: Vec<f64> = (0..n).map(|r| eigen.S()[r]).collect();
+    let largest = lambda.iter().fold(0.0_f64, |a, l| a.max(l.abs()));
+    for l in &mut lambda {
+        if l.abs() <= n as f64 * f64::EPSILON * largest {
+            *l = 0.0;
+        }
     }
-    let n = q.n();
-    let mut shape = Mat::from_fn(n, n, |i, j| modal.shape[(i, j)].re);
-    let weighed = &q.m * &shape;
-    for j in 0..n {
-        let square: f64 = (0..n).map(|i| shape[(i, j)] * weighed[(i, j)]).sum();
-        let norm = square.sqrt();
-        (0..n).for_each(|i| shape[(i, j)] /= norm);
+    let mut damping = vec![0.0; n];
+    if let Some(d) = &form.d {
+        let modal = eigen.U().transpose() * d * eigen.U();
+        // coupling that a rounding of D could have made: the damping is proportional
+        let tol = 1e-13 * modal.norm_max();
+        for j in 0..n {
+            for i in 0..n {
+                if i != j && modal[(i, j)].abs() > tol {
+                    return Ok(None);
+                }
+            }
+            damping[j] = if modal[(j, j)].abs() <= tol { 0.0 } else { modal[(j, j)] };
+        }
     }
-    if !is_finite(shape.as_ref()) {
-        return None;
-    }
-    let pairs = || modal.s.iter().zip(&modal.partner);
-    Some(RealModes {
-        shape,
-        lambda: pairs().map(|(s, p)| (s * p).re).collect(),
-        damping: pairs().map(|(s, p)| -(s + p).re + 0.0).collect(),
-    })
+    let mut shape = eigen.U().to_owned();
+    form.l.transpose().solve_upper_triangular_in_place(&mut shape);
+    Ok(Some(RealModes { shape, lambda, damping }))
 }
 
-/// All roots with their vectors as states (z, z'/rate), z = L^T x; None where they are not finite.
-pub fn complex_modes(modal: &Modal, form: &NormalForm) -> Option<ComplexModes> {
-    let (n, rate) = (form.n(), form.rate());
-    let mut pole = Vec::with_capacity(2 * n);
-    let mut x = Mat::<c64>::zeros(n, 2 * n);
-    for j in 0..n {
-        let own = modal.partner_mode.iter().position(|k| *k == j);
-        let beside = |i: usize| match own {
-            Some(c) => modal.partner_shape[(i, c)],
-            None if modal.s[j].im != 0.0 => modal.shape[(i, j)].conj(),
-            None => modal.shape[(i, j)],
-        };
-        for i in 0..n {
-            x[(i, 2 * j)] = modal.shape[(i, j)];
-            x[(i, 2 * j + 1)] = beside(i);
-        }
-        pole.extend([modal.s[j], modal.partner[j]]);
-    }
-    let z = complex(form.l.transpose()) * x;
-    let mut vectors = Mat::from_fn(2 * n, 2 * n, |i, j| if i < n { z[(i, j)] } else { z[(i - n, j)] * pole[j] / rate });
-    for j in 0..2 * n {
-        let norm = vectors.col(j).norm_l2();
-        (0..2 * n).for_each(|i| vectors[(i, j)] /= norm);
-    }
-    if !is_finite_complex(vectors.as_ref()) || pole.iter().any(|s| !s.is_finite()) {
+pub fn complex_modes(form: &NormalForm) -> Option<ComplexModes> {
+    let rate = form.rate();
+    let eigen = form.state_matrix(rate).eigen().ok()?;
+    let n = form.n();
+    let vectors = eigen.U().to_owned();
+    let finite = (0..2 * n).all(|j| eigen.S()[j].is_finite());
+    if !finite {
         return None;
     }
     let lu = vectors.partial_piv_lu();
     let condition = vectors_condition(vectors.as_ref(), &lu);
-    Some(ComplexModes { pole, top: vectors.subrows(0, n).to_owned(), lu, condition })
+    Some(ComplexModes {
+        pole: (0..2 * n).map(|j| eigen.S()[j]).collect(),
+        top: vectors.subrows(0, n).to_owned(),
+        lu,
+        condition,
+    })
 }
 
 /// Hager's estimate of |V|_1 |V^-1|_1 (Higham, Accuracy and Stability of Numerical Algorithms, algorithm 15.4 without its last test).
@@ -120,4 +114,17 @@ fn vectors_condition(v: MatRef<'_, c64>, lu: &faer::linalg::solvers::PartialPivL
         x[(largest, 0)] = c64::new(1.0, 0.0);
     }
     norm * estimate
+}
+
+/// Roots of s^2 + c s + lambda without cancellation.
+pub fn quadratic_roots(lambda: f64, c: f64) -> [c64; 2] {
+    let discriminant = 0.25 * c * c - lambda;
+    if discriminant < 0.0 {
+        let im = (-discriminant).sqrt();
+        [c64::new(-0.5 * c, im), c64::new(-0.5 * c, -im)]
+    } else {
+        let large = -0.5 * c - discriminant.sqrt().copysign(c);
+        let small = if large != 0.0 { lambda / large } else { 0.0 };
+        [c64::new(small, 0.0), c64::new(large, 0.0)]
+    }
 }

@@ -300,7 +300,7 @@ mod tests {
     fn ramp_on_an_oscillator_is_exact_in_one_step() {
         let one = |v: f64| Mat::from_fn(1, 1, |_, _| v);
         let q = Quadratic::new(one(2.0), None, one(8.0)).unwrap();
-        let reduction = Reduction::new(q);
+        let reduction = Reduction::new(q).unwrap();
         let ports = Ports { l: one(1.0), f: one(1.0), order_in: vec![0], order_out: 0, d0: None };
         let history =
             History { t: vec![0.0, 1.3], u: Mat::from_fn(1, 2, |_, j| 1.3 * j as f64), bulge: Mat::zeros(1, 1) };

@@ -51,27 +51,23 @@ impl Quadratic {
         if n == 0 {
             return Err(Error::model("the system has no coordinates; it needs at least one"));
         }
-        for (name, a) in [("M", Some(&m)), ("D", d.as_ref()), ("S", Some(&s))] {
-            a.map_or(Ok(()), |a| Quadratic::check(name, a, n))?;
+        let named = [("M", Some(&m)), ("D", d.as_ref()), ("S", Some(&s))];
+        for (name, a) in named {
+            let Some(a) = a else { continue };
+            if a.nrows() != n || a.ncols() != n {
+                return Err(Error::model(format!(
+                    "{name} is {} x {} but M has {n} rows; all matrices must be {n} x {n}",
+                    a.nrows(),
+                    a.ncols()
+                )));
+            }
+            if !is_finite(a.as_ref()) {
+                return Err(Error::model(format!("{name} contains NaN or infinite entries")));
+            }
         }
         // without damping is cheaper: an all-zero damping matrix is left out
         let d = d.filter(|d| max_abs(d.as_ref()) > 0.0);
         Ok(Quadratic { m, d, s })
-    }
-
-    /// Is a matrix n x n and finite?
-    pub fn check(name: &str, a: &Mat<f64>, n: usize) -> Result<()> {
-        if a.nrows() != n || a.ncols() != n {
-            return Err(Error::model(format!(
-                "{name} is {} x {} but M has {n} rows; all matrices must be {n} x {n}",
-                a.nrows(),
-                a.ncols()
-            )));
-        }
-        if !is_finite(a.as_ref()) {
-            return Err(Error::model(format!("{name} contains NaN or infinite entries")));
-        }
-        Ok(())
     }
 
     pub fn n(&self) -> usize {

@@ -1,92 +1,63 @@
-//! Dense linear systems at the border: modes, transfer functions and time response.
+//! Transfer functions and time response at the border.
 use std::sync::Arc;
 
 use faer::{Mat, c64};
-use numpy::{Complex64, IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use numpy::{
+    Complex64, IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::border::{counts_dict, guarded, interruptible, matrix, to_numpy};
-use super::modal::{LARGE, as_dict};
+use super::border::{counts_dict, interruptible, matrix, to_numpy};
+use crate::analysis::frf::Reduction;
 use crate::analysis::frf_sensitivity::{self, Entry, Variation};
 use crate::analysis::history::History;
-use crate::analysis::linear_system::LinearSystem;
-use crate::analysis::modal::{Modal, modes};
 use crate::analysis::ports::Ports;
 use crate::analysis::response::{self, Linear};
 use crate::analysis::response_sensitivity;
 use crate::error::{Error, Result};
+use crate::linalg::quadratic::Quadratic;
 use crate::memory;
 
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_class::<PyLinearSystem>()
+    module.add_class::<FrfReduction>()
 }
 
 type M2<'py> = PyReadonlyArray2<'py, f64>;
 type M3<'py> = PyReadonlyArray3<'py, f64>;
 
-/// A dense linear system: its modes and what follows from them are computed once, and used by every analysis.
-#[pyclass(frozen, module = "mbrs._core", name = "LinearSystem")]
-pub struct PyLinearSystem {
-    inner: Arc<LinearSystem>,
+/// What does not depend on frequency or ports: reduced once, used for any number of evaluations.
+#[pyclass(frozen, module = "mbrs._core")]
+pub struct FrfReduction {
+    inner: Arc<Reduction>,
 }
 
 #[pymethods]
-impl PyLinearSystem {
+impl FrfReduction {
     #[new]
-    #[pyo3(signature = (m, c, g, k, n))]
-    fn new(m: M2<'_>, c: Option<M2<'_>>, g: Option<M2<'_>>, k: M2<'_>, n: Option<M2<'_>>) -> PyResult<Self> {
-        let optional = |a: Option<M2<'_>>| a.map(|a| matrix(&a));
-        let inner = LinearSystem::new(matrix(&m), optional(c), optional(g), matrix(&k), optional(n))?;
-        Ok(PyLinearSystem { inner: Arc::new(inner) })
-    }
-
-    /// All modes. With a factor of K or M they are computed anew and not kept.
-    #[pyo3(signature = (kf=None, mf=None))]
-    fn modes<'py>(&self, py: Python<'py>, kf: Option<M2<'py>>, mf: Option<M2<'py>>) -> PyResult<Bound<'py, PyDict>> {
-        // square matrices held at a time: 28 to 37 measured without and 51 to 60 with damping, n = 400 to 800
-        let (size, squares) = (self.inner.q.n(), if self.inner.is_symmetric() { 40.0 } else { 64.0 });
-        let what = format!("all modes of {size} coordinates");
-        memory::require(
-            8.0 * squares * (size * size) as f64,
-            &what,
-            "ask for the lowest ones (n=) of sparse matrices",
-        )?;
-        let (kf, mf) = (kf.map(|a| matrix(&a)), mf.map(|a| matrix(&a)));
-        let inner = self.inner.clone();
-        let work = move || {
-            if kf.is_none() && mf.is_none() {
-                let (found, counts) = inner.modes()?;
-                return Ok(Modal { counts, ..found.clone() });
-            }
-            let system = inner.matrices(kf)?;
-            match mf {
-                None => modes(&system),
-                Some(mf) => modes(&system.with_mass_factor(mf)?),
-            }
-        };
-        let found = if size >= LARGE { interruptible(py, move |_| work())? } else { guarded(py, work)? };
-        as_dict(py, found)
-    }
-
-    /// Makes what transfer functions and responses need; the work that this call did.
-    fn reduce<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let n = self.inner.q.n() as f64;
+    #[pyo3(signature = (m, d, s))]
+    fn new(py: Python<'_>, m: M2<'_>, d: Option<M2<'_>>, s: M2<'_>) -> PyResult<Self> {
+        let n = m.shape()[0] as f64;
         memory::require(
             8.0 * REDUCTION * n * n,
             &format!("a reduction of {n} coordinates"),
             "reduce the system to its lowest modes",
         )?;
-        let inner = self.inner.clone();
-        let counts = interruptible(py, move |_| Ok(inner.reduction().1))?;
-        counts_dict(py, &counts)
+        let (m, d, s) = (matrix(&m), d.map(|d| matrix(&d)), matrix(&s));
+        let inner = interruptible(py, move |_| Reduction::new(Quadratic::new(m, d, s)?))?;
+        Ok(FrfReduction { inner: Arc::new(inner) })
     }
 
     /// Poles in rad/s, or None where the mass matrix is not positive definite.
-    fn poles<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray1<Complex64>>>> {
-        let inner = self.inner.clone();
-        let poles = interruptible(py, move |_| Ok(inner.reduction().0.poles()))?;
-        Ok(poles.map(|p| p.into_pyarray(py)))
+    #[getter]
+    fn poles<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<Complex64>>> {
+        self.inner.poles().map(|p| p.into_pyarray(py))
+    }
+
+    #[getter]
+    fn counts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        counts_dict(py, &self.inner.counts)
     }
 
     #[pyo3(signature = (l, f, order_in, d0, order_out, omega, modes=None, checked=true))]
@@ -108,8 +79,7 @@ impl PyLinearSystem {
         let shape = [ports.l.nrows(), ports.f.ncols(), omega.len()];
         values_fit("transfer functions", &shape)?;
         let inner = self.inner.clone();
-        let values =
-            interruptible(py, move |cancel| inner.reduction().0.evaluate(&ports, &omega, modes, checked, cancel))?;
+        let values = interruptible(py, move |cancel| inner.evaluate(&ports, &omega, modes, checked, cancel))?;
         let out = PyDict::new(py);
         out.set_item("value", values.h.into_pyarray(py).reshape(shape)?)?;
         out.set_item("route", values.route.name())?;
@@ -189,7 +159,7 @@ impl PyLinearSystem {
         let (x0, v0) = (x0.as_array().to_vec(), v0.as_array().to_vec());
         let inner = self.inner.clone();
         let (motion, route) = interruptible(py, move |cancel| {
-            let linear = Linear::new(inner.reduction().0, &ports, &x0, &v0)?;
+            let linear = Linear::new(&inner, &ports, &x0, &v0)?;
             Ok((linear.run(&history, cancel)?, linear.route))
         })?;
         let out = motion_dict(py, &motion)?;
@@ -243,8 +213,7 @@ impl PyLinearSystem {
             .collect::<Result<Vec<_>>>()?;
         let inner = self.inner.clone();
         let motions = interruptible(py, move |cancel| {
-            let reduction = inner.reduction().0;
-            response_sensitivity::sensitivities(reduction, &ports, &changes, (&x0, &v0), &history, cancel)
+            response_sensitivity::sensitivities(&inner, &ports, &changes, (&x0, &v0), &history, cancel)
         })?;
         motions.iter().map(|m| motion_dict(py, m)).collect()
     }

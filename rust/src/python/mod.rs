@@ -32,6 +32,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     gradient::register(module)?;
     hbm::register(module)?;
     hbm_branch::register(module)?;
+    modal::register(module)?;
     root::register(module)?;
     simulate::register(module)?;
     sparse::register(module)?;

@@ -1,11 +1,17 @@
 //! Modes of dense matrices.
 use faer::Mat;
-use numpy::{Complex64, IntoPyArray, PyReadonlyArray2};
+use numpy::{Complex64, IntoPyArray, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::border::{counts_dict, matrix, to_numpy_complex};
-use crate::analysis::modal::Modal;
+use super::border::{counts_dict, guarded, interruptible, matrix, to_numpy_complex};
+use crate::analysis::modal::{Modal, modes};
+use crate::memory;
+use crate::second_order::SecondOrder;
+
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(dense_modes, module)?)
+}
 
 pub(super) type Optional<'py> = Option<PyReadonlyArray2<'py, f64>>;
 
@@ -15,6 +21,38 @@ pub(super) fn optional(array: &Optional<'_>) -> Option<Mat<f64>> {
 
 /// Sizes from which on a solve may outlast what a user waits for Ctrl-C, and a thread of its own costs nothing in comparison.
 pub(super) const LARGE: usize = 64;
+
+#[pyfunction]
+#[pyo3(signature = (m, c, g, k, n, kf, mf=None))]
+#[allow(clippy::too_many_arguments)]
+fn dense_modes<'py>(
+    py: Python<'py>,
+    m: PyReadonlyArray2<'py, f64>,
+    c: Optional<'py>,
+    g: Optional<'py>,
+    k: PyReadonlyArray2<'py, f64>,
+    n: Optional<'py>,
+    kf: Optional<'py>,
+    mf: Optional<'py>,
+) -> PyResult<Bound<'py, PyDict>> {
+    // square matrices held at a time: 28 to 37 measured without and 51 to 60 with damping, n = 400 to 800
+    let (size, squares) = (m.shape()[0] as f64, if c.is_none() && g.is_none() && n.is_none() { 40.0 } else { 64.0 });
+    let what = format!("all modes of {size} coordinates");
+    memory::require(8.0 * squares * size * size, &what, "ask for the lowest ones (n=) of sparse matrices")?;
+    let (m, k) = (matrix(&m), matrix(&k));
+    let (c, g, n, kf) = (optional(&c), optional(&g), optional(&n), optional(&kf));
+    let mf = optional(&mf);
+    let large = m.nrows() >= LARGE;
+    let work = move || {
+        let system = SecondOrder::new(m, c, g, k, n, kf)?;
+        match mf {
+            None => modes(&system),
+            Some(mf) => modes(&system.with_mass_factor(mf)?),
+        }
+    };
+    let result = if large { interruptible(py, move |_| work())? } else { guarded(py, work)? };
+    as_dict(py, result)
+}
 
 pub(super) fn as_dict<'py>(py: Python<'py>, r: Modal) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);

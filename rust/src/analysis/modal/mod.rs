@@ -26,7 +26,6 @@ use crate::second_order::{SecondOrder, massless};
 use crate::tolerances::modes::MASSLESS;
 use quality::Correction;
 pub use subspace::largest_component;
-pub use symmetric::quadratic_roots;
 
 /// What a mode is. The list is closed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,13 +79,6 @@ pub struct Modal {
     /// Smallest pivot of M relative to its diagonal: what elimination has left of the lightest motion.
     pub mass_pivot: f64,
     pub counts: Counts,
-}
-
-impl Modal {
-    /// True where real shapes diagonalise all matrices.
-    pub fn is_real(&self) -> bool {
-        matches!(self.route, symmetric::UNDAMPED | symmetric::PROPORTIONAL)
-    }
 }
 
 /// A mode as the routes find it: coordinates scaled to unit mass, any normalisation.

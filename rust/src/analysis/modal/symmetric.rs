@@ -21,9 +21,6 @@ struct Spectrum {
     judged: Vec<Known>,
 }
 
-pub const UNDAMPED: &str = "undamped";
-pub const PROPORTIONAL: &str = "proportional";
-
 /// None where the damping couples the undamped modes.
 pub fn solve(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<Option<Raw>> {
     let k = symmetrised(reduced(l.as_ref(), system.k.as_ref()));
@@ -49,7 +46,7 @@ pub fn solve(system: &SecondOrder, l: &Mat<f64>, counts: &mut Counts) -> Result<
     let modes = (0..system.size()).map(|j| mode(&spectrum, &damping, j)).collect();
     Ok(Some(Raw {
         modes,
-        route: if system.c.is_none() { UNDAMPED } else { PROPORTIONAL },
+        route: if system.c.is_none() { "undamped" } else { "proportional" },
         may_be_defective: system.c.is_some(),
         correction: Correction::None,
     }))
