@@ -71,17 +71,6 @@ pub mod coordinates {
     pub const UNIT_QUATERNION: f64 = 1e-4;
 }
 
-/// Inertia of sparse symmetric matrices.
-pub mod inertia {
-    /// Smallest part of its column that a pivot may be. Larger: pivots wait, and fronts grow. Smaller: entries grow in elimination and
-    /// signs of small pivots are wrong. Between 0 and 1/2. Pinned by `linalg::inertia::tests::saddle_points_are_counted`.
-    pub const PIVOT: f64 = 0.01;
-
-    /// Pivots below this many eps of the largest that the entry has been are rounding: their sign tells nothing. Larger: counts beside
-    /// an eigenvalue are refused. Smaller: a singular matrix is counted. Pinned by `linalg::inertia::tests::a_chain_is_counted_at_any_shift`.
-    pub const PIVOT_ROUNDING: f64 = 8.0;
-}
-
 /// Static equilibrium.
 pub mod equilibrium {
     /// Stiffness below this part of the largest of its island counts as none. Coordinates that are held softly are stretched before.

@@ -261,6 +261,8 @@ def _lowest(M: Any, D: Any, S: Any, n: int, sigma: float | None, symmetric: bool
     arrays = _arrays(M), None if D is None else _arrays(D), _arrays(S)
     wanted, dof = n, M.shape[0]
     while True:
+        if sigma is not None and not (symmetric and (D is None or D.count_nonzero() == 0)):
+            raise ModelError("shift= of a sparse system needs symmetric matrices without damping; leave it out")
         r = _core.sparse_modes(*arrays, wanted, sigma)
         if "eigenvalue" not in r:
             return r

@@ -1,10 +1,12 @@
 //! Transfer functions of large sparse systems: one ordering, then one complex factorisation per frequency.
-use faer::sparse::linalg::lu::SymbolicLu;
-use faer::{Mat, MatRef, c64};
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::sparse::SparseColMatRef;
+use faer::sparse::linalg::lu::{LuRef, NumericLu, SymbolicLu, factorize_symbolic_lu};
+use faer::{Conj, Mat, MatRef, Par, c64};
 
 use super::ports::{Ports, complex, i_omega};
 use crate::error::{Error, Result};
-use crate::linalg::sparse::{ComplexFactor, Csc, lu_order};
+use crate::linalg::sparse::Csc;
 use crate::run::{Cancel, Counts};
 
 pub struct SparseSystem {
@@ -42,7 +44,8 @@ impl SparseSystem {
         if let Some(d) = d {
             pattern = pattern.combined(1.0, 1.0, d);
         }
-        let symbolic = lu_order(&pattern)?;
+        let symbolic = factorize_symbolic_lu(pattern.pattern(), Default::default())
+            .map_err(|e| Error::singular(format!("ordering of the sparse system failed: {e:?}")))?;
         Ok(SparseSystem {
             m: m.spread_over(&pattern),
             d: d.map_or_else(Vec::new, |d| d.spread_over(&pattern)),
@@ -87,10 +90,30 @@ impl SparseSystem {
         let value: Vec<c64> = (0..self.s.len())
             .map(|k| c64::new(self.s[k] - w * w * self.m[k], self.d.get(k).map_or(0.0, |d| w * d)))
             .collect();
-        let Some(factor) = ComplexFactor::new(&self.symbolic, &self.pattern, &value)? else {
+        let z = SparseColMatRef::new(self.pattern.pattern(), &value);
+        let mut numeric = NumericLu::new();
+        let scratch = self.symbolic.factorize_numeric_lu_scratch::<c64>(Par::Seq, Default::default());
+        let mut memory =
+            MemBuffer::try_new(scratch).map_err(|e| Error::singular(format!("no memory for the factors: {e:?}")))?;
+        let done = self.symbolic.factorize_numeric_lu(
+            &mut numeric,
+            z,
+            Par::Seq,
+            MemStack::new(&mut memory),
+            Default::default(),
+        );
+        if done.is_err() {
             return Ok(None);
+        }
+        let mut memory = MemBuffer::new(self.symbolic.solve_in_place_scratch::<c64>(f.ncols(), Par::Seq));
+        let mut apply = |x: &mut Mat<c64>| {
+            LuRef::<'_, u32, c64>::new_unchecked(&self.symbolic, &numeric).solve_in_place_with_conj(
+                Conj::No,
+                x.as_mut(),
+                Par::Seq,
+                MemStack::new(&mut memory),
+            );
         };
-        let apply = |x: &mut Mat<c64>| factor.solve(x.as_mut());
         let mut x = f.to_owned();
         apply(&mut x);
         let mut correction = self.residual(&value, x.as_ref(), f);

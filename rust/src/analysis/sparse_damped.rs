@@ -3,19 +3,12 @@
 //! The 2n state matrix is never formed: (A - sigma I)^-1 needs one factorisation of sigma^2 M + sigma D + S, n by n.
 use faer::{Mat, MatMut, MatRef, c64};
 
-use super::sparse_modal::nearer;
 use super::sparse_pencil::{Assembled, Pencil};
 use crate::error::{Error, Result};
 use crate::linalg::krylov::{Operator, Options, Ritz, Space};
 use crate::linalg::quadratic::Quadratic;
-use crate::linalg::sparse::{ComplexFactor, Csc, Factor, lu_order};
+use crate::linalg::sparse::{Csc, Factor};
 use crate::run::{Cancel, Counts};
-use crate::tolerances::modes::PATIENCE;
-
-/// How often the search of crowded roots is moved.
-const MOVES: usize = 6;
-/// Pairs beyond the wanted ones, so that a search about a frequency sees what lies behind them.
-const BUFFER: usize = 3;
 
 pub struct DampedModes {
     /// the roots with Im s >= 0 nearest to the shift, ascending in |s|; a rigid motion counts once, as 0, each other real root
@@ -86,19 +79,6 @@ impl Damped {
         Ok(self.m.combined(size, 0.0, &self.m))
     }
 
-    /// W x of states (y, y'/rate): strains over rate^2, then masses.
-    fn energy(&self, strain: &Csc, rate: f64, x: MatRef<'_, f64>, mut out: MatMut<'_, f64>) {
-        let n = self.m.rows;
-        strain.multiply(x.subrows(0, n), out.as_mut().subrows_mut(0, n), false);
-        let scale = 1.0 / (rate * rate);
-        for j in 0..x.ncols() {
-            for i in 0..n {
-                out[(i, j)] *= scale;
-            }
-        }
-        self.m.multiply(x.subrows(n, n), out.subrows_mut(n, n), false);
-    }
-
     fn residuals(&self, s: &[c64], y: MatRef<'_, c64>) -> Vec<f64> {
         let norm = |a: &Csc| a.value.iter().map(|v| v * v).sum::<f64>().sqrt();
         let (nm, nd, ns) = (norm(&self.m), norm(&self.d), norm(&self.s));
@@ -146,168 +126,48 @@ impl Operator for StateOperator<'_> {
         Ok(())
     }
 
-    fn weigh(&self, x: MatRef<'_, f64>, out: MatMut<'_, f64>) {
-        self.system.energy(self.strain, self.rate, x, out);
+    fn weigh(&self, x: MatRef<'_, f64>, mut out: MatMut<'_, f64>) {
+        let n = self.system.m.rows;
+        self.strain.multiply(x.subrows(0, n), out.as_mut().subrows_mut(0, n), false);
+        let scale = 1.0 / (self.rate * self.rate);
+        for j in 0..x.ncols() {
+            for i in 0..n {
+                out[(i, j)] *= scale;
+            }
+        }
+        self.system.m.multiply(x.subrows(n, n), out.subrows_mut(n, n), false);
     }
 }
 
-/// The `wanted` roots with Im s >= 0 of smallest modulus, or those nearest to i `near` (rad/s).
-pub fn lowest(system: &Damped, wanted: usize, near: Option<f64>, cancel: &Cancel) -> Result<DampedModes> {
+/// The `wanted` roots with Im s >= 0 nearest to the real shift, by default those of smallest modulus.
+pub fn lowest(system: &Damped, wanted: usize, sigma: Option<f64>, cancel: &Cancel) -> Result<DampedModes> {
     let n = system.m.rows;
     if wanted == 0 || wanted > n {
         return Err(Error::model(format!("n = {wanted} modes were asked for; the system has {n} coordinates")));
     }
-    if near.is_some_and(|w| !w.is_finite()) {
-        return Err(Error::model("the shift is not finite"));
-    }
     let mut counts = Counts::default();
-    let options = Options::new(2 * wanted, false);
-    let widest = Options::new(2 * (wanted + BUFFER), false);
-    let is_small = 2 * n < widest.dim + 3 * widest.block;
-    let (s, shape, sigma) = match near {
-        _ if is_small => {
-            counts.add("dense eigensolutions", 1);
-            let (s, shape) = every(system)?;
-            (s, shape, shift(system, wanted, &mut counts, cancel)?.0)
+    let (sigma, strain) = match sigma {
+        Some(sigma) if !sigma.is_finite() => {
+            return Err(Error::model(format!("sigma = {sigma} is not finite")));
         }
-        Some(near) if near > 0.0 => beside(system, near, widest, &mut counts, cancel)?,
-        _ => slowest(system, wanted, (options, widest), &mut counts, cancel)?,
+        Some(sigma) => (sigma, None),
+        None => shift(system, wanted, &mut counts, cancel)?,
+    };
+    let options = Options::new(2 * wanted, false);
+    let (s, shape) = if 2 * n < options.dim + 3 * options.block {
+        counts.add("dense eigensolutions", 1);
+        every(system)?
+    } else {
+        iterated(system, wanted, (sigma, strain), options, &mut counts, cancel)?
     };
     let shape = normalised(system, shape.as_ref());
     let (s, shape, rigid) = merge_rigid(system, s, shape, sigma);
-    let target = c64::new(0.0, near.unwrap_or(0.0));
     let mut order: Vec<usize> = (0..s.len()).collect();
-    order.sort_by(|a, b| (s[*a] - target).norm().total_cmp(&(s[*b] - target).norm()));
-    order.truncate(wanted);
     order.sort_by(|a, b| s[*a].norm().total_cmp(&s[*b].norm()).then(s[*b].re.total_cmp(&s[*a].re)));
+    order.truncate(wanted);
     let s: Vec<c64> = order.iter().map(|k| s[*k]).collect();
     let shape = Mat::from_fn(n, order.len(), |i, j| shape[(i, order[j])]);
     Ok(DampedModes { residual: system.residuals(&s, shape.as_ref()), s, shape, rigid, sigma, counts })
-}
-
-type Roots = (Vec<c64>, Mat<c64>, f64);
-
-/// The roots of smallest modulus: about zero, or from where the undamped roots begin if those lie close together far from zero.
-fn slowest(
-    system: &Damped,
-    wanted: usize,
-    (options, widest): (Options, Options),
-    counts: &mut Counts,
-    cancel: &Cancel,
-) -> Result<Roots> {
-    let (sigma, strain) = shift(system, wanted, counts, cancel)?;
-    if sigma != 0.0 {
-        return iterated(system, wanted, (sigma, strain), options, counts, cancel);
-    }
-    let patient = Options { max_cycles: PATIENCE, ..options };
-    match iterated(system, wanted, (sigma, strain), patient, counts, cancel) {
-        Err(Error::Convergence { .. }) => {}
-        found => return found,
-    }
-    counts.add("moved shifts", 1);
-    let undamped = Assembled::new(system.m.clone(), system.stiffness())?;
-    let mut near = nearer(&undamped, wanted, counts, cancel)?.1.sqrt();
-    let mut before: Vec<f64> = Vec::new();
-    for _ in 0..MOVES {
-        let found = beside(system, near, widest, counts, cancel)?;
-        let mut moduli: Vec<f64> = found.0.iter().map(|s| s.norm()).collect();
-        moduli.sort_by(f64::total_cmp);
-        let (Some(first), Some(last)) = (moduli.first().copied(), moduli.last().copied()) else {
-            break;
-        };
-        moduli.truncate(wanted);
-        let same = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-9 * b;
-        if before.len() == moduli.len() && before.iter().zip(&moduli).all(same) {
-            return Ok(found);
-        }
-        // gyroscopic and circulatory terms let roots fall below those of M and K: look from below the lowest
-        near = first - (0.25 * (last - first)).clamp(1e-4 * first, 0.5 * first);
-        before = moduli;
-    }
-    Err(Error::Convergence {
-        message: format!(
-            "the lowest {wanted} modes lie close together far from zero, and searches about {near:.3e} rad/s do not agree; give shift= in Hz"
-        ),
-        best: Vec::new(),
-        residual: f64::NAN,
-    })
-}
-
-/// The roots nearest to i w by the real part of (A - i w)^-1, which has the eigenvectors of A: theta = s/(s^2 + w^2)
-/// (B. N. Parlett and Y. Saad, Linear Algebra and its Applications 88/89 (1987) 575-595).
-fn beside(system: &Damped, w: f64, options: Options, counts: &mut Counts, cancel: &Cancel) -> Result<Roots> {
-    counts.add("factorisations", 1);
-    let strain = system.strain(w, counts)?;
-    let pattern = system.s.combined(1.0, 1.0, &system.d).combined(1.0, 1.0, &system.m);
-    let order = lu_order(&pattern)?;
-    let parts = [&system.s, &system.d, &system.m].map(|a| a.spread_over(&pattern));
-    let [s, d, m] = &parts;
-    let value: Vec<c64> = (0..s.len()).map(|k| c64::new(s[k] - w * w * m[k], w * d[k])).collect();
-    let Some(factor) = ComplexFactor::new(&order, &pattern, &value)? else {
-        return Err(Error::singular(
-            "the shifted matrix is singular: the shift lies on an undamped root; move it a little",
-        ));
-    };
-    let op = BesideOperator { system, factor, w, strain: &strain };
-    let mut space = Space::new(&op, options)?;
-    let ritz = space.converge(cancel)?;
-    counts.merge(&space.counts);
-    let states = space.vectors(&ritz, options.wanted.min(ritz.value.len()));
-    let n = system.m.rows;
-    let mut roots = Vec::new();
-    for k in 0..states.ncols() {
-        let theta = ritz.value[k];
-        // s^2 theta - s + w^2 theta = 0: of both roots the one that the vector knows, (s y)/y
-        let half = c64::new(0.5, 0.0) / theta;
-        let apart = (half * half - w * w).sqrt();
-        let ratio = (0..n).map(|i| states[(i, k)].conj() * states[(n + i, k)] * w).sum::<c64>()
-            / (0..n).map(|i| states[(i, k)].norm_sqr()).sum::<f64>();
-        let (a, b) = (half + apart, half - apart);
-        let root = if (a - ratio).norm() <= (b - ratio).norm() { a } else { b };
-        if root.im >= 0.0 {
-            roots.push((root, k));
-        }
-    }
-    let shape = Mat::from_fn(n, roots.len(), |i, j| states[(i, roots[j].1)]);
-    Ok((roots.into_iter().map(|r| r.0).collect(), shape, -w))
-}
-
-/// Re (A - i w)^-1 on states (y, y'/w).
-struct BesideOperator<'a> {
-    system: &'a Damped,
-    factor: ComplexFactor<'a>,
-    w: f64,
-    strain: &'a Csc,
-}
-
-impl Operator for BesideOperator<'_> {
-    fn dim(&self) -> usize {
-        2 * self.system.m.rows
-    }
-
-    /// (S - w^2 M + i w D) y = -(M b + D a + i w M a), v = a + i w y, for real a and b.
-    fn apply(&self, x: MatRef<'_, f64>, mut out: MatMut<'_, f64>) -> Result<()> {
-        let (n, w) = (self.system.m.rows, self.w);
-        let (a, b) = (x.subrows(0, n), x.subrows(n, n));
-        let mut real = Mat::zeros(n, x.ncols());
-        self.system.d.multiply(a, real.as_mut(), false);
-        let (mut of_a, mut of_b) = (Mat::zeros(n, x.ncols()), Mat::zeros(n, x.ncols()));
-        self.system.m.multiply(a, of_a.as_mut(), false);
-        self.system.m.multiply(b, of_b.as_mut(), false);
-        let mut y = Mat::from_fn(n, x.ncols(), |i, j| c64::new(-real[(i, j)] - w * of_b[(i, j)], -w * of_a[(i, j)]));
-        self.factor.solve(y.as_mut());
-        for j in 0..x.ncols() {
-            for i in 0..n {
-                out[(i, j)] = y[(i, j)].re;
-                out[(n + i, j)] = a[(i, j)] / w - y[(i, j)].im;
-            }
-        }
-        Ok(())
-    }
-
-    fn weigh(&self, x: MatRef<'_, f64>, out: MatMut<'_, f64>) {
-        self.system.energy(self.strain, self.w, x, out);
-    }
 }
 
 fn iterated(
@@ -317,7 +177,7 @@ fn iterated(
     options: Options,
     counts: &mut Counts,
     cancel: &Cancel,
-) -> Result<Roots> {
+) -> Result<(Vec<c64>, Mat<c64>)> {
     counts.add("factorisations", 1);
     let strain = match strain {
         Some(strain) => strain,
@@ -347,7 +207,7 @@ fn iterated(
     };
     let states = space.vectors(&picked, chosen.len());
     let s = picked.value.iter().map(|mu| sigma + mu.inv()).collect();
-    Ok((s, states.subrows(0, system.m.rows).to_owned(), sigma))
+    Ok((s, states.subrows(0, system.m.rows).to_owned()))
 }
 
 /// All roots of a system so small, or of which so many are wanted, that a Krylov basis would exhaust it.

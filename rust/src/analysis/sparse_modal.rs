@@ -213,7 +213,7 @@ fn start<'a>(
 }
 
 /// A shift below the first eigenvalue, as near to it as the first few are to each other, by bisection with inertia counts.
-pub(super) fn nearer<'a>(
+fn nearer<'a>(
     pencil: &'a impl Pencil,
     wanted: usize,
     counts: &mut Counts,

@@ -9,9 +9,8 @@ use faer::prelude::*;
 use faer::{Mat, MatMut, MatRef};
 
 use crate::error::{Error, Result};
-use crate::linalg::inertia::negative_eigenvalues;
 use crate::linalg::krylov::Operator;
-use crate::linalg::sparse::{Csc, Factor, LuPlan};
+use crate::linalg::sparse::{Csc, Factor, LuPlan, negative_eigenvalues};
 use crate::tolerances::modes::SEMIDEFINITE;
 
 /// Rows of one element, at most.

@@ -7,7 +7,6 @@ pub mod elimination;
 pub mod entries;
 pub mod expm;
 pub mod hessenberg;
-pub mod inertia;
 pub mod jacobi;
 pub mod kkt;
 pub mod krylov;

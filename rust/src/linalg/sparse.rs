@@ -3,10 +3,13 @@ use std::cell::RefCell;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
-use faer::sparse::linalg::cholesky::{LltRef, SymbolicCholesky, SymbolicCholeskyRaw, factorize_symbolic_cholesky};
+use faer::sparse::linalg::SupernodalThreshold;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, factorize_symbolic_cholesky,
+};
 use faer::sparse::linalg::lu::{LuRef, NumericLu, SymbolicLu, factorize_symbolic_lu};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
-use faer::{Conj, MatMut, MatRef, Par, Side, c64};
+use faer::{Conj, Mat, MatMut, MatRef, Par, Side};
 
 use crate::error::{Error, Result};
 
@@ -314,46 +317,6 @@ impl Factor {
     }
 }
 
-/// A complex sparse matrix ready for solves; the order of elimination belongs to its pattern.
-pub struct ComplexFactor<'a> {
-    symbolic: &'a SymbolicLu<u32>,
-    numeric: NumericLu<u32, c64>,
-    memory: RefCell<MemBuffer>,
-}
-
-/// The order of elimination of a pattern.
-pub fn lu_order(pattern: &Csc) -> Result<SymbolicLu<u32>> {
-    factorize_symbolic_lu(pattern.pattern(), Default::default()).map_err(|e| failed("ordering", e))
-}
-
-impl<'a> ComplexFactor<'a> {
-    /// None where the matrix is singular.
-    pub fn new(symbolic: &'a SymbolicLu<u32>, pattern: &Csc, value: &[c64]) -> Result<Option<Self>> {
-        let mut numeric = NumericLu::new();
-        let scratch = symbolic.factorize_numeric_lu_scratch::<c64>(Par::Seq, Default::default());
-        let mut memory = MemBuffer::try_new(scratch).map_err(|e| failed("allocation", e))?;
-        let z = SparseColMatRef::new(pattern.pattern(), value);
-        let stack = MemStack::new(&mut memory);
-        let done = symbolic.factorize_numeric_lu(&mut numeric, z, Par::Seq, stack, Default::default());
-        let memory = RefCell::new(MemBuffer::new(StackReq::EMPTY));
-        Ok(done.is_ok().then_some(ComplexFactor { symbolic, numeric, memory }))
-    }
-
-    pub fn solve(&self, rhs: MatMut<'_, c64>) {
-        let need = self.symbolic.solve_in_place_scratch::<c64>(rhs.ncols(), Par::Seq);
-        let mut memory = self.memory.borrow_mut();
-        if memory.len() < need.unaligned_bytes_required() {
-            *memory = MemBuffer::new(need);
-        }
-        LuRef::<'_, u32, c64>::new_unchecked(self.symbolic, &self.numeric).solve_in_place_with_conj(
-            Conj::No,
-            rhs,
-            Par::Seq,
-            MemStack::new(&mut memory),
-        );
-    }
-}
-
 /// Diagonal of the factor in its own order.
 fn pivots(symbolic: &SymbolicCholesky<u32>, value: &[f64]) -> Vec<f64> {
     match symbolic.raw() {
@@ -373,10 +336,63 @@ fn pivots(symbolic: &SymbolicCholesky<u32>, value: &[f64]) -> Vec<f64> {
     }
 }
 
+/// Number of negative eigenvalues of a symmetric matrix by Sylvester's law of inertia, from L D L^T without pivoting. None where
+/// that factorisation is not accurate: a solve with it leaves too large a residual.
+pub fn negative_eigenvalues(a: &Csc) -> Option<usize> {
+    let params = CholeskySymbolicParams {
+        supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SIMPLICIAL,
+        ..Default::default()
+    };
+    let symbolic = factorize_symbolic_cholesky(a.as_faer().symbolic(), Side::Upper, Default::default(), params).ok()?;
+    let mut value = vec![0.0; symbolic.len_val()];
+    let mut memory =
+        MemBuffer::try_new(symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default())).ok()?;
+    symbolic
+        .factorize_numeric_ldlt(
+            &mut value,
+            a.as_faer(),
+            Side::Upper,
+            Default::default(),
+            Par::Seq,
+            MemStack::new(&mut memory),
+            Default::default(),
+        )
+        .ok()?;
+    let n = a.rows;
+    let b = Mat::from_fn(n, 1, |i, _| ((i as f64) * 0.618_034 + 0.3).fract() - 0.5);
+    let mut x = b.clone();
+    let mut memory = MemBuffer::new(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
+    LdltRef::<'_, u32, f64>::new(&symbolic, &value).solve_in_place_with_conj(
+        Conj::No,
+        x.as_mut(),
+        Par::Seq,
+        MemStack::new(&mut memory),
+    );
+    let mut r = Mat::zeros(n, 1);
+    a.multiply(x.as_ref(), r.as_mut(), false);
+    let worst = (0..n).map(|i| (r[(i, 0)] - b[(i, 0)]).abs()).fold(0.0, f64::max);
+    // inertia is right as long as the factors are those of a matrix close to a: ask for the residual of a stable solve
+    let rows = row_sizes(a, x.as_ref());
+    let scale = rows.iter().fold(0.0_f64, |s, v| s.max(*v)) + 0.5;
+    if worst.is_nan() || worst > 1e-11 * scale {
+        return None;
+    }
+    let d = pivots(&symbolic, &value);
+    Some(d.iter().filter(|p| **p < 0.0).count())
+}
+
+/// |A| |x|: what a residual is to be compared with.
+fn row_sizes(a: &Csc, x: MatRef<'_, f64>) -> Vec<f64> {
+    let mut out = vec![0.0; a.rows];
+    for (i, j, v) in a.entries() {
+        out[i] += (v * x[(j, 0)]).abs();
+    }
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use faer::Mat;
 
     fn tridiagonal(n: usize, diagonal: f64) -> Csc {
         let mut entries = Vec::new();
@@ -391,7 +407,7 @@ mod tests {
     }
 
     #[test]
-    fn factors_solve() {
+    fn factors_solve_and_inertia_counts() {
         let n = 50;
         let a = tridiagonal(n, 2.0);
         let b = Mat::from_fn(n, 2, |i, j| (i + j) as f64);
@@ -403,6 +419,15 @@ mod tests {
             a.multiply(x.as_ref(), r.as_mut(), false);
             assert!((&r - &b).norm_max() < 1e-10);
         }
+        // eigenvalues 2 - 2 cos(j pi / (n + 1)); j = (n + 1) / 3 makes 1, where the matrix is singular and nothing can be counted
+        let exact = |j: usize| 2.0 - 2.0 * (std::f64::consts::PI * j as f64 / (n + 1) as f64).cos();
+        for shift in [0.05, 0.9, 1.1, 2.1, 3.9] {
+            assert_eq!(
+                negative_eigenvalues(&tridiagonal(n, 2.0 - shift)),
+                Some((1..=n).filter(|j| exact(*j) < shift).count())
+            );
+        }
+        assert_eq!(negative_eigenvalues(&tridiagonal(n, 2.0 - 1.0)), None);
         assert!(Factor::cholesky(&tridiagonal(n, 1.0), 1e-12).unwrap().is_none());
     }
 }

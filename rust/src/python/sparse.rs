@@ -37,7 +37,7 @@ fn csc(name: &str, arrays: &Arrays<'_>) -> Result<Csc> {
     )
 }
 
-/// The n lowest modes of (s^2 M + s D + S) y = 0, or those nearest to -s^2 = sigma; D None and S symmetric: K x = lambda M x.
+/// The n lowest modes of (s^2 M + s D + S) y = 0; D None and S symmetric: K x = lambda M x.
 #[pyfunction]
 #[pyo3(signature = (m, d, s, n, sigma=None))]
 fn sparse_modes<'py>(
@@ -56,8 +56,7 @@ fn sparse_modes<'py>(
         return symmetric_dict(py, modes);
     }
     let d = d.unwrap_or_else(|| Csc::from_entries(m.rows, m.cols, Vec::new()));
-    let near = sigma.map(|l| l.max(0.0).sqrt());
-    let modes = interruptible(py, move |cancel| sparse_damped::lowest(&Damped::new(m, d, s)?, n, near, cancel))?;
+    let modes = interruptible(py, move |cancel| sparse_damped::lowest(&Damped::new(m, d, s)?, n, sigma, cancel))?;
     let out = PyDict::new(py);
     out.set_item("eigenvalue", modes.s.into_pyarray(py))?;
     out.set_item("shape", to_numpy_complex(py, modes.shape.as_ref()))?;
