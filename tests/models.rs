@@ -30,7 +30,7 @@ impl Builder {
     }
 
     pub fn revolute_z(&mut self, a: BodyRef, b: BodyRef, at: [f64; 3]) {
-        let numbers: [&[f64]; 6] = [&at, &at, &[0.0, 0.0, 1.0], &[0.0; 3], &UPRIGHT, &[0.0; 20]];
+        let numbers: [&[f64]; 6] = [&at, &at, &[0.0, 0.0, 1.0], &[0.0; 3], &UPRIGHT, &[0.0; 21]];
         let x = self.put(&numbers);
         self.0.joints.push(JointSpec {
             name: format!("joint {}", self.0.joints.len()),

@@ -82,7 +82,7 @@ def test_junk_tables_are_refused(change):
 
 
 # the first table of each of these says whether a model has any of them
-OPTIONAL = ("pose", "marker", "functions", "motion_type", "drive_joint", "load_motion_load", "coupler_first")
+OPTIONAL = ("pose", "marker", "function", "motion_type", "drive_joint", "load_motion_load", "coupler_first")
 
 
 def test_missing_tables_are_named():

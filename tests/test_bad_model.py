@@ -124,7 +124,7 @@ CASES = [
     (lambda m: m.rolling_disc("j", "a", "b", at=PAIR, axis="z", axis2="z", radius=1), ModelError, "parallel"),
     (lambda m: m.revolute("j", "a", "b", at=(0, 0, 0), axis="z", law=3), ModelError, "j.law must be a law"),
     (lambda m: m.spherical("j", "a", "b", at=(0, 0, 0), law=FakeLaw(1)), ModelError, "j.law must be 3 laws"),
-    (lambda m: m.spherical("j", "a", "b", at=(0, 0, 0), law={"z": FakeLaw(1)}), ModelError, "no coordinate 'z'"),
+    (lambda m: m.spherical("j", "a", "b", at=(0, 0, 0), law={"z": FakeLaw(1)}), ModelError, "no coordinates 'z'"),
     # elements
     (lambda m: m.spring_damper("s", "a", "b", at=PAIR), ModelError, "does nothing"),
     (lambda m: m.spring_damper("s", "a", "b", at=(0, 0, 0), k=1), ModelError, "s.at must be two points"),

@@ -21,6 +21,9 @@ from mbrs.view.symbols import GLYPHS, links, marks
 FOLDER = Path(view.__file__).parent
 
 
+NAMES = "abcdefghijklmn"
+
+
 def random_turn(rng):
     return np.linalg.qr(rng.normal(size=(3, 3)))[0] * np.array([1.0, 1.0, 1.0])
 
@@ -34,10 +37,10 @@ def every_kind(seed, turn=None, shift=(0.0, 0.0, 0.0), size=1.0, loads=True):
         return turn @ (size * np.asarray(p)) + shift
 
     m = mb.Model("every", gravity=turn @ [0.3, -9.1, 2.0])
-    for name in "abcdefghijkl":
+    for name in NAMES:
         m.body(name, mass=1.3, inertia=(0.2, 0.3, 0.4), at=place(rng.normal(size=3)))
     for k, kind in enumerate(JOINTS.values()):
-        a, b = (m.ground, "a") if k % 3 == 0 else ("abcdefghijkl"[k - 1], "abcdefghijkl"[k])
+        a, b = (m.ground, "a") if k % 3 == 0 else (NAMES[k - 1], NAMES[k])
         given, axis = {}, rng.normal(size=3)
         pair = rng.normal(size=(2, 3))
         given["at"] = [place(p) for p in pair] if kind.points == "two" else place(pair[0])
@@ -47,6 +50,8 @@ def every_kind(seed, turn=None, shift=(0.0, 0.0, 0.0), size=1.0, loads=True):
             given["axis2"] = turn @ np.cross(axis, rng.normal(size=3))
         if "radius" in kind.known:
             given["radius"] = 0.3 * size
+        if "pitch" in kind.known:
+            given["pitch"] = 0.07 * size
         if "k" in kind.known and kind.free:
             given["k"] = rng.uniform(1, 2, len(kind.free)) if len(kind.free) > 1 else 1.7
         getattr(m, kind.type)(f"J {kind.type}", a, b, **given)

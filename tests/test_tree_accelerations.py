@@ -6,8 +6,8 @@ import mbrs as mb
 import numpy as np
 import pytest
 from mbrs import reference as ref
+from mbrs.model.tables import tables
 from mbrs.reference.transient import begin
-from mbrs.system.tables import tables
 from random_models import random_tree
 
 

@@ -212,9 +212,7 @@ class Turn:
         length = self.snapshot.system.characteristic_length
         twists = tangent.rows[: 6 * len(self.omega)].reshape(-1, 6, len(tangent.M)).copy()
         twists[:, :3] *= length
-        made = strains_at(
-            self.snapshot, tangent.q, self.without, twists.reshape(-1, len(tangent.M)), tangent.position
-        )
+        made = strains_at(self.snapshot, tangent.q, self.without, twists.reshape(-1, len(tangent.M)), tangent.position)
         for name, bodies, own, k in zip(made.names, made.bodies, made.own, made.stiffness, strict=True):
             reach = np.zeros(len(tangent.M))
             for body in bodies[bodies >= 0]:

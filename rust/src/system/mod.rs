@@ -3,6 +3,7 @@
 //! ```text
 //! topology    spanning tree (tree), tree coordinates, cut rows, connectors   (once per structure)
 //! placement   poses and motion columns of a state                      (per state)
+//! binding     elements, joints with springs and laws as connectors
 //! articulated M x = f on a tree without M               (per state)
 //! inertia     M and the velocity and gravity terms, by recursion       (per state)
 //! flexible    modal coordinates: their inertia, and the nodes that they move
@@ -18,6 +19,7 @@
 //! ```
 pub mod articulated;
 pub mod assemble;
+mod binding;
 pub mod closure;
 pub mod connector;
 pub mod connector_force;
