@@ -79,7 +79,7 @@ def shares(threads: int) -> None:
     )
     seconds = time.perf_counter() - begin
     profile.disable()
-    core = sum(row[2] for key, row in pstats.Stats(profile).stats.items() if "induced_velocity}" in key[2])  # type: ignore[attr-defined]
+    core = sum(row[2] for key, row in pstats.Stats(profile).stats.items() if "_core.induced_velocity" in key[2])  # type: ignore[attr-defined]
     count = found.stats.counts["filament_pairs"]
     print(
         f"a turn in 36 steps, {found.wake}: {seconds / 4:.3g} s, "

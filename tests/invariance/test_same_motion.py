@@ -51,10 +51,7 @@ def cases():
             if method == "explicit" and change == "stiff part":
                 continue  # an explicit method has to follow its vibration
             stuck = jitter.seed() is not None and (method, name, change) == FAR
-            marks = [pytest.mark.xfail(strict=False, reason=REFUSED)] if stuck else []
-            if method == "radau" and change == "stiff part":
-                followed = "the estimate counts rates of a vibration that moves nothing which the tolerance sees"
-                marks.append(pytest.mark.xfail(strict=True, reason=followed))
+            marks = pytest.mark.xfail(strict=False, reason=REFUSED) if stuck else ()
             yield pytest.param(method, name, change, id=f"{method}-{name}-{change}", marks=marks)
 
 

@@ -92,7 +92,7 @@ class FunctionPlace:
 def function_places(lin: Any) -> Iterator[FunctionPlace]:
     """Every function that acts in a linearisation."""
     t = tables(lin.model)
-    places = lin.snapshot.system.function_places(lin.state.relative, lin.state.rate)
+    places = lin.snapshot.system.function_places(lin.state.q, lin.state.rate)
     for i, a, b, point, gradients, u, v in places:
         kind = "joint" if t["function_owner_kind"][i] else "element"
         name = t[f"{kind}_name"][int(t["function_owner"][i])]
