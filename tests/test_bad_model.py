@@ -275,10 +275,11 @@ CORRECT = {
     **{joint: {"a": "a", "b": "b", "at": (0, 0, 0)} for joint in ("fixed", "spherical", "free")},
     **{
         joint: {"a": "a", "b": "b", "at": (0, 0, 0), "axis": "z"}
-        for joint in ("revolute", "prismatic", "cylindrical", "planar", "knife_edge")
+        for joint in ("revolute", "prismatic", "cylindrical", "planar", "knife_edge", "point_on_line")
     },
     "universal": {"a": "a", "b": "b", "at": (0, 0, 0), "axis": "z", "axis2": "x"},
     "distance": {"a": "a", "b": "b", "at": PAIR},
+    "screw": {"a": "a", "b": "b", "at": (0, 0, 0), "axis": "z", "pitch": 0.01},
     "rolling_disc": {"a": "a", "b": "b", "at": PAIR, "axis": "z", "axis2": "x", "radius": 0.1},
     "spring_damper": {"a": "a", "b": "b", "at": PAIR, "k": 1.0},
     "bushing": {"a": "a", "b": "b", "at": (0, 0, 0), "k": (1,) * 6},

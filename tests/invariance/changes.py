@@ -279,6 +279,7 @@ FREE = {
     "knife_edge": "",
     "rolling_disc": "",
     "screw": "r",
+    "point_on_line": "t",
 }
 COORDINATES = {"u": "t", "angle": "r", "alpha": "r", "beta": "r", "x": "t", "y": "t", "z": "t"}
 COORDINATES |= {"rx": "r", "ry": "r", "rz": "r"}
@@ -568,7 +569,7 @@ def repeated(rng) -> Change:
     def apply(d):
         d, random = d.copy(), np.random.default_rng(seed)
         for j in list(d["joint"]):
-            if j["type"] in ("distance", "knife_edge", "rolling_disc", "free"):
+            if j["type"] in ("distance", "knife_edge", "rolling_disc", "point_on_line", "free"):
                 continue
             twin = {k: v for k, v in j.items() if k not in ("k", "c", "preload", "law")}
             twin["name"] = j["name"] + " again"

@@ -132,6 +132,7 @@ class Model(Book):
     distance = accepting(_restraints.distance, JOINTS)
     knife_edge = accepting(_restraints.knife_edge, JOINTS)
     rolling_disc = accepting(_restraints.rolling_disc, JOINTS)
+    point_on_line = accepting(_restraints.point_on_line, JOINTS)
 
     spring_damper = accepting(_forces.spring_damper, ELEMENTS)
     bushing = accepting(_forces.bushing, ELEMENTS)

@@ -1,8 +1,8 @@
-"""The joints of `Model` that restrict motion and leave no coordinate of their own; docs/tables.md has their rows."""
+"""The joints of `Model` that restrict motion by their rows alone and carry no body; docs/tables.md has their rows."""
 
 from __future__ import annotations
 
-from .aliases import Axis, BodyLike, Points, Rotation, Scalar
+from .aliases import Axis, BodyLike, Coefficients, Laws, Points, Rotation, Scalar
 from .book import Book
 from .joint import Joint, add_joint
 
@@ -141,4 +141,74 @@ def rolling_disc(
     """
     return add_joint(
         self, "rolling_disc", name, a, b, at=at, axis=axis, axis2=axis2, orientation=orientation, radius=radius
+    )
+
+
+def point_on_line(
+    self: Book,
+    name: str,
+    a: BodyLike,
+    b: BodyLike,
+    *,
+    at: Points | None = None,
+    axis: Axis | None = None,
+    orientation: Rotation | None = None,
+    k: Coefficients | None = None,
+    c: Coefficients | None = None,
+    preload: Coefficients | None = None,
+    law: Laws | None = None,
+) -> Joint:
+    """A point of b stays on a line fixed in a: a pin in a slot, a bead on a wire. Free are the way along it (m) and all rotations.
+
+    Parameters
+    ----------
+    name
+        Unique in the model.
+    a, b
+        Bodies (handles or names), ground, or nodes of flexible bodies: the line is fixed in a, the point in b.
+    at
+        (3,), m, world, as drawn, or two points ``(P_a, P_b)`` that assembly brings onto one line; of a node its own point.
+    axis
+        "x", "-y", ... or a vector (3,), world: the direction of the line.
+    orientation
+        Of the joint frame as drawn, instead of ``axis``: quaternion (4,), scalar first, or matrix (3, 3).
+    k, c, preload
+        Stiffness (N/m), damping (N s/m) and tension (N) along the line, or a law of the way.
+    law
+        Nonlinear law of the way, added to these.
+
+    Returns
+    -------
+    Joint
+
+    Raises
+    ------
+    ModelError
+        A body joined to itself, a missing or doubled direction, wrong shapes, numbers that are not finite.
+
+    Examples
+    --------
+    A bead on a wire keeps one translation and three rotations.
+
+    >>> import mbrs as mb
+    >>> m = mb.Model("wire", gravity=(0, 0, -9.81))
+    >>> bead = m.body("bead", mass=0.1, inertia=(1e-5, 1e-5, 1e-5), at=(0, 0, 0))
+    >>> m.point_on_line("wire", m.ground, bead, at=(0, 0, 0), axis=(0.6, 0, 0.8))
+    <joint 'wire' of 'wire'>
+    >>> mb.System(m).dof
+    4
+    """
+    return add_joint(
+        self,
+        "point_on_line",
+        name,
+        a,
+        b,
+        at=at,
+        axis=axis,
+        orientation=orientation,
+        k=k,
+        c=c,
+        preload=preload,
+        law=law,
     )

@@ -313,6 +313,7 @@ _JOINT = Block(
             "axis", (3,), "direction", (0.0, 0.0, 1.0), replaced_by=_FRAME,
             types=(
                 "revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "free", "knife_edge", "rolling_disc", "screw",
+                "point_on_line",
             ),
         ),
         Field("axis2", (3,), "direction", replaced_by=_FRAME, types=("universal", "rolling_disc")),
@@ -367,6 +368,7 @@ JOINTS = {
             nonholonomic=True,
         ),
         _joint(11, "screw", "r", "rz", f"at axis orientation pitch {_SPRUNG}", axes=_Z),
+        _joint(12, "point_on_line", "t", "z", f"at axis orientation {_SPRUNG}", axes=_Z),
     )
 }
 

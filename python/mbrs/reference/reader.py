@@ -17,7 +17,7 @@ from .so3 import Array
 from .time_functions import TimeFunction, read_motions
 
 JOINTS = ["fixed", "revolute", "prismatic", "cylindrical", "universal", "spherical", "planar", "free"]
-JOINTS += ["distance", "knife_edge", "rolling_disc", "screw"]
+JOINTS += ["distance", "knife_edge", "rolling_disc", "screw", "point_on_line"]
 ELEMENTS = ("spring_damper", "bushing", "torsion")
 HAS_K, HAS_C, HAS_PRELOAD, OWN_FRAME, OWN_LENGTH = 1, 2, 4, 8, 16
 

@@ -24,6 +24,7 @@ CONSTRAINTS: dict[str, list[Row]] = {
     "distance": [("distance", 0, 0)],
     "knife_edge": [],
     "rolling_disc": [("disc", 0, 0)],
+    "point_on_line": _rows("xy", ""),
     "screw": [*_rows("xy", "xz yz"), ("thread", 0, 0)],
 }
 # rows that restrict velocities only
@@ -57,6 +58,7 @@ FREE: dict[str, list[tuple[str, int]]] = {
     "knife_edge": [],
     "rolling_disc": [],
     "screw": [("angle", Z)],
+    "point_on_line": [("u", Z)],
     "drive": [],
     "coupler": [],
     "bushing": [("u", X), ("u", Y), ("u", Z), ("log", 0)],

@@ -10,7 +10,7 @@ import numpy as np
 
 from .reader import Body, Link, Marker
 
-ALWAYS_CUT = ("distance", "knife_edge", "rolling_disc")
+ALWAYS_CUT = ("distance", "knife_edge", "rolling_disc", "point_on_line")
 NEVER_CANDIDATE = ("free", *ALWAYS_CUT)
 
 # motion of b relative to a: (ending of the name, "t" or "r", frame "inner" "a" "b", axis)

@@ -18,6 +18,7 @@ mod free;
 mod knife_edge;
 mod node;
 mod planar;
+mod point_on_line;
 mod prismatic;
 mod revolute;
 mod rolling_disc;
@@ -186,6 +187,7 @@ joints! {
     KnifeEdge in knife_edge,
     RollingDisc in rolling_disc,
     Screw in screw,
+    PointOnLine in point_on_line,
     Node in node,
 }
 

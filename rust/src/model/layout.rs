@@ -16,7 +16,7 @@ pub mod flag {
 
 /// Names of the joints by their code in `joint_type`.
 pub mod joint_type {
-    pub const NAMES: [&str; 12] = [
+    pub const NAMES: [&str; 13] = [
         "fixed",
         "revolute",
         "prismatic",
@@ -29,6 +29,7 @@ pub mod joint_type {
         "knife_edge",
         "rolling_disc",
         "screw",
+        "point_on_line",
     ];
 }
 
