@@ -213,12 +213,14 @@ def anchors(page):
 
 
 def test_links_lead_somewhere():
-    # pages in docs/generated are made while the site is built, which checks links to them
+    # pages in docs/generated and docs/gallery are made while the site is built, which checks links to them
     for path in ALL:
         text = read(path)
-        for name in re.findall(r"(?<![\w/.])docs/(?!generated/)[\w/-]+\.(?:md|png|svg)\b", text):
+        for name in re.findall(r"(?<![\w/.])docs/(?!generated/|gallery/)[\w/-]+\.(?:md|png|svg)\b", text):
             assert (ROOT / name).exists(), (path, name)
-        targets = re.findall(r"\]\((?!https?:|mailto:|generated/)([^)\s]+)\)", text) if path.suffix == ".md" else []
+        targets = (
+            re.findall(r"\]\((?!https?:|mailto:|generated/|gallery/)([^)\s]+)\)", text) if path.suffix == ".md" else []
+        )
         for target in targets:
             name, _, anchor = target.partition("#")
             page = (path.parent / name) if name else path
