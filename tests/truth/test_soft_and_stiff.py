@@ -94,7 +94,10 @@ def test_a_chain_that_hangs_on_a_soft_spring_above_stiff_ones(decades):
         eq = mb.equilibrium(m)
         sag = np.cumsum(g * np.cumsum(masses[::-1])[::-1] / k)
         found = (eq.poses["position"] - before) @ down
-        assert eq.status == "converged" and eq.free_directions == () and eq.stable
+        # the last digit of a place makes this force in the stiffest spring, over the weight
+        rounding = np.finfo(float).eps * np.max(np.abs(eq.poses["position"])) * k.max() / (g * masses.sum())
+        assert eq.status == "converged" or 1e-9 < eq.residual < 8 * rounding
+        assert eq.free_directions == () and eq.stable
         assert found == pytest.approx(sag, rel=1e-9)
         exact = exact_roots(springs_matrix(k, mp.mpf), masses)
         assert np.sort(mb.modes(m, at=eq).omega) == pytest.approx(exact, rel=1e-9)

@@ -207,8 +207,6 @@ pub struct Topology {
 pub type Turning = Vec<(usize, f64)>;
 
 impl Topology {
-    /// The element or joint that a connector belongs to.
-
     /// A memory with the states of all such laws at rest, whatever they were.
     pub fn at_rest(&self, memory: &[f64]) -> Vec<f64> {
         let mut out = if memory.is_empty() { vec![0.0; self.n_memory] } else { memory.to_vec() };
