@@ -98,6 +98,21 @@ def test_a_bicycle_in_any_direction(v, seed, unit):
     assert np.sum(np.abs(found) < 1e-6) == 2
 
 
+@pytest.mark.parametrize("seed", [101, 102, 112])
+def test_a_force_along_the_path_is_refused_in_any_direction(seed):
+    """A spring to the side, from 1e-3 N/m on; one of 1e-9 N/m moves roots by less than 1e-10."""
+
+    def held(k: float) -> mb.Model:
+        m, R = bicycle(5.0, seed), frame(seed)
+        m.bushing("side", m.ground, m["rear frame"], at=R @ [0.6, -0.4, -0.9], orientation=R, k=(0, k, 0, 0, 0, 0))
+        return m
+
+    for k in (1e-3, 1.0, 1e3):
+        with pytest.raises(mb.ModelError, match="where it has rolled to"):
+            mb.modes(held(k))
+    holds(mb.modes(held(1e-9)).roots, exact(5.0), 1e-9)
+
+
 def test_the_published_eigenvalues(case):
     """Table 2 of the same paper at 5 m/s."""
     known = [-0.775341882195845 + 4.464867713788898j, -0.322866429004087, -14.078389692798220]
