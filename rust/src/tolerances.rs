@@ -193,6 +193,19 @@ pub mod rolling {
     /// Rounding that forces which cancel leave in their tangent, over the sum of their sizes. Larger: a weak force along the path of
     /// rolling passes unseen; smaller: weight alone refuses. Pinned by the bicycle of tests/truth/test_rolling.py.
     pub const ROUNDING_OF_FORCES: f64 = 2e-11;
+
+    /// Force that a displacement along the path of rolling makes, over the terms that it is made of, which counts as none where such
+    /// displacements are looked for. Free of units. Rounding leaves 1e-15, the smallest force of a bicycle's lean 2e-3. Larger: a lean
+    /// is taken for a heading and the bicycle refused; smaller: no heading is found and it is refused too. Never an answer: what is
+    /// found is held against the other two. Pinned by `a_force_is_seen_from_its_bound_on` of analysis/rolling.rs and
+    /// `test_a_bicycle_in_any_direction` of tests/truth/test_rolling.py.
+    pub const UNFELT: f64 = 1e-8;
+
+    /// Sine of the angle between the displacements that no force follows and the motions that rows allow, from which on they are apart;
+    /// 0.9 of bicycles. E loses the digits of its inverse, 2e-12 here, and forces along the path are held to 1e-9. Larger: motions are
+    /// refused whose answer has digits; smaller than 1e-7: what is left is rounding. Pinned by `directions_are_apart_from_their_bound_on`
+    /// of analysis/rolling.rs.
+    pub const APART: f64 = 1e-4;
 }
 
 /// Periodic motions: dynamic stiffness, residuals, events.

@@ -79,10 +79,38 @@ def test_a_bicycle_at_speed(v, seed, unit):
     assert np.sum(np.abs(found.roots) < 1e-6 + parted) == 2
 
 
-@pytest.mark.xfail(strict=True, raises=mb.ModelError, reason="refused where heading and lean share a world axis")
-@pytest.mark.parametrize("v, seed", [(3.5, 101), (5.0, 102)])
-def test_a_bicycle_in_any_direction(v, seed):
-    holds(mb.modes(bicycle(v, seed)).roots, exact(v), 1e-7)
+@pytest.mark.parametrize(
+    "v, seed, unit",
+    [
+        (3.5, 101, 1.0),
+        (5.0, 102, 1.0),
+        (1.0, 103, 1e3),
+        (9.7, 104, 1e-2),
+        (6.0, 105, 1.0),
+        (6.1, 112, 1.0),
+        (8.8, 115, 1.0),
+    ],
+)
+def test_a_bicycle_in_any_direction(v, seed, unit):
+    """World axes mix heading, lean and spin of the rear wheel, whose body carries the others."""
+    found = mb.modes(bicycle(v, seed, unit)).roots
+    holds(found, exact(v), 1e-7)
+    assert np.sum(np.abs(found) < 1e-6) == 2
+
+
+@pytest.mark.parametrize("seed", [101, 102, 112])
+def test_a_force_along_the_path_is_refused_in_any_direction(seed):
+    """A spring to the side, from 1e-3 N/m on; one of 1e-9 N/m moves roots by less than 1e-10."""
+
+    def held(k: float) -> mb.Model:
+        m, R = bicycle(5.0, seed), frame(seed)
+        m.bushing("side", m.ground, m["rear frame"], at=R @ [0.6, -0.4, -0.9], orientation=R, k=(0, k, 0, 0, 0, 0))
+        return m
+
+    for k in (1e-3, 1.0, 1e3):
+        with pytest.raises(mb.ModelError, match="where it has rolled to"):
+            mb.modes(held(k))
+    holds(mb.modes(held(1e-9)).roots, exact(5.0), 1e-9)
 
 
 def test_the_published_eigenvalues(case):

@@ -9,7 +9,7 @@
 use nalgebra::{DMatrix, DVector};
 use num_dual::Dual2;
 
-use crate::analysis::rolling::{check_rolling, rolling, rolls};
+use crate::analysis::rolling::{Follow, rolling, rolls};
 use crate::error::{Error, Result};
 use crate::linalg::entries::Sizes;
 use crate::linalg::matrix::Matrix;
@@ -147,9 +147,11 @@ impl Setting<'_> {
     }
 }
 
-/// Rows of the dependent coordinates in y' = B'' z' + first z, y" = B'' z" + rate z' + second z; of closed loops first = B''',
+/// Rows of tree coordinates in y' = B'' z' + first z, y" = B'' z" + rate z' + second z; of closed loops first = B''',
 /// rate = 2 B''', second = B''''.
 pub(super) struct Turning<T: Real> {
+    /// of closed loops the dependent coordinates
+    pub(super) rows: Vec<usize>,
     pub(super) first: DMatrix<T>,
     pub(super) rate: DMatrix<T>,
     pub(super) second: DMatrix<T>,
@@ -232,12 +234,10 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     if loops.is_some() {
         counts.add("loop factorisations", 1);
     }
-    let turning = match (&loops, &rate) {
+    let mut turning = match (&loops, &rate) {
         (Some(l), Some(rate)) => {
             let path = Path { x: &system.x, q: &setting.state.q, rate };
-            let made = turning(setting, l, &path);
-            let rolling = |b| rolling(setting, l, b, &jacobian, &path, &made);
-            Some(if rolls(setting) { b.as_ref().map(rolling).transpose()?.unwrap_or(made) } else { made })
+            Some(turning(setting, l, &path))
         }
         _ => None,
     };
@@ -251,8 +251,10 @@ pub fn linearize(setting: &Setting<'_>, counts: &mut Counts) -> Result<Lineariza
     let islands = force_sizes(&scene, &tangent, system.length);
     let force_scale = islands.iter().sum();
     check_finite(&scene, &tangent)?;
-    if let (Some(l), Some(b), Some(t), true) = (&loops, &b, &turning, rolls(setting)) {
-        check_rolling(setting, (l, b), t, &tangent, force_scale)?;
+    if let (Some(loops), Some(b), Some(straight), Some(rate), true) = (&loops, &b, &turning, &rate, rolls(setting)) {
+        let path = Path { x: &system.x, q: &setting.state.q, rate };
+        let follow = Follow { setting, loops, jacobian: &jacobian, path: &path };
+        turning = Some(rolling(&follow, b, straight, &tangent, force_scale)?);
     }
     let (matrices, residual) = match (&loops, &b) {
         (Some(l), Some(b)) => (reduce(&tangent, l, b, turning.as_ref(), setting.effects), l.reduce_vector(&tau, b)),
@@ -302,7 +304,7 @@ pub(super) fn reduce<T: Real>(
         damping = sum(damping, gyroscopic.map(reduced));
     }
     if let Some(turning) = turning {
-        let along = |x: &DMatrix<T>, w: &DMatrix<T>| turned(loops, x, w, b);
+        let along = |x: &DMatrix<T>, w: &DMatrix<T>| turned(loops, x, (&turning.rows, w), b);
         if effects.gyroscopic {
             damping = sum(damping, Some(along(&tangent.mass, &turning.rate)));
         }
@@ -317,9 +319,9 @@ pub(super) fn reduce<T: Real>(
     Matrices { mass, damping, stiffness }
 }
 
-/// B''^T X W for a change W of B'', which has rows on the dependent coordinates alone.
-fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, w: &DMatrix<T>, b: &DMatrix<T>) -> DMatrix<T> {
-    let columns = DMatrix::from_fn(x.nrows(), loops.dependent.len(), |i, k| x[(i, loops.dependent[k])]);
+/// B''^T X W for a change W of B'', which has these rows alone.
+fn turned<T: Real>(loops: &Loops, x: &DMatrix<T>, (rows, w): (&[usize], &DMatrix<T>), b: &DMatrix<T>) -> DMatrix<T> {
+    let columns = DMatrix::from_fn(x.nrows(), rows.len(), |i, k| x[(i, rows[k])]);
     let full = columns * w;
     let mut out = DMatrix::zeros(loops.independent.len(), full.ncols());
     for j in 0..full.ncols() {
@@ -345,7 +347,8 @@ pub(super) fn turning<T: Real>(setting: &Setting<'_>, loops: &Loops, path: &Path
     }
     let b = loops.dependent_map(&turning_jacobian(setting, path, Some(&acceleration)));
     let first = b.map(|v| v.v1);
-    Turning { rate: &first * T::from(2.0), first, second: b.map(|v| v.v2), acceleration }
+    let rows = loops.dependent.clone();
+    Turning { rows, rate: &first * T::from(2.0), first, second: b.map(|v| v.v2), acceleration }
 }
 
 /// J along y(t) = rate t + acceleration t^2 / 2, to second order in time.

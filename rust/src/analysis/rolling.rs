@@ -13,7 +13,12 @@
 //! D'' = B''^T (D B'' + M E B''),   S'' = B''^T (S B'' + D E B'' + M E E B''),
 //! ```
 //! after J. P. Meijaard, J. M. Papadopoulos, A. Ruina and A. L. Schwab, Linearized dynamics equations for the balance and steer of a
-//! bicycle, Proc. R. Soc. A 463 (2007). `check_rolling` refuses what does not fit this.
+//! bicycle, Proc. R. Soc. A 463 (2007).
+//!
+//! The rates z' + X y with E + B'' X in the place of E describe the same motion. The tree coordinates are X = 0, where a body that
+//! rolls askew to the axes of its joint leans a little with every heading, and forces depend on y_e. Let R hold B'' and all that E makes
+//! of it, and U be the part of R that no force follows, C E^k U = 0 for all k (observability; T. Kailath, Linear Systems, 1980, section
+//! 2.4). Where R = B'' + N with N in U, the X that keeps y_e in N leaves no force there. What has no such N is refused.
 use nalgebra::{DMatrix, DVector};
 
 use crate::analysis::linearize::{Path, Setting, Turning, turning_jacobian};
@@ -21,8 +26,9 @@ use crate::analysis::transient::rotations::add_commutator;
 use crate::error::{Error, Result};
 use crate::system::assemble::Tangent;
 use crate::system::loops::{Loops, column_scales};
+use crate::system::rank::singular_values;
 use crate::system::topology::Level;
-use crate::tolerances::rolling::{ROLLS_STEADILY, ROUNDING_OF_FORCES};
+use crate::tolerances::rolling::{APART, ROLLS_STEADILY, ROUNDING_OF_FORCES, UNFELT};
 
 /// Do velocity rows act on a state that moves?
 pub(super) fn rolls(setting: &Setting<'_>) -> bool {
@@ -30,77 +36,197 @@ pub(super) fn rolls(setting: &Setting<'_>) -> bool {
     velocity && setting.effects.nonholonomic && setting.state.moving()
 }
 
-/// `straight`: B''' and the accelerations of the state, which have to vanish.
+/// What rolls straight on: `straight` holds B''' and the accelerations of the state, which have to vanish.
 pub(super) fn rolling(
-    setting: &Setting<'_>,
-    loops: &Loops,
+    follow: &Follow<'_>,
     b: &DMatrix<f64>,
-    jacobian: &DMatrix<f64>,
-    path: &Path<'_, f64>,
     straight: &Turning<f64>,
+    tangent: &Tangent<f64>,
+    force_scale: f64,
 ) -> Result<Turning<f64>> {
+    let (setting, loops) = (follow.setting, follow.loops);
     let natural = Natural::of(setting, loops);
     // of a disc that turns upright the rows change with the square of time only
-    let second = natural.size(&straight.second) / natural.speed;
-    let bends = natural.size(&straight.first).max(natural.size_of(&straight.acceleration) / natural.speed).max(second);
+    let second = natural.size(&straight.second, &natural.dependent) / natural.speed;
+    let accelerated = natural.size_of(&straight.acceleration) / natural.speed;
+    let bends = natural.size(&straight.first, &natural.dependent).max(accelerated).max(second);
     if bends > ROLLS_STEADILY * natural.speed {
         return Err(refused(
             setting,
             "moves on a curve or speeds up, so that its linearisation changes with time; linearise a state that rolls straight ahead",
         ));
     }
-    let follow = Follow { setting, loops, jacobian, path };
-    let first = follow.apply(&full(loops, b));
-    let second = follow.apply(&embedded(loops, &first));
-    let third = follow.apply(&embedded(loops, &second));
-    if natural.size(&third) > ROLLS_STEADILY * natural.speed.powi(3) {
-        return Err(refused(
+    let made = |[first, second, ..]: Chain| Turning {
+        rows: (0..first.nrows()).collect(),
+        rate: first.clone(),
+        first,
+        second,
+        acceleration: straight.acceleration.clone(),
+    };
+    let whole = full(loops, b);
+    let mut power = whole.clone();
+    let plain: Chain = [(); 4].map(|()| {
+        power = follow.apply(&power);
+        power.clone()
+    });
+    let delayed = natural.size(&plain[2], &natural.all) > ROLLS_STEADILY * natural.speed.powi(3);
+    let forces = Forces::new(loops, &whole, tangent, natural, force_scale);
+    let felt = forces.felt(&plain);
+    if !delayed && felt.is_none() {
+        return Ok(made(plain));
+    }
+    if let Some(other) = forces.unfelt(follow).filter(|chain| forces.felt(chain).is_none()) {
+        return Ok(made(other));
+    }
+    let name = felt.filter(|_| !delayed).map(|i| &setting.system.topology.names[loops.independent[i]]);
+    Err(match name {
+        Some(name) => refused(
+            setting,
+            &format!("meets forces on '{name}' that depend on where it has rolled to; leave such forces out"),
+        ),
+        None => refused(
             setting,
             "has a coordinate that rolling makes follow the others with a delay of its own (as a trailer follows its hitch), a \
              first-order equation that the second-order ones do not hold",
-        ));
-    }
-    Ok(Turning { rate: first.clone(), first, second, acceleration: straight.acceleration.clone() })
+        ),
+    })
 }
 
-/// No force may depend on the displacements y_e that velocity rows leave free: B''^T (S + D E + M E E) y_e = 0 for all that E reaches.
-pub(super) fn check_rolling(
-    setting: &Setting<'_>,
-    (loops, b): (&Loops, &DMatrix<f64>),
-    turning: &Turning<f64>,
-    tangent: &Tangent<f64>,
-    force_scale: f64,
-) -> Result<()> {
-    let natural = Natural::of(setting, loops);
-    let (f1, f2) = (embedded(loops, &turning.first), embedded(loops, &turning.second));
-    let through = full(loops, b).transpose();
-    let mut rates = DMatrix::zeros(f1.nrows(), f1.nrows());
-    for part in [&tangent.damping, &tangent.gyroscopic].into_iter().flatten() {
-        rates += part;
+/// E B'' to E^4 B''.
+type Chain = [DMatrix<f64>; 4];
+
+/// Forces B''^T (S y + D y' + M y"), y' = E y, on displacements y.
+struct Forces<'a> {
+    loops: &'a Loops,
+    tangent: &'a Tangent<f64>,
+    whole: &'a DMatrix<f64>,
+    through: DMatrix<f64>,
+    /// damping and gyroscopic terms
+    rates: DMatrix<f64>,
+    natural: Natural,
+    /// forces that are rounding, by independent coordinate
+    rounding: Vec<f64>,
+}
+
+impl<'a> Forces<'a> {
+    fn new(
+        loops: &'a Loops,
+        whole: &'a DMatrix<f64>,
+        tangent: &'a Tangent<f64>,
+        natural: Natural,
+        force_scale: f64,
+    ) -> Self {
+        let n = whole.nrows();
+        let mut rates = DMatrix::zeros(n, n);
+        for part in [&tangent.damping, &tangent.gyroscopic].into_iter().flatten() {
+            rates += part;
+        }
+        let rounding = natural.independent.iter().map(|scale| ROUNDING_OF_FORCES * force_scale / scale).collect();
+        Forces { loops, tangent, whole, through: whole.transpose(), rates, natural, rounding }
     }
-    let forces = [
-        (&through * (&tangent.stiffness * &f1 + &rates * &f2), natural.speed),
-        (&through * (&tangent.stiffness * &f2), natural.speed.powi(2)),
-    ];
-    let absolute = |x: &DMatrix<f64>| x.map(f64::abs);
-    let stiff = absolute(&through) * absolute(&tangent.stiffness);
-    let terms = &stiff * absolute(&f1) + absolute(&through) * absolute(&rates) * absolute(&f2);
-    for (force, speed) in &forces {
-        for i in 0..force.nrows() {
-            let row =
-                |x: &DMatrix<f64>| (0..x.ncols()).map(|j| x[(i, j)].abs() * natural.independent[j]).fold(0.0, f64::max);
-            let size = row(&terms).max(row(&(&stiff * absolute(&f2))));
-            let rounding = ROUNDING_OF_FORCES * force_scale * speed / natural.independent[i];
-            if row(force) > ROLLS_STEADILY * size + rounding {
-                let name = &setting.system.topology.names[loops.independent[i]];
-                return Err(refused(
-                    setting,
-                    &format!("meets forces on '{name}' that depend on where it has rolled to; leave such forces out"),
-                ));
+
+    /// The independent coordinate that feels a displacement y_e which velocity rows make.
+    fn felt(&self, chain: &Chain) -> Option<usize> {
+        let (t, speed) = (self.tangent, self.natural.speed);
+        let force = |y: &[DMatrix<f64>]| &self.through * (&t.stiffness * &y[0] + &self.rates * &y[1] + &t.mass * &y[2]);
+        let forces = [(force(&chain[..3]), speed), (force(&chain[1..]), speed.powi(2))];
+        let absolute = |x: &DMatrix<f64>| x.map(f64::abs);
+        let stiff = absolute(&self.through) * absolute(&t.stiffness);
+        let terms =
+            &stiff * absolute(&chain[0]) + absolute(&self.through) * absolute(&self.rates) * absolute(&chain[1]);
+        let row = |x: &DMatrix<f64>, i: usize| {
+            (0..x.ncols()).map(|j| x[(i, j)].abs() * self.natural.independent[j]).fold(0.0, f64::max)
+        };
+        let beyond = |i: &usize| {
+            let size = row(&terms, *i).max(row(&(&stiff * absolute(&chain[1])), *i));
+            forces.iter().any(|(f, speed)| row(f, *i) > ROLLS_STEADILY * size + self.rounding[*i] * speed)
+        };
+        (0..self.loops.independent.len()).find(beyond)
+    }
+
+    /// E B'', E E B'', ... with the E that keeps y_e where no force follows it.
+    fn unfelt(&self, follow: &Follow<'_>) -> Option<Chain> {
+        let (n, dof, speed) = (self.whole.nrows(), self.whole.ncols(), self.natural.speed);
+        let all = &self.natural.all;
+        let natural = |x: &DMatrix<f64>| DMatrix::from_fn(n, x.ncols(), |i, j| x[(i, j)] / all[i]);
+        let given = |x: &DMatrix<f64>| DMatrix::from_fn(n, x.ncols(), |i, j| x[(i, j)] * all[i]);
+        let by_speed = |x: &DMatrix<f64>| natural(&follow.apply(&given(x))) / speed;
+        // R, the columns of B'' first
+        let start = natural(&DMatrix::from_fn(n, dof, |i, j| self.whole[(i, j)] * self.natural.independent[j]));
+        let mut reached = range(&start)?;
+        if reached.ncols() < dof {
+            return None;
+        }
+        let mut last = reached.clone();
+        while reached.ncols() < n {
+            let more = by_speed(&last);
+            let new = &more - &reached * (reached.transpose() * &more);
+            let new = &new - &reached * (reached.transpose() * &new);
+            last = range(&new)?;
+            if last.ncols() == 0 {
+                break;
+            }
+            let at = reached.ncols();
+            reached = reached.insert_columns(at, last.ncols(), 0.0);
+            reached.columns_mut(at, last.ncols()).copy_from(&last);
+        }
+        let moved = by_speed(&reached);
+        let e = reached.transpose() * &moved;
+        let free = self.free(&given(&reached), &(given(&moved) * speed), &e)?;
+        let kept = staying(&free, &e, dof)?;
+        let mut power = reached.transpose() * natural(self.whole);
+        Some([1, 2, 3, 4].map(|k| {
+            power = &kept * &power;
+            given(&(&reached * &power)) * speed.powi(k)
+        }))
+    }
+
+    /// U, columns in R: its basis `reached`, what E makes of that, and E in R over the speed.
+    fn free(&self, reached: &DMatrix<f64>, moved: &DMatrix<f64>, e: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let speed = self.natural.speed;
+        let again = reached * (e * e) * speed.powi(2);
+        let t = self.tangent;
+        let mut forces = &self.through * (&t.stiffness * reached + &self.rates * moved + &t.mass * &again);
+        let absolute = |x: &DMatrix<f64>| x.map(f64::abs);
+        let terms = absolute(&self.through)
+            * (absolute(&t.stiffness) * absolute(reached)
+                + absolute(&self.rates) * absolute(moved)
+                + absolute(&t.mass) * absolute(&again));
+        for i in 0..forces.nrows() {
+            let size = terms.row(i).amax() + self.rounding[i] / ROLLS_STEADILY;
+            if size > 0.0 {
+                forces.row_mut(i).unscale_mut(size);
             }
         }
+        unseen(forces, e)
     }
-    Ok(())
+}
+
+/// U, orthonormal columns: what forces C (over their sizes) do not see under y' = E y, C E^k U = 0.
+fn unseen(mut forces: DMatrix<f64>, e: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let (r, m) = (e.nrows(), forces.nrows());
+    let mut seen = DMatrix::zeros(r * m, r);
+    for k in 0..r {
+        seen.rows_mut(k * m, m).copy_from(&forces);
+        forces *= e;
+    }
+    let (size, _, right) = singular_values(&seen).ok()?;
+    let kept: Vec<usize> = (0..r).filter(|i| size[*i] <= UNFELT).collect();
+    (!kept.is_empty()).then(|| right.select_columns(&kept))
+}
+
+/// N E with the N = [X; 1] in the columns of `free` that takes what follows the first `dof` rows: y_e stays in it.
+fn staying(free: &DMatrix<f64>, e: &DMatrix<f64>, dof: usize) -> Option<DMatrix<f64>> {
+    let behind = e.nrows() - dof;
+    if behind == 0 || behind > free.ncols() {
+        return None;
+    }
+    let (apart, left, right) = singular_values(&free.rows(dof, behind).into_owned()).ok()?;
+    if apart.iter().any(|s| *s < APART) {
+        return None;
+    }
+    let over = DMatrix::from_fn(free.ncols(), behind, |i, j| right[(i, j)] / apart[j]);
+    Some(free * over * left.transpose() * e.rows(dof, behind))
 }
 
 fn refused(setting: &Setting<'_>, why: &str) -> Error {
@@ -127,8 +253,8 @@ impl Natural {
         Natural { dependent: pick(&loops.dependent), independent: pick(&loops.independent), speed, all }
     }
 
-    fn size(&self, rows: &DMatrix<f64>) -> f64 {
-        let entry = |i: usize, j: usize| (rows[(i, j)] * self.independent[j] / self.dependent[i]).abs();
+    fn size(&self, rows: &DMatrix<f64>, scales: &[f64]) -> f64 {
+        let entry = |i: usize, j: usize| (rows[(i, j)] * self.independent[j] / scales[i]).abs();
         (0..rows.nrows())
             .flat_map(|i| (0..rows.ncols()).map(move |j| (i, j)))
             .map(|(i, j)| entry(i, j))
@@ -158,15 +284,23 @@ fn embedded(loops: &Loops, rows: &DMatrix<f64>) -> DMatrix<f64> {
     out
 }
 
-struct Follow<'a> {
-    setting: &'a Setting<'a>,
-    loops: &'a Loops,
-    jacobian: &'a DMatrix<f64>,
-    path: &'a Path<'a, f64>,
+/// An orthonormal basis of the columns, without those that are rounding beside one.
+fn range(columns: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let (size, left, _) = singular_values(columns).ok()?;
+    let kept: Vec<usize> = (0..size.len()).filter(|i| size[*i] > ROLLS_STEADILY).collect();
+    Some(left.select_columns(&kept))
+}
+
+/// What displacements make velocity rows do: E.
+pub(super) struct Follow<'a> {
+    pub setting: &'a Setting<'a>,
+    pub loops: &'a Loops,
+    pub jacobian: &'a DMatrix<f64>,
+    pub path: &'a Path<'a, f64>,
 }
 
 impl Follow<'_> {
-    /// E Y for columns Y of tree coordinates: its rows on the dependent ones.
+    /// E Y for columns Y of tree coordinates; zero on the independent ones.
     fn apply(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
         let rate = DVector::from_column_slice(self.path.rate);
         let mut right = DMatrix::zeros(self.jacobian.nrows(), columns.ncols());
@@ -177,7 +311,7 @@ impl Follow<'_> {
             let carried = DVector::from_vec(self.carried(&y));
             right.set_column(k, &(change * &rate - self.jacobian * carried));
         }
-        self.loops.balanced(self.jacobian, &right)
+        embedded(self.loops, &self.loops.balanced(self.jacobian, &right))
     }
 
     /// W y.
@@ -185,5 +319,35 @@ impl Follow<'_> {
         let mut out = vec![0.0; y.len()];
         add_commutator(&self.setting.system.topology, 1.0, (self.path.rate, y), &mut out);
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// y0' = y1, y1' = 0 with a force c0 on y0 and one on y2: y1 is seen by way of y0.
+    #[test]
+    fn a_force_is_seen_from_its_bound_on() {
+        let e = DMatrix::from_fn(3, 3, |i, j| if (i, j) == (0, 1) { 1.0 } else { 0.0 });
+        let unseen_of = |c0: f64| unseen(DMatrix::from_row_slice(2, 3, &[c0, 0.0, 0.0, 0.0, 0.0, 1.0]), &e);
+        assert_eq!(unseen_of(0.9 * UNFELT).map(|u| u.ncols()), Some(2));
+        assert_eq!(unseen_of(1.1 * UNFELT).map(|u| u.ncols()), None);
+    }
+
+    /// At the smallest angle between U and the rows' motions N E keeps the digits that straight rolling is held to.
+    #[test]
+    fn directions_are_apart_from_their_bound_on() {
+        let e = DMatrix::from_row_slice(2, 2, &[0.0, 0.0, 0.7, 0.0]);
+        let at = |sine: f64| staying(&DMatrix::from_column_slice(2, 1, &[(1.0 - sine * sine).sqrt(), sine]), &e, 1);
+        assert!(at(0.9 * APART).is_none());
+        let sine = 1.1 * APART;
+        let cotangent = (1.0 - sine * sine).sqrt() / sine;
+        let made = at(sine).map(|m| (m[(0, 0)], m[(1, 0)]));
+        let close = |(x, y): (f64, f64)| {
+            (x - 0.7 * cotangent).abs() < ROLLS_STEADILY * cotangent && (y - 0.7).abs() < ROLLS_STEADILY
+        };
+        assert!(made.is_some_and(close));
+        assert!(f64::EPSILON / APART < ROLLS_STEADILY);
     }
 }

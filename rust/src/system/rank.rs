@@ -336,7 +336,7 @@ pub(super) fn spectrum(m: &DMatrix<f64>, bounds: &[f64], tolerance: f64) -> Resu
 }
 
 /// Singular values, descending, with both sides complete.
-fn singular_values(m: &DMatrix<f64>) -> Result<(Vec<f64>, DMatrix<f64>, DMatrix<f64>)> {
+pub fn singular_values(m: &DMatrix<f64>) -> Result<(Vec<f64>, DMatrix<f64>, DMatrix<f64>)> {
     let (rows, columns) = m.shape();
     if rows == 0 || columns == 0 {
         return Ok((Vec::new(), DMatrix::identity(rows, rows), DMatrix::identity(columns, columns)));
