@@ -158,8 +158,8 @@ class Linearization(Result):
         slopes of their laws at this state.
         """
         made = self.strains
-        rows = (made.rows[own] for own in made.own)
-        strains = [*zip(made.names, rows, made.stiffness, strict=True), *modal_strains(self)]
+        each = (made.rows[own] for own in made.own)
+        strains = [*zip(made.names, each, made.stiffness, strict=True), *modal_strains(self)]
         names = tuple(name for name, _, _ in strains)
         energy = np.zeros((len(names), shape.shape[1]))
         for i, (_, rows, k) in enumerate(strains):
