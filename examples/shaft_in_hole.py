@@ -27,7 +27,7 @@ m = mb.Model("shaft in a hole")
 shaft = m.body("shaft", mass=mass, inertia=(1, 1, 1))
 m.planar("hole", m.ground, shaft, at=(0, 0, 0), axis="z", k=(0, 0, 1.0), law={("x", "y"): mb.FunctionLaw(hole)})
 t = np.linspace(0, 0.2, 401)
-traj = mb.simulate(m, t=t, rtol=1e-8)
+traj = mb.simulate(m, t=t, rtol=1e-10)
 
 
 def slope(t, y):

@@ -110,6 +110,18 @@ def ring():
 
 
 @scene
+def slot():
+    """A crank whose pin slides in the slot of a lever."""
+    m = mb.Model("slot", gravity=(0.5, -3.0, 1.0))
+    a, b = _body(m, "a", (0.4, 0.2, 0), 1), _body(m, "b", (0.5, -0.4, 0.1), 2)
+    _far(m, a)
+    m.revolute("crank", m.ground, a, at=(0, 0, 0), axis=(0.1, 0.2, 1), k=4.0)
+    m.spherical("lever", m.ground, b, at=(0.3, -1.0, 0.1), axis=(0.1, 0.3, 1), k=(2.0, 1.0, 3.0))
+    m.point_on_line("J", b, a, at=(0.7, 0.3, 0.05), axis=(0.3, 1.0, -0.2), k=6.0, c=0.2, preload=0.3)
+    return m
+
+
+@scene
 def knife():
     m = mb.Model("knife", gravity=(0, 0, -9.81))
     a = m.body(
