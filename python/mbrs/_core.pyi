@@ -31,6 +31,7 @@ __all__ = [
     "HbmLinear",
     "HbmProblem",
     "MotionForward",
+    "Program",
     "RootInverse",
     "System",
     "__version__",
@@ -46,6 +47,7 @@ __all__ = [
     "motion_directions",
     "motion_quantities",
     "motion_reactions",
+    "operation",
     "require_memory",
     "root_solve",
     "shape_sensitivities",
@@ -232,11 +234,12 @@ def law_relaxations(code: int, values: list[float], u: float) -> list[tuple[floa
 
 @final
 class Program:
-    def __init__(self, nodes: Any, roots: Any) -> None: ...
+    def __new__(cls, nodes: Any, roots: Any) -> Program: ...
     def values(self, inputs: Any) -> list[float]: ...
     def gradient(self, node: int, values: Any) -> tuple[list[tuple[int, float]], int | None]: ...
     def uses(self) -> list[bool]: ...
 
+@final
 class HbmElements:
     def __new__(
         cls,
