@@ -27,6 +27,7 @@ rotor = mb.aero.rotor(mb.aero.blade(stations, chord, phi - np.radians(5.0), sect
 momentum = mb.aero.performance(rotor, tip_speed_ratio=np.linspace(4.0, 9.0, 11))
 momentum.plot().savefig(folder / "rotor-performance.png")
 print(momentum)
+print("by a prescribed wake:")
 print(mb.aero.performance(rotor, [6.0, 7.0, 8.0], inflow="prescribed-wake"))
 free = mb.aero.rotor_wake(rotor, 7.0, turns=6)
 print(free.heading())
